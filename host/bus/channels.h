@@ -1,0 +1,39 @@
+// Names of the LCM channels, and the bits in their messages: the one place.
+#pragma once
+
+#include <cstdint>
+
+namespace torquer::bus {
+
+inline constexpr char kDeviceSampleChannel[] = "TORQUER_DEVICE_SAMPLE";
+inline constexpr char kInstrumentCommandChannel[] = "TORQUER_INSTRUMENT_COMMAND";
+inline constexpr char kWireStateChannel[] = "TORQUER_WIRE_STATE";
+inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
+inline constexpr char kHealthChannel[] = "TORQUER_HEALTH";
+inline constexpr char kHandMotionChannel[] = "TORQUER_HAND_MOTION";
+inline constexpr char kEmulatorTruthChannel[] = "TORQUER_EMULATOR_TRUTH";
+
+/// Names of instruments in commands and states.
+inline constexpr char kGuidewire[] = "guidewire";
+inline constexpr char kCatheter[] = "catheter";
+
+/// Bits of instrument_command_t::flags.
+enum InstrumentFlag : std::int32_t {
+  kCommandUncalibrated = 1 << 0,  ///< the daemon runs with nominal gains
+  kCommandLift = 1 << 1,          ///< sensor lifted or surface poor: motion is held, not applied
+  kCommandSensorFault = 1 << 2,   ///< the sensor does not answer
+  kCommandClutch = 1 << 3,        ///< clutch held: the hand moves, the wire stays
+  kCommandNoDevice = 1 << 4,      ///< no device: the last position is held
+};
+
+/// Bits of wire_state_t::status.
+enum WireStatus : std::int32_t {
+  kWireConverged = 1 << 0,     ///< residual below the scene's tolerance
+  kWireBudgetSpent = 1 << 1,   ///< the tick ended for lack of time, not at equilibrium
+  kWireOutsideLumen = 1 << 2,  ///< a node's center is beyond the wall
+  kWireSnapped = 1 << 3,       ///< the tip moved much farther than the action explains
+  kWireInputRefused = 1 << 4,  ///< a command was not finite or out of range; the last one stands
+  kWireInDoubt = 1 << 5,       ///< the command carries lift, fault or no-device flags
+};
+
+}  // namespace torquer::bus

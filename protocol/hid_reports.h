@@ -1,0 +1,143 @@
+// The reports that the bench device and the host exchange over USB HID: the single definition.
+//
+// Firmware, daemon, emulator, tools and the tables in README.md all read it from here. It compiles
+// as C++14 under avr-gcc (no standard library there) and as C++20 on the host. Both are
+// little-endian, and the structs are packed, so the bytes on the wire are the bytes in memory.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+namespace torquer {
+namespace protocol {
+
+/// Version of every layout in this file. A host refuses a device with another version and names the
+/// command that mends it. Dated breaks: README.md.
+constexpr uint8_t kProtocolVersion = 1;
+
+/// HID report ids (byte 0 of each report).
+enum ReportId : uint8_t {
+  kInputReportId = 1,
+  kIdentityReportId = 2,
+  kConfigurationReportId = 3,
+  kDiagnosticsReportId = 4,
+  kCommandReportId = 5,
+};
+
+/// Bits of InputReport::flags.
+enum ReportFlag : uint8_t {
+  kFlagMotion = 1 << 0,       ///< the sensor saw motion since the previous report
+  kFlagLift = 1 << 1,         ///< the sensor is too far from the cylinder; its counts are in doubt
+  kFlagSensorFault = 1 << 2,  ///< the sensor does not answer as it should; counts stand still
+};
+
+/// Bits of InputReport::buttons; 1 while held.
+enum Button : uint8_t {
+  kButtonXray = 1 << 0,
+  kButtonContrast = 1 << 1,
+  kButtonClutch = 1 << 2,
+};
+
+/// Full scale of InputReport::joystick_x and joystick_y; the center is calibrated.
+constexpr uint16_t kJoystickMax = 1023;
+
+// clang-format off
+#define TORQUER_INPUT_REPORT(FIELD)                                                                \
+  FIELD(uint8_t,  report_id,         "1")                                                          \
+  FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
+  FIELD(uint8_t,  flags,             "bit 0 motion, bit 1 lift, bit 2 sensor fault")               \
+  FIELD(uint8_t,  boot_id,           "changes at every reset of the device")                       \
+  FIELD(uint8_t,  buttons,           "bit 0 X-ray, bit 1 contrast, bit 2 clutch; 1 while held")    \
+  FIELD(uint16_t, sequence,          "one more than in the previous report; wraps")                \
+  FIELD(uint32_t, device_time_us,    "device clock at sampling, us; wraps after 71.6 minutes")     \
+  FIELD(int32_t,  axial_counts,      "cumulative counts, positive distally; wraps")                \
+  FIELD(int32_t,  transverse_counts, "cumulative counts, positive right-handed; wraps")            \
+  FIELD(uint16_t, joystick_x,        "0 .. 1023, grows to the right (LAO)")                        \
+  FIELD(uint16_t, joystick_y,        "0 .. 1023, grows away from the user (CRA)")                  \
+  FIELD(uint8_t,  surface_quality,   "number of surface features seen / 8")                        \
+  FIELD(uint16_t, shutter,           "exposure, sensor clock ticks")                               \
+  FIELD(uint16_t, cpi,               "counts an inch that the sensor is set to")                   \
+  FIELD(uint32_t, spare,             "0")
+
+#define TORQUER_IDENTITY_REPORT(FIELD)                                                             \
+  FIELD(uint8_t,  report_id,         "2")                                                          \
+  FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
+  FIELD(uint8_t,  firmware_major,    "firmware version")                                           \
+  FIELD(uint8_t,  firmware_minor,    "firmware version")                                           \
+  FIELD(uint8_t,  firmware_patch,    "firmware version")                                           \
+  FIELD(uint8_t,  sensor_product_id, "0x42 for a PMW3360; 0 when none answers")                    \
+  FIELD(uint8_t,  sensor_revision,   "as the sensor reports it")                                   \
+  FIELD(uint8_t,  clock_mhz,         "CPU clock, 8 or 16")                                         \
+  FIELD_ARRAY(char, serial, 16,      "ASCII, zero-padded; equals the USB serial string")           \
+  FIELD(uint8_t,  self_test,         "bit 0 application CRC, bit 1 settings, bit 2 sensor; 1 good")\
+  FIELD_ARRAY(uint8_t, spare, 7,     "0")
+
+#define TORQUER_CONFIGURATION_REPORT(FIELD)                                                        \
+  FIELD(uint8_t,  report_id,         "3")                                                          \
+  FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
+  FIELD(uint16_t, cpi,               "100 .. 12000, a multiple of 100")                            \
+  FIELD(uint16_t, joystick_deadzone, "0 .. 511, counts around the middle reported as 512")         \
+  FIELD_ARRAY(uint8_t, spare, 10,    "0")
+
+#define TORQUER_DIAGNOSTICS_REPORT(FIELD)                                                          \
+  FIELD(uint8_t,  report_id,         "4")                                                          \
+  FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
+  FIELD(uint8_t,  reset_reason,      "MCUSR at start: 1 power, 2 pin, 4 brown-out, 8 watchdog")    \
+  FIELD(uint8_t,  srom_id,           "sensor firmware id; 0 when none is loaded")                  \
+  FIELD(uint16_t, sensor_faults,     "times the sensor had to be started again; saturates")        \
+  FIELD(uint16_t, frames_missed,     "USB frames in which no report could be queued; saturates")   \
+  FIELD(uint16_t, settings_writes,   "times the settings were written to EEPROM; saturates")       \
+  FIELD(uint16_t, stack_headroom,    "bytes of stack never used since the reset")                  \
+  FIELD(uint16_t, longest_frame_us,  "longest time from start of frame to report queued")          \
+  FIELD_ARRAY(uint8_t, spare, 18,    "0")
+
+#define TORQUER_COMMAND_REPORT(FIELD)                                                              \
+  FIELD(uint8_t,  report_id,         "5")                                                          \
+  FIELD(uint8_t,  command,           "Command")                                                    \
+  FIELD(uint16_t, key,               "kCommandKey, else the report is stalled")                    \
+  FIELD_ARRAY(uint8_t, spare, 4,     "0")
+// clang-format on
+
+#define TORQUER_FIELD(type, name, meaning) type name;
+#define FIELD_ARRAY(type, name, count, meaning) type name[count];
+/// What the device sends every millisecond: absolute, cumulative values, so that a lost report
+/// loses no motion. One USB packet.
+struct __attribute__((packed)) InputReport {
+  TORQUER_INPUT_REPORT(TORQUER_FIELD)
+};
+/// Feature report, read only: what this device is.
+struct __attribute__((packed)) IdentityReport {
+  TORQUER_IDENTITY_REPORT(TORQUER_FIELD)
+};
+/// Feature report, read and write: kept in the device's EEPROM.
+struct __attribute__((packed)) ConfigurationReport {
+  TORQUER_CONFIGURATION_REPORT(TORQUER_FIELD)
+};
+/// Feature report, read only: how the device has fared since its last reset.
+struct __attribute__((packed)) DiagnosticsReport {
+  TORQUER_DIAGNOSTICS_REPORT(TORQUER_FIELD)
+};
+/// Feature report, write only: asks the device to do something once.
+struct __attribute__((packed)) CommandReport {
+  TORQUER_COMMAND_REPORT(TORQUER_FIELD)
+};
+#undef TORQUER_FIELD
+#undef FIELD_ARRAY
+
+/// Values of CommandReport::command.
+enum Command : uint8_t {
+  kCommandZero = 1,             ///< cumulative counts become 0
+  kCommandEnterBootloader = 2,  ///< restart into the bootloader
+  kCommandReset = 3,            ///< restart the firmware
+};
+constexpr uint16_t kCommandKey = 0x7154;  // "Tq", so that a stray write does nothing
+
+static_assert(sizeof(InputReport) == 32, "one USB packet");
+static_assert(offsetof(InputReport, axial_counts) == 11, "see the byte table in README.md");
+static_assert(sizeof(IdentityReport) == 32, "see the byte table in README.md");
+static_assert(sizeof(ConfigurationReport) == 16, "see the byte table in README.md");
+static_assert(sizeof(DiagnosticsReport) == 32, "see the byte table in README.md");
+static_assert(sizeof(CommandReport) == 8, "see the byte table in README.md");
+
+}  // namespace protocol
+}  // namespace torquer
