@@ -14,16 +14,29 @@ function(torquer_program name)
   target_link_libraries(${name} PRIVATE torquer_build_rules ${ARG_LINK})
 endfunction()
 
-# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [ENVIRONMENT K=V..] [TIMEOUT s]):
-# a Catch2 program whose cases become CTest tests with that label.
+# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [ENVIRONMENT K=V..] [TIMEOUT s] [THREADED]):
+# a Catch2 program whose cases become CTest tests with that label. THREADED: its code has threads,
+# so the tsan build holds it too (target torquer_threaded_tests); that build leaves out the others.
 function(torquer_test name)
-  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LINK;ENVIRONMENT" ${ARGN})
+  cmake_parse_arguments(ARG "THREADED" "LABEL;TIMEOUT" "SOURCES;LINK;ENVIRONMENT" ${ARGN})
+  if(TORQUER_SANITIZE STREQUAL "thread" AND NOT ARG_THREADED)
+    return()
+  endif()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
+  endif()
+  # One CTest run can hold the tests of several builds; the prefix tells them apart.
+  set(prefix "${name}: ")
+  if(TORQUER_SANITIZE)
+    string(REPLACE "," "+" sanitizers ${TORQUER_SANITIZE})
+    set(prefix "${name} (${sanitizers}): ")
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE torquer_build_rules torquer_test_main ${ARG_LINK})
   catch_discover_tests(${name}
-    TEST_PREFIX "${name}: "
+    TEST_PREFIX ${prefix}
     PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "${ARG_ENVIRONMENT}")
+  if(ARG_THREADED)
+    add_dependencies(torquer_threaded_tests ${name})
+  endif()
 endfunction()
