@@ -1,0 +1,99 @@
+// LCM with its silent failures made loud.
+//
+// LCM itself neither throws on a bad URL nor counts a message that it cannot decode; both are
+// checked here. Channel names: channels.h.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <lcm/lcm-cpp.hpp>
+#include <list>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace torquer::bus {
+
+/// What a subscription has seen.
+struct ChannelCounters {
+  std::string channel;
+  std::int64_t received = 0;     ///< decoded and handed on
+  std::int64_t undecodable = 0;  ///< of another type, cut short, or with bytes left over; dropped
+};
+
+/// The URL in use when the user gives none: $LCM_DEFAULT_URL, else multicast that stays on this
+/// machine (ttl 0).
+std::string DefaultUrl();
+
+/// One connection to the bus. Not copyable. Publish() may be called from any thread, all else from
+/// one thread at a time.
+class Bus {
+ public:
+  /// Connects to `url`; "" stands for DefaultUrl().
+  /// Throws UserError naming the URL and the remedy when it is malformed or unreachable.
+  explicit Bus(const std::string& url = "");
+  ~Bus();
+  Bus(const Bus&) = delete;
+  Bus& operator=(const Bus&) = delete;
+
+  const std::string& url() const { return url_; }
+
+  /// Sends `message`; false when the network refused it (counted in publish_failures()).
+  template <class Message>
+  bool Publish(const std::string& channel, const Message& message) {
+    const int size = message.getEncodedSize();
+    Buffer& buffer = ThreadBuffer();
+    buffer.resize(static_cast<std::size_t>(size));
+    message.encode(buffer.data(), 0, size);
+    return Send(channel, buffer);
+  }
+
+  /// Calls `handler` from Handle() for every message that decodes as Message; counts the others.
+  /// The handler's exceptions reach the caller of Handle(). `queue` messages wait at most (30 in
+  /// LCM), the oldest are dropped beyond it; 0 means no limit.
+  /// Throws UserError when the bus cannot be listened to.
+  template <class Message>
+  void Subscribe(const std::string& channel, std::function<void(const Message&)> handler,
+                 int queue = 30) {
+    AddSubscription(channel, queue, [handler = std::move(handler)](const void* data, int size) {
+      Message message;
+      if (message.decode(data, 0, size) != size) return false;
+      handler(message);
+      return true;
+    });
+  }
+
+  /// Handles the messages waiting, after waiting at most `timeout_ms` for the first one.
+  /// Returns the number handled, undecodable ones included.
+  int Handle(int timeout_ms);
+
+  /// Readable when a message waits; for poll(). Starts LCM's receiving thread.
+  int FileDescriptor();
+
+  /// One entry a subscription, in the order of Subscribe().
+  std::vector<ChannelCounters> counters() const;
+  std::int64_t undecodable() const;  ///< over all subscriptions
+  std::int64_t publish_failures() const { return publish_failures_; }
+
+ private:
+  using Buffer = std::vector<std::uint8_t>;
+  /// True when the bytes were a message of the subscribed type.
+  using RawHandler = std::function<bool(const void* data, int size)>;
+  struct Subscription;
+
+  static Buffer& ThreadBuffer();
+  bool Send(const std::string& channel, const Buffer& buffer);
+  void AddSubscription(const std::string& channel, int queue, RawHandler handler);
+
+  std::string url_;
+  std::unique_ptr<lcm::LCM> lcm_;
+  std::list<Subscription> subscriptions_;
+  std::int64_t handled_ = 0;
+  std::exception_ptr handler_error_;
+  std::atomic<std::int64_t> publish_failures_ = 0;
+};
+
+}  // namespace torquer::bus

@@ -1,0 +1,37 @@
+#include "host/bus/health_reporter.h"
+
+#include "host/bus/channels.h"
+#include "host/bus/clock.h"
+#include "torquer_lcm/health_t.hpp"
+
+namespace torquer::bus {
+
+HealthReporter::HealthReporter(Bus& bus, std::string process)
+    : bus_(bus), process_(std::move(process)), state_("starting") {}
+
+void HealthReporter::Change(const std::string& state, const std::string& message,
+                            const HealthCounters& counters) {
+  state_ = state;
+  Publish(message, counters);
+}
+
+void HealthReporter::Repeat(const HealthCounters& counters) { Publish("", counters); }
+
+void HealthReporter::Publish(const std::string& message, const HealthCounters& counters) {
+  torquer_lcm::health_t health;
+  health.process = process_;
+  health.device = device_;
+  health.clock_id = ClockId();
+  health.publish_us = MonotonicUs();
+  health.state = state_;
+  health.message = message;
+  health.count = static_cast<std::int32_t>(counters.size());
+  for (const auto& [name, value] : counters) {
+    health.names.push_back(name);
+    health.values.push_back(value);
+  }
+  last_publish_us_ = health.publish_us;
+  bus_.Publish(kHealthChannel, health);
+}
+
+}  // namespace torquer::bus

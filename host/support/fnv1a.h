@@ -1,0 +1,18 @@
+// FNV-1a, 64 bits: a checksum against torn and altered data (not against malice).
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace torquer {
+
+/// FNV-1a of the bytes; pass an earlier result as `hash` to continue it over more bytes.
+constexpr std::uint64_t Fnv1a(std::string_view bytes, std::uint64_t hash = 0xcbf29ce484222325u) {
+  for (const char byte : bytes) {
+    hash ^= static_cast<unsigned char>(byte);
+    hash *= 0x100000001b3u;
+  }
+  return hash;
+}
+
+}  // namespace torquer

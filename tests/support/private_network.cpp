@@ -1,0 +1,37 @@
+#include "tests/support/private_network.h"
+
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace torquer::test {
+
+void NeedPrivateNetwork() {
+  constexpr char kMarker[] = "TORQUER_TEST_NETWORK";
+  // The marker counts only for the process that was started with it: the id survives exec.
+  const std::string self = std::to_string(getpid());
+  if (const char* owner = std::getenv(kMarker); owner != nullptr && owner == self) return;
+  setenv(kMarker, self.c_str(), 1);
+
+  std::ifstream file("/proc/self/cmdline", std::ios::binary);
+  std::string words((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  std::string script = std::string(TORQUER_SOURCE_DIR) + "/host/bus/private_network";
+  std::vector<char*> arguments{script.data()};
+  for (std::size_t start = 0; start < words.size(); start = words.find('\0', start) + 1) {
+    arguments.push_back(words.data() + start);
+  }
+  arguments.push_back(nullptr);
+  std::string program(4096, '\0');
+  const ssize_t length = readlink("/proc/self/exe", program.data(), program.size());
+  program.resize(length > 0 ? static_cast<std::size_t>(length) : 0);
+  arguments[1] = program.data();
+  execv(script.c_str(), arguments.data());
+  throw std::runtime_error("cannot run " + script);
+}
+
+}  // namespace torquer::test

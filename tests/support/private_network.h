@@ -1,0 +1,10 @@
+// Puts a test program into a network of its own, so that LCM messages meet no other program's.
+#pragma once
+
+namespace torquer::test {
+
+/// Starts this program again under host/bus/private_network, unless it runs there already. Call it
+/// first thing in a test case that uses LCM or counts on an empty network.
+void NeedPrivateNetwork();
+
+}  // namespace torquer::test
