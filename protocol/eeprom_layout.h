@@ -1,0 +1,42 @@
+// What lies where in the bench device's EEPROM (1024 bytes), for whatever writes it besides the
+// firmware: a programmer that gives a new board its serial number, and the emulator.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+namespace torquer {
+namespace protocol {
+
+/// Cell 0 is left alone: it is the one that a supply failing during a write most often spoils.
+constexpr uint16_t kEepromBytes = 1024;
+constexpr uint16_t kEepromSerialAddress = 0x010;                ///< SerialRecord
+constexpr uint16_t kEepromSettingsAddress[2] = {0x040, 0x060};  ///< two copies, one live
+constexpr uint16_t kEepromPowerOnCountAddress = 0x080;          ///< one byte, source of boot_id
+
+/// CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xffff), a byte at a time.
+constexpr uint16_t Crc16Step(uint16_t crc, uint8_t byte) {
+  crc = static_cast<uint16_t>(crc ^ (byte << 8));
+  for (uint8_t bit = 0; bit < 8; ++bit) {
+    crc = static_cast<uint16_t>((crc & 0x8000) ? (crc << 1) ^ 0x1021 : crc << 1);
+  }
+  return crc;
+}
+
+inline uint16_t Crc16(const void* data, uint8_t size) {
+  const uint8_t* bytes = static_cast<const uint8_t*>(data);
+  uint16_t crc = 0xffff;
+  for (uint8_t i = 0; i < size; ++i) crc = Crc16Step(crc, bytes[i]);
+  return crc;
+}
+
+/// A serial number given to the board: printable ASCII, zero-padded, at least one character. Where
+/// the CRC is wrong the firmware makes a number from the chip's own lot and wafer data.
+struct __attribute__((packed)) SerialRecord {
+  char serial[16];
+  uint16_t crc;  ///< Crc16 of `serial`
+};
+static_assert(sizeof(SerialRecord) == 18, "fits before the settings");
+
+}  // namespace protocol
+}  // namespace torquer
