@@ -1,0 +1,232 @@
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <queue>
+#include <sstream>
+
+#include "host/simulator/vessel/centerline.h"
+#include "host/support/error.h"
+
+namespace torquer::vessel {
+
+using Eigen::Vector3d;
+
+namespace {
+
+std::string Number(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+
+// How many edits turn one name into another.
+size_t EditDistance(const std::string& a, const std::string& b) {
+  std::vector<size_t> row(b.size() + 1);
+  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = row[0];
+    row[0] = i;
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t above = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+bool IsShortFor(const std::string& brief, const std::string& name) {
+  if (brief.empty() || name.size() <= brief.size()) return false;
+  if (name.find("(" + brief + ")") != std::string::npos) return true;
+  return name.compare(name.size() - brief.size() - 1, std::string::npos, " " + brief) == 0;
+}
+
+}  // namespace
+
+CenterlineNetwork::CenterlineNetwork(std::vector<Centerline> curves, double join_tolerance_mm)
+    : curves_(std::move(curves)) {
+  const auto at_joint = [&](const Joint& joint, const CenterlinePlace& place) {
+    return std::any_of(joint.places.begin(), joint.places.end(), [&](const CenterlinePlace& p) {
+      return p.curve == place.curve && std::abs(p.s_mm - place.s_mm) <= join_tolerance_mm + 1e-9;
+    });
+  };
+  for (size_t i = 0; i < curves_.size(); ++i) {
+    for (const double s : {0.0, curves_[i].length_mm()}) {
+      const Vector3d end = curves_[i].At(s).position_mm;
+      for (size_t j = 0; j < curves_.size(); ++j) {
+        if (i == j) continue;
+        Centerline::Nearest nearest = curves_[j].NearestTo(end);
+        if (nearest.distance_mm > join_tolerance_mm) continue;
+        // An end is met as an end, not as a place a hair before it.
+        if (nearest.s_mm < join_tolerance_mm) nearest.s_mm = 0;
+        if (nearest.s_mm > curves_[j].length_mm() - join_tolerance_mm) {
+          nearest.s_mm = curves_[j].length_mm();
+        }
+        const CenterlinePlace here{i, s}, there{j, nearest.s_mm};
+        auto joint = std::find_if(joints_.begin(), joints_.end(), [&](const Joint& known) {
+          return at_joint(known, here) || at_joint(known, there);
+        });
+        if (joint == joints_.end()) joint = joints_.insert(joint, Joint{end, {}});
+        if (!at_joint(*joint, here)) joint->places.push_back(here);
+        if (!at_joint(*joint, there)) joint->places.push_back(there);
+      }
+    }
+  }
+}
+
+size_t CenterlineNetwork::Find(const std::string& name) const {
+  std::vector<size_t> candidates;
+  for (size_t i = 0; i < curves_.size(); ++i) {
+    if (curves_[i].name() == name) return i;
+    if (IsShortFor(name, curves_[i].name())) candidates.push_back(i);
+  }
+  if (candidates.size() == 1) return candidates.front();
+  std::vector<std::pair<size_t, size_t>> near;
+  for (size_t i = 0; i < curves_.size(); ++i) {
+    near.emplace_back(EditDistance(name, curves_[i].name()), i);
+  }
+  std::sort(near.begin(), near.end());
+  std::string text = candidates.empty() ? "no centerline is called \"" + name + "\""
+                                        : "several centerlines answer to \"" + name + "\"";
+  if (near.empty()) throw UserError(text + "; the vessel has no centerlines");
+  text += "; the nearest names are";
+  for (size_t i = 0; i < std::min<size_t>(3, near.size()); ++i) {
+    text += (i ? ", \"" : " \"") + curves_[near[i].second].name() + "\"";
+  }
+  throw UserError(text);
+}
+
+CenterlinePlace CenterlineNetwork::Place(const std::string& curve, const std::string& end) const {
+  const size_t index = Find(curve);
+  if (end == "start") return {index, 0};
+  if (end == "end") return {index, curves_[index].length_mm()};
+  throw UserError("\"" + end + "\" is no end of centerline \"" + curve +
+                  "\"; say \"start\" or \"end\"");
+}
+
+CenterlinePlace CenterlineNetwork::Place(const std::string& curve, double s_mm) const {
+  const size_t index = Find(curve);
+  if (!(s_mm >= 0 && s_mm <= curves_[index].length_mm())) {
+    throw UserError("centerline \"" + curves_[index].name() + "\" has no place at " + Number(s_mm) +
+                    " mm; give 0 to " + Number(curves_[index].length_mm()));
+  }
+  return {index, s_mm};
+}
+
+CenterlinePlace CenterlineNetwork::NearestTo(const Vector3d& point_mm, double* distance_mm) const {
+  CenterlinePlace place;
+  double best = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < curves_.size(); ++i) {
+    const Centerline::Nearest nearest = curves_[i].NearestTo(point_mm);
+    if (nearest.distance_mm < best) {
+      best = nearest.distance_mm;
+      place = {i, nearest.s_mm};
+    }
+  }
+  if (distance_mm != nullptr) *distance_mm = best;
+  return place;
+}
+
+CenterlineSample CenterlineNetwork::At(const CenterlinePlace& place) const {
+  assert(place.curve < curves_.size());
+  return curves_[place.curve].At(place.s_mm);
+}
+
+// Dijkstra over the places that matter: the two asked for and every curve's places at joints.
+Centerline CenterlineNetwork::Path(const CenterlinePlace& from, const CenterlinePlace& to) const {
+  assert(from.curve < curves_.size() && to.curve < curves_.size());
+  constexpr size_t kNoJoint = std::numeric_limits<size_t>::max();
+  struct Stop {
+    CenterlinePlace place;
+    size_t joint;
+  };
+  std::vector<Stop> stops{{from, kNoJoint}, {to, kNoJoint}};
+  for (size_t j = 0; j < joints_.size(); ++j) {
+    for (const CenterlinePlace& place : joints_[j].places) stops.push_back({place, j});
+  }
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  std::vector<double> distance(stops.size(), kFar);
+  std::vector<size_t> previous(stops.size(), 0);
+  std::vector<bool> settled(stops.size(), false);
+  distance[0] = 0;
+  while (true) {
+    size_t current = stops.size();
+    for (size_t i = 0; i < stops.size(); ++i) {
+      if (!settled[i] && distance[i] < kFar &&
+          (current == stops.size() || distance[i] < distance[current])) {
+        current = i;
+      }
+    }
+    if (current == stops.size() || current == 1) break;
+    settled[current] = true;
+    for (size_t i = 0; i < stops.size(); ++i) {
+      double step = kFar;
+      if (stops[i].place.curve == stops[current].place.curve) {
+        step = std::abs(stops[i].place.s_mm - stops[current].place.s_mm);
+      } else if (stops[i].joint != kNoJoint && stops[i].joint == stops[current].joint) {
+        step = 0;
+      }
+      if (distance[current] + step < distance[i]) {
+        distance[i] = distance[current] + step;
+        previous[i] = current;
+      }
+    }
+  }
+  const auto describe = [&](const CenterlinePlace& place) {
+    return "\"" + curves_[place.curve].name() + "\" at " + Number(place.s_mm) + " mm";
+  };
+  if (distance[1] == kFar) {
+    throw UserError("no way along the centerlines from " + describe(from) + " to " + describe(to) +
+                    "; the curves between them do not meet: choose two connected places");
+  }
+  if (distance[1] < 1e-3) {
+    throw UserError("the way from " + describe(from) + " to " + describe(to) +
+                    " has no length; choose two places apart");
+  }
+  std::vector<size_t> way{1};
+  while (way.back() != 0) way.push_back(previous[way.back()]);
+  std::reverse(way.begin(), way.end());
+  std::vector<Vector3d> points;
+  std::vector<double> radii;
+  for (size_t k = 1; k < way.size(); ++k) {
+    const CenterlinePlace &a = stops[way[k - 1]].place, &b = stops[way[k]].place;
+    if (a.curve != b.curve || std::abs(a.s_mm - b.s_mm) < 1e-3) continue;
+    const Centerline part = curves_[a.curve].Part(a.s_mm, b.s_mm, "part");
+    for (size_t i = 0; i < part.points_mm().size(); ++i) {
+      // Where two curves meet a little apart, the corner between them is the second's.
+      if (i == 0 && !points.empty()) {
+        points.pop_back();
+        radii.pop_back();
+      }
+      points.push_back(part.points_mm()[i]);
+      radii.push_back(part.radii_mm()[i]);
+    }
+  }
+  return Centerline(curves_[from.curve].name() + " to " + curves_[to.curve].name(), points, radii);
+}
+
+std::vector<OutsideStretch> FindStretchesOutside(const CenterlineNetwork& network,
+                                                 const ClearanceField& field, double step_mm) {
+  std::vector<OutsideStretch> stretches;
+  for (const Centerline& curve : network.curves()) {
+    bool outside = false;
+    const int steps = std::max(1, static_cast<int>(std::ceil(curve.length_mm() / step_mm)));
+    for (int i = 0; i <= steps; ++i) {
+      const double s = curve.length_mm() * i / steps;
+      const double clearance = field.Clearance(curve.At(s).position_mm);
+      if (clearance > 0) {
+        outside = false;
+        continue;
+      }
+      if (!outside) stretches.push_back({curve.name(), s, s, clearance});
+      outside = true;
+      stretches.back().to_mm = s;
+      stretches.back().worst_clearance_mm =
+          std::min(stretches.back().worst_clearance_mm, clearance);
+    }
+  }
+  return stretches;
+}
+
+}  // namespace torquer::vessel

@@ -1,0 +1,84 @@
+#include "host/simulator/vessel/phantoms.h"
+
+#include <cmath>
+#include <utility>
+
+namespace torquer::vessel {
+
+using Eigen::Vector3d;
+
+TubeVessel MakeTubeVessel(const std::vector<Tube>& tubes, double union_width_mm,
+                          double join_tolerance_mm) {
+  TubeVessel vessel;
+  vessel.field = std::make_unique<TubeField>(tubes, union_width_mm);
+  vessel.bounds_mm = vessel.field->bounds_mm();
+  std::vector<Centerline> curves;
+  for (const Tube& tube : tubes) curves.push_back(CenterlineOf(tube));
+  vessel.centerlines = CenterlineNetwork(std::move(curves), join_tolerance_mm);
+  return vessel;
+}
+
+TubeVessel MakeStraightTube(double length_mm, double radius_mm) {
+  ArcLinePath axis(Vector3d::Zero(), Vector3d::UnitX());
+  axis.Line(length_mm);
+  return MakeTubeVessel({{"tube", axis, {radius_mm}, {}}}, 0, 0);
+}
+
+TubeVessel MakeTorus(double bend_radius_mm, double radius_mm, double angle_rad) {
+  ArcLinePath axis(Vector3d::Zero(), Vector3d::UnitX());
+  axis.Arc(bend_radius_mm, angle_rad, Vector3d::UnitY());
+  return MakeTubeVessel({{"torus", axis, {radius_mm}, {}}}, 0, 0);
+}
+
+TubeVessel MakeTyPhantom() {
+  constexpr double kRadius = 4, kUnionWidth = 2, kDegree = M_PI / 180;
+  constexpr double kStem = 100, kSide = 50, kBefore = 30, kBend = 80, kAfter = 8.2;
+  constexpr double kChildBend = 30, kChild = 90, kChildTurn = 30 * kDegree;
+  const Vector3d crossing(kStem, 0, 0);
+  const Vector3d across(std::cos(75 * kDegree), std::sin(75 * kDegree), 0);
+  const Vector3d out_of_plane(-0.8, 0.2, 0.5), child_side(0.3, -0.2, 1);
+
+  // A tube that began on another's axis would dent the wall across from it: begin inside.
+  ArcLinePath stem(Vector3d::Zero(), Vector3d::UnitX());
+  stem.Line(kStem - kUnionWidth - 0.5);
+  ArcLinePath crossbar(crossing - kSide * across, across);
+  crossbar.Line(kSide + kBefore).Arc(kBend, 30 * kDegree, out_of_plane).Line(kAfter);
+  const Vector3d fork = crossbar.PointAt(crossbar.length_mm());
+  const Vector3d onward = crossbar.TangentAt(crossbar.length_mm());
+  crossbar.Arc(kChildBend, kChildTurn, child_side).Line(kChild);
+  ArcLinePath child(fork, onward);
+  child.Arc(kChildBend, kChildTurn, -child_side).Line(kChild);
+  constexpr double kInside = 4;
+  ArcLinePath child_lumen(child.PointAt(kInside), child.TangentAt(kInside));
+  child_lumen.Arc(kChildBend, kChildTurn - kInside / kChildBend, -child_side).Line(kChild);
+
+  TubeVessel vessel;
+  vessel.field =
+      std::make_unique<TubeField>(std::vector<Tube>{{"stem", stem, {kRadius}, {}},
+                                                    {"crossbar", crossbar, {kRadius}, {}},
+                                                    {"child", child_lumen, {kRadius}, {}}},
+                                  kUnionWidth);
+  vessel.bounds_mm = vessel.field->bounds_mm();
+
+  // Main path and side leave the stem together and take the corner with their own bends.
+  constexpr double kCorner = 6;
+  const double setback = kCorner * std::tan(37.5 * kDegree);
+  ArcLinePath main(Vector3d::Zero(), Vector3d::UnitX());
+  main.Line(kStem - setback)
+      .Arc(kCorner, 75 * kDegree, across)
+      .Line(kBefore - setback)
+      .Arc(kBend, 30 * kDegree, out_of_plane)
+      .Line(kAfter)
+      .Arc(kChildBend, kChildTurn, child_side)
+      .Line(kChild);
+  ArcLinePath side(Vector3d(kStem - setback, 0, 0), Vector3d::UnitX());
+  side.Arc(setback / std::tan(52.5 * kDegree), 105 * kDegree, -across).Line(kSide - setback);
+  std::vector<Centerline> curves;
+  curves.push_back(CenterlineOf({"main", main, {kRadius}, {}}));
+  curves.push_back(CenterlineOf({"side", side, {kRadius}, {}}));
+  curves.push_back(CenterlineOf({"child", child, {kRadius}, {}}));
+  vessel.centerlines = CenterlineNetwork(std::move(curves));
+  return vessel;
+}
+
+}  // namespace torquer::vessel
