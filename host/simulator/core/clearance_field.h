@@ -7,17 +7,17 @@ namespace torquer {
 
 /// Clearance and its derivatives at a point of the vessel frame.
 struct ClearanceSample {
-  double clearance_mm = 0;                               ///< distance to the wall, > 0 in the lumen
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();    ///< d clearance / d point; about unit length
-  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();     ///< 1/mm; only where it was asked for
+  double clearance_mm = 0;                             ///< distance to the wall, > 0 in the lumen
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< d clearance / d point; about unit length
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();   ///< 1/mm; only where it was asked for
 };
 
 /// A vessel as the relaxation sees it: the signed distance to its wall as a smooth function.
 ///
 /// Continuous with continuous gradient (a merely continuous one stalls Newton steps), defined and
 /// finite for every finite point, outside the vessel too. A value is a function of the point alone:
-/// never of what was asked before, so that replays are bit-exact. Safe to call from several threads.
-/// Allocates nothing in the steady state (a first look-up in a region may build it).
+/// never of what was asked before, so that replays are bit-exact. Safe to call from several
+/// threads. Allocates nothing in the steady state (a first look-up in a region may build it).
 class ClearanceField {
  public:
   ClearanceField() = default;

@@ -1,0 +1,65 @@
+// What an effect adds to the energy of the wire.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "host/simulator/core/clearance_field.h"
+
+namespace torquer {
+
+/// Points of the wire at which wall and effects act: K to a segment, at fractions 1/K .. 1 of it.
+/// Point q belongs to segment q / K. All arrays have one entry a point.
+struct PointSet {
+  int per_segment = 1;                     ///< K
+  std::vector<Eigen::Vector3d> position;   ///< mm
+  std::vector<double> weight_mm;           ///< length of wire that the point stands for
+  std::vector<double> radius_mm;           ///< of the wire there
+  std::vector<std::uint8_t> touches;       ///< 1 where the wire's surface is beyond the wall
+  std::vector<ClearanceSample> clearance;  ///< valid only where `touches`
+
+  int size() const { return static_cast<int>(position.size()); }
+  /// Identifies the point as material: constant while the wire moves through the sheath.
+  int FromTip(int q) const { return size() - 1 - q; }
+};
+
+/// Where the terms put their derivatives with respect to the points' positions.
+struct PointDerivatives {
+  bool with_hessian = false;
+  std::vector<std::uint8_t> used;         ///< 1 where gradient and Hessian hold something
+  std::vector<Eigen::Vector3d> gradient;  ///< N
+  std::vector<Eigen::Matrix3d> hessian;   ///< N/mm, symmetric
+
+  /// Makes point q used, starting from zero. Call before adding to it.
+  void Touch(int q) {
+    const auto k = static_cast<std::size_t>(q);
+    if (used[k]) return;
+    used[k] = 1;
+    gradient[k].setZero();
+    if (with_hessian) hessian[k].setZero();
+  }
+};
+
+/// Role *energy term*: an energy of the positions of the wire's points. It must have a continuous
+/// gradient; its Hessian may be replaced by a positive semidefinite approximation.
+class EnergyTerm {
+ public:
+  EnergyTerm() = default;
+  EnergyTerm(const EnergyTerm&) = delete;
+  EnergyTerm& operator=(const EnergyTerm&) = delete;
+  virtual ~EnergyTerm() = default;
+
+  /// Before a relaxation: takes over from the state whatever stays constant during it.
+  virtual void Begin(const PointSet& points) = 0;
+  /// Returns the energy, mJ, and adds its derivatives.
+  virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
+  /// After a relaxation: updates what the term remembers (anchors, for example).
+  virtual void End(const PointSet& points) = 0;
+  /// Forgets everything, as at the start of a session.
+  virtual void Reset() = 0;
+  /// Mixes what the term remembers into a hash of the state.
+  virtual std::uint64_t Hash(std::uint64_t seed) const = 0;
+};
+
+}  // namespace torquer

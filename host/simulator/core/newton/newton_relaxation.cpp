@@ -1,0 +1,168 @@
+#include "host/simulator/core/newton/newton_relaxation.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace torquer {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+// Proximal weights, in units of the local EI/(1 mm): below the smallest none is used, above the
+// largest a step is shorter than rounding.
+constexpr double kSmallestProximal = 1e-6;
+constexpr double kLargestProximal = 1e12;
+}  // namespace
+
+NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField& field,
+                                   const WallModel& wall, const NewtonSettings& settings,
+                                   const std::vector<EnergyTerm*>& terms)
+    : model_(model),
+      settings_(settings),
+      terms_(terms),
+      mechanics_(model, field, wall, terms),
+      sweep_(model.max_segments()),
+      current_(mechanics_.MakeExpansion()),
+      trial_expansion_(mechanics_.MakeExpansion()),
+      trial_(model) {
+  step_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
+}
+
+void NewtonRelaxation::Restart(WireState& state) {
+  mechanics_.ForgetLookups();
+  for (EnergyTerm* term : terms_) term->Reset();
+  proximal_ = 0;
+  TransportNormals(model_, state);
+  mechanics_.Expand(state, current_);
+}
+
+bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, TickReport& report) {
+  const double feed_left =
+      std::clamp(target.insertion_mm, 0.0, model_.max_length_mm()) - state.insertion_mm;
+  const double turn_left = target.rotation_rad - state.rotation_rad;
+  if (feed_left == 0 && turn_left == 0) return false;
+  const double longest = std::min(settings_.max_feed_mm, model_.segment_mm() / 2);
+  if (std::abs(feed_left) <= longest) {
+    FeedAlongItself(model_, feed_left, state);
+    state.insertion_mm = std::clamp(target.insertion_mm, 0.0, model_.max_length_mm());
+  } else {
+    FeedAlongItself(model_, std::copysign(longest, feed_left), state);
+  }
+  state.SetRotation(std::abs(turn_left) <= settings_.max_turn_rad
+                        ? target.rotation_rad
+                        : state.rotation_rad + std::copysign(settings_.max_turn_rad, turn_left));
+  report.actions += (feed_left != 0) + (turn_left != 0);
+  mechanics_.Expand(state, current_);
+  return true;
+}
+
+void NewtonRelaxation::Retract(const WireState& from, double scale, WireState& to) const {
+  const auto n = from.tangents.size();
+  to.tangents.resize(n);
+  to.normals.resize(n);
+  to.first_segment_mm = from.first_segment_mm;
+  to.insertion_mm = from.insertion_mm;
+  to.rotation_rad = from.rotation_rad;
+  to.turn = from.turn;
+  to.spin = from.spin;
+  for (std::size_t i = 0; i < n; ++i) {
+    const Vector3d& u = from.tangents[i];
+    const Vector3d& normal = from.normals[i];
+    const Vector2d xi = scale * step_[i];
+    to.tangents[i] = (u + xi[0] * normal + xi[1] * u.cross(normal)).normalized();
+    to.normals[i] = ParallelTransport(normal, u, to.tangents[i]);
+  }
+  PlaceNodes(model_, 1, to);
+}
+
+bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
+  for (int attempt = 0; attempt < 40; ++attempt) {
+    if (!sweep_.Factor(model_, state, current_, proximal_)) {
+      proximal_ = std::max(10 * proximal_, kSmallestProximal);
+      if (proximal_ > kLargestProximal) break;
+      continue;
+    }
+    const double predicted = sweep_.Step(model_, state, step_);
+    double longest = 0;
+    for (const Vector2d& xi : step_) longest = std::max(longest, xi.squaredNorm());
+    longest = std::sqrt(longest);
+    if (!std::isfinite(longest)) break;
+    const double scale = longest > settings_.max_step_rad ? settings_.max_step_rad / longest : 1;
+
+    Retract(state, scale, trial_);
+    mechanics_.Expand(trial_, trial_expansion_);
+    report.updates += state.segments();
+    const double gained = current_.energy_mJ - trial_expansion_.energy_mJ;
+    const double expected = (2 * scale - scale * scale) * predicted;
+    // Close to the minimum the gain drowns in the rounding of the energy; there the residual tells.
+    const double rounding = 1e-12 * std::abs(current_.energy_mJ);
+    const bool accepted = gained >= 0.1 * expected ||
+                          (gained >= -rounding && trial_expansion_.residual < current_.residual);
+    if (!accepted) {
+      proximal_ = std::max(10 * proximal_, kSmallestProximal);
+      if (proximal_ > kLargestProximal) break;
+      continue;
+    }
+    // A step that the model predicted well may be longer next time.
+    if (scale == 1 && gained >= 0.5 * expected) {
+      proximal_ = proximal_ > kSmallestProximal ? proximal_ / 10 : 0;
+    }
+    std::swap(state.nodes, trial_.nodes);
+    std::swap(state.tangents, trial_.tangents);
+    std::swap(state.normals, trial_.normals);
+    std::swap(current_, trial_expansion_);
+    UpdateSpin(model_, state);
+    mechanics_.ExpandCurvedJoints(state, current_);
+    return true;
+  }
+  proximal_ = 0;
+  return false;
+}
+
+TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, WireState& state) {
+  TickReport report;
+  const Vector3d tip_before = state.nodes.back();
+  const double insertion_before = state.insertion_mm;
+  const double rotation_before = state.rotation_rad;
+
+  for (EnergyTerm* term : terms_) term->Begin(current_.points);
+  // What the terms took over may have changed the energy.
+  if (!terms_.empty()) mechanics_.Expand(state, current_);
+  bool stalled = false;
+  bool pending = true;
+  int since_move = settings_.iterations_between_parts;
+  while (true) {
+    if (pending && since_move >= settings_.iterations_between_parts) {
+      if (!Grant(budget, report)) break;
+      pending = MoveTowards(target, state, report);
+      since_move = 0;
+      stalled = false;
+    }
+    if (current_.residual <= settings_.tolerance || stalled || state.segments() == 0) {
+      if (!pending) break;
+      since_move = settings_.iterations_between_parts;
+      continue;
+    }
+    if (report.iterations >= settings_.max_iterations || !Grant(budget, report)) break;
+    ++report.iterations;
+    ++since_move;
+    stalled = !Iterate(state, report);
+  }
+  for (EnergyTerm* term : terms_) term->End(current_.points);
+
+  report.converged = current_.residual <= settings_.tolerance;
+  report.carried_mm =
+      std::clamp(target.insertion_mm, 0.0, model_.max_length_mm()) - state.insertion_mm;
+  report.budget_spent = !stalled && (!report.converged || report.carried_mm != 0);
+  report.energy_mJ = current_.energy_mJ;
+  report.residual = current_.residual;
+  report.max_penetration_mm = current_.max_penetration_mm;
+  const double hand = std::abs(state.insertion_mm - insertion_before) +
+                      10 * std::abs(state.rotation_rad - rotation_before);
+  report.snapped = (state.nodes.back() - tip_before).norm() > 3 * hand + 0.5;
+  return report;
+}
+
+}  // namespace torquer

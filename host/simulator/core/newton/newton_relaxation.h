@@ -1,0 +1,58 @@
+// Equilibrium by Newton's method on the product of spheres, anytime.
+//
+// A tick reads: feed or rotate a little -> expand -> factor -> step -> accept, until the hand's
+// target is reached and the residual is within the tolerance, or the budget is spent. The method
+// and its figures are derived in core/README.md.
+#pragma once
+
+#include <vector>
+
+#include "host/simulator/core/newton/riccati_sweep.h"
+#include "host/simulator/core/relaxation.h"
+
+namespace torquer {
+
+struct NewtonSettings {
+  /// Out-of-balance moment over EI/(1 mm) at which a tick ends converged. 1e-2 .. 1e-9; below
+  /// about 1e-10 rounding decides.
+  double tolerance = 1e-6;
+  /// Longest feed, mm, before the wire is relaxed again; longer commands are split. At most half
+  /// a segment is used whatever stands here.
+  double max_feed_mm = 0.5;
+  /// Largest rotation, rad, before the wire is relaxed again.
+  double max_turn_rad = 0.2;
+  /// Largest turn of one segment in one step, rad; longer steps are shortened as a whole.
+  double max_step_rad = 0.5;
+  /// Iterations after each part of a split command; the last part is relaxed to the tolerance.
+  int iterations_between_parts = 3;
+  /// Iterations after which a tick ends unconverged even if the budget would allow more.
+  int max_iterations = 1000;
+};
+
+class NewtonRelaxation final : public Relaxation {
+ public:
+  NewtonRelaxation(const WireModel& model, const ClearanceField& field, const WallModel& wall,
+                   const NewtonSettings& settings, const std::vector<EnergyTerm*>& terms);
+
+  TickReport Tick(const HandTarget& target, WorkBudget& budget, WireState& state) override;
+  void Restart(WireState& state) override;
+  const Expansion& Current() const override { return current_; }
+
+ private:
+  bool MoveTowards(const HandTarget& target, WireState& state, TickReport& report);
+  bool Iterate(WireState& state, TickReport& report);
+  void Retract(const WireState& from, double scale, WireState& to) const;
+
+  const WireModel& model_;
+  const NewtonSettings settings_;
+  const std::vector<EnergyTerm*>& terms_;
+  WireMechanics mechanics_;
+  RiccatiSweep<BendStage> sweep_;
+  Expansion current_;
+  Expansion trial_expansion_;
+  WireState trial_;
+  std::vector<RiccatiSweep<BendStage>::Control> step_;
+  double proximal_ = 0;  ///< weight that last worked, kept from tick to tick
+};
+
+}  // namespace torquer

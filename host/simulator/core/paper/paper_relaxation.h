@@ -1,0 +1,49 @@
+// The paper's workflow (Baier et al. 2016, section 3.3 and Fig. 10): every action is followed by a
+// Tip Relaxation at once; without action, slices of Physical Relaxation until its cycle ends, then
+// of Geometrical Relaxation, then again. An action interrupts either.
+#pragma once
+
+#include <vector>
+
+#include "host/simulator/core/paper/physical_relaxation.h"
+#include "host/simulator/core/relaxation.h"
+
+namespace torquer {
+
+struct PaperSettings {
+  PhysicalSettings physical;
+  double max_turn_rad = 0.2;  ///< largest rotation that one action carries out
+  double tolerance = 1e-3;    ///< residual at which a tick counts as converged
+};
+
+/// Inserts a segment just before the tip, parallel to the one before it (paper, Fig. 1); while
+/// only the tip is inside, at the sheath. False at model.max_length_mm().
+bool InsertSegment(const WireModel& model, WireState& state);
+/// The inverse: takes away the segment just before the tip. False when none is left.
+bool RetractSegment(const WireModel& model, WireState& state);
+
+class PaperRelaxation final : public Relaxation {
+ public:
+  /// `wall.points_per_segment` must be 1: the paper's contacts are its nodes.
+  PaperRelaxation(const WireModel& model, const ClearanceField& field, const WallModel& wall,
+                  const PaperSettings& settings);
+
+  /// Whole segments only: what is less than one is carried. One unit of work is an action with
+  /// its Tip Relaxation, or a slice.
+  TickReport Tick(const HandTarget& target, WorkBudget& budget, WireState& state) override;
+  void Restart(WireState& state) override;
+  const Expansion& Current() const override { return current_; }
+
+ private:
+  bool Act(const HandTarget& target, WireState& state);
+  double Carried(const HandTarget& target, const WireState& state) const;
+
+  const WireModel& model_;
+  const PaperSettings settings_;
+  const std::vector<EnergyTerm*> no_terms_;
+  WireMechanics mechanics_;
+  PhysicalRelaxation physical_;
+  Expansion current_;
+};
+
+}  // namespace torquer

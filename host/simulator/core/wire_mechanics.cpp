@@ -1,0 +1,275 @@
+#include "host/simulator/core/wire_mechanics.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace torquer {
+
+using Eigen::Matrix2d;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+void ExpandJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                 const Vector3d& proximal_normal, const Vector3d& rest, const Vector3d& tangent,
+                 const Vector3d& normal, double& energy_mJ, JointTerms& out) {
+  // y = |u - r|^2 / 2 with u = tangent, and r = rest turning with the proximal segment by the
+  // rotation vector phi = tangent_p x T_p xi_p = e1 xi_p1 + e2 xi_p2.
+  const double y = (tangent - rest).squaredNorm() / 2;
+  const BendingValue v = EvaluateBending(law, y);
+  energy_mJ += stiffness_mJ * v.g;
+
+  const Vector3d second = tangent.cross(normal);
+  const Vector3d e1 = proximal_tangent.cross(proximal_normal);
+  const Vector3d e2 = -proximal_normal;
+  const Vector3d moment = rest.cross(tangent);
+  const Vector2d y_distal(-rest.dot(normal), -rest.dot(second));
+  const Vector2d y_proximal(-e1.dot(moment), -e2.dot(moment));
+  const double c = 1 - y;
+  const double slope = stiffness_mJ * v.slope;
+  const double curvature = stiffness_mJ * v.curvature;
+
+  out.gradient_distal = slope * y_distal;
+  out.gradient_proximal = slope * y_proximal;
+  out.hessian_distal = curvature * y_distal * y_distal.transpose();
+  out.hessian_distal.diagonal().array() += slope * c;
+  const Vector2d e_rest(e1.dot(rest), e2.dot(rest));
+  const Vector2d e_tangent(e1.dot(tangent), e2.dot(tangent));
+  out.hessian_proximal =
+      curvature * y_proximal * y_proximal.transpose() -
+      (slope / 2) * (e_rest * e_tangent.transpose() + e_tangent * e_rest.transpose());
+  out.hessian_proximal.diagonal().array() += slope * c;
+  const Vector3d rest_x_normal = rest.cross(normal);
+  const Vector3d rest_x_second = rest.cross(second);
+  Matrix2d cross;
+  cross << e1.dot(rest_x_normal), e1.dot(rest_x_second), e2.dot(rest_x_normal),
+      e2.dot(rest_x_second);
+  out.hessian_cross = curvature * y_proximal * y_distal.transpose() - slope * cross;
+}
+
+double JointStiffness(const WireModel& model, const WireState& state, int joint) {
+  const double lambda = model.segment_mm();
+  const double rigidity = model.rigidity_N_mm2(state.segments() - joint);
+  if (joint == 0) return rigidity / (state.first_segment_mm / 2);
+  if (joint == 1) return rigidity / ((state.first_segment_mm + lambda) / 2);
+  return rigidity / lambda;
+}
+
+WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field,
+                             const WallModel& wall, const std::vector<EnergyTerm*>& terms)
+    : model_(model),
+      field_(field),
+      wall_(wall),
+      terms_(terms),
+      lipschitz_(field.LipschitzBound()),
+      lookups_(static_cast<std::size_t>(model.max_segments() + 1) *
+               static_cast<std::size_t>(wall.points_per_segment)) {
+  ForgetLookups();
+}
+
+Expansion WireMechanics::MakeExpansion() const {
+  const auto n = static_cast<std::size_t>(model_.max_segments()) + 1;
+  const std::size_t points = n * static_cast<std::size_t>(wall_.points_per_segment);
+  Expansion e;
+  e.joints.reserve(n);
+  e.load_index.reserve(n);
+  e.loads.reserve(n);
+  e.costate.reserve(n + 1);
+  e.gradient.reserve(n);
+  e.points.per_segment = wall_.points_per_segment;
+  e.points.position.reserve(points);
+  e.points.weight_mm.reserve(points);
+  e.points.radius_mm.reserve(points);
+  e.points.touches.reserve(points);
+  e.points.clearance.reserve(points);
+  e.derivatives.used.reserve(points);
+  e.derivatives.gradient.reserve(points);
+  e.derivatives.hessian.reserve(points);
+  return e;
+}
+
+void WireMechanics::ForgetLookups() {
+  for (Lookup& look : lookups_) look.free_mm = -1;
+}
+
+void WireMechanics::PlacePoints(const WireState& state, bool with_hessian, PointSet& points) {
+  const int n = state.segments();
+  const int per_segment = wall_.points_per_segment;
+  const auto count = static_cast<std::size_t>(n * per_segment);
+  points.per_segment = per_segment;
+  points.position.resize(count);
+  points.weight_mm.resize(count);
+  points.radius_mm.resize(count);
+  points.touches.resize(count);
+  points.clearance.resize(count);
+  std::size_t q = 0;
+  for (int i = 0; i < n; ++i) {
+    const double length = state.SegmentLength(model_, i);
+    const double radius = model_.radius_mm(n - 1 - i);
+    for (int k = 1; k <= per_segment; ++k, ++q) {
+      const Vector3d at =
+          k == per_segment
+              ? state.nodes[static_cast<std::size_t>(i) + 1]
+              : Vector3d(state.nodes[i] + (length * k / per_segment) * state.tangents[i]);
+      points.position[q] = at;
+      points.weight_mm[q] = length / per_segment;
+      points.radius_mm[q] = radius;
+      Lookup& look = lookups_[count - 1 - q];
+      if (look.free_mm > 0 && (at - look.at).squaredNorm() < look.free_mm * look.free_mm) {
+        points.touches[q] = 0;
+        continue;
+      }
+      ClearanceSample& sample = points.clearance[q];
+      if (with_hessian) {
+        field_.EvaluateHessian(at, sample);
+      } else {
+        field_.EvaluateGradient(at, sample);
+      }
+      points.touches[q] = sample.clearance_mm < radius;
+      look.at = at;
+      look.free_mm = (sample.clearance_mm - radius) / lipschitz_;
+    }
+  }
+}
+
+double WireMechanics::AddWall(const PointSet& points, PointDerivatives& out) const {
+  double energy = 0;
+  for (int q = 0; q < points.size(); ++q) {
+    const auto p = static_cast<std::size_t>(q);
+    if (!points.touches[p]) continue;
+    const ClearanceSample& sample = points.clearance[p];
+    const double penetration = points.radius_mm[p] - sample.clearance_mm;
+    const double stiffness = wall_.stiffness_N_mm2 * points.weight_mm[p];
+    energy += stiffness * penetration * penetration / 2;
+    out.Touch(q);
+    out.gradient[p] -= stiffness * penetration * sample.gradient;
+    if (!out.with_hessian) continue;
+    out.hessian[p] += stiffness * sample.gradient * sample.gradient.transpose();
+    // The curvature of the wall, where it stiffens or no more than halves the spring: deep in a
+    // corner it would make the whole Hessian indefinite.
+    const double bend = penetration * sample.hessian.norm();
+    const double keep = bend > 0.5 ? 0.5 / bend : 1;
+    out.hessian[p] -= (stiffness * penetration * keep) * sample.hessian;
+  }
+  return energy;
+}
+
+void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& out) const {
+  const int n = state.segments();
+  const int curved_from = n - model_.first_straight_joint() + 1;  // joints from here rest curved
+  double curved = 0;
+  double straight = 0;
+  for (int i = first; i < n; ++i) {
+    const Vector3d& tangent_p = i == 0 ? model_.sheath().direction : state.tangents[i - 1];
+    const Vector3d& normal_p = i == 0 ? model_.sheath_normal() : state.normals[i - 1];
+    const double stiffness = JointStiffness(model_, state, i);
+    if (i < curved_from) {
+      ExpandJoint(model_.law(), stiffness, tangent_p, normal_p, tangent_p, state.tangents[i],
+                  state.normals[i], straight, out.joints[i]);
+    } else {
+      ExpandJoint(model_.law(), stiffness, tangent_p, normal_p, RestDirection(model_, state, i),
+                  state.tangents[i], state.normals[i], curved, out.joints[i]);
+    }
+  }
+  out.energy_mJ += straight + curved - out.curved_joints_mJ;
+  out.curved_joints_mJ = curved;
+}
+
+void WireMechanics::SumLoads(const WireState& state, Expansion& out) const {
+  const int n = state.segments();
+  const int per_segment = out.points.per_segment;
+  out.loads.clear();
+  for (int i = 0; i < n; ++i) {
+    out.load_index[i] = -1;
+    const double length = state.SegmentLength(model_, i);
+    for (int k = 0; k < per_segment; ++k) {
+      const auto q = static_cast<std::size_t>(i * per_segment + k);
+      if (!out.derivatives.used[q]) continue;
+      if (out.load_index[i] < 0) {
+        out.load_index[i] = static_cast<int>(out.loads.size());
+        out.loads.push_back({Vector3d::Zero(), Vector3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero(),
+                             Matrix3d::Zero()});
+      }
+      LoadTerms& load = out.loads.back();
+      const double t = length * (k + 1) / per_segment;
+      const Vector3d& g = out.derivatives.gradient[q];
+      load.g0 += g;
+      load.g1 += t * g;
+      if (!out.derivatives.with_hessian) continue;
+      const Matrix3d& h = out.derivatives.hessian[q];
+      load.h0 += h;
+      load.h1 += t * h;
+      load.h2 += (t * t) * h;
+    }
+  }
+}
+
+void WireMechanics::SumGradient(const WireState& state, Expansion& out) const {
+  const int n = state.segments();
+  out.residual = 0;
+  out.costate[n].setZero();
+  for (int i = n - 1; i >= 0; --i) {
+    const double length = state.SegmentLength(model_, i);
+    Vector3d lever = length * out.costate[i + 1];
+    out.costate[i] = out.costate[i + 1];
+    if (out.load_index[i] >= 0) {
+      const LoadTerms& load = out.loads[out.load_index[i]];
+      lever += load.g1;
+      out.costate[i] += load.g0;
+    }
+    const Vector3d& normal = state.normals[i];
+    Vector2d g(normal.dot(lever), state.tangents[i].cross(normal).dot(lever));
+    g += out.joints[i].gradient_distal;
+    if (i + 1 < n) g += out.joints[i + 1].gradient_proximal;
+    out.gradient[i] = g;
+    // The softer of the segment's two joints: what an out-of-balance moment bends most.
+    const double rigidity =
+        std::min(model_.rigidity_N_mm2(n - i), model_.rigidity_N_mm2(n - i - 1));
+    out.residual = std::max(out.residual, g.norm() / rigidity);
+  }
+}
+
+void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansion& out) {
+  const auto n = static_cast<std::size_t>(state.segments());
+  out.joints.resize(n);
+  out.load_index.resize(n);
+  out.costate.resize(n + 1);
+  out.gradient.resize(n);
+  out.energy_mJ = 0;
+  out.curved_joints_mJ = 0;
+
+  PlacePoints(state, with_hessian, out.points);
+  const std::size_t points = out.points.position.size();
+  out.derivatives.with_hessian = with_hessian;
+  out.derivatives.gradient.resize(points);
+  out.derivatives.hessian.resize(points);
+  out.derivatives.used.assign(points, 0);
+  out.max_penetration_mm = 0;
+  for (std::size_t q = 0; q < points; ++q) {
+    if (!out.points.touches[q]) continue;
+    out.max_penetration_mm = std::max(
+        out.max_penetration_mm, out.points.radius_mm[q] - out.points.clearance[q].clearance_mm);
+  }
+
+  ExpandJoints(state, 0, out);
+  out.energy_mJ += AddWall(out.points, out.derivatives);
+  for (const EnergyTerm* term : terms_) out.energy_mJ += term->Add(out.points, out.derivatives);
+  SumLoads(state, out);
+  SumGradient(state, out);
+}
+
+void WireMechanics::Expand(const WireState& state, Expansion& out) { ExpandAll(state, true, out); }
+
+void WireMechanics::ExpandGradient(const WireState& state, Expansion& out) {
+  ExpandAll(state, false, out);
+}
+
+void WireMechanics::ExpandCurvedJoints(const WireState& state, Expansion& out) {
+  const int first = std::max(0, state.segments() - model_.first_straight_joint() + 1);
+  if (first >= state.segments()) return;
+  ExpandJoints(state, first, out);
+  SumGradient(state, out);
+}
+
+}  // namespace torquer

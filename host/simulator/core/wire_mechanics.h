@@ -1,0 +1,121 @@
+// Energy of a wire in a vessel, with its derivatives: bending + wall + the terms of the effects.
+//
+// Unknowns: every tangent u_i on the unit sphere, moved by a step xi_i in its tangent plane,
+//   u_i(xi) = u_i + T_i xi_i - |xi_i|^2/2 u_i + O(3),   T_i = [normal_i, second normal_i],
+// so that lengths stay exact and node i + 1 moves by the sum of l_k T_k xi_k over k <= i. Joint i
+// couples xi_{i-1} and xi_i; the points of segment i feel the displacement of node i and xi_i.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "host/simulator/core/clearance_field.h"
+#include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/wire_model.h"
+#include "host/simulator/core/wire_state.h"
+
+namespace torquer {
+
+/// The wall as a spring: U = 1/2 k (length of wire) penetration^2 for every contact point.
+struct WallModel {
+  double stiffness_N_mm2 = 1;  ///< k, per length of wire; 1e-6 .. 1e3
+  int points_per_segment = 2;  ///< contact points; 1 .. 8. One, as in the paper, makes sliding
+                               ///< rugged with the period of the segments.
+};
+
+/// Second-order expansion of the energy of joint i in xi_{i-1} (proximal) and xi_i (distal), mJ.
+struct JointTerms {
+  Eigen::Vector2d gradient_proximal;
+  Eigen::Vector2d gradient_distal;
+  Eigen::Matrix2d hessian_proximal;
+  Eigen::Matrix2d hessian_distal;
+  Eigen::Matrix2d hessian_cross;  ///< rows: proximal, columns: distal
+};
+
+/// Sums over the points of one segment, t their distance past its proximal node: of the gradient
+/// g, of t g, and of H, t H, t^2 H.
+struct LoadTerms {
+  Eigen::Vector3d g0;
+  Eigen::Vector3d g1;
+  Eigen::Matrix3d h0;
+  Eigen::Matrix3d h1;
+  Eigen::Matrix3d h2;
+};
+
+/// The expansion of the whole energy at one state. Buffers are made once; no heap after that.
+struct Expansion {
+  double energy_mJ = 0;
+  double curved_joints_mJ = 0;           ///< of this, the joints that rest curved
+  double residual = 0;                   ///< largest out-of-balance moment over the local EI/(1 mm)
+  double max_penetration_mm = 0;         ///< of the wire's surface; 0 without contact
+  std::vector<JointTerms> joints;        ///< n, one a joint; joint 0 has no proximal unknown
+  std::vector<int> load_index;           ///< n, into `loads`, -1 for a segment free of load
+  std::vector<LoadTerms> loads;          ///< of the loaded segments
+  std::vector<Eigen::Vector3d> costate;  ///< n + 1: sum of the gradients beyond node i
+  std::vector<Eigen::Vector2d> gradient;  ///< n: d energy / d xi_i
+  PointSet points;
+  PointDerivatives derivatives;
+};
+
+/// Evaluates expansions. One per simulated wire; not for several threads at once.
+class WireMechanics {
+ public:
+  /// Keeps references to all three; `terms` may grow only before the first evaluation.
+  WireMechanics(const WireModel& model, const ClearanceField& field, const WallModel& wall,
+                const std::vector<EnergyTerm*>& terms);
+
+  /// An expansion with room for the longest wire.
+  Expansion MakeExpansion() const;
+
+  /// Energy, gradient and Hessian blocks with the tangent planes given by state.normals.
+  void Expand(const WireState& state, Expansion& out);
+  /// The same without Hessians (and without Hessian look-ups).
+  void ExpandGradient(const WireState& state, Expansion& out);
+
+  /// Repeats the joints that rest curved after state.spin changed, and nothing else.
+  void ExpandCurvedJoints(const WireState& state, Expansion& out);
+
+  /// Places the contact points of a state and finds which touch, without derivatives of anything.
+  void PlacePoints(const WireState& state, bool with_hessian, PointSet& points);
+
+  /// Forgets what look-ups of former states allow to skip. Needed when the state was replaced
+  /// rather than moved.
+  void ForgetLookups();
+
+  const WireModel& model() const { return model_; }
+  const WallModel& wall() const { return wall_; }
+
+ private:
+  void ExpandJoints(const WireState& state, int first, Expansion& out) const;
+  double AddWall(const PointSet& points, PointDerivatives& out) const;
+  void SumLoads(const WireState& state, Expansion& out) const;
+  void SumGradient(const WireState& state, Expansion& out) const;
+  void ExpandAll(const WireState& state, bool with_hessian, Expansion& out);
+
+  const WireModel& model_;
+  const ClearanceField& field_;
+  const WallModel& wall_;
+  const std::vector<EnergyTerm*>& terms_;
+  double lipschitz_;
+
+  /// The last look-up of a material point: within `free_mm` of `at` it cannot touch.
+  struct Lookup {
+    Eigen::Vector3d at;
+    double free_mm;
+  };
+  std::vector<Lookup> lookups_;  ///< by PointSet::FromTip
+};
+
+/// Second-order expansion of one joint; `rest` is the rest direction of `tangent`, carried by the
+/// proximal segment with tangent `proximal_tangent` and normal `proximal_normal`.
+/// `stiffness_mJ` = EI / (length that the joint stands for). Adds the energy to `energy_mJ`.
+void ExpandJoint(BendingLaw law, double stiffness_mJ, const Eigen::Vector3d& proximal_tangent,
+                 const Eigen::Vector3d& proximal_normal, const Eigen::Vector3d& rest,
+                 const Eigen::Vector3d& tangent, const Eigen::Vector3d& normal, double& energy_mJ,
+                 JointTerms& out);
+
+/// EI of joint i over the length of wire that it stands for, mJ (N mm): half a segment at the
+/// sheath, which clamps the wire there, and the mean of its two segments elsewhere.
+double JointStiffness(const WireModel& model, const WireState& state, int joint);
+
+}  // namespace torquer

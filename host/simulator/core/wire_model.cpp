@@ -1,0 +1,87 @@
+#include "host/simulator/core/wire_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace torquer {
+namespace {
+
+[[noreturn]] void Refuse(const std::string& field, double value, const std::string& range) {
+  throw std::invalid_argument(field + " is " + std::to_string(value) + "; it must be " + range);
+}
+
+void CheckPositive(const std::string& field, double value) {
+  if (!(value > 0) || !std::isfinite(value)) Refuse(field, value, "a positive number");
+}
+
+WireSection Interpolate(const std::vector<WireSection>& sections, double from_tip_mm) {
+  if (from_tip_mm <= sections.front().from_tip_mm) return sections.front();
+  if (from_tip_mm >= sections.back().from_tip_mm) return sections.back();
+  const auto b = std::find_if(sections.begin(), sections.end(),
+                              [&](const WireSection& s) { return s.from_tip_mm >= from_tip_mm; });
+  const auto a = b - 1;
+  const double t = (from_tip_mm - a->from_tip_mm) / (b->from_tip_mm - a->from_tip_mm);
+  const auto mix = [t](double p, double q) { return p + t * (q - p); };
+  return {from_tip_mm, mix(a->rigidity_N_mm2, b->rigidity_N_mm2), mix(a->radius_mm, b->radius_mm),
+          mix(a->curvature_1_per_mm, b->curvature_1_per_mm),
+          mix(a->curvature_2_per_mm, b->curvature_2_per_mm)};
+}
+
+}  // namespace
+
+WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, double tip_mm,
+                     double max_length_mm, BendingLaw law, const Sheath& sheath)
+    : segment_mm_(segment_mm), max_length_mm_(max_length_mm), law_(law), sheath_(sheath) {
+  CheckPositive("segment_mm", segment_mm);
+  CheckPositive("max_length_mm", max_length_mm);
+  if (!(tip_mm >= 0) || !std::isfinite(tip_mm)) Refuse("tip_mm", tip_mm, "zero or more");
+  if (max_length_mm / segment_mm > 1e6) {
+    Refuse("max_length_mm / segment_mm", max_length_mm / segment_mm, "at most 1e6 segments");
+  }
+  if (sections.empty()) throw std::invalid_argument("a wire needs at least one section");
+  double previous = -1;
+  for (const WireSection& s : sections) {
+    if (!(s.from_tip_mm >= 0) || !std::isfinite(s.from_tip_mm) || s.from_tip_mm <= previous) {
+      Refuse("section from_tip_mm", s.from_tip_mm, "zero or more, and ascending");
+    }
+    previous = s.from_tip_mm;
+    CheckPositive("section rigidity_N_mm2", s.rigidity_N_mm2);
+    CheckPositive("section radius_mm", s.radius_mm);
+    const double angle = segment_mm * std::hypot(s.curvature_1_per_mm, s.curvature_2_per_mm);
+    if (!(angle <= 1.5)) Refuse("rest curvature times segment_mm", angle, "at most 1.5 rad");
+  }
+  if (!sheath.point_mm.allFinite() || !(std::abs(sheath.direction.norm() - 1) < 1e-9)) {
+    throw std::invalid_argument("the sheath needs a finite point and a unit direction");
+  }
+
+  tip_segments_ = static_cast<int>(std::lround(tip_mm / segment_mm));
+  max_segments_ = static_cast<int>(std::ceil(max_length_mm / segment_mm)) + 1;
+  const int tabulated =
+      std::min(max_segments_, static_cast<int>(sections.back().from_tip_mm / segment_mm) + 1);
+  for (int k = 0; k <= tabulated; ++k) {
+    const WireSection s = Interpolate(sections, k * segment_mm);
+    rigidity_.push_back(s.rigidity_N_mm2);
+    radius_.push_back(s.radius_mm);
+    // The joint at the distal end (k = 0) joins nothing.
+    const Eigen::Vector2d rest =
+        segment_mm * Eigen::Vector2d(s.curvature_1_per_mm, s.curvature_2_per_mm);
+    const double angle = rest.norm();
+    Eigen::Vector3d direction(0, 0, 1);
+    if (angle > 0) {
+      direction << rest * (std::sin(angle) / angle), std::cos(angle);
+      first_straight_ = k + 1;
+    }
+    rest_direction_.push_back(direction);
+  }
+  // A wire whose last section is curved is curved to its proximal end.
+  if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
+
+  Eigen::Index smallest = 0;
+  sheath.direction.cwiseAbs().minCoeff(&smallest);
+  const Eigen::Vector3d axis = Eigen::Vector3d::Unit(smallest);
+  sheath_normal_ = (axis - axis.dot(sheath.direction) * sheath.direction).normalized();
+}
+
+}  // namespace torquer

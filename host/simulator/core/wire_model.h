@@ -1,0 +1,76 @@
+// What does not change about a wire while it is simulated.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "host/simulator/core/bending.h"
+
+namespace torquer {
+
+/// Properties of the wire at a distance from its distal end; linear in between.
+struct WireSection {
+  double from_tip_mm = 0;         ///< distance from the distal end along the wire, >= 0
+  double rigidity_N_mm2 = 0;      ///< flexural rigidity EI, > 0
+  double radius_mm = 0;           ///< > 0
+  double curvature_1_per_mm = 0;  ///< intrinsic (rest) curvature towards the wire's first normal
+  double curvature_2_per_mm = 0;  ///< the same towards its second normal
+};
+
+/// Where the wire enters the vessel: the end of the sheath, which clamps it.
+struct Sheath {
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit
+};
+
+/// A wire cut into segments. Everything is indexed by the number of segments between a node (or
+/// the joint at it) and the distal end, because that is what stays the same when the wire moves.
+class WireModel {
+ public:
+  /// `sections` in ascending from_tip_mm, at least one; the last continues proximally for ever.
+  /// `tip_mm`: length of the tip, the part that the paper's method treats as curved; 0 if none.
+  /// Throws std::invalid_argument naming the field, its value and the valid range.
+  WireModel(double segment_mm, std::vector<WireSection> sections, double tip_mm,
+            double max_length_mm, BendingLaw law, const Sheath& sheath);
+
+  double segment_mm() const { return segment_mm_; }        ///< lambda
+  int tip_segments() const { return tip_segments_; }       ///< M of the paper
+  int max_segments() const { return max_segments_; }       ///< n never exceeds this
+  double max_length_mm() const { return max_length_mm_; }  ///< insertion never exceeds this
+  BendingLaw law() const { return law_; }
+  const Sheath& sheath() const { return sheath_; }
+  /// A unit vector across the sheath's direction: the first normal of an unrotated wire there.
+  const Eigen::Vector3d& sheath_normal() const { return sheath_normal_; }
+
+  /// EI of the joint `from_tip` segments from the distal end, N mm^2.
+  double rigidity_N_mm2(int from_tip) const { return rigidity_[Clamp(from_tip)]; }
+  double radius_mm(int from_tip) const { return radius_[Clamp(from_tip)]; }
+  /// Joints at and beyond this distance from the tip rest straight.
+  int first_straight_joint() const { return first_straight_; }
+  /// Unit direction in which the distal segment of a joint rests, in the frame (untwisted normal,
+  /// second normal, tangent) of the proximal one. (0, 0, 1) from first_straight_joint() on.
+  const Eigen::Vector3d& rest_direction(int from_tip) const {
+    return rest_direction_[Clamp(from_tip)];
+  }
+
+ private:
+  std::size_t Clamp(int from_tip) const {
+    const auto last = rigidity_.size() - 1;
+    const auto k = static_cast<std::size_t>(from_tip);
+    return k < last ? k : last;
+  }
+
+  double segment_mm_;
+  double max_length_mm_;
+  int tip_segments_;
+  int max_segments_;
+  int first_straight_ = 0;
+  BendingLaw law_;
+  Sheath sheath_;
+  Eigen::Vector3d sheath_normal_;
+  std::vector<double> rigidity_;
+  std::vector<double> radius_;
+  std::vector<Eigen::Vector3d> rest_direction_;
+};
+
+}  // namespace torquer

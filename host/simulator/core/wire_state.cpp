@@ -1,0 +1,236 @@
+#include "host/simulator/core/wire_state.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstring>
+
+namespace torquer {
+
+using Eigen::Vector3d;
+
+WireState::WireState(const WireModel& model) {
+  const auto room = static_cast<std::size_t>(model.max_segments()) + 2;
+  nodes.reserve(room);
+  tangents.reserve(room);
+  normals.reserve(room);
+  spin.assign(
+      static_cast<std::size_t>(std::min(model.first_straight_joint(), model.max_segments())) + 1,
+      Eigen::Vector2d(1, 0));
+  nodes.push_back(model.sheath().point_mm);
+}
+
+void WireState::SetRotation(double rotation) {
+  rotation_rad = rotation;
+  turn << std::cos(rotation), std::sin(rotation);
+}
+
+double WireState::ArcLength(const WireModel& model) const {
+  return segments() == 0 ? 0 : first_segment_mm + (segments() - 1) * model.segment_mm();
+}
+
+Vector3d ParallelTransport(const Vector3d& normal, const Vector3d& from, const Vector3d& to) {
+  const double one_plus_cos = 1 + from.dot(to);
+  if (one_plus_cos < 1e-12) return normal;
+  // Rotation about from x to, in a form without trigonometry; valid because normal is across from.
+  const Vector3d carried = normal - (normal.dot(to) / one_plus_cos) * (from + to);
+  // Removes what rounding adds along `to`, so that long wires stay orthonormal.
+  return (carried - carried.dot(to) * to).normalized();
+}
+
+void TransportNormals(const WireModel& model, WireState& state) {
+  const int n = state.segments();
+  state.normals.resize(static_cast<std::size_t>(n));
+  Vector3d tangent = model.sheath().direction;
+  Vector3d normal = model.sheath_normal();
+  for (int i = 0; i < n; ++i) {
+    normal = ParallelTransport(normal, tangent, state.tangents[i]);
+    tangent = state.tangents[i];
+    state.normals[i] = normal;
+  }
+  std::fill(state.spin.begin(), state.spin.end(), Eigen::Vector2d(1, 0));
+}
+
+Eigen::Vector2d SpinFactor(const Vector3d& from, const Vector3d& normal, const Vector3d& to,
+                           const Vector3d& target_normal) {
+  const double one_plus_cos = 1 + from.dot(to);
+  const Vector3d carried =
+      one_plus_cos < 1e-12 ? normal : normal - (normal.dot(to) / one_plus_cos) * (from + to);
+  return {carried.dot(target_normal), carried.dot(to.cross(target_normal))};
+}
+
+void UpdateSpin(const WireModel& model, WireState& state) {
+  const int n = state.segments();
+  const int curved = model.first_straight_joint();
+  if (curved <= 1) return;
+  // Angles about successive tangents add up; as unit complex numbers their factors multiply, and
+  // each factor depends on one joint alone.
+  Eigen::Vector2d sum(1, 0);
+  const auto store = [&](int joint) {
+    const int from_tip = n - joint;
+    if (from_tip < curved) state.spin[from_tip] = sum;
+  };
+  store(0);
+  for (int i = 0; i + 1 < n; ++i) {
+    const Vector3d& from = i == 0 ? model.sheath().direction : state.tangents[i - 1];
+    const Vector3d& normal = i == 0 ? model.sheath_normal() : state.normals[i - 1];
+    const Eigen::Vector2d turn = SpinFactor(from, normal, state.tangents[i], state.normals[i]);
+    const Eigen::Vector2d product(sum[0] * turn[0] - sum[1] * turn[1],
+                                  sum[0] * turn[1] + sum[1] * turn[0]);
+    // First-order normalization: keeps the drift of long products at rounding.
+    sum = product * (1.5 - 0.5 * product.squaredNorm());
+    store(i + 1);
+  }
+}
+
+void PlaceNodes(const WireModel& model, int first, WireState& state) {
+  const int n = state.segments();
+  state.nodes.resize(static_cast<std::size_t>(n) + 1);
+  for (int i = first; i <= n; ++i) {
+    state.nodes[i] = state.nodes[i - 1] + state.SegmentLength(model, i - 1) * state.tangents[i - 1];
+  }
+}
+
+Vector3d RestDirection(const WireModel& model, const WireState& state, int joint) {
+  const Vector3d& tangent = joint == 0 ? model.sheath().direction : state.tangents[joint - 1];
+  const int from_tip = state.segments() - joint;
+  if (from_tip >= model.first_straight_joint()) return tangent;
+  const Vector3d& first = joint == 0 ? model.sheath_normal() : state.normals[joint - 1];
+  const Vector3d second = tangent.cross(first);
+  const Eigen::Vector2d& spin = state.spin[static_cast<std::size_t>(from_tip)];
+  const double c = state.turn[0] * spin[0] - state.turn[1] * spin[1];
+  const double s = state.turn[1] * spin[0] + state.turn[0] * spin[1];
+  const Vector3d& rest = model.rest_direction(from_tip);
+  return rest[2] * tangent + (c * rest[0] - s * rest[1]) * first +
+         (s * rest[0] + c * rest[1]) * second;
+}
+
+namespace {
+
+// With less than this no segment is simulated: a stub would be stiffer than anything else.
+double ShortestFirst(const WireModel& model) { return model.segment_mm() / 2; }
+
+void FeedFirstSegment(const WireModel& model, double delta_mm, WireState& state) {
+  const double lambda = model.segment_mm();
+  state.first_segment_mm += delta_mm;
+  if (state.segments() == 0) {
+    if (state.insertion_mm < ShortestFirst(model)) return;
+    state.first_segment_mm = state.insertion_mm;
+    state.tangents.push_back(model.sheath().direction);
+    return;
+  }
+  if (state.first_segment_mm >= 1.5 * lambda) {
+    state.first_segment_mm -= lambda;
+    state.tangents.insert(state.tangents.begin(), state.tangents.front());
+  } else if (state.first_segment_mm < ShortestFirst(model)) {
+    if (state.segments() == 1) {
+      state.tangents.clear();
+      state.first_segment_mm = 0;
+      return;
+    }
+    const Vector3d joined = state.first_segment_mm * state.tangents[0] + lambda * state.tangents[1];
+    state.tangents.erase(state.tangents.begin());
+    // The two could be opposite only if the wire were folded at the sheath.
+    if (joined.norm() > 1e-9 * lambda) state.tangents[0] = joined.normalized();
+    state.first_segment_mm += lambda;
+  }
+}
+
+}  // namespace
+
+double FeedAlongItself(const WireModel& model, double delta_mm, WireState& state) {
+  const double lambda = model.segment_mm();
+  assert(std::abs(delta_mm) <= lambda / 2);
+  const double target = std::clamp(state.insertion_mm + delta_mm, 0.0, model.max_length_mm());
+  const double fed = target - state.insertion_mm;
+  state.insertion_mm = target;
+
+  // Node i slides by `fed` along the polyline, so each chord turns towards the next (or, when
+  // retracting, the former) segment. The tip keeps its directions: it has its own rest shape.
+  const int shaft = state.segments() - model.tip_segments();
+  const double part = std::abs(fed) / lambda;
+  if (fed > 0) {
+    for (int i = 0; i + 1 < shaft; ++i) {
+      const Vector3d chord = (1 - part) * state.tangents[i] + part * state.tangents[i + 1];
+      const double norm = chord.norm();
+      if (norm > 1e-3) state.tangents[i] = chord / norm;
+    }
+  } else {
+    for (int i = shaft - 1; i > 0; --i) {
+      const Vector3d chord = (1 - part) * state.tangents[i] + part * state.tangents[i - 1];
+      const double norm = chord.norm();
+      if (norm > 1e-3) state.tangents[i] = chord / norm;
+    }
+  }
+  FeedFirstSegment(model, fed, state);
+  PlaceNodes(model, 1, state);
+  TransportNormals(model, state);
+  return fed;
+}
+
+void LayAlong(const WireModel& model, const std::vector<Vector3d>& path_mm, double length_mm,
+              WireState& state) {
+  const double lambda = model.segment_mm();
+  state = WireState(model);
+  state.insertion_mm = std::clamp(length_mm, 0.0, model.max_length_mm());
+  if (state.insertion_mm < ShortestFirst(model)) {
+    state.first_segment_mm = state.insertion_mm;
+    return;
+  }
+  const int n = std::max(1, static_cast<int>(std::floor(state.insertion_mm / lambda + 0.5)));
+  state.first_segment_mm = state.insertion_mm - (n - 1) * lambda;
+
+  // Follow the leader: the next node is where the path leaves the sphere around the last one.
+  std::size_t leg = 0;
+  Vector3d at = model.sheath().point_mm;
+  Vector3d direction = model.sheath().direction;
+  for (int i = 0; i < n; ++i) {
+    const double length = i == 0 ? state.first_segment_mm : lambda;
+    while (leg < path_mm.size() && (path_mm[leg] - at).norm() < length) ++leg;
+    if (leg < path_mm.size()) {
+      const Vector3d& b = path_mm[leg];
+      const Vector3d a = leg == 0 ? at : path_mm[leg - 1];
+      // |a + t (b - a) - at| = length with t in (0, 1]; a is inside the sphere, b is not.
+      const Vector3d ab = b - a;
+      const Vector3d ta = a - at;
+      const double p = ab.squaredNorm();
+      const double q = ab.dot(ta);
+      const double r = ta.squaredNorm() - length * length;
+      const double t = (-q + std::sqrt(std::max(0.0, q * q - p * r))) / p;
+      const Vector3d reach = a + t * ab - at;
+      if (reach.norm() > 1e-9 * length) direction = reach.normalized();
+    }
+    state.tangents.push_back(direction);
+    at += length * direction;
+  }
+  PlaceNodes(model, 1, state);
+  TransportNormals(model, state);
+}
+
+std::uint64_t HashState(const WireState& state) {
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  // By 64-bit words rather than bytes: eight times fewer steps, and it runs every tick.
+  const auto add = [&hash](double value) {
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &value, sizeof bits);
+    hash ^= bits;
+    hash *= 0x100000001b3ULL;
+  };
+  for (const Vector3d& x : state.nodes) {
+    add(x[0]);
+    add(x[1]);
+    add(x[2]);
+  }
+  for (const Vector3d& u : state.tangents) {
+    add(u[0]);
+    add(u[1]);
+    add(u[2]);
+  }
+  add(state.first_segment_mm);
+  add(state.insertion_mm);
+  add(state.rotation_rad);
+  return hash;
+}
+
+}  // namespace torquer
