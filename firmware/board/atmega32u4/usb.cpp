@@ -1,0 +1,201 @@
+// The USB device controller of the ATmega32U4. The interrupts only note what happened; endpoint 0
+// is served from the main loop.
+#include <avr/interrupt.h>
+#include <avr/io.h>
+#include <avr/pgmspace.h>
+
+#include "firmware/board/atmega32u4/setup.h"
+#include "firmware/board/board.h"
+#include "protocol/hid_reports.h"
+#include "protocol/usb_ids.h"
+
+namespace torquer {
+namespace board {
+namespace {
+
+constexpr uint8_t kControlEndpoint = 0;
+constexpr uint8_t kPacket32 = _BV(EPSIZE1);  // endpoint size code
+// Writing 1 to this bit of UEINTX drops a packet; on an OUT or control endpoint it is RXOUTI. Every
+// other bit of the register is left alone by a 1.
+constexpr uint8_t kKillBank = _BV(RXOUTI);
+static_assert(protocol::kControlPacketBytes == 32 && sizeof(protocol::InputReport) == 32,
+              "kPacket32");
+
+volatile bool frame_started;
+volatile uint32_t frame_start_us;
+volatile bool bus_was_reset;
+volatile bool control_event;
+
+void SelectEndpoint(uint8_t endpoint) { UENUM = endpoint; }
+
+}  // namespace
+
+void SetUpUsb() {
+  UHWCON = _BV(UVREGE);
+  USBCON = _BV(USBE) | _BV(FRZCLK);
+#if F_CPU == 16000000UL
+  PLLCSR = _BV(PINDIV) | _BV(PLLE);
+#else
+  PLLCSR = _BV(PLLE);
+#endif
+  while (!(PLLCSR & _BV(PLOCK))) {  // within 100 us, as the crystal runs
+  }
+  USBCON = _BV(USBE) | _BV(OTGPADE);
+  UDCON = 0;  // full speed, attached
+  UDIEN = _BV(EORSTE) | _BV(SOFE);
+}
+
+ISR(USB_GEN_vect) {
+  const uint8_t flags = UDINT;
+  UDINT = static_cast<uint8_t>(~flags);
+  if (flags & _BV(EORSTI)) {
+    const uint8_t endpoint = UENUM;
+    UENUM = kControlEndpoint;
+    UECONX = _BV(EPEN);
+    UECFG0X = 0;
+    UECFG1X = kPacket32 | _BV(ALLOC);
+    UEIENX = _BV(RXSTPE);
+    UENUM = endpoint;
+    bus_was_reset = true;
+  }
+  if (flags & _BV(SOFI)) {
+    frame_start_us = NowUs();
+    frame_started = true;
+  }
+}
+
+// The flags stay up until the main loop has dealt with them, so the interrupt must be masked.
+ISR(USB_COM_vect) {
+  const uint8_t endpoint = UENUM;
+  UENUM = kControlEndpoint;
+  UEIENX = 0;
+  UENUM = endpoint;
+  control_event = true;
+}
+
+void WatchControl(bool can_send, bool has_data) {
+  SelectEndpoint(kControlEndpoint);
+  control_event = false;
+  UEIENX = static_cast<uint8_t>(_BV(RXSTPE) | (can_send ? _BV(TXINE) : 0) |
+                                (has_data ? _BV(RXOUTE) : 0));
+}
+
+bool EventPending() { return frame_started || bus_was_reset || control_event; }
+
+bool TakeFrameStart(uint32_t* start_us) {
+  const uint8_t interrupts = SREG;
+  cli();
+  const bool started = frame_started;
+  frame_started = false;
+  *start_us = frame_start_us;
+  SREG = interrupts;
+  return started;
+}
+
+bool TakeUsbReset() {
+  const bool was_reset = bus_was_reset;
+  bus_was_reset = false;
+  return was_reset;
+}
+
+bool TakeSetup(uint8_t packet[8]) {
+  SelectEndpoint(kControlEndpoint);
+  if (!(UEINTX & _BV(RXSTPI))) return false;
+  for (uint8_t i = 0; i < 8; ++i) packet[i] = UEDATX;
+  // A packet taken before the SETUP came has lost its meaning with it.
+  UEINTX = static_cast<uint8_t>(~(_BV(RXSTPI) | _BV(RXOUTI)));
+  return true;
+}
+
+bool CanSendControl() {
+  SelectEndpoint(kControlEndpoint);
+  return UEINTX & _BV(TXINI);
+}
+
+void SendControl(const uint8_t* data, uint8_t size, bool in_flash) {
+  SelectEndpoint(kControlEndpoint);
+  for (; size != 0; --size, ++data) UEDATX = in_flash ? pgm_read_byte(data) : *data;
+  UEINTX = static_cast<uint8_t>(~_BV(TXINI));
+}
+
+bool HasControlData() {
+  SelectEndpoint(kControlEndpoint);
+  return UEINTX & _BV(RXOUTI);
+}
+
+uint8_t TakeControlData(uint8_t* data, uint8_t capacity) {
+  SelectEndpoint(kControlEndpoint);
+  const uint8_t size = UEBCLX;
+  for (uint8_t i = 0; i < size; ++i) {
+    const uint8_t byte = UEDATX;
+    if (i < capacity) data[i] = byte;
+  }
+  UEINTX = static_cast<uint8_t>(~_BV(RXOUTI));
+  return size < capacity ? size : capacity;
+}
+
+void StallControl() {
+  SelectEndpoint(kControlEndpoint);
+  UECONX = _BV(STALLRQ) | _BV(EPEN);
+}
+
+void PrepareAddress(uint8_t address) { UDADDR = address; }
+
+void EnableAddress() { UDADDR |= _BV(ADDEN); }
+
+void ConfigureInput(bool enabled) {
+  SelectEndpoint(protocol::kInputEndpoint);
+  if (enabled) {
+    UECONX = _BV(EPEN);
+    UECFG0X = _BV(EPTYPE1) | _BV(EPTYPE0) | _BV(EPDIR);  // interrupt, IN
+    UECFG1X = kPacket32 | _BV(EPBK0) | _BV(ALLOC);       // two banks
+    UECONX = _BV(STALLRQC) | _BV(RSTDT) | _BV(EPEN);
+  } else {
+    UECFG1X = 0;
+    UECONX = 0;
+  }
+  UERST = _BV(protocol::kInputEndpoint);
+  UERST = 0;
+}
+
+void HaltInput(bool halted) {
+  SelectEndpoint(protocol::kInputEndpoint);
+  if (halted) {
+    UECONX = _BV(STALLRQ) | _BV(EPEN);
+  } else {
+    UECONX = _BV(STALLRQC) | _BV(RSTDT) | _BV(EPEN);
+  }
+}
+
+bool InputHalted() {
+  SelectEndpoint(protocol::kInputEndpoint);
+  return UECONX & _BV(STALLRQ);
+}
+
+uint8_t QueuedInputs() {
+  SelectEndpoint(protocol::kInputEndpoint);
+  return UESTA0X & (_BV(NBUSYBK1) | _BV(NBUSYBK0));
+}
+
+// The abort sequence of the data sheet: kill the bank written last until none is busy. The bit is
+// up while the chip waits for a transfer of that bank to end, a packet's time at most.
+void DiscardInputs() {
+  SelectEndpoint(protocol::kInputEndpoint);
+  for (uint8_t bank = 0; bank < 2 && QueuedInputs() != 0; ++bank) {
+    UEINTX = 0xff;
+    for (uint8_t turn = 0; turn < 255 && (UEINTX & kKillBank); ++turn) {
+    }
+  }
+}
+
+bool QueueInput(const uint8_t* data, uint8_t size) {
+  SelectEndpoint(protocol::kInputEndpoint);
+  if (!(UEINTX & _BV(TXINI))) return false;
+  UEINTX = static_cast<uint8_t>(~(_BV(TXINI) | kKillBank));
+  for (; size != 0; --size) UEDATX = *data++;
+  UEINTX = static_cast<uint8_t>(~(_BV(FIFOCON) | kKillBank));
+  return true;
+}
+
+}  // namespace board
+}  // namespace torquer

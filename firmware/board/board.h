@@ -1,0 +1,120 @@
+// What the portable firmware asks of a board: the port contract.
+//
+// One implementation a chip (atmega32u4/), and a simulated one for the unit tests on the PC
+// (tests/firmware/fake_board.cpp); the linker chooses. Every function returns within the time it
+// states; none waits for something outside the chip.
+#pragma once
+
+#include <stdint.h>
+
+#include "protocol/hid_descriptor.h"  // TORQUER_IN_FLASH
+
+namespace torquer {
+namespace board {
+
+// --- time, sleep, reset ------------------------------------------------------------------------
+
+/// Device clock in microseconds since the start; wraps after 71.6 minutes.
+uint32_t NowUs();
+
+/// Waits `us` (1 .. 1000) microseconds, never less.
+void DelayUs(uint16_t us);
+
+/// True once for each USB start of frame; `start_us` is when the frame began.
+bool TakeFrameStart(uint32_t* start_us);
+
+/// Sleeps until an interrupt, at most about 65 ms; returns at once if an event is pending.
+void Idle();
+
+/// To be called at least every 250 ms, else the chip resets.
+void KickWatchdog();
+
+/// Resets the chip through the watchdog.
+[[noreturn]] void Restart();
+
+/// Leaves the USB and resets into the bootloader.
+[[noreturn]] void EnterBootloader();
+
+/// MCUSR at the start: 1 power-on, 2 reset pin, 4 brown-out, 8 watchdog.
+uint8_t ResetReason();
+
+/// One byte that survives a reset but not a loss of power; `valid` tells which it was.
+uint8_t LoadWarmByte(bool* valid);
+void StoreWarmByte(uint8_t value);
+
+/// Looks at a few bytes of the painted stack; once a sweep is complete the result is current.
+/// Returns the bytes of stack never used since the reset.
+uint16_t StackHeadroom();
+
+/// CPU clock in MHz.
+uint8_t ClockMhz();
+
+/// Ten bytes of lot, wafer and position that the factory left in the chip; all 0xff where none.
+void ReadChipSerial(uint8_t serial[10]);
+
+uint8_t ReadFlash(const uint8_t* address);
+
+// --- sensor bus: SPI mode 3, at most 2 MHz -----------------------------------------------------
+
+void SelectSensor(bool selected);
+uint8_t TransferSpi(uint8_t byte);
+
+// --- joystick and buttons ----------------------------------------------------------------------
+
+enum class Axis : uint8_t { kX, kY };
+
+/// Begins a conversion (104 us). The one before must have been fetched.
+void BeginAdc(Axis axis);
+/// The result of the conversion begun last, 0 .. 1023; waits for its end, at most 110 us.
+uint16_t FinishAdc();
+
+/// The pins as they are now, as protocol::Button bits, 1 while pressed; bounces included.
+uint8_t ReadButtons();
+
+// --- EEPROM ------------------------------------------------------------------------------------
+
+/// False for 3.4 ms after each write.
+bool EepromReady();
+/// Both wait until the EEPROM is ready. A write goes on in the background.
+uint8_t ReadEeprom(uint16_t address);
+void WriteEeprom(uint16_t address, uint8_t value);
+
+// --- USB: endpoint 0 and the interrupt IN endpoint ---------------------------------------------
+
+/// True once for each reset by the host. Address 0, not configured, endpoint 0 is ready.
+bool TakeUsbReset();
+/// True once for each SETUP packet; whatever else endpoint 0 held is gone.
+bool TakeSetup(uint8_t packet[8]);
+
+/// Endpoint 0 can take a packet for the host.
+bool CanSendControl();
+/// Sends one packet of 0 .. 32 bytes.
+void SendControl(const uint8_t* data, uint8_t size, bool in_flash);
+/// Endpoint 0 holds a packet from the host, an empty one included.
+bool HasControlData();
+/// Takes it; bytes beyond `capacity` are dropped. Returns its size.
+uint8_t TakeControlData(uint8_t* data, uint8_t capacity);
+/// Refuses the request; the next SETUP packet ends it.
+void StallControl();
+
+/// From now on Idle() ends on a SETUP packet and, where asked for, once CanSendControl() or
+/// HasControlData() is true.
+void WatchControl(bool can_send, bool has_data);
+
+/// Keeps the address given by the host; it takes effect with EnableAddress().
+void PrepareAddress(uint8_t address);
+void EnableAddress();
+
+/// Sets up or removes the interrupt IN endpoint; its data toggle starts anew and it is not halted.
+void ConfigureInput(bool enabled);
+void HaltInput(bool halted);
+bool InputHalted();
+/// Packets queued and not yet taken by the host: 0 .. 2.
+uint8_t QueuedInputs();
+/// Drops them.
+void DiscardInputs();
+/// Queues one packet; false if there is no room.
+bool QueueInput(const uint8_t* data, uint8_t size);
+
+}  // namespace board
+}  // namespace torquer

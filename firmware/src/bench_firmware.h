@@ -1,0 +1,48 @@
+// The firmware as a whole: what happens at the start and in every USB frame.
+#pragma once
+
+#include <stdint.h>
+
+#include "firmware/src/buttons.h"
+#include "firmware/src/joystick.h"
+#include "firmware/src/pmw3360.h"
+#include "firmware/src/report.h"
+#include "firmware/src/serial_number.h"
+#include "firmware/src/settings.h"
+#include "firmware/src/usb_device.h"
+
+namespace torquer {
+namespace firmware {
+
+class BenchFirmware final : public ReportHandler {
+ public:
+  /// To be called once, after the board is set up.
+  void Start();
+
+  /// Does what is to be done now, and returns when there is nothing more: to be called after every
+  /// interrupt. Never waits for the host.
+  void Step();
+
+  uint8_t GetInputReport(uint8_t id, uint8_t* report) override;
+  uint8_t GetFeatureReport(uint8_t id, uint8_t* report) override;
+  bool SetFeatureReport(const uint8_t* report, uint8_t size) override;
+
+ private:
+  void Frame(uint32_t start_us);
+  void RunPendingCommand();
+
+  Settings settings_;
+  Pmw3360 sensor_;
+  Joystick joystick_;
+  Buttons buttons_;
+  ReportBuilder report_;
+  char serial_[kSerialBytes] = {};
+  UsbDevice usb_{*this, serial_};
+  uint32_t command_at_us_ = 0;
+  uint16_t stack_headroom_ = 0;
+  uint16_t longest_frame_us_ = 0;
+  uint8_t pending_command_ = 0;
+};
+
+}  // namespace firmware
+}  // namespace torquer

@@ -1,0 +1,45 @@
+// What the firmware asks of an optical motion sensor.
+#pragma once
+
+#include <stdint.h>
+
+namespace torquer {
+namespace firmware {
+
+/// One reading. While `fault` is set, the deltas are zero.
+struct MotionSample {
+  int16_t delta_x = 0;  ///< counts since the previous reading
+  int16_t delta_y = 0;
+  bool motion = false;
+  bool lifted = false;  ///< too far from the surface
+  bool fault = false;   ///< the sensor does not answer as it should
+  uint8_t surface_quality = 0;
+  uint16_t shutter = 0;
+};
+
+class MotionSensor {
+ public:
+  /// The newest motion; at most 120 us. To be called once a frame.
+  virtual MotionSample Read() = 0;
+
+  /// Starting, checking and, after a fault, starting again: one step a call, at most 450 us. To be
+  /// called once a frame, after the report is on its way.
+  virtual void Maintain() = 0;
+
+  /// Counts an inch from now on; takes effect within a few frames.
+  virtual void SetCpi(uint16_t cpi) = 0;
+  /// What the sensor is set to.
+  virtual uint16_t cpi() const = 0;
+
+  virtual uint8_t product_id() const = 0;  ///< 0 when none answers
+  virtual uint8_t revision() const = 0;    ///< 0 when none answers
+  virtual uint8_t srom_id() const = 0;     ///< 0 when no sensor firmware is loaded
+  virtual uint16_t restarts() const = 0;   ///< after the first start; saturates
+  virtual bool running() const = 0;
+
+ protected:
+  ~MotionSensor() = default;
+};
+
+}  // namespace firmware
+}  // namespace torquer

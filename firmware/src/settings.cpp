@@ -1,0 +1,97 @@
+#include "firmware/src/settings.h"
+
+#include <stddef.h>
+
+#include "firmware/board/board.h"
+#include "protocol/eeprom_layout.h"
+
+namespace torquer {
+namespace firmware {
+namespace {
+
+constexpr uint8_t kMarker = 0xa1;  // layout 1
+constexpr uint8_t kNoMarker = 0xff;
+constexpr uint16_t kMinCpi = 100;
+constexpr uint16_t kMaxCpi = 12000;
+constexpr uint16_t kMaxDeadzone = 511;
+
+bool InRange(uint16_t cpi, uint16_t deadzone) {
+  return cpi >= kMinCpi && cpi <= kMaxCpi && cpi % 100 == 0 && deadzone <= kMaxDeadzone;
+}
+
+}  // namespace
+
+bool Settings::ReadCopy(uint8_t slot, Record* record, bool* blank) {
+  uint8_t* bytes = reinterpret_cast<uint8_t*>(record);
+  for (uint8_t i = 0; i < sizeof(Record); ++i) {
+    bytes[i] = board::ReadEeprom(static_cast<uint16_t>(protocol::kEepromSettingsAddress[slot] + i));
+    *blank = *blank && bytes[i] == 0xff;
+  }
+  return record->marker == kMarker &&
+         record->crc == protocol::Crc16(record, offsetof(Record, crc)) &&
+         InRange(record->cpi, record->deadzone);
+}
+
+void Settings::Load() {
+  Record copies[2];
+  bool blank = true;
+  const bool valid0 = ReadCopy(0, &copies[0], &blank);
+  const bool valid1 = ReadCopy(1, &copies[1], &blank);
+  stored_ = valid0 || valid1;
+  good_ = stored_ || blank;
+  if (!stored_) return;
+  const bool first_is_newer = static_cast<int8_t>(copies[0].sequence - copies[1].sequence) > 0;
+  slot_ = (valid0 && (!valid1 || first_is_newer)) ? 0 : 1;
+  record_ = copies[slot_];
+  cpi_ = record_.cpi;
+  deadzone_ = record_.deadzone;
+  writes_ = record_.writes;
+}
+
+bool Settings::Set(uint16_t cpi, uint16_t deadzone) {
+  if (!InRange(cpi, deadzone)) return false;
+  cpi_ = cpi;
+  deadzone_ = deadzone;
+  return true;
+}
+
+void Settings::BeginWrite() {
+  if (writes_ != UINT16_MAX) ++writes_;
+  slot_ ^= 1;
+  ++record_.sequence;
+  record_.marker = kMarker;
+  record_.cpi = cpi_;
+  record_.deadzone = deadzone_;
+  record_.writes = writes_;
+  record_.crc = protocol::Crc16(&record_, offsetof(Record, crc));
+  step_ = 1;
+}
+
+void Settings::Poll() {
+  if (step_ == 0) {
+    const bool differs = stored_ ? record_.cpi != cpi_ || record_.deadzone != deadzone_
+                                 : cpi_ != kDefaultCpi || deadzone_ != kDefaultDeadzone;
+    if (!differs) return;
+    BeginWrite();
+  }
+  if (!board::EepromReady()) return;
+  // Bytes that already are as wanted cost neither time nor wear.
+  for (; step_ <= sizeof(Record) + 1; ++step_) {
+    const uint8_t offset = step_ == sizeof(Record) + 1 ? 0 : static_cast<uint8_t>(step_ - 1);
+    const uint8_t wanted =
+        step_ == 1 ? kNoMarker : reinterpret_cast<const uint8_t*>(&record_)[offset];
+    const uint16_t address =
+        static_cast<uint16_t>(protocol::kEepromSettingsAddress[slot_] + offset);
+    if (board::ReadEeprom(address) != wanted) {
+      board::WriteEeprom(address, wanted);
+      ++step_;
+      return;
+    }
+  }
+  step_ = 0;
+  stored_ = true;
+  good_ = true;
+}
+
+}  // namespace firmware
+}  // namespace torquer

@@ -1,0 +1,58 @@
+// Settings that outlive the power: two copies in EEPROM, of which a torn write spoils one at most.
+#pragma once
+
+#include <stdint.h>
+
+namespace torquer {
+namespace firmware {
+
+class Settings {
+ public:
+  static constexpr uint16_t kDefaultCpi = 1200;
+  static constexpr uint16_t kDefaultDeadzone = 10;
+
+  /// Reads the newer valid copy; without one, the defaults.
+  void Load();
+
+  /// False, and nothing changed, if a value is out of its range (protocol::ConfigurationReport).
+  /// True: the values hold from now on; Poll() writes them if they differ from those stored.
+  bool Set(uint16_t cpi, uint16_t deadzone);
+
+  /// Writes at most one byte to the EEPROM, if it is ready. To be called once a frame.
+  void Poll();
+
+  uint16_t cpi() const { return cpi_; }
+  uint16_t deadzone() const { return deadzone_; }
+  /// Times the settings were written in this device's life; saturates.
+  uint16_t writes() const { return writes_; }
+  /// False if the EEPROM held something, but no valid copy.
+  bool good() const { return good_; }
+
+ private:
+  // As it lies in the EEPROM. The marker is cleared first and set last, so that a copy with the
+  // marker is complete; the CRC tells a copy that has decayed.
+  struct __attribute__((packed)) Record {
+    uint8_t marker;
+    uint8_t sequence;  // the copy with the later one counts
+    uint16_t cpi;
+    uint16_t deadzone;
+    uint16_t writes;
+    uint16_t crc;  // of the bytes before
+  };
+
+  static bool ReadCopy(uint8_t slot, Record* record, bool* blank);
+  void BeginWrite();
+
+  Record record_ = {};  // what is stored, or being written
+  uint16_t cpi_ = kDefaultCpi;
+  uint16_t deadzone_ = kDefaultDeadzone;
+  uint16_t writes_ = 0;
+  uint8_t slot_ = 1;  // of record_
+  uint8_t step_ =
+      0;  // of a write: 0 none, 1 clear the marker, then the other bytes, then the marker
+  bool stored_ = false;
+  bool good_ = true;
+};
+
+}  // namespace firmware
+}  // namespace torquer
