@@ -1,0 +1,56 @@
+// From the device's clock to the host's: when was the hand where a report says it was?
+//
+// A report arrives at   host = offset + rate * device + delay,   delay >= 0 and mostly small: USB
+// frames, scheduling. The map is the line below all points of the last half minute that lies
+// closest to them (least sum of distances), which late reports cannot pull up (Moon, Skelly and
+// Towsley, "Estimation and removal of clock skew from network delay measurements", 1999). What
+// the smallest delay is cannot be told from arrivals alone; it counts as none. No clock inside.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+
+namespace torquer::daemon {
+
+class ClockMap {
+ public:
+  /// Forgets everything: another device clock.
+  void Reset();
+
+  /// Takes in that a report of device time `device_us` arrived at `host_us`, and returns the host
+  /// time of its sampling: never later than `host_us`, never earlier than that of the report
+  /// before. Device times must not decrease between resets.
+  std::int64_t Map(std::int64_t device_us, std::int64_t host_us);
+
+  /// Host seconds a device second, less 1; 0 until a second has been seen.
+  double drift() const { return drift_; }
+
+  /// Times that the clocks jumped against each other (a suspended host, a stopped emulator), so
+  /// that the map was begun anew.
+  std::int64_t restarts() const { return restarts_; }
+
+ private:
+  // Device time since the anchor and how much longer the host took, both us.
+  struct Point {
+    double device = 0.0;
+    double excess = 0.0;
+  };
+
+  void Begin(std::int64_t device_us, std::int64_t host_us);
+  void FinishBlock();
+  void Refit();
+
+  bool begun_ = false;
+  std::int64_t anchor_device_us_ = 0;
+  std::int64_t anchor_host_us_ = 0;
+  std::int64_t last_origin_us_ = 0;
+  std::deque<Point> minima_;  // the earliest arrival of each block
+  Point block_minimum_;
+  double block_start_ = 0.0;
+  double offset_ = 0.0;  // of the line excess = offset + drift * device
+  double drift_ = 0.0;
+  std::int64_t restarts_ = 0;
+};
+
+}  // namespace torquer::daemon

@@ -1,0 +1,388 @@
+#include "host/daemon/daemon.h"
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+#include "calibration/calibration_file.h"
+#include "host/bus/channels.h"
+#include "host/bus/clock.h"
+#include "host/support/error.h"
+#include "protocol/hid_reports.h"
+#include "torquer_lcm/device_sample_t.hpp"
+#include "torquer_lcm/instrument_command_t.hpp"
+#include "torquer_lcm/wire_state_t.hpp"
+
+namespace torquer::daemon {
+namespace {
+
+constexpr int kTickMs = 50;
+constexpr std::int64_t kListenUs = 400000;
+constexpr std::int64_t kSilentAfterUs = 250000;
+constexpr std::int64_t kHoldIntervalUs = 100000;
+constexpr std::int64_t kFlagsIntervalUs = 100000;
+
+// What the simulator last heard and this program last said may differ by a message in flight.
+constexpr double kSamePlaceMm = 1.0;
+constexpr double kSamePlaceRad = 0.1;
+
+constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
+
+// What the bus tells about an instrument.
+struct Heard {
+  std::optional<torquer_lcm::wire_state_t> state;
+  bool commanded = false;
+};
+
+// A connection of its own: the running daemon only speaks, so that the traffic of 1 kHz and more
+// does not wake it.
+Heard ListenFor(const std::string& instrument, const std::string& url) {
+  Heard heard;
+  bus::Bus listener(url);
+  listener.Subscribe<torquer_lcm::wire_state_t>(bus::kWireStateChannel,
+                                                [&](const torquer_lcm::wire_state_t& state) {
+                                                  if (state.instrument == instrument)
+                                                    heard.state = state;
+                                                });
+  listener.Subscribe<torquer_lcm::instrument_command_t>(
+      bus::kInstrumentCommandChannel, [&](const torquer_lcm::instrument_command_t& command) {
+        if (command.instrument == instrument) heard.commanded = true;
+      });
+  const std::int64_t end_us = bus::MonotonicUs() + kListenUs;
+  for (std::int64_t now_us = 0; (now_us = bus::MonotonicUs()) < end_us && !heard.commanded;) {
+    listener.Handle(static_cast<int>((end_us - now_us) / 1000) + 1);
+  }
+  return heard;
+}
+
+bool Usable(const torquer_lcm::wire_state_t& state) {
+  return state.command_sequence >= 0 && std::isfinite(state.commanded_insertion_mm) &&
+         std::isfinite(state.commanded_rotation_rad);
+}
+
+std::string Describe(const Pose& pose) {
+  char text[120];
+  std::snprintf(text, sizeof text, "%.2f mm inserted, %.3f rad turned", pose.insertion_mm,
+                pose.rotation_rad);
+  return text;
+}
+
+}  // namespace
+
+Daemon::Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<ReportSource> source)
+    : options_(std::move(options)),
+      bus_(bus),
+      source_(std::move(source)),
+      health_(bus, "daemon"),
+      instrument_claim_(options_.instrument, bus.url()) {
+  TakeUpPosition();
+}
+
+void Daemon::TakeUpPosition() {
+  std::optional<LastCommand> previous = instrument_claim_.previous();
+  if (previous && previous->clock_id != bus::ClockId()) previous.reset();
+  if (previous) sequence_ = previous->sequence + 1;
+  if (previous && bus::MonotonicUs() - previous->publish_us > kTakeUpWithinS * 1000000LL) {
+    previous.reset();
+  }
+
+  const Heard heard = ListenFor(options_.instrument, bus_.url());
+  if (heard.commanded) {
+    throw UserError("the instrument '" + options_.instrument +
+                    "' already gets commands on the bus at " + bus_.url() +
+                    ", from another machine or a log player; stop that, or choose another "
+                    "--instrument or --lcm-url");
+  }
+  Pose start = previous ? previous->pose : Pose{};
+  std::string from = previous ? "the previous daemon" : "";
+  if (heard.state && Usable(*heard.state)) {
+    const torquer_lcm::wire_state_t& state = *heard.state;
+    sequence_ = std::max(sequence_, state.command_sequence + 1);
+    const bool same = std::abs(state.commanded_insertion_mm - start.insertion_mm) < kSamePlaceMm &&
+                      std::abs(state.commanded_rotation_rad - start.rotation_rad) < kSamePlaceRad;
+    if (!previous || !same) {
+      start.insertion_mm = state.commanded_insertion_mm;
+      start.rotation_rad = state.commanded_rotation_rad;
+      from = "the simulator";
+    }
+  } else if (heard.state) {
+    // It has not been commanded yet: whatever was published before was to another simulation.
+    start = {};
+    from.clear();
+  }
+  pipeline_.emplace(HandTracker(options_.calibration, start));
+  Announce("waiting for device", from.empty()
+                                     ? "starting at zero, waiting for " + source_->place()
+                                     : "taking up the position of " + from + ": " +
+                                           Describe(start) + "; waiting for " + source_->place());
+}
+
+void Daemon::Run() {
+  const std::int64_t start_us = bus::MonotonicUs();
+  try {
+    while (!stop_) {
+      source_->Wait(kTickMs, [this](const SourceEvent& event) { OnEvent(event); });
+      const std::int64_t now_us = bus::MonotonicUs();
+      OnTick(now_us);
+      if (connections_ == 0 && now_us - start_us > kFirstDeviceS * 1000000LL) {
+        throw UserError("no device: nothing at " + source_->place() + " for " +
+                        std::to_string(kFirstDeviceS) +
+                        " seconds; connect the bench device or start torquer-emulator, and look "
+                        "at --source and --device");
+      }
+    }
+  } catch (const std::exception& error) {
+    health_.Change("stopping", error.what(), Counters());
+    throw;
+  }
+  Announce("stopping", "asked to stop");
+}
+
+void Daemon::Stop() {
+  stop_ = true;
+  source_->Interrupt();
+}
+
+void Daemon::Home() {
+  home_ = true;
+  source_->Interrupt();
+}
+
+void Daemon::OnEvent(const SourceEvent& event) {
+  switch (event.kind) {
+    case SourceEvent::Kind::kConnected:
+      OnConnected(event);
+      break;
+    case SourceEvent::Kind::kReport:
+      OnReport(event);
+      break;
+    case SourceEvent::Kind::kDisconnected:
+      OnDisconnected(event);
+      break;
+  }
+}
+
+void Daemon::OnConnected(const SourceEvent& event) {
+  std::string serial;
+  try {
+    serial = CheckIdentity();
+    if (options_.calibration) {
+      calibration::RequireDevice(*options_.calibration, options_.calibration_path, serial);
+      CheckResolution();
+    }
+  } catch (const FeatureError& error) {
+    throw UserError(event.text + ": the device does not tell its firmware version (" +
+                    error.what() + "): it has none, or not ours; " + kFlashRemedy);
+  }
+  if (serial != device_) {
+    device_claim_.reset();
+    device_claim_.emplace(DeviceClaimName(event.text + " " + serial),
+                          "the device '" + serial + "'");
+    device_ = serial;
+    health_.SetDevice(serial);
+  }
+  connected_ = true;
+  silent_ = false;
+  last_report_us_ = event.host_us;
+  pipeline_->OnConnected();
+  ++connections_;
+  Announce("running", connections_ == 1 ? "reading device " + serial + " at " + event.text
+                                        : "device " + serial + " is back; going on from " +
+                                              Describe(pipeline_->Hold().pose) +
+                                              "; what the hand moved meanwhile is not known");
+}
+
+// The serial number; throws for firmware that cannot be talked to.
+std::string Daemon::CheckIdentity() {
+  const std::vector<std::uint8_t> answer = source_->GetFeature(protocol::kIdentityReportId);
+  if (answer.size() >= 2 && answer[1] != protocol::kProtocolVersion) {
+    throw UserError("the device's firmware has protocol version " + std::to_string(answer[1]) +
+                    ", this program " + std::to_string(protocol::kProtocolVersion) + "; " +
+                    kFlashRemedy);
+  }
+  if (answer.size() != sizeof(protocol::IdentityReport)) {
+    throw UserError("the device's identity has " + std::to_string(answer.size()) +
+                    " bytes instead of " + std::to_string(sizeof(protocol::IdentityReport)) + "; " +
+                    kFlashRemedy);
+  }
+  protocol::IdentityReport identity;
+  std::memcpy(&identity, answer.data(), sizeof identity);
+  std::string serial(identity.serial, strnlen(identity.serial, sizeof identity.serial));
+  for (char& character : serial) {
+    if (character < ' ' || character > '~') character = '?';
+  }
+  return serial;
+}
+
+// Gains hold for one sensor resolution; the device is told to use it.
+void Daemon::CheckResolution() {
+  const int wanted = options_.calibration->motion.cpi;
+  const auto ask = [this] {
+    protocol::ConfigurationReport configuration{};
+    const std::vector<std::uint8_t> answer = source_->GetFeature(protocol::kConfigurationReportId);
+    if (answer.size() != sizeof configuration) throw FeatureError("configuration cut short");
+    std::memcpy(&configuration, answer.data(), sizeof configuration);
+    return configuration;
+  };
+  protocol::ConfigurationReport configuration = ask();
+  if (configuration.cpi == wanted) return;
+  const int found = configuration.cpi;
+  configuration.cpi = static_cast<std::uint16_t>(wanted);
+  try {
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(&configuration);
+    source_->SetFeature({bytes, sizeof configuration});
+    configuration = ask();
+  } catch (const FeatureError&) {
+    // Told below, with both values.
+  }
+  if (configuration.cpi != wanted) {
+    throw UserError(options_.calibration_path + ": motion.cpi = " + std::to_string(wanted) +
+                    ", but the device's sensor is set to " + std::to_string(found) +
+                    " and cannot be set otherwise; take a new calibration with torquer-calibrate");
+  }
+}
+
+void Daemon::OnReport(const SourceEvent& event) {
+  const std::int64_t jumps = pipeline_->decoder().counters().jumps;
+  const std::int64_t epochs = pipeline_->decoder().counters().epochs;
+  const std::optional<PipelineOutput> output = pipeline_->OnReport(event.report, event.host_us);
+  if (!output) return;
+  last_report_us_ = event.host_us;
+  PublishCommand(output->hand, output->origin_us);
+  statistics_.AddLatency(bus::MonotonicUs() - event.host_us);
+  PublishSample(*output);
+
+  if (silent_) {
+    silent_ = false;
+    Announce("running", "reports come again");
+  }
+  if (pipeline_->decoder().counters().jumps != jumps) {
+    Announce("running", "the device's counts jumped faster than any hand; going on from " +
+                            Describe(output->hand.pose));
+  }
+  if (pipeline_->decoder().counters().epochs != epochs && epochs >= connections_) {
+    Announce("running", "the device was reset; going on from " + Describe(output->hand.pose) +
+                            "; what the hand moved meanwhile is not known");
+  }
+  AnnounceFlags(output->hand.flags, event.host_us);
+}
+
+void Daemon::OnDisconnected(const SourceEvent& event) {
+  connected_ = false;
+  silent_ = false;
+  ++disconnections_;
+  PublishHold(event.host_us);
+  Announce("waiting for device", event.text + "; holding " + Describe(pipeline_->Hold().pose));
+}
+
+void Daemon::OnTick(std::int64_t now_us) {
+  if (home_.exchange(false)) {
+    pipeline_->Home();
+    if (!connected_) PublishHold(now_us);
+    Announce(health_.state(), "home: here is zero now");
+  }
+  if (connected_ && !silent_ && now_us - last_report_us_ > kSilentAfterUs) {
+    silent_ = true;
+    PublishHold(now_us);
+    Announce("device silent", "the device is connected but sends no reports; holding " +
+                                  Describe(pipeline_->Hold().pose));
+  }
+  if ((!connected_ || silent_) && connections_ > 0 && now_us - last_hold_us_ >= kHoldIntervalUs) {
+    PublishHold(now_us);
+  }
+  if (health_.Due(now_us)) health_.Repeat(Counters());
+}
+
+void Daemon::Announce(const std::string& state, const std::string& message) {
+  health_.Change(state, message, Counters());
+  std::fprintf(stderr, "torquer-daemon: %s: %s\n", state.c_str(), message.c_str());
+}
+
+// A doubt can come and go with every report; it is on every command, so here ten a second do.
+void Daemon::AnnounceFlags(std::int32_t flags, std::int64_t now_us) {
+  constexpr std::int32_t kTold = bus::kCommandLift | bus::kCommandSensorFault;
+  flags &= kTold;
+  if (flags == announced_flags_ || now_us - last_flags_us_ < kFlagsIntervalUs) return;
+  announced_flags_ = flags;
+  last_flags_us_ = now_us;
+  if ((flags & bus::kCommandSensorFault) != 0) {
+    Announce("sensor fault", "the sensor does not answer as it should; motion is held");
+  } else if ((flags & bus::kCommandLift) != 0) {
+    Announce("sensor lifted", "the sensor is lifted or its surface poor; motion is held");
+  } else {
+    Announce("running", "the sensor sees well again");
+  }
+}
+
+void Daemon::PublishSample(const PipelineOutput& output) {
+  const Sample& sample = output.sample;
+  torquer_lcm::device_sample_t message;
+  message.device = device_;
+  message.clock_id = bus::ClockId();
+  message.receive_us = sample.receive_us;
+  message.origin_us = output.origin_us;
+  message.device_time_us = sample.device_time_us;
+  message.report_number = sample.report_number;
+  message.axial_counts = sample.axial_counts;
+  message.transverse_counts = sample.transverse_counts;
+  message.joystick_x = static_cast<std::int16_t>(sample.joystick_x);
+  message.joystick_y = static_cast<std::int16_t>(sample.joystick_y);
+  message.buttons = static_cast<std::int8_t>(sample.buttons);
+  message.flags = static_cast<std::int8_t>(sample.flags);
+  message.surface_quality = sample.surface_quality;
+  message.shutter = sample.shutter;
+  message.cpi = sample.cpi;
+  message.boot_id = sample.boot_id;
+  bus_.Publish(bus::kDeviceSampleChannel, message);
+}
+
+void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
+  torquer_lcm::instrument_command_t command;
+  command.instrument = options_.instrument;
+  command.sequence = sequence_++;
+  command.clock_id = bus::ClockId();
+  command.origin_us = origin_us;
+  command.publish_us = bus::MonotonicUs();
+  command.insertion_mm = hand.pose.insertion_mm;
+  command.rotation_rad = hand.pose.rotation_rad;
+  command.lao_rad = hand.pose.lao_rad;
+  command.cra_rad = hand.pose.cra_rad;
+  command.xray = hand.xray;
+  command.contrast = hand.contrast;
+  command.flags = hand.flags;
+  if (bus_.Publish(bus::kInstrumentCommandChannel, command)) ++commands_published_;
+  instrument_claim_.Remember({hand.pose, command.sequence, command.publish_us, command.clock_id});
+}
+
+void Daemon::PublishHold(std::int64_t now_us) {
+  last_hold_us_ = now_us;
+  PublishCommand(pipeline_->Hold(), now_us);
+}
+
+bus::HealthCounters Daemon::Counters() const {
+  const DecoderCounters& decoder = pipeline_->decoder().counters();
+  const TrackerCounters& tracker = pipeline_->tracker().counters();
+  return {{"reports_received", decoder.received},
+          {"reports_lost", decoder.lost},
+          {"reports_duplicated", decoder.duplicated},
+          {"reports_reordered", decoder.reordered},
+          {"reports_wrong_length", decoder.wrong_length},
+          {"reports_wrong_id", decoder.wrong_id},
+          {"reports_wrong_version", decoder.wrong_version},
+          {"count_jumps", decoder.jumps},
+          {"connections", connections_},
+          {"disconnections", disconnections_},
+          {"device_resets", std::max<std::int64_t>(0, decoder.epochs - connections_)},
+          {"commands_published", commands_published_},
+          {"publish_failures", bus_.publish_failures()},
+          {"axial_counts_applied", tracker.axial_applied},
+          {"axial_counts_held", tracker.axial_held},
+          {"transverse_counts_applied", tracker.transverse_applied},
+          {"transverse_counts_held", tracker.transverse_held},
+          {"clock_drift_ppm", std::llround(1e6 * pipeline_->clock_map().drift())},
+          {"clock_restarts", pipeline_->clock_map().restarts()},
+          {"report_to_command_p99_us", statistics_.QuantileUs(0.99)}};
+}
+
+}  // namespace torquer::daemon

@@ -1,0 +1,89 @@
+// The daemon: one device's reports in, one instrument's commands out.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "calibration/motion_model.h"
+#include "host/bus/bus.h"
+#include "host/bus/health_reporter.h"
+#include "host/daemon/claim.h"
+#include "host/daemon/pipeline.h"
+#include "host/daemon/report_source.h"
+#include "host/daemon/statistics.h"
+
+namespace torquer::daemon {
+
+struct DaemonOptions {
+  std::string instrument;
+  std::string calibration_path;                         ///< for messages; "" without calibration
+  std::optional<calibration::Calibration> calibration;  ///< nullopt: nominal gains
+};
+
+class Daemon {
+ public:
+  /// Claims the instrument and finds out where it stands: from the simulator, if one is on the bus,
+  /// else from what the previous daemon published less than kTakeUpWithinS ago, else at zero.
+  /// `bus` must outlive the daemon. Throws UserError when the instrument is taken.
+  Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<ReportSource> source);
+
+  /// Reads and publishes until Stop(), then says goodbye on the health channel.
+  /// Throws UserError when no device turns up within kFirstDeviceS, or when one does that cannot be
+  /// used (firmware, calibration, permission, taken by another daemon).
+  void Run();
+
+  /// Makes Run() return. From any thread.
+  void Stop();
+  /// The instrument's present place becomes its starting place. From any thread.
+  void Home();
+
+  /// For the statistics at the end.
+  bus::HealthCounters Counters() const;
+  const Statistics& statistics() const { return statistics_; }
+
+  static constexpr int kFirstDeviceS = 5;
+  static constexpr int kTakeUpWithinS = 600;
+
+ private:
+  void OnEvent(const SourceEvent& event);
+  void OnConnected(const SourceEvent& event);
+  void OnReport(const SourceEvent& event);
+  void OnDisconnected(const SourceEvent& event);
+  void OnTick(std::int64_t now_us);
+
+  void TakeUpPosition();
+  std::string CheckIdentity();
+  void CheckResolution();
+  void Announce(const std::string& state, const std::string& message);
+  void AnnounceFlags(std::int32_t flags, std::int64_t now_us);
+  void PublishSample(const PipelineOutput& output);
+  void PublishCommand(const HandState& hand, std::int64_t origin_us);
+  void PublishHold(std::int64_t now_us);
+
+  DaemonOptions options_;
+  bus::Bus& bus_;
+  std::unique_ptr<ReportSource> source_;
+  bus::HealthReporter health_;
+  InstrumentClaim instrument_claim_;
+  std::optional<Claim> device_claim_;
+  std::optional<Pipeline> pipeline_;
+  std::string device_;  // serial number, once known
+  bool connected_ = false;
+  bool silent_ = false;
+  std::int64_t last_report_us_ = 0;
+  std::int64_t last_hold_us_ = 0;
+  std::int64_t last_flags_us_ = 0;
+  std::int32_t announced_flags_ = 0;
+  std::int64_t sequence_ = 0;
+  std::int64_t commands_published_ = 0;
+  std::int64_t connections_ = 0;
+  std::int64_t disconnections_ = 0;
+  Statistics statistics_;
+  std::atomic<bool> stop_ = false;
+  std::atomic<bool> home_ = false;
+};
+
+}  // namespace torquer::daemon

@@ -1,0 +1,181 @@
+// torquer-daemon: a bench device's reports in, an instrument's commands out.
+
+#include <pthread.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "calibration/calibration_file.h"
+#include "host/bus/channels.h"
+#include "host/daemon/claim.h"
+#include "host/daemon/daemon.h"
+#include "host/daemon/socket_source.h"
+#include "host/support/command_line.h"
+#include "host/support/error.h"
+
+namespace {
+
+using torquer::UserError;
+
+constexpr char kUsage[] =
+    "usage: torquer-daemon --source usb|evdev|socket [--device SERIAL|PATH].. [--socket PATH]\n"
+    "         (--calibration FILE | --uncalibrated) [--lcm-url URL] [--instrument NAME] [--json]\n"
+    "       torquer-daemon --home [--lcm-url URL] [--instrument NAME]\n"
+    "\n"
+    "  --source usb       the bench device; --device picks one by serial number\n"
+    "  --source evdev     a mouse and a joystick, each given by --device /dev/input/..\n"
+    "  --source socket    the emulator that listens at --socket\n"
+    "  --calibration      what torquer-calibrate wrote for this device\n"
+    "  --uncalibrated     nominal gains; every command says so\n"
+    "  --lcm-url          the bus (else LCM_DEFAULT_URL, else this machine's multicast)\n"
+    "  --instrument       guidewire (as without) or catheter\n"
+    "  --json             statistics as one JSON object when it ends\n"
+    "  --home             tell the running daemon that the instrument is at its start now\n";
+
+struct Arguments {
+  std::string source;
+  std::vector<std::string> devices;
+  std::string socket;
+  std::string calibration;
+  bool uncalibrated = false;
+  std::string lcm_url;
+  std::string instrument = torquer::bus::kGuidewire;
+  bool json = false;
+  bool home = false;
+  bool help = false;
+};
+
+Arguments Parse(int argc, char** argv) {
+  Arguments arguments;
+  torquer::CommandLine line;
+  line.Option("--source", arguments.source);
+  line.Option("--device", [&](const std::string& name) { arguments.devices.push_back(name); });
+  line.Option("--socket", arguments.socket);
+  line.Option("--calibration", arguments.calibration);
+  line.Flag("--uncalibrated", arguments.uncalibrated);
+  line.Option("--lcm-url", arguments.lcm_url);
+  line.Option("--instrument", arguments.instrument);
+  line.Flag("--json", arguments.json);
+  line.Flag("--home", arguments.home);
+  line.Flag("--help", arguments.help);
+  line.Parse(argc, argv, kUsage);
+  if (arguments.instrument != torquer::bus::kGuidewire &&
+      arguments.instrument != torquer::bus::kCatheter) {
+    throw UserError("--instrument '" + arguments.instrument +
+                    "' is not known; there are guidewire and catheter");
+  }
+  if (arguments.help || arguments.home) return arguments;
+  if (arguments.calibration.empty() != arguments.uncalibrated) {
+    throw UserError(arguments.uncalibrated
+                        ? "--calibration and --uncalibrated exclude each other; give one"
+                        : "no calibration; give --calibration FILE (torquer-calibrate makes one), "
+                          "or --uncalibrated for nominal gains");
+  }
+  return arguments;
+}
+
+std::unique_ptr<torquer::daemon::ReportSource> MakeSource(const Arguments& arguments) {
+  if (arguments.source == "socket") {
+    return std::make_unique<torquer::daemon::SocketSource>(arguments.socket);
+  }
+  throw UserError("--source '" + arguments.source + "' is not known\n" + kUsage);
+}
+
+sigset_t HandledSignals() {
+  sigset_t signals{};
+  sigemptyset(&signals);
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) sigaddset(&signals, signal);
+  return signals;
+}
+
+// Turns signals into calls while it lives. They must have been blocked before the first thread was
+// made, so that no other thread takes them.
+class SignalThread {
+ public:
+  explicit SignalThread(torquer::daemon::Daemon& daemon)
+      : thread_([this, &daemon] { Serve(daemon); }) {}
+  ~SignalThread() {
+    done_ = true;
+    pthread_kill(thread_.native_handle(), SIGUSR1);
+    thread_.join();
+  }
+  SignalThread(const SignalThread&) = delete;
+  SignalThread& operator=(const SignalThread&) = delete;
+
+ private:
+  void Serve(torquer::daemon::Daemon& daemon) {
+    const sigset_t signals = HandledSignals();
+    for (int signal = 0; sigwait(&signals, &signal) == 0 && !done_;) {
+      if (signal == SIGUSR1) {
+        daemon.Home();
+      } else {
+        daemon.Stop();
+      }
+    }
+  }
+
+  std::atomic<bool> done_ = false;
+  std::thread thread_;
+};
+
+void PrintStatistics(const torquer::daemon::Daemon& daemon) {
+  const torquer::daemon::Statistics& statistics = daemon.statistics();
+  nlohmann::ordered_json object;
+  for (const auto& [name, value] : daemon.Counters()) object[name] = value;
+  object["report_to_command_p50_us"] = statistics.QuantileUs(0.5);
+  object["report_to_command_p99_us"] = statistics.QuantileUs(0.99);
+  object["report_to_command_max_us"] = statistics.max_us();
+  object["cpu_percent_of_core"] = statistics.CpuPercent();
+  object["wall_s"] = statistics.WallSeconds();
+  std::printf("%s\n", object.dump().c_str());
+}
+
+int SendHome(const Arguments& arguments) {
+  const auto holder = torquer::daemon::ClaimHolder(
+      torquer::daemon::InstrumentClaimName(arguments.instrument, arguments.lcm_url));
+  if (!holder || kill(*holder, SIGUSR1) != 0) {
+    throw UserError("no torquer-daemon of yours drives the instrument '" + arguments.instrument +
+                    "' on this bus; give the --instrument and --lcm-url that it was started with");
+  }
+  return 0;
+}
+
+int RunDaemon(const Arguments& arguments) {
+  torquer::daemon::DaemonOptions options;
+  options.instrument = arguments.instrument;
+  if (!arguments.uncalibrated) {
+    options.calibration_path = arguments.calibration;
+    options.calibration = torquer::calibration::ReadCalibration(arguments.calibration);
+  }
+  std::unique_ptr<torquer::daemon::ReportSource> source = MakeSource(arguments);
+  const sigset_t signals = HandledSignals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  torquer::bus::Bus bus(arguments.lcm_url);
+  torquer::daemon::Daemon daemon(std::move(options), bus, std::move(source));
+  const SignalThread signal_thread(daemon);
+  daemon.Run();
+  if (arguments.json) PrintStatistics(daemon);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const Arguments arguments = Parse(argc, argv);
+    if (arguments.help) {
+      std::fputs(kUsage, stdout);
+      return 0;
+    }
+    return arguments.home ? SendHome(arguments) : RunDaemon(arguments);
+  } catch (const UserError& error) {
+    std::fprintf(stderr, "torquer-daemon: %s\n", error.what());
+    return torquer::kExitUserError;
+  }
+}

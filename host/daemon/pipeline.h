@@ -1,0 +1,54 @@
+// All that lies between a report's bytes and a command, in one pure chain: bytes -> sample ->
+// time of sampling -> hand state. No I/O, no clock: the same reports and arrival times give the
+// same outputs, bit for bit.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "host/daemon/clock_map.h"
+#include "host/daemon/hand_tracker.h"
+#include "host/daemon/report_decoder.h"
+
+namespace torquer::daemon {
+
+/// What one report led to.
+struct PipelineOutput {
+  Sample sample;
+  std::int64_t origin_us = 0;  ///< host time of sampling
+  HandState hand;
+};
+
+class Pipeline {
+ public:
+  explicit Pipeline(HandTracker tracker) : tracker_(std::move(tracker)) {}
+
+  /// A device was connected; its numbers begin anywhere.
+  void OnConnected() { decoder_.StartEpoch(); }
+
+  /// Nothing when the report brought nothing new; decoder().counters() says why.
+  std::optional<PipelineOutput> OnReport(std::span<const std::uint8_t> report,
+                                         std::int64_t receive_us) {
+    const std::optional<Sample> sample = decoder_.Decode(report, receive_us);
+    if (!sample) return std::nullopt;
+    if (sample->starts_epoch) clock_map_.Reset();
+    const std::int64_t origin_us = clock_map_.Map(sample->device_time_us, receive_us);
+    return PipelineOutput{*sample, origin_us, tracker_.Step(*sample)};
+  }
+
+  HandState Hold() const { return tracker_.Hold(); }
+  void Home() { tracker_.Home(); }
+
+  const ReportDecoder& decoder() const { return decoder_; }
+  const ClockMap& clock_map() const { return clock_map_; }
+  const HandTracker& tracker() const { return tracker_; }
+
+ private:
+  ReportDecoder decoder_;
+  ClockMap clock_map_;
+  HandTracker tracker_;
+};
+
+}  // namespace torquer::daemon

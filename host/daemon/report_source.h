@@ -1,0 +1,59 @@
+// Where a daemon's reports come from: USB, a Unix socket, or an ordinary mouse and joystick.
+// Past this interface nothing differs.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace torquer::daemon {
+
+/// What a source has to tell.
+struct SourceEvent {
+  enum class Kind {
+    kConnected,     ///< a device is here; features can be asked for, reports follow
+    kReport,        ///< one input report
+    kDisconnected,  ///< it is gone; a further kConnected follows when it, or its like, returns
+  };
+  Kind kind = Kind::kReport;
+  std::int64_t host_us = 0;                ///< arrival, CLOCK_MONOTONIC
+  std::span<const std::uint8_t> report{};  ///< kReport: as sent, report id first; of any length
+  std::string text{};  ///< kConnected: where the device is; kDisconnected: what happened
+};
+
+/// A feature request that the device refused, as by a USB STALL, or did not answer in time.
+class FeatureError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// All calls from one thread, except Interrupt().
+class ReportSource {
+ public:
+  using Sink = std::function<void(const SourceEvent&)>;
+
+  virtual ~ReportSource() = default;
+
+  /// Waits at most `timeout_ms` for events and hands them to `sink` in order of arrival; returns
+  /// early after Interrupt(). While no device is here it tries to find one again by itself. `sink`
+  /// may ask for features. Throws UserError for what will not mend by waiting, such as a device
+  /// that may not be opened.
+  virtual void Wait(int timeout_ms, const Sink& sink) = 0;
+
+  /// Makes a running or the next Wait() return soon. From any thread.
+  virtual void Interrupt() = 0;
+
+  /// The feature report `report_id`, report id first. Throws FeatureError.
+  virtual std::vector<std::uint8_t> GetFeature(std::uint8_t report_id) = 0;
+
+  /// Sends a feature report, report id first. Throws FeatureError.
+  virtual void SetFeature(std::span<const std::uint8_t> report) = 0;
+
+  /// Where the source looks for a device, for messages: "socket /run/x", "USB device 1209:0001".
+  virtual std::string place() const = 0;
+};
+
+}  // namespace torquer::daemon

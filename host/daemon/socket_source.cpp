@@ -1,0 +1,163 @@
+#include "host/daemon/socket_source.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "host/bus/clock.h"
+#include "host/support/error.h"
+
+namespace torquer::daemon {
+namespace {
+
+constexpr int kReconnectMs = 50;
+constexpr int kBurst = 64;
+constexpr std::int64_t kAnswerUs = 1000000;
+
+using protocol::SocketPacket;
+
+std::uint8_t Kind(SocketPacket kind) { return static_cast<std::uint8_t>(kind); }
+
+}  // namespace
+
+SocketSource::SocketSource(std::string path) : path_(std::move(path)) {
+  if (path_.empty() || path_.size() >= sizeof(sockaddr_un::sun_path)) {
+    throw UserError("--socket '" + path_ + "': a socket's path has 1 to " +
+                    std::to_string(sizeof(sockaddr_un::sun_path) - 1) +
+                    " characters; choose a shorter one");
+  }
+}
+
+SocketSource::~SocketSource() { Close(); }
+
+bool SocketSource::Connect() {
+  const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+  if (fd < 0) return false;
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::memcpy(address.sun_path, path_.data(), path_.size());
+  if (connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) {
+    fd_ = fd;
+    return true;
+  }
+  const int reason = errno;
+  close(fd);
+  if (reason == EACCES || reason == EPROTOTYPE || reason == ENOTSOCK) {
+    throw UserError("--socket '" + path_ + "': cannot be connected to: " + std::strerror(reason) +
+                    "; give the socket that torquer-emulator listens on");
+  }
+  return false;  // not there yet
+}
+
+void SocketSource::Close() {
+  if (fd_ >= 0) close(fd_);
+  fd_ = -1;
+}
+
+void SocketSource::Wait(int timeout_ms, const Sink& sink) {
+  if (fd_ < 0 && Connect()) {
+    sink({.kind = SourceEvent::Kind::kConnected,
+          .host_us = bus::MonotonicUs(),
+          .report = {},
+          .text = place()});
+  }
+  const auto deliver_waiting = [&] {
+    while (!waiting_.empty()) {
+      const Arrival arrival = std::move(waiting_.front());
+      waiting_.pop_front();
+      Deliver(arrival, sink);
+    }
+  };
+  deliver_waiting();
+
+  if (fd_ < 0) timeout_ms = std::min(timeout_ms, kReconnectMs);
+  std::array<pollfd, 2> events{{{wake_up_.fd(), POLLIN, 0}, {fd_, POLLIN, 0}}};
+  if (poll(events.data(), events.size(), timeout_ms) <= 0) return;
+  if (events[0].revents != 0) wake_up_.Clear();
+  if (events[1].revents == 0) return;
+  // What is there, so that a backlog is worked off without further polling; but a device that
+  // sends without pause must not keep the caller for ever.
+  Arrival arrival;
+  for (int i = 0; i < kBurst && fd_ >= 0 && Receive(arrival); ++i) {
+    Deliver(arrival, sink);
+    deliver_waiting();
+  }
+}
+
+// One packet without waiting; false when none is there.
+bool SocketSource::Receive(Arrival& arrival) {
+  arrival.packet.resize(protocol::kSocketPacketMax);
+  ssize_t size;
+  do {
+    size = recv(fd_, arrival.packet.data(), arrival.packet.size(), MSG_DONTWAIT);
+  } while (size < 0 && errno == EINTR);
+  if (size < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return false;
+  arrival.host_us = bus::MonotonicUs();
+  arrival.packet.resize(static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
+  return true;
+}
+
+void SocketSource::Deliver(const Arrival& arrival, const Sink& sink) {
+  if (arrival.packet.empty()) {
+    Close();
+    waiting_.clear();
+    sink({.kind = SourceEvent::Kind::kDisconnected,
+          .host_us = arrival.host_us,
+          .report = {},
+          .text = place() + " was closed by the device"});
+    return;
+  }
+  // Answers that came too late to be waited for are dropped.
+  if (arrival.packet[0] != Kind(SocketPacket::kInput)) return;
+  sink({.kind = SourceEvent::Kind::kReport,
+        .host_us = arrival.host_us,
+        .report = std::span(arrival.packet).subspan(1),
+        .text = {}});
+}
+
+std::vector<std::uint8_t> SocketSource::GetFeature(std::uint8_t report_id) {
+  std::vector<std::uint8_t> answer =
+      Request({Kind(SocketPacket::kGetFeature), report_id}, SocketPacket::kFeature);
+  answer.erase(answer.begin());
+  if (answer.empty() || answer[0] != report_id) {
+    throw FeatureError("the answer is another feature report than the one asked for");
+  }
+  return answer;
+}
+
+void SocketSource::SetFeature(std::span<const std::uint8_t> report) {
+  std::vector<std::uint8_t> packet(1 + report.size(), Kind(SocketPacket::kSetFeature));
+  std::copy(report.begin(), report.end(), packet.begin() + 1);
+  Request(packet, SocketPacket::kDone);
+}
+
+std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>& packet,
+                                                protocol::SocketPacket expected) {
+  if (fd_ < 0) throw FeatureError("no device is connected");
+  if (send(fd_, packet.data(), packet.size(), MSG_NOSIGNAL) < 0) {
+    throw FeatureError(std::string("the request cannot be sent: ") + std::strerror(errno));
+  }
+  const std::int64_t deadline_us = bus::MonotonicUs() + kAnswerUs;
+  for (;;) {
+    const std::int64_t left_us = deadline_us - bus::MonotonicUs();
+    if (left_us <= 0) throw FeatureError("no answer within a second");
+    pollfd event{fd_, POLLIN, 0};
+    if (poll(&event, 1, static_cast<int>(left_us / 1000) + 1) <= 0) continue;
+    Arrival arrival;
+    if (!Receive(arrival)) continue;
+    const bool gone = arrival.packet.empty();
+    const std::uint8_t kind = gone ? 0 : arrival.packet[0];
+    if (kind == Kind(expected)) return std::move(arrival.packet);
+    if (kind == Kind(SocketPacket::kStall)) throw FeatureError("the device refused the request");
+    waiting_.push_back(std::move(arrival));
+    if (gone) throw FeatureError("the device went away");
+  }
+}
+
+}  // namespace torquer::daemon

@@ -1,0 +1,46 @@
+// Reports over a Unix socket (protocol/socket_link.h): the emulator's way, byte for byte as on USB.
+#pragma once
+
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "host/daemon/report_source.h"
+#include "host/daemon/wake_up.h"
+#include "protocol/socket_link.h"
+
+namespace torquer::daemon {
+
+class SocketSource : public ReportSource {
+ public:
+  /// The device listens at `path`; it need not be there yet.
+  /// Throws UserError when `path` is too long for a socket's address.
+  explicit SocketSource(std::string path);
+  ~SocketSource() override;
+
+  void Wait(int timeout_ms, const Sink& sink) override;
+  void Interrupt() override { wake_up_.Raise(); }
+  std::vector<std::uint8_t> GetFeature(std::uint8_t report_id) override;
+  void SetFeature(std::span<const std::uint8_t> report) override;
+  std::string place() const override { return "socket " + path_; }
+
+ private:
+  struct Arrival {
+    std::int64_t host_us;
+    std::vector<std::uint8_t> packet;  // kind byte first; empty: the other end is gone
+  };
+
+  bool Connect();
+  void Close();
+  bool Receive(Arrival& arrival);
+  void Deliver(const Arrival& arrival, const Sink& sink);
+  std::vector<std::uint8_t> Request(const std::vector<std::uint8_t>& packet,
+                                    protocol::SocketPacket expected);
+
+  std::string path_;
+  int fd_ = -1;
+  WakeUp wake_up_;
+  std::deque<Arrival> waiting_;  // came in while an answer was awaited
+};
+
+}  // namespace torquer::daemon

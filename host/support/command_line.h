@@ -1,0 +1,50 @@
+// Words after a program's name, for programs whose options are "--name VALUE" and "--flag".
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "host/support/error.h"
+
+namespace torquer {
+
+/// Declare the options, then Parse() once.
+class CommandLine {
+ public:
+  /// `name VALUE`: `take` gets the value, once for each time that it is given.
+  void Option(const std::string& name, std::function<void(const std::string&)> take) {
+    options_[name] = {true, std::move(take)};
+  }
+  /// As above, into `value`.
+  void Option(const std::string& name, std::string& value) {
+    Option(name, [&value](const std::string& given) { value = given; });
+  }
+  /// `name` alone sets `value`.
+  void Flag(const std::string& name, bool& value) {
+    options_[name] = {false, [&value](const std::string&) { value = true; }};
+  }
+
+  /// Throws UserError naming the word that is unknown or lacks its value; `usage` ends the message.
+  void Parse(int argc, char** argv, const std::string& usage) const {
+    const std::vector<std::string> words(argv + 1, argv + argc);
+    for (std::size_t i = 0; i < words.size(); ++i) {
+      const auto found = options_.find(words[i]);
+      if (found == options_.end()) {
+        throw UserError("unknown argument '" + words[i] + "'\n" + usage);
+      }
+      const auto& [has_value, take] = found->second;
+      if (has_value && i + 1 == words.size()) {
+        throw UserError(words[i] + " needs a value\n" + usage);
+      }
+      take(has_value ? words[++i] : std::string());
+    }
+  }
+
+ private:
+  std::map<std::string, std::pair<bool, std::function<void(const std::string&)>>> options_;
+};
+
+}  // namespace torquer

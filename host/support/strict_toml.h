@@ -1,0 +1,70 @@
+// TOML read strictly: every key is read or refused, every value checked where it stands.
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace torquer {
+
+/// A table of a TOML file. Getters throw UserError naming file, line, key, value and remedy; they
+/// remember what was asked for, so that RefuseUnread() can name every key that means nothing.
+class StrictTable {
+ public:
+  /// Reads a file. Throws UserError when it cannot be read or is not TOML.
+  static StrictTable Read(const std::string& path);
+  /// The same from text, `path` for messages.
+  static StrictTable Parse(const std::string& text, const std::string& path);
+
+  StrictTable(StrictTable&&) noexcept;
+  StrictTable& operator=(StrictTable&&) noexcept;
+  ~StrictTable();
+
+  bool Has(const std::string& key) const;
+
+  /// A number in [lowest, highest]; NaN and infinities never are.
+  double Number(const std::string& key, double lowest, double highest);
+  double Number(const std::string& key, double lowest, double highest, double fallback);
+  int Integer(const std::string& key, int lowest, int highest, int fallback);
+  bool Boolean(const std::string& key, bool fallback);
+  std::string Text(const std::string& key);
+  std::string Text(const std::string& key, const std::string& fallback);
+  /// One of the names in `choices`; returns its index.
+  int Choice(const std::string& key, const std::vector<std::string>& choices);
+  int Choice(const std::string& key, const std::vector<std::string>& choices, int fallback);
+  /// Three finite numbers.
+  Eigen::Vector3d Point(const std::string& key);
+  /// Numbers, each in [lowest, highest]; at least one.
+  std::vector<double> Numbers(const std::string& key, double lowest, double highest);
+  /// Points, at least `fewest`.
+  std::vector<Eigen::Vector3d> Points(const std::string& key, std::size_t fewest);
+
+  /// A table inside this one; throws when it is missing.
+  StrictTable& Table(const std::string& key);
+  StrictTable* OptionalTable(const std::string& key);
+  /// [[key]] tables, in order; empty when there is none.
+  std::vector<StrictTable*> Tables(const std::string& key);
+  /// All keys that this table has.
+  std::vector<std::string> Keys() const;
+
+  /// Throws for the first key, here or in a table inside, that nobody asked for.
+  void RefuseUnread();
+  /// Throws a UserError "file:line: key = value: problem".
+  [[noreturn]] void Refuse(const std::string& key, const std::string& problem) const;
+  /// "file:line", of a key or of the table itself.
+  std::string Where(const std::string& key = "") const;
+
+ private:
+  struct Impl;
+  explicit StrictTable(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Of `known`, the name that `given` most likely meant (by edit distance), or "" if none is near.
+std::string NearestName(const std::string& given, const std::vector<std::string>& known);
+
+}  // namespace torquer
