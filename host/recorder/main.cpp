@@ -1,0 +1,96 @@
+// torquer-report: the figures and the picture of a recorded session.
+
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <string>
+
+#include "calibration/calibration_file.h"
+#include "host/bus/channels.h"
+#include "host/recorder/report_output.h"
+#include "host/support/error.h"
+
+namespace {
+
+constexpr char kUsage[] =
+    "usage: torquer-report LOG [--calibration FILE] [--json] [--picture FILE.svg]\n"
+    "Tells what a session that lcm-logger recorded lost, and whether the wire went where the hand\n"
+    "went. Exit status: 0 when no report was lost and both agree within one count of the sensor,\n"
+    "1 when not, 2 when there is nothing to judge.\n"
+    "  --calibration FILE  that the daemon used; without, nominal gains, as --uncalibrated has\n"
+    "  --json              one JSON object instead of text\n"
+    "  --picture FILE.svg  draw the last state of the wire in its vessel\n";
+
+struct Options {
+  std::string log;
+  std::string calibration;
+  std::string picture;
+  bool json = false;
+};
+
+Options Parse(int argc, char** argv) {
+  Options options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const auto value = [&] {
+      if (i + 1 >= argc) throw torquer::UserError(argument + " needs a value\n" + kUsage);
+      return std::string(argv[++i]);
+    };
+    if (argument == "--calibration") {
+      options.calibration = value();
+    } else if (argument == "--picture") {
+      options.picture = value();
+    } else if (argument == "--json") {
+      options.json = true;
+    } else if (argument.starts_with("-") || !options.log.empty()) {
+      throw torquer::UserError("unexpected argument \"" + argument + "\"\n" + kUsage);
+    } else {
+      options.log = argument;
+    }
+  }
+  if (options.log.empty()) throw torquer::UserError(std::string("no LOG given\n") + kUsage);
+  return options;
+}
+
+void WriteFile(const std::string& path, const std::string& text) {
+  std::ofstream file(path, std::ios::binary);
+  file << text;
+  file.close();
+  if (!file)
+    throw torquer::UserError(path + ": cannot be written; name a file in a folder of yours");
+}
+
+int Run(const Options& options) {
+  torquer::SessionReporter reporter(torquer::bus::kGuidewire);
+  const torquer::SessionLogSummary summary =
+      torquer::ReadSessionLog(options.log, reporter.Handlers());
+  const torquer::calibration::MotionModel motion =
+      options.calibration.empty()
+          ? torquer::calibration::NominalCalibration("", reporter.cpi()).motion
+          : torquer::calibration::ReadCalibration(options.calibration).motion;
+  Eigen::Matrix2d motion_per_count;
+  motion_per_count << motion.per_count[0][0], motion.per_count[0][1], motion.per_count[1][0],
+      motion.per_count[1][1];
+
+  torquer::SessionReport report = reporter.Finish(motion_per_count);
+  report.undecodable = summary.undecodable;
+  if (!options.picture.empty()) WriteFile(options.picture, torquer::DrawReport(report, {}));
+  std::cout << (options.json ? torquer::FormatReportJson(report, options.picture)
+                             : torquer::FormatReport(report));
+  return report.Good() ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    if (argc == 2 && std::string(argv[1]) == "--help") {
+      std::cout << kUsage;
+      return 0;
+    }
+    return Run(Parse(argc, argv));
+  } catch (const torquer::UserError& error) {
+    std::cerr << "torquer-report: " << error.what() << "\n";
+    return torquer::kExitUserError;
+  }
+}

@@ -1,0 +1,39 @@
+// Reads a session that lcm-logger recorded, message by message.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "torquer_lcm/device_sample_t.hpp"
+#include "torquer_lcm/hand_motion_t.hpp"
+#include "torquer_lcm/health_t.hpp"
+#include "torquer_lcm/instrument_command_t.hpp"
+#include "torquer_lcm/scene_description_t.hpp"
+#include "torquer_lcm/wire_state_t.hpp"
+
+namespace torquer {
+
+/// What to do with each message of a session; an empty function skips its kind undecoded.
+struct SessionHandlers {
+  std::function<void(const torquer_lcm::device_sample_t&)> sample;
+  std::function<void(const torquer_lcm::instrument_command_t&)> command;
+  std::function<void(const torquer_lcm::wire_state_t&)> state;
+  std::function<void(const torquer_lcm::scene_description_t&)> scene;
+  std::function<void(const torquer_lcm::health_t&)> health;
+  std::function<void(const torquer_lcm::hand_motion_t&)> truth;  ///< of the emulator
+};
+
+/// What a log held besides what was handed on.
+struct SessionLogSummary {
+  std::int64_t messages = 0;     ///< all, those of other channels included
+  std::int64_t undecodable = 0;  ///< on our channels, but not of the channel's type
+  std::int64_t first_us = 0;     ///< when the logger received the first message, its wall clock
+  std::int64_t last_us = 0;      ///< and the last
+};
+
+/// Reads the log at `path` to its last whole record, in recorded order, in memory that does not
+/// grow with the log. Throws UserError when the file cannot be read or holds no LCM message.
+SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers& handlers);
+
+}  // namespace torquer

@@ -1,0 +1,361 @@
+#include "host/recorder/session_picture.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+namespace torquer {
+namespace {
+
+using Box = Eigen::AlignedBox2d;
+
+// Pixels of the whole picture and of its two panels.
+constexpr double kWidth = 1200;
+constexpr double kHeight = 1000;
+constexpr double kMargin = 36;
+constexpr double kTop = 118;
+constexpr double kOverviewWidth = 440;
+constexpr double kCloseUpHeight = 610;
+
+constexpr int kShades = 32;
+constexpr std::size_t kMostTriangles = 14000;
+// Of the wire, from its tip, that the close-up shows.
+constexpr double kCloseUpLengthMm = 90;
+// Of the wire, from its tip, that is drawn in another color.
+constexpr double kTipLengthMm = 10;
+
+__attribute__((format(printf, 2, 3))) void Append(std::string& out, const char* format, ...) {
+  std::va_list arguments;
+  va_start(arguments, format);
+  std::va_list again;
+  va_copy(again, arguments);
+  const int length = std::vsnprintf(nullptr, 0, format, arguments);
+  va_end(arguments);
+  const std::size_t end = out.size();
+  out.resize(end + static_cast<std::size_t>(length) + 1);
+  std::vsnprintf(out.data() + end, static_cast<std::size_t>(length) + 1, format, again);
+  va_end(again);
+  out.pop_back();
+}
+
+std::string Escape(const std::string& text) {
+  std::string escaped;
+  for (const char character : text) {
+    switch (character) {
+      case '&':
+        escaped += "&amp;";
+        break;
+      case '<':
+        escaped += "&lt;";
+        break;
+      case '>':
+        escaped += "&gt;";
+        break;
+      case '"':
+        escaped += "&quot;";
+        break;
+      default:
+        escaped += character;
+    }
+  }
+  return escaped;
+}
+
+struct Color {
+  double red, green, blue;
+};
+
+// From a to b by way of the middle one, for 0 .. 1.
+Color Blend(const std::array<Color, 3>& ramp, double position) {
+  const std::size_t from = position < 0.5 ? 0 : 1;
+  const double part = 2 * position - static_cast<double>(from);
+  const Color& a = ramp[from];
+  const Color& b = ramp[from + 1];
+  return {a.red + part * (b.red - a.red), a.green + part * (b.green - a.green),
+          a.blue + part * (b.blue - a.blue)};
+}
+
+constexpr std::array<Color, 3> kFarRamp = {{{44, 14, 24}, {118, 34, 44}, {186, 78, 74}}};
+constexpr std::array<Color, 3> kNearRamp = {{{96, 26, 36}, {222, 92, 84}, {255, 222, 206}}};
+
+void AppendShadeClasses(std::string& out, char name, const std::array<Color, 3>& ramp) {
+  for (int shade = 0; shade < kShades; ++shade) {
+    const Color color = Blend(ramp, shade / (kShades - 1.0));
+    Append(out, ".%c%d{fill:#%02x%02x%02x;stroke:#%02x%02x%02x}", name, shade,
+           static_cast<int>(color.red), static_cast<int>(color.green), static_cast<int>(color.blue),
+           static_cast<int>(color.red), static_cast<int>(color.green),
+           static_cast<int>(color.blue));
+  }
+}
+
+/// A panel: vessel millimeters (x right, y up) to pixels of the picture.
+struct Panel {
+  Box pixels;
+  Eigen::Vector2d center_mm;
+  double pixels_per_mm;
+
+  Panel(const Box& pixels_in, const Box& shown_mm)
+      : pixels(pixels_in),
+        center_mm(shown_mm.center()),
+        pixels_per_mm((pixels_in.sizes().array() / shown_mm.sizes().array()).minCoeff()) {}
+
+  Box ShownMm() const {
+    const Eigen::Vector2d half = 0.5 * pixels.sizes() / pixels_per_mm;
+    return {center_mm - half, center_mm + half};
+  }
+  // Matrix for coordinates in 0.01 mm with y down, in which everything is written.
+  std::string Transform() const {
+    std::string text;
+    const double scale = pixels_per_mm * 0.01;
+    Append(text, "matrix(%.6f 0 0 %.6f %.3f %.3f)", scale, scale,
+           pixels.center().x() - center_mm.x() * pixels_per_mm,
+           pixels.center().y() + center_mm.y() * pixels_per_mm);
+    return text;
+  }
+};
+
+Eigen::Vector2i Hundredths(const Eigen::Vector2d& point_mm) {
+  return {static_cast<int>(std::lround(point_mm.x() * 100)),
+          static_cast<int>(std::lround(-point_mm.y() * 100))};
+}
+
+// One path for each run of triangles of one shade: shorter than one for each triangle.
+void AppendWall(std::string& out, const std::vector<ShadedTriangle>& wall, char name) {
+  int open_shade = -1;
+  for (const ShadedTriangle& triangle : wall) {
+    const int shade = static_cast<int>(std::lround(triangle.light * (kShades - 1)));
+    if (shade != open_shade) {
+      if (open_shade >= 0) out += "\"/>\n";
+      Append(out, "<path class=\"%c%d\" d=\"", name, shade);
+      open_shade = shade;
+    }
+    const Eigen::Vector2i a = Hundredths(triangle.corners_mm[0]);
+    const Eigen::Vector2i ab = Hundredths(triangle.corners_mm[1]) - a;
+    const Eigen::Vector2i bc = Hundredths(triangle.corners_mm[2]) - a - ab;
+    Append(out, "M%d %dl%d %d %d %dz", a.x(), a.y(), ab.x(), ab.y(), bc.x(), bc.y());
+  }
+  if (open_shade >= 0) out += "\"/>\n";
+}
+
+std::string Polyline(const std::vector<Eigen::Vector2d>& points_mm) {
+  std::string path;
+  for (std::size_t i = 0; i < points_mm.size(); ++i) {
+    const Eigen::Vector2i point = Hundredths(points_mm[i]);
+    Append(path, "%s%d %d", i == 0 ? "M" : i == 1 ? "L" : " ", point.x(), point.y());
+  }
+  return path;
+}
+
+/// The wire as seen, mm.
+struct SeenWire {
+  std::vector<Eigen::Vector2d> nodes;
+  std::size_t tip_start = 0;       // first node of the tip
+  std::size_t close_up_start = 0;  // first node that the close-up shows
+};
+
+SeenWire See(const PictureWire& wire, const PatientAxes& axes) {
+  SeenWire seen;
+  for (const Eigen::Vector3d& node : wire.nodes_mm) {
+    seen.nodes.emplace_back(SeenFromTheFront(axes, node).head<2>());
+  }
+  double from_tip = 0;
+  for (std::size_t i = wire.nodes_mm.size(); i-- > 0;) {
+    if (i + 1 < wire.nodes_mm.size()) {
+      from_tip += (wire.nodes_mm[i + 1] - wire.nodes_mm[i]).norm();
+    }
+    if (from_tip <= kTipLengthMm) seen.tip_start = i;
+    if (from_tip <= kCloseUpLengthMm) seen.close_up_start = i;
+  }
+  return seen;
+}
+
+// `weight` is the line's width in pixels.
+void AppendWire(std::string& out, const SeenWire& seen, const PictureWire& wire,
+                const PatientAxes& axes, const Panel& panel, double weight) {
+  const double unit = 100 / panel.pixels_per_mm;  // one pixel in hundredths of a mm
+  const std::string all = Polyline(seen.nodes);
+  const std::string tip = Polyline(
+      {seen.nodes.begin() + static_cast<std::ptrdiff_t>(seen.tip_start), seen.nodes.end()});
+  out += "<g fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n";
+  Append(out, "<path d=\"%s\" stroke=\"#12060a\" stroke-opacity=\".55\" stroke-width=\"%.1f\"/>\n",
+         all.c_str(), (weight + 2.4) * unit);
+  Append(out, "<path d=\"%s\" stroke=\"#fff3c4\" stroke-width=\"%.1f\"/>\n", all.c_str(),
+         weight * unit);
+  Append(out, "<path d=\"%s\" stroke=\"#38e1ff\" stroke-width=\"%.1f\"/>\n", tip.c_str(),
+         (weight + 0.4) * unit);
+  out += "</g>\n<g fill=\"#ffb000\" stroke=\"#5a2a00\" stroke-opacity=\".7\">\n";
+  for (const PictureContact& contact : wire.contacts) {
+    const Eigen::Vector2i point = Hundredths(SeenFromTheFront(axes, contact.point_mm).head<2>());
+    // A tenth of the wire's radius, some 20 um, should look large.
+    const double radius =
+        weight * (0.42 + 0.5 * std::sqrt(std::min(contact.penetration_um, 40.0) / 40));
+    Append(out, "<circle cx=\"%d\" cy=\"%d\" r=\"%.1f\" stroke-width=\"%.1f\"/>\n", point.x(),
+           point.y(), radius * unit, 0.5 * unit);
+  }
+  const Eigen::Vector2i end = Hundredths(seen.nodes.back());
+  Append(out,
+         "</g>\n<circle cx=\"%d\" cy=\"%d\" r=\"%.1f\" fill=\"#e9fbff\" stroke=\"#38e1ff\" "
+         "stroke-width=\"%.1f\"/>\n",
+         end.x(), end.y(), (0.5 * weight + 1.2) * unit, 1.4 * unit);
+}
+
+void AppendPanel(std::string& out, const char* name, const Panel& panel) {
+  const Box& box = panel.pixels;
+  Append(out,
+         "<clipPath id=\"%s\"><rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" "
+         "rx=\"10\"/></clipPath>\n",
+         name, box.min().x(), box.min().y(), box.sizes().x(), box.sizes().y());
+  Append(out,
+         "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"10\" "
+         "fill=\"#111a2b\"/>\n",
+         box.min().x(), box.min().y(), box.sizes().x(), box.sizes().y());
+}
+
+// The largest of 1, 2, 5 x 10^k mm that takes at most a quarter of the panel.
+void AppendScaleBar(std::string& out, const Panel& panel) {
+  const double most_mm = 0.25 * panel.pixels.sizes().x() / panel.pixels_per_mm;
+  double length_mm = std::pow(10.0, std::floor(std::log10(most_mm)));
+  if (5 * length_mm <= most_mm) {
+    length_mm *= 5;
+  } else if (2 * length_mm <= most_mm) {
+    length_mm *= 2;
+  }
+  const double length = length_mm * panel.pixels_per_mm;
+  const double x = panel.pixels.max().x() - 20 - length;
+  const double y = panel.pixels.max().y() - 18;
+  Append(out,
+         "<path d=\"M%.1f %.1fv-5m0 5h%.1fv-5\" fill=\"none\" stroke=\"#c9d4e8\" "
+         "stroke-width=\"1.6\"/>\n",
+         x, y, length);
+  Append(out, "<text x=\"%.1f\" y=\"%.1f\" class=\"small\" text-anchor=\"middle\">%g mm</text>\n",
+         x + 0.5 * length, y - 9, length_mm);
+}
+
+void AppendOrientation(std::string& out, const Panel& panel) {
+  const Box& box = panel.pixels;
+  const auto letter = [&out](double x, double y, char name) {
+    Append(out, "<text x=\"%.1f\" y=\"%.1f\" class=\"letter\" text-anchor=\"middle\">%c</text>\n",
+           x, y, name);
+  };
+  letter(box.min().x() + 18, box.center().y() + 6, 'R');
+  letter(box.max().x() - 18, box.center().y() + 6, 'L');
+  letter(box.center().x(), box.min().y() + 25, 'H');
+  letter(box.center().x(), box.max().y() - 14, 'F');
+}
+
+void AppendFigures(std::string& out, const PictureCaption& caption, const Box& box) {
+  constexpr std::size_t kColumns = 3;
+  const std::size_t rows = (caption.figures.size() + kColumns - 1) / kColumns;
+  const double column_width = box.sizes().x() / static_cast<double>(kColumns);
+  const double row_height =
+      rows > 0 ? std::min(64.0, box.sizes().y() / static_cast<double>(rows)) : 0;
+  for (std::size_t i = 0; i < caption.figures.size(); ++i) {
+    const std::size_t column = i % kColumns;
+    const std::size_t row = i / kColumns;
+    const double x = box.min().x() + static_cast<double>(column) * column_width;
+    const double y = box.min().y() + static_cast<double>(row) * row_height;
+    Append(out, "<text x=\"%.1f\" y=\"%.1f\" class=\"value\">%s</text>\n", x, y + 22,
+           Escape(caption.figures[i].second).c_str());
+    Append(out, "<text x=\"%.1f\" y=\"%.1f\" class=\"small\">%s</text>\n", x, y + 40,
+           Escape(caption.figures[i].first).c_str());
+  }
+}
+
+Box Grown(const Box& box, double share, double at_least_mm) {
+  const Eigen::Vector2d half =
+      (0.5 * (1 + share) * box.sizes()).cwiseMax(0.5 * at_least_mm * Eigen::Vector2d::Ones());
+  return {box.center() - half, box.center() + half};
+}
+
+}  // namespace
+
+std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
+                        const PictureWire& wire, const PictureCaption& caption) {
+  const SeenWire seen = See(wire, axes);
+  Box whole;
+  for (const Eigen::Vector2d& node : seen.nodes) whole.extend(node);
+  for (const auto& corners : vessel.triangles_mm) {
+    for (const Eigen::Vector3d& corner : corners) {
+      whole.extend(Eigen::Vector2d(SeenFromTheFront(axes, corner).head<2>()));
+    }
+  }
+  Box distal;
+  for (std::size_t i = seen.close_up_start; i < seen.nodes.size(); ++i)
+    distal.extend(seen.nodes[i]);
+
+  const double right = kMargin + kOverviewWidth + 24;
+  const Panel overview(Box(Eigen::Vector2d(kMargin, kTop),
+                           Eigen::Vector2d(kMargin + kOverviewWidth, kHeight - kMargin)),
+                       Grown(whole, 0.08, 1));
+  const Panel close_up(
+      Box(Eigen::Vector2d(right, kTop), Eigen::Vector2d(kWidth - kMargin, kTop + kCloseUpHeight)),
+      Grown(distal, 0.35, 30));
+  ShadingDetail detail;
+  detail.side_mm = whole.sizes().maxCoeff() / 110;
+  detail.fine_side_mm = close_up.ShownMm().sizes().maxCoeff() / 60;
+  detail.fine_region_mm = close_up.ShownMm();
+  detail.most_triangles = kMostTriangles;
+  const ShadedVessel shaded = ShadeVessel(vessel, axes, detail);
+
+  std::string out;
+  Append(out,
+         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %g %g\" width=\"%g\" "
+         "height=\"%g\">\n",
+         kWidth, kHeight, kWidth, kHeight);
+  out +=
+      "<style>text{font-family:'DejaVu Sans',Verdana,sans-serif;fill:#c9d4e8}"
+      ".title{font-size:27px;font-weight:bold;fill:#fff}.subtitle{font-size:15px}"
+      ".small{font-size:12.5px;fill:#93a3c0}.value{font-size:21px;fill:#fff}"
+      ".letter{font-size:17px;font-weight:bold;fill:#7f91b2}";
+  AppendShadeClasses(out, 'f', kFarRamp);
+  AppendShadeClasses(out, 'n', kNearRamp);
+  out += "</style>\n";
+  Append(out, "<rect width=\"%g\" height=\"%g\" rx=\"16\" fill=\"#0a101d\"/>\n", kWidth, kHeight);
+  Append(out, "<text x=\"%g\" y=\"58\" class=\"title\">%s</text>\n", kMargin,
+         Escape(caption.title).c_str());
+  Append(out, "<text x=\"%g\" y=\"88\" class=\"subtitle\">%s</text>\n", kMargin,
+         Escape(caption.subtitle).c_str());
+  AppendPanel(out, "overview", overview);
+  AppendPanel(out, "closeup", close_up);
+
+  // Each wall stands in the file once; both panels use it.
+  out += "<defs><g id=\"far\" stroke-width=\"25\" stroke-linejoin=\"round\">\n";
+  AppendWall(out, shaded.far_wall, 'f');
+  out += "</g><g id=\"near\" stroke-width=\"25\" stroke-linejoin=\"round\">\n";
+  AppendWall(out, shaded.near_wall, 'n');
+  out += "</g></defs>\n";
+
+  const auto draw = [&](const Panel& panel, const char* name, double weight) {
+    Append(out, "<g clip-path=\"url(#%s)\"><g transform=\"%s\">\n<use href=\"#far\"/>\n", name,
+           panel.Transform().c_str());
+    AppendWire(out, seen, wire, axes, panel, weight);
+    out += "<g opacity=\".32\"><use href=\"#near\"/></g>\n</g></g>\n";
+  };
+  draw(overview, "overview", 2.0);
+  draw(close_up, "closeup", 3.4);
+
+  const Box shown = close_up.ShownMm();
+  const double scale = overview.pixels_per_mm;
+  const Eigen::Vector2d corner =
+      overview.pixels.center() + Eigen::Vector2d(shown.min().x() - overview.center_mm.x(),
+                                                 overview.center_mm.y() - shown.max().y()) *
+                                     scale;
+  Append(out,
+         "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"3\" fill=\"none\" "
+         "stroke=\"#c9d4e8\" stroke-opacity=\".75\" stroke-dasharray=\"5 4\"/>\n",
+         corner.x(), corner.y(), shown.sizes().x() * scale, shown.sizes().y() * scale);
+  for (const Panel* panel : {&overview, &close_up}) {
+    AppendScaleBar(out, *panel);
+    AppendOrientation(out, *panel);
+  }
+  AppendFigures(out, caption,
+                Box(Eigen::Vector2d(right + 4, kTop + kCloseUpHeight + 22),
+                    Eigen::Vector2d(kWidth - kMargin, kHeight - kMargin)));
+  out += "</svg>\n";
+  return out;
+}
+
+}  // namespace torquer

@@ -1,0 +1,139 @@
+#include "tests/recorder/session_fixture.h"
+
+#include <lcm/lcm-cpp.hpp>
+#include <stdexcept>
+#include <vector>
+
+#include "host/bus/channels.h"
+#include "protocol/hid_reports.h"
+
+namespace torquer::test {
+namespace {
+
+constexpr std::int64_t kClock = 77;
+constexpr std::int64_t kStartUs = 5'000'000;
+
+class LogWriter {
+ public:
+  explicit LogWriter(const std::string& path) : log_(path, "w") {}
+
+  template <class Message>
+  void Write(const char* channel, std::int64_t time_us, const Message& message, int cut = 0) {
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+    message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    lcm::LogEvent event{};
+    event.timestamp = time_us;
+    event.channel = channel;
+    event.data = bytes.data();
+    event.datalen = static_cast<int>(bytes.size()) - cut;
+    log_.writeEvent(&event);
+  }
+
+ private:
+  lcm::LogFile log_;
+};
+
+torquer_lcm::scene_description_t Scene() {
+  torquer_lcm::scene_description_t scene{};
+  scene.name = "made_up";
+  scene.scene_file = "made_up.toml";
+  scene.method = "paper";
+  scene.vessel = "tube <r 3>";
+  scene.segment_mm = 1;
+  scene.inserted_at_start_mm = kInsertedAtStartMm;
+  scene.left[0] = 1;
+  scene.posterior[1] = 1;
+  scene.superior[2] = 1;
+  return scene;
+}
+
+// A straight wire towards the patient's head and left.
+torquer_lcm::wire_state_t State(double length_mm) {
+  torquer_lcm::wire_state_t state{};
+  state.instrument = bus::kGuidewire;
+  state.carried_mm = 0.25;
+  state.segment_count = 3;
+  state.stride = 1;
+  const double fed_mm = length_mm - state.carried_mm;
+  state.insertion_mm = fed_mm;
+  for (int i = 0; i <= state.segment_count; ++i) {
+    const double along = fed_mm * i / state.segment_count;
+    state.nodes_mm.push_back(
+        {static_cast<float>(0.6 * along), 0.0F, static_cast<float>(0.8 * along)});
+  }
+  state.node_count = static_cast<std::int32_t>(state.nodes_mm.size());
+  state.contact_nodes = {2};
+  state.contact_penetrations_um = {7.0F};
+  state.contact_count = 1;
+  return state;
+}
+
+}  // namespace
+
+void WriteSession(const std::string& path, const SessionFaults& faults) {
+  LogWriter log(path);
+  log.Write(bus::kSceneChannel, kStartUs, Scene());
+  std::int64_t moved_counts = 0;
+  bool was_held = false;
+  for (int i = 0; i < kReports; ++i) {
+    const std::int64_t now_us = kStartUs + 1000 * i;
+    torquer_lcm::device_sample_t sample{};
+    sample.clock_id = kClock;
+    sample.receive_us = now_us;
+    sample.report_number = i + (i > 300 ? faults.lost_reports : 0);
+    sample.axial_counts = 100 + 2 * i;
+    sample.transverse_counts = -i;
+    const bool held = i >= 500 && i < 600;
+    sample.buttons = held ? protocol::kButtonClutch : 0;
+    log.Write(bus::kDeviceSampleChannel, now_us, sample);
+    if (i > 0 && !held && !was_held) moved_counts += 2;
+    was_held = held;
+
+    torquer_lcm::instrument_command_t command{};
+    command.instrument = bus::kGuidewire;
+    command.sequence = i;
+    command.clock_id = kClock;
+    command.origin_us = now_us;
+    log.Write(bus::kInstrumentCommandChannel, now_us, command);
+
+    torquer_lcm::wire_state_t state =
+        State(kInsertedAtStartMm + kMmPerCount * static_cast<double>(moved_counts) +
+              faults.extra_wire_mm);
+    state.tick = i + (i > 700 ? faults.lost_states : 0);
+    state.command_sequence = i;
+    state.clock_id = faults.foreign_clock ? kClock + 1 : kClock;
+    state.origin_us = now_us;
+    state.publish_us = now_us + (i < 990 ? 1000 : 5000);
+    state.rotation_rad = -kRadPerCount * static_cast<double>(moved_counts) / 2;
+    state.max_penetration_um = i == 400 ? 12.5 : 3;
+    state.solve_us = 100;
+    const bool cut = faults.undecodable && i == 42;
+    log.Write(bus::kWireStateChannel, now_us, state, cut ? 9 : 0);
+  }
+  torquer_lcm::health_t health{};
+  health.process = "daemon";
+  health.names = {"reports_received"};
+  health.values = {kReports};
+  health.count = 1;
+  log.Write(bus::kHealthChannel, kStartUs, health);
+  if (!faults.without_emulator) {
+    torquer_lcm::hand_motion_t truth{};
+    truth.reports_sent = kReports + faults.lost_reports;
+    truth.axial_counts = 100 + kSensorCounts;
+    truth.transverse_counts = -(kReports - 1);
+    log.Write(bus::kEmulatorTruthChannel, kStartUs, truth);
+  }
+}
+
+ScratchFolder::ScratchFolder() {
+  std::string name = (std::filesystem::temp_directory_path() / "torquer-test-XXXXXX").string();
+  if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no scratch folder " + name);
+  path_ = name;
+}
+
+ScratchFolder::~ScratchFolder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
+}
+
+}  // namespace torquer::test

@@ -1,0 +1,53 @@
+// A session as lcm-logger would have recorded it, made up so that every figure is known.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "torquer_lcm/device_sample_t.hpp"
+#include "torquer_lcm/hand_motion_t.hpp"
+#include "torquer_lcm/health_t.hpp"
+#include "torquer_lcm/instrument_command_t.hpp"
+#include "torquer_lcm/scene_description_t.hpp"
+#include "torquer_lcm/wire_state_t.hpp"
+
+namespace torquer::test {
+
+inline constexpr double kMmPerCount = 0.02;
+inline constexpr double kRadPerCount = 0.004;
+inline constexpr double kInsertedAtStartMm = 5;
+
+/// What may be made to go wrong.
+struct SessionFaults {
+  int lost_reports = 0;           ///< sent, but not received
+  double extra_wire_mm = 0;       ///< that the hand did not move
+  bool foreign_clock = false;     ///< of the simulator, as if on another machine
+  bool undecodable = false;       ///< one state cut short
+  bool without_emulator = false;  ///< as with a real device
+  int lost_states = 0;
+};
+
+/// 1000 reports at 1 kHz: 2 counts each; the clutch is held from report 500 to 599. A state after
+/// each report, 1 ms later for each of the first 990, 5 ms for the others.
+/// Writes the log to `path`.
+void WriteSession(const std::string& path, const SessionFaults& faults);
+
+/// Of the above.
+inline constexpr int kReports = 1000;
+inline constexpr int kHeldCounts = 2 * 101;
+inline constexpr int kSensorCounts = 2 * (kReports - 1);
+
+/// An empty folder that is removed at the end.
+class ScratchFolder {
+ public:
+  ScratchFolder();
+  ~ScratchFolder();
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  std::string File(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace torquer::test

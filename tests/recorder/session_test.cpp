@@ -1,0 +1,170 @@
+#include <sys/wait.h>
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "calibration/calibration_file.h"
+#include "host/bus/channels.h"
+#include "host/recorder/report_output.h"
+#include "host/recorder/session_report.h"
+#include "host/support/error.h"
+#include "tests/recorder/session_fixture.h"
+
+using namespace torquer;
+using namespace torquer::test;
+
+namespace {
+
+SessionReport Report(const SessionFaults& faults) {
+  const ScratchFolder folder;
+  WriteSession(folder.File("log"), faults);
+  SessionReporter reporter(bus::kGuidewire);
+  const SessionLogSummary summary = ReadSessionLog(folder.File("log"), reporter.Handlers());
+  SessionReport report =
+      reporter.Finish(Eigen::Vector2d(kMmPerCount, kRadPerCount).asDiagonal().toDenseMatrix());
+  report.undecodable = summary.undecodable;
+  return report;
+}
+
+}  // namespace
+
+TEST_CASE("A session without fault") {
+  const SessionReport report = Report({});
+  CHECK(report.Good());
+  CHECK(report.scene == "made_up");
+  CHECK(report.duration_s == Approx(0.999));
+  CHECK(report.reports_sent == kReports);
+  CHECK(report.reports_received == kReports);
+  CHECK(report.reports_lost == 0);
+  CHECK(report.samples == kReports);
+  CHECK(report.commands == kReports);
+  CHECK(report.states == kReports);
+  CHECK(report.states_missing == 0);
+  CHECK(report.axial.sensor_counts == kSensorCounts);
+  CHECK(report.axial.held_counts == kHeldCounts);
+  CHECK(report.axial.hand == Approx(kMmPerCount * (kSensorCounts - kHeldCounts)));
+  CHECK(report.axial.error_counts < 1e-3);  // float nodes
+  CHECK(report.rotation.error_counts < 1e-9);
+  CHECK(report.max_penetration_um == 12.5);
+  CHECK(report.latency_ms.p50 == Approx(1));
+  CHECK(report.latency_ms.p99 == Approx(1));
+  CHECK(report.latency_ms.max == Approx(5));
+}
+
+TEST_CASE("A lost report is told, by the emulator's count or by the report numbers") {
+  SessionFaults faults;
+  faults.lost_reports = 3;
+  CHECK(Report(faults).reports_lost == 3);
+  CHECK_FALSE(Report(faults).Good());
+  faults.without_emulator = true;
+  CHECK(Report(faults).reports_sent == -1);
+  CHECK(Report(faults).reports_lost == 3);
+}
+
+TEST_CASE("A wire that goes elsewhere than the hand is told in counts") {
+  SessionFaults faults;
+  faults.extra_wire_mm = 2.5 * kMmPerCount;
+  const SessionReport report = Report(faults);
+  CHECK(report.axial.error_counts == Approx(2.5).margin(1e-3));
+  CHECK_FALSE(report.Good());
+  faults.extra_wire_mm = 0.5 * kMmPerCount;
+  CHECK(Report(faults).Good());
+}
+
+TEST_CASE("Latency is not computed between the clocks of two machines") {
+  SessionFaults faults;
+  faults.foreign_clock = true;
+  CHECK(Report(faults).latency_ms.count == 0);
+}
+
+TEST_CASE("Missing and undecodable states are counted") {
+  SessionFaults faults;
+  faults.lost_states = 4;
+  faults.undecodable = true;
+  const SessionReport report = Report(faults);
+  CHECK(report.undecodable == 1);
+  CHECK(report.states == kReports - 1);
+  CHECK(report.states_missing == 4 + 1);
+}
+
+TEST_CASE("A torn log is read to its last whole record") {
+  const ScratchFolder folder;
+  WriteSession(folder.File("log"), {});
+  const auto whole = ReadSessionLog(folder.File("log"), {}).messages;
+  std::filesystem::resize_file(folder.File("log"),
+                               std::filesystem::file_size(folder.File("log")) - 10);
+  CHECK(ReadSessionLog(folder.File("log"), {}).messages == whole - 1);
+}
+
+TEST_CASE("What is no log is refused by name") {
+  const ScratchFolder folder;
+  CHECK_THROWS_WITH(ReadSessionLog(folder.File("none"), {}),
+                    Catch::Contains("none: cannot be read"));
+  std::ofstream(folder.File("empty")).flush();
+  CHECK_THROWS_WITH(ReadSessionLog(folder.File("empty"), {}),
+                    Catch::Contains("holds no LCM message"));
+  CHECK_THROWS_WITH(SessionReporter("catheter").Finish(Eigen::Matrix2d::Identity()),
+                    Catch::Contains("no scene description"));
+}
+
+TEST_CASE("Order statistics are by nearest rank") {
+  std::vector<double> hundred;
+  for (int i = 100; i >= 1; --i) hundred.push_back(i);
+  const Distribution distribution = Distribute(hundred);
+  CHECK(distribution.count == 100);
+  CHECK(distribution.p50 == 50);
+  CHECK(distribution.p99 == 99);
+  CHECK(distribution.max == 100);
+  std::vector<double> one{4.0};
+  CHECK(Distribute(one).p99 == 4);
+  std::vector<double> none;
+  CHECK(Distribute(none).count == 0);
+}
+
+TEST_CASE("torquer-report judges, prints and draws") {
+  const ScratchFolder folder;
+  calibration::Calibration calibration = calibration::NominalCalibration("made-up", 1200);
+  calibration.motion.per_count = {{{kMmPerCount, 0.0}, {0.0, kRadPerCount}}};
+  calibration::WriteCalibration(calibration, folder.File("calibration.toml"));
+  const auto run = [&folder](const std::string& arguments) {
+    const std::string command = std::string(TORQUER_BIN_DIR) + "/torquer-report " + arguments +
+                                " >" + folder.File("out") + " 2>" + folder.File("err");
+    return WEXITSTATUS(std::system(command.c_str()));
+  };
+  const auto text = [&folder](const std::string& name) {
+    std::ostringstream all;
+    all << std::ifstream(folder.File(name)).rdbuf();
+    return all.str();
+  };
+  const std::string given =
+      folder.File("log") + " --calibration " + folder.File("calibration.toml");
+
+  WriteSession(folder.File("log"), {});
+  REQUIRE(run(given + " --json --picture " + folder.File("wire.svg")) == 0);
+  const auto json = nlohmann::json::parse(text("out"));
+  for (const char* key :
+       {"reports_sent", "reports_received", "reports_lost", "motion_error_counts", "latency_ms_p50",
+        "latency_ms_p99", "max_penetration_um", "nodes", "residual", "picture"}) {
+    CHECK(json.contains(key));
+  }
+  CHECK(json["nodes"] == 4);
+  CHECK(json["picture"] == folder.File("wire.svg"));
+  CHECK_THAT(text("wire.svg"), Catch::StartsWith("<svg") && Catch::EndsWith("</svg>\n") &&
+                                   Catch::Contains("tube &lt;r 3&gt;"));
+
+  SessionFaults faults;
+  faults.lost_reports = 1;
+  WriteSession(folder.File("log"), faults);
+  CHECK(run(given) == 1);
+  CHECK_THAT(text("out"), Catch::Contains("1001 sent, 1000 received, 1 lost"));
+
+  CHECK(run(folder.File("none")) == 2);
+  CHECK_THAT(text("err"), Catch::StartsWith("torquer-report: ") && Catch::Contains("none"));
+  CHECK(run("") == 2);
+  CHECK(run(given + " --nonsense") == 2);
+  CHECK_THAT(text("err"), Catch::Contains("--nonsense"));
+}
