@@ -65,8 +65,8 @@ StrictTable StrictTable::Parse(const std::string& text, const std::string& path)
   } catch (const toml::parse_error& error) {
     std::ostringstream line;
     line << error.source().begin.line;
-    throw UserError(path + ":" + line.str() + ": not valid TOML: " +
-                    std::string(error.description()) + "; mend the syntax");
+    throw UserError(path + ":" + line.str() +
+                    ": not valid TOML: " + std::string(error.description()) + "; mend the syntax");
   }
   impl->table = impl->root.get();
   impl->path = path;
@@ -103,8 +103,7 @@ double StrictTable::Number(const std::string& key, double lowest, double highest
   return *value;
 }
 
-double StrictTable::Number(const std::string& key, double lowest, double highest,
-                           double fallback) {
+double StrictTable::Number(const std::string& key, double lowest, double highest, double fallback) {
   return impl_->Find(key) == nullptr ? fallback : Number(key, lowest, highest);
 }
 
@@ -156,8 +155,7 @@ int StrictTable::Choice(const std::string& key, const std::vector<std::string>& 
 
 std::vector<double> StrictTable::Numbers(const std::string& key, double lowest, double highest) {
   const toml::node* node = impl_->Find(key);
-  const std::string range =
-      "a list of numbers from " + Spelled(lowest) + " to " + Spelled(highest);
+  const std::string range = "a list of numbers from " + Spelled(lowest) + " to " + Spelled(highest);
   if (node == nullptr) Refuse(key, "is missing; give " + range);
   const toml::array* array = node->as_array();
   if (array == nullptr || array->empty()) Refuse(key, "is not a list of numbers; give " + range);
@@ -226,7 +224,8 @@ std::vector<StrictTable*> StrictTable::Tables(const std::string& key) {
   const toml::node* node = impl_->Find(key);
   if (node == nullptr) return {};
   const toml::array* array = node->as_array();
-  if (array == nullptr) Refuse(key, "is not a list of tables; write [[" + impl_->prefix + key + "]]");
+  if (array == nullptr)
+    Refuse(key, "is not a list of tables; write [[" + impl_->prefix + key + "]]");
   auto& children = impl_->children[key];
   if (children.empty()) {
     for (const toml::node& element : *array) {

@@ -96,6 +96,10 @@ BrickField::BrickField(std::shared_ptr<const DistanceSource> source,
     const Array3i last = (high / brick_mm).floor().cast<int>().max(0).min(all - 1);
     level.count = is_top ? all : Array3i(last - level.first + 1);
     if (is_top) level.first.setZero();
+    level.stride_y = level.count.x();
+    level.stride_z = static_cast<ptrdiff_t>(level.count.x()) * level.count.y();
+    level.offset =
+        level.first.z() * level.stride_z + level.first.y() * level.stride_y + level.first.x();
     level.low = (level.first * kCells).cast<double>();
     level.high = ((level.first + level.count) * kCells).cast<double>();
     const double entries = level.count.cast<double>().prod();

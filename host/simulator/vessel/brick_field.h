@@ -115,10 +115,13 @@ class BrickField final : public ClearanceField {
   static constexpr double kFarMm = 20;  // over which the slope beyond the box turns to -1
 
   struct Level {
-    double cell_mm = 0, cells_per_mm = 0;
-    Eigen::Array3d low, high;     // in cells from the origin
-    Eigen::Array3i first, count;  // bricks
+    double cells_per_mm = 0;
+    Eigen::Array3d low, high;  // in cells from the origin
+    // Entry of brick (i, j, k): k stride_z + j stride_y + i - offset.
+    ptrdiff_t stride_y = 0, stride_z = 0, offset = 0;
     Entry* index = nullptr;
+    double cell_mm = 0;
+    Eigen::Array3i first, count;      // bricks
     double full_mm = 0, edge_mm = 0;  // fit undiluted within full, gone beyond edge
     mutable std::atomic<bool> complete{false};
   };
@@ -136,9 +139,8 @@ class BrickField final : public ClearanceField {
   inline bool Evaluate(const Eigen::Vector3d& point_mm, kernel::Jet& jet, double& per_mm) const;
   void EvaluateBeyond(const Eigen::Vector3d& point_mm, ClearanceSample& out) const;
 
-  size_t IndexOf(const Level& level, const Eigen::Array3i& brick) const {
-    const Eigen::Array3i at = brick - level.first;
-    return (static_cast<size_t>(at.z()) * level.count.y() + at.y()) * level.count.x() + at.x();
+  static ptrdiff_t IndexOf(const Level& level, const Eigen::Array3i& brick) {
+    return brick.z() * level.stride_z + brick.y() * level.stride_y + brick.x() - level.offset;
   }
   static bool InIndex(const Level& level, const Eigen::Array3i& brick) {
     return (brick >= level.first).all() && (brick < level.first + level.count).all();
@@ -177,11 +179,11 @@ inline bool BrickField::Evaluate(const Eigen::Vector3d& point_mm, kernel::Jet& j
       continue;
     }
     const int ix = static_cast<int>(x), iy = static_cast<int>(y), iz = static_cast<int>(z);
-    const Eigen::Array3i brick(ix >> 3, iy >> 3, iz >> 3);
-    Entry entry =
-        std::atomic_ref<Entry>(level.index[IndexOf(level, brick)]).load(std::memory_order_acquire);
-    if ((entry & 1) == 0) {
-      if (entry != kInactive) entry = Resolve(static_cast<int>(l), brick);
+    const ptrdiff_t at =
+        (iz >> 3) * level.stride_z + (iy >> 3) * level.stride_y + (ix >> 3) - level.offset;
+    Entry entry = std::atomic_ref<Entry>(level.index[at]).load(std::memory_order_acquire);
+    if ((entry & 1) == 0) [[unlikely]] {
+      if (entry != kInactive) entry = Resolve(static_cast<int>(l), {ix >> 3, iy >> 3, iz >> 3});
       if (entry == kInactive) continue;
     }
     const float* corner = reinterpret_cast<const float*>(entry - 1) + (iz & 7) * kernel::kPlane +

@@ -8,6 +8,10 @@
 
 #include <cstring>
 
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
 namespace torquer::vessel::kernel {
 
 /// Coefficients of a brick: kCells^3 cells and one more on every side, x fastest.
@@ -32,12 +36,18 @@ struct Quad {
   Pair low, high;
 };
 
-inline Quad LoadRow(const float* row) {
-  FloatPair low, high;
-  std::memcpy(&low, row, sizeof low);
-  std::memcpy(&high, row + 2, sizeof high);
-  return {__builtin_convertvector(low, Pair), __builtin_convertvector(high, Pair)};
+inline Pair Widen(const float* two) {
+#ifdef __SSE2__
+  // GCC 12 makes two scalar conversions and a shuffle of the portable form.
+  return _mm_cvtps_pd(_mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(two))));
+#else
+  FloatPair floats;
+  std::memcpy(&floats, two, sizeof floats);
+  return __builtin_convertvector(floats, Pair);
+#endif
 }
+
+inline Quad LoadRow(const float* row) { return {Widen(row), Widen(row + 2)}; }
 
 // One axis at once for all lanes; second may be left out by passing nothing for it.
 struct AxisWeights {

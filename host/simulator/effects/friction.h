@@ -1,0 +1,49 @@
+// Coulomb friction of the wire on the wall.
+//
+// Every contact point has an anchor on the wall. With s the displacement from it in the plane of
+// contact, N the normal force at the start of the tick, and d a small slip length, the force is
+//   mu N (3 x - x^3) / 2,  x = |s|/d <= 1   (sticks, elastically)
+//   mu N                   beyond           (slips, at the Coulomb cone exactly)
+// which has an energy with two continuous derivatives. After the tick an anchor farther away than d
+// follows to the distance d: the force stays as it is, and nothing creeps while it sticks.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "host/simulator/effects/effect.h"
+
+namespace torquer::effects {
+
+class Friction final : public Effect, public EnergyTerm {
+ public:
+  /// `coefficient` mu in [0, 2]; `slip_mm` d in [1e-5, 0.1].
+  Friction(double coefficient, double slip_mm, const EffectContext& context);
+
+  EnergyTerm* energy_term() override { return this; }
+
+  void Begin(const PointSet& points) override;
+  double Add(const PointSet& points, PointDerivatives& out) const override;
+  void End(const PointSet& points) override;
+  void Reset() override;
+  std::uint64_t Hash(std::uint64_t seed) const override;
+
+ private:
+  // By PointSet::FromTip, so that it stays with the material.
+  struct Anchor {
+    Eigen::Vector3d at = Eigen::Vector3d::Zero();
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // unit, of the wall, at the tick's start
+    double limit_N = 0;                                // mu N at the tick's start
+    bool holds = false;
+  };
+
+  const double coefficient_;
+  const double slip_mm_;
+  const WallModel& wall_;
+  std::vector<Anchor> anchors_;
+};
+
+/// [effects.friction]: coefficient (0 .. 2), slip_mm (1e-5 .. 0.1, default 0.005).
+std::unique_ptr<Effect> MakeFriction(StrictTable& keys, const EffectContext& context);
+
+}  // namespace torquer::effects

@@ -1,0 +1,26 @@
+// The real-time loop: commands in, wire states out.
+#pragma once
+
+#include <atomic>
+#include <string>
+#include <vector>
+
+#include "host/bus/bus.h"
+#include "host/simulator/session.h"
+
+namespace torquer::simulator {
+
+/// What a run of the loop did.
+struct LiveStatistics {
+  std::int64_t ticks = 0;
+  std::int64_t commands = 0;
+  std::int64_t unconverged = 0;
+  std::vector<float> command_to_state_us;  ///< from a command's publishing to its state's
+  std::vector<float> solve_us;
+};
+
+/// Runs until `stop`: a tick for every command (the newest wins), and while the wire is not at
+/// rest one every millisecond. Publishes every state, the scene once a second, and health.
+LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>& stop);
+
+}  // namespace torquer::simulator

@@ -1,0 +1,117 @@
+// torquer-simulator: runs a scene live on the bus, from a script, or again from a log.
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "host/bus/bus.h"
+#include "host/simulator/live_loop.h"
+#include "host/simulator/replay.h"
+#include "host/simulator/scene/scene.h"
+#include "host/simulator/script_run.h"
+#include "host/simulator/session.h"
+#include "host/support/command_line.h"
+#include "host/support/error.h"
+
+namespace {
+
+constexpr char kUsage[] =
+    "usage: torquer-simulator --scene FILE [--lcm-url URL] [--json]\n"
+    "       torquer-simulator --scene FILE --script FILE.csv --states FILE.jsonl\n"
+    "       torquer-simulator --scene FILE --replay FILE.lcmlog\n"
+    "Live: follows instrument commands on LCM and publishes wire states, until SIGINT or SIGTERM.\n"
+    "--script: header time_s,insertion_mm,rotation_rad; one JSON object a row goes to --states.\n"
+    "--replay: repeats a recorded session and compares every state; exit 1 if one differs.";
+
+std::atomic<bool> stop{false};
+
+double Quantile(std::vector<float> values, double q) {
+  if (values.empty()) return 0;
+  const auto k = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(k), values.end());
+  return values[k];
+}
+
+int Live(torquer::scene::Scene& scene, const std::string& url, bool json) {
+  torquer::bus::Bus bus(url);
+  torquer::simulator::Session session(scene);
+  std::signal(SIGINT, [](int) { stop = true; });
+  std::signal(SIGTERM, [](int) { stop = true; });
+  std::fprintf(stderr, "torquer-simulator: running %s on %s\n", scene.name().c_str(),
+               bus.url().c_str());
+  const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(session, bus, stop);
+  if (json) {
+    const nlohmann::json line = {
+        {"ticks", run.ticks},
+        {"commands", run.commands},
+        {"unconverged", run.unconverged},
+        {"command_to_state_us_p50", Quantile(run.command_to_state_us, 0.5)},
+        {"command_to_state_us_p99", Quantile(run.command_to_state_us, 0.99)},
+        {"command_to_state_us_max", Quantile(run.command_to_state_us, 1)},
+        {"solve_us_p50", Quantile(run.solve_us, 0.5)},
+        {"solve_us_p99", Quantile(run.solve_us, 0.99)},
+        {"solve_us_max", Quantile(run.solve_us, 1)}};
+    std::printf("%s\n", line.dump().c_str());
+  }
+  return 0;
+}
+
+int Run(int argc, char** argv) {
+  std::string scene_file;
+  std::string url;
+  std::string script;
+  std::string states;
+  std::string log;
+  bool json = false;
+  torquer::CommandLine line;
+  line.Option("--scene", scene_file);
+  line.Option("--lcm-url", url);
+  line.Option("--script", script);
+  line.Option("--states", states);
+  line.Option("--replay", log);
+  line.Flag("--json", json);
+  line.Parse(argc, argv, kUsage);
+  if (scene_file.empty()) throw torquer::UserError(std::string("--scene is missing\n") + kUsage);
+  if (script.empty() != states.empty()) {
+    throw torquer::UserError(std::string("--script and --states go together\n") + kUsage);
+  }
+  if (!script.empty() && !log.empty()) {
+    throw torquer::UserError(std::string("--script and --replay exclude each other\n") + kUsage);
+  }
+
+  torquer::scene::Scene scene(scene_file);
+  for (const std::string& finding : scene.vessel().findings) {
+    std::fprintf(stderr, "torquer-simulator: %s\n", finding.c_str());
+  }
+  if (!script.empty()) {
+    const int unconverged = torquer::simulator::RunScript(scene, script, states);
+    if (unconverged > 0) {
+      std::fprintf(stderr, "torquer-simulator: %d rows ended before equilibrium (see residual)\n",
+                   unconverged);
+    }
+    return 0;
+  }
+  if (!log.empty()) {
+    const torquer::simulator::ReplayResult result = torquer::simulator::Replay(scene, log);
+    std::printf("%lld states repeated, %lld differ\n", static_cast<long long>(result.states),
+                static_cast<long long>(result.differing));
+    if (result.differing == 0) return 0;
+    std::printf("the first at tick %lld\n", static_cast<long long>(result.first_difference));
+    return 1;
+  }
+  return Live(scene, url, json);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return Run(argc, argv);
+  } catch (const torquer::UserError& error) {
+    std::fprintf(stderr, "torquer-simulator: %s\n", error.what());
+    return torquer::kExitUserError;
+  }
+}

@@ -1,0 +1,67 @@
+#include "host/simulator/replay.h"
+
+#include <lcm/lcm-cpp.hpp>
+#include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/wire_state_t.hpp>
+
+#include "host/bus/channels.h"
+#include "host/simulator/session.h"
+#include "host/support/error.h"
+
+namespace torquer::simulator {
+
+ReplayResult Replay(scene::Scene& scene, const std::string& log) {
+  lcm::LogFile file(log, "r");
+  if (!file.good()) throw UserError(log + ": cannot be read; give a log written by lcm-logger");
+  char hash[17];
+  std::snprintf(hash, sizeof hash, "%016llx",
+                static_cast<unsigned long long>(scene.content_hash()));
+
+  Session session(scene);
+  ReplayResult result;
+  std::int64_t expected_tick = 0;
+  while (const lcm::LogEvent* event = file.readNextEvent()) {
+    if (event->channel == bus::kSceneChannel) {
+      torquer_lcm::scene_description_t recorded;
+      if (recorded.decode(event->data, 0, event->datalen) == event->datalen &&
+          recorded.content_hash != hash) {
+        throw UserError(log + ": was recorded with the scene " + recorded.scene_file +
+                        " when it had other contents than " + scene.path() + " (" +
+                        recorded.content_hash + ", now " + hash + "); give the scene as it was");
+      }
+      continue;
+    }
+    if (event->channel != bus::kWireStateChannel) continue;
+    torquer_lcm::wire_state_t recorded;
+    if (recorded.decode(event->data, 0, event->datalen) != event->datalen ||
+        recorded.instrument != bus::kGuidewire) {
+      continue;
+    }
+    if (recorded.tick != expected_tick) {
+      throw UserError(log + ": after the state of tick " + std::to_string(expected_tick - 1) +
+                      " comes that of tick " + std::to_string(recorded.tick) +
+                      "; a replay needs every state from tick 0 on, so start the recording before "
+                      "the simulator");
+    }
+    if (expected_tick > 0) {
+      Command command;
+      command.sequence = recorded.command_sequence;
+      command.target = {recorded.commanded_insertion_mm, recorded.commanded_rotation_rad};
+      CountedBudget budget(recorded.work);
+      session.Tick(command, budget);
+    }
+    ++expected_tick;
+    ++result.states;
+    if (static_cast<std::int64_t>(session.state_hash()) != recorded.state_hash) {
+      ++result.differing;
+      if (result.first_difference < 0) result.first_difference = recorded.tick;
+    }
+  }
+  if (result.states == 0) {
+    throw UserError(log + ": holds no wire state (channel " + std::string(bus::kWireStateChannel) +
+                    "); record a running simulator");
+  }
+  return result;
+}
+
+}  // namespace torquer::simulator

@@ -1,0 +1,22 @@
+// A recorded session repeated: the same work, not the same time.
+#pragma once
+
+#include <string>
+
+#include "host/simulator/scene/scene.h"
+
+namespace torquer::simulator {
+
+struct ReplayResult {
+  std::int64_t states = 0;             ///< repeated and compared
+  std::int64_t differing = 0;          ///< of these, with another hash
+  std::int64_t first_difference = -1;  ///< its tick
+};
+
+/// Repeats the wire states of an LCM log: each with the command and the units of work that it
+/// records, and compares their hashes.
+/// Throws UserError when the log cannot be read, holds no state from the first tick on, has a gap
+/// (a state that was not recorded), or was recorded with another scene.
+ReplayResult Replay(scene::Scene& scene, const std::string& log);
+
+}  // namespace torquer::simulator

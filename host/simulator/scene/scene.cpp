@@ -1,0 +1,253 @@
+#include "host/simulator/scene/scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <sstream>
+#include <stdexcept>
+
+#include "host/simulator/scene/vessel_reader.h"
+#include "host/support/error.h"
+#include "host/support/fnv1a.h"
+
+namespace torquer::scene {
+
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kRadPerDeg = std::numbers::pi / 180;
+
+// "+x", "-y" ..: a direction of the vessel's frame.
+Vector3d ReadDirection(StrictTable& table, const std::string& key) {
+  static const std::vector<std::string> names = {"+x", "-x", "+y", "-y", "+z", "-z"};
+  const int choice = table.Choice(key, names);
+  return (choice % 2 == 0 ? 1.0 : -1.0) * Vector3d::Unit(choice / 2);
+}
+
+}  // namespace
+
+Scene::Scene(const std::string& path) : path_(path) {
+  StrictTable file = StrictTable::Read(path);
+  name_ = file.Text("name");
+  VesselReader reader(file, std::filesystem::path(path).parent_path());
+  vessel_ = reader.Read();
+  content_hash_ = HashFiles(path, reader.files());
+  wall_.stiffness_N_mm2 = file.Table("vessel").Number("wall_stiffness_N_mm2", 1e-6, 1e3);
+  ReadAxes(file);
+  ReadWire(file);
+  ReadRelaxation(file);
+  ReadEffects(file);
+  file.RefuseUnread();
+}
+
+void Scene::ReadAxes(StrictTable& file) {
+  StrictTable* table = file.OptionalTable("patient_axes");
+  if (table == nullptr) return;
+  axes_.left = ReadDirection(*table, "left");
+  axes_.posterior = ReadDirection(*table, "posterior");
+  axes_.superior = ReadDirection(*table, "superior");
+  if (axes_.left.cross(axes_.posterior).dot(axes_.superior) < 0.5) {
+    table->Refuse("superior",
+                  "left, posterior and superior do not form a right-handed frame; a patient's do "
+                  "(left x posterior = superior)");
+  }
+}
+
+Sheath Scene::ReadEntry(StrictTable& file) {
+  StrictTable& entry = file.Table("entry");
+  Sheath sheath;
+  if (entry.Has("point_mm")) {
+    sheath.point_mm = entry.Point("point_mm");
+    const Vector3d direction = entry.Point("direction");
+    if (!(direction.norm() > 1e-9)) entry.Refuse("direction", "has no length");
+    sheath.direction = direction.normalized();
+    return sheath;
+  }
+  if (vessel_.centerlines.empty()) {
+    entry.Refuse("point_mm",
+                 "is missing, and this vessel has no centerlines to enter by; give "
+                 "point_mm and direction");
+  }
+  const vessel::CenterlineNetwork& network = vessel_.centerlines;
+  const auto place = [&](const char* curve_key, const char* at_key) {
+    const std::string curve = entry.Text(curve_key);
+    try {
+      return network.Place(curve, entry.Number(at_key, 0, 1e5, 0));
+    } catch (const UserError& error) {
+      entry.Refuse(curve_key, error.what());
+    }
+  };
+  const vessel::CenterlinePlace from = place("centerline", "at_mm");
+  const vessel::CenterlinePlace to =
+      entry.Has("towards") ? place("towards", "towards_at_mm") : from;
+  // Towards a place: along the way there. Else along the curve.
+  vessel::CenterlineSample start = network.At(from);
+  if (entry.Has("towards")) {
+    const vessel::Centerline way = network.Path(from, to);
+    start = way.At(0);
+    for (double s = 0; s < way.length_mm(); s += 0.5) {
+      start_path_mm_.push_back(way.At(s).position_mm);
+    }
+  } else {
+    const vessel::Centerline& curve = network.curves()[from.curve];
+    for (double s = from.s_mm; s < curve.length_mm(); s += 0.5) {
+      start_path_mm_.push_back(curve.At(s).position_mm);
+    }
+  }
+  sheath.point_mm = start.position_mm;
+  sheath.direction = start.tangent.normalized();
+  return sheath;
+}
+
+void Scene::CheckFit(const StrictTable& wire, double radius_mm, const Sheath& sheath,
+                     const StrictTable& entry) const {
+  const double clearance = vessel_.field->Clearance(sheath.point_mm);
+  std::ostringstream at;
+  at << "[" << sheath.point_mm.transpose() << "] mm";
+  if (!(clearance > 0)) {
+    throw UserError(entry.Where() + ": entry: the point " + at.str() +
+                    " is outside the lumen, by " + std::to_string(-clearance) +
+                    " mm; choose one inside");
+  }
+  if (!(clearance > radius_mm)) {
+    throw UserError(wire.Where() + ": wire: its radius of " + std::to_string(radius_mm) +
+                    " mm does not fit the vessel, which leaves " + std::to_string(clearance) +
+                    " mm at the entry; take a thinner wire or another entry");
+  }
+}
+
+void Scene::ReadWire(StrictTable& file) {
+  const Sheath sheath = ReadEntry(file);
+  StrictTable& wire = file.Table("wire");
+  const double segment_mm = wire.Number("segment_mm", 0.05, 10);
+  const double max_length_mm = wire.Number("max_length_mm", segment_mm, 5000);
+  const double tip_mm = wire.Number("tip_mm", 0, 300, 0);
+  const double tip_angle_rad = kRadPerDeg * wire.Number("tip_angle_deg", 0, 330, 0);
+  const double radius_mm = wire.Number("radius_mm", 0.01, 5);
+  if (tip_angle_rad > 0 && !(tip_mm >= segment_mm)) {
+    wire.Refuse("tip_mm", "must be at least a segment for a tip with an angle");
+  }
+
+  // EI as a table of distances from the tip, or one number.
+  std::vector<double> from_tip = {0};
+  std::vector<double> rigidity;
+  if (wire.Has("rigidity_N_mm2")) {
+    rigidity = {wire.Number("rigidity_N_mm2", 1e-7, 1e6)};
+  } else {
+    rigidity = wire.Numbers("rigidities_N_mm2", 1e-7, 1e6);
+    from_tip = wire.Numbers("rigidities_from_tip_mm", 0, 5000);
+    if (from_tip.size() != rigidity.size()) {
+      wire.Refuse("rigidities_from_tip_mm", "needs one distance for each of rigidities_N_mm2");
+    }
+  }
+  for (std::size_t k = 1; k < from_tip.size(); ++k) {
+    if (!(from_tip[k] > from_tip[k - 1])) {
+      wire.Refuse("rigidities_from_tip_mm", "must ascend");
+    }
+  }
+  const auto rigidity_at = [&](double s) {
+    if (s <= from_tip.front()) return rigidity.front();
+    for (std::size_t k = 1; k < from_tip.size(); ++k) {
+      if (s <= from_tip[k]) {
+        const double t = (s - from_tip[k - 1]) / (from_tip[k] - from_tip[k - 1]);
+        return rigidity[k - 1] + t * (rigidity[k] - rigidity[k - 1]);
+      }
+    }
+    return rigidity.back();
+  };
+  // The curved tip ends within a thousandth of a segment, so that its joints are all equal.
+  const double curvature = tip_angle_rad > 0 ? tip_angle_rad / tip_mm : 0;
+  const double tip_end = tip_mm + 0.5 * segment_mm;
+  std::vector<double> stations = from_tip;
+  if (curvature > 0) {
+    stations.insert(stations.end(), {0, tip_end, tip_end + 1e-3 * segment_mm});
+  }
+  std::sort(stations.begin(), stations.end());
+  stations.erase(std::unique(stations.begin(), stations.end()), stations.end());
+  std::vector<WireSection> sections;
+  for (const double s : stations) {
+    sections.push_back({s, rigidity_at(s), radius_mm, s <= tip_end ? curvature : 0, 0});
+  }
+
+  const BendingLaw laws[] = {BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2};
+  const BendingLaw law = laws[wire.Choice("bending_law", {"exact", "g1", "g2"}, 0)];
+  inserted_at_start_mm_ = wire.Number("inserted_at_start_mm", 0, max_length_mm, 0);
+  if (inserted_at_start_mm_ > 0 && start_path_mm_.empty()) {
+    wire.Refuse("inserted_at_start_mm",
+                "needs centerlines to lie along; give the entry as a place on a centerline");
+  }
+  try {
+    wire_ = std::make_unique<WireModel>(segment_mm, sections, tip_mm, max_length_mm, law, sheath);
+  } catch (const std::invalid_argument& error) {
+    throw UserError(wire.Where() + ": wire: " + error.what());
+  }
+  CheckFit(wire, radius_mm, sheath, file.Table("entry"));
+}
+
+void Scene::ReadRelaxation(StrictTable& file) {
+  StrictTable* table = file.OptionalTable("relaxation");
+  if (table == nullptr) return;
+  method_ = table->Choice("method", {"newton", "paper"}, 0) == 0 ? Method::kNewton : Method::kPaper;
+  budget_us_ = table->Number("budget_us", 20, 1e6, budget_us_);
+  if (method_ == Method::kNewton) {
+    newton_.tolerance = table->Number("tolerance", 1e-10, 1, newton_.tolerance);
+    wall_.points_per_segment =
+        table->Integer("contact_points_per_segment", 1, 8, wall_.points_per_segment);
+    budget_units_ = table->Integer("budget_units", 1, 1000000, 1000);
+    return;
+  }
+  wall_.points_per_segment = 1;
+  paper_.tolerance = table->Number("tolerance", 1e-10, 1, paper_.tolerance);
+  paper_.physical.max_update = table->Number("max_update", 1e-4, 2, paper_.physical.max_update);
+  paper_.physical.margin = table->Integer("margin", 1, 1000, paper_.physical.margin);
+  const UpdateRule rules[] = {UpdateRule::kSigned, UpdateRule::kRhoOnly, UpdateRule::kAbsolute,
+                              UpdateRule::kExactRoot};
+  paper_.physical.rule =
+      rules[table->Choice("update_rule", {"signed", "rho_only", "absolute", "exact_root"}, 2)];
+  budget_units_ = table->Integer("budget_units", 1, 1000000, 100);
+}
+
+void Scene::ReadEffects(StrictTable& file) {
+  StrictTable* table = file.OptionalTable("effects");
+  if (table == nullptr) return;
+  for (const std::string& name : table->Keys()) {
+    const effects::EffectKind& kind = effects::FindEffect(name, table->Where(name));
+    StrictTable& keys = table->Table(name);
+    effects_.push_back(kind.make(keys, {*wire_, wall_}));
+    effect_names_.push_back(name);
+    EnergyTerm* term = effects_.back()->energy_term();
+    if (term == nullptr) continue;
+    if (method_ == Method::kPaper) {
+      table->Refuse(name,
+                    "changes the energy of the wire, which the paper's method does not know; "
+                    "remove it or choose relaxation.method = \"newton\"");
+    }
+    terms_.push_back(term);
+  }
+}
+
+std::unique_ptr<Relaxation> Scene::MakeRelaxation() {
+  if (method_ == Method::kPaper) {
+    return std::make_unique<PaperRelaxation>(*wire_, *vessel_.field, wall_, paper_);
+  }
+  return std::make_unique<NewtonRelaxation>(*wire_, *vessel_.field, wall_, newton_, terms_);
+}
+
+WireState Scene::MakeStart(Relaxation& relaxation) const {
+  WireState state(*wire_);
+  if (inserted_at_start_mm_ > 0) {
+    LayAlong(*wire_, start_path_mm_, inserted_at_start_mm_, state);
+  }
+  relaxation.Restart(state);
+  const HandTarget here{state.insertion_mm, state.rotation_rad};
+  for (int tick = 0; tick < 20; ++tick) {
+    CountedBudget budget(budget_units_);
+    if (relaxation.Tick(here, budget, state).converged) break;
+  }
+  return state;
+}
+
+}  // namespace torquer::scene

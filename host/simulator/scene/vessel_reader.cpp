@@ -1,0 +1,106 @@
+#include "host/simulator/scene/vessel_reader.h"
+
+#include <fstream>
+#include <sstream>
+#include <utility>
+
+#include "host/simulator/vessel/phantoms.h"
+#include "host/simulator/vessel/tube_field.h"
+#include "host/support/error.h"
+#include "host/support/fnv1a.h"
+
+namespace torquer::scene {
+
+namespace {
+
+Vessel FromTubes(vessel::TubeVessel tubes, std::string description) {
+  Vessel result;
+  result.field = std::move(tubes.field);
+  result.centerlines = std::move(tubes.centerlines);
+  result.bounds_mm = tubes.bounds_mm;
+  result.description = std::move(description);
+  return result;
+}
+
+}  // namespace
+
+Vessel VesselReader::Read() {
+  switch (table_.Choice("kind", {"phantom", "tubes", "surface"})) {
+    case 0:
+      return ReadPhantom();
+    case 1:
+      return ReadTubes();
+    default:
+      return ReadSurface();
+  }
+}
+
+Vessel VesselReader::ReadPhantom() {
+  switch (table_.Choice("phantom", {"ty", "straight", "torus"})) {
+    case 0:
+      return FromTubes(vessel::MakeTyPhantom(), "T-Y phantom, radius 4 mm, main path 285 mm");
+    case 1: {
+      const double length = table_.Number("length_mm", 1, 5000);
+      const double radius = table_.Number("radius_mm", 0.1, 50);
+      std::ostringstream what;
+      what << "straight tube, " << length << " mm, radius " << radius << " mm";
+      return FromTubes(vessel::MakeStraightTube(length, radius), what.str());
+    }
+    default: {
+      const double bend = table_.Number("bend_radius_mm", 1, 5000);
+      const double radius = table_.Number("radius_mm", 0.1, 50);
+      const double angle = table_.Number("angle_deg", 1, 360) * 3.14159265358979323846 / 180;
+      std::ostringstream what;
+      what << "torus arc, bend radius " << bend << " mm, radius " << radius << " mm";
+      return FromTubes(vessel::MakeTorus(bend, radius, angle), what.str());
+    }
+  }
+}
+
+Vessel VesselReader::ReadTubes() {
+  const double union_width_mm = table_.Number("union_width_mm", 0, 20, 2);
+  const double join_mm = table_.Number("join_tolerance_mm", 0.01, 50, 1);
+  std::vector<vessel::Tube> tubes;
+  for (StrictTable* tube : table_.Tables("tube")) {
+    const std::string name = tube->Text("name");
+    const std::vector<Eigen::Vector3d> corners = tube->Points("points_mm", 2);
+    const double bend = tube->Number("bend_radius_mm", 0.1, 1e6, 1e6);
+    std::vector<double> radii = tube->Numbers("radii_mm", 0.1, 50);
+    try {
+      vessel::Tube made{name, vessel::ArcLinePath::FromCorners(corners, bend), radii, {}};
+      made.radius_at_mm = made.axis.corner_arc_lengths_mm();
+      if (radii.size() == 1) {
+        made.radius_at_mm = {0};
+      } else if (radii.size() != corners.size()) {
+        tube->Refuse("radii_mm", "needs one radius, or one for each of points_mm");
+      }
+      tubes.push_back(std::move(made));
+    } catch (const UserError& error) {
+      throw UserError(tube->Where() + ": tube " + name + ": " + error.what());
+    }
+  }
+  if (tubes.empty()) table_.Refuse("tube", "is missing; add a table [[vessel.tube]]");
+  try {
+    return FromTubes(vessel::MakeTubeVessel(tubes, union_width_mm, join_mm),
+                     std::to_string(tubes.size()) + " tubes");
+  } catch (const UserError& error) {
+    throw UserError(table_.Where() + ": vessel: " + error.what());
+  }
+}
+
+Vessel VesselReader::ReadSurface() { table_.Refuse("kind", "is not built in yet"); }
+
+std::uint64_t HashFiles(const std::string& first, const std::vector<std::string>& others) {
+  std::uint64_t hash = Fnv1a("");
+  const auto add = [&hash](const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    std::ostringstream text;
+    text << in.rdbuf();
+    hash = Fnv1a(text.str(), hash);
+  };
+  add(first);
+  for (const std::string& path : others) add(path);
+  return hash;
+}
+
+}  // namespace torquer::scene

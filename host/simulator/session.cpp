@@ -1,0 +1,119 @@
+#include "host/simulator/session.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "host/bus/channels.h"
+
+namespace torquer::simulator {
+
+namespace {
+
+constexpr double kLargestTarget = 1e5;
+
+bool Usable(const HandTarget& target) {
+  return std::abs(target.insertion_mm) <= kLargestTarget &&
+         std::abs(target.rotation_rad) <= kLargestTarget;
+}
+
+}  // namespace
+
+Session::Session(scene::Scene& scene)
+    : scene_(scene), relaxation_(scene.MakeRelaxation()), state_(scene.wire()) {
+  Restart();
+}
+
+void Session::Restart() {
+  state_ = scene_.MakeStart(*relaxation_);
+  target_ = {state_.insertion_mm, state_.rotation_rad};
+  command_sequence_ = -1;
+  tick_ = 0;
+  updates_ = 0;
+  status_ = 0;
+  report_ = TickReport();
+  report_.residual = relaxation_->Current().residual;
+  report_.energy_mJ = relaxation_->Current().energy_mJ;
+  report_.max_penetration_mm = relaxation_->Current().max_penetration_mm;
+  Observe();
+}
+
+const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
+  status_ = command.in_doubt ? bus::kWireInDoubt : 0;
+  if (Usable(command.target)) {
+    target_ = command.target;
+    command_sequence_ = command.sequence;
+  } else {
+    status_ |= bus::kWireInputRefused;
+  }
+  report_ = relaxation_->Tick(target_, budget, state_);
+  ++tick_;
+  updates_ += report_.updates;
+  Observe();
+  return report_;
+}
+
+void Session::Observe() {
+  hash_ = HashState(state_);
+  if (report_.converged) status_ |= bus::kWireConverged;
+  if (report_.budget_spent) status_ |= bus::kWireBudgetSpent;
+  if (report_.snapped) status_ |= bus::kWireSnapped;
+  const PointSet& points = relaxation_->Current().points;
+  for (std::size_t q = 0; q < points.touches.size(); ++q) {
+    if (points.touches[q] && points.clearance[q].clearance_mm < 0) {
+      status_ |= bus::kWireOutsideLumen;
+      break;
+    }
+  }
+}
+
+void Session::Describe(torquer_lcm::wire_state_t& out) const {
+  out.tick = tick_;
+  out.command_sequence = command_sequence_;
+  out.commanded_insertion_mm = target_.insertion_mm;
+  out.commanded_rotation_rad = target_.rotation_rad;
+  out.insertion_mm = state_.insertion_mm;
+  out.rotation_rad = state_.rotation_rad;
+  // With less than half a segment inside there is no segment yet, and all of it is carried.
+  out.carried_mm = target_.insertion_mm - state_.ArcLength(scene_.wire());
+  const Eigen::Vector3d& tip = state_.nodes.back();
+  out.energy_mJ = report_.energy_mJ;
+  out.residual = report_.residual;
+  out.max_penetration_um = 1e3 * report_.max_penetration_mm;
+  out.actions = report_.actions;
+  out.work = report_.work;
+  out.updates = updates_;
+  out.state_hash = static_cast<std::int64_t>(hash_);
+  out.status = status_;
+
+  const int n = state_.segments();
+  out.segment_count = n;
+  out.stride = n / kMostNodesInMessage + 1;
+  out.nodes_mm.clear();
+  const auto add = [&out](const Eigen::Vector3d& x) {
+    out.nodes_mm.push_back(
+        {static_cast<float>(x[0]), static_cast<float>(x[1]), static_cast<float>(x[2])});
+  };
+  for (int i = 0; i < n; i += out.stride) add(state_.nodes[i]);
+  add(tip);
+  out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
+  for (int axis = 0; axis < 3; ++axis) out.tip_mm[axis] = tip[axis];
+
+  // A contact a segment at most, with the deepest of its points.
+  const PointSet& points = relaxation_->Current().points;
+  out.contact_nodes.clear();
+  out.contact_penetrations_um.clear();
+  for (int i = 0; i < n; ++i) {
+    double deepest_mm = 0;
+    for (int k = 0; k < points.per_segment; ++k) {
+      const auto q = static_cast<std::size_t>(i * points.per_segment + k);
+      if (q >= points.touches.size() || !points.touches[q]) continue;
+      deepest_mm = std::max(deepest_mm, points.radius_mm[q] - points.clearance[q].clearance_mm);
+    }
+    if (deepest_mm <= 0) continue;
+    out.contact_nodes.push_back(i + 1);
+    out.contact_penetrations_um.push_back(static_cast<float>(1e3 * deepest_mm));
+  }
+  out.contact_count = static_cast<std::int32_t>(out.contact_nodes.size());
+}
+
+}  // namespace torquer::simulator

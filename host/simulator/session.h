@@ -1,0 +1,64 @@
+// One wire in one scene, tick by tick: no clock, no bus.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <torquer_lcm/wire_state_t.hpp>
+
+#include "host/simulator/core/relaxation.h"
+#include "host/simulator/scene/scene.h"
+
+namespace torquer::simulator {
+
+/// A command, as far as a wire follows it.
+struct Command {
+  std::int64_t sequence = -1;
+  HandTarget target;      ///< past the entry point: the hand's motion and what lay in at the start
+  bool in_doubt = false;  ///< lift, sensor fault or no device
+};
+
+/// Runs a scene. The same commands and budgets give the same states, bit for bit.
+class Session {
+ public:
+  /// `scene` must outlive the session.
+  explicit Session(scene::Scene& scene);
+
+  /// One tick towards `command`. A target that is not finite, or beyond 1e5 mm or 1e5 rad, is
+  /// refused: the last good one stands, and the state says so.
+  const TickReport& Tick(const Command& command, WorkBudget& budget);
+  /// Back to the start of the scene.
+  void Restart();
+
+  const scene::Scene& scene() const { return scene_; }
+  const WireState& state() const { return state_; }
+  const Relaxation& relaxation() const { return *relaxation_; }
+  const TickReport& report() const { return report_; }
+  std::uint64_t state_hash() const { return hash_; }
+  std::int64_t tick() const { return tick_; }
+  int status() const { return status_; }  ///< bus::WireStatus bits
+  /// Absolute: past the entry point.
+  const HandTarget& target() const { return target_; }
+
+  /// Fills all that the session knows of a message; times and instrument stay as they are.
+  void Describe(torquer_lcm::wire_state_t& out) const;
+
+ private:
+  void Observe();
+
+  scene::Scene& scene_;
+  std::unique_ptr<Relaxation> relaxation_;
+  WireState state_;
+  TickReport report_;
+  HandTarget target_;
+  std::int64_t command_sequence_ = -1;
+  std::int64_t tick_ = 0;
+  std::int64_t updates_ = 0;
+  std::uint64_t hash_ = 0;
+  int status_ = 0;
+};
+
+/// Most nodes of one message; longer wires are sent with a stride.
+inline constexpr int kMostNodesInMessage = 2000;
+
+}  // namespace torquer::simulator
