@@ -8,6 +8,7 @@
 #include "calibration/calibration_file.h"
 #include "host/bus/channels.h"
 #include "host/recorder/report_output.h"
+#include "host/support/command_line.h"
 #include "host/support/error.h"
 
 namespace {
@@ -26,29 +27,21 @@ struct Options {
   std::string calibration;
   std::string picture;
   bool json = false;
+  bool help = false;
 };
 
 Options Parse(int argc, char** argv) {
   Options options;
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const auto value = [&] {
-      if (i + 1 >= argc) throw torquer::UserError(argument + " needs a value\n" + kUsage);
-      return std::string(argv[++i]);
-    };
-    if (argument == "--calibration") {
-      options.calibration = value();
-    } else if (argument == "--picture") {
-      options.picture = value();
-    } else if (argument == "--json") {
-      options.json = true;
-    } else if (argument.starts_with("-") || !options.log.empty()) {
-      throw torquer::UserError("unexpected argument \"" + argument + "\"\n" + kUsage);
-    } else {
-      options.log = argument;
-    }
+  torquer::CommandLine line;
+  line.Operand(options.log);
+  line.Option("--calibration", options.calibration);
+  line.Option("--picture", options.picture);
+  line.Flag("--json", options.json);
+  line.Flag("--help", options.help);
+  line.Parse(argc, argv, kUsage);
+  if (options.log.empty() && !options.help) {
+    throw torquer::UserError(std::string("no LOG given\n") + kUsage);
   }
-  if (options.log.empty()) throw torquer::UserError(std::string("no LOG given\n") + kUsage);
   return options;
 }
 
@@ -84,11 +77,12 @@ int Run(const Options& options) {
 
 int main(int argc, char** argv) {
   try {
-    if (argc == 2 && std::string(argv[1]) == "--help") {
+    const Options options = Parse(argc, argv);
+    if (options.help) {
       std::cout << kUsage;
       return 0;
     }
-    return Run(Parse(argc, argv));
+    return Run(options);
   } catch (const torquer::UserError& error) {
     std::cerr << "torquer-report: " << error.what() << "\n";
     return torquer::kExitUserError;

@@ -12,13 +12,8 @@
 namespace torquer {
 namespace {
 
-constexpr std::int8_t kHeldFlags = protocol::kFlagLift | protocol::kFlagSensorFault;
-
-// Motion up to a sample is held when the hand had the clutch, or the sensor was in doubt, at
-// either end of it: that is the daemon's rule too.
-bool Held(const torquer_lcm::device_sample_t& sample) {
-  return (sample.buttons & protocol::kButtonClutch) != 0 || (sample.flags & kHeldFlags) != 0;
-}
+constexpr std::int8_t kDoubtfulSample = protocol::kFlagLift | protocol::kFlagSensorFault;
+constexpr std::int32_t kDoubtfulCommand = bus::kCommandLift | bus::kCommandSensorFault;
 
 }  // namespace
 
@@ -64,13 +59,34 @@ SessionHandlers SessionReporter::Handlers() {
   return handlers;
 }
 
+// The clutch and the sensor's own doubts stand in the sample; that the daemon found the surface
+// poor stands only in the command that it made of it, just before.
+bool SessionReporter::Held(const torquer_lcm::device_sample_t& sample) const {
+  const bool doubted = command_origin_us_ == sample.origin_us && command_doubtful_;
+  return (sample.buttons & protocol::kButtonClutch) != 0 || (sample.flags & kDoubtfulSample) != 0 ||
+         doubted;
+}
+
 void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
   ++report_.samples;
+  const bool held = Held(sample);
   if (!first_sample_) first_sample_ = sample;
-  if (last_sample_ && (Held(*last_sample_) || Held(sample))) {
-    held_axial_ += sample.axial_counts - last_sample_->axial_counts;
-    held_transverse_ += sample.transverse_counts - last_sample_->transverse_counts;
+  if (last_sample_) {
+    // What the hand did while the device restarted, nobody knows.
+    const bool reset = sample.boot_id != last_sample_->boot_id;
+    resets_ += reset ? 1 : 0;
+    const std::int64_t axial = reset ? 0 : sample.axial_counts - last_sample_->axial_counts;
+    const std::int64_t transverse =
+        reset ? 0 : sample.transverse_counts - last_sample_->transverse_counts;
+    report_.axial.sensor_counts += axial;
+    report_.rotation.sensor_counts += transverse;
+    // Motion is held when there was a reason for it at either end.
+    if (held || last_held_) {
+      report_.axial.held_counts += axial;
+      report_.rotation.held_counts += transverse;
+    }
   }
+  last_held_ = held;
   last_sample_ = sample;
 }
 
@@ -78,6 +94,8 @@ void SessionReporter::Add(const torquer_lcm::instrument_command_t& command) {
   if (command.instrument != instrument_) return;
   ++report_.commands;
   command_clock_id_ = command.clock_id;
+  command_origin_us_ = command.origin_us;
+  command_doubtful_ = (command.flags & kDoubtfulCommand) != 0;
 }
 
 void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
@@ -117,13 +135,12 @@ void SessionReporter::CountReports(SessionReport& report) const {
 
 void SessionReporter::JudgeMotion(const Eigen::Matrix2d& motion_per_count,
                                   SessionReport& report) const {
-  const std::int64_t axial_end = truth_ ? truth_->axial_counts : last_sample_->axial_counts;
-  const std::int64_t transverse_end =
-      truth_ ? truth_->transverse_counts : last_sample_->transverse_counts;
-  report.axial.sensor_counts = axial_end - first_sample_->axial_counts;
-  report.axial.held_counts = held_axial_;
-  report.rotation.sensor_counts = transverse_end - first_sample_->transverse_counts;
-  report.rotation.held_counts = held_transverse_;
+  // Where the emulator tells what its sensor produced, that counts: a report that was lost at the
+  // end would show. Its counts go on through a reset of the device, the samples' start again.
+  if (truth_ && resets_ == 0) {
+    report.axial.sensor_counts = truth_->axial_counts - first_sample_->axial_counts;
+    report.rotation.sensor_counts = truth_->transverse_counts - first_sample_->transverse_counts;
+  }
 
   const Eigen::Vector2d moved_counts(
       static_cast<double>(report.axial.sensor_counts - report.axial.held_counts),

@@ -92,6 +92,7 @@ class SessionReporter {
   void Add(const torquer_lcm::instrument_command_t& command);
   void Add(const torquer_lcm::wire_state_t& state);
   void Add(const torquer_lcm::health_t& health);
+  bool Held(const torquer_lcm::device_sample_t& sample) const;
   void JudgeMotion(const Eigen::Matrix2d& motion_per_count, SessionReport& report) const;
   void CountReports(SessionReport& report) const;
 
@@ -102,9 +103,11 @@ class SessionReporter {
   std::optional<torquer_lcm::wire_state_t> last_state_;
   std::optional<torquer_lcm::scene_description_t> scene_;
   std::map<std::string, std::int64_t> daemon_counters_;
-  std::int64_t held_axial_ = 0;
-  std::int64_t held_transverse_ = 0;
+  bool last_held_ = false;
+  std::int64_t resets_ = 0;
   std::int64_t command_clock_id_ = 0;
+  std::int64_t command_origin_us_ = -1;
+  bool command_doubtful_ = false;
   std::vector<double> latencies_ms_;
   std::vector<double> solve_us_;
   SessionReport report_;

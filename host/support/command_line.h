@@ -22,6 +22,8 @@ class CommandLine {
   void Option(const std::string& name, std::string& value) {
     Option(name, [&value](const std::string& given) { value = given; });
   }
+  /// The one word that is no option, into `value`.
+  void Operand(std::string& value) { operand_ = &value; }
   /// `name` alone sets `value`.
   void Flag(const std::string& name, bool& value) {
     options_[name] = {false, [&value](const std::string&) { value = true; }};
@@ -32,6 +34,10 @@ class CommandLine {
     const std::vector<std::string> words(argv + 1, argv + argc);
     for (std::size_t i = 0; i < words.size(); ++i) {
       const auto found = options_.find(words[i]);
+      if (found == options_.end() && operand_ && operand_->empty() && !words[i].starts_with('-')) {
+        *operand_ = words[i];
+        continue;
+      }
       if (found == options_.end()) {
         throw UserError("unknown argument '" + words[i] + "'\n" + usage);
       }
@@ -45,6 +51,7 @@ class CommandLine {
 
  private:
   std::map<std::string, std::pair<bool, std::function<void(const std::string&)>>> options_;
+  std::string* operand_ = nullptr;
 };
 
 }  // namespace torquer

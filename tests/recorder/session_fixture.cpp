@@ -1,7 +1,6 @@
 #include "tests/recorder/session_fixture.h"
 
 #include <lcm/lcm-cpp.hpp>
-#include <stdexcept>
 #include <vector>
 
 #include "host/bus/channels.h"
@@ -81,12 +80,16 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     sample.clock_id = kClock;
     sample.receive_us = now_us;
     sample.report_number = i + (i > 300 ? faults.lost_reports : 0);
-    sample.axial_counts = 100 + 2 * i;
-    sample.transverse_counts = -i;
-    const bool held = i >= 500 && i < 600;
-    sample.buttons = held ? protocol::kButtonClutch : 0;
-    log.Write(bus::kDeviceSampleChannel, now_us, sample);
-    if (i > 0 && !held && !was_held) moved_counts += 2;
+    sample.origin_us = now_us;
+    const bool restarted = faults.reset && i >= 800;
+    sample.boot_id = restarted ? 2 : 1;
+    sample.axial_counts = 100 + 2 * (restarted ? i - 800 : i);
+    sample.transverse_counts = -(restarted ? i - 800 : i);
+    const bool clutch = i >= 500 && i < 600;
+    sample.buttons = clutch ? protocol::kButtonClutch : 0;
+    const bool poor_surface = faults.poor_surface && i >= 200 && i < 300;
+    const bool held = clutch || poor_surface;
+    if (i > 0 && !held && !was_held && !(restarted && i == 800)) moved_counts += 2;
     was_held = held;
 
     torquer_lcm::instrument_command_t command{};
@@ -94,7 +97,9 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     command.sequence = i;
     command.clock_id = kClock;
     command.origin_us = now_us;
+    command.flags = poor_surface ? bus::kCommandLift : 0;
     log.Write(bus::kInstrumentCommandChannel, now_us, command);
+    log.Write(bus::kDeviceSampleChannel, now_us, sample);
 
     torquer_lcm::wire_state_t state =
         State(kInsertedAtStartMm + kMmPerCount * static_cast<double>(moved_counts) +
@@ -123,17 +128,6 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     truth.transverse_counts = -(kReports - 1);
     log.Write(bus::kEmulatorTruthChannel, kStartUs, truth);
   }
-}
-
-ScratchFolder::ScratchFolder() {
-  std::string name = (std::filesystem::temp_directory_path() / "torquer-test-XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no scratch folder " + name);
-  path_ = name;
-}
-
-ScratchFolder::~ScratchFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
 }
 
 }  // namespace torquer::test

@@ -1,7 +1,6 @@
 // A session as lcm-logger would have recorded it, made up so that every figure is known.
 #pragma once
 
-#include <filesystem>
 #include <string>
 
 #include "torquer_lcm/device_sample_t.hpp"
@@ -25,6 +24,8 @@ struct SessionFaults {
   bool undecodable = false;       ///< one state cut short
   bool without_emulator = false;  ///< as with a real device
   int lost_states = 0;
+  bool poor_surface = false;  ///< for reports 200 to 299, as the commands alone tell
+  bool reset = false;         ///< of the device between reports 799 and 800
 };
 
 /// 1000 reports at 1 kHz: 2 counts each; the clutch is held from report 500 to 599. A state after
@@ -36,18 +37,5 @@ void WriteSession(const std::string& path, const SessionFaults& faults);
 inline constexpr int kReports = 1000;
 inline constexpr int kHeldCounts = 2 * 101;
 inline constexpr int kSensorCounts = 2 * (kReports - 1);
-
-/// An empty folder that is removed at the end.
-class ScratchFolder {
- public:
-  ScratchFolder();
-  ~ScratchFolder();
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  std::string File(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  std::filesystem::path path_;
-};
 
 }  // namespace torquer::test

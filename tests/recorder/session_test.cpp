@@ -13,6 +13,7 @@
 #include "host/recorder/session_report.h"
 #include "host/support/error.h"
 #include "tests/recorder/session_fixture.h"
+#include "tests/support/temporary_folder.h"
 
 using namespace torquer;
 using namespace torquer::test;
@@ -20,10 +21,10 @@ using namespace torquer::test;
 namespace {
 
 SessionReport Report(const SessionFaults& faults) {
-  const ScratchFolder folder;
-  WriteSession(folder.File("log"), faults);
+  const TemporaryFolder folder;
+  WriteSession(folder.Path("log"), faults);
   SessionReporter reporter(bus::kGuidewire);
-  const SessionLogSummary summary = ReadSessionLog(folder.File("log"), reporter.Handlers());
+  const SessionLogSummary summary = ReadSessionLog(folder.Path("log"), reporter.Handlers());
   SessionReport report =
       reporter.Finish(Eigen::Vector2d(kMmPerCount, kRadPerCount).asDiagonal().toDenseMatrix());
   report.undecodable = summary.undecodable;
@@ -75,6 +76,22 @@ TEST_CASE("A wire that goes elsewhere than the hand is told in counts") {
   CHECK(Report(faults).Good());
 }
 
+TEST_CASE("Motion while the daemon doubts the surface is held") {
+  SessionFaults faults;
+  faults.poor_surface = true;
+  const SessionReport report = Report(faults);
+  CHECK(report.axial.held_counts == 2 * kHeldCounts);
+  CHECK(report.Good());
+}
+
+TEST_CASE("A reset of the device is no motion") {
+  SessionFaults faults;
+  faults.reset = true;
+  const SessionReport report = Report(faults);
+  CHECK(report.axial.sensor_counts == kSensorCounts - 2);
+  CHECK(report.Good());
+}
+
 TEST_CASE("Latency is not computed between the clocks of two machines") {
   SessionFaults faults;
   faults.foreign_clock = true;
@@ -92,20 +109,20 @@ TEST_CASE("Missing and undecodable states are counted") {
 }
 
 TEST_CASE("A torn log is read to its last whole record") {
-  const ScratchFolder folder;
-  WriteSession(folder.File("log"), {});
-  const auto whole = ReadSessionLog(folder.File("log"), {}).messages;
-  std::filesystem::resize_file(folder.File("log"),
-                               std::filesystem::file_size(folder.File("log")) - 10);
-  CHECK(ReadSessionLog(folder.File("log"), {}).messages == whole - 1);
+  const TemporaryFolder folder;
+  WriteSession(folder.Path("log"), {});
+  const auto whole = ReadSessionLog(folder.Path("log"), {}).messages;
+  std::filesystem::resize_file(folder.Path("log"),
+                               std::filesystem::file_size(folder.Path("log")) - 10);
+  CHECK(ReadSessionLog(folder.Path("log"), {}).messages == whole - 1);
 }
 
 TEST_CASE("What is no log is refused by name") {
-  const ScratchFolder folder;
-  CHECK_THROWS_WITH(ReadSessionLog(folder.File("none"), {}),
+  const TemporaryFolder folder;
+  CHECK_THROWS_WITH(ReadSessionLog(folder.Path("none"), {}),
                     Catch::Contains("none: cannot be read"));
-  std::ofstream(folder.File("empty")).flush();
-  CHECK_THROWS_WITH(ReadSessionLog(folder.File("empty"), {}),
+  std::ofstream(folder.Path("empty")).flush();
+  CHECK_THROWS_WITH(ReadSessionLog(folder.Path("empty"), {}),
                     Catch::Contains("holds no LCM message"));
   CHECK_THROWS_WITH(SessionReporter("catheter").Finish(Eigen::Matrix2d::Identity()),
                     Catch::Contains("no scene description"));
@@ -126,25 +143,25 @@ TEST_CASE("Order statistics are by nearest rank") {
 }
 
 TEST_CASE("torquer-report judges, prints and draws") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   calibration::Calibration calibration = calibration::NominalCalibration("made-up", 1200);
   calibration.motion.per_count = {{{kMmPerCount, 0.0}, {0.0, kRadPerCount}}};
-  calibration::WriteCalibration(calibration, folder.File("calibration.toml"));
+  calibration::WriteCalibration(calibration, folder.Path("calibration.toml"));
   const auto run = [&folder](const std::string& arguments) {
     const std::string command = std::string(TORQUER_BIN_DIR) + "/torquer-report " + arguments +
-                                " >" + folder.File("out") + " 2>" + folder.File("err");
+                                " >" + folder.Path("out") + " 2>" + folder.Path("err");
     return WEXITSTATUS(std::system(command.c_str()));
   };
   const auto text = [&folder](const std::string& name) {
     std::ostringstream all;
-    all << std::ifstream(folder.File(name)).rdbuf();
+    all << std::ifstream(folder.Path(name)).rdbuf();
     return all.str();
   };
   const std::string given =
-      folder.File("log") + " --calibration " + folder.File("calibration.toml");
+      folder.Path("log") + " --calibration " + folder.Path("calibration.toml");
 
-  WriteSession(folder.File("log"), {});
-  REQUIRE(run(given + " --json --picture " + folder.File("wire.svg")) == 0);
+  WriteSession(folder.Path("log"), {});
+  REQUIRE(run(given + " --json --picture " + folder.Path("wire.svg")) == 0);
   const auto json = nlohmann::json::parse(text("out"));
   for (const char* key :
        {"reports_sent", "reports_received", "reports_lost", "motion_error_counts", "latency_ms_p50",
@@ -152,17 +169,17 @@ TEST_CASE("torquer-report judges, prints and draws") {
     CHECK(json.contains(key));
   }
   CHECK(json["nodes"] == 4);
-  CHECK(json["picture"] == folder.File("wire.svg"));
+  CHECK(json["picture"] == folder.Path("wire.svg"));
   CHECK_THAT(text("wire.svg"), Catch::StartsWith("<svg") && Catch::EndsWith("</svg>\n") &&
                                    Catch::Contains("tube &lt;r 3&gt;"));
 
   SessionFaults faults;
   faults.lost_reports = 1;
-  WriteSession(folder.File("log"), faults);
+  WriteSession(folder.Path("log"), faults);
   CHECK(run(given) == 1);
   CHECK_THAT(text("out"), Catch::Contains("1001 sent, 1000 received, 1 lost"));
 
-  CHECK(run(folder.File("none")) == 2);
+  CHECK(run(folder.Path("none")) == 2);
   CHECK_THAT(text("err"), Catch::StartsWith("torquer-report: ") && Catch::Contains("none"));
   CHECK(run("") == 2);
   CHECK(run(given + " --nonsense") == 2);
