@@ -22,7 +22,8 @@ MotionModel ModelOf(const MotionParameters& parameters, int cpi) {
   MotionModel model;
   model.cpi = cpi;
   model.per_count[0] = {gain * std::cos(turn), gain * std::sin(turn)};
-  model.per_count[1] = {-gain * std::sin(push) / parameters.cylinder_radius_mm,
+  // 0.0 - x rather than -x: no negative zero in files.
+  model.per_count[1] = {0.0 - gain * std::sin(push) / parameters.cylinder_radius_mm,
                         gain * std::cos(push) / parameters.cylinder_radius_mm};
   return model;
 }

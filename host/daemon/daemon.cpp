@@ -225,20 +225,20 @@ void Daemon::CheckResolution() {
     std::memcpy(&configuration, answer.data(), sizeof configuration);
     return configuration;
   };
-  protocol::ConfigurationReport configuration = ask();
-  if (configuration.cpi == wanted) return;
-  const int found = configuration.cpi;
-  configuration.cpi = static_cast<std::uint16_t>(wanted);
+  const protocol::ConfigurationReport found = ask();
+  if (found.cpi == wanted) return;
+  int now = found.cpi;
   try {
-    const auto* bytes = reinterpret_cast<const std::uint8_t*>(&configuration);
-    source_->SetFeature({bytes, sizeof configuration});
-    configuration = ask();
+    protocol::ConfigurationReport asked = found;
+    asked.cpi = static_cast<std::uint16_t>(wanted);
+    source_->SetFeature({reinterpret_cast<const std::uint8_t*>(&asked), sizeof asked});
+    now = ask().cpi;
   } catch (const FeatureError&) {
     // Told below, with both values.
   }
-  if (configuration.cpi != wanted) {
+  if (now != wanted) {
     throw UserError(options_.calibration_path + ": motion.cpi = " + std::to_string(wanted) +
-                    ", but the device's sensor is set to " + std::to_string(found) +
+                    ", but the device's sensor is set to " + std::to_string(now) +
                     " and cannot be set otherwise; take a new calibration with torquer-calibrate");
   }
 }

@@ -1,93 +1,73 @@
 // The daemon as a process: a scripted device behind a socket, commands read back from the bus.
 #include <catch2/catch.hpp>
-#include <cmath>
 #include <csignal>
-#include <cstdlib>
-#include <functional>
-#include <map>
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "calibration/calibration_file.h"
-#include "host/bus/bus.h"
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
+#include "tests/daemon/daemon_process.h"
 #include "tests/daemon/reports.h"
 #include "tests/daemon/socket_device.h"
-#include "tests/support/child_process.h"
-#include "tests/support/private_network.h"
-#include "tests/support/temporary_folder.h"
-#include "torquer_lcm/device_sample_t.hpp"
-#include "torquer_lcm/health_t.hpp"
-#include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
 namespace {
 
 using torquer::protocol::InputReport;
 using torquer::test::ChildProcess;
+using torquer::test::Listener;
 using torquer::test::Next;
 using torquer::test::SocketDevice;
+using torquer::test::SocketWords;
 using torquer::test::StillReport;
 using torquer_lcm::device_sample_t;
-using torquer_lcm::health_t;
 using torquer_lcm::instrument_command_t;
 
 constexpr double kMmPerCount = 25.4 / 1200;
-constexpr char kDaemon[] = TORQUER_BIN_DIR "/torquer-daemon";
 
-// What the daemon tells the world, and a folder for its claims.
-struct Listener {
-  Listener() {
-    torquer::test::NeedPrivateNetwork();
-    setenv("XDG_RUNTIME_DIR", folder.Path().c_str(), 1);
-    unsetenv("LCM_DEFAULT_URL");
-    bus.emplace("");
-    bus->Subscribe<instrument_command_t>(
-        torquer::bus::kInstrumentCommandChannel,
-        [this](const instrument_command_t& command) { commands.push_back(command); }, 0);
-    bus->Subscribe<device_sample_t>(
-        torquer::bus::kDeviceSampleChannel,
-        [this](const device_sample_t& sample) { samples.push_back(sample); }, 0);
-    bus->Subscribe<health_t>(
-        torquer::bus::kHealthChannel,
-        [this](const health_t& message) {
-          health.push_back(message);
-          for (std::size_t i = 0; i < message.names.size(); ++i) {
-            counters[message.names[i]] = message.values[i];
-          }
-        },
-        0);
+// A device and the daemon that reads it.
+struct Chain {
+  explicit Chain(const std::vector<std::string>& words = {"--uncalibrated"})
+      : socket(listener.folder.Path("device")), device(socket) {
+    Start(words);
+  }
+  void Start(const std::vector<std::string>& words = {"--uncalibrated"}) {
+    daemon.reset();
+    daemon = std::make_unique<ChildProcess>(SocketWords(socket, words));
+  }
+  // Moves the hand on by so many counts in ten reports; the last command that comes of it.
+  instrument_command_t Push(int axial_counts) {
+    listener.Forget();
+    for (int i = 0; i < 10; ++i) {
+      report = Next(report);
+      report.axial_counts += axial_counts / 10;
+      device.Send(report);
+    }
+    REQUIRE(listener.UntilCommands(10));
+    return listener.commands.back();
   }
 
-  bool Until(const std::function<bool()>& done) {
-    for (int i = 0; i < 600 && !done(); ++i) bus->Handle(50);
-    return done();
-  }
-  bool UntilCommands(std::size_t count) {
-    return Until([&] { return commands.size() >= count; });
-  }
-  bool UntilHealth(const std::string& state, const std::string& message) {
-    return Until([&] {
-      for (const health_t& told : health) {
-        if (told.state == state && told.message.find(message) != std::string::npos) return true;
-      }
-      return false;
-    });
-  }
-
-  torquer::test::TemporaryFolder folder;
-  std::optional<torquer::bus::Bus> bus;
-  std::vector<instrument_command_t> commands;
-  std::vector<device_sample_t> samples;
-  std::vector<health_t> health;
-  std::map<std::string, std::int64_t> counters;
+  Listener listener;
+  std::string socket;
+  SocketDevice device;
+  InputReport report = StillReport();
+  std::unique_ptr<ChildProcess> daemon;
 };
 
-std::vector<std::string> Words(const std::string& socket,
-                               const std::vector<std::string>& more = {"--uncalibrated"}) {
-  std::vector<std::string> words{kDaemon, "--source", "socket", "--socket", socket};
-  words.insert(words.end(), more.begin(), more.end());
-  return words;
+// How the daemon ends that is started with these words.
+struct Ending {
+  int status;
+  std::string error;
+};
+Ending EndingOf(const std::vector<std::string>& words) {
+  ChildProcess daemon(words);
+  const int status = daemon.Wait();
+  return {status, daemon.Error()};
+}
+
+bool Contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
 }
 
 }  // namespace
@@ -96,7 +76,7 @@ TEST_CASE("Reports become commands, one for one") {
   Listener listener;
   const std::string socket = listener.folder.Path("device");
   SocketDevice device(socket);
-  ChildProcess daemon(Words(socket, {"--uncalibrated", "--json"}));
+  ChildProcess daemon(SocketWords(socket, {"--uncalibrated", "--json"}));
   REQUIRE(device.WaitForHost());
 
   InputReport report = StillReport(65000);
@@ -146,4 +126,325 @@ TEST_CASE("Reports become commands, one for one") {
   CHECK(statistics.at("commands_published") == kReports);
   CHECK(statistics.at("report_to_command_p99_us").is_number());
   CHECK(statistics.at("cpu_percent_of_core").is_number());
+}
+
+TEST_CASE("An unplugged device is waited for and continued from without a jump") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const instrument_command_t before = chain.Push(1000);
+  CHECK(before.insertion_mm == Approx(900 * kMmPerCount));  // the first report is the reference
+
+  chain.listener.Forget();
+  chain.device.Unplug(/*stay_away=*/true);
+  REQUIRE(chain.listener.UntilHealth("waiting for device", "closed by the device"));
+  REQUIRE(chain.listener.UntilCommands(3));
+  for (const instrument_command_t& command : chain.listener.commands) {
+    CHECK(command.insertion_mm == before.insertion_mm);
+    CHECK((command.flags & torquer::bus::kCommandNoDevice) != 0);
+    CHECK_FALSE(command.xray);
+  }
+
+  chain.device.Return();
+  REQUIRE(chain.device.WaitForHost());
+  chain.report.boot_id = 8;
+  chain.report.axial_counts = -5000;  // anything: it has been off
+  chain.report.sequence = 40000;
+  const instrument_command_t after = chain.Push(500);
+  CHECK(after.insertion_mm == Approx(before.insertion_mm + 450 * kMmPerCount));
+  CHECK(after.sequence > before.sequence);
+  CHECK((after.flags & torquer::bus::kCommandNoDevice) == 0);
+  REQUIRE(chain.listener.UntilHealth("running", "what the hand moved meanwhile is not known"));
+  CHECK(chain.listener.counters["connections"] == 2);
+  CHECK(chain.listener.counters["reports_lost"] == 0);
+}
+
+TEST_CASE("A reset of the device is said and continued from without a jump") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const instrument_command_t before = chain.Push(1000);
+  ++chain.report.boot_id;
+  chain.report.axial_counts = 0;
+  chain.report.sequence = 0;
+  chain.report.device_time_us = 0;
+  const instrument_command_t after = chain.Push(200);
+  CHECK(after.insertion_mm == Approx(before.insertion_mm + 180 * kMmPerCount));
+  REQUIRE(chain.listener.UntilHealth("running", "the device was reset"));
+  CHECK(chain.listener.counters["device_resets"] == 1);
+  CHECK(chain.listener.counters["reports_lost"] == 0);
+}
+
+TEST_CASE("A device that falls silent is held and said") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const instrument_command_t before = chain.Push(1000);
+  chain.listener.Forget();
+  REQUIRE(chain.listener.UntilHealth("device silent", "sends no reports"));
+  REQUIRE(chain.listener.UntilCommands(2));
+  CHECK(chain.listener.commands.back().insertion_mm == before.insertion_mm);
+  CHECK((chain.listener.commands.back().flags & torquer::bus::kCommandNoDevice) != 0);
+  // Counts are cumulative: what was moved in between is not lost.
+  const instrument_command_t after = chain.Push(500);
+  CHECK(after.insertion_mm == Approx(before.insertion_mm + 500 * kMmPerCount));
+  REQUIRE(chain.listener.UntilHealth("running", "reports come again"));
+}
+
+TEST_CASE("A lifted sensor is said on every command and on the health channel") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const instrument_command_t before = chain.Push(1000);
+  chain.report.flags = torquer::protocol::kFlagLift;
+  CHECK(chain.Push(500).insertion_mm == before.insertion_mm);
+  for (const instrument_command_t& command : chain.listener.commands) {
+    CHECK((command.flags & torquer::bus::kCommandLift) != 0);
+  }
+  REQUIRE(chain.listener.UntilHealth("sensor lifted", "motion is held"));
+  chain.report.flags = 0;
+  const instrument_command_t after = chain.Push(100);
+  CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
+}
+
+TEST_CASE("Malformed reports are counted and change nothing") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  chain.Push(1000);
+  const auto bytes = torquer::test::BytesOf(Next(chain.report));
+  auto other_id = bytes;
+  other_id[0] = 9;
+  auto other_version = bytes;
+  other_version[1] = 99;
+  chain.device.SendBytes(std::span(bytes).first(31));
+  chain.device.SendBytes(std::span(bytes).first(0));
+  chain.device.SendBytes(other_id);
+  chain.device.SendBytes(other_version);
+  const instrument_command_t after = chain.Push(100);
+  CHECK(after.insertion_mm == Approx(1000 * kMmPerCount));
+  REQUIRE(chain.listener.Until([&] { return chain.listener.counters["reports_received"] == 24; }));
+  CHECK(chain.listener.counters["reports_wrong_length"] == 2);
+  CHECK(chain.listener.counters["reports_wrong_id"] == 1);
+  CHECK(chain.listener.counters["reports_wrong_version"] == 1);
+  CHECK(chain.listener.counters["reports_lost"] == 0);
+}
+
+TEST_CASE("A restarted daemon goes on from the last published position") {
+  const int signal = GENERATE(SIGKILL, SIGTERM);
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const instrument_command_t before = chain.Push(1000);
+  chain.daemon->Signal(signal);
+  chain.daemon->Wait();
+  chain.Start();
+  REQUIRE(chain.daemon->WaitForError("running: reading"));
+  const instrument_command_t after = chain.Push(100);
+  CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
+  CHECK(after.sequence > before.sequence);
+  CHECK(chain.daemon->WaitForError("taking up the position of the previous daemon: 19.05 mm"));
+}
+
+TEST_CASE("A daemon takes up what the simulator was commanded, or begins anew with it") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  chain.Push(1000);
+  chain.daemon->Signal(SIGTERM);
+  chain.daemon->Wait();
+
+  torquer_lcm::wire_state_t state{};
+  state.instrument = "guidewire";
+  double expected_mm = 0.0;
+  SECTION("a simulator that was last told something else is believed") {
+    state.command_sequence = 4711;
+    state.commanded_insertion_mm = 123.5;
+    state.commanded_rotation_rad = -1.5;
+    expected_mm = 123.5;
+  }
+  SECTION("a simulator that was told nothing yet begins at zero") { state.command_sequence = -1; }
+  std::atomic<bool> stop = false;
+  std::thread simulator([&] {
+    torquer::bus::Bus bus;
+    while (!stop) {
+      bus.Publish(torquer::bus::kWireStateChannel, state);
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  });
+  chain.Start();
+  const bool here = chain.daemon->WaitForError("running: reading");
+  stop = true;
+  simulator.join();
+  REQUIRE(here);
+  const instrument_command_t after = chain.Push(100);
+  CHECK(after.insertion_mm == Approx(expected_mm + 90 * kMmPerCount));
+  CHECK(after.rotation_rad == state.commanded_rotation_rad);
+  CHECK(after.sequence > state.command_sequence);
+}
+
+TEST_CASE("Home makes the present place the start") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  chain.Push(1000);
+  const Ending home = EndingOf({torquer::test::kDaemonProgram, "--home"});
+  CHECK(home.status == 0);
+  REQUIRE(chain.listener.UntilHealth("running", "home"));
+  CHECK(chain.Push(100).insertion_mm == Approx(100 * kMmPerCount));
+
+  const Ending catheter =
+      EndingOf({torquer::test::kDaemonProgram, "--home", "--instrument", "catheter"});
+  CHECK(catheter.status == 2);
+  CHECK(Contains(catheter.error, "no torquer-daemon of yours drives the instrument 'catheter'"));
+}
+
+TEST_CASE("Two daemons for one instrument or one device are refused") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  REQUIRE(chain.daemon->WaitForError("running"));
+  const Ending same_instrument = EndingOf(SocketWords(chain.listener.folder.Path("other")));
+  CHECK(same_instrument.status == 2);
+  CHECK(Contains(same_instrument.error,
+                 "the instrument 'guidewire' is in use by another torquer-daemon (process "));
+  CHECK(Contains(same_instrument.error, "kill "));
+
+  // A device that answers a second host nevertheless.
+  chain.device.Unplug(/*stay_away=*/true);
+  REQUIRE(chain.listener.UntilHealth("waiting for device", ""));
+  SocketDevice generous(chain.socket);
+  // The first daemon is kept from taking the connection, not from holding its claim.
+  chain.daemon->Signal(SIGSTOP);
+  const Ending same_device =
+      EndingOf(SocketWords(chain.socket, {"--uncalibrated", "--instrument", "catheter"}));
+  chain.daemon->Signal(SIGCONT);
+  CHECK(same_device.status == 2);
+  CHECK(Contains(same_device.error, "the device 'SCRIPTED-1' is in use by another torquer-daemon"));
+}
+
+TEST_CASE("An instrument that already gets commands on the bus is left alone") {
+  Listener listener;
+  std::atomic<bool> stop = false;
+  std::thread other([&] {
+    torquer::bus::Bus bus;
+    instrument_command_t command{};
+    command.instrument = "guidewire";
+    while (!stop) {
+      bus.Publish(torquer::bus::kInstrumentCommandChannel, command);
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  });
+  const Ending ending = EndingOf(SocketWords(listener.folder.Path("device")));
+  stop = true;
+  other.join();
+  CHECK(ending.status == 2);
+  CHECK(Contains(ending.error, "the instrument 'guidewire' already gets commands on the bus"));
+}
+
+TEST_CASE("Firmware that does not fit is refused with the command that mends it") {
+  Listener listener;
+  const std::string socket = listener.folder.Path("device");
+  SocketDevice device(socket);
+  std::string expected;
+  SECTION("another protocol version") {
+    device.identity.protocol_version = 2;
+    expected = "firmware has protocol version 2, this program 1";
+  }
+  SECTION("no identity at all") {
+    device.stalls_identity = true;
+    expected = "does not tell its firmware version";
+  }
+  const Ending ending = EndingOf(SocketWords(socket));
+  CAPTURE(ending.error);
+  CHECK(ending.status == 2);
+  CHECK(Contains(ending.error, expected));
+  CHECK(Contains(ending.error, "torquer-flash"));
+}
+
+TEST_CASE("A calibration is tied to its device and its sensor resolution") {
+  Listener listener;
+  const std::string socket = listener.folder.Path("device");
+  const std::string file = listener.folder.Path("calibration.toml");
+  torquer::calibration::Calibration calibration =
+      torquer::calibration::NominalCalibration("SCRIPTED-1", 1200);
+  calibration.motion.per_count[0] = {0.5, 0.0};
+
+  SECTION("the device's own") {
+    SocketDevice device(socket);
+    device.configuration.cpi = 800;
+    torquer::calibration::WriteCalibration(calibration, file);
+    ChildProcess daemon(SocketWords(socket, {"--calibration", file}));
+    REQUIRE(daemon.WaitForError("running"));
+    CHECK(device.configuration.cpi == 1200);
+    InputReport report = StillReport();
+    device.Send(report);
+    report = Next(report);
+    report.axial_counts = 10;
+    device.Send(report);
+    REQUIRE(listener.UntilCommands(2));
+    CHECK(listener.commands[1].insertion_mm == 5.0);
+    CHECK(listener.commands[1].flags == 0);
+  }
+  SECTION("another device's") {
+    SocketDevice device(socket);
+    calibration.device = "OTHER-2";
+    torquer::calibration::WriteCalibration(calibration, file);
+    const Ending ending = EndingOf(SocketWords(socket, {"--calibration", file}));
+    CHECK(ending.status == 2);
+    CHECK(Contains(ending.error, file + ": device = 'OTHER-2', but the device here is "
+                                        "'SCRIPTED-1'"));
+  }
+  SECTION("a resolution that the device refuses") {
+    SocketDevice device(socket);
+    device.configuration.cpi = 800;
+    device.stalls_settings = true;
+    torquer::calibration::WriteCalibration(calibration, file);
+    const Ending ending = EndingOf(SocketWords(socket, {"--calibration", file}));
+    CHECK(ending.status == 2);
+    CHECK(Contains(ending.error, "motion.cpi = 1200, but the device's sensor is set to 800"));
+  }
+  SECTION("a torn file") {
+    torquer::calibration::WriteCalibration(calibration, file);
+    std::filesystem::resize_file(file, std::filesystem::file_size(file) - 1);
+    const Ending ending = EndingOf(SocketWords(socket, {"--calibration", file}));
+    CHECK(ending.status == 2);
+    CHECK(Contains(ending.error, file + ": torn"));
+  }
+  SECTION("no file") {
+    const Ending ending = EndingOf(SocketWords(socket, {"--calibration", file}));
+    CHECK(ending.status == 2);
+    CHECK(Contains(ending.error, file + ": cannot be read"));
+  }
+}
+
+TEST_CASE("A bad command line is refused with what is wrong") {
+  Listener listener;
+  const std::string socket = listener.folder.Path("device");
+  const auto [words, expected] = GENERATE_REF(table<std::vector<std::string>, std::string>({
+      {{"--source", "socket", "--socket", socket}, "no calibration; give --calibration FILE"},
+      {{"--source", "socket", "--uncalibrated", "--calibration", "x"}, "exclude each other"},
+      {{"--source", "socket", "--uncalibrated"}, "--socket ''"},
+      {{"--source", "pigeon", "--uncalibrated"}, "--source 'pigeon' is not known"},
+      {{"--source", "socket", "--socket", socket, "--uncalibrated", "--lcm-url", "hello"},
+       "LCM URL 'hello': it has no scheme"},
+      {{"--source", "socket", "--socket", socket, "--uncalibrated", "--instrument", "spoon"},
+       "--instrument 'spoon' is not known"},
+      {{"--sauce", "x"}, "unknown argument '--sauce'"},
+      {{"--source"}, "--source needs a value"},
+      {{"--source", "socket", "--socket", socket, "--uncalibrated"}, "no device: nothing at"},
+  }));
+  std::vector<std::string> line{torquer::test::kDaemonProgram};
+  line.insert(line.end(), words.begin(), words.end());
+  const Ending ending = EndingOf(line);
+  CAPTURE(ending.error);
+  CHECK(ending.status == 2);
+  CHECK(Contains(ending.error, "torquer-daemon: "));
+  CHECK(Contains(ending.error, expected));
+}
+
+TEST_CASE("SIGINT and SIGTERM end a daemon in order, also one that waits") {
+  const int signal = GENERATE(SIGINT, SIGTERM);
+  const bool plugged = GENERATE(true, false);
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  REQUIRE(chain.daemon->WaitForError("running"));
+  if (!plugged) {
+    chain.device.Unplug(/*stay_away=*/true);
+    REQUIRE(chain.daemon->WaitForError("closed by the device"));
+  }
+  chain.daemon->Signal(signal);
+  CHECK(chain.daemon->Wait() == 0);
+  REQUIRE(chain.listener.UntilHealth("stopping", "asked to stop"));
 }
