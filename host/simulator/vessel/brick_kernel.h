@@ -1,9 +1,8 @@
 // Value, gradient and Hessian of a quadratic B-spline from its 27 coefficients about a cell.
 //
-// Along one axis, with coefficients a, b, c of three neighboring cells and t in [-1/2, 1/2] from
-// the middle cell's center:
-//   s(t) = b + (c - a) t/2 + (a - 2b + c)(t^2/2 + 1/8),  s' = (c - a)/2 + (a - 2b + c) t,
-//   s'' = a - 2b + c.
+// Along one axis, with coefficients a, b, c of three neighboring cells, t in [-1/2, 1/2] from the
+// middle cell's center, p = a - b and q = c - b:
+//   s = b + p (1/2 - t)^2 / 2 + q (1/2 + t)^2 / 2,  s' = p (t - 1/2) + q (t + 1/2),  s'' = p + q.
 #pragma once
 
 #include <cstring>
@@ -49,38 +48,49 @@ inline Pair Widen(const float* two) {
 
 inline Quad LoadRow(const float* row) { return {Widen(row), Widen(row + 2)}; }
 
-// One axis at once for all lanes; second may be left out by passing nothing for it.
 struct AxisWeights {
-  explicit AxisWeights(double at) : t(at), half_t(0.5 * at), curve(0.5 * at * at + 0.125) {}
-  double t, half_t, curve;
+  explicit AxisWeights(double t)
+      : first_p(t - 0.5),
+        first_q(t + 0.5),
+        value_p(0.5 * first_p * first_p),
+        value_q(0.5 * first_q * first_q) {}
+  double first_p, first_q, value_p, value_q;
 };
 
-inline Pair Value(const Pair& a, const Pair& b, const Pair& c, const AxisWeights& w) {
-  return b + (c - a) * w.half_t + (a - 2.0 * b + c) * w.curve;
+// One axis for all lanes of a vector, up to a derivative.
+template <typename Vector>
+inline void Contract(const Vector& a, const Vector& b, const Vector& c, const AxisWeights& w,
+                     Vector& value) {
+  value = b + (a - b) * w.value_p + (c - b) * w.value_q;
 }
-inline void First(const Pair& a, const Pair& b, const Pair& c, const AxisWeights& w, Pair& value,
-                  Pair& first) {
-  const Pair difference = c - a, second = a - 2.0 * b + c;
-  value = b + difference * w.half_t + second * w.curve;
-  first = 0.5 * difference + second * w.t;
+template <typename Vector>
+inline void Contract(const Vector& a, const Vector& b, const Vector& c, const AxisWeights& w,
+                     Vector& value, Vector& first) {
+  const Vector p = a - b, q = c - b;
+  value = b + p * w.value_p + q * w.value_q;
+  first = p * w.first_p + q * w.first_q;
 }
-inline void Second(const Pair& a, const Pair& b, const Pair& c, const AxisWeights& w, Pair& value,
-                   Pair& first, Pair& second) {
-  const Pair difference = c - a;
-  second = a - 2.0 * b + c;
-  value = b + difference * w.half_t + second * w.curve;
-  first = 0.5 * difference + second * w.t;
+template <typename Vector>
+inline void Contract(const Vector& a, const Vector& b, const Vector& c, const AxisWeights& w,
+                     Vector& value, Vector& first, Vector& second) {
+  const Vector p = a - b, q = c - b;
+  value = b + p * w.value_p + q * w.value_q;
+  first = p * w.first_p + q * w.first_q;
+  second = p + q;
 }
 
-inline double Value(const Quad& q, const AxisWeights& w) {
-  const double a = q.low[0], b = q.low[1], c = q.high[0];
-  return b + (c - a) * w.half_t + (a - 2.0 * b + c) * w.curve;
+inline Pair Lows(const Pair& a, const Pair& b) { return Pair{a[0], b[0]}; }
+inline Pair Highs(const Pair& a, const Pair& b) { return Pair{a[1], b[1]}; }
+
+// The x axis of two rows at once, lane by lane.
+inline void ContractRows(const Quad& one, const Quad& two, const AxisWeights& w, Pair& value) {
+  Contract(Lows(one.low, two.low), Highs(one.low, two.low), Lows(one.high, two.high), w, value);
 }
-inline double First(const Quad& q, const AxisWeights& w) {
-  const double a = q.low[0], b = q.low[1], c = q.high[0];
-  return 0.5 * (c - a) + (a - 2.0 * b + c) * w.t;
+inline void ContractRows(const Quad& one, const Quad& two, const AxisWeights& w, Pair& value,
+                         Pair& first) {
+  Contract(Lows(one.low, two.low), Highs(one.low, two.low), Lows(one.high, two.high), w, value,
+           first);
 }
-inline double Second(const Quad& q) { return q.low[0] - 2.0 * q.low[1] + q.high[0]; }
 
 /// corner: the coefficient of the cell before in x, y and z; tx, ty, tz in [-1/2, 1/2].
 template <int kOrder>
@@ -91,46 +101,50 @@ inline void Evaluate(const float* corner, double tx, double ty, double tz, Jet& 
     const float* row = corner + y * kRow;
     const Quad a = LoadRow(row), b = LoadRow(row + kPlane), c = LoadRow(row + 2 * kPlane);
     if constexpr (kOrder == 0) {
-      v[y].low = Value(a.low, b.low, c.low, wz);
-      v[y].high = Value(a.high, b.high, c.high, wz);
+      Contract(a.low, b.low, c.low, wz, v[y].low);
+      Contract(a.high, b.high, c.high, wz, v[y].high);
     } else if constexpr (kOrder == 1) {
-      First(a.low, b.low, c.low, wz, v[y].low, vz[y].low);
-      First(a.high, b.high, c.high, wz, v[y].high, vz[y].high);
+      Contract(a.low, b.low, c.low, wz, v[y].low, vz[y].low);
+      Contract(a.high, b.high, c.high, wz, v[y].high, vz[y].high);
     } else {
-      Second(a.low, b.low, c.low, wz, v[y].low, vz[y].low, vzz[y].low);
-      Second(a.high, b.high, c.high, wz, v[y].high, vz[y].high, vzz[y].high);
+      Contract(a.low, b.low, c.low, wz, v[y].low, vz[y].low, vzz[y].low);
+      Contract(a.high, b.high, c.high, wz, v[y].high, vz[y].high, vzz[y].high);
     }
   }
-  Quad s, sy, sz, syy, syz, szz;
+  Quad s, sy, sz;
   if constexpr (kOrder == 0) {
-    s.low = Value(v[0].low, v[1].low, v[2].low, wy);
-    s.high = Value(v[0].high, v[1].high, v[2].high, wy);
+    Contract(v[0].low, v[1].low, v[2].low, wy, s.low);
+    Contract(v[0].high, v[1].high, v[2].high, wy, s.high);
+    Contract(s.low[0], s.low[1], s.high[0], wx, jet.value);
   } else if constexpr (kOrder == 1) {
-    First(v[0].low, v[1].low, v[2].low, wy, s.low, sy.low);
-    First(v[0].high, v[1].high, v[2].high, wy, s.high, sy.high);
-    sz.low = Value(vz[0].low, vz[1].low, vz[2].low, wy);
-    sz.high = Value(vz[0].high, vz[1].high, vz[2].high, wy);
+    Contract(v[0].low, v[1].low, v[2].low, wy, s.low, sy.low);
+    Contract(v[0].high, v[1].high, v[2].high, wy, s.high, sy.high);
+    Contract(vz[0].low, vz[1].low, vz[2].low, wy, sz.low);
+    Contract(vz[0].high, vz[1].high, vz[2].high, wy, sz.high);
+    Contract(s.low[0], s.low[1], s.high[0], wx, jet.value, jet.d[0]);
+    Pair yz;
+    ContractRows(sy, sz, wx, yz);
+    jet.d[1] = yz[0];
+    jet.d[2] = yz[1];
   } else {
-    Second(v[0].low, v[1].low, v[2].low, wy, s.low, sy.low, syy.low);
-    Second(v[0].high, v[1].high, v[2].high, wy, s.high, sy.high, syy.high);
-    First(vz[0].low, vz[1].low, vz[2].low, wy, sz.low, syz.low);
-    First(vz[0].high, vz[1].high, vz[2].high, wy, sz.high, syz.high);
-    szz.low = Value(vzz[0].low, vzz[1].low, vzz[2].low, wy);
-    szz.high = Value(vzz[0].high, vzz[1].high, vzz[2].high, wy);
-  }
-  jet.value = Value(s, wx);
-  if constexpr (kOrder >= 1) {
-    jet.d[0] = First(s, wx);
-    jet.d[1] = Value(sy, wx);
-    jet.d[2] = Value(sz, wx);
-  }
-  if constexpr (kOrder >= 2) {
-    jet.dd[0] = Second(s);
-    jet.dd[1] = Value(syy, wx);
-    jet.dd[2] = Value(szz, wx);
-    jet.dd[3] = First(sy, wx);
-    jet.dd[4] = First(sz, wx);
-    jet.dd[5] = Value(syz, wx);
+    Quad syy, syz, szz;
+    Contract(v[0].low, v[1].low, v[2].low, wy, s.low, sy.low, syy.low);
+    Contract(v[0].high, v[1].high, v[2].high, wy, s.high, sy.high, syy.high);
+    Contract(vz[0].low, vz[1].low, vz[2].low, wy, sz.low, syz.low);
+    Contract(vz[0].high, vz[1].high, vz[2].high, wy, sz.high, syz.high);
+    Contract(vzz[0].low, vzz[1].low, vzz[2].low, wy, szz.low);
+    Contract(vzz[0].high, vzz[1].high, vzz[2].high, wy, szz.high);
+    Contract(s.low[0], s.low[1], s.high[0], wx, jet.value, jet.d[0], jet.dd[0]);
+    Pair yz, xy_xz, yy_zz;
+    ContractRows(sy, sz, wx, yz, xy_xz);
+    ContractRows(syy, szz, wx, yy_zz);
+    jet.d[1] = yz[0];
+    jet.d[2] = yz[1];
+    jet.dd[1] = yy_zz[0];
+    jet.dd[2] = yy_zz[1];
+    jet.dd[3] = xy_xz[0];
+    jet.dd[4] = xy_xz[1];
+    Contract(syz.low[0], syz.low[1], syz.high[0], wx, jet.dd[5]);
   }
 }
 
