@@ -41,13 +41,15 @@ std::int64_t ClockMap::Map(std::int64_t device_us, std::int64_t host_us) {
   point.device = static_cast<double>(device_us - anchor_device_us_);
   point.excess = static_cast<double>((host_us - anchor_host_us_) - (device_us - anchor_device_us_));
 
-  if (point.device - block_start_ >= kBlockUs) {
+  const double host = point.device + point.excess;
+  if (host - block_start_ >= kBlockUs) {
     FinishBlock();
     if (!begun_) {
       Begin(device_us, host_us);
       point = {};
+    } else {
+      block_start_ = host;
     }
-    block_start_ = point.device;
     block_minimum_ = point;
   }
   if (point.excess - drift_ * point.device <
@@ -78,6 +80,8 @@ void ClockMap::FinishBlock() {
     begun_ = false;
     return;
   }
+  // A device clock that stands still makes no line.
+  if (!minima_.empty() && block_minimum_.device <= minima_.back().device) return;
   minima_.push_back(block_minimum_);
   if (minima_.size() > kBlocks) minima_.pop_front();
   Refit();

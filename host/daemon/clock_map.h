@@ -47,8 +47,8 @@ class ClockMap {
   std::int64_t last_origin_us_ = 0;
   std::deque<Point> minima_;  // the earliest arrival of each block
   Point block_minimum_;
-  double block_start_ = 0.0;
-  double offset_ = 0.0;  // of the line excess = offset + drift * device
+  double block_start_ = 0.0;  // host time since the anchor, us
+  double offset_ = 0.0;       // of the line excess = offset + drift * device
   double drift_ = 0.0;
   std::int64_t restarts_ = 0;
 };

@@ -114,6 +114,8 @@ std::optional<Sample> ReportDecoder::Continue(const protocol::InputReport& repor
                              SignedStep(report.transverse_counts, last_report_.transverse_counts);
   if (!SortIn(sample.report_number)) return std::nullopt;
 
+  // A device clock that runs backwards is broken; the time that follows from it stands still.
+  sample.device_time_us = std::max(sample.device_time_us, last_.device_time_us);
   if (MovedImpossibly(sample)) {
     ++counters_.jumps;
     sample.axial_counts = last_.axial_counts;

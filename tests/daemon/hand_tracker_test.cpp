@@ -1,0 +1,219 @@
+#include "host/daemon/hand_tracker.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "host/bus/channels.h"
+
+namespace {
+
+using namespace torquer::bus;
+using torquer::calibration::Calibration;
+using torquer::daemon::HandState;
+using torquer::daemon::HandTracker;
+using torquer::daemon::Pose;
+using torquer::daemon::Sample;
+
+// 0.01 mm an axial count, 0.002 rad a transverse count, full rate 0.4 rad/s.
+Calibration Simple() {
+  Calibration calibration;
+  calibration.device = "X";
+  calibration.motion.cpi = 1200;
+  calibration.motion.per_count = {{{0.01, 0.0}, {0.0, 0.002}}};
+  for (auto* axis : {&calibration.lao, &calibration.cra}) {
+    axis->center = 500.0;
+    axis->minimum = 0.0;
+    axis->maximum = 1000.0;
+    axis->dead_zone = 100.0;
+    axis->full_rate_rad_per_s = 0.4;
+  }
+  return calibration;
+}
+
+// A hand whose samples follow each other by a millisecond.
+struct Hand {
+  explicit Hand(const std::optional<Calibration>& calibration = Simple(), const Pose& start = {})
+      : tracker(calibration, start) {
+    sample.surface_quality = 60;
+    sample.cpi = 1200;
+    sample.joystick_x = 500;
+    sample.joystick_y = 500;
+    sample.starts_epoch = true;
+  }
+  HandState Step(std::int64_t axial = 0, std::int64_t transverse = 0) {
+    sample.axial_counts += axial;
+    sample.transverse_counts += transverse;
+    const HandState state = tracker.Step(sample);
+    sample.starts_epoch = false;
+    sample.device_time_us += 1000;
+    return state;
+  }
+  HandTracker tracker;
+  Sample sample;
+};
+
+}  // namespace
+
+TEST_CASE("Counts become mm and rad from the first sample on") {
+  Hand hand(Simple(), {10.0, 1.0, 0.1, 0.2});
+  hand.sample.axial_counts = 123456;
+  HandState state = hand.Step();
+  CHECK(state.pose.insertion_mm == 10.0);
+  CHECK(state.pose.rotation_rad == 1.0);
+  CHECK(state.pose.lao_rad == 0.1);
+  CHECK(state.pose.cra_rad == 0.2);
+  CHECK(state.flags == 0);
+  state = hand.Step(100, -50);
+  CHECK(state.pose.insertion_mm == Approx(11.0));
+  CHECK(state.pose.rotation_rad == Approx(0.9));
+  CHECK(hand.tracker.counters().axial_applied == 100);
+  CHECK(hand.tracker.counters().transverse_applied == -50);
+}
+
+TEST_CASE("With the clutch held the hand moves back and the wire stays") {
+  Hand hand;
+  hand.Step();
+  hand.Step(1000, 10);
+  hand.sample.buttons = torquer::protocol::kButtonClutch;
+  for (int i = 0; i < 9; ++i) {
+    const HandState state = hand.Step(-100, 5);
+    CHECK(state.pose.insertion_mm == Approx(10.0));
+    CHECK(state.pose.rotation_rad == Approx(0.02));
+    CHECK(state.flags == kCommandClutch);
+  }
+  hand.sample.buttons = 0;
+  HandState state = hand.Step(-100, 5);  // begun with the clutch held
+  CHECK(state.flags == 0);
+  CHECK(state.pose.insertion_mm == Approx(10.0));
+  state = hand.Step(300);
+  CHECK(state.pose.insertion_mm == Approx(13.0));
+  CHECK(hand.tracker.counters().axial_applied == 1300);
+  CHECK(hand.tracker.counters().axial_held == -1000);
+  CHECK(hand.tracker.counters().transverse_held == 50);
+}
+
+TEST_CASE("Motion in doubt is held and flagged until it has passed") {
+  const int doubt = GENERATE(0, 1, 2, 3);
+  Hand hand;
+  hand.Step();
+  hand.Step(1000);
+  std::int32_t expected = kCommandLift;
+  if (doubt == 0) hand.sample.flags = torquer::protocol::kFlagLift;
+  if (doubt == 1) hand.sample.surface_quality = 9;
+  if (doubt == 2) {
+    hand.sample.flags = torquer::protocol::kFlagSensorFault;
+    expected = kCommandSensorFault;
+  }
+  if (doubt == 3) {
+    hand.sample.cpi = 800;  // the calibration is for 1200
+    expected = kCommandSensorFault;
+  }
+  for (int i = 0; i < 5; ++i) {
+    const HandState state = hand.Step(333, 44);
+    CHECK(state.pose.insertion_mm == Approx(10.0));
+    CHECK(state.pose.rotation_rad == 0.0);
+    CHECK(state.flags == expected);
+  }
+  hand.sample.flags = 0;
+  hand.sample.surface_quality = 60;
+  hand.sample.cpi = 1200;
+  HandState state = hand.Step(333, 44);  // landing: begun in doubt
+  CHECK(state.flags == 0);
+  CHECK(state.pose.insertion_mm == Approx(10.0));
+  state = hand.Step(100, 10);
+  CHECK(state.pose.insertion_mm == Approx(11.0));
+  CHECK(state.pose.rotation_rad == Approx(0.02));
+}
+
+TEST_CASE("A surface on the edge of poor does not flicker") {
+  Hand hand;
+  hand.Step();
+  hand.sample.surface_quality = 10;
+  CHECK(hand.Step().flags == 0);
+  hand.sample.surface_quality = 9;
+  CHECK(hand.Step().flags == kCommandLift);
+  hand.sample.surface_quality = 15;
+  CHECK(hand.Step().flags == kCommandLift);
+  hand.sample.surface_quality = 16;
+  CHECK(hand.Step().flags == 0);
+}
+
+TEST_CASE("A new epoch neither moves the wire nor turns the arm") {
+  Hand hand;
+  hand.Step();
+  hand.Step(1000);
+  hand.sample.starts_epoch = true;
+  hand.sample.joystick_x = 1000;
+  hand.sample.device_time_us += 5000000;
+  const HandState state = hand.Step(0, 0);
+  CHECK(state.pose.insertion_mm == Approx(10.0));
+  CHECK(state.pose.lao_rad == 0.0);
+}
+
+TEST_CASE("The joystick turns the C-arm by device time, within its travel") {
+  Hand hand;
+  hand.Step();
+  hand.sample.joystick_x = 1000;  // full
+  hand.sample.joystick_y = 250;   // 150 of 400 beyond the dead zone, negative
+  HandState state;
+  for (int i = 0; i < 1000; ++i) state = hand.Step();
+  CHECK(state.pose.lao_rad == Approx(0.4));
+  CHECK(state.pose.cra_rad == Approx(-0.4 * 150.0 / 400.0));
+  // Lost reports: the stick is believed for 50 ms and no longer.
+  hand.sample.device_time_us += 9999000;
+  const double before_rad = state.pose.lao_rad;
+  state = hand.Step();
+  CHECK(state.pose.lao_rad - before_rad == Approx(0.4 * 0.05));
+  for (int i = 0; i < 20000; ++i) state = hand.Step();
+  CHECK(state.pose.lao_rad == torquer::daemon::kLaoLimitRad);
+  CHECK(state.pose.cra_rad == -torquer::daemon::kCraLimitRad);
+  hand.sample.joystick_x = 600;  // in the dead zone
+  hand.sample.joystick_y = 400;
+  CHECK(hand.Step().pose.lao_rad == torquer::daemon::kLaoLimitRad);
+}
+
+TEST_CASE("Pedals are passed on, and are up without a device") {
+  Hand hand;
+  hand.sample.buttons = torquer::protocol::kButtonXray;
+  HandState state = hand.Step();
+  CHECK(state.xray);
+  CHECK_FALSE(state.contrast);
+  hand.sample.buttons = torquer::protocol::kButtonContrast;
+  state = hand.Step(700);
+  CHECK_FALSE(state.xray);
+  CHECK(state.contrast);
+  state = hand.tracker.Hold();
+  CHECK_FALSE(state.contrast);
+  CHECK(state.flags == kCommandNoDevice);
+  CHECK(state.pose.insertion_mm == Approx(7.0));
+}
+
+TEST_CASE("Home makes the present place the start") {
+  Hand hand;
+  hand.Step();
+  hand.sample.joystick_x = 1000;
+  hand.Step(1000, 100);
+  hand.sample.joystick_x = 500;
+  hand.tracker.Home();
+  HandState state = hand.Step();
+  CHECK(state.pose.insertion_mm == 0.0);
+  CHECK(state.pose.rotation_rad == 0.0);
+  CHECK(state.pose.lao_rad == 0.0);
+  state = hand.Step(100);
+  CHECK(state.pose.insertion_mm == Approx(1.0));
+  CHECK(hand.tracker.counters().axial_applied == 1100);
+}
+
+TEST_CASE("Without a calibration the gains follow the sensor's resolution, and it is said") {
+  Hand hand(std::nullopt);
+  hand.Step();
+  HandState state = hand.Step(1200);
+  CHECK(state.pose.insertion_mm == Approx(25.4));
+  CHECK(state.flags == kCommandUncalibrated);
+  CHECK(hand.tracker.Hold().flags == (kCommandNoDevice | kCommandUncalibrated));
+  hand.sample.cpi = 2400;
+  hand.Step();
+  state = hand.Step(2400);
+  CHECK(state.pose.insertion_mm == Approx(50.8));
+  CHECK(state.flags == kCommandUncalibrated);
+}
