@@ -18,10 +18,10 @@
 #error "the USB needs a crystal of 8 or 16 MHz"
 #endif
 
-// Device time at the last overflow of timer 1. The emulator finds it by name, to start just before
-// the wrap-around.
+// Device time at the last overflow of timer 1. It lies among the variables with a start value, so
+// that the emulator can change that value in the image and start just before the wrap-around.
 extern "C" {
-volatile uint32_t torquer_clock_us;
+volatile uint32_t torquer_clock_us __attribute__((section(".data"))) = 0;
 // The clock that this image was built for, for whoever runs or flashes it.
 extern const uint32_t torquer_clock_hz TORQUER_IN_FLASH;
 const uint32_t torquer_clock_hz = F_CPU;

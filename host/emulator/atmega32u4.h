@@ -1,0 +1,127 @@
+// An ATmega32U4 that runs a firmware image: libsimavr's core, with the peripherals that it lacks or
+// models too coarsely replaced (README.md says which and why). Knows nothing of what is connected.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "host/emulator/usb_controller.h"
+
+struct avr_t;
+
+namespace torquer::emulator {
+
+/// A firmware image as the compiler left it.
+class FirmwareImage {
+ public:
+  /// Throws UserError naming the file and the remedy.
+  explicit FirmwareImage(const std::string& elf_path);
+
+  /// Flash contents from address 0.
+  const std::vector<std::uint8_t>& flash() const { return flash_; }
+  /// Value of a symbol (data addresses have 0x800000 added); throws UserError if there is none.
+  std::uint32_t Symbol(const std::string& name) const;
+  bool HasSymbol(const std::string& name) const { return symbols_.count(name) != 0; }
+
+  /// The clock that the image was built for, Hz.
+  std::uint32_t clock_hz() const;
+  /// Changes the start value of an initialized 32-bit variable.
+  void SetInitialValue(const std::string& variable, std::uint32_t value);
+
+ private:
+  std::string path_;
+  std::vector<std::uint8_t> flash_;
+  std::map<std::string, std::uint32_t> symbols_;
+};
+
+/// One byte exchanged over the SPI, with what a slave needs to judge its timing.
+struct SpiExchange {
+  std::uint8_t sent = 0;
+  double start_us = 0;  ///< first clock edge, time since power-on
+  double end_us = 0;    ///< last clock edge
+  double clock_hz = 0;
+  int mode = 0;
+};
+
+class Atmega32u4 {
+ public:
+  static constexpr int kEepromBytes = 1024;
+  static constexpr int kSignatureRowBytes = 32;
+
+  /// Powers the chip on: RAM holds noise made from `seed`, the EEPROM what is given.
+  Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_t>& eeprom,
+             std::uint32_t seed);
+  ~Atmega32u4();
+  Atmega32u4(const Atmega32u4&) = delete;
+  Atmega32u4& operator=(const Atmega32u4&) = delete;
+
+  /// Runs until `us` microseconds after power-on (or an instruction past it).
+  /// Throws std::runtime_error if the CPU stops for good.
+  void RunUntil(double us);
+  double now_us() const;
+
+  /// Pulls the reset pin once.
+  void ResetByPin();
+
+  UsbController& usb() { return usb_; }
+  /// To be called after the host's side of usb() has changed something.
+  void UpdateUsbInterrupts();
+
+  /// Input level of a pin, port 'B' .. 'F'; holds over resets.
+  void SetPin(char port, int bit, bool high);
+  /// Calls `changed` with the new level whenever the firmware changes an output pin.
+  void OnPin(char port, int bit, std::function<void(bool high, double now_us)> changed);
+  /// Voltage on an ADC channel as a fraction of the reference, 0 .. 1.
+  void SetAnalog(int channel, double fraction);
+  /// What answers on the SPI; none: MISO stays high.
+  void SetSpiSlave(std::function<std::uint8_t(const SpiExchange&)> slave) {
+    spi_slave_ = std::move(slave);
+  }
+
+  void SetSignatureRow(const std::array<std::uint8_t, kSignatureRowBytes>& row) {
+    signature_row_ = row;
+  }
+  /// The EEPROM as the loss of power at this moment would leave it: a byte being written is neither
+  /// old nor new.
+  std::vector<std::uint8_t> EepromAfterPowerLoss();
+  const std::vector<std::uint8_t>& eeprom() const { return eeprom_; }
+  /// Bytes written by the firmware since power-on.
+  int eeprom_writes() const { return eeprom_writes_; }
+
+  std::uint64_t cycles() const;
+  /// Cycles in which the CPU was asleep.
+  std::uint64_t sleep_cycles() const { return sleep_cycles_; }
+  /// Resets since power-on, by watchdog or pin.
+  int resets() const { return resets_; }
+  /// What the firmware did that silicon would punish, the USB's included.
+  std::vector<std::string> Violations() const;
+
+ private:
+  struct Hooks;  // the functions that simavr calls
+  friend struct Hooks;
+
+  void AfterReset();
+  void Violation(const std::string& what);
+
+  avr_t* avr_ = nullptr;
+  std::unique_ptr<Hooks> hooks_;
+  UsbController usb_;
+  std::function<std::uint8_t(const SpiExchange&)> spi_slave_;
+  std::vector<std::uint8_t> eeprom_;
+  std::array<std::uint8_t, kSignatureRowBytes> signature_row_{};
+  std::map<std::pair<char, int>, bool> pins_;
+  std::map<int, double> analog_;
+  double clock_mhz_ = 16;
+  std::uint64_t sleep_cycles_ = 0;
+  std::uint32_t noise_ = 1;
+  int eeprom_writes_ = 0;
+  int resets_ = 0;
+  std::vector<std::string> violations_;
+};
+
+}  // namespace torquer::emulator

@@ -1,0 +1,146 @@
+#include "host/emulator/bench_device.h"
+
+#include <cctype>
+#include <cmath>
+#include <cstring>
+
+#include "host/support/error.h"
+#include "protocol/eeprom_layout.h"
+#include "protocol/hid_reports.h"
+
+namespace torquer::emulator {
+namespace {
+
+// The wiring: the table in firmware/README.md.
+constexpr char kSensorSelectPort = 'B';
+constexpr int kSensorSelectBit = 6;
+struct ButtonWire {
+  protocol::Button button;
+  char port;
+  int bit;
+};
+constexpr ButtonWire kButtonWires[] = {{protocol::kButtonXray, 'D', 1},
+                                       {protocol::kButtonContrast, 'D', 0},
+                                       {protocol::kButtonClutch, 'D', 4}};
+constexpr int kJoystickXChannel = 7;
+constexpr int kJoystickYChannel = 6;
+
+// Where a chip's signature row keeps what the factory says of its lot, wafer and place on it.
+constexpr std::size_t kFactorySerial = 0x0e;
+
+void PutSerial(const std::string& serial, std::vector<std::uint8_t>* eeprom) {
+  protocol::SerialRecord record{};
+  bool printable = !serial.empty() && serial.size() <= sizeof(record.serial);
+  for (const char c : serial) printable = printable && std::isgraph(static_cast<unsigned char>(c));
+  if (!printable) {
+    throw UserError("--serial `" + serial +
+                    "`: a serial number has 1 to 16 printable ASCII characters without spaces.");
+  }
+  std::memcpy(record.serial, serial.data(), serial.size());
+  record.crc = protocol::Crc16(record.serial, sizeof(record.serial));
+  std::memcpy(eeprom->data() + protocol::kEepromSerialAddress, &record, sizeof(record));
+}
+
+}  // namespace
+
+BenchDevice::BenchDevice(const FirmwareImage& image, const BenchOptions& options)
+    : image_(image),
+      options_(options),
+      sensor_(options.sensor, options.seed),
+      eeprom_(options.eeprom),
+      clock_mhz_(image.clock_hz() / 1e6) {
+  if (!(options.cylinder_radius_mm > 0) || !std::isfinite(options.cylinder_radius_mm)) {
+    throw UserError("--cylinder-radius-mm must be a positive number of millimeters.");
+  }
+  eeprom_.resize(Atmega32u4::kEepromBytes, 0xff);
+  if (!options.serial.empty()) PutSerial(options.serial, &eeprom_);
+  if (options.start_time_us) image_.SetInitialValue("torquer_clock_us", *options.start_time_us);
+  PowerOn();
+}
+
+void BenchDevice::PowerOn() {
+  if (powered()) return;
+  power_on_us_ = now_us_;
+  chip_ = std::make_unique<Atmega32u4>(image_, eeprom_, options_.seed + power_ons_++);
+  std::array<std::uint8_t, Atmega32u4::kSignatureRowBytes> row;
+  row.fill(0xff);
+  for (std::size_t i = kFactorySerial; i < kFactorySerial + 10; ++i) {
+    row[i] = static_cast<std::uint8_t>(options_.seed * 37 + i);
+  }
+  chip_->SetSignatureRow(row);
+
+  sensor_.PowerUp(0);
+  sensor_.SetSurface([this](double us) {
+    const HandState hand = hand_((power_on_us_ + us) * 1e-6);
+    return VirtualPmw3360::Position{hand.insertion_mm,
+                                    hand.rotation_rad * options_.cylinder_radius_mm};
+  });
+  chip_->OnPin(kSensorSelectPort, kSensorSelectBit,
+               [this](bool high, double us) { sensor_.SetSelected(!high, us); });
+  chip_->SetSpiSlave([this](const SpiExchange& exchange) { return sensor_.Exchange(exchange); });
+  ApplyHand();
+}
+
+void BenchDevice::PowerOff() {
+  if (!powered()) return;
+  eeprom_ = chip_->EepromAfterPowerLoss();
+  past_cycles_ += chip_->cycles();
+  past_sleep_cycles_ += chip_->sleep_cycles();
+  for (std::string& violation : chip_->Violations()) past_violations_.push_back(violation);
+  sensor_.SetSelected(false, chip_->now_us());
+  chip_.reset();
+}
+
+void BenchDevice::ResetByPin() {
+  if (powered()) chip_->ResetByPin();
+}
+
+void BenchDevice::RunUntil(double us) {
+  // Pots and buttons follow the hand once a frame; the sensor asks for it by itself.
+  while (now_us_ < us) {
+    const double frame_end_us = (std::floor(now_us_ / kFrameUs) + 1) * kFrameUs;
+    const double step_end_us = us < frame_end_us ? us : frame_end_us;
+    if (powered()) {
+      ApplyHand();
+      chip_->RunUntil(step_end_us - power_on_us_);
+    }
+    now_us_ = step_end_us;
+  }
+}
+
+void BenchDevice::ApplyHand() {
+  const HandState hand = HandNow();
+  for (const ButtonWire& wire : kButtonWires) {
+    chip_->SetPin(wire.port, wire.bit, !(hand.buttons & wire.button));
+  }
+  chip_->SetAnalog(kJoystickXChannel, (hand.joystick_x + 1) / 2);
+  chip_->SetAnalog(kJoystickYChannel, (hand.joystick_y + 1) / 2);
+}
+
+std::vector<std::uint8_t> BenchDevice::Eeprom() const {
+  return powered() ? chip_->eeprom() : eeprom_;
+}
+
+double BenchDevice::CyclesUsedFraction() const {
+  const double cycles = static_cast<double>(past_cycles_ + (powered() ? chip_->cycles() : 0));
+  const double asleep =
+      static_cast<double>(past_sleep_cycles_ + (powered() ? chip_->sleep_cycles() : 0));
+  return cycles > 0 ? 1 - asleep / cycles : 0;
+}
+
+std::vector<std::string> BenchDevice::Violations() const {
+  std::vector<std::string> all = past_violations_;
+  if (powered()) {
+    const std::vector<std::string> current = chip_->Violations();
+    all.insert(all.end(), current.begin(), current.end());
+  }
+  all.insert(all.end(), sensor_.violations().begin(), sensor_.violations().end());
+  return all;
+}
+
+std::int64_t BenchDevice::violation_count() const {
+  const std::size_t chip = past_violations_.size() + (powered() ? chip_->Violations().size() : 0);
+  return static_cast<std::int64_t>(chip) + sensor_.violation_count();
+}
+
+}  // namespace torquer::emulator

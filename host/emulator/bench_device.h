@@ -1,0 +1,87 @@
+// The bench device: chip, sensor, potentiometers, buttons and the EEPROM's contents, wired as
+// firmware/README.md says. Time is virtual; whoever drives it decides how fast it passes.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "host/emulator/atmega32u4.h"
+#include "host/emulator/motion_script.h"
+#include "host/emulator/pmw3360.h"
+
+namespace torquer::emulator {
+
+struct BenchOptions {
+  double cylinder_radius_mm = 5.0;
+  SensorImperfections sensor;
+  std::uint32_t seed = 1;
+  /// Device time at each start, us; to begin just before it wraps.
+  std::optional<std::uint32_t> start_time_us;
+  /// Serial number to be found in the EEPROM, 1 to 16 printable characters; none: as the EEPROM is.
+  std::string serial;
+  /// The EEPROM at the first power-on; empty: blank.
+  std::vector<std::uint8_t> eeprom;
+};
+
+class BenchDevice {
+ public:
+  static constexpr double kFrameUs = 1000;
+
+  /// Powered on at time 0. Throws UserError for an unusable option or image.
+  BenchDevice(const FirmwareImage& image, const BenchOptions& options);
+
+  /// What the hand does, by virtual time in seconds. Asked in rising order of time, but for the
+  /// odd microsecond.
+  void SetHand(std::function<HandState(double time_s)> hand) { hand_ = std::move(hand); }
+
+  /// Virtual time since the first power-on.
+  double now_us() const { return now_us_; }
+  /// Lets time pass until then.
+  void RunUntil(double us);
+
+  /// Takes the supply away (the EEPROM keeps what is written by then) or gives it back.
+  void PowerOff();
+  void PowerOn();
+  bool powered() const { return chip_ != nullptr; }
+  void ResetByPin();
+
+  /// Only while powered.
+  Atmega32u4& chip() { return *chip_; }
+  UsbController& usb() { return chip_->usb(); }
+  VirtualPmw3360& sensor() { return sensor_; }
+  const VirtualPmw3360& sensor() const { return sensor_; }
+
+  /// What is in the EEPROM now.
+  std::vector<std::uint8_t> Eeprom() const;
+  HandState HandNow() const { return hand_(now_us_ * 1e-6); }
+  double clock_mhz() const { return clock_mhz_; }
+
+  /// Share of the CPU's cycles in which it was awake, since the start; 0 .. 1.
+  double CyclesUsedFraction() const;
+  /// What firmware or wiring did that hardware would punish: chip, USB and sensor timing.
+  std::vector<std::string> Violations() const;
+  std::int64_t violation_count() const;
+
+ private:
+  void ApplyHand();
+
+  FirmwareImage image_;
+  BenchOptions options_;
+  std::function<HandState(double)> hand_ = [](double) { return HandState{}; };
+  VirtualPmw3360 sensor_;
+  std::unique_ptr<Atmega32u4> chip_;
+  std::vector<std::uint8_t> eeprom_;  // while the power is off
+  double now_us_ = 0;
+  double power_on_us_ = 0;
+  double clock_mhz_ = 16;
+  std::uint32_t power_ons_ = 0;
+  std::uint64_t past_cycles_ = 0;  // of former power-ons
+  std::uint64_t past_sleep_cycles_ = 0;
+  std::vector<std::string> past_violations_;
+};
+
+}  // namespace torquer::emulator

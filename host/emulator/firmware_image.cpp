@@ -1,0 +1,117 @@
+// Reading an AVR ELF file: the bytes for the flash, and the symbols.
+#include <fcntl.h>
+#include <gelf.h>
+#include <libelf.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <memory>
+
+#include "host/emulator/atmega32u4.h"
+#include "host/support/error.h"
+
+namespace torquer::emulator {
+namespace {
+
+constexpr std::size_t kFlashBytes = 32768;
+
+struct ElfFile {
+  explicit ElfFile(const std::string& path) : descriptor(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+    if (descriptor < 0) {
+      throw UserError(path + ": cannot open the firmware image (" + std::strerror(errno) +
+                      "). Build it with `cmake --build --preset release`, or name one with "
+                      "--firmware.");
+    }
+    elf_version(EV_CURRENT);
+    elf = elf_begin(descriptor, ELF_C_READ, nullptr);
+    GElf_Ehdr header;
+    if (!elf || elf_kind(elf) != ELF_K_ELF || !gelf_getehdr(elf, &header) ||
+        header.e_machine != EM_AVR) {
+      Close();
+      throw UserError(path +
+                      ": not an ELF file for AVR. Name the .elf that the firmware's build made.");
+    }
+  }
+  ~ElfFile() { Close(); }
+  ElfFile(const ElfFile&) = delete;
+  ElfFile& operator=(const ElfFile&) = delete;
+
+  void Close() {
+    if (elf) elf_end(elf);
+    if (descriptor >= 0) close(descriptor);
+    elf = nullptr;
+    descriptor = -1;
+  }
+
+  int descriptor;
+  Elf* elf = nullptr;
+};
+
+}  // namespace
+
+FirmwareImage::FirmwareImage(const std::string& elf_path) : path_(elf_path) {
+  ElfFile file(elf_path);
+  std::size_t count = 0;
+  elf_getphdrnum(file.elf, &count);
+  for (std::size_t i = 0; i < count; ++i) {
+    GElf_Phdr segment;
+    if (!gelf_getphdr(file.elf, static_cast<int>(i), &segment)) continue;
+    if (segment.p_type != PT_LOAD || segment.p_filesz == 0 || segment.p_paddr >= kFlashBytes) {
+      continue;
+    }
+    const std::size_t end = segment.p_paddr + segment.p_filesz;
+    if (end > kFlashBytes) throw UserError(path_ + ": the image is larger than the chip's flash.");
+    if (flash_.size() < end) flash_.resize(end, 0xff);
+    if (pread(file.descriptor, flash_.data() + segment.p_paddr, segment.p_filesz,
+              static_cast<off_t>(segment.p_offset)) != static_cast<ssize_t>(segment.p_filesz)) {
+      throw UserError(path_ + ": the file is cut short. Build it again.");
+    }
+  }
+  if (flash_.empty()) throw UserError(path_ + ": nothing in it goes into the flash.");
+
+  Elf_Scn* section = nullptr;
+  while ((section = elf_nextscn(file.elf, section)) != nullptr) {
+    GElf_Shdr header;
+    gelf_getshdr(section, &header);
+    if (header.sh_type != SHT_SYMTAB) continue;
+    Elf_Data* data = elf_getdata(section, nullptr);
+    for (std::size_t i = 0; i < header.sh_size / header.sh_entsize; ++i) {
+      GElf_Sym symbol;
+      gelf_getsym(data, static_cast<int>(i), &symbol);
+      const char* name = elf_strptr(file.elf, header.sh_link, symbol.st_name);
+      if (name && *name) symbols_[name] = static_cast<std::uint32_t>(symbol.st_value);
+    }
+  }
+}
+
+std::uint32_t FirmwareImage::Symbol(const std::string& name) const {
+  const auto found = symbols_.find(name);
+  if (found == symbols_.end()) {
+    throw UserError(path_ + ": no symbol `" + name +
+                    "`. Use an image of this project with its symbols (not stripped).");
+  }
+  return found->second;
+}
+
+std::uint32_t FirmwareImage::clock_hz() const {
+  if (!HasSymbol("torquer_clock_hz")) return 16000000;
+  std::uint32_t hz = 0;
+  const std::uint32_t address = Symbol("torquer_clock_hz");
+  if (address + sizeof(hz) <= flash_.size()) std::memcpy(&hz, &flash_[address], sizeof(hz));
+  if (hz != 8000000 && hz != 16000000) {
+    throw UserError(path_ + ": torquer_clock_hz is " + std::to_string(hz) +
+                    ", where 8 or 16 MHz were expected.");
+  }
+  return hz;
+}
+
+void FirmwareImage::SetInitialValue(const std::string& variable, std::uint32_t value) {
+  const std::uint32_t address =
+      Symbol(variable) - Symbol("__data_start") + Symbol("__data_load_start");
+  if (address + sizeof(value) > flash_.size()) {
+    throw UserError(path_ + ": `" + variable + "` is not among the initialized variables.");
+  }
+  std::memcpy(&flash_[address], &value, sizeof(value));
+}
+
+}  // namespace torquer::emulator
