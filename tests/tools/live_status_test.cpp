@@ -1,0 +1,69 @@
+#include "host/tools/live_status.h"
+
+#include <catch2/catch.hpp>
+
+#include "host/bus/channels.h"
+
+using namespace torquer;
+
+namespace {
+
+torquer_lcm::wire_state_t State(std::int64_t command_sequence, double latency_ms) {
+  torquer_lcm::wire_state_t state{};
+  state.instrument = bus::kGuidewire;
+  state.clock_id = 7;
+  state.command_sequence = command_sequence;
+  state.origin_us = 1000;
+  state.publish_us = 1000 + static_cast<std::int64_t>(1000 * latency_ms);
+  state.insertion_mm = 451.25;
+  state.rotation_rad = 1.5707963;
+  state.residual = 2e-6;
+  state.max_penetration_um = latency_ms;
+  return state;
+}
+
+}  // namespace
+
+TEST_CASE("The line tells rates, latency, length, residual, penetration and device") {
+  tools::LiveStatus status(7);
+  torquer_lcm::scene_description_t scene{};
+  scene.name = "arch";
+  status.Add(scene);
+  for (int i = 0; i < 500; ++i) status.Add(torquer_lcm::device_sample_t{});
+  status.Add(State(0, 1));
+  status.Add(State(1, 2));
+  status.Add(State(2, 9));
+  status.Add(State(2, 50));  // shows no new command
+  torquer_lcm::health_t health{};
+  health.process = "daemon";
+  health.state = "running";
+  health.message = "reading";
+  health.names = {"reports_received", "reports_lost"};
+  health.values = {500, 4};
+  CHECK(status.Add(health) == "daemon: running: reading");
+  health.message = "";
+  CHECK(status.Add(health).empty());
+
+  CHECK(status.Line(0.5) ==
+        "arch | 1000 reports/s, 4 lost | 8 states/s, latency 2.00 ms (worst 9.00) | 451.25 mm, "
+        "+90 deg | residual 2.0e-06, wall 50.0 um, ok | device running");
+  CHECK_THAT(status.Line(0.5), Catch::Contains("0 reports/s") && Catch::Contains("latency -") &&
+                                   Catch::Contains("wall 0.0 um"));
+}
+
+TEST_CASE("Latency by another machine's clock is left out") {
+  tools::LiveStatus status(8);
+  status.Add(State(0, 1));
+  CHECK_THAT(status.Line(1), Catch::Contains("latency -"));
+}
+
+TEST_CASE("Nothing on the bus is said so") {
+  tools::LiveStatus status(7);
+  CHECK(status.Line(1) ==
+        "no scene | 0 reports/s, 0 lost | 0 states/s, latency - | no wire yet | device no daemon");
+}
+
+TEST_CASE("Status in words") {
+  CHECK(tools::StatusWords(bus::kWireConverged) == "ok");
+  CHECK(tools::StatusWords(bus::kWireBudgetSpent | bus::kWireSnapped) == "out of time, snapped");
+}
