@@ -53,7 +53,7 @@ class Bus {
 
   /// Calls `handler` from Handle() for every message that decodes as Message; counts the others.
   /// The handler's exceptions reach the caller of Handle(). `queue` messages wait at most (30 in
-  /// LCM), the oldest are dropped beyond it; 0 means no limit.
+  /// LCM); LCM drops the newest beyond it, not the oldest. 0 means no limit.
   /// Throws UserError when the bus cannot be listened to.
   template <class Message>
   void Subscribe(const std::string& channel, std::function<void(const Message&)> handler,

@@ -80,7 +80,8 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
         arrived = true;
         ++statistics.commands;
       },
-      1);
+      // All of them: a short queue would keep the oldest, and the newest is the one that counts.
+      0);
 
   bus::HealthReporter health(bus, "simulator");
   const auto counters = [&]() -> bus::HealthCounters {
