@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -34,12 +35,9 @@ std::string Hex(std::uint64_t value) {
 // Shortest text that reads back as the same double, and that TOML takes for a float.
 std::string Number(double value) {
   char text[32];
-  for (int digits = 1; digits <= 17; ++digits) {
-    std::snprintf(text, sizeof text, "%.*g", digits, value);
-    if (std::strtod(text, nullptr) == value) break;
-  }
-  std::string number = text;
-  if (number.find_first_of(".e") == std::string::npos) number += ".0";
+  const auto [end, error] = std::to_chars(text, text + sizeof text, value);
+  std::string number(text, end);
+  if (number.find_first_of(".en") == std::string::npos) number += ".0";
   return number;
 }
 

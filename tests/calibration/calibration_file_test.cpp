@@ -1,0 +1,204 @@
+#include "calibration/calibration_file.h"
+
+#include <sys/stat.h>
+
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "host/support/error.h"
+#include "host/support/fnv1a.h"
+#include "tests/support/temporary_folder.h"
+
+namespace {
+
+using namespace torquer::calibration;
+using torquer::UserError;
+using torquer::test::TemporaryFolder;
+
+Calibration Measured() {
+  Calibration calibration;
+  calibration.device = "BENCH-42";
+  calibration.note = "a \"quoted\" back\\slash";
+  calibration.motion.cpi = 1600;
+  calibration.motion.per_count = {{{0.0158751234567891, -1.0 / 3e5}, {1.23e-5, 0.00311}}};
+  calibration.motion.standard_error = {{{1e-6, 2e-6}, {3e-7, 4.5e-7}}};
+  calibration.lao = {.center = 518.25,
+                     .minimum = 3.0,
+                     .maximum = 1019.0,
+                     .dead_zone = 11.0,
+                     .full_rate_rad_per_s = 0.4};
+  calibration.cra = {.center = 498.0,
+                     .minimum = 7.0,
+                     .maximum = 1001.0,
+                     .dead_zone = 9.5,
+                     .full_rate_rad_per_s = 0.3};
+  return calibration;
+}
+
+bool Same(const JoystickAxis& a, const JoystickAxis& b) {
+  return a.center == b.center && a.minimum == b.minimum && a.maximum == b.maximum &&
+         a.dead_zone == b.dead_zone && a.full_rate_rad_per_s == b.full_rate_rad_per_s;
+}
+
+bool Same(const Calibration& a, const Calibration& b) {
+  return a.device == b.device && a.note == b.note && a.motion.cpi == b.motion.cpi &&
+         a.motion.per_count == b.motion.per_count &&
+         a.motion.standard_error == b.motion.standard_error && Same(a.lao, b.lao) &&
+         Same(a.cra, b.cra);
+}
+
+std::string Contents(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+void Write(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+// What is said about a text; "" when it is accepted.
+std::string RefusalOf(const std::string& text) {
+  try {
+    ParseCalibration(text, "bench.toml");
+  } catch (const UserError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string Replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  REQUIRE(at != std::string::npos);
+  return text.replace(at, from.size(), to);
+}
+
+// With the checksum made right again, so that what is refused is the content.
+std::string Resealed(const std::string& text) {
+  const std::string marker = "[end]\nchecksum = \"";
+  const std::size_t end = text.rfind(marker);
+  char hash[17];
+  std::snprintf(hash, sizeof hash, "%016llx",
+                static_cast<unsigned long long>(torquer::Fnv1a(text.substr(0, end))));
+  return text.substr(0, end) + marker + hash + "\"\n";
+}
+
+}  // namespace
+
+TEST_CASE("What is written is read back, to the last bit") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("bench.toml");
+  WriteCalibration(Measured(), path);
+  CHECK(Same(ReadCalibration(path), Measured()));
+  CHECK(Contents(path) == FormatCalibration(Measured()));
+  // And nothing else is left lying about.
+  CHECK(std::distance(std::filesystem::directory_iterator(folder.Path()), {}) == 1);
+}
+
+TEST_CASE("Every truncation is refused") {
+  const std::string text = FormatCalibration(Measured());
+  for (std::size_t length = 0; length < text.size(); ++length) {
+    const std::string refusal = RefusalOf(text.substr(0, length));
+    CAPTURE(length, refusal);
+    REQUIRE(refusal.find("bench.toml: ") == 0);
+    REQUIRE(refusal.find("torquer-calibrate") != std::string::npos);
+  }
+  CHECK(RefusalOf(text.substr(0, text.size() - 1)).find("torn") != std::string::npos);
+}
+
+TEST_CASE("Every altered byte is refused") {
+  const std::string text = FormatCalibration(Measured());
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    std::string altered = text;
+    altered[i] = altered[i] == '7' ? '8' : '7';
+    CAPTURE(i);
+    REQUIRE_FALSE(RefusalOf(altered).empty());
+  }
+  CHECK_FALSE(RefusalOf(text + "x = 1\n").empty());
+}
+
+TEST_CASE("Refusals name the file, the line or field, the value and the remedy") {
+  const std::string text = FormatCalibration(Measured());
+  const auto [from, to, expected] = GENERATE(table<std::string, std::string, std::string>({
+      {"version = 1", "version = 2", "line 4, version = 2: this program reads version 1 only"},
+      {"torquer-calibration", "shopping-list", "not a Torquer calibration"},
+      {"device = \"BENCH-42\"", "device = 42", "line 5, device = 42: not a text"},
+      {"device = \"BENCH-42\"\n", "", "the key device is missing"},
+      {"cpi = 1600", "cpi = 16.5", "line 10, motion.cpi = 16.5: not a whole number"},
+      {"cpi = 1600", "cpi = 0", "line 10, motion.cpi = 0: not from 1.0 to 60000.0"},
+      {"cpi = 1600", "cpi = 1600\nspoons = 3", "line 11: unknown key motion.spoons"},
+      {"note = ", "mood = \"good\"\nnote = ", "unknown key mood"},
+      {"[0.0158751234567891, ", "[nan, ", "motion.insertion_mm_per_count = nan: not from"},
+      {"[0.0158751234567891, ", "[15.0, ", "motion.insertion_mm_per_count = 15.0: not from"},
+      {"[0.0158751234567891, ", "[\"far\", ", "motion.insertion_mm_per_count = 'far': not a num"},
+      {"[0.0158751234567891, ", "[1.0, 2.0, ", "not a pair of numbers"},
+      {"[1.23e-05, 0.00311]", "[0.0158751234567891, -3.3333333333333333e-06]",
+       "parallel to motion.insertion_mm_per_count"},
+      {"center = 518.25", "center = -1.0", "joystick.lao.center = -1.0: not from 0.0 to 1023.0"},
+      {"dead_zone = 9.5", "dead_zone = 500.0",
+       "joystick.cra.dead_zone = 500.0: the extremes are not outside the dead zone"},
+      {"full_rate_rad_per_s = 0.4", "full_rate_rad_per_s = inf", "full_rate_rad_per_s = inf"},
+      {"[joystick.lao]", "[joystick.throttle]", "unknown key joystick.throttle"},
+  }));
+  const std::string refusal = RefusalOf(Resealed(Replaced(text, from, to)));
+  CAPTURE(from, to, refusal);
+  CHECK(refusal.find("bench.toml: ") == 0);
+  CHECK(refusal.find(expected) != std::string::npos);
+  CHECK(refusal.find("torquer-calibrate") != std::string::npos);
+}
+
+TEST_CASE("Anything else is refused") {
+  for (const char* text : {"", "\n", "hello", "\xff\xfe\x00", "[end]\nchecksum = \"0\"\n",
+                           "format = \"torquer-calibration\"\n", "format = 3\n"}) {
+    CAPTURE(text);
+    CHECK_FALSE(RefusalOf(text).empty());
+  }
+}
+
+TEST_CASE("Another device's calibration is refused") {
+  CHECK_NOTHROW(RequireDevice(Measured(), "bench.toml", "BENCH-42"));
+  CHECK_THROWS_WITH(RequireDevice(Measured(), "bench.toml", "BENCH-43"),
+                    Catch::Contains("bench.toml: device = 'BENCH-42', but the device here is "
+                                    "'BENCH-43'") &&
+                        Catch::Contains("torquer-calibrate"));
+}
+
+TEST_CASE("A write that fails leaves the old file as it was") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("bench.toml");
+  WriteCalibration(Measured(), path);
+  const std::string before = Contents(path);
+  SECTION("a calibration out of range") {
+    Calibration bad = Measured();
+    bad.motion.per_count[0][0] = std::nan("");
+    CHECK_THROWS_AS(WriteCalibration(bad, path), UserError);
+  }
+  SECTION("a folder where the new file would go") {
+    std::filesystem::create_directory(path + ".new");
+    CHECK_THROWS_WITH(WriteCalibration(Measured(), path), Catch::Contains("cannot be written"));
+  }
+  SECTION("an interrupted write before, of which a part is left") {
+    Write(path + ".new", before.substr(0, 50));
+    CHECK(Same(ReadCalibration(path), Measured()));
+    Calibration next = Measured();
+    next.note = "next";
+    WriteCalibration(next, path);
+    CHECK(ReadCalibration(path).note == "next");
+    return;
+  }
+  CHECK(Contents(path) == before);
+}
+
+TEST_CASE("A missing file is said with the way to go on") {
+  CHECK_THROWS_WITH(
+      ReadCalibration("/no/such/file.toml"),
+      Catch::Contains("/no/such/file.toml: cannot be read") && Catch::Contains("--uncalibrated"));
+}
+
+TEST_CASE("The emulated device's calibration is the nominal one") {
+  const std::string path = TORQUER_SOURCE_DIR "/calibration/emulator.toml";
+  Calibration expected = NominalCalibration("EMULATED-0001", kNominalCpi);
+  expected.note = "the emulated bench device, exactly as drawn";
+  CHECK(Same(ReadCalibration(path), expected));
+}
