@@ -1,0 +1,53 @@
+// What the daemon costs at 1 kHz: report-to-command latency and share of a core.
+//   daemon_benchmark [SECONDS]    prints the daemon's own statistics, one JSON object
+// A scripted device sends a report a millisecond over a socket; the daemon publishes into a private
+// network, where nobody listens.
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <thread>
+
+#include "tests/daemon/daemon_process.h"
+#include "tests/daemon/reports.h"
+#include "tests/daemon/socket_device.h"
+
+namespace {
+
+int Run(int seconds) {
+  torquer::test::NeedPrivateNetwork();
+  const torquer::test::TemporaryFolder folder;
+  setenv("XDG_RUNTIME_DIR", folder.Path().c_str(), 1);
+  const std::string socket = folder.Path("device");
+  torquer::test::SocketDevice device(socket);
+  torquer::test::ChildProcess daemon(
+      torquer::test::SocketWords(socket, {"--uncalibrated", "--json"}));
+  if (!device.WaitForHost()) return 1;
+
+  torquer::protocol::InputReport report = torquer::test::StillReport();
+  auto next = std::chrono::steady_clock::now();
+  for (int i = 0; i < 1000 * seconds; ++i) {
+    next += std::chrono::milliseconds(1);
+    std::this_thread::sleep_until(next);
+    report = torquer::test::Next(report);
+    report.axial_counts += 20;
+    device.Send(report);
+  }
+  daemon.Signal(SIGTERM);
+  const int status = daemon.Wait();
+  std::fputs(daemon.Output().c_str(), stdout);
+  return status;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return Run(argc > 1 ? std::atoi(argv[1]) : 10);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "daemon_benchmark: %s\n", error.what());
+    return 1;
+  }
+}
