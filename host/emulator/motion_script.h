@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <istream>
 #include <string>
 #include <vector>
 
@@ -24,9 +23,8 @@ class MotionScript {
 
   /// Reads `time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons`, one row a time, times
   /// rising; `buttons` is `none`, empty, or names among xray, contrast, clutch joined by `+`.
-  /// Throws UserError naming file:line, the value and the remedy.
+  /// Throws UserError naming file, line, the value and the remedy.
   static MotionScript FromFile(const std::string& path);
-  static MotionScript FromStream(std::istream& stream, const std::string& name);
 
   /// Linear between rows; before the first and after the last it stands still. Buttons change at
   /// the rows.

@@ -1,0 +1,54 @@
+// The emulator on LCM: takes the hand's motion live, tells the truth about its sensor, and reports
+// how it fares.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "host/bus/bus.h"
+#include "host/bus/health_reporter.h"
+#include "host/emulator/bench_device.h"
+#include "host/emulator/motion_script.h"
+
+namespace torquer::emulator {
+
+/// The hand as it is told from outside, at irregular times: it goes to each new place in the time
+/// that the last message took to come, so that it does not jump.
+class LiveHand {
+ public:
+  /// `time_s` is the emulator's own time of arrival.
+  void Set(double time_s, const HandState& target);
+  HandState At(double time_s) const;
+
+ private:
+  HandState from_, to_;
+  double from_s_ = 0, to_s_ = 0, last_s_ = 0;
+};
+
+class LiveBus {
+ public:
+  /// Throws UserError where the bus cannot be reached.
+  explicit LiveBus(const std::string& url);
+
+  /// Takes waiting messages into `hand`; never waits.
+  void Service(double time_s, LiveHand* hand);
+
+  /// What the hand and the sensor did; to be called about 100 times a second and at the end.
+  void PublishTruth(const BenchDevice& device, double time_s, const HandState& hand,
+                    std::int64_t reports_sent);
+
+  /// Publishes when the state has changed or a second has passed.
+  void PublishHealth(const std::string& state, const std::string& message,
+                     const std::string& serial, const bus::HealthCounters& counters);
+
+  std::int64_t refused() const { return refused_ + bus_.undecodable(); }
+
+ private:
+  bus::Bus bus_;
+  bus::HealthReporter health_;
+  LiveHand* hand_ = nullptr;
+  double time_s_ = 0;
+  std::int64_t refused_ = 0;
+};
+
+}  // namespace torquer::emulator

@@ -1,0 +1,211 @@
+#include "host/emulator/session.h"
+
+#include <time.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "host/support/error.h"
+
+namespace torquer::emulator {
+namespace {
+
+constexpr std::int64_t kFrameNs = 1000000;
+// After a longer stall the lost time is not made up: a burst of frames helps nobody.
+constexpr std::int64_t kLongestCatchUpNs = 50 * kFrameNs;
+// How long a fast emulator waits for a client that takes no reports.
+constexpr int kFastClientTimeoutMs = 10000;
+// At rest after the end of the file, so that the last counts reach the client.
+constexpr double kRestAfterMotion_s = 0.25;
+constexpr int kFramesATruth = 10;
+
+std::int64_t MonotonicNs() {
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return now.tv_sec * 1000000000LL + now.tv_nsec;
+}
+
+std::vector<std::uint8_t> LoadEeprom(const std::string& path) {
+  if (path.empty() || !std::filesystem::exists(path)) return {};
+  std::ifstream file(path, std::ios::binary);
+  std::vector<std::uint8_t> bytes((std::istreambuf_iterator<char>(file)),
+                                  std::istreambuf_iterator<char>());
+  if (!file || bytes.size() != Atmega32u4::kEepromBytes) {
+    throw UserError("--eeprom '" + path + "': has " + std::to_string(bytes.size()) +
+                    " readable bytes where the chip has 1024; give a file that this program wrote, "
+                    "or a new name");
+  }
+  return bytes;
+}
+
+BenchOptions WithEeprom(BenchOptions bench, const std::string& path) {
+  bench.eeprom = LoadEeprom(path);
+  return bench;
+}
+
+bool Within(const std::vector<Interval>& intervals, double time_s) {
+  return std::any_of(intervals.begin(), intervals.end(), [time_s](const Interval& interval) {
+    return time_s >= interval.start_s && time_s < interval.start_s + interval.duration_s;
+  });
+}
+
+}  // namespace
+
+Session::Session(const SessionOptions& options)
+    : options_(options),
+      script_(options.motion.empty() ? MotionScript() : MotionScript::FromFile(options.motion)),
+      device_(FirmwareImage(options.firmware), WithEeprom(options.bench, options.eeprom_file)),
+      host_(device_),
+      socket_(host_, options.socket),
+      random_(options.bench.seed) {
+  if (options_.use_lcm) bus_ = std::make_unique<LiveBus>(options_.lcm_url);
+  std::sort(options_.resets_s.begin(), options_.resets_s.end());
+  device_.SetHand([this](double time_s) { return HandAt(time_s); });
+  host_.wants_input = [this] {
+    return socket_.connected() && socket_.CanSend(options_.fast ? kFastClientTimeoutMs : 0);
+  };
+  host_.on_input = [this](const std::vector<std::uint8_t>& report) { Deliver(report); };
+  host_.on_ready = [this] {
+    summary_.serial = host_.enumeration().serial;
+    socket_.DeviceReady();
+  };
+  host_.on_gone = [this] { socket_.DeviceGone(); };
+}
+
+double Session::MotionTime(double time_s) const {
+  return motion_start_s_ ? std::max(0.0, time_s - *motion_start_s_) : 0.0;
+}
+
+HandState Session::HandAt(double time_s) const {
+  return options_.motion.empty() ? live_hand_.At(time_s) : script_.At(MotionTime(time_s));
+}
+
+void Session::Deliver(const std::vector<std::uint8_t>& report) {
+  std::uniform_real_distribution<double> chance(0, 1);
+  ++summary_.reports_sent;
+  if (options_.drop_probability > 0 && chance(random_) < options_.drop_probability) {
+    ++summary_.reports_dropped;
+    return;
+  }
+  socket_.Send(report);
+  if (options_.repeat_probability > 0 && chance(random_) < options_.repeat_probability) {
+    ++summary_.reports_repeated;
+    socket_.Send(report);
+  }
+}
+
+bool Session::Finished() const {
+  if (!motion_start_s_) return false;
+  const double time_s = MotionTime(device_.now_us() * 1e-6);
+  if (options_.duration_s) return time_s >= *options_.duration_s;
+  return !options_.motion.empty() && time_s >= script_.duration_s() + kRestAfterMotion_s;
+}
+
+void Session::FollowEvents() {
+  const double now_s = device_.now_us() * 1e-6;
+  if (!motion_start_s_ && (options_.wait_client ? socket_.connected() : host_.ready())) {
+    motion_start_s_ = now_s;
+  }
+  if (!motion_start_s_) return;
+  const double time_s = MotionTime(now_s);
+  device_.sensor().SetLifted(Within(options_.lifts, time_s));
+  device_.sensor().SetFault(Within(options_.faults, time_s) ? VirtualPmw3360::Fault::kSilent
+                                                            : VirtualPmw3360::Fault::kNone);
+  const bool unplugged = Within(options_.unplugs, time_s);
+  if (unplugged && device_.powered()) {
+    device_.PowerOff();
+    SaveEeprom();
+  } else if (!unplugged && !device_.powered()) {
+    device_.PowerOn();
+  }
+  while (resets_done_ < options_.resets_s.size() && time_s >= options_.resets_s[resets_done_]) {
+    ++resets_done_;
+    device_.ResetByPin();
+  }
+}
+
+void Session::Pace() {
+  if (options_.fast) return;
+  const std::int64_t now_ns = MonotonicNs();
+  if (next_frame_ns_ == 0) next_frame_ns_ = now_ns;
+  if (now_ns < next_frame_ns_) {
+    const timespec wake{static_cast<time_t>(next_frame_ns_ / 1000000000),
+                        static_cast<long>(next_frame_ns_ % 1000000000)};
+    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
+  }
+  const std::int64_t late_ns = MonotonicNs() - next_frame_ns_;
+  summary_.latest_frame_ms =
+      std::max(summary_.latest_frame_ms, static_cast<double>(late_ns) * 1e-6);
+  if (late_ns > kLongestCatchUpNs) next_frame_ns_ += late_ns;
+  next_frame_ns_ += kFrameNs;
+}
+
+bus::HealthCounters Session::Counters() const {
+  return {{"reports_sent", summary_.reports_sent},
+          {"reports_dropped", summary_.reports_dropped},
+          {"reports_repeated", summary_.reports_repeated},
+          {"axial_counts", device_.sensor().axial_counts()},
+          {"transverse_counts", device_.sensor().transverse_counts()},
+          {"violations", device_.violation_count()},
+          {"messages_refused", bus_->refused()}};
+}
+
+void Session::Publish() {
+  const double now_s = device_.now_us() * 1e-6;
+  bus_->PublishTruth(device_, now_s, HandAt(now_s), summary_.reports_sent);
+  if (!device_.powered()) {
+    bus_->PublishHealth("unplugged", "the device is unplugged", summary_.serial, Counters());
+  } else if (!host_.ready()) {
+    bus_->PublishHealth("starting", "the device is not on the bus yet", summary_.serial,
+                        Counters());
+  } else if (!socket_.connected()) {
+    bus_->PublishHealth("waiting for client", "nobody is connected to " + socket_.path(),
+                        summary_.serial, Counters());
+  } else {
+    bus_->PublishHealth("running", "a client takes reports", summary_.serial, Counters());
+  }
+}
+
+SessionSummary Session::Run(const volatile std::sig_atomic_t& stop) {
+  while (!stop && !Finished()) {
+    Pace();
+    socket_.Service();
+    if (bus_) bus_->Service(device_.now_us() * 1e-6, &live_hand_);
+    FollowEvents();
+    host_.RunFrame();
+    if (bus_ && ++frames_ % kFramesATruth == 0) Publish();
+  }
+  if (bus_) {
+    Publish();
+    bus_->PublishHealth("stopping", "the emulator ends", summary_.serial, Counters());
+  }
+  SaveEeprom();
+  summary_.axial_counts = device_.sensor().axial_counts();
+  summary_.transverse_counts = device_.sensor().transverse_counts();
+  summary_.violations = device_.violation_count();
+  summary_.violation_texts = device_.Violations();
+  summary_.time_simulated_s = device_.now_us() * 1e-6;
+  summary_.cycles_used_fraction = device_.CyclesUsedFraction();
+  return summary_;
+}
+
+void Session::SaveEeprom() const {
+  if (options_.eeprom_file.empty()) return;
+  const std::string temporary = options_.eeprom_file + ".new";
+  const std::vector<std::uint8_t> bytes = device_.Eeprom();
+  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
+  file.write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  std::error_code error;
+  if (file) std::filesystem::rename(temporary, options_.eeprom_file, error);
+  if (!file || error) {
+    throw UserError("--eeprom '" + options_.eeprom_file +
+                    "': cannot be written; check the directory and its permissions");
+  }
+}
+
+}  // namespace torquer::emulator

@@ -1,0 +1,94 @@
+// One run of the emulator: device, host and front ends, from power-on to the summary.
+#pragma once
+
+#include <csignal>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "host/emulator/bench_device.h"
+#include "host/emulator/live_bus.h"
+#include "host/emulator/motion_script.h"
+#include "host/emulator/socket_front.h"
+#include "host/emulator/usb_host.h"
+
+namespace torquer::emulator {
+
+/// Something that lasts, in seconds of the motion.
+struct Interval {
+  double start_s = 0;
+  double duration_s = 0;
+};
+
+struct SessionOptions {
+  std::string firmware;
+  std::string motion;  ///< file; empty: live over LCM
+  std::string socket;
+  std::string lcm_url;  ///< as for bus::Bus
+  bool use_lcm = true;
+  bool fast = false;  ///< as fast as it can, waiting for the client instead of losing reports
+  bool wait_client = false;          ///< the motion begins when a client has connected
+  std::optional<double> duration_s;  ///< of the motion; none: to the end of the file, or for ever
+  std::string eeprom_file;           ///< read at the start if it exists, written at the end
+  double drop_probability = 0;       ///< of a report on its way to the client
+  double repeat_probability = 0;
+  std::vector<Interval> lifts, faults, unplugs;
+  std::vector<double> resets_s;
+  BenchOptions bench;
+};
+
+struct SessionSummary {
+  std::int64_t reports_sent = 0;  ///< handed over by the device, dropped ones included
+  std::int64_t reports_dropped = 0;
+  std::int64_t reports_repeated = 0;
+  std::int64_t axial_counts = 0;  ///< by the sensor
+  std::int64_t transverse_counts = 0;
+  std::int64_t violations = 0;  ///< of timing and of rules that hardware would punish
+  std::vector<std::string> violation_texts;
+  double time_simulated_s = 0;
+  double cycles_used_fraction = 0;
+  double latest_frame_ms = 0;  ///< in real time: how late the latest frame began
+  std::string serial;
+};
+
+class Session {
+ public:
+  /// Throws UserError for anything that the user gave and that cannot be used.
+  explicit Session(const SessionOptions& options);
+
+  /// Until the motion is over or `stop` is set. Throws UserError if the EEPROM file cannot be
+  /// written.
+  SessionSummary Run(const volatile std::sig_atomic_t& stop);
+
+  const std::string& socket_path() const { return socket_.path(); }
+
+ private:
+  bool Finished() const;
+  double MotionTime(double time_s) const;
+  HandState HandAt(double time_s) const;
+  void Deliver(const std::vector<std::uint8_t>& report);
+  void FollowEvents();
+  void Pace();
+  void Publish();
+  void SaveEeprom() const;
+  bus::HealthCounters Counters() const;
+
+  SessionOptions options_;
+  MotionScript script_;
+  LiveHand live_hand_;
+  BenchDevice device_;
+  UsbHost host_;
+  SocketFront socket_;
+  std::unique_ptr<LiveBus> bus_;
+  std::mt19937 random_;
+  std::optional<double> motion_start_s_;
+  std::size_t resets_done_ = 0;
+  std::int64_t frames_ = 0;
+  std::int64_t next_frame_ns_ = 0;
+  SessionSummary summary_;
+};
+
+}  // namespace torquer::emulator

@@ -1,0 +1,55 @@
+// The emulated device on a Unix socket (protocol/socket_link.h): the host's side of the USB, with a
+// program at the socket in place of a host's USB driver.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "host/emulator/usb_host.h"
+
+namespace torquer::emulator {
+
+/// $XDG_RUNTIME_DIR/torquer-emulator.sock, or one of the user's own in /tmp.
+std::string DefaultSocketPath();
+
+class SocketFront {
+ public:
+  /// Listens once the device is ready, and not while it is off the bus. `host` must outlive this.
+  /// Throws UserError if the path cannot be used.
+  SocketFront(UsbHost& host, std::string path);
+  ~SocketFront();
+  SocketFront(const SocketFront&) = delete;
+  SocketFront& operator=(const SocketFront&) = delete;
+
+  /// Accepts, and takes requests; never waits. To be called once a frame.
+  void Service();
+
+  /// Listens or not, as the device is on the bus.
+  void DeviceReady();
+  void DeviceGone();
+
+  bool connected() const { return client_ >= 0; }
+  /// The client takes another report. While it does not, the device is not polled: like a USB host
+  /// without a transfer pending, it loses samples and no motion. Waits up to `timeout_ms` for it.
+  bool CanSend(int timeout_ms) const;
+  void Send(const std::vector<std::uint8_t>& report);
+
+  const std::string& path() const { return path_; }
+
+ private:
+  void Listen();
+  void CloseClient();
+  void CloseListener();
+  void Answer(std::uint8_t kind, const std::vector<std::uint8_t>& payload);
+  void Request(const std::vector<std::uint8_t>& packet);
+  UsbHost::ControlCallback AnswerWith(std::uint8_t kind);
+
+  UsbHost& host_;
+  std::string path_;
+  int listener_ = -1;
+  int client_ = -1;
+  std::uint64_t connection_ = 0;  // an answer for a former client must not reach the next
+};
+
+}  // namespace torquer::emulator
