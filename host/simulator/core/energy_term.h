@@ -17,7 +17,8 @@ struct PointSet {
   std::vector<double> weight_mm;           ///< length of wire that the point stands for
   std::vector<double> radius_mm;           ///< of the wire there
   std::vector<std::uint8_t> touches;       ///< 1 where the wire's surface is beyond the wall
-  std::vector<ClearanceSample> clearance;  ///< valid only where `touches`
+  std::vector<int> near;                   ///< the points that touch or nearly do, ascending
+  std::vector<ClearanceSample> clearance;  ///< valid only at `near` points
 
   int size() const { return static_cast<int>(position.size()); }
   /// Identifies the point as material: constant while the wire moves through the sheath.

@@ -48,12 +48,32 @@ void ExpandJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_t
   out.hessian_cross = curvature * y_proximal * y_distal.transpose() - slope * cross;
 }
 
-double JointStiffness(const WireModel& model, const WireState& state, int joint) {
-  const double lambda = model.segment_mm();
-  const double rigidity = model.rigidity_N_mm2(state.segments() - joint);
-  if (joint == 0) return rigidity / (state.first_segment_mm / 2);
-  if (joint == 1) return rigidity / ((state.first_segment_mm + lambda) / 2);
-  return rigidity / lambda;
+void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                         const Vector3d& proximal_normal, const Vector3d& proximal_second,
+                         const Vector3d& tangent, const Vector3d& normal, const Vector3d& second,
+                         double& energy_mJ, JointTerms& out) {
+  // ExpandJoint with rest = proximal tangent: e1, e2 are across it, and the triple products
+  // become scalar products of the normals.
+  const double y = (tangent - proximal_tangent).squaredNorm() / 2;
+  const BendingValue v = EvaluateBending(law, y);
+  energy_mJ += stiffness_mJ * v.g;
+  const double slope = stiffness_mJ * v.slope;
+  const double curvature = stiffness_mJ * v.curvature;
+  const double along = slope * (1 - y);
+  const double p1 = -proximal_normal.dot(tangent);
+  const double p2 = -proximal_second.dot(tangent);
+  const double d1 = -proximal_tangent.dot(normal);
+  const double d2 = -proximal_tangent.dot(second);
+  out.gradient_proximal << slope * p1, slope * p2;
+  out.gradient_distal << slope * d1, slope * d2;
+  const double p12 = curvature * p1 * p2;
+  const double d12 = curvature * d1 * d2;
+  out.hessian_proximal << along + curvature * p1 * p1, p12, p12, along + curvature * p2 * p2;
+  out.hessian_distal << along + curvature * d1 * d1, d12, d12, along + curvature * d2 * d2;
+  out.hessian_cross << curvature * p1 * d1 - slope * proximal_normal.dot(normal),
+      curvature * p1 * d2 - slope * proximal_normal.dot(second),
+      curvature * p2 * d1 - slope * proximal_second.dot(normal),
+      curvature * p2 * d2 - slope * proximal_second.dot(second);
 }
 
 WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field,
@@ -62,6 +82,7 @@ WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field
       field_(field),
       wall_(wall),
       terms_(terms),
+      sheath_second_(model.sheath().direction.cross(model.sheath_normal())),
       lipschitz_(field.LipschitzBound()),
       lookups_(static_cast<std::size_t>(model.max_segments() + 1) *
                static_cast<std::size_t>(wall.points_per_segment)) {
@@ -72,6 +93,7 @@ Expansion WireMechanics::MakeExpansion() const {
   const auto n = static_cast<std::size_t>(model_.max_segments()) + 1;
   const std::size_t points = n * static_cast<std::size_t>(wall_.points_per_segment);
   Expansion e;
+  e.seconds.reserve(n);
   e.joints.reserve(n);
   e.load_index.reserve(n);
   e.loads.reserve(n);
@@ -83,6 +105,8 @@ Expansion WireMechanics::MakeExpansion() const {
   e.points.radius_mm.reserve(points);
   e.points.touches.reserve(points);
   e.points.clearance.reserve(points);
+  e.points.near.reserve(points);
+  e.springs.reserve(points);
   e.derivatives.used.reserve(points);
   e.derivatives.gradient.reserve(points);
   e.derivatives.hessian.reserve(points);
@@ -103,6 +127,7 @@ void WireMechanics::PlacePoints(const WireState& state, bool with_hessian, Point
   points.radius_mm.resize(count);
   points.touches.resize(count);
   points.clearance.resize(count);
+  points.near.clear();
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {
     const double length = state.SegmentLength(model_, i);
@@ -128,31 +153,35 @@ void WireMechanics::PlacePoints(const WireState& state, bool with_hessian, Point
       }
       points.touches[q] = sample.clearance_mm < radius;
       look.at = at;
-      look.free_mm = (sample.clearance_mm - radius) / lipschitz_;
+      look.free_mm = (sample.clearance_mm - radius - kNearMm) / lipschitz_;
+      if (sample.clearance_mm < radius + kNearMm) points.near.push_back(static_cast<int>(q));
     }
   }
 }
 
-double WireMechanics::AddWall(const PointSet& points, PointDerivatives& out) const {
-  double energy = 0;
-  for (int q = 0; q < points.size(); ++q) {
+void WireMechanics::ExpandWall(bool with_hessian, Expansion& out) const {
+  out.springs.clear();
+  out.max_penetration_mm = 0;
+  for (const int q : out.points.near) {
     const auto p = static_cast<std::size_t>(q);
-    if (!points.touches[p]) continue;
-    const ClearanceSample& sample = points.clearance[p];
-    const double penetration = points.radius_mm[p] - sample.clearance_mm;
-    const double stiffness = wall_.stiffness_N_mm2 * points.weight_mm[p];
-    energy += stiffness * penetration * penetration / 2;
-    out.Touch(q);
-    out.gradient[p] -= stiffness * penetration * sample.gradient;
-    if (!out.with_hessian) continue;
-    out.hessian[p] += stiffness * sample.gradient * sample.gradient.transpose();
+    const ClearanceSample& sample = out.points.clearance[p];
+    WallSpring& spring = out.springs.emplace_back();
+    spring.stiffness_N_mm = wall_.stiffness_N_mm2 * out.points.weight_mm[p];
+    spring.penetration_mm = out.points.radius_mm[p] - sample.clearance_mm;
+    if (out.points.touches[p]) {
+      out.max_penetration_mm = std::max(out.max_penetration_mm, spring.penetration_mm);
+      out.energy_mJ += spring.stiffness_N_mm * spring.penetration_mm * spring.penetration_mm / 2;
+    }
+    if (!with_hessian) continue;
+    spring.hessian.noalias() =
+        spring.stiffness_N_mm * sample.gradient * sample.gradient.transpose();
+    if (!out.points.touches[p]) continue;
     // The curvature of the wall, where it stiffens or no more than halves the spring: deep in a
     // corner it would make the whole Hessian indefinite.
-    const double bend = penetration * sample.hessian.norm();
+    const double bend = spring.penetration_mm * sample.hessian.norm();
     const double keep = bend > 0.5 ? 0.5 / bend : 1;
-    out.hessian[p] -= (stiffness * penetration * keep) * sample.hessian;
+    spring.hessian -= (spring.stiffness_N_mm * spring.penetration_mm * keep) * sample.hessian;
   }
-  return energy;
 }
 
 void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& out) const {
@@ -165,8 +194,9 @@ void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& o
     const Vector3d& normal_p = i == 0 ? model_.sheath_normal() : state.normals[i - 1];
     const double stiffness = JointStiffness(model_, state, i);
     if (i < curved_from) {
-      ExpandJoint(model_.law(), stiffness, tangent_p, normal_p, tangent_p, state.tangents[i],
-                  state.normals[i], straight, out.joints[i]);
+      const Vector3d& second_p = i == 0 ? sheath_second_ : out.seconds[i - 1];
+      ExpandStraightJoint(model_.law(), stiffness, tangent_p, normal_p, second_p, state.tangents[i],
+                          state.normals[i], out.seconds[i], straight, out.joints[i]);
     } else {
       ExpandJoint(model_.law(), stiffness, tangent_p, normal_p, RestDirection(model_, state, i),
                   state.tangents[i], state.normals[i], curved, out.joints[i]);
@@ -176,38 +206,58 @@ void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& o
   out.curved_joints_mJ = curved;
 }
 
-void WireMechanics::SumLoads(const WireState& state, Expansion& out) const {
-  const int n = state.segments();
+void WireMechanics::AddLoad(int point, double length_mm, const Vector3d& gradient,
+                            const Matrix3d* hessian, Expansion& out) const {
+  const int segment = point / out.points.per_segment;
+  if (out.load_index[segment] < 0) {
+    out.load_index[segment] = static_cast<int>(out.loads.size());
+    out.loads.push_back(
+        {Vector3d::Zero(), Vector3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero()});
+  }
+  LoadTerms& load = out.loads[out.load_index[segment]];
+  const double t = length_mm * (point % out.points.per_segment + 1) / out.points.per_segment;
+  load.g0 += gradient;
+  load.g1 += t * gradient;
+  if (hessian == nullptr) return;
+  load.h0 += *hessian;
+  load.h1 += t * *hessian;
+  load.h2 += (t * t) * *hessian;
+}
+
+template <class IsActive>
+void WireMechanics::SumLoads(const WireState& state, IsActive is_active, Expansion& out) const {
   const int per_segment = out.points.per_segment;
+  const bool with_hessian = out.derivatives.with_hessian;
   out.loads.clear();
-  for (int i = 0; i < n; ++i) {
-    out.load_index[i] = -1;
-    const double length = state.SegmentLength(model_, i);
-    for (int k = 0; k < per_segment; ++k) {
-      const auto q = static_cast<std::size_t>(i * per_segment + k);
-      if (!out.derivatives.used[q]) continue;
-      if (out.load_index[i] < 0) {
-        out.load_index[i] = static_cast<int>(out.loads.size());
-        out.loads.push_back({Vector3d::Zero(), Vector3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero(),
-                             Matrix3d::Zero()});
-      }
-      LoadTerms& load = out.loads.back();
-      const double t = length * (k + 1) / per_segment;
-      const Vector3d& g = out.derivatives.gradient[q];
-      load.g0 += g;
-      load.g1 += t * g;
-      if (!out.derivatives.with_hessian) continue;
-      const Matrix3d& h = out.derivatives.hessian[q];
-      load.h0 += h;
-      load.h1 += t * h;
-      load.h2 += (t * t) * h;
-    }
+  std::fill(out.load_index.begin(), out.load_index.end(), -1);
+  for (std::size_t k = 0; k < out.springs.size(); ++k) {
+    if (!is_active(k)) continue;
+    const WallSpring& spring = out.springs[k];
+    const int q = out.points.near[k];
+    const Vector3d gradient = -(spring.stiffness_N_mm * spring.penetration_mm) *
+                              out.points.clearance[static_cast<std::size_t>(q)].gradient;
+    AddLoad(q, state.SegmentLength(model_, q / per_segment), gradient,
+            with_hessian ? &spring.hessian : nullptr, out);
+  }
+  if (terms_.empty()) return;
+  for (int q = 0; q < out.points.size(); ++q) {
+    const auto p = static_cast<std::size_t>(q);
+    if (!out.derivatives.used[p]) continue;
+    AddLoad(q, state.SegmentLength(model_, q / per_segment), out.derivatives.gradient[p],
+            with_hessian ? &out.derivatives.hessian[p] : nullptr, out);
   }
 }
 
-void WireMechanics::SumGradient(const WireState& state, Expansion& out) const {
+void WireMechanics::Model(const WireState& state, const std::vector<std::uint8_t>& active,
+                          Expansion& out) const {
+  SumLoads(
+      state, [&active](std::size_t k) { return active[k] != 0; }, out);
+  SumGradient(state, out);
+}
+
+double WireMechanics::SumGradient(const WireState& state, Expansion& out) const {
   const int n = state.segments();
-  out.residual = 0;
+  double residual = 0;
   out.costate[n].setZero();
   for (int i = n - 1; i >= 0; --i) {
     const double length = state.SegmentLength(model_, i);
@@ -219,19 +269,22 @@ void WireMechanics::SumGradient(const WireState& state, Expansion& out) const {
       out.costate[i] += load.g0;
     }
     const Vector3d& normal = state.normals[i];
-    Vector2d g(normal.dot(lever), state.tangents[i].cross(normal).dot(lever));
+    Vector2d g(normal.dot(lever), out.seconds[i].dot(lever));
     g += out.joints[i].gradient_distal;
     if (i + 1 < n) g += out.joints[i + 1].gradient_proximal;
     out.gradient[i] = g;
     // The softer of the segment's two joints: what an out-of-balance moment bends most.
     const double rigidity =
         std::min(model_.rigidity_N_mm2(n - i), model_.rigidity_N_mm2(n - i - 1));
-    out.residual = std::max(out.residual, g.norm() / rigidity);
+    residual = std::max(residual, g.norm() / rigidity);
   }
+  return residual;
 }
 
 void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansion& out) {
   const auto n = static_cast<std::size_t>(state.segments());
+  out.seconds.resize(n);
+  for (std::size_t i = 0; i < n; ++i) out.seconds[i] = state.tangents[i].cross(state.normals[i]);
   out.joints.resize(n);
   out.load_index.resize(n);
   out.costate.resize(n + 1);
@@ -242,21 +295,21 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
   PlacePoints(state, with_hessian, out.points);
   const std::size_t points = out.points.position.size();
   out.derivatives.with_hessian = with_hessian;
-  out.derivatives.gradient.resize(points);
-  out.derivatives.hessian.resize(points);
-  out.derivatives.used.assign(points, 0);
-  out.max_penetration_mm = 0;
-  for (std::size_t q = 0; q < points; ++q) {
-    if (!out.points.touches[q]) continue;
-    out.max_penetration_mm = std::max(
-        out.max_penetration_mm, out.points.radius_mm[q] - out.points.clearance[q].clearance_mm);
-  }
-
+  ExpandWall(with_hessian, out);
   ExpandJoints(state, 0, out);
-  out.energy_mJ += AddWall(out.points, out.derivatives);
-  for (const EnergyTerm* term : terms_) out.energy_mJ += term->Add(out.points, out.derivatives);
-  SumLoads(state, out);
-  SumGradient(state, out);
+  if (!terms_.empty()) {
+    out.derivatives.gradient.resize(points);
+    out.derivatives.hessian.resize(points);
+    out.derivatives.used.assign(points, 0);
+    for (const EnergyTerm* term : terms_) out.energy_mJ += term->Add(out.points, out.derivatives);
+  }
+  SumTrueGradient(state, out);
+}
+
+void WireMechanics::SumTrueGradient(const WireState& state, Expansion& out) const {
+  SumLoads(
+      state, [&out](std::size_t k) { return out.springs[k].penetration_mm > 0; }, out);
+  out.residual = SumGradient(state, out);
 }
 
 void WireMechanics::Expand(const WireState& state, Expansion& out) { ExpandAll(state, true, out); }
@@ -269,7 +322,7 @@ void WireMechanics::ExpandCurvedJoints(const WireState& state, Expansion& out) {
   const int first = std::max(0, state.segments() - model_.first_straight_joint() + 1);
   if (first >= state.segments()) return;
   ExpandJoints(state, first, out);
-  SumGradient(state, out);
+  out.residual = SumGradient(state, out);
 }
 
 }  // namespace torquer

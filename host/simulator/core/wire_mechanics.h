@@ -16,6 +16,9 @@
 
 namespace torquer {
 
+/// Points closer to touching than this are `near`: the next step may make them touch.
+inline constexpr double kNearMm = 0.05;
+
 /// The wall as a spring: U = 1/2 k (length of wire) penetration^2 for every contact point.
 struct WallModel {
   double stiffness_N_mm2 = 1;  ///< k, per length of wire; 1e-6 .. 1e3
@@ -30,6 +33,14 @@ struct JointTerms {
   Eigen::Matrix2d hessian_proximal;
   Eigen::Matrix2d hessian_distal;
   Eigen::Matrix2d hessian_cross;  ///< rows: proximal, columns: distal
+};
+
+/// Second-order expansion of the wall's spring at a near point: what it is where the point touches,
+/// and what it would be if the spring pulled as well as it pushes where it does not.
+struct WallSpring {
+  double stiffness_N_mm;    ///< k times the length that the point stands for
+  double penetration_mm;    ///< negative: how far it is from touching
+  Eigen::Matrix3d hessian;  ///< N/mm
 };
 
 /// Sums over the points of one segment, t their distance past its proximal node: of the gradient
@@ -48,13 +59,15 @@ struct Expansion {
   double curved_joints_mJ = 0;           ///< of this, the joints that rest curved
   double residual = 0;                   ///< largest out-of-balance moment over the local EI/(1 mm)
   double max_penetration_mm = 0;         ///< of the wire's surface; 0 without contact
+  std::vector<Eigen::Vector3d> seconds;  ///< n: second normals, tangent x normal
   std::vector<JointTerms> joints;        ///< n, one a joint; joint 0 has no proximal unknown
   std::vector<int> load_index;           ///< n, into `loads`, -1 for a segment free of load
   std::vector<LoadTerms> loads;          ///< of the loaded segments
   std::vector<Eigen::Vector3d> costate;  ///< n + 1: sum of the gradients beyond node i
   std::vector<Eigen::Vector2d> gradient;  ///< n: d energy / d xi_i
   PointSet points;
-  PointDerivatives derivatives;
+  std::vector<WallSpring> springs;  ///< one for each of points.near
+  PointDerivatives derivatives;     ///< of the terms, without the wall
 };
 
 /// Evaluates expansions. One per simulated wire; not for several threads at once.
@@ -69,6 +82,10 @@ class WireMechanics {
 
   /// Energy, gradient and Hessian blocks with the tangent planes given by state.normals.
   void Expand(const WireState& state, Expansion& out);
+  /// Makes loads, costate and gradient those of the model in which exactly the near points with
+  /// `active` (one a near point) feel the wall. Energy and residual stay those of the state.
+  void Model(const WireState& state, const std::vector<std::uint8_t>& active, Expansion& out) const;
+
   /// The same without Hessians (and without Hessian look-ups).
   void ExpandGradient(const WireState& state, Expansion& out);
 
@@ -87,15 +104,20 @@ class WireMechanics {
 
  private:
   void ExpandJoints(const WireState& state, int first, Expansion& out) const;
-  double AddWall(const PointSet& points, PointDerivatives& out) const;
-  void SumLoads(const WireState& state, Expansion& out) const;
-  void SumGradient(const WireState& state, Expansion& out) const;
+  void ExpandWall(bool with_hessian, Expansion& out) const;
+  void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,
+               const Eigen::Matrix3d* hessian, Expansion& out) const;
+  template <class IsActive>
+  void SumLoads(const WireState& state, IsActive is_active, Expansion& out) const;
+  double SumGradient(const WireState& state, Expansion& out) const;
+  void SumTrueGradient(const WireState& state, Expansion& out) const;
   void ExpandAll(const WireState& state, bool with_hessian, Expansion& out);
 
   const WireModel& model_;
   const ClearanceField& field_;
   const WallModel& wall_;
   const std::vector<EnergyTerm*>& terms_;
+  const Eigen::Vector3d sheath_second_;
   double lipschitz_;
 
   /// The last look-up of a material point: within `free_mm` of `at` it cannot touch.
@@ -114,8 +136,22 @@ void ExpandJoint(BendingLaw law, double stiffness_mJ, const Eigen::Vector3d& pro
                  const Eigen::Vector3d& tangent, const Eigen::Vector3d& normal, double& energy_mJ,
                  JointTerms& out);
 
+/// The same for a joint that rests straight, with the second normals given: a tenth of the work.
+void ExpandStraightJoint(BendingLaw law, double stiffness_mJ,
+                         const Eigen::Vector3d& proximal_tangent,
+                         const Eigen::Vector3d& proximal_normal,
+                         const Eigen::Vector3d& proximal_second, const Eigen::Vector3d& tangent,
+                         const Eigen::Vector3d& normal, const Eigen::Vector3d& second,
+                         double& energy_mJ, JointTerms& out);
+
 /// EI of joint i over the length of wire that it stands for, mJ (N mm): half a segment at the
 /// sheath, which clamps the wire there, and the mean of its two segments elsewhere.
-double JointStiffness(const WireModel& model, const WireState& state, int joint);
+inline double JointStiffness(const WireModel& model, const WireState& state, int joint) {
+  const double lambda = model.segment_mm();
+  const double rigidity = model.rigidity_N_mm2(state.segments() - joint);
+  if (joint > 1) return rigidity / lambda;
+  if (joint == 1) return rigidity / ((state.first_segment_mm + lambda) / 2);
+  return rigidity / (state.first_segment_mm / 2);
+}
 
 }  // namespace torquer

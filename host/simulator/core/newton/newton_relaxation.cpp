@@ -28,6 +28,8 @@ NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField&
       trial_expansion_(mechanics_.MakeExpansion()),
       trial_(model) {
   step_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
+  displacement_mm_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
+  active_.reserve(current_.points.position.capacity());
 }
 
 void NewtonRelaxation::Restart(WireState& state) {
@@ -71,42 +73,90 @@ void NewtonRelaxation::Retract(const WireState& from, double scale, WireState& t
     const Vector3d& u = from.tangents[i];
     const Vector3d& normal = from.normals[i];
     const Vector2d xi = scale * step_[i];
-    to.tangents[i] = (u + xi[0] * normal + xi[1] * u.cross(normal)).normalized();
+    to.tangents[i] = (u + xi[0] * normal + xi[1] * current_.seconds[i]).normalized();
     to.normals[i] = ParallelTransport(normal, u, to.tangents[i]);
   }
   PlaceNodes(model_, 1, to);
 }
 
-bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
-  for (int attempt = 0; attempt < 40; ++attempt) {
-    if (!sweep_.Factor(model_, state, current_, proximal_)) {
-      proximal_ = std::max(10 * proximal_, kSmallestProximal);
-      if (proximal_ > kLargestProximal) break;
-      continue;
-    }
-    const double predicted = sweep_.Step(model_, state, step_);
-    double longest = 0;
-    for (const Vector2d& xi : step_) longest = std::max(longest, xi.squaredNorm());
-    longest = std::sqrt(longest);
-    if (!std::isfinite(longest)) break;
-    const double scale = longest > settings_.max_step_rad ? settings_.max_step_rad / longest : 1;
+int NewtonRelaxation::FindActive(const WireState& state) {
+  int changes = 0;
+  const int per_segment = current_.points.per_segment;
+  for (std::size_t k = 0; k < current_.springs.size(); ++k) {
+    const int q = current_.points.near[k];
+    const int i = q / per_segment;
+    const double t = state.SegmentLength(model_, i) * (q % per_segment + 1) / per_segment;
+    const Vector3d moved = displacement_mm_[i] + (t * step_[i][0]) * state.normals[i] +
+                           (t * step_[i][1]) * current_.seconds[i];
+    const double penetration =
+        current_.springs[k].penetration_mm -
+        current_.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
+    const std::uint8_t touches = penetration > 0;
+    changes += touches != active_[k];
+    active_[k] = touches;
+  }
+  return changes;
+}
 
-    Retract(state, scale, trial_);
-    mechanics_.Expand(trial_, trial_expansion_);
-    report.updates += state.segments();
-    const double gained = current_.energy_mJ - trial_expansion_.energy_mJ;
-    const double expected = (2 * scale - scale * scale) * predicted;
-    // Close to the minimum the gain drowns in the rounding of the energy; there the residual tells.
-    const double rounding = 1e-12 * std::abs(current_.energy_mJ);
-    const bool accepted = gained >= 0.1 * expected ||
-                          (gained >= -rounding && trial_expansion_.residual < current_.residual);
+// Minimizes the model in which every near point has a one-sided spring, by Newton's method on its
+// piecewise quadratic. Returns the decrease of energy that it predicts; negative where the model
+// has no minimum or none was found.
+double NewtonRelaxation::SolveModel(const WireState& state) {
+  constexpr int kRounds = 6;
+  active_.resize(current_.springs.size());
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    active_[k] = current_.springs[k].penetration_mm > 0;
+  }
+  mechanics_.Model(state, active_, current_);
+  for (int round = 0; round < kRounds; ++round) {
+    if (!sweep_.Factor(model_, state, current_, proximal_)) return -1;
+    const double decrease = sweep_.Step(model_, state, current_, step_, displacement_mm_);
+    if (!std::isfinite(decrease)) return -1;
+    // The model's energy at no step, with this set instead of the true one.
+    double at_rest = 0;
+    for (std::size_t k = 0; k < active_.size(); ++k) {
+      const WallSpring& spring = current_.springs[k];
+      const double energy =
+          spring.stiffness_N_mm * spring.penetration_mm * spring.penetration_mm / 2;
+      if (active_[k] && spring.penetration_mm <= 0) at_rest += energy;
+      if (!active_[k] && spring.penetration_mm > 0) at_rest -= energy;
+    }
+    if (FindActive(state) == 0 || round + 1 == kRounds) return decrease - at_rest;
+    mechanics_.Model(state, active_, current_);
+  }
+  return -1;
+}
+
+bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
+  bool refused = false;
+  for (int attempt = 0; attempt < 40; ++attempt) {
+    const double expected = SolveModel(state);
+    bool accepted = false;
+    double gained = 0;
+    double scale = 1;
+    if (expected >= 0) {
+      double longest = 0;
+      for (const Vector2d& xi : step_) longest = std::max(longest, xi.squaredNorm());
+      longest = std::sqrt(longest);
+      scale = longest > settings_.max_step_rad ? settings_.max_step_rad / longest : 1;
+      Retract(state, scale, trial_);
+      mechanics_.Expand(trial_, trial_expansion_);
+      report.updates += state.segments();
+      gained = current_.energy_mJ - trial_expansion_.energy_mJ;
+      // Close to the minimum the gain drowns in the rounding of the energy; there the residual
+      // tells.
+      const double rounding = 1e-12 * std::abs(current_.energy_mJ);
+      accepted = gained >= 0.1 * scale * expected ||
+                 (gained >= -rounding && trial_expansion_.residual < current_.residual);
+    }
     if (!accepted) {
+      refused = true;
       proximal_ = std::max(10 * proximal_, kSmallestProximal);
       if (proximal_ > kLargestProximal) break;
       continue;
     }
-    // A step that the model predicted well may be longer next time.
-    if (scale == 1 && gained >= 0.5 * expected) {
+    // A weight that was enough at once may be less next time.
+    if (!refused && scale == 1 && gained >= 0.5 * expected) {
       proximal_ = proximal_ > kSmallestProximal ? proximal_ / 10 : 0;
     }
     std::swap(state.nodes, trial_.nodes);
@@ -117,6 +167,7 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
     mechanics_.ExpandCurvedJoints(state, current_);
     return true;
   }
+  mechanics_.Expand(state, current_);
   proximal_ = 0;
   return false;
 }

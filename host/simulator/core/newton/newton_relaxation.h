@@ -41,6 +41,8 @@ class NewtonRelaxation final : public Relaxation {
  private:
   bool MoveTowards(const HandTarget& target, WireState& state, TickReport& report);
   bool Iterate(WireState& state, TickReport& report);
+  double SolveModel(const WireState& state);
+  int FindActive(const WireState& state);
   void Retract(const WireState& from, double scale, WireState& to) const;
 
   const WireModel& model_;
@@ -52,7 +54,9 @@ class NewtonRelaxation final : public Relaxation {
   Expansion trial_expansion_;
   WireState trial_;
   std::vector<RiccatiSweep<BendStage>::Control> step_;
-  double proximal_ = 0;  ///< weight that last worked, kept from tick to tick
+  std::vector<Eigen::Vector3d> displacement_mm_;
+  std::vector<std::uint8_t> active_;  ///< near points that feel the wall in the model
+  double proximal_ = 0;               ///< weight that last worked, kept from tick to tick
 };
 
 }  // namespace torquer

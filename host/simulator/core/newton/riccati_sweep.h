@@ -36,13 +36,16 @@ class RiccatiSweep<BendStage> {
   bool Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
               double proximal);
 
-  /// The step of the last successful Factor, one control a segment; returns the decrease of energy
-  /// that the quadratic model predicts for it, mJ (positive).
-  double Step(const WireModel& model, const WireState& state, std::vector<Control>& step) const;
+  /// The step of the last successful Factor, one control a segment, and the displacement of every
+  /// segment's proximal node by it, mm, to first order. Returns the decrease of energy that the
+  /// quadratic model predicts for it, mJ (positive).
+  double Step(const WireModel& model, const WireState& state, const Expansion& expansion,
+              std::vector<Control>& step, std::vector<Eigen::Vector3d>& displacement_mm) const;
 
  private:
   struct Gain {
-    Eigen::Matrix<double, 2, 3> of_displacement;
+    Eigen::Vector3d of_displacement1;
+    Eigen::Vector3d of_displacement2;
     Eigen::Matrix2d of_previous;
     Eigen::Vector2d constant;
   };
