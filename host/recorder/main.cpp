@@ -8,6 +8,8 @@
 #include "calibration/calibration_file.h"
 #include "host/bus/channels.h"
 #include "host/recorder/report_output.h"
+#include "host/recorder/vessel_outline.h"
+#include "host/simulator/scene/scene.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
 
@@ -15,17 +17,22 @@ namespace {
 
 constexpr char kUsage[] =
     "usage: torquer-report LOG [--calibration FILE] [--json] [--picture FILE.svg]\n"
+    "                          [--scene FILE]\n"
     "Tells what a session that lcm-logger recorded lost, and whether the wire went where the hand\n"
     "went. Exit status: 0 when no report was lost and both agree within one count of the sensor,\n"
     "1 when not, 2 when there is nothing to judge.\n"
     "  --calibration FILE  that the daemon used; without, nominal gains, as --uncalibrated has\n"
     "  --json              one JSON object instead of text\n"
-    "  --picture FILE.svg  draw the last state of the wire in its vessel\n";
+    "  --picture FILE.svg  draw the last state of the wire in its vessel\n"
+    "  --scene FILE        of the vessel, where it is not where the simulator had it\n";
+
+constexpr std::size_t kOutlineTriangles = 8000;
 
 struct Options {
   std::string log;
   std::string calibration;
   std::string picture;
+  std::string scene;
   bool json = false;
   bool help = false;
 };
@@ -36,6 +43,7 @@ Options Parse(int argc, char** argv) {
   line.Operand(options.log);
   line.Option("--calibration", options.calibration);
   line.Option("--picture", options.picture);
+  line.Option("--scene", options.scene);
   line.Flag("--json", options.json);
   line.Flag("--help", options.help);
   line.Parse(argc, argv, kUsage);
@@ -67,7 +75,12 @@ int Run(const Options& options) {
 
   torquer::SessionReport report = reporter.Finish(motion_per_count);
   report.undecodable = summary.undecodable;
-  if (!options.picture.empty()) WriteFile(options.picture, torquer::DrawReport(report, {}));
+  if (!options.picture.empty()) {
+    const torquer::scene::Scene scene(options.scene.empty() ? report.scene_file : options.scene);
+    const torquer::PictureVessel vessel =
+        torquer::OutlineInAbout(kOutlineTriangles, *scene.vessel().field, scene.vessel().bounds_mm);
+    WriteFile(options.picture, torquer::DrawReport(report, vessel));
+  }
   std::cout << (options.json ? torquer::FormatReportJson(report, options.picture)
                              : torquer::FormatReport(report));
   return report.Good() ? 0 : 1;

@@ -161,7 +161,10 @@ TEST_CASE("torquer-report judges, prints and draws") {
       folder.Path("log") + " --calibration " + folder.Path("calibration.toml");
 
   WriteSession(folder.Path("log"), {});
-  REQUIRE(run(given + " --json --picture " + folder.Path("wire.svg")) == 0);
+  const std::string drawn = given + " --json --picture " + folder.Path("wire.svg");
+  CHECK(run(drawn) == 2);
+  CHECK_THAT(text("err"), Catch::Contains("made_up.toml"));
+  REQUIRE(run(drawn + " --scene " TORQUER_SOURCE_DIR "/host/scenes/ty_phantom.toml") == 0);
   const auto json = nlohmann::json::parse(text("out"));
   for (const char* key :
        {"reports_sent", "reports_received", "reports_lost", "motion_error_counts", "latency_ms_p50",
