@@ -1,0 +1,55 @@
+// Plots as SVG: lines, points, bars and tubes over linear or logarithmic axes.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace torquer::study {
+
+struct Axis {
+  std::string label;  ///< with its unit
+  bool logarithmic = false;
+  /// Ends of the axis; without, what the data need. Positive where logarithmic.
+  std::optional<std::pair<double, double>> range = {};
+};
+
+enum class Mark { kLine, kDashed, kPoints, kLineAndPoints, kBars, kTube };
+
+struct Series {
+  std::string label;  ///< in the legend; "" keeps it out
+  Mark mark = Mark::kLine;
+  std::vector<double> x;
+  std::vector<double> y;  ///< as many as x
+  /// One a point, or none: shown when the pointer rests on it.
+  std::vector<std::string> notes = {};
+  /// Index of the color; negative: the series' place in the plot.
+  int color = -1;
+  /// kTube: its diameter in units of the axes (a vessel seen from aside).
+  double diameter = 0;
+};
+
+/// A place that the plot points out, with its name beside it.
+struct Callout {
+  double x = 0;
+  double y = 0;
+  std::string label;
+};
+
+struct Plot {
+  std::string title;
+  Axis x;
+  Axis y;
+  std::vector<Series> series;  ///< the first is drawn first, so the last lies on top
+  std::vector<Callout> callouts = {};
+  bool equal_scales = false;  ///< a unit is as long on either axis
+  int width = 760;            ///< pixels
+  int height = 420;
+};
+
+/// The plot as one <svg> element that needs nothing else. Points that an axis cannot show (not
+/// finite, or not positive on a logarithmic one) are left out; they break a line.
+std::string DrawPlot(const Plot& plot);
+
+}  // namespace torquer::study

@@ -1,0 +1,26 @@
+// A small table for people: the same on a terminal and in a report.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace torquer::study {
+
+struct Table {
+  std::string caption;                         ///< one line
+  std::vector<std::string> header;             ///< first column: what a row is about
+  std::vector<std::vector<std::string>> rows;  ///< as many cells as the header has
+};
+
+/// Columns aligned (the first to the left, the others to the right), each line ended.
+std::string FormatText(const Table& table);
+/// A <figure> with the table; all text is escaped.
+std::string FormatHtml(const Table& table);
+
+/// A number with `digits` significant digits, as people write it: "0.0125", "1230", "3.1e-07".
+std::string Number(double value, int digits = 3);
+
+/// Text with the characters that mean something in HTML and SVG replaced.
+std::string EscapeMarkup(const std::string& text);
+
+}  // namespace torquer::study
