@@ -1,0 +1,134 @@
+#include "host/simulator/vessel/lumen_extraction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include "host/simulator/vessel/arc_line_path.h"
+
+namespace torquer::vessel {
+
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr int kRays = 48;
+constexpr int kSampleRays = 24;
+constexpr size_t kSampleFaces = 400;
+// A face looks into a tube when this share of its rays meets the surface again.
+constexpr double kInTube = 0.75;
+constexpr int kDiffusionSteps = 20;
+
+// Share of rays over the hemisphere about a face's normal that meet the surface again. Spiral
+// points, evenly spread over the solid angle but for the flattest tenth, which graze the face's
+// own neighbors.
+double ReturningShare(const TriangleBvh& surface, size_t face, int rays) {
+  const TriangleMesh& mesh = surface.mesh();
+  const Vector3d normal = mesh.DoubleArea(face).normalized();
+  const Vector3d x = AnyOrthogonal(normal), y = normal.cross(x);
+  const Vector3d from = mesh.Centroid(face);
+  const double golden = M_PI * (3 - std::sqrt(5.0));
+  int met = 0;
+  for (int r = 0; r < rays; ++r) {
+    const double height = 0.1 + 0.9 * (r + 0.5) / rays;
+    const double wide = std::sqrt(1 - height * height), angle = golden * r;
+    const Vector3d direction = height * normal + wide * (std::cos(angle) * x + std::sin(angle) * y);
+    met += std::isfinite(surface.CastRay(from, direction, 1e-6)) ? 1 : 0;
+  }
+  return static_cast<double>(met) / rays;
+}
+
+}  // namespace
+
+double TubeFacingShare(const TriangleBvh& surface) {
+  const size_t count = surface.mesh().triangles.size();
+  const size_t stride = std::max<size_t>(1, count / kSampleFaces);
+  double facing = 0, total = 0;
+  for (size_t i = 0; i < count; i += stride) {
+    const double area = surface.mesh().DoubleArea(i).norm();
+    total += area;
+    if (ReturningShare(surface, i, kSampleRays) >= kInTube) facing += area;
+  }
+  return total > 0 ? facing / total : 0;
+}
+
+TriangleMesh InnerSide(const TriangleBvh& surface) {
+  const TriangleMesh& mesh = surface.mesh();
+  const size_t count = mesh.triangles.size();
+  std::map<std::pair<int32_t, int32_t>, std::vector<int32_t>> edges;
+  std::vector<double> area(count), vote(count);
+  for (size_t i = 0; i < count; ++i) {
+    area[i] = mesh.DoubleArea(i).norm() / 2;
+    vote[i] = ReturningShare(surface, i, kRays);
+    for (int corner = 0; corner < 3; ++corner) {
+      edges[std::minmax(mesh.triangles[i][corner], mesh.triangles[i][(corner + 1) % 3])].push_back(
+          static_cast<int32_t>(i));
+    }
+  }
+  std::vector<std::vector<int32_t>> neighbors(count);
+  for (const auto& [edge, faces] : edges) {
+    if (faces.size() != 2) continue;
+    // The rim of a wall is a sharp edge: votes do not pass over it.
+    const Vector3d one = mesh.DoubleArea(faces[0]).normalized();
+    if (one.dot(mesh.DoubleArea(faces[1]).normalized()) < 0.3) continue;
+    neighbors[faces[0]].push_back(faces[1]);
+    neighbors[faces[1]].push_back(faces[0]);
+  }
+  for (int step = 0; step < kDiffusionSteps; ++step) {
+    std::vector<double> next(count);
+    for (size_t i = 0; i < count; ++i) {
+      double sum = 2 * area[i] * vote[i], weight = 2 * area[i];
+      for (const int32_t n : neighbors[i]) {
+        sum += area[n] * vote[n];
+        weight += area[n];
+      }
+      next[i] = weight > 0 ? sum / weight : vote[i];
+    }
+    vote = std::move(next);
+  }
+  std::vector<char> inner(count);
+  for (size_t i = 0; i < count; ++i) inner[i] = vote[i] >= kInTube - 0.2;
+  // Of each side the largest connected part counts; smaller parts go over to the other side.
+  for (const char side : {char{1}, char{0}, char{1}}) {
+    std::vector<int32_t> parent(count);
+    std::iota(parent.begin(), parent.end(), 0);
+    const auto root = [&](int32_t i) {
+      while (parent[i] != i) i = parent[i] = parent[parent[i]];
+      return i;
+    };
+    for (const auto& [edge, faces] : edges) {
+      for (size_t k = 1; k < faces.size(); ++k) {
+        if (inner[faces[0]] == side && inner[faces[k]] == side) {
+          parent[root(faces[0])] = root(faces[k]);
+        }
+      }
+    }
+    std::vector<double> part_area(count, 0);
+    for (size_t i = 0; i < count; ++i) part_area[root(static_cast<int32_t>(i))] += area[i];
+    double largest = 0;
+    for (size_t i = 0; i < count; ++i) {
+      if (inner[i] == side) largest = std::max(largest, part_area[root(static_cast<int32_t>(i))]);
+    }
+    std::vector<char> next = inner;
+    for (size_t i = 0; i < count; ++i) {
+      if (inner[i] == side && part_area[root(static_cast<int32_t>(i))] < largest) {
+        next[i] = static_cast<char>(!side);
+      }
+    }
+    inner = std::move(next);
+  }
+  TriangleMesh lumen;
+  lumen.vertices_mm = mesh.vertices_mm;
+  for (size_t i = 0; i < count; ++i) {
+    if (!inner[i]) continue;
+    const auto& triangle = mesh.triangles[i];
+    lumen.triangles.push_back({triangle[0], triangle[2], triangle[1]});
+  }
+  return lumen;
+}
+
+}  // namespace torquer::vessel

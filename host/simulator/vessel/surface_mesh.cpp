@@ -1,0 +1,157 @@
+#include "host/simulator/vessel/surface_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include "host/simulator/vessel/lumen_extraction.h"
+#include "host/simulator/vessel/mesh_file.h"
+#include "host/simulator/vessel/mesh_repair.h"
+#include "host/simulator/vessel/triangle_bvh.h"
+#include "host/support/error.h"
+
+namespace torquer::vessel {
+
+using Eigen::Vector3d;
+using repair::Number;
+using repair::Place;
+
+namespace {
+
+constexpr double kWeldPerDiagonal = 2e-5;
+// No vessel worth a wire is smaller, no body larger.
+constexpr double kSmallestDiagonalMm = 5, kLargestDiagonalMm = 4000;
+// Tube-facing share of the area above which a surface is a wall, and below which it is a lumen.
+constexpr double kWallShare = 0.25, kLumenShare = 0.1;
+
+void CheckSize(const TriangleMesh& mesh, const std::string& name) {
+  const Eigen::AlignedBox3d box = mesh.Bounds();
+  const double diagonal = box.diagonal().norm();
+  if (diagonal >= kSmallestDiagonalMm && diagonal <= kLargestDiagonalMm) return;
+  std::ostringstream text;
+  text << name << ": the surface is " << Number(box.sizes().x()) << " x " << Number(box.sizes().y())
+       << " x " << Number(box.sizes().z()) << " mm, which is no size of a vessel; ";
+  if (diagonal < kSmallestDiagonalMm && diagonal * 1000 >= kSmallestDiagonalMm) {
+    text << "if the file is in meters, declare mesh_unit = \"m\"";
+  } else if (diagonal > kLargestDiagonalMm && diagonal / 1000 <= kLargestDiagonalMm) {
+    text << "if the file is in millimeters, declare mesh_unit = \"mm\"";
+  } else {
+    text << "scale it to millimeters";
+  }
+  throw UserError(text.str());
+}
+
+void Close(TriangleMesh& mesh, const std::string& name, double tolerance_mm, MeshReport& report) {
+  repair::CapLoops(mesh, name, report);
+  repair::MendSlivers(mesh, tolerance_mm, report);
+  repair::PointOutward(mesh, name, report);
+}
+
+// Wall-to-wall widths along inward normals; a surface that is thin everywhere is no lumen.
+void MeasureWidth(const TriangleBvh& surface, MeshReport& report) {
+  const TriangleMesh& mesh = surface.mesh();
+  std::vector<std::pair<double, double>> widths;  // width, area
+  double total = 0;
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Vector3d twice = mesh.DoubleArea(i);
+    const double width = surface.CastRay(mesh.Centroid(i), -twice.normalized(), 1e-6);
+    if (!std::isfinite(width)) continue;
+    widths.emplace_back(width, twice.norm());
+    total += twice.norm();
+  }
+  std::sort(widths.begin(), widths.end());
+  const double shares[3] = {0.05, 0.5, 0.95};
+  double sum = 0;
+  int next = 0;
+  for (const auto& [width, area] : widths) {
+    sum += area;
+    while (next < 3 && sum >= shares[next] * total) report.width_mm[next++] = width;
+  }
+}
+
+}  // namespace
+
+MeshUnit MeshUnitFromText(const std::string& text) {
+  if (text == "mm") return MeshUnit::kMillimeter;
+  if (text == "m") return MeshUnit::kMeter;
+  throw UserError("mesh_unit = \"" + text + "\" is not known; say \"mm\" or \"m\"");
+}
+
+SurfaceMesh ReadSurface(const std::string& path, MeshUnit unit) {
+  return RepairSurface(ReadMeshFile(path, unit == MeshUnit::kMeter ? 1000 : 1), path);
+}
+
+SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
+  SurfaceMesh surface{std::move(raw), {}};
+  TriangleMesh& mesh = surface.mesh;
+  MeshReport& report = surface.report;
+  report.triangles_read = mesh.triangles.size();
+  if (mesh.triangles.empty()) throw UserError(name + ": the surface has no triangles");
+  CheckSize(mesh, name);
+  const double tolerance_mm = kWeldPerDiagonal * mesh.Bounds().diagonal().norm();
+  report.findings.push_back(std::to_string(report.triangles_read) + " triangles read.");
+  repair::Weld(mesh, tolerance_mm, report);
+  repair::DropUseless(mesh, report);
+  if (mesh.triangles.empty()) {
+    throw UserError(name + ": none of the surface's triangles has an area; export it anew");
+  }
+  repair::DropFragments(mesh, report);
+  repair::Orient(mesh, name, report);
+  Close(mesh, name, tolerance_mm, report);
+
+  {
+    const TriangleBvh closed(mesh);
+    report.tube_facing_share = TubeFacingShare(closed);
+    const std::string share = Number(100 * report.tube_facing_share) + " % of the surface";
+    if (report.tube_facing_share > kLumenShare && report.tube_facing_share < kWallShare) {
+      throw UserError(
+          name + ": " + share +
+          " looks into a tube, so it is neither clearly a lumen (under 10 %) nor a wall "
+          "with thickness (over 25 %); export the lumen's surface alone");
+    }
+    if (report.tube_facing_share >= kWallShare) {
+      report.was_shell = true;
+      report.was_inward = false;
+      report.openings.clear();
+      mesh = InnerSide(closed);
+      report.findings.push_back(
+          share +
+          " looks into a tube: this is a wall with thickness, not a lumen. Its inner side (" +
+          std::to_string(mesh.triangles.size()) + " triangles) was taken and closed at its ends.");
+      if (mesh.triangles.empty()) {
+        throw UserError(name + ": the wall's inner side was not found; export the lumen's surface");
+      }
+      Close(mesh, name, tolerance_mm, report);
+    }
+  }
+  repair::RefuseNested(mesh, name);
+
+  std::sort(report.openings.begin(), report.openings.end(),
+            [](const Opening& a, const Opening& b) { return a.radius_mm > b.radius_mm; });
+  for (const Opening& opening : report.openings) {
+    report.findings.push_back("Open end of radius " + Number(opening.radius_mm) + " mm at " +
+                              Place(opening.center_mm) + ", outward direction (" +
+                              Number(opening.outward.x()) + ", " + Number(opening.outward.y()) +
+                              ", " + Number(opening.outward.z()) + "): closed flat.");
+  }
+  const TriangleBvh finished(mesh);
+  const auto cuts = finished.FindIntersections(mesh.triangles.size());
+  report.intersections = cuts.size();
+  if (!cuts.empty()) {
+    report.findings.push_back(std::to_string(cuts.size()) +
+                              " pairs of faces cut through one another, the first at " +
+                              Place(mesh.Centroid(cuts.front().first)) +
+                              ": kept, inside and outside told by the winding number there.");
+  }
+  MeasureWidth(finished, report);
+  report.bounds_mm = mesh.Bounds();
+  report.area_mm2 = mesh.Area();
+  report.volume_mm3 = mesh.Volume();
+  report.findings.push_back("Lumen of " + Number(report.volume_mm3) + " mm^3, " +
+                            Number(report.width_mm[0]) + " to " + Number(report.width_mm[2]) +
+                            " mm wide (half of it under " + Number(report.width_mm[1]) + " mm).");
+  return surface;
+}
+
+}  // namespace torquer::vessel

@@ -1,0 +1,459 @@
+#include "host/simulator/vessel/triangle_bvh.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <utility>
+
+namespace torquer::vessel {
+
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr int kLeafTriangles = 4;
+constexpr int kStackDepth = 128;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// Boxes are left out only when they are further than the best by more than rounding: whichever way
+// a search goes, it meets every triangle that could be the nearest.
+constexpr double kSlack = 1 + 1e-9;
+// A face less high than this share of its longest edge has no normal to rely on.
+constexpr double kSliver = 1e-3;
+// Nodes further away than this many times their reach count as one dipole.
+constexpr double kDipoleRatio = 3;
+
+double SquaredDistance(const AlignedBox3d& box, const Vector3d& p) {
+  return (box.min() - p).cwiseMax(p - box.max()).cwiseMax(0).squaredNorm();
+}
+
+double SolidAngle(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+  // Van Oosterom & Strackee (1983).
+  const double la = a.norm(), lb = b.norm(), lc = c.norm();
+  return 2 * std::atan2(a.dot(b.cross(c)),
+                        la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+}
+
+// Whether the segment pq passes through the inside of triangle abc.
+bool Pierces(const Vector3d& p, const Vector3d& q, const Vector3d& a, const Vector3d& b,
+             const Vector3d& c) {
+  const Vector3d normal = (b - a).cross(c - a);
+  const double hp = normal.dot(p - a), hq = normal.dot(q - a);
+  if ((hp > 0) == (hq > 0) || hp == hq) return false;
+  const Vector3d direction = q - p;
+  const double u = direction.dot((a - p).cross(b - p)), v = direction.dot((b - p).cross(c - p)),
+               w = direction.dot((c - p).cross(a - p));
+  return (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
+}
+
+}  // namespace
+
+TriangleBvh::TriangleBvh(TriangleMesh mesh) : mesh_(std::move(mesh)) {
+  const auto count = static_cast<int32_t>(mesh_.triangles.size());
+  assert(count > 0);
+  std::vector<AlignedBox3d> boxes(count);
+  std::vector<Vector3d> centers(count);
+  faces_.resize(count);
+  for (int32_t i = 0; i < count; ++i) {
+    for (int corner = 0; corner < 3; ++corner) boxes[i].extend(mesh_.Corner(i, corner));
+    centers[i] = boxes[i].center();
+    Face& face = faces_[i];
+    face.a = mesh_.Corner(i, 0);
+    face.ab = mesh_.Corner(i, 1) - face.a;
+    face.ac = mesh_.Corner(i, 2) - face.a;
+    face.ab_ab = face.ab.squaredNorm();
+    face.ab_ac = face.ab.dot(face.ac);
+    face.ac_ac = face.ac.squaredNorm();
+    face.determinant = face.ab_ab * face.ac_ac - face.ab_ac * face.ab_ac;
+    face.normal = face.ab.cross(face.ac).normalized();
+  }
+  order_.resize(count);
+  std::iota(order_.begin(), order_.end(), 0);
+  nodes_.reserve(2 * count);
+  BuildNode(0, count, boxes, centers);
+  FindNormals();
+  MarkDoubtful();
+}
+
+// Splits at the middle of the longest side of the centers' box: on surfaces as good as a costlier
+// rule, for a tree that is built once.
+int32_t TriangleBvh::BuildNode(int32_t first, int32_t count, const std::vector<AlignedBox3d>& boxes,
+                               const std::vector<Vector3d>& centers) {
+  const auto index = static_cast<int32_t>(nodes_.size());
+  nodes_.emplace_back();
+  Node node;
+  AlignedBox3d center_box;
+  double area = 0;
+  for (int32_t i = first; i < first + count; ++i) {
+    const int32_t triangle = order_[i];
+    node.box.extend(boxes[triangle]);
+    center_box.extend(centers[triangle]);
+    const Vector3d twice = mesh_.DoubleArea(triangle);
+    node.area += twice / 2;
+    node.place += twice.norm() * mesh_.Centroid(triangle);
+    area += twice.norm();
+  }
+  node.place = area > 0 ? Vector3d(node.place / area) : node.box.center();
+  node.reach = (node.box.max() - node.place).cwiseMax(node.place - node.box.min()).norm();
+  node.first = first;
+  node.count = count;
+  if (count > kLeafTriangles) {
+    int axis = 0;
+    center_box.sizes().maxCoeff(&axis);
+    const int32_t half = count / 2;
+    std::nth_element(
+        order_.begin() + first, order_.begin() + first + half, order_.begin() + first + count,
+        [&](int32_t a, int32_t b) {
+          return centers[a][axis] != centers[b][axis] ? centers[a][axis] < centers[b][axis] : a < b;
+        });
+    BuildNode(first, half, boxes, centers);
+    node.first = BuildNode(first + half, count - half, boxes, centers);
+    node.count = 0;
+  }
+  nodes_[index] = node;
+  return index;
+}
+
+void TriangleBvh::FindNormals() {
+  std::map<std::pair<int32_t, int32_t>, Vector3d> edges;
+  std::vector<Vector3d> corners(mesh_.vertices_mm.size(), Vector3d::Zero());
+  const auto key = [](int32_t a, int32_t b) { return std::minmax(a, b); };
+  for (size_t i = 0; i < faces_.size(); ++i) {
+    for (int corner = 0; corner < 3; ++corner) {
+      const auto& triangle = mesh_.triangles[i];
+      const int next = (corner + 1) % 3, last = (corner + 2) % 3;
+      const Vector3d out = mesh_.Corner(i, next) - mesh_.Corner(i, corner);
+      const Vector3d back = mesh_.Corner(i, last) - mesh_.Corner(i, corner);
+      const double angle = std::atan2(out.cross(back).norm(), out.dot(back));
+      corners[triangle[corner]] += angle * faces_[i].normal;
+      edges.try_emplace(key(triangle[corner], triangle[next]), Vector3d::Zero()).first->second +=
+          faces_[i].normal;
+    }
+  }
+  for (size_t i = 0; i < faces_.size(); ++i) {
+    const auto& triangle = mesh_.triangles[i];
+    for (int corner = 0; corner < 3; ++corner) {
+      faces_[i].corner_normal[corner] = corners[triangle[corner]];
+      faces_[i].edge_normal[corner] = edges.at(key(triangle[corner], triangle[(corner + 1) % 3]));
+    }
+  }
+}
+
+void TriangleBvh::MarkDoubtful() {
+  std::map<std::pair<int32_t, int32_t>, int> edges;
+  for (const auto& triangle : mesh_.triangles) {
+    for (int corner = 0; corner < 3; ++corner) {
+      ++edges[std::minmax(triangle[corner], triangle[(corner + 1) % 3])];
+    }
+  }
+  std::vector<char> bad_vertex(mesh_.vertices_mm.size(), 0);
+  const auto mark = [&](size_t triangle) {
+    for (const int32_t vertex : mesh_.triangles[triangle]) bad_vertex[vertex] = 1;
+  };
+  for (const auto& [edge, uses] : edges) {
+    if (uses != 2) bad_vertex[edge.first] = bad_vertex[edge.second] = 1;
+  }
+  for (size_t i = 0; i < faces_.size(); ++i) {
+    const Face& face = faces_[i];
+    const double longest = std::max({face.ab_ab, face.ac_ac, (face.ac - face.ab).squaredNorm()});
+    if (!(std::sqrt(std::max(0.0, face.determinant)) > kSliver * longest)) mark(i);
+  }
+  for (const auto& [one, other] : FindIntersections(faces_.size())) {
+    mark(one);
+    mark(other);
+  }
+  for (size_t i = 0; i < faces_.size(); ++i) {
+    for (const int32_t vertex : mesh_.triangles[i]) {
+      faces_[i].doubtful = faces_[i].doubtful || bad_vertex[vertex] != 0;
+    }
+  }
+}
+
+inline void TriangleBvh::Look(int32_t triangle, const Vector3d& p, Hit& hit) const {
+  const Face& face = faces_[triangle];
+  hit.triangle = triangle;
+  const Vector3d d = p - face.a;
+  const double d_ab = d.dot(face.ab), d_ac = d.dot(face.ac);
+  const double s = face.ac_ac * d_ab - face.ab_ac * d_ac;
+  const double t = face.ab_ab * d_ac - face.ab_ac * d_ab;
+  if (s >= 0 && t >= 0 && s + t <= face.determinant && face.determinant > 0) {
+    const double height = d.dot(face.normal);
+    hit.squared = height * height;
+    hit.feature = 0;
+    hit.from = height * face.normal;
+    return;
+  }
+  hit.squared = kInfinity;
+  // The nearest point lies on an edge that has p on its outer side.
+  const auto edge = [&](const Vector3d& start, const Vector3d& along, double length2,
+                        double projection, int feature, int start_corner, int end_corner) {
+    Vector3d from;
+    if (!(projection > 0)) {
+      from = start;
+      feature = start_corner;
+    } else if (projection >= length2) {
+      from = start - along;
+      feature = end_corner;
+    } else {
+      from = start - (projection / length2) * along;
+    }
+    const double squared = from.squaredNorm();
+    if (squared < hit.squared) {
+      hit.squared = squared;
+      hit.feature = feature;
+      hit.from = from;
+    }
+  };
+  const bool flat = !(face.determinant > 0);
+  if (t < 0 || flat) edge(d, face.ab, face.ab_ab, d_ab, 1, 4, 5);
+  if (s < 0 || flat) edge(d, face.ac, face.ac_ac, d_ac, 3, 4, 6);
+  if (s + t > face.determinant || flat) {
+    const Vector3d bc = face.ac - face.ab;
+    edge(d - face.ab, bc, bc.squaredNorm(), d_ac - d_ab - face.ab_ac + face.ab_ab, 2, 5, 6);
+  }
+}
+
+TriangleBvh::Hit TriangleBvh::Search(const Vector3d& p, Hit best) const {
+  struct Waiting {
+    int32_t node;
+    double squared;
+  };
+  Waiting stack[kStackDepth];
+  int size = 0;
+  stack[size++] = {0, 0};
+  Hit hit;
+  while (size > 0) {
+    const Waiting waiting = stack[--size];
+    if (waiting.squared > best.squared * kSlack) continue;
+    const Node& node = nodes_[waiting.node];
+    if (node.count > 0) {
+      for (int32_t i = node.first; i < node.first + node.count; ++i) {
+        Look(order_[i], p, hit);
+        if (hit.Beats(best)) best = hit;
+      }
+      continue;
+    }
+    Waiting left{waiting.node + 1, SquaredDistance(nodes_[waiting.node + 1].box, p)};
+    Waiting right{node.first, SquaredDistance(nodes_[node.first].box, p)};
+    if (left.squared < right.squared) std::swap(left, right);
+    stack[size++] = left;
+    stack[size++] = right;
+  }
+  return best;
+}
+
+double TriangleBvh::Signed(const Vector3d& p, const Hit& hit) const {
+  const Face& face = faces_[hit.triangle];
+  const double distance = std::sqrt(hit.squared);
+  if (face.doubtful) return WindingNumber(p) > 0.5 ? distance : -distance;
+  const Vector3d& normal = hit.feature == 0   ? face.normal
+                           : hit.feature <= 3 ? face.edge_normal[hit.feature - 1]
+                                              : face.corner_normal[hit.feature - 4];
+  return hit.from.dot(normal) <= 0 ? distance : -distance;
+}
+
+double TriangleBvh::Distance(const Vector3d& point_mm) const {
+  return Signed(point_mm, Search(point_mm));
+}
+
+TriangleBvh::Nearest TriangleBvh::NearestTo(const Vector3d& point_mm) const {
+  const Hit hit = Search(point_mm);
+  return {std::sqrt(hit.squared), hit.triangle, point_mm - hit.from};
+}
+
+// Neighboring samples have few triangles in common that could be nearest: those within the block's
+// own size of the nearest to its center. Sorted by distance from the center, a sample need only
+// look at the first few.
+void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, int count,
+                             double* distances) const {
+  constexpr int kBlock = 3;
+  constexpr size_t kManyCandidates = 400;
+  struct Candidate {
+    double distance;
+    int32_t triangle;
+  };
+  thread_local std::vector<Candidate> candidates;
+  int32_t last = 0;  // nearest triangle of the block before: a first guess
+  for (int k0 = 0; k0 < count; k0 += kBlock) {
+    for (int j0 = 0; j0 < count; j0 += kBlock) {
+      for (int i0 = 0; i0 < count; i0 += kBlock) {
+        const int i1 = std::min(i0 + kBlock, count) - 1, j1 = std::min(j0 + kBlock, count) - 1,
+                  k1 = std::min(k0 + kBlock, count) - 1;
+        const Vector3d low(x[i0], y[j0], z[k0]), high(x[i1], y[j1], z[k1]);
+        const Vector3d center = (low + high) / 2;
+        const double reach = (high - low).norm() / 2;
+        Hit guess;
+        Look(last, center, guess);
+        const Hit nearest = Search(center, guess);
+        last = nearest.triangle;
+        const double limit = (std::sqrt(nearest.squared) + 2 * reach) * kSlack;
+        candidates.clear();
+        int32_t stack[kStackDepth];
+        int size = 0;
+        stack[size++] = 0;
+        while (size > 0 && candidates.size() <= kManyCandidates) {
+          const int32_t index = stack[--size];
+          const Node& node = nodes_[index];
+          if (SquaredDistance(node.box, center) > limit * limit * kSlack) continue;
+          if (node.count == 0) {
+            stack[size++] = node.first;
+            stack[size++] = index + 1;
+            continue;
+          }
+          for (int32_t i = node.first; i < node.first + node.count; ++i) {
+            Hit hit;
+            Look(order_[i], center, hit);
+            const double distance = std::sqrt(hit.squared);
+            if (distance <= limit) candidates.push_back({distance, order_[i]});
+          }
+        }
+        const bool many = candidates.size() > kManyCandidates;
+        if (!many) {
+          std::sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
+            return a.distance != b.distance ? a.distance < b.distance : a.triangle < b.triangle;
+          });
+        }
+        for (int k = k0; k <= k1; ++k) {
+          for (int j = j0; j <= j1; ++j) {
+            for (int i = i0; i <= i1; ++i) {
+              const Vector3d p(x[i], y[j], z[k]);
+              Hit best;
+              if (many) {
+                Look(last, p, best);
+                best = Search(p, best);
+              } else {
+                const double off = (p - center).norm();
+                double bound = kInfinity;
+                Hit hit;
+                for (const Candidate& candidate : candidates) {
+                  if (candidate.distance > bound) break;
+                  Look(candidate.triangle, p, hit);
+                  if (!hit.Beats(best)) continue;
+                  best = hit;
+                  bound = (std::sqrt(best.squared) + off) * kSlack;
+                }
+              }
+              distances[(k * count + j) * count + i] = Signed(p, best);
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,
+                            double least_mm) const {
+  const Vector3d inverse = direction.cwiseInverse();
+  double nearest = kInfinity;
+  int32_t stack[kStackDepth];
+  int size = 0;
+  stack[size++] = 0;
+  while (size > 0) {
+    const int32_t index = stack[--size];
+    const Node& node = nodes_[index];
+    double enter = least_mm, leave = nearest;
+    for (int axis = 0; axis < 3; ++axis) {
+      double t0 = (node.box.min()[axis] - from_mm[axis]) * inverse[axis];
+      double t1 = (node.box.max()[axis] - from_mm[axis]) * inverse[axis];
+      if (t0 > t1) std::swap(t0, t1);
+      // A comparison with NaN (on a face, along it) keeps the box.
+      enter = t0 > enter ? t0 : enter;
+      leave = t1 < leave ? t1 : leave;
+    }
+    if (enter > leave * kSlack) continue;
+    if (node.count == 0) {
+      stack[size++] = node.first;
+      stack[size++] = index + 1;
+      continue;
+    }
+    for (int32_t i = node.first; i < node.first + node.count; ++i) {
+      // Moeller & Trumbore (1997).
+      const Face& face = faces_[order_[i]];
+      const Vector3d h = direction.cross(face.ac);
+      const double determinant = face.ab.dot(h);
+      if (determinant == 0) continue;
+      const Vector3d d = from_mm - face.a;
+      const double u = d.dot(h) / determinant;
+      if (u < 0 || u > 1) continue;
+      const Vector3d q = d.cross(face.ab);
+      const double v = direction.dot(q) / determinant;
+      if (v < 0 || u + v > 1) continue;
+      const double t = face.ac.dot(q) / determinant;
+      if (t > least_mm && t < nearest) nearest = t;
+    }
+  }
+  return nearest;
+}
+
+double TriangleBvh::WindingNumber(const Vector3d& point_mm) const {
+  double sum = 0;
+  int32_t stack[kStackDepth];
+  int size = 0;
+  stack[size++] = 0;
+  while (size > 0) {
+    const int32_t index = stack[--size];
+    const Node& node = nodes_[index];
+    const Vector3d d = node.place - point_mm;
+    const double distance = d.norm();
+    if (distance > kDipoleRatio * node.reach) {
+      sum += node.area.dot(d) / (distance * distance * distance);
+    } else if (node.count == 0) {
+      stack[size++] = node.first;
+      stack[size++] = index + 1;
+    } else {
+      for (int32_t i = node.first; i < node.first + node.count; ++i) {
+        const Face& face = faces_[order_[i]];
+        const Vector3d a = face.a - point_mm;
+        sum += SolidAngle(a, a + face.ab, a + face.ac);
+      }
+    }
+  }
+  return sum / (4 * M_PI);
+}
+
+std::vector<std::pair<int32_t, int32_t>> TriangleBvh::FindIntersections(size_t limit) const {
+  std::vector<std::pair<int32_t, int32_t>> found;
+  for (int32_t i = 0; i < static_cast<int32_t>(faces_.size()); ++i) {
+    const Vector3d corners[3] = {mesh_.Corner(i, 0), mesh_.Corner(i, 1), mesh_.Corner(i, 2)};
+    AlignedBox3d box;
+    for (const Vector3d& corner : corners) box.extend(corner);
+    int32_t stack[kStackDepth];
+    int size = 0;
+    stack[size++] = 0;
+    while (size > 0) {
+      const int32_t index = stack[--size];
+      const Node& node = nodes_[index];
+      if (!node.box.intersects(box)) continue;
+      if (node.count == 0) {
+        stack[size++] = node.first;
+        stack[size++] = index + 1;
+        continue;
+      }
+      for (int32_t n = node.first; n < node.first + node.count; ++n) {
+        const int32_t j = order_[n];
+        if (j <= i) continue;
+        const auto &one = mesh_.triangles[i], &two = mesh_.triangles[j];
+        const bool neighbors = std::any_of(one.begin(), one.end(), [&](int32_t v) {
+          return std::find(two.begin(), two.end(), v) != two.end();
+        });
+        if (neighbors) continue;
+        const Vector3d others[3] = {mesh_.Corner(j, 0), mesh_.Corner(j, 1), mesh_.Corner(j, 2)};
+        bool cut = false;
+        for (int e = 0; e < 3 && !cut; ++e) {
+          cut = Pierces(corners[e], corners[(e + 1) % 3], others[0], others[1], others[2]) ||
+                Pierces(others[e], others[(e + 1) % 3], corners[0], corners[1], corners[2]);
+        }
+        if (!cut) continue;
+        found.emplace_back(i, j);
+        if (found.size() >= limit) return found;
+      }
+    }
+  }
+  return found;
+}
+
+}  // namespace torquer::vessel

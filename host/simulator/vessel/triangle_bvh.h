@@ -1,0 +1,99 @@
+// Exact signed distance to a closed triangle mesh.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "host/simulator/vessel/distance_source.h"
+#include "host/simulator/vessel/triangle_mesh.h"
+
+namespace torquer::vessel {
+
+/// Distances to a mesh by a tree of boxes.
+///
+/// The sign is that of the angle-weighted pseudonormal of the nearest face, edge or vertex
+/// (Baerentzen & Aanaes 2005); near edges that are not shared by just two faces, near slivers and
+/// where the surface cuts through itself, that of the winding number (inside above 1/2).
+/// Among equally near triangles the one with the lowest index counts, so every answer is a function
+/// of the point alone.
+class TriangleBvh final : public DistanceSource {
+ public:
+  /// mesh: closed (every edge is run through as often one way as the other), outward normals, at
+  /// least one triangle.
+  explicit TriangleBvh(TriangleMesh mesh);
+
+  double Distance(const Eigen::Vector3d& point_mm) const override;
+  void SampleGrid(const double* x, const double* y, const double* z, int count,
+                  double* distances) const override;
+
+  const TriangleMesh& mesh() const { return mesh_; }
+
+  /// Nearest point of the surface and its triangle.
+  struct Nearest {
+    double distance_mm = 0;  ///< unsigned
+    int32_t triangle = -1;
+    Eigen::Vector3d point_mm;
+  };
+  Nearest NearestTo(const Eigen::Vector3d& point_mm) const;
+
+  /// Distance along a unit direction to the first triangle hit beyond least_mm; infinity if none.
+  double CastRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
+                 double least_mm) const;
+
+  /// How often the surface goes round a point: 1 inside a simple one, 0 outside.
+  double WindingNumber(const Eigen::Vector3d& point_mm) const;
+
+  /// Pairs of triangles that cut through one another (neighbors that share a vertex are not looked
+  /// at), at most `limit` of them.
+  std::vector<std::pair<int32_t, int32_t>> FindIntersections(size_t limit) const;
+
+  /// Whether the sign near a triangle is taken from the winding number.
+  bool IsDoubtful(int32_t triangle) const { return faces_[triangle].doubtful; }
+
+ private:
+  struct Face {
+    Eigen::Vector3d a, ab, ac, normal;
+    double ab_ab, ab_ac, ac_ac, determinant;
+    Eigen::Vector3d corner_normal[3];
+    Eigen::Vector3d edge_normal[3];  // ab, bc, ca
+    bool doubtful = false;
+  };
+  struct Node {
+    Eigen::AlignedBox3d box;
+    int32_t first = 0, count = 0;  // triangles of a leaf; of an inner node first is the right child
+    // For winding numbers from afar: summed area vectors about their mean place.
+    Eigen::Vector3d area = Eigen::Vector3d::Zero(), place = Eigen::Vector3d::Zero();
+    double reach = 0;
+  };
+  // The nearest point of one triangle: feature 0 face, 1-3 edges ab bc ca, 4-6 corners.
+  struct Hit {
+    double squared = std::numeric_limits<double>::infinity();
+    int32_t triangle = -1;
+    int feature = 0;
+    Eigen::Vector3d from = Eigen::Vector3d::Zero();  // nearest point to p
+
+    bool Beats(const Hit& other) const {
+      return squared < other.squared || (squared == other.squared && triangle < other.triangle);
+    }
+  };
+
+  int32_t BuildNode(int32_t first, int32_t count, const std::vector<Eigen::AlignedBox3d>& boxes,
+                    const std::vector<Eigen::Vector3d>& centers);
+  void FindNormals();
+  void MarkDoubtful();
+  inline void Look(int32_t triangle, const Eigen::Vector3d& p, Hit& hit) const;
+  Hit Search(const Eigen::Vector3d& p, Hit best) const;
+  Hit Search(const Eigen::Vector3d& p) const { return Search(p, Hit()); }
+  double Signed(const Eigen::Vector3d& p, const Hit& hit) const;
+
+  TriangleMesh mesh_;
+  std::vector<Face> faces_;
+  std::vector<Node> nodes_;
+  std::vector<int32_t> order_;  // triangles, leaf by leaf
+};
+
+}  // namespace torquer::vessel
