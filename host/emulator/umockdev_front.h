@@ -1,0 +1,63 @@
+// The emulated device as a Linux usbfs device, for unmodified libusb programs: umockdev redirects
+// their system calls here. Works only in a process started under umockdev-wrapper (libusb then in
+// the same process or in its children).
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "host/emulator/bench_device.h"
+#include "host/emulator/usb_host.h"
+
+namespace torquer::emulator {
+
+/// A bench device that runs in a thread of its own, on a mocked bus. Virtual time is elastic: it
+/// follows real time, but once a program has claimed the interface a frame waits for its IN
+/// transfer, so that nothing is lost on a loaded machine.
+class UmockdevBench {
+ public:
+  /// Plugs the device in. Throws UserError if the process is not under umockdev-wrapper.
+  UmockdevBench(const FirmwareImage& image, const BenchOptions& options,
+                std::function<HandState(double time_s)> hand);
+  ~UmockdevBench();
+  UmockdevBench(const UmockdevBench&) = delete;
+  UmockdevBench& operator=(const UmockdevBench&) = delete;
+
+  /// Takes the device off the bus, power included; transfers in flight fail as they do when a cable
+  /// is pulled. Returns when it is gone.
+  void Unplug();
+  /// Plugs it in again; returns when it is enumerated.
+  void Plug();
+
+  /// Calls `action` in the device's thread, between two frames, and returns when it is done.
+  void Do(const std::function<void(BenchDevice&, UsbHost&)>& action);
+
+  /// The next input transfer ends with this many of the report's bytes.
+  void ShortenNextInput(std::size_t bytes);
+  /// The next input transfer ends as one on a halted endpoint.
+  void StallNextInput();
+  /// No control transfer is answered from now on, or all are.
+  void HangControl(bool hang);
+
+  /// Input reports handed to the program since the start.
+  std::int64_t inputs_delivered() const;
+
+ private:
+  class Bus;
+
+  void Run();
+
+  BenchDevice device_;
+  UsbHost host_;
+  std::unique_ptr<Bus> bus_;
+  std::mutex device_mutex_;  // held by the thread for each frame
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+}  // namespace torquer::emulator

@@ -1,0 +1,245 @@
+// An unmodified libusb talks to the real firmware: usbfs is mocked by umockdev, and behind it the
+// emulated device runs. Ordered conversations, as a driver has them.
+#include <libusb.h>
+
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cstring>
+#include <thread>
+#include <vector>
+
+#include "host/emulator/umockdev_front.h"
+#include "protocol/hid_descriptor.h"
+#include "protocol/hid_reports.h"
+#include "protocol/usb_ids.h"
+
+namespace torquer::emulator {
+namespace {
+
+constexpr unsigned char kInput = 0x80 | protocol::kInputEndpoint;
+constexpr unsigned kTimeoutMs = 5000;
+
+HandState StillHand(double) { return {}; }
+HandState FastHand(double time_s) {
+  HandState hand;
+  hand.insertion_mm = 1000 * time_s;
+  return hand;
+}
+
+FirmwareImage Image() { return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"); }
+
+/// libusb with the device opened and its interface claimed.
+class Program {
+ public:
+  Program() { REQUIRE(libusb_init(&context_) == 0); }
+  ~Program() {
+    Close();
+    libusb_exit(context_);
+  }
+
+  void Open() {
+    handle_ =
+        libusb_open_device_with_vid_pid(context_, protocol::kUsbVendorId, protocol::kUsbProductId);
+    REQUIRE(handle_);
+    REQUIRE(libusb_claim_interface(handle_, 0) == 0);
+  }
+  void Close() {
+    if (handle_) libusb_close(handle_);
+    handle_ = nullptr;
+  }
+
+  int ReadInput(std::vector<unsigned char>* packet) {
+    packet->assign(sizeof(protocol::InputReport), 0);
+    int size = 0;
+    const int result = libusb_interrupt_transfer(
+        handle_, kInput, packet->data(), static_cast<int>(packet->size()), &size, kTimeoutMs);
+    packet->resize(static_cast<std::size_t>(size));
+    return result;
+  }
+  protocol::InputReport ReadReport() {
+    std::vector<unsigned char> packet;
+    REQUIRE(ReadInput(&packet) == 0);
+    REQUIRE(packet.size() == sizeof(protocol::InputReport));
+    protocol::InputReport report;
+    std::memcpy(&report, packet.data(), sizeof(report));
+    return report;
+  }
+
+  int GetFeature(int id, std::vector<unsigned char>* report, unsigned timeout_ms = kTimeoutMs) {
+    report->assign(64, 0);
+    const int size =
+        libusb_control_transfer(handle_, 0xa1, 1, static_cast<std::uint16_t>(0x300 | id), 0,
+                                report->data(), 64, timeout_ms);
+    if (size >= 0) report->resize(static_cast<std::size_t>(size));
+    return size;
+  }
+  int SetFeature(std::vector<unsigned char> report) {
+    return libusb_control_transfer(handle_, 0x21, 9, static_cast<std::uint16_t>(0x300 | report[0]),
+                                   0, report.data(), static_cast<std::uint16_t>(report.size()),
+                                   kTimeoutMs);
+  }
+
+  libusb_context* context() { return context_; }
+  libusb_device_handle* handle() { return handle_; }
+
+ private:
+  libusb_context* context_ = nullptr;
+  libusb_device_handle* handle_ = nullptr;
+};
+
+TEST_CASE("libusb finds the device by its ids and reads its strings and report descriptor") {
+  BenchOptions options;
+  options.serial = "BENCH-7";
+  UmockdevBench bench(Image(), options, StillHand);
+  Program program;
+  program.Open();
+  libusb_device_descriptor descriptor;
+  REQUIRE(libusb_get_device_descriptor(libusb_get_device(program.handle()), &descriptor) == 0);
+  CHECK(descriptor.bMaxPacketSize0 == protocol::kControlPacketBytes);
+  unsigned char text[64];
+  REQUIRE(libusb_get_string_descriptor_ascii(program.handle(), descriptor.iSerialNumber, text,
+                                             sizeof(text)) == 7);
+  CHECK(std::string(reinterpret_cast<char*>(text)) == "BENCH-7");
+  unsigned char bytes[256];
+  const int size = libusb_control_transfer(program.handle(), 0x81, 6, 0x2200, 0, bytes,
+                                           sizeof(bytes), kTimeoutMs);
+  REQUIRE(size == sizeof(protocol::kHidReportDescriptor));
+  CHECK(std::memcmp(bytes, protocol::kHidReportDescriptor,
+                    sizeof(protocol::kHidReportDescriptor)) == 0);
+}
+
+TEST_CASE("libusb reads a second of reports without a gap") {
+  UmockdevBench bench(Image(), {}, FastHand);
+  Program program;
+  program.Open();
+  protocol::InputReport last = program.ReadReport();
+  for (int i = 0; i < 1000; ++i) {
+    const protocol::InputReport report = program.ReadReport();
+    REQUIRE(report.sequence == static_cast<std::uint16_t>(last.sequence + 1));
+    REQUIRE(report.boot_id == last.boot_id);
+    last = report;
+  }
+}
+
+TEST_CASE("feature reports pass through libusb both ways, and a bad one is a pipe error") {
+  UmockdevBench bench(Image(), {}, StillHand);
+  Program program;
+  program.Open();
+  std::vector<unsigned char> report;
+  REQUIRE(program.GetFeature(protocol::kConfigurationReportId, &report) == 16);
+  protocol::ConfigurationReport configuration;
+  std::memcpy(&configuration, report.data(), sizeof(configuration));
+  configuration.cpi = 3200;
+  std::memcpy(report.data(), &configuration, sizeof(configuration));
+  CHECK(program.SetFeature(report) == 16);
+  std::vector<unsigned char> back;
+  REQUIRE(program.GetFeature(protocol::kConfigurationReportId, &back) == 16);
+  CHECK(back == report);
+
+  report[1] = 99;  // another protocol version
+  CHECK(program.SetFeature(report) == LIBUSB_ERROR_PIPE);
+  CHECK(program.GetFeature(77, &back) == LIBUSB_ERROR_PIPE);
+  CHECK(program.GetFeature(protocol::kIdentityReportId, &back) == 32);
+}
+
+TEST_CASE("a stalled input transfer is a pipe error, and clearing the halt mends it") {
+  UmockdevBench bench(Image(), {}, StillHand);
+  Program program;
+  program.Open();
+  std::vector<unsigned char> packet;
+  // By the device itself, asked to halt its endpoint.
+  REQUIRE(libusb_control_transfer(program.handle(), 0x02, 3, 0, kInput, nullptr, 0, kTimeoutMs) ==
+          0);
+  CHECK(program.ReadInput(&packet) == LIBUSB_ERROR_PIPE);
+  CHECK(program.ReadInput(&packet) == LIBUSB_ERROR_PIPE);
+  REQUIRE(libusb_clear_halt(program.handle(), kInput) == 0);
+  CHECK(program.ReadInput(&packet) == 0);
+  // On the wire.
+  bench.StallNextInput();
+  CHECK(program.ReadInput(&packet) == LIBUSB_ERROR_PIPE);
+  CHECK(program.ReadInput(&packet) == 0);
+}
+
+TEST_CASE("a short packet arrives short") {
+  UmockdevBench bench(Image(), {}, StillHand);
+  Program program;
+  program.Open();
+  bench.ShortenNextInput(7);
+  std::vector<unsigned char> packet;
+  REQUIRE(program.ReadInput(&packet) == 0);
+  CHECK(packet.size() == 7);
+  REQUIRE(program.ReadInput(&packet) == 0);
+  CHECK(packet.size() == sizeof(protocol::InputReport));
+}
+
+TEST_CASE("a control request that nobody answers times out, and the next one is served") {
+  UmockdevBench bench(Image(), {}, StillHand);
+  Program program;
+  program.Open();
+  bench.HangControl(true);
+  std::vector<unsigned char> report;
+  CHECK(program.GetFeature(protocol::kIdentityReportId, &report, 50) == LIBUSB_ERROR_TIMEOUT);
+  bench.HangControl(false);
+  CHECK(program.GetFeature(protocol::kIdentityReportId, &report) == 32);
+}
+
+TEST_CASE("unplugged with a transfer in flight, and plugged in again") {
+  UmockdevBench bench(Image(), {}, StillHand);
+  Program program;
+  program.Open();
+  const protocol::InputReport before = program.ReadReport();
+  std::thread cable([&bench] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    bench.Unplug();
+  });
+  std::vector<unsigned char> packet;
+  int result = 0;
+  while (result == 0) result = program.ReadInput(&packet);
+  cable.join();
+  CHECK((result == LIBUSB_ERROR_NO_DEVICE || result == LIBUSB_ERROR_IO));
+  program.Close();
+
+  bench.Plug();
+  program.Open();
+  const protocol::InputReport after = program.ReadReport();
+  CHECK(after.boot_id != before.boot_id);
+  CHECK(after.device_time_us < before.device_time_us + 1000000);
+}
+
+struct Hotplug {
+  int arrived = 0;
+  int left = 0;
+};
+
+int LIBUSB_CALL OnHotplug(libusb_context*, libusb_device*, libusb_hotplug_event event, void* seen) {
+  auto* hotplug = static_cast<Hotplug*>(seen);
+  ++(event == LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED ? hotplug->arrived : hotplug->left);
+  return 0;
+}
+
+TEST_CASE("libusb is told of the cable being pulled and put back") {
+  UmockdevBench bench(Image(), {}, StillHand);
+  Program program;
+  Hotplug hotplug;
+  libusb_hotplug_callback_handle callback;
+  REQUIRE(libusb_hotplug_register_callback(
+              program.context(),
+              LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED | LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT,
+              LIBUSB_HOTPLUG_ENUMERATE, protocol::kUsbVendorId, protocol::kUsbProductId,
+              LIBUSB_HOTPLUG_MATCH_ANY, &OnHotplug, &hotplug, &callback) == 0);
+  CHECK(hotplug.arrived == 1);
+  const auto wait_for = [&program](const int& counter, int value) {
+    for (int i = 0; i < 100 && counter < value; ++i) {
+      timeval timeout{0, 50000};
+      libusb_handle_events_timeout_completed(program.context(), &timeout, nullptr);
+    }
+    return counter == value;
+  };
+  bench.Unplug();
+  CHECK(wait_for(hotplug.left, 1));
+  bench.Plug();
+  CHECK(wait_for(hotplug.arrived, 2));
+}
+
+}  // namespace
+}  // namespace torquer::emulator
