@@ -111,6 +111,8 @@ namespace {
 // With less than this no segment is simulated: a stub would be stiffer than anything else.
 double ShortestFirst(const WireModel& model) { return model.segment_mm() / 2; }
 
+}  // namespace
+
 void FeedFirstSegment(const WireModel& model, double delta_mm, WireState& state) {
   const double lambda = model.segment_mm();
   state.first_segment_mm += delta_mm;
@@ -136,8 +138,6 @@ void FeedFirstSegment(const WireModel& model, double delta_mm, WireState& state)
     state.first_segment_mm += lambda;
   }
 }
-
-}  // namespace
 
 double FeedAlongItself(const WireModel& model, double delta_mm, WireState& state) {
   const double lambda = model.segment_mm();

@@ -57,13 +57,20 @@ PaperRelaxation::PaperRelaxation(const WireModel& model, const ClearanceField& f
       settings_(settings),
       mechanics_(model, field, wall, no_terms_),
       physical_(model, field, wall, settings.physical),
+      geometrical_(model, field, settings.geometrical),
       current_(mechanics_.MakeExpansion()) {
   assert(wall.points_per_segment == 1);
 }
 
+void PaperRelaxation::InterruptCycles(WireState& state) {
+  physical_.Restart(state);
+  geometrical_.Interrupt();
+  physical_done_ = false;
+}
+
 void PaperRelaxation::Restart(WireState& state) {
   TransportNormals(model_, state);
-  physical_.Restart(state);
+  InterruptCycles(state);
   mechanics_.ForgetLookups();
   mechanics_.ExpandGradient(state, current_);
 }
@@ -72,26 +79,46 @@ double PaperRelaxation::Carried(const HandTarget& target, const WireState& state
   return std::clamp(target.insertion_mm, 0.0, model_.max_length_mm()) - state.insertion_mm;
 }
 
-bool PaperRelaxation::Act(const HandTarget& target, WireState& state) {
-  const double lambda = model_.segment_mm();
-  const double left = Carried(target, state);
+bool PaperRelaxation::ActionPending(const HandTarget& target, const WireState& state) const {
+  if (target.rotation_rad != state.rotation_rad) return true;
   // A feed that rounding left a trifle short of a segment is one.
-  const double whole = lambda * (1 - 1e-9);
-  bool acted = false;
-  if (left >= whole) {
-    acted = InsertSegment(model_, state);
-  } else if (left <= -whole) {
-    acted = RetractSegment(model_, state);
-  } else if (target.rotation_rad != state.rotation_rad) {
+  const double left = Carried(target, state);
+  const double last = state.segments() == 1 ? state.first_segment_mm : model_.segment_mm();
+  return left >= model_.segment_mm() * (1 - 1e-9) ||
+         (state.segments() > 0 && left <= -last * (1 - 1e-9));
+}
+
+void PaperRelaxation::Act(const HandTarget& target, WireState& state) {
+  const double left = Carried(target, state);
+  const double last = state.segments() == 1 ? state.first_segment_mm : model_.segment_mm();
+  if (left >= model_.segment_mm() * (1 - 1e-9)) {
+    InsertSegment(model_, state);
+  } else if (state.segments() > 0 && left <= -last * (1 - 1e-9)) {
+    RetractSegment(model_, state);
+  } else {
     const double turn = target.rotation_rad - state.rotation_rad;
     state.SetRotation(std::abs(turn) <= settings_.max_turn_rad
                           ? target.rotation_rad
                           : state.rotation_rad + std::copysign(settings_.max_turn_rad, turn));
-    acted = true;
   }
-  if (!acted) return false;
-  physical_.Restart(state);
+  InterruptCycles(state);
   physical_.RelaxTip(state);
+}
+
+bool PaperRelaxation::RelaxSlice(WireState& state) {
+  const std::int64_t m = physical_.TipIterations(state);
+  if (!physical_done_) {
+    if (!physical_.ContinueCycle(m * (m + 1) / 2, state)) return false;
+    physical_done_ = settings_.cycles == PaperCycles::kGeometrical;
+    return !physical_done_;
+  }
+  if (geometrical_.active() || geometrical_.Begin(state)) {
+    const std::int64_t sweeps =
+        std::max<std::int64_t>(1, m * (m + 1) / geometrical_.interval().length());
+    if (!geometrical_.Continue(static_cast<int>(sweeps), state)) return false;
+    physical_.Restart(state);
+  }
+  physical_done_ = false;
   return true;
 }
 
@@ -102,23 +129,30 @@ TickReport PaperRelaxation::Tick(const HandTarget& target, WorkBudget& budget, W
   const double rotation_before = state.rotation_rad;
   const std::int64_t updates_before = physical_.updates();
 
-  bool pending = true;
-  while (pending && Grant(budget, report)) {
-    pending = Act(target, state);
-    report.actions += pending;
-  }
-  if (report.actions == 0 && state.segments() > 0) {
-    const std::int64_t m = physical_.TipIterations(state);
-    while (current_.residual > settings_.tolerance && Grant(budget, report)) {
-      ++report.iterations;
-      if (physical_.ContinueCycle(m * (m + 1) / 2, state)) break;
+  // Fig. 10: an action is always first.
+  while (ActionPending(target, state) && !report.budget_spent) {
+    if (Grant(budget, report)) {
+      Act(target, state);
+      ++report.actions;
+    } else {
+      report.budget_spent = true;
     }
   }
-  if (report.work > 0) mechanics_.ExpandGradient(state, current_);
+  if (report.actions > 0) mechanics_.ExpandGradient(state, current_);
+  bool ended = settings_.cycles == PaperCycles::kNone || state.segments() == 0 ||
+               current_.residual <= settings_.tolerance;
+  while (!ended && !report.budget_spent) {
+    if (Grant(budget, report)) {
+      ended = RelaxSlice(state);
+      ++report.iterations;
+    } else {
+      report.budget_spent = true;
+    }
+  }
+  if (report.iterations > 0) mechanics_.ExpandGradient(state, current_);
 
   report.updates = physical_.updates() - updates_before;
   report.converged = current_.residual <= settings_.tolerance;
-  report.budget_spent = pending || !report.converged;
   report.carried_mm = Carried(target, state);
   report.energy_mJ = current_.energy_mJ;
   report.residual = current_.residual;

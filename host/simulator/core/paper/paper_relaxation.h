@@ -5,13 +5,23 @@
 
 #include <vector>
 
+#include "host/simulator/core/paper/geometrical_relaxation.h"
 #include "host/simulator/core/paper/physical_relaxation.h"
 #include "host/simulator/core/relaxation.h"
 
 namespace torquer {
 
+/// What is done while there is no action.
+enum class PaperCycles {
+  kNone,         ///< nothing: Tip Relaxations only, as in the paper's fast insertion
+  kPhysical,     ///< PR cycles alone
+  kGeometrical,  ///< PR and GR cycles in turn: the paper's workflow
+};
+
 struct PaperSettings {
   PhysicalSettings physical;
+  GeometricalSettings geometrical;
+  PaperCycles cycles = PaperCycles::kGeometrical;
   double max_turn_rad = 0.2;  ///< largest rotation that one action carries out
   double tolerance = 1e-3;    ///< residual at which a tick counts as converged
 };
@@ -29,13 +39,21 @@ class PaperRelaxation final : public Relaxation {
                   const PaperSettings& settings);
 
   /// Whole segments only: what is less than one is carried. One unit of work is an action with
-  /// its Tip Relaxation, or a slice.
+  /// its Tip Relaxation, or a slice: m(m+1)/2 updates of a PR cycle, or m(m+1)/(nu-mu) sweeps of a
+  /// GR cycle. A tick ends after the GR cycle that follows a PR cycle (or where settings.cycles has
+  /// none, after the PR cycle), at the latest; cycles that the budget cuts go on in the next tick.
   TickReport Tick(const HandTarget& target, WorkBudget& budget, WireState& state) override;
   void Restart(WireState& state) override;
   const Expansion& Current() const override { return current_; }
 
+  const PhysicalRelaxation& physical() const { return physical_; }
+  const GeometricalRelaxation& geometrical() const { return geometrical_; }
+
  private:
-  bool Act(const HandTarget& target, WireState& state);
+  bool ActionPending(const HandTarget& target, const WireState& state) const;
+  void Act(const HandTarget& target, WireState& state);
+  bool RelaxSlice(WireState& state);
+  void InterruptCycles(WireState& state);
   double Carried(const HandTarget& target, const WireState& state) const;
 
   const WireModel& model_;
@@ -43,6 +61,8 @@ class PaperRelaxation final : public Relaxation {
   const std::vector<EnergyTerm*> no_terms_;
   WireMechanics mechanics_;
   PhysicalRelaxation physical_;
+  GeometricalRelaxation geometrical_;
+  bool physical_done_ = false;  ///< the PR cycle has ended, its GR cycle has not
   Expansion current_;
 };
 

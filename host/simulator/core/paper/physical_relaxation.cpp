@@ -168,7 +168,7 @@ void PhysicalRelaxation::RelaxTip(WireState& state) {
 
 bool PhysicalRelaxation::ContinueCycle(std::int64_t updates, WireState& state) {
   const int n = state.segments();
-  const int iterations = std::min(n, static_cast<int>(std::ceil(cycle_fraction_ * n)));
+  const int iterations = std::min(n, static_cast<int>(std::ceil(settings_.cycle_fraction * n)));
   if (iteration_ == 1 && next_ == 0) {
     // The increments of nodes and spin gather rounding; once a cycle they are made anew.
     PlaceNodes(model_, 1, state);

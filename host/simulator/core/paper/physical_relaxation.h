@@ -29,6 +29,9 @@ struct PhysicalSettings {
   double max_update = 0.1;  ///< du_max of (18); infinity: unbounded, as the paper's predecessor
   int margin = 5;           ///< segments past the tip that a Tip Relaxation updates fully, and the
                             ///< stride of its single updates; more for a very stiff wire
+  /// Part of a cycle's n iterations that is carried out, the first ones: in (0, 1]. Less than 1
+  /// makes incomplete cycles, which leave the proximal end as it is.
+  double cycle_fraction = 1;
   /// Skip look-ups of nodes that provably cannot touch. Every update stays the same to the bit.
   bool skip_lookups = true;
 };
@@ -59,8 +62,6 @@ class PhysicalRelaxation {
     iteration_ = 1;
     next_ = 0;
   }
-  /// Iterations of a full cycle that are carried out: 1 for all, 0.5 for the first half.
-  void SetCycleFraction(double fraction) { cycle_fraction_ = fraction; }
 
   std::int64_t updates() const { return updates_; }  ///< since construction
   double mean_update_rms() const;                    ///< of |du| over the last cycle
@@ -80,7 +81,6 @@ class PhysicalRelaxation {
   std::vector<double> free_mm_;  ///< a node: how far it may still move before it can touch
   int iteration_ = 1;            ///< k of the cycle
   int next_ = 0;                 ///< update within iteration k
-  double cycle_fraction_ = 1;
   double sum_squared_update_ = 0;
   std::int64_t cycle_updates_ = 0;
   double last_cycle_rms_ = 0;
