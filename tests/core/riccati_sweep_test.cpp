@@ -1,0 +1,146 @@
+// The O(n) step against a dense one from a finite-difference Hessian.
+#include "host/simulator/core/newton/riccati_sweep.h"
+
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+
+#include "tests/core/finite_differences.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+struct Chain {
+  WireModel model;
+  const ClearanceField& field;
+  WallModel wall;
+  std::vector<EnergyTerm*> terms;
+  WireState state;
+  WireMechanics mechanics;
+  Expansion expansion;
+  RiccatiSweep<BendStage> sweep;
+
+  Chain(const WireParameters& parameters, const ClearanceField& vessel, const WallModel& soft,
+        std::vector<EnergyTerm*> more)
+      : model(MakeWire(parameters)),
+        field(vessel),
+        wall(soft),
+        terms(std::move(more)),
+        state(model),
+        mechanics(model, field, wall, terms),
+        expansion(mechanics.MakeExpansion()),
+        sweep(model.max_segments()) {}
+
+  int unknowns() const { return 2 * state.segments(); }
+
+  double Energy(const Eigen::VectorXd& xi) {
+    Expansion there = mechanics.MakeExpansion();
+    mechanics.ForgetLookups();
+    mechanics.ExpandGradient(Stepped(model, state, Steps(xi)), there);
+    return there.energy_mJ;
+  }
+
+  Eigen::VectorXd Gradient() const {
+    Eigen::VectorXd g(unknowns());
+    for (int i = 0; i < state.segments(); ++i) g.segment<2>(2 * i) = expansion.gradient[i];
+    return g;
+  }
+
+  Eigen::MatrixXd DenseHessian() {
+    return HessianOf([this](const Eigen::VectorXd& xi) { return Energy(xi); },
+                     Eigen::VectorXd::Zero(unknowns()), 3e-3);
+  }
+
+  Eigen::VectorXd SweptStep(double& predicted) {
+    std::vector<RiccatiSweep<BendStage>::Control> step;
+    std::vector<Vector3d> displacement;
+    predicted = sweep.Step(model, state, expansion, step, displacement);
+    Eigen::VectorXd x(unknowns());
+    for (int i = 0; i < state.segments(); ++i) x.segment<2>(2 * i) = step[i];
+    return x;
+  }
+};
+
+TEST_CASE("The sweep's step solves the dense Newton system") {
+  // Contact, a curved and turned tip, an odd first segment, an end force: every block counts.
+  const double weight = GENERATE(0.1, 10.0);
+  const int points = GENERATE(1, 3);
+  const Torus field(Side::kInside, 20, 2);
+  EndForce force(Vector3d(1e-4, 2e-4, 3e-4));
+  Chain chain({.segment_mm = 1.3,
+               .tip_mm = 5.2,
+               .tip_curvature_1_per_mm = 0.1,
+               .sheath = {Vector3d(21.8, 0, 0), Vector3d::UnitY()}},
+              field, {.stiffness_N_mm2 = 2e-3, .points_per_segment = points}, {&force});
+  std::mt19937 random(5);
+  std::vector<Vector3d> arc;  // along the outer wall
+  for (double a = 0.02; a < 1; a += 0.02) arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
+  LayAlong(chain.model, arc, 15.1, chain.state);
+  Shake(chain.model, 0.03, random, chain.state);
+  chain.state.SetRotation(0.9);
+  UpdateSpin(chain.model, chain.state);
+  chain.mechanics.Expand(chain.state, chain.expansion);
+  // Deep enough to count, and not so deep that the wall's curvature is held back.
+  REQUIRE(chain.expansion.max_penetration_mm > 0.1);
+  REQUIRE(chain.expansion.max_penetration_mm < 0.9);
+
+  // The weight at which the Hessian stops being positive definite is its smallest eigenvalue.
+  Eigen::MatrixXd hessian = chain.DenseHessian();
+  const double rigidity = 6.35e-3;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(hessian);
+  const double lift = -eigen.eigenvalues()[0] / rigidity;
+  CHECK_FALSE(chain.sweep.Factor(chain.model, chain.state, chain.expansion, lift - 1e-3));
+  CHECK(chain.sweep.Factor(chain.model, chain.state, chain.expansion, lift + 1e-3));
+
+  const double proximal = lift + weight;
+  hessian.diagonal().array() += proximal * rigidity;
+  const Eigen::VectorXd gradient = chain.Gradient();
+  const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
+  REQUIRE(chain.sweep.Factor(chain.model, chain.state, chain.expansion, proximal));
+  double predicted = 0;
+  const Eigen::VectorXd swept = chain.SweptStep(predicted);
+  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
+  CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
+}
+
+TEST_CASE("The sweep takes a Hessian for positive definite exactly where it is") {
+  // A compressed column: the smallest eigenvalue goes through zero at the buckling load. Friction
+  // and wall are left out, so the dense Hessian is exact to rounding.
+  const FreeSpace field;
+  EndForce force(Vector3d::Zero());
+  Chain chain({.segment_mm = 1, .rigidity_N_mm2 = 1}, field, {}, {&force});
+  chain.state = LayStraight(chain.model, 12);
+  int agreed[2] = {0, 0};
+  for (double load = 0; load < 0.05; load += 0.00237) {
+    force.SetForce(Vector3d(-load, 0, 0));
+    chain.mechanics.Expand(chain.state, chain.expansion);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(chain.DenseHessian());
+    const double smallest = eigen.eigenvalues()[0];
+    if (std::abs(smallest) < 1e-6) continue;
+    INFO("load " << load << " smallest eigenvalue " << smallest);
+    CHECK(chain.sweep.Factor(chain.model, chain.state, chain.expansion, 0) == (smallest > 0));
+    ++agreed[smallest > 0];
+  }
+  CHECK(agreed[0] > 3);
+  CHECK(agreed[1] > 3);
+}
+
+TEST_CASE("A step from far away decreases the energy at first order as predicted") {
+  const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), 1.5);
+  Chain chain({.segment_mm = 0.8}, field, {.stiffness_N_mm2 = 1e-2}, {});
+  std::mt19937 random(17);
+  chain.state = Wander(chain.model, 30, 0.4, random);
+  chain.mechanics.Expand(chain.state, chain.expansion);
+  double proximal = 1e-4;
+  while (!chain.sweep.Factor(chain.model, chain.state, chain.expansion, proximal)) proximal *= 10;
+  double predicted = 0;
+  const Eigen::VectorXd step = chain.SweptStep(predicted);
+  CHECK(predicted > 0);
+  const double small = 1e-6 / step.norm();
+  const double slope = (chain.Energy(small * step) - chain.Energy(-small * step)) / (2 * small);
+  CHECK(slope == Approx(-2 * predicted).epsilon(1e-5));
+}
+
+}  // namespace
+}  // namespace torquer::test

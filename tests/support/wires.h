@@ -1,0 +1,145 @@
+// Wires and what tests do to them again and again.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/relaxation.h"
+#include "host/simulator/core/wire_mechanics.h"
+#include "host/simulator/core/wire_model.h"
+#include "host/simulator/core/wire_state.h"
+
+namespace torquer::test {
+
+using Eigen::Matrix2d;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+/// The paper's wire, unless a test says otherwise.
+struct WireParameters {
+  double segment_mm = 1;
+  double rigidity_N_mm2 = 6.35e-3;
+  double radius_mm = 0.178;
+  double tip_mm = 0;
+  double tip_curvature_1_per_mm = 0;  ///< over tip_mm
+  double max_length_mm = 100;
+  BendingLaw law = BendingLaw::kExact;
+  Sheath sheath = {};
+};
+
+inline WireModel MakeWire(const WireParameters& p) {
+  std::vector<WireSection> sections = {
+      {0, p.rigidity_N_mm2, p.radius_mm, p.tip_curvature_1_per_mm, 0}};
+  if (p.tip_mm > 0 && p.tip_curvature_1_per_mm != 0) {
+    sections.push_back({p.tip_mm, p.rigidity_N_mm2, p.radius_mm, p.tip_curvature_1_per_mm, 0});
+    sections.push_back({p.tip_mm + 1e-6, p.rigidity_N_mm2, p.radius_mm, 0, 0});
+  }
+  return WireModel(p.segment_mm, sections, p.tip_mm, p.max_length_mm, p.law, p.sheath);
+}
+
+/// A wire straight out of the sheath.
+inline WireState LayStraight(const WireModel& model, double length_mm) {
+  WireState state(model);
+  LayAlong(model, {}, length_mm, state);
+  return state;
+}
+
+/// The state after every tangent took the step xi in its tangent plane, normals carried along in
+/// time and the spin frozen: the motion in which WireMechanics expands the energy.
+inline WireState Stepped(const WireModel& model, const WireState& from,
+                         const std::vector<Vector2d>& xi) {
+  WireState to = from;
+  for (std::size_t i = 0; i < xi.size(); ++i) {
+    const Vector3d& u = from.tangents[i];
+    const Vector3d& a = from.normals[i];
+    const Vector3d b = u.cross(a);
+    const double angle = xi[i].norm();
+    if (angle == 0) continue;
+    const Vector3d axis = (xi[i][0] * b - xi[i][1] * a) / angle;
+    const Eigen::AngleAxisd turn(angle, axis);
+    to.tangents[i] = (turn * u).normalized();
+    to.normals[i] = turn * a;
+    to.normals[i] -= to.normals[i].dot(to.tangents[i]) * to.tangents[i];
+    to.normals[i].normalize();
+  }
+  PlaceNodes(model, 1, to);
+  return to;
+}
+
+/// Turns every segment by up to about `angle_rad` at random; frames untwisted.
+inline void Shake(const WireModel& model, double angle_rad, std::mt19937& random,
+                  WireState& state) {
+  std::uniform_real_distribution<double> turn(-angle_rad, angle_rad);
+  std::vector<Vector2d> xi;
+  for (int i = 0; i < state.segments(); ++i) {
+    const double first = turn(random);
+    xi.emplace_back(first, turn(random));
+  }
+  state = Stepped(model, state, xi);
+  TransportNormals(model, state);
+}
+
+/// A wire that wanders: every segment turns against the last by up to `bend_rad` at random.
+inline WireState Wander(const WireModel& model, double length_mm, double bend_rad,
+                        std::mt19937& random) {
+  WireState state = LayStraight(model, length_mm);
+  std::uniform_real_distribution<double> turn(-bend_rad, bend_rad);
+  Vector3d u = model.sheath().direction;
+  for (Vector3d& tangent : state.tangents) {
+    for (int axis = 0; axis < 3; ++axis) u[axis] += turn(random);
+    u.normalize();
+    tangent = u;
+  }
+  PlaceNodes(model, 1, state);
+  TransportNormals(model, state);
+  return state;
+}
+
+/// A dead force at the distal end.
+class EndForce final : public EnergyTerm {
+ public:
+  explicit EndForce(const Vector3d& force_N) : force_N_(force_N) {}
+  void SetForce(const Vector3d& force_N) { force_N_ = force_N; }
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet& points, PointDerivatives& out) const override {
+    const int q = points.size() - 1;
+    if (q < 0) return 0;
+    out.Touch(q);
+    out.gradient[static_cast<std::size_t>(q)] -= force_N_;
+    return -force_N_.dot(points.position[static_cast<std::size_t>(q)]);
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+ private:
+  Vector3d force_N_;
+};
+
+/// Ticks with the same target until one ends converged; gives the last report.
+inline TickReport Settle(Relaxation& relaxation, const HandTarget& target, WireState& state,
+                         int most_ticks = 50) {
+  TickReport report;
+  for (int k = 0; k < most_ticks; ++k) {
+    CountedBudget budget(100000);
+    report = relaxation.Tick(target, budget, state);
+    if (report.converged && report.carried_mm == 0) break;
+  }
+  return report;
+}
+
+/// Farthest distance between the nodes of two states of equally many segments, mm.
+inline double LargestDistance(const WireState& a, const WireState& b) {
+  double largest = 0;
+  for (std::size_t i = 0; i < a.nodes.size(); ++i) {
+    largest = std::max(largest, (a.nodes[i] - b.nodes[i]).norm());
+  }
+  return largest;
+}
+
+}  // namespace torquer::test
