@@ -92,6 +92,19 @@ void PlaceNodes(const WireModel& model, int first, WireState& state) {
   }
 }
 
+namespace {
+
+// The rest direction of a joint that stands for `part` of a segment.
+Vector3d PartOfRest(const Vector3d& rest, double part) {
+  const double across = std::hypot(rest[0], rest[1]);
+  if (across == 0) return rest;
+  const double angle = part * std::atan2(across, rest[2]);
+  const double scale = std::sin(angle) / across;
+  return {scale * rest[0], scale * rest[1], std::cos(angle)};
+}
+
+}  // namespace
+
 Vector3d RestDirection(const WireModel& model, const WireState& state, int joint) {
   const Vector3d& tangent = joint == 0 ? model.sheath().direction : state.tangents[joint - 1];
   const int from_tip = state.segments() - joint;
@@ -101,7 +114,12 @@ Vector3d RestDirection(const WireModel& model, const WireState& state, int joint
   const Eigen::Vector2d& spin = state.spin[static_cast<std::size_t>(from_tip)];
   const double c = state.turn[0] * spin[0] - state.turn[1] * spin[1];
   const double s = state.turn[1] * spin[0] + state.turn[0] * spin[1];
-  const Vector3d& rest = model.rest_direction(from_tip);
+  Vector3d rest = model.rest_direction(from_tip);
+  // Next to the sheath a joint stands for another length than a segment's (see JointStiffness).
+  if (joint <= 1) {
+    const double part = state.first_segment_mm / model.segment_mm();
+    rest = PartOfRest(rest, joint == 0 ? part / 2 : (part + 1) / 2);
+  }
   return rest[2] * tangent + (c * rest[0] - s * rest[1]) * first +
          (s * rest[0] + c * rest[1]) * second;
 }
