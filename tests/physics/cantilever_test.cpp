@@ -1,0 +1,234 @@
+// Bending against closed forms: elastica, circle, buckling load.
+#include <catch2/catch.hpp>
+#include <numbers>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "tests/physics/elastica.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+// A couple on the distal segment: the energy is -M (angle of that segment in the plane z = 0). A
+// wire that turns so by more than half would leave the plane; springs keep it there.
+class EndMoment final : public EnergyTerm {
+ public:
+  /// `angle_rad`: about where the segment will turn to, to tell full turns apart.
+  void SetMoment(double moment_mJ, double angle_rad) {
+    moment_mJ_ = moment_mJ;
+    angle_rad_ = angle_rad;
+  }
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet& points, PointDerivatives& out) const override {
+    const int last = points.size() - 1;
+    const int before = last - 1;  // a point of the same segment
+    const Vector3d d = points.position[static_cast<std::size_t>(last)] -
+                       points.position[static_cast<std::size_t>(before)];
+    const Vector3d pull = (moment_mJ_ / d.squaredNorm()) * Vector3d(-d[1], d[0], 0);
+    out.Touch(last);
+    out.Touch(before);
+    out.gradient[static_cast<std::size_t>(last)] -= pull;
+    out.gradient[static_cast<std::size_t>(before)] += pull;
+    double springs = 0;
+    for (std::size_t q = 0; q < points.position.size(); ++q) {
+      const double z = points.position[q][2];
+      springs += z * z / 2;
+      out.Touch(static_cast<int>(q));
+      out.gradient[q][2] += z;
+      if (out.with_hessian) out.hessian[q](2, 2) += 1;
+    }
+    const double angle = std::atan2(d[1], d[0]);
+    return springs - moment_mJ_ * (angle_rad_ + std::remainder(angle - angle_rad_, 2 * kPi));
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+ private:
+  double moment_mJ_ = 0;
+  double angle_rad_ = 0;
+};
+
+struct Beam {
+  WireModel model;
+  FreeSpace field;
+  WallModel wall;
+  std::vector<EnergyTerm*> terms;
+  NewtonRelaxation relaxation;
+  WireState state;
+
+  Beam(const WireParameters& parameters, double length_mm, EnergyTerm* load)
+      : model(MakeWire(parameters)),
+        terms(load == nullptr ? std::vector<EnergyTerm*>{} : std::vector<EnergyTerm*>{load}),
+        relaxation(model, field, wall, {.tolerance = 1e-10}, terms),
+        state(LayStraight(model, length_mm)) {
+    relaxation.Restart(state);
+  }
+  TickReport Relax() { return Settle(relaxation, {state.insertion_mm, state.rotation_rad}, state); }
+};
+
+constexpr double kLength = 40;
+constexpr double kRigidity = 2.5;
+
+Vector3d EndOfCantilever(int n, double load, BendingLaw law) {
+  EndForce force(Vector3d(0, load * kRigidity / (kLength * kLength), 0));
+  Beam beam({.segment_mm = kLength / n, .rigidity_N_mm2 = kRigidity, .law = law}, kLength, &force);
+  REQUIRE(beam.Relax().converged);
+  return beam.state.nodes.back();
+}
+
+TEST_CASE("A cantilever bends like the elastica, to second order in the segment") {
+  const BendingLaw law = GENERATE(BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2);
+  for (const double load : {0.5, 2.0, 10.0}) {
+    const Elastica exact = SolveElastica(load);
+    const Vector3d end(exact.along * kLength, exact.across * kLength, 0);
+    double error[3];
+    int k = 0;
+    for (const int n : {40, 80, 160}) error[k++] = (EndOfCantilever(n, load, law) - end).norm();
+    INFO("law " << static_cast<int>(law) << " load " << load << " errors " << error[0] << " "
+                << error[1] << " " << error[2]);
+    CHECK(error[2] < 2e-4 * kLength);
+    CHECK(error[0] / error[1] == Approx(4).epsilon(0.1));
+    CHECK(error[1] / error[2] == Approx(4).epsilon(0.1));
+  }
+}
+
+TEST_CASE("The closed form of the elastica has the small-load limit of beam theory") {
+  const Elastica e = SolveElastica(1e-3);
+  CHECK(e.across == Approx(1e-3 / 3).epsilon(1e-4));
+  CHECK(e.end_angle == Approx(1e-3 / 2).epsilon(1e-4));
+}
+
+TEST_CASE("A part of a segment at the sheath counts with its length") {
+  // The same cantilever with a first segment of every length that occurs.
+  const double load = 2;
+  const Elastica exact = SolveElastica(load);
+  const Vector3d end(exact.along * kLength, exact.across * kLength, 0);
+  EndForce force(Vector3d(0, load * kRigidity / (kLength * kLength), 0));
+  for (double first = 0.5; first < 1.5; first += 0.099) {
+    const double lambda = kLength / (39 + first);
+    Beam beam({.segment_mm = lambda, .rigidity_N_mm2 = kRigidity}, kLength, &force);
+    REQUIRE(beam.state.first_segment_mm == Approx(first * lambda));
+    REQUIRE(beam.Relax().converged);
+    INFO("first segment " << first);
+    CHECK((beam.state.nodes.back() - end).norm() < 2e-4 * kLength);
+  }
+}
+
+TEST_CASE("An end moment of 2 pi EI/L bends the wire into a circle") {
+  EndMoment moment;
+  Beam beam({.segment_mm = 0.5, .rigidity_N_mm2 = kRigidity}, kLength, &moment);
+  const int steps = 16;
+  for (int k = 1; k <= steps; ++k) {
+    const double turned = 2 * kPi * k / steps;
+    moment.SetMoment(turned * kRigidity / kLength, turned);
+    REQUIRE(beam.Relax().converged);
+    if (k == steps) break;
+    const double radius = kLength / turned;
+    const Vector3d end(radius * std::sin(turned), radius * (1 - std::cos(turned)), 0);
+    CHECK((beam.state.nodes.back() - end).norm() < 1e-3 * kLength);
+  }
+  CHECK(beam.state.nodes.back().norm() < 1e-3 * kLength);
+  // Bending energy of a circle: EI L / (2 R^2).
+  const double radius = kLength / (2 * kPi);
+  const double energy = kRigidity * kLength / (2 * radius * radius);
+  double bending = 0;
+  Vector3d before = beam.model.sheath().direction;
+  for (int i = 0; i < beam.state.segments(); ++i) {
+    const double y = (beam.state.tangents[i] - before).squaredNorm() / 2;
+    bending += JointStiffness(beam.model, beam.state, i) * EvaluateBending(BendingLaw::kExact, y).g;
+    before = beam.state.tangents[i];
+  }
+  CHECK(bending == Approx(energy).epsilon(0.01));
+}
+
+TEST_CASE("A wire of constant intrinsic curvature rests as a circle") {
+  const double radius = 5;
+  for (const double length : {2 * kPi * radius, kPi * radius, 0.6 * radius}) {
+    const double lambda = length / 60.3;  // a first segment of 1.3 lambda
+    Beam beam({.segment_mm = lambda, .tip_curvature_1_per_mm = 1 / radius}, length, nullptr);
+    beam.Relax();
+    const Vector3d center = radius * beam.model.sheath_normal();
+    double worst = 0;
+    for (const Vector3d& x : beam.state.nodes) {
+      worst = std::max(worst, std::abs((x - center).norm() - radius));
+    }
+    INFO("length " << length << " worst " << worst);
+    CHECK(worst < 0.2 * lambda * lambda / radius);
+    const double angle = length / radius;
+    const Vector3d end = center + radius * (std::sin(angle) * Vector3d::UnitX() -
+                                            std::cos(angle) * beam.model.sheath_normal());
+    CHECK((beam.state.nodes.back() - end).norm() < 0.5 * lambda * lambda / radius);
+    CHECK(beam.relaxation.Current().energy_mJ < 1e-12);
+  }
+}
+
+TEST_CASE("Turning the proximal end turns a free intrinsic circle by the same angle") {
+  Beam beam({.segment_mm = 0.5, .tip_mm = 20, .tip_curvature_1_per_mm = 0.1}, 30, nullptr);
+  beam.Relax();
+  const WireState before = beam.state;
+  const double angle = 2.1;
+  REQUIRE(Settle(beam.relaxation, {30, angle}, beam.state).converged);
+  const Eigen::AngleAxisd turn(angle, Vector3d::UnitX());
+  for (std::size_t i = 0; i < before.nodes.size(); ++i) {
+    CHECK((beam.state.nodes[i] - turn * before.nodes[i]).norm() < 1e-9);
+  }
+}
+
+// Largest dead force along -x under which the straight column is stable, by its Hessian.
+double BucklingForce(int n) {
+  EndForce force(Vector3d::Zero());
+  const double lambda = kLength / n;
+  const WireModel model = MakeWire({.segment_mm = lambda, .rigidity_N_mm2 = kRigidity});
+  const FreeSpace field;
+  const WallModel wall;
+  const std::vector<EnergyTerm*> terms{&force};
+  WireMechanics mechanics(model, field, wall, terms);
+  Expansion expansion = mechanics.MakeExpansion();
+  RiccatiSweep<BendStage> sweep(model.max_segments());
+  const WireState state = LayStraight(model, kLength);
+  double stable = 0;
+  double unstable = 20 * kRigidity / (kLength * kLength);
+  for (int k = 0; k < 60; ++k) {
+    const double middle = (stable + unstable) / 2;
+    force.SetForce(Vector3d(-middle, 0, 0));
+    mechanics.Expand(state, expansion);
+    (sweep.Factor(model, state, expansion, 0) ? stable : unstable) = middle;
+  }
+  return stable;
+}
+
+TEST_CASE("A clamped column buckles at Euler's load, to second order in the segment") {
+  const double euler = kPi * kPi * kRigidity / (4 * kLength * kLength);
+  const double coarse = BucklingForce(20) / euler - 1;
+  const double fine = BucklingForce(40) / euler - 1;
+  INFO("relative errors " << coarse << " " << fine);
+  CHECK(std::abs(fine) < 1e-3);
+  CHECK(coarse / fine == Approx(4).epsilon(0.1));
+}
+
+TEST_CASE("Below Euler's load a bent column straightens, above it stays bent") {
+  const double euler = kPi * kPi * kRigidity / (4 * kLength * kLength);
+  for (const double part : {0.9, 1.1}) {
+    EndForce force(Vector3d(-part * euler, 1e-3 * euler, 0));
+    Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, kLength, &force);
+    REQUIRE(beam.Relax().converged);
+    force.SetForce(Vector3d(-part * euler, 0, 0));
+    REQUIRE(beam.Relax().converged);
+    INFO("part of Euler's load " << part);
+    if (part < 1) {
+      CHECK(std::abs(beam.state.nodes.back()[1]) < 1e-6);
+    } else {
+      // Post-buckled elastica, end angle a: P/Pcr = (2 K(sin(a/2)) / pi)^2.
+      const double a = std::acos(beam.state.tangents.back()[0]);
+      const double load = std::pow(2 * std::comp_ellint_1(std::sin(a / 2)) / kPi, 2);
+      CHECK(load == Approx(part).epsilon(2e-3));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace torquer::test

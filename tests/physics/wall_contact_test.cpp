@@ -1,0 +1,111 @@
+// Contact against closed forms: a wire drawn round a post, its tip on a torus' wall.
+#include <catch2/catch.hpp>
+#include <numbers>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+TEST_CASE("A wire drawn round a post presses on it with (F - EI/2R^2)/R and lifts off in time") {
+  // Clamped where it meets the post, pulled at its end by F at `pull` to the clamp. Equilibrium of
+  // an elastica under normal loads: T + EI kappa^2/2 is the same everywhere; at the end it is F.
+  // In contact kappa = 1/R, T = F - EI/2R^2, and the line load is T/R. Beyond, theta being the
+  // angle to the force, EI theta'' = F sin theta, so that kappa = 2 sqrt(F/EI) sin(theta/2), and
+  // the wire leaves the post where that is 1/R.
+  const double rigidity = 1;
+  const double wire_radius = 0.2;
+  const double radius = 10;
+  const double force_N = 0.05;
+  const double pull = 2.0;
+  const double lambda = 0.25;
+  const WireModel model = MakeWire({.segment_mm = lambda,
+                                    .rigidity_N_mm2 = rigidity,
+                                    .radius_mm = wire_radius,
+                                    .sheath = {Vector3d(0, -radius, 0), Vector3d::UnitX()}});
+  const Cylinder post(Side::kOutside, Vector3d::Zero(), Vector3d::UnitZ(), radius - wire_radius);
+  const WallModel wall{.stiffness_N_mm2 = 100, .points_per_segment = 1};
+  EndForce force(force_N * Vector3d(std::cos(pull), std::sin(pull), 0));
+  const std::vector<EnergyTerm*> terms{&force};
+  NewtonRelaxation relaxation(model, post, wall, {.tolerance = 1e-9}, terms);
+  WireState state(model);
+  std::vector<Vector3d> path;
+  for (double a = 0.02; a < pull; a += 0.02) {
+    path.emplace_back(radius * std::sin(a), -radius * std::cos(a), 0);
+  }
+  LayAlong(model, path, 60, state);
+  relaxation.Restart(state);
+  REQUIRE(Settle(relaxation, {60, 0}, state).converged);
+
+  const double tension = force_N - rigidity / (2 * radius * radius);
+  const double leaves = pull - 2 * std::asin(std::sqrt(rigidity / force_N) / (2 * radius));
+  const Expansion& at = relaxation.Current();
+  double last_contact = 0;
+  double load = 0;
+  double length = 0;
+  for (int q = 0; q < at.points.size(); ++q) {
+    const auto p = static_cast<std::size_t>(q);
+    if (!at.points.touches[p]) continue;
+    const Vector3d& x = at.points.position[p];
+    const double angle = std::atan2(x[0], -x[1]);
+    last_contact = std::max(last_contact, angle);
+    // The inner part: at both ends a concentrated force goes over into the wall.
+    if (angle < 0.4 || angle > leaves - 0.4) continue;
+    load += wall.stiffness_N_mm2 * at.points.weight_mm[p] *
+            (at.points.radius_mm[p] - at.points.clearance[p].clearance_mm);
+    length += at.points.weight_mm[p];
+  }
+  REQUIRE(length > 3);
+  CHECK(load / length == Approx(tension / radius).epsilon(0.01));
+  CHECK(last_contact == Approx(leaves).margin(2 * lambda / radius));
+  // The end lies in the force's direction.
+  CHECK(state.tangents.back().dot(Vector3d(std::cos(pull), std::sin(pull), 0)) > 1 - 1e-4);
+  // Tension, from the loads beyond: constant where the wire lies on the post.
+  const int i = static_cast<int>(0.5 * leaves * radius / lambda);
+  CHECK(-at.costate[static_cast<std::size_t>(i)].dot(state.tangents[static_cast<std::size_t>(i)]) ==
+        Approx(tension).epsilon(0.01));
+}
+
+TEST_CASE("Normal loads leave T + EI kappa^2/2 the same all along a wire in a torus") {
+  // From the tip's tilted contact to the sheath, across every contact in between.
+  const double rigidity = 6.35e-3;
+  const double ring = 40;
+  const double lambda = 0.5;
+  const WireModel model = MakeWire({.segment_mm = lambda,
+                                    .rigidity_N_mm2 = rigidity,
+                                    .max_length_mm = 150,
+                                    .sheath = {Vector3d(ring, 0, 0), Vector3d::UnitY()}});
+  const Torus field(Side::kInside, ring, 3);
+  const WallModel wall{.stiffness_N_mm2 = 1, .points_per_segment = 2};
+  const std::vector<EnergyTerm*> none;
+  NewtonRelaxation relaxation(model, field, wall, {.tolerance = 1e-9}, none);
+  WireState state(model);
+  relaxation.Restart(state);
+  REQUIRE(Settle(relaxation, {130, 0}, state).converged);
+  const Expansion& at = relaxation.Current();
+
+  const auto tip = static_cast<std::size_t>(at.points.size() - 1);
+  REQUIRE(at.points.touches[tip]);
+  int contacts = 0;
+  for (const std::uint8_t touches : at.points.touches) contacts += touches;
+  REQUIRE(contacts >= 2);
+
+  const auto n = static_cast<std::size_t>(state.segments());
+  // The costate is minus the force that all beyond a node receive.
+  const double end_tension = -at.costate[n - 1].dot(state.tangents[n - 1]);
+  CHECK(end_tension < 0);
+  const double largest_bending = rigidity / (2 * ring * ring);
+  for (std::size_t i = 10; i + 1 < n; ++i) {
+    const double kappa = (state.tangents[i] - state.tangents[i - 1]).norm() / lambda;
+    const Vector3d along = (state.tangents[i] + state.tangents[i - 1]) / 2;
+    const double sum = -at.costate[i].dot(along) + rigidity * kappa * kappa / 2;
+    INFO("node " << i);
+    CHECK(sum == Approx(end_tension).margin(0.01 * largest_bending));
+  }
+  CHECK(std::abs(state.nodes.back()[2]) < 1e-6);
+}
+
+}  // namespace
+}  // namespace torquer::test
