@@ -14,14 +14,13 @@ function(torquer_program name)
   target_link_libraries(${name} PRIVATE torquer_build_rules ${ARG_LINK})
 endfunction()
 
-# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [ENVIRONMENT K=V..] [TIMEOUT s] [THREADED]):
+# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [ENVIRONMENT K=V..] [TIMEOUT s]
+#   [THREADED] [SERIAL]):
 # a Catch2 program whose cases become CTest tests with that label. THREADED: its code has threads,
 # so the tsan build holds it too (target torquer_threaded_tests); that build leaves out the others.
+# SERIAL: each case has the machine to itself.
 function(torquer_test name)
-  cmake_parse_arguments(ARG "THREADED" "LABEL;TIMEOUT" "SOURCES;LINK;ENVIRONMENT" ${ARGN})
-  if(TORQUER_SANITIZE STREQUAL "thread" AND NOT ARG_THREADED)
-    return()
-  endif()
+  cmake_parse_arguments(ARG "THREADED;SERIAL" "LABEL;TIMEOUT" "SOURCES;LINK;ENVIRONMENT" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -33,9 +32,14 @@ function(torquer_test name)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE torquer_build_rules torquer_test_main ${ARG_LINK})
+  if(TORQUER_SANITIZE STREQUAL "thread" AND NOT ARG_THREADED)
+    set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+    return()
+  endif()
   catch_discover_tests(${name}
     TEST_PREFIX ${prefix}
-    PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "${ARG_ENVIRONMENT}")
+    PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "${ARG_ENVIRONMENT}"
+      RUN_SERIAL ${ARG_SERIAL})
   if(ARG_THREADED)
     add_dependencies(torquer_threaded_tests ${name})
   endif()

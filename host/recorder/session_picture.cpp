@@ -344,7 +344,8 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
                                                  overview.center_mm.y() - shown.max().y()) *
                                      scale;
   Append(out,
-         "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"3\" fill=\"none\" "
+         "<rect clip-path=\"url(#overview)\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" "
+         "rx=\"3\" fill=\"none\" "
          "stroke=\"#c9d4e8\" stroke-opacity=\".75\" stroke-dasharray=\"5 4\"/>\n",
          corner.x(), corner.y(), shown.sizes().x() * scale, shown.sizes().y() * scale);
   for (const Panel* panel : {&overview, &close_up}) {

@@ -1,0 +1,156 @@
+// The whole chain, as host/demo runs it: from the firmware's sensor to the recorded wire.
+
+#include <sys/wait.h>
+
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <lcm/lcm-cpp.hpp>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "host/bus/bus.h"
+#include "host/bus/channels.h"
+#include "tests/support/child_process.h"
+#include "tests/support/private_network.h"
+#include "tests/support/temporary_folder.h"
+#include "torquer_lcm/wire_state_t.hpp"
+
+using namespace torquer::test;
+using torquer_lcm::wire_state_t;
+
+namespace {
+
+const std::string kDemo = TORQUER_SOURCE_DIR "/host/demo";
+const std::string kPrograms = TORQUER_BIN_DIR;
+const std::string kScene = TORQUER_SOURCE_DIR "/host/scenes/ty_phantom.toml";
+
+std::string Contents(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+int Run(const std::string& command) {
+  INFO(command);
+  const int status = std::system(command.c_str());
+  REQUIRE(WIFEXITED(status));
+  return WEXITSTATUS(status);
+}
+
+std::string LastLine(const std::string& text) {
+  const std::size_t end = text.find_last_not_of('\n');
+  const std::size_t start = text.rfind('\n', end);
+  return text.substr(start + 1, end - start);
+}
+
+wire_state_t LastState(const std::string& log_path) {
+  lcm::LogFile log(log_path, "r");
+  REQUIRE(log.good());
+  wire_state_t state{};
+  while (const lcm::LogEvent* event = log.readNextEvent()) {
+    if (event->channel == torquer::bus::kWireStateChannel) {
+      REQUIRE(state.decode(event->data, 0, event->datalen) == event->datalen);
+    }
+  }
+  return state;
+}
+
+// Plays a log's commands, faster than they were, to a simulator that has not heard of them.
+wire_state_t PlayCommands(const std::string& log, double speed, std::int64_t last_sequence) {
+  torquer::bus::Bus bus;
+  std::optional<wire_state_t> newest;
+  bus.Subscribe<wire_state_t>(
+      torquer::bus::kWireStateChannel, [&](const wire_state_t& state) { newest = state; }, 0);
+  ChildProcess simulator({kPrograms + "/torquer-simulator", "--scene", kScene});
+  while (!newest) bus.Handle(100);
+  REQUIRE(newest->command_sequence == -1);
+  const std::string play = "lcm-logplayer --speed=" + std::to_string(speed) +
+                           " --regexp=" + torquer::bus::kInstrumentCommandChannel + " " + log +
+                           " >/dev/null";
+  REQUIRE(Run(play) == 0);
+  while (newest->command_sequence < last_sequence || newest->carried_mm != 0) bus.Handle(100);
+  simulator.Signal(SIGTERM);
+  CHECK(simulator.Wait() == 0);
+  return *newest;
+}
+
+// Names of running programs that were given a path in `folder`.
+std::string ProgramsUsing(const std::string& folder) {
+  std::string names;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    const std::string words = Contents(entry.path() / "cmdline");
+    if (words.find(folder) != std::string::npos) names += words.c_str() + std::string(" ");
+  }
+  return names;
+}
+
+}  // namespace
+
+TEST_CASE("A session loses nothing, repeats bit for bit, and plays at another speed") {
+  NeedPrivateNetwork();
+  const TemporaryFolder folder;
+  const std::string output = folder.Path("output");
+  REQUIRE(Run("cd / && bash " + kDemo + " --scene ty_phantom --duration 10 --json --programs " +
+              kPrograms + " --files " + folder.Path("session") + " >" + output) == 0);
+  const std::string said = Contents(output);
+  CHECK_THAT(said, Catch::Contains("nsenter") && Catch::Contains("reports/s"));
+  const auto summary = nlohmann::json::parse(LastLine(said));
+  CHECK(summary["reports_sent"].get<int>() > 9000);
+  CHECK(summary["reports_received"] == summary["reports_sent"]);
+  CHECK(summary["reports_lost"] == 0);
+  CHECK(summary["motion_error_counts"].get<double>() <= 1);
+  CHECK(summary["rotation_error_counts"].get<double>() <= 1);
+  CHECK(summary["insertion_mm"].get<double>() > 20);
+  CHECK(summary["latency_ms_p50"].get<double>() > 0);
+  CHECK(summary["latency_ms_p99"] >= summary["latency_ms_p50"]);
+  CHECK(summary["max_penetration_um"].get<double>() >= 0);
+  CHECK(summary["nodes"].get<int>() > 20);
+  CHECK(summary["residual"].get<double>() >= 0);
+  CHECK_THAT(Contents(summary["picture"]), Catch::StartsWith("<svg"));
+
+  const std::string log = folder.Path("session/session.lcmlog");
+  const wire_state_t recorded = LastState(log);
+  const std::string replay = folder.Path("replay");
+  CHECK(Run(kPrograms + "/torquer-simulator --scene " + kScene + " --replay " + log + " >" +
+            replay) == 0);
+  CHECK_THAT(Contents(replay), Catch::Contains(" 0 differ"));
+
+  const wire_state_t played = PlayCommands(log, 4, recorded.command_sequence);
+  CHECK(played.insertion_mm == Approx(recorded.insertion_mm).margin(1e-9));
+  CHECK(played.rotation_rad == Approx(recorded.rotation_rad).margin(1e-9));
+}
+
+TEST_CASE("A demo that is stopped leaves nothing running") {
+  const TemporaryFolder folder;
+  {
+    ChildProcess demo({"/bin/bash", kDemo, "--scene", "ty_phantom", "--programs", kPrograms,
+                       "--files", folder.Path("session")});
+    for (int i = 0; i < 300 && demo.Output().find("reports/s") == std::string::npos; ++i) {
+      usleep(100000);
+    }
+    CHECK_THAT(ProgramsUsing(folder.Path()), Catch::Contains("torquer-emulator"));
+    demo.Signal(SIGTERM);
+    CHECK(demo.Wait() == 143);
+  }
+  CHECK(ProgramsUsing(folder.Path()).empty());
+}
+
+TEST_CASE("A demo that cannot run says why") {
+  const TemporaryFolder folder;
+  const std::string error = folder.Path("error");
+  const auto demo = [&](const std::string& arguments) {
+    return Run("bash " + kDemo + " --programs " + kPrograms + " --files " + folder.Path("session") +
+               " " + arguments + " 2>" + error + " >/dev/null");
+  };
+  CHECK(demo("--scene atlantis") == 2);
+  CHECK_THAT(Contents(error), Catch::Contains("atlantis") && Catch::Contains("ty_phantom"));
+  CHECK(demo("--scene ty_phantom --duration soon") == 2);
+  CHECK_THAT(Contents(error), Catch::Contains("soon"));
+  CHECK(demo("--duration") == 2);
+  CHECK(demo("--fly") == 2);
+  CHECK_THAT(Contents(error), Catch::Contains("--fly"));
+}
