@@ -150,9 +150,7 @@ void Pmw3360::Maintain() {
       }
       break;
     case State::kSetCpi:
-      cpi_ = wanted_cpi_;
-      WriteRegister(kConfig1, static_cast<uint8_t>(cpi_ / 100 - 1));
-      ArmBurst();
+      ApplyCpi();
       frames_to_check_ = kFramesBetweenChecks;
       bad_readings_ = 0;
       state_ = State::kRunning;
@@ -167,7 +165,7 @@ void Pmw3360::Maintain() {
 // with its defaults: plausible, and wrong.
 void Pmw3360::CheckHealth() {
   if (wanted_cpi_ != cpi_) {
-    state_ = State::kSetCpi;
+    ApplyCpi();
     return;
   }
   if (--frames_to_check_ != 0) return;
@@ -198,6 +196,12 @@ void Pmw3360::LoadSromBytes() {
   board::SelectSensor(false);
   ready_at_us_ = board::NowUs() + kAfterSrom;
   state_ = State::kCheckSrom;
+}
+
+void Pmw3360::ApplyCpi() {
+  cpi_ = wanted_cpi_;
+  WriteRegister(kConfig1, static_cast<uint8_t>(cpi_ / 100 - 1));
+  ArmBurst();
 }
 
 // Once armed, every burst begins with the burst address alone, until another register is accessed.

@@ -40,6 +40,7 @@ class Pmw3360 final : public MotionSensor {
   void WaitUntilReady();
   uint8_t ReadRegister(uint8_t address);
   void WriteRegister(uint8_t address, uint8_t value);
+  void ApplyCpi();
   void ArmBurst();
   void WaitThen(State next, uint32_t us);
   void Fail();

@@ -1,0 +1,220 @@
+#include "firmware/src/bench_firmware.h"
+
+#include <catch2/catch.hpp>
+#include <cstring>
+
+#include "protocol/eeprom_layout.h"
+#include "tests/firmware/fake_board.h"
+
+namespace torquer::firmware {
+namespace {
+
+/// The whole firmware, configured by a host that polls; the sensor moves one count a frame.
+class Bench {
+ public:
+  Bench() {
+    NewBoard().sensor = [this](std::uint8_t sent, bool first) { return Sensor(sent, first); };
+  }
+
+  void Start() {
+    firmware.Start();
+    board().setups.push_back({0x00, 9, 1, 0, 0, 0, 0, 0});
+    firmware.Step();
+  }
+  protocol::InputReport Frame() {
+    const std::uint32_t start_us = board().now_us;
+    board().frame_start_us = start_us;
+    firmware.Step();
+    board().now_us = start_us + 1000;
+    REQUIRE(board().inputs.size() == 1);
+    protocol::InputReport report;
+    std::memcpy(&report, board().inputs.front().data(), sizeof(report));
+    board().inputs.pop_front();
+    return report;
+  }
+  protocol::InputReport FrameUntilHealthy() {
+    protocol::InputReport report = Frame();
+    for (int i = 0; i < 3000 && (report.flags & protocol::kFlagSensorFault); ++i) report = Frame();
+    REQUIRE_FALSE(report.flags & protocol::kFlagSensorFault);
+    return report;
+  }
+  template <typename Report>
+  Report Get(std::uint8_t id) {
+    std::uint8_t bytes[ReportHandler::kCapacity];
+    REQUIRE(firmware.GetFeatureReport(id, bytes) == sizeof(Report));
+    Report report;
+    std::memcpy(&report, bytes, sizeof(report));
+    return report;
+  }
+  template <typename Report>
+  bool Set(const Report& report) {
+    return firmware.SetFeatureReport(reinterpret_cast<const std::uint8_t*>(&report),
+                                     sizeof(report));
+  }
+
+  BenchFirmware firmware;
+  bool sensor_dead = false;
+
+ private:
+  std::uint8_t Sensor(std::uint8_t sent, bool first) {
+    if (sensor_dead) return 0xff;
+    if (first) {
+      address_ = sent;
+      index_ = 0;
+      return 0;
+    }
+    if (address_ & 0x80) {
+      registers_[address_ & 0x7f] = sent;
+      return 0;
+    }
+    if (address_ == 0x50) {
+      static constexpr std::uint8_t kBurst[12] = {0x80, 0, 1, 0, 2, 0, 50, 9, 90, 10, 0, 80};
+      return kBurst[index_++];
+    }
+    if (address_ == 0x00) return 0x42;
+    if (address_ == 0x3f) return 0xbd;
+    return registers_[address_];
+  }
+
+  std::uint8_t registers_[128] = {};
+  std::uint8_t address_ = 0;
+  std::size_t index_ = 0;
+};
+
+protocol::CommandReport CommandOf(protocol::Command command) {
+  return {protocol::kCommandReportId, command, protocol::kCommandKey, {}};
+}
+
+TEST_CASE("a report goes out every frame from configuration on, whatever the sensor does") {
+  Bench bench;
+  bench.Start();
+  std::uint16_t sequence = bench.Frame().sequence;
+  for (int i = 0; i < 500; ++i) {
+    if (i == 200) bench.sensor_dead = true;
+    REQUIRE(bench.Frame().sequence == ++sequence);
+  }
+}
+
+TEST_CASE("the count stands through a sensor fault and goes on after it") {
+  Bench bench;
+  bench.Start();
+  bench.FrameUntilHealthy();
+  protocol::InputReport last{};
+  for (int i = 0; i < 100; ++i) last = bench.Frame();
+  bench.sensor_dead = true;
+  for (int i = 0; i < 300; ++i) {
+    const protocol::InputReport report = bench.Frame();
+    REQUIRE((report.flags & protocol::kFlagSensorFault) != 0);
+    REQUIRE(report.axial_counts == last.axial_counts);
+    REQUIRE(report.transverse_counts == last.transverse_counts);
+  }
+  bench.sensor_dead = false;
+  const protocol::InputReport healthy = bench.FrameUntilHealthy();
+  CHECK(healthy.axial_counts == last.axial_counts + 1);
+  CHECK(healthy.transverse_counts == last.transverse_counts + 2);
+  CHECK(bench.Get<protocol::DiagnosticsReport>(protocol::kDiagnosticsReportId).sensor_faults > 0);
+}
+
+TEST_CASE("device time counts on over the wrap of the clock") {
+  Bench bench;
+  board().now_us = 0u - 300000u;
+  bench.Start();
+  std::uint32_t last = bench.Frame().device_time_us;
+  for (int i = 0; i < 1000; ++i) {
+    const std::uint32_t now = bench.Frame().device_time_us;
+    REQUIRE(now - last >= 990);
+    REQUIRE(now - last <= 1010);
+    last = now;
+  }
+  CHECK(last < 1000000);
+}
+
+TEST_CASE("identity says what the device is") {
+  Bench bench;
+  bench.Start();
+  bench.FrameUntilHealthy();
+  const auto identity = bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
+  CHECK(identity.protocol_version == protocol::kProtocolVersion);
+  CHECK(identity.sensor_product_id == 0x42);
+  CHECK(identity.clock_mhz == 16);
+  CHECK(std::string(identity.serial, 3) == "TQ-");
+  CHECK((identity.self_test & 6) == 6);
+  bench.sensor_dead = true;
+  for (int i = 0; i < 10; ++i) bench.Frame();
+  CHECK((bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId).self_test & 4) == 0);
+}
+
+TEST_CASE("a configuration takes effect, is stored, and is refused when it makes no sense") {
+  Bench bench;
+  bench.Start();
+  bench.FrameUntilHealthy();
+  protocol::ConfigurationReport configuration{};
+  configuration.report_id = protocol::kConfigurationReportId;
+  configuration.protocol_version = protocol::kProtocolVersion;
+  configuration.cpi = 800;
+  configuration.joystick_deadzone = 100;
+  board().joystick = {600, 700};
+  CHECK(bench.Set(configuration));
+  for (int i = 0; i < 50; ++i) bench.Frame();
+  const protocol::InputReport report = bench.Frame();
+  CHECK(report.cpi == 800);
+  CHECK(report.joystick_x == 512);
+  CHECK(report.joystick_y == 700);
+  CHECK(bench.Get<protocol::DiagnosticsReport>(protocol::kDiagnosticsReportId).settings_writes ==
+        1);
+  Settings stored;
+  stored.Load();
+  CHECK(stored.cpi() == 800);
+
+  configuration.protocol_version = 99;
+  CHECK_FALSE(bench.Set(configuration));
+  configuration.protocol_version = protocol::kProtocolVersion;
+  configuration.cpi = 850;
+  CHECK_FALSE(bench.Set(configuration));
+  CHECK(bench.Get<protocol::ConfigurationReport>(protocol::kConfigurationReportId).cpi == 800);
+}
+
+TEST_CASE("commands need their key; zero forgets the counts") {
+  Bench bench;
+  bench.Start();
+  bench.FrameUntilHealthy();
+  for (int i = 0; i < 20; ++i) bench.Frame();
+  protocol::CommandReport command = CommandOf(protocol::kCommandZero);
+  command.key = 1;
+  CHECK_FALSE(bench.Set(command));
+  CHECK(bench.Frame().axial_counts > 1);
+  CHECK(bench.Set(CommandOf(protocol::kCommandZero)));
+  CHECK(bench.Frame().axial_counts == 1);
+  command = CommandOf(static_cast<protocol::Command>(200));
+  CHECK_FALSE(bench.Set(command));
+}
+
+TEST_CASE("a restart leaves the host time to see its request acknowledged") {
+  for (const auto& [command, what] : {std::pair{protocol::kCommandReset, "restart"},
+                                      std::pair{protocol::kCommandEnterBootloader, "bootloader"}}) {
+    Bench bench;
+    bench.Start();
+    bench.Frame();
+    REQUIRE(bench.Set(CommandOf(command)));
+    for (int i = 0; i < 8; ++i) bench.Frame();
+    const auto on = [&bench] {
+      for (int i = 0; i < 8; ++i) bench.Frame();
+    };
+    CHECK_THROWS_WITH(on(), what);
+  }
+}
+
+TEST_CASE("reports that cannot be read or written are refused") {
+  Bench bench;
+  bench.Start();
+  std::uint8_t bytes[ReportHandler::kCapacity] = {};
+  CHECK(bench.firmware.GetFeatureReport(protocol::kCommandReportId, bytes) == 0);
+  CHECK(bench.firmware.GetFeatureReport(0, bytes) == 0);
+  bytes[0] = protocol::kIdentityReportId;
+  CHECK_FALSE(bench.firmware.SetFeatureReport(bytes, 32));
+  bytes[0] = protocol::kConfigurationReportId;
+  CHECK_FALSE(bench.firmware.SetFeatureReport(bytes, 15));
+}
+
+}  // namespace
+}  // namespace torquer::firmware

@@ -1,0 +1,74 @@
+// A board for the portable firmware on the PC: the contract of firmware/board/board.h over plain
+// variables that a test sets and looks at.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+namespace torquer::firmware {
+
+/// Thrown where the real board would not return.
+struct Restarted : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Thrown by the EEPROM write in which the power is lost.
+struct PowerLost : std::runtime_error {
+  PowerLost() : std::runtime_error("power lost") {}
+};
+
+struct FakeBoard {
+  // Time passes by itself, a microsecond a look, and as the firmware waits.
+  std::uint32_t now_us = 0;
+  std::optional<std::uint32_t> frame_start_us;
+  int watchdog_kicks = 0;
+
+  std::uint8_t reset_reason = 1;
+  std::optional<std::uint8_t> warm_byte;
+  std::array<std::uint8_t, 10> chip_serial{1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+
+  /// Answers a byte on the SPI; `first` after the select.
+  std::function<std::uint8_t(std::uint8_t sent, bool first)> sensor;
+  bool selected = false;
+  bool first_byte = true;
+  struct SpiByte {
+    std::uint32_t at_us;
+    std::uint8_t sent;
+    bool first;
+  };
+  std::vector<SpiByte> spi_log;
+
+  std::array<std::uint16_t, 2> joystick{512, 512};
+  int axis = 0;
+  std::uint8_t buttons = 0;
+
+  std::vector<std::uint8_t> eeprom = std::vector<std::uint8_t>(1024, 0xff);
+  int eeprom_writes = 0;
+  int eeprom_busy_polls = 0;             ///< the next so many EepromReady() are false
+  std::optional<int> writes_until_loss;  ///< PowerLost instead of the write after so many
+  /// How far that write had come: not begun, or some bits set by the erasure before it, or some not
+  /// yet cleared by the programming.
+  enum class Tear { kNone, kErasing, kProgramming } tear = Tear::kNone;
+  std::uint8_t tear_bits = 0;
+
+  bool bus_reset = false;
+  std::deque<std::array<std::uint8_t, 8>> setups;
+  std::vector<std::vector<std::uint8_t>> control_sent;
+  bool can_send_control = true;
+  std::deque<std::vector<std::uint8_t>> control_data;
+  bool control_stalled = false;
+  std::uint8_t prepared_address = 0, address = 0;
+  bool input_enabled = false, input_halted = false;
+  std::deque<std::vector<std::uint8_t>> inputs;  ///< queued; a test takes them as the host would
+};
+
+/// The one that the firmware under test runs on; each test begins with a new one.
+FakeBoard& board();
+FakeBoard& NewBoard();
+
+}  // namespace torquer::firmware

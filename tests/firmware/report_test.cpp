@@ -1,0 +1,146 @@
+#include "firmware/src/report.h"
+
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "firmware/src/boot_id.h"
+#include "firmware/src/serial_number.h"
+#include "protocol/eeprom_layout.h"
+#include "tests/firmware/fake_board.h"
+
+namespace torquer::firmware {
+namespace {
+
+MotionSample Moved(int x, int y) {
+  MotionSample sample;
+  sample.delta_x = static_cast<std::int16_t>(x);
+  sample.delta_y = static_cast<std::int16_t>(y);
+  return sample;
+}
+
+TEST_CASE("a report carries what was read") {
+  ReportBuilder builder;
+  builder.SetBootId(9);
+  MotionSample sample = Moved(3, -4);
+  sample.motion = true;
+  sample.lifted = true;
+  sample.surface_quality = 77;
+  sample.shutter = 1234;
+  const protocol::InputReport report =
+      builder.Next(sample, 0xfffffffe, protocol::kButtonClutch, 1, 1022, 800);
+  CHECK(report.report_id == protocol::kInputReportId);
+  CHECK(report.protocol_version == protocol::kProtocolVersion);
+  CHECK(report.flags == (protocol::kFlagMotion | protocol::kFlagLift));
+  CHECK(report.boot_id == 9);
+  CHECK(report.buttons == protocol::kButtonClutch);
+  CHECK(report.device_time_us == 0xfffffffe);
+  CHECK(report.axial_counts == 3);
+  CHECK(report.transverse_counts == -4);
+  CHECK(report.joystick_x == 1);
+  CHECK(report.joystick_y == 1022);
+  CHECK(report.surface_quality == 77);
+  CHECK(report.shutter == 1234);
+  CHECK(report.cpi == 800);
+  CHECK(report.spare == 0);
+}
+
+TEST_CASE("counts wrap in both directions") {
+  ReportBuilder builder;
+  const auto next = [&builder](int x, int y) {
+    return builder.Next(Moved(x, y), 0, 0, 0, 0, 1200);
+  };
+  // 65,538 steps of 32,767 are one short of 2^31 - 1.
+  for (int i = 0; i < 65538; ++i) next(32767, -32767);
+  const protocol::InputReport report = next(3, -4);
+  CHECK(report.axial_counts == std::numeric_limits<std::int32_t>::min() + 1);
+  CHECK(report.transverse_counts == std::numeric_limits<std::int32_t>::max() - 1);
+}
+
+TEST_CASE("the sequence grows by one and wraps") {
+  ReportBuilder builder;
+  std::uint16_t last = builder.Next({}, 0, 0, 0, 0, 0).sequence;
+  for (int i = 0; i < 70000; ++i) {
+    const std::uint16_t sequence = builder.Next({}, 0, 0, 0, 0, 0).sequence;
+    REQUIRE(sequence == static_cast<std::uint16_t>(last + 1));
+    last = sequence;
+  }
+}
+
+TEST_CASE("zero forgets the counts and nothing else") {
+  ReportBuilder builder;
+  builder.Next(Moved(5, 6), 0, 0, 0, 0, 0);
+  builder.Zero();
+  const protocol::InputReport report = builder.Next(Moved(1, 2), 0, 0, 0, 0, 0);
+  CHECK(report.axial_counts == 1);
+  CHECK(report.transverse_counts == 2);
+  CHECK(report.sequence == 2);
+}
+
+TEST_CASE("every boot has another id than the one before, whatever made it start") {
+  NewBoard();
+  std::uint8_t last = NextBootId();
+  for (int power_on = 0; power_on < 300; ++power_on) {
+    for (int reset = 0; reset < power_on % 20; ++reset) {
+      const std::uint8_t id = NextBootId();
+      REQUIRE(id != last);
+      last = id;
+    }
+    board().warm_byte.reset();  // the power goes
+    const std::uint8_t id = NextBootId();
+    REQUIRE(id != last);
+    last = id;
+  }
+}
+
+TEST_CASE("only a power-on writes the EEPROM, one byte") {
+  NewBoard();
+  NextBootId();
+  CHECK(board().eeprom_writes == 1);
+  for (int i = 0; i < 10; ++i) NextBootId();
+  CHECK(board().eeprom_writes == 1);
+}
+
+std::string Serial() {
+  char serial[kSerialBytes];
+  ReadSerialNumber(serial);
+  return std::string(serial, strnlen(serial, sizeof(serial)));
+}
+
+void GiveSerial(const std::string& text) {
+  protocol::SerialRecord record{};
+  text.copy(record.serial, sizeof(record.serial));
+  record.crc = protocol::Crc16(record.serial, sizeof(record.serial));
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(&record);
+  std::copy(bytes, bytes + sizeof(record), board().eeprom.begin() + protocol::kEepromSerialAddress);
+}
+
+TEST_CASE("a given serial number is used, full length included") {
+  NewBoard();
+  GiveSerial("BOX-42");
+  CHECK(Serial() == "BOX-42");
+  GiveSerial("0123456789ABCDEF");
+  CHECK(Serial() == "0123456789ABCDEF");
+}
+
+TEST_CASE("without a valid one the number comes from the chip, and else is zero") {
+  NewBoard();
+  const std::string own = Serial();
+  CHECK(own.substr(0, 3) == "TQ-");
+  CHECK(own.size() == 11);
+  GiveSerial("BOX-42");
+  board().eeprom[protocol::kEepromSerialAddress] ^= 1;
+  CHECK(Serial() == own);
+  GiveSerial("has space");
+  CHECK(Serial() == own);
+  GiveSerial("");
+  CHECK(Serial() == own);
+  board().chip_serial[9] ^= 1;
+  CHECK(Serial() != own);
+  board().chip_serial.fill(0xff);
+  CHECK(Serial() == "TQ-00000000");
+}
+
+}  // namespace
+}  // namespace torquer::firmware
