@@ -171,6 +171,8 @@ void Daemon::OnConnected(const SourceEvent& event) {
       calibration::RequireDevice(*options_.calibration, options_.calibration_path, serial);
       CheckResolution();
     }
+  } catch (const DeviceGone&) {
+    return;  // the source will say so, and try again
   } catch (const FeatureError& error) {
     throw UserError(event.text + ": the device does not tell its firmware version (" +
                     error.what() + "): it has none, or not ours; " + kFlashRemedy);
@@ -184,7 +186,7 @@ void Daemon::OnConnected(const SourceEvent& event) {
   }
   connected_ = true;
   silent_ = false;
-  last_report_us_ = event.host_us;
+  last_report_us_ = bus::MonotonicUs();
   pipeline_->OnConnected();
   ++connections_;
   Announce("running", connections_ == 1 ? "reading device " + serial + " at " + event.text
@@ -269,6 +271,7 @@ void Daemon::OnReport(const SourceEvent& event) {
 }
 
 void Daemon::OnDisconnected(const SourceEvent& event) {
+  if (!connected_) return;
   connected_ = false;
   silent_ = false;
   ++disconnections_;

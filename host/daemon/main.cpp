@@ -16,6 +16,7 @@
 #include "host/daemon/claim.h"
 #include "host/daemon/daemon.h"
 #include "host/daemon/socket_source.h"
+#include "host/daemon/usb_source.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
 
@@ -83,6 +84,13 @@ Arguments Parse(int argc, char** argv) {
 std::unique_ptr<torquer::daemon::ReportSource> MakeSource(const Arguments& arguments) {
   if (arguments.source == "socket") {
     return std::make_unique<torquer::daemon::SocketSource>(arguments.socket);
+  }
+  if (arguments.source == "usb") {
+    if (arguments.devices.size() > 1) {
+      throw UserError("--source usb reads one device; give --device once, with its serial number");
+    }
+    return std::make_unique<torquer::daemon::UsbSource>(
+        arguments.devices.empty() ? "" : arguments.devices.front());
   }
   throw UserError("--source '" + arguments.source + "' is not known\n" + kUsage);
 }
@@ -153,9 +161,10 @@ int RunDaemon(const Arguments& arguments) {
     options.calibration_path = arguments.calibration;
     options.calibration = torquer::calibration::ReadCalibration(arguments.calibration);
   }
-  std::unique_ptr<torquer::daemon::ReportSource> source = MakeSource(arguments);
+  // libusb and LCM start threads of their own, which inherit this.
   const sigset_t signals = HandledSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::unique_ptr<torquer::daemon::ReportSource> source = MakeSource(arguments);
   torquer::bus::Bus bus(arguments.lcm_url);
   torquer::daemon::Daemon daemon(std::move(options), bus, std::move(source));
   const SignalThread signal_thread(daemon);

@@ -30,6 +30,12 @@ class FeatureError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// A feature request that found no device, or lost it on the way: kDisconnected tells more.
+class DeviceGone : public FeatureError {
+ public:
+  using FeatureError::FeatureError;
+};
+
 /// All calls from one thread, except Interrupt().
 class ReportSource {
  public:

@@ -139,9 +139,9 @@ void SocketSource::SetFeature(std::span<const std::uint8_t> report) {
 
 std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>& packet,
                                                 protocol::SocketPacket expected) {
-  if (fd_ < 0) throw FeatureError("no device is connected");
+  if (fd_ < 0) throw DeviceGone("no device is connected");
   if (send(fd_, packet.data(), packet.size(), MSG_NOSIGNAL) < 0) {
-    throw FeatureError(std::string("the request cannot be sent: ") + std::strerror(errno));
+    throw DeviceGone(std::string("the request cannot be sent: ") + std::strerror(errno));
   }
   const std::int64_t deadline_us = bus::MonotonicUs() + kAnswerUs;
   for (;;) {
@@ -156,7 +156,7 @@ std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>&
     if (kind == Kind(expected)) return std::move(arrival.packet);
     if (kind == Kind(SocketPacket::kStall)) throw FeatureError("the device refused the request");
     waiting_.push_back(std::move(arrival));
-    if (gone) throw FeatureError("the device went away");
+    if (gone) throw DeviceGone("the device went away");
   }
 }
 

@@ -22,10 +22,11 @@ namespace torquer::test {
 
 inline const std::string kDaemonProgram = TORQUER_BIN_DIR "/torquer-daemon";
 
-/// Collects all that is published. Its folder holds the daemons' claims, and whatever a test likes.
+/// Collects all that is published; in a private network, and with mocked devices if so desired. Its
+/// folder holds the daemons' claims, and whatever a test likes.
 struct Listener {
-  Listener() {
-    NeedPrivateNetwork();
+  explicit Listener(bool with_devices = false) {
+    with_devices ? NeedPrivateNetworkAndDevices() : NeedPrivateNetwork();
     setenv("XDG_RUNTIME_DIR", folder.Path().c_str(), 1);
     unsetenv("LCM_DEFAULT_URL");
     bus.emplace("");

@@ -11,12 +11,21 @@
 
 namespace torquer::test {
 
-void NeedPrivateNetwork() {
+namespace {
+
+void Restart(bool with_devices) {
   constexpr char kMarker[] = "TORQUER_TEST_NETWORK";
   // The marker counts only for the process that was started with it: the id survives exec.
   const std::string self = std::to_string(getpid());
   if (const char* owner = std::getenv(kMarker); owner != nullptr && owner == self) return;
   setenv(kMarker, self.c_str(), 1);
+  if (with_devices) {
+    std::string libraries = "libumockdev-preload.so.0";
+#if defined(__SANITIZE_ADDRESS__)
+    libraries = "libasan.so.8:" + libraries;  // which must come first
+#endif
+    setenv("LD_PRELOAD", libraries.c_str(), 1);
+  }
 
   std::ifstream file("/proc/self/cmdline", std::ios::binary);
   std::string words((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
@@ -33,5 +42,10 @@ void NeedPrivateNetwork() {
   execv(script.c_str(), arguments.data());
   throw std::runtime_error("cannot run " + script);
 }
+
+}  // namespace
+
+void NeedPrivateNetwork() { Restart(false); }
+void NeedPrivateNetworkAndDevices() { Restart(true); }
 
 }  // namespace torquer::test

@@ -7,4 +7,8 @@ namespace torquer::test {
 /// first thing in a test case that uses LCM or counts on an empty network.
 void NeedPrivateNetwork();
 
+/// The same, and with umockdev's library preloaded, so that a mocked /dev and /sys can be laid over
+/// the real ones for this program and its children.
+void NeedPrivateNetworkAndDevices();
+
 }  // namespace torquer::test

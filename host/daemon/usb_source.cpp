@@ -1,0 +1,350 @@
+#include "host/daemon/usb_source.h"
+
+#include <sys/time.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "host/bus/clock.h"
+#include "host/support/error.h"
+#include "protocol/usb_ids.h"
+
+namespace torquer::daemon {
+namespace {
+
+constexpr int kInterface = 0;
+constexpr std::uint8_t kEndpoint = LIBUSB_ENDPOINT_IN | protocol::kInputEndpoint;
+constexpr unsigned kControlTimeoutMs = 1000;
+constexpr std::uint8_t kGetReport = 0x01;  // HID 1.11, 7.2
+constexpr std::uint8_t kSetReport = 0x09;
+constexpr std::uint16_t kFeatureReport = 0x0300;
+constexpr int kLargestReport = 64;
+// A device about to vanish gives transfer errors first; so many in a row mean that it has.
+constexpr int kHopelessErrors = 50;
+// Permissions are granted by udev, perhaps a moment after the device is announced.
+constexpr std::int64_t kPermissionUs = 1000000;
+
+constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
+
+std::string AddressOf(libusb_device* device) {
+  return "USB bus " + std::to_string(libusb_get_bus_number(device)) + " device " +
+         std::to_string(libusb_get_device_address(device));
+}
+
+std::string StringOf(libusb_device_handle* handle, std::uint8_t index) {
+  std::array<unsigned char, 128> text{};
+  const int length = index == 0 ? 0
+                                : libusb_get_string_descriptor_ascii(handle, index, text.data(),
+                                                                     static_cast<int>(text.size()));
+  return {reinterpret_cast<const char*>(text.data()),
+          static_cast<std::size_t>(std::max(length, 0))};
+}
+
+}  // namespace
+
+UsbSource::UsbSource(std::string serial) : serial_(std::move(serial)) {
+  int error = libusb_init(&context_);
+  if (error == 0) {
+    error = libusb_hotplug_register_callback(
+        context_, LIBUSB_HOTPLUG_EVENT_DEVICE_ARRIVED | LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT,
+        LIBUSB_HOTPLUG_ENUMERATE, protocol::kUsbVendorId, LIBUSB_HOTPLUG_MATCH_ANY,
+        LIBUSB_HOTPLUG_MATCH_ANY, &UsbSource::OnHotplug, this, &hotplug_);
+  }
+  if (error != 0) {
+    throw UserError(std::string("the USB cannot be used: ") + libusb_strerror(error) +
+                    "; is /dev/bus/usb there? The emulator needs none: --source socket");
+  }
+}
+
+UsbSource::~UsbSource() {
+  Stop();
+  libusb_hotplug_deregister_callback(context_, hotplug_);
+  for (const Candidate& candidate : candidates_) libusb_unref_device(candidate.device);
+  libusb_exit(context_);
+}
+
+std::string UsbSource::place() const {
+  std::string place =
+      "USB (1209:0001" + (serial_.empty() ? "" : ", serial number " + serial_) + ")";
+  if (bootloader_seen_ && handle_ == nullptr) {
+    place += std::string(", where a device waits in its bootloader: ") + kFlashRemedy + ",";
+  }
+  return place;
+}
+
+void UsbSource::Interrupt() { libusb_interrupt_event_handler(context_); }
+
+int UsbSource::OnHotplug(libusb_context* /*context*/, libusb_device* device,
+                         libusb_hotplug_event event, void* self) {
+  auto& source = *static_cast<UsbSource*>(self);
+  libusb_device_descriptor descriptor{};
+  libusb_get_device_descriptor(device, &descriptor);
+  if (event == LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT) {
+    if (source.handle_ != nullptr && libusb_get_device(source.handle_) == device) {
+      source.gone_ = "was unplugged";
+    }
+    if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = false;
+    return 0;
+  }
+  if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = true;
+  if (descriptor.idProduct == protocol::kUsbProductId) {
+    // Nothing may be asked of the device from here; Wait() does.
+    source.candidates_.push_back({libusb_ref_device(device), bus::MonotonicUs()});
+  }
+  return 0;
+}
+
+void UsbSource::OnTransfer(libusb_transfer* transfer) {
+  const std::int64_t host_us = bus::MonotonicUs();
+  auto& own = *static_cast<Transfer*>(transfer->user_data);
+  UsbSource& source = *own.source;
+  own.in_flight = false;
+  switch (transfer->status) {
+    case LIBUSB_TRANSFER_COMPLETED:
+      source.errors_in_a_row_ = 0;
+      source.arrivals_.push_back({host_us, transfer->actual_length, own.bytes});
+      source.Submit(own);
+      break;
+    case LIBUSB_TRANSFER_OVERFLOW:
+      // Longer than any report of ours: let it be counted as one of a wrong length.
+      source.arrivals_.push_back({host_us, 0, {}});
+      source.Submit(own);
+      break;
+    case LIBUSB_TRANSFER_STALL:
+      source.stalled_ = true;  // Revive() clears it; it cannot be cleared from here
+      break;
+    case LIBUSB_TRANSFER_NO_DEVICE:
+      source.gone_ = "was unplugged";
+      break;
+    case LIBUSB_TRANSFER_CANCELLED:
+      break;
+    case LIBUSB_TRANSFER_ERROR:
+    case LIBUSB_TRANSFER_TIMED_OUT:
+      if (++source.errors_in_a_row_ >= kHopelessErrors) source.gone_ = "gives only transfer errors";
+      break;  // Revive() submits it again
+  }
+}
+
+void UsbSource::Submit(Transfer& transfer) {
+  if (handle_ == nullptr || !gone_.empty()) return;
+  const int error = libusb_submit_transfer(transfer.transfer);
+  transfer.in_flight = error == 0;
+  if (error == LIBUSB_ERROR_NO_DEVICE) gone_ = "was unplugged";
+}
+
+// Puts transfers to work again that a stall or an error has stopped.
+void UsbSource::Revive() {
+  if (handle_ == nullptr || !gone_.empty()) return;
+  if (std::exchange(stalled_, false)) {
+    const bool idle = std::none_of(transfers_.begin(), transfers_.end(),
+                                   [](const auto& transfer) { return transfer->in_flight; });
+    // The stall ends every transfer on the endpoint; the rest of them are still to be told.
+    if (!idle) {
+      stalled_ = true;
+      return;
+    }
+    if (libusb_clear_halt(handle_, kEndpoint) == LIBUSB_ERROR_NO_DEVICE) gone_ = "was unplugged";
+  }
+  for (const auto& transfer : transfers_) {
+    if (!transfer->in_flight) Submit(*transfer);
+  }
+}
+
+void UsbSource::Wait(int timeout_ms, const Sink& sink) {
+  if (handle_ == nullptr) TakeCandidates(sink);
+  Revive();
+  timeval timeout{timeout_ms / 1000, (timeout_ms % 1000) * 1000};
+  if (arrivals_.empty()) libusb_handle_events_timeout_completed(context_, &timeout, nullptr);
+  Deliver(sink);
+  if (handle_ == nullptr || gone_.empty()) return;
+  const std::string reason = address_ + " " + gone_;
+  Stop();
+  sink({.kind = SourceEvent::Kind::kDisconnected,
+        .host_us = bus::MonotonicUs(),
+        .report = {},
+        .text = reason});
+}
+
+void UsbSource::Deliver(const Sink& sink) {
+  // Asking for a feature from within the sink lets further reports arrive.
+  const std::vector<Arrival> arrived = std::exchange(arrivals_, {});
+  for (const Arrival& arrival : arrived) {
+    sink({.kind = SourceEvent::Kind::kReport,
+          .host_us = arrival.host_us,
+          .report = std::span(arrival.bytes).first(static_cast<std::size_t>(arrival.size)),
+          .text = {}});
+  }
+}
+
+void UsbSource::TakeCandidates(const Sink& sink) {
+  std::vector<OpenDevice> found;
+  const auto close_from = [&](std::size_t first) {
+    for (std::size_t i = first; i < found.size(); ++i) libusb_close(found[i].handle);
+  };
+  try {
+    for (std::size_t count = candidates_.size(); count > 0; --count) {
+      const Candidate candidate = candidates_.front();
+      const bool settled = TryOpen(candidate, found);
+      candidates_.pop_front();
+      if (settled) {
+        libusb_unref_device(candidate.device);
+      } else {
+        candidates_.push_back(candidate);
+      }
+    }
+    if (found.empty()) return;
+    if (found.size() > 1) {
+      std::string serials;
+      for (const OpenDevice& device : found) serials += " " + device.serial;
+      throw UserError("several bench devices are plugged in:" + serials +
+                      "; choose one with --device");
+    }
+    Start(found.front());
+  } catch (...) {
+    close_from(0);
+    throw;
+  }
+  sink({.kind = SourceEvent::Kind::kConnected,
+        .host_us = bus::MonotonicUs(),
+        .report = {},
+        .text = address_});
+}
+
+// False when the device is to be tried again later. Found ones are open.
+bool UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& found) {
+  OpenDevice device{};
+  device.address = AddressOf(candidate.device);
+  const int error = libusb_open(candidate.device, &device.handle);
+  if (error == LIBUSB_ERROR_ACCESS) {
+    if (bus::MonotonicUs() - candidate.seen_us < kPermissionUs) return false;
+    throw UserError(device.address +
+                    " may not be opened by this user; install the udev rule: sudo cp "
+                    "hardware/udev/70-torquer.rules /etc/udev/rules.d/ && sudo udevadm control "
+                    "--reload && sudo udevadm trigger");
+  }
+  if (error != 0) return true;  // gone again; if not, it will be announced again
+  libusb_device_descriptor descriptor{};
+  libusb_get_device_descriptor(candidate.device, &descriptor);
+  device.serial = StringOf(device.handle, descriptor.iSerialNumber);
+  // The ids are shared with other people's prototypes.
+  const bool ours = StringOf(device.handle, descriptor.iProduct) == protocol::kUsbProduct;
+  if (ours && (serial_.empty() || device.serial == serial_)) {
+    found.push_back(device);
+  } else {
+    libusb_close(device.handle);
+  }
+  return true;
+}
+
+void UsbSource::CheckEndpoint(const OpenDevice& device) const {
+  libusb_config_descriptor* configuration = nullptr;
+  bool fits = false;
+  if (libusb_get_active_config_descriptor(libusb_get_device(device.handle), &configuration) == 0) {
+    for (int i = 0; i < configuration->bNumInterfaces; ++i) {
+      const libusb_interface& interface = configuration->interface[i];
+      if (interface.num_altsetting < 1) continue;
+      const libusb_interface_descriptor& setting = interface.altsetting[0];
+      for (int k = 0; k < setting.bNumEndpoints; ++k) {
+        fits = fits || (setting.bInterfaceNumber == kInterface &&
+                        setting.endpoint[k].bEndpointAddress == kEndpoint &&
+                        setting.endpoint[k].wMaxPacketSize == sizeof(protocol::InputReport));
+      }
+    }
+    libusb_free_config_descriptor(configuration);
+  }
+  if (!fits) {
+    throw UserError(device.address + ": the device has no input endpoint for reports of " +
+                    std::to_string(sizeof(protocol::InputReport)) +
+                    " bytes: another firmware runs on it; " + kFlashRemedy);
+  }
+}
+
+void UsbSource::Start(const OpenDevice& device) {
+  CheckEndpoint(device);
+  libusb_set_auto_detach_kernel_driver(device.handle, 1);
+  const int error = libusb_claim_interface(device.handle, kInterface);
+  if (error != 0) {
+    throw UserError(device.address + ": the device cannot be claimed (" + libusb_strerror(error) +
+                    "); stop the other program that uses it");
+  }
+  handle_ = device.handle;
+  address_ = device.address;
+  serial_ = device.serial;
+  gone_.clear();
+  stalled_ = false;
+  errors_in_a_row_ = 0;
+  for (int i = 0; i < kTransfers; ++i) {
+    auto transfer = std::make_unique<Transfer>();
+    transfer->source = this;
+    transfer->transfer = libusb_alloc_transfer(0);
+    libusb_fill_interrupt_transfer(transfer->transfer, handle_, kEndpoint, transfer->bytes.data(),
+                                   static_cast<int>(transfer->bytes.size()), &UsbSource::OnTransfer,
+                                   transfer.get(), 0);
+    transfers_.push_back(std::move(transfer));
+  }
+}
+
+// Ends the transfers before the device is closed under them.
+void UsbSource::Stop() {
+  if (handle_ == nullptr) return;
+  if (gone_.empty()) gone_ = "is being closed";  // nothing is submitted any more
+  const auto busy = [this] {
+    return std::any_of(transfers_.begin(), transfers_.end(),
+                       [](const auto& transfer) { return transfer->in_flight; });
+  };
+  for (const auto& transfer : transfers_) {
+    if (transfer->in_flight) libusb_cancel_transfer(transfer->transfer);
+  }
+  for (int i = 0; i < 100 && busy(); ++i) {
+    timeval step{0, 10000};
+    libusb_handle_events_timeout_completed(context_, &step, nullptr);
+  }
+  for (auto& transfer : transfers_) {
+    // What the kernel does not give back within a second is left to it: freed, it would be written
+    // to after its end.
+    if (transfer->in_flight) {
+      static_cast<void>(transfer.release());
+    } else {
+      libusb_free_transfer(transfer->transfer);
+    }
+  }
+  transfers_.clear();
+  arrivals_.clear();
+  libusb_release_interface(handle_, kInterface);
+  libusb_close(handle_);
+  handle_ = nullptr;
+}
+
+int UsbSource::Control(std::uint8_t direction, std::uint8_t request, std::uint8_t report_id,
+                       std::span<std::uint8_t> bytes) {
+  if (handle_ == nullptr || !gone_.empty()) throw DeviceGone("no device is connected");
+  const int result = libusb_control_transfer(
+      handle_, direction | LIBUSB_REQUEST_TYPE_CLASS | LIBUSB_RECIPIENT_INTERFACE, request,
+      static_cast<std::uint16_t>(kFeatureReport | report_id), kInterface, bytes.data(),
+      static_cast<std::uint16_t>(bytes.size()), kControlTimeoutMs);
+  if (result == LIBUSB_ERROR_NO_DEVICE) {
+    gone_ = "was unplugged";
+    throw DeviceGone("the device went away");
+  }
+  if (result == LIBUSB_ERROR_PIPE) throw FeatureError("the device refused the request");
+  if (result == LIBUSB_ERROR_TIMEOUT) throw FeatureError("no answer within a second");
+  if (result < 0) throw FeatureError(libusb_strerror(result));
+  return result;
+}
+
+std::vector<std::uint8_t> UsbSource::GetFeature(std::uint8_t report_id) {
+  std::vector<std::uint8_t> report(kLargestReport);
+  const int size = Control(LIBUSB_ENDPOINT_IN, kGetReport, report_id, report);
+  report.resize(static_cast<std::size_t>(size));
+  if (report.empty() || report[0] != report_id) {
+    throw FeatureError("the answer is another feature report than the one asked for");
+  }
+  return report;
+}
+
+void UsbSource::SetFeature(std::span<const std::uint8_t> report) {
+  std::vector<std::uint8_t> bytes(report.begin(), report.end());
+  Control(LIBUSB_ENDPOINT_OUT, kSetReport, report[0], bytes);
+}
+
+}  // namespace torquer::daemon

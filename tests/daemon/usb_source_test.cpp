@@ -1,0 +1,310 @@
+// The daemon on unmodified libusb, against scripted devices in a mocked kernel.
+
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+
+#include "protocol/hid_reports.h"
+#include "protocol/usb_ids.h"
+#include "tests/daemon/daemon_process.h"
+#include "tests/daemon/reports.h"
+#include "tests/support/usb_testbed.h"
+
+namespace {
+
+using torquer::protocol::InputReport;
+using torquer::test::BytesOf;
+using torquer::test::ChildProcess;
+using torquer::test::ControlAnswer;
+using torquer::test::ControlRequest;
+using torquer::test::InputStep;
+using torquer::test::Listener;
+using torquer::test::Next;
+using torquer::test::StillReport;
+using torquer::test::UsbDeviceScript;
+using torquer::test::UsbTestbed;
+using torquer_lcm::instrument_command_t;
+
+constexpr double kMmPerCount = 25.4 / 1200;
+constexpr int kAddress = 5;
+
+template <class Report>
+std::vector<std::uint8_t> Bytes(const Report& report) {
+  std::vector<std::uint8_t> bytes(sizeof report);
+  std::memcpy(bytes.data(), &report, sizeof report);
+  return bytes;
+}
+
+// A healthy bench device.
+UsbDeviceScript Bench(const std::string& serial = "BENCH-7") {
+  torquer::protocol::IdentityReport identity{};
+  identity.report_id = torquer::protocol::kIdentityReportId;
+  identity.protocol_version = torquer::protocol::kProtocolVersion;
+  serial.copy(identity.serial, sizeof identity.serial);
+  torquer::protocol::ConfigurationReport configuration{};
+  configuration.report_id = torquer::protocol::kConfigurationReportId;
+  configuration.protocol_version = torquer::protocol::kProtocolVersion;
+  configuration.cpi = 1200;
+
+  UsbDeviceScript script;
+  script.vendor_id = torquer::protocol::kUsbVendorId;
+  script.product_id = torquer::protocol::kUsbProductId;
+  script.manufacturer = torquer::protocol::kUsbManufacturer;
+  script.product = torquer::protocol::kUsbProduct;
+  script.serial = serial;
+  script.control = [=](const ControlRequest& request) -> ControlAnswer {
+    // GET_REPORT of a feature report, to the interface.
+    if (request.type == 0xa1 && request.request == 1) {
+      if (request.value == 0x0302) return {ControlAnswer::Kind::kData, Bytes(identity)};
+      if (request.value == 0x0303) return {ControlAnswer::Kind::kData, Bytes(configuration)};
+    }
+    return {ControlAnswer::Kind::kStall};
+  };
+  return script;
+}
+
+InputStep Sends(const InputReport& report) { return {InputStep::Kind::kData, Bytes(report)}; }
+
+struct UsbChain {
+  std::unique_ptr<ChildProcess> Start(const std::vector<std::string>& more = {}) {
+    std::vector<std::string> words{torquer::test::kDaemonProgram, "--source", "usb",
+                                   "--uncalibrated"};
+    words.insert(words.end(), more.begin(), more.end());
+    return std::make_unique<ChildProcess>(words);
+  }
+  // Reports that move on by so many counts each; the last command that comes of them.
+  instrument_command_t Push(int address, int reports, int counts) {
+    listener.Forget();
+    for (int i = 0; i < reports; ++i) {
+      report = Next(report);
+      report.axial_counts += counts;
+      testbed.Input(address, Sends(report));
+    }
+    REQUIRE(listener.UntilCommands(static_cast<std::size_t>(reports)));
+    return listener.commands.back();
+  }
+
+  Listener listener{/*with_devices=*/true};
+  UsbTestbed testbed;
+  InputReport report = StillReport();
+};
+
+std::string RefusalOf(UsbChain& chain, const std::vector<std::string>& more = {}) {
+  const auto daemon = chain.Start(more);
+  CHECK(daemon->Wait() == 2);
+  return daemon->Error();
+}
+
+}  // namespace
+
+TEST_CASE("USB reports become commands; SIGTERM lets go of the device") {
+  UsbChain chain;
+  chain.testbed.Plug(kAddress, Bench());
+  const auto daemon = chain.Start();
+  REQUIRE(daemon->WaitForError("reading device BENCH-7 at USB bus 1 device 5"));
+  CHECK(chain.testbed.Claimed(kAddress));
+  const instrument_command_t command = chain.Push(kAddress, 500, 4);
+  CHECK(command.insertion_mm == Approx(499 * 4 * kMmPerCount));
+  CHECK(command.sequence == 499);
+  CHECK(chain.listener.samples.back().device == "BENCH-7");
+  daemon->Signal(SIGTERM);
+  CHECK(daemon->Wait() == 0);
+  CHECK(chain.listener.UntilHealth("stopping", "asked to stop"));
+  CHECK(chain.listener.counters["reports_lost"] == 0);
+  CHECK_FALSE(chain.testbed.Claimed(kAddress));
+  CHECK(chain.testbed.TransfersWaiting(kAddress) == 0);
+}
+
+TEST_CASE("Several transfers are in flight, so that no poll is missed") {
+  UsbChain chain;
+  chain.testbed.Plug(kAddress, Bench());
+  const auto daemon = chain.Start();
+  REQUIRE(daemon->WaitForError("reading device"));
+  REQUIRE(chain.listener.Until([&] { return chain.testbed.TransfersWaiting(kAddress) == 4; }));
+}
+
+TEST_CASE("Short packets, overlong packets and transfer errors are counted and survived") {
+  UsbChain chain;
+  chain.testbed.Plug(kAddress, Bench());
+  const auto daemon = chain.Start();
+  REQUIRE(daemon->WaitForError("reading device"));
+  const double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
+  std::vector<std::uint8_t> bytes = Bytes(Next(chain.report));
+  bytes.resize(20);
+  chain.testbed.Input(kAddress, {InputStep::Kind::kData, bytes});
+  bytes.resize(40);
+  chain.testbed.Input(kAddress, {InputStep::Kind::kData, bytes});
+  chain.testbed.Input(kAddress, {InputStep::Kind::kError});
+  const instrument_command_t after = chain.Push(kAddress, 10, 10);
+  CHECK(after.insertion_mm == Approx(before_mm + 100 * kMmPerCount));
+  REQUIRE(chain.listener.Until([&] { return chain.listener.counters["reports_received"] == 22; }));
+  CHECK(chain.listener.counters["reports_wrong_length"] == 2);
+  CHECK(chain.listener.counters["reports_lost"] == 0);
+}
+
+TEST_CASE("A stalled endpoint is cleared and read on") {
+  UsbChain chain;
+  chain.testbed.Plug(kAddress, Bench());
+  const auto daemon = chain.Start();
+  REQUIRE(daemon->WaitForError("reading device"));
+  const double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
+  chain.testbed.Input(kAddress, {InputStep::Kind::kStall});
+  CHECK(chain.Push(kAddress, 10, 10).insertion_mm == Approx(before_mm + 100 * kMmPerCount));
+  CHECK(chain.testbed.ClearedHalts(kAddress) == 1);
+}
+
+TEST_CASE("A device unplugged with transfers in flight is waited for and read on") {
+  // The kernel may tell by ending the transfers, by udev's event, or by both.
+  UsbChain chain;
+  chain.testbed.Plug(kAddress, Bench());
+  const auto daemon = chain.Start();
+  REQUIRE(daemon->WaitForError("reading device"));
+  double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
+  for (int round = 0; round < 3; ++round) {
+    chain.listener.Forget();
+    chain.testbed.Unplug(kAddress + round);
+    REQUIRE(chain.listener.UntilHealth("waiting for device", "was unplugged; holding"));
+    REQUIRE(chain.listener.UntilCommands(2));
+    CHECK(chain.listener.commands.back().insertion_mm == before_mm);
+    CHECK((chain.listener.commands.back().flags & torquer::bus::kCommandNoDevice) != 0);
+
+    chain.testbed.Plug(kAddress + round + 1, Bench());
+    REQUIRE(chain.listener.UntilHealth("running", "device BENCH-7 is back"));
+    chain.report = StillReport();
+    chain.report.boot_id = static_cast<std::uint8_t>(50 + round);
+    const instrument_command_t after = chain.Push(kAddress + round + 1, 10, 10);
+    CHECK(after.insertion_mm == Approx(before_mm + 90 * kMmPerCount));
+    before_mm = after.insertion_mm;
+  }
+  CHECK(chain.listener.counters["reports_lost"] == 0);
+  daemon->Signal(SIGINT);
+  CHECK(daemon->Wait() == 0);
+}
+
+TEST_CASE("A device unplugged without a word is noticed by its transfers") {
+  UsbChain chain;
+  chain.testbed.Plug(kAddress, Bench());
+  const auto daemon = chain.Start();
+  REQUIRE(daemon->WaitForError("reading device"));
+  chain.Push(kAddress, 10, 10);
+  chain.testbed.Unplug(kAddress, /*announce=*/false);
+  REQUIRE(chain.listener.UntilHealth("waiting for device", "was unplugged"));
+}
+
+TEST_CASE("A device plugged in after the start is found") {
+  UsbChain chain;
+  const auto daemon = chain.Start();
+  REQUIRE(daemon->WaitForError("waiting for USB (1209:0001)"));
+  chain.testbed.Plug(kAddress, Bench());
+  REQUIRE(daemon->WaitForError("reading device BENCH-7"));
+  CHECK(chain.Push(kAddress, 10, 10).insertion_mm == Approx(90 * kMmPerCount));
+}
+
+TEST_CASE("Among several devices the serial number chooses") {
+  UsbChain chain;
+  chain.testbed.Plug(kAddress, Bench("LEFT-1"));
+  chain.testbed.Plug(kAddress + 1, Bench("RIGHT-2"));
+  SECTION("without one, none is guessed") {
+    const std::string refusal = RefusalOf(chain);
+    CHECK(refusal.find("several bench devices are plugged in:") != std::string::npos);
+    CHECK(refusal.find("LEFT-1") != std::string::npos);
+    CHECK(refusal.find("RIGHT-2") != std::string::npos);
+    CHECK(refusal.find("--device") != std::string::npos);
+  }
+  SECTION("the one asked for is read, and no other takes its place") {
+    const auto daemon = chain.Start({"--device", "RIGHT-2"});
+    REQUIRE(daemon->WaitForError("reading device RIGHT-2 at USB bus 1 device 6"));
+    chain.Push(kAddress + 1, 10, 10);
+    chain.testbed.Unplug(kAddress + 1);
+    REQUIRE(chain.listener.UntilHealth("waiting for device", "was unplugged"));
+    chain.testbed.Plug(kAddress + 2, Bench("THIRD-3"));
+    chain.testbed.Plug(kAddress + 3, Bench("RIGHT-2"));
+    REQUIRE(daemon->WaitForError("device RIGHT-2 is back"));
+    CHECK_FALSE(chain.testbed.Claimed(kAddress + 2));
+  }
+}
+
+TEST_CASE("Other people's devices with the same test ids are left alone") {
+  UsbChain chain;
+  UsbDeviceScript other = Bench();
+  other.product = "Coffee machine";
+  chain.testbed.Plug(kAddress, other);
+  CHECK(RefusalOf(chain).find("no device: nothing at USB (1209:0001)") != std::string::npos);
+  CHECK_FALSE(chain.testbed.Claimed(kAddress));
+}
+
+TEST_CASE("Firmware on the USB that does not fit is refused with the command that mends it") {
+  UsbChain chain;
+  UsbDeviceScript script = Bench();
+  std::string expected;
+  SECTION("another protocol version") {
+    const auto healthy = script.control;
+    script.control = [healthy](const ControlRequest& request) {
+      ControlAnswer answer = healthy(request);
+      if (request.value == 0x0302) answer.data[1] = 3;
+      return answer;
+    };
+    expected = "firmware has protocol version 3, this program 1";
+  }
+  SECTION("a stalled identity") {
+    script.control = [](const ControlRequest&) {
+      return ControlAnswer{ControlAnswer::Kind::kStall};
+    };
+    expected = "does not tell its firmware version (the device refused the request)";
+  }
+  SECTION("an identity that never comes") {
+    script.control = [](const ControlRequest&) {
+      return ControlAnswer{ControlAnswer::Kind::kSilence};
+    };
+    expected = "does not tell its firmware version (no answer within a second)";
+  }
+  SECTION("an identity cut short") {
+    const auto healthy = script.control;
+    script.control = [healthy](const ControlRequest& request) {
+      ControlAnswer answer = healthy(request);
+      answer.data.resize(12);
+      return answer;
+    };
+    expected = "identity has 12 bytes instead of 32";
+  }
+  SECTION("another endpoint") {
+    script.input_packet_bytes = 8;
+    expected = "no input endpoint for reports of 32 bytes";
+  }
+  chain.testbed.Plug(kAddress, script);
+  const std::string refusal = RefusalOf(chain);
+  CAPTURE(refusal);
+  CHECK(refusal.find(expected) != std::string::npos);
+  CHECK(refusal.find("torquer-flash") != std::string::npos);
+}
+
+TEST_CASE("A device in its bootloader is told from none") {
+  UsbChain chain;
+  UsbDeviceScript script = Bench();
+  script.product_id = torquer::protocol::kUsbBootloaderProductId;
+  chain.testbed.Plug(kAddress, script);
+  const std::string refusal = RefusalOf(chain);
+  CAPTURE(refusal);
+  CHECK(refusal.find("a device waits in its bootloader") != std::string::npos);
+  CHECK(refusal.find("torquer-flash") != std::string::npos);
+}
+
+TEST_CASE("Without permission the udev rule is named") {
+  UsbChain chain;
+  chain.testbed.Plug(kAddress, Bench());
+  namespace fs = std::filesystem;
+  fs::permissions(fs::path(chain.testbed.Root()) / "dev/bus/usb/001/005", fs::perms::none);
+  // Root, if only of the namespace, would be let in all the same: its powers are taken away.
+  const std::vector<std::string> words{"/usr/bin/setpriv", "--bounding-set=-all",
+                                       "--inh-caps=-all",  torquer::test::kDaemonProgram,
+                                       "--source",         "usb",
+                                       "--uncalibrated"};
+  ChildProcess daemon(words);
+  const int status = daemon.Wait();
+  CAPTURE(daemon.Error());
+  CHECK(status == 2);
+  CHECK(daemon.Error().find("may not be opened by this user") != std::string::npos);
+  CHECK(daemon.Error().find("hardware/udev/70-torquer.rules") != std::string::npos);
+  CHECK(fs::exists(TORQUER_SOURCE_DIR "/hardware/udev/70-torquer.rules"));
+}
