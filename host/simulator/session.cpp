@@ -39,9 +39,9 @@ void Session::Restart() {
 
 const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
   status_ = command.in_doubt ? bus::kWireInDoubt : 0;
+  command_sequence_ = command.sequence;
   if (Usable(command.target)) {
     target_ = command.target;
-    command_sequence_ = command.sequence;
   } else {
     status_ |= bus::kWireInputRefused;
   }

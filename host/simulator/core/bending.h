@@ -30,15 +30,19 @@ struct BendingValue {
 inline BendingValue EvaluateBending(BendingLaw law, double y) {
   if (law == BendingLaw::kG1) return {y + y * y / 12, 1 + y / 6, 1.0 / 6};
   if (law == BendingLaw::kG2) return {y - y * y / 2, 1 - y, -1};
+  // 2 s asin(s) with s^2 = y/2 as a series; what is left out is below 1e-15 of the sum.
+  constexpr double kC[] = {1.0,          1.0 / 12,     3.0 / 160,      5.0 / 896,
+                           35.0 / 18432, 63.0 / 90112, 231.0 / 851968, 143.0 / 1310720};
+  if (y < 1e-4) {  // where most joints of a fine wire are
+    return {y * (1 + y * (kC[1] + y * (kC[2] + y * kC[3]))),
+            1 + y * (2 * kC[1] + y * (3 * kC[2] + y * (4 * kC[3]))),
+            2 * kC[1] + y * (6 * kC[2] + y * (12 * kC[3]))};
+  }
   if (y < 0.06) {
-    // 2 s asin(s) with s^2 = y/2. The first term left out is below 1e-15 of the sum: of eight terms
-    // up to y = 0.06, of four up to 1e-4, where most joints of a fine wire are.
-    constexpr double kC[] = {1.0,          1.0 / 12,     3.0 / 160,      5.0 / 896,
-                             35.0 / 18432, 63.0 / 90112, 231.0 / 851968, 143.0 / 1310720};
     double g = 0;
     double slope = 0;
     double curvature = 0;
-    for (int k = y < 1e-4 ? 3 : 7; k > 0; --k) {
+    for (int k = 7; k > 0; --k) {
       g = (g + kC[k]) * y;
       slope = (slope + kC[k] * (k + 1)) * y;
       curvature = curvature * y + kC[k] * (k + 1) * k;

@@ -252,22 +252,27 @@ void WireMechanics::Model(const WireState& state, const std::vector<std::uint8_t
                           Expansion& out) const {
   SumLoads(
       state, [&active](std::size_t k) { return active[k] != 0; }, out);
-  SumGradient(state, out);
+  SumCostate(out);
+}
+
+void WireMechanics::SumCostate(Expansion& out) {
+  const std::size_t n = out.load_index.size();
+  out.costate[n].setZero();
+  for (std::size_t i = n; i-- > 0;) {
+    out.costate[i] = out.costate[i + 1];
+    if (out.load_index[i] >= 0) {
+      out.costate[i] += out.loads[static_cast<std::size_t>(out.load_index[i])].g0;
+    }
+  }
 }
 
 double WireMechanics::SumGradient(const WireState& state, Expansion& out) const {
   const int n = state.segments();
   double residual = 0;
-  out.costate[n].setZero();
+  SumCostate(out);
   for (int i = n - 1; i >= 0; --i) {
-    const double length = state.SegmentLength(model_, i);
-    Vector3d lever = length * out.costate[i + 1];
-    out.costate[i] = out.costate[i + 1];
-    if (out.load_index[i] >= 0) {
-      const LoadTerms& load = out.loads[out.load_index[i]];
-      lever += load.g1;
-      out.costate[i] += load.g0;
-    }
+    Vector3d lever = state.SegmentLength(model_, i) * out.costate[i + 1];
+    if (out.load_index[i] >= 0) lever += out.loads[out.load_index[i]].g1;
     const Vector3d& normal = state.normals[i];
     Vector2d g(normal.dot(lever), out.seconds[i].dot(lever));
     g += out.joints[i].gradient_distal;

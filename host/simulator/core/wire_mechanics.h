@@ -82,8 +82,9 @@ class WireMechanics {
 
   /// Energy, gradient and Hessian blocks with the tangent planes given by state.normals.
   void Expand(const WireState& state, Expansion& out);
-  /// Makes loads, costate and gradient those of the model in which exactly the near points with
-  /// `active` (one a near point) feel the wall. Energy and residual stay those of the state.
+  /// Makes loads and costate those of the model in which exactly the near points with
+  /// `active` (one a near point) feel the wall. Energy, gradient and residual stay those of the
+  /// state.
   void Model(const WireState& state, const std::vector<std::uint8_t>& active, Expansion& out) const;
 
   /// The same without Hessians (and without Hessian look-ups).
@@ -109,6 +110,7 @@ class WireMechanics {
                const Eigen::Matrix3d* hessian, Expansion& out) const;
   template <class IsActive>
   void SumLoads(const WireState& state, IsActive is_active, Expansion& out) const;
+  static void SumCostate(Expansion& out);
   double SumGradient(const WireState& state, Expansion& out) const;
   void SumTrueGradient(const WireState& state, Expansion& out) const;
   void ExpandAll(const WireState& state, bool with_hessian, Expansion& out);

@@ -1,0 +1,42 @@
+#include "host/support/csv_table.h"
+
+#include <catch2/catch.hpp>
+#include <fstream>
+
+#include "tests/support/temporary_folder.h"
+
+using Catch::Matchers::Contains;
+
+namespace {
+
+struct Csv {
+  torquer::test::TemporaryFolder folder;
+  std::string path = folder.Path() + "/t.csv";
+  explicit Csv(const std::string& text) { std::ofstream(path) << text; }
+};
+
+}  // namespace
+
+TEST_CASE("A CSV table gives its rows with their lines", "[scene]") {
+  const Csv csv("a,b\n# note\n1,2\n\n 3 ,x\r\n");
+  const auto rows = torquer::ReadCsv(csv.path, "a,b");
+  REQUIRE(rows.size() == 2);
+  CHECK(rows[0].line == 3);
+  CHECK(torquer::CsvNumber(csv.path, "a,b", rows[0], 1) == 2);
+  CHECK(rows[1].line == 5);
+  CHECK(torquer::CsvNumber(csv.path, "a,b", rows[1], 0) == 3);
+  CHECK_THROWS_WITH(torquer::CsvNumber(csv.path, "a,b", rows[1], 1),
+                    Contains("t.csv:5: b is 'x'; give a finite number"));
+}
+
+TEST_CASE("A CSV table says what is wrong and where", "[scene]") {
+  CHECK_THROWS_WITH(torquer::ReadCsv("no/such.csv", "a"), Contains("no/such.csv"));
+  CHECK_THROWS_WITH(torquer::ReadCsv(Csv("b,a\n").path, "a,b"), Contains("t.csv"));
+  const Csv wrong("b,a\n1,2\n");
+  CHECK_THROWS_WITH(torquer::ReadCsv(wrong.path, "a,b"),
+                    Contains("t.csv:1: the header is 'b,a'; it must be 'a,b'"));
+  const Csv ragged("a,b\n1,2\n1\n");
+  CHECK_THROWS_WITH(torquer::ReadCsv(ragged.path, "a,b"), Contains("t.csv:3: 1 values"));
+  const Csv empty("");
+  CHECK_THROWS_WITH(torquer::ReadCsv(empty.path, "a,b"), Contains("empty"));
+}

@@ -1,0 +1,91 @@
+#include "host/simulator/replay.h"
+
+#include <catch2/catch.hpp>
+#include <lcm/lcm-cpp.hpp>
+#include <random>
+
+#include "host/bus/channels.h"
+#include "host/simulator/session.h"
+#include "tests/simulator/scenes.h"
+
+using Catch::Matchers::Contains;
+using torquer::simulator::Command;
+using torquer::simulator::Session;
+using torquer::test::SceneFile;
+
+namespace {
+
+// Runs a session of `ticks` with budgets that end anywhere, as a clock would, and records it;
+// `spoil` may change or (returning false) drop a state on its way to the log.
+void Record(const std::string& scene_file, const std::string& log, int ticks,
+            const std::function<bool(torquer_lcm::wire_state_t&)>& spoil) {
+  torquer::scene::Scene scene(scene_file);
+  Session session(scene);
+  lcm::LogFile file(log, "w");
+  REQUIRE(file.good());
+  std::mt19937 random(20161108);
+  for (int tick = 0; tick <= ticks; ++tick) {
+    if (tick > 0) {
+      Command command;
+      command.sequence = tick;
+      command.target = {120 + 15 * std::sin(0.07 * tick) + 0.013 * tick,
+                        0.1 * std::cos(0.2 * tick)};
+      torquer::CountedBudget budget(static_cast<int>(1 + random() % 12));
+      session.Tick(command, budget);
+    }
+    torquer_lcm::wire_state_t state;
+    state.instrument = torquer::bus::kGuidewire;
+    session.Describe(state);
+    if (!spoil(state)) continue;
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(state.getEncodedSize()));
+    state.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    lcm::LogEvent event;
+    event.eventnum = tick;
+    event.timestamp = tick;
+    event.channel = torquer::bus::kWireStateChannel;
+    event.datalen = static_cast<int>(bytes.size());
+    event.data = bytes.data();
+    file.writeEvent(&event);
+  }
+}
+
+bool Keep(torquer_lcm::wire_state_t&) { return true; }
+
+}  // namespace
+
+TEST_CASE("A replay repeats the work and reaches the same states to the bit", "[simulator]") {
+  const std::string more = GENERATE(std::string(""), std::string(torquer::test::kFriction),
+                                    std::string(torquer::test::kPaperMethod));
+  const SceneFile file(more);
+  Record(file.path(), file.Beside("log"), 150, Keep);
+  torquer::scene::Scene scene(file.path());
+  const auto result = torquer::simulator::Replay(scene, file.Beside("log"));
+  CHECK(result.states == 151);
+  CHECK(result.differing == 0);
+}
+
+TEST_CASE("A replay tells a state that differs, and refuses a log with a gap", "[simulator]") {
+  const SceneFile file;
+  torquer::scene::Scene scene(file.path());
+  Record(file.path(), file.Beside("other"), 20, [](torquer_lcm::wire_state_t& state) {
+    if (state.tick == 7) state.state_hash ^= 1;
+    return true;
+  });
+  const auto result = torquer::simulator::Replay(scene, file.Beside("other"));
+  CHECK(result.differing == 1);
+  CHECK(result.first_difference == 7);
+
+  // Work that was not done leads elsewhere from there on.
+  Record(file.path(), file.Beside("less"), 20, [](torquer_lcm::wire_state_t& state) {
+    if (state.tick == 5) state.commanded_rotation_rad += 1e-3;
+    return true;
+  });
+  CHECK(torquer::simulator::Replay(scene, file.Beside("less")).first_difference == 5);
+
+  Record(file.path(), file.Beside("gap"), 20,
+         [](torquer_lcm::wire_state_t& state) { return state.tick != 9; });
+  CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("gap")), Contains("tick 8"));
+  Record(file.path(), file.Beside("empty"), 0, [](torquer_lcm::wire_state_t&) { return false; });
+  CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("empty")),
+                    Contains("holds no wire state"));
+}
