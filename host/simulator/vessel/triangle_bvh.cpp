@@ -20,7 +20,7 @@ constexpr int kStackDepth = 128;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Boxes are left out only when they are further than the best by more than rounding: whichever way
 // a search goes, it meets every triangle that could be the nearest.
-constexpr double kSlack = 1 + 1e-9;
+constexpr double kSlack = 1 + 1e-9, kRoundingMm = 1e-9;
 // A face less high than this share of its longest edge has no normal to rely on.
 constexpr double kSliver = 1e-3;
 // Nodes further away than this many times their reach count as one dipole.
@@ -120,7 +120,7 @@ int32_t TriangleBvh::BuildNode(int32_t first, int32_t count, const std::vector<A
 void TriangleBvh::FindNormals() {
   std::map<std::pair<int32_t, int32_t>, Vector3d> edges;
   std::vector<Vector3d> corners(mesh_.vertices_mm.size(), Vector3d::Zero());
-  const auto key = [](int32_t a, int32_t b) { return std::minmax(a, b); };
+  const auto key = [](int32_t a, int32_t b) { return std::pair(std::min(a, b), std::max(a, b)); };
   for (size_t i = 0; i < faces_.size(); ++i) {
     for (int corner = 0; corner < 3; ++corner) {
       const auto& triangle = mesh_.triangles[i];
@@ -265,82 +265,74 @@ TriangleBvh::Nearest TriangleBvh::NearestTo(const Vector3d& point_mm) const {
 }
 
 // Neighboring samples have few triangles in common that could be nearest: those within the block's
-// own size of the nearest to its center. Sorted by distance from the center, a sample need only
-// look at the first few.
+// own size of the nearest to its center. And the distance to a triangle is a convex function: it is
+// nowhere below its tangent at the center, which costs next to nothing to look at.
 void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, int count,
                              double* distances) const {
   constexpr int kBlock = 3;
-  constexpr size_t kManyCandidates = 400;
-  struct Candidate {
-    double distance;
-    int32_t triangle;
-  };
   thread_local std::vector<Candidate> candidates;
   int32_t last = 0;  // nearest triangle of the block before: a first guess
   for (int k0 = 0; k0 < count; k0 += kBlock) {
     for (int j0 = 0; j0 < count; j0 += kBlock) {
       for (int i0 = 0; i0 < count; i0 += kBlock) {
-        const int i1 = std::min(i0 + kBlock, count) - 1, j1 = std::min(j0 + kBlock, count) - 1,
-                  k1 = std::min(k0 + kBlock, count) - 1;
-        const Vector3d low(x[i0], y[j0], z[k0]), high(x[i1], y[j1], z[k1]);
+        const int i1 = std::min(i0 + kBlock, count), j1 = std::min(j0 + kBlock, count),
+                  k1 = std::min(k0 + kBlock, count);
+        const Vector3d low(x[i0], y[j0], z[k0]), high(x[i1 - 1], y[j1 - 1], z[k1 - 1]);
         const Vector3d center = (low + high) / 2;
-        const double reach = (high - low).norm() / 2;
-        Hit guess;
-        Look(last, center, guess);
-        const Hit nearest = Search(center, guess);
+        Hit nearest;
+        Look(last, center, nearest);
+        nearest = Search(center, nearest);
         last = nearest.triangle;
-        const double limit = (std::sqrt(nearest.squared) + 2 * reach) * kSlack;
-        candidates.clear();
-        int32_t stack[kStackDepth];
-        int size = 0;
-        stack[size++] = 0;
-        while (size > 0 && candidates.size() <= kManyCandidates) {
-          const int32_t index = stack[--size];
-          const Node& node = nodes_[index];
-          if (SquaredDistance(node.box, center) > limit * limit * kSlack) continue;
-          if (node.count == 0) {
-            stack[size++] = node.first;
-            stack[size++] = index + 1;
-            continue;
-          }
-          for (int32_t i = node.first; i < node.first + node.count; ++i) {
-            Hit hit;
-            Look(order_[i], center, hit);
-            const double distance = std::sqrt(hit.squared);
-            if (distance <= limit) candidates.push_back({distance, order_[i]});
-          }
-        }
-        const bool many = candidates.size() > kManyCandidates;
-        if (!many) {
-          std::sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
-            return a.distance != b.distance ? a.distance < b.distance : a.triangle < b.triangle;
-          });
-        }
-        for (int k = k0; k <= k1; ++k) {
-          for (int j = j0; j <= j1; ++j) {
-            for (int i = i0; i <= i1; ++i) {
-              const Vector3d p(x[i], y[j], z[k]);
-              Hit best;
-              if (many) {
-                Look(last, p, best);
-                best = Search(p, best);
-              } else {
-                const double off = (p - center).norm();
-                double bound = kInfinity;
-                Hit hit;
-                for (const Candidate& candidate : candidates) {
-                  if (candidate.distance > bound) break;
-                  Look(candidate.triangle, p, hit);
-                  if (!hit.Beats(best)) continue;
-                  best = hit;
-                  bound = (std::sqrt(best.squared) + off) * kSlack;
-                }
+        Gather(center, std::sqrt(nearest.squared) + (high - low).norm(), candidates);
+        for (int k = k0; k < k1; ++k) {
+          for (int j = j0; j < j1; ++j) {
+            for (int i = i0; i < i1; ++i) {
+              const Vector3d p(x[i], y[j], z[k]), off = p - center;
+              Hit best, hit;
+              Look(last, p, best);
+              double bound = std::sqrt(best.squared) * kSlack + kRoundingMm;
+              for (const Candidate& candidate : candidates) {
+                if (candidate.distance + candidate.gradient.dot(off) > bound) continue;
+                Look(candidate.triangle, p, hit);
+                if (!hit.Beats(best)) continue;
+                best = hit;
+                bound = std::sqrt(best.squared) * kSlack + kRoundingMm;
               }
+              last = best.triangle;
               distances[(k * count + j) * count + i] = Signed(p, best);
             }
           }
         }
       }
+    }
+  }
+}
+
+// All triangles within limit_mm of a point, with the tangents of their distances.
+void TriangleBvh::Gather(const Vector3d& p, double limit_mm,
+                         std::vector<Candidate>& candidates) const {
+  candidates.clear();
+  const double limit = limit_mm * kSlack + kRoundingMm;
+  int32_t stack[kStackDepth];
+  int size = 0;
+  stack[size++] = 0;
+  Hit hit;
+  while (size > 0) {
+    const int32_t index = stack[--size];
+    const Node& node = nodes_[index];
+    if (SquaredDistance(node.box, p) > limit * limit) continue;
+    if (node.count == 0) {
+      stack[size++] = node.first;
+      stack[size++] = index + 1;
+      continue;
+    }
+    for (int32_t i = node.first; i < node.first + node.count; ++i) {
+      Look(order_[i], p, hit);
+      const double distance = std::sqrt(hit.squared);
+      if (distance > limit) continue;
+      Candidate candidate{distance, Vector3d::Zero(), order_[i]};
+      if (distance > 0) candidate.gradient = hit.from / distance;
+      candidates.push_back(candidate);
     }
   }
 }

@@ -81,6 +81,13 @@ class TriangleBvh final : public DistanceSource {
     }
   };
 
+  // A triangle that may be nearest to points about a center, and its distance's tangent there.
+  struct Candidate {
+    double distance;
+    Eigen::Vector3d gradient;
+    int32_t triangle;
+  };
+
   int32_t BuildNode(int32_t first, int32_t count, const std::vector<Eigen::AlignedBox3d>& boxes,
                     const std::vector<Eigen::Vector3d>& centers);
   void FindNormals();
@@ -88,6 +95,7 @@ class TriangleBvh final : public DistanceSource {
   inline void Look(int32_t triangle, const Eigen::Vector3d& p, Hit& hit) const;
   Hit Search(const Eigen::Vector3d& p, Hit best) const;
   Hit Search(const Eigen::Vector3d& p) const { return Search(p, Hit()); }
+  void Gather(const Eigen::Vector3d& p, double limit_mm, std::vector<Candidate>& candidates) const;
   double Signed(const Eigen::Vector3d& p, const Hit& hit) const;
 
   TriangleMesh mesh_;
