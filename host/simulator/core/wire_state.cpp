@@ -131,22 +131,24 @@ double ShortestFirst(const WireModel& model) { return model.segment_mm() / 2; }
 
 }  // namespace
 
-void FeedFirstSegment(const WireModel& model, double delta_mm, WireState& state) {
+void FeedFirstSegment(const WireModel& model, WireState& state) {
   const double lambda = model.segment_mm();
-  state.first_segment_mm += delta_mm;
   if (state.segments() == 0) {
-    if (state.insertion_mm < ShortestFirst(model)) return;
     state.first_segment_mm = state.insertion_mm;
-    state.tangents.push_back(model.sheath().direction);
+    if (state.insertion_mm >= ShortestFirst(model)) {
+      state.tangents.push_back(model.sheath().direction);
+    }
     return;
   }
+  // From the insertion rather than by adding up: no drift, however often it is fed.
+  state.first_segment_mm = state.insertion_mm - (state.segments() - 1) * lambda;
   if (state.first_segment_mm >= 1.5 * lambda) {
     state.first_segment_mm -= lambda;
     state.tangents.insert(state.tangents.begin(), state.tangents.front());
   } else if (state.first_segment_mm < ShortestFirst(model)) {
     if (state.segments() == 1) {
       state.tangents.clear();
-      state.first_segment_mm = 0;
+      state.first_segment_mm = state.insertion_mm;
       return;
     }
     const Vector3d joined = state.first_segment_mm * state.tangents[0] + lambda * state.tangents[1];
@@ -181,7 +183,7 @@ double FeedAlongItself(const WireModel& model, double delta_mm, WireState& state
       if (norm > 1e-3) state.tangents[i] = chord / norm;
     }
   }
-  FeedFirstSegment(model, fed, state);
+  FeedFirstSegment(model, state);
   PlaceNodes(model, 1, state);
   TransportNormals(model, state);
   return fed;
