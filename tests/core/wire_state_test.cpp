@@ -1,0 +1,245 @@
+#include "host/simulator/core/wire_state.h"
+
+#include <catch2/catch.hpp>
+#include <numbers>
+
+#include "tests/support/invariants.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+TEST_CASE("Feeding and retracting keep lengths exact, however it is done") {
+  const WireModel model = MakeWire({.segment_mm = 1.5, .tip_mm = 6, .max_length_mm = 40});
+  std::mt19937 random(2);
+  std::uniform_real_distribution<double> feed(-0.75, 0.75);
+  WireState state = Wander(model, 20, 0.3, random);
+  int splits = 0;
+  for (int k = 0; k < 3000; ++k) {
+    // Drifts to one end and back, so that both are met.
+    const double wanted = feed(random) / 2 + (k / 500 % 2 ? -0.375 : 0.375);
+    const double before = state.insertion_mm;
+    const int segments = state.segments();
+    const double fed = FeedAlongItself(model, wanted, state);
+    REQUIRE(BrokenGeometry(model, state) == "");
+    REQUIRE(state.insertion_mm == Approx(before + fed).margin(1e-12));
+    REQUIRE(fed == Approx(std::clamp(before + wanted, 0.0, 40.0) - before).margin(1e-12));
+    splits += state.segments() != segments;
+  }
+  CHECK(splits > 50);
+}
+
+TEST_CASE("A wire in a bend slides along itself") {
+  // Along an arc of radius 20: after any feed the nodes still lie on it, but for the end, which
+  // goes on straight.
+  const WireModel model = MakeWire({.segment_mm = 1});
+  const double radius = 20;
+  std::vector<Vector3d> arc;
+  for (double a = 0.01; a < 2; a += 0.01) {
+    arc.emplace_back(radius * std::sin(a), radius * (1 - std::cos(a)), 0);
+  }
+  const auto off_arc = [&](const WireState& state, int nodes) {
+    double worst = 0;
+    for (int i = 0; i <= nodes; ++i) {
+      worst = std::max(
+          worst,
+          std::abs((state.nodes[static_cast<std::size_t>(i)] - Vector3d(0, radius, 0)).norm() -
+                   radius));
+    }
+    return worst;
+  };
+  WireState state(model);
+  LayAlong(model, arc, 25.2, state);
+  REQUIRE(off_arc(state, state.segments()) < 1e-3);
+  const int nodes = state.segments();
+  for (int k = 0; k < 150; ++k) FeedAlongItself(model, 0.02, state);
+  // Resampling between nodes cuts the corners of the polyline: about lambda^2/4R a segment fed.
+  CHECK(off_arc(state, nodes) < 0.1);
+  CHECK(state.segments() == nodes + 3);
+
+  LayAlong(model, arc, 25.2, state);
+  for (int k = 0; k < 150; ++k) FeedAlongItself(model, -0.02, state);
+  CHECK(off_arc(state, state.segments()) < 0.1);
+  CHECK(state.segments() == nodes - 3);
+}
+
+TEST_CASE("The tip keeps its directions when the wire is fed") {
+  const WireModel model = MakeWire({.tip_mm = 5});
+  std::mt19937 random(3);
+  WireState state = Wander(model, 20, 0.3, random);
+  const std::vector<Vector3d> before = state.tangents;
+  FeedAlongItself(model, 0.4, state);
+  for (std::size_t k = 1; k <= 5; ++k) {
+    CHECK((state.tangents[state.tangents.size() - k] - before[before.size() - k]).norm() == 0);
+  }
+  CHECK((state.tangents[10] - before[10]).norm() > 1e-3);
+}
+
+TEST_CASE("A wire retracted to nothing is as at the start") {
+  const WireModel model = MakeWire({.segment_mm = 1});
+  std::mt19937 random(4);
+  for (const double length : {0.3, 0.7, 5.0, 20.2}) {
+    WireState state = Wander(model, length, 0.2, random);
+    const double step = std::uniform_real_distribution<double>(0.05, 0.5)(random);
+    while (state.insertion_mm > 0) FeedAlongItself(model, -step, state);
+    CHECK(state.segments() == 0);
+    CHECK(BrokenGeometry(model, state) == "");
+    CHECK(HashState(state) == HashState(WireState(model)));
+    // And goes in again straight.
+    while (state.insertion_mm < 3.4) FeedAlongItself(model, 0.1, state);
+    const WireState fresh = LayStraight(model, state.insertion_mm);
+    REQUIRE(state.segments() == fresh.segments());
+    CHECK(LargestDistance(state, fresh) < 1e-12);
+  }
+}
+
+TEST_CASE("Less than half a segment is held back, and nothing of it is lost") {
+  const WireModel model = MakeWire({.segment_mm = 2});
+  WireState state(model);
+  for (int k = 0; k < 9; ++k) FeedAlongItself(model, 0.1, state);
+  CHECK(state.segments() == 0);
+  CHECK(state.insertion_mm == Approx(0.9));
+  FeedAlongItself(model, 0.2, state);
+  CHECK(state.segments() == 1);
+  CHECK(state.ArcLength(model) == Approx(1.1));
+  CHECK(state.nodes.back()[0] == Approx(1.1));
+}
+
+TEST_CASE("A wire laid along a path has exact lengths and follows within a segment") {
+  const WireModel model = MakeWire({.segment_mm = 0.7, .max_length_mm = 300});
+  std::vector<Vector3d> path;
+  for (double t = 0; t < 12; t += 0.05) {
+    path.emplace_back(10 * std::sin(t), 10 * (1 - std::cos(t)), 3 * t);
+  }
+  for (const double length : {0.0, 0.2, 0.35, 1.0, 50.0, 50.34, 50.36, 140.0}) {
+    WireState state(model);
+    LayAlong(model, path, length, state);
+    INFO("length " << length);
+    CHECK(BrokenGeometry(model, state) == "");
+    CHECK(state.insertion_mm == Approx(length));
+    for (const Vector3d& x : state.nodes) {
+      double nearest = 1e9;
+      for (std::size_t k = 1; k < path.size(); ++k) {
+        const Vector3d ab = path[k] - path[k - 1];
+        const double t = std::clamp((x - path[k - 1]).dot(ab) / ab.squaredNorm(), 0.0, 1.0);
+        nearest = std::min(nearest, (path[k - 1] + t * ab - x).norm());
+      }
+      const bool past_the_end = length > 120 && x[2] > path.back()[2] - 1;
+      if (!past_the_end) CHECK(nearest < 1e-9);
+    }
+  }
+  // Past the path's end it goes on straight.
+  WireState state(model);
+  LayAlong(model, path, 200, state);
+  CHECK((state.tangents.back() - *(state.tangents.end() - 20)).norm() < 1e-12);
+  // No path at all: straight out of the sheath. A target out of range is held to it.
+  LayAlong(model, {}, 1e9, state);
+  CHECK(state.insertion_mm == 300);
+  CHECK((state.nodes.back() - Vector3d(300, 0, 0)).norm() < 1e-9);
+}
+
+TEST_CASE("Parallel transport is the smallest rotation") {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  const auto unit = [&] {
+    return Vector3d(normal(random), normal(random), normal(random)).normalized();
+  };
+  for (int k = 0; k < 200; ++k) {
+    const Vector3d from = unit();
+    const Vector3d to = unit();
+    const Vector3d across = from.cross(unit()).normalized();
+    const Vector3d expected = Eigen::Quaterniond::FromTwoVectors(from, to) * across;
+    CHECK((ParallelTransport(across, from, to) - expected).norm() < 1e-9);
+  }
+  // Opposite directions have no smallest rotation; any result across the target will do.
+  const Vector3d turned =
+      ParallelTransport(Vector3d::UnitY(), Vector3d::UnitX(), -Vector3d::UnitX());
+  CHECK(turned.norm() == Approx(1));
+  CHECK(turned[0] == 0);
+}
+
+TEST_CASE("Rest directions follow the untwisted frame, in whatever frames the state is kept") {
+  const WireModel model = MakeWire({.tip_mm = 12, .tip_curvature_1_per_mm = 0.2});
+  std::mt19937 random(6);
+  std::uniform_real_distribution<double> angle(-3, 3);
+  WireState state = Wander(model, 30, 0.6, random);
+  state.SetRotation(0.8);
+
+  // The untwisted frame, turned by the rotation, from quaternions alone.
+  std::vector<Vector3d> expected;
+  Vector3d u = model.sheath().direction;
+  Vector3d a = model.sheath_normal();
+  for (int joint = 0; joint < state.segments(); ++joint) {
+    if (joint > 0) {
+      const Vector3d& next = state.tangents[static_cast<std::size_t>(joint - 1)];
+      a = Eigen::Quaterniond::FromTwoVectors(u, next) * a;
+      u = next;
+    }
+    const Vector3d first = Eigen::AngleAxisd(0.8, u) * a;
+    const int from_tip = state.segments() - joint;
+    const Vector3d& rest = model.rest_direction(from_tip);
+    expected.push_back(rest[0] * first + rest[1] * u.cross(first) + rest[2] * u);
+  }
+  // Joints 0 and 1 stand for other lengths; neither is in the tip here.
+  REQUIRE(state.segments() - 1 > model.first_straight_joint());
+  const auto check = [&] {
+    for (int joint = 0; joint < state.segments(); ++joint) {
+      INFO("joint " << joint);
+      CHECK(
+          (RestDirection(model, state, joint) - expected[static_cast<std::size_t>(joint)]).norm() <
+          1e-12);
+    }
+  };
+  UpdateSpin(model, state);
+  check();
+  for (std::size_t i = 0; i < state.normals.size(); ++i) {
+    state.normals[i] = Eigen::AngleAxisd(angle(random), state.tangents[i]) * state.normals[i];
+  }
+  UpdateSpin(model, state);
+  check();
+  TransportNormals(model, state);
+  check();
+}
+
+TEST_CASE("A closed loop of tangents turns the frame by the solid angle it encloses") {
+  // Tangents along x, y, z, x: an eighth of the sphere, pi/2.
+  Vector3d normal = Vector3d::UnitY();
+  const Vector3d loop[] = {Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ(),
+                           Vector3d::UnitX()};
+  for (int k = 0; k < 3; ++k) normal = ParallelTransport(normal, loop[k], loop[k + 1]);
+  const double angle = std::atan2(normal[2], normal[1]);
+  CHECK(angle == Approx(std::numbers::pi / 2));
+}
+
+TEST_CASE("At a split and a merge the rest shape and the stiffness of the clamp go on evenly") {
+  const WireModel model = MakeWire({.segment_mm = 1, .tip_mm = 20, .tip_curvature_1_per_mm = 0.1});
+  const auto rest_turn = [&](const WireState& state) {
+    double sum = 0;
+    for (int joint = 0; joint < state.segments(); ++joint) {
+      const Vector3d& before = joint == 0 ? model.sheath().direction
+                                          : state.tangents[static_cast<std::size_t>(joint - 1)];
+      sum += std::acos(RestDirection(model, state, joint).dot(before));
+    }
+    return sum;
+  };
+  WireState before = LayStraight(model, 5.5 - 1e-9);
+  WireState after = LayStraight(model, 5.5 + 1e-9);
+  REQUIRE(after.segments() == before.segments() + 1);
+  CHECK(rest_turn(before) == Approx(rest_turn(after)).epsilon(1e-6));
+  CHECK(rest_turn(before) == Approx(0.1 * 5.0).epsilon(1e-6));  // the last half segment is straight
+}
+
+TEST_CASE("The hash tells states apart and equal ones not") {
+  const WireModel model = MakeWire({});
+  const WireState a = LayStraight(model, 10);
+  WireState b = a;
+  CHECK(HashState(a) == HashState(b));
+  b.nodes[3][1] = 1e-300;
+  CHECK(HashState(a) != HashState(b));
+  b = a;
+  b.SetRotation(1e-9);
+  CHECK(HashState(a) != HashState(b));
+}
+
+}  // namespace
+}  // namespace torquer::test
