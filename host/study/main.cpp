@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "host/study/paper.h"
+#include "host/study/scaling.h"
 #include "host/study/study.h"
 #include "host/support/error.h"
 
@@ -18,6 +19,7 @@ namespace {
 std::vector<std::unique_ptr<Study>> AllStudies() {
   std::vector<std::unique_ptr<Study>> studies;
   studies.push_back(MakePaperStudy());
+  studies.push_back(MakeScalingStudy());
   return studies;
 }
 

@@ -1,0 +1,268 @@
+#include "host/study/scaling.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/paper/paper_relaxation.h"
+#include "host/simulator/effects/friction.h"
+#include "host/simulator/vessel/phantoms.h"
+#include "host/study/cpu_time.h"
+#include "host/study/wires.h"
+
+namespace torquer::study {
+namespace {
+
+constexpr double kFriction = 0.1;
+constexpr double kSlipMm = 0.005;
+constexpr int kPlenty = 1000000;
+
+double Quantile(std::vector<double> values, double q) {
+  const auto k = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(k), values.end());
+  return values[k];
+}
+
+// A wire in the T-Y phantom, relaxed by Newton's method.
+class NewtonRun {
+ public:
+  NewtonRun(const vessel::TubeVessel& vessel, const StudyWire& wire, double segment_mm,
+            double max_length_mm, double friction)
+      : model_(segment_mm, wire.sections, wire.tip_mm, max_length_mm, BendingLaw::kExact,
+               {vessel.entry_point_mm(), vessel.entry_direction()}),
+        wall_{wire.wall_stiffness_N_mm2, 2},
+        friction_(friction, kSlipMm, {model_, wall_}),
+        terms_(friction > 0 ? std::vector<EnergyTerm*>{&friction_} : std::vector<EnergyTerm*>{}),
+        relaxation_(model_, *vessel.field, wall_, NewtonSettings(), terms_),
+        state_(model_) {
+    relaxation_.Restart(state_);
+  }
+
+  TickReport Feed(double delta_mm) {
+    target_.insertion_mm += delta_mm;
+    CountedBudget budget(kPlenty);
+    return relaxation_.Tick(target_, budget, state_);
+  }
+  void FeedTo(double insertion_mm) {
+    while (target_.insertion_mm < insertion_mm) {
+      Feed(std::min(0.5, insertion_mm - target_.insertion_mm));
+    }
+  }
+  const WireState& state() const { return state_; }
+
+ private:
+  WireModel model_;
+  WallModel wall_;
+  effects::Friction friction_;
+  std::vector<EnergyTerm*> terms_;
+  NewtonRelaxation relaxation_;
+  WireState state_;
+  HandTarget target_;
+};
+
+struct ActionCost {
+  std::vector<double> ms;
+  int unconverged = 0;
+  double iterations = 0;
+  double worst_residual = 0;
+};
+
+// The hand's usual feeds: 0.02, 0.05 and 0.1 mm in turn, the last stretch before `to_mm`.
+ActionCost MeasureFeeds(NewtonRun& run, double to_mm, int actions) {
+  constexpr double kFeeds[] = {0.02, 0.05, 0.1};
+  run.FeedTo(to_mm - actions * 0.17 / 3);
+  ActionCost cost;
+  for (int k = 0; k < actions; ++k) {
+    const double start_s = ThreadCpuSeconds();
+    const TickReport report = run.Feed(kFeeds[k % 3]);
+    cost.ms.push_back(1e3 * (ThreadCpuSeconds() - start_s));
+    cost.unconverged += !report.converged;
+    cost.iterations += report.iterations;
+    cost.worst_residual = std::max(cost.worst_residual, report.residual);
+  }
+  cost.iterations /= actions;
+  return cost;
+}
+
+class ScalingStudy final : public Study {
+ public:
+  std::string name() const override { return "scaling"; }
+  std::string title() const override { return "An equilibrium at sensor rate"; }
+  std::string summary() const override {
+    return "time of one action to equilibrium, and how it grows with n";
+  }
+
+  bool Run(StudyRun& run) override {
+    const vessel::TubeVessel vessel = vessel::MakeTyPhantom();
+    table_ = {
+        "One action (feeds of 0.02, 0.05 and 0.1 mm) to residual 1e-6, thread-CPU time",
+        {"case", "median ms", "p99 ms", "max ms", "iterations", "unconverged", "worst residual"},
+        {}};
+    const int actions = run.quick() ? 150 : 600;
+    const double tip = std::numbers::pi / 6;
+    run.Say(DescribeMachine());
+    run.Progress("actions", 0);
+    Measure(run, vessel, "newton/friction/n=250", PaperWire(1, tip), 1, kFriction, actions);
+    Measure(run, vessel, "newton/frictionless/n=250", PaperWire(1, tip), 1, 0, actions);
+    run.Progress("real wires", 0.2);
+    Measure(run, vessel, "newton/wire014/n=250", Wire014(1), 1, kFriction, actions);
+    Measure(run, vessel, "newton/wire035/n=250", Wire035(1), 1, kFriction, actions);
+    run.Progress("n = 2500", 0.3);
+    Measure(run, vessel, "newton/friction/n=2500", PaperWire(0.1, tip), 0.1, kFriction,
+            run.quick() ? 60 : actions);
+    run.Section("Time of an action");
+    run.Show(table_);
+    MeasureGrowth(run, vessel, tip);
+    MeasureWholeInsertion(run, vessel, tip);
+    CompareWithPaper(run, vessel);
+    return true;
+  }
+
+ private:
+  void Measure(StudyRun& run, const vessel::TubeVessel& vessel, const std::string& name,
+               const StudyWire& wire, double segment_mm, double friction, int actions) {
+    NewtonRun newton(vessel, wire, segment_mm, 255, friction);
+    const ActionCost cost = MeasureFeeds(newton, 250, actions);
+    const double median = Quantile(cost.ms, 0.5);
+    const double p99 = Quantile(cost.ms, 0.99);
+    const double max = Quantile(cost.ms, 1);
+    run.Record(name, "ms_p50", median, "ms");
+    run.Record(name, "ms_p99", p99, "ms");
+    run.Record(name, "ms_max", max, "ms");
+    run.Record(name, "unconverged", cost.unconverged, "");
+    run.Record(name, "iterations", cost.iterations, "");
+    run.Record(name, "residual_max", cost.worst_residual, "");
+    table_.rows.push_back({name, Number(median), Number(p99), Number(max), Number(cost.iterations),
+                           std::to_string(cost.unconverged), Number(cost.worst_residual)});
+  }
+
+  // The same wire at the same insertion, cut ever finer: ms = a n^exponent by least squares.
+  static void MeasureGrowth(StudyRun& run, const vessel::TubeVessel& vessel, double tip) {
+    Series series{"median", Mark::kLineAndPoints, {}, {}};
+    double sx = 0;
+    double sy = 0;
+    double sxx = 0;
+    double sxy = 0;
+    for (const int n : {250, 500, 1000, 2500}) {
+      run.Progress("growth, n = " + std::to_string(n), 0.4);
+      const double segment_mm = 250.0 / n;
+      NewtonRun newton(vessel, PaperWire(segment_mm, tip), segment_mm, 255, kFriction);
+      const ActionCost cost = MeasureFeeds(newton, 250, run.quick() ? 45 : 150);
+      const double median = Quantile(cost.ms, 0.5);
+      run.Record("growth/n=" + std::to_string(n), "ms_p50", median, "ms");
+      series.x.push_back(n);
+      series.y.push_back(median);
+      const double x = std::log(n);
+      const double y = std::log(median);
+      sx += x;
+      sy += y;
+      sxx += x * x;
+      sxy += x * y;
+    }
+    const auto count = static_cast<double>(series.x.size());
+    run.Record("growth", "exponent", (count * sxy - sx * sy) / (count * sxx - sx * sx), "");
+    Plot plot{"Time of an action over the number of segments",
+              {"segments n", true},
+              {"median time of an action, ms", true},
+              {series}};
+    run.Section("Growth with n");
+    run.Draw(plot, "The same 250 mm of wire in 250 to 2500 segments: the sweep is linear in n.");
+  }
+
+  static void MeasureWholeInsertion(StudyRun& run, const vessel::TubeVessel& vessel, double tip) {
+    run.Progress("whole insertion", 0.6);
+    std::vector<double> totals;
+    for (int repeat = 0; repeat < 5; ++repeat) {
+      NewtonRun newton(vessel, PaperWire(1, tip), 1, 255, kFriction);
+      newton.FeedTo(7);
+      const double start_s = ThreadCpuSeconds();
+      for (int n = 8; n <= 250; ++n) newton.Feed(1);
+      totals.push_back(1e3 * (ThreadCpuSeconds() - start_s));
+    }
+    run.Record("whole_insertion", "ms_total", Quantile(totals, 0.5), "ms");
+  }
+
+  // Time until the energy is at or below what 100 cycles of the literal method reach from the
+  // same start: the wire after 250 insertions with Tip Relaxations only.
+  static void CompareWithPaper(StudyRun& run, const vessel::TubeVessel& vessel) {
+    Table table{
+        "To the energy that 100 cycles of PR + GR reach, n = 250, the same field",
+        {"tip", "PR + GR, literal, ms", "newton, ms", "ratio", "energy after, mJ", "newton's, mJ"},
+        {}};
+    double lowest = 0;
+    for (const double degrees : {0.0, 45.0}) {
+      run.Progress("against the paper", degrees == 0 ? 0.7 : 0.85);
+      const StudyWire wire = PaperWire(1, degrees * std::numbers::pi / 180);
+      const WireModel model(1, wire.sections, wire.tip_mm, 255, BendingLaw::kG1,
+                            {vessel.entry_point_mm(), vessel.entry_direction()});
+      const WallModel wall{wire.wall_stiffness_N_mm2, 1};
+      PaperSettings settings;
+      settings.physical.skip_lookups = false;
+      settings.cycles = PaperCycles::kNone;
+      settings.tolerance = 1e-12;
+      WireState start(model);
+      {
+        PaperRelaxation insertion(model, *vessel.field, wall, settings);
+        insertion.Restart(start);
+        CountedBudget budget(kPlenty);
+        insertion.Tick({250, 0}, budget, start);
+      }
+      settings.cycles = PaperCycles::kGeometrical;
+      PaperRelaxation paper(model, *vessel.field, wall, settings);
+      WireState relaxed = start;
+      paper.Restart(relaxed);
+      double energy = paper.Current().energy_mJ;
+      const int cycles = run.quick() ? 10 : 100;
+      const double paper_start_s = ThreadCpuSeconds();
+      for (int cycle = 0; cycle < cycles; ++cycle) {
+        CountedBudget budget(kPlenty);
+        energy = paper.Tick({250, 0}, budget, relaxed).energy_mJ;
+      }
+      const double paper_ms = 1e3 * (ThreadCpuSeconds() - paper_start_s);
+
+      // Newton's method on the same energy (its law, its contacts), iteration by iteration.
+      const std::vector<EnergyTerm*> none;
+      std::vector<double> newton_ms;
+      double reached = 0;
+      for (int repeat = 0; repeat < 5; ++repeat) {
+        NewtonRelaxation newton(model, *vessel.field, wall, NewtonSettings(), none);
+        WireState state = start;
+        newton.Restart(state);
+        const double start_s = ThreadCpuSeconds();
+        TickReport report;
+        do {
+          CountedBudget one(2);
+          report = newton.Tick({250, 0}, one, state);
+        } while (report.energy_mJ > energy && !report.converged);
+        newton_ms.push_back(1e3 * (ThreadCpuSeconds() - start_s));
+        reached = report.energy_mJ;
+      }
+      const double ms = Quantile(newton_ms, 0.5);
+      const std::string name = "against_paper/tip=" + Number(degrees);
+      run.Record(name, "paper_ms", paper_ms, "ms");
+      run.Record(name, "newton_ms", ms, "ms");
+      run.Record(name, "ratio", paper_ms / ms, "");
+      run.Record(name, "cycles", cycles, "");
+      run.Record(name, "paper_energy", energy, "mJ");
+      run.Record(name, "newton_energy", reached, "mJ");
+      table.rows.push_back({Number(degrees) + " deg", Number(paper_ms), Number(ms),
+                            Number(paper_ms / ms), Number(energy, 6), Number(reached, 6)});
+      const double ratio = paper_ms / ms;
+      lowest = lowest == 0 ? ratio : std::min(lowest, ratio);
+    }
+    run.Record("against_paper", "ratio", lowest, "");
+    run.Section("Against the paper's method");
+    run.Show(table);
+    if (run.quick()) run.Say("Quick: 10 cycles instead of 100.");
+  }
+
+  Table table_;
+};
+
+}  // namespace
+
+std::unique_ptr<Study> MakeScalingStudy() { return std::make_unique<ScalingStudy>(); }
+
+}  // namespace torquer::study
