@@ -52,6 +52,8 @@ class VirtualPmw3360 {
   /// Counts handed out since the first power-up, whatever the firmware made of them.
   std::int64_t axial_counts() const { return axial_counts_; }
   std::int64_t transverse_counts() const { return transverse_counts_; }
+  /// The firmware has begun to read motion since the last power-up.
+  bool counting() const { return based_; }
   int cpi() const { return (registers_[kConfig1] + 1) * 100; }
 
   /// Accesses outside the timing of the data sheet: how many, and the first of them in words.

@@ -106,7 +106,8 @@ bool Session::Finished() const {
 
 void Session::FollowEvents() {
   const double now_s = device_.now_us() * 1e-6;
-  if (!motion_start_s_ && (options_.wait_client ? socket_.connected() : host_.ready())) {
+  const bool can_begin = options_.wait_client ? socket_.connected() : host_.ready();
+  if (!motion_start_s_ && can_begin && device_.sensor().counting()) {
     motion_start_s_ = now_s;
   }
   if (!motion_start_s_) return;
@@ -183,6 +184,7 @@ SessionSummary Session::Run(const volatile std::sig_atomic_t& stop) {
     bus_->PublishHealth("stopping", "the emulator ends", summary_.serial, Counters());
   }
   SaveEeprom();
+  socket_.DeviceGone();
   summary_.axial_counts = device_.sensor().axial_counts();
   summary_.transverse_counts = device_.sensor().transverse_counts();
   summary_.violations = device_.violation_count();

@@ -1,0 +1,185 @@
+// The firmware as a host meets it: descriptors, requests, refusals.
+#include "firmware/src/usb_descriptors.h"
+#include "tests/emulator/bench.h"
+
+namespace torquer::emulator {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+TEST_CASE("the device enumerates with the descriptors of the protocol") {
+  BenchOptions options;
+  options.serial = "BENCH-0001";
+  for (const FirmwareImage& image : {Image16(), Image8()}) {
+    Bench bench(options, image);
+    REQUIRE(bench.host.RunUntilReady());
+    const Enumeration& device = bench.host.enumeration();
+    CHECK(device.device_descriptor ==
+          Bytes(std::begin(firmware::kDeviceDescriptor), std::end(firmware::kDeviceDescriptor)));
+    CHECK(device.configuration_descriptor == Bytes(std::begin(firmware::kConfigurationDescriptor),
+                                                   std::end(firmware::kConfigurationDescriptor)));
+    CHECK(device.report_descriptor == Bytes(std::begin(protocol::kHidReportDescriptor),
+                                            std::end(protocol::kHidReportDescriptor)));
+    CHECK(device.manufacturer == protocol::kUsbManufacturer);
+    CHECK(device.product == protocol::kUsbProduct);
+    CHECK(device.serial == "BENCH-0001");
+    bench.CheckRules();
+  }
+}
+
+TEST_CASE("vendor and product id stand where a host looks for them") {
+  Bench bench;
+  REQUIRE(bench.host.RunUntilReady());
+  const Bytes& descriptor = bench.host.enumeration().device_descriptor;
+  CHECK((descriptor[8] | descriptor[9] << 8) == 0x1209);
+  CHECK((descriptor[10] | descriptor[11] << 8) == 0x0001);
+}
+
+TEST_CASE("without a given serial number the chip's own makes one, and chips differ") {
+  Bench first;
+  BenchOptions options;
+  options.seed = 2;
+  Bench second(options);
+  REQUIRE(first.host.RunUntilReady());
+  REQUIRE(second.host.RunUntilReady());
+  CHECK(first.host.enumeration().serial.substr(0, 3) == "TQ-");
+  CHECK(first.host.enumeration().serial != second.host.enumeration().serial);
+  const auto identity = first.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
+  CHECK(std::string(identity.serial, 11) == first.host.enumeration().serial);
+}
+
+TEST_CASE("identity and diagnostics of a healthy device") {
+  for (const FirmwareImage& image : {Image16(), Image8()}) {
+    Bench bench({}, image);
+    bench.Start();
+    bench.Run(1);
+    const auto identity = bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId);
+    CHECK(identity.protocol_version == protocol::kProtocolVersion);
+    CHECK(identity.sensor_product_id == 0x42);
+    CHECK(identity.sensor_revision == 0x01);
+    CHECK(identity.clock_mhz == image.clock_hz() / 1000000);
+    const protocol::DiagnosticsReport diagnostics = bench.Diagnostics();
+    CHECK(diagnostics.reset_reason == 1);
+    CHECK(diagnostics.srom_id == 0);
+    CHECK(diagnostics.sensor_faults == 0);
+    CHECK(diagnostics.frames_missed == 0);
+    CHECK(diagnostics.settings_writes == 0);
+    CHECK(diagnostics.stack_headroom > 1000);
+    CHECK(diagnostics.stack_headroom < 2560);
+    CHECK(diagnostics.longest_frame_us > 100);
+    CHECK(diagnostics.longest_frame_us < 600);
+  }
+}
+
+TEST_CASE("the configuration is read back as written, and used") {
+  Bench bench;
+  bench.device.SetHand([](double time_s) {
+    HandState hand;
+    hand.insertion_mm = time_s < 1 ? 0 : 10;
+    hand.joystick_x = 0.02;
+    return hand;
+  });
+  bench.Start();
+  REQUIRE(bench.Configure(12000, 30) == TransferStatus::kDone);
+  bench.Run(0.1);
+  CHECK(bench.last.cpi == 12000);
+  CHECK(bench.last.joystick_x == 512);
+  bench.Run(1);
+  CHECK(bench.last.axial_counts == 4724);  // 10 mm at 12,000 counts an inch
+  const auto back = bench.Get<protocol::ConfigurationReport>(protocol::kConfigurationReportId);
+  CHECK(back.cpi == 12000);
+  CHECK(back.joystick_deadzone == 30);
+  CHECK(bench.gaps == 0);
+  bench.CheckRules();
+}
+
+TEST_CASE("requests that make no sense are stalled, and reports go on") {
+  Bench bench;
+  bench.Start();
+  CHECK(bench.Configure(50, 0) == TransferStatus::kStall);
+  CHECK(bench.Configure(1200, 600) == TransferStatus::kStall);
+  CHECK(bench.host.GetFeature(0).status == TransferStatus::kStall);
+  CHECK(bench.host.GetFeature(protocol::kCommandReportId).status == TransferStatus::kStall);
+  CHECK(bench.host.SetFeature(Bytes(64, 3)).status == TransferStatus::kStall);
+  CHECK(bench.host.SetFeature({3, 1, 2}).status == TransferStatus::kStall);
+  CHECK(bench.host.SetFeature({protocol::kIdentityReportId, 1}).status == TransferStatus::kStall);
+  CHECK(bench.host.Control({0x80, 6, 0x0600, 0, 10}).status == TransferStatus::kStall);
+  CHECK(bench.host.Control({0xc0, 0x55, 0, 0, 8}).status == TransferStatus::kStall);
+  CHECK(bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId).clock_mhz == 16);
+  CHECK(bench.gaps == 0);
+  bench.CheckRules();
+}
+
+TEST_CASE("a halted endpoint stalls until the halt is cleared, and its toggle starts anew") {
+  Bench bench;
+  int stalls = 0;
+  bench.host.on_input_stall = [&stalls] { ++stalls; };
+  bench.Start();
+  REQUIRE(bench.host.Control({0x02, 3, 0, 0x81, 0}).status == TransferStatus::kDone);
+  const int reports = bench.reports;
+  bench.Run(0.01);
+  CHECK(stalls >= 10);
+  CHECK(bench.reports == reports);
+  REQUIRE(bench.host.Control({0x02, 1, 0, 0x81, 0}).status == TransferStatus::kDone);
+  bench.Run(0.01);
+  CHECK(bench.reports >= reports + 8);
+  bench.CheckRules();
+}
+
+TEST_CASE("transfers that the host gives up at any stage wedge nothing") {
+  Bench bench;
+  bench.Start();
+  UsbController& usb = bench.device.usb();
+  const std::uint8_t requests[][8] = {
+      {0x80, 6, 0, 2, 0, 0, 255, 0},  // a read of two packets
+      {0xa1, 1, 4, 3, 0, 0, 64, 0},   // a feature report
+      {0x21, 9, 3, 3, 0, 0, 16, 0},   // a write whose data never come
+      {0x00, 9, 1, 0, 0, 0, 0, 0},    // no data
+  };
+  for (int round = 0; round < 5; ++round) {
+    for (const auto& request : requests) {
+      // The address was the first that the host gave.
+      REQUIRE(usb.Setup(1, std::span<const std::uint8_t, 8>(request)) == UsbAnswer::kAck);
+      bench.device.chip().UpdateUsbInterrupts();
+      for (int i = 0; i < round; ++i) bench.host.RunFrame();
+      Bytes packet;
+      if (round % 2) usb.In(1, 0, &packet);
+      bench.device.chip().UpdateUsbInterrupts();
+      bench.host.RunFrame();
+      REQUIRE(bench.Diagnostics().reset_reason == 1);
+    }
+  }
+  bench.Run(0.05);
+  CHECK(bench.last.boot_id == 0);
+  bench.CheckRules();
+}
+
+TEST_CASE("a bus reset brings the device back to its start, and it enumerates again") {
+  Bench bench;
+  bench.Start();
+  const std::uint16_t before = bench.last.sequence;
+  bench.host.ResetPort();
+  CHECK_FALSE(bench.host.ready());
+  REQUIRE(bench.host.RunUntilReady());
+  bench.Run(0.1);
+  CHECK(static_cast<std::uint16_t>(bench.last.sequence - before) < 500);
+  CHECK(bench.host.toggle_errors() == 0);
+}
+
+TEST_CASE("what a host reads first after a pause is fresh") {
+  Bench bench;
+  bench.Start();
+  bench.polling = false;
+  bench.Run(2);
+  bench.polling = true;
+  bench.host.RunFrame();
+  CHECK(bench.device.now_us() - bench.last.device_time_us < 4000);
+  bench.gaps = 0;
+  bench.Run(1);
+  CHECK(bench.gaps == 0);
+  CHECK(bench.Diagnostics().frames_missed < 10);
+  bench.CheckRules();
+}
+
+}  // namespace
+}  // namespace torquer::emulator
