@@ -113,6 +113,19 @@ Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit = 1);
 /// Reads every .mrk.json of a folder, in the order of their names, and joins them.
 CenterlineNetwork ReadSlicerCurves(const std::string& folder, double mm_per_unit = 1);
 
+/// A curve moved into the middle of the lumen.
+struct CenteredCurve {
+  Centerline curve;
+  double largest_shift_mm = 0;
+  double cut_at_start_mm = 0, cut_at_end_mm = 0;  ///< of the curve's own ends, outside the lumen
+};
+
+/// Moves a curve's points sideways up the clearance, by at most reach_mm, smooths them, cuts off
+/// ends where the lumen does not go, and takes the clearance as radius. Throws UserError where the
+/// curve leaves the lumen in between.
+CenteredCurve CenteredInLumen(const Centerline& curve, const ClearanceField& field,
+                              double reach_mm = 6);
+
 /// A stretch of a curve that does not run in the lumen.
 struct OutsideStretch {
   std::string curve;

@@ -206,6 +206,65 @@ Centerline CenterlineNetwork::Path(const CenterlinePlace& from, const Centerline
   return Centerline(curves_[from.curve].name() + " to " + curves_[to.curve].name(), points, radii);
 }
 
+CenteredCurve CenteredInLumen(const Centerline& curve, const ClearanceField& field,
+                              double reach_mm) {
+  constexpr double kStepMm = 1;
+  constexpr int kRounds = 120;
+  constexpr double kPush = 0.15, kLeastClearanceMm = 0.25;
+  const auto steps =
+      std::max<size_t>(4, static_cast<size_t>(std::ceil(curve.length_mm() / kStepMm)));
+  std::vector<Vector3d> start, points;
+  for (size_t i = 0; i <= steps; ++i) {
+    start.push_back(
+        curve.At(curve.length_mm() * static_cast<double>(i) / static_cast<double>(steps))
+            .position_mm);
+  }
+  points = start;
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<Vector3d> next = points;
+    for (size_t i = 0; i <= steps; ++i) {
+      const size_t before = i == 0 ? 0 : i - 1, after = std::min(i + 1, steps);
+      const Vector3d tangent = (points[after] - points[before]).normalized();
+      ClearanceSample sample;
+      field.EvaluateGradient(points[i], sample);
+      // The push fades out, or points would go to and fro across the ridge of the clearance.
+      Vector3d push = kPush * (1 - (round + 1.0) / kRounds) * sample.gradient;
+      if (i > 0 && i < steps) push += 0.4 * ((points[before] + points[after]) / 2 - points[i]);
+      next[i] += push - push.dot(tangent) * tangent;
+      const Vector3d shift = next[i] - start[i];
+      if (shift.norm() > reach_mm) next[i] = start[i] + reach_mm / shift.norm() * shift;
+    }
+    points = std::move(next);
+  }
+  std::vector<double> clearance;
+  for (const Vector3d& point : points) clearance.push_back(field.Clearance(point));
+  size_t first = 0, last = steps;
+  while (first < last && clearance[first] < kLeastClearanceMm) ++first;
+  while (last > first && clearance[last] < kLeastClearanceMm) --last;
+  if (last < first + 2) {
+    throw UserError("centerline \"" + curve.name() +
+                    "\" does not run in the lumen; check that it belongs to this surface");
+  }
+  double largest_shift = 0;
+  for (size_t i = first; i <= last; ++i) {
+    if (clearance[i] <= 0) {
+      std::ostringstream text;
+      text
+          << "centerline \"" << curve.name() << "\" leaves the lumen at (" << points[i].transpose()
+          << ") mm, " << -clearance[i]
+          << " mm outside the wall, and cannot be centered; choose another way or mend the surface";
+      throw UserError(text.str());
+    }
+    largest_shift = std::max(largest_shift, (points[i] - start[i]).norm());
+  }
+  const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(last) + 1;
+  const double step = curve.length_mm() / static_cast<double>(steps);
+  return {Centerline(curve.name(), {points.begin() + from, points.begin() + to},
+                     {clearance.begin() + from, clearance.begin() + to}),
+          largest_shift, static_cast<double>(first) * step,
+          static_cast<double>(steps - last) * step};
+}
+
 std::vector<OutsideStretch> FindStretchesOutside(const CenterlineNetwork& network,
                                                  const ClearanceField& field, double step_mm) {
   std::vector<OutsideStretch> stretches;

@@ -1,0 +1,150 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "host/simulator/vessel/centerline.h"
+#include "host/support/error.h"
+
+namespace torquer::vessel {
+
+using Eigen::Vector3d;
+using nlohmann::json;
+
+namespace {
+
+constexpr const char* kEnding = ".mrk.json";
+
+[[noreturn]] void Refuse(const std::string& path, const std::string& what) {
+  throw UserError(path + ": " + what);
+}
+
+// A member of an object, or an error that names it by its place in the file.
+const json& Member(const std::string& path, const json& object, const std::string& where,
+                   const char* name) {
+  const auto found = object.is_object() ? object.find(name) : object.end();
+  if (!object.is_object() || found == object.end()) {
+    Refuse(path, "field " + where + name + " is missing; save the curve as Markups from 3D Slicer");
+  }
+  return *found;
+}
+
+double NumberAt(const std::string& path, const json& value, const std::string& where) {
+  const double number = value.is_number() ? value.get<double>() : std::nan("");
+  if (!std::isfinite(number)) {
+    Refuse(path, "field " + where + " is " + value.dump() + ", not a finite number; mend the file");
+  }
+  return number;
+}
+
+}  // namespace
+
+Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
+  std::ifstream file(path, std::ios::binary);
+  if (!std::filesystem::is_regular_file(path) || !file) {
+    Refuse(path, "there is no such centerline file, or it cannot be read; check the path");
+  }
+  json document;
+  try {
+    document = json::parse(file);
+  } catch (const json::exception& e) {
+    Refuse(path, std::string("not valid JSON (") + e.what() +
+                     "); the file is damaged or cut short: save it anew from 3D Slicer");
+  }
+  const json& markups = Member(path, document, "", "markups");
+  if (!markups.is_array() || markups.size() != 1) {
+    Refuse(path, "field markups holds " + std::to_string(markups.is_array() ? markups.size() : 0) +
+                     " curves; save one curve a file");
+  }
+  const std::string where = "markups[0].";
+  const json& markup = markups[0];
+  const json& type = Member(path, markup, where, "type");
+  if (type != "Curve") {
+    Refuse(path, "field " + where + "type is " + type.dump() + "; only a \"Curve\" can be used");
+  }
+  const auto units = markup.find("coordinateUnits");
+  if (units != markup.end() && *units != "mm") {
+    Refuse(path,
+           "field " + where + "coordinateUnits is " + units->dump() + "; save the curve in \"mm\"");
+  }
+  const json& controls = Member(path, markup, where, "controlPoints");
+  if (!controls.is_array()) Refuse(path, "field " + where + "controlPoints is no list");
+  std::vector<Vector3d> points;
+  std::vector<size_t> used;
+  for (size_t i = 0; i < controls.size(); ++i) {
+    const std::string at = where + "controlPoints[" + std::to_string(i) + "].";
+    // Slicer keeps points that were never placed.
+    const auto status = controls[i].find("positionStatus");
+    if (status != controls[i].end() && *status != "defined") continue;
+    const json& position = Member(path, controls[i], at, "position");
+    if (!position.is_array() || position.size() != 3) {
+      Refuse(path, "field " + at + "position is " + position.dump() + "; it needs three numbers");
+    }
+    Vector3d point;
+    for (int a = 0; a < 3; ++a) {
+      point[a] =
+          mm_per_unit * NumberAt(path, position[a], at + "position[" + std::to_string(a) + "]");
+    }
+    points.push_back(point);
+    used.push_back(i);
+  }
+  const json& measurements = Member(path, markup, where, "measurements");
+  const json* radius = nullptr;
+  for (const json& measurement : measurements) {
+    if (measurement.is_object() && measurement.value("name", "") == "Radius") {
+      radius = &measurement;
+    }
+  }
+  if (radius == nullptr) {
+    Refuse(path, "field " + where +
+                     "measurements has no \"Radius\"; compute the curve with radii (Extract "
+                     "Centerline in 3D Slicer does)");
+  }
+  const std::string values_at = where + "measurements[\"Radius\"].";
+  const json& values = Member(path, *radius, values_at, "controlPointValues");
+  if (!values.is_array() || values.size() != controls.size()) {
+    Refuse(path, "field " + values_at + "controlPointValues has " + std::to_string(values.size()) +
+                     " entries for " + std::to_string(controls.size()) +
+                     " control points; compute the radii anew");
+  }
+  std::vector<double> radii;
+  for (const size_t i : used) {
+    const std::string at = values_at + "controlPointValues[" + std::to_string(i) + "]";
+    const double value = mm_per_unit * NumberAt(path, values[i], at);
+    if (value < 0)
+      Refuse(path, "field " + at + " is " + values[i].dump() + "; a radius is not negative");
+    radii.push_back(value);
+  }
+  std::string name = std::filesystem::path(path).filename().string();
+  if (name.size() > std::string(kEnding).size() && name.ends_with(kEnding)) {
+    name.resize(name.size() - std::string(kEnding).size());
+  }
+  try {
+    return Centerline(name, points, radii);
+  } catch (const UserError& e) {
+    Refuse(path, e.what());
+  }
+}
+
+CenterlineNetwork ReadSlicerCurves(const std::string& folder, double mm_per_unit) {
+  std::error_code error;
+  std::vector<std::string> paths;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    if (entry.path().filename().string().ends_with(kEnding)) paths.push_back(entry.path().string());
+  }
+  if (error) {
+    throw UserError(folder + ": the folder of centerlines cannot be read (" + error.message() +
+                    "); check the path");
+  }
+  if (paths.empty()) {
+    throw UserError(folder + ": the folder holds no " + kEnding +
+                    " file; save the centerlines as Markups from 3D Slicer");
+  }
+  std::sort(paths.begin(), paths.end());
+  std::vector<Centerline> curves;
+  for (const std::string& path : paths) curves.push_back(ReadSlicerCurve(path, mm_per_unit));
+  return CenterlineNetwork(std::move(curves));
+}
+
+}  // namespace torquer::vessel

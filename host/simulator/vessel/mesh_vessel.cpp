@@ -1,0 +1,149 @@
+#include "host/simulator/vessel/mesh_vessel.h"
+
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <type_traits>
+#include <utility>
+
+namespace torquer::vessel {
+
+namespace {
+
+// Raise with every change that makes another mesh or other bricks of the same file.
+constexpr double kBuildVersion = 1;
+
+// The surface and its report as bytes; one function says the order for both ways.
+class Bytes {
+ public:
+  Bytes() = default;
+  explicit Bytes(std::vector<char> bytes) : bytes_(std::move(bytes)), reading_(true) {}
+
+  template <typename T>
+  void Do(T& value) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    Raw(&value, sizeof value);
+  }
+  void Do(std::string& text) { List(text); }
+  template <typename T>
+  void Do(std::vector<T>& list) {
+    List(list);
+  }
+  void Do(Eigen::Vector3d& v) { Raw(v.data(), 3 * sizeof(double)); }
+  void Do(Opening& opening) {
+    Do(opening.center_mm);
+    Do(opening.outward);
+    Do(opening.radius_mm);
+  }
+  bool whole() const { return whole_ && (!reading_ || at_ == bytes_.size()); }
+  const std::vector<char>& bytes() const { return bytes_; }
+
+ private:
+  void Raw(void* data, size_t size) {
+    if (!reading_) {
+      const char* from = static_cast<const char*>(data);
+      bytes_.insert(bytes_.end(), from, from + size);
+    } else if (size <= bytes_.size() - at_) {
+      std::memcpy(data, bytes_.data() + at_, size);
+      at_ += size;
+    } else {
+      whole_ = false;
+    }
+  }
+  template <typename List_>
+  void List(List_& list) {
+    uint64_t size = list.size();
+    Raw(&size, sizeof size);
+    if (reading_) {
+      whole_ = whole_ && size <= bytes_.size() - at_;
+      list.resize(whole_ ? size : 0);
+    }
+    for (auto& item : list) Do(item);
+  }
+
+  std::vector<char> bytes_;
+  size_t at_ = 0;
+  bool reading_ = false, whole_ = true;
+};
+
+void Do(Bytes& bytes, TriangleMesh& mesh, MeshReport& report) {
+  bytes.Do(mesh.vertices_mm);
+  bytes.Do(mesh.triangles);
+  bytes.Do(report.findings);
+  bytes.Do(report.openings);
+  for (size_t* count : {&report.triangles_read, &report.vertices_welded, &report.triangles_dropped,
+                        &report.triangles_turned, &report.holes_closed, &report.slivers_mended,
+                        &report.crossed_edges, &report.intersections}) {
+    bytes.Do(*count);
+  }
+  bytes.Do(report.was_inward);
+  bytes.Do(report.was_shell);
+  bytes.Do(report.tube_facing_share);
+  bytes.Do(report.bounds_mm.min());
+  bytes.Do(report.bounds_mm.max());
+  bytes.Do(report.area_mm2);
+  bytes.Do(report.volume_mm3);
+  for (double& width : report.width_mm) bytes.Do(width);
+}
+
+}  // namespace
+
+std::unique_ptr<MeshVessel> MeshVessel::Open(const std::string& path,
+                                             const MeshVesselOptions& options) {
+  std::unique_ptr<MeshVessel> vessel(new MeshVessel);
+  CachedField cached;
+  TriangleMesh mesh;
+  std::ifstream file(path, std::ios::binary);
+  if (!options.cache_folder.empty() && file) {
+    const std::vector<char> content((std::istreambuf_iterator<char>(file)),
+                                    std::istreambuf_iterator<char>());
+    CacheKey& key = vessel->key_;
+    key.Add(kBuildVersion);
+    // What is said of the file names it.
+    key.Add(path.data(), path.size());
+    key.Add(content.data(), content.size());
+    key.Add(options.unit == MeshUnit::kMeter ? 1000 : 1);
+    key.Add(options.field.voxel_mm);
+    key.Add(options.field.band_mm);
+    key.Add(options.field.margin_mm);
+    vessel->cache_path_ = options.cache_folder + "/" + key.Hex() + ".field";
+    std::string why;
+    auto found = ReadFieldCache(vessel->cache_path_, key, &why);
+    if (found) {
+      Bytes bytes(std::move(found->surface));
+      Do(bytes, mesh, vessel->report_);
+      if (bytes.whole()) {
+        vessel->from_cache_ = true;
+        cached = std::move(*found);
+        vessel->cache_findings_.push_back("Field taken from " + vessel->cache_path_ + ".");
+      } else {
+        why = vessel->cache_path_ + " is damaged";
+      }
+    }
+    if (!why.empty()) vessel->cache_findings_.push_back(why + ": building anew.");
+  }
+  if (!vessel->from_cache_) {
+    SurfaceMesh surface = ReadSurface(path, options.unit);
+    mesh = std::move(surface.mesh);
+    vessel->report_ = std::move(surface.report);
+  }
+  vessel->surface_ = std::make_shared<const TriangleBvh>(std::move(mesh));
+  vessel->field_ =
+      std::make_unique<BrickField>(vessel->surface_, vessel->report_.bounds_mm, options.field);
+  if (vessel->from_cache_) {
+    vessel->field_->Adopt(cached.bricks, cached.complete_levels, cached.memory);
+  }
+  return vessel;
+}
+
+std::string MeshVessel::SaveCache() const {
+  if (cache_path_.empty()) return "";
+  if (from_cache_ && field_->Statistics().bricks_built == 0) return "";
+  Bytes bytes;
+  TriangleMesh mesh = surface_->mesh();
+  MeshReport report = report_;
+  Do(bytes, mesh, report);
+  return WriteFieldCache(cache_path_, key_, bytes.bytes(), *field_);
+}
+
+}  // namespace torquer::vessel
