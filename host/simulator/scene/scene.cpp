@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "host/simulator/scene/vessel_reader.h"
+#include "host/simulator/vessel/lumen_check.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
 
@@ -102,21 +103,10 @@ Sheath Scene::ReadEntry(StrictTable& file) {
   return sheath;
 }
 
-void Scene::CheckFit(const StrictTable& wire, double radius_mm, const Sheath& sheath,
-                     const StrictTable& entry) const {
-  const double clearance = vessel_.field->Clearance(sheath.point_mm);
-  std::ostringstream at;
-  at << "[" << sheath.point_mm.transpose() << "] mm";
-  if (!(clearance > 0)) {
-    throw UserError(entry.Where() + ": entry: the point " + at.str() +
-                    " is outside the lumen, by " + std::to_string(-clearance) +
-                    " mm; choose one inside");
-  }
-  if (!(clearance > radius_mm)) {
-    throw UserError(wire.Where() + ": wire: its radius of " + std::to_string(radius_mm) +
-                    " mm does not fit the vessel, which leaves " + std::to_string(clearance) +
-                    " mm at the entry; take a thinner wire or another entry");
-  }
+void Scene::CheckFit(double radius_mm, const Sheath& sheath, const StrictTable& entry) const {
+  const vessel::LumenReport report = vessel::CheckPlace(
+      *vessel_.field, vessel_.centerlines, sheath.point_mm, sheath.direction, radius_mm);
+  if (!report.problem.empty()) throw UserError(entry.Where() + ": entry: " + report.problem);
 }
 
 void Scene::ReadWire(StrictTable& file) {
@@ -184,7 +174,7 @@ void Scene::ReadWire(StrictTable& file) {
   } catch (const std::invalid_argument& error) {
     throw UserError(wire.Where() + ": wire: " + error.what());
   }
-  CheckFit(wire, radius_mm, sheath, file.Table("entry"));
+  CheckFit(radius_mm, sheath, file.Table("entry"));
 }
 
 void Scene::ReadRelaxation(StrictTable& file) {

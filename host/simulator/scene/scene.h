@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -18,6 +17,7 @@
 #include "host/simulator/core/wire_state.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/vessel/centerline.h"
+#include "host/simulator/vessel/mesh_vessel.h"
 
 namespace torquer::scene {
 
@@ -30,13 +30,12 @@ struct PatientAxes {
 
 /// How a vessel came to be, for people and for the relaxation.
 struct Vessel {
-  std::unique_ptr<ClearanceField> field;
-  vessel::CenterlineNetwork centerlines;  ///< may be empty for surfaces
+  std::shared_ptr<const ClearanceField> field;
+  std::shared_ptr<const vessel::MeshVessel> surface;  ///< where it came from, if from a surface
+  vessel::CenterlineNetwork centerlines;              ///< may be empty for surfaces
   Eigen::AlignedBox3d bounds_mm;
   std::string description;            ///< one line
   std::vector<std::string> findings;  ///< what was found and mended, one sentence each
-  /// Builds what look-ups near a point will need, so that they need not. May be empty.
-  std::function<void(const Eigen::Vector3d& point_mm, double radius_mm)> prefetch;
 };
 
 enum class Method { kNewton, kPaper };
@@ -74,8 +73,7 @@ class Scene {
   void ReadRelaxation(StrictTable& file);
   void ReadEffects(StrictTable& file);
   Sheath ReadEntry(StrictTable& file);
-  void CheckFit(const StrictTable& wire, double radius_mm, const Sheath& sheath,
-                const StrictTable& entry) const;
+  void CheckFit(double radius_mm, const Sheath& sheath, const StrictTable& entry) const;
 
   std::string path_;
   std::string name_;

@@ -1,7 +1,10 @@
 #include "host/simulator/scene/vessel_reader.h"
 
+#include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <thread>
 #include <utility>
 
 #include "host/simulator/vessel/phantoms.h"
@@ -88,7 +91,54 @@ Vessel VesselReader::ReadTubes() {
   }
 }
 
-Vessel VesselReader::ReadSurface() { table_.Refuse("kind", "is not built in yet"); }
+Vessel VesselReader::ReadSurface() {
+  const std::string path = (folder_ / table_.Text("file")).string();
+  vessel::MeshVesselOptions options;
+  options.unit = table_.Choice("mesh_unit", {"mm", "m"}) == 0 ? vessel::MeshUnit::kMillimeter
+                                                              : vessel::MeshUnit::kMeter;
+  options.field.voxel_mm = table_.Number("voxel_mm", 0.02, 4, options.field.voxel_mm);
+  files_.push_back(path);
+  Vessel result;
+  try {
+    result.surface = vessel::MeshVessel::Open(path, options);
+  } catch (const UserError& error) {
+    throw UserError(table_.Where("file") + ": vessel.file: " + error.what());
+  }
+  // The coarse levels serve wherever the wire never goes; the fine bricks come as it comes.
+  result.surface->field().Build(1, static_cast<int>(std::thread::hardware_concurrency()));
+  result.field = std::shared_ptr<const ClearanceField>(result.surface, &result.surface->field());
+  const vessel::MeshReport& report = result.surface->report();
+  result.bounds_mm = report.bounds_mm;
+  result.findings = report.findings;
+  std::ostringstream what;
+  what << "surface " << std::filesystem::path(path).filename().string() << ", "
+       << result.surface->mesh().triangles.size() << " triangles, voxel " << options.field.voxel_mm
+       << " mm";
+  result.description = what.str();
+
+  if (table_.Has("centerlines")) {
+    const std::string folder = (folder_ / table_.Text("centerlines")).string();
+    try {
+      result.centerlines = vessel::ReadSlicerCurves(folder);
+    } catch (const UserError& error) {
+      throw UserError(table_.Where("centerlines") + ": vessel.centerlines: " + error.what());
+    }
+    std::vector<std::string> curves;
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+      if (entry.is_regular_file()) curves.push_back(entry.path().string());
+    }
+    std::sort(curves.begin(), curves.end());
+    files_.insert(files_.end(), curves.begin(), curves.end());
+    for (const vessel::OutsideStretch& stretch :
+         vessel::FindStretchesOutside(result.centerlines, *result.field)) {
+      std::ostringstream finding;
+      finding << "centerline " << stretch.curve << " runs outside the lumen from "
+              << stretch.from_mm << " to " << stretch.to_mm << " mm of its length";
+      result.findings.push_back(finding.str());
+    }
+  }
+  return result;
+}
 
 std::uint64_t HashFiles(const std::string& first, const std::vector<std::string>& others) {
   std::uint64_t hash = Fnv1a("");
