@@ -64,10 +64,10 @@ void PlaceNodes(const WireModel& model, int first, WireState& state);
 /// sheath and segment 0) rests.
 Eigen::Vector3d RestDirection(const WireModel& model, const WireState& state, int joint);
 
-/// Lengthens segment 0 by `delta_mm`, |delta_mm| <= lambda/2, or shortens it; splits it in two or
-/// joins it with the next one when it leaves its range. The caller has set insertion_mm, and places
-/// the nodes and makes the normals afterwards. No heap.
-void FeedFirstSegment(const WireModel& model, double delta_mm, WireState& state);
+/// Fits segment 0 to insertion_mm, which the caller has changed by at most lambda/2; splits it in
+/// two or joins it with the next one when it leaves its range. The caller places the nodes and makes
+/// the normals afterwards. No heap.
+void FeedFirstSegment(const WireModel& model, WireState& state);
 
 /// Feeds `delta_mm` (negative: retracts), |delta_mm| <= lambda/2: the wire slides along itself, its
 /// tip goes on straight. No heap. Returns the part that could be fed (less at either end of the

@@ -58,7 +58,7 @@ void PredecessorRelaxation::Step(const HandTarget& target, WireState& state) {
     state.insertion_mm = last ? std::clamp(target.insertion_mm, 0.0, model_.max_length_mm())
                               : state.insertion_mm + feed;
     // Fed at the base, the wire is pushed forward as it lies.
-    FeedFirstSegment(model_, feed, state);
+    FeedFirstSegment(model_, state);
     PlaceNodes(model_, 1, state);
     TransportNormals(model_, state);
   }
