@@ -86,6 +86,9 @@ void Friction::End(const PointSet& points) {
     const double distance = s.norm();
     if (distance > slip_mm_) anchor.at = points.position[p] - (slip_mm_ / distance) * s;
   }
+  // What left through the sheath will touch somewhere else when it comes back.
+  for (int k = points.size(); k < anchored_; ++k) anchors_[static_cast<std::size_t>(k)] = Anchor();
+  anchored_ = points.size();
 }
 
 std::uint64_t Friction::Hash(std::uint64_t seed) const {
