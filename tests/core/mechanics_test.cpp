@@ -61,6 +61,29 @@ TEST_CASE("The expansion of a joint is that of its energy, for any rest shape") 
   }
 }
 
+TEST_CASE("The short form for a joint that rests straight is the general one") {
+  std::mt19937 random(9);
+  for (int k = 0; k < 50; ++k) {
+    const Vector3d u_p = RandomUnit(random);
+    const Vector3d n_p = u_p.cross(RandomUnit(random)).normalized();
+    const Vector3d u_d = (u_p + 0.5 * RandomUnit(random)).normalized();
+    const Vector3d n_d = u_d.cross(RandomUnit(random)).normalized();
+    double general_energy = 0;
+    double short_energy = 0;
+    JointTerms a;
+    JointTerms b;
+    ExpandJoint(BendingLaw::kExact, 2.0, u_p, n_p, u_p, u_d, n_d, general_energy, a);
+    ExpandStraightJoint(BendingLaw::kExact, 2.0, u_p, n_p, u_p.cross(n_p), u_d, n_d, u_d.cross(n_d),
+                        short_energy, b);
+    CHECK(short_energy == Approx(general_energy).epsilon(1e-14));
+    CHECK((a.gradient_proximal - b.gradient_proximal).norm() < 1e-14);
+    CHECK((a.gradient_distal - b.gradient_distal).norm() < 1e-14);
+    CHECK((a.hessian_proximal - b.hessian_proximal).norm() < 1e-13);
+    CHECK((a.hessian_distal - b.hessian_distal).norm() < 1e-13);
+    CHECK((a.hessian_cross - b.hessian_cross).norm() < 1e-13);
+  }
+}
+
 // A bent wire with a curved, turned tip, pressed into the wall of a torus, with a dead end force.
 struct PressedWire {
   WireParameters parameters;

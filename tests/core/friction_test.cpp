@@ -1,0 +1,293 @@
+#include "host/simulator/effects/friction.h"
+
+#include <catch2/catch.hpp>
+#include <numbers>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "tests/core/finite_differences.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/invariants.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+// One point of a wire on a plane wall, moved by hand.
+struct Slider {
+  WireModel model = MakeWire({.segment_mm = 1, .max_length_mm = 3});
+  WallModel wall{.stiffness_N_mm2 = 2, .points_per_segment = 1};
+  effects::Friction friction;
+  PointSet points;
+  PointDerivatives derivatives;
+
+  explicit Slider(double mu, double slip_mm) : friction(mu, slip_mm, {model, wall}) {
+    points.per_segment = 1;
+    points.position = {Vector3d::Zero()};
+    points.weight_mm = {1};
+    points.radius_mm = {0.178};
+    points.touches = {1};
+    points.near = {0};
+    points.clearance.resize(1);
+    points.clearance[0].gradient = Vector3d::UnitZ();
+    points.clearance[0].clearance_mm = 0.178 - 0.05;  // presses with 2 * 1 * 0.05 = 0.1 N
+    derivatives.with_hessian = true;
+    derivatives.used = {0};
+    derivatives.gradient.resize(1);
+    derivatives.hessian.resize(1);
+  }
+  double Energy(const Vector3d& at) {
+    points.position[0] = at;
+    derivatives.used = {0};
+    return friction.Add(points, derivatives);
+  }
+  void TickAt(const Vector3d& at) {
+    friction.Begin(points);
+    points.position[0] = at;
+    friction.End(points);
+  }
+};
+
+TEST_CASE("Friction's gradient and Hessian are those of its energy, sticking and slipping") {
+  Slider slider(0.3, 0.01);
+  slider.TickAt(Vector3d(1, 2, 0));  // makes the anchor
+  slider.friction.Begin(slider.points);
+  for (const Vector3d& offset :
+       {Vector3d(0.002, 0.001, 0), Vector3d(-0.007, 0.004, 0.003), Vector3d(0.02, 0.01, -0.1),
+        Vector3d(0.0001, 0, 5), Vector3d(-3, 1, 0)}) {
+    const Vector3d at = Vector3d(1, 2, 0) + offset;
+    slider.Energy(at);
+    REQUIRE(slider.derivatives.used[0]);
+    const Vector3d gradient = slider.derivatives.gradient[0];
+    const Matrix3d hessian = slider.derivatives.hessian[0];
+    const auto energy = [&](const Eigen::VectorXd& x) { return slider.Energy(x); };
+    INFO("offset " << offset.transpose());
+    CHECK((GradientOf(energy, at, 1e-5) - gradient).norm() < 1e-8);
+    CHECK((HessianOf(energy, at, 2e-5) - hessian).norm() < 1e-4 * hessian.norm());
+    CHECK(gradient.norm() <= 0.3 * 0.1 + 1e-12);
+    CHECK(gradient[2] == 0);  // never along the wall's normal
+  }
+}
+
+TEST_CASE("Energy, force and stiffness of friction go over evenly from stick to slip") {
+  Slider slider(0.5, 0.02);
+  slider.TickAt(Vector3d::Zero());
+  slider.friction.Begin(slider.points);
+  const double inside = slider.Energy(Vector3d(0.02 - 1e-9, 0, 0));
+  const Vector3d g_inside = slider.derivatives.gradient[0];
+  const Matrix3d h_inside = slider.derivatives.hessian[0];
+  const double outside = slider.Energy(Vector3d(0.02 + 1e-9, 0, 0));
+  CHECK(inside == Approx(outside).epsilon(1e-6));
+  CHECK((g_inside - slider.derivatives.gradient[0]).norm() < 1e-7);
+  CHECK((h_inside - slider.derivatives.hessian[0]).norm() < 1e-5 * h_inside.norm());
+  CHECK(slider.derivatives.gradient[0].norm() == Approx(0.5 * 0.1));  // the Coulomb cone
+}
+
+TEST_CASE("An anchor stays while it sticks and follows at the slip length when it slips") {
+  Slider slider(0.5, 0.02);
+  slider.TickAt(Vector3d::Zero());
+  slider.TickAt(Vector3d(0.019, 0, 0));
+  slider.friction.Begin(slider.points);
+  CHECK(slider.Energy(Vector3d::Zero()) == 0);  // still anchored at the origin
+  slider.points.position[0] = Vector3d(1, 0, 0);
+  slider.friction.End(slider.points);
+  slider.friction.Begin(slider.points);
+  CHECK(slider.Energy(Vector3d(0.98, 0, 0)) == Approx(0).margin(1e-15));
+  // The force that it had on arrival is kept.
+  slider.Energy(Vector3d(1, 0, 0));
+  CHECK(slider.derivatives.gradient[0][0] == Approx(0.05));
+}
+
+TEST_CASE("A point that lifted off forgets its anchor") {
+  Slider slider(0.5, 0.02);
+  slider.TickAt(Vector3d::Zero());
+  slider.points.touches[0] = 0;
+  slider.friction.End(slider.points);
+  slider.points.touches[0] = 1;
+  slider.friction.Begin(slider.points);
+  CHECK(slider.Energy(Vector3d(5, 0, 0)) == 0);
+  CHECK_FALSE(slider.derivatives.used[0]);
+}
+
+TEST_CASE("Points that left through the sheath come back without an anchor") {
+  Slider slider(0.5, 0.02);
+  PointSet two = slider.points;
+  two.position = {Vector3d(-1, 0, 0), Vector3d::Zero()};
+  two.weight_mm = {1, 1};
+  two.radius_mm = {0.178, 0.178};
+  two.touches = {1, 1};
+  two.near = {0, 1};
+  two.clearance = {slider.points.clearance[0], slider.points.clearance[0]};
+  slider.friction.End(two);
+  slider.friction.Begin(two);
+  slider.friction.End(slider.points);  // retracted: one point is left
+  two.position = {Vector3d(7, 0, 0), Vector3d(8, 0, 0)};
+  const auto energy = [&] {
+    PointDerivatives out;
+    out.used = {0, 0};
+    out.gradient.resize(2);
+    slider.friction.Add(two, out);
+    return out.used[0];
+  };
+  // Fed again: neither in the tick in which it comes back, nor in the next.
+  slider.friction.Begin(slider.points);
+  CHECK(energy() == 0);
+  slider.friction.Begin(two);
+  CHECK(energy() == 0);
+}
+
+// A straight, stiff wire on a plane floor that its clamp presses it onto.
+struct Sled {
+  WireModel model;
+  HalfSpace floor{Vector3d(0, 0, -1), Vector3d::UnitZ()};
+  WallModel wall{.stiffness_N_mm2 = 10, .points_per_segment = 2};
+  effects::Friction friction;
+  EndForce force{Vector3d::Zero()};
+  std::vector<EnergyTerm*> terms;
+  NewtonRelaxation relaxation;
+  WireState state;
+
+  explicit Sled(double mu, double length_mm = 30)
+      : model(MakeWire({.segment_mm = 1, .rigidity_N_mm2 = 0.5, .radius_mm = 0.2})),
+        friction(mu, 0.005, {model, wall}),
+        terms{&friction, &force},
+        relaxation(model, floor, wall, {.tolerance = 1e-8}, terms),
+        state(LayStraight(model, length_mm)) {
+    relaxation.Restart(state);
+  }
+};
+
+TEST_CASE("Below the cone the end of a wire sticks, above it slips") {
+  Sled sled(0.4, 40);
+  const double press = 0.01;
+  sled.force.SetForce(Vector3d(0, 0, -press));
+  for (int k = 0; k < 20; ++k) REQUIRE(Settle(sled.relaxation, {40, 0}, sled.state).converged);
+  const double normal = [&] {
+    double sum = 0;
+    const PointSet& points = sled.relaxation.Current().points;
+    for (int q = 0; q < points.size(); ++q) {
+      const auto p = static_cast<std::size_t>(q);
+      if (points.touches[p]) {
+        sum += 10 * points.weight_mm[p] * (points.radius_mm[p] - points.clearance[p].clearance_mm);
+      }
+    }
+    return sum;
+  }();
+  REQUIRE(normal > 0.5 * press);
+  const Vector3d rest = sled.state.nodes.back();
+  const auto pushed = [&](double part) {
+    sled.force.SetForce(Vector3d(0, part * 0.4 * normal, -press));
+    for (int k = 0; k < 200; ++k) Settle(sled.relaxation, {40, 0}, sled.state);
+    return std::abs(sled.state.nodes.back()[1] - rest[1]);
+  };
+  CHECK(pushed(0.3) < 0.005);
+  CHECK(pushed(0.6) < 0.005);
+  CHECK(pushed(4) > 0.1);
+}
+
+TEST_CASE("A wire at rest does not creep in 1e5 ticks") {
+  Sled sled(0.4, 30);
+  // Pushed aside at half the cone and let stand.
+  sled.force.SetForce(Vector3d(0, 0.15 * 0.01, -0.01));
+  for (int k = 0; k < 50; ++k) REQUIRE(Settle(sled.relaxation, {30, 0}, sled.state).converged);
+  const WireState before = sled.state;
+  for (int k = 0; k < 100000; ++k) {
+    CountedBudget budget(10);
+    sled.relaxation.Tick({30, 0}, budget, sled.state);
+  }
+  CHECK(LargestDistance(before, sled.state) < 1e-6);
+}
+
+// A wire drawn over a post against a weight at its end, out of the sheath or into it.
+struct Capstan {
+  static constexpr double kRadius = 10;
+  WireModel model;
+  Cylinder post{Side::kOutside, Vector3d::Zero(), Vector3d::UnitZ(), kRadius - 0.2};
+  WallModel wall{.stiffness_N_mm2 = 100, .points_per_segment = 1};
+  effects::Friction friction;
+  EndForce force;
+  std::vector<EnergyTerm*> terms;
+  NewtonRelaxation relaxation;
+  WireState state;
+
+  Capstan(double mu, double force_N, double pull_rad)
+      : model(MakeWire({.segment_mm = 0.5,
+                        .rigidity_N_mm2 = 6.35e-3,
+                        .radius_mm = 0.2,
+                        .sheath = {Vector3d(0, -kRadius, 0), Vector3d::UnitX()}})),
+        friction(mu, 0.005, {model, wall}),
+        force(force_N * Vector3d(std::cos(pull_rad), std::sin(pull_rad), 0)),
+        terms{&friction, &force},
+        relaxation(model, post, wall, {}, terms),
+        state(model) {
+    std::vector<Vector3d> path;
+    for (double a = 0.02; a < pull_rad; a += 0.02) {
+      path.emplace_back(kRadius * std::sin(a), -kRadius * std::cos(a), 0);
+    }
+    LayAlong(model, path, 60, state);
+    relaxation.Restart(state);
+  }
+  double Tension(double angle_rad) const {
+    const auto i = static_cast<std::size_t>(angle_rad * kRadius / model.segment_mm());
+    return -relaxation.Current().costate[i].dot(state.tangents[i]);
+  }
+};
+
+TEST_CASE("Tension of a wire drawn over a post grows by the capstan law") {
+  const double mu = GENERATE(0.1, 0.3);
+  const double pull = 2.5;
+  const double force_N = 0.05;
+  for (const double direction : {-1.0, 1.0}) {
+    Capstan capstan(mu, force_N, pull);
+    double insertion = 60;
+    for (int k = 0; k < 100; ++k) {
+      insertion += direction * 0.02;
+      REQUIRE(Settle(capstan.relaxation, {insertion, 0}, capstan.state).converged);
+    }
+    // Drawn towards the sheath the tension grows to it; fed, it falls.
+    const double from = 2.0;
+    const double to = 0.5;
+    const double ratio = capstan.Tension(to) / capstan.Tension(from);
+    INFO("mu " << mu << " direction " << direction << " ratio " << ratio);
+    CHECK(ratio == Approx(std::exp(-direction * mu * (from - to))).epsilon(0.02));
+    CHECK(std::abs(capstan.state.nodes.back()[2]) < 1e-3);
+  }
+}
+
+TEST_CASE("With a coefficient of zero, and without the effect, a wire moves alike") {
+  const Torus field(Side::kInside, 25, 3);
+  const WireModel model = MakeWire({.tip_mm = 8,
+                                    .tip_curvature_1_per_mm = 0.08,
+                                    .sheath = {Vector3d(25, 0, 0), Vector3d::UnitY()}});
+  const WallModel wall{.stiffness_N_mm2 = 0.02};
+  effects::Friction friction(0, 0.005, {model, wall});
+  const std::vector<EnergyTerm*> one{&friction};
+  const std::vector<EnergyTerm*> none;
+  NewtonRelaxation with(model, field, wall, {}, one);
+  NewtonRelaxation without(model, field, wall, {}, none);
+  WireState a(model);
+  WireState b(model);
+  with.Restart(a);
+  without.Restart(b);
+  for (int k = 1; k < 200; ++k) {
+    CountedBudget first(50);
+    CountedBudget second(50);
+    with.Tick({0.2 * k, 0}, first, a);
+    without.Tick({0.2 * k, 0}, second, b);
+    REQUIRE(HashState(a) == HashState(b));
+  }
+}
+
+TEST_CASE("Friction's memory is part of its hash, and Reset clears it") {
+  Slider slider(0.5, 0.02);
+  const std::uint64_t empty = slider.friction.Hash(1);
+  slider.TickAt(Vector3d(1, 0, 0));
+  const std::uint64_t one = slider.friction.Hash(1);
+  CHECK(one != empty);
+  slider.TickAt(Vector3d(2, 0, 0));
+  CHECK(slider.friction.Hash(1) != one);
+  slider.friction.Reset();
+  CHECK(slider.friction.Hash(1) == empty);
+}
+
+}  // namespace
+}  // namespace torquer::test
