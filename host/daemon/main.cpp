@@ -15,6 +15,7 @@
 #include "host/bus/channels.h"
 #include "host/daemon/claim.h"
 #include "host/daemon/daemon.h"
+#include "host/daemon/evdev_source.h"
 #include "host/daemon/socket_source.h"
 #include "host/daemon/usb_source.h"
 #include "host/support/command_line.h"
@@ -91,6 +92,9 @@ std::unique_ptr<torquer::daemon::ReportSource> MakeSource(const Arguments& argum
     }
     return std::make_unique<torquer::daemon::UsbSource>(
         arguments.devices.empty() ? "" : arguments.devices.front());
+  }
+  if (arguments.source == "evdev") {
+    return std::make_unique<torquer::daemon::EvdevSource>(arguments.devices);
   }
   throw UserError("--source '" + arguments.source + "' is not known\n" + kUsage);
 }

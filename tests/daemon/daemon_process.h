@@ -11,6 +11,7 @@
 
 #include "host/bus/bus.h"
 #include "host/bus/channels.h"
+#include "host/bus/clock.h"
 #include "tests/support/child_process.h"
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
@@ -50,7 +51,8 @@ struct Listener {
 
   /// Handles messages until `done`, for 30 s at most; whether it is done.
   bool Until(const std::function<bool()>& done) {
-    for (int i = 0; i < 600 && !done(); ++i) bus->Handle(50);
+    const std::int64_t end_us = torquer::bus::MonotonicUs() + 30000000;
+    while (!done() && torquer::bus::MonotonicUs() < end_us) bus->Handle(50);
     return done();
   }
   bool UntilCommands(std::size_t count) {

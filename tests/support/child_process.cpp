@@ -38,6 +38,8 @@ ChildProcess::ChildProcess(const std::vector<std::string>& words) {
   if (pid_ == 0) {
     dup2(open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDOUT_FILENO);
     dup2(open(error.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
+    // A device's other end, held open here, would never hang up.
+    close_range(3, ~0U, 0);
     execv(arguments[0], arguments.data());
     _exit(127);
   }

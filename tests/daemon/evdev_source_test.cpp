@@ -1,0 +1,247 @@
+// The daemon on unmodified libevdev, against a scripted mouse and joystick in a mocked kernel.
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <ctime>
+#include <thread>
+
+#include "host/bus/clock.h"
+#include "tests/daemon/daemon_process.h"
+#include "tests/support/evdev_testbed.h"
+
+namespace {
+
+using torquer::bus::MonotonicUs;
+using torquer::test::ChildProcess;
+using torquer::test::EvdevScript;
+using torquer::test::EvdevTestbed;
+using torquer::test::Listener;
+using torquer_lcm::instrument_command_t;
+
+constexpr int kMouse = 5;
+constexpr int kStick = 6;
+constexpr double kMmPerCount = 25.4 / 1000;
+
+EvdevScript Mouse() {
+  EvdevScript script;
+  script.name = "Mock mouse";
+  script.keys = {BTN_LEFT, BTN_RIGHT, BTN_MIDDLE};
+  script.relative_axes = {REL_X, REL_Y};
+  return script;
+}
+
+EvdevScript Stick() {
+  EvdevScript script;
+  script.name = "Mock stick";
+  script.product_id = 0xc215;
+  script.keys = {BTN_TRIGGER, BTN_THUMB, BTN_THUMB2};
+  input_absinfo range{};
+  range.minimum = -32768;
+  range.maximum = 32767;
+  script.absolute_axes = {{ABS_X, range}, {ABS_Y, range}};
+  return script;
+}
+
+struct EvdevChain {
+  EvdevChain() {
+    mouse = testbed.Plug(kMouse, Mouse());
+    stick = testbed.Plug(kStick, Stick());
+  }
+  std::unique_ptr<ChildProcess> Start(const std::vector<std::string>& devices) {
+    std::vector<std::string> words{torquer::test::kDaemonProgram, "--source", "evdev",
+                                   "--uncalibrated", "--json"};
+    for (const std::string& device : devices) {
+      words.emplace_back("--device");
+      words.push_back(device);
+    }
+    return std::make_unique<ChildProcess>(words);
+  }
+  bool UntilCommand(const std::function<bool(const instrument_command_t&)>& wanted) {
+    listener.Forget();
+    return listener.Until(
+        [&] { return !listener.commands.empty() && wanted(listener.commands.back()); });
+  }
+  // So that the counts at the start are known to have been taken for zero.
+  void UntilReading(ChildProcess& daemon) {
+    REQUIRE(daemon.WaitForError("reading device"));
+    REQUIRE(UntilCommand([](const instrument_command_t&) { return true; }));
+  }
+
+  Listener listener{/*with_devices=*/true};
+  EvdevTestbed testbed;
+  std::string mouse, stick;
+};
+
+bool Near(double a, double b) { return std::abs(a - b) < 1e-9; }
+
+}  // namespace
+
+TEST_CASE("A mouse's raw deltas become insertion and rotation, with the kernel's time") {
+  EvdevChain chain;
+  const auto daemon = chain.Start({chain.mouse});
+  chain.UntilReading(*daemon);
+  CHECK(chain.testbed.Grabbed(kMouse));
+  CHECK(chain.testbed.ClockId(kMouse) == CLOCK_MONOTONIC);
+  CHECK(chain.listener.samples.back().device == "046d:c077");
+
+  std::int64_t sent_us = 0;
+  for (int i = 0; i < 100; ++i) {
+    sent_us = MonotonicUs();
+    chain.testbed.Send(kMouse, {{EV_REL, REL_X, 7}, {EV_REL, REL_Y, -2}}, sent_us);
+    // The mocked file holds less than the kernel's queue does.
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  REQUIRE(chain.UntilCommand([](const instrument_command_t& command) {
+    return Near(command.insertion_mm, 700 * kMmPerCount) &&
+           Near(command.rotation_rad, -200 * kMmPerCount / 5.0);
+  }));
+  bool stamped = false;
+  for (const auto& sample : chain.listener.samples) {
+    CHECK(sample.origin_us <= sample.receive_us);
+    stamped = stamped || (sample.device_time_us & 0xffffffff) == (sent_us & 0xffffffff);
+  }
+  CHECK(stamped);
+  CHECK(chain.listener.commands.back().flags == torquer::bus::kCommandUncalibrated);
+  daemon->Signal(SIGTERM);
+  CHECK(daemon->Wait() == 0);
+  CHECK(chain.listener.counters["reports_lost"] == 0);
+}
+
+TEST_CASE("Buttons of mouse and joystick are pedals and clutch") {
+  EvdevChain chain;
+  const auto daemon = chain.Start({chain.stick, chain.mouse});
+  chain.UntilReading(*daemon);
+  const auto [device, key, meaning] = GENERATE(table<int, unsigned, int>({
+      {kMouse, BTN_LEFT, 0},
+      {kMouse, BTN_RIGHT, 1},
+      {kMouse, BTN_MIDDLE, 2},
+      {kStick, BTN_TRIGGER, 0},
+      {kStick, BTN_THUMB, 1},
+      {kStick, BTN_THUMB2, 2},
+  }));
+  const auto shows = [meaning = meaning](const instrument_command_t& command, bool down) {
+    return command.xray == (down && meaning == 0) && command.contrast == (down && meaning == 1) &&
+           ((command.flags & torquer::bus::kCommandClutch) != 0) == (down && meaning == 2);
+  };
+  for (const int down : {1, 0}) {
+    chain.testbed.Send(device, {{EV_KEY, key, down}}, MonotonicUs());
+    CHECK(chain.UntilCommand(
+        [&](const instrument_command_t& command) { return shows(command, down != 0); }));
+  }
+}
+
+TEST_CASE("The joystick turns the C-arm while the mouse lies still") {
+  EvdevChain chain;
+  const auto daemon = chain.Start({chain.mouse, chain.stick});
+  chain.UntilReading(*daemon);
+  chain.testbed.Send(kStick, {{EV_ABS, ABS_X, 32767}, {EV_ABS, ABS_Y, 32767}}, MonotonicUs());
+  CHECK(chain.UntilCommand([](const instrument_command_t& command) {
+    // Right is LAO; towards the user is CAU.
+    return command.lao_rad > 0.1 && command.cra_rad < -0.1;
+  }));
+  const double insertion_mm = chain.listener.commands.back().insertion_mm;
+  CHECK(insertion_mm == 0.0);
+  chain.testbed.Send(kStick, {{EV_ABS, ABS_X, 0}, {EV_ABS, ABS_Y, 0}}, MonotonicUs());
+  // Released, it stands still.
+  CHECK(chain.listener.Until([&] {
+    const auto& commands = chain.listener.commands;
+    return commands.size() > 60 &&
+           commands.back().lao_rad == commands[commands.size() - 50].lao_rad;
+  }));
+}
+
+TEST_CASE("Events that the kernel dropped are counted and flagged, buttons are read anew") {
+  EvdevChain chain;
+  const auto daemon = chain.Start({chain.mouse});
+  chain.UntilReading(*daemon);
+  chain.testbed.Send(kMouse, {{EV_REL, REL_X, 10}}, MonotonicUs());
+  REQUIRE(chain.UntilCommand([](const instrument_command_t& command) {
+    return Near(command.insertion_mm, 10 * kMmPerCount);
+  }));
+  chain.listener.Forget();
+  chain.testbed.SetKeyState(kMouse, BTN_LEFT, true);
+  chain.testbed.SendDropped(kMouse, MonotonicUs());
+  REQUIRE(chain.listener.Until([&] {
+    for (const instrument_command_t& command : chain.listener.commands) {
+      if ((command.flags & torquer::bus::kCommandLift) != 0) return true;
+    }
+    return false;
+  }));
+  CHECK(chain.UntilCommand([](const instrument_command_t& command) { return command.xray; }));
+  chain.testbed.Send(kMouse, {{EV_REL, REL_X, 10}}, MonotonicUs());
+  CHECK(chain.UntilCommand([](const instrument_command_t& command) {
+    return Near(command.insertion_mm, 20 * kMmPerCount);
+  }));
+  REQUIRE(chain.listener.Until([&] { return chain.listener.counters["reports_lost"] == 1; }));
+}
+
+TEST_CASE("An unplugged mouse is waited for and continued from") {
+  EvdevChain chain;
+  const auto daemon = chain.Start({chain.mouse});
+  chain.UntilReading(*daemon);
+  chain.testbed.Send(kMouse, {{EV_REL, REL_X, 100}}, MonotonicUs());
+  REQUIRE(chain.UntilCommand([](const instrument_command_t& command) {
+    return Near(command.insertion_mm, 100 * kMmPerCount);
+  }));
+  chain.testbed.Unplug(kMouse);
+  REQUIRE(chain.listener.UntilHealth("waiting for device", "Mock mouse was unplugged"));
+  chain.testbed.Plug(kMouse + 10, Mouse());
+  REQUIRE(chain.listener.UntilHealth("running", "is back"));
+  REQUIRE(chain.UntilCommand([](const instrument_command_t& command) {
+    return (command.flags & torquer::bus::kCommandNoDevice) == 0;
+  }));
+  chain.testbed.Send(kMouse + 10, {{EV_REL, REL_X, 50}}, MonotonicUs());
+  CHECK(chain.UntilCommand([](const instrument_command_t& command) {
+    return Near(command.insertion_mm, 150 * kMmPerCount);
+  }));
+}
+
+TEST_CASE("Devices that will not do are refused with what will") {
+  EvdevChain chain;
+  std::vector<std::string> devices;
+  std::string expected;
+  SECTION("none given: the mice are named") {
+    expected = "--device /dev/input/by-id/Mock_mouse  (Mock mouse)";
+  }
+  SECTION("a keyboard") {
+    EvdevScript keyboard;
+    keyboard.name = "Mock keyboard";
+    keyboard.keys = {KEY_A};
+    devices = {chain.testbed.Plug(9, keyboard)};
+    expected = "/dev/input/by-id/Mock_keyboard (Mock keyboard) is neither a mouse nor a joystick";
+  }
+  SECTION("only a joystick") {
+    devices = {chain.stick};
+    expected = "0 are mice; give one mouse";
+  }
+  SECTION("two mice") {
+    EvdevScript second = Mouse();
+    second.name = "Second mouse";
+    devices = {chain.mouse, chain.testbed.Plug(8, second)};
+    expected = "2 are mice; give one mouse";
+  }
+  SECTION("a mouse that another program has grabbed") {
+    EvdevScript taken = Mouse();
+    taken.name = "Taken mouse";
+    taken.refuses_grab = true;
+    devices = {chain.testbed.Plug(7, taken)};
+    expected = "/dev/input/by-id/Taken_mouse (Taken mouse) is grabbed by another program";
+  }
+  const auto daemon = chain.Start(devices);
+  CHECK(daemon->Wait() == 2);
+  CAPTURE(daemon->Error());
+  CHECK(daemon->Error().find(expected) != std::string::npos);
+}
+
+TEST_CASE("Without permission on the mouse the group is named") {
+  EvdevChain chain;
+  std::filesystem::permissions(chain.testbed.Root() / "dev/input/event5",
+                               std::filesystem::perms::none);
+  // Root, if only of the namespace, would be let in all the same: its powers are taken away.
+  ChildProcess daemon({"/usr/bin/setpriv", "--bounding-set=-all", "--inh-caps=-all",
+                       torquer::test::kDaemonProgram, "--source", "evdev", "--uncalibrated",
+                       "--device", chain.mouse});
+  CHECK(daemon.Wait() == 2);
+  CAPTURE(daemon.Error());
+  CHECK(daemon.Error().find(chain.mouse + " may not be read by this user") != std::string::npos);
+  CHECK(daemon.Error().find("usermod -aG input") != std::string::npos);
+}
