@@ -6,6 +6,7 @@
 #include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
+#include "host/simulator/field_ahead.h"
 
 namespace torquer::simulator {
 
@@ -106,6 +107,7 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
   bus.Publish(bus::kSceneChannel, description);
   publish(0);
 
+  FieldAhead ahead(session.scene().vessel());
   std::int64_t next_tick_us = 0;
   while (!stop) {
     bus.Handle(1);
@@ -117,6 +119,7 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
       const std::int64_t end_us = bus::MonotonicUs();
       publish(static_cast<double>(end_us - start_us));
       next_tick_us = start_us + 1000;
+      ahead.Follow(session.state().nodes.back());
       ++statistics.ticks;
       statistics.unconverged += !report.converged;
       if (statistics.solve_us.size() < kMostSamples) {

@@ -35,6 +35,16 @@ double Quantile(std::vector<float> values, double q) {
   return values[k];
 }
 
+// What the run has built of the vessel's field is kept for the next one, however this one ends.
+struct KeepField {
+  const torquer::scene::Scene& scene;
+  ~KeepField() {
+    const auto& surface = scene.vessel().surface;
+    const std::string problem = surface == nullptr ? "" : surface->SaveCache();
+    if (!problem.empty()) std::fprintf(stderr, "torquer-simulator: %s\n", problem.c_str());
+  }
+};
+
 int Live(torquer::scene::Scene& scene, const std::string& url, bool json) {
   torquer::bus::Bus bus(url);
   torquer::simulator::Session session(scene);
@@ -86,6 +96,7 @@ int Run(int argc, char** argv) {
   for (const std::string& finding : scene.vessel().findings) {
     std::fprintf(stderr, "torquer-simulator: %s\n", finding.c_str());
   }
+  const KeepField keep{scene};
   if (!script.empty()) {
     const int unconverged = torquer::simulator::RunScript(scene, script, states);
     if (unconverged > 0) {

@@ -210,7 +210,7 @@ CenteredCurve CenteredInLumen(const Centerline& curve, const ClearanceField& fie
                               double reach_mm) {
   constexpr double kStepMm = 1;
   constexpr int kRounds = 120;
-  constexpr double kPush = 0.15, kLeastClearanceMm = 0.25;
+  constexpr double kPush = 0.15, kLeastClearanceMm = 0.25, kRoomMm = 1;
   const auto steps =
       std::max<size_t>(4, static_cast<size_t>(std::ceil(curve.length_mm() / kStepMm)));
   std::vector<Vector3d> start, points;
@@ -227,8 +227,9 @@ CenteredCurve CenteredInLumen(const Centerline& curve, const ClearanceField& fie
       const Vector3d tangent = (points[after] - points[before]).normalized();
       ClearanceSample sample;
       field.EvaluateGradient(points[i], sample);
-      // The push fades out, or points would go to and fro across the ridge of the clearance.
-      Vector3d push = kPush * (1 - (round + 1.0) / kRounds) * sample.gradient;
+      // Where there is room the push fades out, or points would go to and fro across the ridge.
+      const bool has_room = sample.clearance_mm > kRoomMm;
+      Vector3d push = (has_room ? kPush * (1 - (round + 1.0) / kRounds) : kPush) * sample.gradient;
       if (i > 0 && i < steps) push += 0.4 * ((points[before] + points[after]) / 2 - points[i]);
       next[i] += push - push.dot(tangent) * tangent;
       const Vector3d shift = next[i] - start[i];

@@ -1,0 +1,57 @@
+#include "host/simulator/field_ahead.h"
+
+#include <algorithm>
+
+namespace torquer::simulator {
+
+namespace {
+
+constexpr double kReachMm = 12;  // around the tip
+constexpr double kStepMm = 3;    // the tip's way, or a centerline's, between two looks
+
+}  // namespace
+
+FieldAhead::FieldAhead(const scene::Vessel& vessel)
+    : vessel_(vessel), last_tip_mm_(Eigen::Vector3d::Constant(1e9)) {
+  if (vessel.surface != nullptr) {
+    thread_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });
+  }
+}
+
+FieldAhead::~FieldAhead() = default;
+
+void FieldAhead::Follow(const Eigen::Vector3d& tip_mm) {
+  if (!thread_.joinable() || (tip_mm - last_tip_mm_).norm() < kStepMm) return;
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock) return;
+  last_tip_mm_ = tip_mm;
+  tip_mm_ = tip_mm;
+  tip_waits_ = true;
+  moved_.notify_one();
+}
+
+bool FieldAhead::NextTip(const std::stop_token& stop, bool may_wait, Eigen::Vector3d& tip_mm) {
+  std::unique_lock lock(mutex_);
+  if (may_wait) moved_.wait(lock, stop, [this] { return tip_waits_; });
+  if (!tip_waits_) return false;
+  tip_mm = tip_mm_;
+  tip_waits_ = false;
+  return true;
+}
+
+void FieldAhead::Run(const std::stop_token& stop) {
+  const vessel::BrickField& field = vessel_.surface->field();
+  Eigen::Vector3d tip_mm;
+  for (const vessel::Centerline& curve : vessel_.centerlines.curves()) {
+    for (double s = 0; s <= curve.length_mm() && !stop.stop_requested(); s += kStepMm) {
+      while (NextTip(stop, false, tip_mm)) field.Prefetch(tip_mm, kReachMm);
+      const vessel::CenterlineSample at = curve.At(s);
+      field.Prefetch(at.position_mm, at.radius_mm + 1);
+    }
+  }
+  while (!stop.stop_requested()) {
+    if (NextTip(stop, true, tip_mm)) field.Prefetch(tip_mm, kReachMm);
+  }
+}
+
+}  // namespace torquer::simulator
