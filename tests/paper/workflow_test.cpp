@@ -1,5 +1,6 @@
 // Section 3.3 and Fig. 10 of Baier et al. 2016, and the model that the paper starts from.
 #include <catch2/catch.hpp>
+#include <limits>
 #include <random>
 
 #include "host/simulator/core/paper/paper_relaxation.h"
@@ -70,12 +71,14 @@ TEST_CASE("a wire retracted to nothing is the wire at the start") {
 }
 
 TEST_CASE("slices end a PR cycle, then a GR cycle, then the tick: Fig. 10") {
+  const int margin = GENERATE(range(3, 13));
   Case c;
+  c.settings.physical.margin = margin;
   PaperRelaxation relaxation(c.model, c.field, c.wall, c.settings);
   relaxation.Restart(c.state);
   CountedBudget budget(100000);
   const TickReport report = relaxation.Tick({200, 0}, budget, c.state);
-  const int m = 3 + 5;
+  const int m = 3 + margin;
   const int physical = CeilDivide(80 * 81 / 2, m * (m + 1) / 2);
   REQUIRE(relaxation.geometrical().zeta() > 0);
   const int length = relaxation.geometrical().interval().length();
@@ -229,6 +232,31 @@ TEST_CASE("the predecessor feeds at the base in small steps, each with a cycle")
   CHECK(report.max_penetration_mm < 0.5);
   CHECK(report.energy_mJ < 1e-3);
   CHECK(state.nodes.back()[0] < 15);  // it follows the bend
+}
+
+TEST_CASE("the predecessor's cycle takes the signed denominator of (16), unbounded") {
+  const WireModel model = MakeWire({.max_length_mm = 70, .law = BendingLaw::kG2});
+  WireState start = LayStraight(model, 10);
+  start.tangents[9] = Vector3d(1, 0.3, 0).normalized();
+  PlaceNodes(model, 1, start);
+  TransportNormals(model, start);
+  const HalfSpace field({8, 0, 0}, {-1, 0, 0});  // pressed so hard that rho - u.B is negative
+  const WallModel wall{0.1, 1};
+  const auto cycle = [&](UpdateRule rule) {
+    WireState state = start;
+    PhysicalRelaxation physical(
+        model, field, wall, {.rule = rule, .max_update = std::numeric_limits<double>::infinity()});
+    physical.Restart(state);
+    physical.ContinueCycle(1000, state);
+    return HashState(state);
+  };
+  WireState state = start;
+  PredecessorRelaxation relaxation(model, field, wall, {});
+  relaxation.Restart(state);
+  CountedBudget budget(1);
+  CHECK(relaxation.Tick({10, 0}, budget, state).updates == 55);
+  CHECK(HashState(state) == cycle(UpdateRule::kSigned));
+  CHECK(HashState(state) != cycle(UpdateRule::kAbsolute));
 }
 
 TEST_CASE("fed fast against a wall the predecessor perforates it, the paper's method does not") {
