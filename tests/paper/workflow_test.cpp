@@ -71,7 +71,7 @@ TEST_CASE("a wire retracted to nothing is the wire at the start") {
 }
 
 TEST_CASE("slices end a PR cycle, then a GR cycle, then the tick: Fig. 10") {
-  const int margin = GENERATE(range(3, 13));
+  const int margin = GENERATE(range(1, 8));
   Case c;
   c.settings.physical.margin = margin;
   PaperRelaxation relaxation(c.model, c.field, c.wall, c.settings);
