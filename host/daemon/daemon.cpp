@@ -246,8 +246,6 @@ void Daemon::CheckResolution() {
 }
 
 void Daemon::OnReport(const SourceEvent& event) {
-  const std::int64_t jumps = pipeline_->decoder().counters().jumps;
-  const std::int64_t epochs = pipeline_->decoder().counters().epochs;
   const std::optional<PipelineOutput> output = pipeline_->OnReport(event.report, event.host_us);
   if (!output) return;
   last_report_us_ = event.host_us;
@@ -259,11 +257,10 @@ void Daemon::OnReport(const SourceEvent& event) {
     silent_ = false;
     Announce("running", "reports come again");
   }
-  if (pipeline_->decoder().counters().jumps != jumps) {
+  if (output->sample.epoch_start == EpochStart::kJump) {
     Announce("running", "the device's counts jumped faster than any hand; going on from " +
                             Describe(output->hand.pose));
-  }
-  if (pipeline_->decoder().counters().epochs != epochs && epochs >= connections_) {
+  } else if (output->sample.epoch_start == EpochStart::kReset) {
     Announce("running", "the device was reset; going on from " + Describe(output->hand.pose) +
                             "; what the hand moved meanwhile is not known");
   }
@@ -354,8 +351,9 @@ void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
   command.xray = hand.xray;
   command.contrast = hand.contrast;
   command.flags = hand.flags;
-  if (bus_.Publish(bus::kInstrumentCommandChannel, command)) ++commands_published_;
+  // First: killed in between, the next daemon goes on from here rather than from one command back.
   instrument_claim_.Remember({hand.pose, command.sequence, command.publish_us, command.clock_id});
+  if (bus_.Publish(bus::kInstrumentCommandChannel, command)) ++commands_published_;
 }
 
 void Daemon::PublishHold(std::int64_t now_us) {
@@ -376,7 +374,7 @@ bus::HealthCounters Daemon::Counters() const {
           {"count_jumps", decoder.jumps},
           {"connections", connections_},
           {"disconnections", disconnections_},
-          {"device_resets", std::max<std::int64_t>(0, decoder.epochs - connections_)},
+          {"device_resets", decoder.resets},
           {"commands_published", commands_published_},
           {"publish_failures", bus_.publish_failures()},
           {"axial_counts_applied", tracker.axial_applied},

@@ -65,7 +65,7 @@ std::int32_t HandTracker::Doubts(const Sample& sample) {
 }
 
 void HandTracker::Move(const Sample& sample, bool held) {
-  if (!last_ || sample.starts_epoch) return;
+  if (!last_ || sample.epoch_start != EpochStart::kNone) return;
   const std::int64_t axial = sample.axial_counts - last_->axial_counts;
   const std::int64_t transverse = sample.transverse_counts - last_->transverse_counts;
   if (held || last_held_) {
@@ -80,7 +80,7 @@ void HandTracker::Move(const Sample& sample, bool held) {
 }
 
 void HandTracker::TurnArm(const Sample& sample) {
-  if (!last_ || sample.starts_epoch) return;
+  if (!last_ || sample.epoch_start != EpochStart::kNone) return;
   const std::int64_t passed_us =
       std::clamp<std::int64_t>(sample.device_time_us - last_->device_time_us, 0, kLongestHoldUs);
   const double passed_s = 1e-6 * static_cast<double>(passed_us);

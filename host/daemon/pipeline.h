@@ -26,14 +26,14 @@ class Pipeline {
   explicit Pipeline(HandTracker tracker) : tracker_(std::move(tracker)) {}
 
   /// A device was connected; its numbers begin anywhere.
-  void OnConnected() { decoder_.StartEpoch(); }
+  void OnConnected() { decoder_.OnConnected(); }
 
   /// Nothing when the report brought nothing new; decoder().counters() says why.
   std::optional<PipelineOutput> OnReport(std::span<const std::uint8_t> report,
                                          std::int64_t receive_us) {
     const std::optional<Sample> sample = decoder_.Decode(report, receive_us);
     if (!sample) return std::nullopt;
-    if (sample->starts_epoch) clock_map_.Reset();
+    if (sample->epoch_start != EpochStart::kNone) clock_map_.Reset();
     const std::int64_t origin_us = clock_map_.Map(sample->device_time_us, receive_us);
     return PipelineOutput{*sample, origin_us, tracker_.Step(*sample)};
   }

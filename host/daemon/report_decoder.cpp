@@ -10,6 +10,8 @@ namespace {
 
 constexpr std::int64_t kNominalIntervalUs = 1000;
 constexpr int kSeenBits = 64;
+// The device's two banks and what the host's controller holds.
+constexpr int kSettlingReports = 4;
 constexpr double kMmPerInch = 25.4;
 
 // The step that is congruent to `wrapped_step` modulo 2^bits and nearest to `expected`.
@@ -49,7 +51,14 @@ std::optional<Sample> ReportDecoder::Decode(std::span<const std::uint8_t> bytes,
   ++counters_.received;
   const std::optional<protocol::InputReport> report = Check(bytes);
   if (!report) return std::nullopt;
-  if (!in_epoch_ || report->boot_id != last_.boot_id) return BeginEpoch(*report, receive_us);
+  const bool reset = any_ && report->boot_id != last_.boot_id;
+  if (reset) ++counters_.resets;
+  if (connecting_) {
+    connecting_ = false;
+    settling_ = kSettlingReports;
+    return BeginEpoch(*report, receive_us, EpochStart::kConnected);
+  }
+  if (reset) return BeginEpoch(*report, receive_us, EpochStart::kReset);
   return Continue(*report, receive_us);
 }
 
@@ -72,11 +81,11 @@ std::optional<protocol::InputReport> ReportDecoder::Check(std::span<const std::u
   return report;
 }
 
-Sample ReportDecoder::BeginEpoch(const protocol::InputReport& report, std::int64_t receive_us) {
-  const bool very_first = counters_.epochs == 0;
+Sample ReportDecoder::BeginEpoch(const protocol::InputReport& report, std::int64_t receive_us,
+                                 EpochStart start) {
   Sample sample = PlainFields(report, receive_us);
-  sample.starts_epoch = true;
-  if (very_first) {
+  sample.epoch_start = start;
+  if (!any_) {
     sample.device_time_us = report.device_time_us;
     sample.report_number = report.sequence;
     sample.axial_counts = report.axial_counts;
@@ -88,8 +97,7 @@ Sample ReportDecoder::BeginEpoch(const protocol::InputReport& report, std::int64
     sample.axial_counts = last_.axial_counts;
     sample.transverse_counts = last_.transverse_counts;
   }
-  ++counters_.epochs;
-  in_epoch_ = true;
+  any_ = true;
   seen_ = 1;
   epoch_first_number_ = sample.report_number;
   last_ = sample;
@@ -112,6 +120,10 @@ std::optional<Sample> ReportDecoder::Continue(const protocol::InputReport& repor
       last_.axial_counts + SignedStep(report.axial_counts, last_report_.axial_counts);
   sample.transverse_counts = last_.transverse_counts +
                              SignedStep(report.transverse_counts, last_report_.transverse_counts);
+  if (settling_ > 0) {
+    --settling_;
+    if (number_step > 1) return BeginEpoch(report, receive_us, EpochStart::kConnected);
+  }
   if (!SortIn(sample.report_number)) return std::nullopt;
 
   // A device clock that runs backwards is broken; the time that follows from it stands still.
@@ -120,7 +132,7 @@ std::optional<Sample> ReportDecoder::Continue(const protocol::InputReport& repor
     ++counters_.jumps;
     sample.axial_counts = last_.axial_counts;
     sample.transverse_counts = last_.transverse_counts;
-    sample.starts_epoch = true;
+    sample.epoch_start = EpochStart::kJump;
   }
   last_ = sample;
   last_report_ = report;

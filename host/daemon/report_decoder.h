@@ -5,6 +5,9 @@
 // near the host time that has passed, sequence near the device time that has passed. Restarted
 // devices (another boot id) and new connections begin a new epoch, in which the 64-bit numbers go
 // on from where they were, without a jump. No I/O, no clock.
+//
+// A device that nobody polled still holds the reports of that time: a gap behind the first few
+// reports of a connection is no loss, the epoch merely begins behind it.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +17,15 @@
 #include "protocol/hid_reports.h"
 
 namespace torquer::daemon {
+
+/// Why a sample does not continue the one before: what the hand moved in between is not known, and
+/// neither is how long it took.
+enum class EpochStart {
+  kNone,       ///< it does continue it
+  kConnected,  ///< the device was (re)connected
+  kReset,      ///< the device restarted while connected
+  kJump,       ///< counts moved faster than any hand
+};
 
 /// One report, understood.
 struct Sample {
@@ -30,9 +42,7 @@ struct Sample {
   std::uint16_t shutter = 0;
   std::uint16_t cpi = 0;
   std::uint8_t boot_id = 0;
-  /// True for the first sample of an epoch: what the hand moved since the previous sample is not
-  /// known, and neither is how long it took.
-  bool starts_epoch = false;
+  EpochStart epoch_start = EpochStart::kNone;
 };
 
 /// What became of reports, since the start.
@@ -44,7 +54,7 @@ struct DecoderCounters {
   std::int64_t wrong_length = 0;   ///< truncated or overlong; refused
   std::int64_t wrong_id = 0;       ///< another report id; refused
   std::int64_t wrong_version = 0;  ///< another protocol version; refused
-  std::int64_t epochs = 0;         ///< connections and device resets
+  std::int64_t resets = 0;         ///< changes of the boot id, whether seen connected or not
   std::int64_t jumps = 0;  ///< counts that moved faster than any hand; begun anew from there
 };
 
@@ -55,7 +65,7 @@ inline constexpr double kImpossibleSpeedMmPerS = 25000.0;
 class ReportDecoder {
  public:
   /// The device was (re)connected: the next report begins an epoch whatever its boot id.
-  void StartEpoch() { in_epoch_ = false; }
+  void OnConnected() { connecting_ = true; }
 
   /// The sample in one report, or nothing when it was refused, late or seen before; the counters
   /// tell which.
@@ -65,12 +75,14 @@ class ReportDecoder {
 
  private:
   std::optional<protocol::InputReport> Check(std::span<const std::uint8_t> report);
-  Sample BeginEpoch(const protocol::InputReport& report, std::int64_t receive_us);
+  Sample BeginEpoch(const protocol::InputReport& report, std::int64_t receive_us, EpochStart start);
   std::optional<Sample> Continue(const protocol::InputReport& report, std::int64_t receive_us);
   bool SortIn(std::int64_t report_number);
   bool MovedImpossibly(const Sample& sample) const;
 
-  bool in_epoch_ = false;
+  bool connecting_ = true;
+  bool any_ = false;  // a sample has been decoded
+  int settling_ = 0;  // reports to come that may be older than the connection
   Sample last_;
   protocol::InputReport last_report_{};  // whose numbers last_ continues
   // Bit k: the report k before the newest has been seen in this epoch.

@@ -9,6 +9,7 @@ namespace {
 
 using namespace torquer::bus;
 using torquer::calibration::Calibration;
+using torquer::daemon::EpochStart;
 using torquer::daemon::HandState;
 using torquer::daemon::HandTracker;
 using torquer::daemon::Pose;
@@ -38,13 +39,13 @@ struct Hand {
     sample.cpi = 1200;
     sample.joystick_x = 500;
     sample.joystick_y = 500;
-    sample.starts_epoch = true;
+    sample.epoch_start = EpochStart::kConnected;
   }
   HandState Step(std::int64_t axial = 0, std::int64_t transverse = 0) {
     sample.axial_counts += axial;
     sample.transverse_counts += transverse;
     const HandState state = tracker.Step(sample);
-    sample.starts_epoch = false;
+    sample.epoch_start = EpochStart::kNone;
     sample.device_time_us += 1000;
     return state;
   }
@@ -142,7 +143,7 @@ TEST_CASE("A new epoch neither moves the wire nor turns the arm") {
   Hand hand;
   hand.Step();
   hand.Step(1000);
-  hand.sample.starts_epoch = true;
+  hand.sample.epoch_start = EpochStart::kConnected;
   hand.sample.joystick_x = 1000;
   hand.sample.device_time_us += 5000000;
   const HandState state = hand.Step(0, 0);

@@ -7,6 +7,7 @@
 
 namespace {
 
+using torquer::daemon::EpochStart;
 using torquer::daemon::ReportDecoder;
 using torquer::daemon::Sample;
 using torquer::protocol::InputReport;
@@ -16,6 +17,15 @@ using torquer::test::StillReport;
 
 // A decoder and the host's clock, 1 ms a report.
 struct Feed {
+  // Past the first reports of a connection, before which a gap is no loss.
+  void Settle(InputReport before) {
+    before.sequence = static_cast<std::uint16_t>(before.sequence - 5);
+    before.device_time_us -= 5000;
+    for (int i = 0; i < 5; ++i) {
+      REQUIRE((*this)(before));
+      before = Next(before);
+    }
+  }
   std::optional<Sample> operator()(const InputReport& report, std::int64_t passed_us = 1000) {
     host_us += passed_us;
     return decoder.Decode(BytesOf(report), host_us);
@@ -61,7 +71,7 @@ TEST_CASE("The bytes on the wire are decoded as written down") {
   CHECK(sample->shutter == 0x2010);
   CHECK(sample->cpi == 1200);
   CHECK(sample->boot_id == 0x2a);
-  CHECK(sample->starts_epoch);
+  CHECK(sample->epoch_start == EpochStart::kConnected);
 }
 
 TEST_CASE("A report of any other length, id or version is refused and counted") {
@@ -115,7 +125,7 @@ TEST_CASE("Sequence, time and counts go on over their wraps, in both directions"
         static_cast<std::int32_t>(static_cast<std::uint32_t>(report.transverse_counts) - step);
     const std::optional<Sample> sample = feed(report);
     REQUIRE(sample);
-    CHECK_FALSE(sample->starts_epoch);
+    CHECK(sample->epoch_start == EpochStart::kNone);
     CHECK(sample->report_number - first->report_number == i);
     CHECK(sample->device_time_us - first->device_time_us == 1000 * i);
     CHECK(sample->axial_counts - first->axial_counts == direction * 15 * i);
@@ -128,6 +138,7 @@ TEST_CASE("Sequence, time and counts go on over their wraps, in both directions"
 TEST_CASE("Lost reports are counted and lose no motion") {
   Feed feed;
   InputReport report = StillReport(65533);
+  feed.Settle(report);
   REQUIRE(feed(report));
   report = WithSequence(report, 65533 + 7);  // over the wrap: 65534 .. 3 are missing
   report.axial_counts = 700;
@@ -141,6 +152,7 @@ TEST_CASE("Lost reports are counted and lose no motion") {
 TEST_CASE("A gap longer than the sequence is measured by the clocks") {
   Feed feed;
   InputReport report = StillReport(10);
+  feed.Settle(report);
   REQUIRE(feed(report));
   SECTION("more than one round of the sequence") {
     report = WithSequence(report, 10 + 2 * 65536 + 5);
@@ -164,6 +176,7 @@ TEST_CASE("A gap longer than the sequence is measured by the clocks") {
 TEST_CASE("Duplicates and late reports are told apart and change nothing") {
   Feed feed;
   InputReport report = StillReport(65535);
+  feed.Settle(report);
   REQUIRE(feed(report));
   CHECK_FALSE(feed(report));
   CHECK(feed.decoder.counters().duplicated == 1);
@@ -204,13 +217,13 @@ TEST_CASE("A restarted or reconnected device goes on without a jump") {
     report = StillReport(0);
     report.boot_id = 8;
   } else {
-    feed.decoder.StartEpoch();
+    feed.decoder.OnConnected();
     report = WithSequence(report, 9000);
     report.axial_counts = 7777;
   }
   const std::optional<Sample> after = feed(report, 2500000);
   REQUIRE(after);
-  CHECK(after->starts_epoch);
+  CHECK(after->epoch_start == (reset ? EpochStart::kReset : EpochStart::kConnected));
   CHECK(after->axial_counts == before->axial_counts);
   CHECK(after->transverse_counts == before->transverse_counts);
   CHECK(after->report_number == before->report_number + 1);
@@ -219,10 +232,10 @@ TEST_CASE("A restarted or reconnected device goes on without a jump") {
   report.axial_counts += 25;
   const std::optional<Sample> next = feed(report);
   REQUIRE(next);
-  CHECK_FALSE(next->starts_epoch);
+  CHECK(next->epoch_start == EpochStart::kNone);
   CHECK(next->axial_counts == before->axial_counts + 25);
   CHECK(feed.decoder.counters().lost == 0);
-  CHECK(feed.decoder.counters().epochs == 2);
+  CHECK(feed.decoder.counters().resets == (reset ? 1 : 0));
 }
 
 TEST_CASE("A report from before a restart does not disturb the new epoch") {
@@ -246,11 +259,38 @@ TEST_CASE("Counts that no hand could move begin anew from where they are") {
   const std::optional<Sample> after = feed(report);
   REQUIRE(after);
   CHECK(after->axial_counts == before->axial_counts);
-  CHECK(after->starts_epoch);
+  CHECK(after->epoch_start == EpochStart::kJump);
   CHECK(feed.decoder.counters().jumps == 1);
   // 1 m/s is a hand's: 47 counts a report at 1200 cpi; so is ten times that.
   report = Next(report);
   report.axial_counts += 470;
   CHECK(feed(report)->axial_counts == before->axial_counts + 470);
   CHECK(feed.decoder.counters().jumps == 1);
+}
+
+TEST_CASE("Reports from before a connection are no loss and no motion") {
+  Feed feed;
+  feed.decoder.OnConnected();
+  REQUIRE(feed(StillReport(10)));  // held in the device's two banks since it was plugged in
+  REQUIRE(feed(StillReport(11)));
+  InputReport now = WithSequence(StillReport(11), 31234);
+  now.axial_counts = 900;
+  const std::optional<Sample> first = feed(now);
+  REQUIRE(first);
+  CHECK(first->epoch_start == EpochStart::kConnected);
+  CHECK(first->axial_counts == 0);
+  CHECK(feed.decoder.counters().lost == 0);
+  for (int i = 0; i < 4; ++i) {
+    now = Next(now);
+    now.axial_counts += 10;
+    REQUIRE(feed(now));
+  }
+  // From here on a gap is a loss.
+  now = WithSequence(now, now.sequence + 3);
+  now.axial_counts += 10;
+  const std::optional<Sample> behind = feed(now, 3000);
+  REQUIRE(behind);
+  CHECK(behind->epoch_start == EpochStart::kNone);
+  CHECK(behind->axial_counts == 50);
+  CHECK(feed.decoder.counters().lost == 2);
 }
