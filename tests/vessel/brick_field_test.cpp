@@ -19,7 +19,8 @@ using Catch::Matchers::Contains;
 using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 
-// A cylinder with round ends along a direction that no axis of the grid shares, 9 mm to either side.
+// A cylinder with round ends along a direction that no axis of the grid shares, 9 mm to either
+// side.
 struct Cylinder {
   double radius_mm = 2;
   Vector3d direction = Vector3d(1, 0.37, 0.21).normalized();

@@ -7,8 +7,11 @@
 #include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cctype>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <set>
+#include <sstream>
 
 #include "host/support/error.h"
 
@@ -45,6 +48,121 @@ void AddMeshes(const aiScene& scene, const aiNode& node, const aiMatrix4x4& abov
   }
 }
 
+constexpr const char* kCutShort = "; the file is damaged or cut short: export it anew";
+
+size_t PlyTypeBytes(const std::string& type) {
+  if (type == "char" || type == "uchar" || type == "int8" || type == "uint8") return 1;
+  if (type == "short" || type == "ushort" || type == "int16" || type == "uint16") return 2;
+  if (type == "double" || type == "float64") return 8;
+  return 4;
+}
+
+// Whether all elements that a PLY header announces are there: a line each, or their bytes.
+void CheckPlyIsWhole(const std::string& path, std::istream& file) {
+  std::string line, word;
+  bool is_text = false;
+  size_t elements = 0, least_bytes = 0, count = 0;
+  while (std::getline(file, line) && line.rfind("end_header", 0) != 0) {
+    std::istringstream words(line);
+    words >> word;
+    if (word == "format") {
+      is_text = words >> word && word == "ascii";
+    } else if (word == "element") {
+      words >> word >> count;
+      elements += count;
+    } else if (word == "property" && words >> word) {
+      size_t bytes = PlyTypeBytes(word);
+      if (word == "list") {
+        std::string size_type, item_type;
+        words >> size_type >> item_type;
+        bytes = PlyTypeBytes(size_type) + 3 * PlyTypeBytes(item_type);
+      }
+      least_bytes += count * bytes;
+    }
+  }
+  if (is_text) {
+    size_t lines = 0;
+    while (std::getline(file, line)) {
+      // The last line of a whole file ends.
+      const bool whole = !file.eof() || elements == lines + 1;
+      if (whole && line.find_first_not_of(" \t\r") != std::string::npos) ++lines;
+    }
+    if (lines < elements) {
+      Refuse(path, "the header announces " + std::to_string(elements) + " elements, but " +
+                       std::to_string(lines) + " are there" + kCutShort);
+    }
+    return;
+  }
+  const auto begin = file.tellg();
+  file.seekg(0, std::ios::end);
+  const auto bytes = static_cast<size_t>(file.tellg() - begin);
+  if (bytes < least_bytes) {
+    Refuse(path, "the header announces at least " + std::to_string(least_bytes) + " bytes, but " +
+                     std::to_string(bytes) + " are there" + kCutShort);
+  }
+}
+
+// A whole text STL says that it ends.
+void CheckStlIsWhole(const std::string& path, std::istream& file) {
+  std::string line, last;
+  std::getline(file, line);
+  // Binary files may begin with the same word.
+  if (line.rfind("solid", 0) != 0 || !std::isspace(file.peek())) return;
+  while (std::getline(file, line)) {
+    if (line.find_first_not_of(" \t\r") != std::string::npos) last = line;
+  }
+  if (last.find("endsolid") == std::string::npos) {
+    Refuse(path, std::string("the file does not end with \"endsolid\"") + kCutShort);
+  }
+}
+
+// OBJ says nothing of its length. One whose last line does not end and that has vertices of no face
+// was cut.
+void CheckObjIsWhole(const std::string& path, std::istream& file) {
+  file.seekg(-1, std::ios::end);
+  if (file.get() == '\n') return;
+  file.seekg(0);
+  std::string line, word;
+  long long vertices = 0;
+  std::set<long long> used;
+  while (std::getline(file, line)) {
+    std::istringstream words(line);
+    words >> word;
+    if (word == "v") ++vertices;
+    if (word != "f") continue;
+    while (words >> word) {
+      const long long index = std::atoll(word.c_str());
+      used.insert(index < 0 ? vertices + 1 + index : index);
+    }
+  }
+  if (static_cast<long long>(used.size()) < vertices) {
+    Refuse(path, "the last line does not end, and " +
+                     std::to_string(vertices - static_cast<long long>(used.size())) +
+                     " vertices belong to no face" + kCutShort);
+  }
+}
+
+// Assimp is content with what it finds of a text file and of a PLY.
+void CheckIsWhole(const std::string& path, const std::string& ending) {
+  std::ifstream file(path, std::ios::binary);
+  if (ending == ".ply") CheckPlyIsWhole(path, file);
+  if (ending == ".stl") CheckStlIsWhole(path, file);
+  if (ending == ".obj") CheckObjIsWhole(path, file);
+}
+
+void CheckIndices(const std::string& path, const aiScene& scene) {
+  for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
+    const aiMesh& part = *scene.mMeshes[m];
+    for (unsigned f = 0; f < part.mNumFaces; ++f) {
+      for (unsigned i = 0; i < part.mFaces[f].mNumIndices; ++i) {
+        if (part.mFaces[f].mIndices[i] < part.mNumVertices) continue;
+        Refuse(path,
+               "face " + std::to_string(f + 1) + " names a vertex that is not there" + kCutShort);
+      }
+    }
+  }
+}
+
 }  // namespace
 
 TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit) {
@@ -63,18 +181,19 @@ TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit) {
     Refuse(path, "surfaces are read from .stl, .obj and .ply files, not \"" + ending +
                      "\"; convert it (MeshLab, Blender and 3D Slicer export all three)");
   }
+  CheckIsWhole(path, ending);
   Assimp::Importer importer;
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE,
                               aiPrimitiveType_POINT | aiPrimitiveType_LINE);
-  const aiScene* scene = nullptr;
-  try {
-    scene = importer.ReadFile(path, aiProcess_Triangulate | aiProcess_SortByPType);
-  } catch (const std::exception& e) {
-    Refuse(path, std::string("not a readable surface (") + e.what() + "); export it anew");
+  const aiScene* scene = importer.ReadFile(path, 0);
+  if (scene != nullptr) {
+    // Assimp's own steps follow indices blindly.
+    CheckIndices(path, *scene);
+    scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType);
   }
   if (scene == nullptr || scene->mRootNode == nullptr) {
-    Refuse(path, std::string("not a readable surface (") + importer.GetErrorString() +
-                     "); the file is damaged or cut short: export it anew");
+    Refuse(path,
+           std::string("not a readable surface (") + importer.GetErrorString() + ")" + kCutShort);
   }
   TriangleMesh mesh;
   AddMeshes(*scene, *scene->mRootNode, aiMatrix4x4(), mm_per_unit, mesh);

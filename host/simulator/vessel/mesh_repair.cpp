@@ -22,7 +22,10 @@ namespace {
 // Loops of a smaller radius are holes, not ends of vessels.
 constexpr double kSmallestOpeningMm = 0.4;
 // Root mean square distance of an opening's rim from its plane, as a share of its radius.
-constexpr double kLeastFlat = 0.5;
+constexpr double kLeastFlat = 0.25;
+// Square of a rim's length over that of a circle of the same area; ends cut 75 degrees off square
+// have 1.8, ragged ones up to 2.
+constexpr double kLeastRound = 2.2;
 constexpr double kNegligibleArea = 1e-3;
 
 using Edge = std::pair<int32_t, int32_t>;  // smaller vertex first
@@ -330,12 +333,14 @@ void CapLoops(TriangleMesh& mesh, const std::string& name, MeshReport& report) {
     const bool is_opening = radius >= kSmallestOpeningMm;
     // A slit between two rims has no area to speak of, but is as wrong as a hole of its length.
     const double size = std::max(radius, largest_distance / 4);
-    if (size >= kSmallestOpeningMm && !(off_plane <= kLeastFlat * radius)) {
+    const double round = length * length / (4 * M_PI * area.norm());
+    if (size >= kSmallestOpeningMm && !(off_plane <= kLeastFlat * radius && round <= kLeastRound)) {
       throw UserError(name + ": a hole with a rim of " + std::to_string(count) + " edges, " +
                       Number(length) + " mm long, at " + Place(center) +
-                      " is no flat end of a vessel (its rim is " + Number(off_plane) +
-                      " mm off a plane); part of the surface is missing: fill the hole or cut the "
-                      "vessel off square");
+                      " is no end of a vessel (neither flat nor round: " + Number(off_plane) +
+                      " mm off a plane, " + Number(round) +
+                      " times a circle's rim squared); part of the surface is missing: fill the "
+                      "hole or cut the vessel off square");
     }
     if (count == 3) {
       mesh.triangles.push_back({loop[0], loop[1], loop[2]});
@@ -347,7 +352,7 @@ void CapLoops(TriangleMesh& mesh, const std::string& name, MeshReport& report) {
       }
     }
     if (is_opening) {
-      report.openings.push_back({center, outward, radius});
+      report.openings.push_back({center, outward, radius, -outward});
     } else {
       holes.push_back({radius, center});
     }
@@ -444,32 +449,6 @@ void PointOutward(TriangleMesh& mesh, const std::string& name, MeshReport& repor
         " shared by four or more faces: kept, inside and outside told by the winding number.");
   }
   DropUnusedVertices(mesh);
-}
-
-void RefuseNested(const TriangleMesh& mesh, const std::string& name) {
-  int count = 0;
-  const std::vector<int> part = Parts(mesh, &count);
-  std::vector<int32_t> first(count, -1);
-  for (size_t i = 0; i < part.size(); ++i) {
-    if (first[part[i]] < 0) first[part[i]] = static_cast<int32_t>(i);
-  }
-  for (int p = 0; p < count && count > 1; ++p) {
-    const Vector3d at = mesh.Centroid(first[p]);
-    std::vector<double> angle(count, 0);
-    for (size_t i = 0; i < part.size(); ++i) {
-      const Vector3d a = mesh.Corner(i, 0) - at, b = mesh.Corner(i, 1) - at,
-                     c = mesh.Corner(i, 2) - at;
-      angle[part[i]] +=
-          2 * std::atan2(a.dot(b.cross(c)), a.norm() * b.norm() * c.norm() + a.dot(b) * c.norm() +
-                                                b.dot(c) * a.norm() + c.dot(a) * b.norm());
-    }
-    for (int q = 0; q < count; ++q) {
-      if (q == p || angle[q] < 2 * M_PI) continue;
-      throw UserError(name + ": the part of the surface at " + Place(at) +
-                      " lies within another part; a lumen has one wall: remove the inner part, or "
-                      "join overlapping vessels by a boolean union");
-    }
-  }
 }
 
 }  // namespace torquer::vessel::repair

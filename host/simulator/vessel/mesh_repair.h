@@ -33,9 +33,6 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report);
 /// Turns parts of negative volume. Throws where an edge of several faces has no two sides.
 void PointOutward(TriangleMesh& mesh, const std::string& name, MeshReport& report);
 
-/// Throws where a part of a closed, outward-oriented mesh lies within another.
-void RefuseNested(const TriangleMesh& mesh, const std::string& name);
-
 /// Parts of a mesh: for every triangle the index of its part, joined over edges of two faces.
 std::vector<int> Parts(const TriangleMesh& mesh, int* count);
 

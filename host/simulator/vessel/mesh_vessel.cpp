@@ -11,7 +11,7 @@ namespace torquer::vessel {
 namespace {
 
 // Raise with every change that makes another mesh or other bricks of the same file.
-constexpr double kBuildVersion = 1;
+constexpr double kBuildVersion = 2;
 
 // The surface and its report as bytes; one function says the order for both ways.
 class Bytes {
@@ -34,6 +34,7 @@ class Bytes {
     Do(opening.center_mm);
     Do(opening.outward);
     Do(opening.radius_mm);
+    Do(opening.inward);
   }
   bool whole() const { return whole_ && (!reading_ || at_ == bytes_.size()); }
   const std::vector<char>& bytes() const { return bytes_; }

@@ -1,5 +1,6 @@
 #include "host/simulator/vessel/surface_mesh.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -70,6 +71,51 @@ void MeasureWidth(const TriangleBvh& surface, MeshReport& report) {
   }
 }
 
+// Walls within the lumen, of parts that lie within others or overlap them: there one is inside
+// twice.
+void RefuseInnerWalls(const TriangleBvh& surface, const std::string& name) {
+  constexpr double kNegligibleShare = 0.01;
+  const TriangleMesh& mesh = surface.mesh();
+  double inner = 0, total = 0, largest = 0;
+  size_t where = 0;
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Vector3d twice = mesh.DoubleArea(i);
+    const double area = twice.norm();
+    total += area;
+    // On a face of a simple surface the winding number is 1/2; within another part one more.
+    if (surface.WindingNumber(mesh.Centroid(i) - 1e-4 * std::sqrt(area) * twice / area) < 1.5) {
+      continue;
+    }
+    inner += area;
+    if (area > largest) {
+      largest = area;
+      where = i;
+    }
+  }
+  if (inner <= kNegligibleShare * total) return;
+  throw UserError(name + ": " + Number(100 * inner / total) +
+                  " % of the surface lies within another part of it, for instance at " +
+                  Place(mesh.Centroid(where)) +
+                  "; a lumen has no walls inside: remove the inner part, or join overlapping "
+                  "vessels by a boolean union (Blender, MeshLab)");
+}
+
+// The direction along which the wall near an opening runs: the one that its normals avoid.
+Vector3d InwardAxis(const TriangleMesh& mesh, const Opening& opening) {
+  Eigen::Matrix3d normals = Eigen::Matrix3d::Zero();
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Vector3d off = mesh.Centroid(i) - opening.center_mm;
+    const Vector3d twice = mesh.DoubleArea(i);
+    const bool is_cap = std::abs(off.dot(opening.outward)) < 0.3 * opening.radius_mm &&
+                        std::abs(twice.normalized().dot(opening.outward)) > 0.9;
+    if (is_cap || off.norm() > 3 * opening.radius_mm) continue;
+    normals += twice * twice.transpose() / twice.norm();
+  }
+  const Vector3d axis =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(normals).eigenvectors().col(0);
+  return axis.dot(opening.outward) < 0 ? axis : Vector3d(-axis);
+}
+
 }  // namespace
 
 MeshUnit MeshUnitFromText(const std::string& text) {
@@ -125,19 +171,21 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
       Close(mesh, name, tolerance_mm, report);
     }
   }
-  repair::RefuseNested(mesh, name);
-
   std::sort(report.openings.begin(), report.openings.end(),
             [](const Opening& a, const Opening& b) { return a.radius_mm > b.radius_mm; });
-  for (const Opening& opening : report.openings) {
+  for (Opening& opening : report.openings) {
+    opening.inward = InwardAxis(mesh, opening);
     report.findings.push_back("Open end of radius " + Number(opening.radius_mm) + " mm at " +
-                              Place(opening.center_mm) + ", outward direction (" +
-                              Number(opening.outward.x()) + ", " + Number(opening.outward.y()) +
-                              ", " + Number(opening.outward.z()) + "): closed flat.");
+                              Place(opening.center_mm) + ", direction into the vessel (" +
+                              Number(opening.inward.x()) + ", " + Number(opening.inward.y()) +
+                              ", " + Number(opening.inward.z()) + "): closed flat.");
   }
   const TriangleBvh finished(mesh);
   const auto cuts = finished.FindIntersections(mesh.triangles.size());
   report.intersections = cuts.size();
+  int parts = 0;
+  repair::Parts(mesh, &parts);
+  if (!cuts.empty() || parts > 1) RefuseInnerWalls(finished, name);
   if (!cuts.empty()) {
     report.findings.push_back(std::to_string(cuts.size()) +
                               " pairs of faces cut through one another, the first at " +

@@ -19,8 +19,9 @@ MeshUnit MeshUnitFromText(const std::string& text);
 /// An end of the vessel that the file left open: a natural entry point.
 struct Opening {
   Eigen::Vector3d center_mm;
-  Eigen::Vector3d outward;  ///< unit, away from the lumen
+  Eigen::Vector3d outward;  ///< unit, across the cut, away from the lumen
   double radius_mm = 0;     ///< of the circle of the same area
+  Eigen::Vector3d inward;   ///< unit, along the vessel into the lumen: how a wire would go in
 };
 
 /// What was found in a surface and what was done about it.

@@ -1,0 +1,207 @@
+#include "host/simulator/vessel/mesh_vessel.h"
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "catch2/catch.hpp"
+#include "host/simulator/vessel/centerline.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/vessel/field_checks.h"
+#include "tests/vessel/made_meshes.h"
+
+namespace torquer::vessel {
+namespace {
+
+using Catch::Matchers::Contains;
+using Eigen::Vector3d;
+using test::TemporaryFolder;
+
+MeshVesselOptions Options(const std::string& cache, double voxel_mm) {
+  MeshVesselOptions options;
+  options.cache_folder = cache;
+  options.field.voxel_mm = voxel_mm;
+  return options;
+}
+
+uint64_t Fingerprint(const BrickField& field) {
+  Random random(31);
+  uint64_t hash = 1;
+  for (int i = 0; i < 2000; ++i) {
+    ClearanceSample sample;
+    field.EvaluateGradient(random.InBox({-10, -10, -10}, {50, 10, 10}), sample);
+    for (const double value : {sample.clearance_mm, sample.gradient.x(), sample.gradient.z()}) {
+      uint64_t bits = 0;
+      std::memcpy(&bits, &value, sizeof bits);
+      hash = (hash ^ bits) * 0x100000001b3;
+    }
+  }
+  return hash;
+}
+
+std::string OnlyFileIn(const std::string& folder) {
+  std::string path;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    CHECK(path.empty());  // nothing temporary stays behind
+    path = entry.path().string();
+  }
+  return path;
+}
+
+TEST_CASE("a field from a surface is near its distance everywhere near the wall") {
+  const std::string meshes = TORQUER_SOURCE_DIR "/host/scenes/meshes/";
+  struct Case {
+    std::string path;
+    MeshUnit unit;
+  };
+  for (const Case& c : {Case{meshes + "neuro_arch/surface.obj", MeshUnit::kMillimeter},
+                        Case{meshes + "abdominal_aorta/surface.stl", MeshUnit::kMeter}}) {
+    MeshVesselOptions options = Options("", 0.5);
+    options.unit = c.unit;
+    const auto vessel = MeshVessel::Open(c.path, options);
+    Random random(32);
+    const TriangleMesh& mesh = vessel->mesh();
+    int checked = 0, off = 0, wrong_sign = 0;
+    double worst = 0, steepest = 0;
+    for (int i = 0; i < 4000; ++i) {
+      const size_t triangle = random.Next() % mesh.triangles.size();
+      const Vector3d p = mesh.Centroid(triangle) + random.Uniform(0, 1) * random.Direction();
+      const double exact = vessel->surface().Distance(p);
+      ClearanceSample sample;
+      vessel->field().EvaluateGradient(p, sample);
+      const double error = std::abs(sample.clearance_mm - exact);
+      ++checked;
+      off += error > 0.1 ? 1 : 0;
+      wrong_sign += (sample.clearance_mm > 0) != (exact > 0) && std::abs(exact) > 0.25 ? 1 : 0;
+      worst = std::max(worst, error);
+      steepest = std::max(steepest, sample.gradient.norm());
+    }
+    CHECK(off < checked / 50);
+    CHECK(worst < 0.4);
+    CHECK(wrong_sign == 0);
+    CHECK(steepest <= vessel->field().LipschitzBound());
+  }
+}
+
+TEST_CASE("an opened cache gives the same vessel and the same field to the bit") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("tube.obj"), cache = folder.Path("cache/deeper");
+  WriteObj(path, MakeTubeMesh());
+  const auto first = MeshVessel::Open(path, Options(cache, 0.5));
+  CHECK_FALSE(first->from_cache());
+  CHECK(first->field().Build(0, 2));
+  const uint64_t expected = Fingerprint(first->field());
+  CHECK(first->SaveCache().empty());
+  OnlyFileIn(cache);
+
+  const auto second = MeshVessel::Open(path, Options(cache, 0.5));
+  CHECK(second->from_cache());
+  CHECK(Fingerprint(second->field()) == expected);
+  CHECK(second->field().Statistics().bricks_built == 0);
+  CHECK(second->report().findings == first->report().findings);
+  CHECK(second->report().openings.size() == 2);
+  CHECK(second->report().volume_mm3 == first->report().volume_mm3);
+  CHECK(second->report().bounds_mm.max() == first->report().bounds_mm.max());
+  CHECK(second->mesh().triangles == first->mesh().triangles);
+  CHECK(second->SaveCache().empty());
+
+  // Another voxel, another unit, another surface: none is served by it.
+  CHECK_FALSE(MeshVessel::Open(path, Options(cache, 0.25))->from_cache());
+  TriangleMesh moved = MakeTubeMesh();
+  moved.vertices_mm[3].x() += 0.001;
+  WriteObj(path, moved);
+  CHECK_FALSE(MeshVessel::Open(path, Options(cache, 0.5))->from_cache());
+}
+
+TEST_CASE("a partly built field is kept and grows from run to run") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("tube.obj"), cache = folder.Path("cache");
+  WriteObj(path, MakeTubeMesh());
+  const auto first = MeshVessel::Open(path, Options(cache, 0.5));
+  first->field().Prefetch({5, 0, 0}, 5);
+  const size_t built = first->field().Statistics().bricks_built;
+  CHECK(first->SaveCache().empty());
+  const auto second = MeshVessel::Open(path, Options(cache, 0.5));
+  CHECK(second->from_cache());
+  second->field().Prefetch({5, 0, 0}, 5);
+  CHECK(second->field().Statistics().bricks_built == 0);
+  second->field().Prefetch({30, 0, 0}, 5);
+  CHECK(second->field().Statistics().bricks_built > 0);
+  CHECK(second->SaveCache().empty());
+  const auto third = MeshVessel::Open(path, Options(cache, 0.5));
+  CHECK(third->field().StoredBricks().size() > built);
+  third->field().Prefetch({30, 0, 0}, 5);
+  CHECK(third->field().Statistics().bricks_built == 0);
+  const auto fresh = MeshVessel::Open(path, Options("", 0.5));
+  CHECK(Fingerprint(third->field()) == Fingerprint(fresh->field()));
+}
+
+TEST_CASE("a torn or altered cache is noticed wherever it is torn, and costs only time") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("tube.obj"), cache = folder.Path("cache");
+  WriteObj(path, MakeTubeMesh());
+  const auto original = MeshVessel::Open(path, Options(cache, 2));
+  CHECK(original->field().Build(0, 1));
+  const uint64_t expected = Fingerprint(original->field());
+  CHECK(original->SaveCache().empty());
+  const std::string file = OnlyFileIn(cache);
+  std::ifstream in(file, std::ios::binary);
+  const std::string whole((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+
+  const auto reopen = [&](const std::string& content) {
+    std::ofstream(file, std::ios::binary | std::ios::trunc) << content;
+    return MeshVessel::Open(path, Options(cache, 2));
+  };
+  for (const double share : {0.0, 0.0001, 0.01, 0.2, 0.5, 0.9, 0.99999}) {
+    INFO(share);
+    const auto vessel =
+        reopen(whole.substr(0, static_cast<size_t>(share * static_cast<double>(whole.size()))));
+    CHECK_FALSE(vessel->from_cache());
+    REQUIRE(vessel->cache_findings().size() == 1);
+    CHECK_THAT(vessel->cache_findings()[0], Contains(file) && Contains("building anew"));
+    CHECK(Fingerprint(vessel->field()) == expected);
+  }
+  Random random(33);
+  for (int i = 0; i < 60; ++i) {
+    std::string altered = whole;
+    // Half of the hits in the first bytes, where the header, the surface and the directory are.
+    const size_t at = random.Next() % (i % 2 ? whole.size() : 4096);
+    altered[at] = static_cast<char>(altered[at] ^ (1 << (i % 8)));
+    INFO("byte " << at);
+    const auto vessel = reopen(altered);
+    CHECK(Fingerprint(vessel->field()) == expected);
+  }
+  CHECK(Fingerprint(reopen(std::string(whole.size(), '\0'))->field()) == expected);
+}
+
+TEST_CASE("a cache that cannot be written is no error of the run") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("tube.obj");
+  WriteObj(path, MakeTubeMesh());
+  std::ofstream(folder.Path("file")) << "x";
+  const auto vessel = MeshVessel::Open(path, Options(folder.Path("file/below"), 1));
+  vessel->field().Prefetch({5, 0, 0}, 2);
+  CHECK_THAT(vessel->SaveCache(), Contains("file/below"));
+  CHECK(vessel->field().Clearance({20, 0, 0}) > 2);
+}
+
+TEST_CASE("the cache lies where the desktop's rules put it") {
+  const char* cache = std::getenv("XDG_CACHE_HOME");
+  const char* home = std::getenv("HOME");
+  const std::string before = cache ? cache : "", home_before = home ? home : "";
+  setenv("XDG_CACHE_HOME", "/somewhere", 1);
+  CHECK(DefaultCacheFolder() == "/somewhere/torquer");
+  setenv("XDG_CACHE_HOME", "relative", 1);
+  setenv("HOME", "/home/someone", 1);
+  CHECK(DefaultCacheFolder() == "/home/someone/.cache/torquer");
+  unsetenv("XDG_CACHE_HOME");
+  unsetenv("HOME");
+  CHECK(DefaultCacheFolder().empty());
+  if (cache) setenv("XDG_CACHE_HOME", before.c_str(), 1);
+  if (home) setenv("HOME", home_before.c_str(), 1);
+}
+
+}  // namespace
+}  // namespace torquer::vessel

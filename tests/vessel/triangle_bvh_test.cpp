@@ -1,0 +1,111 @@
+#include "host/simulator/vessel/triangle_bvh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "catch2/catch.hpp"
+#include "host/simulator/vessel/surface_mesh.h"
+#include "tests/vessel/field_checks.h"
+#include "tests/vessel/made_meshes.h"
+
+namespace torquer::vessel {
+namespace {
+
+using Eigen::Vector3d;
+
+double SegmentDistance(const Vector3d& p, const Vector3d& a, const Vector3d& b) {
+  const double t = std::clamp((p - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
+  return (p - a - t * (b - a)).norm();
+}
+
+// By another road than the tree's: height over the plane where the foot is inside, else the edges.
+double PlainDistance(const TriangleMesh& mesh, const Vector3d& p) {
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Vector3d &a = mesh.Corner(i, 0), &b = mesh.Corner(i, 1), &c = mesh.Corner(i, 2);
+    const Vector3d n = (b - a).cross(c - a).normalized();
+    const Vector3d foot = p - n.dot(p - a) * n;
+    const bool within = n.dot((b - a).cross(foot - a)) >= 0 &&
+                        n.dot((c - b).cross(foot - b)) >= 0 && n.dot((a - c).cross(foot - c)) >= 0;
+    least = std::min(least, within ? std::abs(n.dot(p - a))
+                                   : std::min({SegmentDistance(p, a, b), SegmentDistance(p, b, c),
+                                               SegmentDistance(p, c, a)}));
+  }
+  return least;
+}
+
+TriangleMesh Bottle() {
+  TriangleMesh mesh = MakeTubeMesh(40, 20, 24, [](double x) { return 3 + std::sin(x / 3); });
+  CapTubeMesh(mesh);
+  return mesh;
+}
+
+TEST_CASE("distances are those of looking at every triangle, and signs those of winding") {
+  const TriangleBvh bvh(Bottle());
+  Random random(21);
+  for (int i = 0; i < 3000; ++i) {
+    const Vector3d p = random.InBox({-8, -8, -8}, {48, 8, 8});
+    const double distance = bvh.Distance(p);
+    CHECK(std::abs(distance) == Approx(PlainDistance(bvh.mesh(), p)).margin(1e-10));
+    const double winding = bvh.WindingNumber(p);
+    CHECK((winding > 0.5) == (distance > 0));
+    CHECK(std::min(std::abs(winding), std::abs(winding - 1)) < 0.05);
+    const TriangleBvh::Nearest nearest = bvh.NearestTo(p);
+    CHECK((nearest.point_mm - p).norm() == Approx(std::abs(distance)).margin(1e-12));
+  }
+}
+
+TEST_CASE("signs are right next to edges and corners, where faces disagree") {
+  const TriangleBvh bvh(Bottle());
+  Random random(22);
+  for (int i = 0; i < 3000; ++i) {
+    const auto& mesh = bvh.mesh();
+    const size_t triangle = random.Next() % mesh.triangles.size();
+    const double t = i % 3 == 0 ? 0 : random.Uniform(0, 1);
+    const Vector3d at = (1 - t) * mesh.Corner(triangle, 0) + t * mesh.Corner(triangle, 1);
+    const Vector3d p = at + 1e-3 * random.Direction();
+    CHECK((bvh.WindingNumber(p) > 0.5) == (bvh.Distance(p) > 0));
+  }
+}
+
+TEST_CASE("a grid of samples is what single look-ups give, to the bit") {
+  const TriangleBvh bvh(Bottle());
+  Random random(23);
+  for (const double step : {0.25, 2.0, 16.0}) {
+    for (int i = 0; i < 20; ++i) {
+      const Vector3d corner = random.InBox({-10, -10, -10}, {45, 5, 5});
+      constexpr int kCount = 7;
+      double x[kCount], y[kCount], z[kCount], out[kCount * kCount * kCount];
+      for (int k = 0; k < kCount; ++k) {
+        x[k] = corner.x() + k * step;
+        y[k] = corner.y() + k * step;
+        z[k] = corner.z() + k * step;
+      }
+      bvh.SampleGrid(x, y, z, kCount, out);
+      for (int n = 0; n < kCount * kCount * kCount; ++n) {
+        CHECK(out[n] ==
+              bvh.Distance({x[n % kCount], y[n / kCount % kCount], z[n / kCount / kCount]}));
+      }
+    }
+  }
+}
+
+TEST_CASE("rays hit the nearest face") {
+  const TriangleBvh bvh(MakeClosedTube(40, 3));
+  CHECK(bvh.CastRay({20, 0, 0}, Vector3d::UnitX(), 0) == Approx(20));
+  CHECK(bvh.CastRay({20, 0, 0}, Vector3d(0, 1, 0), 0) == Approx(3).margin(0.03));
+  CHECK(bvh.CastRay({20, 10, 0}, Vector3d(0, -1, 0), 0) == Approx(7).margin(0.03));
+  CHECK(std::isinf(bvh.CastRay({20, 10, 0}, Vector3d::UnitX(), 0)));
+}
+
+TEST_CASE("nothing is doubtful about a clean surface") {
+  const TriangleBvh bvh(Bottle());
+  for (size_t i = 0; i < bvh.mesh().triangles.size(); ++i) {
+    CHECK_FALSE(bvh.IsDoubtful(static_cast<int32_t>(i)));
+  }
+  CHECK(bvh.FindIntersections(10).empty());
+}
+
+}  // namespace
+}  // namespace torquer::vessel
