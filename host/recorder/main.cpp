@@ -10,6 +10,7 @@
 #include "host/recorder/report_output.h"
 #include "host/recorder/vessel_outline.h"
 #include "host/simulator/scene/scene.h"
+#include "host/simulator/vessel/mesh_vessel.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
 
@@ -61,6 +62,18 @@ void WriteFile(const std::string& path, const std::string& text) {
     throw torquer::UserError(path + ": cannot be written; name a file in a folder of yours");
 }
 
+torquer::PictureVessel Surface(const torquer::scene::Vessel& vessel) {
+  if (!vessel.surface) {
+    return torquer::OutlineInAbout(kOutlineTriangles, *vessel.field, vessel.bounds_mm);
+  }
+  const torquer::vessel::TriangleMesh& mesh = vessel.surface->mesh();
+  torquer::PictureVessel surface;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    surface.triangles_mm.push_back({mesh.Corner(i, 0), mesh.Corner(i, 1), mesh.Corner(i, 2)});
+  }
+  return surface;
+}
+
 int Run(const Options& options) {
   torquer::SessionReporter reporter(torquer::bus::kGuidewire);
   const torquer::SessionLogSummary summary =
@@ -77,9 +90,7 @@ int Run(const Options& options) {
   report.undecodable = summary.undecodable;
   if (!options.picture.empty()) {
     const torquer::scene::Scene scene(options.scene.empty() ? report.scene_file : options.scene);
-    const torquer::PictureVessel vessel =
-        torquer::OutlineInAbout(kOutlineTriangles, *scene.vessel().field, scene.vessel().bounds_mm);
-    WriteFile(options.picture, torquer::DrawReport(report, vessel));
+    WriteFile(options.picture, torquer::DrawReport(report, Surface(scene.vessel())));
   }
   std::cout << (options.json ? torquer::FormatReportJson(report, options.picture)
                              : torquer::FormatReport(report));

@@ -35,6 +35,11 @@ std::string FormatReport(const SessionReport& report) {
   text += Print(
       "  reports      %s sent, %s received, %s lost\n", KnownCount(report.reports_sent).c_str(),
       KnownCount(report.reports_received).c_str(), KnownCount(report.reports_lost).c_str());
+  if (report.reports_skipped > 0) {
+    text += Print(
+        "               %lld more were not fetched in time; their motion came with the next\n",
+        static_cast<long long>(report.reports_skipped));
+  }
   text += Print(
       "  insertion    sensor %+lld counts (%+lld of them held), which is %+.3f mm; "
       "wire %+.3f mm: %.2f counts apart\n",
@@ -69,6 +74,7 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"reports_sent", report.reports_sent},
                                        {"reports_received", report.reports_received},
                                        {"reports_lost", report.reports_lost},
+                                       {"reports_skipped", report.reports_skipped},
                                        {"motion_error_counts", report.axial.error_counts},
                                        {"rotation_error_counts", report.rotation.error_counts},
                                        {"insertion_mm", report.axial.wire},

@@ -122,14 +122,18 @@ void SessionReporter::Add(const torquer_lcm::health_t& health) {
 }
 
 void SessionReporter::CountReports(SessionReport& report) const {
-  const auto received = daemon_counters_.find("reports_received");
-  if (received != daemon_counters_.end()) report.reports_received = received->second;
-  if (truth_) report.reports_sent = truth_->reports_sent;
+  const auto counter = [this](const std::string& name) {
+    const auto found = daemon_counters_.find(name);
+    return found == daemon_counters_.end() ? -1 : found->second;
+  };
+  // The device numbers the frames in which it sampled, taken by the host or not.
+  const std::int64_t gaps = counter("reports_lost");
+  report.reports_received = counter("reports_received");
+  report.reports_lost = gaps;
   if (truth_ && report.reports_received >= 0) {
+    report.reports_sent = truth_->reports_sent;
     report.reports_lost = report.reports_sent - report.reports_received;
-  } else if (first_sample_) {
-    report.reports_lost =
-        last_sample_->report_number - first_sample_->report_number + 1 - report.samples;
+    report.reports_skipped = std::max<std::int64_t>(gaps - report.reports_lost, 0);
   }
 }
 

@@ -46,6 +46,7 @@ struct SessionReport {
   std::int64_t reports_sent = -1;      ///< by the device, as the emulator tells
   std::int64_t reports_received = -1;  ///< by the daemon, as its health tells
   std::int64_t reports_lost = -1;      ///< sent less received; else gaps in the report numbers
+  std::int64_t reports_skipped = 0;    ///< never sent, because the daemon was late: no motion lost
   std::int64_t samples = 0;            ///< in the log
   std::int64_t commands = 0;           ///< in the log
   std::int64_t states = 0;             ///< in the log

@@ -66,6 +66,17 @@ TEST_CASE("A lost report is told, by the emulator's count or by the report numbe
   CHECK(Report(faults).reports_lost == 3);
 }
 
+TEST_CASE("A report that the daemon did not fetch is no lost one") {
+  SessionFaults faults;
+  faults.skipped_reports = 5;
+  CHECK(Report(faults).reports_skipped == 5);
+  CHECK(Report(faults).reports_lost == 0);
+  CHECK(Report(faults).Good());
+  // Whether it was sent, only the emulator can tell.
+  faults.without_emulator = true;
+  CHECK(Report(faults).reports_lost == 5);
+}
+
 TEST_CASE("A wire that goes elsewhere than the hand is told in counts") {
   SessionFaults faults;
   faults.extra_wire_mm = 2.5 * kMmPerCount;
