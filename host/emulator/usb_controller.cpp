@@ -241,6 +241,9 @@ void UsbController::WriteFlags(Endpoint& endpoint, std::uint8_t value) {
     return;
   }
   if (!endpoint.in()) return;
+  if ((value & kRxouti) && (cleared & (kFifocon | kTxini))) {
+    Violation("UEINTX: KILLBK written as 1 together with a packet on its way");
+  }
   if ((value & kRxouti) && !endpoint.queued.empty()) {  // KILLBK
     endpoint.queued.pop_back();
     GiveBank(endpoint);

@@ -63,6 +63,22 @@ TEST_CASE("the same at 8 MHz, for ten seconds") { RunAtAMeterASecond(Image8(), 1
 // Hidden: run by hand, `emulator_test "[.soak]"`. Virtual time, a few minutes of real time.
 TEST_CASE("an hour at 1 m/s", "[.soak]") { RunAtAMeterASecond(Image16(), 3600); }
 
+// The start of a frame and the overflow of the chip's timer meet at every phase.
+TEST_CASE("device time steps evenly, whenever the frames begin") {
+  for (double phase_us = 0; phase_us < 8; phase_us += 0.5) {
+    Bench bench;
+    bench.device.RunUntil(phase_us);
+    bench.Start();
+    std::uint32_t time_us = bench.last.device_time_us;
+    for (int frame = 0; frame < 4200; ++frame) {
+      bench.host.RunFrame();
+      REQUIRE(bench.last.device_time_us - time_us >= 950);
+      REQUIRE(bench.last.device_time_us - time_us <= 1050);
+      time_us = bench.last.device_time_us;
+    }
+  }
+}
+
 TEST_CASE("insertion counts up, retraction down, right-handed rotation up") {
   Bench bench;
   bench.device.SetHand([](double time_s) {

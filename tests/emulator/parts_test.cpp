@@ -204,6 +204,10 @@ TEST_CASE("a one in the kill bit drops the packet written last, as on silicon") 
   CHECK((controller.Get(Controller::kUesta0x) & 3) == 1);
   CHECK(controller.TakeIn() == 1);
   CHECK(controller.TakeIn() == -1);
+  CHECK(controller.usb.violations().empty());
+  controller.Set(Controller::kUeintx, 0xff & ~0x01);  // TXINI alone: the kill bit is a one
+  REQUIRE_FALSE(controller.usb.violations().empty());
+  CHECK_THAT(controller.usb.violations().front(), Catch::Contains("KILLBK"));
 }
 
 TEST_CASE("interrupt requests are levels") {

@@ -79,6 +79,23 @@ TEST_CASE("a write waits while the EEPROM is busy, and writes a byte at a time")
   CHECK(board().eeprom_writes == 2);
 }
 
+TEST_CASE("a copy is invalid from the first byte of its rewriting to the last") {
+  NewBoard();
+  Store(2000, 10);
+  Store(2100, 11);
+  Settings settings = Loaded();
+  REQUIRE(settings.Set(2200, 12));
+  const std::uint16_t marker = protocol::kEepromSettingsAddress[0];
+  REQUIRE(board().eeprom[marker] != 0xff);
+  int polls = 0;
+  for (; Loaded().cpi() == 2100; ++polls) {
+    settings.Poll();
+    const bool complete = Loaded().cpi() == 2200;
+    REQUIRE((board().eeprom[marker] == 0xff) == !complete);
+  }
+  CHECK(polls >= 5);
+}
+
 TEST_CASE("a value set during a write is stored after it") {
   NewBoard();
   Settings settings = Loaded();
