@@ -60,10 +60,11 @@ struct EvdevChain {
     return listener.Until(
         [&] { return !listener.commands.empty() && wanted(listener.commands.back()); });
   }
-  // So that the counts at the start are known to have been taken for zero.
+  // So that the counts at the start are known to have been taken for zero, and the connection to
+  // have settled.
   void UntilReading(ChildProcess& daemon) {
     REQUIRE(daemon.WaitForError("reading device"));
-    REQUIRE(UntilCommand([](const instrument_command_t&) { return true; }));
+    REQUIRE(listener.UntilCommands(10));
   }
 
   Listener listener{/*with_devices=*/true};
