@@ -16,7 +16,7 @@ namespace {
 constexpr std::int64_t kFrameNs = 1000000;
 // After a longer stall the lost time is not made up: a burst of frames helps nobody.
 constexpr std::int64_t kLongestCatchUpNs = 1000 * kFrameNs;
-// How long a fast emulator waits for a client that takes no reports.
+// How long a fast emulator waits for a client that takes no reports, or does not come back.
 constexpr int kFastClientTimeoutMs = 10000;
 // At rest after the end of the file, so that the last counts reach the client.
 constexpr double kRestAfterMotion_s = 0.25;
@@ -71,8 +71,13 @@ Session::Session(const SessionOptions& options)
   host_.on_ready = [this] {
     summary_.serial = host_.enumeration().serial;
     socket_.DeviceReady();
+    client_awaited_ = true;
+    awaited_since_ns_ = MonotonicNs();
   };
-  host_.on_gone = [this] { socket_.DeviceGone(); };
+  host_.on_gone = [this] {
+    socket_.DeviceGone();
+    client_awaited_ = false;
+  };
 }
 
 double Session::MotionTime(double time_s) const {
@@ -170,10 +175,23 @@ void Session::Publish() {
   }
 }
 
+bool Session::HeldForClient() {
+  if (socket_.connected()) client_awaited_ = false;
+  if (!options_.fast || !options_.wait_client || !client_awaited_) return false;
+  const std::int64_t waited_ms = (MonotonicNs() - awaited_since_ns_) / 1000000;
+  if (motion_start_s_ && waited_ms > kFastClientTimeoutMs) {
+    client_awaited_ = false;
+    return false;
+  }
+  socket_.WaitForClient(20);
+  return true;
+}
+
 SessionSummary Session::Run(const volatile std::sig_atomic_t& stop) {
   while (!stop && !Finished()) {
     Pace();
     socket_.Service();
+    if (HeldForClient()) continue;
     if (bus_) bus_->Service(device_.now_us() * 1e-6, &live_hand_);
     FollowEvents();
     host_.RunFrame();

@@ -66,6 +66,7 @@ class Session {
   const std::string& socket_path() const { return socket_.path(); }
 
  private:
+  bool HeldForClient();
   bool Finished() const;
   double MotionTime(double time_s) const;
   HandState HandAt(double time_s) const;
@@ -85,6 +86,8 @@ class Session {
   std::unique_ptr<LiveBus> bus_;
   std::mt19937 random_;
   std::optional<double> motion_start_s_;
+  bool client_awaited_ = false;  // none has connected since the device came to the bus
+  std::int64_t awaited_since_ns_ = 0;
   std::size_t resets_done_ = 0;
   std::int64_t frames_ = 0;
   std::int64_t next_frame_ns_ = 0;

@@ -128,6 +128,11 @@ void SocketFront::Service() {
   }
 }
 
+void SocketFront::WaitForClient(int timeout_ms) const {
+  pollfd event{listener_, POLLIN, 0};
+  poll(&event, 1, timeout_ms);
+}
+
 void SocketFront::Request(const std::vector<std::uint8_t>& packet) {
   const std::vector<std::uint8_t> payload(packet.begin() + 1, packet.end());
   if (packet[0] == Kind(SocketPacket::kGetFeature) && payload.size() == 1) {

@@ -25,6 +25,9 @@ class SocketFront {
   /// Accepts, and takes requests; never waits. To be called once a frame.
   void Service();
 
+  /// Waits up to `timeout_ms` for somebody to connect.
+  void WaitForClient(int timeout_ms) const;
+
   /// Listens or not, as the device is on the bus.
   void DeviceReady();
   void DeviceGone();

@@ -15,6 +15,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <vector>
 
 #include "host/support/error.h"
@@ -185,7 +186,8 @@ TEST_CASE("dropped and repeated reports are counted, and equal for equal seeds")
           summary.reports_sent - summary.reports_dropped + summary.reports_repeated);
     CHECK(summary.reports_dropped > 50);
     CHECK(summary.reports_repeated > 20);
-    return std::pair{summary.reports_dropped, summary.reports_repeated};
+    return std::tuple{summary.reports_dropped, summary.reports_repeated,
+                      reports.back().device_time_us, reports.back().axial_counts};
   };
   const auto first = run(3);
   CHECK(run(3) == first);
