@@ -60,9 +60,6 @@ TEST_CASE("a minute at 1 m/s over the wrap of the device time: no report and no 
 
 TEST_CASE("the same at 8 MHz, for ten seconds") { RunAtAMeterASecond(Image8(), 10); }
 
-// Hidden: run by hand, `emulator_test "[.soak]"`. Virtual time, a few minutes of real time.
-TEST_CASE("an hour at 1 m/s", "[.soak]") { RunAtAMeterASecond(Image16(), 3600); }
-
 // The start of a frame and the overflow of the chip's timer meet at every phase.
 TEST_CASE("device time steps evenly, whenever the frames begin") {
   for (double phase_us = 0; phase_us < 8; phase_us += 0.5) {

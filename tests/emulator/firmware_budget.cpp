@@ -1,0 +1,165 @@
+// What the firmware costs and whether it keeps up: flash, RAM, stack, cycles, lost reports,
+// measured on the images themselves while a hand moves at 1 m/s. Ends with 1 if a limit is
+// exceeded.
+//
+//   firmware_budget [--seconds S] [--json]      3600 s take a few minutes
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "host/emulator/bench_device.h"
+#include "host/emulator/usb_host.h"
+#include "host/support/command_line.h"
+#include "host/support/error.h"
+#include "protocol/hid_reports.h"
+
+namespace {
+
+using namespace torquer;
+using namespace torquer::emulator;
+
+// Of the ATmega32U4; 4 KiB of flash are left to a bootloader.
+constexpr int kFlashBytes = 28672;
+constexpr int kRamBytes = 2560;
+constexpr double kCyclesLimit = 0.6;
+constexpr int kStackReserve = 512;
+constexpr double kSpeed_mm_s = 1000;
+constexpr double kRest_s = 0.5;
+
+struct Budget {
+  std::string image;
+  int clock_mhz = 0;
+  int flash_bytes = 0;
+  int variables_bytes = 0;
+  int stack_bytes = 0;
+  int longest_frame_us = 0;
+  double cycles_fraction = 0;
+  long long frames = 0;
+  long long reports = 0;
+  long long lost = 0;
+  long long axial_counts = 0;
+  long long count_error = 0;  // between sensor and report, and between hand and sensor
+  long long violations = 0;
+  bool within = false;
+};
+
+Budget Measure(const std::string& name, double seconds) {
+  const FirmwareImage image(TORQUER_FIRMWARE_DIR "/" + name + ".elf");
+  BenchOptions options;
+  options.start_time_us = 0xffffffffu - 2000000u;  // the device time wraps on the way
+  BenchDevice device(image, options);
+  device.SetHand([seconds](double time_s) {
+    HandState hand;
+    hand.insertion_mm = kSpeed_mm_s * std::clamp(time_s - kRest_s, 0.0, seconds);
+    hand.rotation_rad = -hand.insertion_mm / 200;
+    return hand;
+  });
+  UsbHost host(device);
+  Budget budget;
+  protocol::InputReport last{};
+  host.wants_input = [] { return true; };
+  host.on_input = [&](const std::vector<std::uint8_t>& packet) {
+    protocol::InputReport report;
+    std::memcpy(&report, packet.data(), sizeof(report));
+    if (budget.reports++ > 0) {
+      budget.lost += static_cast<std::uint16_t>(report.sequence - last.sequence - 1);
+    }
+    last = report;
+  };
+  if (!host.RunUntilReady()) throw std::runtime_error(name + ": not enumerated");
+  const double end_us = (kRest_s + seconds + 0.1) * 1e6;
+  for (; device.now_us() < end_us; ++budget.frames) host.RunFrame();
+
+  const ControlResult answer = host.GetFeature(protocol::kDiagnosticsReportId);
+  protocol::DiagnosticsReport diagnostics{};
+  std::memcpy(&diagnostics, answer.data.data(), std::min(sizeof(diagnostics), answer.data.size()));
+  budget.image = name;
+  budget.clock_mhz = static_cast<int>(image.clock_hz() / 1000000);
+  budget.flash_bytes = static_cast<int>(image.flash().size());
+  budget.variables_bytes = static_cast<int>(image.Symbol("_end") - image.Symbol("__data_start"));
+  budget.stack_bytes = kRamBytes - budget.variables_bytes - diagnostics.stack_headroom;
+  budget.longest_frame_us = diagnostics.longest_frame_us;
+  budget.cycles_fraction = device.CyclesUsedFraction();
+  budget.lost += diagnostics.frames_missed;
+  budget.axial_counts = device.sensor().axial_counts();
+  const auto wrapped = [](long long counts) { return static_cast<std::int32_t>(counts); };
+  const long long nominal = std::llround(kSpeed_mm_s * seconds / 25.4 * last.cpi);
+  budget.count_error =
+      std::llabs(last.axial_counts - wrapped(budget.axial_counts)) +
+      std::llabs(last.transverse_counts - wrapped(device.sensor().transverse_counts())) +
+      std::llabs(budget.axial_counts - nominal);
+  budget.violations = device.violation_count();
+  budget.within =
+      budget.flash_bytes <= kFlashBytes && diagnostics.stack_headroom >= kStackReserve &&
+      budget.cycles_fraction < kCyclesLimit && budget.lost == 0 && budget.count_error == 0 &&
+      budget.violations == 0 && budget.reports >= budget.frames - 1;
+  return budget;
+}
+
+void PrintText(const Budget& budget) {
+  std::printf(
+      "%s, %d MHz: flash %d of %d bytes, variables %d and stack %d of %d bytes of RAM,\n"
+      "  CPU awake %.1f %%, frame to queued report at most %d us,\n"
+      "  %lld reports in %lld frames, %lld lost, %lld counts, count error %lld, "
+      "%lld violations of timing: %s\n",
+      budget.image.c_str(), budget.clock_mhz, budget.flash_bytes, kFlashBytes,
+      budget.variables_bytes, budget.stack_bytes, kRamBytes, budget.cycles_fraction * 100,
+      budget.longest_frame_us, budget.reports, budget.frames, budget.lost, budget.axial_counts,
+      budget.count_error, budget.violations,
+      budget.within ? "within the limits" : "LIMIT EXCEEDED");
+}
+
+void PrintJson(const Budget& budget) {
+  nlohmann::ordered_json object;
+  object["image"] = budget.image;
+  object["clock_mhz"] = budget.clock_mhz;
+  object["flash_bytes"] = budget.flash_bytes;
+  object["variables_bytes"] = budget.variables_bytes;
+  object["stack_bytes"] = budget.stack_bytes;
+  object["longest_frame_us"] = budget.longest_frame_us;
+  object["cycles_fraction"] = budget.cycles_fraction;
+  object["frames"] = budget.frames;
+  object["reports"] = budget.reports;
+  object["lost"] = budget.lost;
+  object["axial_counts"] = budget.axial_counts;
+  object["count_error"] = budget.count_error;
+  object["violations"] = budget.violations;
+  object["within"] = budget.within;
+  std::printf("%s\n", object.dump().c_str());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    double seconds = 10;
+    bool json = false;
+    CommandLine line;
+    line.Option("--seconds", [&seconds](const std::string& text) {
+      char* end = nullptr;
+      seconds = std::strtod(text.c_str(), &end);
+      if (*end != '\0' || !(seconds > 0) || seconds > 1e5) {
+        throw UserError("--seconds '" + text + "': give a number above 0");
+      }
+    });
+    line.Flag("--json", json);
+    line.Parse(argc, argv, "usage: firmware_budget [--seconds S] [--json]\n");
+    bool within = true;
+    for (const char* name : {"torquer-firmware", "torquer-firmware-8mhz"}) {
+      const Budget budget = Measure(name, seconds);
+      json ? PrintJson(budget) : PrintText(budget);
+      std::fflush(stdout);
+      within = within && budget.within;
+    }
+    return within ? 0 : 1;
+  } catch (const UserError& error) {
+    std::fprintf(stderr, "firmware_budget: %s\n", error.what());
+    return kExitUserError;
+  }
+}
