@@ -14,6 +14,8 @@ namespace {
 // largest a step is shorter than rounding.
 constexpr double kSmallestProximal = 1e-6;
 constexpr double kLargestProximal = 1e12;
+// Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
+constexpr double kPush = 1e-4;
 }  // namespace
 
 NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField& field,
@@ -36,6 +38,7 @@ void NewtonRelaxation::Restart(WireState& state) {
   mechanics_.ForgetLookups();
   for (EnergyTerm* term : terms_) term->Reset();
   proximal_ = 0;
+  stable_ = false;
   TransportNormals(model_, state);
   mechanics_.Expand(state, current_);
 }
@@ -56,6 +59,9 @@ bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, T
                         ? target.rotation_rad
                         : state.rotation_rad + std::copysign(settings_.max_turn_rad, turn_left));
   report.actions += (feed_left != 0) + (turn_left != 0);
+  // What was wound up is gone with the wire: begun anew, it does the same again.
+  if (state.segments() == 0) proximal_ = 0;
+  stable_ = false;
   mechanics_.Expand(state, current_);
   return true;
 }
@@ -155,6 +161,7 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
       if (proximal_ > kLargestProximal) break;
       continue;
     }
+    stable_ = proximal_ == 0;
     // A weight that was enough at once may be less next time.
     if (!refused && scale == 1 && gained >= 0.5 * expected) {
       proximal_ = proximal_ > kSmallestProximal ? proximal_ / 10 : 0;
@@ -172,6 +179,29 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
   return false;
 }
 
+bool NewtonRelaxation::Stable(const WireState& state) {
+  if (!stable_) stable_ = sweep_.Factor(model_, state, current_, kSmallestProximal);
+  return stable_;
+}
+
+void NewtonRelaxation::PushOff(WireState& state) {
+  // Every shape gets its part; which way is arbitrary, and always the same.
+  step_.resize(state.tangents.size());
+  std::uint32_t random = 1;
+  for (Vector2d& xi : step_) {
+    for (double& component : xi) {
+      random = 1664525 * random + 1013904223;
+      component = kPush * (random / 2147483648.0 - 1);
+    }
+  }
+  Retract(state, 1, trial_);
+  std::swap(state.nodes, trial_.nodes);
+  std::swap(state.tangents, trial_.tangents);
+  std::swap(state.normals, trial_.normals);
+  UpdateSpin(model_, state);
+  mechanics_.Expand(state, current_);
+}
+
 TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, WireState& state) {
   TickReport report;
   const Vector3d tip_before = state.nodes.back();
@@ -182,6 +212,7 @@ TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, 
   // What the terms took over may have changed the energy.
   if (!terms_.empty()) mechanics_.Expand(state, current_);
   bool stalled = false;
+  bool pushed = false;
   bool pending = true;
   int since_move = settings_.iterations_between_parts;
   while (true) {
@@ -192,9 +223,13 @@ TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, 
       stalled = false;
     }
     if (current_.residual <= settings_.tolerance || stalled || state.segments() == 0) {
-      if (!pending) break;
-      since_move = settings_.iterations_between_parts;
-      continue;
+      if (stalled || state.segments() == 0 || Stable(state)) {
+        if (!pending) break;
+        since_move = settings_.iterations_between_parts;
+        continue;
+      }
+      if (!pushed) PushOff(state);
+      pushed = true;
     }
     if (report.iterations >= settings_.max_iterations || !Grant(budget, report)) break;
     ++report.iterations;

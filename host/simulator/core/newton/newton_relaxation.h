@@ -44,6 +44,9 @@ class NewtonRelaxation final : public Relaxation {
   double SolveModel(const WireState& state);
   int FindActive(const WireState& state);
   void Retract(const WireState& from, double scale, WireState& to) const;
+  /// Whether a state in balance is a minimum: pushed head-on a straight wire is in balance too.
+  bool Stable(const WireState& state);
+  void PushOff(WireState& state);
 
   const WireModel& model_;
   const NewtonSettings settings_;
@@ -57,6 +60,7 @@ class NewtonRelaxation final : public Relaxation {
   std::vector<Eigen::Vector3d> displacement_mm_;
   std::vector<std::uint8_t> active_;  ///< near points that feel the wall in the model
   double proximal_ = 0;               ///< weight that last worked, kept from tick to tick
+  bool stable_ = false;  ///< the Hessian was positive definite where the state is, or a step before
 };
 
 }  // namespace torquer
