@@ -1,0 +1,101 @@
+// The emulator on LCM: live motion in, truth and health out.
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <limits>
+#include <string>
+#include <thread>
+
+#include "host/bus/bus.h"
+#include "host/bus/channels.h"
+#include "host/bus/clock.h"
+#include "host/emulator/session.h"
+#include "protocol/hid_reports.h"
+#include "tests/support/private_network.h"
+#include "tests/support/temporary_folder.h"
+#include "torquer_lcm/hand_motion_t.hpp"
+#include "torquer_lcm/health_t.hpp"
+
+namespace torquer::emulator {
+namespace {
+
+using torquer_lcm::hand_motion_t;
+using torquer_lcm::health_t;
+
+TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes back") {
+  test::NeedPrivateNetwork();
+  const test::TemporaryFolder folder;
+  SessionOptions options;
+  options.firmware = TORQUER_FIRMWARE_DIR "/torquer-firmware.elf";
+  options.socket = folder.Path("socket");
+  options.bench.serial = "LIVE-1";
+  Session session(options);
+  volatile std::sig_atomic_t stop = 0;
+  std::thread thread([&] { session.Run(stop); });
+
+  bus::Bus bus;
+  hand_motion_t truth{};
+  health_t health{};
+  int truths = 0;
+  bool refused = false;
+  bus.Subscribe<hand_motion_t>(bus::kEmulatorTruthChannel, [&](const hand_motion_t& message) {
+    truth = message;
+    ++truths;
+  });
+  bus.Subscribe<health_t>(bus::kHealthChannel, [&](const health_t& message) {
+    health = message;
+    for (int i = 0; i < message.count; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      refused = refused || (message.names[at] == "messages_refused" && message.values[at] > 0);
+    }
+  });
+  hand_motion_t hand{};
+  hand.joystick_x = 0.5;
+  hand.buttons = protocol::kButtonClutch;
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  const auto wait_until = [&](auto reached) {
+    while (!reached() && std::chrono::steady_clock::now() < deadline) {
+      bus.Publish(bus::kHandMotionChannel, hand);
+      while (bus.Handle(5) > 0) {
+      }
+    }
+    return reached();
+  };
+  // The sensor starts within a fifth of a second of the device's time; only then does it count.
+  CHECK(wait_until([&] { return truth.time_s > 0.3; }));
+  const std::int64_t counts = truth.axial_counts;
+  hand.insertion_mm = 25.4;
+  hand.rotation_rad = 1;
+  CHECK(wait_until([&] { return truth.axial_counts == counts + 1200; }));
+  CHECK(truth.insertion_mm == Approx(25.4));
+  CHECK(truth.rotation_rad == Approx(1));
+  CHECK(truth.transverse_counts == 236);
+  CHECK(truth.joystick_x == Approx(0.5));
+  CHECK(truth.buttons == protocol::kButtonClutch);
+  CHECK(truth.clock_id == bus::ClockId());
+  CHECK(truths > 10);
+  CHECK(health.process == "emulator");
+  CHECK(health.device == "LIVE-1");
+  CHECK(health.state == "waiting for client");
+
+  hand.insertion_mm = std::numeric_limits<double>::quiet_NaN();
+  CHECK(wait_until([&] { return refused; }));
+  CHECK(truth.axial_counts == counts + 1200);
+  stop = 1;
+  thread.join();
+}
+
+TEST_CASE("a live hand glides to each new place in the time between messages") {
+  LiveHand hand;
+  hand.Set(1.00, {10, 0, 0, 0, 0});
+  hand.Set(1.02, {20, 2, 1, 0, 1});
+  CHECK(hand.At(1.02).insertion_mm == Approx(10 * 0.02 / 0.05));
+  CHECK(hand.At(1.02).buttons == 1);
+  CHECK(hand.At(1.04).insertion_mm == Approx(20));
+  CHECK(hand.At(1.04).rotation_rad == Approx(2));
+  CHECK(hand.At(9).insertion_mm == Approx(20));
+}
+
+}  // namespace
+}  // namespace torquer::emulator
