@@ -43,9 +43,9 @@ unsigned OuterUserId() {
 
 std::string ClaimFolder() {
   const char* runtime = std::getenv("XDG_RUNTIME_DIR");
-  const std::string folder = runtime != nullptr && *runtime != '\0'
-                                 ? std::string(runtime) + "/torquer"
-                                 : "/tmp/torquer-" + std::to_string(OuterUserId());
+  std::string folder = runtime != nullptr && *runtime != '\0'
+                           ? std::string(runtime) + "/torquer"
+                           : "/tmp/torquer-" + std::to_string(OuterUserId());
   if (mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
     throw UserError(folder + ": cannot be made: " + std::strerror(errno) +
                     "; set XDG_RUNTIME_DIR to a folder of yours");

@@ -229,18 +229,20 @@ void Daemon::CheckResolution() {
   };
   const protocol::ConfigurationReport found = ask();
   if (found.cpi == wanted) return;
-  int now = found.cpi;
+  bool taken = false;
   try {
     protocol::ConfigurationReport asked = found;
     asked.cpi = static_cast<std::uint16_t>(wanted);
     source_->SetFeature({reinterpret_cast<const std::uint8_t*>(&asked), sizeof asked});
-    now = ask().cpi;
+    taken = ask().cpi == wanted;
+  } catch (const DeviceGone&) {
+    throw;
   } catch (const FeatureError&) {
-    // Told below, with both values.
+    taken = false;  // told below, with both values
   }
-  if (now != wanted) {
+  if (!taken) {
     throw UserError(options_.calibration_path + ": motion.cpi = " + std::to_string(wanted) +
-                    ", but the device's sensor is set to " + std::to_string(now) +
+                    ", but the device's sensor is set to " + std::to_string(found.cpi) +
                     " and cannot be set otherwise; take a new calibration with torquer-calibrate");
   }
 }

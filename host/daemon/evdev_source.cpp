@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -107,7 +108,7 @@ struct EvdevSource::Input {
     if (!(high > low)) return kMiddle;
     double fraction = std::clamp((value - low) / (high - low), 0.0, 1.0);
     if (turned) fraction = 1.0 - fraction;
-    return static_cast<std::uint16_t>(fraction * protocol::kJoystickMax + 0.5);
+    return static_cast<std::uint16_t>(std::lround(fraction * protocol::kJoystickMax));
   }
 
   int fd;

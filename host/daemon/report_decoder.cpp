@@ -64,7 +64,7 @@ std::optional<Sample> ReportDecoder::Decode(std::span<const std::uint8_t> bytes,
 
 std::optional<protocol::InputReport> ReportDecoder::Check(std::span<const std::uint8_t> bytes) {
   // Id and version are looked at first: they tell more about a stray report than its length does.
-  if (bytes.size() >= 1 && bytes[0] != protocol::kInputReportId) {
+  if (!bytes.empty() && bytes[0] != protocol::kInputReportId) {
     ++counters_.wrong_id;
     return std::nullopt;
   }

@@ -14,7 +14,6 @@
 namespace {
 
 using torquer::protocol::InputReport;
-using torquer::test::BytesOf;
 using torquer::test::ChildProcess;
 using torquer::test::ControlAnswer;
 using torquer::test::ControlRequest;

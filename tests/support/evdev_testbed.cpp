@@ -162,7 +162,7 @@ EvdevTestbed::~EvdevTestbed() {
 
 std::filesystem::path EvdevTestbed::Root() const {
   char* root = umockdev_testbed_get_root_dir(state_->testbed);
-  const std::filesystem::path path = root;
+  std::filesystem::path path = root;
   g_free(root);
   return path;
 }
@@ -178,7 +178,7 @@ std::string EvdevTestbed::Plug(int number, const EvdevScript& script) {
   GError* error = nullptr;
   umockdev_testbed_add_from_string(state_->testbed, description.c_str(), &error);
   Check(error, "add_from_string");
-  const std::string link = LinkPath(script);
+  std::string link = LinkPath(script);
   umockdev_testbed_attach_ioctl(state_->testbed, link.c_str(), device->handler, &error);
   Check(error, "attach_ioctl");
   const std::filesystem::path place = Root() / link.substr(1);

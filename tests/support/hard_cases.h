@@ -1,0 +1,66 @@
+// Scenes and hands that try to break a relaxation, and what has to hold meanwhile.
+//
+// The table serves the stability tests and longer runs alike: a case draws what is left open from
+// a seed, so that other seeds make other cases.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "host/simulator/core/clearance_field.h"
+#include "host/simulator/core/relaxation.h"
+#include "host/simulator/core/wire_mechanics.h"
+#include "host/simulator/core/wire_model.h"
+
+namespace torquer::test {
+
+enum class Way { kNewton, kNewtonWithFriction, kPaper };
+
+const char* NameOf(Way way);
+
+struct HardScene {
+  std::shared_ptr<const ClearanceField> field;
+  WireModel model;
+  WallModel wall;
+  std::vector<HandTarget> script;  ///< one a tick
+  int units = 40;                  ///< budget of a tick
+  double start_mm = 0;             ///< laid along start_path before the script
+  std::vector<Eigen::Vector3d> start_path = {};
+  std::vector<Eigen::Vector3d> start_tangents = {};  ///< or with these tangents
+};
+
+struct HardCase {
+  std::string name;
+  std::function<HardScene(std::mt19937& random)> make;
+  /// Deepest penetration that balance of forces allows where a tick converged.
+  double deepest_mm = std::numeric_limits<double>::infinity();
+  bool for_paper = true;  ///< the paper's method takes n^2 to n^3 time
+  bool settles = true;    ///< Newton's wire comes to rest in the end
+};
+
+/// All cases, in the order of DESIGN's list of hard ones.
+std::vector<HardCase> HardCases();
+
+struct HardOutcome {
+  std::string broken;  ///< what did not hold, at which tick; empty when all did
+  int ticks = 0;
+  int converged = 0;
+  int snaps = 0;
+  int outside = 0;            ///< ticks that ended with the axis of the wire beyond the wall
+  double deepest_mm = 0;      ///< of all ticks
+  double at_rest_mm = 0;      ///< deepest of the converged ones
+  bool settled = false;       ///< with the hand still, in the end
+  double last_residual = 0;
+  int longest_work = 0;
+};
+
+/// Runs a case: the script, then the hand rests, then all is drawn out and begins anew.
+HardOutcome RunHardCase(const HardCase& hard, Way way, unsigned seed);
+
+}  // namespace torquer::test
