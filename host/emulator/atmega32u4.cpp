@@ -14,6 +14,11 @@
 #include <stdexcept>
 #include <utility>
 
+#if defined(__SANITIZE_ADDRESS__)
+// libsimavr frees little of what a chip has allocated.
+extern "C" const char* __lsan_default_suppressions() { return "leak:libsimavr\n"; }
+#endif
+
 namespace torquer::emulator {
 namespace {
 

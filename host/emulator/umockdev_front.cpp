@@ -4,6 +4,7 @@
 #include <sys/ioctl.h>
 #include <umockdev.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <condition_variable>
@@ -26,7 +27,7 @@ constexpr auto kFrame = std::chrono::milliseconds(1);
 // keeps it from spinning.
 constexpr auto kReapWait = std::chrono::milliseconds(2);
 // How long a frame waits for the IN transfer of a program that has claimed the interface.
-constexpr auto kLongestFrame = std::chrono::milliseconds(200);
+constexpr auto kLongestFrame = std::chrono::seconds(2);
 constexpr std::size_t kSetupBytes = 8;
 
 /// A transfer of the program, in its memory; umockdev copies back what changes here.
@@ -162,7 +163,8 @@ class UmockdevBench::Bus {
   void WaitForProgram() {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kLongestFrame, [this] {
-      return claims_ == 0 || !inputs_.empty() || !controls_.empty() || gone_ || clear_halt_;
+      return claims_ == 0 || !inputs_.empty() || !controls_.empty() || controls_under_way_ > 0 ||
+             gone_ || clear_halt_;
     });
   }
 
@@ -332,13 +334,18 @@ class UmockdevBench::Bus {
     if (!(setup.type & 0x80)) {
       data.assign(bytes + kSetupBytes, bytes + kSetupBytes + setup.length);
     }
+    {
+      const std::lock_guard lock(mutex_);
+      ++controls_under_way_;
+    }
     host_.Submit(setup, std::move(data), [this, urb, setup](const ControlResult& result) {
       std::size_t length = setup.length;
       if (setup.type & 0x80) {
         length = std::min<std::size_t>(result.data.size(), setup.length);
-        std::memcpy(urb.buffer->data + kSetupBytes, result.data.data(), length);
+        std::copy_n(result.data.begin(), length, urb.buffer->data + kSetupBytes);
       }
       const std::lock_guard lock(mutex_);
+      --controls_under_way_;
       switch (result.status) {
         case TransferStatus::kDone:
           return Complete(urb, 0, length);
@@ -395,6 +402,7 @@ class UmockdevBench::Bus {
   bool hang_control_ = false;
   bool gone_ = false;
   int claims_ = 0;
+  int controls_under_way_ = 0;
   std::int64_t delivered_ = 0;
 };
 
