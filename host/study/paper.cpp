@@ -1,37 +1,44 @@
 #include "host/study/paper.h"
 
+#include <Eigen/Dense>
+#include <cassert>
 #include <cmath>
 
-#include "host/simulator/core/bending.h"
+#include "host/study/paper_bench.h"
+#include "host/study/paper_parts.h"
 
 namespace torquer::study {
-namespace {
 
-// Fig. 17: the bending laws against the exact one.
-void CompareBendingLaws(StudyRun& run) {
-  Plot plot;
-  plot.title = "Bending energy of a joint (Fig. 17)";
-  plot.x.label = "angle, rad";
-  plot.y.label = "g";
-  for (const auto& [law, label] :
-       {std::pair{BendingLaw::kExact, "exact"}, {BendingLaw::kG1, "g1"}, {BendingLaw::kG2, "g2"}}) {
-    Series series{label, law == BendingLaw::kExact ? Mark::kLine : Mark::kDashed, {}, {}};
-    for (int k = 0; k <= 100; ++k) {
-      const double theta = M_PI / 2 * k / 100;
-      series.x.push_back(theta);
-      series.y.push_back(EvaluateBending(law, 1 - std::cos(theta)).g);
-    }
-    plot.series.push_back(series);
-  }
-  run.Section("Bending energies");
-  run.Draw(plot, "Up to 0.1 rad the three agree; past 1 rad only g1 still follows the exact law.");
-  const double y = 2 * std::pow(std::sin(0.05), 2);
-  const double exact = EvaluateBending(BendingLaw::kExact, y).g;
-  run.Record("bending/theta=0.1", "g1_error",
-             100 * std::abs(EvaluateBending(BendingLaw::kG1, y).g / exact - 1), "%");
-  run.Record("bending/theta=0.1", "g2_error",
-             100 * std::abs(EvaluateBending(BendingLaw::kG2, y).g / exact - 1), "%");
+void PaperComparison::Add(const std::string& what, const std::string& case_name,
+                          const std::string& metric, double paper, double ours,
+                          const std::string& unit, const std::string& remark) {
+  run_.Record(case_name, metric, ours, unit);
+  run_.Record(case_name, metric + "_paper", paper, unit);
+  table_.rows.push_back(
+      {what, Number(paper, 4), Number(ours, 3), unit, Number(paper / ours, 3), remark});
 }
+
+std::vector<double> FitPowers(const std::vector<double>& n, const std::vector<double>& t,
+                              const std::vector<int>& powers) {
+  assert(n.size() == t.size() && n.size() >= powers.size());
+  const auto rows = static_cast<Eigen::Index>(n.size());
+  const auto columns = static_cast<Eigen::Index>(powers.size());
+  Eigen::MatrixXd a(rows, columns);
+  for (Eigen::Index r = 0; r < rows; ++r) {
+    const auto k = static_cast<std::size_t>(r);
+    for (Eigen::Index c = 0; c < columns; ++c) {
+      a(r, c) = std::pow(n[k], powers[static_cast<std::size_t>(c)]) / t[k];
+    }
+  }
+  const Eigen::VectorXd fit = a.colPivHouseholderQr().solve(Eigen::VectorXd::Ones(rows));
+  return {fit.data(), fit.data() + fit.size()};
+}
+
+std::string CaseOf(double segment_mm) {
+  return "n=" + std::to_string(std::lround(PaperBench::kLengthMm / segment_mm));
+}
+
+namespace {
 
 class PaperStudy final : public Study {
  public:
@@ -41,7 +48,23 @@ class PaperStudy final : public Study {
     return "the paper's method: its tables and figures beside ours";
   }
   bool Run(StudyRun& run) override {
-    CompareBendingLaws(run);
+    const vessel::TubeVessel phantom = vessel::MakeTyPhantom();
+    PaperComparison comparison(run);
+    PaperPart part{run, phantom, comparison};
+    run.Say(
+        "The method of Baier et al., \"Simulator for Minimally Invasive Vascular Interventions\", "
+        "Presence 25(2), 2016, coded equation by equation and measured as in its section 4. The "
+        "wire is the paper's: 250 mm, EI = 6.35e-9 N m^2. The artery of its Fig. 12 is published "
+        "as a picture only; ours has the same parts, a T and then a Y, with a lumen of 8 mm, a "
+        "wall spring of 0.01 N/mm a node at lambda = 1 mm and a wire of 0.356 mm diameter. So "
+        "times, ratios, exponents and sizes of errors can be compared, coordinates cannot.");
+    if (run.quick()) {
+      run.Say("Quick run: fewer cycles at n = 625, their times scaled to 100 cycles.");
+    }
+    MeasurePaperTimes(part);
+    MeasurePaperSavings(part);
+    MeasurePaperShapes(part);
+    run.ShowFirst(comparison.table());
     return true;
   }
 };

@@ -83,23 +83,28 @@ void StudyRun::Record(const std::string& case_name, const std::string& metric, d
 
 void StudyRun::Section(const std::string& title) {
   body_ += "<h2>" + EscapeMarkup(title) + "</h2>\n";
-  if (options_.json) return;
-  EndProgress();
-  std::cout << "\n== " << title << "\n" << std::flush;
+  Print("\n== " + title + "\n");
 }
 
 void StudyRun::Say(const std::string& text) {
   body_ += "<p>" + EscapeMarkup(text) + "</p>\n";
-  if (options_.json) return;
-  EndProgress();
-  std::cout << text << "\n" << std::flush;
+  Print(text + "\n");
+}
+
+void StudyRun::ShowFirst(const Table& table) {
+  head_ += FormatHtml(table);
+  Print(FormatText(table));
 }
 
 void StudyRun::Show(const Table& table) {
   body_ += FormatHtml(table);
+  Print(FormatText(table));
+}
+
+void StudyRun::Print(const std::string& text) {
   if (options_.json) return;
   EndProgress();
-  std::cout << FormatText(table) << std::flush;
+  std::cout << text << std::flush;
 }
 
 void StudyRun::Draw(const Plot& plot, const std::string& caption) {
@@ -140,8 +145,8 @@ void StudyRun::Finish(const std::string& title) {
                  "</style></head>\n<body><main>\n<h1>" + EscapeMarkup(title) +
                  "</h1>\n<p class=\"machine\">" +
                  EscapeMarkup(DescribeMachine() + (options_.quick ? ", quick run" : "")) +
-                 "</p>\n" + body_ + "</main></body></html>\n");
-  if (!options_.json) std::cout << "\nWritten: " << stem << ".csv, .jsonl, .html\n" << std::flush;
+                 "</p>\n" + head_ + body_ + "</main></body></html>\n");
+  Print("\nWritten: " + stem + ".csv, .jsonl, .html\n");
 }
 
 void WriteWhole(const std::string& path, const std::string& text) {

@@ -48,6 +48,8 @@ class StudyRun {
   /// A paragraph.
   void Say(const std::string& text);
   void Show(const Table& table);
+  /// The same, at the head of the report: what a reader in a hurry should see.
+  void ShowFirst(const Table& table);
   /// A plot, with the sentences that say what is to be seen.
   void Draw(const Plot& plot, const std::string& caption);
 
@@ -61,12 +63,14 @@ class StudyRun {
   const std::vector<ResultRow>& rows() const { return rows_; }
 
  private:
+  void Print(const std::string& text);  ///< unless standard output is for JSON
   void EndProgress();
 
   std::string study_;
   Options options_;
   std::vector<ResultRow> rows_;
-  std::string body_;  ///< of the report, HTML
+  std::string head_;  ///< of the report, HTML
+  std::string body_;
   double last_progress_s_ = 0;
   bool progress_shown_ = false;
 };

@@ -217,7 +217,7 @@ class Drawing {
     for (std::size_t k = 0; k < plot_.series.size(); ++k) {
       const Series& s = plot_.series[k];
       if (s.label.empty()) continue;
-      const double width = 34 + 6.6 * static_cast<double>(s.label.size());
+      const double width = 42 + 6.9 * static_cast<double>(s.label.size());
       if (x > 74 && x + width > plot_.width - 10) {
         x = 74;
         y += kLine;

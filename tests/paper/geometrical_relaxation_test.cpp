@@ -295,6 +295,28 @@ TEST_CASE("a cycle lowers Psi and leaves the interval's ends and end tangents") 
   CHECK((state.nodes[46] - before.nodes[46]).norm() < 1);
 }
 
+TEST_CASE("a cycle takes out short waves and leaves long ones") {
+  // nu - mu sweeps of single nodes: a fourth-order problem would need (nu - mu)^4 for the longest.
+  const WireModel model = MakeWire({.max_length_mm = 80, .sheath = {{0, 0.4, 0}, {1, 0, 0}}});
+  WireState state = LayAngles(model, Hump(0.4, 0.2));
+  const WireState before = state;
+  const HalfSpace floor({0, kFloor, 0}, {0, 1, 0});
+  GeometricalRelaxation relaxation(model, floor, {});
+  REQUIRE(relaxation.Begin(state));
+  REQUIRE(relaxation.Continue(1000, state));
+  // Parts of either wave in the interval's directions, before and after.
+  const auto part = [&](const std::vector<Vector3d>& x, double waves) {
+    double sum = 0;
+    for (int i = relaxation.interval().mu + 2; i < relaxation.interval().nu - 2; ++i) {
+      const Vector3d d = x[i + 1] - x[i];
+      sum += std::atan2(d[1], d[0]) * std::sin(2 * M_PI * waves * (i - 4.5) / 30);
+    }
+    return sum;
+  };
+  CHECK(std::abs(part(relaxation.curve(), 7)) < 0.1 * part(before.nodes, 7));
+  CHECK(part(relaxation.curve(), 1) > 0.7 * part(before.nodes, 1));
+}
+
 TEST_CASE("where the tip would go too far, zeta keeps it within lambda") {
   const WireModel model = MakeWire({.max_length_mm = 80, .sheath = {{0, 0.4, 0}, {1, 0, 0}}});
   WireState state = LayAngles(model, Hump(0.9, 0.5));

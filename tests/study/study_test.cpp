@@ -60,6 +60,7 @@ TEST_CASE("a finished run leaves three whole files") {
   run.Record("case, one", "time", 0.25, "s");
   run.Show({"A table", {"what", "value"}, {{"a & b", "1"}}});
   run.Draw({"A plot", {"x"}, {"y"}, {{"line", Mark::kLine, {0, 1}, {0, 1}}}}, "A caption.");
+  run.ShowFirst({"The summary", {"what"}, {{"all"}}});
   run.Finish("A title");
 
   CHECK(ReadAll(folder.Path("results/sample.csv")) ==
@@ -71,6 +72,7 @@ TEST_CASE("a finished run leaves three whole files") {
   CHECK(Count(html, "<svg ") == 1);
   CHECK(Count(html, "First &lt;section&gt;") == 1);
   CHECK(Count(html, "a &amp; b") == 1);
+  CHECK(html.find("The summary") < html.find("First &lt;section&gt;"));
   for (const auto& entry : std::filesystem::directory_iterator(folder.Path("results"))) {
     CHECK(entry.path().extension() != ".unfinished");
   }

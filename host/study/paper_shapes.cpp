@@ -1,0 +1,219 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "host/simulator/core/bending.h"
+#include "host/study/paper_bench.h"
+#include "host/study/paper_parts.h"
+
+namespace torquer::study {
+namespace {
+
+constexpr double kAngledTip = std::numbers::pi / 4;
+
+// Fig. 16.
+void MeasureBouncing(PaperPart& part) {
+  part.run.Section("Contact with the wall (4.4, Fig. 16)");
+  // Only the first wall is the phantom's; how the updates grow with its stiffness tells whence.
+  constexpr double kWalls[] = {0.01, 0.1, 1};
+  const int settle = part.run.quick() ? 40 : 100;
+  PaperBench::Bouncing seen;
+  Table table{"Bouncing and the wall's stiffness, n = 250",
+              {"wall, N/mm^2", "largest mean |du|", "of segment", "contacts at a time"},
+              {}};
+  for (const double wall : kWalls) {
+    PaperBench bench(part.phantom,
+                     {.segment_mm = 1, .tip_angle_rad = kAngledTip, .wall_N_mm2 = wall});
+    bench.InsertFast();
+    for (int k = 0; k < settle; ++k) {
+      part.run.Progress("contacts", 0.85 + 0.02 * wall + 0.0005 * k);
+      bench.Cycle(true);
+    }
+    PaperBench::Bouncing now = bench.Observe(part.run.quick() ? 3 : 20);
+    const auto largest = std::max_element(now.mean_update.begin(), now.mean_update.end());
+    const auto segment = static_cast<int>(largest - now.mean_update.begin()) + 1;
+    double contacts = 0;
+    for (const double share : now.contact_share) contacts += share;
+    const std::string name = "figure16/wall=" + Number(wall);
+    if (wall == kWalls[0]) {
+      part.comparison.Add("largest mean update |du| of a segment (Fig. 16)", name,
+                          "largest_mean_update", 9.2e-3, *largest, "",
+                          "the wall's stiffness, which the paper does not give; see the section");
+    } else {
+      part.run.Record(name, "largest_mean_update", *largest, "");
+    }
+    part.run.Record(name, "segment_of_largest_update", segment, "");
+    part.run.Record(name, "mean_contacts", contacts, "");
+    table.rows.push_back(
+        {Number(wall), Number(*largest), std::to_string(segment), Number(contacts)});
+    if (wall == kWalls[0]) seen = std::move(now);
+  }
+  const double touched = static_cast<double>(std::count_if(
+      seen.contact_share.begin(), seen.contact_share.end(), [](double s) { return s > 0; }));
+  part.run.Record("figure16/wall=0.01", "nodes_ever_in_contact", touched, "");
+
+  Plot contacts;
+  contacts.title = "Time in contact (Fig. 16)";
+  contacts.x.label = "node";
+  contacts.y = {"share of the time, %", false, std::pair{0.0, 100.0}};
+  contacts.height = 300;
+  Series bars{"", Mark::kBars, {}, {}, {}, 1};
+  for (std::size_t j = 0; j < seen.contact_share.size(); ++j) {
+    bars.x.push_back(static_cast<double>(j));
+    bars.y.push_back(100 * seen.contact_share[j]);
+  }
+  contacts.series.push_back(bars);
+  part.run.Draw(contacts, "After " + std::to_string(settle) +
+                              " cycles at n = 250 and 0.01 N/mm^2: " + Number(touched) +
+                              " nodes are ever in contact, most of them now and then, as in the "
+                              "paper.");
+  Plot updates;
+  updates.title = "Mean update of the unit vectors in a PR cycle (Fig. 16)";
+  updates.x.label = "segment";
+  updates.y = {"mean |du|", true, {}};
+  updates.height = 300;
+  Series line{"", Mark::kLine, {}, {}, {}, 6};
+  for (std::size_t i = 0; i < seen.mean_update.size(); ++i) {
+    line.x.push_back(static_cast<double>(i + 1));
+    line.y.push_back(seen.mean_update[i]);
+  }
+  updates.series.push_back(line);
+  part.run.Draw(updates,
+                "Updates drop past every contact, whose force is in the sum (9) no more. "
+                "They never come to rest: a PR step takes the bending's stiffness for the "
+                "whole, so where k lambda^3 N > 4 EI/lambda it overshoots.");
+}
+
+// Fig. 17.
+void CompareBendingLaws(PaperPart& part) {
+  part.run.Section("Bending laws (4.5, Fig. 17)");
+  Plot plot;
+  plot.title = "Bending energy of a joint (Fig. 17)";
+  plot.x.label = "angle, rad";
+  plot.y.label = "g";
+  for (const auto& [law, label] : {std::pair{BendingLaw::kExact, "exact: theta sin(theta/2)"},
+                                   {BendingLaw::kG1, "g1 (Baier et al. 2016)"},
+                                   {BendingLaw::kG2, "g2 (Alderliesten et al. 2004)"}}) {
+    Series series{label, law == BendingLaw::kExact ? Mark::kLine : Mark::kDashed, {}, {}};
+    for (int k = 0; k <= 100; ++k) {
+      const double theta = std::numbers::pi / 2 * k / 100;
+      series.x.push_back(theta);
+      series.y.push_back(EvaluateBending(law, 2 * std::pow(std::sin(theta / 2), 2)).g);
+    }
+    plot.series.push_back(series);
+  }
+  part.run.Draw(plot, "Up to 0.1 rad the three agree; at 1 rad only g1 still follows.");
+  const double y = 2 * std::pow(std::sin(0.05), 2);
+  const double exact = EvaluateBending(BendingLaw::kExact, y).g;
+  const auto error = [&](BendingLaw law) {
+    return 100 * std::abs(EvaluateBending(law, y).g / exact - 1);
+  };
+  part.comparison.Add("error of g1 at 0.1 rad (Fig. 17)", "figure17", "g1_error", 4.7e-5,
+                      error(BendingLaw::kG1), "%", "none: a formula");
+  part.comparison.Add("error of g2 at 0.1 rad (Fig. 17)", "figure17", "g2_error", 0.29,
+                      error(BendingLaw::kG2), "%", "none: a formula");
+}
+
+// The angles of joints that rest straight, degrees.
+struct Angles {
+  double mean = 0;
+  double largest = 0;
+};
+
+Angles AnglesOf(const WireModel& model, const WireState& state) {
+  Angles angles;
+  int count = 0;
+  for (int i = 1; i < state.segments(); ++i) {
+    if (state.segments() - i < model.first_straight_joint()) break;
+    const double chord = (state.tangents[i] - state.tangents[i - 1]).norm();
+    const double theta = 2 * std::asin(std::min(1.0, chord / 2)) * 180 / std::numbers::pi;
+    angles.mean += theta;
+    angles.largest = std::max(angles.largest, theta);
+    ++count;
+  }
+  angles.mean /= count;
+  return angles;
+}
+
+// 4.5: relaxed with g1 and, from the same shape, with the predecessor's g2 and signed denominator.
+void CompareEquilibria(PaperPart& part) {
+  struct Paper {
+    double distance, mean_deg, largest_deg;
+  };
+  constexpr Paper kPaper[] = {{0.121, 4.7, 13.6}, {0.052, 1.9, 6.7}, {0.010, 0.75, 2.9}};
+  Table table{"Wires relaxed with g1 and with g2 from the same shape (4.5)",
+              {"n", "PR cycles", "distance, mm", "of PR from itself, mm", "equilibria (Newton), mm",
+               "predecessor, mm", "mean angle, deg", "largest, deg"},
+              {}};
+  PhysicalSettings signed_unbounded;
+  signed_unbounded.rule = UpdateRule::kSigned;
+  signed_unbounded.max_update = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double lambda = kPaperSegmentsMm[k];
+    const int settle = lambda < 1 ? (part.run.quick() ? 8 : 60) : 100;
+    const int cycles = lambda < 1 ? (part.run.quick() ? 4 : 40) : (part.run.quick() ? 40 : 200);
+    PaperBench ours(part.phantom, {.segment_mm = lambda, .tip_angle_rad = kAngledTip});
+    PaperBench other_law(
+        part.phantom, {.segment_mm = lambda, .tip_angle_rad = kAngledTip, .law = BendingLaw::kG2});
+    PaperBench theirs(part.phantom, {.segment_mm = lambda,
+                                     .tip_angle_rad = kAngledTip,
+                                     .law = BendingLaw::kG2,
+                                     .physical = signed_unbounded});
+    ours.InsertFast();
+    const double progress = 0.91 + 0.03 * static_cast<double>(k);
+    for (int c = 0; c < settle; ++c) {
+      part.run.Progress("g1 and g2 at " + CaseOf(lambda), progress + 0.01 * c / settle);
+      ours.Cycle(true);
+    }
+    other_law.SetShape(ours.state());
+    theirs.SetShape(ours.state());
+    WireState before = ours.state();
+    for (int c = 0; c < cycles; ++c) {
+      part.run.Progress("g1 and g2 at " + CaseOf(lambda), progress + 0.01 + 0.02 * c / cycles);
+      if (c == cycles - cycles / 4) before = ours.state();
+      ours.Cycle(false);
+      other_law.Cycle(false);
+      theirs.Cycle(false);
+    }
+    const double distance = MeanDistance(ours.state(), other_law.state());
+    const double predecessor = MeanDistance(ours.state(), theirs.state());
+    const double restless = MeanDistance(ours.state(), before);
+    const Angles angles = AnglesOf(ours.model(), ours.state());
+    const WireState equilibrium = ours.Equilibrium(nullptr);
+    other_law.SetShape(equilibrium);
+    const double exact = MeanDistance(equilibrium, other_law.Equilibrium(nullptr));
+
+    const std::string n = CaseOf(lambda).substr(2);
+    const std::string name = "section4.5/" + CaseOf(lambda);
+    part.comparison.Add("distance of g1 and g2, n = " + n, name, "distance", kPaper[k].distance,
+                        distance, "mm", "PR does not come to rest; see the section");
+    part.run.Record(name, "distance_of_equilibria", exact, "mm");
+    part.run.Record(name, "distance_of_pr_from_itself", restless, "mm");
+    part.run.Record(name, "distance_of_predecessor", predecessor, "mm");
+    part.comparison.Add("mean angle, n = " + n, name, "mean_angle", kPaper[k].mean_deg, angles.mean,
+                        "deg", "bends of another artery");
+    part.comparison.Add("largest angle, n = " + n, name, "largest_angle", kPaper[k].largest_deg,
+                        angles.largest, "deg", "bends of another artery");
+    table.rows.push_back({n, std::to_string(cycles), Number(distance), Number(restless),
+                          Number(exact), Number(predecessor), Number(angles.mean),
+                          Number(angles.largest)});
+  }
+  part.run.Show(table);
+  part.run.Say(
+      "\"Of PR from itself\" is how far the wire relaxed with g1 moved in the last quarter of its "
+      "cycles: distances about as large are of PR's unrest, not of the bending law. Newton's "
+      "equilibria show what the law alone does at these angles. \"Predecessor\": with g2 and also "
+      "the signed denominator (16), without the bound (18); where the contacts are stiff for the "
+      "segment, nothing holds its steps and it diverges. Angles are of joints that rest straight.");
+}
+
+}  // namespace
+
+void MeasurePaperShapes(PaperPart& part) {
+  MeasureBouncing(part);
+  CompareBendingLaws(part);
+  CompareEquilibria(part);
+}
+
+}  // namespace torquer::study

@@ -1,0 +1,384 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "host/simulator/core/paper/predecessor_relaxation.h"
+#include "host/study/cpu_time.h"
+#include "host/study/paper_bench.h"
+#include "host/study/paper_parts.h"
+
+namespace torquer::study {
+namespace {
+
+constexpr double kAngledTip = std::numbers::pi / 4;
+constexpr int kCycles = 100;  // of Table 1
+
+// What the paper prints: Table 1, (33).
+struct PaperTimes {
+  double physical_s, geometrical_s;
+};
+constexpr std::array<PaperTimes, 3> kTable1 = {{{0.984, 0.0160}, {9.33, 0.0704}, {103.7, 0.2431}}};
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The plane of the phantom's T, with the vessel and wires in it.
+Series Outline(const vessel::Centerline& curve, const std::string& label) {
+  Series series{label, Mark::kTube, {}, {}, {}, 7, 8};
+  for (const Eigen::Vector3d& p : curve.points_mm()) {
+    series.x.push_back(p[0]);
+    series.y.push_back(p[1]);
+  }
+  return series;
+}
+
+Series Shape(const WireState& state, const std::string& label, Mark mark, int color) {
+  Series series{label, mark, {}, {}, {}, color};
+  for (const Eigen::Vector3d& p : state.nodes) {
+    series.x.push_back(p[0]);
+    series.y.push_back(p[1]);
+  }
+  return series;
+}
+
+void MeasureInsertion(PaperPart& part) {
+  part.run.Section("Fast insertion (4.1)");
+  Table table{"250 mm inserted at once, Tip Relaxations only",
+              {"lambda, mm", "tip", "time, s", "speed, m/s", "deepest penetration, mm"},
+              {}};
+  for (const double lambda : kPaperSegmentsMm) {
+    for (const double angle : {0.0, kAngledTip}) {
+      const std::string tip = angle == 0 ? "straight" : "45 deg";
+      const std::string name =
+          "insertion/" + CaseOf(lambda) + (angle == 0 ? "/straight" : "/angled");
+      std::vector<double> times;
+      double deepest = 0;
+      for (int repeat = 0; repeat < 5; ++repeat) {
+        PaperBench bench(part.phantom, {.segment_mm = lambda, .tip_angle_rad = angle});
+        times.push_back(bench.InsertFast());
+        deepest = bench.deepest_mm();
+      }
+      const double time = Median(times);
+      if (lambda == 1 && angle != 0) {
+        part.comparison.Add("fast insertion, 250 segments", name, "time", 0.24, time, "s",
+                            "processor; look-ups skipped where no contact is possible");
+      } else {
+        part.run.Record(name, "time", time, "s");
+      }
+      part.run.Record(name, "deepest_penetration", deepest, "mm");
+      table.rows.push_back(
+          {Number(lambda), tip, Number(time), Number(0.25 / time), Number(deepest)});
+    }
+  }
+  part.run.Show(table);
+
+  PaperBench stiff(part.phantom,
+                   {.segment_mm = 1, .tip_angle_rad = kAngledTip, .rigidity_N_mm2 = 6.35e1});
+  stiff.InsertFast();
+  part.run.Record("insertion/n=250/EI=1e4x", "deepest_penetration", stiff.deepest_mm(), "mm");
+  part.run.Say("With a rigidity 10,000 times larger the same insertion leaves the lumen by up to " +
+               Number(stiff.deepest_mm()) +
+               " mm: the paper's own limit, a huge rigidity \"perforates\" the artery.");
+}
+
+// The predecessor's slow insertion with full cycles: what Tip Relaxations replace.
+void MeasurePredecessor(PaperPart& part) {
+  const double lambda = part.run.quick() ? 2.5 : 1;
+  PaperBench bench(part.phantom, {.segment_mm = lambda, .law = BendingLaw::kG2});
+  const WallModel wall{0.01, 1};
+  PredecessorRelaxation relaxation(bench.model(), *part.phantom.field, wall, {});
+  WireState state(bench.model());
+  relaxation.Restart(state);
+  const double before = ThreadCpuSeconds();
+  TickReport report;
+  for (double s = lambda; s <= PaperBench::kLengthMm; s += lambda) {
+    CountedBudget budget(1000);
+    report = relaxation.Tick({s, 0}, budget, state);
+    part.run.Progress("insertion by the predecessor's model", 0.1 * s / PaperBench::kLengthMm);
+  }
+  const double slow = ThreadCpuSeconds() - before;
+  PaperBench fast(part.phantom, {.segment_mm = lambda});
+  const double quick = fast.InsertFast();
+  const std::string name = "predecessor/" + CaseOf(lambda);
+  part.run.Record(name, "time", slow, "s");
+  part.run.Record(name, "ratio_to_tip_relaxations", slow / quick, "");
+  part.run.Record(name, "deepest_penetration_at_end", report.max_penetration_mm, "mm");
+  part.run.Say(
+      "The model that the paper starts from (g2, signed denominator, no bound, feeds below "
+      "lambda/10 at the base with a full cycle after each) takes " +
+      Number(slow) + " s for the same insertion at lambda = " + Number(lambda) + " mm, " +
+      Number(slow / quick) + " times as long as Tip Relaxations.");
+}
+
+struct Resolution {
+  double lambda = 0;
+  WireState inserted;     // the green curve of Fig. 12
+  WireState relaxed;      // the blue one
+  WireState equilibrium;  // Newton's
+  double physical_s = 0;  // of 100 cycles
+  double geometrical_s = 0;
+  double literal_s = 0;                                           // PR without skipped look-ups
+  GeometricalInterval interval = {};                              // the last one of full length
+  std::map<int, std::vector<double>> geometrical_by_length = {};  // s
+};
+
+// 100 cycles from the fast insertion; fewer where that would take minutes, scaled.
+Resolution Relax(PaperPart& part, double lambda, double progress) {
+  const PaperBench::Setup setup{.segment_mm = lambda, .tip_angle_rad = kAngledTip};
+  PaperBench bench(part.phantom, setup);
+  bench.InsertFast();
+  Resolution r{.lambda = lambda,
+               .inserted = bench.state(),
+               .relaxed = bench.state(),
+               .equilibrium = bench.state()};
+  const int cycles = part.run.quick() && lambda < 1 ? 20 : kCycles;
+  for (int k = 0; k < cycles; ++k) {
+    part.run.Progress("cycles at " + CaseOf(lambda), progress + 0.12 * k / cycles);
+    const PaperCycle cycle = bench.Cycle(true);
+    r.physical_s += cycle.physical_s;
+    r.geometrical_s += cycle.geometrical_s;
+    if (cycle.interval.length() == 0) continue;
+    r.interval = cycle.interval;
+    r.geometrical_by_length[cycle.interval.length()].push_back(cycle.geometrical_s);
+  }
+  const double scale = static_cast<double>(kCycles) / cycles;
+  r.physical_s *= scale;
+  r.geometrical_s *= scale;
+  r.relaxed = bench.state();
+  r.equilibrium = bench.Equilibrium(nullptr);
+
+  PaperBench::Setup literal = setup;
+  literal.physical.skip_lookups = false;
+  PaperBench unaccelerated(part.phantom, literal);
+  unaccelerated.SetShape(r.inserted);
+  const int some = lambda < 1 ? (part.run.quick() ? 1 : 4) : (part.run.quick() ? 8 : kCycles);
+  for (int k = 0; k < some; ++k) {
+    part.run.Progress("cycles without skipped look-ups at " + CaseOf(lambda),
+                      progress + 0.12 + 0.08 * k / some);
+    r.literal_s += unaccelerated.Cycle(false).physical_s * kCycles / some;
+  }
+
+  // Intervals of many more lengths: other ideas of what is near the wall give others.
+  for (double near = 0.05; near < 2; near *= 1.25) {
+    GeometricalSettings settings;
+    settings.near_wall_mm = near;
+    GeometricalRelaxation relaxation(bench.model(), *part.phantom.field, settings);
+    for (int repeat = 0; repeat < 3; ++repeat) {
+      WireState state = r.inserted;
+      const double before = ThreadCpuSeconds();
+      if (!relaxation.Begin(state)) break;
+      relaxation.Continue(1 << 20, state);
+      r.geometrical_by_length[relaxation.interval().length()].push_back(ThreadCpuSeconds() -
+                                                                        before);
+    }
+  }
+  return r;
+}
+
+void ReportTable1(PaperPart& part, const std::vector<Resolution>& resolutions) {
+  part.run.Section("Processing time of PR and GR (4.3)");
+  Table table{"100 cycles after the fast insertion, s (Table 1)",
+              {"n", "PR paper", "PR ours", "PR, every look-up", "GR paper", "GR ours",
+               "PR/GR paper", "PR/GR ours"},
+              {}};
+  std::vector<double> hundreds;
+  std::vector<double> physical;
+  std::vector<double> literal;
+  std::vector<double> geometrical;
+  for (std::size_t k = 0; k < resolutions.size(); ++k) {
+    const Resolution& r = resolutions[k];
+    const PaperTimes& paper = kTable1[k];
+    const std::string name = "table1/" + CaseOf(r.lambda);
+    const std::string n = CaseOf(r.lambda).substr(2);
+    part.comparison.Add("100 PR cycles, n = " + n, name, "pr", paper.physical_s, r.physical_s, "s",
+                        "processor; look-ups skipped where no contact is possible");
+    part.run.Record(name, "pr_every_lookup", r.literal_s, "s");
+    part.comparison.Add("100 GR cycles, n = " + n, name, "gr", paper.geometrical_s, r.geometrical_s,
+                        "s", "processor; other intervals in another artery");
+    part.run.Record(name, "pr_over_gr", r.physical_s / r.geometrical_s, "");
+    part.run.Record(name, "pr_over_gr_every_lookup", r.literal_s / r.geometrical_s, "");
+    part.run.Record(name, "pr_over_gr_paper", paper.physical_s / paper.geometrical_s, "");
+    table.rows.push_back({n, Number(paper.physical_s, 4), Number(r.physical_s), Number(r.literal_s),
+                          Number(paper.geometrical_s), Number(r.geometrical_s),
+                          Number(paper.physical_s / paper.geometrical_s),
+                          Number(r.physical_s / r.geometrical_s)});
+    hundreds.push_back(PaperBench::kLengthMm / r.lambda / 100);
+    physical.push_back(r.physical_s);
+    literal.push_back(r.literal_s);
+    geometrical.push_back(r.geometrical_s);
+  }
+  part.run.Show(table);
+
+  const std::vector<double> pr = FitPowers(hundreds, physical, {2, 3});
+  const std::vector<double> pr_literal = FitPowers(hundreds, literal, {2, 3});
+  const std::vector<double> gr = FitPowers(hundreds, geometrical, {1, 2});
+  const auto fit = [&](const std::string& name, const std::vector<double>& c, int first) {
+    for (int k = 0; k < 2; ++k) {
+      part.run.Record("fit33/" + name, "coefficient_of_N^" + std::to_string(first + k),
+                      c[static_cast<std::size_t>(k)], "s");
+    }
+  };
+  fit("pr", pr, 2);
+  fit("pr_every_lookup", pr_literal, 2);
+  fit("gr", gr, 1);
+  part.run.Say(
+      "Fits with N = n/100, least relative error. PR by (20): paper 0.716 N^2 + 0.310 N^3; "
+      "ours " +
+      Number(pr[0]) + " N^2 + " + Number(pr[1]) + " N^3; with every look-up " +
+      Number(pr_literal[0]) + " N^2 + " + Number(pr_literal[1]) +
+      " N^3. GR by (32): paper 0.01875 N + 0.00323 N^2; ours " + Number(gr[0]) + " N + " +
+      Number(gr[1]) + " N^2.");
+  const auto exponent = [&](const std::vector<double>& t, std::size_t from) {
+    return std::log(t[from + 1] / t[from]) / std::log(2.5);
+  };
+  const std::vector<double> paper_pr = {kTable1[0].physical_s, kTable1[1].physical_s,
+                                        kTable1[2].physical_s};
+  const std::vector<double> paper_gr = {kTable1[0].geometrical_s, kTable1[1].geometrical_s,
+                                        kTable1[2].geometrical_s};
+  for (std::size_t k = 0; k < 2; ++k) {
+    const std::string step = k == 0 ? "n = 100 to 250" : "n = 250 to 625";
+    const std::string name = k == 0 ? "exponent/100-250" : "exponent/250-625";
+    part.comparison.Add("exponent of PR time, " + step, name, "pr", exponent(paper_pr, k),
+                        exponent(physical, k), "", "skipped look-ups save more in long wires");
+    part.comparison.Add("the same, every look-up", name, "pr_every_lookup", exponent(paper_pr, k),
+                        exponent(literal, k), "",
+                        "n^3: look-ups dominate; the paper's have a larger n^2 part");
+    part.comparison.Add("exponent of GR time, " + step, name, "gr", exponent(paper_gr, k),
+                        exponent(geometrical, k), "", "which intervals are chosen");
+  }
+
+  Plot plot;
+  plot.title = "100 cycles against the number of segments (Table 1, eq. 33)";
+  plot.x = {"segments n", true, {}};
+  plot.y = {"processor time, s", true, {}};
+  std::vector<double> n;
+  for (const double h : hundreds) n.push_back(100 * h);
+  const auto curve = [&](const std::vector<double>& c, int first, const std::string& label,
+                         int color) {
+    Series series{label, Mark::kDashed, {}, {}, {}, color};
+    for (double h = 0.8; h < 8; h *= 1.1) {
+      series.x.push_back(100 * h);
+      series.y.push_back(c[0] * std::pow(h, first) + c[1] * std::pow(h, first + 1));
+    }
+    plot.series.push_back(series);
+  };
+  curve({0.716, 0.310}, 2, "", 7);
+  curve({0.01875, 0.00323}, 1, "", 7);
+  curve(pr_literal, 2, "", 1);
+  curve(pr, 2, "", 0);
+  curve(gr, 1, "", 2);
+  plot.series.push_back({"paper (PR above, GR below)", Mark::kPoints, n, paper_pr, {}, 7});
+  plot.series.push_back({"", Mark::kPoints, n, paper_gr, {}, 7});
+  plot.series.push_back({"PR, every look-up", Mark::kPoints, n, literal, {}, 1});
+  plot.series.push_back({"PR", Mark::kPoints, n, physical, {}, 0});
+  plot.series.push_back({"GR", Mark::kPoints, n, geometrical, {}, 2});
+  part.run.Draw(plot,
+                "Points are measured, dashed lines are the fits. The growth is the paper's: "
+                "PR between n^2 and n^3, GR between n and n^2, and the two part further with "
+                "every refinement.");
+}
+
+void ReportShapes(PaperPart& part, const std::vector<Resolution>& resolutions) {
+  part.run.Section("Segment size (4.2)");
+  const Resolution& a = resolutions[0];
+  const Resolution& b = resolutions[1];
+  const double share = (a.physical_s + a.geometrical_s) / (b.physical_s + b.geometrical_s);
+  part.comparison.Add("time of lambda = 2.5 mm over lambda = 1 mm (Fig. 13)", "figure13",
+                      "time_share", 11, 100 * share, "%", "see the exponents");
+
+  Plot plot;
+  plot.title = "The wire in the phantom (Figs. 12 and 13)";
+  plot.x.label = "x, mm";
+  plot.y.label = "y, mm";
+  plot.equal_scales = true;
+  plot.width = 600;
+  plot.height = 660;
+  bool named = false;
+  for (const vessel::Centerline& curve : part.phantom.centerlines.curves()) {
+    plot.series.push_back(Outline(curve, named ? "" : "lumen"));
+    named = true;
+  }
+  plot.series.push_back(Shape(b.inserted, "after fast insertion, n = 250", Mark::kLine, 2));
+  plot.series.push_back(Shape(a.relaxed, "100 cycles, n = 100", Mark::kLine, 3));
+  plot.series.push_back(Shape(b.relaxed, "100 cycles, n = 250", Mark::kLine, 0));
+  plot.series.push_back(Shape(b.equilibrium, "equilibrium (Newton)", Mark::kDashed, 1));
+  for (const int node : {b.interval.mu, b.interval.nu}) {
+    const Eigen::Vector3d& p = b.relaxed.nodes[static_cast<std::size_t>(node)];
+    plot.callouts.push_back({p[0], p[1], node == b.interval.mu ? "mu" : "nu"});
+  }
+  part.run.Draw(plot,
+                "The phantom from above; its far part also rises out of the plane. mu and nu: "
+                "the interval of the last Geometrical Relaxation at n = 250, nodes " +
+                    std::to_string(b.interval.mu) + " to " + std::to_string(b.interval.nu) +
+                    "; at n = 100 it was " + std::to_string(a.interval.mu) + " to " +
+                    std::to_string(a.interval.nu) + ".");
+  for (const Resolution& r : resolutions) {
+    part.run.Record("shape/" + CaseOf(r.lambda), "distance_of_100_cycles_to_equilibrium",
+                    MeanDistance(r.relaxed, r.equilibrium), "mm");
+    part.run.Record("shape/" + CaseOf(r.lambda), "distance_of_insertion_to_equilibrium",
+                    MeanDistance(r.inserted, r.equilibrium), "mm");
+  }
+}
+
+void ReportIntervals(PaperPart& part, const std::vector<Resolution>& resolutions) {
+  part.run.Section("Time of a Geometrical Relaxation (Fig. 14)");
+  Plot plot;
+  plot.title = "One GR cycle against the length of its interval (Fig. 14, eq. 34)";
+  plot.x.label = "nu - mu, segments";
+  plot.y.label = "processor time, ms";
+  std::array<double, 2> quadratic{};
+  for (std::size_t k = 0; k < 2; ++k) {
+    const Resolution& r = resolutions[k + 1];
+    const std::string name = CaseOf(r.lambda);
+    Series points{
+        name.substr(0, 1) + " = " + name.substr(2), Mark::kPoints, {}, {}, {}, static_cast<int>(k)};
+    for (const auto& [length, times] : r.geometrical_by_length) {
+      points.x.push_back(length);
+      points.y.push_back(1e3 * Median(times));
+    }
+    const std::vector<double> c = FitPowers(points.x, points.y, {0, 1, 2});
+    for (std::size_t p = 0; p < 3; ++p) {
+      part.run.Record("fit34/" + name, "t_" + std::to_string(p), 1e3 * c[p], "us");
+    }
+    quadratic[k] = c[2];
+    Series line{"", Mark::kDashed, {}, {}, {}, static_cast<int>(k)};
+    const double last = points.x.back();
+    for (int s = 0; s <= 60; ++s) {
+      const double x = last * s / 60;
+      line.x.push_back(x);
+      line.y.push_back(c[0] + c[1] * x + c[2] * x * x);
+    }
+    plot.series.push_back(line);
+    plot.series.push_back(points);
+  }
+  part.comparison.Add("quadratic coefficients of (34), n = 250 over n = 625", "fit34",
+                      "quadratic_ratio", 0.003663 / 0.003586, quadratic[0] / quadratic[1], "",
+                      "should be 1: an update costs the same in any wire");
+  part.run.Draw(plot,
+                "Medians over cycles of equal length; dashed: fits of (34). An update costs " +
+                    Number(1e3 * quadratic[1]) +
+                    " us whatever the number of segments. Lengths that the workflow did not "
+                    "choose by itself were measured with other thresholds for what is near "
+                    "the wall.");
+}
+
+}  // namespace
+
+void MeasurePaperTimes(PaperPart& part) {
+  MeasureInsertion(part);
+  MeasurePredecessor(part);
+  std::vector<Resolution> resolutions;
+  for (const double lambda : kPaperSegmentsMm) {
+    resolutions.push_back(Relax(part, lambda, 0.1 + 0.2 * static_cast<double>(resolutions.size())));
+  }
+  ReportTable1(part, resolutions);
+  ReportShapes(part, resolutions);
+  ReportIntervals(part, resolutions);
+}
+
+}  // namespace torquer::study
