@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <sstream>
+#include <utility>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/paper/paper_relaxation.h"
@@ -81,7 +82,7 @@ void AddSpeed(std::vector<HardCase>& cases) {
                      s.units = 6;
                      return s;
                    },
-                   0.5});
+                   0.02});
   cases.push_back({"1 m in one command",
                    [](std::mt19937&) {
                      HardScene s = IntoPhantom({.max_length_mm = 240}, 0.01,
@@ -89,7 +90,7 @@ void AddSpeed(std::vector<HardCase>& cases) {
                      s.units = 300;
                      return s;
                    },
-                   0.5});
+                   0.02});
   cases.push_back({"full insert and retract in turn",
                    [](std::mt19937& random) {
                      std::vector<HandTarget> script;
@@ -101,7 +102,7 @@ void AddSpeed(std::vector<HardCase>& cases) {
                      s.units = static_cast<int>(OneOf(random, 7.0, 60.0, 1000.0));
                      return s;
                    },
-                   0.5});
+                   0.02});
   cases.push_back({"a hand that trembles",
                    [](std::mt19937& random) {
                      std::normal_distribution<double> normal;
@@ -111,7 +112,7 @@ void AddSpeed(std::vector<HardCase>& cases) {
                      }
                      return IntoPhantom({.max_length_mm = 200}, 0.01, script);
                    },
-                   0.5});
+                   0.02});
 }
 
 void AddStiffness(std::vector<HardCase>& cases) {
@@ -120,26 +121,35 @@ void AddStiffness(std::vector<HardCase>& cases) {
                      return StraightIntoPhantom({.segment_mm = 2.5, .max_length_mm = 200}, 0.01,
                                                 Feed(0, 150, 2.5));
                    },
-                   0.5});
-  for (const double factor : {1e-4, 1e-2, 1e2, 1e4, 1e6}) {
+                   0.02});
+  // The stiffest perforate a wall of 0.01 N/mm^2: no bound but the lengths.
+  const double none = std::numeric_limits<double>::infinity();
+  for (const auto& [factor, deepest] :
+       {std::pair(1e-4, 1e-4), std::pair(1e-2, 1e-3), std::pair(1e2, 0.5), std::pair(1e4, none),
+        std::pair(1e6, none)}) {
     std::ostringstream name;
     name << "rigidity " << factor << " times nominal";
-    // The stiff ones perforate a wall of 0.01 N/mm^2: no bound but the lengths.
-    cases.push_back({name.str(), [factor](std::mt19937&) {
+    cases.push_back({name.str(),
+                     [rigidity = factor * kNominalRigidity](std::mt19937&) {
                        return StraightIntoPhantom(
-                           {.rigidity_N_mm2 = factor * kNominalRigidity, .max_length_mm = 200},
-                           0.01, Feed(0, 130, 1));
-                     }});
+                           {.rigidity_N_mm2 = rigidity, .max_length_mm = 200}, 0.01,
+                           Feed(0, 130, 1));
+                     },
+                     deepest});
   }
-  for (const double stiffness : {1e-6, 1e-3, 1.0, 1e3}) {
+  for (const auto& [stiffness, deepest] :
+       {std::pair(1e-6, 4.0), std::pair(1e-3, 0.1), std::pair(1.0, 1e-3), std::pair(1e3, 1e-5)}) {
     std::ostringstream name;
     name << "wall of " << stiffness << " N/mm^2";
-    cases.push_back({name.str(), [stiffness](std::mt19937&) {
-                       return IntoPhantom({.max_length_mm = 200}, stiffness, Feed(0, 140, 1));
-                     }});
+    cases.push_back({name.str(),
+                     [k = stiffness](std::mt19937&) {
+                       return IntoPhantom({.max_length_mm = 200}, k, Feed(0, 140, 1));
+                     },
+                     deepest});
   }
   cases.push_back(
-      {"0.014-inch steel wire, tapered", [](std::mt19937&) {
+      {"0.014-inch steel wire, tapered",
+       [](std::mt19937&) {
          const Sheath entry = PhantomEntry();
          const WireModel model(1,
                                {{0, 0.01, 0.1, 0.08, 0},
@@ -148,7 +158,8 @@ void AddStiffness(std::vector<HardCase>& cases) {
                                 {150, 157, 0.178, 0, 0}},
                                10, 260, BendingLaw::kExact, entry);
          return HardScene{PhantomField(), model, {.stiffness_N_mm2 = 10}, Feed(0, 250, 1)};
-       }});
+       },
+       0.1});
 }
 
 void AddSizes(std::vector<HardCase>& cases) {
@@ -161,12 +172,13 @@ void AddSizes(std::vector<HardCase>& cases) {
                            IntoPhantom({.segment_mm = lambda, .max_length_mm = 160}, 0.01,
                                        lambda < 0.2 ? Feed(130, 131, 0.2) : Feed(0, 140, 1));
                        if (lambda < 0.2) {
+                         s.settle_ticks = 3;
                          s.start_mm = 130;
                          s.start_path = PhantomPath();
                        }
                        return s;
                      },
-                     std::numeric_limits<double>::infinity(), lambda >= 0.2});
+                     0.05, lambda >= 0.2, lambda >= 0.2});
   }
   for (const int n : {1, 2, 3, 10000}) {
     std::ostringstream name;
@@ -180,43 +192,53 @@ void AddSizes(std::vector<HardCase>& cases) {
                                               : Feed(n * lambda, n * lambda + 0.04, 0.02));
                        if (n > 10) {
                          s.units = 20;
+                         s.settle_ticks = 0;
                          s.start_mm = n * lambda;
                          s.start_path = PhantomPath();
                        }
                        return s;
                      },
-                     0.5, n <= 1000});
+                     0.05, n <= 1000, n <= 1000});
   }
 }
 
 void AddShapes(std::vector<HardCase>& cases) {
-  cases.push_back({"a wire nearly as thick as the lumen", [](std::mt19937&) {
+  cases.push_back({"a wire nearly as thick as the lumen",
+                   [](std::mt19937&) {
                      const auto field = std::make_shared<Torus>(Side::kInside, 30, 2);
                      const WireModel model = MakeWire(
                          {.radius_mm = 1.95, .max_length_mm = 120, .sheath = kTorusEntry(30)});
                      return HardScene{field, model, {.stiffness_N_mm2 = 0.1}, Feed(0, 110, 1)};
-                   }});
-  cases.push_back({"a U-turn of 1.5 wire diameters", [](std::mt19937&) {
+                   },
+                   0.01});
+  cases.push_back({"a U-turn of 1.5 wire diameters",
+                   [](std::mt19937&) {
                      const double ring = 3 * 0.178;
                      const auto field = std::make_shared<Torus>(Side::kInside, ring, 0.3);
                      const WireModel model = MakeWire(
                          {.segment_mm = 0.1, .max_length_mm = 6, .sheath = kTorusEntry(ring)});
                      return HardScene{field, model, {.stiffness_N_mm2 = 1}, Feed(0, 5, 0.05)};
-                   }});
-  cases.push_back({"a blind end: the wire buckles", [](std::mt19937&) {
+                   },
+                   0.25});
+  cases.push_back({"a blind end: the wire buckles",
+                   [](std::mt19937&) {
                      const auto field =
                          std::make_shared<Capsule>(Vector3d(-10, 0, 0), Vector3d(40, 0, 0), 3);
                      const WireModel model = MakeWire({.max_length_mm = 130});
                      return HardScene{field, model, {.stiffness_N_mm2 = 0.05}, Feed(0, 120, 1)};
-                   }});
-  cases.push_back({"a wire coiled up in a ball", [](std::mt19937&) {
+                   },
+                   0.1});
+  cases.push_back({"a wire coiled up in a ball",
+                   [](std::mt19937&) {
                      const auto field =
                          std::make_shared<Capsule>(Vector3d(14.8, 0, 0), Vector3d(15.2, 0, 0), 15);
                      const WireModel model = MakeWire(
                          {.tip_mm = 5, .tip_curvature_1_per_mm = 0.1, .max_length_mm = 260});
                      return HardScene{field, model, {.stiffness_N_mm2 = 0.05}, Feed(0, 250, 2)};
-                   }});
-  cases.push_back({"a jammed tip and 50 turns", [](std::mt19937& random) {
+                   },
+                   0.05});
+  cases.push_back({"a jammed tip and 50 turns",
+                   [](std::mt19937& random) {
                      const auto field =
                          std::make_shared<Capsule>(Vector3d(-10, 0, 0), Vector3d(30, 0, 0), 3);
                      const WireModel model = MakeWire(
@@ -227,8 +249,10 @@ void AddShapes(std::vector<HardCase>& cases) {
                        script.push_back({45, turn});
                      }
                      return HardScene{field, model, {.stiffness_N_mm2 = 0.05}, script};
-                   }});
-  cases.push_back({"a tip curved by 270 degrees", [](std::mt19937&) {
+                   },
+                   0.1});
+  cases.push_back({"a tip curved by 270 degrees",
+                   [](std::mt19937&) {
                      std::vector<HandTarget> script = Feed(0, 150, 1);
                      Append(Feed(150, 150.001, 0.001, 3), script);
                      Append(Feed(150, 20, 1, 3), script);
@@ -236,9 +260,11 @@ void AddShapes(std::vector<HardCase>& cases) {
                                          .tip_curvature_1_per_mm = 0.15 * std::numbers::pi,
                                          .max_length_mm = 200},
                                         0.05, script);
-                   }});
+                   },
+                   0.05});
   cases.push_back(
-      {"sharp edges where tubes meet", [](std::mt19937&) {
+      {"sharp edges where tubes meet",
+       [](std::mt19937&) {
          static const auto sharp = [] {
            std::vector<vessel::Tube> tubes;
            for (const double side : {-1.0, 1.0}) {
@@ -257,7 +283,8 @@ void AddShapes(std::vector<HardCase>& cases) {
          const WireModel model =
              MakeWire({.tip_mm = 8, .tip_curvature_1_per_mm = 0.1, .max_length_mm = 120});
          return HardScene{sharp, model, {.stiffness_N_mm2 = 0.05}, script};
-       }});
+       },
+       0.05});
 }
 
 void AddStarts(std::vector<HardCase>& cases) {
@@ -265,16 +292,19 @@ void AddStarts(std::vector<HardCase>& cases) {
     std::ostringstream name;
     name << "a start straight through the wall, " << length << " mm long";
     cases.push_back(
-        {name.str(), [length](std::mt19937&) {
+        {name.str(),
+         [length](std::mt19937&) {
            const auto field = std::make_shared<Torus>(Side::kInside, 40, 3);
            const WireModel model = MakeWire({.max_length_mm = 260, .sheath = kTorusEntry(40)});
            HardScene s{field, model, {.stiffness_N_mm2 = 0.05}, Feed(length, length + 5, 0.1)};
            s.start_mm = length;
            s.units = 200;
            return s;
-         }});
+         },
+         0.05});
   }
-  cases.push_back({"antiparallel neighbors", [](std::mt19937&) {
+  cases.push_back({"antiparallel neighbors",
+                   [](std::mt19937&) {
                      const auto field = std::make_shared<Torus>(Side::kInside, 40, 3);
                      const WireModel model =
                          MakeWire({.max_length_mm = 100, .sheath = kTorusEntry(40)});
@@ -284,8 +314,10 @@ void AddStarts(std::vector<HardCase>& cases) {
                        s.start_tangents.push_back((i / 5 % 2 ? -1 : 1) * Vector3d::UnitY());
                      }
                      return s;
-                   }});
-  cases.push_back({"a start with tangents at random", [](std::mt19937& random) {
+                   },
+                   0.05});
+  cases.push_back({"a start with tangents at random",
+                   [](std::mt19937& random) {
                      std::normal_distribution<double> normal;
                      HardScene s = IntoPhantom({.max_length_mm = 120}, 0.05, Feed(100, 105, 0.1));
                      s.start_mm = 100;
@@ -295,7 +327,8 @@ void AddStarts(std::vector<HardCase>& cases) {
                        s.start_tangents.push_back(Vector3d(x, y, normal(random)).normalized());
                      }
                      return s;
-                   }});
+                   },
+                   0.1});
 }
 
 void AddRandom(std::vector<HardCase>& cases) {
@@ -415,11 +448,11 @@ HardOutcome RunHardCase(const HardCase& hard, Way way, unsigned seed) {
     if (first.size() < 5) first.push_back(HashState(state));
   }
   const HandTarget last = scene.script.back();
-  for (int k = 0; k < 40 && !outcome.settled; ++k) {
+  for (int k = 0; k < scene.settle_ticks && !outcome.settled; ++k) {
     outcome.settled = tick(last, way == Way::kPaper ? 4 : 400).converged;
     if (!outcome.broken.empty()) return outcome;
   }
-  const int most = scene.start_mm > 0 ? 10 : 2000;  // a start that was laid does not come back
+  const int most = scene.start_mm > 0 ? 3 : 2000;  // a start that was laid does not come back
   for (int k = 0; k < most && (state.insertion_mm > 0 || state.rotation_rad != 0); ++k) {
     tick({0, 0}, 400);
     if (!outcome.broken.empty()) return outcome;

@@ -1,0 +1,49 @@
+// Every hard case by every method: whatever is done to the wire, it stays one.
+#include "tests/support/hard_cases.h"
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+
+namespace torquer::test {
+namespace {
+
+// TORQUER_SEED=N makes other draws of the cases; a failure prints the one it had.
+unsigned Seed() {
+  const char* text = std::getenv("TORQUER_SEED");
+  return text == nullptr ? 1 : static_cast<unsigned>(std::strtoul(text, nullptr, 10));
+}
+
+void Run(const HardCase& hard, Way way, unsigned seed) {
+  const HardOutcome outcome = RunHardCase(hard, way, seed);
+  INFO(hard.name << ", " << NameOf(way) << ", TORQUER_SEED=" << seed << ": " << outcome.ticks
+                 << " ticks, " << outcome.converged << " converged, " << outcome.snaps
+                 << " snaps, deepest " << outcome.deepest_mm << " mm, last residual "
+                 << outcome.last_residual);
+  CHECK(outcome.broken == "");
+  if (way == Way::kPaper) return;
+  CHECK(outcome.at_rest_mm <= hard.deepest_mm);
+  if (hard.settles) CHECK(outcome.settled);
+}
+
+void RunAll(Way way) {
+  for (const HardCase& hard : HardCases()) {
+    if (way != Way::kPaper || hard.for_paper) Run(hard, way, Seed());
+  }
+}
+
+TEST_CASE("Hard cases stay stable: Newton") { RunAll(Way::kNewton); }
+TEST_CASE("Hard cases stay stable: Newton with friction") { RunAll(Way::kNewtonWithFriction); }
+TEST_CASE("Hard cases stay stable: the paper's method") { RunAll(Way::kPaper); }
+
+TEST_CASE("Wires, walls and hands drawn at random stay stable") {
+  const HardCase hard = HardCases().back();
+  REQUIRE(hard.name == "anything at random");
+  for (unsigned k = 0; k < 15; ++k) {
+    for (const Way way : {Way::kNewton, Way::kNewtonWithFriction, Way::kPaper}) {
+      Run(hard, way, Seed() + k);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace torquer::test
