@@ -10,7 +10,8 @@ namespace {
 bool ReadGivenNumber(char serial[kSerialBytes]) {
   protocol::SerialRecord record;
   uint8_t* bytes = reinterpret_cast<uint8_t*>(&record);
-  for (uint8_t i = 0; i < sizeof(record); ++i) {
+  constexpr uint8_t kBytes = sizeof(record);
+  for (uint8_t i = 0; i < kBytes; ++i) {
     bytes[i] = board::ReadEeprom(static_cast<uint16_t>(protocol::kEepromSerialAddress + i));
   }
   if (record.crc != protocol::Crc16(record.serial, kSerialBytes)) return false;

@@ -23,7 +23,8 @@ bool InRange(uint16_t cpi, uint16_t deadzone) {
 
 bool Settings::ReadCopy(uint8_t slot, Record* record, bool* blank) {
   uint8_t* bytes = reinterpret_cast<uint8_t*>(record);
-  for (uint8_t i = 0; i < sizeof(Record); ++i) {
+  constexpr uint8_t kBytes = sizeof(Record);
+  for (uint8_t i = 0; i < kBytes; ++i) {
     bytes[i] = board::ReadEeprom(static_cast<uint16_t>(protocol::kEepromSettingsAddress[slot] + i));
     *blank = *blank && bytes[i] == 0xff;
   }

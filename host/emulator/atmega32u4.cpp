@@ -8,6 +8,7 @@
 #include <simavr/sim_time.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdarg>
 #include <cstring>
 #include <mutex>
@@ -311,7 +312,11 @@ void Atmega32u4::AfterReset() {
   hooks_->FinishEepromWrite();
   if (hooks_->signature_shown) Hooks::OnSignatureEnd(avr_, 0, hooks_.get());
   usb_.Reset();
-  for (const auto& [pin, high] : pins_) SetPin(pin.first, pin.second, high);
+  // The pins' register was cleared, and simavr passes no level on that it takes for an old one.
+  const auto levels = pins_;
+  for (const auto& [pin, high] : levels) {
+    SetPin(pin.first, pin.second, high);
+  }
   for (const auto& [channel, fraction] : analog_) SetAnalog(channel, fraction);
 }
 
@@ -382,7 +387,7 @@ void Atmega32u4::SetAnalog(int channel, double fraction) {
   analog_[channel] = fraction;
   const double millivolts = std::clamp(fraction, 0.0, 1.0) * kSupplyMillivolts;
   avr_raise_irq(avr_io_getirq(avr_, AVR_IOCTL_ADC_GETIRQ, channel),
-                static_cast<std::uint32_t>(millivolts + 0.5));
+                static_cast<std::uint32_t>(std::lround(millivolts)));
 }
 
 std::vector<std::uint8_t> Atmega32u4::EepromAfterPowerLoss() {
