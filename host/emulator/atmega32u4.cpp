@@ -315,6 +315,7 @@ void Atmega32u4::AfterReset() {
   // The pins' register was cleared, and simavr passes no level on that it takes for an old one.
   const auto levels = pins_;
   for (const auto& [pin, high] : levels) {
+    SetPin(pin.first, pin.second, !high);
     SetPin(pin.first, pin.second, high);
   }
   for (const auto& [channel, fraction] : analog_) SetAnalog(channel, fraction);

@@ -101,6 +101,7 @@ TEST_CASE("the reset button is seen too, with its own reason") {
   CHECK_FALSE(bench.host.ready());
   bench.Start();
   CHECK(bench.last.boot_id != before);
+  CHECK(bench.last.buttons == 0);
   CHECK(bench.Diagnostics().reset_reason == 2);
 }
 
