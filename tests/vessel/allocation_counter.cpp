@@ -8,6 +8,8 @@ namespace {
 std::atomic<size_t> allocations{0};
 }  // namespace
 
+// Sanitizers bring allocation functions of their own, which must not be mixed with these.
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 void* operator new(size_t size) {
   allocations.fetch_add(1, std::memory_order_relaxed);
   void* memory = std::malloc(size);
@@ -16,6 +18,7 @@ void* operator new(size_t size) {
 }
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, size_t) noexcept { std::free(memory); }
+#endif
 
 namespace torquer::vessel {
 size_t AllocationCount() { return allocations.load(std::memory_order_relaxed); }

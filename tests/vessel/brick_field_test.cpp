@@ -95,13 +95,13 @@ TEST_CASE("value and gradient are continuous across cells, bricks, levels and th
     gradient = std::max(gradient, (a.gradient - b.gradient).norm());
   };
   double value = 0, gradient = 0;
-  for (int i = 0; i < 200000; ++i) {
+  for (int i = 0; i < 50000; ++i) {
     // Along lines through all bands: a step that crosses a border is found by walking.
     const Vector3d p = random.InBox(Vector3d::Constant(-70), Vector3d::Constant(70));
     jump(p, 1e-7 * random.Direction(), value, gradient);
   }
   const Vector3d origin = Vector3d::Constant(-12 - options.margin_mm);
-  for (int i = 0; i < 200000; ++i) {
+  for (int i = 0; i < 50000; ++i) {
     // Exactly on borders of cells, and so of bricks and levels.
     Vector3d p = random.InBox(Vector3d::Constant(-49), Vector3d::Constant(49));
     const int axis = i % 3;
@@ -115,12 +115,11 @@ TEST_CASE("value and gradient are continuous across cells, bricks, levels and th
 
 TEST_CASE("the field is nowhere steeper than it says") {
   const TubeVessel phantom = MakeTyPhantom();
-  const auto field =
-      BrickField::FromFunction([&](const Vector3d& p) { return phantom.field->Clearance(p); },
-                               phantom.bounds_mm, Voxel(0.5));
+  const auto field = BrickField::FromFunction(
+      [&](const Vector3d& p) { return phantom.field->Clearance(p); }, phantom.bounds_mm, Voxel(1));
   Random random(14);
   double steepest = 0;
-  for (int i = 0; i < 400000; ++i) {
+  for (int i = 0; i < 60000; ++i) {
     const Centerline& curve = phantom.centerlines.curves()[i % 3];
     const Vector3d p = curve.At(random.Uniform(0, curve.length_mm())).position_mm +
                        random.Uniform(0, i % 7 ? 8 : 80) * random.Direction();
@@ -138,9 +137,9 @@ TEST_CASE("a baked phantom follows the analytic one") {
       [&](const Vector3d& p) { return phantom.field->Clearance(p); }, phantom.bounds_mm);
   Random random(15);
   double worst = 0, worst_gradient = 0;
-  for (int i = 0; i < 50000; ++i) {
-    const Centerline& curve = phantom.centerlines.curves()[i % 3];
-    const Vector3d p = curve.At(random.Uniform(0, curve.length_mm())).position_mm +
+  for (int i = 0; i < 10000; ++i) {
+    // Stem, crossing and bend; not all, because every brick costs.
+    const Vector3d p = phantom.centerlines.curves()[0].At(random.Uniform(80, 150)).position_mm +
                        random.Uniform(2.5, 5) * random.Direction();
     ClearanceSample a, b;
     phantom.field->EvaluateGradient(p, a);

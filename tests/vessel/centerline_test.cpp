@@ -107,7 +107,7 @@ TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or it is sai
   const std::string folder = TORQUER_SOURCE_DIR "/host/scenes/meshes/neuro_arch/";
   MeshVesselOptions options;
   options.cache_folder.clear();
-  options.field.voxel_mm = 0.5;
+  options.field.voxel_mm = 1;
   const auto vessel = MeshVessel::Open(folder + "surface.obj", options);
   const CenterlineNetwork network = ReadSlicerCurves(folder + "centerlines");
   double outside = 0;

@@ -283,13 +283,15 @@ void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, 
         Look(last, center, nearest);
         nearest = Search(center, nearest);
         last = nearest.triangle;
-        Gather(center, std::sqrt(nearest.squared) + (high - low).norm(), candidates);
+        const bool few =
+            Gather(center, std::sqrt(nearest.squared) + (high - low).norm(), candidates);
         for (int k = k0; k < k1; ++k) {
           for (int j = j0; j < j1; ++j) {
             for (int i = i0; i < i1; ++i) {
               const Vector3d p(x[i], y[j], z[k]), off = p - center;
               Hit best, hit;
               Look(last, p, best);
+              if (!few) best = Search(p, best);
               double bound = std::sqrt(best.squared) * kSlack + kRoundingMm;
               for (const Candidate& candidate : candidates) {
                 if (candidate.distance + candidate.gradient.dot(off) > bound) continue;
@@ -308,9 +310,11 @@ void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, 
   }
 }
 
-// All triangles within limit_mm of a point, with the tangents of their distances.
-void TriangleBvh::Gather(const Vector3d& p, double limit_mm,
+// All triangles within limit_mm of a point, with the tangents of their distances. None and false
+// where there are so many that a search for each sample is quicker.
+bool TriangleBvh::Gather(const Vector3d& p, double limit_mm,
                          std::vector<Candidate>& candidates) const {
+  constexpr size_t kMost = 400;
   candidates.clear();
   const double limit = limit_mm * kSlack + kRoundingMm;
   int32_t stack[kStackDepth];
@@ -334,7 +338,12 @@ void TriangleBvh::Gather(const Vector3d& p, double limit_mm,
       if (distance > 0) candidate.gradient = hit.from / distance;
       candidates.push_back(candidate);
     }
+    if (candidates.size() > kMost) {
+      candidates.clear();
+      return false;
+    }
   }
+  return true;
 }
 
 double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,

@@ -95,7 +95,7 @@ class TriangleBvh final : public DistanceSource {
   inline void Look(int32_t triangle, const Eigen::Vector3d& p, Hit& hit) const;
   Hit Search(const Eigen::Vector3d& p, Hit best) const;
   Hit Search(const Eigen::Vector3d& p) const { return Search(p, Hit()); }
-  void Gather(const Eigen::Vector3d& p, double limit_mm, std::vector<Candidate>& candidates) const;
+  bool Gather(const Eigen::Vector3d& p, double limit_mm, std::vector<Candidate>& candidates) const;
   double Signed(const Eigen::Vector3d& p, const Hit& hit) const;
 
   TriangleMesh mesh_;
