@@ -65,7 +65,7 @@ Session::Session(const SessionOptions& options)
   std::sort(options_.resets_s.begin(), options_.resets_s.end());
   device_.SetHand([this](double time_s) { return HandAt(time_s); });
   host_.wants_input = [this] {
-    return socket_.connected() && socket_.CanSend(options_.fast ? kFastClientTimeoutMs : 0);
+    return options_.fast ? socket_.WaitUntilSent(kFastClientTimeoutMs) : socket_.CanSend();
   };
   host_.on_input = [this](const std::vector<std::uint8_t>& report) { Deliver(report); };
   host_.on_ready = [this] {
@@ -202,6 +202,7 @@ SessionSummary Session::Run(const volatile std::sig_atomic_t& stop) {
     bus_->PublishHealth("stopping", "the emulator ends", summary_.serial, Counters());
   }
   SaveEeprom();
+  socket_.WaitUntilSent(kFastClientTimeoutMs);
   socket_.DeviceGone();
   summary_.axial_counts = device_.sensor().axial_counts();
   summary_.transverse_counts = device_.sensor().transverse_counts();

@@ -19,6 +19,8 @@ namespace {
 
 using protocol::SocketPacket;
 
+constexpr std::size_t kLongestBacklog = 2000;
+
 constexpr std::uint8_t Kind(SocketPacket kind) { return static_cast<std::uint8_t>(kind); }
 
 sockaddr_un AddressOf(const std::string& path) {
@@ -99,6 +101,7 @@ void SocketFront::DeviceGone() {
 void SocketFront::CloseClient() {
   if (client_ >= 0) close(client_);
   client_ = -1;
+  backlog_.clear();
   ++connection_;
 }
 
@@ -118,6 +121,7 @@ void SocketFront::Service() {
       client_ = client;
     }
   }
+  Flush();
   while (connected()) {
     std::vector<std::uint8_t> packet(protocol::kSocketPacketMax);
     const ssize_t size = recv(client_, packet.data(), packet.size(), 0);
@@ -155,10 +159,16 @@ UsbHost::ControlCallback SocketFront::AnswerWith(std::uint8_t kind) {
   };
 }
 
-bool SocketFront::CanSend(int timeout_ms) const {
-  if (!connected()) return false;
-  pollfd event{client_, POLLOUT, 0};
-  return poll(&event, 1, timeout_ms) == 1 && (event.revents & POLLOUT);
+bool SocketFront::CanSend() const { return connected() && backlog_.size() < kLongestBacklog; }
+
+bool SocketFront::WaitUntilSent(int timeout_ms) {
+  Flush();
+  if (connected() && !backlog_.empty()) {
+    pollfd event{client_, POLLOUT, 0};
+    poll(&event, 1, timeout_ms);
+    Flush();
+  }
+  return connected() && backlog_.empty();
 }
 
 void SocketFront::Send(const std::vector<std::uint8_t>& report) {
@@ -167,11 +177,21 @@ void SocketFront::Send(const std::vector<std::uint8_t>& report) {
 
 void SocketFront::Answer(std::uint8_t kind, const std::vector<std::uint8_t>& payload) {
   if (!connected()) return;
-  std::vector<std::uint8_t> packet{kind};
+  std::vector<std::uint8_t>& packet = backlog_.emplace_back(1, kind);
   packet.insert(packet.end(), payload.begin(), payload.end());
-  if (send(client_, packet.data(), packet.size(), MSG_NOSIGNAL) < 0 && errno != EAGAIN &&
-      errno != EWOULDBLOCK && errno != EINTR) {
-    CloseClient();
+  Flush();
+}
+
+void SocketFront::Flush() {
+  while (connected() && !backlog_.empty()) {
+    const std::vector<std::uint8_t>& packet = backlog_.front();
+    if (send(client_, packet.data(), packet.size(), MSG_NOSIGNAL) >= 0) {
+      backlog_.pop_front();
+    } else if (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR) {
+      return;
+    } else {
+      CloseClient();
+    }
   }
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <string>
 #include <vector>
 
@@ -33,9 +34,12 @@ class SocketFront {
   void DeviceGone();
 
   bool connected() const { return client_ >= 0; }
-  /// The client takes another report. While it does not, the device is not polled: like a USB host
-  /// without a transfer pending, it loses samples and no motion. Waits up to `timeout_ms` for it.
-  bool CanSend(int timeout_ms) const;
+  /// There is room for another report: the client is at most two seconds behind. Beyond that the
+  /// device is not polled: like a USB host without a transfer pending, the client loses samples and
+  /// no motion.
+  bool CanSend() const;
+  /// Waits up to `timeout_ms` until the client is not behind; false if it still is.
+  bool WaitUntilSent(int timeout_ms);
   void Send(const std::vector<std::uint8_t>& report);
 
   const std::string& path() const { return path_; }
@@ -45,6 +49,7 @@ class SocketFront {
   void CloseClient();
   void CloseListener();
   void Answer(std::uint8_t kind, const std::vector<std::uint8_t>& payload);
+  void Flush();
   void Request(const std::vector<std::uint8_t>& packet);
   UsbHost::ControlCallback AnswerWith(std::uint8_t kind);
 
@@ -52,6 +57,7 @@ class SocketFront {
   std::string path_;
   int listener_ = -1;
   int client_ = -1;
+  std::deque<std::vector<std::uint8_t>> backlog_;  // packets that the socket has no room for
   std::uint64_t connection_ = 0;  // an answer for a former client must not reach the next
 };
 

@@ -20,7 +20,6 @@
 
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
-#include "protocol/socket_link.h"
 #include "tests/support/child_process.h"
 #include "tests/support/temporary_folder.h"
 
@@ -28,7 +27,6 @@ namespace torquer::emulator {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
-using protocol::SocketPacket;
 
 constexpr char kHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n";
 constexpr auto kPatience = std::chrono::seconds(20);
