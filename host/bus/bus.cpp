@@ -18,6 +18,8 @@ namespace torquer::bus {
 namespace {
 
 constexpr char kFallbackUrl[] = "udpm://239.255.76.67:7667?ttl=0";
+// Messages handled in one go, so that a flood of them does not keep the caller for ever.
+constexpr std::int64_t kBurst = 1000;
 constexpr long kReceiveBufferBytes = 2 * 1024 * 1024;
 
 [[noreturn]] void Refuse(const std::string& url, const std::string& problem) {
@@ -125,25 +127,27 @@ struct Bus::Subscription {
   ChannelCounters counters;
   RawHandler handler;
 
-  void OnMessage(const lcm::ReceiveBuffer* buffer, const std::string& /*channel*/) {
-    ++bus->handled_;
+  static void OnMessage(const lcm_recv_buf_t* buffer, const char* /*channel*/, void* self) {
+    auto& subscription = *static_cast<Subscription*>(self);
+    ++subscription.bus->handled_;
     try {
-      if (handler(buffer->data, static_cast<int>(buffer->data_size))) {
-        ++counters.received;
+      if (subscription.handler(buffer->data, static_cast<int>(buffer->data_size))) {
+        ++subscription.counters.received;
       } else {
-        ++counters.undecodable;
+        ++subscription.counters.undecodable;
       }
     } catch (...) {  // LCM is C: an exception must not cross it
-      ++counters.received;
-      bus->handler_error_ = std::current_exception();
+      ++subscription.counters.received;
+      subscription.bus->handler_error_ = std::current_exception();
     }
   }
 };
 
-Bus::Bus(const std::string& url) : url_(url.empty() ? DefaultUrl() : url) {
+Bus::Bus(const std::string& url)
+    : url_(url.empty() ? DefaultUrl() : url), lcm_(nullptr, &lcm_destroy) {
   CheckUrl(url_);
-  lcm_ = std::make_unique<lcm::LCM>(WithReceiveBuffer(url_));
-  if (!lcm_->good()) Refuse(url_, "LCM cannot open it");
+  lcm_.reset(lcm_create(WithReceiveBuffer(url_).c_str()));
+  if (lcm_ == nullptr) Refuse(url_, "LCM cannot open it");
 }
 
 Bus::~Bus() = default;
@@ -154,8 +158,8 @@ Bus::Buffer& Bus::ThreadBuffer() {
 }
 
 bool Bus::Send(const std::string& channel, const Buffer& buffer) {
-  const int status =
-      lcm_->publish(channel, buffer.data(), static_cast<unsigned int>(buffer.size()));
+  const int status = lcm_publish(lcm_.get(), channel.c_str(), buffer.data(),
+                                 static_cast<unsigned int>(buffer.size()));
   if (status != 0) ++publish_failures_;
   return status == 0;
 }
@@ -165,23 +169,26 @@ void Bus::AddSubscription(const std::string& channel, int queue, RawHandler hand
   subscription.bus = this;
   subscription.counters.channel = channel;
   subscription.handler = std::move(handler);
-  lcm::Subscription* made = lcm_->subscribe(channel, &Subscription::OnMessage, &subscription);
+  lcm_subscription_t* made =
+      lcm_subscribe(lcm_.get(), channel.c_str(), &Subscription::OnMessage, &subscription);
   if (made == nullptr || FileDescriptor() < 0) {
     throw UserError("LCM URL '" + url_ + "': cannot listen on channel " + channel +
                     "; is a firewall in the way?");
   }
-  made->setQueueCapacity(queue);
+  lcm_subscription_set_queue_capacity(made, queue);
 }
 
 int Bus::Handle(int timeout_ms) {
   handled_ = 0;
-  int ready = lcm_->handleTimeout(timeout_ms);
-  while (ready > 0 && handler_error_ == nullptr) ready = lcm_->handleTimeout(0);
+  int ready = lcm_handle_timeout(lcm_.get(), timeout_ms);
+  while (ready > 0 && handled_ < kBurst && handler_error_ == nullptr) {
+    ready = lcm_handle_timeout(lcm_.get(), 0);
+  }
   if (handler_error_ != nullptr) std::rethrow_exception(std::exchange(handler_error_, nullptr));
   return static_cast<int>(handled_);
 }
 
-int Bus::FileDescriptor() { return lcm_->getFileno(); }
+int Bus::FileDescriptor() { return lcm_get_fileno(lcm_.get()); }
 
 std::vector<ChannelCounters> Bus::counters() const {
   std::vector<ChannelCounters> all;

@@ -4,12 +4,13 @@
 // checked here. Channel names: channels.h.
 #pragma once
 
+#include <lcm/lcm.h>
+
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <exception>
 #include <functional>
-#include <lcm/lcm-cpp.hpp>
 #include <list>
 #include <memory>
 #include <string>
@@ -89,7 +90,7 @@ class Bus {
   void AddSubscription(const std::string& channel, int queue, RawHandler handler);
 
   std::string url_;
-  std::unique_ptr<lcm::LCM> lcm_;
+  std::unique_ptr<lcm_t, void (*)(lcm_t*)> lcm_;
   std::list<Subscription> subscriptions_;
   std::int64_t handled_ = 0;
   std::exception_ptr handler_error_;

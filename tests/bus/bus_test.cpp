@@ -110,10 +110,13 @@ TEST_CASE("Undecodable messages are counted and dropped") {
   const instrument_command_t command = Command(1);
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(command.getEncodedSize()) + 1);
   command.encode(bytes.data(), 0, static_cast<int>(bytes.size()) - 1);
-  lcm::LCM raw(bus.url());
-  raw.publish("A", bytes.data(), static_cast<unsigned>(bytes.size()));      // a byte left over
-  raw.publish("A", bytes.data(), static_cast<unsigned>(bytes.size()) - 9);  // cut short
-  raw.publish("A", bytes.data(), 0);                                        // nothing at all
+  lcm_t* raw = lcm_create(bus.url().c_str());
+  REQUIRE(raw != nullptr);
+  const auto size = static_cast<unsigned>(bytes.size());
+  lcm_publish(raw, "A", bytes.data(), size);      // a byte left over
+  lcm_publish(raw, "A", bytes.data(), size - 9);  // cut short
+  lcm_publish(raw, "A", bytes.data(), 0);         // nothing at all
+  lcm_destroy(raw);
 
   bus.Publish("A", command);
   bus.Publish("B", health_t{});

@@ -113,7 +113,7 @@ TEST_CASE("Sequence, time and counts go on over their wraps, in both directions"
   const std::int32_t edge = direction > 0 ? std::numeric_limits<std::int32_t>::max()
                                           : std::numeric_limits<std::int32_t>::min();
   report.axial_counts = edge - direction * 100;
-  report.transverse_counts = -edge;
+  report.transverse_counts = ~edge;
   const std::optional<Sample> first = feed(report);
   REQUIRE(first);
   for (int i = 1; i <= 20; ++i) {

@@ -19,26 +19,27 @@ void Restart(bool with_devices) {
   const std::string self = std::to_string(getpid());
   if (const char* owner = std::getenv(kMarker); owner != nullptr && owner == self) return;
   setenv(kMarker, self.c_str(), 1);
-  if (with_devices) {
-    std::string libraries = "libumockdev-preload.so.0";
-#if defined(__SANITIZE_ADDRESS__)
-    libraries = "libasan.so.8:" + libraries;  // which must come first
-#endif
-    setenv("LD_PRELOAD", libraries.c_str(), 1);
-  }
-
   std::ifstream file("/proc/self/cmdline", std::ios::binary);
   std::string words((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
   std::string script = std::string(TORQUER_SOURCE_DIR) + "/host/bus/private_network";
-  std::vector<char*> arguments{script.data()};
-  for (std::size_t start = 0; start < words.size(); start = words.find('\0', start) + 1) {
-    arguments.push_back(words.data() + start);
-  }
-  arguments.push_back(nullptr);
+  std::string env = "/usr/bin/env";
+  std::string preload = "LD_PRELOAD=libumockdev-preload.so.0";
+#if defined(__SANITIZE_ADDRESS__)
+  preload = "LD_PRELOAD=libasan.so.8:libumockdev-preload.so.0";  // ASan insists on being first
+#endif
   std::string program(4096, '\0');
   const ssize_t length = readlink("/proc/self/exe", program.data(), program.size());
   program.resize(length > 0 ? static_cast<std::size_t>(length) : 0);
-  arguments[1] = program.data();
+
+  std::vector<char*> arguments{script.data()};
+  // Only the program gets the library, not the tools that make the network.
+  if (with_devices) arguments.insert(arguments.end(), {env.data(), preload.data()});
+  arguments.push_back(program.data());
+  const std::size_t own_name = words.find('\0') + 1;
+  for (std::size_t start = own_name; start < words.size(); start = words.find('\0', start) + 1) {
+    arguments.push_back(words.data() + start);
+  }
+  arguments.push_back(nullptr);
   execv(script.c_str(), arguments.data());
   throw std::runtime_error("cannot run " + script);
 }
