@@ -33,7 +33,10 @@ struct Listener {
     bus.emplace("");
     bus->Subscribe<torquer_lcm::instrument_command_t>(
         torquer::bus::kInstrumentCommandChannel,
-        [this](const torquer_lcm::instrument_command_t& command) { commands.push_back(command); },
+        [this](const torquer_lcm::instrument_command_t& command) {
+          const bool held = (command.flags & torquer::bus::kCommandNoDevice) != 0;
+          (held ? holds : commands).push_back(command);
+        },
         0);
     bus->Subscribe<torquer_lcm::device_sample_t>(
         torquer::bus::kDeviceSampleChannel,
@@ -58,6 +61,9 @@ struct Listener {
   bool UntilCommands(std::size_t count) {
     return Until([&] { return commands.size() >= count; });
   }
+  bool UntilHolds(std::size_t count) {
+    return Until([&] { return holds.size() >= count; });
+  }
   /// Until a health message has had that state and, somewhere, that text.
   bool UntilHealth(const std::string& state, const std::string& text) {
     return Until([&] {
@@ -69,13 +75,15 @@ struct Listener {
   }
   void Forget() {
     commands.clear();
+    holds.clear();
     samples.clear();
     health.clear();
   }
 
   TemporaryFolder folder;
   std::optional<torquer::bus::Bus> bus;
-  std::vector<torquer_lcm::instrument_command_t> commands;
+  std::vector<torquer_lcm::instrument_command_t> commands;  ///< made of reports
+  std::vector<torquer_lcm::instrument_command_t> holds;     ///< without a device, or a silent one
   std::vector<torquer_lcm::device_sample_t> samples;
   std::vector<torquer_lcm::health_t> health;
   std::map<std::string, std::int64_t> counters;  ///< newest value by name

@@ -98,7 +98,7 @@ TEST_CASE("Reports become commands, one for one") {
     const instrument_command_t& command = listener.commands[i];
     const auto step = static_cast<double>(i);
     REQUIRE(command.instrument == "guidewire");
-    REQUIRE(command.sequence == static_cast<std::int64_t>(i));
+    REQUIRE((i == 0 || command.sequence > listener.commands[i - 1].sequence));
     REQUIRE(command.insertion_mm == Approx(3 * kMmPerCount * step).margin(1e-12));
     REQUIRE(command.rotation_rad == Approx(-2 * kMmPerCount / 5.0 * step).margin(1e-12));
     REQUIRE(command.xray);
@@ -123,7 +123,7 @@ TEST_CASE("Reports become commands, one for one") {
   CHECK(listener.counters["axial_counts_applied"] == 3 * (kReports - 1));
   const auto statistics = nlohmann::json::parse(daemon.Output());
   CHECK(statistics.at("reports_received") == kReports);
-  CHECK(statistics.at("commands_published") == kReports);
+  CHECK(statistics.at("commands_published") >= kReports);
   CHECK(statistics.at("report_to_command_p99_us").is_number());
   CHECK(statistics.at("cpu_percent_of_core").is_number());
 }
@@ -137,12 +137,12 @@ TEST_CASE("An unplugged device is waited for and continued from without a jump")
   chain.listener.Forget();
   chain.device.Unplug(/*stay_away=*/true);
   REQUIRE(chain.listener.UntilHealth("waiting for device", "closed by the device"));
-  REQUIRE(chain.listener.UntilCommands(3));
-  for (const instrument_command_t& command : chain.listener.commands) {
+  REQUIRE(chain.listener.UntilHolds(3));
+  for (const instrument_command_t& command : chain.listener.holds) {
     CHECK(command.insertion_mm == before.insertion_mm);
-    CHECK((command.flags & torquer::bus::kCommandNoDevice) != 0);
     CHECK_FALSE(command.xray);
   }
+  CHECK(chain.listener.commands.empty());
 
   chain.device.Return();
   REQUIRE(chain.device.WaitForHost());
@@ -152,7 +152,6 @@ TEST_CASE("An unplugged device is waited for and continued from without a jump")
   const instrument_command_t after = chain.Push(500);
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 450 * kMmPerCount));
   CHECK(after.sequence > before.sequence);
-  CHECK((after.flags & torquer::bus::kCommandNoDevice) == 0);
   REQUIRE(chain.listener.UntilHealth("running", "what the hand moved meanwhile is not known"));
   CHECK(chain.listener.counters["connections"] == 2);
   CHECK(chain.listener.counters["reports_lost"] == 0);
@@ -179,9 +178,8 @@ TEST_CASE("A device that falls silent is held and said") {
   const instrument_command_t before = chain.Push(1000);
   chain.listener.Forget();
   REQUIRE(chain.listener.UntilHealth("device silent", "sends no reports"));
-  REQUIRE(chain.listener.UntilCommands(2));
-  CHECK(chain.listener.commands.back().insertion_mm == before.insertion_mm);
-  CHECK((chain.listener.commands.back().flags & torquer::bus::kCommandNoDevice) != 0);
+  REQUIRE(chain.listener.UntilHolds(2));
+  CHECK(chain.listener.holds.back().insertion_mm == before.insertion_mm);
   // Counts are cumulative: what was moved in between is not lost.
   const instrument_command_t after = chain.Push(500);
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 500 * kMmPerCount));
