@@ -86,7 +86,7 @@ void AddSpeed(std::vector<HardCase>& cases) {
   cases.push_back({"1 m in one command",
                    [](std::mt19937&) {
                      HardScene s = IntoPhantom({.max_length_mm = 240}, 0.01,
-                                               std::vector<HandTarget>(15, {1000, 0}));
+                                               std::vector<HandTarget>(6, {1000, 0}));
                      s.units = 300;
                      return s;
                    },
@@ -107,7 +107,7 @@ void AddSpeed(std::vector<HardCase>& cases) {
                    [](std::mt19937& random) {
                      std::normal_distribution<double> normal;
                      std::vector<HandTarget> script;
-                     for (int k = 0; k < 400; ++k) {
+                     for (int k = 0; k < 120; ++k) {
                        script.push_back({120 + 5 * normal(random), 2 * normal(random)});
                      }
                      return IntoPhantom({.max_length_mm = 200}, 0.01, script);
@@ -168,17 +168,18 @@ void AddSizes(std::vector<HardCase>& cases) {
     name << "segments of " << lambda << " mm";
     cases.push_back({name.str(),
                      [lambda](std::mt19937&) {
+                       // The fine ones start at the T, so that they need not come all the way.
                        HardScene s =
                            IntoPhantom({.segment_mm = lambda, .max_length_mm = 160}, 0.01,
-                                       lambda < 0.2 ? Feed(130, 131, 0.2) : Feed(0, 140, 1));
-                       if (lambda < 0.2) {
-                         s.settle_ticks = 3;
-                         s.start_mm = 130;
+                                       lambda < 1 ? Feed(110, 112, 0.2) : Feed(0, 140, 1));
+                       if (lambda < 1) {
+                         s.settle_ticks = 1;
+                         s.start_mm = 110;
                          s.start_path = PhantomPath();
                        }
                        return s;
                      },
-                     0.05, lambda >= 0.2, lambda >= 0.2});
+                     0.05, lambda >= 0.2, lambda >= 1});
   }
   for (const int n : {1, 2, 3, 10000}) {
     std::ostringstream name;
@@ -189,7 +190,7 @@ void AddSizes(std::vector<HardCase>& cases) {
                        HardScene s =
                            IntoPhantom({.segment_mm = lambda, .max_length_mm = 260}, 0.01,
                                        n < 10 ? Feed(0, n * lambda, 0.3)
-                                              : Feed(n * lambda, n * lambda + 0.04, 0.02));
+                                              : Feed(n * lambda, n * lambda + 0.02, 0.02));
                        if (n > 10) {
                          s.units = 20;
                          s.settle_ticks = 0;
@@ -296,7 +297,7 @@ void AddStarts(std::vector<HardCase>& cases) {
          [length](std::mt19937&) {
            const auto field = std::make_shared<Torus>(Side::kInside, 40, 3);
            const WireModel model = MakeWire({.max_length_mm = 260, .sheath = kTorusEntry(40)});
-           HardScene s{field, model, {.stiffness_N_mm2 = 0.05}, Feed(length, length + 5, 0.1)};
+           HardScene s{field, model, {.stiffness_N_mm2 = 0.05}, Feed(length, length + 5, 0.5)};
            s.start_mm = length;
            s.units = 200;
            return s;
@@ -452,9 +453,9 @@ HardOutcome RunHardCase(const HardCase& hard, Way way, unsigned seed) {
     outcome.settled = tick(last, way == Way::kPaper ? 4 : 400).converged;
     if (!outcome.broken.empty()) return outcome;
   }
-  const int most = scene.start_mm > 0 ? 3 : 2000;  // a start that was laid does not come back
+  const int most = scene.start_mm > 0 ? 1 : 2000;  // a start that was laid does not come back
   for (int k = 0; k < most && (state.insertion_mm > 0 || state.rotation_rad != 0); ++k) {
-    tick({0, 0}, 400);
+    tick({0, 0}, scene.start_mm > 0 ? scene.units : 400);
     if (!outcome.broken.empty()) return outcome;
   }
   if (scene.start_mm > 0) return outcome;
