@@ -232,9 +232,10 @@ TEST_CASE("only what is looked at is built, and looking again builds and allocat
   const auto field = BrickField::FromFunction(Cylinder{}, Cube(100), Voxel(0.25));
   CHECK(field->Statistics().bricks_built == 0);
   ClearanceSample sample;
+  const std::vector<double> places = Steps(-9, 9, 0.1);
   const auto walk = [&] {
     double sum = 0;
-    for (double s = -9; s < 9; s += 0.1) {
+    for (const double s : places) {
       field->EvaluateHessian(s * Cylinder{}.direction, sample);
       sum += sample.clearance_mm + field->Clearance(s * Cylinder{}.direction + Vector3d(0, 0, 3));
     }

@@ -121,7 +121,7 @@ TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or it is sai
   CHECK(outside < 0.05 * length);
   // In the thoracic aorta the clearance is about the radius.
   const Centerline& aorta = network.curves()[network.Find("curve_02")];
-  for (double s = 70; s < 130; s += 5) {
+  for (const double s : Steps(70, 130, 5)) {
     const CenterlineSample at = aorta.At(s);
     CHECK(vessel->field().Clearance(at.position_mm) == Approx(at.radius_mm).epsilon(0.35));
   }
@@ -129,7 +129,7 @@ TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or it is sai
     const CenteredCurve centered = CenteredInLumen(
         network.Path(network.Place("curve_04", "end"), network.Place(to, "end")), vessel->field());
     CHECK(centered.largest_shift_mm < 6.01);
-    for (double s = 0; s < centered.curve.length_mm(); s += 0.5) {
+    for (const double s : Steps(0, centered.curve.length_mm(), 0.5)) {
       CHECK(vessel->field().Clearance(centered.curve.At(s).position_mm) > 0.3);
     }
   }
@@ -141,7 +141,7 @@ TEST_CASE("a curve off the middle is centered, and its ends outside are cut") {
   const CenteredCurve centered = CenteredInLumen(off, *tube.field);
   CHECK(centered.cut_at_start_mm == Approx(5).margin(1.5));
   CHECK(centered.cut_at_end_mm < 1.01);
-  for (double s = 5; s < 55; s += 1) {
+  for (const double s : Steps(5, 55, 1)) {
     CHECK(std::hypot(centered.curve.At(s).position_mm.y(), centered.curve.At(s).position_mm.z()) <
           0.5);
   }

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
 #include "catch2/catch.hpp"
 #include "host/simulator/core/clearance_field.h"
@@ -36,6 +37,13 @@ class Random {
  private:
   uint64_t state_;
 };
+
+/// Numbers from `from` on in steps, below `to`.
+inline std::vector<double> Steps(double from, double to, double step) {
+  std::vector<double> numbers;
+  for (int i = 0; from + i * step < to; ++i) numbers.push_back(from + i * step);
+  return numbers;
+}
 
 /// The derivative of the value (gradient) and of the gradient (Hessian) by central differences, as
 /// largest deviation from what the field says.

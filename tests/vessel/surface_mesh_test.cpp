@@ -26,7 +26,7 @@ std::string Said(const MeshReport& report) {
 
 void CheckIsTube(const SurfaceMesh& surface, double length_mm, double radius_mm) {
   const TriangleBvh bvh(surface.mesh);
-  for (double x = radius_mm + 1; x < length_mm - radius_mm; x += 1.7) {
+  for (const double x : Steps(radius_mm + 1, length_mm - radius_mm, 1.7)) {
     CHECK(bvh.Distance({x, 0, 0}) == Approx(radius_mm * std::cos(M_PI / 24)).margin(0.02));
     CHECK(bvh.Distance({x, 0, 2 * radius_mm}) == Approx(-radius_mm).margin(0.02));
   }

@@ -84,7 +84,7 @@ TEST_CASE("a tapered tube is the envelope of its spheres") {
     const Vector3d p = at.position_mm + random.Uniform(1.5, 5) * random.Direction();
     double best = -std::numeric_limits<double>::infinity();
     double nearest = std::numeric_limits<double>::infinity();
-    for (double s = 0; s <= curve.length_mm(); s += 0.02) {
+    for (const double s : Steps(0, curve.length_mm(), 0.02)) {
       const CenterlineSample sphere = curve.At(s);
       const double d = (p - sphere.position_mm).norm();
       best = std::max(best, sphere.radius_mm - d);
@@ -121,7 +121,7 @@ TEST_CASE("the phantom's main path is open all along and about 280 mm long") {
   CHECK(phantom.entry_point_mm().norm() < 1e-12);
   CHECK((phantom.entry_direction() - Vector3d::UnitX()).norm() < 1e-12);
   for (const Centerline& curve : phantom.centerlines.curves()) {
-    for (double s = 0; s < curve.length_mm(); s += 0.25) {
+    for (const double s : Steps(0, curve.length_mm(), 0.25)) {
       const CenterlineSample at = curve.At(s);
       const double clearance = phantom.field->Clearance(at.position_mm);
       CHECK(clearance > 2);

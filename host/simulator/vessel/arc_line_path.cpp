@@ -71,7 +71,7 @@ ArcLinePath ArcLinePath::FromCorners(const std::vector<Vector3d>& corners_mm,
                       " of a tube's axis is not finite; give three finite coordinates in mm");
     }
     if (i == 0) continue;
-    legs.push_back(corners_mm[i] - corners_mm[i - 1]);
+    legs.emplace_back(corners_mm[i] - corners_mm[i - 1]);
     if (legs.back().norm() < 1e-9) {
       throw UserError("corners " + std::to_string(i - 1) + " and " + std::to_string(i) +
                       " of a tube's axis are the same point; remove one");

@@ -217,9 +217,9 @@ Offset OffsetAt(const Primitive& primitive, const Vector3d& p, double u) {
 
 void TubeField::Look(const Primitive& primitive, double round_mm, const Vector3d& p,
                      Contact& best) {
-  if (best.primitive != nullptr) {
-    const double reach = primitive.ball_radius - best.value;
-    if (reach <= 0 || (p - primitive.ball_center).squaredNorm() > reach * reach) return;
+  const double reach = primitive.ball_radius - best.value;
+  if (reach <= 0 || (p - primitive.ball_center).squaredNorm() > reach * reach) {
+    return;
   }
   const Vector3d d = p - primitive.origin;
   const double along = d.dot(primitive.x);
@@ -279,7 +279,7 @@ void TubeField::Look(const Primitive& primitive, double round_mm, const Vector3d
     value = primitive.r0 + u * (primitive.r1 + u * (primitive.r2 + u * primitive.r3)) -
             Rounded(offset.v.squaredNorm(), round_mm).value;
   }
-  if (best.primitive == nullptr || value > best.value) best = {value, u, &primitive, interior};
+  if (value > best.value) best = {value, u, &primitive, interior};
 }
 
 // With F(p, u) = r(u) - Q(|p - axis(u)|^2), stationary in u where the contact is interior:
@@ -326,7 +326,7 @@ double TubeField::Evaluate(const Vector3d& p, ClearanceSample* out) const {
   Vector3d gradient;
   Matrix3d hessian;
   for (const TubeData& tube : tubes_) {
-    Contact contact;
+    Contact contact{-std::numeric_limits<double>::infinity(), 0, &tube.primitives.front(), false};
     if (!first) {
       // A tube whose every sphere stays below the blend changes nothing.
       const double reach = tube.ball_radius - (value - union_width_mm_);
