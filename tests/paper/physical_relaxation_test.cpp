@@ -301,6 +301,27 @@ TEST_CASE("skipped look-ups change no bit") {
   CHECK(lookups[1] < lookups[0] / 2);
 }
 
+TEST_CASE("without a wall cycles bend the tip to its rest shape, whichever way it is turned: (5)") {
+  const double rotation = GENERATE(0.0, 1.0, -2.5);
+  const WireModel model =
+      MakeWire({.tip_mm = 4, .tip_curvature_1_per_mm = 0.15, .max_length_mm = 40});
+  const FreeSpace field;
+  const WallModel wall{1, 1};
+  WireState state = LayStraight(model, 10);
+  state.SetRotation(rotation);
+  PhysicalRelaxation physical(model, field, wall, {});
+  physical.Restart(state);
+  for (int k = 0; k < 300; ++k) CHECK(physical.ContinueCycle(1'000'000, state));
+  for (int i = 0; i < 10; ++i) {
+    CHECK((state.tangents[i] - RestDirection(model, state, i)).norm() < 1e-5);
+  }
+  // Four joints rest bent by 0.15 rad, towards the sheath's first normal turned by the rotation.
+  const Vector3d& axis = model.sheath().direction;
+  const Vector3d& first = model.sheath_normal();
+  const Vector3d way = std::cos(rotation) * first + std::sin(rotation) * axis.cross(first);
+  CHECK((state.tangents[9] - std::cos(0.6) * axis - std::sin(0.6) * way).norm() < 1e-4);
+}
+
 TEST_CASE("without a wall cycles straighten the wire") {
   const WireModel model = MakeWire({.max_length_mm = 40});
   const FreeSpace field;
