@@ -140,7 +140,7 @@ PictureVessel OutlineOf(const ClearanceField& field, const Eigen::AlignedBox3d& 
 PictureVessel OutlineInAbout(std::size_t triangles, const ClearanceField& field,
                              const Eigen::AlignedBox3d& bounds_mm) {
   const double coarse_mm = bounds_mm.sizes().maxCoeff() / 80;
-  const PictureVessel coarse = OutlineOf(field, bounds_mm, coarse_mm);
+  PictureVessel coarse = OutlineOf(field, bounds_mm, coarse_mm);
   if (coarse.triangles_mm.empty()) return coarse;
   // Their number goes with the inverse square of the cell.
   const double share =

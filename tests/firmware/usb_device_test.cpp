@@ -46,8 +46,8 @@ class Conversation {
   /// A control read to its end; the packets as they came.
   std::vector<Bytes> Read(int type, int request, int value, int index, int length) {
     Setup(type, request, value, index, length);
-    const std::vector<Bytes> packets = board().control_sent;
-    board().control_data.push_back({});
+    std::vector<Bytes> packets = board().control_sent;
+    board().control_data.emplace_back();
     device.Poll();
     return packets;
   }
@@ -223,7 +223,7 @@ TEST_CASE("a host that ends a read early is let go") {
   Conversation usb;
   board().can_send_control = false;
   usb.Setup(0x80, 6, 0x0200, 0, 255);
-  board().control_data.push_back({});
+  board().control_data.emplace_back();
   usb.device.Poll();
   board().can_send_control = true;
   for (int i = 0; i < 5; ++i) usb.device.Poll();

@@ -269,7 +269,7 @@ BrickField::Entry BrickField::Resolve(int l, const Array3i& brick) const {
       made->next = list;
     } while (!built_.compare_exchange_weak(list, made.get(), std::memory_order_release,
                                            std::memory_order_relaxed));
-    made.release();
+    static_cast<void>(made.release());
   }
   return winner;
 }

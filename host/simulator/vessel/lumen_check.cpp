@@ -20,7 +20,7 @@ constexpr double kLongestWayMm = 100, kLeastWayMm = 1;
 Vector3d Suggest(const ClearanceField& field, const CenterlineNetwork& centerlines,
                  const Vector3d& point_mm, double wire_radius_mm) {
   if (!centerlines.empty()) {
-    const Vector3d at = centerlines.At(centerlines.NearestTo(point_mm)).position_mm;
+    Vector3d at = centerlines.At(centerlines.NearestTo(point_mm)).position_mm;
     if (field.Clearance(at) > wire_radius_mm) return at;
   }
   Vector3d at = point_mm;
