@@ -274,6 +274,20 @@ BrickField::Entry BrickField::Resolve(int l, const Array3i& brick) const {
   return winner;
 }
 
+BrickField::Cell BrickField::LocateAnywhere(const Vector3d& p) const {
+  Place place;
+  for (int l = 0; l < level_count(); ++l) {
+    const Level& level = levels_[l];
+    if (!PlaceOf(level, p, place)) continue;
+    Entry entry = std::atomic_ref<Entry>(level.index[place.index]).load(std::memory_order_acquire);
+    if ((entry & 1) == 0 && entry != kInactive) {
+      entry = Resolve(l, {place.x >> 3, place.y >> 3, place.z >> 3});
+    }
+    if (entry != kInactive) return CellOf(level, place, entry);
+  }
+  return {nullptr, 0, 0, 0, 0};
+}
+
 const float* BrickField::Ensure(int l, const Array3i& brick) const {
   const Level& level = levels_[l];
   if (!InIndex(level, brick)) return nullptr;

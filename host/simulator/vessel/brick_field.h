@@ -136,6 +136,22 @@ class BrickField final : public ClearanceField {
     void operator()(Entry* index) const;
   };
 
+  // Where a point lies in a level: its cell, from the cell's center, and its brick's index.
+  struct Place {
+    int x, y, z;
+    double tx, ty, tz;
+    ptrdiff_t index;
+  };
+  // What the spline needs: the first of 27 coefficients (null: outside of all levels).
+  struct Cell {
+    const float* corner;
+    double tx, ty, tz;
+    double per_mm;
+  };
+  inline bool PlaceOf(const Level& level, const Eigen::Vector3d& p, Place& place) const;
+  static inline Cell CellOf(const Level& level, const Place& place, Entry entry);
+  inline Cell Locate(const Eigen::Vector3d& p) const;
+  __attribute__((noinline)) Cell LocateAnywhere(const Eigen::Vector3d& p) const;
   template <int kOrder>
   inline bool Evaluate(const Eigen::Vector3d& point_mm, kernel::Jet& jet, double& per_mm) const;
   void EvaluateBeyond(const Eigen::Vector3d& point_mm, ClearanceSample& out) const;
@@ -166,34 +182,53 @@ class BrickField final : public ClearanceField {
   mutable std::atomic<size_t> built_count_{0};
 };
 
+inline bool BrickField::PlaceOf(const Level& level, const Eigen::Vector3d& p, Place& place) const {
+  const double x = (p.x() - origin_mm_.x()) * level.cells_per_mm,
+               y = (p.y() - origin_mm_.y()) * level.cells_per_mm,
+               z = (p.z() - origin_mm_.z()) * level.cells_per_mm;
+  if (!(x >= level.low.x() && x < level.high.x() && y >= level.low.y() && y < level.high.y() &&
+        z >= level.low.z() && z < level.high.z())) {
+    return false;
+  }
+  place.x = static_cast<int>(x);
+  place.y = static_cast<int>(y);
+  place.z = static_cast<int>(z);
+  place.tx = x - place.x - 0.5;
+  place.ty = y - place.y - 0.5;
+  place.tz = z - place.z - 0.5;
+  place.index = (place.z >> 3) * level.stride_z + (place.y >> 3) * level.stride_y + (place.x >> 3) -
+                level.offset;
+  return true;
+}
+
+inline BrickField::Cell BrickField::CellOf(const Level& level, const Place& place, Entry entry) {
+  return {reinterpret_cast<const float*>(entry - 1) + (place.z & 7) * kernel::kPlane +
+              (place.y & 7) * kernel::kRow + (place.x & 7),
+          place.tx, place.ty, place.tz, level.cells_per_mm};
+}
+
+inline BrickField::Cell BrickField::Locate(const Eigen::Vector3d& p) const {
+  // The finest level first: near the wall it answers, and all else stays out of its way.
+  const Level& finest = levels_.front();
+  Place place;
+  if (PlaceOf(finest, p, place)) [[likely]] {
+    const Entry entry =
+        std::atomic_ref<Entry>(finest.index[place.index]).load(std::memory_order_acquire);
+    if ((entry & 1) != 0) [[likely]]
+      return CellOf(finest, place, entry);
+  }
+  return LocateAnywhere(p);
+}
+
 template <int kOrder>
 inline bool BrickField::Evaluate(const Eigen::Vector3d& point_mm, kernel::Jet& jet,
                                  double& per_mm) const {
-  const double x0 = point_mm.x() - origin_mm_.x(), y0 = point_mm.y() - origin_mm_.y(),
-               z0 = point_mm.z() - origin_mm_.z();
-  for (size_t l = 0; l < levels_.size(); ++l) {
-    const Level& level = levels_[l];
-    const double x = x0 * level.cells_per_mm, y = y0 * level.cells_per_mm,
-                 z = z0 * level.cells_per_mm;
-    if (!(x >= level.low.x() && x < level.high.x() && y >= level.low.y() && y < level.high.y() &&
-          z >= level.low.z() && z < level.high.z())) {
-      continue;
-    }
-    const int ix = static_cast<int>(x), iy = static_cast<int>(y), iz = static_cast<int>(z);
-    const ptrdiff_t at =
-        (iz >> 3) * level.stride_z + (iy >> 3) * level.stride_y + (ix >> 3) - level.offset;
-    Entry entry = std::atomic_ref<Entry>(level.index[at]).load(std::memory_order_acquire);
-    if ((entry & 1) == 0) [[unlikely]] {
-      if (entry != kInactive) entry = Resolve(static_cast<int>(l), {ix >> 3, iy >> 3, iz >> 3});
-      if (entry == kInactive) continue;
-    }
-    const float* corner = reinterpret_cast<const float*>(entry - 1) + (iz & 7) * kernel::kPlane +
-                          (iy & 7) * kernel::kRow + (ix & 7);
-    kernel::Evaluate<kOrder>(corner, x - ix - 0.5, y - iy - 0.5, z - iz - 0.5, jet);
-    per_mm = level.cells_per_mm;
-    return true;
-  }
-  return false;
+  const Cell cell = Locate(point_mm);
+  if (cell.corner == nullptr) [[unlikely]]
+    return false;
+  kernel::Evaluate<kOrder>(cell.corner, cell.tx, cell.ty, cell.tz, jet);
+  per_mm = cell.per_mm;
+  return true;
 }
 
 inline double BrickField::Look(const Eigen::Vector3d& point_mm) const {
