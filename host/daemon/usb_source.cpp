@@ -23,6 +23,8 @@ constexpr int kLargestReport = 64;
 constexpr int kHopelessErrors = 50;
 // Permissions are granted by udev, perhaps a moment after the device is announced.
 constexpr std::int64_t kPermissionUs = 1000000;
+// A device that has just been plugged in may fail at first; one that goes on failing is left alone.
+constexpr std::int64_t kPatienceUs = 3000000;
 
 constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
 
@@ -84,12 +86,16 @@ int UsbSource::OnHotplug(libusb_context* /*context*/, libusb_device* device,
       source.gone_ = "was unplugged";
     }
     if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = false;
+    // Only marked: this may be called from within TakeCandidates().
+    for (Candidate& candidate : source.candidates_) {
+      if (candidate.device == device) candidate.left = true;
+    }
     return 0;
   }
   if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = true;
   if (descriptor.idProduct == protocol::kUsbProductId) {
     // Nothing may be asked of the device from here; Wait() does.
-    source.candidates_.push_back({libusb_ref_device(device), bus::MonotonicUs()});
+    source.candidates_.push_back({libusb_ref_device(device), bus::MonotonicUs(), false});
   }
   return 0;
 }
@@ -178,19 +184,17 @@ void UsbSource::Deliver(const Sink& sink) {
 
 void UsbSource::TakeCandidates(const Sink& sink) {
   std::vector<OpenDevice> found;
-  const auto close_from = [&](std::size_t first) {
-    for (std::size_t i = first; i < found.size(); ++i) libusb_close(found[i].handle);
-  };
   try {
     for (std::size_t count = candidates_.size(); count > 0; --count) {
-      const Candidate candidate = candidates_.front();
-      const bool settled = TryOpen(candidate, found);
-      candidates_.pop_front();
+      // Others may join at the back meanwhile.
+      const Candidate& candidate = candidates_.front();
+      const bool settled = candidate.left || TryOpen(candidate, found);
       if (settled) {
         libusb_unref_device(candidate.device);
       } else {
         candidates_.push_back(candidate);
       }
+      candidates_.pop_front();
     }
     if (found.empty()) return;
     if (found.size() > 1) {
@@ -201,7 +205,7 @@ void UsbSource::TakeCandidates(const Sink& sink) {
     }
     Start(found.front());
   } catch (...) {
-    close_from(0);
+    for (const OpenDevice& device : found) libusb_close(device.handle);
     throw;
   }
   sink({.kind = SourceEvent::Kind::kConnected,
@@ -222,18 +226,20 @@ bool UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& fou
                     "hardware/udev/70-torquer.rules /etc/udev/rules.d/ && sudo udevadm control "
                     "--reload && sudo udevadm trigger");
   }
-  if (error != 0) return true;  // gone again; if not, it will be announced again
+  const bool hopeless = bus::MonotonicUs() - candidate.seen_us > kPatienceUs;
+  if (error != 0) return hopeless;
   libusb_device_descriptor descriptor{};
   libusb_get_device_descriptor(candidate.device, &descriptor);
   device.serial = StringOf(device.handle, descriptor.iSerialNumber);
   // The ids are shared with other people's prototypes.
-  const bool ours = StringOf(device.handle, descriptor.iProduct) == protocol::kUsbProduct;
-  if (ours && (serial_.empty() || device.serial == serial_)) {
+  const std::string product = StringOf(device.handle, descriptor.iProduct);
+  if (product == protocol::kUsbProduct && !device.serial.empty() &&
+      (serial_.empty() || device.serial == serial_)) {
     found.push_back(device);
-  } else {
-    libusb_close(device.handle);
+    return true;
   }
-  return true;
+  libusb_close(device.handle);
+  return hopeless || (!product.empty() && !device.serial.empty());
 }
 
 void UsbSource::CheckEndpoint(const OpenDevice& device) const {

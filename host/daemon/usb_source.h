@@ -50,6 +50,7 @@ class UsbSource : public ReportSource {
   struct Candidate {
     libusb_device* device;
     std::int64_t seen_us;
+    bool left;  // unplugged again
   };
   struct OpenDevice {
     libusb_device_handle* handle;

@@ -199,6 +199,15 @@ TEST_CASE("A device plugged in after the start is found") {
   CHECK(chain.Push(kAddress, 10, 10).insertion_mm == Approx(90 * kMmPerCount));
 }
 
+TEST_CASE("A device that fails at first, as just plugged in, is tried again") {
+  UsbChain chain;
+  UsbDeviceScript slow = Bench();
+  slow.stalled_strings = 5;
+  chain.testbed.Plug(kAddress, slow);
+  const auto daemon = chain.Start();
+  REQUIRE(daemon->WaitForError("reading device BENCH-7"));
+}
+
 TEST_CASE("Among several devices the serial number chooses") {
   UsbChain chain;
   chain.testbed.Plug(kAddress, Bench("LEFT-1"));

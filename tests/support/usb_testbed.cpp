@@ -173,7 +173,12 @@ struct UsbTestbed::Device {
 
     ControlAnswer answer;
     if (request.type == 0x80 && request.request == 6 && (request.value >> 8) == 3) {
-      answer.data = String(request.value & 0xff);
+      if (script.stalled_strings > 0) {
+        --script.stalled_strings;
+        answer.kind = ControlAnswer::Kind::kStall;
+      } else {
+        answer.data = String(request.value & 0xff);
+      }
     } else {
       answer = script.control(request);
     }

@@ -39,6 +39,7 @@ struct UsbDeviceScript {
   std::uint16_t product_id = 0;
   std::string manufacturer, product, serial;  ///< strings 1, 2, 3
   std::uint16_t input_packet_bytes = 32;      ///< of endpoint 1 IN
+  int stalled_strings = 0;  ///< requests for strings that are stalled before the first answer
   /// Everything but the string descriptors comes here, from another thread.
   std::function<ControlAnswer(const ControlRequest&)> control;
 };
