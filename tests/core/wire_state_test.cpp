@@ -21,7 +21,7 @@ TEST_CASE("Feeding and retracting keep lengths exact, however it is done") {
     const double before = state.insertion_mm;
     const int segments = state.segments();
     const double fed = FeedAlongItself(model, wanted, state);
-    REQUIRE(BrokenGeometry(model, state) == "");
+    REQUIRE_THAT(BrokenGeometry(model, state), Catch::Equals(""));
     REQUIRE(state.insertion_mm == Approx(before + fed).margin(1e-12));
     REQUIRE(fed == Approx(std::clamp(before + wanted, 0.0, 40.0) - before).margin(1e-12));
     splits += state.segments() != segments;
@@ -83,7 +83,7 @@ TEST_CASE("A wire retracted to nothing is as at the start") {
     const double step = std::uniform_real_distribution<double>(0.05, 0.5)(random);
     while (state.insertion_mm > 0) FeedAlongItself(model, -step, state);
     CHECK(state.segments() == 0);
-    CHECK(BrokenGeometry(model, state) == "");
+    CHECK_THAT(BrokenGeometry(model, state), Catch::Equals(""));
     CHECK(HashState(state) == HashState(WireState(model)));
     // And goes in again straight.
     while (state.insertion_mm < 3.4) FeedAlongItself(model, 0.1, state);
@@ -115,7 +115,7 @@ TEST_CASE("A wire laid along a path has exact lengths and follows within a segme
     WireState state(model);
     LayAlong(model, path, length, state);
     INFO("length " << length);
-    CHECK(BrokenGeometry(model, state) == "");
+    CHECK_THAT(BrokenGeometry(model, state), Catch::Equals(""));
     CHECK(state.insertion_mm == Approx(length));
     for (const Vector3d& x : state.nodes) {
       double nearest = 1e9;
@@ -178,7 +178,7 @@ TEST_CASE("Rest directions follow the untwisted frame, in whatever frames the st
     const Vector3d first = Eigen::AngleAxisd(0.8, u) * a;
     const int from_tip = state.segments() - joint;
     const Vector3d& rest = model.rest_direction(from_tip);
-    expected.push_back(rest[0] * first + rest[1] * u.cross(first) + rest[2] * u);
+    expected.emplace_back(rest[0] * first + rest[1] * u.cross(first) + rest[2] * u);
   }
   // Joints 0 and 1 stand for other lengths; neither is in the tip here.
   REQUIRE(state.segments() - 1 > model.first_straight_joint());

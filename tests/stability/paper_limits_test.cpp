@@ -38,7 +38,7 @@ TEST_CASE("Denominators at and around zero leave every update rule's step bounde
             const double step = physical.Update(0, state);
             INFO("rule " << static_cast<int>(rule) << " off " << off << " tilt " << tilt << " max "
                          << max_update << " update " << k << " step " << step);
-            REQUIRE(BrokenGeometry(model, state) == "");
+            REQUIRE_THAT(BrokenGeometry(model, state), Catch::Equals(""));
             REQUIRE(step <= std::min(max_update, 2.0) + 1e-12);
           }
         }
@@ -55,7 +55,7 @@ TEST_CASE("Segments folded back onto each other do not stop Newton; the paper's 
   for (std::size_t i = 1; i < 20; i += 2) folded.tangents[i] = -Vector3d::UnitX();
   PlaceNodes(model, 1, folded);
   TransportNormals(model, folded);
-  REQUIRE(BrokenGeometry(model, folded) == "");
+  REQUIRE_THAT(BrokenGeometry(model, folded), Catch::Equals(""));
 
   WireState state = folded;
   const std::vector<EnergyTerm*> none;
@@ -71,7 +71,7 @@ TEST_CASE("Segments folded back onto each other do not stop Newton; the paper's 
   for (int k = 0; k < 20; ++k) {
     CountedBudget budget(100);
     paper.Tick({20, 0}, budget, state);
-    REQUIRE(BrokenGeometry(model, state) == "");
+    REQUIRE_THAT(BrokenGeometry(model, state), Catch::Equals(""));
   }
   CHECK((state.nodes.back() - folded.nodes.back()).norm() < 1e-9);
 }
