@@ -110,20 +110,20 @@ void Scene::CheckFit(double radius_mm, const Sheath& sheath, const StrictTable& 
 }
 
 void Scene::ReadWire(StrictTable& file) {
-  const Sheath sheath = ReadEntry(file);
+  parts_.sheath = ReadEntry(file);
   StrictTable& wire = file.Table("wire");
   const double segment_mm = wire.Number("segment_mm", 0.05, 10);
-  const double max_length_mm = wire.Number("max_length_mm", segment_mm, 5000);
-  const double tip_mm = wire.Number("tip_mm", 0, 300, 0);
-  const double tip_angle_rad = kRadPerDeg * wire.Number("tip_angle_deg", 0, 330, 0);
-  const double radius_mm = wire.Number("radius_mm", 0.01, 5);
-  if (tip_angle_rad > 0 && !(tip_mm >= segment_mm)) {
+  parts_.max_length_mm = wire.Number("max_length_mm", segment_mm, 5000);
+  parts_.tip_mm = wire.Number("tip_mm", 0, 300, 0);
+  parts_.tip_angle_rad = kRadPerDeg * wire.Number("tip_angle_deg", 0, 330, 0);
+  parts_.radius_mm = wire.Number("radius_mm", 0.01, 5);
+  if (parts_.tip_angle_rad > 0 && !(parts_.tip_mm >= segment_mm)) {
     wire.Refuse("tip_mm", "must be at least a segment for a tip with an angle");
   }
 
   // EI as a table of distances from the tip, or one number.
-  std::vector<double> from_tip = {0};
-  std::vector<double> rigidity;
+  std::vector<double>& from_tip = parts_.from_tip_mm;
+  std::vector<double>& rigidity = parts_.rigidity_N_mm2;
   if (wire.Has("rigidity_N_mm2")) {
     rigidity = {wire.Number("rigidity_N_mm2", 1e-7, 1e6)};
   } else {
@@ -138,20 +138,40 @@ void Scene::ReadWire(StrictTable& file) {
       wire.Refuse("rigidities_from_tip_mm", "must ascend");
     }
   }
-  const auto rigidity_at = [&](double s) {
-    if (s <= from_tip.front()) return rigidity.front();
-    for (std::size_t k = 1; k < from_tip.size(); ++k) {
-      if (s <= from_tip[k]) {
-        const double t = (s - from_tip[k - 1]) / (from_tip[k] - from_tip[k - 1]);
-        return rigidity[k - 1] + t * (rigidity[k] - rigidity[k - 1]);
+
+  const BendingLaw laws[] = {BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2};
+  const BendingLaw law = laws[wire.Choice("bending_law", {"exact", "g1", "g2"}, 0)];
+  inserted_at_start_mm_ = wire.Number("inserted_at_start_mm", 0, parts_.max_length_mm, 0);
+  if (inserted_at_start_mm_ > 0 && start_path_mm_.empty()) {
+    wire.Refuse("inserted_at_start_mm",
+                "needs centerlines to lie along; give the entry as a place on a centerline");
+  }
+  try {
+    wire_ = MakeWire(segment_mm, law);
+  } catch (const std::invalid_argument& error) {
+    throw UserError(wire.Where() + ": wire: " + error.what());
+  }
+  CheckFit(parts_.radius_mm, parts_.sheath, file.Table("entry"));
+}
+
+std::unique_ptr<WireModel> Scene::MakeWire(double segment_mm, BendingLaw law) const {
+  const WireParts& p = parts_;
+  const auto rigidity_at = [&p](double s) {
+    if (s <= p.from_tip_mm.front()) return p.rigidity_N_mm2.front();
+    for (std::size_t k = 1; k < p.from_tip_mm.size(); ++k) {
+      if (s <= p.from_tip_mm[k]) {
+        const double t = (s - p.from_tip_mm[k - 1]) / (p.from_tip_mm[k] - p.from_tip_mm[k - 1]);
+        return p.rigidity_N_mm2[k - 1] + t * (p.rigidity_N_mm2[k] - p.rigidity_N_mm2[k - 1]);
       }
     }
-    return rigidity.back();
+    return p.rigidity_N_mm2.back();
   };
-  // The curved tip ends within a thousandth of a segment, so that its joints are all equal.
-  const double curvature = tip_angle_rad > 0 ? tip_angle_rad / tip_mm : 0;
-  const double tip_end = tip_mm + 0.5 * segment_mm;
-  std::vector<double> stations = from_tip;
+  // The tip's joints are all equal and have its angle together: the step to the straight shaft
+  // falls between two joints.
+  const double joints = std::max(1.0, std::floor(p.tip_mm / segment_mm + 0.5));
+  const double curvature = p.tip_angle_rad > 0 ? p.tip_angle_rad / (joints * segment_mm) : 0;
+  const double tip_end = (joints + 0.5) * segment_mm;
+  std::vector<double> stations = p.from_tip_mm;
   if (curvature > 0) {
     stations.insert(stations.end(), {0, tip_end, tip_end + 1e-3 * segment_mm});
   }
@@ -159,22 +179,10 @@ void Scene::ReadWire(StrictTable& file) {
   stations.erase(std::unique(stations.begin(), stations.end()), stations.end());
   std::vector<WireSection> sections;
   for (const double s : stations) {
-    sections.push_back({s, rigidity_at(s), radius_mm, s <= tip_end ? curvature : 0, 0});
+    sections.push_back({s, rigidity_at(s), p.radius_mm, s <= tip_end ? curvature : 0, 0});
   }
-
-  const BendingLaw laws[] = {BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2};
-  const BendingLaw law = laws[wire.Choice("bending_law", {"exact", "g1", "g2"}, 0)];
-  inserted_at_start_mm_ = wire.Number("inserted_at_start_mm", 0, max_length_mm, 0);
-  if (inserted_at_start_mm_ > 0 && start_path_mm_.empty()) {
-    wire.Refuse("inserted_at_start_mm",
-                "needs centerlines to lie along; give the entry as a place on a centerline");
-  }
-  try {
-    wire_ = std::make_unique<WireModel>(segment_mm, sections, tip_mm, max_length_mm, law, sheath);
-  } catch (const std::invalid_argument& error) {
-    throw UserError(wire.Where() + ": wire: " + error.what());
-  }
-  CheckFit(radius_mm, sheath, file.Table("entry"));
+  return std::make_unique<WireModel>(segment_mm, sections, p.tip_mm, p.max_length_mm, law,
+                                     p.sheath);
 }
 
 void Scene::ReadRelaxation(StrictTable& file) {

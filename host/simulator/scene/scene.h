@@ -53,6 +53,8 @@ class Scene {
   const Vessel& vessel() const { return vessel_; }
   const PatientAxes& axes() const { return axes_; }
   const WireModel& wire() const { return *wire_; }
+  /// The same wire cut otherwise, for comparisons. Throws std::invalid_argument as WireModel does.
+  std::unique_ptr<WireModel> MakeWire(double segment_mm, BendingLaw law) const;
   const WallModel& wall() const { return wall_; }
   Method method() const { return method_; }
   double budget_us() const { return budget_us_; }     ///< of a tick in real time
@@ -68,6 +70,17 @@ class Scene {
   WireState MakeStart(Relaxation& relaxation) const;
 
  private:
+  // The wire of the file, before it is cut into segments.
+  struct WireParts {
+    double max_length_mm = 0;
+    double tip_mm = 0;
+    double tip_angle_rad = 0;
+    double radius_mm = 0;
+    std::vector<double> from_tip_mm = {0};
+    std::vector<double> rigidity_N_mm2;  // at from_tip_mm
+    Sheath sheath;
+  };
+
   void ReadAxes(StrictTable& file);
   void ReadWire(StrictTable& file);
   void ReadRelaxation(StrictTable& file);
@@ -81,6 +94,7 @@ class Scene {
   Vessel vessel_;
   PatientAxes axes_;
   WallModel wall_;
+  WireParts parts_;
   std::unique_ptr<WireModel> wire_;
   std::vector<Eigen::Vector3d> start_path_mm_;
   double inserted_at_start_mm_ = 0;
