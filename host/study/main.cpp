@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "host/study/accuracy.h"
 #include "host/study/paper.h"
 #include "host/study/scaling.h"
 #include "host/study/study.h"
@@ -18,6 +19,7 @@ namespace {
 // The table of studies: every subcommand has its line here.
 std::vector<std::unique_ptr<Study>> AllStudies() {
   std::vector<std::unique_ptr<Study>> studies;
+  studies.push_back(MakeAccuracyStudy());
   studies.push_back(MakePaperStudy());
   studies.push_back(MakeScalingStudy());
   return studies;

@@ -1,0 +1,12 @@
+// The study of accuracy: what it costs in time, setting by setting.
+#pragma once
+
+#include <memory>
+
+#include "host/study/study.h"
+
+namespace torquer::study {
+
+std::unique_ptr<Study> MakeAccuracyStudy();
+
+}  // namespace torquer::study

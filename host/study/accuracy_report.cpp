@@ -1,0 +1,340 @@
+#include "host/study/accuracy_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace torquer::study {
+namespace {
+
+// In the order of the legend.
+const std::vector<std::string> kGroups = {"newton, 2.5 mm", "newton, 1 mm",       "newton, 0.4 mm",
+                                          "newton, 0.2 mm", "newton, for a time", "paper: tip only",
+                                          "paper: PR",      "paper: PR + GR"};
+
+std::string GroupOf(const AccuracyCase& c) {
+  switch (c.method) {
+    case AccuracyMethod::kNewtonBudget:
+      return "newton, for a time";
+    case AccuracyMethod::kPaper:
+      return c.cycles == PaperCycles::kNone       ? "paper: tip only"
+             : c.cycles == PaperCycles::kPhysical ? "paper: PR"
+                                                  : "paper: PR + GR";
+    default:
+      return "newton, " + Number(c.segment_mm) + " mm";
+  }
+}
+
+Plot DrawFront(const std::string& title, const std::vector<FrontPoint>& points) {
+  Plot plot{title,
+            {"time for a millimeter of motion, ms of one thread", true},
+            {"mean distance from the reference, mm", true},
+            {}};
+  plot.height = 520;
+  Series front{"Pareto front", Mark::kDashed, {}, {}, {}, 7};
+  for (const FrontPoint& point : ParetoFront(points)) {
+    front.x.push_back(point.ms_per_mm);
+    front.y.push_back(point.error_mm);
+  }
+  plot.series.push_back(front);
+  for (const std::string& group : kGroups) {
+    Series series{group, Mark::kPoints, {}, {}};
+    for (const FrontPoint& point : points) {
+      if (point.group != group) continue;
+      series.x.push_back(point.ms_per_mm);
+      series.y.push_back(point.error_mm);
+      series.notes.push_back(point.name);
+      if (point.name == "default") {
+        plot.callouts.push_back({point.ms_per_mm, point.error_mm, "default"});
+      }
+    }
+    series.color = static_cast<int>(plot.series.size()) - 1;
+    if (!series.x.empty()) plot.series.push_back(std::move(series));
+  }
+  return plot;
+}
+
+std::vector<std::string> Row(const std::string& name, const AccuracyOutcome& o) {
+  return {name,
+          Number(o.Quantile(0.5)),
+          Number(o.Quantile(0.99)),
+          Number(o.MsPerMm()),
+          Number(1e3 * o.error_mean_mm),
+          Number(1e3 * o.error_max_mm),
+          Number(1e3 * o.solver_error_mean_mm, 2),
+          Number(o.residual_per_length, 2),
+          Number(o.energy_gap, 2),
+          Number(1e3 * o.penetration_mm),
+          std::to_string(o.basin_changes) + "/" + std::to_string(o.places)};
+}
+std::vector<std::string> Header() {
+  return {"setting",     "p50 ms",         "p99 ms",     "ms/mm",    "error um",   "largest um",
+          "solver's um", "residual 1/mm2", "energy gap", "depth um", "other basin"};
+}
+
+// Points that every scene has, as geometric means over the scenes.
+std::vector<FrontPoint> OverScenes(const std::vector<FrontPoint>& any,
+                                   const std::map<std::string, MeasuredCases>& measured) {
+  std::vector<FrontPoint> points;
+  for (FrontPoint point : any) {
+    double log_ms = 0;
+    double log_mm = 0;
+    bool everywhere = true;
+    for (const auto& [scene, cases] : measured) {
+      const auto found = cases.find(point.name);
+      if (found == cases.end() || !(found->second.outcome.error_mean_mm > 0)) {
+        everywhere = false;
+        break;
+      }
+      log_ms += std::log(found->second.outcome.MsPerMm());
+      log_mm += std::log(found->second.outcome.error_mean_mm);
+    }
+    if (!everywhere) continue;
+    const auto scenes = static_cast<double>(measured.size());
+    point.ms_per_mm = std::exp(log_ms / scenes);
+    point.error_mm = std::exp(log_mm / scenes);
+    points.push_back(point);
+  }
+  return points;
+}
+
+std::vector<FrontPoint> PointsOf(const MeasuredCases& cases) {
+  std::vector<FrontPoint> points;
+  for (const auto& [name, measured] : cases) {
+    const bool front = name.starts_with("newton/") || name.starts_with("paper/");
+    if (!front && name != "default") continue;
+    points.push_back({name, GroupOf(measured.setting), measured.outcome.MsPerMm(),
+                      measured.outcome.error_mean_mm});
+  }
+  return points;
+}
+
+const AccuracyOutcome* Find(const MeasuredCases& cases, const std::string& name) {
+  const auto found = cases.find(name);
+  return found == cases.end() ? nullptr : &found->second.outcome;
+}
+
+// One line a scene: a figure of the cases `names` over x.
+Plot LinesOfScenes(const std::string& title, const Axis& x_axis, const Axis& y_axis,
+                   const AccuracyResults& results, const std::vector<double>& x,
+                   const std::vector<std::string>& names,
+                   double (*figure)(const AccuracyOutcome&)) {
+  Plot plot{title, x_axis, y_axis, {}};
+  for (const auto& [scene, cases] : results.measured) {
+    Series series{scene, Mark::kLineAndPoints, {}, {}};
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      const AccuracyOutcome* outcome = Find(cases, names[k]);
+      if (outcome == nullptr) continue;
+      series.x.push_back(x[k]);
+      series.y.push_back(figure(*outcome));
+      series.notes.push_back(names[k]);
+    }
+    plot.series.push_back(std::move(series));
+  }
+  return plot;
+}
+
+double ErrorOf(const AccuracyOutcome& o) { return o.error_mean_mm; }
+double SolverErrorOf(const AccuracyOutcome& o) { return o.solver_error_mean_mm; }
+double TimeOf(const AccuracyOutcome& o) { return o.MsPerMm(); }
+
+// What is known of the grid's cases by their names: x and name, in the order of x.
+struct Ladder {
+  std::vector<double> x;
+  std::vector<std::string> names;
+};
+
+template <class Wanted, class Value>
+Ladder LadderOf(const AccuracyResults& results, Wanted wanted, Value value) {
+  std::map<double, std::string> rungs;
+  for (const auto& [scene, cases] : results.measured) {
+    for (const auto& [name, measured] : cases) {
+      if (name.starts_with("newton/") && wanted(measured.setting)) {
+        rungs[value(measured.setting)] = name;
+      }
+    }
+  }
+  Ladder ladder;
+  for (const auto& [x, name] : rungs) {
+    ladder.x.push_back(x);
+    ladder.names.push_back(name);
+  }
+  return ladder;
+}
+
+Ladder Tolerances(const AccuracyResults& results) {
+  return LadderOf(
+      results,
+      [](const AccuracyCase& c) {
+        return c.method == AccuracyMethod::kNewtonTolerance && c.segment_mm == 1 && !c.friction;
+      },
+      [](const AccuracyCase& c) { return c.tolerance; });
+}
+
+Ladder Segments(const AccuracyResults& results) {
+  return LadderOf(
+      results,
+      [](const AccuracyCase& c) {
+        return c.method == AccuracyMethod::kNewtonTolerance && c.tolerance == 1e-6 && !c.friction;
+      },
+      [](const AccuracyCase& c) { return c.segment_mm; });
+}
+
+Ladder Budgets(const AccuracyResults& results) {
+  return LadderOf(
+      results,
+      [](const AccuracyCase& c) {
+        return c.method == AccuracyMethod::kNewtonBudget && c.segment_mm == 1;
+      },
+      [](const AccuracyCase& c) { return c.budget_us; });
+}
+
+// The ends of a ladder in one scene: how a figure falls and what that costs.
+void SayDigit(StudyRun& run, const AccuracyResults& results) {
+  const Ladder tolerances = Tolerances(results);
+  const Ladder segments = Segments(results);
+  Table table{"What one more digit costs",
+              {"scene", "solver: time for a tenth of its error", "segments: order of the error",
+               "time for a tenth of it"},
+              {}};
+  for (const auto& [scene, cases] : results.measured) {
+    const auto digits = [&](const std::string& from, const std::string& to,
+                            double (*error)(const AccuracyOutcome&), double& factor) {
+      const AccuracyOutcome* a = Find(cases, from);
+      const AccuracyOutcome* b = Find(cases, to);
+      if (a == nullptr || b == nullptr) return std::numeric_limits<double>::quiet_NaN();
+      const double gained = std::log10(error(*a) / error(*b));
+      factor = std::pow(b->MsPerMm() / a->MsPerMm(), 1 / gained);
+      return gained;
+    };
+    double solver_factor = 1;
+    // Down to 1e-7: below, the companion's own tolerance is near.
+    std::string tight = tolerances.names.front();
+    for (std::size_t k = 0; k < tolerances.x.size(); ++k) {
+      if (tolerances.x[k] > 5e-8) {
+        tight = tolerances.names[k];
+        break;
+      }
+    }
+    digits(tolerances.names.back(), tight, SolverErrorOf, solver_factor);
+    double segment_factor = 1;
+    const double gained =
+        digits(segments.names.back(), segments.names.front(), ErrorOf, segment_factor);
+    const double order = gained / std::log10(segments.x.back() / segments.x.front());
+    run.Record(scene + "/digit", "solver_time_factor", solver_factor, "");
+    run.Record(scene + "/digit", "segment_order", order, "");
+    run.Record(scene + "/digit", "segment_time_factor", segment_factor, "");
+    table.rows.push_back(
+        {scene, "x " + Number(solver_factor), Number(order, 2), "x " + Number(segment_factor)});
+  }
+  run.Show(table);
+}
+
+}  // namespace
+
+std::vector<FrontPoint> ParetoFront(std::vector<FrontPoint> points) {
+  std::sort(points.begin(), points.end(),
+            [](const FrontPoint& a, const FrontPoint& b) { return a.ms_per_mm < b.ms_per_mm; });
+  std::vector<FrontPoint> front;
+  for (const FrontPoint& point : points) {
+    if (front.empty() || point.error_mm < front.back().error_mm) front.push_back(point);
+  }
+  return front;
+}
+
+void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
+  run.Section("Error against time");
+  const std::vector<FrontPoint> all =
+      OverScenes(PointsOf(results.measured.begin()->second), results.measured);
+  run.Draw(DrawFront("Error against time, over all scenes", all),
+           "Each point is a setting, its time and error geometric means over the scenes; only "
+           "settings that were measured and stayed in their basin somewhere in every scene. Error: "
+           "mean distance of the wire from a wire of ten times finer segments, relaxed to 1e-9, "
+           "after 10 mm of feeding and turning from that wire's own state. Newton's method feeds "
+           "in actions of 0.1 mm and has friction, the paper's in segments and has none; each is "
+           "compared with a reference of its own physics.");
+  Table front{"The Pareto front", {"setting", "ms/mm", "mean error um"}, {}};
+  for (const FrontPoint& point : ParetoFront(all)) {
+    front.rows.push_back({point.name, Number(point.ms_per_mm), Number(1e3 * point.error_mm)});
+    run.Record("front/" + point.name, "ms_per_mm", point.ms_per_mm, "ms/mm");
+    run.Record("front/" + point.name, "error_mean", point.error_mm, "mm");
+  }
+  run.ShowFirst(front);
+  SayDigit(run, results);
+
+  run.Section("Tolerance");
+  const Ladder tolerances = Tolerances(results);
+  const Axis tolerance_axis{"tolerance of the residual, 1/mm", true};
+  run.Draw(LinesOfScenes("Solver's error over tolerance, segments of 1 mm", tolerance_axis,
+                         {"mean distance from the same setting at 1e-9, mm", true}, results,
+                         tolerances.x, tolerances.names, SolverErrorOf),
+           "What the solver leaves, apart from what the segments leave.");
+  run.Draw(LinesOfScenes("Time over tolerance, segments of 1 mm", tolerance_axis,
+                         {"ms for a millimeter of motion", true}, results, tolerances.x,
+                         tolerances.names, TimeOf),
+           "Newton's last digits come at a step each.");
+  run.Section("Segment length");
+  const Ladder segments = Segments(results);
+  run.Draw(LinesOfScenes("Error over segment length, tolerance 1e-6", {"segment length, mm", true},
+                         {"mean error, mm", true}, results, segments.x, segments.names, ErrorOf),
+           "Finer segments are what buys accuracy; time grows in proportion to their number.");
+  run.Section("Budget");
+  const Ladder budgets = Budgets(results);
+  run.Draw(LinesOfScenes("Error over the budget of an action, segments of 1 mm",
+                         {"budget of an action, us", true}, {"mean error, mm", true}, results,
+                         budgets.x, budgets.names, ErrorOf),
+           "Cut short, a tick leaves residual and motion to the next one.");
+
+  for (const AccuracyAxis& axis : results.axes) {
+    run.Section(axis.title);
+    std::vector<std::string> names;
+    for (const AccuracyCase& c : axis.cases) names.push_back(c.name);
+    if (!axis.x.empty()) {
+      run.Draw(LinesOfScenes(axis.title, {axis.x_label}, {"mean error, mm", true}, results, axis.x,
+                             names, ErrorOf),
+               "All else as by default.");
+    } else {
+      Plot plot{axis.title, {"ms for a millimeter of motion", true}, {"mean error, mm", true}, {}};
+      for (const std::string& name : names) {
+        Series series{name, Mark::kPoints, {}, {}};
+        for (const auto& [scene, cases] : results.measured) {
+          const AccuracyOutcome* outcome = Find(cases, name);
+          if (outcome == nullptr) continue;
+          series.x.push_back(outcome->MsPerMm());
+          series.y.push_back(outcome->error_mean_mm);
+          series.notes.push_back(scene);
+        }
+        plot.series.push_back(std::move(series));
+      }
+      run.Draw(plot, "One point a scene; rest the pointer on it to see which.");
+    }
+    for (const auto& [scene, cases] : results.measured) {
+      Table table{axis.title + ", " + scene, Header(), {}};
+      for (const std::string& name : names) {
+        const AccuracyOutcome* outcome = Find(cases, name);
+        if (outcome != nullptr) table.rows.push_back(Row(name, *outcome));
+      }
+      run.Show(table);
+    }
+  }
+
+  for (const auto& [scene, cases] : results.measured) {
+    run.Section(scene);
+    run.Draw(DrawFront("Error against time, " + scene, PointsOf(cases)),
+             "Every setting of segments and method in this scene.");
+    Table table{"Segments and methods, " + scene, Header(), {}};
+    for (const FrontPoint& point : PointsOf(cases)) {
+      table.rows.push_back(Row(point.name, *Find(cases, point.name)));
+    }
+    run.Show(table);
+  }
+  std::string left_out;
+  for (const auto& [name, scenes] : results.left_out) {
+    left_out += (left_out.empty() ? "" : "; ") + name + " (";
+    for (const std::string& scene : scenes) left_out += (scene == scenes[0] ? "" : ", ") + scene;
+    left_out += ")";
+  }
+  if (!left_out.empty()) run.Say("Left out, because they would take too long: " + left_out + ".");
+}
+
+}  // namespace torquer::study
