@@ -73,8 +73,8 @@ TEST_CASE("The short form for a joint that rests straight is the general one") {
     JointTerms a;
     JointTerms b;
     ExpandJoint(BendingLaw::kExact, 2.0, u_p, n_p, u_p, u_d, n_d, general_energy, a);
-    ExpandStraightJoint(BendingLaw::kExact, 2.0, u_p, n_p, u_p.cross(n_p), u_d, n_d, u_d.cross(n_d),
-                        short_energy, b);
+    ExpandStraightJoint(BendingLaw::kExact, 2.0, u_p, TangentFrame(u_p, n_p), u_d,
+                        TangentFrame(u_d, n_d), short_energy, b);
     CHECK(short_energy == Approx(general_energy).epsilon(1e-14));
     CHECK((a.gradient_proximal - b.gradient_proximal).norm() < 1e-14);
     CHECK((a.gradient_distal - b.gradient_distal).norm() < 1e-14);

@@ -126,6 +126,36 @@ TEST_CASE("The sweep takes a Hessian for positive definite exactly where it is")
   CHECK(agreed[1] > 3);
 }
 
+TEST_CASE("Where the loads changed near the sheath alone, the rest is taken over to the bit") {
+  const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), 1.5);
+  Chain chain({.segment_mm = 0.8}, field, {.stiffness_N_mm2 = 1e-2}, {});
+  std::mt19937 random(3);
+  chain.state = Wander(chain.model, 70, 0.3, random);
+  chain.mechanics.Expand(chain.state, chain.expansion);
+  const auto near = chain.expansion.springs.size();
+  REQUIRE(near > 20);
+  const double proximal = 1e4;
+  std::vector<std::uint8_t> active(near, 1);
+  chain.mechanics.Model(chain.state, active, chain.expansion);
+  REQUIRE(chain.sweep.Factor(chain.model, chain.state, chain.expansion, proximal));
+  // From near the tip, where all has to be repeated, to the sheath.
+  for (std::size_t k = near; k-- > 0;) {
+    active[k] = !active[k];
+    chain.mechanics.Model(chain.state, active, chain.expansion);
+    const int segment = chain.expansion.points.near[k] / chain.expansion.points.per_segment;
+    REQUIRE(chain.sweep.Refactor(chain.model, chain.state, chain.expansion, proximal, segment));
+    double predicted = 0;
+    const Eigen::VectorXd step = chain.SweptStep(predicted);
+    RiccatiSweep<BendStage> whole(chain.model.max_segments());
+    REQUIRE(whole.Factor(chain.model, chain.state, chain.expansion, proximal));
+    std::swap(whole, chain.sweep);
+    double expected = 0;
+    CHECK(chain.SweptStep(expected) == step);
+    CHECK(predicted == expected);
+    std::swap(whole, chain.sweep);
+  }
+}
+
 TEST_CASE("A step from far away decreases the energy at first order as predicted") {
   const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), 1.5);
   Chain chain({.segment_mm = 0.8}, field, {.stiffness_N_mm2 = 1e-2}, {});

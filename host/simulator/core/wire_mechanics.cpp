@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/simulator/core/pair.h"
+
 namespace torquer {
 
 using Eigen::Matrix2d;
@@ -49,8 +51,7 @@ void ExpandJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_t
 }
 
 void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
-                         const Vector3d& proximal_normal, const Vector3d& proximal_second,
-                         const Vector3d& tangent, const Vector3d& normal, const Vector3d& second,
+                         const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
                          double& energy_mJ, JointTerms& out) {
   // ExpandJoint with rest = proximal tangent: e1, e2 are across it, and the triple products
   // become scalar products of the normals.
@@ -59,21 +60,40 @@ void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& pr
   energy_mJ += stiffness_mJ * v.g;
   const double slope = stiffness_mJ * v.slope;
   const double curvature = stiffness_mJ * v.curvature;
-  const double along = slope * (1 - y);
-  const double p1 = -proximal_normal.dot(tangent);
-  const double p2 = -proximal_second.dot(tangent);
-  const double d1 = -proximal_tangent.dot(normal);
-  const double d2 = -proximal_tangent.dot(second);
-  out.gradient_proximal << slope * p1, slope * p2;
-  out.gradient_distal << slope * d1, slope * d2;
-  const double p12 = curvature * p1 * p2;
-  const double d12 = curvature * d1 * d2;
-  out.hessian_proximal << along + curvature * p1 * p1, p12, p12, along + curvature * p2 * p2;
-  out.hessian_distal << along + curvature * d1 * d1, d12, d12, along + curvature * d2 * d2;
-  out.hessian_cross << curvature * p1 * d1 - slope * proximal_normal.dot(normal),
-      curvature * p1 * d2 - slope * proximal_normal.dot(second),
-      curvature * p2 * d1 - slope * proximal_second.dot(normal),
-      curvature * p2 * d2 - slope * proximal_second.dot(second);
+  const Pair along = Both(slope * (1 - y));
+  Pair proximal = Both(0);
+  Pair distal = Both(0);
+  Pair cross[2] = {Both(0), Both(0)};
+  for (int a = 0; a < 3; ++a) {
+    const Pair t = Load(frame.data() + static_cast<std::ptrdiff_t>(2 * a));
+    const Pair p = Load(proximal_frame.data() + static_cast<std::ptrdiff_t>(2 * a));
+    distal -= t * Both(proximal_tangent[a]);
+    proximal -= p * Both(tangent[a]);
+    cross[0] += t * Firsts(p, p);
+    cross[1] += t * Seconds(p, p);
+  }
+  Store(Both(slope) * proximal, out.gradient_proximal.data());
+  Store(Both(slope) * distal, out.gradient_distal.data());
+  const Pair bent_proximal = Both(curvature) * proximal;
+  const Pair bent_distal = Both(curvature) * distal;
+  const Pair first = {1, 0};
+  const Pair second = {0, 1};
+  Store(bent_proximal * Firsts(proximal, proximal) + along * first, out.hessian_proximal.data());
+  Store(bent_proximal * Seconds(proximal, proximal) + along * second,
+        out.hessian_proximal.data() + 2);
+  Store(bent_distal * Firsts(distal, distal) + along * first, out.hessian_distal.data());
+  Store(bent_distal * Seconds(distal, distal) + along * second, out.hessian_distal.data() + 2);
+  Store(bent_distal * Firsts(proximal, proximal) - Both(slope) * cross[0],
+        out.hessian_cross.data());
+  Store(bent_distal * Seconds(proximal, proximal) - Both(slope) * cross[1],
+        out.hessian_cross.data() + 2);
+}
+
+Frame TangentFrame(const Vector3d& tangent, const Vector3d& normal) {
+  Frame frame;
+  frame.col(0) = normal;
+  frame.col(1) = tangent.cross(normal);
+  return frame;
 }
 
 WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field,
@@ -82,7 +102,7 @@ WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field
       field_(field),
       wall_(wall),
       terms_(terms),
-      sheath_second_(model.sheath().direction.cross(model.sheath_normal())),
+      sheath_frame_(TangentFrame(model.sheath().direction, model.sheath_normal())),
       lipschitz_(field.LipschitzBound()),
       lookups_(static_cast<std::size_t>(model.max_segments() + 1) *
                static_cast<std::size_t>(wall.points_per_segment)) {
@@ -93,7 +113,7 @@ Expansion WireMechanics::MakeExpansion() const {
   const auto n = static_cast<std::size_t>(model_.max_segments()) + 1;
   const std::size_t points = n * static_cast<std::size_t>(wall_.points_per_segment);
   Expansion e;
-  e.seconds.reserve(n);
+  e.frames.reserve(n);
   e.joints.reserve(n);
   e.load_index.reserve(n);
   e.loads.reserve(n);
@@ -191,13 +211,13 @@ void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& o
   double straight = 0;
   for (int i = first; i < n; ++i) {
     const Vector3d& tangent_p = i == 0 ? model_.sheath().direction : state.tangents[i - 1];
-    const Vector3d& normal_p = i == 0 ? model_.sheath_normal() : state.normals[i - 1];
     const double stiffness = JointStiffness(model_, state, i);
     if (i < curved_from) {
-      const Vector3d& second_p = i == 0 ? sheath_second_ : out.seconds[i - 1];
-      ExpandStraightJoint(model_.law(), stiffness, tangent_p, normal_p, second_p, state.tangents[i],
-                          state.normals[i], out.seconds[i], straight, out.joints[i]);
+      const Frame& frame_p = i == 0 ? sheath_frame_ : out.frames[i - 1];
+      ExpandStraightJoint(model_.law(), stiffness, tangent_p, frame_p, state.tangents[i],
+                          out.frames[i], straight, out.joints[i]);
     } else {
+      const Vector3d& normal_p = i == 0 ? model_.sheath_normal() : state.normals[i - 1];
       ExpandJoint(model_.law(), stiffness, tangent_p, normal_p, RestDirection(model_, state, i),
                   state.tangents[i], state.normals[i], curved, out.joints[i]);
     }
@@ -252,44 +272,39 @@ void WireMechanics::Model(const WireState& state, const std::vector<std::uint8_t
                           Expansion& out) const {
   SumLoads(
       state, [&active](std::size_t k) { return active[k] != 0; }, out);
-  SumCostate(out);
-}
-
-void WireMechanics::SumCostate(Expansion& out) {
-  const std::size_t n = out.load_index.size();
-  out.costate[n].setZero();
-  for (std::size_t i = n; i-- > 0;) {
-    out.costate[i] = out.costate[i + 1];
-    if (out.load_index[i] >= 0) {
-      out.costate[i] += out.loads[static_cast<std::size_t>(out.load_index[i])].g0;
-    }
-  }
 }
 
 double WireMechanics::SumGradient(const WireState& state, Expansion& out) const {
   const int n = state.segments();
   double residual = 0;
-  SumCostate(out);
+  Vector3d beyond = Vector3d::Zero();
+  out.costate[static_cast<std::size_t>(n)] = beyond;
   for (int i = n - 1; i >= 0; --i) {
-    Vector3d lever = state.SegmentLength(model_, i) * out.costate[i + 1];
-    if (out.load_index[i] >= 0) lever += out.loads[out.load_index[i]].g1;
-    const Vector3d& normal = state.normals[i];
-    Vector2d g(normal.dot(lever), out.seconds[i].dot(lever));
-    g += out.joints[i].gradient_distal;
-    if (i + 1 < n) g += out.joints[i + 1].gradient_proximal;
-    out.gradient[i] = g;
+    Vector3d lever = state.SegmentLength(model_, i) * beyond;
+    const int at = out.load_index[i];
+    if (at >= 0) {
+      lever += out.loads[at].g1;
+      beyond += out.loads[at].g0;
+    }
+    out.costate[i] = beyond;
+    const double* frame = out.frames[i].data();
+    Pair g = Load(frame) * Both(lever[0]) + Load(frame + 2) * Both(lever[1]) +
+             Load(frame + 4) * Both(lever[2]) + Load(out.joints[i].gradient_distal.data());
+    if (i + 1 < n) g += Load(out.joints[i + 1].gradient_proximal.data());
+    Store(g, out.gradient[i].data());
     // The softer of the segment's two joints: what an out-of-balance moment bends most.
     const double rigidity =
         std::min(model_.rigidity_N_mm2(n - i), model_.rigidity_N_mm2(n - i - 1));
-    residual = std::max(residual, g.norm() / rigidity);
+    residual = std::max(residual, Summed(g * g)[0] / (rigidity * rigidity));
   }
-  return residual;
+  return std::sqrt(residual);
 }
 
 void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansion& out) {
   const auto n = static_cast<std::size_t>(state.segments());
-  out.seconds.resize(n);
-  for (std::size_t i = 0; i < n; ++i) out.seconds[i] = state.tangents[i].cross(state.normals[i]);
+  out.frames.resize(n);
+  for (std::size_t i = 0; i < n; ++i)
+    out.frames[i] = TangentFrame(state.tangents[i], state.normals[i]);
   out.joints.resize(n);
   out.load_index.resize(n);
   out.costate.resize(n + 1);

@@ -26,13 +26,18 @@ struct WallModel {
                                ///< rugged with the period of the segments.
 };
 
+/// The tangent plane of a segment: its normal and second normal (tangent x normal) as columns.
+using Frame = Eigen::Matrix<double, 3, 2, Eigen::RowMajor>;
+
+Frame TangentFrame(const Eigen::Vector3d& tangent, const Eigen::Vector3d& normal);
+
 /// Second-order expansion of the energy of joint i in xi_{i-1} (proximal) and xi_i (distal), mJ.
 struct JointTerms {
   Eigen::Vector2d gradient_proximal;
   Eigen::Vector2d gradient_distal;
   Eigen::Matrix2d hessian_proximal;
   Eigen::Matrix2d hessian_distal;
-  Eigen::Matrix2d hessian_cross;  ///< rows: proximal, columns: distal
+  Eigen::Matrix<double, 2, 2, Eigen::RowMajor> hessian_cross;  ///< rows: proximal, columns: distal
 };
 
 /// Second-order expansion of the wall's spring at a near point: what it is where the point touches,
@@ -59,7 +64,7 @@ struct Expansion {
   double curved_joints_mJ = 0;           ///< of this, the joints that rest curved
   double residual = 0;                   ///< largest out-of-balance moment over the local EI/(1 mm)
   double max_penetration_mm = 0;         ///< of the wire's surface; 0 without contact
-  std::vector<Eigen::Vector3d> seconds;  ///< n: second normals, tangent x normal
+  std::vector<Frame> frames;             ///< n, one a segment
   std::vector<JointTerms> joints;        ///< n, one a joint; joint 0 has no proximal unknown
   std::vector<int> load_index;           ///< n, into `loads`, -1 for a segment free of load
   std::vector<LoadTerms> loads;          ///< of the loaded segments
@@ -82,9 +87,8 @@ class WireMechanics {
 
   /// Energy, gradient and Hessian blocks with the tangent planes given by state.normals.
   void Expand(const WireState& state, Expansion& out);
-  /// Makes loads and costate those of the model in which exactly the near points with
-  /// `active` (one a near point) feel the wall. Energy, gradient and residual stay those of the
-  /// state.
+  /// Makes the loads those of the model in which exactly the near points with `active` (one a near
+  /// point) feel the wall. Everything else stays that of the state.
   void Model(const WireState& state, const std::vector<std::uint8_t>& active, Expansion& out) const;
 
   /// The same without Hessians (and without Hessian look-ups).
@@ -110,7 +114,6 @@ class WireMechanics {
                const Eigen::Matrix3d* hessian, Expansion& out) const;
   template <class IsActive>
   void SumLoads(const WireState& state, IsActive is_active, Expansion& out) const;
-  static void SumCostate(Expansion& out);
   double SumGradient(const WireState& state, Expansion& out) const;
   void SumTrueGradient(const WireState& state, Expansion& out) const;
   void ExpandAll(const WireState& state, bool with_hessian, Expansion& out);
@@ -119,7 +122,7 @@ class WireMechanics {
   const ClearanceField& field_;
   const WallModel& wall_;
   const std::vector<EnergyTerm*>& terms_;
-  const Eigen::Vector3d sheath_second_;
+  const Frame sheath_frame_;
   double lipschitz_;
 
   /// The last look-up of a material point: within `free_mm` of `at` it cannot touch.
@@ -138,13 +141,11 @@ void ExpandJoint(BendingLaw law, double stiffness_mJ, const Eigen::Vector3d& pro
                  const Eigen::Vector3d& tangent, const Eigen::Vector3d& normal, double& energy_mJ,
                  JointTerms& out);
 
-/// The same for a joint that rests straight, with the second normals given: a tenth of the work.
+/// The same for a joint that rests straight, with the frames given: a tenth of the work.
 void ExpandStraightJoint(BendingLaw law, double stiffness_mJ,
-                         const Eigen::Vector3d& proximal_tangent,
-                         const Eigen::Vector3d& proximal_normal,
-                         const Eigen::Vector3d& proximal_second, const Eigen::Vector3d& tangent,
-                         const Eigen::Vector3d& normal, const Eigen::Vector3d& second,
-                         double& energy_mJ, JointTerms& out);
+                         const Eigen::Vector3d& proximal_tangent, const Frame& proximal_frame,
+                         const Eigen::Vector3d& tangent, const Frame& frame, double& energy_mJ,
+                         JointTerms& out);
 
 /// EI of joint i over the length of wire that it stands for, mJ (N mm): half a segment at the
 /// sheath, which clamps the wire there, and the mean of its two segments elsewhere.

@@ -35,8 +35,10 @@ Vector3d ParallelTransport(const Vector3d& normal, const Vector3d& from, const V
   if (one_plus_cos < 1e-12) return normal;
   // Rotation about from x to, in a form without trigonometry; valid because normal is across from.
   const Vector3d carried = normal - (normal.dot(to) / one_plus_cos) * (from + to);
-  // Removes what rounding adds along `to`, so that long wires stay orthonormal.
-  return (carried - carried.dot(to) * to).normalized();
+  // Removes what rounding adds along `to` and to the length, so that both stay at rounding.
+  const Vector3d across = carried - carried.dot(to) * to;
+  if (one_plus_cos < 0.1) return across.normalized();  // where rounding is large
+  return across * (1.5 - 0.5 * across.squaredNorm());
 }
 
 void TransportNormals(const WireModel& model, WireState& state) {
@@ -67,20 +69,14 @@ void UpdateSpin(const WireModel& model, WireState& state) {
   // Angles about successive tangents add up; as unit complex numbers their factors multiply, and
   // each factor depends on one joint alone.
   Eigen::Vector2d sum(1, 0);
-  const auto store = [&](int joint) {
-    const int from_tip = n - joint;
-    if (from_tip < curved) state.spin[from_tip] = sum;
-  };
-  store(0);
-  for (int i = 0; i + 1 < n; ++i) {
+  for (int i = 0; i < n; ++i) {
+    if (n - i < curved) state.spin[n - i] = sum.normalized();
     const Vector3d& from = i == 0 ? model.sheath().direction : state.tangents[i - 1];
     const Vector3d& normal = i == 0 ? model.sheath_normal() : state.normals[i - 1];
     const Eigen::Vector2d turn = SpinFactor(from, normal, state.tangents[i], state.normals[i]);
-    const Eigen::Vector2d product(sum[0] * turn[0] - sum[1] * turn[1],
-                                  sum[0] * turn[1] + sum[1] * turn[0]);
-    // First-order normalization: keeps the drift of long products at rounding.
-    sum = product * (1.5 - 0.5 * product.squaredNorm());
-    store(i + 1);
+    sum = Eigen::Vector2d(sum[0] * turn[0] - sum[1] * turn[1], sum[0] * turn[1] + sum[1] * turn[0]);
+    // Now and then is enough: a factor is off by rounding alone.
+    if (i % 32 == 31) sum.normalize();
   }
 }
 
@@ -126,6 +122,12 @@ Vector3d RestDirection(const WireModel& model, const WireState& state, int joint
 
 namespace {
 
+// Gives a segment another tangent; its normal goes along.
+void TurnSegment(std::size_t i, const Vector3d& tangent, WireState& state) {
+  state.normals[i] = ParallelTransport(state.normals[i], state.tangents[i], tangent);
+  state.tangents[i] = tangent;
+}
+
 // With less than this no segment is simulated: a stub would be stiffer than anything else.
 double ShortestFirst(const WireModel& model) { return model.segment_mm() / 2; }
 
@@ -137,6 +139,7 @@ void FeedFirstSegment(const WireModel& model, WireState& state) {
     state.first_segment_mm = state.insertion_mm;
     if (state.insertion_mm >= ShortestFirst(model)) {
       state.tangents.push_back(model.sheath().direction);
+      state.normals.assign(1, model.sheath_normal());
     }
     return;
   }
@@ -145,16 +148,19 @@ void FeedFirstSegment(const WireModel& model, WireState& state) {
   if (state.first_segment_mm >= 1.5 * lambda) {
     state.first_segment_mm -= lambda;
     state.tangents.insert(state.tangents.begin(), state.tangents.front());
+    state.normals.insert(state.normals.begin(), state.normals.front());
   } else if (state.first_segment_mm < ShortestFirst(model)) {
     if (state.segments() == 1) {
       state.tangents.clear();
+      state.normals.clear();
       state.first_segment_mm = state.insertion_mm;
       return;
     }
     const Vector3d joined = state.first_segment_mm * state.tangents[0] + lambda * state.tangents[1];
     state.tangents.erase(state.tangents.begin());
+    state.normals.erase(state.normals.begin());
     // The two could be opposite only if the wire were folded at the sheath.
-    if (joined.norm() > 1e-9 * lambda) state.tangents[0] = joined.normalized();
+    if (joined.norm() > 1e-9 * lambda) TurnSegment(0, joined.normalized(), state);
     state.first_segment_mm += lambda;
   }
 }
@@ -174,18 +180,18 @@ double FeedAlongItself(const WireModel& model, double delta_mm, WireState& state
     for (int i = 0; i + 1 < shaft; ++i) {
       const Vector3d chord = (1 - part) * state.tangents[i] + part * state.tangents[i + 1];
       const double norm = chord.norm();
-      if (norm > 1e-3) state.tangents[i] = chord / norm;
+      if (norm > 1e-3) TurnSegment(static_cast<std::size_t>(i), chord / norm, state);
     }
   } else {
     for (int i = shaft - 1; i > 0; --i) {
       const Vector3d chord = (1 - part) * state.tangents[i] + part * state.tangents[i - 1];
       const double norm = chord.norm();
-      if (norm > 1e-3) state.tangents[i] = chord / norm;
+      if (norm > 1e-3) TurnSegment(static_cast<std::size_t>(i), chord / norm, state);
     }
   }
   FeedFirstSegment(model, state);
   PlaceNodes(model, 1, state);
-  TransportNormals(model, state);
+  UpdateSpin(model, state);
   return fed;
 }
 

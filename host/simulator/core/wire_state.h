@@ -66,7 +66,7 @@ Eigen::Vector3d RestDirection(const WireModel& model, const WireState& state, in
 
 /// Fits segment 0 to insertion_mm, which the caller has changed by at most lambda/2; splits it in
 /// two or joins it with the next one when it leaves its range. The caller places the nodes and
-/// makes the normals afterwards. No heap.
+/// updates the spin afterwards. No heap.
 void FeedFirstSegment(const WireModel& model, WireState& state);
 
 /// Feeds `delta_mm` (negative: retracts), |delta_mm| <= lambda/2: the wire slides along itself, its

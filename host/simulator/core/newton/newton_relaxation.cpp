@@ -12,8 +12,12 @@ using Eigen::Vector3d;
 namespace {
 // Proximal weights, in units of the local EI/(1 mm): below the smallest none is used, above the
 // largest a step is shorter than rounding.
-constexpr double kSmallestProximal = 1e-6;
+constexpr double kSmallestProximal = 1e-4;
 constexpr double kLargestProximal = 1e12;
+// Weight over residual with which to begin where none was needed so far.
+constexpr double kFirstDamping = 0.1;
+// A balance that is stable but for this weight counts as stable.
+constexpr double kStableProximal = 1e-6;
 // Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
 constexpr double kPush = 1e-4;
 }  // namespace
@@ -32,15 +36,25 @@ NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField&
   step_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
   displacement_mm_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
   active_.reserve(current_.points.position.capacity());
+  pressed_.assign(current_.points.position.capacity(), 0);
 }
 
 void NewtonRelaxation::Restart(WireState& state) {
   mechanics_.ForgetLookups();
   for (EnergyTerm* term : terms_) term->Reset();
-  proximal_ = 0;
+  damping_ = 0;
   stable_ = false;
+  moved_ = false;
   TransportNormals(model_, state);
   mechanics_.Expand(state, current_);
+}
+
+void NewtonRelaxation::RememberPressed() {
+  std::fill(pressed_.begin(), pressed_.end(), 0);
+  for (const int q : current_.points.near) {
+    pressed_[static_cast<std::size_t>(current_.points.FromTip(q))] =
+        current_.points.touches[static_cast<std::size_t>(q)];
+  }
 }
 
 bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, TickReport& report) {
@@ -48,6 +62,7 @@ bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, T
       std::clamp(target.insertion_mm, 0.0, model_.max_length_mm()) - state.insertion_mm;
   const double turn_left = target.rotation_rad - state.rotation_rad;
   if (feed_left == 0 && turn_left == 0) return false;
+  RememberPressed();
   const double longest = std::min(settings_.max_feed_mm, model_.segment_mm() / 2);
   if (std::abs(feed_left) <= longest) {
     FeedAlongItself(model_, feed_left, state);
@@ -60,8 +75,9 @@ bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, T
                         : state.rotation_rad + std::copysign(settings_.max_turn_rad, turn_left));
   report.actions += (feed_left != 0) + (turn_left != 0);
   // What was wound up is gone with the wire: begun anew, it does the same again.
-  if (state.segments() == 0) proximal_ = 0;
+  if (state.segments() == 0) damping_ = 0;
   stable_ = false;
+  moved_ = true;
   mechanics_.Expand(state, current_);
   return true;
 }
@@ -77,31 +93,36 @@ void NewtonRelaxation::Retract(const WireState& from, double scale, WireState& t
   to.spin = from.spin;
   for (std::size_t i = 0; i < n; ++i) {
     const Vector3d& u = from.tangents[i];
-    const Vector3d& normal = from.normals[i];
     const Vector2d xi = scale * step_[i];
-    to.tangents[i] = (u + xi[0] * normal + xi[1] * current_.seconds[i]).normalized();
-    to.normals[i] = ParallelTransport(normal, u, to.tangents[i]);
+    const Vector3d longer = u + current_.frames[i] * xi;
+    const double length = longer.norm();
+    const Vector3d tangent = longer / length;
+    // ParallelTransport(normal, u, tangent), whose scalar products are known here.
+    const Vector3d carried = from.normals[i] - (xi[0] / (1 + length)) * (u + tangent);
+    const Vector3d normal = carried - carried.dot(tangent) * tangent;
+    to.tangents[i] = tangent;
+    to.normals[i] = normal * (1.5 - 0.5 * normal.squaredNorm());
   }
   PlaceNodes(model_, 1, to);
 }
 
 int NewtonRelaxation::FindActive(const WireState& state) {
-  int changes = 0;
+  int last_changed = -1;
   const int per_segment = current_.points.per_segment;
   for (std::size_t k = 0; k < current_.springs.size(); ++k) {
     const int q = current_.points.near[k];
     const int i = q / per_segment;
     const double t = state.SegmentLength(model_, i) * (q % per_segment + 1) / per_segment;
-    const Vector3d moved = displacement_mm_[i] + (t * step_[i][0]) * state.normals[i] +
-                           (t * step_[i][1]) * current_.seconds[i];
+    const Vector3d moved = displacement_mm_[i] + current_.frames[i] * (t * step_[i]);
     const double penetration =
         current_.springs[k].penetration_mm -
         current_.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
     const std::uint8_t touches = penetration > 0;
-    changes += touches != active_[k];
+    if (touches == active_[k]) continue;
     active_[k] = touches;
+    last_changed = i;
   }
-  return changes;
+  return last_changed;
 }
 
 // Minimizes the model in which every near point has a one-sided spring, by Newton's method on its
@@ -111,11 +132,17 @@ double NewtonRelaxation::SolveModel(const WireState& state) {
   constexpr int kRounds = 6;
   active_.resize(current_.springs.size());
   for (std::size_t k = 0; k < active_.size(); ++k) {
-    active_[k] = current_.springs[k].penetration_mm > 0;
+    // Sliding along itself, the wire cuts corners by more than it is pressed in; which points press
+    // hardly changes.
+    active_[k] =
+        moved_
+            ? pressed_[static_cast<std::size_t>(current_.points.FromTip(current_.points.near[k]))]
+            : current_.springs[k].penetration_mm > 0;
   }
   mechanics_.Model(state, active_, current_);
+  int last_changed = state.segments() - 1;
   for (int round = 0; round < kRounds; ++round) {
-    if (!sweep_.Factor(model_, state, current_, proximal_)) return -1;
+    if (!sweep_.Refactor(model_, state, current_, proximal_, last_changed)) return -1;
     const double decrease = sweep_.Step(model_, state, current_, step_, displacement_mm_);
     if (!std::isfinite(decrease)) return -1;
     // The model's energy at no step, with this set instead of the true one.
@@ -127,13 +154,17 @@ double NewtonRelaxation::SolveModel(const WireState& state) {
       if (active_[k] && spring.penetration_mm <= 0) at_rest += energy;
       if (!active_[k] && spring.penetration_mm > 0) at_rest -= energy;
     }
-    if (FindActive(state) == 0 || round + 1 == kRounds) return decrease - at_rest;
+    last_changed = FindActive(state);
+    if (last_changed < 0 || round + 1 == kRounds) return decrease - at_rest;
     mechanics_.Model(state, active_, current_);
   }
   return -1;
 }
 
 bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
+  // In proportion to the residual a weight does not spoil the quadratic convergence.
+  proximal_ = damping_ * current_.residual;
+  if (proximal_ < kSmallestProximal) proximal_ = 0;
   bool refused = false;
   for (int attempt = 0; attempt < 40; ++attempt) {
     const double expected = SolveModel(state);
@@ -157,30 +188,37 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
     }
     if (!accepted) {
       refused = true;
-      proximal_ = std::max(10 * proximal_, kSmallestProximal);
+      proximal_ = std::max({10 * proximal_, kFirstDamping * current_.residual, kSmallestProximal});
       if (proximal_ > kLargestProximal) break;
       continue;
     }
     stable_ = proximal_ == 0;
-    // A weight that was enough at once may be less next time.
-    if (!refused && scale == 1 && gained >= 0.5 * expected) {
-      proximal_ = proximal_ > kSmallestProximal ? proximal_ / 10 : 0;
+    if (refused) {
+      damping_ = proximal_ / current_.residual;
+    } else if (proximal_ > 0 && scale == 1 && gained >= 0.5 * expected) {
+      // What was enough at once may be less next time.
+      damping_ /= 1.5;
     }
-    std::swap(state.nodes, trial_.nodes);
-    std::swap(state.tangents, trial_.tangents);
-    std::swap(state.normals, trial_.normals);
+    Accept(state);
     std::swap(current_, trial_expansion_);
     UpdateSpin(model_, state);
     mechanics_.ExpandCurvedJoints(state, current_);
     return true;
   }
   mechanics_.Expand(state, current_);
-  proximal_ = 0;
+  damping_ = 0;
   return false;
 }
 
+void NewtonRelaxation::Accept(WireState& state) {
+  std::swap(state.nodes, trial_.nodes);
+  std::swap(state.tangents, trial_.tangents);
+  std::swap(state.normals, trial_.normals);
+  moved_ = false;
+}
+
 bool NewtonRelaxation::Stable(const WireState& state) {
-  if (!stable_) stable_ = sweep_.Factor(model_, state, current_, kSmallestProximal);
+  if (!stable_) stable_ = sweep_.Factor(model_, state, current_, kStableProximal);
   return stable_;
 }
 
@@ -195,9 +233,7 @@ void NewtonRelaxation::PushOff(WireState& state) {
     }
   }
   Retract(state, 1, trial_);
-  std::swap(state.nodes, trial_.nodes);
-  std::swap(state.tangents, trial_.tangents);
-  std::swap(state.normals, trial_.normals);
+  Accept(state);
   UpdateSpin(model_, state);
   mechanics_.Expand(state, current_);
 }
@@ -209,8 +245,7 @@ TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, 
   const double rotation_before = state.rotation_rad;
 
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
-  // What the terms took over may have changed the energy.
-  if (!terms_.empty()) mechanics_.Expand(state, current_);
+  bool up_to_date = terms_.empty();  // what they took over may have changed the energy
   bool stalled = false;
   bool pushed = false;
   bool pending = true;
@@ -219,6 +254,8 @@ TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, 
     if (pending && since_move >= settings_.iterations_between_parts) {
       if (!Grant(budget, report)) break;
       pending = MoveTowards(target, state, report);
+      if (!pending && !up_to_date) mechanics_.Expand(state, current_);
+      up_to_date = true;
       since_move = 0;
       stalled = false;
     }

@@ -39,10 +39,13 @@ class NewtonRelaxation final : public Relaxation {
   const Expansion& Current() const override { return current_; }
 
  private:
+  void RememberPressed();
   bool MoveTowards(const HandTarget& target, WireState& state, TickReport& report);
   bool Iterate(WireState& state, TickReport& report);
   double SolveModel(const WireState& state);
+  /// Which near points press after step_; the most distal segment where that is new, or -1.
   int FindActive(const WireState& state);
+  void Accept(WireState& state);
   void Retract(const WireState& from, double scale, WireState& to) const;
   /// Whether a state in balance is a minimum: pushed head-on a straight wire is in balance too.
   bool Stable(const WireState& state);
@@ -58,8 +61,11 @@ class NewtonRelaxation final : public Relaxation {
   WireState trial_;
   std::vector<RiccatiSweep<BendStage>::Control> step_;
   std::vector<Eigen::Vector3d> displacement_mm_;
-  std::vector<std::uint8_t> active_;  ///< near points that feel the wall in the model
-  double proximal_ = 0;               ///< weight that last worked, kept from tick to tick
+  std::vector<std::uint8_t> active_;   ///< near points that feel the wall in the model
+  std::vector<std::uint8_t> pressed_;  ///< before the last move; by PointSet::FromTip
+  bool moved_ = false;                 ///< fed or turned, and no step accepted since
+  double damping_ = 0;   ///< proximal weight over residual that last worked; kept between ticks
+  double proximal_ = 0;  ///< the weight in use
   bool stable_ = false;  ///< the Hessian was positive definite where the state is, or a step before
 };
 

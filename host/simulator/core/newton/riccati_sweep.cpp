@@ -1,110 +1,149 @@
 #include "host/simulator/core/newton/riccati_sweep.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 
 namespace torquer {
 
-using Eigen::Matrix2d;
-using Eigen::Matrix3d;
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-RiccatiSweep<BendStage>::RiccatiSweep(int max_segments) {
-  gains_.reserve(static_cast<std::size_t>(max_segments) + 1);
+namespace {
+
+// (p M) for a symmetric p given by its upper triangle, and a frame by its rows.
+inline void Multiply(const Pair (&p)[6], const Pair (&t)[3], Pair (&out)[3]) {
+  out[0] = p[0] * t[0] + p[1] * t[1] + p[2] * t[2];
+  out[1] = p[1] * t[0] + p[3] * t[1] + p[4] * t[2];
+  out[2] = p[2] * t[0] + p[4] * t[1] + p[5] * t[2];
 }
 
-// Written out in scalars: the same with small matrices takes three times as long, and this loop is
-// a third of an iteration.
+inline void UpperTriangle(const Eigen::Matrix3d& m, Pair (&out)[6]) {
+  out[0] = Both(m(0, 0));
+  out[1] = Both(m(0, 1));
+  out[2] = Both(m(0, 2));
+  out[3] = Both(m(1, 1));
+  out[4] = Both(m(1, 2));
+  out[5] = Both(m(2, 2));
+}
+
+}  // namespace
+
+RiccatiSweep<BendStage>::RiccatiSweep(int max_segments) {
+  const auto n = static_cast<std::size_t>(max_segments) + 1;
+  gains_.reserve(n);
+  checkpoints_.reserve(n / kSpacing + 1);
+}
+
 bool RiccatiSweep<BendStage>::Factor(const WireModel& model, const WireState& state,
                                      const Expansion& expansion, double proximal) {
-  const int n = state.segments();
-  gains_.resize(static_cast<std::size_t>(n));
-  Matrix3d p = Matrix3d::Zero();   // P
-  Vector3d q1 = Vector3d::Zero();  // columns of Q
-  Vector3d q2 = Vector3d::Zero();
-  double r11 = 0;  // R
-  double r12 = 0;
-  double r22 = 0;
-  Vector3d g_x = Vector3d::Zero();  // p
-  double g1 = 0;                    // q
-  double g2 = 0;
-  double predicted = 0;
-  for (int i = n - 1; i >= 0; --i) {
-    const JointTerms& joint = expansion.joints[i];
-    const double length = state.SegmentLength(model, i);
-    const Vector3d& tangent = state.tangents[i];
-    const Vector3d& t1 = state.normals[i];
-    const Vector3d& t2 = expansion.seconds[i];
+  const auto n = state.tangents.size();
+  gains_.resize(n);
+  checkpoints_.resize(n / kSpacing + 1);
+  return Sweep(model, state, expansion, proximal, state.segments() - 1, CostToGo{});
+}
 
-    // Beyond node i + 1: dx_{i+1} = dx_i + length (t1 xi_1 + t2 xi_2) - length |xi|^2/2 tangent.
-    const Vector3d p1 = length * (p * t1);
-    const Vector3d p2 = length * (p * t2);
-    Vector3d f1 = p1 + q1;
-    Vector3d f2 = p2 + q2;
-    double s11 = length * t1.dot(p1 + 2 * q1) + r11 + joint.hessian_distal(0, 0);
-    double s12 = length * (t1.dot(f2) + t2.dot(q1)) + r12 + joint.hessian_distal(0, 1);
-    double s22 = length * t2.dot(p2 + 2 * q2) + r22 + joint.hessian_distal(1, 1);
-    double c1 = length * t1.dot(g_x) + g1 + joint.gradient_distal[0];
-    double c2 = length * t2.dot(g_x) + g2 + joint.gradient_distal[1];
-    double along = length * expansion.costate[static_cast<std::size_t>(i) + 1].dot(tangent);
+bool RiccatiSweep<BendStage>::Refactor(const WireModel& model, const WireState& state,
+                                       const Expansion& expansion, double proximal,
+                                       int last_changed) {
+  const int checkpoint = last_changed / kSpacing + 1;
+  if (checkpoint * kSpacing >= state.segments()) return Factor(model, state, expansion, proximal);
+  return Sweep(model, state, expansion, proximal, checkpoint * kSpacing - 1,
+               checkpoints_[static_cast<std::size_t>(checkpoint)]);
+}
+
+// In pairs rather than small matrices, which take three times as long; this loop is a third of an
+// iteration.
+bool RiccatiSweep<BendStage>::Sweep(const WireModel& model, const WireState& state,
+                                    const Expansion& expansion, double proximal, int first,
+                                    CostToGo v) {
+  const int n = state.segments();
+  for (int i = first; i >= 0; --i) {
+    const JointTerms& joint = expansion.joints[i];
+    const Pair length = Both(state.SegmentLength(model, i));
+    const double* frame = expansion.frames[i].data();
+    const Pair t[3] = {Load(frame), Load(frame + 2), Load(frame + 4)};
+    const Vector3d& tangent = state.tangents[i];
+
+    // Beyond node i + 1: dx_{i+1} = dx_i + length T xi - length |xi|^2/2 tangent. F couples dx and
+    // xi; T'X is the pivot without what is known by its diagonal.
+    Pair f[3];
+    Pair x[3];
+    Multiply(v.p, t, f);
+    for (int a = 0; a < 3; ++a) {
+      f[a] = length * f[a] + v.q[a];
+      x[a] = length * (f[a] + v.q[a]);
+    }
+    Pair c = length * (t[0] * v.gx[0] + t[1] * v.gx[1] + t[2] * v.gx[2]) + v.g +
+             Load(joint.gradient_distal.data());
+    Pair along = length * (v.force[0] * Both(tangent[0]) + v.force[1] * Both(tangent[1]) +
+                           v.force[2] * Both(tangent[2]));
 
     // Loads on the segment itself.
     const int at = expansion.load_index[i];
     if (at >= 0) {
       const LoadTerms& load = expansion.loads[at];
-      f1 += load.h1 * t1;
-      f2 += load.h1 * t2;
-      const Vector3d h2_t1 = load.h2 * t1;
-      const Vector3d h2_t2 = load.h2 * t2;
-      s11 += t1.dot(h2_t1);
-      s12 += t1.dot(h2_t2);
-      s22 += t2.dot(h2_t2);
-      c1 += t1.dot(load.g1);
-      c2 += t2.dot(load.g1);
-      along += load.g1.dot(tangent);
-      p += load.h0;
-      g_x += load.g0;
-    }
-    const double rigidity = std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1));
-    s11 += proximal * rigidity - along;
-    s22 += proximal * rigidity - along;
-
-    const double determinant = s11 * s22 - s12 * s12;
-    // Relative, so that a pivot that is zero but for rounding does not pass.
-    if (!(s11 > 0) || !(determinant > 1e-12 * s11 * s22)) return false;
-    const double scale = 1 / determinant;
-    const double i11 = scale * s22;
-    const double i12 = -scale * s12;
-    const double i22 = scale * s11;
-
-    Gain& gain = gains_[i];
-    gain.of_displacement1 = i11 * f1 + i12 * f2;
-    gain.of_displacement2 = i12 * f1 + i22 * f2;
-    const Matrix2d& m = joint.hessian_cross;
-    gain.of_previous << i11 * m(0, 0) + i12 * m(0, 1), i11 * m(1, 0) + i12 * m(1, 1),
-        i12 * m(0, 0) + i22 * m(0, 1), i12 * m(1, 0) + i22 * m(1, 1);
-    gain.constant << i11 * c1 + i12 * c2, i12 * c1 + i22 * c2;
-    predicted += (c1 * gain.constant[0] + c2 * gain.constant[1]) / 2;
-
-    const Matrix2d& l = gain.of_previous;
-    for (int a = 0; a < 3; ++a) {
-      for (int b = 0; b <= a; ++b) {
-        p(a, b) -= f1[a] * gain.of_displacement1[b] + f2[a] * gain.of_displacement2[b];
-        p(b, a) = p(a, b);
+      Pair h[6];
+      Pair ht[3];
+      UpperTriangle(load.h1, h);
+      Multiply(h, t, ht);
+      for (int a = 0; a < 3; ++a) f[a] += ht[a];
+      UpperTriangle(load.h2, h);
+      Multiply(h, t, ht);
+      for (int a = 0; a < 3; ++a) x[a] += ht[a];
+      UpperTriangle(load.h0, h);
+      for (int a = 0; a < 6; ++a) v.p[a] += h[a];
+      for (int a = 0; a < 3; ++a) {
+        const Pair g1 = Both(load.g1[a]);
+        const Pair g0 = Both(load.g0[a]);
+        c += t[a] * g1;
+        along += g1 * Both(tangent[a]);
+        v.gx[a] += g0;
+        v.force[a] += g0;
       }
     }
-    q1 = -(l(0, 0) * f1 + l(1, 0) * f2);
-    q2 = -(l(0, 1) * f1 + l(1, 1) * f2);
-    const Matrix2d& hp = joint.hessian_proximal;
-    r11 = hp(0, 0) - (m(0, 0) * l(0, 0) + m(0, 1) * l(1, 0));
-    r12 = hp(0, 1) - (m(0, 0) * l(0, 1) + m(0, 1) * l(1, 1));
-    r22 = hp(1, 1) - (m(1, 0) * l(0, 1) + m(1, 1) * l(1, 1));
-    g_x -= gain.constant[0] * f1 + gain.constant[1] * f2;
-    g1 = joint.gradient_proximal[0] - (m(0, 0) * gain.constant[0] + m(0, 1) * gain.constant[1]);
-    g2 = joint.gradient_proximal[1] - (m(1, 0) * gain.constant[0] + m(1, 1) * gain.constant[1]);
+    const double rigidity = std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1));
+    const Pair s = t[0] * x[0] + t[1] * x[1] + t[2] * x[2] + v.r +
+                   Pair{joint.hessian_distal(0, 0), joint.hessian_distal(1, 1)} +
+                   Both(proximal * rigidity) - along;
+    const Pair cross =
+        Both(0.5) * Summed(t[0] * Swapped(x[0]) + t[1] * Swapped(x[1]) + t[2] * Swapped(x[2])) +
+        v.r_cross + Both(joint.hessian_distal(0, 1));
+
+    const double product = s[0] * s[1];
+    const double determinant = product - cross[0] * cross[0];
+    // Relative, so that a pivot that is zero but for rounding does not pass.
+    if (!(s[0] > 0) || !(determinant > 1e-12 * s[0] * s[0])) return false;
+    const Pair scale = Both(1 / determinant);
+    const Pair inverse = scale * Swapped(s);
+    const Pair inverse_cross = -scale * cross;
+
+    Gain& gain = gains_[i];
+    const Pair m[2] = {Load(joint.hessian_cross.data()), Load(joint.hessian_cross.data() + 2)};
+    const Pair l[2] = {inverse * m[0] + inverse_cross * Swapped(m[0]),
+                       inverse * m[1] + inverse_cross * Swapped(m[1])};
+    const Pair k = inverse * c + inverse_cross * Swapped(c);
+    Pair g[3];
+    for (int a = 0; a < 3; ++a) {
+      g[a] = inverse * f[a] + inverse_cross * Swapped(f[a]);
+      gain.of_displacement[a] = g[a];
+      v.gx[a] -= Summed(f[a] * k);
+      v.q[a] = -Sums(f[a] * l[0], f[a] * l[1]);
+    }
+    gain.of_previous[0] = l[0];
+    gain.of_previous[1] = l[1];
+    gain.constant = k;
+    v.p[0] -= Summed(f[0] * g[0]);
+    v.p[1] -= Summed(f[0] * g[1]);
+    v.p[2] -= Summed(f[0] * g[2]);
+    v.p[3] -= Summed(f[1] * g[1]);
+    v.p[4] -= Summed(f[1] * g[2]);
+    v.p[5] -= Summed(f[2] * g[2]);
+    v.r = Pair{joint.hessian_proximal(0, 0), joint.hessian_proximal(1, 1)} -
+          Sums(m[0] * l[0], m[1] * l[1]);
+    v.r_cross = Both(joint.hessian_proximal(0, 1)) - Summed(m[0] * l[1]);
+    v.g = Load(joint.gradient_proximal.data()) - Sums(m[0] * k, m[1] * k);
+    v.decrease += 0.5 * Summed(c * k)[0];
+    if (i % kSpacing == 0) checkpoints_[static_cast<std::size_t>(i / kSpacing)] = v;
   }
-  predicted_decrease_ = predicted;
+  predicted_decrease_ = v.decrease;
   return true;
 }
 
@@ -114,22 +153,19 @@ double RiccatiSweep<BendStage>::Step(const WireModel& model, const WireState& st
   const int n = state.segments();
   step.resize(static_cast<std::size_t>(n));
   displacement_mm.resize(static_cast<std::size_t>(n));
-  Vector3d displacement = Vector3d::Zero();
-  double xi1 = 0;
-  double xi2 = 0;
+  Pair xi = Both(0);
+  Pair dx[3] = {Both(0), Both(0), Both(0)};
   for (int i = 0; i < n; ++i) {
     const Gain& gain = gains_[i];
-    const Matrix2d& l = gain.of_previous;
-    const double next1 = -(gain.constant[0] + gain.of_displacement1.dot(displacement) +
-                           l(0, 0) * xi1 + l(0, 1) * xi2);
-    const double next2 = -(gain.constant[1] + gain.of_displacement2.dot(displacement) +
-                           l(1, 0) * xi1 + l(1, 1) * xi2);
-    xi1 = next1;
-    xi2 = next2;
-    step[i] << xi1, xi2;
-    displacement_mm[i] = displacement;
-    const double length = state.SegmentLength(model, i);
-    displacement += (length * xi1) * state.normals[i] + (length * xi2) * expansion.seconds[i];
+    xi = -(gain.constant + gain.of_displacement[0] * dx[0] + gain.of_displacement[1] * dx[1] +
+           gain.of_displacement[2] * dx[2] + gain.of_previous[0] * Firsts(xi, xi) +
+           gain.of_previous[1] * Seconds(xi, xi));
+    Store(xi, step[i].data());
+    displacement_mm[i] = {dx[0][0], dx[1][0], dx[2][0]};
+    const Pair turned = Both(state.SegmentLength(model, i)) * xi;
+    const double* frame = expansion.frames[i].data();
+    for (int a = 0; a < 3; ++a)
+      dx[a] += Summed(Load(frame + static_cast<std::ptrdiff_t>(2 * a)) * turned);
   }
   return predicted_decrease_;
 }

@@ -1,0 +1,29 @@
+// Two doubles in one register, for loops whose cost is their number of instructions.
+//
+// Eigen's small matrices leave half of a register empty at three components; a pair holds the same
+// component of both columns of a tangent frame instead. The lanes are computed as scalars would
+// be: the same bits on every machine.
+#pragma once
+
+#include <cstring>
+
+namespace torquer {
+
+using Pair = double __attribute__((vector_size(16)));
+
+inline Pair Load(const double* two) {
+  Pair v;
+  std::memcpy(&v, two, sizeof v);
+  return v;
+}
+inline void Store(Pair v, double* two) { std::memcpy(two, &v, sizeof v); }
+inline Pair Both(double x) { return Pair{x, x}; }
+inline Pair Swapped(Pair v) { return __builtin_shufflevector(v, v, 1, 0); }
+inline Pair Firsts(Pair a, Pair b) { return __builtin_shufflevector(a, b, 0, 2); }
+inline Pair Seconds(Pair a, Pair b) { return __builtin_shufflevector(a, b, 1, 3); }
+/// The sum of the lanes, in both.
+inline Pair Summed(Pair v) { return v + Swapped(v); }
+/// The sums of the lanes of a and of b.
+inline Pair Sums(Pair a, Pair b) { return Firsts(a, b) + Seconds(a, b); }
+
+}  // namespace torquer
