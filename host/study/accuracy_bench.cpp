@@ -233,6 +233,8 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
 
   AccuracyOutcome outcome;
   int compared = 0;
+  double gap_mJ = 0;
+  double energy_mJ = 0;
   for (std::size_t place = 0; place < reference.start.size(); ++place) {
     WireState state = Recut(*model, reference.start[place]);
     const HandTarget from{state.insertion_mm, state.rotation_rad};
@@ -292,7 +294,8 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
     const WireDistance solver = Compare(*model, state, *model, companion.end[place]);
     outcome.solver_error_mean_mm += solver.mean_mm;
     outcome.solver_error_max_mm = std::max(outcome.solver_error_max_mm, solver.max_mm);
-    outcome.energy_gap += Energy(c, *model, state) / companion.energy_mJ[place] - 1;
+    gap_mJ += Energy(c, *model, state) - companion.energy_mJ[place];
+    energy_mJ += companion.energy_mJ[place];
   }
   if (compared == 0) {
     const double none = std::numeric_limits<double>::quiet_NaN();
@@ -302,7 +305,7 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
   }
   outcome.error_mean_mm /= compared;
   outcome.solver_error_mean_mm /= compared;
-  outcome.energy_gap /= compared;
+  outcome.energy_gap = gap_mJ / energy_mJ;
   return outcome;
 }
 

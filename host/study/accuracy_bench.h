@@ -57,7 +57,7 @@ struct AccuracyOutcome {
   double solver_error_max_mm = 0;
   double residual = 0;             ///< largest after the last action of a place, 1/mm
   double residual_per_length = 0;  ///< 1/mm^2, see ResidualPerLength
-  double energy_gap = 0;           ///< mean relative excess over the same setting solved to 1e-9
+  double energy_gap = 0;  ///< sum of the excess over the same setting solved to 1e-9, over its sum
   double penetration_mm = 0;
   double Quantile(double q) const;
   double MsPerMm() const;

@@ -62,9 +62,6 @@ std::vector<AccuracyCase> FrontCases(bool quick) {
   for (const double segment_mm : segments) {
     for (const double tolerance : tolerances) cases.push_back(Newton(segment_mm, tolerance));
     for (const double budget_us : budgets) cases.push_back(NewtonBudget(segment_mm, budget_us));
-    AccuracyCase frictionless = Newton(segment_mm, 1e-6);
-    frictionless.friction = 0;
-    cases.push_back(Named("newton/" + Segment(segment_mm) + "/frictionless", frictionless));
     cases.push_back(Paper(segment_mm, PaperCycles::kNone, 0));
     for (const int count : counts) {
       cases.push_back(Paper(segment_mm, PaperCycles::kPhysical, count));

@@ -166,7 +166,7 @@ Ladder Tolerances(const AccuracyResults& results) {
   return LadderOf(
       results,
       [](const AccuracyCase& c) {
-        return c.method == AccuracyMethod::kNewtonTolerance && c.segment_mm == 1 && !c.friction;
+        return c.method == AccuracyMethod::kNewtonTolerance && c.segment_mm == 1;
       },
       [](const AccuracyCase& c) { return c.tolerance; });
 }
@@ -175,7 +175,7 @@ Ladder Segments(const AccuracyResults& results) {
   return LadderOf(
       results,
       [](const AccuracyCase& c) {
-        return c.method == AccuracyMethod::kNewtonTolerance && c.tolerance == 1e-6 && !c.friction;
+        return c.method == AccuracyMethod::kNewtonTolerance && c.tolerance == 1e-6;
       },
       [](const AccuracyCase& c) { return c.segment_mm; });
 }
@@ -303,10 +303,13 @@ void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
           series.x.push_back(outcome->MsPerMm());
           series.y.push_back(outcome->error_mean_mm);
           series.notes.push_back(scene);
+          if (name == names.front()) {
+            plot.callouts.push_back({outcome->MsPerMm(), outcome->error_mean_mm, scene});
+          }
         }
         plot.series.push_back(std::move(series));
       }
-      run.Draw(plot, "One point a scene; rest the pointer on it to see which.");
+      run.Draw(plot, "One point a scene; the first setting's has the scene's name.");
     }
     for (const auto& [scene, cases] : results.measured) {
       Table table{axis.title + ", " + scene, Header(), {}};

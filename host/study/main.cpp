@@ -11,6 +11,7 @@
 #include "host/study/paper.h"
 #include "host/study/scaling.h"
 #include "host/study/study.h"
+#include "host/study/torture.h"
 #include "host/support/error.h"
 
 namespace torquer::study {
@@ -22,6 +23,7 @@ std::vector<std::unique_ptr<Study>> AllStudies() {
   studies.push_back(MakeAccuracyStudy());
   studies.push_back(MakePaperStudy());
   studies.push_back(MakeScalingStudy());
+  studies.push_back(MakeTortureStudy());
   return studies;
 }
 

@@ -38,7 +38,10 @@ WireState ComeToRest(const WireModel& model, const ClearanceField& field, const 
 
 WireState Recut(const WireModel& model, const WireState& from) {
   WireState state(model);
-  LayAlong(model, {from.nodes.begin() + 1, from.nodes.end()}, from.insertion_mm, state);
+  std::vector<Vector3d> path(from.nodes.begin() + 1, from.nodes.end());
+  // Chords fall short of the arc: the last one needs a way to end on.
+  if (from.segments() > 0) path.push_back(path.back() + model.segment_mm() * from.tangents.back());
+  LayAlong(model, path, from.insertion_mm, state);
   state.SetRotation(from.rotation_rad);
   return state;
 }

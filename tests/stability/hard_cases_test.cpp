@@ -1,10 +1,10 @@
 // Every hard case by every method: whatever is done to the wire, it stays one.
-#include "tests/support/hard_cases.h"
+#include "host/study/hard_cases.h"
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
 
-namespace torquer::test {
+namespace torquer::study {
 namespace {
 
 // TORQUER_SEED=N makes other draws of the cases; a failure prints the one it had.
@@ -46,4 +46,4 @@ TEST_CASE("Wires, walls and hands drawn at random stay stable") {
 }
 
 }  // namespace
-}  // namespace torquer::test
+}  // namespace torquer::study

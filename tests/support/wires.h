@@ -12,6 +12,7 @@
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
+#include "host/study/simple_wire.h"
 
 namespace torquer::test {
 
@@ -20,27 +21,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// The paper's wire, unless a test says otherwise.
-struct WireParameters {
-  double segment_mm = 1;
-  double rigidity_N_mm2 = 6.35e-3;
-  double radius_mm = 0.178;
-  double tip_mm = 0;
-  double tip_curvature_1_per_mm = 0;  ///< over tip_mm
-  double max_length_mm = 100;
-  BendingLaw law = BendingLaw::kExact;
-  Sheath sheath = {};
-};
-
-inline WireModel MakeWire(const WireParameters& p) {
-  std::vector<WireSection> sections = {
-      {0, p.rigidity_N_mm2, p.radius_mm, p.tip_curvature_1_per_mm, 0}};
-  if (p.tip_mm > 0 && p.tip_curvature_1_per_mm != 0) {
-    sections.push_back({p.tip_mm, p.rigidity_N_mm2, p.radius_mm, p.tip_curvature_1_per_mm, 0});
-    sections.push_back({p.tip_mm + 1e-6, p.rigidity_N_mm2, p.radius_mm, 0, 0});
-  }
-  return WireModel(p.segment_mm, sections, p.tip_mm, p.max_length_mm, p.law, p.sheath);
-}
+using study::MakeWire;
+using study::WireParameters;
 
 /// A wire straight out of the sheath.
 inline WireState LayStraight(const WireModel& model, double length_mm) {

@@ -17,10 +17,13 @@
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_model.h"
+#include "host/simulator/core/wire_state.h"
 
-namespace torquer::test {
+namespace torquer::study {
 
 enum class Way { kNewton, kNewtonWithFriction, kPaper };
+
+inline constexpr Way kAllWays[] = {Way::kNewton, Way::kNewtonWithFriction, Way::kPaper};
 
 const char* NameOf(Way way);
 
@@ -45,8 +48,13 @@ struct HardCase {
   bool settles = true;    ///< Newton's wire comes to rest after the script
 };
 
-/// All cases, in the order of DESIGN's list of hard ones.
-std::vector<HardCase> HardCases();
+enum class Extent {
+  kTests,  ///< a few minutes for all
+  kSoak,   ///< a million actions in turn, and every n from 1 to 10,000: an hour
+};
+
+/// All cases; the last is "anything at random".
+std::vector<HardCase> HardCases(Extent extent = Extent::kTests);
 
 struct HardOutcome {
   std::string broken;  ///< what did not hold, at which tick; empty when all did
@@ -58,9 +66,21 @@ struct HardOutcome {
   bool settled = false;   ///< with the hand still, in the end
   double last_residual = 0;
   int longest_work = 0;
+  double worst_rise = 0;  ///< of the energy over one of Newton's steps, as a part of the energy
 };
 
-/// Runs a case: the script, then the hand rests, then all is drawn out and begins anew.
-HardOutcome RunHardCase(const HardCase& hard, Way way, unsigned seed);
+/// Runs a case: the script, then the hand rests, then all is drawn out and begins anew. After
+/// every tick it checks geometry, report and the tip's way (TickChecker); where Newton's wire came
+/// to rest without friction, that its penetrations are what balances the bending (UnbalancedBend);
+/// while the hand rests, that no step of Newton's raises the energy. `watch`, if given, is told of
+/// every tick.
+HardOutcome RunHardCase(const HardCase& hard, Way way, unsigned seed,
+                        const std::function<void(int ticks)>& watch = nullptr);
 
-}  // namespace torquer::test
+/// The largest moment, over the local EI/(1 mm), that bending and the wall's pressure leave
+/// unbalanced on a segment without rest bends: from positions, clearances and the bending law
+/// alone, apart from the expansions that the methods use.
+double UnbalancedBend(const WireModel& model, const ClearanceField& field, const WallModel& wall,
+                      const WireState& state);
+
+}  // namespace torquer::study

@@ -1,4 +1,4 @@
-#include "tests/support/hard_cases.h"
+#include "host/study/hard_cases.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,16 +6,15 @@
 #include <sstream>
 #include <utility>
 
-#include "host/simulator/core/newton/newton_relaxation.h"
-#include "host/simulator/core/paper/paper_relaxation.h"
-#include "host/simulator/effects/friction.h"
+#include "host/simulator/vessel/brick_field.h"
 #include "host/simulator/vessel/phantoms.h"
-#include "tests/support/analytic_fields.h"
-#include "tests/support/invariants.h"
-#include "tests/support/wires.h"
+#include "host/study/analytic_fields.h"
+#include "host/study/simple_wire.h"
 
-namespace torquer::test {
+namespace torquer::study {
 namespace {
+
+using Eigen::Vector3d;
 
 constexpr double kNominalRigidity = 6.35e-3;
 
@@ -75,7 +74,7 @@ double OneOf(std::mt19937& random, Values... values) {
   return all[std::uniform_int_distribution<std::size_t>(0, sizeof...(values) - 1)(random)];
 }
 
-void AddSpeed(std::vector<HardCase>& cases) {
+void AddSpeed(Extent extent, std::vector<HardCase>& cases) {
   cases.push_back({"insertion at 1 m/s",
                    [](std::mt19937&) {
                      HardScene s = IntoPhantom({.max_length_mm = 260}, 0.01, Feed(0, 250, 1));
@@ -92,17 +91,20 @@ void AddSpeed(std::vector<HardCase>& cases) {
                    },
                    0.02});
   cases.push_back({"full insert and retract in turn",
-                   [](std::mt19937& random) {
+                   [actions = extent == Extent::kSoak ? 1000000 : 150](std::mt19937& random) {
                      std::vector<HandTarget> script;
-                     for (int k = 0; k < 150; ++k) {
-                       script.push_back({k % 2 ? 0.0 : 150.0,
+                     script.reserve(static_cast<std::size_t>(actions));
+                     for (int k = 0; k < actions; ++k) {
+                       // Now every tick, now for as long as the way takes.
+                       const int half = k / 50000 % 2 == 0 ? 1 : 300;
+                       script.push_back({k / half % 2 ? 0.0 : 150.0,
                                          std::uniform_real_distribution<double>(-3, 3)(random)});
                      }
                      HardScene s = IntoPhantom({.max_length_mm = 200}, 0.01, script);
                      s.units = static_cast<int>(OneOf(random, 7.0, 60.0, 1000.0));
                      return s;
                    },
-                   0.02});
+                   0.05});
   cases.push_back({"a hand that trembles",
                    [](std::mt19937& random) {
                      std::normal_distribution<double> normal;
@@ -162,7 +164,7 @@ void AddStiffness(std::vector<HardCase>& cases) {
        0.1});
 }
 
-void AddSizes(std::vector<HardCase>& cases) {
+void AddSizes(Extent extent, std::vector<HardCase>& cases) {
   for (const double lambda : {0.05, 0.2, 5.0, 10.0}) {
     std::ostringstream name;
     name << "segments of " << lambda << " mm";
@@ -181,25 +183,27 @@ void AddSizes(std::vector<HardCase>& cases) {
                      },
                      0.05, lambda >= 0.2, lambda >= 1});
   }
-  for (const int n : {1, 2, 3, 10000}) {
+  const bool soak = extent == Extent::kSoak;
+  for (const int n : {1, 2, 3, 100, 1000, 2500, 10000}) {
+    if (!soak && n > 3 && n < 10000) continue;
     std::ostringstream name;
     name << "n = " << n;
     cases.push_back({name.str(),
-                     [n](std::mt19937&) {
+                     [n, soak](std::mt19937&) {
                        const double lambda = n < 10 ? 2 : 250.0 / n;
                        HardScene s =
                            IntoPhantom({.segment_mm = lambda, .max_length_mm = 260}, 0.01,
                                        n < 10 ? Feed(0, n * lambda, 0.3)
                                               : Feed(n * lambda, n * lambda + 0.02, 0.02));
                        if (n > 10) {
-                         s.units = 20;
-                         s.settle_ticks = 0;
+                         s.units = soak ? 200 : 20;
+                         s.settle_ticks = soak ? 5 : 0;
                          s.start_mm = n * lambda;
                          s.start_path = PhantomPath();
                        }
                        return s;
                      },
-                     0.05, n <= 1000, n <= 1000});
+                     0.05, n <= 1000, n < 10});
   }
 }
 
@@ -288,6 +292,61 @@ void AddShapes(std::vector<HardCase>& cases) {
        0.05});
 }
 
+// What encloses several parts: the clearance is the largest of theirs.
+template <class Function>
+std::shared_ptr<const ClearanceField> Voxels(Function clearance, const Eigen::AlignedBox3d& box) {
+  vessel::BrickFieldOptions options;
+  options.voxel_mm = 0.25;
+  return vessel::BrickField::FromFunction(clearance, box, options);
+}
+
+double InTube(const Vector3d& p, const Vector3d& a, const Vector3d& b, double radius) {
+  const Vector3d ab = b - a;
+  const double t = std::clamp((p - a).dot(ab) / ab.squaredNorm(), 0.0, 1.0);
+  return radius - (p - a - t * ab).norm();
+}
+
+double InBox(const Vector3d& p, const Vector3d& low, const Vector3d& high) {
+  return std::min((p - low).minCoeff(), (high - p).minCoeff());
+}
+
+void AddVoxels(std::vector<HardCase>& cases) {
+  cases.push_back({"a septum of one voxel, head-on",
+                   [](std::mt19937& random) {
+                     static const auto field = Voxels(
+                         [](const Vector3d& p) {
+                           const double wide = InTube(p, {-5, 0, 0}, {20, 0, 0}, 4.2);
+                           const double one = InTube(p, {20, 2.125, 0}, {70, 2.125, 0}, 2);
+                           const double other = InTube(p, {20, -2.125, 0}, {70, -2.125, 0}, 2);
+                           return std::max({wide, one, other});
+                         },
+                         Eigen::AlignedBox3d(Vector3d(-10, -5, -5), Vector3d(73, 5, 5)));
+                     std::vector<HandTarget> script = Feed(0, 70, 0.5);
+                     Append(Feed(70, 30, 1, OneOf(random, -2.0, 0.5, 3.0)), script);
+                     Append(Feed(30, 70, 0.5, OneOf(random, -1.0, 1.0)), script);
+                     const WireModel model = MakeWire(
+                         {.tip_mm = 6, .tip_curvature_1_per_mm = 0.08, .max_length_mm = 80});
+                     return HardScene{field, model, {.stiffness_N_mm2 = 0.05}, script};
+                   },
+                   0.2});
+  cases.push_back({"sharp corners, as a mesh has them",
+                   [](std::mt19937&) {
+                     static const auto field = Voxels(
+                         [](const Vector3d& p) {
+                           return std::max(InBox(p, {-5, -2, -2}, {42, 2, 2}),
+                                           InBox(p, {38, -2, -2}, {42, 40, 2}));
+                         },
+                         Eigen::AlignedBox3d(Vector3d(-5, -2, -2), Vector3d(42, 40, 2)));
+                     const WireModel model = MakeWire(
+                         {.tip_mm = 6, .tip_curvature_1_per_mm = 0.15, .max_length_mm = 80});
+                     std::vector<HandTarget> script = Feed(0, 65, 0.5);
+                     Append(Feed(65, 20, 1, 2), script);
+                     Append(Feed(20, 65, 0.5, 4), script);
+                     return HardScene{field, model, {.stiffness_N_mm2 = 0.05}, script};
+                   },
+                   0.2});
+}
+
 void AddStarts(std::vector<HardCase>& cases) {
   for (const double length : {20.0, 80.0, 240.0}) {
     std::ostringstream name;
@@ -361,118 +420,18 @@ void AddRandom(std::vector<HardCase>& cases) {
                    }});
 }
 
-WireState StartOf(const HardScene& scene) {
-  WireState state(scene.model);
-  if (scene.start_mm > 0) LayAlong(scene.model, scene.start_path, scene.start_mm, state);
-  for (std::size_t i = 0; i < scene.start_tangents.size() && i < state.tangents.size(); ++i) {
-    state.tangents[i] = scene.start_tangents[i];
-  }
-  PlaceNodes(scene.model, 1, state);
-  TransportNormals(scene.model, state);
-  return state;
-}
-
-std::unique_ptr<Relaxation> MakeRelaxation(Way way, const HardScene& scene,
-                                           const std::vector<EnergyTerm*>& terms) {
-  if (way == Way::kPaper) {
-    return std::make_unique<PaperRelaxation>(scene.model, *scene.field, scene.wall,
-                                             PaperSettings{});
-  }
-  return std::make_unique<NewtonRelaxation>(scene.model, *scene.field, scene.wall, NewtonSettings{},
-                                            terms);
-}
-
 }  // namespace
 
-const char* NameOf(Way way) {
-  switch (way) {
-    case Way::kNewton:
-      return "newton";
-    case Way::kNewtonWithFriction:
-      return "newton with friction";
-    case Way::kPaper:
-      return "paper";
-  }
-  return "";
-}
-
-std::vector<HardCase> HardCases() {
+std::vector<HardCase> HardCases(Extent extent) {
   std::vector<HardCase> cases;
-  AddSpeed(cases);
+  AddSpeed(extent, cases);
   AddStiffness(cases);
-  AddSizes(cases);
+  AddSizes(extent, cases);
   AddShapes(cases);
+  AddVoxels(cases);
   AddStarts(cases);
   AddRandom(cases);
   return cases;
 }
 
-HardOutcome RunHardCase(const HardCase& hard, Way way, unsigned seed) {
-  std::mt19937 random(seed);
-  HardScene scene = hard.make(random);
-  if (way == Way::kPaper) scene.wall.points_per_segment = 1;
-  const int points = scene.wall.points_per_segment;
-  effects::Friction friction(0.1, 0.005, {scene.model, scene.wall});
-  std::vector<EnergyTerm*> terms;
-  if (way == Way::kNewtonWithFriction) terms.push_back(&friction);
-  const std::unique_ptr<Relaxation> relaxation = MakeRelaxation(way, scene, terms);
-
-  WireState state = StartOf(scene);
-  relaxation->Restart(state);
-  TickChecker checker(scene.model, *scene.field, state);
-  HardOutcome outcome;
-  const auto tick = [&](const HandTarget& target, int units) {
-    CountedBudget budget(units);
-    const TickReport report = relaxation->Tick(target, budget, state);
-    const std::string broken = checker.Check(target, report, state, points);
-    if (!broken.empty() && outcome.broken.empty()) {
-      std::ostringstream what;
-      what << "tick " << outcome.ticks << ": " << broken;
-      outcome.broken = what.str();
-    }
-    ++outcome.ticks;
-    outcome.converged += report.converged;
-    outcome.snaps += report.snapped;
-    outcome.deepest_mm = std::max(outcome.deepest_mm, report.max_penetration_mm);
-    if (report.converged) {
-      outcome.at_rest_mm = std::max(outcome.at_rest_mm, report.max_penetration_mm);
-    }
-    outcome.longest_work = std::max(outcome.longest_work, report.work);
-    outcome.last_residual = report.residual;
-    return report;
-  };
-  // The first ticks once more at the end: all that was in between must leave no trace.
-  std::vector<std::uint64_t> first;
-  for (const HandTarget& target : scene.script) {
-    tick(target, scene.units);
-    if (!outcome.broken.empty()) return outcome;
-    if (first.size() < 5) first.push_back(HashState(state));
-  }
-  const HandTarget last = scene.script.back();
-  for (int k = 0; k < scene.settle_ticks && !outcome.settled; ++k) {
-    outcome.settled = tick(last, way == Way::kPaper ? 4 : 400).converged;
-    if (!outcome.broken.empty()) return outcome;
-  }
-  const int most = scene.start_mm > 0 ? 1 : 2000;  // a start that was laid does not come back
-  for (int k = 0; k < most && (state.insertion_mm > 0 || state.rotation_rad != 0); ++k) {
-    tick({0, 0}, scene.start_mm > 0 ? scene.units : 400);
-    if (!outcome.broken.empty()) return outcome;
-  }
-  if (scene.start_mm > 0) return outcome;
-  if (HashState(state) != HashState(WireState(scene.model))) {
-    outcome.broken = "drawn out and turned back, the wire is not as at the start";
-    return outcome;
-  }
-  for (std::size_t k = 0; k < first.size(); ++k) {
-    tick(scene.script[k], scene.units);
-    if (HashState(state) != first[k]) {
-      std::ostringstream what;
-      what << "begun anew, tick " << k << " gave another state than the first time";
-      outcome.broken = what.str();
-      break;
-    }
-  }
-  return outcome;
-}
-
-}  // namespace torquer::test
+}  // namespace torquer::study

@@ -1,0 +1,196 @@
+#include "host/study/torture.h"
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <map>
+#include <sstream>
+
+#include "host/study/hard_cases.h"
+#include "host/support/error.h"
+
+namespace torquer::study {
+namespace {
+
+// A whole number or UserError.
+unsigned ReadNumber(const std::string& option, const std::string& text, unsigned highest) {
+  unsigned value = 0;
+  const char* end = text.data() + text.size();
+  const auto [at, error] = std::from_chars(text.data(), end, value);
+  if (error != std::errc() || at != end || value > highest) {
+    throw UserError(option + " is " + text + "; give a whole number from 0 to " +
+                    std::to_string(highest));
+  }
+  return value;
+}
+
+class Stopwatch {
+ public:
+  double Seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// What the runs of one case by one method came to.
+struct Tally {
+  int runs = 0;
+  int ticks = 0;
+  int converged = 0;
+  int snaps = 0;
+  int at_rest = 0;  // runs whose wire rested in the end
+  double deepest_mm = 0;
+  double worst_rise = 0;
+};
+
+class TortureStudy final : public Study {
+ public:
+  std::string name() const override { return "torture"; }
+  std::string title() const override { return "Hard cases, drawn at random"; }
+  std::string summary() const override {
+    return "hard cases from seeds until the time is up; fails where an invariant does";
+  }
+  void AddOptions(CommandLine& line) override {
+    line.Option("--seconds", [this](const std::string& text) {
+      seconds_ = ReadNumber("--seconds", text, 1000000);
+      timed_ = true;
+    });
+    line.Option("--seed", [this](const std::string& text) {
+      seed_ = ReadNumber("--seed", text, 2000000000);
+    });
+    line.Flag("--soak", soak_);
+  }
+  std::string OptionsUsage() const override {
+    return "    --seconds S  how long; 60 if not given, 10 with --quick; 0: one case\n"
+           "    --seed N     the first seed; 1 if not given\n"
+           "    --soak       instead, every case by every method in full: about an hour\n";
+  }
+
+  bool Run(StudyRun& run) override {
+    if (soak_ && timed_)
+      throw UserError("--soak takes the time that it takes: leave out --seconds");
+    if (!timed_ && run.quick()) seconds_ = 10;
+    run.Say(DescribeMachine());
+    const bool held = soak_ ? Soak(run) : Draw(run);
+    Report(run);
+    run.Record("all", "cases", cases_, "");
+    run.Record("all", "ticks", static_cast<double>(ticks_), "");
+    run.Record("all", "violations", held ? 0 : 1, "");
+    run.Record("all", "wall_time", watch_.Seconds(), "s");
+    if (held) {
+      run.Say("Every invariant held: " + std::to_string(cases_) + " cases, " +
+              std::to_string(ticks_) + " ticks, first seed " + std::to_string(seed_) + ".");
+    }
+    return held;
+  }
+
+ private:
+  // A seed decides all: the case, the method and what the case leaves open.
+  bool Draw(StudyRun& run) {
+    const std::vector<HardCase> cases = HardCases();
+    for (unsigned seed = seed_;; ++seed) {
+      std::mt19937 random(seed);
+      // Every other one is drawn freely; the rest are those that have a name.
+      const std::size_t drawn =
+          random() % 2 == 0 ? cases.size() - 1 : random() % (cases.size() - 1);
+      const HardCase& hard = cases[drawn];
+      Way way = kAllWays[random() % std::size(kAllWays)];
+      if (!hard.for_paper && way == Way::kPaper) way = Way::kNewton;
+      run.Progress("seed " + std::to_string(seed) + ", " + hard.name,
+                   seconds_ == 0 ? 0 : std::min(1.0, watch_.Seconds() / seconds_));
+      const HardOutcome outcome = RunHardCase(hard, way, seed);
+      if (!Take(run, hard, way, outcome,
+                "seed " + std::to_string(seed) +
+                    "; again: torquer-study torture --seconds 0 "
+                    "--seed " +
+                    std::to_string(seed))) {
+        run.Record("failure", "seed", seed, "");
+        return false;
+      }
+      if (watch_.Seconds() >= seconds_) return true;
+    }
+  }
+
+  bool Soak(StudyRun& run) {
+    const std::vector<HardCase> cases = HardCases(Extent::kSoak);
+    constexpr int kDraws = 200;
+    for (std::size_t k = 0; k < cases.size(); ++k) {
+      const bool at_random = k + 1 == cases.size();
+      for (const Way way : kAllWays) {
+        if (!cases[k].for_paper && way == Way::kPaper) continue;
+        for (unsigned draw = 0; draw < (at_random ? kDraws : 1u); ++draw) {
+          const auto progress = [&](int ticks) {
+            if (ticks % 64 != 0) return;
+            run.Progress(cases[k].name + ", " + NameOf(way) + ", tick " + std::to_string(ticks),
+                         static_cast<double>(k) / static_cast<double>(cases.size()));
+          };
+          const HardOutcome outcome = RunHardCase(cases[k], way, seed_ + draw, progress);
+          if (!Take(run, cases[k], way, outcome, "seed " + std::to_string(seed_ + draw))) {
+            run.Record("failure", "seed", seed_ + draw, "");
+            return false;
+          }
+        }
+      }
+    }
+    return true;
+  }
+
+  bool Take(StudyRun& run, const HardCase& hard, Way way, const HardOutcome& outcome,
+            const std::string& how) {
+    ++cases_;
+    ticks_ += outcome.ticks;
+    Tally& tally = tallies_[hard.name + ", " + NameOf(way)];
+    ++tally.runs;
+    tally.ticks += outcome.ticks;
+    tally.converged += outcome.converged;
+    tally.snaps += outcome.snaps;
+    tally.at_rest += outcome.settled;
+    tally.deepest_mm = std::max(tally.deepest_mm, outcome.deepest_mm);
+    tally.worst_rise = std::max(tally.worst_rise, outcome.worst_rise);
+    std::string broken = outcome.broken;
+    if (broken.empty() && way != Way::kPaper && outcome.at_rest_mm > hard.deepest_mm) {
+      broken = "at rest " + Number(outcome.at_rest_mm) +
+               " mm deep in the wall, where balance allows " + Number(hard.deepest_mm);
+    }
+    if (broken.empty()) return true;
+    run.Say("BROKEN: " + hard.name + ", " + NameOf(way) + ", " + how + "\n  " + broken);
+    return false;
+  }
+
+  void Report(StudyRun& run) const {
+    Table table{"What the cases came to",
+                {"case", "runs", "ticks", "at rest, % of ticks", "rested in the end", "snaps",
+                 "deepest, mm", "energy rise of a step"},
+                {}};
+    for (const auto& [name, t] : tallies_) {
+      table.rows.push_back({name, std::to_string(t.runs), std::to_string(t.ticks),
+                            Number(100.0 * t.converged / std::max(1, t.ticks)),
+                            std::to_string(t.at_rest), std::to_string(t.snaps),
+                            Number(t.deepest_mm), Number(t.worst_rise, 2)});
+      run.Record(name, "runs", t.runs, "");
+      run.Record(name, "ticks", t.ticks, "");
+      run.Record(name, "at_rest", t.at_rest, "");
+      run.Record(name, "snaps", t.snaps, "");
+      run.Record(name, "penetration_max", 1e3 * t.deepest_mm, "um");
+      run.Record(name, "energy_rise", t.worst_rise, "");
+    }
+    run.Show(table);
+  }
+
+  unsigned seconds_ = 60;
+  unsigned seed_ = 1;
+  bool timed_ = false;
+  bool soak_ = false;
+  int cases_ = 0;
+  std::int64_t ticks_ = 0;
+  std::map<std::string, Tally> tallies_;
+  Stopwatch watch_;
+};
+
+}  // namespace
+
+std::unique_ptr<Study> MakeTortureStudy() { return std::make_unique<TortureStudy>(); }
+
+}  // namespace torquer::study

@@ -1,0 +1,141 @@
+// The checks of hard cases find what they look for, and torture says what it found.
+#include "host/study/hard_cases.h"
+
+#include <catch2/catch.hpp>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/study/analytic_fields.h"
+#include "host/study/simple_wire.h"
+#include "host/study/wire_invariants.h"
+#include "tests/support/child_process.h"
+#include "tests/support/temporary_folder.h"
+
+namespace torquer::study {
+namespace {
+
+using Eigen::Vector3d;
+using test::ChildProcess;
+using test::TemporaryFolder;
+
+const std::string kProgram = TORQUER_BIN_DIR "/torquer-study";
+
+// At rest on the wall of a torus.
+struct AtRest {
+  AtRest() {
+    newton.Restart(state);
+    CountedBudget budget(100000);
+    report = newton.Tick({50, 0}, budget, state);
+  }
+  const Torus field{Side::kInside, 30, 3};
+  const WireModel model =
+      MakeWire({.max_length_mm = 60, .sheath = {Vector3d(30, 0, 0), Vector3d::UnitY()}});
+  const WallModel wall{.stiffness_N_mm2 = 0.01};
+  const std::vector<EnergyTerm*> none;
+  NewtonRelaxation newton{model, field, wall, {}, none};
+  WireState state{model};
+  TickReport report;
+};
+
+TEST_CASE("The wall's pressure balances the bending, and only where it does") {
+  AtRest rest;
+  REQUIRE(rest.report.converged);
+  REQUIRE(rest.report.max_penetration_mm > 1e-4);
+  CHECK(UnbalancedBend(rest.model, rest.field, rest.wall, rest.state) <=
+        1.001 * rest.report.residual + 1e-9);
+  const WallModel other{.stiffness_N_mm2 = 0.011};
+  CHECK(UnbalancedBend(rest.model, rest.field, other, rest.state) > 1e-4);
+}
+
+TEST_CASE("A tick that lies about the wire is found out") {
+  AtRest rest;
+  const HandTarget here{50, 0};
+  const auto check = [&](const TickReport& report, const WireState& state) {
+    return TickChecker(rest.model, rest.field, rest.state).Check(here, report, state, 2);
+  };
+  CHECK(check(rest.report, rest.state).empty());
+
+  TickReport report = rest.report;
+  report.max_penetration_mm *= 1.01;
+  CHECK(check(report, rest.state).find("penetration") != std::string::npos);
+  report = rest.report;
+  report.carried_mm = 0.1;
+  CHECK(check(report, rest.state).find("carried") != std::string::npos);
+
+  WireState state = rest.state;
+  state.nodes[20] += 1e-6 * state.tangents[20];
+  CHECK(check(rest.report, state).find("length") != std::string::npos);
+
+  // Whipped round by a quarter turn without a word.
+  state = rest.state;
+  for (std::size_t i = 0; i < state.tangents.size(); ++i) {
+    state.tangents[i] = Vector3d(state.tangents[i][0], state.tangents[i][2], -state.tangents[i][1]);
+  }
+  PlaceNodes(rest.model, 1, state);
+  TransportNormals(rest.model, state);
+  CHECK(check(rest.report, state).find("the tip went") != std::string::npos);
+}
+
+TEST_CASE("Cases have names of their own, and seeds make them different") {
+  std::set<std::string> names;
+  const std::vector<HardCase> cases = HardCases();
+  for (const HardCase& hard : cases) CHECK(names.insert(hard.name).second);
+  REQUIRE(cases.back().name == "anything at random");
+  std::mt19937 one(1);
+  std::mt19937 again(1);
+  std::mt19937 two(2);
+  const double first = cases.back().make(one).model.segment_mm();
+  CHECK(cases.back().make(again).model.segment_mm() == first);
+  CHECK(cases.back().make(two).model.segment_mm() != first);
+}
+
+TEST_CASE("The soak has a million actions in turn and every size") {
+  int most = 0;
+  std::set<std::string> names;
+  for (const HardCase& hard : HardCases(Extent::kSoak)) {
+    names.insert(hard.name);
+    if (hard.name != "full insert and retract in turn") continue;
+    std::mt19937 random(1);
+    most = static_cast<int>(hard.make(random).script.size());
+  }
+  CHECK(most == 1000000);
+  for (const char* size : {"n = 1", "n = 100", "n = 1000", "n = 10000"})
+    CHECK(names.contains(size));
+}
+
+TEST_CASE("torture runs what a seed decides, the same again") {
+  const TemporaryFolder folder;
+  const auto rows = [&] {
+    ChildProcess program({kProgram, "torture", "--seconds", "0", "--seed", "2", "--json", "--out",
+                          folder.Path("out")});
+    CHECK(program.Wait() == 0);
+    std::vector<std::string> lines;
+    std::istringstream output(program.Output());
+    for (std::string line; std::getline(output, line);) {
+      const auto json = nlohmann::json::parse(line);
+      CHECK(json["study"] == "torture");
+      if (json["metric"] != "wall_time") lines.push_back(line);
+    }
+    return lines;
+  };
+  const std::vector<std::string> first = rows();
+  CHECK(first.size() > 5);
+  CHECK(rows() == first);
+}
+
+TEST_CASE("torture refuses what it cannot do") {
+  const auto words = GENERATE(std::vector<std::string>{"--seconds", "soon"},
+                              std::vector<std::string>{"--seconds", "-1"},
+                              std::vector<std::string>{"--seed", "1.5"},
+                              std::vector<std::string>{"--soak", "--seconds", "5"});
+  std::vector<std::string> command = {kProgram, "torture"};
+  command.insert(command.end(), words.begin(), words.end());
+  ChildProcess program(command);
+  CHECK(program.Wait() == 2);
+  CHECK(program.Error().find("--s") != std::string::npos);
+}
+
+}  // namespace
+}  // namespace torquer::study
