@@ -1,90 +1,77 @@
 #include "host/emulator/umockdev_front.h"
 
-#include <linux/usbdevice_fs.h>
-#include <sys/ioctl.h>
 #include <umockdev.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <condition_variable>
 #include <cstdio>
-#include <cstring>
-#include <deque>
-#include <future>
-#include <optional>
-#include <set>
+#include <span>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
+#include "host/emulator/umockdev_handler.h"
+#include "host/emulator/usbfs_node.h"
 #include "host/support/error.h"
 
 namespace torquer::emulator {
 namespace {
 
 constexpr auto kFrame = std::chrono::milliseconds(1);
-// A usbfs file is always writable under umockdev, so that libusb asks again at once; a short wait
-// keeps it from spinning.
-constexpr auto kReapWait = std::chrono::milliseconds(2);
-// How long a frame waits for the IN transfer of a program that has claimed the interface.
-constexpr auto kLongestFrame = std::chrono::seconds(2);
-constexpr std::size_t kSetupBytes = 8;
+// How long a frame waits for the IN transfer of a program that has claimed the interface: longer
+// than a machine keeps a program waiting, not for ever should it have gone astray.
+constexpr auto kLongestFrame = std::chrono::seconds(20);
+constexpr char kSystemPath[] = "/sys/devices/usb1/1-1";
+constexpr SetupPacket kClearHalt{0x02, 1, 0, 0x81, 0};
 
-/// A transfer of the program, in its memory; umockdev copies back what changes here.
-struct Urb {
-  UMockdevIoctlData* urb = nullptr;
-  UMockdevIoctlData* buffer = nullptr;
-
-  usbdevfs_urb& get() const { return *reinterpret_cast<usbdevfs_urb*>(urb->data); }
-  gulong address() const { return urb->client_addr; }
-};
+int StatusOf(TransferStatus status) {
+  switch (status) {
+    case TransferStatus::kDone:
+      return 0;
+    case TransferStatus::kStall:
+      return -EPIPE;
+    case TransferStatus::kTimeout:
+      return -ETIMEDOUT;
+    case TransferStatus::kGone:
+      break;
+  }
+  return -ENODEV;
+}
 
 }  // namespace
 
-/// The mocked bus: one device node, its ioctls, and the transfers between them and the host model.
+/// The mocked bus with one device or none: its file, and what passes between that and the host
+/// model. The bench's mutex is held in all calls but those marked otherwise.
 class UmockdevBench::Bus {
  public:
-  explicit Bus(UsbHost& host) : host_(host) {
-    testbed_ = umockdev_testbed_new();
+  explicit Bus(UsbHost& host) : host_(host), testbed_(umockdev_testbed_new()) {
     if (!umockdev_in_mock_environment()) {
       g_object_unref(testbed_);
       throw UserError(
           "the device can be mocked only under umockdev: run the program as "
           "`umockdev-wrapper PROGRAM` (package umockdev)");
     }
-    host_.wants_input = [this] {
-      const std::lock_guard lock(mutex_);
-      return !inputs_.empty();
-    };
+    host_.wants_input = [this] { return node_ && node_->WantsInput(); };
     host_.on_input = [this](const std::vector<std::uint8_t>& report) { Deliver(report); };
     host_.on_input_stall = [this] {
-      const std::lock_guard lock(mutex_);
-      if (!inputs_.empty()) CompleteInput(-EPIPE, 0);
+      if (node_) node_->EndInput(-EPIPE, {});
     };
   }
 
   ~Bus() {
-    if (plugged_) Remove();
+    if (node_) Remove();
     g_object_unref(testbed_);
   }
 
-  /// Makes the node that programs find. The device must be enumerated.
+  /// Makes the file that programs find. The device must be enumerated.
   void Add() {
     ++device_number_;
     char number[16];
     std::snprintf(number, sizeof(number), "%03d", device_number_);
-    node_ = std::string("/dev/bus/usb/001/").append(number);
-    system_path_ = "/sys/devices/usb1/1-1";
-    {
-      const std::lock_guard lock(mutex_);
-      gone_ = false;
-      claims_ = 0;
-    }
-    handler_ = umockdev_ioctl_base_new();
-    g_signal_connect(handler_, "handle-ioctl", G_CALLBACK(&Bus::OnIoctl), this);
-    GError* error = nullptr;
-    umockdev_testbed_attach_ioctl(testbed_, node_.c_str(), handler_, &error);
-    Check(error);
+    path_ = std::string("/dev/bus/usb/001/").append(number);
+    node_ = std::make_shared<UsbfsNode>();
+    AttachIoctls(testbed_, path_, node_);
 
     const Enumeration& device = host_.enumeration();
     std::string descriptors;
@@ -105,7 +92,7 @@ class UmockdevBench::Bus {
             .append("\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: BUSNUM=001\nE: DEVNUM=")
             .append(number)
             .append("\nE: DEVNAME=")
-            .append(node_)
+            .append(path_)
             .append("\nA: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=")
             .append(std::to_string(device_number_))
             .append("\\n\nA: speed=12\\n\n")
@@ -115,295 +102,72 @@ class UmockdevBench::Bus {
             .append("\\n\nH: descriptors=")
             .append(descriptors)
             .append("\n");
+    GError* error = nullptr;
     umockdev_testbed_add_from_string(testbed_, record.c_str(), &error);
-    Check(error);
-    plugged_ = true;
+    if (error) {
+      const std::string message = error->message;
+      g_error_free(error);
+      throw std::runtime_error("umockdev: " + message);
+    }
   }
 
   void Remove() {
-    {
-      const std::lock_guard lock(mutex_);
-      gone_ = true;
-      while (!inputs_.empty()) CompleteInput(-ESHUTDOWN, 0);
-      changed_.notify_all();
-    }
-    umockdev_testbed_uevent(testbed_, system_path_.c_str(), "remove");
-    umockdev_testbed_remove_device(testbed_, system_path_.c_str());
-    GError* error = nullptr;
-    umockdev_testbed_detach_ioctl(testbed_, node_.c_str(), &error);
-    g_clear_error(&error);
-    g_object_unref(handler_);
-    handler_ = nullptr;
-    plugged_ = false;
+    node_->Vanish();
+    node_.reset();
+    umockdev_testbed_uevent(testbed_, kSystemPath, "remove");
+    umockdev_testbed_remove_device(testbed_, kSystemPath);
+    umockdev_testbed_detach_ioctl(testbed_, path_.c_str(), nullptr);
   }
 
-  bool plugged() const { return plugged_; }
+  /// Null while the device is off the bus.
+  std::shared_ptr<UsbfsNode> node() const { return node_; }
 
-  /// Hands the program's control transfers to the host model. In the device's thread.
+  /// Hands what programs want of the device to the host model.
   void Service() {
-    std::deque<Urb> controls;
-    {
-      const std::lock_guard lock(mutex_);
-      if (!hang_control_) controls.swap(controls_);
+    if (!node_) return;
+    while (!hang_control) {
+      auto control = node_->TakeControl();
+      if (!control) break;
+      const SetupPacket setup = control->setup;
+      host_.Submit(setup, std::move(control->data),
+                   [node = node_, id = control->id, setup](const ControlResult& result) {
+                     const bool to_host = setup.type & 0x80;
+                     node->EndControl(id, StatusOf(result.status), result.data,
+                                      to_host
+                                          ? std::min<std::size_t>(result.data.size(), setup.length)
+                                          : setup.length);
+                   });
     }
-    for (const Urb& urb : controls) SubmitControl(urb);
-    std::optional<std::promise<void>> waiter;
-    if (const std::lock_guard lock(mutex_); clear_halt_) {
-      waiter = std::move(clear_halt_);
-      clear_halt_.reset();
-    }
-    if (waiter) {
-      auto shared = std::make_shared<std::promise<void>>(std::move(*waiter));
-      host_.Submit({0x02, 1, 0, 0x81, 0}, {},
-                   [shared](const ControlResult&) { shared->set_value(); });
+    if (node_->TakeClearHalt()) {
+      host_.Submit(kClearHalt, {}, [node = node_](const ControlResult&) { node->EndClearHalt(); });
     }
   }
 
-  /// Waits while a program that has claimed the interface owes a transfer.
-  void WaitForProgram() {
-    std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, kLongestFrame, [this] {
-      return claims_ == 0 || !inputs_.empty() || !controls_.empty() || controls_under_way_ > 0 ||
-             gone_ || clear_halt_;
-    });
-  }
-
-  void ShortenNextInput(std::size_t bytes) {
-    const std::lock_guard lock(mutex_);
-    shorten_to_ = bytes;
-  }
-  void StallNextInput() {
-    const std::lock_guard lock(mutex_);
-    stall_next_ = true;
-  }
-  void HangControl(bool hang) {
-    const std::lock_guard lock(mutex_);
-    hang_control_ = hang;
-  }
-  std::int64_t delivered() const {
-    const std::lock_guard lock(mutex_);
-    return delivered_;
-  }
+  // From any thread.
+  std::atomic<int> shorten_to{-1};  ///< bytes of the next input; none if negative
+  std::atomic<bool> stall_next{false};
+  std::atomic<bool> hang_control{false};
+  std::atomic<std::int64_t> delivered{0};
 
  private:
-  static void Check(GError* error) {
-    if (!error) return;
-    const std::string message = error->message;
-    g_error_free(error);
-    throw std::runtime_error("umockdev: " + message);
-  }
-
-  static gboolean OnIoctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer self) {
-    return static_cast<Bus*>(self)->Ioctl(client);
-  }
-
-  gboolean Ioctl(UMockdevIoctlClient* client) {
-    UMockdevIoctlData* argument = umockdev_ioctl_client_get_arg(client);
-    const gulong request = umockdev_ioctl_client_get_request(client);
-    const auto answer = [client](glong result, gint error) {
-      umockdev_ioctl_client_complete(client, result, error);
-      return TRUE;
-    };
-    if (const std::lock_guard lock(mutex_); gone_ && request != USBDEVFS_REAPURBNDELAY) {
-      return answer(-1, ENODEV);
-    }
-    switch (request) {
-      case USBDEVFS_GET_CAPABILITIES: {
-        UMockdevIoctlData* data =
-            umockdev_ioctl_data_resolve(argument, 0, sizeof(std::uint32_t), nullptr);
-        const std::uint32_t capabilities = USBDEVFS_CAP_BULK_CONTINUATION |
-                                           USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
-                                           USBDEVFS_CAP_REAP_AFTER_DISCONNECT;
-        std::memcpy(data->data, &capabilities, sizeof(capabilities));
-        g_object_unref(data);
-        return answer(0, 0);
-      }
-      case USBDEVFS_CLAIMINTERFACE:
-        Claim(+1);
-        return answer(0, 0);
-      case USBDEVFS_RELEASEINTERFACE:
-        Claim(-1);
-        return answer(0, 0);
-      case USBDEVFS_SETCONFIGURATION:
-      case USBDEVFS_SETINTERFACE:
-      case USBDEVFS_RESETEP:
-      case USBDEVFS_RESET:
-        return answer(0, 0);
-      case USBDEVFS_CLEAR_HALT:
-        ClearHalt();
-        return answer(0, 0);
-      case USBDEVFS_GETDRIVER:
-      case USBDEVFS_IOCTL:  // no kernel driver to detach
-        return answer(-1, ENODATA);
-      case USBDEVFS_SUBMITURB:
-        Submit(argument);
-        return answer(0, 0);
-      case USBDEVFS_REAPURB:
-      case USBDEVFS_REAPURBNDELAY:
-        return Reap(client, argument);
-      case USBDEVFS_DISCARDURB:
-        return Discard(argument) ? answer(0, 0) : answer(-1, EINVAL);
-      default:
-        return answer(-1, ENOTTY);
-    }
-  }
-
-  void Claim(int change) {
-    const std::lock_guard lock(mutex_);
-    claims_ += change;
-    changed_.notify_all();
-  }
-
-  void ClearHalt() {
-    std::future<void> done;
-    {
-      const std::lock_guard lock(mutex_);
-      clear_halt_.emplace();
-      done = clear_halt_->get_future();
-      changed_.notify_all();
-    }
-    done.wait_for(std::chrono::seconds(5));
-  }
-
-  void Submit(UMockdevIoctlData* argument) {
-    Urb urb;
-    urb.urb = umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_urb), nullptr);
-    if (urb.get().buffer_length > 0) {
-      urb.buffer =
-          umockdev_ioctl_data_resolve(urb.urb, offsetof(usbdevfs_urb, buffer),
-                                      static_cast<gsize>(urb.get().buffer_length), nullptr);
-    }
-    const std::lock_guard lock(mutex_);
-    if (urb.get().type == USBDEVFS_URB_TYPE_CONTROL) {
-      controls_.push_back(urb);
-    } else {
-      inputs_.push_back(urb);
-    }
-    changed_.notify_all();
-  }
-
-  gboolean Reap(UMockdevIoctlClient* client, UMockdevIoctlData* argument) {
-    std::unique_lock lock(mutex_);
-    reapable_.wait_for(lock, kReapWait, [this] { return !completed_.empty() || gone_; });
-    if (completed_.empty()) {
-      const int error = gone_ ? ENODEV : EAGAIN;
-      lock.unlock();
-      umockdev_ioctl_client_complete(client, -1, error);
-      return TRUE;
-    }
-    const Urb urb = completed_.front();
-    completed_.pop_front();
-    lock.unlock();
-    UMockdevIoctlData* pointer =
-        umockdev_ioctl_data_resolve(argument, 0, sizeof(gpointer), nullptr);
-    umockdev_ioctl_data_set_ptr(pointer, 0, urb.urb);
-    umockdev_ioctl_client_complete(client, 0, 0);
-    g_object_unref(pointer);
-    Release(urb);
-    return TRUE;
-  }
-
-  bool Discard(UMockdevIoctlData* argument) {
-    gulong address = 0;
-    std::memcpy(&address, argument->data, sizeof(address));
-    const std::lock_guard lock(mutex_);
-    for (std::deque<Urb>* queue : {&inputs_, &controls_}) {
-      for (auto urb = queue->begin(); urb != queue->end(); ++urb) {
-        if (urb->address() != address) continue;
-        const Urb discarded = *urb;
-        queue->erase(urb);
-        Complete(discarded, -ENOENT, 0);
-        return true;
-      }
-    }
-    return false;
-  }
-
-  static void Release(const Urb& urb) {
-    if (urb.buffer) g_object_unref(urb.buffer);
-    g_object_unref(urb.urb);
-  }
-
-  void SubmitControl(const Urb& urb) {
-    const std::uint8_t* bytes = urb.buffer->data;
-    const auto word = [bytes](int at) {
-      return static_cast<std::uint16_t>(bytes[at] | (bytes[at + 1] << 8));
-    };
-    const SetupPacket setup{bytes[0], bytes[1], word(2), word(4), word(6)};
-    std::vector<std::uint8_t> data;
-    if (!(setup.type & 0x80)) {
-      data.assign(bytes + kSetupBytes, bytes + kSetupBytes + setup.length);
-    }
-    {
-      const std::lock_guard lock(mutex_);
-      ++controls_under_way_;
-    }
-    host_.Submit(setup, std::move(data), [this, urb, setup](const ControlResult& result) {
-      std::size_t length = setup.length;
-      if (setup.type & 0x80) {
-        length = std::min<std::size_t>(result.data.size(), setup.length);
-        std::copy_n(result.data.begin(), length, urb.buffer->data + kSetupBytes);
-      }
-      const std::lock_guard lock(mutex_);
-      --controls_under_way_;
-      switch (result.status) {
-        case TransferStatus::kDone:
-          return Complete(urb, 0, length);
-        case TransferStatus::kStall:
-          return Complete(urb, -EPIPE, 0);
-        case TransferStatus::kTimeout:
-          return Complete(urb, -ETIMEDOUT, 0);
-        case TransferStatus::kGone:
-          return Complete(urb, -ENODEV, 0);
-      }
-    });
-  }
-
   void Deliver(const std::vector<std::uint8_t>& report) {
-    const std::lock_guard lock(mutex_);
-    if (inputs_.empty()) return;
-    if (std::exchange(stall_next_, false)) return CompleteInput(-EPIPE, 0);
-    std::size_t size =
-        std::min(report.size(), static_cast<std::size_t>(inputs_.front().get().buffer_length));
-    if (shorten_to_) size = std::min(size, *std::exchange(shorten_to_, std::nullopt));
-    std::memcpy(inputs_.front().buffer->data, report.data(), size);
-    ++delivered_;
-    CompleteInput(0, size);
-  }
-
-  // The mutex is held.
-  void CompleteInput(int status, std::size_t length) {
-    const Urb urb = inputs_.front();
-    inputs_.pop_front();
-    Complete(urb, status, length);
-  }
-  void Complete(const Urb& urb, int status, std::size_t length) {
-    urb.get().status = status;
-    urb.get().actual_length = static_cast<int>(length);
-    completed_.push_back(urb);
-    reapable_.notify_all();
+    if (!node_) return;
+    if (stall_next.exchange(false)) {
+      node_->EndInput(-EPIPE, {});
+      return;
+    }
+    std::span<const std::uint8_t> bytes(report);
+    if (const int size = shorten_to.exchange(-1); size >= 0) {
+      bytes = bytes.first(std::min(bytes.size(), static_cast<std::size_t>(size)));
+    }
+    if (node_->EndInput(0, bytes)) ++delivered;
   }
 
   UsbHost& host_;
-  UMockdevTestbed* testbed_ = nullptr;
-  UMockdevIoctlBase* handler_ = nullptr;
-  std::string node_;
-  std::string system_path_;
+  UMockdevTestbed* testbed_;
+  std::shared_ptr<UsbfsNode> node_;
+  std::string path_;
   int device_number_ = 1;
-  bool plugged_ = false;
-
-  mutable std::mutex mutex_;
-  std::condition_variable changed_;   // for the device's thread
-  std::condition_variable reapable_;  // for the program
-  std::deque<Urb> inputs_, controls_, completed_;
-  std::optional<std::promise<void>> clear_halt_;
-  std::optional<std::size_t> shorten_to_;
-  bool stall_next_ = false;
-  bool hang_control_ = false;
-  bool gone_ = false;
-  int claims_ = 0;
-  int controls_under_way_ = 0;
-  std::int64_t delivered_ = 0;
 };
 
 UmockdevBench::UmockdevBench(const FirmwareImage& image, const BenchOptions& options,
@@ -416,6 +180,12 @@ UmockdevBench::UmockdevBench(const FirmwareImage& image, const BenchOptions& opt
 
 UmockdevBench::~UmockdevBench() {
   stop_ = true;
+  std::shared_ptr<UsbfsNode> node;
+  {
+    const std::lock_guard lock(device_mutex_);
+    node = bus_->node();
+  }
+  if (node) node->StopWaiting();
   thread_.join();
 }
 
@@ -430,7 +200,7 @@ void UmockdevBench::Unplug() {
   const std::lock_guard lock(device_mutex_);
   device_.PowerOff();
   host_.RunFrame();
-  if (bus_->plugged()) bus_->Remove();
+  if (bus_->node()) bus_->Remove();
 }
 
 void UmockdevBench::Do(const std::function<void(BenchDevice&, UsbHost&)>& action) {
@@ -438,23 +208,30 @@ void UmockdevBench::Do(const std::function<void(BenchDevice&, UsbHost&)>& action
   action(device_, host_);
 }
 
-void UmockdevBench::ShortenNextInput(std::size_t bytes) { bus_->ShortenNextInput(bytes); }
-void UmockdevBench::StallNextInput() { bus_->StallNextInput(); }
-void UmockdevBench::HangControl(bool hang) { bus_->HangControl(hang); }
-std::int64_t UmockdevBench::inputs_delivered() const { return bus_->delivered(); }
+void UmockdevBench::ShortenNextInput(std::size_t bytes) {
+  bus_->shorten_to = static_cast<int>(bytes);
+}
+void UmockdevBench::StallNextInput() { bus_->stall_next = true; }
+void UmockdevBench::HangControl(bool hang) { bus_->hang_control = hang; }
+std::int64_t UmockdevBench::inputs_delivered() const { return bus_->delivered; }
 
 void UmockdevBench::Run() {
   auto next_frame = std::chrono::steady_clock::now();
   while (!stop_) {
     std::this_thread::sleep_until(next_frame);
-    bus_->WaitForProgram();
+    std::shared_ptr<UsbfsNode> node;
+    {
+      const std::lock_guard lock(device_mutex_);
+      node = bus_->node();
+    }
+    if (node) node->WaitForProgram(kLongestFrame);
     {
       const std::lock_guard lock(device_mutex_);
       bus_->Service();
       host_.RunFrame();
       // A reset of the device by itself: it leaves the bus and comes back.
-      if (bus_->plugged() && !host_.ready()) bus_->Remove();
-      if (!bus_->plugged() && host_.ready()) bus_->Add();
+      if (bus_->node() && !host_.ready()) bus_->Remove();
+      if (!bus_->node() && host_.ready()) bus_->Add();
     }
     next_frame = std::max(next_frame + kFrame, std::chrono::steady_clock::now() - kFrame);
   }

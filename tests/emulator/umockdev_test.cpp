@@ -108,17 +108,17 @@ TEST_CASE("libusb finds the device by its ids and reads its strings and report d
                     sizeof(protocol::kHidReportDescriptor)) == 0);
 }
 
-TEST_CASE("libusb reads a thousand reports, each newer than the one before") {
+TEST_CASE("libusb reads a second of reports without a gap") {
   UmockdevBench bench(Image(), {}, FastHand);
   Program program;
   program.Open();
+  // Both banks of the endpoint were filled before the program came, and one report was dropped for
+  // want of a third.
+  for (int i = 0; i < 3; ++i) program.ReadReport();
   protocol::InputReport last = program.ReadReport();
   for (int i = 0; i < 1000; ++i) {
     const protocol::InputReport report = program.ReadReport();
-    // More than one ahead where the program was kept from asking in time; never behind or again.
-    const auto ahead = static_cast<std::uint16_t>(report.sequence - last.sequence);
-    REQUIRE(ahead >= 1);
-    REQUIRE(ahead < 0x8000);
+    REQUIRE(report.sequence == static_cast<std::uint16_t>(last.sequence + 1));
     REQUIRE(report.boot_id == last.boot_id);
     last = report;
   }

@@ -113,9 +113,19 @@ TEST_CASE("What the firmware's sensor counts is what the instrument is moved by,
   CHECK(bench.daemon->Wait() == 0);
 }
 
-TEST_CASE("Reset, stalled and cut short, the chain goes on without a jump") {
+TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a jump") {
   Bench bench;
   const std::size_t connection = bench.listener.commands.size();
+  SECTION("unplugged and plugged in again, three times") {
+    for (int round = 0; round < 3; ++round) {
+      bench.device.Unplug();
+      REQUIRE(bench.listener.UntilHealth("waiting for device", "was unplugged"));
+      bench.listener.Forget();
+      bench.device.Plug();
+      REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is back"));
+    }
+    CHECK(bench.listener.counters["connections"] == 4);
+  }
   SECTION("reset") {
     bench.device.Do([](BenchDevice& device, UsbHost&) { device.ResetByPin(); });
     REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is back"));

@@ -13,6 +13,8 @@
 #include <mutex>
 #include <stdexcept>
 
+#include "host/emulator/umockdev_handler.h"
+
 namespace torquer::test {
 namespace {
 
@@ -47,15 +49,7 @@ void Store(std::vector<std::uint8_t>& bytes, const Value& value) {
 }  // namespace
 
 struct EvdevTestbed::Device {
-  explicit Device(const EvdevScript& device_script) : script(device_script) {
-    handler = umockdev_ioctl_base_new();
-    g_signal_connect(handler, "handle-ioctl", G_CALLBACK(&Device::OnIoctl), this);
-  }
-  ~Device() { g_object_unref(handler); }
-
-  static gboolean OnIoctl(UMockdevIoctlBase* /*base*/, UMockdevIoctlClient* client, gpointer self) {
-    return static_cast<Device*>(self)->Ioctl(client) ? TRUE : FALSE;
-  }
+  explicit Device(const EvdevScript& device_script) : script(device_script) {}
 
   bool Ioctl(UMockdevIoctlClient* client) {
     const unsigned long request = umockdev_ioctl_client_get_request(client);
@@ -73,7 +67,12 @@ struct EvdevTestbed::Device {
       return true;
     }
     UMockdevIoctlData* data = umockdev_ioctl_data_resolve(argument, 0, answer.size(), nullptr);
+    if (data == nullptr) {  // a client that was killed in its call
+      umockdev_ioctl_client_complete(client, -1, EFAULT);
+      return true;
+    }
     std::copy(answer.begin(), answer.end(), data->data);
+    g_object_unref(data);
     umockdev_ioctl_client_complete(client, result, 0);
     return true;
   }
@@ -87,7 +86,9 @@ struct EvdevTestbed::Device {
     }
     if (request == EVIOCSCLOCKID) {
       UMockdevIoctlData* data = umockdev_ioctl_data_resolve(argument, 0, sizeof(int), nullptr);
+      if (data == nullptr) return false;
       std::memcpy(&clock_id, data->data, sizeof clock_id);
+      g_object_unref(data);
     }
     return true;
   }
@@ -136,7 +137,6 @@ struct EvdevTestbed::Device {
   }
 
   EvdevScript script;
-  UMockdevIoctlBase* handler;
   std::mutex mutex;
   std::vector<unsigned> keys_down;
   bool grabbed = false;
@@ -145,8 +145,7 @@ struct EvdevTestbed::Device {
 
 struct EvdevTestbed::State {
   UMockdevTestbed* testbed = nullptr;
-  std::vector<std::unique_ptr<Device>> devices;
-  std::map<int, Device*> plugged;
+  std::map<int, std::shared_ptr<Device>> plugged;
 };
 
 EvdevTestbed::EvdevTestbed() : state_(std::make_unique<State>()) {
@@ -168,7 +167,7 @@ std::filesystem::path EvdevTestbed::Root() const {
 }
 
 std::string EvdevTestbed::Plug(int number, const EvdevScript& script) {
-  Device* device = state_->devices.emplace_back(std::make_unique<Device>(script)).get();
+  const auto device = std::make_shared<Device>(script);
   state_->plugged[number] = device;
   const std::string minor = std::to_string(64 + number);
   const std::string description =
@@ -179,8 +178,7 @@ std::string EvdevTestbed::Plug(int number, const EvdevScript& script) {
   umockdev_testbed_add_from_string(state_->testbed, description.c_str(), &error);
   Check(error, "add_from_string");
   std::string link = LinkPath(script);
-  umockdev_testbed_attach_ioctl(state_->testbed, link.c_str(), device->handler, &error);
-  Check(error, "attach_ioctl");
+  emulator::AttachIoctls(state_->testbed, link, device);
   const std::filesystem::path place = Root() / link.substr(1);
   std::filesystem::create_directories(place.parent_path());
   std::filesystem::create_symlink("../event" + std::to_string(number), place);

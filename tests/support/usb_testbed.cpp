@@ -16,6 +16,8 @@
 #include <mutex>
 #include <stdexcept>
 
+#include "host/emulator/umockdev_handler.h"
+
 namespace torquer::test {
 namespace {
 
@@ -86,15 +88,7 @@ struct Transfer {
 
 // usbfs for one device. Its ioctls come from umockdev's threads.
 struct UsbTestbed::Device {
-  explicit Device(const UsbDeviceScript& device_script) : script(device_script) {
-    handler = umockdev_ioctl_base_new();
-    g_signal_connect(handler, "handle-ioctl", G_CALLBACK(&Device::OnIoctl), this);
-  }
-  ~Device() { g_object_unref(handler); }
-
-  static gboolean OnIoctl(UMockdevIoctlBase* /*base*/, UMockdevIoctlClient* client, gpointer self) {
-    return static_cast<Device*>(self)->Ioctl(client) ? TRUE : FALSE;
-  }
+  explicit Device(const UsbDeviceScript& device_script) : script(device_script) {}
 
   static bool Complete(UMockdevIoctlClient* client, int result, int error) {
     umockdev_ioctl_client_complete(client, result, error);
@@ -118,9 +112,11 @@ struct UsbTestbed::Device {
     switch (request) {
       case USBDEVFS_GET_CAPABILITIES: {
         UMockdevIoctlData* data = umockdev_ioctl_data_resolve(argument, 0, 4, nullptr);
+        if (data == nullptr) return Complete(client, -1, EFAULT);
         const std::uint32_t capabilities =
             USBDEVFS_CAP_NO_PACKET_SIZE_LIM | USBDEVFS_CAP_REAP_AFTER_DISCONNECT;
         std::memcpy(data->data, &capabilities, sizeof capabilities);
+        g_object_unref(data);
         return Complete(client, 0, 0);
       }
       case USBDEVFS_GETDRIVER:
@@ -144,13 +140,17 @@ struct UsbTestbed::Device {
   }
 
   bool Submit(UMockdevIoctlClient* client, UMockdevIoctlData* argument) {
+    // A client that was killed in its call has no memory to be read.
     Transfer transfer{};
     transfer.urb = umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_urb), nullptr);
+    if (transfer.urb == nullptr) return Complete(client, -1, EFAULT);
     transfer.buffer = umockdev_ioctl_data_resolve(
         transfer.urb, G_STRUCT_OFFSET(usbdevfs_urb, buffer),
         static_cast<std::size_t>(transfer.Urb().buffer_length), nullptr);
-    umockdev_ioctl_data_ref(transfer.urb);
-    umockdev_ioctl_data_ref(transfer.buffer);
+    if (transfer.buffer == nullptr) {
+      g_object_unref(transfer.urb);
+      return Complete(client, -1, EFAULT);
+    }
     if (transfer.Urb().type == USBDEVFS_URB_TYPE_CONTROL) {
       Answer(transfer);
     } else {
@@ -239,13 +239,15 @@ struct UsbTestbed::Device {
             std::unique_lock<std::mutex>& lock) {
     if (done.empty()) changed.wait_for(lock, kReapWait);
     if (done.empty()) return Complete(client, -1, gone ? ENODEV : EAGAIN);
+    UMockdevIoctlData* slot = umockdev_ioctl_data_resolve(argument, 0, sizeof(gpointer), nullptr);
+    if (slot == nullptr) return Complete(client, -1, EFAULT);
     const Transfer transfer = done.front();
     done.pop_front();
-    UMockdevIoctlData* slot = umockdev_ioctl_data_resolve(argument, 0, sizeof(gpointer), nullptr);
     umockdev_ioctl_data_set_ptr(slot, 0, transfer.urb);
     Complete(client, 0, 0);
-    umockdev_ioctl_data_unref(transfer.buffer);
-    umockdev_ioctl_data_unref(transfer.urb);
+    g_object_unref(slot);
+    g_object_unref(transfer.buffer);
+    g_object_unref(transfer.urb);
     return true;
   }
 
@@ -264,6 +266,7 @@ struct UsbTestbed::Device {
     return Complete(client, -1, EINVAL);
   }
 
+  // From here on nothing of the script is called: its test may be over.
   void Vanish() {
     const std::lock_guard lock(mutex);
     gone = true;
@@ -277,7 +280,6 @@ struct UsbTestbed::Device {
   }
 
   UsbDeviceScript script;
-  UMockdevIoctlBase* handler;
   std::mutex mutex;
   std::condition_variable changed;
   std::deque<InputStep> steps;
@@ -291,9 +293,7 @@ struct UsbTestbed::Device {
 
 struct UsbTestbed::State {
   UMockdevTestbed* testbed = nullptr;
-  // Devices that were unplugged stay: a client may still hold their file open.
-  std::vector<std::unique_ptr<Device>> devices;
-  std::map<int, Device*> plugged;
+  std::map<int, std::shared_ptr<Device>> plugged;
 };
 
 UsbTestbed::UsbTestbed() : state_(std::make_unique<State>()) {
@@ -302,6 +302,7 @@ UsbTestbed::UsbTestbed() : state_(std::make_unique<State>()) {
 
 UsbTestbed::~UsbTestbed() {
   for (const auto& [address, device] : state_->plugged) {
+    device->Vanish();
     umockdev_testbed_detach_ioctl(state_->testbed, NodePath(address).c_str(), nullptr);
   }
   g_object_unref(state_->testbed);
@@ -315,21 +316,19 @@ std::string UsbTestbed::Root() const {
 }
 
 void UsbTestbed::Plug(int address, const UsbDeviceScript& script) {
-  Device* device = state_->devices.emplace_back(std::make_unique<Device>(script)).get();
+  const auto device = std::make_shared<Device>(script);
   state_->plugged[address] = device;
   const std::string number = std::to_string(address);
   char padded[8];
   std::snprintf(padded, sizeof padded, "%03d", address);
-  GError* error = nullptr;
-  umockdev_testbed_attach_ioctl(state_->testbed, NodePath(address).c_str(), device->handler,
-                                &error);
-  Check(error, "attach_ioctl");
+  emulator::AttachIoctls(state_->testbed, NodePath(address), device);
   const std::string description =
       "P: " + DevicePath(address) + "\nN: bus/usb/001/" + padded +
       "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: BUSNUM=001\nE: DEVNUM=" + padded +
       "\nE: DEVNAME=" + NodePath(address) +
       "\nE: DEVTYPE=usb_device\nA: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=" + number +
       "\\n\nA: speed=12\\n\nH: descriptors=" + DescriptorsInHex(script) + "\n";
+  GError* error = nullptr;
   // Announces it as well.
   umockdev_testbed_add_from_string(state_->testbed, description.c_str(), &error);
   Check(error, "add_from_string");

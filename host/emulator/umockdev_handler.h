@@ -1,0 +1,38 @@
+// A mocked device's calls, answered by an object of ours.
+#pragma once
+
+#include <umockdev.h>
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+namespace torquer::emulator {
+
+/// Has the ioctls on the file `path` answered by `device->Ioctl(client)`, which is called in
+/// umockdev's thread and returns whether it has taken the call on. umockdev gets a share in the
+/// device: its thread goes on for a moment after the testbed is gone. Throws std::runtime_error if
+/// umockdev refuses.
+template <class Device>
+void AttachIoctls(UMockdevTestbed* testbed, const std::string& path,
+                  const std::shared_ptr<Device>& device) {
+  using Share = std::shared_ptr<Device>;
+  const auto on_ioctl =
+      +[](UMockdevIoctlBase* /*handler*/, UMockdevIoctlClient* client, gpointer share) -> gboolean {
+    return (*static_cast<Share*>(share))->Ioctl(client) ? TRUE : FALSE;
+  };
+  const auto release =
+      +[](gpointer share, GClosure* /*closure*/) { delete static_cast<Share*>(share); };
+  UMockdevIoctlBase* handler = umockdev_ioctl_base_new();
+  g_signal_connect_data(handler, "handle-ioctl", G_CALLBACK(on_ioctl), new Share(device), release,
+                        GConnectFlags{});
+  GError* error = nullptr;
+  umockdev_testbed_attach_ioctl(testbed, path.c_str(), handler, &error);
+  g_object_unref(handler);
+  if (error == nullptr) return;
+  const std::string message = error->message;
+  g_error_free(error);
+  throw std::runtime_error("umockdev: " + message);
+}
+
+}  // namespace torquer::emulator

@@ -1,0 +1,103 @@
+// A usbfs file on a machine mocked by umockdev: what programs submit to it waits for the device.
+#pragma once
+
+#include <umockdev.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <list>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "host/emulator/usb_host.h"
+
+namespace torquer::emulator {
+
+/// One device's file from plug to unplug, and the transfers on their way. Programs' calls come in
+/// umockdev's thread, the device's in another.
+///
+/// A transfer ends once and belongs to the program that submitted it: when that has closed the
+/// file, or another program has claimed the interface, what is left of it is forgotten.
+class UsbfsNode {
+ public:
+  /// A control transfer on its way through the device.
+  struct Control {
+    std::uint64_t id;
+    SetupPacket setup;
+    std::vector<std::uint8_t> data;  ///< to the device
+  };
+
+  UsbfsNode() = default;
+  ~UsbfsNode();
+  UsbfsNode(const UsbfsNode&) = delete;
+  UsbfsNode& operator=(const UsbfsNode&) = delete;
+
+  /// Waits while a program that has claimed the interface owes a transfer, `longest` at most.
+  void WaitForProgram(std::chrono::milliseconds longest);
+  /// Ends that wait, now and from now on.
+  void StopWaiting();
+
+  /// Whether an input transfer waits.
+  bool WantsInput() const;
+  /// Ends the oldest input transfer with `status` (0 or a negative errno) and what fits of `bytes`;
+  /// false if none waits.
+  bool EndInput(int status, std::span<const std::uint8_t> bytes);
+
+  /// Takes the oldest control transfer that waits; EndControl() gives it back.
+  std::optional<Control> TakeControl();
+  /// Ends it with `status`; `bytes` is what the device sent, `length` what it took or sent. Nothing
+  /// happens if the program has given the transfer up.
+  void EndControl(std::uint64_t id, int status, std::span<const std::uint8_t> bytes,
+                  std::size_t length);
+
+  /// Whether a program waits for the halt of the input endpoint to be cleared; asked once for each.
+  bool TakeClearHalt();
+  /// Lets it go on.
+  void EndClearHalt();
+
+  /// A program's call, from umockdev: see AttachIoctls().
+  bool Ioctl(UMockdevIoctlClient* client);
+
+  /// The device is gone: every transfer ends as when a cable is pulled, every call fails.
+  void Vanish();
+
+ private:
+  using Client = UMockdevIoctlClient;
+
+  // A transfer in the program's memory; umockdev copies back what changes here.
+  struct Urb {
+    std::uint64_t id;
+    Client* client;
+    UMockdevIoctlData* urb;
+    UMockdevIoctlData* buffer;
+  };
+
+  bool Submit(Client* client, UMockdevIoctlData* argument);
+  bool Reap(Client* client, UMockdevIoctlData* argument);
+  bool Discard(Client* client, UMockdevIoctlData* argument);
+  bool ClearHalt(Client* client);
+  static bool Answer(Client* client, glong result, gint error);
+
+  // The mutex is held in all of these.
+  void End(const Urb& urb, int status, std::size_t length);
+  void ForgetClosed();
+  template <typename Predicate>
+  void Forget(Predicate of_client);
+  static void Release(const Urb& urb);
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;   // for the device's thread
+  std::condition_variable reapable_;  // for umockdev's
+  std::uint64_t last_id_ = 0;
+  std::list<Urb> inputs_, controls_, under_way_, ended_;
+  std::list<Client*> claimants_;           // one entry for each claim
+  std::list<Client*> clearing_, cleared_;  // that wait for a halt to be cleared: to take, taken
+  bool gone_ = false;
+  bool waiting_ = true;
+};
+
+}  // namespace torquer::emulator
