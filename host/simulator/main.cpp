@@ -109,6 +109,10 @@ int Run(int argc, char** argv) {
     const torquer::simulator::ReplayResult result = torquer::simulator::Replay(scene, log);
     std::printf("%lld states repeated, %lld differ\n", static_cast<long long>(result.states),
                 static_cast<long long>(result.differing));
+    if (result.missing > 0) {
+      std::printf("%lld that were not recorded were repeated from what later ones tell\n",
+                  static_cast<long long>(result.missing));
+    }
     if (result.differing == 0) return 0;
     std::printf("the first at tick %lld\n", static_cast<long long>(result.first_difference));
     return 1;

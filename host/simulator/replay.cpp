@@ -1,5 +1,6 @@
 #include "host/simulator/replay.h"
 
+#include <algorithm>
 #include <lcm/lcm-cpp.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
@@ -37,18 +38,31 @@ ReplayResult Replay(scene::Scene& scene, const std::string& log) {
         recorded.instrument != bus::kGuidewire) {
       continue;
     }
-    if (recorded.tick != expected_tick) {
+    // The start, tick 0, is the scene's and takes no work.
+    const std::int64_t missing = recorded.tick - expected_tick;
+    if (missing < 0 || recorded.tick - std::max<std::int64_t>(expected_tick, 1) >
+                           static_cast<std::int64_t>(recorded.past_work.size())) {
       throw UserError(log + ": after the state of tick " + std::to_string(expected_tick - 1) +
                       " comes that of tick " + std::to_string(recorded.tick) +
-                      "; a replay needs every state from tick 0 on, so start the recording before "
-                      "the simulator");
+                      "; a replay needs the states of one run of the simulator, and can make up "
+                      "for " +
+                      std::to_string(kMostPastInMessage) +
+                      " missing in a row; start the recording before the simulator");
     }
-    if (expected_tick > 0) {
+    const auto repeat = [&session](double insertion_mm, double rotation_rad, int work) {
       Command command;
-      command.sequence = recorded.command_sequence;
-      command.target = {recorded.commanded_insertion_mm, recorded.commanded_rotation_rad};
-      CountedBudget budget(recorded.work);
+      command.target = {insertion_mm, rotation_rad};
+      CountedBudget budget(work);
       session.Tick(command, budget);
+    };
+    for (; expected_tick < recorded.tick; ++expected_tick) {
+      ++result.missing;
+      if (expected_tick == 0) continue;
+      const auto k = static_cast<std::size_t>(recorded.tick - expected_tick - 1);
+      repeat(recorded.past_insertion_mm[k], recorded.past_rotation_rad[k], recorded.past_work[k]);
+    }
+    if (recorded.tick > 0) {
+      repeat(recorded.commanded_insertion_mm, recorded.commanded_rotation_rad, recorded.work);
     }
     ++expected_tick;
     ++result.states;

@@ -11,12 +11,14 @@ struct ReplayResult {
   std::int64_t states = 0;             ///< repeated and compared
   std::int64_t differing = 0;          ///< of these, with another hash
   std::int64_t first_difference = -1;  ///< its tick
+  std::int64_t missing = 0;            ///< not in the log, repeated from what later ones tell
 };
 
 /// Repeats the wire states of an LCM log: each with the command and the units of work that it
-/// records, and compares their hashes.
-/// Throws UserError when the log cannot be read, holds no state from the first tick on, has a gap
-/// (a state that was not recorded), or was recorded with another scene.
+/// records, and compares their hashes. States that were not recorded are repeated too, as long as
+/// no more than kMostPastInMessage in a row are missing.
+/// Throws UserError when the log cannot be read, holds no state, has a longer gap, or was recorded
+/// with another scene.
 ReplayResult Replay(scene::Scene& scene, const std::string& log);
 
 }  // namespace torquer::simulator

@@ -27,6 +27,7 @@ void Session::Restart() {
   state_ = scene_.MakeStart(*relaxation_);
   target_ = {state_.insertion_mm, state_.rotation_rad};
   command_sequence_ = -1;
+  done_.clear();
   tick_ = 0;
   updates_ = 0;
   status_ = 0;
@@ -47,6 +48,9 @@ const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
   }
   report_ = relaxation_->Tick(target_, budget, state_);
   ++tick_;
+  done_.push_front({target_, report_.work});
+  // One more than a message holds: the newest stands in its own fields.
+  if (done_.size() > kMostPastInMessage + 1) done_.pop_back();
   updates_ += report_.updates;
   Observe();
   return report_;
@@ -114,6 +118,16 @@ void Session::Describe(torquer_lcm::wire_state_t& out) const {
     out.contact_penetrations_um.push_back(static_cast<float>(1e3 * deepest_mm));
   }
   out.contact_count = static_cast<std::int32_t>(out.contact_nodes.size());
+
+  out.past_insertion_mm.clear();
+  out.past_rotation_rad.clear();
+  out.past_work.clear();
+  for (std::size_t k = 1; k < done_.size(); ++k) {
+    out.past_insertion_mm.push_back(done_[k].target.insertion_mm);
+    out.past_rotation_rad.push_back(done_[k].target.rotation_rad);
+    out.past_work.push_back(done_[k].work);
+  }
+  out.past_count = static_cast<std::int32_t>(out.past_work.size());
 }
 
 }  // namespace torquer::simulator

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <torquer_lcm/wire_state_t.hpp>
@@ -44,6 +45,12 @@ class Session {
   void Describe(torquer_lcm::wire_state_t& out) const;
 
  private:
+  // What a tick was given, and did.
+  struct Done {
+    HandTarget target;
+    int work;
+  };
+
   void Observe();
 
   scene::Scene& scene_;
@@ -51,6 +58,7 @@ class Session {
   WireState state_;
   TickReport report_;
   HandTarget target_;
+  std::deque<Done> done_;  // the newest first
   std::int64_t command_sequence_ = -1;
   std::int64_t tick_ = 0;
   std::int64_t updates_ = 0;
@@ -60,5 +68,7 @@ class Session {
 
 /// Most nodes of one message; longer wires are sent with a stride.
 inline constexpr int kMostNodesInMessage = 2000;
+/// Most earlier ticks of one message, so that a replay can make up for states that were lost.
+inline constexpr int kMostPastInMessage = 32;
 
 }  // namespace torquer::simulator

@@ -64,6 +64,20 @@ TEST_CASE("A replay repeats the work and reaches the same states to the bit", "[
   CHECK(result.differing == 0);
 }
 
+TEST_CASE("States that were not recorded are made up for by those after them", "[simulator]") {
+  const SceneFile file;
+  Record(file.path(), file.Beside("log"), 80, [](torquer_lcm::wire_state_t& state) {
+    const bool late = state.tick == 0;
+    const bool burst = state.tick >= 40 && state.tick < 40 + torquer::simulator::kMostPastInMessage;
+    return !late && !burst && state.tick != 9;
+  });
+  torquer::scene::Scene scene(file.path());
+  const auto result = torquer::simulator::Replay(scene, file.Beside("log"));
+  CHECK(result.missing == torquer::simulator::kMostPastInMessage + 2);
+  CHECK(result.states + result.missing == 81);
+  CHECK(result.differing == 0);
+}
+
 TEST_CASE("A replay tells a state that differs, and refuses a log with a gap", "[simulator]") {
   const SceneFile file;
   torquer::scene::Scene scene(file.path());
@@ -82,9 +96,19 @@ TEST_CASE("A replay tells a state that differs, and refuses a log with a gap", "
   });
   CHECK(torquer::simulator::Replay(scene, file.Beside("less")).first_difference == 5);
 
-  Record(file.path(), file.Beside("gap"), 20,
-         [](torquer_lcm::wire_state_t& state) { return state.tick != 9; });
+  Record(file.path(), file.Beside("gap"), 60, [](torquer_lcm::wire_state_t& state) {
+    return state.tick < 9 || state.tick > 9 + torquer::simulator::kMostPastInMessage;
+  });
   CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("gap")), Contains("tick 8"));
+  Record(file.path(), file.Beside("late"), 60, [](torquer_lcm::wire_state_t& state) {
+    return state.tick > torquer::simulator::kMostPastInMessage + 1;
+  });
+  CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("late")), Contains("tick 34"));
+  Record(file.path(), file.Beside("two runs"), 20, [](torquer_lcm::wire_state_t& state) {
+    if (state.tick == 15) state.tick = 3;
+    return true;
+  });
+  CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("two runs")), Contains("tick 3"));
   Record(file.path(), file.Beside("empty"), 0, [](torquer_lcm::wire_state_t&) { return false; });
   CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("empty")),
                     Contains("holds no wire state"));
