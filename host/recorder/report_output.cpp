@@ -35,10 +35,11 @@ std::string FormatReport(const SessionReport& report) {
   text += Print(
       "  reports      %s sent, %s received, %s lost\n", KnownCount(report.reports_sent).c_str(),
       KnownCount(report.reports_received).c_str(), KnownCount(report.reports_lost).c_str());
-  if (report.reports_skipped > 0) {
+  if (report.reports_unfetched > 0) {
     text += Print(
-        "               %lld more were not fetched in time; their motion came with the next\n",
-        static_cast<long long>(report.reports_skipped));
+        "               %lld of the lost were not fetched in time; their motion came with the "
+        "next\n",
+        static_cast<long long>(report.reports_unfetched));
   }
   text += Print(
       "  insertion    sensor %+lld counts (%+lld of them held), which is %+.3f mm; "
@@ -74,7 +75,7 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"reports_sent", report.reports_sent},
                                        {"reports_received", report.reports_received},
                                        {"reports_lost", report.reports_lost},
-                                       {"reports_skipped", report.reports_skipped},
+                                       {"reports_unfetched", report.reports_unfetched},
                                        {"motion_error_counts", report.axial.error_counts},
                                        {"rotation_error_counts", report.rotation.error_counts},
                                        {"insertion_mm", report.axial.wire},

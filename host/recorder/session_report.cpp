@@ -126,14 +126,16 @@ void SessionReporter::CountReports(SessionReport& report) const {
     const auto found = daemon_counters_.find(name);
     return found == daemon_counters_.end() ? -1 : found->second;
   };
-  // The device numbers the frames in which it sampled, taken by the host or not.
+  // The device numbers the frames in which it sampled, fetched by the host or not; the emulator
+  // counts what was fetched.
   const std::int64_t gaps = counter("reports_lost");
   report.reports_received = counter("reports_received");
   report.reports_lost = gaps;
   if (truth_ && report.reports_received >= 0) {
-    report.reports_sent = truth_->reports_sent;
+    const std::int64_t lost_on_the_way = truth_->reports_sent - report.reports_received;
+    report.reports_unfetched = std::max<std::int64_t>(gaps - lost_on_the_way, 0);
+    report.reports_sent = truth_->reports_sent + report.reports_unfetched;
     report.reports_lost = report.reports_sent - report.reports_received;
-    report.reports_skipped = std::max<std::int64_t>(gaps - report.reports_lost, 0);
   }
 }
 

@@ -43,14 +43,15 @@ struct SessionReport {
   std::string method;
   double duration_s = 0;  ///< from the first sample to the last
 
-  std::int64_t reports_sent = -1;      ///< by the device, as the emulator tells
+  std::int64_t reports_sent = -1;      ///< made by the device, as the emulator tells
   std::int64_t reports_received = -1;  ///< by the daemon, as its health tells
   std::int64_t reports_lost = -1;      ///< sent less received; else gaps in the report numbers
-  std::int64_t reports_skipped = 0;    ///< never sent, because the daemon was late: no motion lost
-  std::int64_t samples = 0;            ///< in the log
-  std::int64_t commands = 0;           ///< in the log
-  std::int64_t states = 0;             ///< in the log
-  std::int64_t states_missing = 0;     ///< gaps in the ticks: lost by the bus or the logger
+  std::int64_t reports_unfetched =
+      0;                            ///< of the lost: the device made the next before it was asked
+  std::int64_t samples = 0;         ///< in the log
+  std::int64_t commands = 0;        ///< in the log
+  std::int64_t states = 0;          ///< in the log
+  std::int64_t states_missing = 0;  ///< gaps in the ticks: lost by the bus or the logger
   std::int64_t undecodable = 0;
 
   MotionAgreement axial;     ///< counts, mm

@@ -79,7 +79,7 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     torquer_lcm::device_sample_t sample{};
     sample.clock_id = kClock;
     sample.receive_us = now_us;
-    sample.report_number = i + (i > 300 ? faults.lost_reports + faults.skipped_reports : 0);
+    sample.report_number = i + (i > 300 ? faults.lost_reports + faults.unfetched_reports : 0);
     sample.origin_us = now_us;
     const bool restarted = faults.reset && i >= 800;
     sample.boot_id = restarted ? 2 : 1;
@@ -118,7 +118,7 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
   torquer_lcm::health_t health{};
   health.process = "daemon";
   health.names = {"reports_received", "reports_lost"};
-  health.values = {kReports, faults.lost_reports + faults.skipped_reports};
+  health.values = {kReports, faults.lost_reports + faults.unfetched_reports};
   health.count = 2;
   log.Write(bus::kHealthChannel, kStartUs, health);
   if (!faults.without_emulator) {

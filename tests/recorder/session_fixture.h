@@ -19,7 +19,7 @@ inline constexpr double kInsertedAtStartMm = 5;
 /// What may be made to go wrong.
 struct SessionFaults {
   int lost_reports = 0;           ///< sent, but not received
-  int skipped_reports = 0;        ///< not fetched by the daemon, and so never sent
+  int unfetched_reports = 0;      ///< made by the device, but not fetched by the daemon
   double extra_wire_mm = 0;       ///< that the hand did not move
   bool foreign_clock = false;     ///< of the simulator, as if on another machine
   bool undecodable = false;       ///< one state cut short

@@ -66,13 +66,17 @@ TEST_CASE("A lost report is told, by the emulator's count or by the report numbe
   CHECK(Report(faults).reports_lost == 3);
 }
 
-TEST_CASE("A report that the daemon did not fetch is no lost one") {
+TEST_CASE("A report that the daemon did not fetch is lost too, and told apart") {
   SessionFaults faults;
-  faults.skipped_reports = 5;
-  CHECK(Report(faults).reports_skipped == 5);
-  CHECK(Report(faults).reports_lost == 0);
-  CHECK(Report(faults).Good());
-  // Whether it was sent, only the emulator can tell.
+  faults.lost_reports = 2;
+  faults.unfetched_reports = 3;
+  const SessionReport report = Report(faults);
+  CHECK(report.reports_unfetched == 3);
+  CHECK(report.reports_lost == 5);
+  CHECK(report.reports_sent == report.reports_received + 5);
+  CHECK_THAT(FormatReport(report), Catch::Contains("5 lost") && Catch::Contains("3 of the lost"));
+  CHECK_FALSE(report.Good());
+  // Whether it was fetched, only the emulator can tell.
   faults.without_emulator = true;
   CHECK(Report(faults).reports_lost == 5);
 }
