@@ -1,12 +1,10 @@
 #include "host/study/accuracy.h"
 
-#include <filesystem>
 #include <map>
 
 #include "host/study/accuracy_bench.h"
 #include "host/study/accuracy_grid.h"
 #include "host/study/accuracy_report.h"
-#include "host/support/error.h"
 
 namespace torquer::study {
 namespace {
@@ -42,12 +40,7 @@ class AccuracyStudy final : public Study {
 
   bool Run(StudyRun& run) override {
     const std::vector<PlacesOfScene> scenes = Scenes(run.quick());
-    for (const PlacesOfScene& s : scenes) {
-      const std::string path = folder_ + "/" + s.scene + ".toml";
-      if (!std::filesystem::exists(path)) {
-        throw UserError(path + ": no such scene; name the folder of scenes with --scenes");
-      }
-    }
+    for (const PlacesOfScene& s : scenes) RequireScene(folder_, s.scene);
     const std::vector<AccuracyCase> front = FrontCases(run.quick());
     const std::vector<AccuracyAxis> axes = AxisCases(run.quick());
     AccuracyBench::Options options;

@@ -8,6 +8,7 @@
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/paper/paper_relaxation.h"
 #include "host/simulator/effects/friction.h"
+#include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/study/cpu_time.h"
 #include "host/study/wires.h"
@@ -62,6 +63,32 @@ class NewtonRun {
   HandTarget target_;
 };
 
+// A scene as it is shipped: its vessel, wire, friction and method.
+class SceneRun {
+ public:
+  explicit SceneRun(const std::string& path)
+      : scene_(path), relaxation_(scene_.MakeRelaxation()), state_(scene_.MakeStart(*relaxation_)) {
+    target_.insertion_mm = state_.insertion_mm;
+  }
+  TickReport Feed(double delta_mm) {
+    target_.insertion_mm += delta_mm;
+    CountedBudget budget(kPlenty);
+    return relaxation_->Tick(target_, budget, state_);
+  }
+  void FeedTo(double insertion_mm) {
+    while (target_.insertion_mm < insertion_mm) {
+      Feed(std::min(0.5, insertion_mm - target_.insertion_mm));
+    }
+  }
+  double segment_mm() const { return scene_.wire().segment_mm(); }
+
+ private:
+  scene::Scene scene_;
+  std::unique_ptr<Relaxation> relaxation_;
+  WireState state_;
+  HandTarget target_;
+};
+
 struct ActionCost {
   std::vector<double> ms;
   int unconverged = 0;
@@ -70,7 +97,8 @@ struct ActionCost {
 };
 
 // The hand's usual feeds: 0.02, 0.05 and 0.1 mm in turn, the last stretch before `to_mm`.
-ActionCost MeasureFeeds(NewtonRun& run, double to_mm, int actions) {
+template <class AnyRun>
+ActionCost MeasureFeeds(AnyRun& run, double to_mm, int actions) {
   constexpr double kFeeds[] = {0.02, 0.05, 0.1};
   run.FeedTo(to_mm - actions * 0.17 / 3);
   ActionCost cost;
@@ -94,7 +122,13 @@ class ScalingStudy final : public Study {
     return "time of one action to equilibrium, and how it grows with n";
   }
 
+  void AddOptions(CommandLine& line) override { line.Option("--scenes", folder_); }
+  std::string OptionsUsage() const override {
+    return "    --scenes FOLDER  with neuro_arch and abdominal_aorta; host/scenes if not given\n";
+  }
+
   bool Run(StudyRun& run) override {
+    for (const char* scene : {"neuro_arch", "abdominal_aorta"}) RequireScene(folder_, scene);
     const vessel::TubeVessel vessel = vessel::MakeTyPhantom();
     table_ = {
         "One action (feeds of 0.02, 0.05 and 0.1 mm) to residual 1e-6, thread-CPU time",
@@ -112,6 +146,9 @@ class ScalingStudy final : public Study {
     run.Progress("n = 2500", 0.3);
     Measure(run, vessel, "newton/friction/n=2500", PaperWire(0.1, tip), 0.1, kFriction,
             run.quick() ? 60 : actions);
+    run.Progress("real vessels", 0.35);
+    MeasureScene(run, "neuro_arch", 450, actions);
+    MeasureScene(run, "abdominal_aorta", 200, actions);
     run.Section("Time of an action");
     run.Show(table_);
     MeasureGrowth(run, vessel, tip);
@@ -124,7 +161,17 @@ class ScalingStudy final : public Study {
   void Measure(StudyRun& run, const vessel::TubeVessel& vessel, const std::string& name,
                const StudyWire& wire, double segment_mm, double friction, int actions) {
     NewtonRun newton(vessel, wire, segment_mm, 255, friction);
-    const ActionCost cost = MeasureFeeds(newton, 250, actions);
+    Add(run, name, MeasureFeeds(newton, 250, actions));
+  }
+
+  // A shipped scene with so many segments inserted.
+  void MeasureScene(StudyRun& run, const std::string& scene, int n, int actions) {
+    SceneRun session(folder_ + "/" + scene + ".toml");
+    Add(run, "newton/" + scene + "/n=" + std::to_string(n),
+        MeasureFeeds(session, n * session.segment_mm(), actions));
+  }
+
+  void Add(StudyRun& run, const std::string& name, const ActionCost& cost) {
     const double median = Quantile(cost.ms, 0.5);
     const double p99 = Quantile(cost.ms, 0.99);
     const double max = Quantile(cost.ms, 1);
@@ -162,13 +209,15 @@ class ScalingStudy final : public Study {
       sxy += x * y;
     }
     const auto count = static_cast<double>(series.x.size());
-    run.Record("growth", "exponent", (count * sxy - sx * sy) / (count * sxx - sx * sx), "");
+    const double exponent = (count * sxy - sx * sy) / (count * sxx - sx * sx);
+    run.Record("growth", "exponent", exponent, "");
     Plot plot{"Time of an action over the number of segments",
               {"segments n", true},
               {"median time of an action, ms", true},
               {series}};
     run.Section("Growth with n");
     run.Draw(plot, "The same 250 mm of wire in 250 to 2500 segments: the sweep is linear in n.");
+    run.Say("Time of an action grows with n to the power of " + Number(exponent) + ".");
   }
 
   static void MeasureWholeInsertion(StudyRun& run, const vessel::TubeVessel& vessel, double tip) {
@@ -181,7 +230,10 @@ class ScalingStudy final : public Study {
       for (int n = 8; n <= 250; ++n) newton.Feed(1);
       totals.push_back(1e3 * (ThreadCpuSeconds() - start_s));
     }
-    run.Record("whole_insertion", "ms_total", Quantile(totals, 0.5), "ms");
+    const double total = Quantile(totals, 0.5);
+    run.Record("whole_insertion", "ms_total", total, "ms");
+    run.Say("The whole insertion, n = 7 to 250 with an equilibrium every millimeter: " +
+            Number(total) + " ms.");
   }
 
   // Time until the energy is at or below what 100 cycles of the literal method reach from the
@@ -258,6 +310,7 @@ class ScalingStudy final : public Study {
     if (run.quick()) run.Say("Quick: 10 cycles instead of 100.");
   }
 
+  std::string folder_ = "host/scenes";
   Table table_;
 };
 

@@ -149,6 +149,13 @@ void StudyRun::Finish(const std::string& title) {
   Print("\nWritten: " + stem + ".csv, .jsonl, .html\n");
 }
 
+void RequireScene(const std::string& folder, const std::string& scene) {
+  const std::string path = folder + "/" + scene + ".toml";
+  if (!std::filesystem::exists(path)) {
+    throw UserError(path + ": no such scene; name the folder of scenes with --scenes");
+  }
+}
+
 void WriteWhole(const std::string& path, const std::string& text) {
   const std::string unfinished = path + ".unfinished";
   std::error_code error;

@@ -93,6 +93,9 @@ class Study {
   virtual bool Run(StudyRun& run) = 0;
 };
 
+/// Throws UserError that names the remedy unless <folder>/<scene>.toml is there.
+void RequireScene(const std::string& folder, const std::string& scene);
+
 /// Writes a file whole or not at all. Throws UserError naming it.
 void WriteWhole(const std::string& path, const std::string& text);
 

@@ -235,7 +235,8 @@ TEST_CASE("The report begins with the front, the default marked on it") {
 
 TEST_CASE("A folder without the scenes is refused") {
   const test::TemporaryFolder folder;
-  test::ChildProcess program({TORQUER_BIN_DIR "/torquer-study", "accuracy", "--scenes",
+  const std::string study = GENERATE("accuracy", "scaling");
+  test::ChildProcess program({TORQUER_BIN_DIR "/torquer-study", study, "--scenes",
                               folder.Path("none"), "--out", folder.Path("out")});
   CHECK(program.Wait() == 2);
   CHECK(program.Error().find("--scenes") != std::string::npos);
