@@ -73,6 +73,8 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
         if (message.instrument != bus::kGuidewire) return;
         command.sequence = message.sequence;
         command.target = {start_mm + message.insertion_mm, message.rotation_rad};
+        command.controls = {message.lao_rad, message.cra_rad, message.xray != 0,
+                            message.contrast != 0};
         command.in_doubt = (message.flags & (bus::kCommandLift | bus::kCommandSensorFault |
                                              bus::kCommandNoDevice)) != 0;
         const bool same_clock = message.clock_id == clock_id;
@@ -108,13 +110,16 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
   publish(0);
 
   FieldAhead ahead(session.scene().vessel());
+  const std::int64_t began_us = bus::MonotonicUs();
   std::int64_t next_tick_us = 0;
   while (!stop) {
     bus.Handle(1);
     const std::int64_t start_us = bus::MonotonicUs();
-    const bool at_rest = session.report().converged && session.report().carried_mm == 0;
+    const bool at_rest =
+        !session.lives() && session.report().converged && session.report().carried_mm == 0;
     if (arrived || (!at_rest && start_us >= next_tick_us)) {
       Deadline budget(start_us + static_cast<std::int64_t>(session.scene().budget_us()));
+      command.time_s = 1e-6 * static_cast<double>(start_us - began_us);
       const TickReport& report = session.Tick(command, budget);
       const std::int64_t end_us = bus::MonotonicUs();
       publish(static_cast<double>(end_us - start_us));

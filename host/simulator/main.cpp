@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "host/bus/bus.h"
+#include "host/simulator/explain.h"
 #include "host/simulator/live_loop.h"
 #include "host/simulator/replay.h"
 #include "host/simulator/scene/scene.h"
@@ -22,9 +23,11 @@ constexpr char kUsage[] =
     "usage: torquer-simulator --scene FILE [--lcm-url URL] [--json]\n"
     "       torquer-simulator --scene FILE --script FILE.csv --states FILE.jsonl\n"
     "       torquer-simulator --scene FILE --replay FILE.lcmlog\n"
+    "       torquer-simulator --list-effects | --explain FILE\n"
     "Live: follows instrument commands on LCM and publishes wire states, until SIGINT or SIGTERM.\n"
     "--script: header time_s,insertion_mm,rotation_rad; one JSON object a row goes to --states.\n"
-    "--replay: repeats a recorded session and compares every state; exit 1 if one differs.";
+    "--replay: repeats a recorded session and compares every state; exit 1 if one differs.\n"
+    "--list-effects: what a scene may call for. --explain: what this one does, and what is off.";
 
 std::atomic<bool> stop{false};
 
@@ -75,8 +78,12 @@ int Run(int argc, char** argv) {
   std::string script;
   std::string states;
   std::string log;
+  std::string explained;
   bool json = false;
+  bool list_effects = false;
   torquer::CommandLine line;
+  line.Flag("--list-effects", list_effects);
+  line.Option("--explain", explained);
   line.Option("--scene", scene_file);
   line.Option("--lcm-url", url);
   line.Option("--script", script);
@@ -84,6 +91,16 @@ int Run(int argc, char** argv) {
   line.Option("--replay", log);
   line.Flag("--json", json);
   line.Parse(argc, argv, kUsage);
+  if (list_effects) {
+    std::printf("%s", torquer::effects::DescribeEffects(false).c_str());
+    return 0;
+  }
+  if (!explained.empty()) {
+    torquer::scene::Scene scene(explained);
+    const KeepField keep{scene};
+    std::printf("%s", torquer::simulator::Explain(scene).c_str());
+    return 0;
+  }
   if (scene_file.empty()) throw torquer::UserError(std::string("--scene is missing\n") + kUsage);
   if (script.empty() != states.empty()) {
     throw torquer::UserError(std::string("--script and --states go together\n") + kUsage);

@@ -21,19 +21,21 @@ nlohmann::json Describe(const Session& session, double time_s, double solve_us) 
   nlohmann::json nodes = nlohmann::json::array();
   for (const Eigen::Vector3d& x : state.nodes) nodes.push_back({x[0], x[1], x[2]});
   const TickReport& report = session.report();
-  return {{"time_s", time_s},
-          {"insertion_mm", state.insertion_mm},
-          {"rotation_rad", state.rotation_rad},
-          {"carried_mm", report.carried_mm},
-          {"nodes_mm", std::move(nodes)},
-          {"energy_mJ", report.energy_mJ},
-          {"residual", report.residual},
-          {"max_penetration_um", 1e3 * report.max_penetration_mm},
-          {"iterations", report.iterations},
-          {"work", report.work},
-          {"solve_us", solve_us},
-          {"state_hash", std::to_string(session.state_hash())},
-          {"status", session.status()}};
+  nlohmann::json line = {{"time_s", time_s},
+                         {"insertion_mm", state.insertion_mm},
+                         {"rotation_rad", state.rotation_rad},
+                         {"carried_mm", report.carried_mm},
+                         {"nodes_mm", std::move(nodes)},
+                         {"energy_mJ", report.energy_mJ},
+                         {"residual", report.residual},
+                         {"max_penetration_um", 1e3 * report.max_penetration_mm},
+                         {"iterations", report.iterations},
+                         {"work", report.work},
+                         {"solve_us", solve_us},
+                         {"state_hash", std::to_string(session.state_hash())},
+                         {"status", session.status()}};
+  for (const effects::Reading& reading : session.Readings()) line[reading.name] = reading.value;
+  return line;
 }
 
 }  // namespace
@@ -59,12 +61,14 @@ int RunScript(scene::Scene& scene, const std::string& script, const std::string&
     throw UserError(states + ": cannot be written; check the folder and its permissions");
   }
   Session session(scene);
+  const double first_s = rows.empty() ? 0 : CsvNumber(script, header, rows[0], 0);
   int unconverged = 0;
   for (std::size_t k = 0; k < rows.size(); ++k) {
     Command command;
     command.sequence = static_cast<std::int64_t>(k);
     command.target = {scene.inserted_at_start_mm() + CsvNumber(script, header, rows[k], 1),
                       CsvNumber(script, header, rows[k], 2)};
+    command.time_s = CsvNumber(script, header, rows[k], 0) - first_s;
     CountedBudget budget(scene.budget_units());
     const std::int64_t start_us = bus::MonotonicUs();
     unconverged += !session.Tick(command, budget).converged;

@@ -20,10 +20,18 @@ bool Usable(const HandTarget& target) {
 
 Session::Session(scene::Scene& scene)
     : scene_(scene), relaxation_(scene.MakeRelaxation()), state_(scene.wire()) {
+  for (const std::unique_ptr<effects::Effect>& effect : scene.effects()) {
+    if (effects::Evolution* evolution = effect->evolution()) evolutions_.push_back(evolution);
+    if (effects::Observer* observer = effect->observer()) observers_.push_back(observer);
+  }
+  lives_ = scene.moving_field() != nullptr || !evolutions_.empty();
   Restart();
 }
 
 void Session::Restart() {
+  time_s_ = 0;
+  for (const std::unique_ptr<effects::Effect>& effect : scene_.effects()) effect->Restart();
+  if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(0);
   state_ = scene_.MakeStart(*relaxation_);
   target_ = {state_.insertion_mm, state_.rotation_rad};
   command_sequence_ = -1;
@@ -36,6 +44,7 @@ void Session::Restart() {
   report_.energy_mJ = relaxation_->Current().energy_mJ;
   report_.max_penetration_mm = relaxation_->Current().max_penetration_mm;
   Observe();
+  RunEffects(0, effects::Controls());
 }
 
 const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
@@ -46,14 +55,39 @@ const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
   } else {
     status_ |= bus::kWireInputRefused;
   }
+  const double before_s = time_s_;
+  time_s_ = command.time_s < 0 ? time_s_ + 1e-3 : std::max(time_s_, command.time_s);
+  if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(time_s_);
   report_ = relaxation_->Tick(target_, budget, state_);
   ++tick_;
-  done_.push_front({target_, report_.work});
+  done_.push_front({target_, time_s_, report_.work});
   // One more than a message holds: the newest stands in its own fields.
   if (done_.size() > kMostPastInMessage + 1) done_.pop_back();
   updates_ += report_.updates;
   Observe();
+  RunEffects(time_s_ - before_s, command.controls);
   return report_;
+}
+
+void Session::RunEffects(double step_s, const effects::Controls& controls) {
+  if (evolutions_.empty() && observers_.empty()) return;
+  const effects::TickView tick{.time_s = time_s_,
+                               .step_s = step_s,
+                               .controls = controls,
+                               .target = target_,
+                               .state = state_,
+                               .expansion = relaxation_->Current(),
+                               .report = report_};
+  for (effects::Evolution* evolution : evolutions_) evolution->Advance(tick);
+  for (effects::Observer* observer : observers_) observer->Observe(tick);
+}
+
+std::vector<effects::Reading> Session::Readings() const {
+  std::vector<effects::Reading> all;
+  for (const effects::Observer* observer : observers_) {
+    for (effects::Reading& reading : observer->Readings()) all.push_back(std::move(reading));
+  }
+  return all;
 }
 
 void Session::Observe() {
@@ -72,6 +106,7 @@ void Session::Observe() {
 
 void Session::Describe(torquer_lcm::wire_state_t& out) const {
   out.tick = tick_;
+  out.time_s = time_s_;
   out.command_sequence = command_sequence_;
   out.commanded_insertion_mm = target_.insertion_mm;
   out.commanded_rotation_rad = target_.rotation_rad;
@@ -121,10 +156,12 @@ void Session::Describe(torquer_lcm::wire_state_t& out) const {
 
   out.past_insertion_mm.clear();
   out.past_rotation_rad.clear();
+  out.past_time_s.clear();
   out.past_work.clear();
   for (std::size_t k = 1; k < done_.size(); ++k) {
     out.past_insertion_mm.push_back(done_[k].target.insertion_mm);
     out.past_rotation_rad.push_back(done_[k].target.rotation_rad);
+    out.past_time_s.push_back(done_[k].time_s);
     out.past_work.push_back(done_[k].work);
   }
   out.past_count = static_cast<std::int32_t>(out.past_work.size());

@@ -17,6 +17,9 @@ struct Command {
   std::int64_t sequence = -1;
   HandTarget target;      ///< past the entry point: the hand's motion and what lay in at the start
   bool in_doubt = false;  ///< lift, sensor fault or no device
+  /// Simulated, since the start, ascending; negative: a millisecond after the tick before.
+  double time_s = -1;
+  effects::Controls controls;
 };
 
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.
@@ -37,7 +40,12 @@ class Session {
   const TickReport& report() const { return report_; }
   std::uint64_t state_hash() const { return hash_; }
   std::int64_t tick() const { return tick_; }
-  int status() const { return status_; }  ///< bus::WireStatus bits
+  int status() const { return status_; }     ///< bus::WireStatus bits
+  double time_s() const { return time_s_; }  ///< simulated, since the start
+  /// Whether the scene goes on by itself, so that ticks count even where the hand rests.
+  bool lives() const { return lives_; }
+  /// What the observers of the scene have found.
+  std::vector<effects::Reading> Readings() const;
   /// Absolute: past the entry point.
   const HandTarget& target() const { return target_; }
 
@@ -48,15 +56,21 @@ class Session {
   // What a tick was given, and did.
   struct Done {
     HandTarget target;
+    double time_s;
     int work;
   };
 
   void Observe();
+  void RunEffects(double step_s, const effects::Controls& controls);
 
   scene::Scene& scene_;
   std::unique_ptr<Relaxation> relaxation_;
+  std::vector<effects::Evolution*> evolutions_;
+  std::vector<effects::Observer*> observers_;
+  bool lives_ = false;
   WireState state_;
   TickReport report_;
+  double time_s_ = 0;
   HandTarget target_;
   std::deque<Done> done_;  // the newest first
   std::int64_t command_sequence_ = -1;

@@ -27,6 +27,7 @@ struct Slider {
     points.radius_mm = {0.178};
     points.touches = {1};
     points.near = {0};
+    points.stiffness_N_mm2 = {wall.stiffness_N_mm2};
     points.clearance.resize(1);
     points.clearance[0].gradient = Vector3d::UnitZ();
     points.clearance[0].clearance_mm = 0.178 - 0.05;  // presses with 2 * 1 * 0.05 = 0.1 N
@@ -117,6 +118,7 @@ TEST_CASE("Points that left through the sheath come back without an anchor") {
   two.touches = {1, 1};
   two.near = {0, 1};
   two.clearance = {slider.points.clearance[0], slider.points.clearance[0]};
+  two.stiffness_N_mm2 = {2, 2};
   slider.friction.End(two);
   slider.friction.Begin(two);
   slider.friction.End(slider.points);  // retracted: one point is left

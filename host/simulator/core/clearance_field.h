@@ -33,6 +33,9 @@ class ClearanceField {
   virtual void EvaluateHessian(const Eigen::Vector3d& point_mm, ClearanceSample& out) const = 0;
   /// Largest |gradient| that occurs: |c(p) - c(q)| <= bound |p - q|. Lets a caller skip look-ups.
   virtual double LipschitzBound() const = 0;
+  /// For a vessel that moves: how far any place of its wall can have gone since the start, mm;
+  /// never falls. A former look-up says nothing about what may have come nearer since.
+  virtual double TravelMm() const { return 0; }
 };
 
 }  // namespace torquer

@@ -19,6 +19,7 @@ struct PointSet {
   std::vector<std::uint8_t> touches;       ///< 1 where the wire's surface is beyond the wall
   std::vector<int> near;                   ///< the points that touch or nearly do, ascending
   std::vector<ClearanceSample> clearance;  ///< valid only at `near` points
+  std::vector<double> stiffness_N_mm2;     ///< of the wall; valid only at `near` points
 
   int size() const { return static_cast<int>(position.size()); }
   /// Identifies the point as material: constant while the wire moves through the sheath.

@@ -107,6 +107,20 @@ WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field
       lookups_(static_cast<std::size_t>(model.max_segments() + 1) *
                static_cast<std::size_t>(wall.points_per_segment)) {
   ForgetLookups();
+  if (wall.by_place != nullptr) stiffness_N_mm2_.assign(lookups_.size(), wall.stiffness_N_mm2);
+}
+
+void WireMechanics::TakeStiffness(const WireState& state) {
+  if (wall_.by_place == nullptr) return;
+  const int per_segment = wall_.points_per_segment;
+  std::size_t q = static_cast<std::size_t>(state.segments() * per_segment);
+  for (int i = 0; i < state.segments(); ++i) {
+    const double length = state.SegmentLength(model_, i);
+    for (int k = 1; k <= per_segment; ++k) {
+      stiffness_N_mm2_[--q] =
+          wall_.by_place->At(state.nodes[i] + (length * k / per_segment) * state.tangents[i]);
+    }
+  }
 }
 
 Expansion WireMechanics::MakeExpansion() const {
@@ -125,6 +139,7 @@ Expansion WireMechanics::MakeExpansion() const {
   e.points.radius_mm.reserve(points);
   e.points.touches.reserve(points);
   e.points.clearance.reserve(points);
+  e.points.stiffness_N_mm2.reserve(points);
   e.points.near.reserve(points);
   e.springs.reserve(points);
   e.derivatives.used.reserve(points);
@@ -147,7 +162,9 @@ void WireMechanics::PlacePoints(const WireState& state, bool with_hessian, Point
   points.radius_mm.resize(count);
   points.touches.resize(count);
   points.clearance.resize(count);
+  points.stiffness_N_mm2.resize(count);
   points.near.clear();
+  const double travel = field_.TravelMm();
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {
     const double length = state.SegmentLength(model_, i);
@@ -161,7 +178,8 @@ void WireMechanics::PlacePoints(const WireState& state, bool with_hessian, Point
       points.weight_mm[q] = length / per_segment;
       points.radius_mm[q] = radius;
       Lookup& look = lookups_[count - 1 - q];
-      if (look.free_mm > 0 && (at - look.at).squaredNorm() < look.free_mm * look.free_mm) {
+      const double free = look.free_mm - travel / lipschitz_;
+      if (free > 0 && (at - look.at).squaredNorm() < free * free) {
         points.touches[q] = 0;
         continue;
       }
@@ -173,8 +191,11 @@ void WireMechanics::PlacePoints(const WireState& state, bool with_hessian, Point
       }
       points.touches[q] = sample.clearance_mm < radius;
       look.at = at;
-      look.free_mm = (sample.clearance_mm - radius - kNearMm) / lipschitz_;
-      if (sample.clearance_mm < radius + kNearMm) points.near.push_back(static_cast<int>(q));
+      look.free_mm = (sample.clearance_mm - radius - kNearMm + travel) / lipschitz_;
+      if (sample.clearance_mm >= radius + kNearMm) continue;
+      points.near.push_back(static_cast<int>(q));
+      points.stiffness_N_mm2[q] =
+          stiffness_N_mm2_.empty() ? wall_.stiffness_N_mm2 : stiffness_N_mm2_[count - 1 - q];
     }
   }
 }
@@ -186,7 +207,7 @@ void WireMechanics::ExpandWall(bool with_hessian, Expansion& out) const {
     const auto p = static_cast<std::size_t>(q);
     const ClearanceSample& sample = out.points.clearance[p];
     WallSpring& spring = out.springs.emplace_back();
-    spring.stiffness_N_mm = wall_.stiffness_N_mm2 * out.points.weight_mm[p];
+    spring.stiffness_N_mm = out.points.stiffness_N_mm2[p] * out.points.weight_mm[p];
     spring.penetration_mm = out.points.radius_mm[p] - sample.clearance_mm;
     if (out.points.touches[p]) {
       out.max_penetration_mm = std::max(out.max_penetration_mm, spring.penetration_mm);

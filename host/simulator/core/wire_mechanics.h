@@ -19,11 +19,22 @@ namespace torquer {
 /// Points closer to touching than this are `near`: the next step may make them touch.
 inline constexpr double kNearMm = 0.05;
 
+/// Where the wall is stiffer or softer.
+class WallStiffness {
+ public:
+  virtual ~WallStiffness() = default;
+  /// k at a place of the vessel, N/mm^2, > 0.
+  virtual double At(const Eigen::Vector3d& point_mm) const = 0;
+};
+
 /// The wall as a spring: U = 1/2 k (length of wire) penetration^2 for every contact point.
 struct WallModel {
   double stiffness_N_mm2 = 1;  ///< k, per length of wire; 1e-6 .. 1e3
   int points_per_segment = 2;  ///< contact points; 1 .. 8. One, as in the paper, makes sliding
                                ///< rugged with the period of the segments.
+  /// Instead of stiffness_N_mm2, where it is not the same everywhere. Taken over by every contact
+  /// point when the wire is moved, and constant until it is moved again.
+  const WallStiffness* by_place = nullptr;
 };
 
 /// The tangent plane of a segment: its normal and second normal (tangent x normal) as columns.
@@ -100,6 +111,9 @@ class WireMechanics {
   /// Places the contact points of a state and finds which touch, without derivatives of anything.
   void PlacePoints(const WireState& state, bool with_hessian, PointSet& points);
 
+  /// Takes over the wall's stiffness at every contact point. To be called after a move.
+  void TakeStiffness(const WireState& state);
+
   /// Forgets what look-ups of former states allow to skip. Needed when the state was replaced
   /// rather than moved.
   void ForgetLookups();
@@ -125,12 +139,14 @@ class WireMechanics {
   const Frame sheath_frame_;
   double lipschitz_;
 
-  /// The last look-up of a material point: within `free_mm` of `at` it cannot touch.
+  /// The last look-up of a material point: within `free_mm` of `at`, less what the vessel has
+  /// moved by, it cannot touch.
   struct Lookup {
     Eigen::Vector3d at;
     double free_mm;
   };
-  std::vector<Lookup> lookups_;  ///< by PointSet::FromTip
+  std::vector<Lookup> lookups_;          ///< by PointSet::FromTip
+  std::vector<double> stiffness_N_mm2_;  ///< the same; empty where it is the same everywhere
 };
 
 /// Second-order expansion of one joint; `rest` is the rest direction of `tangent`, carried by the

@@ -12,7 +12,6 @@ using Eigen::Vector3d;
 Friction::Friction(double coefficient, double slip_mm, const EffectContext& context)
     : coefficient_(coefficient),
       slip_mm_(slip_mm),
-      wall_(context.wall),
       anchors_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
                static_cast<std::size_t>(context.wall.points_per_segment)) {}
 
@@ -30,7 +29,7 @@ void Friction::Begin(const PointSet& points) {
     const double slope = sample.gradient.norm();
     if (!(slope > 1e-6)) continue;
     anchor.normal = sample.gradient / slope;
-    anchor.limit_N = coefficient_ * wall_.stiffness_N_mm2 * points.weight_mm[p] *
+    anchor.limit_N = coefficient_ * points.stiffness_N_mm2[p] * points.weight_mm[p] *
                      (points.radius_mm[p] - sample.clearance_mm) * slope;
   }
 }
@@ -103,10 +102,20 @@ std::uint64_t Friction::Hash(std::uint64_t seed) const {
   return seed;
 }
 
-std::unique_ptr<Effect> MakeFriction(StrictTable& keys, const EffectContext& context) {
-  const double coefficient = keys.Number("coefficient", 0, 2);
-  const double slip_mm = keys.Number("slip_mm", 1e-5, 0.1, 0.005);
-  return std::make_unique<Friction>(coefficient, slip_mm, context);
+EffectKind FrictionKind() {
+  static const Key kCoefficient = {"coefficient", "", 0, 2, std::nullopt, "of Coulomb's law, mu"};
+  static const Key kSlip = {
+      "slip_mm", "mm", 1e-5, 0.1, 0.005, "displacement at which a sticking contact begins to slip"};
+  return {.name = "friction",
+          .summary = "Coulomb friction of the wire on the wall, with stick and slip",
+          .roles = "energy term",
+          .keys = {kCoefficient, kSlip},
+          .other_keys = {},
+          .needs = "",
+          .make = [](StrictTable& keys, const EffectContext& context) -> std::unique_ptr<Effect> {
+            const double coefficient = kCoefficient.Read(keys);
+            return std::make_unique<Friction>(coefficient, kSlip.Read(keys), context);
+          }};
 }
 
 }  // namespace torquer::effects

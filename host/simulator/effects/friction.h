@@ -39,12 +39,10 @@ class Friction final : public Effect, public EnergyTerm {
 
   const double coefficient_;
   const double slip_mm_;
-  const WallModel& wall_;
   std::vector<Anchor> anchors_;
   int anchored_ = 0;  ///< anchors beyond this many are blank
 };
 
-/// [effects.friction]: coefficient (0 .. 2), slip_mm (1e-5 .. 0.1, default 0.005).
-std::unique_ptr<Effect> MakeFriction(StrictTable& keys, const EffectContext& context);
+EffectKind FrictionKind();
 
 }  // namespace torquer::effects

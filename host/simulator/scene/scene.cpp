@@ -115,6 +115,40 @@ void Scene::ReadWire(StrictTable& file) {
   const double segment_mm = wire.Number("segment_mm", 0.05, 10);
   parts_.max_length_mm = wire.Number("max_length_mm", segment_mm, 5000);
   parts_.tip_mm = wire.Number("tip_mm", 0, 300, 0);
+  ReadShape(file, wire, segment_mm);
+
+  const BendingLaw laws[] = {BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2};
+  const BendingLaw law = laws[wire.Choice("bending_law", {"exact", "g1", "g2"}, 0)];
+  inserted_at_start_mm_ = wire.Number("inserted_at_start_mm", 0, parts_.max_length_mm, 0);
+  if (inserted_at_start_mm_ > 0 && start_path_mm_.empty()) {
+    wire.Refuse("inserted_at_start_mm",
+                "needs centerlines to lie along; give the entry as a place on a centerline");
+  }
+  try {
+    wire_ = MakeWire(segment_mm, law);
+  } catch (const std::invalid_argument& error) {
+    throw UserError(wire.Where() + ": wire: " + error.what());
+  }
+  CheckFit(parts_.radius_mm, parts_.sheath, file.Table("entry"));
+}
+
+void Scene::ReadShape(StrictTable& file, StrictTable& wire, double segment_mm) {
+  StrictTable* effects = file.OptionalTable("effects");
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    if (kind.sections == nullptr || effects == nullptr || !effects->Has(kind.name)) continue;
+    for (const char* key : {"radius_mm", "tip_angle_deg", "rigidity_N_mm2", "rigidities_N_mm2",
+                            "rigidities_from_tip_mm"}) {
+      if (wire.Has(key)) {
+        wire.Refuse(key, "stands beside [effects." + std::string(kind.name) +
+                             "], which gives the same; keep one of the two");
+      }
+    }
+    parts_.sections = kind.sections(effects->Table(kind.name));
+    for (const WireSection& section : parts_.sections) {
+      parts_.radius_mm = std::max(parts_.radius_mm, section.radius_mm);
+    }
+    return;
+  }
   parts_.tip_angle_rad = kRadPerDeg * wire.Number("tip_angle_deg", 0, 330, 0);
   parts_.radius_mm = wire.Number("radius_mm", 0.01, 5);
   if (parts_.tip_angle_rad > 0 && !(parts_.tip_mm >= segment_mm)) {
@@ -138,24 +172,14 @@ void Scene::ReadWire(StrictTable& file) {
       wire.Refuse("rigidities_from_tip_mm", "must ascend");
     }
   }
-
-  const BendingLaw laws[] = {BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2};
-  const BendingLaw law = laws[wire.Choice("bending_law", {"exact", "g1", "g2"}, 0)];
-  inserted_at_start_mm_ = wire.Number("inserted_at_start_mm", 0, parts_.max_length_mm, 0);
-  if (inserted_at_start_mm_ > 0 && start_path_mm_.empty()) {
-    wire.Refuse("inserted_at_start_mm",
-                "needs centerlines to lie along; give the entry as a place on a centerline");
-  }
-  try {
-    wire_ = MakeWire(segment_mm, law);
-  } catch (const std::invalid_argument& error) {
-    throw UserError(wire.Where() + ": wire: " + error.what());
-  }
-  CheckFit(parts_.radius_mm, parts_.sheath, file.Table("entry"));
 }
 
 std::unique_ptr<WireModel> Scene::MakeWire(double segment_mm, BendingLaw law) const {
   const WireParts& p = parts_;
+  if (!p.sections.empty()) {
+    return std::make_unique<WireModel>(segment_mm, p.sections, p.tip_mm, p.max_length_mm, law,
+                                       p.sheath);
+  }
   const auto rigidity_at = [&p](double s) {
     if (s <= p.from_tip_mm.front()) return p.rigidity_N_mm2.front();
     for (std::size_t k = 1; k < p.from_tip_mm.size(); ++k) {
@@ -211,19 +235,40 @@ void Scene::ReadRelaxation(StrictTable& file) {
 void Scene::ReadEffects(StrictTable& file) {
   StrictTable* table = file.OptionalTable("effects");
   if (table == nullptr) return;
-  for (const std::string& name : table->Keys()) {
-    const effects::EffectKind& kind = effects::FindEffect(name, table->Where(name));
-    StrictTable& keys = table->Table(name);
-    effects_.push_back(kind.make(keys, {*wire_, wall_}));
-    effect_names_.push_back(name);
-    EnergyTerm* term = effects_.back()->energy_term();
-    if (term == nullptr) continue;
-    if (method_ == Method::kPaper) {
-      table->Refuse(name,
-                    "changes the energy of the wire, which the paper's method does not know; "
-                    "remove it or choose relaxation.method = \"newton\"");
-    }
-    terms_.push_back(term);
+  for (const std::string& name : table->Keys()) effects::FindEffect(name, table->Where(name));
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    if (table->Has(kind.name)) MakeEffect(kind, *table);
+  }
+}
+
+void Scene::MakeEffect(const effects::EffectKind& kind, StrictTable& effects) {
+  if (*kind.needs != 0 && !effects.Has(kind.needs)) {
+    effects.Refuse(kind.name, "needs [effects." + std::string(kind.needs) +
+                                  "], which this scene does not name; add it or remove this");
+  }
+  effect_names_.emplace_back(kind.name);
+  if (kind.sections != nullptr) return;  // read with the wire
+  effects_.push_back(kind.make(effects.Table(kind.name), {.wire = *wire_,
+                                                          .wall = wall_,
+                                                          .field = vessel_.field.get(),
+                                                          .centerlines = &vessel_.centerlines,
+                                                          .bounds_mm = vessel_.bounds_mm,
+                                                          .axes = axes_,
+                                                          .earlier = &effects_}));
+  effects::Effect& effect = *effects_.back();
+  EnergyTerm* const term = effect.energy_term();
+  const WallStiffness* const stiffness = effect.wall_stiffness();
+  vessel::FieldMotion* const motion = effect.motion();
+  if (method_ == Method::kPaper && (term != nullptr || stiffness != nullptr || motion != nullptr)) {
+    effects.Refuse(kind.name,
+                   "changes the energy of the wire, which the paper's method does not know; "
+                   "remove it or choose relaxation.method = \"newton\"");
+  }
+  if (term != nullptr) terms_.push_back(term);
+  if (stiffness != nullptr) wall_.by_place = stiffness;
+  if (motion != nullptr) {
+    if (moving_ == nullptr) moving_ = std::make_unique<vessel::MovingField>(*vessel_.field);
+    moving_->Add(*motion);
   }
 }
 
@@ -231,7 +276,8 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation() {
   if (method_ == Method::kPaper) {
     return std::make_unique<PaperRelaxation>(*wire_, *vessel_.field, wall_, paper_);
   }
-  return std::make_unique<NewtonRelaxation>(*wire_, *vessel_.field, wall_, newton_, terms_);
+  const ClearanceField& field = moving_ != nullptr ? *moving_ : *vessel_.field;
+  return std::make_unique<NewtonRelaxation>(*wire_, field, wall_, newton_, terms_);
 }
 
 WireState Scene::MakeStart(Relaxation& relaxation) const {

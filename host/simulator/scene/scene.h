@@ -18,15 +18,12 @@
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/mesh_vessel.h"
+#include "host/simulator/vessel/moving_field.h"
+#include "host/simulator/vessel/patient_axes.h"
 
 namespace torquer::scene {
 
-/// Directions of the patient in the vessel's frame, unit and orthogonal.
-struct PatientAxes {
-  Eigen::Vector3d left{1, 0, 0};
-  Eigen::Vector3d posterior{0, 1, 0};
-  Eigen::Vector3d superior{0, 0, 1};
-};
+using vessel::PatientAxes;
 
 /// How a vessel came to be, for people and for the relaxation.
 struct Vessel {
@@ -61,6 +58,10 @@ class Scene {
   int budget_units() const { return budget_units_; }  ///< of a tick of a script
   double inserted_at_start_mm() const { return inserted_at_start_mm_; }
   const std::vector<std::string>& effect_names() const { return effect_names_; }
+  /// In the order in which they were made; one for every name but those that only shape the wire.
+  const std::vector<std::unique_ptr<effects::Effect>>& effects() const { return effects_; }
+  /// The vessel as it moves; null where it does not.
+  vessel::MovingField* moving_field() { return moving_.get(); }
   /// FNV-1a of the scene file and of the files that it names.
   std::uint64_t content_hash() const { return content_hash_; }
 
@@ -78,13 +79,16 @@ class Scene {
     double radius_mm = 0;
     std::vector<double> from_tip_mm = {0};
     std::vector<double> rigidity_N_mm2;  // at from_tip_mm
+    std::vector<WireSection> sections;   // if not empty, instead of all but the lengths
     Sheath sheath;
   };
 
   void ReadAxes(StrictTable& file);
   void ReadWire(StrictTable& file);
+  void ReadShape(StrictTable& file, StrictTable& wire, double segment_mm);
   void ReadRelaxation(StrictTable& file);
   void ReadEffects(StrictTable& file);
+  void MakeEffect(const effects::EffectKind& kind, StrictTable& effects);
   Sheath ReadEntry(StrictTable& file);
   void CheckFit(double radius_mm, const Sheath& sheath, const StrictTable& entry) const;
 
@@ -106,6 +110,7 @@ class Scene {
   std::vector<std::unique_ptr<effects::Effect>> effects_;
   std::vector<std::string> effect_names_;
   std::vector<EnergyTerm*> terms_;
+  std::unique_ptr<vessel::MovingField> moving_;
 };
 
 }  // namespace torquer::scene

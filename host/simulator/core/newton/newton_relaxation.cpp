@@ -26,6 +26,7 @@ NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField&
                                    const WallModel& wall, const NewtonSettings& settings,
                                    const std::vector<EnergyTerm*>& terms)
     : model_(model),
+      field_(field),
       settings_(settings),
       terms_(terms),
       mechanics_(model, field, wall, terms),
@@ -46,6 +47,8 @@ void NewtonRelaxation::Restart(WireState& state) {
   stable_ = false;
   moved_ = false;
   TransportNormals(model_, state);
+  mechanics_.TakeStiffness(state);
+  travel_mm_ = field_.TravelMm();
   mechanics_.Expand(state, current_);
 }
 
@@ -78,6 +81,7 @@ bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, T
   if (state.segments() == 0) damping_ = 0;
   stable_ = false;
   moved_ = true;
+  mechanics_.TakeStiffness(state);
   mechanics_.Expand(state, current_);
   return true;
 }
@@ -244,6 +248,10 @@ TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, 
   const double insertion_before = state.insertion_mm;
   const double rotation_before = state.rotation_rad;
 
+  if (field_.TravelMm() != travel_mm_) {
+    travel_mm_ = field_.TravelMm();
+    mechanics_.Expand(state, current_);
+  }
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
   bool up_to_date = terms_.empty();  // what they took over may have changed the energy
   bool stalled = false;

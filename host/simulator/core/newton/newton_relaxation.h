@@ -52,6 +52,7 @@ class NewtonRelaxation final : public Relaxation {
   void PushOff(WireState& state);
 
   const WireModel& model_;
+  const ClearanceField& field_;
   const NewtonSettings settings_;
   const std::vector<EnergyTerm*>& terms_;
   WireMechanics mechanics_;
@@ -63,6 +64,7 @@ class NewtonRelaxation final : public Relaxation {
   std::vector<Eigen::Vector3d> displacement_mm_;
   std::vector<std::uint8_t> active_;   ///< near points that feel the wall in the model
   std::vector<std::uint8_t> pressed_;  ///< before the last move; by PointSet::FromTip
+  double travel_mm_ = 0;               ///< of the vessel, in current_
   bool moved_ = false;                 ///< fed or turned, and no step accepted since
   double damping_ = 0;   ///< proximal weight over residual that last worked; kept between ticks
   double proximal_ = 0;  ///< the weight in use
