@@ -1,5 +1,6 @@
 #include <sstream>
 
+#include "host/simulator/effects/assessment.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/friction.h"
 #include "host/simulator/effects/wall_force.h"
@@ -9,7 +10,7 @@ namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   // In the order in which they are made: what needs another comes after it.
-  static const std::vector<EffectKind> kinds = {FrictionKind(), WallForceKind()};
+  static const std::vector<EffectKind> kinds = {FrictionKind(), WallForceKind(), AssessmentKind()};
   return kinds;
 }
 
