@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 namespace torquer::study {
 namespace {
@@ -295,6 +296,7 @@ void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
                "All else as by default.");
     } else {
       Plot plot{axis.title, {"ms for a millimeter of motion", true}, {"mean error, mm", true}, {}};
+      std::set<std::string> named;
       for (const std::string& name : names) {
         Series series{name, Mark::kPoints, {}, {}};
         for (const auto& [scene, cases] : results.measured) {
@@ -303,13 +305,15 @@ void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
           series.x.push_back(outcome->MsPerMm());
           series.y.push_back(outcome->error_mean_mm);
           series.notes.push_back(scene);
-          if (name == names.front()) {
+          if (std::isfinite(outcome->error_mean_mm) && named.insert(scene).second) {
             plot.callouts.push_back({outcome->MsPerMm(), outcome->error_mean_mm, scene});
           }
         }
         plot.series.push_back(std::move(series));
       }
-      run.Draw(plot, "One point a scene; the first setting's has the scene's name.");
+      run.Draw(
+          plot,
+          "One point a scene; the first setting that stayed in its basin has the scene's name.");
     }
     for (const auto& [scene, cases] : results.measured) {
       Table table{axis.title + ", " + scene, Header(), {}};

@@ -38,7 +38,7 @@ std::string Usage(const std::vector<std::unique_ptr<Study>>& studies) {
          "options of every study:\n"
          "  --quick       fewer and smaller cases\n"
          "  --json        JSON objects on standard output, one a line, instead of text\n"
-         "  --out FOLDER  where STUDY.csv, .jsonl and .html go; study-results if not given\n";
+         "  --out FOLDER  where STUDY.csv, .jsonl, .html and .svg go; study-results if not given\n";
 }
 
 int RunStudy(const std::vector<std::unique_ptr<Study>>& studies, int argc, char** argv) {

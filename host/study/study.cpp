@@ -108,7 +108,9 @@ void StudyRun::Print(const std::string& text) {
 }
 
 void StudyRun::Draw(const Plot& plot, const std::string& caption) {
-  body_ += "<figure class=\"plot\">\n" + DrawPlot(plot) + "<figcaption>" + EscapeMarkup(caption) +
+  const std::string picture = DrawPlot(plot);
+  if (first_picture_.empty()) first_picture_ = picture;
+  body_ += "<figure class=\"plot\">\n" + picture + "<figcaption>" + EscapeMarkup(caption) +
            "</figcaption></figure>\n";
 }
 
@@ -146,7 +148,9 @@ void StudyRun::Finish(const std::string& title) {
                  "</h1>\n<p class=\"machine\">" +
                  EscapeMarkup(DescribeMachine() + (options_.quick ? ", quick run" : "")) +
                  "</p>\n" + head_ + body_ + "</main></body></html>\n");
-  Print("\nWritten: " + stem + ".csv, .jsonl, .html\n");
+  if (!first_picture_.empty()) WriteWhole(stem + ".svg", first_picture_);
+  Print("\nWritten: " + stem + ".csv, .jsonl, .html" + (first_picture_.empty() ? "" : ", .svg") +
+        "\n");
 }
 
 void RequireScene(const std::string& folder, const std::string& scene) {

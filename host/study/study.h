@@ -56,8 +56,9 @@ class StudyRun {
   /// Where the study is, on standard error while that is a terminal; fraction in [0, 1].
   void Progress(const std::string& what, double fraction);
 
-  /// Writes <folder>/<study>.csv, .jsonl and .html, each whole or not at all, and tells where they
-  /// are. `title` heads the report. Throws UserError naming the file that cannot be written.
+  /// Writes <folder>/<study>.csv, .jsonl, .html and .svg (the first plot, if any), each whole or
+  /// not at all, and tells where they are. `title` heads the report. Throws UserError naming the
+  /// file that cannot be written.
   void Finish(const std::string& title);
 
   const std::vector<ResultRow>& rows() const { return rows_; }
@@ -71,6 +72,7 @@ class StudyRun {
   std::vector<ResultRow> rows_;
   std::string head_;  ///< of the report, HTML
   std::string body_;
+  std::string first_picture_;  ///< SVG
   double last_progress_s_ = 0;
   bool progress_shown_ = false;
 };

@@ -53,7 +53,7 @@ TEST_CASE("a row is a JSON object with five keys") {
   CHECK(nlohmann::json::parse(FormatJson({"a", "b", "c", nothing, ""}))["value"].is_null());
 }
 
-TEST_CASE("a finished run leaves three whole files") {
+TEST_CASE("a finished run leaves whole files") {
   const TemporaryFolder folder;
   StudyRun run = MakeRun(folder);
   run.Section("First <section>");
@@ -72,6 +72,9 @@ TEST_CASE("a finished run leaves three whole files") {
   CHECK(Count(html, "<svg ") == 1);
   CHECK(Count(html, "First &lt;section&gt;") == 1);
   CHECK(Count(html, "a &amp; b") == 1);
+  const std::string svg = ReadAll(folder.Path("results/sample.svg"));
+  CHECK(svg.starts_with("<svg "));
+  CHECK(html.find(svg) != std::string::npos);
   CHECK(html.find("The summary") < html.find("First &lt;section&gt;"));
   for (const auto& entry : std::filesystem::directory_iterator(folder.Path("results"))) {
     CHECK(entry.path().extension() != ".unfinished");
