@@ -1,7 +1,9 @@
 #include <sstream>
 
 #include "host/simulator/effects/assessment.h"
+#include "host/simulator/effects/contrast.h"
 #include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/flow.h"
 #include "host/simulator/effects/friction.h"
 #include "host/simulator/effects/wall_force.h"
 #include "host/support/error.h"
@@ -10,7 +12,8 @@ namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   // In the order in which they are made: what needs another comes after it.
-  static const std::vector<EffectKind> kinds = {FrictionKind(), WallForceKind(), AssessmentKind()};
+  static const std::vector<EffectKind> kinds = {FrictionKind(), WallForceKind(), AssessmentKind(),
+                                                FlowKind(), ContrastKind()};
   return kinds;
 }
 
