@@ -93,6 +93,12 @@ bool StrictTable::Has(const std::string& key) const {
   return impl_->table->contains(key);
 }
 
+bool StrictTable::IsText(const std::string& key) const {
+  impl_->known.insert(key);
+  const toml::node* node = impl_->table->get(key);
+  return node != nullptr && node->is_string();
+}
+
 double StrictTable::Number(const std::string& key, double lowest, double highest) {
   const toml::node* node = impl_->Find(key);
   const std::string range = "a number from " + Spelled(lowest) + " to " + Spelled(highest);

@@ -25,6 +25,8 @@ class StrictTable {
   ~StrictTable();
 
   bool Has(const std::string& key) const;
+  /// Whether it has the key, and that is a text.
+  bool IsText(const std::string& key) const;
 
   /// A number in [lowest, highest]; NaN and infinities never are.
   double Number(const std::string& key, double lowest, double highest);

@@ -20,18 +20,33 @@ struct PointSet {
   std::vector<int> near;                   ///< the points that touch or nearly do, ascending
   std::vector<ClearanceSample> clearance;  ///< valid only at `near` points
   std::vector<double> stiffness_N_mm2;     ///< of the wall; valid only at `near` points
+  Eigen::Vector3d start = Eigen::Vector3d::Zero();  ///< mm; where the piece of point 0 begins
 
   int size() const { return static_cast<int>(position.size()); }
   /// Identifies the point as material: constant while the wire moves through the sheath.
   int FromTip(int q) const { return size() - 1 - q; }
+  /// The unit tangent of the segment that the point belongs to.
+  Eigen::Vector3d Tangent(int q) const {
+    const auto p = static_cast<std::size_t>(q);
+    return (position[p] - (q == 0 ? start : position[p - 1])) / weight_mm[p];
+  }
 };
 
-/// Where the terms put their derivatives with respect to the points' positions.
+/// Derivatives with respect to the unit tangent of a segment, taken as any vector: a moment.
+struct TangentLoad {
+  int segment;
+  Eigen::Vector3d gradient;  ///< mJ
+  Eigen::Matrix3d hessian;   ///< mJ, symmetric; only where it is asked for
+};
+
+/// Where the terms put their derivatives with respect to the points' positions, and to the tangents
+/// of the few segments that bear a moment.
 struct PointDerivatives {
   bool with_hessian = false;
   std::vector<std::uint8_t> used;         ///< 1 where gradient and Hessian hold something
   std::vector<Eigen::Vector3d> gradient;  ///< N
   std::vector<Eigen::Matrix3d> hessian;   ///< N/mm, symmetric
+  std::vector<TangentLoad> on_tangents;   ///< in any order; they add up
 
   /// Makes point q used, starting from zero. Call before adding to it.
   void Touch(int q) {
@@ -43,7 +58,8 @@ struct PointDerivatives {
   }
 };
 
-/// Role *energy term*: an energy of the positions of the wire's points. It must have a continuous
+/// Role *energy term*: an energy of the positions of the wire's points and of its tangents, without
+/// terms that couple the two or several of them. It must have a continuous
 /// gradient; its Hessian may be replaced by a positive semidefinite approximation.
 class EnergyTerm {
  public:

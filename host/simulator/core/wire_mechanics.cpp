@@ -145,6 +145,7 @@ Expansion WireMechanics::MakeExpansion() const {
   e.derivatives.used.reserve(points);
   e.derivatives.gradient.reserve(points);
   e.derivatives.hessian.reserve(points);
+  e.derivatives.on_tangents.reserve(terms_.empty() ? 0 : 8);
   return e;
 }
 
@@ -164,6 +165,7 @@ void WireMechanics::PlacePoints(const WireState& state, bool with_hessian, Point
   points.clearance.resize(count);
   points.stiffness_N_mm2.resize(count);
   points.near.clear();
+  points.start = state.nodes.front();
   const double travel = field_.TravelMm();
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {
@@ -247,15 +249,18 @@ void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& o
   out.curved_joints_mJ = curved;
 }
 
-void WireMechanics::AddLoad(int point, double length_mm, const Vector3d& gradient,
-                            const Matrix3d* hessian, Expansion& out) const {
-  const int segment = point / out.points.per_segment;
+LoadTerms& WireMechanics::LoadsOf(int segment, Expansion& out) const {
   if (out.load_index[segment] < 0) {
     out.load_index[segment] = static_cast<int>(out.loads.size());
     out.loads.push_back(
         {Vector3d::Zero(), Vector3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero(), Matrix3d::Zero()});
   }
-  LoadTerms& load = out.loads[out.load_index[segment]];
+  return out.loads[out.load_index[segment]];
+}
+
+void WireMechanics::AddLoad(int point, double length_mm, const Vector3d& gradient,
+                            const Matrix3d* hessian, Expansion& out) const {
+  LoadTerms& load = LoadsOf(point / out.points.per_segment, out);
   const double t = length_mm * (point % out.points.per_segment + 1) / out.points.per_segment;
   load.g0 += gradient;
   load.g1 += t * gradient;
@@ -286,6 +291,11 @@ void WireMechanics::SumLoads(const WireState& state, IsActive is_active, Expansi
     if (!out.derivatives.used[p]) continue;
     AddLoad(q, state.SegmentLength(model_, q / per_segment), out.derivatives.gradient[p],
             with_hessian ? &out.derivatives.hessian[p] : nullptr, out);
+  }
+  for (const TangentLoad& on : out.derivatives.on_tangents) {
+    LoadTerms& load = LoadsOf(on.segment, out);
+    load.g1 += on.gradient;
+    if (with_hessian) load.h2 += on.hessian;
   }
 }
 
@@ -342,6 +352,7 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
     out.derivatives.gradient.resize(points);
     out.derivatives.hessian.resize(points);
     out.derivatives.used.assign(points, 0);
+    out.derivatives.on_tangents.clear();
     for (const EnergyTerm* term : terms_) out.energy_mJ += term->Add(out.points, out.derivatives);
   }
   SumTrueGradient(state, out);

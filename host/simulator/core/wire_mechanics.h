@@ -60,7 +60,8 @@ struct WallSpring {
 };
 
 /// Sums over the points of one segment, t their distance past its proximal node: of the gradient
-/// g, of t g, and of H, t H, t^2 H.
+/// g, of t g, and of H, t H, t^2 H. A load on the tangent itself adds its gradient to g1 and its
+/// Hessian to h2.
 struct LoadTerms {
   Eigen::Vector3d g0;
   Eigen::Vector3d g1;
@@ -126,6 +127,7 @@ class WireMechanics {
   void ExpandWall(bool with_hessian, Expansion& out) const;
   void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,
                const Eigen::Matrix3d* hessian, Expansion& out) const;
+  LoadTerms& LoadsOf(int segment, Expansion& out) const;
   template <class IsActive>
   void SumLoads(const WireState& state, IsActive is_active, Expansion& out) const;
   double SumGradient(const WireState& state, Expansion& out) const;

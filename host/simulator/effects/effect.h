@@ -17,7 +17,7 @@
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
 #include "host/simulator/vessel/centerline.h"
-#include "host/simulator/vessel/field_motion.h"
+#include "host/simulator/vessel/moving_field.h"
 #include "host/simulator/vessel/patient_axes.h"
 #include "host/support/strict_toml.h"
 
@@ -35,6 +35,7 @@ struct EffectContext {
   Eigen::AlignedBox3d bounds_mm = {};  ///< of the vessel
   vessel::PatientAxes axes = {};
   const std::vector<std::unique_ptr<Effect>>* earlier = nullptr;  ///< made before this one
+  const vessel::MovingField* moving = nullptr;  ///< the vessel as it moves; null where it does not
 };
 
 /// What the hand does besides moving the wire.

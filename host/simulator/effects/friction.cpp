@@ -4,16 +4,38 @@
 #include <cmath>
 #include <cstring>
 
+#include "host/simulator/effects/region_keys.h"
+
 namespace torquer::effects {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-Friction::Friction(double coefficient, double slip_mm, const EffectContext& context)
+Friction::Friction(double coefficient, double slip_mm, const EffectContext& context,
+                   const FrictionCoating& coating, std::vector<Part> parts)
     : coefficient_(coefficient),
       slip_mm_(slip_mm),
+      coating_(coating),
+      coated_points_(static_cast<int>(std::lround(coating.length_mm / context.wire.segment_mm() *
+                                                  context.wall.points_per_segment))),
+      parts_(std::move(parts)),
+      moving_(context.moving),
       anchors_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
                static_cast<std::size_t>(context.wall.points_per_segment)) {}
+
+double Friction::CoefficientAt(int from_tip, const Vector3d& point_mm) const {
+  const double own = from_tip < coated_points_ ? coating_.coefficient : coefficient_;
+  if (parts_.empty()) return own;
+  const Vector3d at = moving_ == nullptr ? point_mm : moving_->AtRest(point_mm);
+  double factor = 1;
+  for (const Part& part : parts_) factor += part.region.Weight(at) * (part.factor - factor);
+  return own * factor;
+}
+
+void Friction::Place(const Vector3d& at, Anchor& anchor) const {
+  anchor.at = at;
+  if (moving_ != nullptr) anchor.at_rest = moving_->AtRest(at);
+}
 
 void Friction::Reset() {
   for (Anchor& anchor : anchors_) anchor = Anchor();
@@ -24,12 +46,15 @@ void Friction::Begin(const PointSet& points) {
     const auto p = static_cast<std::size_t>(q);
     Anchor& anchor = anchors_[points.FromTip(q)];
     anchor.limit_N = 0;
-    if (!anchor.holds || !points.touches[p]) continue;
+    if (!anchor.holds) continue;
+    if (moving_ != nullptr) anchor.at = moving_->Moved(anchor.at_rest, anchor.at);
+    if (!points.touches[p]) continue;
     const ClearanceSample& sample = points.clearance[p];
     const double slope = sample.gradient.norm();
     if (!(slope > 1e-6)) continue;
     anchor.normal = sample.gradient / slope;
-    anchor.limit_N = coefficient_ * points.stiffness_N_mm2[p] * points.weight_mm[p] *
+    anchor.limit_N = CoefficientAt(points.FromTip(q), points.position[p]) *
+                     points.stiffness_N_mm2[p] * points.weight_mm[p] *
                      (points.radius_mm[p] - sample.clearance_mm) * slope;
   }
 }
@@ -76,14 +101,14 @@ void Friction::End(const PointSet& points) {
     }
     if (!anchor.holds) {
       anchor.holds = true;
-      anchor.at = points.position[p];
+      Place(points.position[p], anchor);
       continue;
     }
     Vector3d s = points.position[p] - anchor.at;
     const Vector3d& gradient = points.clearance[p].gradient;
     s -= (s.dot(gradient) / std::max(gradient.squaredNorm(), 1e-12)) * gradient;
     const double distance = s.norm();
-    if (distance > slip_mm_) anchor.at = points.position[p] - (slip_mm_ / distance) * s;
+    if (distance > slip_mm_) Place(points.position[p] - (slip_mm_ / distance) * s, anchor);
   }
   // What left through the sheath will touch somewhere else when it comes back.
   for (int k = points.size(); k < anchored_; ++k) anchors_[static_cast<std::size_t>(k)] = Anchor();
@@ -106,16 +131,33 @@ EffectKind FrictionKind() {
   static const Key kCoefficient = {"coefficient", "", 0, 2, std::nullopt, "of Coulomb's law, mu"};
   static const Key kSlip = {
       "slip_mm", "mm", 1e-5, 0.1, 0.005, "displacement at which a sticking contact begins to slip"};
-  return {.name = "friction",
-          .summary = "Coulomb friction of the wire on the wall, with stick and slip",
-          .roles = "energy term",
-          .keys = {kCoefficient, kSlip},
-          .other_keys = {},
-          .needs = "",
-          .make = [](StrictTable& keys, const EffectContext& context) -> std::unique_ptr<Effect> {
-            const double coefficient = kCoefficient.Read(keys);
-            return std::make_unique<Friction>(coefficient, kSlip.Read(keys), context);
-          }};
+  static const Key kCoating = {
+      "coating_mm", "mm", 0, 5000, 0, "length of the wire's end with a coating of its own"};
+  static const Key kCoated = {"coating_coefficient", "", 0, 2, 0.0, "of the coated end"};
+  return {
+      .name = "friction",
+      .summary = "Coulomb friction of the wire on the wall, with stick and slip",
+      .roles = "energy term",
+      .keys = {kCoefficient, kSlip, kCoating, kCoated},
+      .other_keys =
+          RegionKeys({{"region.factor", "0 to 20", "times the wire's coefficient, on that wall"}}),
+      .needs = "",
+      .make = [](StrictTable& keys, const EffectContext& context) -> std::unique_ptr<Effect> {
+        const double coefficient = kCoefficient.Read(keys);
+        const double slip_mm = kSlip.Read(keys);
+        FrictionCoating coating;
+        coating.length_mm = kCoating.Read(keys);
+        if (keys.Has("coating_coefficient") != (coating.length_mm > 0)) {
+          keys.Refuse("coating_mm", "and coating_coefficient need each other; give both");
+        }
+        coating.coefficient = kCoated.Read(keys);
+        std::vector<Friction::Part> parts;
+        for (StrictTable* region : keys.Tables("region")) {
+          const double factor = region->Number("factor", 0, 20);
+          parts.push_back({ReadRegion(*region, context), factor});
+        }
+        return std::make_unique<Friction>(coefficient, slip_mm, context, coating, std::move(parts));
+      }};
 }
 
 }  // namespace torquer::effects

@@ -5,20 +5,34 @@
 //   mu N (3 x - x^3) / 2,  x = |s|/d <= 1   (sticks, elastically)
 //   mu N                   beyond           (slips, at the Coulomb cone exactly)
 // which has an energy with two continuous derivatives. After the tick an anchor farther away than d
-// follows to the distance d: the force stays as it is, and nothing creeps while it sticks.
+// follows to the distance d: the force stays as it is, and nothing creeps while it sticks. Where
+// the vessel moves, the anchors go with their places on the wall.
 #pragma once
 
 #include <memory>
 #include <vector>
 
 #include "host/simulator/effects/effect.h"
+#include "host/simulator/vessel/region.h"
 
 namespace torquer::effects {
 
+/// The wire's end as far as it is coated, with the coefficient there.
+struct FrictionCoating {
+  double length_mm = 0;
+  double coefficient = 0;
+};
+
 class Friction final : public Effect, public EnergyTerm {
  public:
-  /// `coefficient` mu in [0, 2]; `slip_mm` d in [1e-5, 0.1].
-  Friction(double coefficient, double slip_mm, const EffectContext& context);
+  /// A part of the vessel whose wall multiplies the coefficient.
+  struct Part {
+    vessel::Region region;
+    double factor = 1;  ///< >= 0
+  };
+  /// `coefficient` mu in [0, 2]; `slip_mm` d in [1e-5, 0.1]. Later parts lie over earlier ones.
+  Friction(double coefficient, double slip_mm, const EffectContext& context,
+           const FrictionCoating& coating = {}, std::vector<Part> parts = {});
 
   EnergyTerm* energy_term() override { return this; }
 
@@ -32,13 +46,21 @@ class Friction final : public Effect, public EnergyTerm {
   // By PointSet::FromTip, so that it stays with the material.
   struct Anchor {
     Eigen::Vector3d at = Eigen::Vector3d::Zero();
-    Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // unit, of the wall, at the tick's start
-    double limit_N = 0;                                // mu N at the tick's start
+    Eigen::Vector3d at_rest = Eigen::Vector3d::Zero();  // the same of the vessel at rest
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();   // unit, of the wall, at the tick's start
+    double limit_N = 0;                                 // mu N at the tick's start
     bool holds = false;
   };
 
+  double CoefficientAt(int from_tip, const Eigen::Vector3d& point_mm) const;
+  void Place(const Eigen::Vector3d& at, Anchor& anchor) const;
+
   const double coefficient_;
   const double slip_mm_;
+  const FrictionCoating coating_;
+  const int coated_points_;
+  const std::vector<Part> parts_;
+  const vessel::MovingField* const moving_;  ///< null where the vessel rests
   std::vector<Anchor> anchors_;
   int anchored_ = 0;  ///< anchors beyond this many are blank
 };

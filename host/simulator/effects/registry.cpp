@@ -1,10 +1,16 @@
 #include <sstream>
 
 #include "host/simulator/effects/assessment.h"
+#include "host/simulator/effects/breathing.h"
+#include "host/simulator/effects/compliance.h"
 #include "host/simulator/effects/contrast.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/flow.h"
 #include "host/simulator/effects/friction.h"
+#include "host/simulator/effects/gravity.h"
+#include "host/simulator/effects/heartbeat.h"
+#include "host/simulator/effects/point_load.h"
+#include "host/simulator/effects/sections.h"
 #include "host/simulator/effects/wall_force.h"
 #include "host/support/error.h"
 
@@ -12,8 +18,11 @@ namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   // In the order in which they are made: what needs another comes after it.
-  static const std::vector<EffectKind> kinds = {FrictionKind(), WallForceKind(), AssessmentKind(),
-                                                FlowKind(), ContrastKind()};
+  static const std::vector<EffectKind> kinds = {
+      SectionsKind(),   HeartbeatKind(), BreathingKind(), ComplianceKind(),
+      FrictionKind(),   GravityKind(),   PointLoadKind(), WallForceKind(),
+      AssessmentKind(), FlowKind(),      ContrastKind(),
+  };
   return kinds;
 }
 

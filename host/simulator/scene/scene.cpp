@@ -254,7 +254,8 @@ void Scene::MakeEffect(const effects::EffectKind& kind, StrictTable& effects) {
                                                           .centerlines = &vessel_.centerlines,
                                                           .bounds_mm = vessel_.bounds_mm,
                                                           .axes = axes_,
-                                                          .earlier = &effects_}));
+                                                          .earlier = &effects_,
+                                                          .moving = moving_.get()}));
   effects::Effect& effect = *effects_.back();
   EnergyTerm* const term = effect.energy_term();
   const WallStiffness* const stiffness = effect.wall_stiffness();

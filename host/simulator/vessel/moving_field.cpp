@@ -1,5 +1,7 @@
 #include "host/simulator/vessel/moving_field.h"
 
+#include <Eigen/LU>
+
 namespace torquer::vessel {
 
 using Eigen::Matrix3d;
@@ -17,6 +19,22 @@ Offset MovingField::OffsetAt(const Vector3d& point_mm) const {
 
 Vector3d MovingField::AtRest(const Vector3d& point_mm) const {
   return point_mm - OffsetAt(point_mm).value;
+}
+
+Vector3d MovingField::Moved(const Vector3d& at_rest_mm, const Vector3d& near_mm) const {
+  // Newton's method on x - offset(x) = at rest; the motions do not fold, so there is one solution.
+  Vector3d at = near_mm;
+  for (int k = 0; k < 30; ++k) {
+    const Offset offset = OffsetAt(at);
+    const Vector3d miss = at - offset.value - at_rest_mm;
+    if (miss.squaredNorm() < 1e-24) break;
+    if (k < 10) {
+      at -= (Matrix3d::Identity() - offset.jacobian).inverse() * miss;
+    } else {
+      at -= miss;  // slower, and sure: the jacobian's norm is below 1
+    }
+  }
+  return at;
 }
 
 double MovingField::Clearance(const Vector3d& point_mm) const {

@@ -30,6 +30,9 @@ class MovingField final : public ClearanceField {
 
   /// Where a point of the moved vessel was at rest.
   Eigen::Vector3d AtRest(const Eigen::Vector3d& point_mm) const;
+  /// Where a point of the vessel at rest is now: the inverse of AtRest, within 1e-12 mm. `near_mm`
+  /// is where it may be; exact there after one look where all about it moves alike.
+  Eigen::Vector3d Moved(const Eigen::Vector3d& at_rest_mm, const Eigen::Vector3d& near_mm) const;
 
  private:
   Offset OffsetAt(const Eigen::Vector3d& point_mm) const;

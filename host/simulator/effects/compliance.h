@@ -1,0 +1,36 @@
+// Walls that are softer or harder in parts of the vessel.
+#pragma once
+
+#include <vector>
+
+#include "host/simulator/effects/effect.h"
+#include "host/simulator/vessel/region.h"
+
+namespace torquer::effects {
+
+/// The wall's stiffness by region: from what is about a region to the region's own along its edge,
+/// evenly in the logarithm. Later regions lie over earlier ones. Regions move with the vessel.
+class Compliance final : public Effect, public WallStiffness {
+ public:
+  struct Part {
+    vessel::Region region;
+    double stiffness_N_mm2 = 0;  ///< > 0
+  };
+  Compliance(std::vector<Part> parts, const EffectContext& context);
+
+  const WallStiffness* wall_stiffness() override { return this; }
+  double At(const Eigen::Vector3d& point_mm) const override;
+
+ private:
+  struct LogPart {
+    vessel::Region region;
+    double log_stiffness;
+  };
+  std::vector<LogPart> parts_;
+  const double elsewhere_N_mm2_;
+  const vessel::MovingField* const moving_;
+};
+
+EffectKind ComplianceKind();
+
+}  // namespace torquer::effects

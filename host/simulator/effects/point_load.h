@@ -1,0 +1,45 @@
+// What acts on the wire's distal end: a force, a moment, a clamp.
+#pragma once
+
+#include "host/simulator/effects/effect.h"
+
+namespace torquer::effects {
+
+/// Everything is at the distal end; what is zero is absent.
+struct EndLoad {
+  Eigen::Vector3d force_N = Eigen::Vector3d::Zero();  ///< keeps its direction
+  /// Turns the last segment about `axis`. The energy is minus the moment times the angle about the
+  /// axis, so the moment about it is constant; it fades where the segment is within 6 degrees of
+  /// the axis, about which nothing could turn it.
+  double moment_mJ = 0;
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  ///< unit
+  double hold_N_mm = 0;                             ///< spring that holds the end at `place_mm`
+  Eigen::Vector3d place_mm = Eigen::Vector3d::Zero();
+  double align_mJ = 0;  ///< moment over sine of the angle that holds the last segment's direction
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit
+};
+
+class PointLoad final : public Effect, public EnergyTerm {
+ public:
+  explicit PointLoad(const EndLoad& load) : load_(load) {}
+
+  EnergyTerm* energy_term() override { return this; }
+  void SetLoad(const EndLoad& load) { load_ = load; }
+
+  void Begin(const PointSet& points) override;
+  double Add(const PointSet& points, PointDerivatives& out) const override;
+  void End(const PointSet&) override {}
+  void Reset() override { angle_rad_ = 0; }
+  std::uint64_t Hash(std::uint64_t seed) const override;
+
+ private:
+  double Turn(const Eigen::Vector3d& tangent, TangentLoad& out) const;
+
+  EndLoad load_;
+  /// About the axis at the tick's start, full turns included.
+  double angle_rad_ = 0;
+};
+
+EffectKind PointLoadKind();
+
+}  // namespace torquer::effects

@@ -1,0 +1,201 @@
+#include <catch2/catch.hpp>
+#include <numbers>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/effects/point_load.h"
+#include "tests/core/finite_differences.h"
+#include "tests/physics/elastica.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+using effects::EndLoad;
+using effects::PointLoad;
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kLength = 40;
+constexpr double kRigidity = 2.5;
+
+// Keeps a wire in the plane z = 0, from which it would sooner turn over.
+class PlaneSprings final : public EnergyTerm {
+ public:
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet& points, PointDerivatives& out) const override {
+    double energy = 0;
+    for (std::size_t q = 0; q < points.position.size(); ++q) {
+      const double z = points.position[q][2];
+      energy += z * z / 2;
+      out.Touch(static_cast<int>(q));
+      out.gradient[q][2] += z;
+      if (out.with_hessian) out.hessian[q](2, 2) += 1;
+    }
+    return energy;
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+};
+
+struct Beam {
+  WireModel model;
+  FreeSpace field;
+  WallModel wall;
+  PointLoad load;
+  PlaneSprings springs;
+  std::vector<EnergyTerm*> terms{&load, &springs};
+  NewtonRelaxation relaxation;
+  WireState state;
+
+  explicit Beam(const EndLoad& end, double segment_mm = 0.5, int points = 2)
+      : model(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = kRigidity})),
+        wall{.points_per_segment = points},
+        load(end),
+        relaxation(model, field, wall, {.tolerance = 1e-9}, terms),
+        state(LayStraight(model, kLength)) {
+    relaxation.Restart(state);
+  }
+  TickReport Relax() { return Settle(relaxation, {kLength, 0}, state); }
+};
+
+EndLoad EverythingAtOnce() {
+  EndLoad load;
+  load.force_N = {1e-3, -2e-3, 3e-3};
+  load.moment_mJ = 0.3;
+  load.axis = Vector3d(0.2, 0.3, 0.9).normalized();
+  load.hold_N_mm = 0.02;
+  load.place_mm = {10, 5, 2};
+  load.align_mJ = 0.2;
+  load.direction = Vector3d(0.5, -0.5, 0.3).normalized();
+  return load;
+}
+
+TEST_CASE("The expansion with loads on the end is that of finite differences") {
+  const int points = GENERATE(1, 2, 3);
+  const double length_mm = GENERATE(1.3, 8.7);  // one segment, and several
+  const FreeSpace field;
+  const WallModel wall{.points_per_segment = points};
+  const WireModel model = MakeWire({.segment_mm = 1.3, .rigidity_N_mm2 = 0.5});
+  PointLoad load(EverythingAtOnce());
+  const std::vector<EnergyTerm*> terms{&load};
+  WireMechanics mechanics(model, field, wall, terms);
+  Expansion at = mechanics.MakeExpansion();
+  Expansion there = mechanics.MakeExpansion();
+  std::mt19937 random(21);
+  WireState state = Wander(model, length_mm, 0.3, random);
+  mechanics.Expand(state, at);
+  load.Begin(at.points);
+  mechanics.Expand(state, at);
+  REQUIRE(at.derivatives.on_tangents.size() == 1);
+  const int n = state.segments();
+  const auto energy = [&](const Eigen::VectorXd& xi) {
+    mechanics.ExpandGradient(Stepped(model, state, Steps(xi)), there);
+    return there.energy_mJ;
+  };
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(2 * n);
+  const Eigen::VectorXd gradient = GradientOf(energy, zero, 1e-3);
+  for (int i = 0; i < n; ++i) {
+    INFO("segment " << i);
+    CHECK((gradient.segment<2>(2 * i) - at.gradient[i]).norm() < 1e-7 * (1 + gradient.norm()));
+  }
+  // Newton's step by the sweep is that of the dense Hessian by differences.
+  RiccatiSweep<BendStage> sweep(model.max_segments());
+  const double weight = 3;
+  REQUIRE(sweep.Factor(model, state, at, weight));
+  std::vector<RiccatiSweep<BendStage>::Control> step;
+  std::vector<Vector3d> displacement;
+  sweep.Step(model, state, at, step, displacement);
+  Eigen::MatrixXd hessian = HessianOf(energy, zero, 1e-3);
+  hessian.diagonal().array() += weight * 0.5;
+  const Eigen::VectorXd expected = -hessian.ldlt().solve(gradient);
+  for (int i = 0; i < n; ++i) {
+    INFO("segment " << i);
+    CHECK((expected.segment<2>(2 * i) - step[i]).norm() < 1e-5 * expected.norm());
+  }
+}
+
+TEST_CASE("Near the moment's axis the moment fades evenly") {
+  EndLoad end;
+  end.moment_mJ = 0.7;
+  end.axis = Vector3d(1, 0, 0);
+  const FreeSpace field;
+  const WallModel wall;
+  const WireModel model = MakeWire({.segment_mm = 1});
+  PointLoad load(end);
+  const std::vector<EnergyTerm*> terms{&load};
+  WireMechanics mechanics(model, field, wall, terms);
+  Expansion at = mechanics.MakeExpansion();
+  for (const double tilt : {0.02, 0.05, 0.09, 0.2}) {
+    WireState state = LayStraight(model, 1);
+    state = Stepped(model, state, {Vector2d(tilt, 0.3 * tilt)});
+    mechanics.Expand(state, at);
+    load.Begin(at.points);
+    mechanics.Expand(state, at);
+    const Vector2d gradient = at.gradient[0];
+    const auto energy = [&](const Eigen::VectorXd& xi) {
+      Expansion there = mechanics.MakeExpansion();
+      mechanics.ExpandGradient(Stepped(model, state, Steps(xi)), there);
+      return there.energy_mJ;
+    };
+    CHECK((GradientOf(energy, Eigen::VectorXd::Zero(2), 1e-4) - gradient).norm() <
+          1e-6 * (1 + gradient.norm()));
+  }
+}
+
+TEST_CASE("Under an end force the wire is the elastica") {
+  for (const double load : {0.5, 2.0, 10.0}) {
+    EndLoad end;
+    end.force_N = Vector3d(0, load * kRigidity / (kLength * kLength), 0);
+    Beam beam(end);
+    REQUIRE(beam.Relax().converged);
+    const Elastica exact = SolveElastica(load);
+    const Vector3d expected(exact.along * kLength, exact.across * kLength, 0);
+    CHECK((beam.state.nodes.back() - expected).norm() < 2e-4 * kLength);
+  }
+}
+
+TEST_CASE("Under an end moment the wire is an arc of radius EI/M, up to a whole circle") {
+  const int points = GENERATE(1, 2);
+  EndLoad end;
+  Beam beam(end, 0.5, points);
+  for (int k = 1; k <= 8; ++k) {
+    const double turned = 2 * kPi * k / 8;
+    end.moment_mJ = turned * kRigidity / kLength;
+    beam.load.SetLoad(end);
+    REQUIRE(beam.Relax().converged);
+    const double radius = kLength / turned;
+    const Vector3d expected(radius * std::sin(turned), radius * (1 - std::cos(turned)), 0);
+    INFO("turned " << turned << " end " << beam.state.nodes.back().transpose());
+    CHECK((beam.state.nodes.back() - expected).norm() < 2e-3 * kLength);
+  }
+}
+
+TEST_CASE("A clamp holds the end like a spring, and a stiff one holds it fast") {
+  // A cantilever's end has the stiffness 3 EI/L^3: beside a spring it shares the way.
+  const double own = 3 * kRigidity / std::pow(kLength, 3);
+  for (const double ratio : {0.5, 3.0}) {
+    EndLoad end;
+    end.hold_N_mm = ratio * own;
+    end.place_mm = Vector3d(kLength, 0.1, 0);
+    Beam beam(end);
+    REQUIRE(beam.Relax().converged);
+    CHECK(beam.state.nodes.back()[1] == Approx(0.1 * ratio / (1 + ratio)).epsilon(2e-3));
+  }
+  // Held at both ends, S-shaped: the guided beam, the force 12 EI d/L^3.
+  EndLoad end;
+  end.hold_N_mm = 1e3;
+  end.place_mm = Vector3d(kLength, 0.5, 0);
+  end.align_mJ = 1e3;
+  end.direction = Vector3d::UnitX();
+  Beam beam(end);
+  REQUIRE(beam.Relax().converged);
+  const Vector3d& x = beam.state.nodes.back();
+  CHECK((x - end.place_mm).norm() < 0.02);
+  CHECK(beam.state.tangents.back()[1] == Approx(0).margin(1e-4));
+  const double middle = beam.state.nodes[static_cast<std::size_t>(beam.state.segments() / 2)][1];
+  CHECK(middle == Approx(0.25).epsilon(0.05));
+}
+
+}  // namespace
+}  // namespace torquer::test

@@ -1,0 +1,94 @@
+#include "host/simulator/vessel/region.h"
+
+#include <catch2/catch.hpp>
+
+#include "host/simulator/vessel/phantoms.h"
+#include "tests/core/finite_differences.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+using vessel::Region;
+using vessel::RegionWeight;
+
+vessel::Centerline Bow() {
+  std::vector<Vector3d> points;
+  std::vector<double> radii;
+  for (int k = 0; k <= 40; ++k) {
+    const double a = 0.05 * k;
+    points.emplace_back(30 * std::sin(a), 30 * (1 - std::cos(a)), 0);
+    radii.push_back(3);
+  }
+  return {"bow", points, radii};
+}
+
+std::vector<Region> Samples() {
+  return {Region::Ball(Vector3d(1, 2, 3), 4, 3), Region::Stretch(Bow(), 10, 40, 5, 4),
+          Region::Side(Vector3d(2, 0, 0), Vector3d(0.6, 0.8, 0), 6)};
+}
+
+Vector3d Random(std::mt19937& random, double size) {
+  std::uniform_real_distribution<double> at(-size, size);
+  const double x = at(random);
+  const double y = at(random);
+  return {x, y, at(random)};
+}
+
+TEST_CASE("A region's gradient and Hessian are those of its weight, and none is steeper") {
+  std::mt19937 random(5);
+  for (const Region& region : Samples()) {
+    int inside = 0;
+    int edge = 0;
+    double steepest = 0;
+    for (int k = 0; k < 60000; ++k) {
+      const Vector3d at = Vector3d(10, 5, 0) + Random(random, 25);
+      RegionWeight weight;
+      if (!region.Evaluate(at, weight)) {
+        REQUIRE(region.Weight(at) == 0);
+        continue;
+      }
+      REQUIRE(weight.value == Approx(region.Weight(at)).margin(1e-12));
+      REQUIRE((weight.value >= 0 && weight.value <= 1));
+      inside += weight.value == 1;
+      steepest = std::max(steepest, weight.gradient.norm());
+      if (weight.value == 1 || edge >= 150) continue;
+      ++edge;
+      const auto value = [&](const Eigen::VectorXd& x) { return region.Weight(x); };
+      CHECK((GradientOf(value, at, 1e-4) - weight.gradient).norm() < 1e-7);
+      CHECK((HessianOf(value, at, 1e-3) - weight.hessian).norm() < 2e-4);
+    }
+    CHECK(inside > 50);
+    CHECK(edge == 150);
+    CHECK(steepest < region.SteepestSlope());
+    CHECK(steepest > 0.3 * region.SteepestSlope());
+  }
+}
+
+TEST_CASE("A stretch is one within its radius of the curve, and zero beyond its edge") {
+  const vessel::Centerline bow = Bow();
+  const Region region = Region::Stretch(bow, 10, 40, 5, 2);
+  for (double s = 10; s <= 40; s += 0.37) {
+    const vessel::CenterlineSample at = bow.At(s);
+    const Vector3d up = Vector3d::UnitZ();
+    CHECK(region.Weight(at.position_mm + 4.99 * up) == 1);
+    CHECK(region.Weight(at.position_mm + 7.2 * up) == 0);
+  }
+  CHECK(region.Weight(bow.At(0).position_mm) == 0);
+  CHECK(region.Weight(bow.At(50).position_mm) == 0);
+}
+
+TEST_CASE("A region knows whether it meets the lumen") {
+  const vessel::TubeVessel tube = vessel::MakeStraightTube(100, 3);
+  const auto meets = [&](const Region& region) {
+    return region.MeetsLumen(*tube.field, tube.centerlines, tube.bounds_mm);
+  };
+  CHECK(meets(Region::Ball(Vector3d(50, 0, 0), 1, 0.5)));
+  CHECK(meets(Region::Ball(Vector3d(50, 5, 0), 2.5, 0.5)));  // its rim alone
+  CHECK_FALSE(meets(Region::Ball(Vector3d(50, 10, 0), 3, 1)));
+  CHECK(meets(Region::Side(Vector3d(90, 0, 0), Vector3d::UnitX(), 2)));
+  CHECK_FALSE(meets(Region::Side(Vector3d(120, 0, 0), Vector3d::UnitX(), 2)));
+}
+
+}  // namespace
+}  // namespace torquer::test
