@@ -41,6 +41,11 @@ Vector3d ParallelTransport(const Vector3d& normal, const Vector3d& from, const V
   return across * (1.5 - 0.5 * across.squaredNorm());
 }
 
+void TurnSegment(std::size_t i, const Vector3d& tangent, WireState& state) {
+  state.normals[i] = ParallelTransport(state.normals[i], state.tangents[i], tangent);
+  state.tangents[i] = tangent;
+}
+
 void TransportNormals(const WireModel& model, WireState& state) {
   const int n = state.segments();
   state.normals.resize(static_cast<std::size_t>(n));
@@ -121,12 +126,6 @@ Vector3d RestDirection(const WireModel& model, const WireState& state, int joint
 }
 
 namespace {
-
-// Gives a segment another tangent; its normal goes along.
-void TurnSegment(std::size_t i, const Vector3d& tangent, WireState& state) {
-  state.normals[i] = ParallelTransport(state.normals[i], state.tangents[i], tangent);
-  state.tangents[i] = tangent;
-}
 
 // With less than this no segment is simulated: a stub would be stiffer than anything else.
 double ShortestFirst(const WireModel& model) { return model.segment_mm() / 2; }

@@ -49,6 +49,8 @@ struct WireState {
 Eigen::Vector3d ParallelTransport(const Eigen::Vector3d& normal, const Eigen::Vector3d& from,
                                   const Eigen::Vector3d& to);
 
+/// Gives segment i another tangent; its normal goes along.
+void TurnSegment(std::size_t i, const Eigen::Vector3d& tangent, WireState& state);
 /// Makes all normals untwisted ones, with no spin between.
 void TransportNormals(const WireModel& model, WireState& state);
 /// Cosine and sine of the angle about `to` from `normal`, carried there from `from` by parallel

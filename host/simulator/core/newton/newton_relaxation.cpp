@@ -16,6 +16,13 @@ constexpr double kSmallestProximal = 1e-4;
 constexpr double kLargestProximal = 1e12;
 // Weight over residual with which to begin where none was needed so far.
 constexpr double kFirstDamping = 0.1;
+// Least weight over residual above a residual.
+constexpr double kFarDamping = 2;
+constexpr double kFarResidual = 5e-3;
+// After a feed the wire is expected to go on relaxing as after the feed before, if that was at
+// least a part of this one and turned no segment by more.
+constexpr double kLargestRatio = 6;
+constexpr double kLargestDriftRad = 0.1;
 // A balance that is stable but for this weight counts as stable.
 constexpr double kStableProximal = 1e-6;
 // Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
@@ -36,6 +43,8 @@ NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField&
       trial_(model) {
   step_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
   displacement_mm_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
+  fed_.reserve(step_.capacity());
+  drift_.reserve(step_.capacity());
   active_.reserve(current_.points.position.capacity());
   pressed_.assign(current_.points.position.capacity(), 0);
 }
@@ -43,9 +52,10 @@ NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField&
 void NewtonRelaxation::Restart(WireState& state) {
   mechanics_.ForgetLookups();
   for (EnergyTerm* term : terms_) term->Reset();
-  damping_ = 0;
+  damping_ = feed_damping_ = 0;
   stable_ = false;
   moved_ = false;
+  fed_mm_ = 0;
   TransportNormals(model_, state);
   mechanics_.TakeStiffness(state);
   travel_mm_ = field_.TravelMm();
@@ -60,6 +70,37 @@ void NewtonRelaxation::RememberPressed() {
   }
 }
 
+void NewtonRelaxation::Feed(double feed_mm, WireState& state) {
+  const std::size_t before = state.tangents.size();
+  drift_.clear();
+  if (fed_mm_ != 0 && fed_.size() == before) {
+    for (std::size_t k = 0; k < before; ++k) {
+      const std::size_t i = before - 1 - k;
+      drift_.push_back(fed_[i].cross(state.tangents[i]));
+    }
+  }
+  FeedAlongItself(model_, feed_mm, state);
+  fed_ = state.tangents;
+  const double ratio = fed_mm_ != 0 ? feed_mm / fed_mm_ : 0;
+  fed_mm_ = feed_mm;
+  predicted_ = ratio > 0 && ratio < kLargestRatio && Drift(ratio, state);
+}
+
+bool NewtonRelaxation::Drift(double ratio, WireState& state) {
+  double longest = 0;
+  for (const Vector3d& turn : drift_) longest = std::max(longest, turn.squaredNorm());
+  if (ratio * std::sqrt(longest) > kLargestDriftRad) return false;
+  const std::size_t n = state.tangents.size();
+  for (std::size_t k = 0; k < std::min(n, drift_.size()); ++k) {
+    const std::size_t i = n - 1 - k;
+    const Vector3d& u = state.tangents[i];
+    TurnSegment(i, (u + ratio * drift_[k].cross(u)).normalized(), state);
+  }
+  PlaceNodes(model_, 1, state);
+  UpdateSpin(model_, state);
+  return true;
+}
+
 bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, TickReport& report) {
   const double feed_left =
       std::clamp(target.insertion_mm, 0.0, model_.max_length_mm()) - state.insertion_mm;
@@ -67,18 +108,17 @@ bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, T
   if (feed_left == 0 && turn_left == 0) return false;
   RememberPressed();
   const double longest = std::min(settings_.max_feed_mm, model_.segment_mm() / 2);
+  Feed(std::abs(feed_left) <= longest ? feed_left : std::copysign(longest, feed_left), state);
   if (std::abs(feed_left) <= longest) {
-    FeedAlongItself(model_, feed_left, state);
     state.insertion_mm = std::clamp(target.insertion_mm, 0.0, model_.max_length_mm());
-  } else {
-    FeedAlongItself(model_, std::copysign(longest, feed_left), state);
   }
   state.SetRotation(std::abs(turn_left) <= settings_.max_turn_rad
                         ? target.rotation_rad
                         : state.rotation_rad + std::copysign(settings_.max_turn_rad, turn_left));
   report.actions += (feed_left != 0) + (turn_left != 0);
   // What was wound up is gone with the wire: begun anew, it does the same again.
-  if (state.segments() == 0) damping_ = 0;
+  if (state.segments() == 0) feed_damping_ = fed_mm_ = 0;
+  damping_ = feed_damping_;
   stable_ = false;
   moved_ = true;
   mechanics_.TakeStiffness(state);
@@ -167,7 +207,10 @@ double NewtonRelaxation::SolveModel(const WireState& state) {
 
 bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
   // In proportion to the residual a weight does not spoil the quadratic convergence.
-  proximal_ = damping_ * current_.residual;
+  // Far from balance some is always needed: contacts would come and go in turns.
+  const double damping =
+      current_.residual > kFarResidual ? std::max(damping_, kFarDamping) : damping_;
+  proximal_ = damping * current_.residual;
   if (proximal_ < kSmallestProximal) proximal_ = 0;
   bool refused = false;
   for (int attempt = 0; attempt < 40; ++attempt) {
@@ -203,6 +246,7 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
       // What was enough at once may be less next time.
       damping_ /= 1.5;
     }
+    if (moved_) feed_damping_ = damping_;
     Accept(state);
     std::swap(current_, trial_expansion_);
     UpdateSpin(model_, state);
@@ -210,7 +254,7 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
     return true;
   }
   mechanics_.Expand(state, current_);
-  damping_ = 0;
+  damping_ = feed_damping_ = 0;
   return false;
 }
 

@@ -40,6 +40,9 @@ class NewtonRelaxation final : public Relaxation {
 
  private:
   void RememberPressed();
+  void Feed(double feed_mm, WireState& state);
+  /// Turns the wire by `ratio` times drift_; false, and not at all, where that is too far.
+  bool Drift(double ratio, WireState& state);
   bool MoveTowards(const HandTarget& target, WireState& state, TickReport& report);
   bool Iterate(WireState& state, TickReport& report);
   double SolveModel(const WireState& state);
@@ -62,12 +65,17 @@ class NewtonRelaxation final : public Relaxation {
   WireState trial_;
   std::vector<RiccatiSweep<BendStage>::Control> step_;
   std::vector<Eigen::Vector3d> displacement_mm_;
-  std::vector<std::uint8_t> active_;   ///< near points that feel the wall in the model
-  std::vector<std::uint8_t> pressed_;  ///< before the last move; by PointSet::FromTip
-  double travel_mm_ = 0;               ///< of the vessel, in current_
-  bool moved_ = false;                 ///< fed or turned, and no step accepted since
-  double damping_ = 0;   ///< proximal weight over residual that last worked; kept between ticks
-  double proximal_ = 0;  ///< the weight in use
+  std::vector<std::uint8_t> active_;    ///< near points that feel the wall in the model
+  std::vector<std::uint8_t> pressed_;   ///< before the last move; by PointSet::FromTip
+  double travel_mm_ = 0;                ///< of the vessel, in current_
+  std::vector<Eigen::Vector3d> fed_;    ///< tangents right after the last feed
+  std::vector<Eigen::Vector3d> drift_;  ///< how they turned since, rad; the most distal first
+  double fed_mm_ = 0;                   ///< the last feed; 0 if none to go by
+  bool predicted_ = false;              ///< the last feed went on with the drift
+  bool moved_ = false;                  ///< fed or turned, and no step accepted since
+  double damping_ = 0;                  ///< proximal weight over residual that last worked
+  double feed_damping_ = 0;  ///< the same of the first iteration after a move, for the next move
+  double proximal_ = 0;      ///< the weight in use
   bool stable_ = false;  ///< the Hessian was positive definite where the state is, or a step before
 };
 
