@@ -50,7 +50,7 @@ struct HardCase {
 
 enum class Extent {
   kTests,  ///< a few minutes for all
-  kSoak,   ///< a million actions in turn, and every n from 1 to 10,000: an hour
+  kSoak,   ///< a million actions in turn, and n from 1 to 10,000
 };
 
 /// All cases; the last is "anything at random".

@@ -65,7 +65,7 @@ class TortureStudy final : public Study {
   std::string OptionsUsage() const override {
     return "    --seconds S  how long; 60 if not given, 10 with --quick; 0: one case\n"
            "    --seed N     the first seed; 1 if not given\n"
-           "    --soak       instead, every case by every method in full: about an hour\n";
+           "    --soak       instead, every case by every method in full: minutes\n";
   }
 
   bool Run(StudyRun& run) override {
