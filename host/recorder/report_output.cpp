@@ -13,6 +13,8 @@ namespace torquer {
 namespace {
 
 constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
+constexpr double kReportsPerSecond = 1000;  // a device's
+constexpr double kRealTime = 0.97;          // of them that an emulator must make to be in real time
 
 __attribute__((format(printf, 1, 2))) std::string Print(const char* format, ...) {
   std::va_list arguments;
@@ -55,6 +57,12 @@ std::string FormatReport(const SessionReport& report) {
       report.rotation.wire * kDegreesPerRad, report.rotation.error_counts);
   text += Print("  latency      sensor to wire state: p50 %.2f ms, p99 %.2f ms, max %.2f ms\n",
                 report.latency_ms.p50, report.latency_ms.p99, report.latency_ms.max);
+  const double expected = kReportsPerSecond * report.duration_s;
+  if (report.reports_sent >= 0 && static_cast<double>(report.reports_sent) < kRealTime * expected) {
+    text += Print(
+        "               the machine was too busy for real time: the device's %.1f s took %.1f s\n",
+        static_cast<double>(report.reports_sent) / kReportsPerSecond, report.duration_s);
+  }
   text += Print("  relaxation   p50 %.0f us, p99 %.0f us, max %.0f us a tick; %lld states\n",
                 report.solve_us.p50, report.solve_us.p99, report.solve_us.max,
                 static_cast<long long>(report.states));

@@ -56,6 +56,17 @@ TEST_CASE("A session without fault") {
   CHECK(report.latency_ms.max == Approx(5));
 }
 
+TEST_CASE("Of a machine too slow for real time it is said so") {
+  SessionReport report = Report({});
+  const auto hint = Catch::Contains("too busy for real time");
+  CHECK_THAT(FormatReport(report), !hint);
+  report.duration_s = 1.5;
+  CHECK_THAT(FormatReport(report), hint && Catch::Contains("1.0 s took 1.5 s"));
+  // Without an emulator nobody knows how much there was.
+  report.reports_sent = -1;
+  CHECK_THAT(FormatReport(report), !hint);
+}
+
 TEST_CASE("A lost report is told, by the emulator's count or by the report numbers") {
   SessionFaults faults;
   faults.lost_reports = 3;
