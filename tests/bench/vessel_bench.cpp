@@ -13,6 +13,7 @@
 #include <cstring>
 #include <filesystem>
 #include <iostream>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -62,7 +63,7 @@ void Time(const std::string& case_name, const std::string& metric, Work work) {
 template <typename LookUp>
 double NanosecondsEach(const std::vector<Vector3d>& points, LookUp look_up) {
   constexpr int kRounds = 60, kRepeats = 10;
-  double least = INFINITY;
+  double least = std::numeric_limits<double>::infinity();
   for (int round = 0; round < kRounds; ++round) {
     const double start = Milliseconds(CLOCK_THREAD_CPUTIME_ID);
     for (int repeat = 0; repeat < kRepeats; ++repeat) {
@@ -79,7 +80,7 @@ std::vector<Vector3d> AlongWire(const vessel::Centerline& curve, int count) {
   for (int i = 0; i < count; ++i) {
     const vessel::CenterlineSample at = curve.At(250.0 * i / count);
     const Vector3d side = at.tangent.cross(Vector3d::UnitZ()).normalized();
-    points.push_back(at.position_mm + 0.5 * side);
+    points.emplace_back(at.position_mm + 0.5 * side);
   }
   return points;
 }

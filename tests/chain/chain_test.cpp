@@ -83,7 +83,7 @@ std::string ProgramsUsing(const std::string& folder) {
   std::string names;
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
     const std::string words = Contents(entry.path() / "cmdline");
-    if (words.find(folder) != std::string::npos) names += words.c_str() + std::string(" ");
+    if (words.find(folder) != std::string::npos) names += words.substr(0, words.find('\0')) + " ";
   }
   return names;
 }

@@ -75,7 +75,8 @@ TEST_CASE("A budget that is cut anywhere leaves a whole wire, and the next tick 
     const std::uint64_t before = HashState(cut.state);
     TickChecker checker(cut.model, cut.field, cut.state);
     const TickReport report = cut.Tick(target, units);
-    REQUIRE(checker.Check(target, report, cut.state, cut.wall.points_per_segment) == "");
+    REQUIRE_THAT(checker.Check(target, report, cut.state, cut.wall.points_per_segment),
+                 Catch::Equals(""));
     CHECK(report.work == std::min(units, full.work));
     CHECK(report.budget_spent == (units < full.work));
     if (units == 0) CHECK(HashState(cut.state) == before);
@@ -166,7 +167,7 @@ TEST_CASE("What the report says is what the state is") {
   for (int k = 0; k < 500; ++k) {
     const HandTarget target = hand.Next();
     const TickReport report = bench.Tick(target, 30);
-    REQUIRE(checker.Check(target, report, bench.state, 2) == "");
+    REQUIRE_THAT(checker.Check(target, report, bench.state, 2), Catch::Equals(""));
     mechanics.ForgetLookups();
     mechanics.Expand(bench.state, fresh);
     CHECK(report.energy_mJ == Approx(fresh.energy_mJ).epsilon(1e-9).margin(1e-15));

@@ -64,7 +64,7 @@ struct Bench {
     return options;
   }
   std::string Calibration() const {
-    const std::string path = listener.folder.Path("calibration.toml");
+    std::string path = listener.folder.Path("calibration.toml");
     torquer::calibration::WriteCalibration(torquer::calibration::NominalCalibration("HIL-1", 1200),
                                            path);
     return path;

@@ -67,7 +67,7 @@ TEST_CASE("Psi is g1 of three joints: (22)") {
   constexpr double kLength = 0.7;
   for (int k = 0; k < 4; ++k) {
     u.push_back(Vector3d(1, turn(random), turn(random)).normalized());
-    x.push_back(x.back() + kLength * u.back());
+    x.emplace_back(x.back() + kLength * u.back());
   }
   double sum = 0;
   for (int k = 0; k < 3; ++k) {
@@ -85,7 +85,7 @@ TEST_CASE("the gradient of Psi is that of finite differences: (23b)") {
   for (int trial = 0; trial < 20; ++trial) {
     std::vector<Vector3d> x{Vector3d::Zero()};
     for (int k = 0; k < 4; ++k) {
-      x.push_back(x.back() + Vector3d(0.8 + turn(random) / 2, turn(random), turn(random)));
+      x.emplace_back(x.back() + Vector3d(0.8 + turn(random) / 2, turn(random), turn(random)));
     }
     const Eigen::VectorXd expected = GradientOf(
         [&](const Eigen::VectorXd& at) {
@@ -187,7 +187,7 @@ TEST_CASE("point slide restores lengths to rounding: (24), (25)") {
   Vector3d u(1, 0, 0);
   for (int k = 0; k < 60; ++k) {
     u = (u + Vector3d(turn(random), turn(random), turn(random))).normalized();
-    curve.push_back(curve.back() + stretch(random) * u);
+    curve.emplace_back(curve.back() + stretch(random) * u);
   }
   std::vector<Vector3d> slid;
   SlidePoints(curve, 4, 1, second_order, slid);
@@ -243,7 +243,7 @@ TEST_CASE("an inflection takes no second-order correction") {
   // Zigzag: every segment lies between bends to opposite sides.
   std::vector<Vector3d> curve{Vector3d::Zero()};
   for (int k = 0; k < 20; ++k) {
-    curve.push_back(curve.back() + 1.3 * Vector3d(1, k % 2 ? 0.3 : -0.3, 0).normalized());
+    curve.emplace_back(curve.back() + 1.3 * Vector3d(1, k % 2 ? 0.3 : -0.3, 0).normalized());
   }
   std::vector<Vector3d> first;
   std::vector<Vector3d> second;

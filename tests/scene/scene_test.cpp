@@ -40,7 +40,7 @@ std::string Refusal(const std::string& text) {
   try {
     const Scene scene(path);
   } catch (const torquer::UserError& error) {
-    const std::string what = error.what();
+    std::string what = error.what();
     CHECK_THAT(what, Contains("test.toml"));
     return what;
   }

@@ -19,7 +19,7 @@ void Run(const HardCase& hard, Way way, unsigned seed) {
                  << " ticks, " << outcome.converged << " converged, " << outcome.snaps
                  << " snaps, deepest " << outcome.deepest_mm << " mm, last residual "
                  << outcome.last_residual);
-  CHECK(outcome.broken == "");
+  CHECK_THAT(outcome.broken, Catch::Equals(""));
   if (way == Way::kPaper) return;
   CHECK(outcome.at_rest_mm <= hard.deepest_mm);
   if (hard.settles) CHECK(outcome.settled);

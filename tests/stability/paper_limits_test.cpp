@@ -116,7 +116,7 @@ TEST_CASE("A very stiff wire leaves the lumen by either method, and the report s
     for (int k = 1; k <= 60; ++k) {
       CountedBudget budget(400);
       report = relaxation->Tick({1.0 * k, 0}, budget, state);
-      REQUIRE(checker.Check({1.0 * k, 0}, report, state, 1) == "");
+      REQUIRE_THAT(checker.Check({1.0 * k, 0}, report, state, 1), Catch::Equals(""));
     }
     CHECK(report.max_penetration_mm > 10);
   }

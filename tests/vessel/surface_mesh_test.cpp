@@ -123,7 +123,7 @@ TEST_CASE("fragments hanging on by an edge of three faces are left out, and said
   TriangleMesh tube = MakeClosedTube();
   const auto fin = static_cast<int32_t>(tube.vertices_mm.size());
   const auto& triangle = tube.triangles[100];
-  tube.vertices_mm.push_back(tube.vertices_mm[triangle[0]] + Vector3d(0.3, 0.3, 0));
+  tube.vertices_mm.emplace_back(tube.vertices_mm[triangle[0]] + Vector3d(0.3, 0.3, 0));
   tube.triangles.push_back({triangle[0], triangle[1], fin});
   const SurfaceMesh surface = RepairSurface(tube, "x");
   CHECK(surface.report.triangles_dropped == 1);
@@ -168,7 +168,8 @@ TEST_CASE("slivers are mended, and said") {
   // between them.
   const auto triangle = tube.triangles[200];
   const auto middle = static_cast<int32_t>(tube.vertices_mm.size());
-  tube.vertices_mm.push_back((tube.vertices_mm[triangle[0]] + tube.vertices_mm[triangle[1]]) / 2);
+  tube.vertices_mm.emplace_back((tube.vertices_mm[triangle[0]] + tube.vertices_mm[triangle[1]]) /
+                                2);
   tube.triangles[200] = {triangle[0], middle, triangle[2]};
   tube.triangles.push_back({middle, triangle[1], triangle[2]});
   tube.triangles.push_back({triangle[1], middle, triangle[0]});
@@ -198,8 +199,8 @@ TEST_CASE("a one-sided surface is refused") {
     const double turn = 2 * M_PI * i / 40;
     const Vector3d out(std::cos(turn), std::sin(turn), 0);
     const Vector3d across = 5 * (std::cos(turn / 2) * out + std::sin(turn / 2) * Vector3d::UnitZ());
-    band.vertices_mm.push_back(30 * out - across);
-    band.vertices_mm.push_back(30 * out + across);
+    band.vertices_mm.emplace_back(30 * out - across);
+    band.vertices_mm.emplace_back(30 * out + across);
   }
   for (int32_t i = 0; i < 40; ++i) {
     const int32_t a = 2 * i, b = a + 1, c = i == 39 ? 1 : a + 2, d = i == 39 ? 0 : a + 3;
@@ -266,9 +267,9 @@ TEST_CASE("files that are no usable surface are refused by name, with the remedy
   refused("folder.stl", "cannot be read");
   std::ofstream(folder.Path("model.step")) << "x";
   refused("model.step", ".stl, .obj and .ply");
-  std::ofstream(folder.Path("empty.stl"));
+  std::ofstream(folder.Path("empty.stl")).flush();
   refused("empty.stl", "export");
-  std::ofstream(folder.Path("empty.obj"));
+  std::ofstream(folder.Path("empty.obj")).flush();
   refused("empty.obj", "export");
   std::ofstream(folder.Path("words.ply")) << "these are not the triangles you are looking for";
   refused("words.ply", "export");
