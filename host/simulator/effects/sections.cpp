@@ -47,24 +47,27 @@ std::vector<WireSection> ReadSections(StrictTable& keys) {
 }
 
 EffectKind SectionsKind() {
-  return {
-      .name = "sections",
-      .summary = "the wire from a table: rigidity, radius and rest shape along it",
-      .roles = "shape",
-      .keys = {},
-      .other_keys =
-          {{"from_tip_mm", "list of 0 to 5000 mm, ascending; the same twice makes a step",
-            "distances from the distal end; linear in between"},
-           {"rigidities_N_mm2", "one, or one for each distance; 1e-7 to 1e6 N mm^2",
-            "flexural rigidity EI"},
-           {"radii_mm", "one, or one for each distance; 0.01 to 5 mm", "radius of the wire"},
-           {"curvatures_1_per_mm", "one, or one for each distance; -2 to 2 / mm, if not given 0",
-            "rest curvature towards the wire's first normal"},
-           {"curvatures_2_per_mm", "one, or one for each distance; -2 to 2 / mm, if not given 0",
-            "the same towards its second normal"}},
-      .needs = "",
-      .make = nullptr,
-      .sections = ReadSections};
+  return {.name = "sections",
+          .summary = "the wire from a table: rigidity, radius and rest shape along it",
+          .roles = "shape",
+          .keys = {},
+          .other_keys = {{"from_tip_mm",
+                          "list of 0 to 5000 mm, ascending; the same twice makes a step, which "
+                          "falls between two joints",
+                          "distances from the distal end; linear in between"},
+                         {"rigidities_N_mm2", "one, or one for each distance; 1e-7 to 1e6 N mm^2",
+                          "flexural rigidity EI"},
+                         {"radii_mm", "one, or one for each distance; 0.01 to 5 mm",
+                          "radius of the wire"},
+                         {"curvatures_1_per_mm",
+                          "one, or one for each distance; -2 to 2 / mm, if not given 0",
+                          "rest curvature towards the wire's first normal"},
+                         {"curvatures_2_per_mm",
+                          "one, or one for each distance; -2 to 2 / mm, if not given 0",
+                          "the same towards its second normal"}},
+          .needs = "",
+          .make = nullptr,
+          .sections = ReadSections};
 }
 
 }  // namespace torquer::effects

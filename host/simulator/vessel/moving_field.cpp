@@ -53,7 +53,7 @@ void MovingField::EvaluateHessian(const Vector3d& point_mm, ClearanceSample& out
   const Matrix3d map = Matrix3d::Identity() - offset.jacobian;
   out.hessian = map.transpose() * out.hessian * map;
   for (int k = 0; k < 3; ++k) out.hessian -= out.gradient[k] * offset.second[k];
-  out.gradient = map.transpose() * out.gradient;
+  out.gradient -= offset.jacobian.transpose() * out.gradient;
 }
 
 double MovingField::LipschitzBound() const {

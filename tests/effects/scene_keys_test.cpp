@@ -1,0 +1,165 @@
+// Effects as scenes name them: what is taken, and what is refused with which words.
+#include <catch2/catch.hpp>
+
+#include "host/simulator/scene/scene.h"
+#include "host/support/error.h"
+#include "tests/simulator/scenes.h"
+
+using Catch::Matchers::Contains;
+
+namespace torquer::test {
+namespace {
+
+std::string Refusal(const std::string& more) {
+  const SceneFile file(more);
+  try {
+    const scene::Scene scene(file.path());
+  } catch (const UserError& error) {
+    CHECK_THAT(error.what(), Contains("small.toml:"));
+    return error.what();
+  }
+  return "";
+}
+
+constexpr char kBall[] = "center_mm = [50, 0, 0]\nradius_mm = 5\n";
+
+TEST_CASE("Effects with good keys are taken") {
+  for (const std::string& good : {
+           std::string("[[effects.compliance.region]]\nfactor = 10\n") + kBall,
+           std::string("[[effects.compliance.region]]\nstiffness_N_mm2 = 1\ncenterline = \"side\"\n"
+                       "radius_mm = 6\n"),
+           std::string("[effects.friction]\ncoefficient = 0.1\ncoating_mm = 50\n"
+                       "coating_coefficient = 0.02\n[[effects.friction.region]]\nfactor = 3\n") +
+               kBall,
+           std::string("[effects.gravity]\nlinear_density_g_m = 0.6\n"),
+           std::string("[effects.point_load]\nforce_mN = 1\nforce_direction = \"left\"\n"),
+           std::string("[effects.heartbeat]\namplitude_mm = 1\ndirection = \"anterior\"\n"
+                       "[[effects.heartbeat.region]]\n") +
+               kBall,
+       }) {
+    INFO(good);
+    CHECK(Refusal(good).empty());
+  }
+}
+
+TEST_CASE("Effects with bad keys are refused with line, key, value and remedy") {
+  const std::string compliance = "[[effects.compliance.region]]\n";
+  const std::string beat = "[effects.heartbeat]\ndirection = [1, 0, 0]\namplitude_mm = ";
+  const std::string beaten = "\n[[effects.heartbeat.region]]\n";
+  const std::string breath = "[effects.breathing]\ndirection = [1, 0, 0]\namplitude_mm = 1\n";
+  struct Case {
+    std::string text;
+    std::vector<std::string> said;
+  };
+  const Case cases[] = {
+      {"[effects.compliance]\n", {"effects.compliance.region", "[[effects.compliance.region]]"}},
+      {compliance + kBall, {"factor", "give either factor or stiffness_N_mm2"}},
+      {compliance + kBall + "factor = 2\nstiffness_N_mm2 = 1\n", {"not both"}},
+      {compliance + kBall + "factor = -2\n", {"region[0].factor = -2", "0.0001 to 10000"}},
+      {compliance + kBall + "factor = nan\n", {"factor = nan"}},
+      {compliance + "factor = 2\n", {"center_mm: is missing", "centerline"}},
+      {compliance + "factor = 2\ncenter_mm = [50, 30, 0]\nradius_mm = 5\n",
+       {"center_mm", "meets no part of the vessel's lumen"}},
+      {compliance + "factor = 2\ncenterline = \"mian\"\nradius_mm = 5\n", {"centerline", "main"}},
+      {compliance + "factor = 2\ncenterline = \"main\"\nfrom_mm = 50\nto_mm = 20\nradius_mm = 5\n",
+       {"to_mm", "more than from_mm"}},
+      {compliance + "factor = 2\ncenterline = \"main\"\nfrom_mm = 5000\nradius_mm = 5\n",
+       {"from_mm = 5000", "out of range"}},
+      {compliance + "factor = 2\nside_of_mm = [1e4, 0, 0]\nside = [1, 0, 0]\nedge_mm = 1\n",
+       {"side_of_mm", "meets no part"}},
+      {compliance + kBall + "factor = 2\nrdius_mm = 3\n", {"rdius_mm", "did you mean radius_mm"}},
+      {"[effects.friction]\ncoefficient = 0.1\ncoating_mm = 50\n", {"coating_coefficient"}},
+      {"[effects.friction]\ncoefficient = 0.1\ncoating_coefficient = 0.05\n", {"coating_mm"}},
+      {"[effects.friction]\ncoefficient = 0.1\n[[effects.friction.region]]\nfactor = 30\n",
+       {"factor = 30", "0 to 20"}},
+      {"[effects.gravity]\n", {"linear_density_g_m: is missing"}},
+      {"[effects.gravity]\nlinear_density_g_m = 1\ndirection = \"down\"\n",
+       {"direction", "posterior"}},
+      {"[effects.gravity]\nlinear_density_g_m = 1\ndirection = [0, 0, 0]\n", {"has no length"}},
+      {"[effects.point_load]\n", {"nothing acts on the end"}},
+      {"[effects.point_load]\nforce_mN = 2\n", {"force_mN = 2", "needs force_direction"}},
+      {"[effects.point_load]\nmoment_axis = [0, 0, 1]\n", {"needs moment_mN_mm"}},
+      {"[effects.point_load]\nclamp_N_mm = 2\n", {"needs clamp_point_mm"}},
+      {"[effects.point_load]\nclamp_mN_mm = nan\nclamp_direction = [1, 0, 0]\n", {"clamp_mN_mm"}},
+      {beat + "1\n", {"effects.heartbeat.region", "is missing"}},
+      {beat + "5" + beaten + kBall + "edge_mm = 6\n",
+       {"effects.heartbeat.amplitude_mm = 5", "fold the vessel over", "at most 2.56 mm"}},
+      {beat + "inf" + beaten + kBall, {"effects.heartbeat.amplitude_mm"}},
+      {beat + "1\nrate_per_min = 0" + beaten + kBall, {"rate_per_min = 0", "20 to 250"}},
+      {beat + "1" + beaten + kBall + "edge_mm = 3\n" + breath + "[[effects.breathing.region]]\n" +
+           kBall + "edge_mm = 10\n",
+       {"effects.breathing.amplitude_mm", "other motions"}},
+      {breath + "inhale = 0.5\nexhale = 0.6\n[[effects.breathing.region]]\n" + kBall,
+       {"effects.breathing.exhale", "more than a breath"}},
+      {beat + "1" + beaten + kBall + kPaperMethod, {"effects.heartbeat", "newton"}},
+      {"[effects.sections]\nfrom_tip_mm = [0]\nrigidities_N_mm2 = [1]\nradii_mm = [0.2]\n",
+       {"wire.radius_mm", "effects.sections"}},
+  };
+  for (const Case& one : cases) {
+    INFO(one.text);
+    const std::string said = Refusal(one.text);
+    for (const std::string& part : one.said) CHECK_THAT(said, Contains(part));
+  }
+}
+
+// The scene of SceneFile with a wire by sections.
+std::string WithSections(const TemporaryFolder& folder, const std::string& sections) {
+  const std::string path = folder.Path() + "/sections.toml";
+  std::ofstream(path) << "name = \"sections\"\n[vessel]\nkind = \"phantom\"\nphantom = \"ty\"\n"
+                         "wall_stiffness_N_mm2 = 0.01\n[entry]\ncenterline = \"main\"\nat_mm = 1\n"
+                         "[wire]\nsegment_mm = 1\nmax_length_mm = 200\ntip_mm = 10\n"
+                         "[effects.sections]\n"
+                      << sections;
+  return path;
+}
+
+TEST_CASE("A scene's wire is the one of its sections") {
+  const TemporaryFolder folder;
+  const scene::Scene scene(
+      WithSections(folder,
+                   "from_tip_mm = [0, 10, 10, 50]\nrigidities_N_mm2 = [1, 1, 5, 45]\n"
+                   "radii_mm = [0.1, 0.1, 0.2, 0.3]\ncurvatures_1_per_mm = [0.05, 0.05, 0, 0]\n"
+                   "curvatures_2_per_mm = [0, 0.02, 0, 0]\n"));
+  const WireModel& wire = scene.wire();
+  CHECK(wire.rigidity_N_mm2(5) == Approx(1));
+  CHECK(wire.rigidity_N_mm2(10) == Approx(1));
+  CHECK(wire.rigidity_N_mm2(11) == Approx(6));
+  CHECK(wire.rigidity_N_mm2(30) == Approx(25));
+  CHECK(wire.rigidity_N_mm2(100) == Approx(45));
+  CHECK(wire.radius_mm(5) == Approx(0.1));
+  CHECK(wire.radius_mm(30) == Approx(0.25));
+  CHECK(wire.first_straight_joint() == 11);
+  const double angle = std::hypot(0.05, 0.01);
+  CHECK(wire.rest_direction(5)[2] == Approx(std::cos(angle)));
+  CHECK(wire.rest_direction(5)[0] / wire.rest_direction(5)[1] == Approx(5));
+  CHECK(scene.effects().empty());
+  CHECK(scene.effect_names() == std::vector<std::string>{"sections"});
+}
+
+TEST_CASE("Sections that are no wire are refused") {
+  struct Case {
+    std::string text;
+    std::string said;
+  };
+  const std::string radii = "radii_mm = [0.2]\n";
+  const Case cases[] = {
+      {"from_tip_mm = [0, 5]\nrigidities_N_mm2 = [1, 2, 3]\n" + radii, "one for each of"},
+      {"from_tip_mm = [5, 0]\nrigidities_N_mm2 = [1]\n" + radii, "must ascend"},
+      {"from_tip_mm = [0, 5, 5, 5]\nrigidities_N_mm2 = [1]\n" + radii, "must ascend"},
+      {"from_tip_mm = [0, nan]\nrigidities_N_mm2 = [1]\n" + radii, "from_tip_mm"},
+      {"from_tip_mm = [0]\nrigidities_N_mm2 = [-1]\n" + radii, "rigidities_N_mm2"},
+      {"from_tip_mm = [0]\nrigidities_N_mm2 = [1]\n", "radii_mm: is missing"},
+      {"from_tip_mm = [0]\nrigidities_N_mm2 = [1]\ncurvatures_1_per_mm = [1.8]\n" + radii,
+       "rest curvature"},
+      {"from_tip_mm = [0]\nrigidities_N_mm2 = [1]\nradii_mm = [4.5]\n", "does not fit"},
+  };
+  const TemporaryFolder folder;
+  for (const Case& one : cases) {
+    INFO(one.text);
+    const std::string path = WithSections(folder, one.text);
+    CHECK_THROWS_WITH(scene::Scene(path), Contains(one.said) && Contains("sections.toml:"));
+  }
+}
+
+}  // namespace
+}  // namespace torquer::test

@@ -1,0 +1,157 @@
+// What lies along the wall or the wire: compliance, friction by place, sections.
+#include <catch2/catch.hpp>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/effects/compliance.h"
+#include "host/simulator/effects/friction.h"
+#include "host/simulator/effects/gravity.h"
+#include "host/simulator/effects/sections.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+using effects::Compliance;
+using vessel::Region;
+
+TEST_CASE("A wire lying on a wall sinks in by its weight over the stiffness of the place") {
+  constexpr double kWeight = 1e-3;  // N/mm
+  constexpr double kElsewhere = 0.05;
+  constexpr double kSoft = 0.01;
+  constexpr double kCalcified = 1;
+  const HalfSpace floor(Vector3d::Zero(), Vector3d::UnitZ());
+  const WireModel model = MakeWire({.rigidity_N_mm2 = 1e-3,
+                                    .radius_mm = 0.2,
+                                    .sheath = {Vector3d(0, 0, 0.19), Vector3d::UnitX()}});
+  WallModel wall{.stiffness_N_mm2 = kElsewhere};
+  std::vector<Compliance::Part> parts;
+  parts.push_back({Region::Ball(Vector3d(25, 0, 0), 8, 2), kSoft});
+  parts.push_back({Region::Ball(Vector3d(70, 0, 0), 8, 2), kCalcified});
+  Compliance compliance(std::move(parts), {model, wall});
+  wall.by_place = compliance.wall_stiffness();
+  effects::Gravity gravity(Vector3d(0, 0, -kWeight));
+  const std::vector<EnergyTerm*> terms{&gravity};
+  NewtonRelaxation relaxation(model, floor, wall, {.tolerance = 1e-8}, terms);
+  WireState state = LayStraight(model, 90);
+  relaxation.Restart(state);
+  REQUIRE(Settle(relaxation, {90, 0}, state).converged);
+  const auto penetration = [&](int node) {
+    return 0.2 - state.nodes[static_cast<std::size_t>(node)][2];
+  };
+  CHECK(penetration(25) == Approx(kWeight / kSoft).epsilon(1e-3));
+  CHECK(penetration(48) == Approx(kWeight / kElsewhere).epsilon(1e-3));
+  CHECK(penetration(70) == Approx(kWeight / kCalcified).epsilon(1e-3));
+}
+
+TEST_CASE("Stiffness goes over along an edge without a step, and later parts lie over earlier") {
+  const WireModel model = MakeWire({});
+  const WallModel wall{.stiffness_N_mm2 = 2};
+  std::vector<Compliance::Part> parts;
+  parts.push_back({Region::Ball(Vector3d::Zero(), 5, 5), 200});
+  parts.push_back({Region::Ball(Vector3d(4, 0, 0), 1, 1), 0.5});
+  const Compliance compliance(std::move(parts), {model, wall});
+  CHECK(compliance.At(Vector3d(-20, 0, 0)) == 2);
+  CHECK(compliance.At(Vector3d(-5, 0, 0)) == Approx(200));
+  CHECK(compliance.At(Vector3d(-7.5, 0, 0)) == Approx(20));  // halfway, in the logarithm
+  CHECK(compliance.At(Vector3d(4, 0.5, 0)) == Approx(0.5));
+  double before = 200;
+  for (double x = -5; x > -10; x -= 0.01) {
+    const double now = compliance.At(Vector3d(x, 0, 0));
+    CHECK(now <= before * (1 + 1e-12));
+    CHECK(now > 0.97 * before);
+    before = now;
+  }
+}
+
+// Points of a wire on a plane, 1 mm apart, each pressed with 0.1 N.
+struct Row {
+  static constexpr int kPoints = 10;
+  WireModel model = MakeWire({.segment_mm = 1, .max_length_mm = 20});
+  WallModel wall{.stiffness_N_mm2 = 2, .points_per_segment = 1};
+  PointSet points;
+  PointDerivatives derivatives;
+
+  Row() {
+    for (int q = 0; q < kPoints; ++q) {
+      points.position.emplace_back(q, 0, 0);
+      points.near.push_back(q);
+    }
+    points.weight_mm.assign(kPoints, 1);
+    points.radius_mm.assign(kPoints, 0.178);
+    points.touches.assign(kPoints, 1);
+    points.stiffness_N_mm2.assign(kPoints, 2);
+    ClearanceSample sample;
+    sample.clearance_mm = 0.178 - 0.05;
+    sample.gradient = Vector3d::UnitZ();
+    points.clearance.assign(kPoints, sample);
+    derivatives.used.assign(kPoints, 0);
+    derivatives.gradient.resize(kPoints);
+    derivatives.hessian.resize(kPoints);
+  }
+  // Force on each point after all were drawn aside, far beyond sticking.
+  std::vector<double> Slipping(effects::Friction& friction) {
+    friction.Begin(points);
+    friction.End(points);
+    friction.Begin(points);
+    for (Vector3d& at : points.position) at[1] += 0.5;
+    friction.Add(points, derivatives);
+    std::vector<double> forces;
+    for (const Vector3d& gradient : derivatives.gradient) forces.push_back(gradient.norm());
+    return forces;
+  }
+};
+
+TEST_CASE("Friction has the coefficient of the wire's coating and of the wall's part") {
+  Row row;
+  std::vector<effects::Friction::Part> parts;
+  parts.push_back({Region::Ball(Vector3d(2, 0, 0), 1.2, 0.3), 3.0});
+  effects::Friction friction(0.2, 0.005, {row.model, row.wall},
+                             {.length_mm = 4, .coefficient = 0.05}, std::move(parts));
+  const std::vector<double> forces = row.Slipping(friction);
+  for (int q = 0; q < Row::kPoints; ++q) {
+    INFO("point " << q);
+    const double own = q >= 6 ? 0.05 : 0.2;  // the last four millimeters are coated
+    const double factor = q >= 1 && q <= 3 ? 3 : 1;
+    CHECK(forces[static_cast<std::size_t>(q)] == Approx(own * factor * 0.1));
+  }
+}
+
+TEST_CASE("A cantilever with a step in its rigidity bends by the closed form") {
+  constexpr double kLength = 60;
+  StrictTable keys = StrictTable::Parse(
+      "from_tip_mm = [0, 20, 20]\nrigidities_N_mm2 = [0.5, 0.5, 4]\nradii_mm = 0.2\n", "wire.toml");
+  CHECK_THROWS(effects::ReadSections(keys));  // a list is wanted
+  keys = StrictTable::Parse(
+      "from_tip_mm = [0, 20, 20]\nrigidities_N_mm2 = [0.5, 0.5, 4]\nradii_mm = [0.2]\n",
+      "wire.toml");
+  const std::vector<WireSection> sections = effects::ReadSections(keys);
+  REQUIRE(sections.size() == 3);
+  double error[2];
+  int k = 0;
+  for (const double segment_mm : {1.0, 0.5}) {
+    // A joint stands for half a segment to either side: there the step lies between two of them.
+    const double step_mm = 20 + segment_mm / 2;
+    std::vector<WireSection> shifted = sections;
+    for (std::size_t s = 1; s < shifted.size(); ++s) shifted[s].from_tip_mm += segment_mm / 2;
+    const WireModel model(segment_mm, shifted, 0, 100, BendingLaw::kExact, {});
+    const FreeSpace field;
+    const WallModel wall;
+    constexpr double kForce = 1e-6;
+    EndForce force(Vector3d(0, kForce, 0));
+    const std::vector<EnergyTerm*> terms{&force};
+    NewtonRelaxation relaxation(model, field, wall, {.tolerance = 1e-9}, terms);
+    WireState state = LayStraight(model, kLength);
+    relaxation.Restart(state);
+    REQUIRE(Settle(relaxation, {kLength, 0}, state).converged);
+    const double tip = std::pow(step_mm, 3);
+    const double expected = kForce * ((std::pow(kLength, 3) - tip) / (3 * 4) + tip / (3 * 0.5));
+    error[k++] = state.nodes.back()[1] / expected - 1;
+  }
+  INFO("errors " << error[0] << " " << error[1]);
+  CHECK(std::abs(error[1]) < 2e-4);
+  CHECK(error[0] / error[1] == Approx(4).epsilon(0.1));
+}
+
+}  // namespace
+}  // namespace torquer::test
