@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "host/study/accuracy.h"
+#include "host/study/effects.h"
 #include "host/study/paper.h"
 #include "host/study/scaling.h"
 #include "host/study/study.h"
@@ -21,6 +22,7 @@ namespace {
 std::vector<std::unique_ptr<Study>> AllStudies() {
   std::vector<std::unique_ptr<Study>> studies;
   studies.push_back(MakeAccuracyStudy());
+  studies.push_back(MakeEffectsStudy());
   studies.push_back(MakePaperStudy());
   studies.push_back(MakeScalingStudy());
   studies.push_back(MakeTortureStudy());

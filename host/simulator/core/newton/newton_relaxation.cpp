@@ -23,6 +23,8 @@ constexpr double kFarResidual = 5e-3;
 // least a part of this one and turned no segment by more.
 constexpr double kLargestRatio = 6;
 constexpr double kLargestDriftRad = 0.1;
+// Above this residual the wire has hardly been relaxed since it was moved.
+constexpr double kUnrelaxed = 0.1;
 // A balance that is stable but for this weight counts as stable.
 constexpr double kStableProximal = 1e-6;
 // Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
@@ -301,7 +303,8 @@ TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, 
   bool stalled = false;
   bool pushed = false;
   bool pending = true;
-  int since_move = settings_.iterations_between_parts;
+  // A wire that the budget left as it was fed is relaxed before it is fed again.
+  int since_move = current_.residual > kUnrelaxed ? 0 : settings_.iterations_between_parts;
   while (true) {
     if (pending && since_move >= settings_.iterations_between_parts) {
       if (!Grant(budget, report)) break;

@@ -1,0 +1,285 @@
+#include "host/study/effects.h"
+
+#include <malloc.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "host/simulator/session.h"
+#include "host/study/cpu_time.h"
+#include "host/support/error.h"
+
+namespace torquer::study {
+namespace {
+
+using Names = std::vector<std::string>;
+
+constexpr double kLengthMm = 250;
+
+// A wire of 250 segments in the phantom, for all cases alike.
+constexpr char kScene[] = R"(name = "effects"
+[vessel]
+kind = "phantom"
+phantom = "ty"
+wall_stiffness_N_mm2 = 0.01
+[entry]
+centerline = "main"
+at_mm = 1
+[wire]
+segment_mm = 1
+max_length_mm = 270
+tip_mm = 10
+)";
+constexpr char kPlainWire[] = R"(radius_mm = 0.178
+tip_angle_deg = 30
+rigidity_N_mm2 = 6.35e-3
+)";
+
+// What a scene would say to have the effect, as it does here. Friction's is the paper's vessel.
+const std::map<std::string, std::string>& Tables() {
+  static const std::map<std::string, std::string> tables = {
+      {"sections", R"([effects.sections]
+from_tip_mm = [0, 10.5, 10.5, 300]
+rigidities_N_mm2 = [6.35e-3]
+radii_mm = [0.178]
+curvatures_1_per_mm = [0.0524, 0.0524, 0, 0]
+)"},
+      {"friction", "[effects.friction]\ncoefficient = 0.1\n"},
+      {"compliance", R"([effects.compliance]
+[[effects.compliance.region]]
+centerline = "main"
+from_mm = 90
+to_mm = 130
+radius_mm = 6
+factor = 20
+)"},
+      {"gravity", "[effects.gravity]\nlinear_density_g_m = 0.7\n"},
+      {"point_load", R"([effects.point_load]
+force_mN = 0.01
+force_direction = [0, 0, 1]
+)"},
+      {"heartbeat", R"([effects.heartbeat]
+amplitude_mm = 2
+direction = [0, 0, 1]
+[[effects.heartbeat.region]]
+center_mm = [100, 0, 0]
+radius_mm = 40
+)"},
+      {"breathing", R"([effects.breathing]
+amplitude_mm = 5
+direction = [0, 1, 0]
+[[effects.breathing.region]]
+center_mm = [100, 0, 0]
+radius_mm = 80
+)"},
+      {"wall_force", "[effects.wall_force]\nthreshold_mN = 0.5\n"},
+      {"assessment", R"([effects.assessment]
+target_centerline = "main"
+target_at_mm = 280
+force_limit_mN = 1
+)"},
+      {"flow", R"([effects.flow]
+inlet = "main"
+inlet_mL_s = 5
+rate_per_min = 70
+)"},
+      {"contrast", "[effects.contrast]\nrate_mL_s = 2\n"},
+      {"fluoroscopy", "[effects.fluoroscopy]\n"},
+  };
+  return tables;
+}
+
+std::string SceneWith(const Names& names) {
+  std::string text = kScene;
+  const bool shaped = std::find(names.begin(), names.end(), "sections") != names.end();
+  if (!shaped) text += kPlainWire;
+  for (const std::string& name : names) text += Tables().at(name);
+  return text;
+}
+
+// What an effect needs besides itself comes first.
+Names WithNeeds(const Names& names) {
+  std::set<std::string> wanted(names.begin(), names.end());
+  for (bool grown = true; grown;) {
+    grown = false;
+    for (const effects::EffectKind& kind : effects::AllEffects()) {
+      if (wanted.count(kind.name) != 0 && *kind.needs != 0) {
+        grown = wanted.insert(kind.needs).second || grown;
+      }
+    }
+  }
+  Names all;
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    if (wanted.count(kind.name) != 0) all.emplace_back(kind.name);
+  }
+  return all;
+}
+
+std::string Joined(const Names& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : "+") + name;
+  return text;
+}
+
+struct Price {
+  double tick_ms_p50 = 0;
+  double tick_ms_p99 = 0;
+  double heap_bytes = 0;
+  double residual = 0;
+  int unconverged = 0;
+};
+
+double HeapBytes() {
+  const struct mallinfo2 info = mallinfo2();
+  return static_cast<double>(info.uordblks + info.hblkhd);
+}
+
+// The hand's usual feeds with the pedal and the contrast button held, a tick a millisecond.
+Price Measure(const std::string& folder, const Names& names, int ticks) {
+  const std::string path = folder + "/scene.toml";
+  std::ofstream(path) << SceneWith(names);
+  const double before = HeapBytes();
+  scene::Scene scene(path);
+  simulator::Session session(scene);
+  Price price;
+  price.heap_bytes = HeapBytes() - before;
+  std::filesystem::remove(path);
+
+  constexpr double kFeeds[] = {0.02, 0.05, 0.1};
+  simulator::Command command;
+  command.controls = {.xray = true, .contrast = true};
+  command.target.insertion_mm = 0;
+  const auto tick = [&] {
+    CountedBudget budget(scene.budget_units());
+    return session.Tick(command, budget);
+  };
+  while (command.target.insertion_mm < kLengthMm - ticks * 0.17 / 3) {
+    command.target.insertion_mm += 0.5;
+    tick();
+  }
+  std::vector<double> ms;
+  for (int k = 0; k < ticks; ++k) {
+    command.target.insertion_mm += kFeeds[k % 3];
+    const double start_s = ThreadCpuSeconds();
+    const TickReport report = tick();
+    ms.push_back(1e3 * (ThreadCpuSeconds() - start_s));
+    price.residual = std::max(price.residual, report.residual);
+    price.unconverged += !report.converged;
+  }
+  std::sort(ms.begin(), ms.end());
+  price.tick_ms_p50 = ms[ms.size() / 2];
+  price.tick_ms_p99 = ms[ms.size() * 99 / 100];
+  return price;
+}
+
+// Every pair of effects that a shipped scene names.
+std::vector<Names> ShippedPairs(const std::string& scenes) {
+  std::set<Names> pairs;
+  for (const auto& entry : std::filesystem::directory_iterator(scenes)) {
+    if (entry.path().extension() != ".toml") continue;
+    StrictTable file = StrictTable::Read(entry.path().string());
+    StrictTable* effects = file.OptionalTable("effects");
+    if (effects == nullptr) continue;
+    const Names names = WithNeeds(effects->Keys());
+    for (std::size_t a = 0; a < names.size(); ++a) {
+      for (std::size_t b = a + 1; b < names.size(); ++b) pairs.insert({names[a], names[b]});
+    }
+  }
+  return {pairs.begin(), pairs.end()};
+}
+
+class EffectsStudy final : public Study {
+ public:
+  std::string name() const override { return "effects"; }
+  std::string title() const override { return "What every effect costs"; }
+  std::string summary() const override {
+    return "the price list: a tick with no effect, with each, with pairs, with all";
+  }
+  std::string OptionsUsage() const override {
+    return "    --scenes FOLDER  whose pairs of effects are measured; host/scenes if not given\n";
+  }
+  void AddOptions(CommandLine& line) override { line.Option("--scenes", scenes_); }
+
+  bool Run(StudyRun& run) override {
+    if (!std::filesystem::is_directory(scenes_)) {
+      throw UserError("--scenes " + scenes_ + ": there is no such folder; give that of the scenes");
+    }
+    const std::string folder =
+        (std::filesystem::temp_directory_path() / ("torquer-effects-" + std::to_string(getpid())))
+            .string();
+    std::filesystem::create_directories(folder);
+    std::vector<Names> cases = {{}};
+    Names all;
+    for (const effects::EffectKind& kind : effects::AllEffects()) {
+      cases.push_back(WithNeeds({kind.name}));
+      all.emplace_back(kind.name);
+    }
+    for (Names& pair : ShippedPairs(scenes_)) {
+      Names whole = WithNeeds(pair);
+      if (std::find(cases.begin(), cases.end(), whole) == cases.end()) {
+        cases.push_back(std::move(whole));
+      }
+    }
+    cases.push_back(all);
+
+    run.Say(DescribeMachine());
+    const int ticks = run.quick() ? 200 : 1000;
+    Table table{"A tick that feeds 0.02 to 0.1 mm, n = 250, in the T-Y phantom; thread-CPU time",
+                {"effects", "median ms", "p99 ms", "of none", "heap kB", "residual", "unconverged"},
+                {}};
+    Series bars{"median", Mark::kBars, {}, {}};
+    Price none;
+    for (std::size_t k = 0; k < cases.size(); ++k) {
+      const bool is_all = k + 1 == cases.size();
+      const std::string case_name = k == 0 ? "none" : is_all ? "all" : Joined(cases[k]);
+      run.Progress(case_name, static_cast<double>(k) / static_cast<double>(cases.size()));
+      // The first run builds what the library builds once.
+      if (k == 0) Measure(folder, cases[k], 50);
+      const Price price = Measure(folder, cases[k], ticks);
+      if (k == 0) none = price;
+      run.Record(case_name, "tick_ms_p50", price.tick_ms_p50, "ms");
+      run.Record(case_name, "tick_ms_p99", price.tick_ms_p99, "ms");
+      run.Record(case_name, "heap_bytes", price.heap_bytes - none.heap_bytes, "B");
+      run.Record(case_name, "residual", price.residual, "");
+      run.Record(case_name, "unconverged", price.unconverged, "");
+      table.rows.push_back({case_name, Number(price.tick_ms_p50), Number(price.tick_ms_p99),
+                            Number(price.tick_ms_p50 / none.tick_ms_p50),
+                            Number((price.heap_bytes - none.heap_bytes) / 1024),
+                            Number(price.residual), std::to_string(price.unconverged)});
+      if (cases[k].size() <= 2 || is_all) {
+        bars.x.push_back(static_cast<double>(bars.x.size()));
+        bars.y.push_back(1e3 * price.tick_ms_p50);
+        bars.notes.push_back(case_name);
+      }
+    }
+    std::filesystem::remove_all(folder);
+    run.Section("The price list");
+    run.Show(table);
+    run.Say(
+        "Heap: what scene and session hold more than without any effect. An effect that another "
+        "needs is in its row too. What a scene does not name is not made: no memory, no "
+        "instruction (tests/effects_cost).");
+    run.Draw({"A tick by effects",
+              {"case (in the order of the table)"},
+              {"median of a tick, us"},
+              {bars}},
+             "The first bar has no effect, the last all of them.");
+    return true;
+  }
+
+ private:
+  std::string scenes_ = "host/scenes";
+};
+
+}  // namespace
+
+std::unique_ptr<Study> MakeEffectsStudy() { return std::make_unique<EffectsStudy>(); }
+
+}  // namespace torquer::study

@@ -1,0 +1,10 @@
+// The hand that both programs have.
+#pragma once
+
+namespace torquer::test {
+
+inline constexpr int kTicks = 400;
+inline constexpr double kFeedMm = 0.3;
+inline constexpr double kTurnRad = 0.01;
+
+}  // namespace torquer::test
