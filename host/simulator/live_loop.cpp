@@ -7,6 +7,7 @@
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
 #include "host/simulator/field_ahead.h"
+#include "host/simulator/picture_thread.h"
 
 namespace torquer::simulator {
 
@@ -109,6 +110,10 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
   bus.Publish(bus::kSceneChannel, description);
   publish(0);
 
+  std::unique_ptr<PictureThread> pictures;
+  if (session.image() != nullptr) {
+    pictures = std::make_unique<PictureThread>(*session.image(), bus);
+  }
   FieldAhead ahead(session.scene().vessel());
   const std::int64_t began_us = bus::MonotonicUs();
   std::int64_t next_tick_us = 0;
@@ -122,6 +127,7 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
       command.time_s = 1e-6 * static_cast<double>(start_us - began_us);
       const TickReport& report = session.Tick(command, budget);
       const std::int64_t end_us = bus::MonotonicUs();
+      if (session.picture_due()) pictures->Offer();
       publish(static_cast<double>(end_us - start_us));
       next_tick_us = start_us + 1000;
       ahead.Follow(session.state().nodes.back());

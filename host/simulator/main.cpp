@@ -21,11 +21,13 @@ namespace {
 
 constexpr char kUsage[] =
     "usage: torquer-simulator --scene FILE [--lcm-url URL] [--json]\n"
-    "       torquer-simulator --scene FILE --script FILE.csv --states FILE.jsonl\n"
+    "       torquer-simulator --scene FILE --script FILE.csv [--states FILE.jsonl] [--render DIR]\n"
     "       torquer-simulator --scene FILE --replay FILE.lcmlog\n"
     "       torquer-simulator --list-effects | --explain FILE\n"
     "Live: follows instrument commands on LCM and publishes wire states, until SIGINT or SIGTERM.\n"
-    "--script: header time_s,insertion_mm,rotation_rad; one JSON object a row goes to --states.\n"
+    "--script: header time_s,insertion_mm,rotation_rad, if need be with "
+    "lao_deg,cra_deg,xray,contrast;\n"
+    "one JSON object a row goes to --states, X-ray pictures as PNG to --render.\n"
     "--replay: repeats a recorded session and compares every state; exit 1 if one differs.\n"
     "--list-effects: what a scene may call for. --explain: what this one does, and what is off.";
 
@@ -76,7 +78,7 @@ int Run(int argc, char** argv) {
   std::string scene_file;
   std::string url;
   std::string script;
-  std::string states;
+  torquer::simulator::ScriptOutputs outputs;
   std::string log;
   std::string explained;
   bool json = false;
@@ -87,7 +89,8 @@ int Run(int argc, char** argv) {
   line.Option("--scene", scene_file);
   line.Option("--lcm-url", url);
   line.Option("--script", script);
-  line.Option("--states", states);
+  line.Option("--states", outputs.states);
+  line.Option("--render", outputs.pictures);
   line.Option("--replay", log);
   line.Flag("--json", json);
   line.Parse(argc, argv, kUsage);
@@ -102,8 +105,9 @@ int Run(int argc, char** argv) {
     return 0;
   }
   if (scene_file.empty()) throw torquer::UserError(std::string("--scene is missing\n") + kUsage);
-  if (script.empty() != states.empty()) {
-    throw torquer::UserError(std::string("--script and --states go together\n") + kUsage);
+  if (script.empty() != (outputs.states.empty() && outputs.pictures.empty())) {
+    throw torquer::UserError(std::string("--script and --states or --render go together\n") +
+                             kUsage);
   }
   if (!script.empty() && !log.empty()) {
     throw torquer::UserError(std::string("--script and --replay exclude each other\n") + kUsage);
@@ -115,7 +119,7 @@ int Run(int argc, char** argv) {
   }
   const KeepField keep{scene};
   if (!script.empty()) {
-    const int unconverged = torquer::simulator::RunScript(scene, script, states);
+    const int unconverged = torquer::simulator::RunScript(scene, script, outputs);
     if (unconverged > 0) {
       std::fprintf(stderr, "torquer-simulator: %d rows ended before equilibrium (see residual)\n",
                    unconverged);

@@ -2,12 +2,16 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <numbers>
+#include <vector>
 
 #include "host/bus/clock.h"
+#include "host/simulator/picture_file.h"
 #include "host/simulator/session.h"
 #include "host/support/csv_table.h"
 #include "host/support/error.h"
@@ -38,53 +42,134 @@ nlohmann::json Describe(const Session& session, double time_s, double solve_us) 
   return line;
 }
 
+constexpr char kShortHeader[] = "time_s,insertion_mm,rotation_rad";
+constexpr char kLongHeader[] = "time_s,insertion_mm,rotation_rad,lao_deg,cra_deg,xray,contrast";
+
+// The header that a script means: the long one where its first line names the C-arm.
+std::string HeaderOf(const std::string& script) {
+  std::ifstream in(script);
+  for (std::string line; std::getline(in, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    return line.find("lao_deg") == std::string::npos ? kShortHeader : kLongHeader;
+  }
+  return kShortHeader;
+}
+
+std::vector<Command> ReadScript(const std::string& script, double start_mm) {
+  const std::string header = HeaderOf(script);
+  const std::vector<CsvRow> rows = ReadCsv(script, header);
+  std::vector<Command> commands;
+  for (const CsvRow& row : rows) {
+    const auto refuse = [&](const std::string& column, std::size_t cell, const char* problem) {
+      throw UserError(script + ":" + std::to_string(row.line) + ": " + column + " is " +
+                      row.cells[cell] + problem);
+    };
+    const auto number = [&](std::size_t column) { return CsvNumber(script, header, row, column); };
+    Command command;
+    command.sequence = static_cast<std::int64_t>(commands.size());
+    command.time_s = number(0);
+    command.target = {start_mm + number(1), number(2)};
+    if (!commands.empty() && !(command.time_s > commands.back().time_s)) {
+      refuse("time_s", 0, ", not after the row before; let times ascend");
+    }
+    if (header == kLongHeader) {
+      constexpr double kRadPerDeg = std::numbers::pi / 180;
+      const double angles[] = {number(3), number(4)};
+      for (std::size_t k = 0; k < 2; ++k) {
+        if (std::abs(angles[k]) <= 180) continue;
+        refuse(k == 0 ? "lao_deg" : "cra_deg", 3 + k, "; give -180 to 180");
+      }
+      for (const std::size_t column : {std::size_t{5}, std::size_t{6}}) {
+        if (number(column) == 0 || number(column) == 1) continue;
+        refuse(column == 5 ? "xray" : "contrast", column, "; give 0 or 1");
+      }
+      command.controls = {kRadPerDeg * angles[0], kRadPerDeg * angles[1], number(5) == 1,
+                          number(6) == 1};
+    }
+    commands.push_back(command);
+  }
+  return commands;
+}
+
+// Writes a file beside its name first, so that it is complete or not there.
+class StatesFile {
+ public:
+  explicit StatesFile(const std::string& path) : path_(path), unfinished_(path + ".part") {
+    if (path_.empty()) return;
+    out_.open(unfinished_);
+    if (!out_) {
+      throw UserError(path_ + ": cannot be written; check the folder and its permissions");
+    }
+  }
+  void Write(const Session& session, double time_s, double solve_us) {
+    if (!path_.empty()) out_ << Describe(session, time_s, solve_us).dump() << '\n';
+  }
+  void Finish() {
+    if (path_.empty()) return;
+    out_.close();
+    if (!out_) {
+      std::filesystem::remove(unfinished_);
+      throw UserError(path_ + ": writing failed; is the disk full?");
+    }
+    std::filesystem::rename(unfinished_, path_);
+  }
+
+ private:
+  const std::string path_;
+  const std::string unfinished_;
+  std::ofstream out_;
+};
+
+class PictureFolder {
+ public:
+  PictureFolder(const std::string& path, const Session& session) : path_(path) {
+    if (path_.empty()) return;
+    if (session.image() == nullptr) {
+      throw UserError(session.scene().path() +
+                      ": has no X-ray picture to render; add [effects.fluoroscopy]");
+    }
+    std::error_code error;
+    std::filesystem::create_directories(path_, error);
+    if (error) throw UserError(path_ + ": cannot be made (" + error.message() + ")");
+  }
+  void Write(const Session& session) {
+    if (path_.empty() || !session.picture_due()) return;
+    session.image()->Render(picture_);
+    char name[32];
+    std::snprintf(name, sizeof name, "/picture_%06d.png", ++count_);
+    WritePng(path_ + name, picture_);
+  }
+
+ private:
+  const std::string path_;
+  effects::ImageSource::Picture picture_;
+  int count_ = 0;
+};
+
 }  // namespace
 
-int RunScript(scene::Scene& scene, const std::string& script, const std::string& states) {
-  const std::string header = "time_s,insertion_mm,rotation_rad";
-  const std::vector<CsvRow> rows = ReadCsv(script, header);
-  double last_s = -1e300;
-  for (const CsvRow& row : rows) {
-    const double time_s = CsvNumber(script, header, row, 0);
-    CsvNumber(script, header, row, 1);
-    CsvNumber(script, header, row, 2);
-    if (!(time_s > last_s)) {
-      throw UserError(script + ":" + std::to_string(row.line) + ": time_s is " + row.cells[0] +
-                      ", not after the row before; let times ascend");
-    }
-    last_s = time_s;
-  }
-
-  const std::string unfinished = states + ".part";
-  std::ofstream out(unfinished);
-  if (!out) {
-    throw UserError(states + ": cannot be written; check the folder and its permissions");
-  }
+int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs) {
+  const std::vector<Command> commands = ReadScript(script, scene.inserted_at_start_mm());
   Session session(scene);
-  const double first_s = rows.empty() ? 0 : CsvNumber(script, header, rows[0], 0);
+  PictureFolder pictures(outputs.pictures, session);
+  StatesFile states(outputs.states);
+  const double first_s = commands.empty() ? 0 : commands.front().time_s;
   int unconverged = 0;
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    Command command;
-    command.sequence = static_cast<std::int64_t>(k);
-    command.target = {scene.inserted_at_start_mm() + CsvNumber(script, header, rows[k], 1),
-                      CsvNumber(script, header, rows[k], 2)};
-    command.time_s = CsvNumber(script, header, rows[k], 0) - first_s;
+  for (std::size_t k = 0; k < commands.size(); ++k) {
+    Command command = commands[k];
+    command.time_s -= first_s;
     CountedBudget budget(scene.budget_units());
     const std::int64_t start_us = bus::MonotonicUs();
     unconverged += !session.Tick(command, budget).converged;
     const auto solve_us = static_cast<double>(bus::MonotonicUs() - start_us);
-    out << Describe(session, CsvNumber(script, header, rows[k], 0), solve_us).dump() << '\n';
-    if (isatty(fileno(stderr)) != 0 && (k % 64 == 0 || k + 1 == rows.size())) {
-      std::fprintf(stderr, "\rrow %zu of %zu", k + 1, rows.size());
+    states.Write(session, commands[k].time_s, solve_us);
+    pictures.Write(session);
+    if (isatty(fileno(stderr)) != 0 && (k % 64 == 0 || k + 1 == commands.size())) {
+      std::fprintf(stderr, "\rrow %zu of %zu", k + 1, commands.size());
     }
   }
   if (isatty(fileno(stderr)) != 0) std::fprintf(stderr, "\n");
-  out.close();
-  if (!out) {
-    std::filesystem::remove(unfinished);
-    throw UserError(states + ": writing failed; is the disk full?");
-  }
-  std::filesystem::rename(unfinished, states);
+  states.Finish();
   return unconverged;
 }
 

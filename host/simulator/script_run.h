@@ -7,10 +7,16 @@
 
 namespace torquer::simulator {
 
-/// Runs the rows of `script` (CSV, header time_s,insertion_mm,rotation_rad; absolute since the
-/// start, ascending times) and writes one JSON object a row to `states` (written to a temporary
-/// file first: complete or not there). Returns the number of rows that did not converge.
+/// What comes of a script; empty: not wanted.
+struct ScriptOutputs {
+  std::string states;    ///< file of one JSON object a row, complete or not there
+  std::string pictures;  ///< folder, made where missing, of picture_000001.png and so on
+};
+
+/// Runs the rows of `script`: CSV with the header time_s,insertion_mm,rotation_rad, absolute since
+/// the start, ascending times; or with four more columns, lao_deg,cra_deg,xray,contrast, of which
+/// the last two are 0 or 1. Returns the number of rows that did not converge.
 /// Throws UserError naming file, line, value and remedy.
-int RunScript(scene::Scene& scene, const std::string& script, const std::string& states);
+int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs);
 
 }  // namespace torquer::simulator

@@ -23,8 +23,9 @@ Session::Session(scene::Scene& scene)
   for (const std::unique_ptr<effects::Effect>& effect : scene.effects()) {
     if (effects::Evolution* evolution = effect->evolution()) evolutions_.push_back(evolution);
     if (effects::Observer* observer = effect->observer()) observers_.push_back(observer);
+    if (effects::ImageSource* image = effect->image()) image_ = image;
   }
-  lives_ = scene.moving_field() != nullptr || !evolutions_.empty();
+  lives_ = scene.moving_field() != nullptr || !evolutions_.empty() || image_ != nullptr;
   Restart();
 }
 
@@ -70,7 +71,7 @@ const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
 }
 
 void Session::RunEffects(double step_s, const effects::Controls& controls) {
-  if (evolutions_.empty() && observers_.empty()) return;
+  if (evolutions_.empty() && observers_.empty() && image_ == nullptr) return;
   const effects::TickView tick{.time_s = time_s_,
                                .step_s = step_s,
                                .controls = controls,
@@ -80,6 +81,7 @@ void Session::RunEffects(double step_s, const effects::Controls& controls) {
                                .report = report_};
   for (effects::Evolution* evolution : evolutions_) evolution->Advance(tick);
   for (effects::Observer* observer : observers_) observer->Observe(tick);
+  if (image_ != nullptr) picture_due_ = image_->Take(tick);
 }
 
 std::vector<effects::Reading> Session::Readings() const {

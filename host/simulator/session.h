@@ -46,6 +46,10 @@ class Session {
   bool lives() const { return lives_; }
   /// What the observers of the scene have found.
   std::vector<effects::Reading> Readings() const;
+  /// Makes pictures of the scene; null where no effect does.
+  effects::ImageSource* image() const { return image_; }
+  /// Whether the last tick took something for a picture.
+  bool picture_due() const { return picture_due_; }
   /// Absolute: past the entry point.
   const HandTarget& target() const { return target_; }
 
@@ -67,6 +71,8 @@ class Session {
   std::unique_ptr<Relaxation> relaxation_;
   std::vector<effects::Evolution*> evolutions_;
   std::vector<effects::Observer*> observers_;
+  effects::ImageSource* image_ = nullptr;
+  bool picture_due_ = false;
   bool lives_ = false;
   WireState state_;
   TickReport report_;

@@ -24,7 +24,8 @@ TEST_CASE("A script gives one JSON object a row, absolute since the start", "[si
   const SceneFile file(torquer::test::kFriction);
   Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,0.5,0\n0.002,1.25,0.3\n");
   torquer::scene::Scene scene(file.path());
-  CHECK(torquer::simulator::RunScript(scene, file.Beside("s.csv"), file.Beside("s.jsonl")) == 0);
+  CHECK(torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""}) ==
+        0);
   std::ifstream in(file.Beside("s.jsonl"));
   std::vector<nlohmann::json> rows;
   for (std::string line; std::getline(in, line);) rows.push_back(nlohmann::json::parse(line));
@@ -46,7 +47,7 @@ TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
   const auto refuse = [&](const std::string& text, const std::string& said) {
     Write(file.Beside("s.csv"), text);
     CHECK_THROWS_WITH(
-        torquer::simulator::RunScript(scene, file.Beside("s.csv"), file.Beside("s.jsonl")),
+        torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""}),
         Contains(said));
     CHECK_FALSE(std::filesystem::exists(file.Beside("s.jsonl")));
     CHECK_FALSE(std::filesystem::exists(file.Beside("s.jsonl.part")));

@@ -6,6 +6,7 @@
 #include "host/simulator/effects/contrast.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/flow.h"
+#include "host/simulator/effects/fluoroscopy.h"
 #include "host/simulator/effects/friction.h"
 #include "host/simulator/effects/gravity.h"
 #include "host/simulator/effects/heartbeat.h"
@@ -21,7 +22,7 @@ const std::vector<EffectKind>& AllEffects() {
   static const std::vector<EffectKind> kinds = {
       SectionsKind(),   HeartbeatKind(), BreathingKind(), ComplianceKind(),
       FrictionKind(),   GravityKind(),   PointLoadKind(), WallForceKind(),
-      AssessmentKind(), FlowKind(),      ContrastKind(),
+      AssessmentKind(), FlowKind(),      ContrastKind(),  FluoroscopyKind(),
   };
   return kinds;
 }

@@ -1,0 +1,34 @@
+// The newest of a stream of values, handed from one thread to another without waiting.
+#pragma once
+
+#include <array>
+#include <atomic>
+
+namespace torquer::effects {
+
+/// One writer, one reader. What the reader does not fetch in time is overwritten.
+template <class Value>
+class Latest {
+ public:
+  /// Where the writer prepares the next value; it holds an old one, whose memory can be used again.
+  Value& Draft() { return values_[draft_]; }
+  /// Makes the draft the newest value.
+  void Publish() { draft_ = middle_.exchange(draft_ | kFresh, std::memory_order_acq_rel) & kIndex; }
+  /// Takes the newest value; false when the reader has it already.
+  bool Fetch() {
+    if ((middle_.load(std::memory_order_relaxed) & kFresh) == 0) return false;
+    held_ = middle_.exchange(held_, std::memory_order_acq_rel) & kIndex;
+    return true;
+  }
+  /// What the reader took last.
+  const Value& Held() const { return values_[held_]; }
+
+ private:
+  static constexpr unsigned kIndex = 3, kFresh = 4;
+  std::array<Value, 3> values_;
+  unsigned draft_ = 0;
+  std::atomic<unsigned> middle_{1};
+  unsigned held_ = 2;
+};
+
+}  // namespace torquer::effects

@@ -1,0 +1,66 @@
+#include "host/simulator/picture_thread.h"
+
+#include <chrono>
+#include <torquer_lcm/picture_t.hpp>
+
+#include "host/bus/channels.h"
+#include "host/bus/clock.h"
+#include "host/simulator/picture_file.h"
+
+namespace torquer::simulator {
+
+PictureThread::PictureThread(effects::ImageSource& source, bus::Bus& bus)
+    : source_(source), bus_(bus), thread_([this] { Run(); }) {}
+
+PictureThread::~PictureThread() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_one();
+  thread_.join();
+}
+
+void PictureThread::Offer() {
+  {
+    const std::lock_guard lock(mutex_);
+    offered_ = true;
+  }
+  wake_.notify_one();
+}
+
+void PictureThread::Run() {
+  constexpr std::chrono::seconds kRepeat{1};
+  effects::ImageSource::Picture picture;
+  JpegEncoder encoder;
+  torquer_lcm::picture_t message{};
+  message.clock_id = bus::ClockId();
+  message.encoding = "jpeg";
+  while (true) {
+    bool fresh = false;
+    {
+      std::unique_lock lock(mutex_);
+      wake_.wait_for(lock, kRepeat, [this] { return offered_ || stop_; });
+      if (stop_) return;
+      fresh = offered_;
+      offered_ = false;
+    }
+    if (fresh) {
+      source_.Render(picture);
+      message.number = rendered_++;
+      message.time_s = picture.time_s;
+      message.lao_rad = picture.controls.lao_rad;
+      message.cra_rad = picture.controls.cra_rad;
+      message.width = picture.width;
+      message.height = picture.height;
+      message.data = encoder.Encode(picture, kMostPictureBytes);
+      message.byte_count = static_cast<std::int32_t>(message.data.size());
+    }
+    if (rendered_ == 0) continue;
+    message.held = static_cast<std::int8_t>(!fresh);
+    message.publish_us = bus::MonotonicUs();
+    bus_.Publish(bus::kPictureChannel, message);
+  }
+}
+
+}  // namespace torquer::simulator

@@ -1,0 +1,46 @@
+// Renders and publishes X-ray pictures beside the ticks.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <thread>
+
+#include "host/bus/bus.h"
+#include "host/simulator/effects/effect.h"
+
+namespace torquer::simulator {
+
+/// Largest JPEG of a message; LCM loses reordered fragments beyond 65,499 bytes in all.
+inline constexpr std::size_t kMostPictureBytes = 60000;
+
+/// One thread that renders the newest of what was taken; what comes while it is busy and is not the
+/// newest is dropped. Repeats the last picture once a second while nothing newer is taken.
+class PictureThread {
+ public:
+  /// Both outlive this.
+  PictureThread(effects::ImageSource& source, bus::Bus& bus);
+  ~PictureThread();
+  PictureThread(const PictureThread&) = delete;
+  PictureThread& operator=(const PictureThread&) = delete;
+
+  /// From the thread of the ticks: the source has taken something. Never waits for a picture.
+  void Offer();
+
+  std::int64_t rendered() const { return rendered_; }
+
+ private:
+  void Run();
+
+  effects::ImageSource& source_;
+  bus::Bus& bus_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool offered_ = false;
+  bool stop_ = false;
+  std::atomic<std::int64_t> rendered_ = 0;
+  std::thread thread_;
+};
+
+}  // namespace torquer::simulator
