@@ -43,7 +43,9 @@ struct TangentLoad {
 /// of the few segments that bear a moment.
 struct PointDerivatives {
   bool with_hessian = false;
-  std::vector<std::uint8_t> used;         ///< 1 where gradient and Hessian hold something
+  /// Which of the two hold something at a point.
+  enum Use : std::uint8_t { kNothing, kGradient, kBoth };
+  std::vector<std::uint8_t> used;
   std::vector<Eigen::Vector3d> gradient;  ///< N
   std::vector<Eigen::Matrix3d> hessian;   ///< N/mm, symmetric
   std::vector<TangentLoad> on_tangents;   ///< in any order; they add up
@@ -51,10 +53,17 @@ struct PointDerivatives {
   /// Makes point q used, starting from zero. Call before adding to it.
   void Touch(int q) {
     const auto k = static_cast<std::size_t>(q);
-    if (used[k]) return;
-    used[k] = 1;
-    gradient[k].setZero();
+    if (used[k] == kBoth) return;
+    if (used[k] == kNothing) gradient[k].setZero();
     if (with_hessian) hessian[k].setZero();
+    used[k] = kBoth;
+  }
+  /// The same where nothing is added to the Hessian: forces that stay as they are.
+  void TouchGradient(int q) {
+    const auto k = static_cast<std::size_t>(q);
+    if (used[k] != kNothing) return;
+    gradient[k].setZero();
+    used[k] = kGradient;
   }
 };
 

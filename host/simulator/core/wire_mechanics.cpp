@@ -288,9 +288,12 @@ void WireMechanics::SumLoads(const WireState& state, IsActive is_active, Expansi
   if (terms_.empty()) return;
   for (int q = 0; q < out.points.size(); ++q) {
     const auto p = static_cast<std::size_t>(q);
-    if (!out.derivatives.used[p]) continue;
+    if (out.derivatives.used[p] == PointDerivatives::kNothing) continue;
     AddLoad(q, state.SegmentLength(model_, q / per_segment), out.derivatives.gradient[p],
-            with_hessian ? &out.derivatives.hessian[p] : nullptr, out);
+            with_hessian && out.derivatives.used[p] == PointDerivatives::kBoth
+                ? &out.derivatives.hessian[p]
+                : nullptr,
+            out);
   }
   for (const TangentLoad& on : out.derivatives.on_tangents) {
     LoadTerms& load = LoadsOf(on.segment, out);

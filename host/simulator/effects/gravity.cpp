@@ -12,7 +12,7 @@ double Gravity::Add(const PointSet& points, PointDerivatives& out) const {
     // Half of the piece before the point and half of that beyond; the sheath carries the rest.
     const double length_mm =
         (points.weight_mm[p] + (q + 1 < count ? points.weight_mm[p + 1] : 0)) / 2;
-    out.Touch(q);
+    out.TouchGradient(q);
     out.gradient[p] -= length_mm * weight_N_mm_;
     energy -= length_mm * weight_N_mm_.dot(points.position[p]);
   }

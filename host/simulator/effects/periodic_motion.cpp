@@ -42,7 +42,8 @@ void PeriodicMotion::AddOffset(const Vector3d& point_mm, vessel::Offset& offset)
   if (!any) return;
   const Vector3d way = displaced_ * settings_.way_mm;
   offset.value += all.value * way;
-  if (all.gradient.isZero(0) && all.hessian.isZero(0)) return;
+  if (all.value == 1) return;
+  offset.rigid = false;
   offset.jacobian += way * all.gradient.transpose();
   for (int k = 0; k < 3; ++k) offset.second[k] += way[k] * all.hessian;
 }

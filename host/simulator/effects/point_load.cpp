@@ -61,9 +61,13 @@ double PointLoad::Add(const PointSet& points, PointDerivatives& out) const {
   if (!load_.force_N.isZero(0) || load_.hold_N_mm != 0) {
     const Vector3d& end = points.position[p];
     const Vector3d away = end - load_.place_mm;
-    out.Touch(q);
+    if (load_.hold_N_mm == 0) {
+      out.TouchGradient(q);
+    } else {
+      out.Touch(q);
+      if (out.with_hessian) out.hessian[p] += load_.hold_N_mm * Matrix3d::Identity();
+    }
     out.gradient[p] += load_.hold_N_mm * away - load_.force_N;
-    if (out.with_hessian) out.hessian[p] += load_.hold_N_mm * Matrix3d::Identity();
     energy += load_.hold_N_mm * away.squaredNorm() / 2 - load_.force_N.dot(end);
   }
   if (load_.moment_mJ != 0 || load_.align_mJ != 0) {

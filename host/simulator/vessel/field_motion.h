@@ -12,6 +12,7 @@ struct Offset {
   Eigen::Matrix3d jacobian = Eigen::Matrix3d::Zero();  ///< (i, j): d value_i / d x_j
   Eigen::Matrix3d second[3] = {Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Zero(),
                                Eigen::Matrix3d::Zero()};  ///< Hessian of each component, 1/mm
+  bool rigid = true;  ///< no derivative of it is anything but zero
 };
 
 /// A smooth motion of the vessel in time, periodic or not.

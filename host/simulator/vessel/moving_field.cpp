@@ -44,12 +44,14 @@ double MovingField::Clearance(const Vector3d& point_mm) const {
 void MovingField::EvaluateGradient(const Vector3d& point_mm, ClearanceSample& out) const {
   const Offset offset = OffsetAt(point_mm);
   at_rest_.EvaluateGradient(point_mm - offset.value, out);
+  if (offset.rigid) return;
   out.gradient -= offset.jacobian.transpose() * out.gradient;
 }
 
 void MovingField::EvaluateHessian(const Vector3d& point_mm, ClearanceSample& out) const {
   const Offset offset = OffsetAt(point_mm);
   at_rest_.EvaluateHessian(point_mm - offset.value, out);
+  if (offset.rigid) return;
   const Matrix3d map = Matrix3d::Identity() - offset.jacobian;
   out.hessian = map.transpose() * out.hessian * map;
   for (int k = 0; k < 3; ++k) out.hessian -= out.gradient[k] * offset.second[k];
