@@ -13,19 +13,25 @@ namespace torquer::simulator {
 /// Writes a gray PNG. Throws UserError naming the path.
 void WritePng(const std::string& path, const effects::ImageSource::Picture& picture);
 
+struct Jpeg {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> bytes;
+};
+
 /// Compresses pictures to gray JPEG of a limited size.
 class JpegEncoder {
  public:
-  /// The bytes of a picture, at most `most_bytes`: the quality, 90 at best, is lowered until they
-  /// fit, and kept in mind for the next picture.
-  const std::vector<std::uint8_t>& Encode(const effects::ImageSource::Picture& picture,
-                                          std::size_t most_bytes);
+  /// The picture in at most `most_bytes` (of 10,000 or more): the quality, 90 at best, is lowered
+  /// until it fits, and kept in mind for the next picture. One that does not fit at the lowest
+  /// quality, which is nearly white noise, comes at half its width and height.
+  const Jpeg& Encode(const effects::ImageSource::Picture& picture, std::size_t most_bytes);
 
  private:
   void EncodeAt(const effects::ImageSource::Picture& picture, int quality);
 
   int quality_ = 90;
-  std::vector<std::uint8_t> bytes_;
+  Jpeg jpeg_;
 };
 
 }  // namespace torquer::simulator

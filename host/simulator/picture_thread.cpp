@@ -51,9 +51,10 @@ void PictureThread::Run() {
       message.time_s = picture.time_s;
       message.lao_rad = picture.controls.lao_rad;
       message.cra_rad = picture.controls.cra_rad;
-      message.width = picture.width;
-      message.height = picture.height;
-      message.data = encoder.Encode(picture, kMostPictureBytes);
+      const Jpeg& jpeg = encoder.Encode(picture, kMostPictureBytes);
+      message.width = jpeg.width;
+      message.height = jpeg.height;
+      message.data = jpeg.bytes;
       message.byte_count = static_cast<std::int32_t>(message.data.size());
     }
     if (rendered_ == 0) continue;

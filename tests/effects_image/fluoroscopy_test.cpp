@@ -222,7 +222,8 @@ TEST_CASE("A lumen seen along its axis absorbs as it is long", "[effects]") {
       Painted(arm, projection,
               {Lumen(arm.isocenter_mm - 20 * deep, arm.isocenter_mm + 20 * deep, 6, 6, 0.1F)});
   CHECK(plane.At(127, 127) == Approx(4).epsilon(1e-3));
-  // And where it narrows along the ray: the ray half a pixel off in both directions leaves the cone.
+  // And where it narrows along the ray: the ray half a pixel off in both directions leaves the
+  // cone.
   plane =
       Painted(arm, projection,
               {Lumen(arm.isocenter_mm - 20 * deep, arm.isocenter_mm + 20 * deep, 4, 0.1, 0.1F)});

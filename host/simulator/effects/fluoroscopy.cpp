@@ -13,6 +13,9 @@ using Mode = FluoroscopySettings::Mode;
 namespace {
 
 constexpr float kBackground = 0.56F;            // gray of the mean exposure, of 1
+// Part of the body's contrast that is shown: slow changes are compressed, as systems do, so that
+// thin and thick parts fit the gray range together.
+constexpr float kBodyShown = 0.6F;
 constexpr float kSubtractedBackground = 0.78F;  // of what has not changed
 constexpr float kRoadmapBackground = 0.5F;
 constexpr float kRoadmapDye = 0.6F;                 // how much weaker the map is than dye itself
@@ -215,7 +218,7 @@ void Fluoroscopy::Expose(Picture& out) const {
     float value = 0;
     switch (mode) {
       case Mode::kPlain:
-        value = -seen + deviation * noise_[i];
+        value = (1 - kBodyShown) * thick - seen + deviation * noise_[i];
         break;
       case Mode::kSubtraction:
         value = mask_.value[i] - devices[i] - dye[i] + deviation * (noise_[i] - mask_noise_[i]);

@@ -178,7 +178,9 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
   const ImagePoint to = projection.FromCamera(cone.end);
   const double radius = std::max(cone.begin_radius, cone.end_radius);
   const double half_width =
-      radius * projection.PixelsPerMm(std::min(from.depth_mm, to.depth_mm) - radius) + 1;
+      radius * projection.PixelsPerMm(
+                   std::max(kNearestMm, std::min(from.depth_mm, to.depth_mm) - radius)) +
+      1;
   double along_column = to.column - from.column;
   double along_row = to.row - from.row;
   const double length = std::hypot(along_column, along_row);
