@@ -98,6 +98,9 @@ TEST_CASE("A pulse is 0 at the start, reaches 1, and has no kink up to its secon
     before = second;
   }
   CHECK(highest == Approx(1).margin(1e-6));
+  // The heart rests between beats; the breath is held, and pauses.
+  CHECK(pulse(heart ? 0.78 : 0.85) == 0);
+  if (!heart) CHECK(pulse(0.35) == 1);
 }
 
 TEST_CASE("A motion's travel holds the way of every place between the times that were set") {
@@ -295,6 +298,24 @@ TEST_CASE("A session in a moving vessel is repeated to the bit, and is restarted
   repeat(again);
   session.Restart();
   repeat(session);
+}
+
+TEST_CASE("The shipped scenes of these effects start and run, and the drill has no effect") {
+  const std::string folder = TORQUER_SOURCE_DIR "/host/scenes/";
+  for (const std::string name : {"drill_tube", "calcified", "beating_heart"}) {
+    INFO(name);
+    scene::Scene scene(folder + name + ".toml");
+    CHECK(scene.effect_names().empty() == (name == "drill_tube"));
+    simulator::Session session(scene);
+    simulator::Command command;
+    command.target = session.target();
+    for (int k = 1; k <= 100; ++k) {
+      command.time_s = 0.02 * k;
+      command.target.insertion_mm += 0.5;
+      CountedBudget budget(scene.budget_units());
+      REQUIRE(session.Tick(command, budget).converged);
+    }
+  }
 }
 
 }  // namespace
