@@ -12,7 +12,7 @@ using Mode = FluoroscopySettings::Mode;
 
 namespace {
 
-constexpr float kBackground = 0.56F;            // gray of the mean exposure, of 1
+constexpr float kBackground = 0.56F;  // gray of the mean exposure, of 1
 // Part of the body's contrast that is shown: slow changes are compressed, as systems do, so that
 // thin and thick parts fit the gray range together.
 constexpr float kBodyShown = 0.6F;
