@@ -199,8 +199,9 @@ void SayDigit(StudyRun& run, const AccuracyResults& results) {
                "time for a tenth of it"},
               {}};
   for (const auto& [scene, cases] : results.measured) {
-    const auto digits = [&](const std::string& from, const std::string& to,
-                            double (*error)(const AccuracyOutcome&), double& factor) {
+    const auto digits = [&, &cases = cases](const std::string& from, const std::string& to,
+                                            double (*error)(const AccuracyOutcome&),
+                                            double& factor) {
       const AccuracyOutcome* a = Find(cases, from);
       const AccuracyOutcome* b = Find(cases, to);
       if (a == nullptr || b == nullptr) return std::numeric_limits<double>::quiet_NaN();

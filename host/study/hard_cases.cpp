@@ -377,7 +377,7 @@ void AddStarts(std::vector<HardCase>& cases) {
                      HardScene s{field, model, {.stiffness_N_mm2 = 0.05}, Feed(40, 45, 0.1)};
                      s.start_mm = 40;
                      for (int i = 0; i < 40; ++i) {
-                       s.start_tangents.push_back((i / 5 % 2 ? -1 : 1) * Vector3d::UnitY());
+                       s.start_tangents.emplace_back((i / 5 % 2 ? -1 : 1) * Vector3d::UnitY());
                      }
                      return s;
                    },

@@ -40,7 +40,8 @@ WireState Recut(const WireModel& model, const WireState& from) {
   WireState state(model);
   std::vector<Vector3d> path(from.nodes.begin() + 1, from.nodes.end());
   // Chords fall short of the arc: the last one needs a way to end on.
-  if (from.segments() > 0) path.push_back(path.back() + model.segment_mm() * from.tangents.back());
+  if (from.segments() > 0)
+    path.emplace_back(path.back() + model.segment_mm() * from.tangents.back());
   LayAlong(model, path, from.insertion_mm, state);
   state.SetRotation(from.rotation_rad);
   return state;

@@ -1,6 +1,7 @@
 #include "host/simulator/effects/assessment.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <map>
 #include <string>
 
@@ -31,7 +32,7 @@ struct Trainee {
   void Go(const Vector3d& tip, double insertion_mm, double seconds) {
     const Vector3d from = state.nodes.back();
     const double begin_mm = target.insertion_mm;
-    const int steps = static_cast<int>(seconds / 0.005 + 0.5);
+    const int steps = static_cast<int>(std::lround(seconds / 0.005));
     for (int k = 1; k <= steps; ++k) {
       const double part = static_cast<double>(k) / steps;
       state.nodes.back() = from + part * (tip - from);

@@ -236,8 +236,9 @@ TEST_CASE("The report begins with the front, the default marked on it") {
 TEST_CASE("A folder without the scenes is refused") {
   const test::TemporaryFolder folder;
   const std::string study = GENERATE("accuracy", "scaling");
-  test::ChildProcess program({TORQUER_BIN_DIR "/torquer-study", study, "--scenes",
-                              folder.Path("none"), "--out", folder.Path("out")});
+  const std::string torquer_study = TORQUER_BIN_DIR "/torquer-study";
+  test::ChildProcess program(
+      {torquer_study, study, "--scenes", folder.Path("none"), "--out", folder.Path("out")});
   CHECK(program.Wait() == 2);
   CHECK(program.Error().find("--scenes") != std::string::npos);
   CHECK_FALSE(std::filesystem::exists(folder.Path("out")));
