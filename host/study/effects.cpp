@@ -234,7 +234,12 @@ class EffectsStudy final : public Study {
     Table table{"A tick that feeds 0.02 to 0.1 mm, n = 250, in the T-Y phantom; thread-CPU time",
                 {"effects", "median ms", "p99 ms", "of none", "heap kB", "residual", "unconverged"},
                 {}};
-    Series bars{"median", Mark::kBars, {}, {}};
+    // One row a case; the effects alone suffice to see.
+    Plot plot{"A tick by effects",
+              {"median of a tick, us", true},
+              {"", false},
+              {Series{"", Mark::kPoints, {}, {}}}};
+    plot.height = 560;
     Price none;
     for (std::size_t k = 0; k < cases.size(); ++k) {
       const bool is_all = k + 1 == cases.size();
@@ -253,10 +258,11 @@ class EffectsStudy final : public Study {
                             Number(price.tick_ms_p50 / none.tick_ms_p50),
                             Number((price.heap_bytes - none.heap_bytes) / 1024),
                             Number(price.residual), std::to_string(price.unconverged)});
-      if (cases[k].size() <= 2 || is_all) {
-        bars.x.push_back(static_cast<double>(bars.x.size()));
-        bars.y.push_back(1e3 * price.tick_ms_p50);
-        bars.notes.push_back(case_name);
+      if (k <= effects::AllEffects().size() || is_all) {
+        const double row = -static_cast<double>(plot.callouts.size());
+        plot.series[0].x.push_back(1e3 * price.tick_ms_p50);
+        plot.series[0].y.push_back(row);
+        plot.callouts.push_back({1e3 * price.tick_ms_p50, row, case_name});
       }
     }
     std::filesystem::remove_all(folder);
@@ -266,11 +272,7 @@ class EffectsStudy final : public Study {
         "Heap: what scene and session hold more than without any effect. An effect that another "
         "needs is in its row too. What a scene does not name is not made: no memory, no "
         "instruction (tests/effects_cost).");
-    run.Draw({"A tick by effects",
-              {"case (in the order of the table)"},
-              {"median of a tick, us"},
-              {bars}},
-             "The first bar has no effect, the last all of them.");
+    run.Draw(plot, "From above: no effect, each alone (with what it needs), all of them.");
     return true;
   }
 

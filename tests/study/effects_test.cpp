@@ -1,0 +1,63 @@
+// The price list names what there is, and every price.
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "host/simulator/effects/effect.h"
+#include "tests/support/child_process.h"
+#include "tests/support/temporary_folder.h"
+
+namespace torquer::study {
+namespace {
+
+using test::ChildProcess;
+using test::TemporaryFolder;
+
+const std::string kProgram = TORQUER_BIN_DIR "/torquer-study";
+
+TEST_CASE("The price list has every effect, the pairs of the scenes that it is given, and all") {
+  const TemporaryFolder folder;
+  // Scenes are asked for their effects' names alone.
+  std::ofstream(folder.Path("pair.toml")) << "[effects.friction]\n[effects.gravity]\n";
+  ChildProcess program(std::vector<std::string>{kProgram, "effects", "--quick", "--json",
+                                                "--scenes", folder.Path(), "--out",
+                                                folder.Path("out")});
+  REQUIRE(program.Wait() == 0);
+  std::map<std::string, std::map<std::string, double>> prices;
+  std::istringstream lines(program.Output());
+  for (std::string line; std::getline(lines, line);) {
+    const nlohmann::json row = nlohmann::json::parse(line);
+    CHECK(row["study"] == "effects");
+    prices[row["case"]][row["metric"]] = row["value"];
+  }
+  std::set<std::string> expected = {"none", "all", "friction+gravity"};
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    if (*kind.needs == 0) expected.insert(kind.name);
+  }
+  expected.insert({"wall_force+assessment", "flow+contrast"});
+  std::set<std::string> found;
+  for (const auto& [name, metrics] : prices) {
+    found.insert(name);
+    INFO(name);
+    CHECK(metrics.at("unconverged") == 0);
+    CHECK(metrics.at("residual") <= 1e-6);
+    CHECK(metrics.at("tick_ms_p50") > 0);
+    CHECK(metrics.at("tick_ms_p99") >= metrics.at("tick_ms_p50"));
+    CHECK(metrics.count("heap_bytes") == 1);
+  }
+  CHECK(found == expected);
+}
+
+TEST_CASE("A folder of scenes that is not there is refused") {
+  ChildProcess program(
+      std::vector<std::string>{kProgram, "effects", "--scenes", "/nowhere/at/all"});
+  CHECK(program.Wait() == 2);
+  CHECK(program.Error().find("--scenes /nowhere/at/all: there is no such folder") !=
+        std::string::npos);
+}
+
+}  // namespace
+}  // namespace torquer::study
