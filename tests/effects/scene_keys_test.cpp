@@ -104,7 +104,7 @@ TEST_CASE("Effects with bad keys are refused with line, key, value and remedy") 
 
 // The scene of SceneFile with a wire by sections.
 std::string WithSections(const TemporaryFolder& folder, const std::string& sections) {
-  const std::string path = folder.Path() + "/sections.toml";
+  std::string path = folder.Path() + "/sections.toml";
   std::ofstream(path) << "name = \"sections\"\n[vessel]\nkind = \"phantom\"\nphantom = \"ty\"\n"
                          "wall_stiffness_N_mm2 = 0.01\n[entry]\ncenterline = \"main\"\nat_mm = 1\n"
                          "[wire]\nsegment_mm = 1\nmax_length_mm = 200\ntip_mm = 10\n"

@@ -23,7 +23,7 @@ namespace {
 
 // A straight vessel of 400 mm and radius 2 mm in which blood flows at 100 mm/s.
 struct StraightVessel {
-  static constexpr double kLengthMm = 400, kRadiusMm = 2, kSpeedMmS = 100;
+  static constexpr double kRadiusMm = 2, kSpeedMmS = 100;
   static constexpr double kFlowML_s = 1e-3 * kSpeedMmS * std::numbers::pi * kRadiusMm * kRadiusMm;
 
   explicit StraightVessel(const Pulse& pulse = {}) {
