@@ -230,7 +230,7 @@ class EffectsStudy final : public Study {
     cases.push_back(all);
 
     run.Say(DescribeMachine());
-    const int ticks = run.quick() ? 200 : 1000;
+    const int ticks = run.quick() ? 100 : 1000;
     Table table{"A tick that feeds 0.02 to 0.1 mm, n = 250, in the T-Y phantom; thread-CPU time",
                 {"effects", "median ms", "p99 ms", "of none", "heap kB", "residual", "unconverged"},
                 {}};

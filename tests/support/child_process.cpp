@@ -14,7 +14,7 @@
 namespace torquer::test {
 namespace {
 
-constexpr int kPatienceMs = 30000;
+constexpr int kPatienceMs = 240000;
 constexpr int kStepMs = 5;
 
 std::string Contents(const std::string& path) {

@@ -20,11 +20,12 @@ class ChildProcess {
 
   void Signal(int signal) const;
 
-  /// Waits for the end, for 30 s at most. The exit status; 128 + signal when killed by one; throws
-  /// std::runtime_error with what it wrote when it does not end.
+  /// Waits for the end, for 4 minutes at most: programs under sanitizers are slow. The exit status;
+  /// 128 + signal when killed by one; throws std::runtime_error with what it wrote when it does not
+  /// end.
   int Wait();
 
-  /// Waits until standard error holds `text`, for 30 s at most; false if it never does.
+  /// Waits until standard error holds `text`, as long as that; false if it never does.
   bool WaitForError(const std::string& text);
 
   std::string Output() const;  ///< standard output so far
