@@ -23,8 +23,19 @@ void DelayUs(uint16_t us);
 /// True once for each USB start of frame; `start_us` is when the frame began.
 bool TakeFrameStart(uint32_t* start_us);
 
-/// Sleeps until an interrupt, at most about 65 ms; returns at once if an event is pending.
+/// Sleeps until an interrupt, at most about 65 ms; returns at once if an event is pending. While
+/// the bus is suspended it sleeps deeply, with everything stopped but what wakes it: until the bus
+/// comes to life, and at most kSuspendedTickUs, by which NowUs() then has gone on.
 void Idle();
+constexpr uint16_t kSuspendedTickUs = 32000;  ///< nominally; the watchdog's oscillator is coarse
+
+/// The host has left the bus idle for 3 ms: the device must soon draw next to nothing. Idle()
+/// begins and ends its deep sleep by the answer given here last.
+bool BusSuspended();
+
+/// Asks the host for life on a suspended bus, which BusSuspended() then is no more; it is again if
+/// the host does not answer within about a tenth of a second.
+void WakeHost();
 
 /// To be called at least every 250 ms, else the chip resets.
 void KickWatchdog();
@@ -101,9 +112,8 @@ void StallControl();
 /// HasControlData() is true.
 void WatchControl(bool can_send, bool has_data);
 
-/// Keeps the address given by the host; it takes effect with EnableAddress().
-void PrepareAddress(uint8_t address);
-void EnableAddress();
+/// The device answers at this address (0 .. 127) from now on.
+void SetAddress(uint8_t address);
 
 /// Sets up or removes the interrupt IN endpoint; its data toggle starts anew and it is not halted.
 void ConfigureInput(bool enabled);

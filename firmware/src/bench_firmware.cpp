@@ -30,13 +30,39 @@ void BenchFirmware::Start() {
 
 void BenchFirmware::Step() {
   board::KickWatchdog();
-  usb_.Poll();
-  uint32_t start_us = 0;
-  if (board::TakeFrameStart(&start_us)) {
-    Frame(start_us);
+  FollowBus();
+  if (suspended_) {
+    Doze();
+  } else {
     usb_.Poll();
+    uint32_t start_us = 0;
+    if (board::TakeFrameStart(&start_us)) {
+      Frame(start_us);
+      usb_.Poll();
+    }
   }
   RunPendingCommand();
+}
+
+void BenchFirmware::FollowBus() {
+  const bool suspended = board::BusSuspended();
+  if (suspended == suspended_) return;
+  suspended_ = suspended;
+  if (suspended) {
+    sensor_.Sleep();
+  } else {
+    sensor_.Wake();
+    joystick_.Start();
+  }
+}
+
+// Of a suspended device: a button pressed now wakes the host, if that has allowed it.
+void BenchFirmware::Doze() {
+  sensor_.Maintain();
+  const uint8_t held_before = buttons_.held();
+  const uint8_t pressed =
+      static_cast<uint8_t>(buttons_.Update(board::ReadButtons()) & ~held_before);
+  if (pressed != 0 && usb_.may_wake_host()) board::WakeHost();
 }
 
 void BenchFirmware::Frame(uint32_t start_us) {

@@ -28,7 +28,9 @@ class BenchFirmware final : public ReportHandler {
   bool SetFeatureReport(const uint8_t* report, uint8_t size) override;
 
  private:
+  void FollowBus();
   void Frame(uint32_t start_us);
+  void Doze();
   void RunPendingCommand();
 
   Settings settings_;
@@ -42,6 +44,7 @@ class BenchFirmware final : public ReportHandler {
   uint16_t stack_headroom_ = 0;
   uint16_t longest_frame_us_ = 0;
   uint8_t pending_command_ = 0;
+  bool suspended_ = false;
 };
 
 }  // namespace firmware

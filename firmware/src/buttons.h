@@ -13,6 +13,8 @@ class Buttons {
 
   /// Takes one reading of the pins (protocol::Button bits); returns what is held, debounced.
   uint8_t Update(uint8_t pins);
+  /// What Update() returned last.
+  uint8_t held() const { return held_; }
 
  private:
   static constexpr uint8_t kCount = 3;

@@ -26,6 +26,12 @@ class MotionSensor {
   /// called once a frame, after the report is on its way.
   virtual void Maintain() = 0;
 
+  /// From now on the sensor is not to draw current: Maintain() sends it to sleep as soon as it can
+  /// be spoken to. Read() reports a fault.
+  virtual void Sleep() = 0;
+  /// Ends that; the sensor is started as at power-up.
+  virtual void Wake() = 0;
+
   /// Counts an inch from now on; takes effect within a few frames.
   virtual void SetCpi(uint16_t cpi) = 0;
   /// What the sensor is set to.

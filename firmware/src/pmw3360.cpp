@@ -17,6 +17,7 @@ constexpr uint8_t kConfig2 = 0x10;
 constexpr uint8_t kSromEnable = 0x13;
 constexpr uint8_t kSromId = 0x2a;
 constexpr uint8_t kPowerUpReset = 0x3a;
+constexpr uint8_t kShutdown = 0x3b;
 constexpr uint8_t kInverseProductId = 0x3f;
 constexpr uint8_t kMotionBurst = 0x50;
 constexpr uint8_t kSromLoadBurst = 0x62;
@@ -25,6 +26,7 @@ constexpr uint8_t kWriteBit = 0x80;
 constexpr uint8_t kExpectedProductId = 0x42;
 constexpr uint8_t kExpectedInverseId = 0xbd;
 constexpr uint8_t kResetKey = 0x5a;
+constexpr uint8_t kShutdownKey = 0xb6;
 
 // Bits of the first byte of a burst.
 constexpr uint8_t kMotionSeen = 0x80;
@@ -99,6 +101,7 @@ void Pmw3360::Maintain() {
   switch (state_) {
     case State::kWaitToReset:
       WriteRegister(kPowerUpReset, kResetKey);
+      shut_down_ = false;
       WaitThen(State::kSettle, kAfterReset);
       break;
     case State::kSettle:
@@ -158,8 +161,28 @@ void Pmw3360::Maintain() {
     case State::kRunning:
       CheckHealth();
       break;
+    case State::kShutDown:
+      WriteRegister(kShutdown, kShutdownKey);
+      shut_down_ = true;
+      state_ = State::kAsleep;
+      break;
+    case State::kAsleep:
+      break;
   }
 }
+
+void Pmw3360::Sleep() {
+  if (state_ == State::kLoadSrom) {  // in the middle of its one long access
+    board::SelectSensor(false);
+    ready_at_us_ = board::NowUs() + kAfterSrom;
+  }
+  // After power-up or a reset resume_at_us_ is when it may be spoken to.
+  state_ = shut_down_ ? State::kAsleep : State::kShutDown;
+  bad_readings_ = 0;
+  srom_id_ = 0;
+}
+
+void Pmw3360::Wake() { state_ = State::kWaitToReset; }
 
 // A sensor that restarted by itself, after a dip of its supply, forgets its resolution and answers
 // with its defaults: plausible, and wrong.

@@ -14,6 +14,8 @@ class Pmw3360 final : public MotionSensor {
 
   MotionSample Read() override;
   void Maintain() override;
+  void Sleep() override;
+  void Wake() override;
   void SetCpi(uint16_t cpi) override { wanted_cpi_ = cpi; }
   uint16_t cpi() const override { return cpi_; }
   uint8_t product_id() const override { return product_id_; }
@@ -35,6 +37,8 @@ class Pmw3360 final : public MotionSensor {
     kCheckSrom,
     kSetCpi,
     kRunning,
+    kShutDown,  // to be sent to sleep
+    kAsleep,
   };
 
   void WaitUntilReady();
@@ -61,6 +65,7 @@ class Pmw3360 final : public MotionSensor {
   uint8_t product_id_ = 0;
   uint8_t revision_ = 0;
   uint8_t srom_id_ = 0;
+  bool shut_down_ = false;  // by this driver, and not started since
 };
 
 }  // namespace firmware

@@ -53,7 +53,7 @@ constexpr uint8_t kConfigurationDescriptor[] TORQUER_IN_FLASH = {
     1,                             // interfaces
     1,                             // the value that selects it
     0,
-    0x80,                          // powered by the bus
+    0x80 | 0x20,                   // powered by the bus, wakes the host
     100 / 2,                       // mA / 2
 
     9, kInterfaceDescriptorType,

@@ -29,7 +29,10 @@ enum StandardRequest : uint8_t {
   kGetInterface = 10,
   kSetInterface = 11,
 };
-constexpr uint16_t kEndpointHalt = 0;  // the feature selector
+// Feature selectors, of the endpoint and of the device, and where the latter's status shows.
+constexpr uint16_t kEndpointHalt = 0;
+constexpr uint16_t kRemoteWakeup = 1;
+constexpr uint8_t kRemoteWakeupStatus = 1 << 1;
 
 enum HidRequest : uint8_t {
   kGetReport = 0x01,
@@ -80,6 +83,7 @@ void UsbDevice::Poll() {
 void UsbDevice::Reset() {
   stage_ = Stage::kIdle;
   configuration_ = 0;
+  may_wake_host_ = false;
   unpolled_frames_ = 0;
 }
 
@@ -105,6 +109,7 @@ bool UsbDevice::BeginStandard() {
       setup_.request != kGetDescriptor) {
     return false;
   }
+  if (!to_host && setup_.length != 0) return false;  // none of those below has data
   switch (setup_.request) {
     case kGetDescriptor:
       return to_host && BeginGetDescriptor();
@@ -113,15 +118,15 @@ bool UsbDevice::BeginStandard() {
       if (recipient == kEndpoint && setup_.index == kInputEndpointAddress && configured()) {
         return SendStatus(board::InputHalted());
       }
+      if (recipient == kDevice) return SendStatus(may_wake_host_ ? kRemoteWakeupStatus : 0);
       return (recipient != kEndpoint || (setup_.index & 0x7f) == 0) && SendStatus(0);
     case kClearFeature:
-      return !to_host && recipient == kEndpoint && BeginEndpointHalt(false);
+      return !to_host && BeginFeature(false);
     case kSetFeature:
-      return !to_host && recipient == kEndpoint && BeginEndpointHalt(true);
+      return !to_host && BeginFeature(true);
     case kSetAddress:
       if (to_host || recipient != kDevice || setup_.value > 127) return false;
-      board::PrepareAddress(static_cast<uint8_t>(setup_.value));
-      return Acknowledge();
+      return Acknowledge();  // FinishStatusIn() does it
     case kGetConfiguration:
       if (!to_host || recipient != kDevice) return false;
       buffer_[0] = configuration_;
@@ -183,11 +188,17 @@ bool UsbDevice::BeginGetDescriptor() {
   }
 }
 
-bool UsbDevice::BeginEndpointHalt(bool halted) {
-  if (setup_.value != kEndpointHalt) return false;
+bool UsbDevice::BeginFeature(bool set) {
+  const uint8_t recipient = setup_.type & kRecipientMask;
+  if (recipient == kDevice) {
+    if (setup_.value != kRemoteWakeup || setup_.index != 0) return false;
+    may_wake_host_ = set;
+    return Acknowledge();
+  }
+  if (recipient != kEndpoint || setup_.value != kEndpointHalt) return false;
   if ((setup_.index & 0x7f) == 0) return Acknowledge();  // endpoint 0 is never halted for long
   if (setup_.index != kInputEndpointAddress || !configured()) return false;
-  board::HaltInput(halted);
+  board::HaltInput(set);
   return Acknowledge();
 }
 
@@ -218,7 +229,7 @@ bool UsbDevice::BeginHid() {
       return true;
     case kSetIdle:
       // Kept and answered, as the class asks; a report goes out every millisecond all the same.
-      if (to_host) return false;
+      if (to_host || setup_.length != 0) return false;
       idle_rate_ = static_cast<uint8_t>(setup_.value >> 8);
       return Acknowledge();
     default:
@@ -306,7 +317,7 @@ void UsbDevice::FinishStatusIn() {
   stage_ = Stage::kIdle;
   const bool was_set_address =
       setup_.type == (kStandard | kDevice) && setup_.request == kSetAddress;
-  if (was_set_address) board::EnableAddress();
+  if (was_set_address) board::SetAddress(static_cast<uint8_t>(setup_.value));
 }
 
 void UsbDevice::SendInput(const protocol::InputReport& report) {

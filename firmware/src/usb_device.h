@@ -36,6 +36,8 @@ class UsbDevice {
 
   /// The host has set up the device: input reports are wanted.
   bool configured() const { return configuration_ != 0; }
+  /// The host wants to be woken when it sleeps.
+  bool may_wake_host() const { return may_wake_host_; }
 
   /// Queues a report. While the host does not poll, the newest report alone is kept for it, so that
   /// what it reads first after a pause is fresh.
@@ -60,7 +62,7 @@ class UsbDevice {
   bool BeginStandard();
   bool BeginHid();
   bool BeginGetDescriptor();
-  bool BeginEndpointHalt(bool halted);
+  bool BeginFeature(bool set);
   void SendFlash(const uint8_t* data, uint16_t size);
   void SendBuffer(uint8_t size);
   void SendSerialString();
@@ -86,6 +88,7 @@ class UsbDevice {
   uint8_t idle_rate_ = 0;
   uint8_t unpolled_frames_ = 0;
   Stage stage_ = Stage::kIdle;
+  bool may_wake_host_ = false;
   bool in_flash_ = false;
   bool end_with_empty_packet_ = false;
 };

@@ -27,12 +27,13 @@ namespace {
 constexpr int kEecr = 0x3f, kEedr = 0x40, kEearl = 0x41, kEearh = 0x42;
 constexpr int kPllcsr = 0x49;
 constexpr int kSpcr = 0x4c, kSpsr = 0x4d, kSpdr = 0x4e;
-constexpr int kMcusr = 0x54, kSpmcsr = 0x57, kWdtcsr = 0x60;
+constexpr int kSmcr = 0x53, kMcusr = 0x54, kSpmcsr = 0x57, kWdtcsr = 0x60;
+constexpr int kAdcsra = 0x7a, kTccr1b = 0x81;
 constexpr int kFirstRam = 0x100, kLastRam = 0xaff;
 constexpr int kUsbcon = 0xd8;
-constexpr int kVectorUsbGeneral = 10, kVectorUsbEndpoint = 11;
+constexpr int kVectorUsbGeneral = 10, kVectorUsbEndpoint = 11, kVectorWatchdog = 12;
 
-constexpr std::uint8_t kPowerOnReset = 1, kPinReset = 2, kWatchdogReset = 8;
+constexpr std::uint8_t kPowerOnReset = 1, kPinReset = 2, kBrownOutReset = 4, kWatchdogReset = 8;
 constexpr int kSupplyMillivolts = 5000;
 constexpr double kEepromWriteUs = 3400;
 
@@ -87,7 +88,7 @@ struct Atmega32u4::Hooks {
     if (enabled && !divider_fits) {
       chip.Violation("PLLCSR: the divider does not fit the crystal, the USB has no 48 MHz");
     }
-    const bool locked = enabled && divider_fits;
+    const bool locked = enabled && divider_fits && chip.dead_ != Part::kPll;
     avr->data[address] = static_cast<std::uint8_t>((value & ~kLock) | (locked ? kLock : 0));
     chip.usb_.SetPllLocked(locked);
   }
@@ -119,6 +120,7 @@ struct Atmega32u4::Hooks {
   }
   static avr_cycle_count_t OnSpiDone(avr_t* avr, avr_cycle_count_t, void* parameter) {
     Hooks& hooks = From(parameter);
+    if (hooks.chip.dead_ == Part::kSpi) return 0;
     hooks.spi_busy = false;
     hooks.spi_received =
         hooks.chip.spi_slave_ ? hooks.chip.spi_slave_(hooks.exchange) : std::uint8_t{0xff};
@@ -163,6 +165,7 @@ struct Atmega32u4::Hooks {
     return 0;
   }
   static avr_cycle_count_t OnEepromWritten(avr_t* avr, avr_cycle_count_t, void* parameter) {
+    if (From(parameter).chip.dead_ == Part::kEeprom) return 0;
     From(parameter).FinishEepromWrite();
     avr->data[kEecr] &= static_cast<std::uint8_t>(~0x02);
     return 0;
@@ -213,6 +216,30 @@ struct Atmega32u4::Hooks {
     }
   }
 
+  // --- ADC: simavr's, until it is dead ----------------------------------------------------------
+  static std::uint8_t ReadAdcControl(avr_t* avr, avr_io_addr_t address, void* parameter) {
+    constexpr std::uint8_t kEnable = 0x80, kConverting = 0x40;
+    const Hooks& hooks = From(parameter);
+    const std::uint8_t value = hooks.stock_adc.r.c
+                                   ? hooks.stock_adc.r.c(avr, address, hooks.stock_adc.r.param)
+                                   : avr->data[address];
+    const bool dead = hooks.chip.dead_ == Part::kAdc && (value & kEnable);
+    return static_cast<std::uint8_t>(value | (dead ? kConverting : 0));
+  }
+
+  // An interrupt of the watchdog's that is not served in its time is a reset.
+  void FollowWatchdogInterrupt(avr_t* avr) {
+    const int scale = (avr->data[kWdtcsr] & 0x07) | ((avr->data[kWdtcsr] & 0x20) >> 2);
+    const double period_us = 16000.0 * (1 << scale);
+    if (!watchdog->pending) {
+      watchdog_pending_us = -1;
+    } else if (watchdog_pending_us < 0) {
+      watchdog_pending_us = chip.now_us();
+    } else if (chip.now_us() - watchdog_pending_us > period_us) {
+      avr_reset(avr);
+    }
+  }
+
   static avr_cycle_count_t OnStop(avr_t*, avr_cycle_count_t, void*) { return 0; }
 
   void Replace(avr_t* avr, int address, avr_io_read_t read, avr_io_write_t write) {
@@ -231,8 +258,11 @@ struct Atmega32u4::Hooks {
   Atmega32u4& chip;
   avr_int_vector_t* usb_general = nullptr;
   avr_int_vector_t* usb_endpoint = nullptr;
+  avr_int_vector_t* watchdog = nullptr;
+  double watchdog_pending_us = -1;  // since when
   std::remove_reference_t<decltype(avr_t::io[0])> stock_spm{};
   std::remove_reference_t<decltype(avr_t::io[0])> stock_watchdog{};
+  std::remove_reference_t<decltype(avr_t::io[0])> stock_adc{};
   std::vector<std::unique_ptr<std::pair<Hooks*, std::function<void(bool, double)>>>> pin_listeners;
   SpiExchange exchange;
   bool spi_busy = false;
@@ -267,6 +297,7 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
     avr_int_vector_t* vector = avr_->interrupts.vector[i];
     if (vector->vector == kVectorUsbGeneral) hooks_->usb_general = vector;
     if (vector->vector == kVectorUsbEndpoint) hooks_->usb_endpoint = vector;
+    if (vector->vector == kVectorWatchdog) hooks_->watchdog = vector;
   }
   for (avr_int_vector_t* vector : {hooks_->usb_general, hooks_->usb_endpoint}) {
     // Masks are the controller's business; simavr is to serve whatever is requested.
@@ -286,6 +317,8 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
   hooks_->Replace(avr_, kSpmcsr, nullptr, &Hooks::WriteSpmControl);
   hooks_->stock_watchdog = avr_->io[AVR_DATA_TO_IO(kWdtcsr)];
   hooks_->Replace(avr_, kWdtcsr, nullptr, &Hooks::WriteWatchdog);
+  hooks_->stock_adc = avr_->io[AVR_DATA_TO_IO(kAdcsra)];
+  hooks_->Replace(avr_, kAdcsra, &Hooks::ReadAdcControl, nullptr);
 
   for (int address = kFirstRam; address <= kLastRam; ++address) {
     noise_ = noise_ * 1664525u + 1013904223u;
@@ -321,10 +354,31 @@ void Atmega32u4::AfterReset() {
   for (const auto& [channel, fraction] : analog_) SetAnalog(channel, fraction);
 }
 
-void Atmega32u4::ResetByPin() {
+void Atmega32u4::ResetFor(std::uint8_t cause) {
   ++resets_;
-  hooks_->reset_cause = kPinReset;
+  hooks_->reset_cause = cause;
   avr_reset(avr_);
+}
+
+void Atmega32u4::ResetByPin() { ResetFor(kPinReset); }
+
+void Atmega32u4::ResetByBrownOut() {
+  eeprom_ = EepromAfterPowerLoss();
+  hooks_->eeprom_cell = -1;
+  ResetFor(kBrownOutReset);
+}
+
+void Atmega32u4::SetDead(Part part) { dead_ = part; }
+
+std::vector<std::string> Atmega32u4::PartsAwake() const {
+  constexpr std::uint8_t kModes = 0x0e, kPowerDown = 0x04, kAdcEnable = 0x80, kClockSelect = 0x07;
+  std::vector<std::string> awake;
+  const bool asleep = avr_->state == cpu_Sleeping && (avr_->data[kSmcr] & kModes) == kPowerDown;
+  if (!asleep) awake.emplace_back("CPU");
+  if (avr_->data[kAdcsra] & kAdcEnable) awake.emplace_back("ADC");
+  if (avr_->data[kTccr1b] & kClockSelect) awake.emplace_back("timer 1");
+  if (usb_.Runs()) awake.emplace_back("USB");
+  return awake;
 }
 
 void Atmega32u4::Violation(const std::string& what) {
@@ -355,6 +409,7 @@ void Atmega32u4::RunUntil(double us) {
           "or left its program");
     }
   }
+  hooks_->FollowWatchdogInterrupt(avr_);
 }
 
 void Atmega32u4::UpdateUsbInterrupts() {

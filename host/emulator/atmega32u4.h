@@ -67,6 +67,12 @@ class Atmega32u4 {
 
   /// Pulls the reset pin once.
   void ResetByPin();
+  /// The supply dips for a moment, enough for the brown-out detector: a byte of EEPROM that is
+  /// being written is lost, the variables are not.
+  void ResetByBrownOut();
+  /// A part of the chip from which the firmware waits for an answer never gives one from now on.
+  enum class Part { kNone, kPll, kSpi, kAdc, kEeprom };
+  void SetDead(Part part);
 
   UsbController& usb() { return usb_; }
   /// To be called after the host's side of usb() has changed something.
@@ -96,7 +102,9 @@ class Atmega32u4 {
   std::uint64_t cycles() const;
   /// Cycles in which the CPU was asleep.
   std::uint64_t sleep_cycles() const { return sleep_cycles_; }
-  /// Resets since power-on, by watchdog or pin.
+  /// What of it still draws current though the bus is suspended; nothing if it sleeps as it should.
+  std::vector<std::string> PartsAwake() const;
+  /// Resets since power-on, by watchdog, pin or brown-out.
   int resets() const { return resets_; }
   /// What the firmware did that silicon would punish, the USB's included.
   std::vector<std::string> Violations() const;
@@ -106,6 +114,7 @@ class Atmega32u4 {
   friend struct Hooks;
 
   void AfterReset();
+  void ResetFor(std::uint8_t cause);
   void Violation(const std::string& what);
 
   avr_t* avr_ = nullptr;
@@ -121,6 +130,7 @@ class Atmega32u4 {
   std::uint32_t noise_ = 1;
   int eeprom_writes_ = 0;
   int resets_ = 0;
+  Part dead_ = Part::kNone;
   std::vector<std::string> violations_;
 };
 

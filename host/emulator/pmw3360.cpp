@@ -9,8 +9,9 @@ namespace {
 
 constexpr std::uint8_t kProductId = 0x00, kRevisionId = 0x01, kMotion = 0x02, kDeltaYHigh = 0x06,
                        kSurfaceQuality = 0x07, kSromId = 0x2a, kPowerUpReset = 0x3a,
-                       kInverseProductId = 0x3f, kMotionBurst = 0x50, kSromLoadBurst = 0x62;
-constexpr std::uint8_t kResetKey = 0x5a;
+                       kShutdown = 0x3b, kInverseProductId = 0x3f, kMotionBurst = 0x50,
+                       kSromLoadBurst = 0x62;
+constexpr std::uint8_t kResetKey = 0x5a, kShutdownKey = 0xb6;
 constexpr std::uint8_t kForeignId = 0x47;
 
 // Minimum times in us, by the names of the data sheet.
@@ -36,7 +37,7 @@ void VirtualPmw3360::PowerUp(double now_us) {
   registers_[kInverseProductId] = 0xbd;
   registers_[kConfig1] = 0x31;
   usable_from_us_ = now_us + kStartUp;
-  burst_armed_ = false;
+  burst_armed_ = asleep_ = false;
   based_ = false;
   pending_x_ = pending_y_ = 0;
   srom_bytes_ = 0;
@@ -93,6 +94,9 @@ void VirtualPmw3360::Begin(const SpiExchange& exchange) {
   Require(exchange.start_us - read_end_us_, kAfterRead, write ? "tSRW" : "tSRR");
   if (exchange.start_us < usable_from_us_) {
     Violation("accessed within 50 ms of its power-up or reset");
+  }
+  if (asleep_ && !(write && address_ == kPowerUpReset)) {
+    Violation("accessed while it is shut down");
   }
   if (write) {
     access_ = address_ == kSromLoadBurst ? Access::kSromLoad : Access::kWrite;
@@ -153,6 +157,7 @@ void VirtualPmw3360::WriteRegister(std::uint8_t address, std::uint8_t value, dou
   burst_armed_ = address == kMotionBurst;
   registers_[address] = value;
   if (address == kPowerUpReset && value == kResetKey) PowerUp(now_us);
+  if (address == kShutdown && value == kShutdownKey) asleep_ = true;
   write_end_us_ = now_us;
 }
 

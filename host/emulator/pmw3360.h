@@ -54,6 +54,8 @@ class VirtualPmw3360 {
   std::int64_t transverse_counts() const { return transverse_counts_; }
   /// The firmware has begun to read motion since the last power-up.
   bool counting() const { return based_; }
+  /// Sent to sleep by the firmware, and drawing no current to speak of.
+  bool asleep() const { return asleep_; }
   int cpi() const { return (registers_[kConfig1] + 1) * 100; }
 
   /// Accesses outside the timing of the data sheet: how many, and the first of them in words.
@@ -76,6 +78,7 @@ class VirtualPmw3360 {
   std::array<std::uint8_t, 128> registers_{};
   bool selected_ = false;
   bool lifted_ = false;
+  bool asleep_ = false;
   Fault fault_ = Fault::kNone;
 
   // The access under way.

@@ -1,5 +1,6 @@
 #include "host/emulator/usb_controller.h"
 
+#include <cstdio>
 #include <utility>
 
 namespace torquer::emulator {
@@ -29,8 +30,9 @@ enum Register : std::uint16_t {
 
 // USBCON, UDCON, UDINT, UDADDR
 constexpr std::uint8_t kUsbe = 0x80, kFrzclk = 0x20, kOtgpade = 0x10;
-constexpr std::uint8_t kDetach = 0x01;
-constexpr std::uint8_t kSofi = 0x04, kEorsti = 0x08;
+constexpr std::uint8_t kDetach = 0x01, kRmwkup = 0x02;
+constexpr std::uint8_t kSuspi = 0x01, kSofi = 0x04, kEorsti = 0x08, kWakeupi = 0x10;
+constexpr int kFramesToSuspend = 3;
 constexpr std::uint8_t kAdden = 0x80;
 // UEINTX; kRxouti is KILLBK on IN endpoints.
 constexpr std::uint8_t kTxini = 0x01, kStalledi = 0x02, kRxouti = 0x04, kRxstpi = 0x08,
@@ -47,7 +49,24 @@ void UsbController::Reset() {
   uhwcon_ = udint_ = udien_ = udaddr_ = uenum_ = uerst_ = 0;
   usbcon_ = kFrzclk;
   udcon_ = kDetach;
-  pll_locked_ = false;
+  idle_frames_ = 0;
+  pll_locked_ = remote_wake_ = false;
+}
+
+void UsbController::SetPllLocked(bool locked) {
+  if (!locked && ClockRuns()) Violation("PLLCSR: stopped while the USB's clock is not frozen");
+  pll_locked_ = locked;
+}
+
+bool UsbController::ClockRuns() const {
+  return (usbcon_ & kUsbe) && !(usbcon_ & kFrzclk) && pll_locked_;
+}
+
+bool UsbController::Runs() const { return pll_locked_ || !(usbcon_ & kFrzclk); }
+
+// Of a frozen controller only the wake-up needs no clock.
+bool UsbController::general_interrupt() const {
+  return (udint_ & udien_ & (ClockRuns() ? 0xff : kWakeupi)) != 0;
 }
 
 void UsbController::Violation(std::string what) {
@@ -63,8 +82,7 @@ bool UsbController::endpoint_interrupt() const {
 }
 
 bool UsbController::Attached() const {
-  return (usbcon_ & kUsbe) && !(usbcon_ & kFrzclk) && (usbcon_ & kOtgpade) && !(udcon_ & kDetach) &&
-         pll_locked_;
+  return (usbcon_ & kUsbe) && (usbcon_ & kOtgpade) && !(udcon_ & kDetach);
 }
 
 std::uint8_t UsbController::ReadFlags(const Endpoint& endpoint) const {
@@ -136,15 +154,29 @@ std::uint8_t UsbController::Read(std::uint16_t address) {
 
 void UsbController::Write(std::uint16_t address, std::uint8_t value) {
   Endpoint& endpoint = Selected();
+  if (address != kUhwcon && address != kUsbcon && !ClockRuns()) {
+    char text[80];
+    std::snprintf(text, sizeof(text), "register 0x%02x written while the USB's clock stands still",
+                  static_cast<unsigned>(address));
+    Violation(text);
+    return;
+  }
   switch (address) {
     case kUhwcon:
       uhwcon_ = value;
       break;
     case kUsbcon:
       usbcon_ = value;
+      if ((value & kUsbe) && !(value & kFrzclk) && !pll_locked_) {
+        Violation("USBCON: the clock let run before the PLL has locked");
+      }
       break;
     case kUdcon:
-      udcon_ = value;
+      udcon_ = value & static_cast<std::uint8_t>(~kRmwkup);
+      if (value & kRmwkup) {
+        if (!(udint_ & kSuspi)) Violation("UDCON: RMWKUP without SUSPI sends nothing");
+        remote_wake_ = (udint_ & kSuspi) != 0;
+      }
       break;
     case kUdint:
       udint_ &= value;  // a flag is cleared by writing 0
@@ -257,18 +289,34 @@ void UsbController::WriteFlags(Endpoint& endpoint, std::uint8_t value) {
 
 bool UsbController::Answers(std::uint8_t address, std::uint8_t endpoint) const {
   const std::uint8_t own = udaddr_ & kAdden ? udaddr_ & 0x7f : 0;
-  return Attached() && address == own && endpoint < endpoints_.size() &&
+  return Attached() && ClockRuns() && address == own && endpoint < endpoints_.size() &&
          (endpoints_[endpoint].control & kEpen) && (endpoints_[endpoint].config1 & kAlloc);
 }
 
+void UsbController::IdleFrame() {
+  if (!Attached() || ++idle_frames_ != kFramesToSuspend || !ClockRuns()) return;
+  udint_ |= kSuspi;
+}
+
+void UsbController::Activity() {
+  idle_frames_ = 0;
+  remote_wake_ = false;
+  if (Attached()) udint_ |= kWakeupi;
+}
+
 void UsbController::BusReset() {
+  Activity();
+  if (!ClockRuns()) return;  // it goes unseen
   endpoints_ = {};
   udaddr_ = 0;
   udint_ |= kEorsti;
 }
 
+bool UsbController::TakeRemoteWake() { return std::exchange(remote_wake_, false); }
+
 void UsbController::StartOfFrame(unsigned frame) {
-  if (!Attached()) return;
+  Activity();
+  if (!Attached() || !ClockRuns()) return;
   frame_ = frame;
   udint_ |= kSofi;
 }

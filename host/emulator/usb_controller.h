@@ -33,14 +33,24 @@ class UsbController {
   void Reset();
   std::uint8_t Read(std::uint16_t address);
   void Write(std::uint16_t address, std::uint8_t value);
-  void SetPllLocked(bool locked) { pll_locked_ = locked; }
+  void SetPllLocked(bool locked);
+  /// Something in it runs that draws current: clock or PLL.
+  bool Runs() const;
   /// Levels of the two interrupt requests.
-  bool general_interrupt() const { return (udint_ & udien_) != 0; }
+  bool general_interrupt() const;
   bool endpoint_interrupt() const;
 
   /// --- the host's side -----------------------------------------------------------------------
+  /// Its pull-up is on the bus.
   bool Attached() const;
+  /// A frame's time in which the bus was idle; after three the chip takes it for suspended.
+  void IdleFrame();
+  /// A bus that is neither idle nor carries packets: reset or resume by the host.
+  void Activity();
+  /// The end of a reset.
   void BusReset();
+  /// True once for each wake-up that the device sends to the host of a suspended bus.
+  bool TakeRemoteWake();
   void StartOfFrame(unsigned frame);
   UsbAnswer Setup(std::uint8_t address, std::span<const std::uint8_t, 8> packet);
   /// On kAck `data` holds the packet and `toggle`, if given, its DATA0 or DATA1.
@@ -71,6 +81,7 @@ class UsbController {
   };
 
   Endpoint& Selected() { return endpoints_[uenum_]; }
+  bool ClockRuns() const;
   bool Answers(std::uint8_t address, std::uint8_t endpoint) const;
   void GiveBank(Endpoint& endpoint);
   void WriteFlags(Endpoint& endpoint, std::uint8_t value);
@@ -83,7 +94,9 @@ class UsbController {
   std::uint8_t uhwcon_ = 0, usbcon_ = 0, udcon_ = 0, udint_ = 0, udien_ = 0, udaddr_ = 0;
   std::uint8_t uenum_ = 0, uerst_ = 0;
   unsigned frame_ = 0;
+  int idle_frames_ = 0;
   bool pll_locked_ = false;
+  bool remote_wake_ = false;
   std::vector<std::string> violations_;
 };
 

@@ -8,10 +8,12 @@
 namespace torquer::emulator {
 namespace {
 
-constexpr int kDebounceFrames = 100;      // USB 2.0, 7.1.7.3
-constexpr int kResetFrames = 10;          // tDRST
-constexpr int kResetRecoveryFrames = 10;  // tRSTRCY
-constexpr int kTransferFrames = 1000;     // hosts give up after seconds
+constexpr int kDebounceFrames = 100;       // USB 2.0, 7.1.7.3
+constexpr int kResetFrames = 10;           // tDRST
+constexpr int kResetRecoveryFrames = 10;   // tRSTRCY
+constexpr int kResumeFrames = 20;          // tDRSMDN
+constexpr int kResumeRecoveryFrames = 10;  // tRSMRCY
+constexpr int kTransferFrames = 1000;      // hosts give up after seconds
 constexpr int kSlotsAFrame = 20;
 
 constexpr std::uint8_t kToHost = 0x80, kHidToHost = 0xa1, kHidToDevice = 0x21;
@@ -36,18 +38,58 @@ void UsbHost::RunFrame() {
   ++frame_;
   FollowPort();
   if (device_.powered()) {
-    if (state_ != State::kResetting) device_.usb().StartOfFrame(frame_ & 0x7ff);
-    if (ready()) Poll();
+    DriveBus();
+    if (ready() && Converses()) Poll();
     if (device_.powered()) device_.chip().UpdateUsbInterrupts();
   }
-  for (int slot = 1; slot <= kSlotsAFrame && !transfers_.empty(); ++slot) {
+  for (int slot = 1; slot <= kSlotsAFrame && !transfers_.empty() && Converses(); ++slot) {
     StepTransfer();
     device_.RunUntil(start_us + slot * BenchDevice::kFrameUs / kSlotsAFrame);
   }
   device_.RunUntil(end_us);
-  if (!transfers_.empty() && ++transfers_.front().age_frames > kTransferFrames) {
+  if (!transfers_.empty() && Converses() && ++transfers_.front().age_frames > kTransferFrames) {
     Finish(TransferStatus::kTimeout);
   }
+}
+
+// What is on the wires at the start of a frame, packets aside.
+void UsbHost::DriveBus() {
+  UsbController& usb = device_.usb();
+  if (suspended_ && resume_frames_ == 0) {
+    usb.IdleFrame();
+    if (usb.TakeRemoteWake()) Resume();
+    return;
+  }
+  if (resume_frames_ > 0) {
+    const bool signals = resume_frames_-- > kResumeRecoveryFrames;
+    suspended_ = resume_frames_ > 0;
+    signals ? usb.Activity() : usb.StartOfFrame(frame_ & 0x7ff);
+    return;
+  }
+  switch (state_) {
+    case State::kDetached:
+    case State::kDebouncing:  // the port is not enabled yet
+      usb.IdleFrame();
+      break;
+    case State::kResetting:
+      if (wait_frames_ > kResetRecoveryFrames) {
+        usb.Activity();
+        break;
+      }
+      [[fallthrough]];
+    case State::kEnumerating:
+    case State::kReady:
+      usb.StartOfFrame(frame_ & 0x7ff);
+      break;
+  }
+}
+
+bool UsbHost::Converses() const { return !suspended_; }
+
+void UsbHost::Suspend() { suspended_ = ready(); }
+
+void UsbHost::Resume() {
+  if (suspended_) resume_frames_ = kResumeFrames + kResumeRecoveryFrames;
 }
 
 bool UsbHost::RunUntilReady(int frames) {
@@ -73,8 +115,7 @@ void UsbHost::FollowPort() {
       }
       break;
     case State::kResetting:
-      --wait_frames_;
-      if (wait_frames_ == kResetRecoveryFrames) device_.usb().BusReset();
+      if (wait_frames_-- == kResetRecoveryFrames + 1) device_.usb().BusReset();
       if (wait_frames_ <= 0) {
         state_ = State::kEnumerating;
         Enumerate();
@@ -89,6 +130,8 @@ void UsbHost::FollowPort() {
 void UsbHost::LoseDevice() {
   const bool was_ready = ready();
   state_ = State::kDetached;
+  suspended_ = false;
+  resume_frames_ = 0;
   address_ = 0;
   while (!transfers_.empty()) Finish(TransferStatus::kGone);
   if (was_ready && on_gone) on_gone();

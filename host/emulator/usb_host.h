@@ -72,6 +72,13 @@ class UsbHost {
   /// Resets the port; the device is enumerated anew.
   void ResetPort();
 
+  /// Leaves the bus idle from now on, as a computer that goes to sleep. The device, once ready, can
+  /// end that if it has been allowed to wake the host.
+  void Suspend();
+  /// Signals resume for 20 ms and goes on.
+  void Resume();
+  bool suspended() const { return suspended_; }
+
   bool ready() const { return state_ == State::kReady; }
   const Enumeration& enumeration() const { return enumeration_; }
   /// Packets that the device handed over on the input endpoint.
@@ -92,6 +99,8 @@ class UsbHost {
   };
 
   void FollowPort();
+  void DriveBus();
+  bool Converses() const;
   void Enumerate();
   void Poll();
   void StepTransfer();
@@ -104,6 +113,8 @@ class UsbHost {
   std::deque<Transfer> transfers_;
   unsigned frame_ = 0;
   int wait_frames_ = 0;
+  bool suspended_ = false;
+  int resume_frames_ = 0;  // of the resume signal and the quiet after it, to come
   std::uint8_t address_ = 0;
   std::uint8_t next_address_ = 1;
   std::size_t control_packet_ = 8;

@@ -29,6 +29,11 @@ bool TakeFrameStart(std::uint32_t* start_us) {
   return true;
 }
 void Idle() {}
+bool BusSuspended() { return Fake().bus_suspended; }
+void WakeHost() {
+  ++Fake().host_wakes;
+  Fake().bus_suspended = false;
+}
 void KickWatchdog() { ++Fake().watchdog_kicks; }
 void Restart() { throw firmware::Restarted("restart"); }
 void EnterBootloader() { throw firmware::Restarted("bootloader"); }
@@ -107,8 +112,7 @@ std::uint8_t TakeControlData(std::uint8_t* data, std::uint8_t capacity) {
 }
 void StallControl() { Fake().control_stalled = true; }
 void WatchControl(bool, bool) {}
-void PrepareAddress(std::uint8_t address) { Fake().prepared_address = address; }
-void EnableAddress() { Fake().address = Fake().prepared_address; }
+void SetAddress(std::uint8_t address) { Fake().address = address; }
 
 void ConfigureInput(bool enabled) {
   Fake().input_enabled = enabled;

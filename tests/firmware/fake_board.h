@@ -27,6 +27,8 @@ struct FakeBoard {
   std::uint32_t now_us = 0;
   std::optional<std::uint32_t> frame_start_us;
   int watchdog_kicks = 0;
+  bool bus_suspended = false;
+  int host_wakes = 0;  ///< times that the host was asked for life
 
   std::uint8_t reset_reason = 1;
   std::optional<std::uint8_t> warm_byte;
@@ -62,7 +64,7 @@ struct FakeBoard {
   bool can_send_control = true;
   std::deque<std::vector<std::uint8_t>> control_data;
   bool control_stalled = false;
-  std::uint8_t prepared_address = 0, address = 0;
+  std::uint8_t address = 0;
   bool input_enabled = false, input_halted = false;
   std::deque<std::vector<std::uint8_t>> inputs;  ///< queued; a test takes them as the host would
 };

@@ -88,7 +88,13 @@ void SetUp() {
   sei();
 }
 
-ISR(TIMER1_OVF_vect) { torquer_clock_us += kUsPerOverflow; }
+ISR(TIMER1_OVF_vect) {
+  torquer_clock_us += kUsPerOverflow;
+  if (frameless_overflows != 255) ++frameless_overflows;
+}
+
+// Comes while the device is suspended alone, where timer 1 stands still.
+ISR(WDT_vect) { torquer_clock_us += kSuspendedTickUs; }
 
 uint32_t NowUs() {
   const uint8_t interrupts = SREG;
@@ -106,14 +112,45 @@ void DelayUs(uint16_t us) {
   _delay_loop_2(static_cast<uint16_t>(us * (F_CPU / 4000000UL)));
 }
 
+namespace {
+
+// With interrupts disabled; an interrupt ends it.
+void Sleep() {
+  sleep_enable();
+  sei();  // takes effect after the next instruction: no interrupt is missed in between
+  sleep_cpu();
+  sleep_disable();
+}
+
+// The same with every clock stopped. The watchdog ticks: its first timeout is the interrupt, and
+// since that is armed here alone, the next one is a reset, should the firmware not come back.
+void SleepDeeply() {
+  ADCSRA &= static_cast<uint8_t>(~_BV(ADEN));
+  torquer_clock_us = NowUs();
+  TCCR1B = 0;
+  TCNT1 = 0;
+  TIFR1 = _BV(TOV1);
+  wdt_reset();
+  WDTCSR = _BV(WDCE) | _BV(WDE);
+  WDTCSR = _BV(WDIE) | _BV(WDE) | _BV(WDP0);  // 32 ms
+  set_sleep_mode(SLEEP_MODE_PWR_DOWN);
+  Sleep();
+  wdt_enable(WDTO_250MS);
+  TCCR1B = _BV(CS11);
+  ADCSRA |= _BV(ADEN);
+}
+
+}  // namespace
+
 void Idle() {
-  set_sleep_mode(SLEEP_MODE_IDLE);
   cli();
   if (!EventPending()) {
-    sleep_enable();
-    sei();  // takes effect after the next instruction: no interrupt is missed in between
-    sleep_cpu();
-    sleep_disable();
+    if (StopUsbForSuspend()) {
+      SleepDeeply();
+    } else {
+      set_sleep_mode(SLEEP_MODE_IDLE);
+      Sleep();
+    }
   }
   sei();
 }

@@ -1,6 +1,8 @@
 // What the parts of this board call of each other.
 #pragma once
 
+#include <stdint.h>
+
 namespace torquer {
 namespace board {
 
@@ -12,6 +14,13 @@ void SetUpUsb();
 
 /// An interrupt has left something to do. To be called with interrupts disabled.
 bool EventPending();
+
+/// Stops the USB's clock if BusSuspended() has said so and the bus is still idle; false if not.
+/// What happens on the bus ends it. To be called with interrupts disabled.
+bool StopUsbForSuspend();
+
+/// Times that timer 1 has overflowed since the last sign of life on the bus; stops at 255.
+extern volatile uint8_t frameless_overflows;
 
 }  // namespace board
 }  // namespace torquer

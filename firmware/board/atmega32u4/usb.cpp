@@ -26,13 +26,30 @@ volatile uint32_t frame_start_us;
 volatile bool bus_was_reset;
 volatile bool control_event;
 
+// The bus is taken for suspended when the chip says that it was idle for 3 ms. Should the chip have
+// been woken by something that was no life, and not say so again, it is by the want of frames: for
+// longer than a host resets a port.
+volatile bool bus_idle;
+bool suspension_told;  // what BusSuspended() said last
+#if F_CPU == 16000000UL
+constexpr uint8_t kFramelessOverflows = 4;  // 98 .. 131 ms
+#else
+constexpr uint8_t kFramelessOverflows = 3;  // 131 .. 197 ms
+#endif
+
+constexpr uint8_t kAwakeInterrupts = _BV(EORSTE) | _BV(SOFE);
+
 void SelectEndpoint(uint8_t endpoint) { UENUM = endpoint; }
 
-}  // namespace
+bool BusIsIdle() { return bus_idle || frameless_overflows >= kFramelessOverflows; }
 
-void SetUpUsb() {
-  UHWCON = _BV(UVREGE);
-  USBCON = _BV(USBE) | _BV(FRZCLK);
+void NoteBusAlive() {
+  bus_idle = false;
+  frameless_overflows = 0;
+}
+
+// From the crystal by the PLL.
+void RunUsbClock() {
 #if F_CPU == 16000000UL
   PLLCSR = _BV(PINDIV) | _BV(PLLE);
 #else
@@ -41,14 +58,65 @@ void SetUpUsb() {
   while (!(PLLCSR & _BV(PLOCK))) {  // within 100 us, as the crystal runs
   }
   USBCON = _BV(USBE) | _BV(OTGPADE);
+}
+
+// The clock runs again after StopUsbForSuspend(). That interrupt stays masked until the next frame:
+// its flag is kept up, for the chip sends a wake-up to the host only while it is.
+void LeaveSuspend() {
+  RunUsbClock();
+  NoteBusAlive();
+  UDIEN = kAwakeInterrupts;
+}
+
+}  // namespace
+
+volatile uint8_t frameless_overflows;
+
+void SetUpUsb() {
+  UHWCON = _BV(UVREGE);
+  USBCON = _BV(USBE) | _BV(FRZCLK);
+  RunUsbClock();
   UDCON = 0;  // full speed, attached
-  UDIEN = _BV(EORSTE) | _BV(SOFE);
+  UDIEN = kAwakeInterrupts | _BV(SUSPE);
+}
+
+bool BusSuspended() {
+  suspension_told = BusIsIdle();
+  return suspension_told;
+}
+
+bool StopUsbForSuspend() {
+  if (!suspension_told || !BusIsIdle()) return false;
+  if (USBCON & _BV(FRZCLK)) return true;
+  // A sign of life from before would end the sleep at once; whatever lives gives another.
+  UDINT = static_cast<uint8_t>(~_BV(WAKEUPI));
+  UDIEN = _BV(EORSTE) | _BV(WAKEUPE);
+  USBCON = _BV(USBE) | _BV(OTGPADE) | _BV(FRZCLK);
+  PLLCSR = 0;
+  return true;
+}
+
+void WakeHost() {
+  const uint8_t interrupts = SREG;
+  cli();
+  if (USBCON & _BV(FRZCLK)) {
+    LeaveSuspend();
+    UDCON = _BV(RMWKUP);
+  }
+  SREG = interrupts;
 }
 
 ISR(USB_GEN_vect) {
+  // With the clock stopped this is WAKEUPI, and no flag could be cleared.
+  if (USBCON & _BV(FRZCLK)) LeaveSuspend();
   const uint8_t flags = UDINT;
-  UDINT = static_cast<uint8_t>(~flags);
+  UDINT = static_cast<uint8_t>(~(flags & ~_BV(SUSPI)));
+  if ((flags & _BV(SUSPI)) && (UDIEN & _BV(SUSPE))) {
+    UDIEN = kAwakeInterrupts;
+    bus_idle = true;
+  }
   if (flags & _BV(EORSTI)) {
+    NoteBusAlive();
     const uint8_t endpoint = UENUM;
     UENUM = kControlEndpoint;
     UECONX = _BV(EPEN);
@@ -61,6 +129,11 @@ ISR(USB_GEN_vect) {
   if (flags & _BV(SOFI)) {
     frame_start_us = NowUs();
     frame_started = true;
+    NoteBusAlive();
+    if (!(UDIEN & _BV(SUSPE))) {
+      UDINT = static_cast<uint8_t>(~_BV(SUSPI));
+      UDIEN = kAwakeInterrupts | _BV(SUSPE);
+    }
   }
 }
 
@@ -80,7 +153,9 @@ void WatchControl(bool can_send, bool has_data) {
                                 (has_data ? _BV(RXOUTE) : 0));
 }
 
-bool EventPending() { return frame_started || bus_was_reset || control_event; }
+bool EventPending() {
+  return frame_started || bus_was_reset || control_event || BusIsIdle() != suspension_told;
+}
 
 bool TakeFrameStart(uint32_t* start_us) {
   const uint8_t interrupts = SREG;
@@ -139,9 +214,7 @@ void StallControl() {
   UECONX = _BV(STALLRQ) | _BV(EPEN);
 }
 
-void PrepareAddress(uint8_t address) { UDADDR = address; }
-
-void EnableAddress() { UDADDR |= _BV(ADDEN); }
+void SetAddress(uint8_t address) { UDADDR = static_cast<uint8_t>(_BV(ADDEN) | address); }
 
 void ConfigureInput(bool enabled) {
   SelectEndpoint(protocol::kInputEndpoint);
