@@ -2,153 +2,296 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <numbers>
 #include <numeric>
 #include <string>
 
+#include "calibration/student_t.h"
 #include "host/support/error.h"
 
 namespace torquer::calibration {
 namespace {
 
-// One row of the model: value = gain[0] * axial + gain[1] * transverse.
-struct RowFit {
-  std::array<double, 2> gain{};
-  Matrix2 covariance{};
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// Counts are rounded at both ends of a stroke: twice the variance of a uniform distribution.
+constexpr double kRoundingVariance = 2.0 / 12.0;
+
+using Vector2 = std::array<double, 2>;
+
+// What is unknown: counts a mm of push (0, 1) and a rad of turn (2, 3), axial before transverse.
+using Unknowns = std::array<double, 4>;
+
+// One independent source of error in the unknowns.
+struct Source {
+  std::array<Unknowns, 4> covariance{};
+  double degrees_of_freedom = kInfinity;
 };
 
-// Accumulates the normal equations of a weighted regression on two regressors.
-class RowRegression {
- public:
-  void Add(double axial, double transverse, double value, double error) {
-    const double weight = 1.0 / (error * error);
-    aa_ += weight * axial * axial;
-    at_ += weight * axial * transverse;
-    tt_ += weight * transverse * transverse;
-    av_ += weight * axial * value;
-    tv_ += weight * transverse * value;
-  }
-
-  // 1 when all motions point the same way in the plane of counts, 0 when they spread evenly.
-  bool Degenerate() const {
-    const double determinant = aa_ * tt_ - at_ * at_;
-    const double half_trace = 0.5 * (aa_ + tt_);
-    return !(determinant > 1e-4 * half_trace * half_trace);
-  }
-
-  RowFit Solve() const {
-    const double determinant = aa_ * tt_ - at_ * at_;
-    RowFit fit;
-    fit.covariance = {
-        {{tt_ / determinant, -at_ / determinant}, {-at_ / determinant, aa_ / determinant}}};
-    fit.gain = {fit.covariance[0][0] * av_ + fit.covariance[0][1] * tv_,
-                fit.covariance[1][0] * av_ + fit.covariance[1][1] * tv_};
-    return fit;
-  }
-
- private:
-  double aa_ = 0.0, at_ = 0.0, tt_ = 0.0, av_ = 0.0, tv_ = 0.0;
-};
-
-void Check(const ReferenceMotion& motion, std::size_t index) {
-  const auto refuse = [&](const char* field, double value, const char* remedy) {
-    throw UserError("reference motion " + std::to_string(index + 1) + ": " + field + " = " +
-                    std::to_string(value) + "; " + remedy);
-  };
-  const auto finite = [&](const char* field, double value) {
-    if (!std::isfinite(value)) refuse(field, value, "give a finite number");
-  };
-  finite("axial_counts", motion.axial_counts);
-  finite("transverse_counts", motion.transverse_counts);
-  finite("insertion_mm", motion.insertion_mm);
-  finite("rotation_rad", motion.rotation_rad);
-  const auto positive = [&](const char* field, double value) {
-    if (!(value > 0.0 && std::isfinite(value))) {
-      refuse(field, value, "declare how far the reference may be off, more than 0");
+double Along(const Source& source, const Unknowns& gradient) {
+  double variance = 0.0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t j = 0; j < 4; ++j) {
+      variance += gradient[i] * source.covariance[i][j] * gradient[j];
     }
-  };
-  positive("insertion_error_mm", motion.insertion_error_mm);
-  positive("rotation_error_rad", motion.rotation_error_rad);
+  }
+  return variance;
 }
 
-// First-order propagation of the gains' covariance through ParametersOf(), by central differences.
-MotionParameters ParameterErrors(const MotionModel& model, const std::array<RowFit, 2>& rows) {
-  using Field = double MotionParameters::*;
-  constexpr std::array<Field, 4> kFields{
-      &MotionParameters::gain_mm_per_count, &MotionParameters::misalignment_rad,
-      &MotionParameters::cylinder_radius_mm, &MotionParameters::skew_rad};
-  MotionParameters errors;
-  for (const Field field : kFields) {
-    double variance = 0.0;
-    for (std::size_t row = 0; row < 2; ++row) {
-      const double step = 1e-6 * std::hypot(model.per_count[row][0], model.per_count[row][1]);
-      std::array<double, 2> slope{};
-      for (std::size_t column = 0; column < 2; ++column) {
-        MotionModel above = model;
-        MotionModel below = model;
-        above.per_count[row][column] += step;
-        below.per_count[row][column] -= step;
-        slope[column] = (ParametersOf(above).*field - ParametersOf(below).*field) / (2.0 * step);
-      }
-      const Matrix2& c = rows[row].covariance;
-      variance += slope[0] * slope[0] * c[0][0] + 2.0 * slope[0] * slope[1] * c[0][1] +
-                  slope[1] * slope[1] * c[1][1];
-    }
-    errors.*field = std::sqrt(variance);
+// An estimate that moves with the unknowns by `gradient`. The degrees of freedom of a sum of
+// variances are Satterthwaite's (Biometrics Bulletin 2, 1946, 110).
+Estimate Propagate(double value, const Unknowns& gradient, std::span<const Source> sources) {
+  Estimate estimate;
+  estimate.value = value;
+  double variance = 0.0;
+  double spread = 0.0;
+  for (const Source& source : sources) {
+    const double part = Along(source, gradient);
+    variance += part;
+    spread += part * part / source.degrees_of_freedom;
   }
-  return errors;
+  estimate.standard_error = std::sqrt(variance);
+  estimate.degrees_of_freedom = spread > 0.0 ? variance * variance / spread : kInfinity;
+  return estimate;
+}
+
+double DeclaredShare(const Unknowns& gradient, std::span<const Source> sources) {
+  double declared = 0.0;
+  double all = 0.0;
+  for (const Source& source : sources) {
+    const double part = Along(source, gradient);
+    all += part;
+    if (std::isinf(source.degrees_of_freedom)) declared += part;
+  }
+  return all > 0.0 ? declared / all : 0.0;
+}
+
+// A line through the origin: counts = slope * reference.
+struct Line {
+  Vector2 slope{};
+  Matrix2 covariance{};  // of the slope, from the scatter
+  double degrees_of_freedom = 0.0;
+  double reference = 0.0;  // root of the weighted mean square
+};
+
+Line FitLine(std::span<const Stroke> strokes, MotionKind kind) {
+  double weights = 0.0;
+  double squares = 0.0;
+  Line line;
+  int count = 0;
+  for (const Stroke& stroke : strokes) {
+    if (stroke.kind != kind) continue;
+    ++count;
+    const double weight = 1.0 / (stroke.reference_error * stroke.reference_error);
+    weights += weight;
+    squares += weight * stroke.reference * stroke.reference;
+    line.slope[0] += weight * stroke.reference * stroke.axial_counts;
+    line.slope[1] += weight * stroke.reference * stroke.transverse_counts;
+  }
+  if (count < 2) {
+    throw UserError("there are " + std::to_string(count) +
+                    (kind == MotionKind::kPush ? " pushes" : " turns") +
+                    "; their scatter tells how sure the result is, so take at least two");
+  }
+  for (double& slope : line.slope) slope /= squares;
+  line.degrees_of_freedom = count - 1;
+  line.reference = std::sqrt(squares / weights);
+  for (const Stroke& stroke : strokes) {
+    if (stroke.kind != kind) continue;
+    const double weight = 1.0 / (stroke.reference_error * stroke.reference_error);
+    const Vector2 residual{stroke.axial_counts - line.slope[0] * stroke.reference,
+                           stroke.transverse_counts - line.slope[1] * stroke.reference};
+    for (std::size_t i = 0; i < 2; ++i) {
+      for (std::size_t j = 0; j < 2; ++j) {
+        line.covariance[i][j] +=
+            weight * residual[i] * residual[j] / line.degrees_of_freedom / squares;
+      }
+    }
+  }
+  return line;
+}
+
+std::vector<Source> Sources(const Line& push, const Line& turn, const CommonErrors& common) {
+  std::vector<Source> sources;
+  const auto add_block = [&](std::size_t at, const Matrix2& covariance, double degrees_of_freedom) {
+    Source source;
+    source.degrees_of_freedom = degrees_of_freedom;
+    for (std::size_t i = 0; i < 2; ++i) {
+      for (std::size_t j = 0; j < 2; ++j) source.covariance[at + i][at + j] = covariance[i][j];
+    }
+    sources.push_back(source);
+  };
+  // The unknowns at `at` are off along `direction` by a share of standard deviation `size`.
+  const auto add_common = [&](std::size_t at, const Vector2& direction, double size) {
+    Matrix2 covariance{};
+    for (std::size_t i = 0; i < 2; ++i) {
+      for (std::size_t j = 0; j < 2; ++j) {
+        covariance[i][j] = size * size * direction[i] * direction[j];
+      }
+    }
+    add_block(at, covariance, kInfinity);
+  };
+  const auto add_rounding = [&](std::size_t at, double reference) {
+    const double variance = kRoundingVariance / (reference * reference);
+    add_block(at, {{{variance, 0.0}, {0.0, variance}}}, kInfinity);
+  };
+  add_block(0, push.covariance, push.degrees_of_freedom);
+  add_block(2, turn.covariance, turn.degrees_of_freedom);
+  add_common(0, push.slope, common.push_mm / push.reference);
+  add_common(0, turn.slope, common.push_turn_rad / push.reference);
+  add_common(2, turn.slope, common.turn_rad / turn.reference);
+  add_common(2, push.slope, common.turn_push_mm / turn.reference);
+  add_rounding(0, push.reference);
+  add_rounding(2, turn.reference);
+  return sources;
+}
+
+Matrix2 Inverse(const Unknowns& counts) {
+  const double determinant = counts[0] * counts[3] - counts[2] * counts[1];
+  return {{{counts[3] / determinant, -counts[2] / determinant},
+           {-counts[1] / determinant, counts[0] / determinant}}};
+}
+
+// Slope of a function of the model in each of the unknowns, by central differences.
+Unknowns Gradient(const Unknowns& counts, const std::function<double(const MotionModel&)>& value) {
+  Unknowns gradient{};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const std::size_t column = i / 2 * 2;
+    const double step = 1e-6 * std::hypot(counts[column], counts[column + 1]);
+    const auto at = [&](double change) {
+      Unknowns moved = counts;
+      moved[i] += change;
+      MotionModel model;
+      model.per_count = Inverse(moved);
+      return value(model);
+    };
+    gradient[i] = (at(step) - at(-step)) / (2.0 * step);
+  }
+  return gradient;
+}
+
+void Check(const Stroke& stroke, std::size_t index) {
+  const auto require = [&](bool good, const char* field, double value, const char* remedy) {
+    if (good) return;
+    throw UserError("stroke " + std::to_string(index + 1) + ": " + field + " = " +
+                    std::to_string(value) + "; " + remedy);
+  };
+  for (const auto& [field, value] : {std::pair{"axial_counts", stroke.axial_counts},
+                                     std::pair{"transverse_counts", stroke.transverse_counts}}) {
+    require(std::isfinite(value), field, value, "give a finite number");
+  }
+  require(std::isfinite(stroke.reference) && stroke.reference != 0.0, "reference", stroke.reference,
+          "give what the hand was to do, mm or rad, and not 0");
+  require(stroke.reference_error > 0.0 && std::isfinite(stroke.reference_error), "reference_error",
+          stroke.reference_error, "declare how far the reference may be off, more than 0");
+}
+
+void Check(const CommonErrors& common) {
+  for (const auto& [field, value] :
+       {std::pair{"push_mm", common.push_mm}, std::pair{"push_turn_rad", common.push_turn_rad},
+        std::pair{"turn_rad", common.turn_rad}, std::pair{"turn_push_mm", common.turn_push_mm}}) {
+    if (!(value >= 0.0 && std::isfinite(value))) {
+      throw UserError(std::string("common error ") + field + " = " + std::to_string(value) +
+                      "; declare a standard deviation, 0 or more");
+    }
+  }
+}
+
+// Pushes and turns at less than six degrees to each other in the plane of counts are not told
+// apart.
+void CheckApart(const Line& push, const Line& turn) {
+  const double area = push.slope[0] * turn.slope[1] - push.slope[1] * turn.slope[0];
+  const double lengths =
+      std::hypot(push.slope[0], push.slope[1]) * std::hypot(turn.slope[0], turn.slope[1]);
+  if (std::abs(area) > 0.1 * lengths) return;
+  throw UserError(
+      "pushes and turns move the sensor's counts the same way, so that they cannot be told apart; "
+      "push along the axis and turn about it, and see whether the sensor looks at the cylinder");
 }
 
 double Mean(std::span<const double> values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
+void AddResiduals(std::span<const Stroke> strokes, const Line& push, const Line& turn,
+                  MotionFit& fit) {
+  const Matrix2& m = fit.model.per_count;
+  for (const Stroke& stroke : strokes) {
+    const bool is_push = stroke.kind == MotionKind::kPush;
+    HandMotion residual{is_push ? stroke.reference : 0.0, is_push ? 0.0 : stroke.reference};
+    residual.insertion_mm -= m[0][0] * stroke.axial_counts + m[0][1] * stroke.transverse_counts;
+    residual.rotation_rad -= m[1][0] * stroke.axial_counts + m[1][1] * stroke.transverse_counts;
+    fit.residuals.push_back(residual);
+    HandMotion& scatter = is_push ? fit.push_scatter : fit.turn_scatter;
+    const double share = 1.0 / (is_push ? push : turn).degrees_of_freedom;
+    scatter.insertion_mm += share * residual.insertion_mm * residual.insertion_mm;
+    scatter.rotation_rad += share * residual.rotation_rad * residual.rotation_rad;
+  }
+  for (HandMotion* scatter : {&fit.push_scatter, &fit.turn_scatter}) {
+    scatter->insertion_mm = std::sqrt(scatter->insertion_mm);
+    scatter->rotation_rad = std::sqrt(scatter->rotation_rad);
+  }
+}
+
 }  // namespace
 
-MotionFit FitMotion(std::span<const ReferenceMotion> motions, int cpi) {
-  RowRegression insertion;
-  RowRegression rotation;
-  for (std::size_t i = 0; i < motions.size(); ++i) {
-    const ReferenceMotion& motion = motions[i];
-    Check(motion, i);
-    insertion.Add(motion.axial_counts, motion.transverse_counts, motion.insertion_mm,
-                  motion.insertion_error_mm);
-    rotation.Add(motion.axial_counts, motion.transverse_counts, motion.rotation_rad,
-                 motion.rotation_error_rad);
-  }
-  if (insertion.Degenerate() || rotation.Degenerate()) {
-    throw UserError("the " + std::to_string(motions.size()) +
-                    " reference motions do not tell pushing and turning apart; add strokes along "
-                    "the axis and whole turns, each larger than the other motion in it");
-  }
-  const std::array<RowFit, 2> rows{insertion.Solve(), rotation.Solve()};
+double Estimate::HalfWidth95() const {
+  return standard_error * StudentHalfWidth95(degrees_of_freedom);
+}
+
+MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common, int cpi) {
+  for (std::size_t i = 0; i < strokes.size(); ++i) Check(strokes[i], i);
+  Check(common);
+  const Line push = FitLine(strokes, MotionKind::kPush);
+  const Line turn = FitLine(strokes, MotionKind::kTurn);
+  CheckApart(push, turn);
+  const std::vector<Source> sources = Sources(push, turn, common);
+  const Unknowns counts{push.slope[0], push.slope[1], turn.slope[0], turn.slope[1]};
 
   MotionFit fit;
   fit.model.cpi = cpi;
+  fit.model.per_count = Inverse(counts);
+  const auto estimate = [&](const std::function<double(const MotionModel&)>& value) {
+    return Propagate(value(fit.model), Gradient(counts, value), sources);
+  };
   for (std::size_t row = 0; row < 2; ++row) {
-    fit.model.per_count[row] = rows[row].gain;
-    fit.model.standard_error[row] = {std::sqrt(rows[row].covariance[0][0]),
-                                     std::sqrt(rows[row].covariance[1][1])};
+    for (std::size_t column = 0; column < 2; ++column) {
+      fit.model.standard_error[row][column] = estimate([=](const MotionModel& model) {
+                                                return model.per_count[row][column];
+                                              }).standard_error;
+    }
   }
-  fit.parameters = ParametersOf(fit.model);
-  fit.parameter_error = ParameterErrors(fit.model, rows);
-  for (const ReferenceMotion& motion : motions) {
-    const auto predicted = [&](std::size_t row) {
-      return rows[row].gain[0] * motion.axial_counts + rows[row].gain[1] * motion.transverse_counts;
-    };
-    const HandMotion residual{motion.insertion_mm - predicted(0),
-                              motion.rotation_rad - predicted(1)};
-    fit.residuals.push_back(residual);
-    fit.chi_squared += std::pow(residual.insertion_mm / motion.insertion_error_mm, 2) +
-                       std::pow(residual.rotation_rad / motion.rotation_error_rad, 2);
-  }
-  fit.degrees_of_freedom = 2 * static_cast<int>(motions.size()) - 4;
+  const auto parameter = [&](double MotionParameters::*field) {
+    return estimate([=](const MotionModel& model) { return ParametersOf(model).*field; });
+  };
+  fit.gain_mm_per_count = parameter(&MotionParameters::gain_mm_per_count);
+  fit.misalignment_rad = parameter(&MotionParameters::misalignment_rad);
+  fit.cylinder_radius_mm = parameter(&MotionParameters::cylinder_radius_mm);
+  fit.skew_rad = parameter(&MotionParameters::skew_rad);
+
+  // A true motion moves the counts by the true slopes; what the model makes of their difference to
+  // the fitted ones is what it is off by.
+  const Matrix2& m = fit.model.per_count;
+  const auto figure = [&](std::size_t row, std::size_t at, double size) {
+    Unknowns gradient{};
+    gradient[at] = size * m[row][0];
+    gradient[at + 1] = size * m[row][1];
+    return gradient;
+  };
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  fit.push_error_mm = Propagate(0.0, figure(0, 0, kFigureStrokeMm), sources);
+  fit.push_turns_rad = Propagate(0.0, figure(1, 0, kFigureStrokeMm), sources);
+  fit.turn_error_rad = Propagate(0.0, figure(1, 2, kTurn), sources);
+  fit.turn_pushes_mm = Propagate(0.0, figure(0, 2, kTurn), sources);
+  fit.push_declared_share = DeclaredShare(figure(0, 0, kFigureStrokeMm), sources);
+  fit.turn_declared_share = DeclaredShare(figure(1, 2, kTurn), sources);
+  AddResiduals(strokes, push, turn, fit);
   return fit;
 }
 
 JoystickAxis FitJoystickAxis(std::span<const double> at_rest, std::span<const double> moved,
                              double full_rate_rad_per_s) {
-  // A fifth of the way from the middle to the end; a stick that reaches less was not moved.
-  constexpr double kLeastTravel = 100.0;
   constexpr double kDeviations = 4.0;
   if (at_rest.empty() || moved.empty()) {
     throw UserError("no joystick readings; release the stick, then move it to both ends");
@@ -165,8 +308,8 @@ JoystickAxis FitJoystickAxis(std::span<const double> at_rest, std::span<const do
   axis.dead_zone = std::max(farthest, kDeviations * std::sqrt(variance)) + 1.0;
   axis.minimum = *std::min_element(moved.begin(), moved.end());
   axis.maximum = *std::max_element(moved.begin(), moved.end());
-  if (axis.center - axis.dead_zone - axis.minimum < kLeastTravel ||
-      axis.maximum - axis.center - axis.dead_zone < kLeastTravel) {
+  if (axis.center - axis.dead_zone - axis.minimum < kLeastJoystickTravel ||
+      axis.maximum - axis.center - axis.dead_zone < kLeastJoystickTravel) {
     throw UserError("the joystick rests at " + std::to_string(axis.center) +
                     " and was moved from " + std::to_string(axis.minimum) + " to " +
                     std::to_string(axis.maximum) +

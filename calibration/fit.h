@@ -1,10 +1,11 @@
-// A device's calibration from reference motions, with its uncertainty.
+// A device's calibration from measured strokes and turns, with its uncertainty.
 //
-// The counts of a stroke are as good as exact; what is uncertain is the reference: a ruler is read
-// to half a millimeter, and a hand that pushes also turns by a degree without knowing. So each row
-// of the motion model is a weighted linear regression of the reference on the counts, with the
-// declared errors of the references as known standard deviations (Bevington and Robinson, "Data
-// Reduction and Error Analysis", 3rd ed., ch. 7). No I/O.
+// Sensor counts are as good as exact; what is uncertain is what the hand did. Pushes alone tell
+// what a millimeter does to the counts, turns alone what a radian does: each is a weighted line
+// through the origin in the plane of counts, and the scatter of its strokes tells its error,
+// whatever was believed of ruler and hand. What is the same in all strokes (the length between the
+// end stops, a habit of the hand) shows in no scatter; it is declared, and adds. Formulas:
+// README.md beside this file. No I/O.
 #pragma once
 
 #include <span>
@@ -14,41 +15,71 @@
 
 namespace torquer::calibration {
 
-/// One stroke or turn: what the sensor counted, what the hand did according to the reference, and
-/// how far off (one standard deviation) that may be.
-struct ReferenceMotion {
+enum class MotionKind { kPush, kTurn };
+
+/// One stroke or some whole turns, from rest to rest.
+struct Stroke {
+  MotionKind kind = MotionKind::kPush;
   double axial_counts = 0.0;
   double transverse_counts = 0.0;
-  double insertion_mm = 0.0;
-  double rotation_rad = 0.0;
-  double insertion_error_mm = 0.5;     ///< > 0
-  double rotation_error_rad = 0.0175;  ///< > 0
+  double reference = 0.0;        ///< what the hand was to do: mm or rad, signed, not 0
+  double reference_error = 1.0;  ///< of this one stroke, mm or rad, > 0; weighs it against others
 };
 
-/// Standard errors times this are half widths of 95 % intervals (the errors are declared, not
-/// estimated from the scatter, so the normal distribution holds for any number of strokes).
-inline constexpr double kInterval95 = 1.959963984540054;
+/// What is off by the same in all strokes, each as a standard deviation, >= 0.
+struct CommonErrors {
+  double push_mm = 0.0;        ///< of the length that was pushed: the stops' distance, the ruler
+  double push_turn_rad = 0.0;  ///< the hand's habit of turning in each push
+  double turn_rad = 0.0;       ///< of the angle that was turned
+  double turn_push_mm = 0.0;   ///< the hand's habit of pushing in each turn
+};
+
+/// A value, and how sure it is.
+struct Estimate {
+  double value = 0.0;
+  double standard_error = 0.0;
+  double degrees_of_freedom = 1.0;  ///< by Welch and Satterthwaite; infinite for declared errors
+  double HalfWidth95() const;       ///< the truth is within value -+ this in 95 % of sessions
+};
 
 struct MotionFit {
-  MotionModel model;                 ///< with its standard errors
-  MotionParameters parameters;       ///< the same in terms that a person can picture
-  MotionParameters parameter_error;  ///< their standard errors
-  /// Reference less model, one a motion, in the order given.
+  MotionModel model;  ///< with its standard errors
+
+  /// The same in terms that a person can picture: MotionParameters, in its units.
+  Estimate gain_mm_per_count, misalignment_rad, cylinder_radius_mm, skew_rad;
+
+  /// What the model makes of a true motion, beyond that motion. The values are 0; the errors are
+  /// what a user asks for.
+  Estimate push_error_mm;   ///< in insertion, over a push of kFigureStrokeMm
+  Estimate push_turns_rad;  ///< in rotation, over the same push
+  Estimate turn_error_rad;  ///< in rotation, over one turn
+  Estimate turn_pushes_mm;  ///< in insertion, over one turn
+
+  /// Shares of the variance of push_error_mm and turn_error_rad that are declared, 0 .. 1: what
+  /// more strokes would not mend.
+  double push_declared_share = 0.0, turn_declared_share = 0.0;
+
+  /// Reference less model, one a stroke, in the order given.
   std::vector<HandMotion> residuals;
-  /// Sum of squared residuals over squared declared errors; about degrees_of_freedom when the
-  /// declared errors are honest.
-  double chi_squared = 0.0;
-  int degrees_of_freedom = 0;  ///< 2 per motion, less the 4 gains
+  /// Scatter of one stroke, standard deviations.
+  HandMotion push_scatter, turn_scatter;
 };
 
-/// Throws UserError naming the motion, the value and the remedy when one is not finite, when a
-/// declared error is not positive, or when pushing and turning cannot be told apart.
-MotionFit FitMotion(std::span<const ReferenceMotion> motions, int cpi);
+/// Length of the push that push_error_mm speaks of: the device's travel.
+inline constexpr double kFigureStrokeMm = 150.0;
+
+/// Throws UserError naming stroke, value and remedy when a number is not finite or not as above,
+/// when there are fewer than two pushes or two turns, or when pushes and turns move the counts the
+/// same way.
+MotionFit FitMotion(std::span<const Stroke> strokes, const CommonErrors& common, int cpi);
 
 /// A joystick axis from readings (0 .. 1023) with the stick at rest, released several times, and
 /// from readings while it was moved to both ends. The dead zone covers all rest readings and four
 /// standard deviations. Throws UserError when there are none or the stick did not reach far enough.
 JoystickAxis FitJoystickAxis(std::span<const double> at_rest, std::span<const double> moved,
                              double full_rate_rad_per_s);
+
+/// Counts from the dead zone's edge to an end, below which a stick was not moved there.
+inline constexpr double kLeastJoystickTravel = 100.0;
 
 }  // namespace torquer::calibration

@@ -1,0 +1,49 @@
+// Which strokes can be used, and in plain words why the others cannot. No I/O.
+//
+// Each stroke is first looked at alone (was the sensor lifted, is it long enough, is it a push at
+// all), then among its like: one that is farther from their median than four times its declared
+// error, and than four times what the scatter of all suggests, is an outlier. So an unsteady hand
+// is measured and not refused.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calibration/fit.h"
+
+namespace torquer::calibration {
+
+/// What a stroke was asked to be, and what its device is known to be.
+struct StrokeExpectation {
+  double push_mm = 150.0;            ///< > 0
+  double turn_rad = 0.0;             ///< > 0, whole turns
+  double push_error_mm = 0.5;        ///< of one stroke, standard deviation, > 0
+  double push_turn_error_rad = 0.0;  ///< what a hand turns while it pushes, > 0
+  double turn_error_rad = 0.0;       ///< > 0
+  double turn_push_error_mm = 0.5;   ///< what a hand pushes while it turns, > 0
+  double gain_mm_per_count = 0.0;    ///< by the sensor's resolution, > 0
+  double gain_factor = 1.3;          ///< the true gain is within this factor of it, > 1
+  double cylinder_radius_mm = kNominalCylinderRadiusMm;
+  double radius_factor = 1.3;  ///< likewise
+};
+
+/// A stroke and the way back to where it began.
+struct RecordedStroke {
+  Stroke stroke;
+  double back_axial_counts = 0.0;  ///< of the way back; ideally minus those of the stroke
+  double back_transverse_counts = 0.0;
+  bool lifted = false;       ///< lift flag or poor surface, there or back
+  bool faulty = false;       ///< sensor fault
+  bool interrupted = false;  ///< the device was reset or away, or its counts jumped
+};
+
+/// One a stroke: nothing when it is good, else why it is not, as a sentence without its full stop.
+using Rejection = std::optional<std::string>;
+
+/// Judges all strokes of a session together, pushes among pushes and turns among turns.
+std::vector<Rejection> JudgeStrokes(std::span<const RecordedStroke> strokes,
+                                    const StrokeExpectation& expected);
+
+}  // namespace torquer::calibration
