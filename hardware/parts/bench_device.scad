@@ -1,0 +1,306 @@
+// The printed parts of the bench device, in mm. Each is drawn as it is printed; "assembly" shows
+// them in place. One part to a file:  openscad -D 'part="pipe_end"' -o pipe_end.stl bench_device.scad
+//
+// Frame of the assembly: x along the wire, distal positive; y to the operator's left; z up; the
+// origin on the pipe's axis in the middle of the window.
+part = "assembly";
+cut = false;  // take away what is distal of the window's middle, for a look inside
+
+/* [Wire and cylinder] */
+cylinder_radius = 5;      // with its paper: what the calibration calls the radius
+cylinder_length = 170;
+pipe_length = 320;        // travel is pipe_length - cylinder_length
+wire_diameter = 0.9;      // 0.035 inch is 0.89
+paper_thickness = 0.1;    // one layer of matt paper around the printed core
+
+/* [Pipe] */
+bore_clearance = 0.15;    // radial; more than 0.2 leaves the sensor's range of focus
+pipe_wall = 1.9;
+window_length = 14;       // must be below 2 cylinder_length - pipe_length
+window_width = 9;
+middle_length = 60;       // the part with the window
+socket_depth = 12;        // how deep an end of the pipe sits in it
+fit = 0.15;               // radial, between printed parts that are glued
+
+/* [Sensor module: measure yours] */
+lens_to_surface = 2.4;    // lens reference plane to surface; PMW3360 allows 2.2 .. 2.6
+lens_height = 3.5;        // lens reference plane below the board's underside
+board_x = 21.1;           // the module's short side, along the wire
+board_y = 28.3;           // its long side, across
+board_z = 1.6;
+board_lens_y = 13.6;      // optical center from one end of the long side
+lens_x = 18.9;
+lens_y = 21.3;
+align_angle = 3;          // the carrier turns by this much either way, degrees
+
+/* [Catheter, panel] */
+catheter_diameter = 2.4;  // 7 French is 2.33
+button_hole = 16.2;
+jack_hole = 6.2;
+joystick_hole = 26;
+joystick_screws = [20, 26];  // distances; the panel has slots, for modules differ
+stick_height = 25;
+
+/* [Screws] */
+m3_hole = 3.4;
+m3_pilot = 2.6;           // an M3 screw cuts its thread in the plastic
+
+$fn = 64;
+e = 0.01;
+
+travel = pipe_length - cylinder_length;
+bore_radius = cylinder_radius + bore_clearance;
+pipe_radius = bore_radius + pipe_wall;
+end_length = (pipe_length - middle_length) / 2 + socket_depth;
+lens_plane = cylinder_radius + lens_to_surface;      // above the axis
+board_seat = lens_plane + lens_height;               // the board's underside
+block_width = 50;
+block_top = 4;
+block_bottom = -12;
+carrier_screws = [24, 19];
+block_screws = [16, 20];
+axis_height = 30;         // above the table
+box_length = 146;         // one half; the caps stay outside
+box_width = 72;
+wall = 2.4;
+end_wall = 6;
+
+assert(window_length < 2 * cylinder_length - pipe_length, "the cylinder must always fill the window");
+assert(bore_clearance <= 0.2, "the surface would leave the sensor's range of focus");
+assert(pipe_radius < lens_plane, "the lens would touch the pipe");
+
+module slab(x, y, z) { translate([-x / 2, -y / 2, 0]) cube([x, y, z]); }
+module each_corner(x, y) { for (i = [-1, 1], j = [-1, 1]) translate([i * x, j * y, 0]) children(); }
+
+// --- what moves -----------------------------------------------------------------------------
+
+// The core of the cylinder, to be wrapped in paper. Print upright, with a brim.
+module cylinder_core() {
+  r = cylinder_radius - paper_thickness;
+  difference() {
+    union() {
+      cylinder(r1 = r - 0.6, r2 = r, h = 0.6 + e);
+      translate([0, 0, 0.6]) cylinder(r = r, h = cylinder_length - 1.2);
+      translate([0, 0, cylinder_length - 0.6 - e]) cylinder(r1 = r, r2 = r - 0.6, h = 0.6 + e);
+    }
+    translate([0, 0, -1]) cylinder(d = wire_diameter + 0.2, h = cylinder_length + 2, $fn = 24);
+    // A headless M3 screw holds the wire at the proximal end; it stays below the surface.
+    translate([0, 0, 4.5]) rotate([0, 90, 0]) cylinder(d = m3_pilot, h = r + 1, $fn = 24);
+  }
+}
+
+// --- what guides it -------------------------------------------------------------------------
+
+module pipe_end() {
+  difference() {
+    cylinder(r = pipe_radius, h = end_length);
+    translate([0, 0, -1]) cylinder(r = bore_radius, h = end_length + 2);
+    // Lead-in, so that the cylinder does not catch at the joint.
+    translate([0, 0, -e]) cylinder(r1 = bore_radius + 0.5, r2 = bore_radius, h = 0.8);
+  }
+}
+
+// End stop: a cup on the pipe's end, with a hole for the wire.
+module pipe_cap() {
+  difference() {
+    cylinder(r = pipe_radius + 2.4, h = 13);
+    translate([0, 0, 3]) cylinder(r = pipe_radius + fit, h = 11);
+    translate([0, 0, -1]) cylinder(d = wire_diameter + 0.6, h = 5, $fn = 24);
+    translate([0, 0, -e]) cylinder(d1 = wire_diameter + 4, d2 = wire_diameter + 0.6, h = 2, $fn = 24);
+  }
+}
+
+// The middle of the pipe, with the window and the flat on which the carrier is aligned. In the frame
+// of the assembly; printed as it stands.
+module pipe_middle() {
+  difference() {
+    union() {
+      translate([0, 0, block_bottom]) slab(middle_length, block_width, block_top - block_bottom);
+      rotate([0, 90, 0]) cylinder(r = pipe_radius, h = middle_length, center = true);
+    }
+    rotate([0, 90, 0]) cylinder(r = bore_radius, h = middle_length + 2, center = true);
+    for (s = [-1, 1]) scale([s, 1, 1]) {
+      translate([middle_length / 2 - socket_depth, 0, 0]) rotate([0, 90, 0])
+        cylinder(r = pipe_radius + fit, h = socket_depth + 1);
+      translate([middle_length / 2 - socket_depth - 0.8, 0, 0]) rotate([0, 90, 0])
+        cylinder(r1 = bore_radius, r2 = bore_radius + 0.5, h = 0.8 + e);
+    }
+    translate([0, 0, bore_radius / 2]) slab(window_length, window_width, pipe_radius);
+    each_corner(carrier_screws[0], carrier_screws[1])
+      translate([0, 0, block_top - 10]) cylinder(d = m3_pilot, h = 11, $fn = 24);
+    each_corner(block_screws[0], block_screws[1])
+      translate([0, 0, block_bottom - 1]) cylinder(d = m3_pilot, h = 9, $fn = 24);
+  }
+}
+
+// Holds the sensor's board over the window: its height sets the focus, its slots the alignment.
+// Drawn with its underside at z = 0. Print upside down.
+carrier_height = board_seat - block_top + board_z;
+module sensor_carrier() {
+  seat = board_seat - block_top;
+  difference() {
+    slab(middle_length, block_width, carrier_height);
+    // Room for the crown of the pipe and for the lens.
+    translate([0, 0, -1]) slab(middle_length + 2, 2 * pipe_radius + 1.5, lens_plane - block_top + 1.3);
+    translate([0, 0, -1]) slab(lens_x + 0.8, lens_y + 0.8, carrier_height + 2);
+    // The board lies in a recess, its top flush, so that washers hold it at its edges.
+    translate([-(board_x + 0.4) / 2, -(board_lens_y + 0.2), seat])
+      cube([board_x + 0.4, board_y + 0.4, board_z + 1]);
+    for (i = [-1, 1], y = [-9, 9])
+      translate([i * (board_x / 2 + 2.4), y, 2]) cylinder(d = m3_pilot, h = carrier_height, $fn = 24);
+    // Slots around the optical axis.
+    each_slot() translate([0, 0, -1]) cylinder(d = m3_hole, h = carrier_height + 2, $fn = 24);
+    // The cable leaves here.
+    translate([0, block_width / 2, seat]) slab(board_x - 2, block_width, board_z + 1);
+  }
+}
+module each_slot() {
+  for (i = [-1, 1], j = [-1, 1])
+    hull() for (a = [-align_angle, 0, align_angle])
+      rotate(a) translate([i * carrier_screws[0], j * carrier_screws[1], 0]) children();
+}
+
+// A shim below the carrier, should the surface quality ask for more height.
+module carrier_shim() {
+  difference() {
+    slab(middle_length, block_width, 0.2);
+    translate([0, 0, -1]) slab(middle_length + 2, 2 * pipe_radius + 3, 3);
+    each_slot() translate([0, 0, -1]) cylinder(d = m3_hole, h = 3, $fn = 24);
+  }
+}
+
+// --- what holds it --------------------------------------------------------------------------
+
+// One half of the box; the other is the same, turned round. Joint at x = 0, end at x = box_length.
+module support_box() {
+  difference() {
+    union() {
+      translate([0, -box_width / 2, 0]) cube([box_length, box_width, wall]);
+      for (s = [-1, 1])
+        translate([0, s > 0 ? box_width / 2 - wall : -box_width / 2, 0]) cube([box_length, wall, 20]);
+      translate([0, -box_width / 2, 0]) cube([5, box_width, 14]);
+      translate([box_length - end_wall, -box_width / 2, 0]) cube([end_wall, box_width, axis_height + 3]);
+      // Pedestal for the pipe's middle.
+      translate([block_screws[0] - 8, -block_width / 2, 0])
+        cube([16, block_width, axis_height + block_bottom]);
+    }
+    // Saddle of the pipe.
+    translate([box_length - end_wall - 1, 0, axis_height]) rotate([0, 90, 0])
+      cylinder(r = pipe_radius + fit, h = end_wall + 2);
+    translate([box_length - end_wall - 1, -pipe_radius * 0.85, axis_height])
+      cube([end_wall + 2, pipe_radius * 1.7, 20]);
+    // Screws: pedestal to pipe from below, half to half, catheter clamp to the end.
+    for (s = [-1, 1]) {
+      translate([block_screws[0], s * block_screws[1], -1]) cylinder(d = m3_hole, h = 40, $fn = 24);
+      translate([block_screws[0], s * block_screws[1], -1])
+        cylinder(d = 6.5, h = axis_height + block_bottom - 5 + 1, $fn = 24);
+      translate([-1, s * 28, 8]) rotate([0, 90, 0]) cylinder(d = m3_hole, h = 8, $fn = 24);
+      translate([box_length - end_wall - 1, s * 20, 20]) rotate([0, 90, 0])
+        cylinder(d = m3_pilot, h = end_wall + 2, $fn = 24);
+    }
+    // Room under the pipe for wires from one half to the other, and out at the side.
+    translate([-1, -9, wall]) cube([30, 18, 12]);
+    translate([60, box_width / 2 - wall - 1, 8]) cube([14, wall + 2, 20]);
+  }
+}
+
+// Lower part of the catheter's clamp; stands at the proximal end of the box, around the cap. x = 0
+// at the end wall, growing away from it; z = 0 on the axis.
+clamp_cavity = pipe_length / 2 + 3 - box_length + 3;  // the cap, and room for a finger nail
+clamp_length = clamp_cavity + 24;
+module catheter_clamp() {
+  difference() {
+    union() {
+      translate([0, -26, -18]) cube([5, 52, 18]);
+      translate([0, -14, -18]) cube([clamp_length, 28, 18]);
+    }
+    translate([-1, 0, 0]) rotate([0, 90, 0]) cylinder(r = pipe_radius + 3.2, h = clamp_cavity + 1);
+    translate([-1, 0, 0]) rotate([0, 90, 0])
+      cylinder(d = catheter_diameter, h = clamp_length + 2, $fn = 32);
+    for (s = [-1, 1]) {
+      translate([-1, s * 20, -10]) rotate([0, 90, 0]) cylinder(d = m3_hole, h = 8, $fn = 24);
+      translate([clamp_cavity + 12, s * 9, -12]) cylinder(d = m3_pilot, h = 13, $fn = 24);
+    }
+  }
+}
+
+// Its lid, printed upside down: the groove is 0.2 mm shallower, so that it grips.
+module catheter_lid() {
+  difference() {
+    translate([clamp_cavity + 2, -14, 0]) cube([22, 28, 6]);
+    translate([0, 0, -0.2]) rotate([0, 90, 0])
+      cylinder(d = catheter_diameter, h = clamp_length + 2, $fn = 32);
+    for (s = [-1, 1])
+      translate([clamp_cavity + 12, s * 9, -1]) cylinder(d = m3_hole, h = 8, $fn = 24);
+  }
+}
+
+// Joystick and buttons; a lid without a bottom, standing on the table. Print face down.
+panel = [120, 76, 34];
+module control_panel() {
+  difference() {
+    translate([0, 0, 0]) slab(panel[0], panel[1], panel[2]);
+    translate([0, 0, -wall]) slab(panel[0] - 2 * wall, panel[1] - 2 * wall, panel[2]);
+    translate([-28, 0, 0]) {
+      cylinder(d = joystick_hole, h = panel[2] + 1);
+      each_corner(joystick_screws[0] / 2, joystick_screws[1] / 2)
+        translate([0, 0, panel[2] - 5]) hull() for (d = [-2, 2])
+          translate([d, 0, 0]) cylinder(d = m3_hole, h = 7, $fn = 24);
+    }
+    for (y = [-17, 17]) translate([28, y, 0]) cylinder(d = button_hole, h = panel[2] + 1);
+    // Pedal's jack and the cable, at the back.
+    translate([28, panel[1] / 2 - wall - 1, panel[2] / 2]) rotate([-90, 0, 0])
+      cylinder(d = jack_hole, h = wall + 2, $fn = 32);
+    translate([-28, panel[1] / 2, -e]) slab(8, 3 * wall, 6);
+  }
+}
+
+// --- all of it ------------------------------------------------------------------------------
+
+module assembly_piece(name) {
+  if (name == "placed_support_box") {
+    for (s = [-1, 1]) rotate(s > 0 ? 0 : 180) translate([0, 0, -axis_height]) support_box();
+  } else if (name == "placed_pipe") {
+    pipe_middle();
+    for (s = [-1, 1]) rotate(s > 0 ? 0 : 180)
+      translate([middle_length / 2 - socket_depth, 0, 0]) rotate([0, 90, 0]) pipe_end();
+  } else if (name == "placed_caps") {
+    for (s = [-1, 1]) rotate(s > 0 ? 0 : 180)
+      translate([pipe_length / 2 + 3, 0, 0]) rotate([0, -90, 0]) pipe_cap();
+  } else if (name == "placed_cylinder") {
+    translate([-cylinder_length / 2, 0, -bore_clearance]) rotate([0, 90, 0]) cylinder_core();
+  } else if (name == "placed_sensor_carrier") {
+    translate([0, 0, block_top]) sensor_carrier();
+  } else if (name == "placed_sensor_board") {
+    translate([-board_x / 2, -board_lens_y, board_seat]) cube([board_x, board_y, board_z]);
+    translate([0, 0, lens_plane]) slab(lens_x, lens_y, lens_height);
+    translate([0, 1, board_seat + board_z - e]) slab(10, 15.6, 2.5);
+  } else if (name == "placed_catheter_clamp") {
+    translate([-box_length, 0, 0]) rotate(180) { catheter_clamp(); translate([0, 0, 0.4]) catheter_lid(); }
+  } else if (name == "placed_control_panel") {
+    translate([0, -110, -axis_height]) control_panel();
+  } else if (name == "placed_wire") {
+    translate([-box_length - 130, 0, -bore_clearance]) rotate([0, 90, 0])
+      cylinder(d = wire_diameter, h = box_length + 130 - cylinder_length / 2 + 40, $fn = 16);
+  }
+}
+
+if (part == "cylinder_core") cylinder_core();
+else if (part == "pipe_end") pipe_end();
+else if (part == "pipe_cap") pipe_cap();
+else if (part == "pipe_middle") translate([0, 0, -block_bottom]) pipe_middle();
+else if (part == "sensor_carrier") translate([0, 0, carrier_height]) rotate([180, 0, 0]) sensor_carrier();
+else if (part == "carrier_shim") carrier_shim();
+else if (part == "support_box") support_box();
+else if (part == "catheter_clamp") translate([0, 0, 18]) catheter_clamp();
+else if (part == "catheter_lid") translate([0, 0, 6]) rotate([180, 0, 0]) catheter_lid();
+else if (part == "control_panel") translate([0, 0, panel[2]]) rotate([180, 0, 0]) control_panel();
+else if (part == "assembly")
+  for (name = ["support_box", "pipe", "caps", "cylinder", "sensor_carrier", "sensor_board",
+               "catheter_clamp", "control_panel", "wire"])
+    assembly_piece(str("placed_", name));
+else if (cut) intersection() {
+  assembly_piece(part);
+  translate([-100, -100, -100]) cube([100, 200, 200]);
+}
+else assembly_piece(part);

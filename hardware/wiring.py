@@ -1,0 +1,270 @@
+"""The wiring of the bench device: wiring.csv checked against the firmware, and drawn.
+
+usage: hardware/wiring.py > hardware/pictures/wiring.svg
+
+Volts are those of a controller at 3.3 V. With one at 5 V the nets of domain "controller" carry 5 V
+instead, and the module's level shifter keeps that from the sensor.
+"""
+
+import csv
+import os
+import re
+import sys
+from dataclasses import dataclass
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+
+SENSOR_VDD_V = (1.8, 2.1)  # PMW3360 data sheet 1.50: operating voltage
+CONTROLLER_SIGNALS = {
+    "sensor NCS": "NCS",
+    "sensor SCLK": "SCLK",
+    "sensor MOSI": "MOSI",
+    "sensor MISO": "MISO",
+    "X-ray pedal, to ground": "XRAY",
+    "contrast button, to ground": "CONTRAST",
+    "clutch button, to ground": "CLUTCH",
+    "joystick x wiper": "JOYSTICK_X",
+    "joystick y wiper": "JOYSTICK_Y",
+}
+
+
+@dataclass(frozen=True)
+class Wire:
+    net: str
+    volts: float
+    start: tuple[str, str]  # part, pin
+    end: tuple[str, str]
+    color: str
+    where: str
+
+
+def load(path: str = os.path.join(HERE, "wiring.csv")) -> list[Wire]:
+    with open(path, newline="", encoding="utf-8") as file:
+        return [
+            Wire(
+                row["net"],
+                float(row["volts"]),
+                (row["from"], row["from_pin"]),
+                (row["to"], row["to_pin"]),
+                row["color"],
+                row["where"],
+            )
+            for row in csv.DictReader(file)
+        ]
+
+
+def firmware_pins(pins_header: str, readme: str) -> dict[str, tuple[str, str]]:
+    """Signal to (port of the chip, pin name on the board), from pins.h; SPI from the README's table.
+
+    Raises ValueError where the two disagree.
+    """
+    table = {
+        CONTROLLER_SIGNALS[what]: (port, pin)
+        for port, pin, what in re.findall(r"^\| (P\w\d) \((\w+)\) \| (.+?) \|$", readme, re.M)
+        if what in CONTROLLER_SIGNALS
+    }
+    macros = {
+        "NCS": r"SENSOR_NCS_BIT (\d)  // (P\w\d) \((\w+)\)",
+        "XRAY": r"XRAY_BIT (\d) +// (P\w\d) \((\w+)\)",
+        "CONTRAST": r"CONTRAST_BIT (\d) +// (P\w\d) \((\w+)\)",
+        "CLUTCH": r"CLUTCH_BIT (\d) +// (P\w\d) \((\w+)\)",
+        "JOYSTICK_X": r"JOYSTICK_X_CHANNEL (\d) +// (P\w\d) \((\w+)\)",
+        "JOYSTICK_Y": r"JOYSTICK_Y_CHANNEL (\d) +// (P\w\d) \((\w+)\)",
+    }
+    ports = {"NCS": re.search(r"SENSOR_NCS_PORT PORT(\w)", pins_header).group(1)}
+    button_port = re.search(r"BUTTON_PORT PORT(\w)", pins_header).group(1)
+    for signal, pattern in macros.items():
+        bit, port, pin = re.search(pattern, pins_header).groups()
+        # ADC channels 4 to 7 of the ATmega32U4 are PF4 to PF7.
+        letter = "F" if signal.startswith("JOYSTICK") else ports.get(signal, button_port)
+        if port != f"P{letter}{bit}":
+            raise ValueError(f"pins.h: {signal} is P{letter}{bit} in code and {port} in words")
+        if table.get(signal) != (port, pin):
+            raise ValueError(f"{signal}: pins.h has {port} ({pin}), README {table.get(signal)}")
+    for name, port in re.findall(r"(SCK|MOSI|MISO) (PB\d)", pins_header):
+        signal = "SCLK" if name == "SCK" else name
+        if table.get(signal, ("",))[0] != port:
+            raise ValueError(f"{signal}: pins.h has {port}, README {table.get(signal)}")
+    return table
+
+
+def problems(wires: list[Wire], pins: dict[str, tuple[str, str]]) -> list[str]:
+    """What is wrong with the wiring; empty if nothing."""
+    found = []
+    volts: dict[str, float] = {}
+    net_at: dict[tuple[str, str], str] = {}
+    for wire in wires:
+        if volts.setdefault(wire.net, wire.volts) != wire.volts:
+            found.append(f"net {wire.net} is at {volts[wire.net]} V and at {wire.volts} V")
+        for end in (wire.start, wire.end):
+            if net_at.setdefault(end, wire.net) != wire.net:
+                found.append(f"{' '.join(end)} is on nets {net_at[end]} and {wire.net}")
+    at_controller = {net: pin for (part, pin), net in net_at.items() if part == "controller"}
+    for signal, (port, pin) in pins.items():
+        if at_controller.get(signal) != pin:
+            found.append(
+                f"{signal}: the firmware uses {port}, pin {pin}; wired is {at_controller.get(signal)}"
+            )
+    for net in set(at_controller) - set(pins) - {"VCC", "GND"}:
+        found.append(f"{net}: the firmware knows nothing of it")
+    found += connected_problems(wires)
+    supply = volts[net_at["PMW3360", "VDD"]]
+    if not SENSOR_VDD_V[0] <= supply <= SENSOR_VDD_V[1]:
+        found.append(f"PMW3360 VDD is at {supply} V; it takes {SENSOR_VDD_V} V")
+    for channel, signal in enumerate(("NCS", "SCLK", "MOSI", "MISO"), 1):
+        sides = net_at.get(("level shifter", f"A{channel}")), net_at.get(("level shifter", f"B{channel}"))
+        if sides != (signal, "SENSOR_" + signal):
+            found.append(f"level shifter channel {channel} joins {sides}, not {signal}")
+        if net_at.get(("PMW3360", signal)) != "SENSOR_" + signal:
+            found.append(f"PMW3360 {signal} is not behind the level shifter")
+    return found
+
+
+def connected_problems(wires: list[Wire]) -> list[str]:
+    """Nets whose wires do not hang together."""
+    found = []
+    for net in {wire.net for wire in wires}:
+        edges = [(wire.start, wire.end) for wire in wires if wire.net == net]
+        reached = {edges[0][0]}
+        grown = True
+        while grown:
+            more = {end for edge in edges if reached & set(edge) for end in edge}
+            grown = not more <= reached
+            reached |= more
+        if any(end not in reached for edge in edges for end in edge):
+            found.append(f"net {net} is in pieces")
+    return found
+
+
+# --- the drawing ----------------------------------------------------------------------------
+
+INK = {
+    "red": "#c62828",
+    "black": "#222222",
+    "orange": "#e07b00",
+    "yellow": "#b8a000",
+    "green": "#2e8b3d",
+    "blue": "#1f5fbf",
+    "violet": "#7a3fb0",
+    "gray": "#707070",
+}
+PITCH = 24
+# Part: left edge, top, width; pins on its left side, on its right side.
+PLACES = {
+    "joystick": (30, 70, 120, [], ["+5V", "GND", "VRx", "VRy"]),
+    "pedal jack": (30, 215, 120, [], ["tip", "sleeve"]),
+    "contrast button": (30, 310, 120, [], ["1", "2"]),
+    "clutch button": (30, 405, 120, [], ["1", "2"]),
+    "controller": (290, 150, 185, ["A0", "A1", "2", "3", "4"],
+                   ["VCC", "GND", "10", "15", "16", "14"]),
+    "level shifter": (745, 290, 120, ["A1", "A2", "A3", "A4", "VREF_A"],
+                      ["B1", "B2", "B3", "B4", "VREF_B"]),
+    "regulator 1.9 V": (745, 100, 120, ["IN", "GND"], ["OUT"]),
+    "regulator 3.3 V": (745, 190, 120, ["IN", "GND"], ["OUT"]),
+    "PMW3360": (975, 218, 160, ["GND", "VDD", "VDDIO", "NCS", "SCLK", "MOSI", "MISO"], []),
+}
+MODULE = (610, 50, 540, 410)
+MODULE_PINS = {"VI": 110, "GD": 134, "SS": 332, "SC": 356, "MO": 380, "MI": 404}
+TITLES = {"controller": "Pro Micro (ATmega32U4)", "PMW3360": "PMW3360 + LM19-LSI"}
+
+
+def pin_places() -> dict[tuple[str, str], list[tuple[float, float, int]]]:
+    """Where each pin is, and to which side its wire leaves (-1 left, 1 right)."""
+    places: dict[tuple[str, str], list[tuple[float, float, int]]] = {}
+    for part, (x, y, width, left, right) in PLACES.items():
+        for names, px, side in ((left, x, -1), (right, x + width, 1)):
+            for index, name in enumerate(names):
+                places.setdefault((part, name), []).append((px, y + 42 + index * PITCH, side))
+    for name, y in MODULE_PINS.items():
+        places["sensor module", name] = [(MODULE[0], y, -1), (MODULE[0], y, 1)]
+    return places
+
+
+def text(x, y, content, anchor="start", size=13, color="#222222", weight="normal"):
+    return (
+        f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" font-size="{size}" fill="{color}"'
+        f' font-weight="{weight}">{content}</text>'
+    )
+
+
+def draw(wires: list[Wire]) -> str:
+    """The diagram as SVG: signals as lines, supplies and ground as flags at their pins."""
+    out = [
+        '<svg xmlns="http://www.w3.org/2000/svg" width="1180" height="530" viewBox="0 0 1180 530"'
+        ' font-family="DejaVu Sans, Arial, sans-serif">',
+        '<rect width="1180" height="530" fill="white"/>',
+        text(30, 30, "Bench device: wiring", size=18, weight="bold"),
+        '<rect x="{}" y="{}" width="{}" height="{}" fill="#f3f6fa" stroke="#7a8aa0"'
+        ' stroke-dasharray="6 4"/>'.format(*MODULE),
+        text(MODULE[0] + MODULE[2] - 12, MODULE[1] + 22, "sensor module", anchor="end", color="#4a5a70"),
+    ]
+    for part, (x, y, width, left, right) in PLACES.items():
+        height = 42 + (max(len(left), len(right)) - 1) * PITCH + 18
+        out.append(
+            f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="5" fill="#ffffff"'
+            ' stroke="#222222"/>'
+        )
+        out.append(text(x + width / 2, y + 18, TITLES.get(part, part), "middle", 12, weight="bold"))
+        for names, px, anchor in ((left, x + 8, "start"), (right, x + width - 8, "end")):
+            for index, name in enumerate(names):
+                out.append(text(px, y + 46 + index * PITCH, name, anchor, 12))
+    for name, y in MODULE_PINS.items():
+        out.append(f'<circle cx="{MODULE[0]}" cy="{y}" r="4" fill="#4a5a70"/>')
+        out.append(text(MODULE[0] - 6, y - 6, name, "end", 12))
+    places = pin_places()
+    flags = set()
+    lane: dict[tuple[str, str], int] = {}
+    for wire in wires:
+        color = INK[wire.color]
+        ends = nearest(places[wire.start], places[wire.end])
+        if wire.net in ("VCC", "GND", "VDD", "VDDIO"):
+            label = "GND" if wire.net == "GND" else f"{wire.net} {wire.volts:g} V"
+            for place in ends:
+                if (place, label) not in flags:
+                    flags.add((place, label))
+                    out += flag(place, label, color)
+            continue
+        (x0, y0, _), (x1, y1, _) = sorted(ends)
+        column = "left" if x1 <= 290 else "right"
+        # A lane for each wire, so chosen that no two of a column cross.
+        direction = "up" if y1 < y0 else "down"
+        lane[column, direction] = lane.get((column, direction), 0) + 1
+        bend = {"left": 276, "right": 590}[column] - 12 * lane[column, direction]
+        if direction == "up":
+            bend = 216 + 12 * lane[column, direction]
+        turn = "" if y0 == y1 else f" H{bend} V{y1:g}"
+        out.append(
+            f'<path d="M{x0:g} {y0:g}{turn} H{x1:g}" fill="none" stroke="{color}" stroke-width="2"/>'
+        )
+        if y0 != y1:
+            name = wire.net.replace("JOYSTICK", "STICK")
+            out.append(text(x0 + 6, y0 - 4, name, size=11, color=color))
+    out.append(text(30, 512, "Flags of one name are joined. Volts for a controller at 3.3 V; one at"
+                    " 5 V needs a module with level shifters, as drawn.", size=12, color="#4a5a70"))
+    out.append("</svg>")
+    return "\n".join(out) + "\n"
+
+
+def nearest(starts, ends):
+    """The two places of a wire's pins that face each other."""
+    return min(
+        ((a, b) for a in starts for b in ends),
+        key=lambda pair: abs(pair[0][0] - pair[1][0]) + (1000 if pair[0][2] == pair[1][2] else 0),
+    )
+
+
+def flag(place, label: str, color: str) -> list[str]:
+    x, y, side = place
+    if side > 0 and x == MODULE[0]:
+        return []  # seen from the cable's side
+    tip = x + side * 18
+    anchor = "start" if side > 0 else "end"
+    return [
+        f'<path d="M{x:g} {y:g} H{tip:g}" stroke="{color}" stroke-width="2"/>',
+        f'<circle cx="{tip:g}" cy="{y:g}" r="3" fill="{color}"/>',
+        text(tip + side * 6, y + 4, label, anchor, 11, color),
+    ]
+
+
+if __name__ == "__main__":
+    sys.stdout.write(draw(load()))

@@ -1,0 +1,93 @@
+"""wiring.csv against the firmware's pins, and the checks against wiring that is wrong."""
+
+import os
+import unittest
+import xml.etree.ElementTree
+from dataclasses import replace
+
+import wiring
+
+FIRMWARE = os.path.join(wiring.HERE, "..", "firmware")
+
+
+def read(name: str) -> str:
+    with open(os.path.join(FIRMWARE, name), encoding="utf-8") as file:
+        return file.read()
+
+
+PINS_HEADER = read("board/atmega32u4/pins.h")
+README = read("README.md")
+
+
+class Wiring(unittest.TestCase):
+    def setUp(self):
+        self.pins = wiring.firmware_pins(PINS_HEADER, README)
+        self.wires = wiring.load()
+
+    def changed(self, net, part, **changes):
+        """The wiring with the one wire of a net that begins or ends at a part replaced."""
+        index = next(
+            i
+            for i, wire in enumerate(self.wires)
+            if wire.net == net and part in (wire.start[0], wire.end[0])
+        )
+        wires = list(self.wires)
+        wires[index] = replace(wires[index], **changes)
+        return wiring.problems(wires, self.pins)
+
+    def test_firmware_has_all_nine_signals(self):
+        self.assertEqual(len(self.pins), 9)
+        self.assertEqual(self.pins["NCS"], ("PB6", "10"))
+        self.assertEqual(self.pins["JOYSTICK_X"], ("PF7", "A0"))
+
+    def test_wiring_is_right(self):
+        self.assertEqual(wiring.problems(self.wires, self.pins), [])
+
+    def test_wrong_pin_is_found(self):
+        found = self.changed("NCS", "controller", start=("controller", "9"))
+        self.assertIn("NCS: the firmware uses PB6, pin 10; wired is 9", found)
+
+    def test_two_nets_on_a_pin_are_found(self):
+        found = self.changed("XRAY", "controller", start=("controller", "3"))
+        self.assertTrue(any("controller 3 is on nets" in text for text in found), found)
+
+    def test_missing_wire_is_found(self):
+        wires = [wire for wire in self.wires if wire.net != "CLUTCH"]
+        self.assertTrue(any("CLUTCH" in text for text in wiring.problems(wires, self.pins)))
+
+    def test_sensor_on_the_controllers_volts_is_found(self):
+        found = self.changed("VDD", "PMW3360", volts=3.3)
+        self.assertTrue(any("VDD is at 3.3 V" in text for text in found), found)
+
+    def test_signal_past_the_level_shifter_is_found(self):
+        found = self.changed("SENSOR_MOSI", "PMW3360", end=("PMW3360", "MISO"))
+        self.assertTrue(any("MOSI is not behind the level shifter" in text for text in found), found)
+
+    def test_net_in_pieces_is_found(self):
+        found = self.changed("GND", "contrast button", start=("pedal jack", "ring"))
+        self.assertIn("net GND is in pieces", found)
+
+    def test_pins_that_disagree_with_the_readme_are_found(self):
+        with self.assertRaises(ValueError):
+            wiring.firmware_pins(PINS_HEADER, README.replace("| PD4 (4) |", "| PD4 (5) |"))
+        with self.assertRaises(ValueError):
+            wiring.firmware_pins(PINS_HEADER.replace("_BIT 6  //", "_BIT 5  //"), README)
+
+
+class Diagram(unittest.TestCase):
+    def test_shows_every_part_and_every_signal(self):
+        drawing = wiring.draw(wiring.load())
+        root = xml.etree.ElementTree.fromstring(drawing)
+        words = {element.text for element in root.iter("{http://www.w3.org/2000/svg}text")}
+        for wire in wiring.load():
+            for part, pin in (wire.start, wire.end):
+                self.assertIn(wiring.TITLES.get(part, part), words)
+                self.assertIn(pin, words)
+        colors = [element.get("stroke") for element in root.iter("{http://www.w3.org/2000/svg}path")]
+        for net in ("NCS", "SCLK", "MOSI", "MISO", "XRAY", "CLUTCH"):
+            color = next(wire.color for wire in wiring.load() if wire.net == net)
+            self.assertIn(wiring.INK[color], colors)
+
+
+if __name__ == "__main__":
+    unittest.main()
