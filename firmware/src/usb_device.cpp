@@ -64,10 +64,9 @@ void UsbDevice::Poll() {
       ContinueDataIn();
       break;
     case Stage::kStatusOut:
-      if (board::HasControlData()) {
-        board::TakeControlData(nullptr, 0);
-        stage_ = Stage::kIdle;
-      }
+      // The empty packet is left to lie until the next SETUP packet, which may come at any moment,
+      // and must not be taken away with it.
+      if (board::HasControlData()) stage_ = Stage::kIdle;
       break;
     case Stage::kDataOut:
       ContinueDataOut();
@@ -278,7 +277,6 @@ bool UsbDevice::Acknowledge() {
 
 void UsbDevice::ContinueDataIn() {
   if (board::HasControlData()) {  // the host has read enough and ends the transfer
-    board::TakeControlData(nullptr, 0);
     stage_ = Stage::kIdle;
     return;
   }

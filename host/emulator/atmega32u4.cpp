@@ -240,7 +240,8 @@ struct Atmega32u4::Hooks {
     }
   }
 
-  static avr_cycle_count_t OnStop(avr_t*, avr_cycle_count_t, void*) { return 0; }
+  // Again a moment later: a chip that falls asleep in this very cycle must not sleep on.
+  static avr_cycle_count_t OnStop(avr_t*, avr_cycle_count_t when, void*) { return when + 64; }
 
   void Replace(avr_t* avr, int address, avr_io_read_t read, avr_io_write_t write) {
     auto& handlers = avr->io[AVR_DATA_TO_IO(address)];

@@ -96,6 +96,7 @@ bool TakeSetup(std::uint8_t packet[8]) {
   std::copy(Fake().setups.front().begin(), Fake().setups.front().end(), packet);
   Fake().setups.pop_front();
   Fake().control_stalled = false;
+  Fake().control_data.clear();
   return true;
 }
 bool CanSendControl() { return Fake().can_send_control; }

@@ -205,6 +205,8 @@ uint8_t TakeControlData(uint8_t* data, uint8_t capacity) {
     const uint8_t byte = UEDATX;
     if (i < capacity) data[i] = byte;
   }
+  // Not the bank of a SETUP packet that has come meanwhile.
+  if (UEINTX & _BV(RXSTPI)) return 0;
   UEINTX = static_cast<uint8_t>(~_BV(RXOUTI));
   return size < capacity ? size : capacity;
 }
