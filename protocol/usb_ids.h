@@ -13,10 +13,16 @@ constexpr uint16_t kUsbBootloaderProductId = 0x0002;
 
 constexpr char kUsbManufacturer[] = "Torquer";
 constexpr char kUsbProduct[] = "Torquer bench device";
+constexpr char kUsbBootloaderProduct[] = "Torquer bootloader";
 
 constexpr uint8_t kControlPacketBytes = 32;  ///< endpoint 0
 constexpr uint8_t kInputEndpoint = 1;        ///< interrupt IN, one input report a packet
 constexpr uint8_t kInputIntervalMs = 1;
+
+/// The firmware leaves kBootloaderKey at this RAM address and resets by the watchdog: whatever
+/// bootloader is there then stays. The convention is that of Caterina.
+constexpr uint16_t kBootloaderKeyAddress = 0x0800;
+constexpr uint16_t kBootloaderKey = 0x7777;
 
 }  // namespace protocol
 }  // namespace torquer

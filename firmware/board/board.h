@@ -65,6 +65,10 @@ void ReadChipSerial(uint8_t serial[10]);
 
 uint8_t ReadFlash(const uint8_t* address);
 
+/// Whether the application in the flash was at the start the one that its trailer was made for
+/// (protocol/firmware_image.h).
+bool ApplicationIsWhole();
+
 // --- sensor bus: SPI mode 3, at most 2 MHz -----------------------------------------------------
 
 void SelectSensor(bool selected);

@@ -15,6 +15,7 @@ namespace {
 constexpr uint32_t kCommandDelayUs = 10000;
 
 // Bits of IdentityReport::self_test.
+constexpr uint8_t kApplicationGood = 1 << 0;
 constexpr uint8_t kSettingsGood = 1 << 1;
 constexpr uint8_t kSensorGood = 1 << 2;
 
@@ -116,8 +117,9 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
       identity.sensor_revision = sensor_.revision();
       identity.clock_mhz = board::ClockMhz();
       memcpy(identity.serial, serial_, kSerialBytes);
-      identity.self_test = static_cast<uint8_t>((settings_.good() ? kSettingsGood : 0) |
-                                                (sensor_.running() ? kSensorGood : 0));
+      identity.self_test = static_cast<uint8_t>(
+          (board::ApplicationIsWhole() ? kApplicationGood : 0) |
+          (settings_.good() ? kSettingsGood : 0) | (sensor_.running() ? kSensorGood : 0));
       return sizeof(identity);
     }
     case protocol::kConfigurationReportId: {

@@ -27,7 +27,7 @@ namespace {
 constexpr int kEecr = 0x3f, kEedr = 0x40, kEearl = 0x41, kEearh = 0x42;
 constexpr int kPllcsr = 0x49;
 constexpr int kSpcr = 0x4c, kSpsr = 0x4d, kSpdr = 0x4e;
-constexpr int kSmcr = 0x53, kMcusr = 0x54, kSpmcsr = 0x57, kWdtcsr = 0x60;
+constexpr int kSmcr = 0x53, kMcusr = 0x54, kWdtcsr = 0x60;
 constexpr int kAdcsra = 0x7a, kTccr1b = 0x81;
 constexpr int kFirstRam = 0x100, kLastRam = 0xaff;
 constexpr int kUsbcon = 0xd8;
@@ -176,32 +176,6 @@ struct Atmega32u4::Hooks {
     eeprom_cell = -1;
   }
 
-  // --- the signature row, which LPM shows for a moment in place of the flash
-  // ----------------------
-  static void WriteSpmControl(avr_t* avr, avr_io_addr_t address, std::uint8_t value,
-                              void* parameter) {
-    constexpr std::uint8_t kSignatureRead = 0x21;
-    Hooks& hooks = From(parameter);
-    if ((value & kSignatureRead) != kSignatureRead) {
-      hooks.stock_spm.w.c(avr, address, value, hooks.stock_spm.w.param);
-      return;
-    }
-    if (!hooks.signature_shown) {
-      std::copy_n(avr->flash, kSignatureRowBytes, hooks.covered_flash.begin());
-      std::copy(hooks.chip.signature_row_.begin(), hooks.chip.signature_row_.end(), avr->flash);
-      hooks.signature_shown = true;
-    }
-    avr->data[address] = value;
-    avr_cycle_timer_register(avr, 5, &OnSignatureEnd, &hooks);
-  }
-  static avr_cycle_count_t OnSignatureEnd(avr_t* avr, avr_cycle_count_t, void* parameter) {
-    Hooks& hooks = From(parameter);
-    std::copy(hooks.covered_flash.begin(), hooks.covered_flash.end(), avr->flash);
-    hooks.signature_shown = false;
-    avr->data[kSpmcsr] = 0;
-    return 0;
-  }
-
   // --- watchdog: a change of the period alone starts it anew
   // --------------------------------------
   static void WriteWatchdog(avr_t* avr, avr_io_addr_t address, std::uint8_t value,
@@ -261,7 +235,6 @@ struct Atmega32u4::Hooks {
   avr_int_vector_t* usb_endpoint = nullptr;
   avr_int_vector_t* watchdog = nullptr;
   double watchdog_pending_us = -1;  // since when
-  std::remove_reference_t<decltype(avr_t::io[0])> stock_spm{};
   std::remove_reference_t<decltype(avr_t::io[0])> stock_watchdog{};
   std::remove_reference_t<decltype(avr_t::io[0])> stock_adc{};
   std::vector<std::unique_ptr<std::pair<Hooks*, std::function<void(bool, double)>>>> pin_listeners;
@@ -270,8 +243,6 @@ struct Atmega32u4::Hooks {
   std::uint8_t spi_received = 0xff;
   int eeprom_cell = -1;  // being written
   std::uint8_t eeprom_value = 0;
-  bool signature_shown = false;
-  std::array<std::uint8_t, kSignatureRowBytes> covered_flash{};
   std::uint8_t reset_cause = kPowerOnReset;
 };
 
@@ -293,6 +264,7 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
   avr_->sleep = &Hooks::OnSleep;
   std::copy(image.flash().begin(), image.flash().end(), avr_->flash);
   avr_->codeend = static_cast<std::uint32_t>(image.flash().size());
+  avr_->reset_pc = image.boot_start();
 
   for (int i = 0; i < avr_->interrupts.vector_count; ++i) {
     avr_int_vector_t* vector = avr_->interrupts.vector[i];
@@ -314,8 +286,8 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
   hooks_->Replace(avr_, kPllcsr, nullptr, &Hooks::WritePll);
   hooks_->Replace(avr_, kSpdr, &Hooks::ReadSpiData, &Hooks::WriteSpiData);
   hooks_->Replace(avr_, kEecr, nullptr, &Hooks::WriteEepromControl);
-  hooks_->stock_spm = avr_->io[AVR_DATA_TO_IO(kSpmcsr)];
-  hooks_->Replace(avr_, kSpmcsr, nullptr, &Hooks::WriteSpmControl);
+  flash_ = std::make_unique<FlashMemory>(avr_, clock_mhz_, image.boot_start(), noise_,
+                                         [this](const std::string& what) { Violation(what); });
   hooks_->stock_watchdog = avr_->io[AVR_DATA_TO_IO(kWdtcsr)];
   hooks_->Replace(avr_, kWdtcsr, nullptr, &Hooks::WriteWatchdog);
   hooks_->stock_adc = avr_->io[AVR_DATA_TO_IO(kAdcsra)];
@@ -325,7 +297,6 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
     noise_ = noise_ * 1664525u + 1013904223u;
     avr_->data[address] = static_cast<std::uint8_t>(noise_ >> 24);
   }
-  signature_row_.fill(0xff);
   avr_register_io(avr_, &hooks_->io);
   avr_reset(avr_);
 }
@@ -344,7 +315,7 @@ void Atmega32u4::AfterReset() {
   hooks_->reset_cause = kWatchdogReset;  // unless told otherwise, the next one is the watchdog's
   hooks_->spi_busy = false;
   hooks_->FinishEepromWrite();
-  if (hooks_->signature_shown) Hooks::OnSignatureEnd(avr_, 0, hooks_.get());
+  flash_->Reset();
   usb_.Reset();
   // The pins' register was cleared, and simavr passes no level on that it takes for an old one.
   const auto levels = pins_;

@@ -2,14 +2,15 @@
 // models too coarsely replaced (README.md says which and why). Knows nothing of what is connected.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "host/emulator/flash_memory.h"
 #include "host/emulator/usb_controller.h"
 
 struct avr_t;
@@ -24,17 +25,27 @@ class FirmwareImage {
 
   /// Flash contents from address 0.
   const std::vector<std::uint8_t>& flash() const { return flash_; }
+  /// Changes them; what the image says of itself stays.
+  void SetFlash(std::vector<std::uint8_t> contents) { flash_ = std::move(contents); }
+  /// Puts another image's bytes into the flash: an application to its bootloader, or the other way
+  /// round. Throws UserError if they overlap, or were built for different clocks.
+  void Add(const FirmwareImage& other);
+  /// Where the chip starts: 0, or the boot section if there is a bootloader.
+  std::uint32_t boot_start() const { return boot_start_; }
   /// Value of a symbol (data addresses have 0x800000 added); throws UserError if there is none.
   std::uint32_t Symbol(const std::string& name) const;
   bool HasSymbol(const std::string& name) const { return symbols_.count(name) != 0; }
 
   /// The clock that the image was built for, Hz.
   std::uint32_t clock_hz() const;
-  /// Changes the start value of an initialized 32-bit variable.
+  /// Changes the start value of an initialized 32-bit variable, and the image's CRC with it.
   void SetInitialValue(const std::string& variable, std::uint32_t value);
 
  private:
+  void SignAnew();
+
   std::string path_;
+  std::uint32_t boot_start_ = 0;
   std::vector<std::uint8_t> flash_;
   std::map<std::string, std::uint32_t> symbols_;
 };
@@ -51,7 +62,6 @@ struct SpiExchange {
 class Atmega32u4 {
  public:
   static constexpr int kEepromBytes = 1024;
-  static constexpr int kSignatureRowBytes = 32;
 
   /// Powers the chip on: RAM holds noise made from `seed`, the EEPROM what is given.
   Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_t>& eeprom,
@@ -89,9 +99,9 @@ class Atmega32u4 {
     spi_slave_ = std::move(slave);
   }
 
-  void SetSignatureRow(const std::array<std::uint8_t, kSignatureRowBytes>& row) {
-    signature_row_ = row;
-  }
+  /// What the program is, and can write.
+  FlashMemory& flash() { return *flash_; }
+
   /// The EEPROM as the loss of power at this moment would leave it: a byte being written is neither
   /// old nor new.
   std::vector<std::uint8_t> EepromAfterPowerLoss();
@@ -119,10 +129,10 @@ class Atmega32u4 {
 
   avr_t* avr_ = nullptr;
   std::unique_ptr<Hooks> hooks_;
+  std::unique_ptr<FlashMemory> flash_;
   UsbController usb_;
   std::function<std::uint8_t(const SpiExchange&)> spi_slave_;
   std::vector<std::uint8_t> eeprom_;
-  std::array<std::uint8_t, kSignatureRowBytes> signature_row_{};
   std::map<std::pair<char, int>, bool> pins_;
   std::map<int, double> analog_;
   double clock_mhz_ = 16;

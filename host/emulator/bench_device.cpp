@@ -3,6 +3,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "host/support/error.h"
 #include "protocol/eeprom_layout.h"
@@ -62,12 +63,15 @@ void BenchDevice::PowerOn() {
   if (powered()) return;
   power_on_us_ = now_us_;
   chip_ = std::make_unique<Atmega32u4>(image_, eeprom_, options_.seed + power_ons_++);
-  std::array<std::uint8_t, Atmega32u4::kSignatureRowBytes> row;
+  std::array<std::uint8_t, FlashMemory::kSignatureRowBytes> row;
   row.fill(0xff);
   for (std::size_t i = kFactorySerial; i < kFactorySerial + 10; ++i) {
     row[i] = static_cast<std::uint8_t>(options_.seed * 37 + i);
   }
-  chip_->SetSignatureRow(row);
+  chip_->flash().SetSignatureRow(row);
+  chip_->flash().on_operation = [this] {
+    if (++page_operations_ == cut_at_page_operation_) cut_due_ = true;
+  };
 
   sensor_.PowerUp(0);
   sensor_.SetSurface([this](double us) {
@@ -84,6 +88,7 @@ void BenchDevice::PowerOn() {
 void BenchDevice::PowerOff() {
   if (!powered()) return;
   eeprom_ = chip_->EepromAfterPowerLoss();
+  image_.SetFlash(chip_->flash().AfterPowerLoss());
   past_cycles_ += chip_->cycles();
   past_sleep_cycles_ += chip_->sleep_cycles();
   for (std::string& violation : chip_->Violations()) past_violations_.push_back(violation);
@@ -103,6 +108,7 @@ void BenchDevice::RunUntil(double us) {
     if (powered()) {
       ApplyHand();
       chip_->RunUntil(step_end_us - power_on_us_);
+      if (std::exchange(cut_due_, false)) PowerOff();
     }
     now_us_ = step_end_us;
   }
@@ -115,6 +121,10 @@ void BenchDevice::ApplyHand() {
   }
   chip_->SetAnalog(kJoystickXChannel, (hand.joystick_x + 1) / 2);
   chip_->SetAnalog(kJoystickYChannel, (hand.joystick_y + 1) / 2);
+}
+
+std::vector<std::uint8_t> BenchDevice::Flash() const {
+  return powered() ? chip_->flash().Contents() : image_.flash();
 }
 
 std::vector<std::uint8_t> BenchDevice::Eeprom() const {

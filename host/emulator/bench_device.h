@@ -43,7 +43,7 @@ class BenchDevice {
   /// Lets time pass until then.
   void RunUntil(double us);
 
-  /// Takes the supply away (the EEPROM keeps what is written by then) or gives it back.
+  /// Takes the supply away (flash and EEPROM keep what is written by then) or gives it back.
   void PowerOff();
   void PowerOn();
   bool powered() const { return chip_ != nullptr; }
@@ -55,6 +55,12 @@ class BenchDevice {
   VirtualPmw3360& sensor() { return sensor_; }
   const VirtualPmw3360& sensor() const { return sensor_; }
 
+  /// Takes the supply away in the midst of a page erase or page write: the one with this number
+  /// since the first power-on, from 1; 0: none.
+  void CutPowerAtPageOperation(int number) { cut_at_page_operation_ = number; }
+  int page_operations() const { return page_operations_; }
+  /// What is in the flash now.
+  std::vector<std::uint8_t> Flash() const;
   /// What is in the EEPROM now.
   std::vector<std::uint8_t> Eeprom() const;
   HandState HandNow() const { return hand_(now_us_ * 1e-6); }
@@ -74,7 +80,10 @@ class BenchDevice {
   std::function<HandState(double)> hand_ = [](double) { return HandState{}; };
   VirtualPmw3360 sensor_;
   std::unique_ptr<Atmega32u4> chip_;
-  std::vector<std::uint8_t> eeprom_;  // while the power is off
+  std::vector<std::uint8_t> eeprom_;  // while the power is off; the flash is in image_
+  int page_operations_ = 0;
+  int cut_at_page_operation_ = 0;
+  bool cut_due_ = false;
   double now_us_ = 0;
   double power_on_us_ = 0;
   double clock_mhz_ = 16;

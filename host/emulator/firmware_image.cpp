@@ -1,9 +1,12 @@
 // Reading an AVR ELF file: the bytes for the flash, and the symbols.
+#include "protocol/firmware_image.h"
+
 #include <fcntl.h>
 #include <gelf.h>
 #include <libelf.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstring>
 #include <memory>
 
@@ -14,6 +17,7 @@ namespace torquer::emulator {
 namespace {
 
 constexpr std::size_t kFlashBytes = 32768;
+constexpr std::size_t kFirstBootSection = 0x7000;
 
 struct ElfFile {
   explicit ElfFile(const std::string& path) : descriptor(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
@@ -51,6 +55,7 @@ struct ElfFile {
 
 FirmwareImage::FirmwareImage(const std::string& elf_path) : path_(elf_path) {
   ElfFile file(elf_path);
+  std::size_t lowest = kFlashBytes;
   std::size_t count = 0;
   elf_getphdrnum(file.elf, &count);
   for (std::size_t i = 0; i < count; ++i) {
@@ -62,12 +67,15 @@ FirmwareImage::FirmwareImage(const std::string& elf_path) : path_(elf_path) {
     const std::size_t end = segment.p_paddr + segment.p_filesz;
     if (end > kFlashBytes) throw UserError(path_ + ": the image is larger than the chip's flash.");
     if (flash_.size() < end) flash_.resize(end, 0xff);
+    lowest = std::min(lowest, static_cast<std::size_t>(segment.p_paddr));
     if (pread(file.descriptor, flash_.data() + segment.p_paddr, segment.p_filesz,
               static_cast<off_t>(segment.p_offset)) != static_cast<ssize_t>(segment.p_filesz)) {
       throw UserError(path_ + ": the file is cut short. Build it again.");
     }
   }
   if (flash_.empty()) throw UserError(path_ + ": nothing in it goes into the flash.");
+
+  if (lowest >= kFirstBootSection) boot_start_ = static_cast<std::uint32_t>(lowest);
 
   Elf_Scn* section = nullptr;
   while ((section = elf_nextscn(file.elf, section)) != nullptr) {
@@ -105,6 +113,25 @@ std::uint32_t FirmwareImage::clock_hz() const {
   return hz;
 }
 
+void FirmwareImage::Add(const FirmwareImage& other) {
+  if (clock_hz() != other.clock_hz()) {
+    throw UserError(other.path_ + ": built for " + std::to_string(other.clock_hz() / 1000000) +
+                    " MHz, but " + path_ + " for " + std::to_string(clock_hz() / 1000000) +
+                    ". Take two of the same.");
+  }
+  flash_.resize(std::max(flash_.size(), other.flash_.size()), 0xff);
+  for (std::size_t i = 0; i < other.flash_.size(); ++i) {
+    if (other.flash_[i] == 0xff) continue;
+    if (flash_[i] != 0xff) {
+      throw UserError(other.path_ + ": lies where " + path_ +
+                      " does. Give one application and one bootloader.");
+    }
+    flash_[i] = other.flash_[i];
+  }
+  symbols_.insert(other.symbols_.begin(), other.symbols_.end());
+  boot_start_ = std::max(boot_start_, other.boot_start_);
+}
+
 void FirmwareImage::SetInitialValue(const std::string& variable, std::uint32_t value) {
   const std::uint32_t address =
       Symbol(variable) - Symbol("__data_start") + Symbol("__data_load_start");
@@ -112,6 +139,19 @@ void FirmwareImage::SetInitialValue(const std::string& variable, std::uint32_t v
     throw UserError(path_ + ": `" + variable + "` is not among the initialized variables.");
   }
   std::memcpy(&flash_[address], &value, sizeof(value));
+  SignAnew();
+}
+
+// The image is another now, and a good one.
+void FirmwareImage::SignAnew() {
+  using protocol::ImageTrailer;
+  if (flash_.size() < protocol::kImageTrailerAddress + sizeof(ImageTrailer)) return;
+  std::uint8_t* place = &flash_[protocol::kImageTrailerAddress];
+  ImageTrailer trailer;
+  std::memcpy(&trailer, place, sizeof(trailer));
+  if (trailer.magic != protocol::kImageMagic) return;
+  trailer.crc = protocol::ImageCrc(trailer, [this](std::uint16_t at) { return flash_[at]; });
+  std::memcpy(place, &trailer, sizeof(trailer));
 }
 
 }  // namespace torquer::emulator

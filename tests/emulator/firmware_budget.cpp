@@ -17,6 +17,7 @@
 #include "host/emulator/usb_host.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
+#include "protocol/firmware_image.h"
 #include "protocol/hid_reports.h"
 
 namespace {
@@ -25,7 +26,7 @@ using namespace torquer;
 using namespace torquer::emulator;
 
 // Of the ATmega32U4; 4 KiB of flash are left to a bootloader.
-constexpr int kFlashBytes = 28672;
+constexpr int kFlashBytes = protocol::kImageTrailerAddress;
 constexpr int kRamBytes = 2560;
 constexpr double kCyclesLimit = 0.6;
 constexpr int kStackReserve = 512;
@@ -81,7 +82,9 @@ Budget Measure(const std::string& name, double seconds) {
   std::memcpy(&diagnostics, answer.data.data(), std::min(sizeof(diagnostics), answer.data.size()));
   budget.image = name;
   budget.clock_mhz = static_cast<int>(image.clock_hz() / 1000000);
-  budget.flash_bytes = static_cast<int>(image.flash().size());
+  protocol::ImageTrailer trailer;
+  std::memcpy(&trailer, &image.flash()[protocol::kImageTrailerAddress], sizeof(trailer));
+  budget.flash_bytes = trailer.length;
   budget.variables_bytes = static_cast<int>(image.Symbol("_end") - image.Symbol("__data_start"));
   budget.stack_bytes = kRamBytes - budget.variables_bytes - diagnostics.stack_headroom;
   budget.longest_frame_us = diagnostics.longest_frame_us;

@@ -138,7 +138,7 @@ TEST_CASE("identity says what the device is") {
   CHECK(identity.sensor_product_id == 0x42);
   CHECK(identity.clock_mhz == 16);
   CHECK(std::string(identity.serial, 3) == "TQ-");
-  CHECK((identity.self_test & 6) == 6);
+  CHECK((identity.self_test & 7) == 7);
   bench.sensor_dead = true;
   for (int i = 0; i < 10; ++i) bench.Frame();
   CHECK((bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId).self_test & 4) == 0);

@@ -49,6 +49,7 @@ void ReadChipSerial(std::uint8_t serial[10]) {
   std::copy(Fake().chip_serial.begin(), Fake().chip_serial.end(), serial);
 }
 std::uint8_t ReadFlash(const std::uint8_t* address) { return *address; }
+bool ApplicationIsWhole() { return Fake().application_is_whole; }
 
 void SelectSensor(bool selected) {
   Fake().selected = selected;

@@ -33,6 +33,7 @@ struct FakeBoard {
   std::uint8_t reset_reason = 1;
   std::optional<std::uint8_t> warm_byte;
   std::array<std::uint8_t, 10> chip_serial{1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+  bool application_is_whole = true;
 
   /// Answers a byte on the SPI; `first` after the select.
   std::function<std::uint8_t(std::uint8_t sent, bool first)> sensor;

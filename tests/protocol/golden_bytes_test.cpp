@@ -1,11 +1,15 @@
 // The bytes on the wire, written out by hand: a change of layout or byte order fails here.
 #include <catch2/catch.hpp>
 #include <cstring>
+#include <string>
 #include <vector>
 
+#include "protocol/bootloader_reports.h"
 #include "protocol/eeprom_layout.h"
+#include "protocol/firmware_image.h"
 #include "protocol/hid_descriptor.h"
 #include "protocol/hid_reports.h"
+#include "protocol/serial_number.h"
 #include "protocol/usb_ids.h"
 
 namespace torquer::protocol {
@@ -98,6 +102,115 @@ TEST_CASE("the report descriptor has these 55 bytes") {
               0x85, 0x04, 0x09, 0x05, 0x95, 31,   0xb1, 0x02,                    //
               0x85, 0x05, 0x09, 0x06, 0x95, 7,    0xb1, 0x02,                    //
               0xc0});
+}
+
+ImageTrailer SomeTrailer() {
+  ImageTrailer trailer{};
+  trailer.magic = kImageMagic;
+  trailer.length = 0x1234;
+  trailer.board = kBoardBenchAtmega32u4;
+  trailer.clock_mhz = 16;
+  trailer.firmware_major = 1;
+  trailer.firmware_minor = 2;
+  trailer.firmware_patch = 3;
+  trailer.protocol_version = 4;
+  trailer.crc = 0x89abcdef;
+  return trailer;
+}
+
+TEST_CASE("an image trailer has these 16 bytes") {
+  CHECK(BytesOf(SomeTrailer()) ==
+        Bytes{'T', 'Q', 'F', 'W', 0x34, 0x12, 1, 16, 1, 2, 3, 4, 0xef, 0xcd, 0xab, 0x89});
+}
+
+TEST_CASE("a bootloader's status report has these 52 bytes") {
+  BootloaderStatusReport report{};
+  report.report_id = kBootloaderStatusReportId;
+  report.protocol_version = kBootloaderProtocolVersion;
+  report.board = kBoardBenchAtmega32u4;
+  report.clock_mhz = 8;
+  report.trailer = SomeTrailer();
+  report.application_valid = 1;
+  std::memcpy(report.given_serial.serial, "TQ-1", 4);
+  report.given_serial.crc = 0x0506;
+  report.chip_serial[9] = 0x77;
+  CHECK(BytesOf(report) ==
+        Bytes{16,   1,    1,    8,    'T', 'Q', 'F', 'W', 0x34, 0x12, 1, 16, 1, 2, 3, 4,  //
+              0xef, 0xcd, 0xab, 0x89, 1,   'T', 'Q', '-', '1',  0,    0, 0,  0, 0, 0, 0,  //
+              0,    0,    0,    0,    0,   6,   5,   0,   0,    0,    0, 0,  0, 0, 0, 0,  //
+              0x77, 0,    0,    0});
+}
+
+TEST_CASE("a page report has its address at 2 and the page from 4") {
+  PageReport report{};
+  report.report_id = kPageReportId;
+  report.address = 0x6f80;
+  report.data[0] = 0xaa;
+  report.data[127] = 0xbb;
+  const Bytes bytes = BytesOf(report);
+  REQUIRE(bytes.size() == 132);
+  CHECK(Bytes(bytes.begin(), bytes.begin() + 5) == Bytes{17, 0, 0x80, 0x6f, 0xaa});
+  CHECK(bytes[131] == 0xbb);
+}
+
+TEST_CASE("a bootloader's command report has these 8 bytes") {
+  BootloaderCommandReport report{};
+  report.report_id = kBootloaderCommandReportId;
+  report.command = kBootloaderRestart;
+  report.key = kCommandKey;
+  report.address = 0x0180;
+  CHECK(BytesOf(report) == Bytes{18, 2, 0x54, 0x71, 0x80, 0x01, 0, 0});
+}
+
+TEST_CASE("the bootloader's report descriptor has these 39 bytes") {
+  CHECK(Bytes(std::begin(kBootloaderReportDescriptor), std::end(kBootloaderReportDescriptor)) ==
+        Bytes{0x06, 0x00, 0xff, 0x09, 0x02, 0xa1, 0x01, 0x15, 0x00, 0x26, 0xff,
+              0x00, 0x75, 0x08, 0x85, 16,   0x09, 16,   0x95, 51,   0xb1, 0x02,  //
+              0x85, 17,   0x09, 17,   0x95, 131,  0xb1, 0x02,                    //
+              0x85, 18,   0x09, 18,   0x95, 7,    0xb1, 0x02,                    //
+              0xc0});
+}
+
+TEST_CASE("the CRC of an image is CRC-32 of the application and the trailer's other bytes") {
+  const std::string text = "123456789";
+  std::uint32_t crc = kCrc32Start;
+  for (const char c : text) crc = Crc32Step(crc, static_cast<std::uint8_t>(c));
+  CHECK((crc ^ kCrc32Xor) == 0xcbf43926);
+
+  // Application and trailer as one string: "12345" and the twelve bytes.
+  ImageTrailer trailer = SomeTrailer();
+  trailer.length = 5;
+  const auto read = [&text](std::uint16_t at) { return static_cast<std::uint8_t>(text[at]); };
+  trailer.crc = ImageCrc(trailer, read);
+  CHECK(ImageIsWhole(trailer, read));
+  std::uint32_t other = kCrc32Start;
+  for (const int byte :
+       Bytes{'1', '2', '3', '4', '5', 'T', 'Q', 'F', 'W', 5, 0, 1, 16, 1, 2, 3, 4}) {
+    other = Crc32Step(other, static_cast<std::uint8_t>(byte));
+  }
+  CHECK(trailer.crc == (other ^ kCrc32Xor));
+  trailer.firmware_patch ^= 1;
+  CHECK_FALSE(ImageIsWhole(trailer, read));
+  trailer.firmware_patch ^= 1;
+  trailer.length = 0;
+  trailer.crc = ImageCrc(trailer, read);
+  CHECK_FALSE(ImageIsWhole(trailer, read));
+}
+
+TEST_CASE("a serial number is the one given, else made of the chip's own") {
+  SerialRecord given{};
+  std::memcpy(given.serial, "HELLO", 5);
+  given.crc = Crc16(given.serial, sizeof(given.serial));
+  std::uint8_t chip[kChipSerialBytes] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+  char serial[kSerialBytes + 1] = {};
+  MakeSerialNumber(given, chip, serial);
+  CHECK(std::string(serial) == "HELLO");
+  given.crc ^= 1;
+  MakeSerialNumber(given, chip, serial);
+  CHECK(std::string(serial) == "TQ-93043FD7");
+  std::memset(chip, 0xff, sizeof(chip));
+  MakeSerialNumber(given, chip, serial);
+  CHECK(std::string(serial) == "TQ-00000000");
 }
 
 TEST_CASE("the CRC of the EEPROM records is CRC-16/CCITT-FALSE") {

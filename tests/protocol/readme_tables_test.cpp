@@ -6,6 +6,7 @@
 #include <sstream>
 #include <string>
 
+#include "protocol/bootloader_reports.h"
 #include "protocol/hid_reports.h"
 
 namespace torquer::protocol {
@@ -66,6 +67,13 @@ TEST_CASE("the byte tables in README.md are those of hid_reports.h") {
   Compare("ConfigurationReport", EXPECTED_TABLE(TORQUER_CONFIGURATION_REPORT));
   Compare("DiagnosticsReport", EXPECTED_TABLE(TORQUER_DIAGNOSTICS_REPORT));
   Compare("CommandReport", EXPECTED_TABLE(TORQUER_COMMAND_REPORT));
+}
+
+TEST_CASE("the byte tables in README.md are those of the bootloader and the image") {
+  Compare("BootloaderStatusReport", EXPECTED_TABLE(TORQUER_BOOTLOADER_STATUS_REPORT));
+  Compare("PageReport", EXPECTED_TABLE(TORQUER_PAGE_REPORT));
+  Compare("BootloaderCommandReport", EXPECTED_TABLE(TORQUER_BOOTLOADER_COMMAND_REPORT));
+  Compare("ImageTrailer", EXPECTED_TABLE(TORQUER_IMAGE_TRAILER));
 }
 
 }  // namespace

@@ -12,7 +12,9 @@
 
 #include "firmware/board/atmega32u4/pins.h"
 #include "firmware/board/atmega32u4/setup.h"
+#include "protocol/firmware_image.h"
 #include "protocol/hid_reports.h"
+#include "protocol/usb_ids.h"
 
 #if F_CPU != 16000000UL && F_CPU != 8000000UL
 #error "the USB needs a crystal of 8 or 16 MHz"
@@ -38,6 +40,18 @@ uint8_t reset_reason __attribute__((section(".noinit")));
 uint8_t warm_byte __attribute__((section(".noinit")));
 uint8_t warm_complement __attribute__((section(".noinit")));
 
+bool application_is_whole;
+
+bool CheckApplication() {
+  protocol::ImageTrailer trailer;
+  memcpy_P(&trailer, reinterpret_cast<const void*>(protocol::kImageTrailerAddress),
+           sizeof(trailer));
+  return protocol::ImageIsWhole(trailer, [](uint16_t address) {
+    wdt_reset();
+    return static_cast<uint8_t>(pgm_read_byte(address));
+  });
+}
+
 constexpr uint8_t kStackPaint = 0xc5;
 extern "C" uint8_t _end;     // of the variables; the stack grows down towards it
 extern "C" uint8_t __stack;  // its first byte
@@ -56,6 +70,7 @@ extern "C" void torquer_early_init() {
 
 void SetUp() {
   wdt_enable(WDTO_250MS);
+  application_is_whole = CheckApplication();  // before a host can wait for an answer
 
   // Sensor: not selected; SPI mode 3, 2 MHz.
   TORQUER_SENSOR_NCS_PORT |= _BV(TORQUER_SENSOR_NCS_BIT);
@@ -167,10 +182,8 @@ void Restart() {
 
 void EnterBootloader() {
   cli();
-  // The convention of the Caterina bootloader. The address lies in the variables, which are of no
-  // more use.
-  volatile uint16_t* const key = reinterpret_cast<volatile uint16_t*>(0x0800);
-  *key = 0x7777;
+  // The address lies in the variables, which are of no more use.
+  *reinterpret_cast<volatile uint16_t*>(protocol::kBootloaderKeyAddress) = protocol::kBootloaderKey;
   Restart();
 }
 
@@ -213,6 +226,8 @@ void ReadChipSerial(uint8_t serial[10]) {
 }
 
 uint8_t ReadFlash(const uint8_t* address) { return pgm_read_byte(address); }
+
+bool ApplicationIsWhole() { return application_is_whole; }
 
 void SelectSensor(bool selected) {
   if (selected) {

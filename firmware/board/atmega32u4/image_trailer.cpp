@@ -1,0 +1,19 @@
+// What this image says of itself, in a page of its own at the end of the application's flash.
+// Length and CRC are filled in when the image is complete (CMakeLists.txt).
+#include "firmware/src/version.h"
+#include "protocol/firmware_image.h"
+#include "protocol/hid_reports.h"
+
+extern "C" {
+extern const torquer::protocol::ImageTrailer torquer_image_trailer;
+const torquer::protocol::ImageTrailer torquer_image_trailer
+    __attribute__((used, section(".image_trailer"))) = {torquer::protocol::kImageMagic,
+                                                        0,
+                                                        torquer::protocol::kBoardBenchAtmega32u4,
+                                                        F_CPU / 1000000,
+                                                        torquer::firmware::kVersionMajor,
+                                                        torquer::firmware::kVersionMinor,
+                                                        torquer::firmware::kVersionPatch,
+                                                        torquer::protocol::kProtocolVersion,
+                                                        0};
+}

@@ -1,0 +1,72 @@
+// The bootloader: decides at each reset whether the application is started, and if not, lets the
+// host replace it. README.md says why it cannot be got rid of by a cut cable.
+#include <avr/io.h>
+#include <avr/wdt.h>
+
+#include "firmware/bootloader/application.h"
+#include "firmware/bootloader/usb.h"
+#include "protocol/usb_ids.h"
+
+#if F_CPU != 16000000UL && F_CPU != 8000000UL
+#error "the USB needs a crystal of 8 or 16 MHz"
+#endif
+
+extern "C" {
+// The clock that this image was built for, for whoever runs it.
+extern const uint32_t torquer_clock_hz TORQUER_IN_FLASH;
+const uint32_t torquer_clock_hz = F_CPU;
+
+// The reset vector: there are no others, for the bootloader uses no interrupts. Nor has it static
+// variables: those that the application keeps over a reset are left alone.
+void torquer_reset_vector() __attribute__((naked, used, section(".vectors")));
+void torquer_reset_vector() { asm volatile("rjmp torquer_start"); }
+void torquer_start() __attribute__((naked, used, section(".init0")));
+void torquer_start() {
+  asm volatile("clr __zero_reg__");
+  SP = RAMEND;
+}
+int main() __attribute__((OS_main, used, externally_visible));
+void torquer_call_main() __attribute__((naked, used, section(".init9")));
+void torquer_call_main() { asm volatile("rjmp main"); }
+}
+
+namespace torquer {
+namespace bootloader {
+namespace {
+
+// True if the firmware, or somebody at the reset pin, wants the bootloader. A slow supply raises
+// the reset pin's flag beside its own.
+bool StayWanted() {
+  volatile uint16_t* const key =
+      reinterpret_cast<volatile uint16_t*>(protocol::kBootloaderKeyAddress);
+  const uint8_t reason = MCUSR & (_BV(PORF) | _BV(EXTRF) | _BV(BORF) | _BV(WDRF));
+  const bool asked = (reason & _BV(WDRF)) && *key == protocol::kBootloaderKey;
+  *key = 0;
+  return asked || reason == _BV(EXTRF);
+}
+
+[[noreturn]] void StartApplication() {
+  asm volatile("jmp 0");
+  __builtin_unreachable();
+}
+
+}  // namespace
+}  // namespace bootloader
+}  // namespace torquer
+
+int main() {
+  using namespace torquer::bootloader;
+  const bool stay = StayWanted();
+  torquer::protocol::ImageTrailer trailer;
+  ReadTrailer(&trailer);
+  const bool valid = Fits(trailer);
+  // MCUSR is the application's to read, and the watchdog, should it run, its to stop.
+  if (valid && !stay) StartApplication();
+  MCUSR = 0;
+  wdt_disable();
+  UsbServer server(valid);
+  server.Run();
+  wdt_enable(WDTO_15MS);
+  for (;;) {
+  }
+}

@@ -1,0 +1,83 @@
+// The flash of an ATmega32U4 as its own program can write it: page erase and page write by the SPM
+// instruction, with their time, and what a loss of power in their midst leaves behind. simavr does
+// both at once and without any rule.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+struct avr_t;
+
+namespace torquer::emulator {
+
+class FlashMemory {
+ public:
+  static constexpr int kBytes = 32768;
+  static constexpr int kPageBytes = 128;
+  static constexpr int kSignatureRowBytes = 32;
+  /// The pages below cannot be read while one of them is erased or written.
+  static constexpr std::uint32_t kReadWhileWriteEnd = 0x7000;
+  /// Of an erase or a write: 3.7 to 4.5 ms.
+  static constexpr double kOperationUs = 4000;
+
+  using Violation = std::function<void(const std::string&)>;
+
+  /// Takes SPMCSR and SPM of `avr` over. `boot_start` is where the boot section begins, 0 if the
+  /// chip has none; `violation` is told what silicon would punish.
+  FlashMemory(avr_t* avr, double clock_mhz, std::uint32_t boot_start, std::uint32_t seed,
+              Violation violation);
+  FlashMemory(const FlashMemory&) = delete;
+  FlashMemory& operator=(const FlashMemory&) = delete;
+
+  void SetSignatureRow(const std::array<std::uint8_t, kSignatureRowBytes>& row) {
+    signature_row_ = row;
+  }
+
+  /// Called in the midst of each page erase and page write.
+  std::function<void()> on_operation;
+
+  /// To be called when the chip is reset: an operation under way is left half done.
+  void Reset();
+
+  /// What is in the flash; a page being erased or written as it was before.
+  std::vector<std::uint8_t> Contents() const;
+  /// The same, had the power gone now: of a page being erased or written each bit is as before or
+  /// as it was to become.
+  std::vector<std::uint8_t> AfterPowerLoss();
+
+ private:
+  enum class Operation { kNone, kErase, kWrite };
+  struct Hooks;
+
+  void WriteControl(std::uint8_t value);
+  void Spm();
+  void Begin(Operation operation, std::uint32_t address);
+  void Finish();
+  void Tear();
+  void HideReadWhileWrite();
+  void ShowReadWhileWrite();
+  void EndSignature();
+  void ClearBuffer();
+  std::uint8_t* Page();
+  std::uint8_t Target(std::uint8_t old, int at) const;
+
+  avr_t* avr_;
+  double clock_mhz_;
+  std::uint32_t boot_start_;
+  std::uint32_t noise_;
+  Violation violation_;
+  std::array<std::uint8_t, kSignatureRowBytes> signature_row_{};
+  std::array<std::uint8_t, kSignatureRowBytes> covered_{};  // by the signature row
+  bool signature_shown_ = false;
+  std::vector<std::uint8_t> hidden_;  // the pages that cannot be read; empty if they can
+  std::array<std::uint16_t, kPageBytes / 2> buffer_{};
+  std::array<bool, kPageBytes / 2> filled_{};
+  Operation operation_ = Operation::kNone;
+  std::uint32_t page_ = 0;
+  std::uint64_t window_end_ = 0;  // the last cycle at which SPM is obeyed
+};
+
+}  // namespace torquer::emulator

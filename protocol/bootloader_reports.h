@@ -1,0 +1,106 @@
+// The feature reports of the bootloader: the single definition, as hid_reports.h is for the
+// firmware. The ids differ from the firmware's, so that neither takes a report meant for the other.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "protocol/eeprom_layout.h"
+#include "protocol/firmware_image.h"
+#include "protocol/hid_descriptor.h"
+
+namespace torquer {
+namespace protocol {
+
+/// Version of the layouts in this file. The bootloader is installed once and stays, so that this
+/// number and kProtocolVersion grow apart.
+constexpr uint8_t kBootloaderProtocolVersion = 1;
+
+enum BootloaderReportId : uint8_t {
+  kBootloaderStatusReportId = 16,
+  kPageReportId = 17,
+  kBootloaderCommandReportId = 18,
+};
+
+// clang-format off
+#define TORQUER_BOOTLOADER_STATUS_REPORT(FIELD)                                                    \
+  FIELD(uint8_t,  report_id,          "16")                                                        \
+  FIELD(uint8_t,  protocol_version,   "kBootloaderProtocolVersion")                                \
+  FIELD(uint8_t,  board,              "ImageBoard")                                                \
+  FIELD(uint8_t,  clock_mhz,          "crystal that the bootloader was built for, 8 or 16")        \
+  FIELD(ImageTrailer, trailer,        "as it lies in the flash, valid or not")                     \
+  FIELD(uint8_t,  application_valid,  "1 if the application would be started, else 0")             \
+  FIELD(SerialRecord, given_serial,   "as it lies in the EEPROM")                                  \
+  FIELD_ARRAY(uint8_t, chip_serial, 10, "lot, wafer and position of the chip")                     \
+  FIELD_ARRAY(uint8_t, spare, 3,      "0")
+
+#define TORQUER_PAGE_REPORT(FIELD)                                                                 \
+  FIELD(uint8_t,  report_id,          "17")                                                        \
+  FIELD(uint8_t,  spare,              "0")                                                         \
+  FIELD(uint16_t, address,            "first byte of the page, a multiple of 128")                 \
+  FIELD_ARRAY(uint8_t, data, 128,     "the page")
+
+#define TORQUER_BOOTLOADER_COMMAND_REPORT(FIELD)                                                   \
+  FIELD(uint8_t,  report_id,          "18")                                                        \
+  FIELD(uint8_t,  command,            "BootloaderCommand")                                         \
+  FIELD(uint16_t, key,                "kCommandKey, else the report is stalled")                   \
+  FIELD(uint16_t, address,            "of the page to select; else 0")                             \
+  FIELD_ARRAY(uint8_t, spare, 2,      "0")
+// clang-format on
+
+#define TORQUER_FIELD(type, name, meaning) type name;
+#define FIELD_ARRAY(type, name, count, meaning) type name[count];
+/// Read only: what the bootloader is and what it found. MakeSerialNumber() makes the serial number.
+struct __attribute__((packed)) BootloaderStatusReport {
+  TORQUER_BOOTLOADER_STATUS_REPORT(TORQUER_FIELD)
+};
+/// Written: the page is erased and programmed before the report is acknowledged; the first one
+/// makes the application invalid. The page of the trailer makes it valid; it is stalled, and the
+/// flash left as it is, if the trailer does not fit the application there, or the board.
+/// Read: the page selected; the one after it is selected then.
+struct __attribute__((packed)) PageReport {
+  TORQUER_PAGE_REPORT(TORQUER_FIELD)
+};
+/// Write only.
+struct __attribute__((packed)) BootloaderCommandReport {
+  TORQUER_BOOTLOADER_COMMAND_REPORT(TORQUER_FIELD)
+};
+#undef TORQUER_FIELD
+#undef FIELD_ARRAY
+
+/// Values of BootloaderCommandReport::command.
+enum BootloaderCommand : uint8_t {
+  kBootloaderSelectPage = 1,  ///< the page to be read next
+  kBootloaderRestart = 2,     ///< reset: the application starts if it is valid
+};
+
+static_assert(sizeof(BootloaderStatusReport) == 52, "see the byte table in README.md");
+static_assert(sizeof(PageReport) == 4 + kFlashPageBytes, "see the byte table in README.md");
+static_assert(sizeof(BootloaderCommandReport) == 8, "see the byte table in README.md");
+
+#define TORQUER_FEATURE_ITEMS(id, report)          \
+  0x85, (id),                   /* Report ID */    \
+      0x09, (id),               /* Usage */        \
+      0x95, sizeof(report) - 1, /* Report Count */ \
+      0xb1, 0x02                /* Feature (data, variable, absolute) */
+// clang-format off
+/// As GET_DESCRIPTOR(HID report) returns it.
+constexpr uint8_t kBootloaderReportDescriptor[] TORQUER_IN_FLASH = {
+    0x06, kHidUsagePage & 0xff, kHidUsagePage >> 8,  // Usage Page (vendor)
+    0x09, 0x02,                                      // Usage
+    0xa1, 0x01,                                      // Collection (application)
+    0x15, 0x00,                                      //   Logical Minimum 0
+    0x26, 0xff, 0x00,                                //   Logical Maximum 255
+    0x75, 0x08,                                      //   Report Size 8 bits
+    TORQUER_FEATURE_ITEMS(kBootloaderStatusReportId, BootloaderStatusReport),
+    TORQUER_FEATURE_ITEMS(kPageReportId, PageReport),
+    TORQUER_FEATURE_ITEMS(kBootloaderCommandReportId, BootloaderCommandReport),
+    0xc0,                                            // End Collection
+};
+// clang-format on
+#undef TORQUER_FEATURE_ITEMS
+
+static_assert(sizeof(kBootloaderReportDescriptor) == 39, "HID class descriptor carries it");
+
+}  // namespace protocol
+}  // namespace torquer

@@ -1,0 +1,87 @@
+// How a firmware image lies in the device's flash, and how it is told to be whole: the application
+// from address 0, and in a page of its own a trailer that is written last.
+//
+// Read by the bootloader, the application's self-test, the build step that fills the trailer in,
+// torquer-flash and the emulator. C++14 under avr-gcc, C++20 on the host, as hid_reports.h.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+namespace torquer {
+namespace protocol {
+
+constexpr uint16_t kFlashPageBytes = 128;
+/// The application ends below; the page that begins here holds the trailer. The 4 KiB above are
+/// those of the largest bootloader, so that one image fits every board.
+constexpr uint16_t kImageTrailerAddress = 0x6f80;
+/// Our own bootloader, 2 KiB to the end of the flash.
+constexpr uint16_t kBootloaderAddress = 0x7800;
+constexpr uint16_t kBootloaderBytes = 0x0800;
+
+/// "TQFW"
+constexpr uint32_t kImageMagic = 0x57465154;
+
+/// Which circuit an image is for. A new pin assignment makes a new number.
+enum ImageBoard : uint8_t {
+  kBoardBenchAtmega32u4 = 1,
+};
+
+// clang-format off
+#define TORQUER_IMAGE_TRAILER(FIELD)                                                               \
+  FIELD(uint32_t, magic,             "kImageMagic")                                                \
+  FIELD(uint16_t, length,            "bytes of the application, from address 0; 1 .. 28544")       \
+  FIELD(uint8_t,  board,             "ImageBoard")                                                 \
+  FIELD(uint8_t,  clock_mhz,         "crystal that it was built for, 8 or 16")                     \
+  FIELD(uint8_t,  firmware_major,    "firmware version")                                           \
+  FIELD(uint8_t,  firmware_minor,    "firmware version")                                           \
+  FIELD(uint8_t,  firmware_patch,    "firmware version")                                           \
+  FIELD(uint8_t,  protocol_version,  "kProtocolVersion that it speaks")                            \
+  FIELD(uint32_t, crc,               "CRC-32 of the application and the 12 bytes above")
+// clang-format on
+
+#define TORQUER_FIELD(type, name, meaning) type name;
+/// The last thing to be written: an image whose writing was cut short has none that fits.
+struct __attribute__((packed)) ImageTrailer {
+  TORQUER_IMAGE_TRAILER(TORQUER_FIELD)
+};
+#undef TORQUER_FIELD
+
+static_assert(sizeof(ImageTrailer) == 16, "see the byte table in README.md");
+constexpr uint8_t kTrailerBytesInCrc = offsetof(ImageTrailer, crc);
+static_assert(kTrailerBytesInCrc == 12, "the CRC covers all before it");
+
+/// CRC-32 (IEEE 802.3, reflected), a byte at a time, from kCrc32Start; kCrc32Xor ends it.
+constexpr uint32_t kCrc32Start = 0xffffffff;
+constexpr uint32_t kCrc32Xor = 0xffffffff;
+__attribute__((noinline)) inline uint32_t Crc32Step(uint32_t crc, uint8_t byte) {
+  crc ^= byte;
+  for (uint8_t bit = 0; bit < 8; ++bit) {
+    const bool low = crc & 1;
+    crc >>= 1;
+    if (low) crc ^= 0xedb88320;
+  }
+  return crc;
+}
+
+/// The CRC that `trailer` must carry, the application's bytes being what `read(address)` returns.
+template <typename Read>
+uint32_t ImageCrc(const ImageTrailer& trailer, Read read) {
+  uint32_t crc = kCrc32Start;
+  for (uint16_t address = 0; address < trailer.length; ++address) {
+    crc = Crc32Step(crc, read(address));
+  }
+  const uint8_t* bytes = reinterpret_cast<const uint8_t*>(&trailer);
+  for (uint8_t i = 0; i < kTrailerBytesInCrc; ++i) crc = Crc32Step(crc, bytes[i]);
+  return crc ^ kCrc32Xor;
+}
+
+/// Whether `trailer` is one, and the application is the one that it was made for.
+template <typename Read>
+bool ImageIsWhole(const ImageTrailer& trailer, Read read) {
+  return trailer.magic == kImageMagic && trailer.length != 0 &&
+         trailer.length <= kImageTrailerAddress && ImageCrc(trailer, read) == trailer.crc;
+}
+
+}  // namespace protocol
+}  // namespace torquer
