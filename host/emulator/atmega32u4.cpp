@@ -429,4 +429,6 @@ std::vector<std::uint8_t> Atmega32u4::EepromAfterPowerLoss() {
   return left;
 }
 
+int Atmega32u4::EepromCellBeingWritten() const { return hooks_->eeprom_cell; }
+
 }  // namespace torquer::emulator

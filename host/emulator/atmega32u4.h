@@ -106,8 +106,10 @@ class Atmega32u4 {
   /// old nor new.
   std::vector<std::uint8_t> EepromAfterPowerLoss();
   const std::vector<std::uint8_t>& eeprom() const { return eeprom_; }
-  /// Bytes written by the firmware since power-on.
+  /// Bytes written by the firmware since power-on, the one being written included.
   int eeprom_writes() const { return eeprom_writes_; }
+  /// The cell that is being written; -1 if none is.
+  int EepromCellBeingWritten() const;
 
   std::uint64_t cycles() const;
   /// Cycles in which the CPU was asleep.

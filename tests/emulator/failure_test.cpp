@@ -1,12 +1,15 @@
 // What goes wrong on a bench: the sensor fails, the power goes, the firmware restarts.
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "protocol/eeprom_layout.h"
 #include "tests/emulator/bench.h"
 
 namespace torquer::emulator {
 namespace {
+
+constexpr int kSettingsBytes = 10;
 
 HandState Slowly(double time_s) {
   HandState hand;
@@ -127,41 +130,69 @@ TEST_CASE("pulled and plugged in again: another boot id, the settings kept") {
   bench.CheckRules();
 }
 
-TEST_CASE("power cut anywhere in a change of the settings leaves the old or the new ones") {
-  std::vector<std::uint8_t> eeprom;
-  {
-    Bench bench;
-    bench.Start();
-    REQUIRE(bench.Configure(700, 33) == TransferStatus::kDone);
-    bench.Run(0.2);
-    eeprom = bench.device.Eeprom();
+// Both copies in the EEPROM differ from what is to be written in every byte.
+std::vector<std::uint8_t> EepromBeforeTheCut() {
+  Bench bench;
+  bench.Start();
+  REQUIRE(bench.Configure(300, 1) == TransferStatus::kDone);
+  bench.Run(0.2);
+  REQUIRE(bench.Configure(700, 33) == TransferStatus::kDone);
+  bench.Run(0.2);
+  std::vector<std::uint8_t> eeprom = bench.device.Eeprom();
+  // The older copy, which is the one to be rewritten.
+  std::fill_n(eeprom.begin() + protocol::kEepromSettingsAddress[0], kSettingsBytes, 0x55);
+  return eeprom;
+}
+
+// Begins the change and cuts the power in the middle of its `write`-th byte, `share` of that byte's
+// time after its beginning. Returns the byte's place in the copy; -1 if there were not so many.
+int CutDuring(Bench* bench, int write, double share) {
+  constexpr double kByteUs = 3400;
+  const int before = bench->device.chip().eeprom_writes();
+  REQUIRE(bench->Configure(11900, 477) == TransferStatus::kDone);
+  int cell = -1;
+  for (int i = 0; i < 100 && cell < 0; ++i) {
+    const Atmega32u4& chip = bench->device.chip();
+    if (chip.eeprom_writes() - before == write + 1) cell = chip.EepromCellBeingWritten();
+    if (cell < 0) bench->host.RunFrame();
   }
-  int old_ones = 0, new_ones = 0, cells = 0;
-  for (double cut_ms = 0; cut_ms < 45; cut_ms += 0.7) {
-    BenchOptions options;
-    options.eeprom = eeprom;
-    options.seed = static_cast<std::uint32_t>(cut_ms * 10);
-    Bench bench(options);
-    bench.Start();
-    const int written_before = bench.device.chip().eeprom_writes();
-    REQUIRE(bench.Configure(11900, 477) == TransferStatus::kDone);
-    bench.Run(std::floor(cut_ms) * 1e-3);
-    bench.device.RunUntil(bench.device.now_us() + (cut_ms - std::floor(cut_ms)) * 1000);
-    cells = std::max(cells, bench.device.chip().eeprom_writes() - written_before);
-    bench.device.PowerOff();
-    bench.host.RunFrame();
-    bench.device.PowerOn();
-    bench.Start();
-    const auto kept = bench.Get<protocol::ConfigurationReport>(protocol::kConfigurationReportId);
-    const bool is_old = kept.cpi == 700 && kept.joystick_deadzone == 33;
-    const bool is_new = kept.cpi == 11900 && kept.joystick_deadzone == 477;
-    CHECK((is_old || is_new));
-    (is_old ? old_ones : new_ones) += 1;
-    CHECK((bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId).self_test & 2) != 0);
+  if (cell >= 0) bench->device.RunUntil(bench->device.now_us() + share * (kByteUs - 1000));
+  bench->device.PowerOff();
+  return cell < 0 ? -1 : cell - protocol::kEepromSettingsAddress[0];
+}
+
+TEST_CASE("power cut in every byte of a change of the settings leaves the old or the new ones") {
+  const std::vector<std::uint8_t> eeprom = EepromBeforeTheCut();
+  std::set<int> torn;
+  int old_ones = 0, new_ones = 0, writes = 0;
+  for (bool all = false; !all;) {
+    for (const double share : {0.0, 0.5, 1.0}) {
+      BenchOptions options;
+      options.eeprom = eeprom;
+      options.seed = static_cast<std::uint32_t>(1 + writes * 3 + share * 2);
+      Bench bench(options);
+      bench.Start();
+      const int byte = CutDuring(&bench, writes, share);
+      all = byte < 0;
+      torn.insert(byte);
+      bench.host.RunFrame();
+      bench.device.PowerOn();
+      bench.Start();
+      const auto kept = bench.Get<protocol::ConfigurationReport>(protocol::kConfigurationReportId);
+      const bool is_old = kept.cpi == 700 && kept.joystick_deadzone == 33;
+      const bool is_new = kept.cpi == 11900 && kept.joystick_deadzone == 477;
+      CHECK((is_old || is_new));
+      CHECK(is_new >= all);
+      (is_old ? old_ones : new_ones) += 1;
+      CHECK((bench.Get<protocol::IdentityReport>(protocol::kIdentityReportId).self_test & 2) != 0);
+    }
+    ++writes;
   }
-  CHECK(old_ones > 10);
-  CHECK(new_ones > 0);
-  CHECK(cells >= 8);
+  // The marker first, every byte behind it, the marker again.
+  CHECK(writes - 1 == kSettingsBytes + 1);
+  for (int byte = 0; byte < kSettingsBytes; ++byte) CHECK(torn.count(byte) == 1);
+  CHECK(old_ones > 3 * kSettingsBytes);
+  CHECK(new_ones >= 3);
 }
 
 TEST_CASE("settings written twice alike wear nothing") {
@@ -173,6 +204,55 @@ TEST_CASE("settings written twice alike wear nothing") {
   for (int i = 0; i < 5; ++i) REQUIRE(bench.Configure(800, 99) == TransferStatus::kDone);
   bench.Run(0.2);
   CHECK(bench.device.chip().eeprom_writes() == writes);
+}
+
+TEST_CASE("a dip of the supply is told as a brown-out, and so is what it cost") {
+  Bench bench;
+  bench.device.SetHand(Slowly);
+  bench.Start();
+  REQUIRE(bench.Configure(800, 99) == TransferStatus::kDone);
+  bench.Run(0.2);
+  const std::uint8_t before = bench.last.boot_id;
+  REQUIRE(bench.Configure(900, 98) == TransferStatus::kDone);
+  bench.Run(0.01);  // the EEPROM is being written
+  bench.device.chip().ResetByBrownOut();
+  bench.Run(0.01);
+  CHECK_FALSE(bench.host.ready());
+  bench.Start();
+  CHECK(bench.Diagnostics().reset_reason == 4);
+  CHECK(bench.last.boot_id != before);
+  CHECK(bench.last.cpi == 800);
+  bench.CheckRules();
+}
+
+// Wherever the firmware waits for a part of the chip, it does not kick the watchdog meanwhile.
+TEST_CASE("a part of the chip that never answers is ended by the watchdog, which is told") {
+  using Part = Atmega32u4::Part;
+  for (const FirmwareImage& image : {Image16(), Image8()}) {
+    for (const Part part : {Part::kSpi, Part::kAdc}) {
+      INFO(static_cast<int>(part));
+      Bench bench({}, image);
+      bench.Start();
+      bench.device.chip().SetDead(part);
+      for (int i = 0; i < 1000 && bench.device.chip().resets() < 2; ++i) bench.host.RunFrame();
+      CHECK(bench.device.chip().resets() >= 2);
+      bench.device.chip().SetDead(Part::kNone);
+      bench.Run(0.3);
+      bench.Start();
+      CHECK(bench.Diagnostics().reset_reason == 8);
+    }
+  }
+}
+
+TEST_CASE("an EEPROM that never gets ready keeps nothing else waiting") {
+  Bench bench;
+  bench.Start();
+  bench.device.chip().SetDead(Atmega32u4::Part::kEeprom);
+  REQUIRE(bench.Configure(800, 99) == TransferStatus::kDone);
+  bench.Run(1);
+  CHECK(bench.last.cpi == 800);
+  CHECK(bench.gaps == 0);
+  CHECK(bench.device.chip().resets() == 0);
 }
 
 TEST_CASE("images and options that cannot be used are refused by name") {

@@ -76,6 +76,42 @@ TEST_CASE("device time steps evenly, whenever the frames begin") {
   }
 }
 
+// The sensor is read once in every frame, at the same time after its start.
+TEST_CASE("sampling is locked to the start of the frame, at both clocks") {
+  for (const FirmwareImage& image : {Image16(), Image8()}) {
+    for (const double phase_us : {0.0, 3.3, 411.7}) {
+      std::vector<double> reads_us;
+      Bench bench({}, image);
+      bench.device.SetHand([&reads_us](double time_s) {
+        reads_us.push_back(time_s * 1e6);
+        return HandState{};
+      });
+      bench.device.RunUntil(phase_us);
+      bench.Start();
+      double first_us = 1e9, last_us = 0;
+      for (int frame = 0; frame < 2000; ++frame) {
+        reads_us.clear();
+        const double start_us = bench.device.now_us();
+        bench.host.RunFrame();
+        int reads = 0;
+        for (const double read_us : reads_us) {
+          // The others are the emulator's own, for joystick and buttons.
+          const double after_us = read_us - start_us;
+          if (after_us < 1e-3 || std::fmod(read_us + 1e-3, 1000) < 2e-3) continue;
+          ++reads;
+          first_us = std::min(first_us, after_us);
+          last_us = std::max(last_us, after_us);
+        }
+        REQUIRE(reads == 1);
+      }
+      CHECK(first_us > 10);
+      CHECK(last_us < 200);
+      CHECK(last_us - first_us < 40);
+      bench.CheckRules();
+    }
+  }
+}
+
 TEST_CASE("insertion counts up, retraction down, right-handed rotation up") {
   Bench bench;
   bench.device.SetHand([](double time_s) {

@@ -204,6 +204,61 @@ TEST_CASE("a restart leaves the host time to see its request acknowledged") {
   }
 }
 
+TEST_CASE("on a suspended bus the sensor is sent to sleep, and started when the bus wakes") {
+  Bench bench;
+  bench.Start();
+  bench.FrameUntilHealthy();
+  board().bus_suspended = true;
+  board().spi_log.clear();
+  for (int i = 0; i < 10; ++i) bench.firmware.Step();
+  REQUIRE(board().spi_log.size() == 2);  // one register written, and nothing after it
+  CHECK(board().spi_log[0].sent == (0x3b | 0x80));
+  CHECK(board().spi_log[1].sent == 0xb6);
+  CHECK(board().watchdog_kicks > 10);
+  board().bus_suspended = false;
+  CHECK((bench.Frame().flags & protocol::kFlagSensorFault) != 0);
+  bench.FrameUntilHealthy();
+  CHECK(bench.Get<protocol::DiagnosticsReport>(protocol::kDiagnosticsReportId).sensor_faults == 0);
+}
+
+TEST_CASE("a sensor that was never started is not told twice to sleep") {
+  Bench bench;
+  bench.Start();
+  for (int round = 0; round < 3; ++round) {
+    board().bus_suspended = true;
+    board().now_us += 100000;  // past its time to power up
+    for (int i = 0; i < 3; ++i) bench.firmware.Step();
+    board().bus_suspended = false;
+    bench.firmware.Step();
+  }
+  CHECK(board().spi_log.size() == 2);
+}
+
+TEST_CASE("a button wakes the host when pressed, not when held, and only with its leave") {
+  Bench bench;
+  bench.Start();
+  bench.FrameUntilHealthy();
+  board().buttons = protocol::kButtonClutch;
+  for (int i = 0; i < 10; ++i) bench.Frame();
+  board().bus_suspended = true;
+  const auto doze = [&bench] {
+    for (int i = 0; i < 10; ++i) bench.firmware.Step();
+    return board().host_wakes;
+  };
+  CHECK(doze() == 0);
+  board().buttons |= protocol::kButtonXray;
+  CHECK(doze() == 0);  // the host did not allow it
+  board().bus_suspended = false;
+  board().setups.push_back({0x00, 3, 1, 0, 0, 0, 0, 0});
+  bench.firmware.Step();
+  board().bus_suspended = true;
+  CHECK(doze() == 0);
+  board().buttons = 0;
+  CHECK(doze() == 0);
+  board().buttons = protocol::kButtonContrast;
+  CHECK(doze() == 1);
+}
+
 TEST_CASE("reports that cannot be read or written are refused") {
   Bench bench;
   bench.Start();

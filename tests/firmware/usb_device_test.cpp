@@ -133,6 +133,33 @@ TEST_CASE("the input endpoint is halted, reported so, and freed") {
   CHECK(usb.Read(0x82, 0, 0, 0x81, 2) == std::vector<Bytes>{{0, 0}});
 }
 
+TEST_CASE("the host's leave to wake it is kept, told, and ends with a bus reset") {
+  Conversation usb;
+  usb.Configure();
+  CHECK(usb.Read(0x80, 0, 0, 0, 2) == std::vector<Bytes>{{0, 0}});
+  usb.Setup(0x00, 3, 1, 0, 0);
+  CHECK(usb.Acknowledged());
+  CHECK(usb.device.may_wake_host());
+  CHECK(usb.Read(0x80, 0, 0, 0, 2) == std::vector<Bytes>{{2, 0}});
+  usb.Setup(0x00, 1, 1, 0, 0);
+  CHECK_FALSE(usb.device.may_wake_host());
+  usb.Setup(0x00, 3, 1, 0, 0);
+  board().bus_reset = true;
+  usb.device.Poll();
+  CHECK_FALSE(usb.device.may_wake_host());
+}
+
+TEST_CASE("a request that is refused changes nothing") {
+  Conversation usb;
+  usb.Configure();
+  usb.Setup(0x00, 9, 0, 0, 1);
+  CHECK(usb.device.configured());
+  usb.Setup(0x02, 3, 0, 0x81, 1);
+  CHECK_FALSE(board().input_halted);
+  usb.Setup(0x00, 3, 1, 0, 1);
+  CHECK_FALSE(usb.device.may_wake_host());
+}
+
 TEST_CASE("requests without sense are stalled") {
   Conversation usb;
   usb.Configure();
