@@ -54,8 +54,9 @@ struct Chain {
 
   Eigen::VectorXd SweptStep(double& predicted) {
     std::vector<RiccatiSweep<BendStage>::Control> step;
+    std::vector<double> spin;
     std::vector<Vector3d> displacement;
-    predicted = sweep.Step(model, state, expansion, step, displacement);
+    predicted = sweep.Step(model, state, expansion, step, spin, displacement);
     Eigen::VectorXd x(unknowns());
     for (int i = 0; i < state.segments(); ++i) x.segment<2>(2 * i) = step[i];
     return x;

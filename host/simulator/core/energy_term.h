@@ -21,10 +21,16 @@ struct PointSet {
   std::vector<ClearanceSample> clearance;  ///< valid only at `near` points
   std::vector<double> stiffness_N_mm2;     ///< of the wall; valid only at `near` points
   Eigen::Vector3d start = Eigen::Vector3d::Zero();  ///< mm; where the piece of point 0 begins
+  /// Of a wire that twists, one a segment: unit, across it, fixed to its material. Otherwise null.
+  const std::vector<Eigen::Vector3d>* normals = nullptr;
 
   int size() const { return static_cast<int>(position.size()); }
   /// Identifies the point as material: constant while the wire moves through the sheath.
   int FromTip(int q) const { return size() - 1 - q; }
+  /// The normal, fixed to the material, of the segment that the point belongs to.
+  const Eigen::Vector3d& Normal(int q) const {
+    return (*normals)[static_cast<std::size_t>(q / per_segment)];
+  }
   /// The unit tangent of the segment that the point belongs to.
   Eigen::Vector3d Tangent(int q) const {
     const auto p = static_cast<std::size_t>(q);
@@ -39,8 +45,17 @@ struct TangentLoad {
   Eigen::Matrix3d hessian;   ///< mJ, symmetric; only where it is asked for
 };
 
-/// Where the terms put their derivatives with respect to the points' positions, and to the tangents
-/// of the few segments that bear a moment.
+/// Derivatives with respect to a spin: a turn of the wire about itself at a point. Only of a wire
+/// that twists.
+struct SpinLoad {
+  int point;
+  double gradient;                ///< mJ: minus the torque on the wire
+  double hessian;                 ///< mJ
+  Eigen::Vector3d with_position;  ///< N, d2 / (d spin, d position of the point)
+};
+
+/// Where the terms put their derivatives with respect to the points' positions, to the tangents of
+/// the few segments that bear a moment, and to spins.
 struct PointDerivatives {
   bool with_hessian = false;
   /// Which of the two hold something at a point.
@@ -49,6 +64,7 @@ struct PointDerivatives {
   std::vector<Eigen::Vector3d> gradient;  ///< N
   std::vector<Eigen::Matrix3d> hessian;   ///< N/mm, symmetric
   std::vector<TangentLoad> on_tangents;   ///< in any order; they add up
+  std::vector<SpinLoad> on_spins;         ///< the same; room for one a point
 
   /// Makes point q used, starting from zero. Call before adding to it.
   void Touch(int q) {
@@ -67,9 +83,10 @@ struct PointDerivatives {
   }
 };
 
-/// Role *energy term*: an energy of the positions of the wire's points and of its tangents, without
-/// terms that couple the two or several of them. It must have a continuous
-/// gradient; its Hessian may be replaced by a positive semidefinite approximation.
+/// Role *energy term*: an energy of the positions of the wire's points, of its tangents and, if it
+/// twists, of its normals, without terms that couple several of them but a point and its spin. It
+/// must have a continuous gradient; its Hessian may be replaced by a positive semidefinite
+/// approximation.
 class EnergyTerm {
  public:
   EnergyTerm() = default;

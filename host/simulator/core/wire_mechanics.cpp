@@ -89,6 +89,72 @@ void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& pr
         out.hessian_cross.data() + 2);
 }
 
+void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_tangent,
+              const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
+              double& energy_mJ, JointTerms& bending, TwistTerms& out) {
+  // The twist grows by zeta_d - zeta_p, and by the area that the step sweeps on the sphere of
+  // tangents: to first order g_p.xi_p + g_d.xi_d.
+  const double k = stiffness_mJ;
+  const double torque = k * twist_rad;
+  energy_mJ += torque * twist_rad / 2;
+  const double part = 1 / (1 + proximal_tangent.dot(tangent));
+  const Vector2d h_p = proximal_frame.transpose() * tangent;
+  const Vector2d h_d = frame.transpose() * proximal_tangent;
+  const Vector2d g_p = part * Vector2d(-h_p[1], h_p[0]);
+  const Vector2d g_d = part * Vector2d(h_d[1], -h_d[0]);
+  bending.gradient_proximal += torque * g_p;
+  bending.gradient_distal += torque * g_d;
+  // The areas of triangles, to second order.
+  const double half = torque * part / 2;
+  const auto symmetric = [](const Vector2d& a, const Vector2d& b) {
+    Matrix2d m;
+    m << 2 * a[0] * b[0], a[0] * b[1] + a[1] * b[0], 0, 2 * a[1] * b[1];
+    m(1, 0) = m(0, 1);
+    return m;
+  };
+  bending.hessian_proximal += k * g_p * g_p.transpose() - half * symmetric(g_p, h_p);
+  bending.hessian_distal += k * g_d * g_d.transpose() - half * symmetric(g_d, h_d);
+  const Matrix2d across = proximal_frame.transpose() * frame;
+  Matrix2d turned;  // the columns of `across`, a quarter turn on
+  turned << across(0, 1), -across(0, 0), across(1, 1), -across(1, 0);
+  bending.hessian_cross +=
+      k * g_p * g_d.transpose() + (torque * part) * (turned - h_p * g_d.transpose());
+  out.gradient_proximal = -torque;
+  out.gradient_distal = torque;
+  out.hessian_proximal = k;
+  out.hessian_distal = k;
+  out.hessian_cross = -k;
+  out.proximal_proximal = -k * g_p;
+  out.proximal_distal = -k * g_d;
+  out.distal_proximal = k * g_p;
+  out.distal_distal = k * g_d;
+  out.distal_displacement.setZero();
+}
+
+void AddSpinOfRest(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                   const Vector3d& proximal_normal, const Vector3d& rest, const Vector3d& tangent,
+                   const Frame& frame, TwistTerms& out) {
+  // As in ExpandJoint, with u_p zeta added to the rotation vector of the rest direction.
+  const double y = (tangent - rest).squaredNorm() / 2;
+  const BendingValue v = EvaluateBending(law, y);
+  const double slope = stiffness_mJ * v.slope;
+  const double curvature = stiffness_mJ * v.curvature;
+  const Vector3d e1 = proximal_tangent.cross(proximal_normal);
+  const Vector3d e2 = -proximal_normal;
+  const Vector3d moment = rest.cross(tangent);
+  const Vector2d y_distal = -frame.transpose() * rest;
+  const Vector2d y_proximal(-e1.dot(moment), -e2.dot(moment));
+  const double y_spin = -proximal_tangent.dot(moment);
+  const double cosine = tangent.dot(proximal_tangent);
+  out.gradient_proximal += slope * y_spin;
+  out.hessian_proximal +=
+      curvature * y_spin * y_spin + slope * (1 - y - cosine * proximal_tangent.dot(rest));
+  out.proximal_proximal +=
+      curvature * y_spin * y_proximal - (slope * cosine) * Vector2d(e1.dot(rest), e2.dot(rest));
+  out.proximal_distal +=
+      curvature * y_spin * y_distal - slope * (frame.transpose() * proximal_tangent.cross(rest));
+}
+
 Frame TangentFrame(const Vector3d& tangent, const Vector3d& normal) {
   Frame frame;
   frame.col(0) = normal;
@@ -133,6 +199,11 @@ Expansion WireMechanics::MakeExpansion() const {
   e.loads.reserve(n);
   e.costate.reserve(n + 1);
   e.gradient.reserve(n);
+  if (model_.twists()) {
+    e.twists.reserve(n);
+    e.spin_gradient.reserve(n);
+    e.derivatives.on_spins.reserve(terms_.empty() ? 0 : points);
+  }
   e.points.per_segment = wall_.points_per_segment;
   e.points.position.reserve(points);
   e.points.weight_mm.reserve(points);
@@ -166,6 +237,7 @@ void WireMechanics::PlacePoints(const WireState& state, bool with_hessian, Point
   points.stiffness_N_mm2.resize(count);
   points.near.clear();
   points.start = state.nodes.front();
+  points.normals = model_.twists() ? &state.normals : nullptr;
   const double travel = field_.TravelMm();
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {
@@ -240,6 +312,7 @@ void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& o
       ExpandStraightJoint(model_.law(), stiffness, tangent_p, frame_p, state.tangents[i],
                           out.frames[i], straight, out.joints[i]);
     } else {
+      // The clamp's normals are never turned: any will do.
       const Vector3d& normal_p = i == 0 ? model_.sheath_normal() : state.normals[i - 1];
       ExpandJoint(model_.law(), stiffness, tangent_p, normal_p, RestDirection(model_, state, i),
                   state.tangents[i], state.normals[i], curved, out.joints[i]);
@@ -247,6 +320,35 @@ void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& o
   }
   out.energy_mJ += straight + curved - out.curved_joints_mJ;
   out.curved_joints_mJ = curved;
+}
+
+void WireMechanics::ExpandTwists(const WireState& state, Expansion& out) const {
+  const int n = state.segments();
+  out.twists.resize(static_cast<std::size_t>(n));
+  for (int i = 0; i < n; ++i) {
+    const Vector3d& tangent_p = i == 0 ? model_.sheath().direction : state.tangents[i - 1];
+    const Frame& frame_p = i == 0 ? sheath_frame_ : out.frames[i - 1];
+    AddTwist(TwistStiffness(model_, state, i), state.twist_rad[i], tangent_p, frame_p,
+             state.tangents[i], out.frames[i], out.energy_mJ, out.joints[i], out.twists[i]);
+  }
+  for (int i = std::max(1, n - model_.first_straight_joint() + 1); i < n; ++i) {
+    AddSpinOfRest(model_.law(), JointStiffness(model_, state, i), state.tangents[i - 1],
+                  state.normals[i - 1], RestDirection(model_, state, i), state.tangents[i],
+                  out.frames[i], out.twists[i]);
+  }
+}
+
+void WireMechanics::AddSpinLoads(const WireState& state, Expansion& out) const {
+  const int per_segment = out.points.per_segment;
+  for (const SpinLoad& on : out.derivatives.on_spins) {
+    const int i = on.point / per_segment;
+    const double t = state.SegmentLength(model_, i) * (on.point % per_segment + 1) / per_segment;
+    TwistTerms& twist = out.twists[i];
+    twist.gradient_distal += on.gradient;
+    twist.hessian_distal += on.hessian;
+    twist.distal_displacement += on.with_position;
+    twist.distal_distal += t * (out.frames[i].transpose() * on.with_position);
+  }
 }
 
 LoadTerms& WireMechanics::LoadsOf(int segment, Expansion& out) const {
@@ -330,6 +432,13 @@ double WireMechanics::SumGradient(const WireState& state, Expansion& out) const 
     const double rigidity =
         std::min(model_.rigidity_N_mm2(n - i), model_.rigidity_N_mm2(n - i - 1));
     residual = std::max(residual, Summed(g * g)[0] / (rigidity * rigidity));
+    if (out.twists.empty()) continue;
+    double spin = out.twists[i].gradient_distal;
+    if (i + 1 < n) spin += out.twists[i + 1].gradient_proximal;
+    out.spin_gradient[i] = spin;
+    const double torsional = std::min(model_.torsional_rigidity_N_mm2(n - i),
+                                      model_.torsional_rigidity_N_mm2(n - i - 1));
+    residual = std::max(residual, spin * spin / (torsional * torsional));
   }
   return std::sqrt(residual);
 }
@@ -351,12 +460,18 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
   out.derivatives.with_hessian = with_hessian;
   ExpandWall(with_hessian, out);
   ExpandJoints(state, 0, out);
+  if (model_.twists()) {
+    out.spin_gradient.resize(n);
+    ExpandTwists(state, out);
+  }
   if (!terms_.empty()) {
     out.derivatives.gradient.resize(points);
     out.derivatives.hessian.resize(points);
     out.derivatives.used.assign(points, 0);
     out.derivatives.on_tangents.clear();
+    out.derivatives.on_spins.clear();
     for (const EnergyTerm* term : terms_) out.energy_mJ += term->Add(out.points, out.derivatives);
+    if (model_.twists()) AddSpinLoads(state, out);
   }
   SumTrueGradient(state, out);
 }

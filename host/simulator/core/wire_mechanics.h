@@ -4,6 +4,9 @@
 //   u_i(xi) = u_i + T_i xi_i - |xi_i|^2/2 u_i + O(3),   T_i = [normal_i, second normal_i],
 // so that lengths stay exact and node i + 1 moves by the sum of l_k T_k xi_k over k <= i. Joint i
 // couples xi_{i-1} and xi_i; the points of segment i feel the displacement of node i and xi_i.
+//
+// A wire that twists has normals that are fixed to its material, and one more unknown a segment:
+// its spin zeta_i, which turns the normal about the tangent.
 #pragma once
 
 #include <Eigen/Core>
@@ -51,6 +54,22 @@ struct JointTerms {
   Eigen::Matrix<double, 2, 2, Eigen::RowMajor> hessian_cross;  ///< rows: proximal, columns: distal
 };
 
+/// What the spins zeta_{i-1} and zeta_i of the segments of joint i add to its expansion, for a wire
+/// that twists: turns about the tangents as they are after the steps xi. mJ.
+struct TwistTerms {
+  double gradient_proximal;
+  double gradient_distal;
+  double hessian_proximal;
+  double hessian_distal;
+  double hessian_cross;
+  Eigen::Vector2d proximal_proximal;  ///< d2 / d zeta_{i-1} d xi_{i-1}
+  Eigen::Vector2d proximal_distal;    ///< d2 / d zeta_{i-1} d xi_i
+  Eigen::Vector2d distal_proximal;    ///< d2 / d zeta_i d xi_{i-1}
+  Eigen::Vector2d distal_distal;      ///< d2 / d zeta_i d xi_i
+  /// d2 / d zeta_i d (displacement of node i); loads on the segment alone have it. N.
+  Eigen::Vector3d distal_displacement;
+};
+
 /// Second-order expansion of the wall's spring at a near point: what it is where the point touches,
 /// and what it would be if the spring pulled as well as it pushes where it does not.
 struct WallSpring {
@@ -74,14 +93,16 @@ struct LoadTerms {
 struct Expansion {
   double energy_mJ = 0;
   double curved_joints_mJ = 0;           ///< of this, the joints that rest curved
-  double residual = 0;                   ///< largest out-of-balance moment over the local EI/(1 mm)
+  double residual = 0;  ///< largest out-of-balance moment over the local EI/(1 mm) (torque, GJ)
   double max_penetration_mm = 0;         ///< of the wire's surface; 0 without contact
   std::vector<Frame> frames;             ///< n, one a segment
   std::vector<JointTerms> joints;        ///< n, one a joint; joint 0 has no proximal unknown
+  std::vector<TwistTerms> twists;        ///< the same for a wire that twists; otherwise empty
   std::vector<int> load_index;           ///< n, into `loads`, -1 for a segment free of load
   std::vector<LoadTerms> loads;          ///< of the loaded segments
   std::vector<Eigen::Vector3d> costate;  ///< n + 1: sum of the gradients beyond node i
   std::vector<Eigen::Vector2d> gradient;  ///< n: d energy / d xi_i
+  std::vector<double> spin_gradient;      ///< n: d energy / d zeta_i, for a wire that twists
   PointSet points;
   std::vector<WallSpring> springs;  ///< one for each of points.near
   PointDerivatives derivatives;     ///< of the terms, without the wall
@@ -124,6 +145,8 @@ class WireMechanics {
 
  private:
   void ExpandJoints(const WireState& state, int first, Expansion& out) const;
+  void ExpandTwists(const WireState& state, Expansion& out) const;
+  void AddSpinLoads(const WireState& state, Expansion& out) const;
   void ExpandWall(bool with_hessian, Expansion& out) const;
   void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,
                const Eigen::Matrix3d* hessian, Expansion& out) const;
@@ -165,14 +188,35 @@ void ExpandStraightJoint(BendingLaw law, double stiffness_mJ,
                          const Eigen::Vector3d& tangent, const Frame& frame, double& energy_mJ,
                          JointTerms& out);
 
-/// EI of joint i over the length of wire that it stands for, mJ (N mm): half a segment at the
-/// sheath, which clamps the wire there, and the mean of its two segments elsewhere.
-inline double JointStiffness(const WireModel& model, const WireState& state, int joint) {
+/// Adds the energy `stiffness_mJ` twist_rad^2 / 2 of a twisted joint, stiffness_mJ = GJ / (length
+/// that the joint stands for), to the expansion of the same joint's bending.
+void AddTwist(double stiffness_mJ, double twist_rad, const Eigen::Vector3d& proximal_tangent,
+              const Frame& proximal_frame, const Eigen::Vector3d& tangent, const Frame& frame,
+              double& energy_mJ, JointTerms& bending, TwistTerms& out);
+
+/// Adds what the spin of the proximal segment does to the bending of a joint that rests curved. All
+/// as for ExpandJoint.
+void AddSpinOfRest(BendingLaw law, double stiffness_mJ, const Eigen::Vector3d& proximal_tangent,
+                   const Eigen::Vector3d& proximal_normal, const Eigen::Vector3d& rest,
+                   const Eigen::Vector3d& tangent, const Frame& frame, TwistTerms& out);
+
+/// The length of wire that joint i stands for, mm: half a segment at the sheath, which clamps the
+/// wire there, and the mean of its two segments elsewhere.
+inline double JointLength(const WireModel& model, const WireState& state, int joint) {
   const double lambda = model.segment_mm();
-  const double rigidity = model.rigidity_N_mm2(state.segments() - joint);
-  if (joint > 1) return rigidity / lambda;
-  if (joint == 1) return rigidity / ((state.first_segment_mm + lambda) / 2);
-  return rigidity / (state.first_segment_mm / 2);
+  if (joint > 1) return lambda;
+  return joint == 1 ? (state.first_segment_mm + lambda) / 2 : state.first_segment_mm / 2;
+}
+
+/// EI of joint i over that length, mJ (N mm).
+inline double JointStiffness(const WireModel& model, const WireState& state, int joint) {
+  return model.rigidity_N_mm2(state.segments() - joint) / JointLength(model, state, joint);
+}
+
+/// GJ of joint i of a wire that twists over that length, mJ.
+inline double TwistStiffness(const WireModel& model, const WireState& state, int joint) {
+  return model.torsional_rigidity_N_mm2(state.segments() - joint) /
+         JointLength(model, state, joint);
 }
 
 }  // namespace torquer

@@ -24,9 +24,12 @@ WireSection Interpolate(const std::vector<WireSection>& sections, double from_ti
   const auto a = b - 1;
   const double t = (from_tip_mm - a->from_tip_mm) / (b->from_tip_mm - a->from_tip_mm);
   const auto mix = [t](double p, double q) { return p + t * (q - p); };
-  return {from_tip_mm, mix(a->rigidity_N_mm2, b->rigidity_N_mm2), mix(a->radius_mm, b->radius_mm),
+  return {from_tip_mm,
+          mix(a->rigidity_N_mm2, b->rigidity_N_mm2),
+          mix(a->radius_mm, b->radius_mm),
           mix(a->curvature_1_per_mm, b->curvature_1_per_mm),
-          mix(a->curvature_2_per_mm, b->curvature_2_per_mm)};
+          mix(a->curvature_2_per_mm, b->curvature_2_per_mm),
+          mix(a->torsional_rigidity_N_mm2, b->torsional_rigidity_N_mm2)};
 }
 
 }  // namespace
@@ -49,6 +52,12 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
     previous = s.from_tip_mm;
     CheckPositive("section rigidity_N_mm2", s.rigidity_N_mm2);
     CheckPositive("section radius_mm", s.radius_mm);
+    const bool twists = sections.front().torsional_rigidity_N_mm2 != 0;
+    if (twists) CheckPositive("section torsional_rigidity_N_mm2", s.torsional_rigidity_N_mm2);
+    if (!twists && s.torsional_rigidity_N_mm2 != 0) {
+      Refuse("section torsional_rigidity_N_mm2", s.torsional_rigidity_N_mm2,
+             "0 where that of the first section is");
+    }
     const double angle = segment_mm * std::hypot(s.curvature_1_per_mm, s.curvature_2_per_mm);
     if (!(angle <= 1.5)) Refuse("rest curvature times segment_mm", angle, "at most 1.5 rad");
   }
@@ -64,6 +73,7 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
     const WireSection s = Interpolate(sections, k * segment_mm);
     rigidity_.push_back(s.rigidity_N_mm2);
     radius_.push_back(s.radius_mm);
+    if (s.torsional_rigidity_N_mm2 > 0) torsional_rigidity_.push_back(s.torsional_rigidity_N_mm2);
     // The joint at the distal end (k = 0) joins nothing.
     const Eigen::Vector2d rest =
         segment_mm * Eigen::Vector2d(s.curvature_1_per_mm, s.curvature_2_per_mm);

@@ -15,6 +15,8 @@ struct WireSection {
   double radius_mm = 0;           ///< > 0
   double curvature_1_per_mm = 0;  ///< intrinsic (rest) curvature towards the wire's first normal
   double curvature_2_per_mm = 0;  ///< the same towards its second normal
+  /// Torsional rigidity GJ, > 0 everywhere; or 0 everywhere: a wire that does not twist at all.
+  double torsional_rigidity_N_mm2 = 0;
 };
 
 /// Where the wire enters the vessel: the end of the sheath, which clamps it.
@@ -45,6 +47,12 @@ class WireModel {
   /// EI of the joint `from_tip` segments from the distal end, N mm^2.
   double rigidity_N_mm2(int from_tip) const { return rigidity_[Clamp(from_tip)]; }
   double radius_mm(int from_tip) const { return radius_[Clamp(from_tip)]; }
+  /// Whether the wire twists under a torque. Otherwise its distal end turns as the proximal one.
+  bool twists() const { return !torsional_rigidity_.empty(); }
+  /// GJ of the joint, N mm^2. Only of a wire that twists.
+  double torsional_rigidity_N_mm2(int from_tip) const {
+    return torsional_rigidity_[Clamp(from_tip)];
+  }
   /// Joints at and beyond this distance from the tip rest straight.
   int first_straight_joint() const { return first_straight_; }
   /// Unit direction in which the distal segment of a joint rests, in the frame (untwisted normal,
@@ -70,6 +78,7 @@ class WireModel {
   Eigen::Vector3d sheath_normal_;
   std::vector<double> rigidity_;
   std::vector<double> radius_;
+  std::vector<double> torsional_rigidity_;  // empty for a wire that does not twist
   std::vector<Eigen::Vector3d> rest_direction_;
 };
 

@@ -15,9 +15,13 @@ WireState::WireState(const WireModel& model) {
   nodes.reserve(room);
   tangents.reserve(room);
   normals.reserve(room);
-  spin.assign(
-      static_cast<std::size_t>(std::min(model.first_straight_joint(), model.max_segments())) + 1,
-      Eigen::Vector2d(1, 0));
+  if (model.twists()) {
+    twist_rad.reserve(room);
+  } else {
+    spin.assign(
+        static_cast<std::size_t>(std::min(model.first_straight_joint(), model.max_segments())) + 1,
+        Eigen::Vector2d(1, 0));
+  }
   nodes.push_back(model.sheath().point_mm);
 }
 
@@ -46,17 +50,33 @@ void TurnSegment(std::size_t i, const Vector3d& tangent, WireState& state) {
   state.tangents[i] = tangent;
 }
 
+namespace {
+
+// The normal of the wire in the sheath.
+Vector3d ProximalNormal(const WireModel& model, const WireState& state) {
+  const Vector3d& normal = model.sheath_normal();
+  if (!model.twists()) return normal;
+  return state.turn[0] * normal + state.turn[1] * model.sheath().direction.cross(normal);
+}
+
+Vector3d Rotated(const Vector3d& normal, const Vector3d& tangent, double angle) {
+  return std::cos(angle) * normal + std::sin(angle) * tangent.cross(normal);
+}
+
+}  // namespace
+
 void TransportNormals(const WireModel& model, WireState& state) {
   const int n = state.segments();
   state.normals.resize(static_cast<std::size_t>(n));
   Vector3d tangent = model.sheath().direction;
-  Vector3d normal = model.sheath_normal();
+  Vector3d normal = ProximalNormal(model, state);
   for (int i = 0; i < n; ++i) {
     normal = ParallelTransport(normal, tangent, state.tangents[i]);
     tangent = state.tangents[i];
     state.normals[i] = normal;
   }
   std::fill(state.spin.begin(), state.spin.end(), Eigen::Vector2d(1, 0));
+  if (model.twists()) state.twist_rad.assign(static_cast<std::size_t>(n), 0);
 }
 
 Eigen::Vector2d SpinFactor(const Vector3d& from, const Vector3d& normal, const Vector3d& to,
@@ -67,7 +87,48 @@ Eigen::Vector2d SpinFactor(const Vector3d& from, const Vector3d& normal, const V
   return {carried.dot(target_normal), carried.dot(to.cross(target_normal))};
 }
 
+namespace {
+
+// The angle with a cosine and a sine; without the library's function where it is small.
+double Angle(double cosine, double sine) {
+  const double square = sine * sine;
+  if (!(cosine > 0) || square > 4e-3) return std::atan2(sine, cosine);
+  // asin as a series; what is left out is below 1e-15 of the sum.
+  return sine * (1 + square * (1.0 / 6 +
+                               square * (3.0 / 40 + square * (5.0 / 112 + square * 35.0 / 1152))));
+}
+
+void UpdateTwist(const WireModel& model, WireState& state) {
+  constexpr double kTurn = 2 * 3.14159265358979323846;
+  const int n = state.segments();
+  Vector3d from = model.sheath().direction;
+  Vector3d normal = ProximalNormal(model, state);
+  for (int i = 0; i < n; ++i) {
+    const Eigen::Vector2d turn = SpinFactor(from, normal, state.tangents[i], state.normals[i]);
+    const double angle = Angle(turn[0], -turn[1]);
+    const double apart = state.twist_rad[i] - angle;
+    state.twist_rad[i] =
+        std::abs(apart) < kTurn / 2 ? angle : angle + kTurn * std::round(apart / kTurn);
+    from = state.tangents[i];
+    normal = state.normals[i];
+  }
+}
+
+}  // namespace
+
+void TurnNormals(double angle_rad, WireState& state) {
+  const double c = std::cos(angle_rad);
+  const double s = std::sin(angle_rad);
+  for (std::size_t i = 0; i < state.normals.size(); ++i) {
+    state.normals[i] = c * state.normals[i] + s * state.tangents[i].cross(state.normals[i]);
+  }
+}
+
 void UpdateSpin(const WireModel& model, WireState& state) {
+  if (model.twists()) {
+    UpdateTwist(model, state);
+    return;
+  }
   const int n = state.segments();
   const int curved = model.first_straight_joint();
   if (curved <= 1) return;
@@ -110,11 +171,15 @@ Vector3d RestDirection(const WireModel& model, const WireState& state, int joint
   const Vector3d& tangent = joint == 0 ? model.sheath().direction : state.tangents[joint - 1];
   const int from_tip = state.segments() - joint;
   if (from_tip >= model.first_straight_joint()) return tangent;
-  const Vector3d& first = joint == 0 ? model.sheath_normal() : state.normals[joint - 1];
+  const Vector3d first = joint == 0 ? ProximalNormal(model, state) : state.normals[joint - 1];
   const Vector3d second = tangent.cross(first);
-  const Eigen::Vector2d& spin = state.spin[static_cast<std::size_t>(from_tip)];
-  const double c = state.turn[0] * spin[0] - state.turn[1] * spin[1];
-  const double s = state.turn[1] * spin[0] + state.turn[0] * spin[1];
+  double c = 1;
+  double s = 0;
+  if (!model.twists()) {
+    const Eigen::Vector2d& spin = state.spin[static_cast<std::size_t>(from_tip)];
+    c = state.turn[0] * spin[0] - state.turn[1] * spin[1];
+    s = state.turn[1] * spin[0] + state.turn[0] * spin[1];
+  }
   Vector3d rest = model.rest_direction(from_tip);
   // Next to the sheath a joint stands for another length than a segment's (see JointStiffness).
   if (joint <= 1) {
@@ -127,6 +192,29 @@ Vector3d RestDirection(const WireModel& model, const WireState& state, int joint
 
 namespace {
 
+// Segment 0 has become two. The same twist per length stays everywhere: the middles of the first
+// two segments were at 3/4 and 2 of a segment's length, those of the three are at 1/4, 1 and 2.
+void SplitTwist(WireState& state) {
+  const Vector3d& tangent = state.tangents.front();
+  const double back = state.twist_rad[0] * (2.0 / 3);
+  const double on = state.tangents.size() > 2 ? state.twist_rad[1] * (1.0 / 5) : 0;
+  state.normals[0] = Rotated(state.normals[0], tangent, -back);
+  state.normals[1] = Rotated(state.normals[1], tangent, on);
+  state.twist_rad[0] -= back;
+  if (state.tangents.size() > 2) state.twist_rad[1] -= on;
+  state.twist_rad.insert(state.twist_rad.begin() + 1, back + on);
+}
+
+// Segments 0 and 1 are about to become one, whose middle is `part` of the way from that of segment
+// 1 to that of segment 0.
+void JoinTwist(double part, WireState& state) {
+  const double back = state.twist_rad[1] * part;
+  state.normals[1] = Rotated(state.normals[1], state.tangents[1], -back);
+  state.twist_rad[0] += state.twist_rad[1] - back;
+  if (state.twist_rad.size() > 2) state.twist_rad[2] += back;
+  state.twist_rad.erase(state.twist_rad.begin() + 1);
+}
+
 // With less than this no segment is simulated: a stub would be stiffer than anything else.
 double ShortestFirst(const WireModel& model) { return model.segment_mm() / 2; }
 
@@ -138,7 +226,8 @@ void FeedFirstSegment(const WireModel& model, WireState& state) {
     state.first_segment_mm = state.insertion_mm;
     if (state.insertion_mm >= ShortestFirst(model)) {
       state.tangents.push_back(model.sheath().direction);
-      state.normals.assign(1, model.sheath_normal());
+      state.normals.assign(1, ProximalNormal(model, state));
+      if (model.twists()) state.twist_rad.assign(1, 0);
     }
     return;
   }
@@ -148,14 +237,18 @@ void FeedFirstSegment(const WireModel& model, WireState& state) {
     state.first_segment_mm -= lambda;
     state.tangents.insert(state.tangents.begin(), state.tangents.front());
     state.normals.insert(state.normals.begin(), state.normals.front());
+    if (model.twists()) SplitTwist(state);
   } else if (state.first_segment_mm < ShortestFirst(model)) {
     if (state.segments() == 1) {
       state.tangents.clear();
       state.normals.clear();
+      state.twist_rad.clear();
       state.first_segment_mm = state.insertion_mm;
       return;
     }
     const Vector3d joined = state.first_segment_mm * state.tangents[0] + lambda * state.tangents[1];
+    if (model.twists())
+      JoinTwist(state.first_segment_mm / (state.first_segment_mm + lambda), state);
     state.tangents.erase(state.tangents.begin());
     state.normals.erase(state.normals.begin());
     // The two could be opposite only if the wire were folded at the sheath.
@@ -252,6 +345,7 @@ std::uint64_t HashState(const WireState& state) {
     add(u[1]);
     add(u[2]);
   }
+  for (const double twist : state.twist_rad) add(twist);
   add(state.first_segment_mm);
   add(state.insertion_mm);
   add(state.rotation_rad);

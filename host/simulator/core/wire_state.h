@@ -36,6 +36,10 @@ struct WireState {
   /// sheath's carried along the wire by parallel transport. The wire does not twist, so its rest
   /// shape is fixed to the untwisted normals (turned by rotation_rad).
   std::vector<Eigen::Vector2d> spin;
+  /// For a wire that twists (model.twists()), whose normals are then fixed to its material: n, by
+  /// joint, the angle about the tangent from the normal carried on from the proximal segment (or
+  /// from the sheath, where it turns with the hand) to that of the distal one. Empty otherwise.
+  std::vector<double> twist_rad;
   double first_segment_mm = 0;
   double insertion_mm = 0;     ///< material past the sheath: ArcLength() where n > 0
   double rotation_rad = 0;     ///< of the proximal end; turns the rest shape about the tangents
@@ -51,14 +55,18 @@ Eigen::Vector3d ParallelTransport(const Eigen::Vector3d& normal, const Eigen::Ve
 
 /// Gives segment i another tangent; its normal goes along.
 void TurnSegment(std::size_t i, const Eigen::Vector3d& tangent, WireState& state);
-/// Makes all normals untwisted ones, with no spin between.
+/// Makes all normals untwisted ones, with no spin or twist between.
 void TransportNormals(const WireModel& model, WireState& state);
 /// Cosine and sine of the angle about `to` from `normal`, carried there from `from` by parallel
 /// transport, to `target_normal`, taken backwards: what this joint adds to the spin.
 Eigen::Vector2d SpinFactor(const Eigen::Vector3d& from, const Eigen::Vector3d& normal,
                            const Eigen::Vector3d& to, const Eigen::Vector3d& target_normal);
-/// Recomputes the spin from tangents and normals.
+/// Recomputes the spin from tangents and normals, or the twist of a wire that twists. A twist is
+/// taken within half a turn of what it was.
 void UpdateSpin(const WireModel& model, WireState& state);
+/// Turns all normals of a wire that twists about their tangents, as a rotation of the hand does
+/// that meets no resistance.
+void TurnNormals(double angle_rad, WireState& state);
 /// Recomputes nodes from `first` (at least 1) on from tangents and lengths.
 void PlaceNodes(const WireModel& model, int first, WireState& state);
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace torquer {
@@ -31,9 +32,10 @@ constexpr double kStableProximal = 1e-6;
 constexpr double kPush = 1e-4;
 }  // namespace
 
-NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField& field,
-                                   const WallModel& wall, const NewtonSettings& settings,
-                                   const std::vector<EnergyTerm*>& terms)
+template <class Stage>
+NewtonMethod<Stage>::NewtonMethod(const WireModel& model, const ClearanceField& field,
+                                  const WallModel& wall, const NewtonSettings& settings,
+                                  const std::vector<EnergyTerm*>& terms)
     : model_(model),
       field_(field),
       settings_(settings),
@@ -43,15 +45,18 @@ NewtonRelaxation::NewtonRelaxation(const WireModel& model, const ClearanceField&
       current_(mechanics_.MakeExpansion()),
       trial_expansion_(mechanics_.MakeExpansion()),
       trial_(model) {
+  assert(Stage::kTwists == model.twists());
   step_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
   displacement_mm_.reserve(static_cast<std::size_t>(model.max_segments()) + 1);
+  if (Stage::kTwists) spin_step_.reserve(step_.capacity());
   fed_.reserve(step_.capacity());
   drift_.reserve(step_.capacity());
   active_.reserve(current_.points.position.capacity());
   pressed_.assign(current_.points.position.capacity(), 0);
 }
 
-void NewtonRelaxation::Restart(WireState& state) {
+template <class Stage>
+void NewtonMethod<Stage>::Restart(WireState& state) {
   mechanics_.ForgetLookups();
   for (EnergyTerm* term : terms_) term->Reset();
   damping_ = feed_damping_ = 0;
@@ -64,7 +69,8 @@ void NewtonRelaxation::Restart(WireState& state) {
   mechanics_.Expand(state, current_);
 }
 
-void NewtonRelaxation::RememberPressed() {
+template <class Stage>
+void NewtonMethod<Stage>::RememberPressed() {
   std::fill(pressed_.begin(), pressed_.end(), 0);
   for (const int q : current_.points.near) {
     pressed_[static_cast<std::size_t>(current_.points.FromTip(q))] =
@@ -72,7 +78,8 @@ void NewtonRelaxation::RememberPressed() {
   }
 }
 
-void NewtonRelaxation::Feed(double feed_mm, WireState& state) {
+template <class Stage>
+void NewtonMethod<Stage>::Feed(double feed_mm, WireState& state) {
   const std::size_t before = state.tangents.size();
   drift_.clear();
   if (fed_mm_ != 0 && fed_.size() == before) {
@@ -88,7 +95,15 @@ void NewtonRelaxation::Feed(double feed_mm, WireState& state) {
   predicted_ = ratio > 0 && ratio < kLargestRatio && Drift(ratio, state);
 }
 
-bool NewtonRelaxation::Drift(double ratio, WireState& state) {
+template <class Stage>
+void NewtonMethod<Stage>::Rotate(double angle_rad, WireState& state) {
+  // All of the wire at once, which is where it comes to rest if nothing holds it.
+  if (Stage::kTwists) TurnNormals(angle_rad - state.rotation_rad, state);
+  state.SetRotation(angle_rad);
+}
+
+template <class Stage>
+bool NewtonMethod<Stage>::Drift(double ratio, WireState& state) {
   double longest = 0;
   for (const Vector3d& turn : drift_) longest = std::max(longest, turn.squaredNorm());
   if (ratio * std::sqrt(longest) > kLargestDriftRad) return false;
@@ -103,7 +118,9 @@ bool NewtonRelaxation::Drift(double ratio, WireState& state) {
   return true;
 }
 
-bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, TickReport& report) {
+template <class Stage>
+bool NewtonMethod<Stage>::MoveTowards(const HandTarget& target, WireState& state,
+                                      TickReport& report) {
   const double feed_left =
       std::clamp(target.insertion_mm, 0.0, model_.max_length_mm()) - state.insertion_mm;
   const double turn_left = target.rotation_rad - state.rotation_rad;
@@ -114,9 +131,10 @@ bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, T
   if (std::abs(feed_left) <= longest) {
     state.insertion_mm = std::clamp(target.insertion_mm, 0.0, model_.max_length_mm());
   }
-  state.SetRotation(std::abs(turn_left) <= settings_.max_turn_rad
-                        ? target.rotation_rad
-                        : state.rotation_rad + std::copysign(settings_.max_turn_rad, turn_left));
+  Rotate(std::abs(turn_left) <= settings_.max_turn_rad
+             ? target.rotation_rad
+             : state.rotation_rad + std::copysign(settings_.max_turn_rad, turn_left),
+         state);
   report.actions += (feed_left != 0) + (turn_left != 0);
   // What was wound up is gone with the wire: begun anew, it does the same again.
   if (state.segments() == 0) feed_damping_ = fed_mm_ = 0;
@@ -128,7 +146,8 @@ bool NewtonRelaxation::MoveTowards(const HandTarget& target, WireState& state, T
   return true;
 }
 
-void NewtonRelaxation::Retract(const WireState& from, double scale, WireState& to) const {
+template <class Stage>
+void NewtonMethod<Stage>::Retract(const WireState& from, double scale, WireState& to) const {
   const auto n = from.tangents.size();
   to.tangents.resize(n);
   to.normals.resize(n);
@@ -137,6 +156,7 @@ void NewtonRelaxation::Retract(const WireState& from, double scale, WireState& t
   to.rotation_rad = from.rotation_rad;
   to.turn = from.turn;
   to.spin = from.spin;
+  to.twist_rad = from.twist_rad;
   for (std::size_t i = 0; i < n; ++i) {
     const Vector3d& u = from.tangents[i];
     const Vector2d xi = scale * step_[i];
@@ -148,11 +168,17 @@ void NewtonRelaxation::Retract(const WireState& from, double scale, WireState& t
     const Vector3d normal = carried - carried.dot(tangent) * tangent;
     to.tangents[i] = tangent;
     to.normals[i] = normal * (1.5 - 0.5 * normal.squaredNorm());
+    if constexpr (Stage::kTwists) {
+      const Vector3d spun = to.normals[i] + (scale * spin_step_[i]) * tangent.cross(to.normals[i]);
+      to.normals[i] = spun / spun.norm();
+    }
   }
   PlaceNodes(model_, 1, to);
+  if constexpr (Stage::kTwists) UpdateSpin(model_, to);
 }
 
-int NewtonRelaxation::FindActive(const WireState& state) {
+template <class Stage>
+int NewtonMethod<Stage>::FindActive(const WireState& state) {
   int last_changed = -1;
   const int per_segment = current_.points.per_segment;
   for (std::size_t k = 0; k < current_.springs.size(); ++k) {
@@ -174,7 +200,8 @@ int NewtonRelaxation::FindActive(const WireState& state) {
 // Minimizes the model in which every near point has a one-sided spring, by Newton's method on its
 // piecewise quadratic. Returns the decrease of energy that it predicts; negative where the model
 // has no minimum or none was found.
-double NewtonRelaxation::SolveModel(const WireState& state) {
+template <class Stage>
+double NewtonMethod<Stage>::SolveModel(const WireState& state) {
   constexpr int kRounds = 6;
   active_.resize(current_.springs.size());
   for (std::size_t k = 0; k < active_.size(); ++k) {
@@ -189,7 +216,8 @@ double NewtonRelaxation::SolveModel(const WireState& state) {
   int last_changed = state.segments() - 1;
   for (int round = 0; round < kRounds; ++round) {
     if (!sweep_.Refactor(model_, state, current_, proximal_, last_changed)) return -1;
-    const double decrease = sweep_.Step(model_, state, current_, step_, displacement_mm_);
+    const double decrease =
+        sweep_.Step(model_, state, current_, step_, spin_step_, displacement_mm_);
     if (!std::isfinite(decrease)) return -1;
     // The model's energy at no step, with this set instead of the true one.
     double at_rest = 0;
@@ -207,7 +235,8 @@ double NewtonRelaxation::SolveModel(const WireState& state) {
   return -1;
 }
 
-bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
+template <class Stage>
+bool NewtonMethod<Stage>::Iterate(WireState& state, TickReport& report) {
   // In proportion to the residual a weight does not spoil the quadratic convergence.
   // Far from balance some is always needed: contacts would come and go in turns.
   const double damping =
@@ -223,6 +252,7 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
     if (expected >= 0) {
       double longest = 0;
       for (const Vector2d& xi : step_) longest = std::max(longest, xi.squaredNorm());
+      for (const double zeta : spin_step_) longest = std::max(longest, zeta * zeta);
       longest = std::sqrt(longest);
       scale = longest > settings_.max_step_rad ? settings_.max_step_rad / longest : 1;
       Retract(state, scale, trial_);
@@ -251,8 +281,12 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
     if (moved_) feed_damping_ = damping_;
     Accept(state);
     std::swap(current_, trial_expansion_);
-    UpdateSpin(model_, state);
-    mechanics_.ExpandCurvedJoints(state, current_);
+    if constexpr (Stage::kTwists) {
+      current_.points.normals = &state.normals;
+    } else {
+      UpdateSpin(model_, state);
+      mechanics_.ExpandCurvedJoints(state, current_);
+    }
     return true;
   }
   mechanics_.Expand(state, current_);
@@ -260,19 +294,23 @@ bool NewtonRelaxation::Iterate(WireState& state, TickReport& report) {
   return false;
 }
 
-void NewtonRelaxation::Accept(WireState& state) {
+template <class Stage>
+void NewtonMethod<Stage>::Accept(WireState& state) {
   std::swap(state.nodes, trial_.nodes);
   std::swap(state.tangents, trial_.tangents);
   std::swap(state.normals, trial_.normals);
+  std::swap(state.twist_rad, trial_.twist_rad);
   moved_ = false;
 }
 
-bool NewtonRelaxation::Stable(const WireState& state) {
+template <class Stage>
+bool NewtonMethod<Stage>::Stable(const WireState& state) {
   if (!stable_) stable_ = sweep_.Factor(model_, state, current_, kStableProximal);
   return stable_;
 }
 
-void NewtonRelaxation::PushOff(WireState& state) {
+template <class Stage>
+void NewtonMethod<Stage>::PushOff(WireState& state) {
   // Every shape gets its part; which way is arbitrary, and always the same.
   step_.resize(state.tangents.size());
   std::uint32_t random = 1;
@@ -282,13 +320,16 @@ void NewtonRelaxation::PushOff(WireState& state) {
       component = kPush * (random / 2147483648.0 - 1);
     }
   }
+  std::fill(spin_step_.begin(), spin_step_.end(), 0);
   Retract(state, 1, trial_);
   Accept(state);
   UpdateSpin(model_, state);
   mechanics_.Expand(state, current_);
 }
 
-TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, WireState& state) {
+template <class Stage>
+TickReport NewtonMethod<Stage>::Tick(const HandTarget& target, WorkBudget& budget,
+                                     WireState& state) {
   TickReport report;
   const Vector3d tip_before = state.nodes.back();
   const double insertion_before = state.insertion_mm;
@@ -341,6 +382,19 @@ TickReport NewtonRelaxation::Tick(const HandTarget& target, WorkBudget& budget, 
                       10 * std::abs(state.rotation_rad - rotation_before);
   report.snapped = (state.nodes.back() - tip_before).norm() > 3 * hand + 0.5;
   return report;
+}
+
+template class NewtonMethod<BendStage>;
+template class NewtonMethod<TwistStage>;
+
+std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& model,
+                                                 const ClearanceField& field, const WallModel& wall,
+                                                 const NewtonSettings& settings,
+                                                 const std::vector<EnergyTerm*>& terms) {
+  if (model.twists()) {
+    return std::make_unique<NewtonMethod<TwistStage>>(model, field, wall, settings, terms);
+  }
+  return std::make_unique<NewtonRelaxation>(model, field, wall, settings, terms);
 }
 
 }  // namespace torquer

@@ -5,6 +5,7 @@
 // and its figures are derived in core/README.md.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "host/simulator/core/newton/riccati_sweep.h"
@@ -29,10 +30,12 @@ struct NewtonSettings {
   int max_iterations = 1000;
 };
 
-class NewtonRelaxation final : public Relaxation {
+/// `Stage`: whether the wire twists; it must be that of the model.
+template <class Stage>
+class NewtonMethod final : public Relaxation {
  public:
-  NewtonRelaxation(const WireModel& model, const ClearanceField& field, const WallModel& wall,
-                   const NewtonSettings& settings, const std::vector<EnergyTerm*>& terms);
+  NewtonMethod(const WireModel& model, const ClearanceField& field, const WallModel& wall,
+               const NewtonSettings& settings, const std::vector<EnergyTerm*>& terms);
 
   TickReport Tick(const HandTarget& target, WorkBudget& budget, WireState& state) override;
   void Restart(WireState& state) override;
@@ -41,6 +44,7 @@ class NewtonRelaxation final : public Relaxation {
  private:
   void RememberPressed();
   void Feed(double feed_mm, WireState& state);
+  void Rotate(double angle_rad, WireState& state);
   /// Turns the wire by `ratio` times drift_; false, and not at all, where that is too far.
   bool Drift(double ratio, WireState& state);
   bool MoveTowards(const HandTarget& target, WireState& state, TickReport& report);
@@ -59,11 +63,12 @@ class NewtonRelaxation final : public Relaxation {
   const NewtonSettings settings_;
   const std::vector<EnergyTerm*>& terms_;
   WireMechanics mechanics_;
-  RiccatiSweep<BendStage> sweep_;
+  RiccatiSweep<Stage> sweep_;
   Expansion current_;
   Expansion trial_expansion_;
   WireState trial_;
-  std::vector<RiccatiSweep<BendStage>::Control> step_;
+  std::vector<Eigen::Vector2d> step_;
+  std::vector<double> spin_step_;  ///< the same about the tangents, for a wire that twists
   std::vector<Eigen::Vector3d> displacement_mm_;
   std::vector<std::uint8_t> active_;    ///< near points that feel the wall in the model
   std::vector<std::uint8_t> pressed_;   ///< before the last move; by PointSet::FromTip
@@ -78,5 +83,17 @@ class NewtonRelaxation final : public Relaxation {
   double proximal_ = 0;      ///< the weight in use
   bool stable_ = false;  ///< the Hessian was positive definite where the state is, or a step before
 };
+
+extern template class NewtonMethod<BendStage>;
+extern template class NewtonMethod<TwistStage>;
+
+/// The method for a wire that does not twist.
+using NewtonRelaxation = NewtonMethod<BendStage>;
+
+/// The method for `model`, with or without twist.
+std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& model,
+                                                 const ClearanceField& field, const WallModel& wall,
+                                                 const NewtonSettings& settings,
+                                                 const std::vector<EnergyTerm*>& terms);
 
 }  // namespace torquer

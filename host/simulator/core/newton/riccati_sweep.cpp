@@ -26,34 +26,84 @@ inline void UpperTriangle(const Eigen::Matrix3d& m, Pair (&out)[6]) {
 
 }  // namespace
 
-RiccatiSweep<BendStage>::RiccatiSweep(int max_segments) {
+template <class Stage>
+RiccatiSweep<Stage>::RiccatiSweep(int max_segments) {
   const auto n = static_cast<std::size_t>(max_segments) + 1;
   gains_.reserve(n);
   checkpoints_.reserve(n / kSpacing + 1);
 }
 
-bool RiccatiSweep<BendStage>::Factor(const WireModel& model, const WireState& state,
-                                     const Expansion& expansion, double proximal) {
+template <class Stage>
+bool RiccatiSweep<Stage>::Factor(const WireModel& model, const WireState& state,
+                                 const Expansion& expansion, double proximal) {
   const auto n = state.tangents.size();
   gains_.resize(n);
   checkpoints_.resize(n / kSpacing + 1);
   return Sweep(model, state, expansion, proximal, state.segments() - 1, CostToGo{});
 }
 
-bool RiccatiSweep<BendStage>::Refactor(const WireModel& model, const WireState& state,
-                                       const Expansion& expansion, double proximal,
-                                       int last_changed) {
+template <class Stage>
+bool RiccatiSweep<Stage>::Refactor(const WireModel& model, const WireState& state,
+                                   const Expansion& expansion, double proximal, int last_changed) {
   const int checkpoint = last_changed / kSpacing + 1;
   if (checkpoint * kSpacing >= state.segments()) return Factor(model, state, expansion, proximal);
   return Sweep(model, state, expansion, proximal, checkpoint * kSpacing - 1,
                checkpoints_[static_cast<std::size_t>(checkpoint)]);
 }
 
+// The spin's couplings: b with dx, xi, the step and the spin before.
+template <class Stage>
+bool RiccatiSweep<Stage>::EliminateSpin(const TwistTerms& twist, double weight, Pair length,
+                                        const Pair (&t)[3], CostToGo& v, StageCost& w,
+                                        Gain& gain) requires Stage::kTwists {
+  const double pivot = v.spin_stiffness + twist.hessian_distal + weight;
+  if (!(pivot > 0)) return false;
+  const double inverse = 1 / pivot;
+  const double gradient = v.spin_gradient + twist.gradient_distal;
+  double* const dx = v.spin_with_displacement;
+  const Pair xi = length * (t[0] * Both(dx[0]) + t[1] * Both(dx[1]) + t[2] * Both(dx[2])) +
+                  v.spin_with_previous + Load(twist.distal_distal.data());
+  for (int a = 0; a < 3; ++a) dx[a] += twist.distal_displacement[a];
+  const Pair previous = Load(twist.distal_proximal.data());
+  const double spin = twist.hessian_cross;
+
+  gain.spin_constant = inverse * gradient;
+  gain.spin_of_control = Both(inverse) * xi;
+  gain.spin_of_previous = Both(inverse) * previous;
+  gain.spin_of_spin = inverse * spin;
+  for (int a = 0; a < 3; ++a) gain.spin_of_displacement[a] = inverse * dx[a];
+  const double* const scaled = gain.spin_of_displacement;
+
+  w.s -= xi * gain.spin_of_control;
+  w.cross -= Both(xi[0] * gain.spin_of_control[1]);
+  w.c -= Both(gradient) * gain.spin_of_control;
+  w.m[0] -= Both(previous[0]) * gain.spin_of_control;
+  w.m[1] -= Both(previous[1]) * gain.spin_of_control;
+  w.r -= previous * gain.spin_of_previous;
+  w.r_cross -= Both(previous[0] * gain.spin_of_previous[1]);
+  w.g -= Both(gradient) * gain.spin_of_previous;
+  w.with_spin = Load(twist.proximal_distal.data()) - Both(spin) * gain.spin_of_control;
+  w.spin_with_previous = Load(twist.proximal_proximal.data()) - Both(spin) * gain.spin_of_previous;
+  w.spin_stiffness = twist.hessian_proximal - spin * gain.spin_of_spin;
+  w.spin_gradient = twist.gradient_proximal - spin * gain.spin_constant;
+  int at = 0;
+  for (int a = 0; a < 3; ++a) {
+    w.f[a] -= Both(dx[a]) * gain.spin_of_control;
+    w.q[a] = -(Both(dx[a]) * gain.spin_of_previous);
+    w.spin_with_displacement[a] = -spin * scaled[a];
+    v.gx[a] -= Both(gradient * scaled[a]);
+    for (int b = a; b < 3; ++b, ++at) v.p[at] -= Both(dx[a] * scaled[b]);
+  }
+  v.decrease += 0.5 * gradient * gain.spin_constant;
+  return true;
+}
+
 // In pairs rather than small matrices, which take three times as long; this loop is a third of an
 // iteration.
-bool RiccatiSweep<BendStage>::Sweep(const WireModel& model, const WireState& state,
-                                    const Expansion& expansion, double proximal, int first,
-                                    CostToGo v) {
+template <class Stage>
+bool RiccatiSweep<Stage>::Sweep(const WireModel& model, const WireState& state,
+                                const Expansion& expansion, double proximal, int first,
+                                CostToGo v) {
   const int n = state.segments();
   for (int i = first; i >= 0; --i) {
     const JointTerms& joint = expansion.joints[i];
@@ -64,15 +114,15 @@ bool RiccatiSweep<BendStage>::Sweep(const WireModel& model, const WireState& sta
 
     // Beyond node i + 1: dx_{i+1} = dx_i + length T xi - length |xi|^2/2 tangent. F couples dx and
     // xi; T'X is the pivot without what is known by its diagonal.
-    Pair f[3];
+    StageCost w;
     Pair x[3];
-    Multiply(v.p, t, f);
+    Multiply(v.p, t, w.f);
     for (int a = 0; a < 3; ++a) {
-      f[a] = length * f[a] + v.q[a];
-      x[a] = length * (f[a] + v.q[a]);
+      w.f[a] = length * w.f[a] + v.q[a];
+      x[a] = length * (w.f[a] + v.q[a]);
     }
-    Pair c = length * (t[0] * v.gx[0] + t[1] * v.gx[1] + t[2] * v.gx[2]) + v.g +
-             Load(joint.gradient_distal.data());
+    w.c = length * (t[0] * v.gx[0] + t[1] * v.gx[1] + t[2] * v.gx[2]) + v.g +
+          Load(joint.gradient_distal.data());
     Pair along = length * (v.force[0] * Both(tangent[0]) + v.force[1] * Both(tangent[1]) +
                            v.force[2] * Both(tangent[2]));
 
@@ -84,7 +134,7 @@ bool RiccatiSweep<BendStage>::Sweep(const WireModel& model, const WireState& sta
       Pair ht[3];
       UpperTriangle(load.h1, h);
       Multiply(h, t, ht);
-      for (int a = 0; a < 3; ++a) f[a] += ht[a];
+      for (int a = 0; a < 3; ++a) w.f[a] += ht[a];
       UpperTriangle(load.h2, h);
       Multiply(h, t, ht);
       for (int a = 0; a < 3; ++a) x[a] += ht[a];
@@ -93,73 +143,108 @@ bool RiccatiSweep<BendStage>::Sweep(const WireModel& model, const WireState& sta
       for (int a = 0; a < 3; ++a) {
         const Pair g1 = Both(load.g1[a]);
         const Pair g0 = Both(load.g0[a]);
-        c += t[a] * g1;
+        w.c += t[a] * g1;
         along += g1 * Both(tangent[a]);
         v.gx[a] += g0;
         v.force[a] += g0;
       }
     }
     const double rigidity = std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1));
-    const Pair s = t[0] * x[0] + t[1] * x[1] + t[2] * x[2] + v.r +
-                   Pair{joint.hessian_distal(0, 0), joint.hessian_distal(1, 1)} +
-                   Both(proximal * rigidity) - along;
-    const Pair cross =
+    w.s = t[0] * x[0] + t[1] * x[1] + t[2] * x[2] + v.r +
+          Pair{joint.hessian_distal(0, 0), joint.hessian_distal(1, 1)} + Both(proximal * rigidity) -
+          along;
+    w.cross =
         Both(0.5) * Summed(t[0] * Swapped(x[0]) + t[1] * Swapped(x[1]) + t[2] * Swapped(x[2])) +
         v.r_cross + Both(joint.hessian_distal(0, 1));
-
-    const double product = s[0] * s[1];
-    const double determinant = product - cross[0] * cross[0];
-    // Relative, so that a pivot that is zero but for rounding does not pass.
-    if (!(s[0] > 0) || !(determinant > 1e-12 * s[0] * s[0])) return false;
-    const Pair scale = Both(1 / determinant);
-    const Pair inverse = scale * Swapped(s);
-    const Pair inverse_cross = -scale * cross;
+    w.m[0] = Load(joint.hessian_cross.data());
+    w.m[1] = Load(joint.hessian_cross.data() + 2);
+    w.r = Pair{joint.hessian_proximal(0, 0), joint.hessian_proximal(1, 1)};
+    w.r_cross = Both(joint.hessian_proximal(0, 1));
+    w.g = Load(joint.gradient_proximal.data());
 
     Gain& gain = gains_[i];
-    const Pair m[2] = {Load(joint.hessian_cross.data()), Load(joint.hessian_cross.data() + 2)};
-    const Pair l[2] = {inverse * m[0] + inverse_cross * Swapped(m[0]),
-                       inverse * m[1] + inverse_cross * Swapped(m[1])};
-    const Pair k = inverse * c + inverse_cross * Swapped(c);
+    if constexpr (Stage::kTwists) {
+      const double torsional = std::min(model.torsional_rigidity_N_mm2(n - i),
+                                        model.torsional_rigidity_N_mm2(n - i - 1));
+      if (!EliminateSpin(expansion.twists[i], proximal * torsional, length, t, v, w, gain)) {
+        return false;
+      }
+    }
+
+    const double product = w.s[0] * w.s[1];
+    const double determinant = product - w.cross[0] * w.cross[0];
+    // Relative, so that a pivot that is zero but for rounding does not pass.
+    if (!(w.s[0] > 0) || !(determinant > 1e-12 * w.s[0] * w.s[0])) return false;
+    const Pair scale = Both(1 / determinant);
+    const Pair inverse = scale * Swapped(w.s);
+    const Pair inverse_cross = -scale * w.cross;
+
+    const Pair l[2] = {inverse * w.m[0] + inverse_cross * Swapped(w.m[0]),
+                       inverse * w.m[1] + inverse_cross * Swapped(w.m[1])};
+    const Pair k = inverse * w.c + inverse_cross * Swapped(w.c);
     Pair g[3];
     for (int a = 0; a < 3; ++a) {
-      g[a] = inverse * f[a] + inverse_cross * Swapped(f[a]);
+      g[a] = inverse * w.f[a] + inverse_cross * Swapped(w.f[a]);
       gain.of_displacement[a] = g[a];
-      v.gx[a] -= Summed(f[a] * k);
-      v.q[a] = -Sums(f[a] * l[0], f[a] * l[1]);
+      v.gx[a] -= Summed(w.f[a] * k);
+      v.q[a] = -Sums(w.f[a] * l[0], w.f[a] * l[1]);
     }
     gain.of_previous[0] = l[0];
     gain.of_previous[1] = l[1];
     gain.constant = k;
-    v.p[0] -= Summed(f[0] * g[0]);
-    v.p[1] -= Summed(f[0] * g[1]);
-    v.p[2] -= Summed(f[0] * g[2]);
-    v.p[3] -= Summed(f[1] * g[1]);
-    v.p[4] -= Summed(f[1] * g[2]);
-    v.p[5] -= Summed(f[2] * g[2]);
-    v.r = Pair{joint.hessian_proximal(0, 0), joint.hessian_proximal(1, 1)} -
-          Sums(m[0] * l[0], m[1] * l[1]);
-    v.r_cross = Both(joint.hessian_proximal(0, 1)) - Summed(m[0] * l[1]);
-    v.g = Load(joint.gradient_proximal.data()) - Sums(m[0] * k, m[1] * k);
-    v.decrease += 0.5 * Summed(c * k)[0];
+    v.p[0] -= Summed(w.f[0] * g[0]);
+    v.p[1] -= Summed(w.f[0] * g[1]);
+    v.p[2] -= Summed(w.f[0] * g[2]);
+    v.p[3] -= Summed(w.f[1] * g[1]);
+    v.p[4] -= Summed(w.f[1] * g[2]);
+    v.p[5] -= Summed(w.f[2] * g[2]);
+    v.r = w.r - Sums(w.m[0] * l[0], w.m[1] * l[1]);
+    v.r_cross = w.r_cross - Summed(w.m[0] * l[1]);
+    v.g = w.g - Sums(w.m[0] * k, w.m[1] * k);
+    v.decrease += 0.5 * Summed(w.c * k)[0];
+    if constexpr (Stage::kTwists) {
+      const Pair spin = inverse * w.with_spin + inverse_cross * Swapped(w.with_spin);
+      gain.of_spin = spin;
+      for (int a = 0; a < 3; ++a) {
+        v.q[a] += w.q[a];
+        v.spin_with_displacement[a] = w.spin_with_displacement[a] - Summed(w.f[a] * spin)[0];
+      }
+      v.spin_with_previous = w.spin_with_previous - Sums(w.m[0] * spin, w.m[1] * spin);
+      v.spin_stiffness = w.spin_stiffness - Summed(w.with_spin * spin)[0];
+      v.spin_gradient = w.spin_gradient - Summed(w.with_spin * k)[0];
+    }
     if (i % kSpacing == 0) checkpoints_[static_cast<std::size_t>(i / kSpacing)] = v;
   }
   predicted_decrease_ = v.decrease;
   return true;
 }
 
-double RiccatiSweep<BendStage>::Step(const WireModel& model, const WireState& state,
-                                     const Expansion& expansion, std::vector<Control>& step,
-                                     std::vector<Vector3d>& displacement_mm) const {
+template <class Stage>
+double RiccatiSweep<Stage>::Step(const WireModel& model, const WireState& state,
+                                 const Expansion& expansion, std::vector<Control>& step,
+                                 std::vector<double>& spin,
+                                 std::vector<Vector3d>& displacement_mm) const {
   const int n = state.segments();
   step.resize(static_cast<std::size_t>(n));
   displacement_mm.resize(static_cast<std::size_t>(n));
+  if (Stage::kTwists) spin.resize(static_cast<std::size_t>(n));
+  double zeta = 0;
   Pair xi = Both(0);
   Pair dx[3] = {Both(0), Both(0), Both(0)};
   for (int i = 0; i < n; ++i) {
     const Gain& gain = gains_[i];
+    const Pair previous = xi;
     xi = -(gain.constant + gain.of_displacement[0] * dx[0] + gain.of_displacement[1] * dx[1] +
            gain.of_displacement[2] * dx[2] + gain.of_previous[0] * Firsts(xi, xi) +
            gain.of_previous[1] * Seconds(xi, xi));
+    if constexpr (Stage::kTwists) {
+      xi -= gain.of_spin * Both(zeta);
+      zeta = -(gain.spin_constant + gain.spin_of_displacement[0] * dx[0][0] +
+               gain.spin_of_displacement[1] * dx[1][0] + gain.spin_of_displacement[2] * dx[2][0] +
+               gain.spin_of_spin * zeta +
+               Summed(gain.spin_of_control * xi + gain.spin_of_previous * previous)[0]);
+      spin[i] = zeta;
+    }
     Store(xi, step[i].data());
     displacement_mm[i] = {dx[0][0], dx[1][0], dx[2][0]};
     const Pair turned = Both(state.SegmentLength(model, i)) * xi;
@@ -169,5 +254,8 @@ double RiccatiSweep<BendStage>::Step(const WireModel& model, const WireState& st
   }
   return predicted_decrease_;
 }
+
+template class RiccatiSweep<BendStage>;
+template class RiccatiSweep<TwistStage>;
 
 }  // namespace torquer

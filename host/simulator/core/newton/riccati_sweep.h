@@ -8,6 +8,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <type_traits>
 #include <vector>
 
 #include "host/simulator/core/pair.h"
@@ -15,25 +16,27 @@
 
 namespace torquer {
 
-/// What the stage of the sweep consists of. Torsion will add the spin to state and control.
+/// What the stage of the sweep consists of: the control is the step in the tangent plane, the state
+/// the displacement of the node and the step of the segment before.
 struct BendStage {
-  static constexpr int kControl = 2;  ///< step in the tangent plane
-  static constexpr int kState = 5;    ///< displacement of the node, step of the segment before
+  static constexpr bool kTwists = false;
+};
+/// A stage of a wire that twists: control and state have the segment's spin as well. It is
+/// eliminated first, a pivot of its own.
+struct TwistStage {
+  static constexpr bool kTwists = true;
 };
 
 template <class Stage>
-class RiccatiSweep;
-
-template <>
-class RiccatiSweep<BendStage> {
+class RiccatiSweep {
  public:
-  using Control = Eigen::Matrix<double, BendStage::kControl, 1>;
+  using Control = Eigen::Vector2d;
 
   /// Room for `max_segments`; no heap later.
   explicit RiccatiSweep(int max_segments);
 
-  /// Factors Hessian + proximal weight. `proximal` times the local EI/(1 mm) is added to every
-  /// diagonal. False, and no step, when that is not positive definite.
+  /// Factors Hessian + proximal weight. `proximal` times the local EI/(1 mm) (spins: GJ) is added to
+  /// every diagonal. False, and no step, when that is not positive definite.
   bool Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
               double proximal);
 
@@ -44,14 +47,24 @@ class RiccatiSweep<BendStage> {
                 double proximal, int last_changed);
 
   /// The step of the last successful Factor or Refactor, one control a segment, and the
-  /// displacement of every segment's proximal node by it, mm, to first order. Returns the decrease
-  /// of energy that the quadratic model predicts for it, mJ (positive).
+  /// displacement of every segment's proximal node by it, mm, to first order; `spin`, rad, only of
+  /// a wire that twists. Returns the decrease of energy that the quadratic model predicts for it,
+  /// mJ (positive).
   double Step(const WireModel& model, const WireState& state, const Expansion& expansion,
-              std::vector<Control>& step, std::vector<Eigen::Vector3d>& displacement_mm) const;
+              std::vector<Control>& step, std::vector<double>& spin,
+              std::vector<Eigen::Vector3d>& displacement_mm) const;
 
  private:
+  struct Nothing {};
+  /// What the spin of the segment before adds to the cost-to-go.
+  struct SpinCost {
+    double spin_with_displacement[3] = {0, 0, 0};
+    Pair spin_with_previous = {0, 0};
+    double spin_stiffness = 0;
+    double spin_gradient = 0;
+  };
   /// The cost-to-go. Single numbers stand in both lanes.
-  struct CostToGo {
+  struct CostToGo : std::conditional_t<Stage::kTwists, SpinCost, Nothing> {
     Pair p[6];      ///< P: xx, xy, xz, yy, yz, zz
     Pair q[3];      ///< rows of Q
     Pair r;         ///< diagonal of R
@@ -61,12 +74,42 @@ class RiccatiSweep<BendStage> {
     Pair force[3];  ///< sum of the gradients of the loads beyond
     double decrease = 0;
   };
+  /// What the spin adds to the cost of a stage.
+  struct SpinStageCost : SpinCost {
+    Pair q[3];
+    Pair with_spin;  ///< couples xi and the spin before
+  };
+  /// The cost of a stage before its control is eliminated: what the control takes part in, and what
+  /// the step before costs by itself.
+  struct StageCost : std::conditional_t<Stage::kTwists, SpinStageCost, Nothing> {
+    Pair s;        ///< diagonal of the pivot
+    Pair cross;    ///< its other element
+    Pair c;        ///< gradient
+    Pair f[3];     ///< with the displacement, by rows
+    Pair m[2];     ///< with the step before, by rows
+    Pair r;        ///< of the step before: diagonal
+    Pair r_cross;  ///< and other element
+    Pair g;        ///< and gradient
+  };
+  /// The spin is -(spin_constant + spin_of_displacement' dx + spin_of_control' (own xi)
+  /// + spin_of_previous' xi + spin_of_spin zeta).
+  struct SpinGain {
+    double spin_of_displacement[3];
+    Pair spin_of_control;
+    Pair spin_of_previous;
+    double spin_of_spin;
+    double spin_constant;
+    Pair of_spin;  ///< of the control: of the spin before
+  };
   /// The control is -(of_displacement' dx + of_previous xi + constant).
-  struct Gain {
+  struct Gain : std::conditional_t<Stage::kTwists, SpinGain, Nothing> {
     Pair of_displacement[3];  ///< a component of dx each
     Pair of_previous[2];      ///< a component of xi each
     Pair constant;
   };
+  /// Minimizes over the segment's spin; false where that has no minimum.
+  static bool EliminateSpin(const TwistTerms& twist, double weight, Pair length, const Pair (&t)[3],
+                            CostToGo& v, StageCost& w, Gain& gain) requires Stage::kTwists;
   /// From `first` towards the sheath; `cost` is that of the segments beyond it.
   bool Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
              double proximal, int first, CostToGo cost);
@@ -76,5 +119,8 @@ class RiccatiSweep<BendStage> {
   std::vector<CostToGo> checkpoints_;  ///< k: of all segments from k kSpacing on
   double predicted_decrease_ = 0;
 };
+
+extern template class RiccatiSweep<BendStage>;
+extern template class RiccatiSweep<TwistStage>;
 
 }  // namespace torquer

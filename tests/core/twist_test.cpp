@@ -1,0 +1,240 @@
+// A wire that twists: its expansion, its sweep and its frames.
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/newton/riccati_sweep.h"
+#include "tests/core/finite_differences.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+constexpr double kRigidity = 6.35e-3;
+constexpr double kRatio = 0.7;  // GJ / EI
+
+/// The state after every segment took its step xi and then its spin: three numbers a segment.
+WireState StepAndSpin(const WireModel& model, const WireState& from, const Eigen::VectorXd& x) {
+  std::vector<Vector2d> xi;
+  for (Eigen::Index i = 0; i + 2 < x.size(); i += 3) xi.emplace_back(x[i], x[i + 1]);
+  WireState to = Stepped(model, from, xi);
+  for (std::size_t i = 0; i < xi.size(); ++i) {
+    const double zeta = x[static_cast<Eigen::Index>(3 * i + 2)];
+    to.normals[i] = Eigen::AngleAxisd(zeta, to.tangents[i]) * to.normals[i];
+  }
+  UpdateSpin(model, to);
+  return to;
+}
+
+// A spring from a point and the spin of its segment together: k (b.(x - x_0) + phi)^2 / 2, phi the
+// turn about itself since the start.
+class RollSpring final : public EnergyTerm {
+ public:
+  explicit RollSpring(int point) : point_(point) {}
+  void Begin(const PointSet& points) override {
+    place_ = points.position[static_cast<std::size_t>(point_)];
+    tangent_ = points.Tangent(point_);
+    normal_ = points.Normal(point_);
+  }
+  double Add(const PointSet& points, PointDerivatives& out) const override {
+    if (normal_.isZero(0)) return 0;
+    const auto p = static_cast<std::size_t>(point_);
+    const Vector3d u = points.Tangent(point_);
+    const Vector3d from = ParallelTransport(normal_, tangent_, u);
+    const Vector3d& to = points.Normal(point_);
+    const double phi = std::atan2(from.cross(to).dot(u), from.dot(to));
+    const double stretch = kPull.dot(points.position[p] - place_) + phi - 0.3;
+    out.Touch(point_);
+    out.gradient[p] += kStiffness * stretch * kPull;
+    if (out.with_hessian) out.hessian[p] += kStiffness * kPull * kPull.transpose();
+    out.on_spins.push_back({point_, kStiffness * stretch, kStiffness, kStiffness * kPull});
+    return kStiffness * stretch * stretch / 2;
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+ private:
+  static inline const Vector3d kPull{0.3, -0.2, 0.5};
+  static constexpr double kStiffness = 4e-3;
+  int point_;
+  Vector3d place_ = Vector3d::Zero();
+  Vector3d tangent_ = Vector3d::Zero();
+  Vector3d normal_ = Vector3d::Zero();
+};
+
+// A twisted, bent wire with a curved tip, pressed into the wall of a torus, with a dead end force.
+struct TwistedWire {
+  WireModel model = MakeWire({.segment_mm = 1.3,
+                              .rigidity_N_mm2 = kRigidity,
+                              .torsional_rigidity_N_mm2 = kRatio * kRigidity,
+                              .tip_mm = 5.2,
+                              .tip_curvature_1_per_mm = 0.1,
+                              .sheath = {Vector3d(21.8, 0, 0), Vector3d::UnitY()}});
+  Torus field{Side::kInside, 20, 2};
+  WallModel wall{.stiffness_N_mm2 = 2e-3};
+  EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
+  RollSpring roll{12};
+  std::vector<EnergyTerm*> terms{&force, &roll};
+  WireState state{model};
+  WireMechanics mechanics{model, field, wall, terms};
+  Expansion at = mechanics.MakeExpansion();
+
+  explicit TwistedWire(unsigned seed) {
+    std::mt19937 random(seed);
+    std::vector<Vector3d> arc;  // along the outer wall
+    for (double a = 0.02; a < 1; a += 0.02) {
+      arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
+    }
+    LayAlong(model, arc, 15.1, state);
+    Shake(model, 0.03, random, state);
+    std::uniform_real_distribution<double> spin(-0.3, 0.3);
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(3 * state.segments());
+    double sum = 0;
+    for (int i = 0; i < state.segments(); ++i) x[3 * i + 2] = (sum += 0.2 + spin(random));
+    state = StepAndSpin(model, state, x);
+    mechanics.Expand(state, at);
+    roll.Begin(at.points);
+    mechanics.Expand(state, at);
+  }
+
+  double Energy(const Eigen::VectorXd& x) {
+    Expansion there = mechanics.MakeExpansion();
+    mechanics.ForgetLookups();
+    mechanics.ExpandGradient(StepAndSpin(model, state, x), there);
+    return there.energy_mJ;
+  }
+  Eigen::VectorXd Gradient() const {
+    Eigen::VectorXd g(3 * state.segments());
+    for (int i = 0; i < state.segments(); ++i) {
+      g.segment<2>(3 * i) = at.gradient[i];
+      g[3 * i + 2] = at.spin_gradient[i];
+    }
+    return g;
+  }
+};
+
+TEST_CASE("Gradient and residual of a wire that twists are those of finite differences") {
+  TwistedWire wire(3);
+  REQUIRE(wire.at.max_penetration_mm > 0.05);
+  REQUIRE(wire.state.twist_rad[2] != 0);
+  const Eigen::VectorXd gradient =
+      GradientOf([&](const Eigen::VectorXd& x) { return wire.Energy(x); },
+                 Eigen::VectorXd::Zero(3 * wire.state.segments()), 1e-4);
+  const Eigen::VectorXd ours = wire.Gradient();
+  CHECK((gradient - ours).norm() < 1e-7 * gradient.norm());
+  double residual = 0;
+  for (int i = 0; i < wire.state.segments(); ++i) {
+    residual =
+        std::max({residual, ours.segment<2>(3 * i).norm(), std::abs(ours[3 * i + 2]) / kRatio});
+  }
+  CHECK(wire.at.residual == Approx(residual / kRigidity));
+}
+
+TEST_CASE("The sweep of a wire that twists solves the dense Newton system") {
+  const double weight = GENERATE(0.1, 10.0);
+  TwistedWire wire(5);
+  const Eigen::Index unknowns = 3 * wire.state.segments();
+  Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return wire.Energy(x); },
+                                      Eigen::VectorXd::Zero(unknowns), 3e-3);
+  Eigen::VectorXd unit = Eigen::VectorXd::Constant(unknowns, kRigidity);
+  for (Eigen::Index i = 2; i < unknowns; i += 3) unit[i] *= kRatio;
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      hessian, Eigen::MatrixXd(unit.asDiagonal()));
+  const double lift = -eigen.eigenvalues()[0];
+  RiccatiSweep<TwistStage> sweep(wire.model.max_segments());
+  // The weight at which the Hessian stops being positive definite is its smallest eigenvalue.
+  CHECK_FALSE(sweep.Factor(wire.model, wire.state, wire.at, lift - 1e-3));
+  CHECK(sweep.Factor(wire.model, wire.state, wire.at, lift + 1e-3));
+
+  hessian.diagonal() += (lift + weight) * unit;
+  const Eigen::VectorXd gradient = wire.Gradient();
+  const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
+  REQUIRE(sweep.Factor(wire.model, wire.state, wire.at, lift + weight));
+  std::vector<Vector2d> step;
+  std::vector<double> spin;
+  std::vector<Vector3d> displacement;
+  const double predicted = sweep.Step(wire.model, wire.state, wire.at, step, spin, displacement);
+  Eigen::VectorXd swept(unknowns);
+  for (int i = 0; i < wire.state.segments(); ++i) swept.segment<3>(3 * i) << step[i], spin[i];
+  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
+  CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
+}
+
+TEST_CASE("Twist is the turn of the material against the untwisted frame, and counts whole turns") {
+  const WireModel model = MakeWire({.segment_mm = 1, .torsional_rigidity_N_mm2 = 1});
+  WireState state = LayStraight(model, 10);
+  for (int turn = 0; turn < 40; ++turn) {  // the distal end, 0.5 rad at a time, to 20 rad
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(30);
+    for (int i = 5; i < 10; ++i) x[3 * i + 2] = 0.5;
+    state = StepAndSpin(model, state, x);
+  }
+  for (int i = 0; i < 10; ++i) CHECK(state.twist_rad[i] == Approx(i == 5 ? 20 : 0).margin(1e-12));
+  TransportNormals(model, state);
+  for (const double twist : state.twist_rad) CHECK(twist == 0);
+}
+
+TEST_CASE("Feeding keeps the twist per length, whichever segments split and join") {
+  const WireModel model =
+      MakeWire({.segment_mm = 1, .torsional_rigidity_N_mm2 = 1, .max_length_mm = 40});
+  WireState state = LayStraight(model, 12.3);
+  constexpr double kRate = 0.05;  // rad/mm
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(3 * state.segments());
+  double along = 0;
+  for (int i = 0; i < state.segments(); ++i) {
+    along += JointLength(model, state, i);
+    x[3 * i + 2] = kRate * along;
+  }
+  state = StepAndSpin(model, state, x);
+  const auto total = [&] {
+    double sum = 0;
+    for (const double twist : state.twist_rad) sum += twist;
+    return sum;
+  };
+  const double before = total();
+  double largest = 0;
+  for (const double feed : {0.1, -0.1, 0.3, -0.35}) {
+    for (int k = 0; k < 20; ++k) {
+      FeedAlongItself(model, feed, state);
+      REQUIRE(static_cast<int>(state.twist_rad.size()) == state.segments());
+      CHECK(total() == Approx(before).epsilon(1e-12));
+      // What comes out of the sheath is not twisted yet: the rate beyond stays.
+      for (int i = 8; i + 1 < state.segments(); ++i) {
+        CHECK(state.twist_rad[i] == Approx(kRate).epsilon(1e-12));
+      }
+      // The frames agree with what is kept of them.
+      const std::vector<double> kept = state.twist_rad;
+      UpdateSpin(model, state);
+      for (std::size_t i = 0; i < kept.size(); ++i) {
+        largest = std::max(largest, std::abs(kept[i] - state.twist_rad[i]));
+      }
+    }
+  }
+  CHECK(largest < 1e-12);
+}
+
+TEST_CASE("A wire that nothing holds turns with the hand, without twist") {
+  const WireModel model = MakeWire({.segment_mm = 1,
+                                    .torsional_rigidity_N_mm2 = 1e-3,
+                                    .tip_mm = 6,
+                                    .tip_curvature_1_per_mm = 0.15});
+  const WireModel stiff = MakeWire({.segment_mm = 1, .tip_mm = 6, .tip_curvature_1_per_mm = 0.15});
+  const FreeSpace field;
+  const WallModel wall;
+  const std::vector<EnergyTerm*> none;
+  WireState twisting = LayStraight(model, 20);
+  WireState rigid = LayStraight(stiff, 20);
+  const auto a = MakeNewtonRelaxation(model, field, wall, {}, none);
+  const auto b = MakeNewtonRelaxation(stiff, field, wall, {}, none);
+  a->Restart(twisting);
+  b->Restart(rigid);
+  REQUIRE(Settle(*a, {25, 2.0}, twisting).converged);
+  REQUIRE(Settle(*b, {25, 2.0}, rigid).converged);
+  CHECK(LargestDistance(twisting, rigid) < 1e-4);
+  // What the residual leaves: 1e-6 EI/mm over GJ at each of the joints.
+  for (const double twist : twisting.twist_rad) CHECK(std::abs(twist) < 1e-6 * 6.35 * 25);
+}
+
+}  // namespace
+}  // namespace torquer::test
