@@ -1,0 +1,409 @@
+#include "host/tools/flash_procedure.h"
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <utility>
+
+#include "protocol/serial_number.h"
+
+namespace torquer::tools {
+namespace {
+
+using protocol::BootloaderStatusReport;
+using protocol::IdentityReport;
+using protocol::PageReport;
+
+constexpr int kLookMs = 50;
+// A moment for udev to grant permissions, and for a serial port to be made.
+constexpr int kSettleMs = 2000;
+// From the firmware to its bootloader and back: resets, and the host's enumeration.
+constexpr int kChangeMs = 15000;
+// The sensor needs some 100 ms after the start.
+constexpr int kSensorMs = 2000;
+
+constexpr std::uint8_t kApplicationGood = 1 << 0, kSettingsGood = 1 << 1, kSensorGood = 1 << 2;
+
+constexpr char kAgain[] = "Run the same command again: it finishes the job.";
+// What is to be said of a board that was lost, by when.
+constexpr char kUntouched[] = "Nothing was changed. ";
+constexpr char kOldOrNone[] =
+    "The board still has its former firmware, or none and waits in its bootloader. ";
+constexpr char kNoApplication[] =
+    "The board has no valid application now and waits in its bootloader whenever it has power. ";
+constexpr char kNewOrNone[] =
+    "The board has the new firmware, or none and waits in its bootloader. ";
+constexpr char kNew[] = "The new firmware is complete and starts when the board gets power. ";
+
+template <typename Report>
+Report Get(FeatureLink& link, std::uint8_t id) {
+  const std::vector<std::uint8_t> bytes = link.Get(id, sizeof(Report));
+  if (bytes.size() != sizeof(Report)) {
+    throw ReportRefused("report " + std::to_string(id) + " has " + std::to_string(bytes.size()) +
+                        " bytes instead of " + std::to_string(sizeof(Report)));
+  }
+  Report report;
+  std::memcpy(&report, bytes.data(), sizeof(report));
+  return report;
+}
+
+template <typename Report>
+void Set(FeatureLink& link, const Report& report) {
+  link.Set({reinterpret_cast<const std::uint8_t*>(&report), sizeof(report)});
+}
+
+std::string SerialOf(const BootloaderStatusReport& status) {
+  char serial[protocol::kSerialBytes + 1] = {};
+  protocol::MakeSerialNumber(status.given_serial, status.chip_serial, serial);
+  return serial;
+}
+
+void Command(FeatureLink& link, protocol::BootloaderCommand command, std::uint16_t address = 0) {
+  Set(link, protocol::BootloaderCommandReport{
+                protocol::kBootloaderCommandReportId, command, protocol::kCommandKey, address, {}});
+}
+
+void WritePage(FeatureLink& link, const FlashImage& image, int index) {
+  PageReport report{protocol::kPageReportId, 0, image.PageAddress(index), {}};
+  const std::vector<std::uint8_t> page = image.Page(index);
+  std::copy(page.begin(), page.end(), report.data);
+  Set(link, report);
+}
+
+std::string Where(const Board& board) { return "USB " + board.place; }
+
+}  // namespace
+
+FlashProcedure::FlashProcedure(Boards& boards, FlashRequest request, FlashHooks hooks)
+    : boards_(boards), request_(std::move(request)), hooks_(std::move(hooks)) {}
+
+std::optional<FlashOutcome> FlashProcedure::Run() {
+  const Found found = Find();
+  hooks_.say("found: " + found.state);
+  const FlashImage image = LoadImage(found);
+  Judge(found, image);
+  if (request_.dry_run) {
+    hooks_.say("would write firmware " + image.version().Text() + " (" +
+               std::to_string(image.trailer().length) + " bytes, " +
+               std::to_string(image.pages() + 1) + " pages), verify it and start it; nothing done");
+    return std::nullopt;
+  }
+  StopIfWanted("Nothing was changed.");
+  const Board board = EnterBootloader(found);
+  if (board.mode == BoardMode::kCaterina) {
+    hooks_.say("writing by the board's Caterina bootloader at " + board.port +
+               ", which an interruption may leave without a way in but its reset button");
+    hooks_.flash_caterina(board.port, image);
+  } else {
+    WriteByBootloader(board, image);
+  }
+  return HearFirmware(found, image);
+}
+
+Board FlashProcedure::Choose() {
+  if (!request_.port.empty()) {
+    Board board;
+    board.mode = BoardMode::kCaterina;
+    board.port = request_.port;
+    return board;
+  }
+  for (int waited = 0;; waited += kLookMs) {
+    std::vector<Board> boards = boards_.List();
+    const bool settled = std::none_of(boards.begin(), boards.end(),
+                                      [](const Board& b) { return !b.trouble.empty(); });
+    if (settled || waited >= kSettleMs) {
+      std::string seen;
+      std::vector<Board> wanted;
+      for (const Board& board : boards) {
+        if (!request_.device.empty() && board.trouble.empty() &&
+            (board.mode == BoardMode::kFirmware || board.mode == BoardMode::kBootloader) &&
+            Examine(board).serial != request_.device) {
+          seen += " " + Examine(board).serial;
+          continue;
+        }
+        wanted.push_back(board);
+      }
+      if (wanted.size() > 1 && request_.device.empty()) {
+        std::string places;
+        for (const Board& board : wanted) places += "; " + Examine(board).state;
+        throw UserError("several boards are plugged in" + places +
+                        ". Choose one with --device SERIAL, or unplug the others.");
+      }
+      const auto of_ours = std::find_if(wanted.begin(), wanted.end(), [](const Board& b) {
+        return b.mode == BoardMode::kFirmware || b.mode == BoardMode::kBootloader;
+      });
+      if (!request_.device.empty() && of_ours == wanted.end()) {
+        throw UserError("no board with the serial number " + request_.device + " is plugged in" +
+                        (seen.empty() ? "." : "; there is:" + seen + "."));
+      }
+      if (wanted.empty()) {
+        throw UserError(
+            "no board found. Plug in the bench device; a new Arduino board has to be reset first "
+            "(a Pro Micro twice within a second), and torquer-flash run within 8 s.");
+      }
+      return of_ours != wanted.end() ? *of_ours : wanted.front();
+    }
+    boards_.Sleep(kLookMs);
+  }
+}
+
+FlashProcedure::Found FlashProcedure::Find() { return Examine(Choose()); }
+
+FlashProcedure::Found FlashProcedure::Examine(const Board& board) {
+  if (!board.trouble.empty()) throw UserError(Where(board) + ": " + board.trouble);
+  Found found;
+  found.board = board;
+  found.clock_mhz = board.clock_mhz;
+  try {
+    switch (board.mode) {
+      case BoardMode::kFirmware:
+        return ExamineFirmware(board);
+      case BoardMode::kBootloader:
+        return ExamineBootloader(board);
+      case BoardMode::kCaterina:
+        found.state = board.place.empty() ? "a board in Caterina at " + board.port
+                                          : Where(board) + ", in Arduino's Caterina bootloader";
+        return found;
+      case BoardMode::kSketch:
+        throw UserError(
+            Where(board) +
+            " runs an Arduino program. Reset it (a Pro Micro twice within a second), which brings "
+            "its bootloader up for 8 s, and run the same command again.");
+      case BoardMode::kDfu:
+        throw UserError(
+            Where(board) +
+            " is in the chip's factory bootloader (DFU), which starts what it finds without a "
+            "check. Install ours by ISP (firmware/bootloader/README.md), or for once: "
+            "dfu-programmer atmega32u4 erase && dfu-programmer atmega32u4 flash FILE.hex && "
+            "dfu-programmer atmega32u4 reset");
+    }
+  } catch (const BoardLost& lost) {
+    throw UserError(Where(board) + ": the board is gone again (" + lost.what() +
+                    "). Nothing was changed. Check the cable and run the same command again.");
+  } catch (const ReportRefused& refused) {
+    throw UserError(
+        Where(board) + ": the board does not say what it is (" + refused.what() +
+        "). Nothing was changed. Unplug it, plug it in and run the same command again.");
+  }
+  return found;
+}
+
+FlashProcedure::Found FlashProcedure::ExamineFirmware(const Board& board) {
+  Found found;
+  found.board = board;
+  const auto link = boards_.Open(board);
+  const auto identity = Get<IdentityReport>(*link, protocol::kIdentityReportId);
+  found.serial = board.serial;
+  found.clock_mhz = identity.clock_mhz;
+  found.installed =
+      FirmwareVersion{identity.firmware_major, identity.firmware_minor, identity.firmware_patch};
+  found.state = found.serial + " at " + Where(board) + ", running firmware " +
+                found.installed->Text() + " at " + std::to_string(found.clock_mhz) + " MHz";
+  if (!(identity.self_test & kApplicationGood)) found.state += ", which is damaged";
+  return found;
+}
+
+FlashProcedure::Found FlashProcedure::ExamineBootloader(const Board& board) {
+  Found found;
+  found.board = board;
+  const auto link = boards_.Open(board);
+  const auto status = Get<BootloaderStatusReport>(*link, protocol::kBootloaderStatusReportId);
+  found.serial = SerialOf(status);
+  const std::string name = found.serial + " at " + Where(board);
+  if (status.protocol_version != protocol::kBootloaderProtocolVersion ||
+      status.board != protocol::kBoardBenchAtmega32u4) {
+    throw UserError(
+        name + ": a bootloader of version " + std::to_string(status.protocol_version) +
+        " for board " + std::to_string(status.board) + ", where version " +
+        std::to_string(protocol::kBootloaderProtocolVersion) + " for board " +
+        std::to_string(protocol::kBoardBenchAtmega32u4) +
+        " is served. Use the torquer-flash of the release that the bootloader is from.");
+  }
+  found.clock_mhz = status.clock_mhz;
+  found.state = name + ", in our bootloader at " + std::to_string(found.clock_mhz) + " MHz, ";
+  if (status.application_valid) {
+    found.installed = VersionOf(status.trailer);
+    found.state += "with firmware " + found.installed->Text() + " ready to start";
+  } else {
+    found.state += "without a valid application: an update was interrupted, or there was none yet";
+  }
+  return found;
+}
+
+FlashImage FlashProcedure::LoadImage(const Found& found) const {
+  if (!request_.image.empty()) return FlashImage::FromFile(request_.image);
+  if (found.clock_mhz == 0) {
+    throw UserError(
+        "it cannot be told whether this board runs at 8 or 16 MHz. Name the image: "
+        "torquer-firmware.hex for 16 MHz, torquer-firmware-8mhz.hex for 8 MHz.");
+  }
+  const std::string name =
+      found.clock_mhz == 8 ? "torquer-firmware-8mhz.hex" : "torquer-firmware.hex";
+  return FlashImage::FromFile(std::filesystem::path(request_.image_folder) / name);
+}
+
+void FlashProcedure::Judge(const Found& found, const FlashImage& image) const {
+  if (found.clock_mhz != 0 && found.clock_mhz != image.trailer().clock_mhz) {
+    throw UserError("the image is for a board of " + std::to_string(image.trailer().clock_mhz) +
+                    " MHz, this one has " + std::to_string(found.clock_mhz) +
+                    " MHz: it would not be seen on the USB any more. Take the other image.");
+  }
+  if (found.installed && *found.installed > image.version() && !request_.force) {
+    throw UserError("firmware " + found.installed->Text() +
+                    " is installed, which is newer than the image's " + image.version().Text() +
+                    ". --force installs the older one.");
+  }
+}
+
+void FlashProcedure::StopIfWanted(const std::string& state) const {
+  if (hooks_.stop()) throw FlashUnfinished("stopped. " + state);
+}
+
+bool FlashProcedure::IsSame(const Board& board, const Found& before) {
+  if (!board.trouble.empty()) return false;
+  if (before.serial.empty()) return before.board.place.empty() || board.place == before.board.place;
+  switch (board.mode) {
+    case BoardMode::kFirmware:
+      return board.serial == before.serial;
+    case BoardMode::kBootloader: {
+      const auto link = boards_.Open(board);
+      return SerialOf(Get<BootloaderStatusReport>(*link, protocol::kBootloaderStatusReportId)) ==
+             before.serial;
+    }
+    case BoardMode::kCaterina:
+      return board.place == before.board.place && !board.port.empty();
+    case BoardMode::kSketch:
+    case BoardMode::kDfu:
+      break;
+  }
+  return false;
+}
+
+// Until the board is there with its firmware, or else with one of its bootloaders.
+std::optional<Board> FlashProcedure::WaitFor(const Found& before, int milliseconds, bool firmware) {
+  for (int waited = 0; waited < milliseconds; waited += kLookMs) {
+    for (const Board& board : boards_.List()) {
+      const bool is_bootloader =
+          board.mode == BoardMode::kBootloader || board.mode == BoardMode::kCaterina;
+      if (firmware ? board.mode != BoardMode::kFirmware : !is_bootloader) continue;
+      try {
+        if (IsSame(board, before)) return board;
+      } catch (const std::runtime_error&) {  // not yet
+      }
+    }
+    boards_.Sleep(kLookMs);
+  }
+  return std::nullopt;
+}
+
+Board FlashProcedure::EnterBootloader(const Found& found) {
+  if (found.board.mode != BoardMode::kFirmware) return found.board;
+  hooks_.say("asking the firmware to make way for its bootloader");
+  try {
+    const auto link = boards_.Open(found.board);
+    Set(*link, protocol::CommandReport{protocol::kCommandReportId,
+                                       protocol::kCommandEnterBootloader,
+                                       protocol::kCommandKey,
+                                       {}});
+  } catch (const BoardLost&) {  // it was quick
+  } catch (const ReportRefused&) {
+    throw UserError(
+        found.serial +
+        ": the firmware refuses to enter the bootloader. Nothing was changed. Reset the "
+        "board by its reset pin, which enters it too, and run the same command again.");
+  }
+  const std::optional<Board> board = WaitFor(found, kChangeMs, /*firmware=*/false);
+  if (!board) {
+    throw FlashUnfinished(
+        found.serial +
+        ": the board did not come back in a bootloader. Nothing was written. Unplug it, plug it in "
+        "and run the same command again; a board whose firmware just starts anew has no "
+        "bootloader: "
+        "install ours by ISP (firmware/bootloader/README.md).");
+  }
+  return *board;
+}
+
+void FlashProcedure::WriteByBootloader(const Board& board, const FlashImage& image) {
+  const int pages = image.pages();
+  const char* state = kUntouched;
+  std::string doing = "before the first page was written";
+  const auto begin = [&](const char* what, int page) {
+    StopIfWanted(std::string(state) + kAgain);
+    doing =
+        "while page " + std::to_string(page + 1) + " of " + std::to_string(pages) + " was " + what;
+  };
+  try {
+    const auto link = boards_.Open(board);
+    for (int i = 0; i < pages; ++i) {
+      begin("written", i);
+      state = i == 0 ? kOldOrNone : kNoApplication;
+      WritePage(*link, image, i);
+      state = kNoApplication;
+      hooks_.progress("writing", i + 1, pages);
+    }
+    Command(*link, protocol::kBootloaderSelectPage, 0);
+    for (int i = 0; i < pages; ++i) {
+      begin("verified", i);
+      const auto report = Get<PageReport>(*link, protocol::kPageReportId);
+      const std::vector<std::uint8_t> page = image.Page(i);
+      if (report.address != image.PageAddress(i) ||
+          !std::equal(page.begin(), page.end(), report.data)) {
+        throw FlashUnfinished("page " + std::to_string(i + 1) +
+                              " does not read back as it was written. " + state + kAgain +
+                              " If that does not help, the chip's flash is worn out.");
+      }
+      hooks_.progress("verifying", i + 1, pages);
+    }
+    doing = "while the image was made valid";
+    state = kNewOrNone;
+    WritePage(*link, image, pages);
+    doing = "before it restarted";
+    state = kNew;
+    Command(*link, protocol::kBootloaderRestart);
+  } catch (const BoardLost& lost) {
+    throw FlashUnfinished("the board was lost " + doing + " (" + lost.what() + "). " + state +
+                          kAgain);
+  } catch (const ReportRefused& refused) {
+    throw FlashUnfinished("the bootloader refused a report " + doing + " (" + refused.what() +
+                          "). " + state + kAgain);
+  }
+}
+
+FlashOutcome FlashProcedure::HearFirmware(const Found& before, const FlashImage& image) {
+  hooks_.say("waiting for the new firmware");
+  const auto unheard = [](const std::string& why) {
+    return FlashUnfinished(
+        "the image is written and valid, but " + why +
+        " Unplug the board and plug it in; if it is not seen then, reset it by "
+        "its reset pin, which enters the bootloader, and install another image.");
+  };
+  const std::optional<Board> board = WaitFor(before, kChangeMs, /*firmware=*/true);
+  if (!board) throw unheard("the new firmware was not heard of.");
+  IdentityReport identity{};
+  for (int waited = 0;; waited += kLookMs) {
+    try {
+      const auto link = boards_.Open(*board);
+      identity = Get<IdentityReport>(*link, protocol::kIdentityReportId);
+    } catch (const std::runtime_error& error) {
+      if (waited >= kSensorMs) throw unheard("does not answer: " + std::string(error.what()) + ".");
+    }
+    if ((identity.self_test & kSensorGood) || waited >= kSensorMs) break;
+    boards_.Sleep(kLookMs);
+  }
+  FlashOutcome outcome;
+  outcome.version = {identity.firmware_major, identity.firmware_minor, identity.firmware_patch};
+  outcome.serial = board->serial;
+  outcome.application_good = identity.self_test & kApplicationGood;
+  outcome.settings_good = identity.self_test & kSettingsGood;
+  outcome.sensor_good = identity.self_test & kSensorGood;
+  if (outcome.version != image.version() || !outcome.application_good) {
+    throw FlashUnfinished(outcome.serial + ": firmware " + outcome.version.Text() +
+                          " answers, its own CRC check " +
+                          (outcome.application_good ? "good" : "failed") + ", where firmware " +
+                          image.version().Text() + " was written. " + kAgain);
+  }
+  return outcome;
+}
+
+}  // namespace torquer::tools
