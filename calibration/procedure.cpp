@@ -1,0 +1,510 @@
+#include "calibration/procedure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "host/support/error.h"
+
+namespace torquer::calibration {
+namespace {
+
+constexpr double kTurn = 2.0 * std::numbers::pi;
+
+// A hand is still when it moved less than this for so long.
+constexpr double kStillMm = 0.25;
+constexpr std::int64_t kStillUs = 250000;
+
+// A sensor at rest counts nothing; one that looks at a shiny or distant surface does.
+constexpr std::int64_t kRestUs = 1500000;
+constexpr double kRestCounts = 6.0;
+constexpr std::int64_t kRestPatienceUs = 8000000;
+
+constexpr std::int64_t kLiftedUs = 200000;
+constexpr double kLiftCounts = 20.0;
+
+// Counts within which a released joystick lies still, and around the first rest.
+constexpr double kStickStill = 10.0;
+constexpr double kStickNearRest = 100.0;
+constexpr int kReleases = 4;
+
+std::string Text(const char* format, double a, double b = 0.0, double c = 0.0) {
+  char text[200];
+  std::snprintf(text, sizeof text, format, a, b, c);  // NOLINT: formats are literals below
+  return text;
+}
+
+bool NumberWithin(double value, double low, double high) { return value >= low && value <= high; }
+
+void Require(bool good, const char* name, double value, const char* range) {
+  if (good) return;
+  throw UserError(std::string(name) + " = " + Text("%g", value) + ": must be " + range);
+}
+
+}  // namespace
+
+Procedure::Procedure(const ProcedureSettings& settings) : settings_(settings) {
+  Require(NumberWithin(settings.length_mm, 10, 1000), "length", settings.length_mm,
+          "from 10 to 1000 mm");
+  Require(NumberWithin(settings.length_error_mm, 0.001, 0.1 * settings.length_mm), "length error",
+          settings.length_error_mm, "from 0.001 mm to a tenth of the length");
+  Require(NumberWithin(settings.cylinder_radius_mm, 0.2, 100), "cylinder radius",
+          settings.cylinder_radius_mm, "from 0.2 to 100 mm");
+  Require(NumberWithin(settings.pushes, 3, 100), "number of pushes", settings.pushes,
+          "from 3 to 100");
+  Require(NumberWithin(settings.turn_strokes, 3, 100), "number of strokes of turns",
+          settings.turn_strokes, "from 3 to 100");
+  Require(NumberWithin(settings.turns, 1, 50), "number of turns a stroke", settings.turns,
+          "from 1 to 50");
+}
+
+double Procedure::NominalGain() const { return kMmPerInch / settings_.cpi; }
+
+StrokeExpectation Procedure::Expectation() const {
+  StrokeExpectation expected;
+  expected.push_mm = settings_.length_mm;
+  expected.turn_rad = kTurn * settings_.turns;
+  expected.push_error_mm = settings_.ruler ? settings_.length_error_mm : settings_.stop_play_mm;
+  expected.push_turn_error_rad = settings_.push_turn_rad;
+  expected.turn_error_rad = settings_.mark_rad;
+  expected.turn_push_error_mm = settings_.turn_push_mm;
+  expected.gain_mm_per_count = NominalGain();
+  expected.gain_factor = settings_.cpi_known ? 1.3 : 4.0;
+  expected.cylinder_radius_mm = settings_.cylinder_radius_mm;
+  return expected;
+}
+
+int Procedure::Good(MotionKind kind) const {
+  int good = 0;
+  for (std::size_t i = 0; i < strokes_.size(); ++i) {
+    good += strokes_[i].stroke.kind == kind && !rejections_[i];
+  }
+  return good;
+}
+
+void Procedure::Say(Message::Kind kind, const std::string& text) {
+  messages_.push_back({kind, text});
+}
+
+std::vector<Message> Procedure::TakeMessages() {
+  std::vector<Message> taken;
+  taken.swap(messages_);
+  return taken;
+}
+
+void Procedure::GoOn() {
+  const auto next = [this](Step step) {
+    step_ = step;
+    place_ = Place::kStart;
+    marking_ = false;
+    current_ = {};
+  };
+  switch (step_) {
+    case Step::kRest:
+      return next(settings_.tells_lift ? Step::kLift : Step::kPushes);
+    case Step::kLift:
+      return next(Step::kPushes);
+    case Step::kPushes:
+      return next(Step::kTurns);
+    case Step::kTurns:
+      return next(settings_.has_joystick ? Step::kJoystick : Step::kDone);
+    case Step::kJoystick:
+    case Step::kDone:
+      return next(Step::kDone);
+  }
+}
+
+void Procedure::Take(const Reading& reading) {
+  const bool pressed = reading.button && !(last_ && last_->button);
+  if (reading.interrupted) recent_.clear();
+  recent_.push_back(reading);
+  // The oldest that is kept is as old as a rest must be long.
+  while (recent_.size() > 1 && reading.time_us - recent_[1].time_us >= kStillUs) {
+    recent_.pop_front();
+  }
+  last_ = reading;
+  if (pressed) Press(Key::kMark);
+  switch (step_) {
+    case Step::kRest:
+      return Rest(reading);
+    case Step::kLift:
+      return Lift(reading);
+    case Step::kPushes:
+    case Step::kTurns:
+      return Follow(reading);
+    case Step::kJoystick:
+      return Joystick(reading);
+    case Step::kDone:
+      return;
+  }
+}
+
+void Procedure::Press(Key key) {
+  if (key == Key::kMark) {
+    if (InStrokes()) marking_ = true;
+    if (step_ == Step::kJoystick) EndJoystick();
+    return;
+  }
+  if (key == Key::kUndo) {
+    if (InStrokes()) Undo();
+    return;
+  }
+  switch (step_) {
+    case Step::kRest:
+      Say(Message::Kind::kInfo, "rest was not checked: the sensor may drift");
+      return GoOn();
+    case Step::kLift:
+      Say(Message::Kind::kInfo, "lifting was not checked");
+      return GoOn();
+    case Step::kJoystick:
+      Say(Message::Kind::kInfo, "the joystick keeps its nominal center and ends");
+      return GoOn();
+    case Step::kPushes:
+    case Step::kTurns:
+      return Say(Message::Kind::kInfo, "there is no calibration without pushes and turns");
+    case Step::kDone:
+      return;
+  }
+}
+
+// --- rest ----------------------------------------------------------------------------------------
+
+void Procedure::Rest(const Reading& reading) {
+  if (rest_asked_us_ < 0 || reading.interrupted) rest_asked_us_ = reading.time_us;
+  const auto begin = [&] {
+    rest_from_ = reading;
+    rest_readings_ = 0;
+    rest_joystick_x_ = rest_joystick_y_ = 0.0;
+  };
+  if (!rest_from_ || reading.interrupted || reading.lifted || reading.faulty) begin();
+  const auto moved = [](std::int64_t to, std::int64_t from) {
+    return std::abs(static_cast<double>(to - from));
+  };
+  const double counts = std::max(moved(reading.axial_counts, rest_from_->axial_counts),
+                                 moved(reading.transverse_counts, rest_from_->transverse_counts));
+  if (counts > kRestCounts) begin();
+  ++rest_readings_;
+  rest_joystick_x_ += reading.joystick_x;
+  rest_joystick_y_ += reading.joystick_y;
+  const std::int64_t rested_us = reading.time_us - rest_from_->time_us;
+  if (rested_us >= kRestUs) {
+    rest_joystick_x_ /= static_cast<double>(rest_readings_);
+    rest_joystick_y_ /= static_cast<double>(rest_readings_);
+    drift_counts_per_s_ = counts / (1e-6 * static_cast<double>(rested_us));
+    rest_checked_ = true;
+    Say(Message::Kind::kAccepted,
+        Text("at rest it drifts by %.1f counts a second, surface quality %.0f", drift_counts_per_s_,
+             reading.surface_quality));
+    return GoOn();
+  }
+  if (reading.time_us - rest_asked_us_ < kRestPatienceUs) return;
+  rest_asked_us_ = reading.time_us;
+  if (reading.faulty) {
+    Say(Message::Kind::kRejected, "the sensor does not answer; check its wires and supply");
+  } else if (reading.lifted) {
+    Say(Message::Kind::kRejected,
+        Text("the sensor sees no surface (quality %.0f); set its distance, and see that the "
+             "cylinder is under its window",
+             reading.surface_quality));
+  } else {
+    Say(Message::Kind::kRejected,
+        "the count moves though nothing should; keep hands off, and if it still does, look for a "
+        "shiny cylinder, a wrong distance or light from aside");
+  }
+}
+
+// --- lift ----------------------------------------------------------------------------------------
+
+void Procedure::Lift(const Reading& reading) {
+  if (reading.interrupted) lifted_since_us_ = landed_since_us_ = -1;
+  if (reading.lifted) {
+    if (lifted_since_us_ < 0) {
+      lifted_since_us_ = reading.time_us;
+      lifted_from_ = reading;
+    }
+    landed_since_us_ = -1;
+    return;
+  }
+  if (lifted_since_us_ < 0) return;
+  if (landed_since_us_ < 0) {
+    if (reading.time_us - lifted_since_us_ < kLiftedUs) {
+      lifted_since_us_ = -1;  // a flicker
+      return;
+    }
+    landed_since_us_ = reading.time_us;
+    const double moved = std::hypot(
+        static_cast<double>(reading.axial_counts - lifted_from_->axial_counts),
+        static_cast<double>(reading.transverse_counts - lifted_from_->transverse_counts));
+    lift_checked_ = moved <= kLiftCounts;
+    Say(lift_checked_ ? Message::Kind::kAccepted : Message::Kind::kRejected,
+        Text(lift_checked_ ? "lifting is noticed; the count moved by %.0f meanwhile"
+                           : "lifting is noticed, but the count moved by %.0f meanwhile; set the "
+                             "sensor closer, so that it goes blind sooner",
+             moved));
+  }
+  if (reading.time_us - landed_since_us_ >= kStillUs) GoOn();
+}
+
+// --- strokes -------------------------------------------------------------------------------------
+
+void Procedure::Follow(const Reading& reading) {
+  if (reading.interrupted && place_ != Place::kStart) {
+    current_.interrupted = true;
+    EndStroke();
+    place_ = Place::kStart;
+    marking_ = false;
+    return;
+  }
+  if (place_ != Place::kStart) {
+    current_.lifted |= reading.lifted;
+    current_.faulty |= reading.faulty;
+    quality_sum_ += reading.surface_quality;
+    ++quality_readings_;
+  }
+  if (!marking_) return;
+  if (const std::optional<Counts> place = StillPlace()) {
+    marking_ = false;
+    TakeMark(*place);
+  }
+}
+
+// Where the hand has been still for long enough, on average.
+std::optional<Procedure::Counts> Procedure::StillPlace() const {
+  if (recent_.back().time_us - recent_.front().time_us < kStillUs) return std::nullopt;
+  const Reading& origin = recent_.front();
+  Counts low, high, sum;
+  for (const Reading& reading : recent_) {
+    const auto axial = static_cast<double>(reading.axial_counts - origin.axial_counts);
+    const auto transverse =
+        static_cast<double>(reading.transverse_counts - origin.transverse_counts);
+    low = {std::min(low.axial, axial), std::min(low.transverse, transverse)};
+    high = {std::max(high.axial, axial), std::max(high.transverse, transverse)};
+    sum = {sum.axial + axial, sum.transverse + transverse};
+  }
+  const double still = std::max(2.0, kStillMm / NominalGain());
+  if (high.axial - low.axial > still || high.transverse - low.transverse > still) {
+    return std::nullopt;
+  }
+  const auto count = static_cast<double>(recent_.size());
+  return Counts{static_cast<double>(origin.axial_counts) + sum.axial / count,
+                static_cast<double>(origin.transverse_counts) + sum.transverse / count};
+}
+
+void Procedure::TakeMark(const Counts& place) {
+  const Counts way{place.axial - mark_.axial, place.transverse - mark_.transverse};
+  mark_ = place;
+  if (step_ == Step::kPushes && place_ != Place::kThere) {
+    if (!first_start_) first_start_ = place;
+    last_start_ = place;
+  }
+  switch (place_) {
+    case Place::kStart:
+      place_ = Place::kThere;
+      break;
+    case Place::kThere:
+      current_.stroke.axial_counts = way.axial;
+      current_.stroke.transverse_counts = way.transverse;
+      place_ = Place::kBack;
+      return;
+    case Place::kBack:
+      current_.back_axial_counts = way.axial;
+      current_.back_transverse_counts = way.transverse;
+      place_ = Place::kThere;
+      EndStroke();
+      break;
+  }
+}
+
+void Procedure::EndStroke() {
+  const StrokeExpectation expected = Expectation();
+  const bool push = step_ == Step::kPushes;
+  current_.stroke.kind = kind();
+  current_.stroke.reference = push ? expected.push_mm : expected.turn_rad;
+  current_.stroke.reference_error = push ? expected.push_error_mm : expected.turn_error_rad;
+  if (current_.interrupted && push) first_start_.reset();
+  strokes_.push_back(current_);
+  current_ = {};
+  Judge();
+  const int wanted = push ? settings_.pushes : settings_.turn_strokes;
+  if (Good(kind()) >= wanted) GoOn();
+}
+
+// Judges all strokes anew, and tells what became of the last and what changed for the others.
+void Procedure::Judge() {
+  const std::vector<Rejection> before = rejections_;
+  rejections_ = JudgeStrokes(strokes_, Expectation());
+  std::array<int, 2> number{};
+  for (std::size_t i = 0; i < strokes_.size(); ++i) {
+    const bool push = strokes_[i].stroke.kind == MotionKind::kPush;
+    const std::string name = Text(push ? "push %.0f" : "turns %.0f", ++number[push ? 0 : 1]);
+    const bool is_new = i >= before.size();
+    if (is_new && !rejections_[i]) {
+      Say(Message::Kind::kAccepted,
+          name + Text(": %+.0f axial, %+.0f transverse counts", strokes_[i].stroke.axial_counts,
+                      strokes_[i].stroke.transverse_counts));
+    } else if (rejections_[i] && (is_new || !before[i])) {
+      Say(Message::Kind::kRejected,
+          name + (is_new ? " is not used: " : " is no longer used: ") + *rejections_[i]);
+    } else if (!is_new && before[i] && !rejections_[i]) {
+      Say(Message::Kind::kAccepted, name + " is used after all");
+    }
+  }
+}
+
+void Procedure::Undo() {
+  if (strokes_.empty() || strokes_.back().stroke.kind != kind()) {
+    return Say(Message::Kind::kInfo, "there is no stroke to forget");
+  }
+  strokes_.pop_back();
+  rejections_.pop_back();
+  Judge();
+  place_ = Place::kStart;
+  marking_ = false;
+  current_ = {};
+  Say(Message::Kind::kInfo, "the last stroke is forgotten");
+}
+
+HandMotion Procedure::SinceMark() const {
+  if (!last_) return {};
+  const double gain = NominalGain();
+  return {(static_cast<double>(last_->axial_counts) - mark_.axial) * gain,
+          (static_cast<double>(last_->transverse_counts) - mark_.transverse) * gain /
+              settings_.cylinder_radius_mm};
+}
+
+// --- joystick ------------------------------------------------------------------------------------
+
+void Procedure::Joystick(const Reading& reading) {
+  if (!rest_checked_ && releases_ == 0 && stick_moved_[0].empty()) {
+    rest_joystick_x_ = reading.joystick_x;
+    rest_joystick_y_ = reading.joystick_y;
+  }
+  stick_moved_[0].push_back(reading.joystick_x);
+  stick_moved_[1].push_back(reading.joystick_y);
+  const auto near_rest = [&](const Reading& at) {
+    return std::abs(at.joystick_x - rest_joystick_x_) < kStickNearRest &&
+           std::abs(at.joystick_y - rest_joystick_y_) < kStickNearRest;
+  };
+  if (!near_rest(reading)) {
+    stick_away_ = true;
+    return;
+  }
+  if (recent_.back().time_us - recent_.front().time_us < kStillUs) return;
+  for (const Reading& earlier : recent_) {
+    if (std::abs(earlier.joystick_x - reading.joystick_x) > kStickStill ||
+        std::abs(earlier.joystick_y - reading.joystick_y) > kStickStill) {
+      return;
+    }
+  }
+  stick_at_rest_[0].push_back(reading.joystick_x);
+  stick_at_rest_[1].push_back(reading.joystick_y);
+  if (!stick_away_) return;
+  stick_away_ = false;
+  if (++releases_ >= kReleases) EndJoystick();
+}
+
+void Procedure::EndJoystick() {
+  const double full_rate = JoystickAxis{}.full_rate_rad_per_s;
+  try {
+    axes_ = {FitJoystickAxis(stick_at_rest_[0], stick_moved_[0], full_rate),
+             FitJoystickAxis(stick_at_rest_[1], stick_moved_[1], full_rate)};
+  } catch (const UserError& error) {
+    return Say(Message::Kind::kRejected, error.what());
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    const JoystickAxis& axis = (*axes_)[i];
+    Say(Message::Kind::kAccepted,
+        (i == 0 ? "joystick left to right: " : "joystick near to far: ") +
+            Text("rests at %.0f, from %.0f to %.0f", axis.center, axis.minimum, axis.maximum));
+  }
+  GoOn();
+}
+
+// --- what to show --------------------------------------------------------------------------------
+
+Prompt Procedure::prompt() const {
+  Prompt prompt;
+  prompt.step = step_;
+  prompt.marking = marking_;
+  const double length = settings_.length_mm;
+  const auto at = [this](const char* start, const char* there, const char* back) {
+    return place_ == Place::kStart ? start : place_ == Place::kThere ? there : back;
+  };
+  switch (step_) {
+    case Step::kRest:
+      prompt.title = "Rest";
+      prompt.instruction = "Hands off the torquer and the joystick";
+      break;
+    case Step::kLift:
+      prompt.title = "Lift";
+      prompt.instruction = "Draw the cylinder from under the sensor, wait a second, put it back";
+      break;
+    case Step::kPushes:
+      prompt.title = "Pushes";
+      prompt.done = Good(MotionKind::kPush);
+      prompt.wanted = settings_.pushes;
+      prompt.instruction = settings_.ruler
+                               ? Text(at("Set it to 0 mm on the ruler, then mark",
+                                         "Push straight to %.1f mm on the ruler, then mark",
+                                         "Pull straight back to 0 mm, then mark"),
+                                      length)
+                               : Text(at("Pull it back to the near stop, then mark",
+                                         "Push it straight to the far stop, %.1f mm, then mark",
+                                         "Pull it straight back to the near stop, then mark"),
+                                      length);
+      break;
+    case Step::kTurns:
+      prompt.title = "Turns";
+      prompt.done = Good(MotionKind::kTurn);
+      prompt.wanted = settings_.turn_strokes;
+      prompt.instruction = Text(at("Set the line on the torquer to a mark beside it, then mark",
+                                   "Turn it clockwise by %.0f whole turns, line to mark, then mark",
+                                   "Turn it back by %.0f whole turns, line to mark, then mark"),
+                                settings_.turns);
+      break;
+    case Step::kJoystick:
+      prompt.title = "Joystick";
+      prompt.done = releases_;
+      prompt.wanted = kReleases;
+      prompt.instruction = "Push the stick right, left, away, near, to the end; let go after each";
+      break;
+    case Step::kDone:
+      prompt.title = "Done";
+      break;
+  }
+  return prompt;
+}
+
+ProcedureResult Procedure::Result() const {
+  ProcedureResult result;
+  std::vector<Stroke> good;
+  for (std::size_t i = 0; i < strokes_.size(); ++i) {
+    if (!rejections_[i]) good.push_back(strokes_[i].stroke);
+  }
+  CommonErrors common;
+  common.push_mm = settings_.ruler ? settings_.ruler_scale_mm : settings_.length_error_mm;
+  common.push_turn_rad = settings_.push_turn_habit_rad;
+  common.turn_push_mm = settings_.turn_push_habit_mm;
+  result.fit = FitMotion(good, common, settings_.cpi);
+  result.calibration.motion = result.fit.model;
+  if (axes_) {
+    result.calibration.lao = (*axes_)[0];
+    result.calibration.cra = (*axes_)[1];
+  }
+  result.strokes = strokes_;
+  result.rejections = rejections_;
+  result.drift_counts_per_s = drift_counts_per_s_;
+  if (first_start_ && last_start_) {
+    result.return_mm = (last_start_->axial - first_start_->axial) * NominalGain();
+  }
+  if (quality_readings_ > 0) {
+    result.mean_surface_quality = quality_sum_ / static_cast<double>(quality_readings_);
+  }
+  result.rest_checked = rest_checked_;
+  result.lift_checked = lift_checked_;
+  result.joystick_measured = axes_.has_value();
+  return result;
+}
+
+}  // namespace torquer::calibration

@@ -1,0 +1,175 @@
+// The guided calibration, step by step, as a state machine: readings and keys in, instructions and
+// in the end a calibration out. No I/O, no clock but that of the readings.
+//
+//   rest -> lift -> pushes -> turns -> joystick -> done
+//
+// A stroke is what lies between two marks: the operator rests at one place, marks it, moves to the
+// other, marks that, and comes back. Only the way there is measured, since two ways that share a
+// place also share its error; the way back tells whether anything slipped.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calibration/fit.h"
+#include "calibration/motion_model.h"
+#include "calibration/stroke_check.h"
+
+namespace torquer::calibration {
+
+/// One report of the device, in order of time.
+struct Reading {
+  std::int64_t time_us = 0;  ///< the device's clock
+  std::int64_t axial_counts = 0;
+  std::int64_t transverse_counts = 0;
+  double joystick_x = 512.0;  ///< 0 .. 1023
+  double joystick_y = 512.0;
+  int surface_quality = 0;
+  bool lifted = false;       ///< lift flag or poor surface
+  bool faulty = false;       ///< sensor fault
+  bool interrupted = false;  ///< does not continue the reading before: reset, reconnected, jumped
+  bool button = false;       ///< held; pressing it marks
+};
+
+enum class Key {
+  kMark,  ///< here it is
+  kUndo,  ///< forget the last stroke
+  kSkip   ///< go on without this step
+};
+
+enum class Step { kRest, kLift, kPushes, kTurns, kJoystick, kDone };
+
+/// Standard deviations that a careful hand was found or is assumed to have; declare others for a
+/// fixture or an unsteady hand. Those of one stroke weigh and find outliers, those in common add to
+/// the stated errors.
+struct ProcedureSettings {
+  bool ruler = false;            ///< lengths are read off a ruler each time, not given by end stops
+  double length_mm = 150.0;      ///< of a push
+  double length_error_mm = 0.5;  ///< of the stops' distance (common), or of each reading (ruler)
+  double stop_play_mm = 0.2;     ///< of one stroke between stops
+  double ruler_scale_mm = 0.1;   ///< of the ruler itself over length_mm (common)
+  int pushes = 6;                ///< good ones wanted, >= 3
+  int turn_strokes = 5;          ///< likewise
+  int turns = 2;                 ///< whole turns a stroke, >= 1
+  double push_turn_rad = 0.0175;        ///< a hand turns by that in a push
+  double push_turn_habit_rad = 0.0087;  ///< and by that in every push
+  double mark_rad = 0.026;              ///< setting a line against a mark, a stroke
+  double turn_push_mm = 0.5;            ///< a hand pushes by that in a stroke of turns
+  double turn_push_habit_mm = 0.3;      ///< and by that in every one
+  double cylinder_radius_mm = kNominalCylinderRadiusMm;
+  int cpi = kNominalCpi;
+  bool cpi_known = true;   ///< false for an ordinary mouse
+  bool tells_lift = true;  ///< false for an ordinary mouse
+  bool has_joystick = true;
+};
+
+/// What to show.
+struct Prompt {
+  Step step = Step::kRest;
+  std::string title;
+  std::string instruction;
+  int done = 0;          ///< good strokes so far, in steps that count them
+  int wanted = 0;        ///< 0 in the others
+  bool marking = false;  ///< a mark was asked for; it is taken once the hand is still
+};
+
+struct Message {
+  enum class Kind { kInfo, kAccepted, kRejected };
+  Kind kind = Kind::kInfo;
+  std::string text;
+};
+
+struct ProcedureResult {
+  Calibration calibration;  ///< without device and note
+  MotionFit fit;
+  std::vector<RecordedStroke> strokes;  ///< all, in order
+  std::vector<Rejection> rejections;    ///< one a stroke; fit.residuals are of the others, in order
+  double drift_counts_per_s = 0.0;      ///< at rest
+  double return_mm = 0.0;               ///< from the first start of a push to the last
+  double mean_surface_quality = 0.0;    ///< during strokes
+  bool rest_checked = false, lift_checked = false, joystick_measured = false;
+};
+
+class Procedure {
+ public:
+  /// Throws UserError naming a setting that is out of range.
+  explicit Procedure(const ProcedureSettings& settings);
+
+  /// The next reading, in order of time.
+  void Take(const Reading& reading);
+  void Press(Key key);
+
+  Prompt prompt() const;
+  /// What has happened since it was last asked.
+  std::vector<Message> TakeMessages();
+  Step step() const { return step_; }
+  /// Motion since the last mark by nominal gains: mm along the axis, rad around it.
+  HandMotion SinceMark() const;
+
+  /// Only when step() is kDone. Throws UserError as FitMotion() does.
+  ProcedureResult Result() const;
+
+ private:
+  enum class Place { kStart, kThere, kBack };
+  struct Counts {
+    double axial = 0.0;
+    double transverse = 0.0;
+  };
+
+  bool InStrokes() const { return step_ == Step::kPushes || step_ == Step::kTurns; }
+  MotionKind kind() const { return step_ == Step::kPushes ? MotionKind::kPush : MotionKind::kTurn; }
+  int Good(MotionKind kind) const;
+  void Say(Message::Kind kind, const std::string& text);
+  void GoOn();
+
+  void Rest(const Reading& reading);
+  void Lift(const Reading& reading);
+  void Follow(const Reading& reading);
+  std::optional<Counts> StillPlace() const;
+  void TakeMark(const Counts& place);
+  void EndStroke();
+  void Judge();
+  void Undo();
+  void Joystick(const Reading& reading);
+  void EndJoystick();
+  StrokeExpectation Expectation() const;
+  double NominalGain() const;
+
+  ProcedureSettings settings_;
+  Step step_ = Step::kRest;
+  std::vector<Message> messages_;
+  std::optional<Reading> last_;
+  std::deque<Reading> recent_;  // as long as a hand must be still
+
+  std::optional<Reading> rest_from_;
+  std::int64_t rest_asked_us_ = -1;
+  std::int64_t rest_readings_ = 0;
+  double rest_joystick_x_ = 0.0, rest_joystick_y_ = 0.0;  // sums, then means
+  double drift_counts_per_s_ = 0.0;
+  bool rest_checked_ = false;
+
+  std::int64_t lifted_since_us_ = -1, landed_since_us_ = -1;
+  std::optional<Reading> lifted_from_;
+  bool lift_checked_ = false;
+
+  Place place_ = Place::kStart;
+  bool marking_ = false;
+  Counts mark_;  // the last place that was marked
+  RecordedStroke current_;
+  std::vector<RecordedStroke> strokes_;
+  std::vector<Rejection> rejections_;
+  std::optional<Counts> first_start_, last_start_;  // of pushes
+  double quality_sum_ = 0.0;
+  std::int64_t quality_readings_ = 0;
+
+  std::array<std::vector<double>, 2> stick_at_rest_, stick_moved_;
+  int releases_ = 0;
+  bool stick_away_ = false;
+  std::optional<std::array<JoystickAxis, 2>> axes_;
+};
+
+}  // namespace torquer::calibration

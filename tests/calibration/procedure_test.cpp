@@ -1,0 +1,380 @@
+#include "calibration/procedure.h"
+
+#include <catch2/catch.hpp>
+#include <numbers>
+#include <random>
+#include <string>
+
+#include "host/support/error.h"
+#include "tests/calibration/simulated_hand.h"
+
+namespace {
+
+using namespace torquer::calibration;
+using Catch::Contains;
+using torquer::UserError;
+using torquer::test::HandFaults;
+using torquer::test::HandPlace;
+using torquer::test::RandomTruth;
+using torquer::test::SimulatedHand;
+using torquer::test::SimulatedSensor;
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+// A hand as the settings assume it to be.
+HandFaults FaultsOf(const ProcedureSettings& settings) {
+  HandFaults faults;
+  faults.push_mm = settings.ruler ? settings.length_error_mm : settings.stop_play_mm;
+  faults.push_turn_rad = settings.push_turn_rad;
+  faults.turn_rad = settings.mark_rad;
+  faults.turn_push_mm = settings.turn_push_mm;
+  faults.common.push_mm = settings.ruler ? settings.ruler_scale_mm : settings.length_error_mm;
+  faults.common.push_turn_rad = settings.push_turn_habit_rad;
+  faults.common.turn_push_mm = settings.turn_push_habit_mm;
+  return faults;
+}
+
+// A person at the device who follows the instructions.
+class Operator {
+ public:
+  Operator(const ProcedureSettings& settings, const MotionParameters& truth,
+           const HandFaults& faults, std::mt19937_64& random)
+      : procedure(settings),
+        hand(faults, settings.length_mm, settings.turns, random),
+        sensor(truth, faults.sensor_walk, random) {
+    reading.surface_quality = 120;
+  }
+
+  void Wait(int ms) {
+    for (int passed = 0; passed < ms; passed += kIntervalMs) {
+      reading.time_us += 1000 * kIntervalMs;
+      reading.axial_counts = std::llround(sensor.axial());
+      reading.transverse_counts = std::llround(sensor.transverse());
+      procedure.Take(reading);
+      for (Message& message : procedure.TakeMessages()) {
+        heard += message.text + "\n";
+        rejected += message.kind == Message::Kind::kRejected;
+      }
+    }
+  }
+  void GoTo(const HandPlace& place) {
+    sensor.MoveTo(place);
+    Wait(100);
+  }
+  void Mark() {
+    procedure.Press(Key::kMark);
+    Wait(350);
+  }
+  void MarkAt(const HandPlace& place) {
+    GoTo(place);
+    Mark();
+  }
+  void LiftAndLand() {
+    reading.lifted = true;
+    Wait(500);
+    reading.lifted = false;
+    Wait(500);
+  }
+  void Stroke() {
+    REQUIRE(++strokes < 100);
+    const bool push = procedure.step() == Step::kPushes;
+    MarkAt(push ? hand.PushEnd() : hand.TurnEnd());
+    MarkAt(push ? hand.PushStart() : hand.TurnStart());
+  }
+  void UpTo(Step step) {
+    Wait(2000);
+    if (step == Step::kLift) return;
+    if (procedure.step() == Step::kLift) LiftAndLand();
+    MarkAt(hand.PushStart());
+    if (step == Step::kPushes) return;
+    while (procedure.step() == Step::kPushes) Stroke();
+    MarkAt(hand.TurnStart());
+    if (step == Step::kTurns) return;
+    while (procedure.step() == Step::kTurns) Stroke();
+    if (step == Step::kJoystick || procedure.step() == Step::kDone) return;
+    for (const auto& [x, y] :
+         {std::pair{1010.0, 512.0}, {12.0, 500.0}, {520.0, 1000.0}, {510.0, 20.0}}) {
+      Stick(x, y);
+      Stick(516.0, 508.0);
+    }
+  }
+  void Stick(double x, double y) {
+    reading.joystick_x = x;
+    reading.joystick_y = y;
+    Wait(400);
+  }
+
+  static constexpr int kIntervalMs = 25;
+  Procedure procedure;
+  SimulatedHand hand;
+  SimulatedSensor sensor;
+  Reading reading;
+  std::string heard;
+  int rejected = 0;
+  int strokes = 0;
+};
+
+struct Session {
+  explicit Session(ProcedureSettings settings = {}, std::uint64_t seed = 3)
+      : random(seed),
+        truth(RandomTruth(random)),
+        person(settings, truth, FaultsOf(settings), random) {}
+  std::mt19937_64 random;
+  MotionParameters truth;
+  Operator person;
+};
+
+}  // namespace
+
+TEST_CASE(
+    "Whole sessions with an ordinary hand state intervals that hold the truth in 93 to 97 %") {
+  constexpr std::uint64_t kSeed = 7;
+  constexpr int kSessions = 1000;
+  ProcedureSettings settings;
+  settings.has_joystick = false;
+  settings.ruler = GENERATE(false, true);
+  CAPTURE(kSeed, settings.ruler);
+  std::mt19937_64 random(kSeed);
+  std::array<int, 4> held{};
+  int rejected = 0;
+  for (int i = 0; i < kSessions; ++i) {
+    const MotionParameters truth = RandomTruth(random);
+    Operator person(settings, truth, FaultsOf(settings), random);
+    person.UpTo(Step::kDone);
+    REQUIRE(person.procedure.step() == Step::kDone);
+    const MotionFit fit = person.procedure.Result().fit;
+    const auto holds = [](const Estimate& estimate, double value) {
+      return std::abs(estimate.value - value) < estimate.HalfWidth95();
+    };
+    held[0] += holds(fit.gain_mm_per_count, truth.gain_mm_per_count);
+    held[1] += holds(fit.misalignment_rad, truth.misalignment_rad);
+    held[2] += holds(fit.cylinder_radius_mm, truth.cylinder_radius_mm);
+    held[3] += holds(fit.skew_rad, truth.skew_rad);
+    rejected += person.rejected;
+  }
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    CAPTURE(k, held[k]);
+    CHECK(held[k] > 0.93 * kSessions);
+    CHECK(held[k] < 0.97 * kSessions);
+  }
+  CHECK(rejected < 0.1 * kSessions);
+}
+
+TEST_CASE("A session leads through all steps to a calibration") {
+  Session session;
+  Operator& person = session.person;
+  CHECK(person.procedure.prompt().title == "Rest");
+  person.UpTo(Step::kLift);
+  CHECK_THAT(person.procedure.prompt().instruction, Contains("Draw the cylinder"));
+  CHECK_THAT(person.heard,
+             Contains("at rest it drifts by 0.0 counts a second, surface quality 120"));
+  person.LiftAndLand();
+  CHECK_THAT(person.heard, Contains("lifting is noticed; the count moved by 0 meanwhile"));
+  CHECK_THAT(person.procedure.prompt().instruction, Contains("near stop"));
+  person.MarkAt(person.hand.PushStart());
+  CHECK_THAT(person.procedure.prompt().instruction, Contains("far stop, 150.0 mm"));
+  person.GoTo(person.hand.PushEnd());
+  CHECK(person.procedure.SinceMark().insertion_mm == Approx(150.0).epsilon(0.15));
+  person.Mark();
+  CHECK_THAT(person.procedure.prompt().instruction, Contains("back to the near stop"));
+  person.MarkAt(person.hand.PushStart());
+  CHECK(person.procedure.prompt().done == 1);
+  CHECK_THAT(person.heard, Contains("push 1: "));
+  while (person.procedure.step() == Step::kPushes) person.Stroke();
+  CHECK_THAT(person.procedure.prompt().instruction, Contains("Set the line"));
+  person.MarkAt(person.hand.TurnStart());
+  CHECK_THAT(person.procedure.prompt().instruction, Contains("clockwise by 2 whole turns"));
+  while (person.procedure.step() == Step::kTurns) person.Stroke();
+  CHECK(person.procedure.step() == Step::kJoystick);
+  person.Stick(1010.0, 512.0);
+  person.Stick(516.0, 508.0);
+  CHECK(person.procedure.prompt().done == 1);
+  for (const auto& [x, y] : {std::pair{12.0, 500.0}, {520.0, 1000.0}, {510.0, 20.0}}) {
+    person.Stick(x, y);
+    person.Stick(512.0, 512.0);
+  }
+  REQUIRE(person.procedure.step() == Step::kDone);
+
+  const ProcedureResult result = person.procedure.Result();
+  CHECK(result.calibration.motion.cpi == 1200);
+  CHECK(result.fit.gain_mm_per_count.value ==
+        Approx(session.truth.gain_mm_per_count).epsilon(0.01));
+  CHECK(result.calibration.lao.minimum == 12.0);
+  CHECK(result.calibration.lao.maximum == 1010.0);
+  CHECK(result.calibration.cra.minimum == 20.0);
+  CHECK(result.calibration.cra.maximum == 1000.0);
+  CHECK(result.calibration.cra.center == Approx(510.0).margin(4.0));
+  CHECK(result.strokes.size() == 11);
+  CHECK(result.fit.residuals.size() == 11);
+  CHECK(result.mean_surface_quality == Approx(120.0));
+  CHECK(std::abs(result.return_mm) < 1.0);
+  CHECK(result.rest_checked);
+  CHECK(result.lift_checked);
+  CHECK(result.joystick_measured);
+}
+
+TEST_CASE("A mark is taken when the hand is still, by key or by button") {
+  Session session;
+  Operator& person = session.person;
+  person.UpTo(Step::kPushes);
+  person.GoTo({75.0, 0.0});
+  person.procedure.Press(Key::kMark);
+  for (double mm = 75.0; mm <= 150.0; mm += 15.0) person.GoTo({mm, 0.0});
+  CHECK(person.procedure.prompt().marking);
+  person.Wait(500);
+  CHECK_FALSE(person.procedure.prompt().marking);
+  person.GoTo({0.0, 0.0});
+  person.reading.button = true;
+  person.Wait(500);  // held: one mark
+  person.reading.button = false;
+  person.Wait(100);
+  CHECK(person.procedure.prompt().done == 1);
+  CHECK_THAT(person.procedure.prompt().instruction, Contains("far stop"));
+  CHECK(person.rejected == 0);
+}
+
+TEST_CASE("Spoiled strokes do not count, and the session goes on") {
+  Session session;
+  Operator& person = session.person;
+  person.UpTo(Step::kPushes);
+  person.Stroke();
+  SECTION("lifted on the way") {
+    person.reading.lifted = true;
+    person.GoTo({80.0, 0.0});
+    person.reading.lifted = false;
+    person.Stroke();
+    CHECK_THAT(person.heard, Contains("push 2 is not used: the sensor was lifted"));
+  }
+  SECTION("lifted on the way back") {
+    person.MarkAt(person.hand.PushEnd());
+    person.reading.lifted = true;
+    person.GoTo({80.0, 0.0});
+    person.reading.lifted = false;
+    person.MarkAt(person.hand.PushStart());
+    CHECK_THAT(person.heard, Contains("push 2 is not used: the sensor was lifted"));
+  }
+  SECTION("the device restarts") {
+    person.GoTo({80.0, 0.0});
+    person.reading.interrupted = true;
+    person.Wait(Operator::kIntervalMs);
+    person.reading.interrupted = false;
+    CHECK_THAT(person.heard, Contains("push 2 is not used: the device restarted"));
+    CHECK_THAT(person.procedure.prompt().instruction, Contains("Pull it back to the near stop"));
+    person.MarkAt(person.hand.PushStart());
+  }
+  SECTION("only half the way") {
+    person.MarkAt({60.0, 0.0});
+    person.MarkAt({0.0, 0.0});
+    CHECK_THAT(person.heard, Contains("push 2 is not used") && Contains("150"));
+  }
+  SECTION("turned instead") {
+    person.MarkAt({0.0, 12.0 * std::numbers::pi});
+    person.MarkAt({0.0, 0.0});
+    CHECK_THAT(person.heard, Contains("push 2 is not used: turned while pushing"));
+  }
+  SECTION("found out by later ones") {
+    person.MarkAt({140.0, 0.0});
+    person.MarkAt({0.0, 0.0});
+    CHECK(person.procedure.prompt().done == 2);
+    person.Stroke();
+    person.Stroke();
+    CHECK_THAT(person.heard, Contains("push 2 is no longer used") && Contains("shorter"));
+    CHECK(person.procedure.prompt().done == 3);
+  }
+  SECTION("taken back by its operator") {
+    person.Stroke();
+    person.procedure.Press(Key::kUndo);
+    CHECK(person.procedure.prompt().done == 1);
+    person.rejected = 1;
+    person.MarkAt(person.hand.PushStart());
+  }
+  CHECK(person.rejected == 1);
+  while (person.procedure.step() == Step::kPushes) person.Stroke();
+  CHECK(person.procedure.step() == Step::kTurns);
+}
+
+TEST_CASE("A count that moves at rest, and a sensor that sees nothing, are told and not passed") {
+  Session session;
+  Operator& person = session.person;
+  SECTION("drift") {
+    for (int i = 0; i < 400; ++i) {
+      person.sensor.MoveTo({0.01 * i, 0.0});
+      person.Wait(Operator::kIntervalMs);
+    }
+    CHECK_THAT(person.heard, Contains("the count moves though nothing should"));
+  }
+  SECTION("no surface") {
+    person.reading.lifted = true;
+    person.Wait(9000);
+    CHECK_THAT(person.heard, Contains("sees no surface"));
+  }
+  SECTION("no sensor") {
+    person.reading.faulty = true;
+    person.Wait(9000);
+    CHECK_THAT(person.heard, Contains("does not answer"));
+  }
+  CHECK(person.procedure.step() == Step::kRest);
+  person.procedure.Press(Key::kSkip);
+  CHECK(person.procedure.step() == Step::kLift);
+}
+
+TEST_CASE("A sensor that counts while it is lifted is told") {
+  Session session;
+  Operator& person = session.person;
+  person.UpTo(Step::kLift);
+  person.reading.lifted = true;
+  person.Wait(100);
+  person.GoTo({5.0, 0.0});
+  person.Wait(300);
+  person.reading.lifted = false;
+  person.Wait(500);
+  CHECK_THAT(person.heard, Contains("the count moved by") && Contains("set the sensor closer"));
+  CHECK(person.procedure.step() == Step::kPushes);
+}
+
+TEST_CASE("A joystick that was not moved to its ends is told; it can be skipped") {
+  Session session;
+  Operator& person = session.person;
+  person.UpTo(Step::kJoystick);
+  for (int i = 0; i < 4; ++i) {
+    person.Stick(1000.0, 512.0);
+    person.Stick(512.0, 512.0);
+  }
+  CHECK_THAT(person.heard, Contains("move it to both ends"));
+  CHECK(person.procedure.step() == Step::kJoystick);
+  person.procedure.Press(Key::kSkip);
+  REQUIRE(person.procedure.step() == Step::kDone);
+  CHECK_FALSE(person.procedure.Result().joystick_measured);
+  CHECK(person.procedure.Result().calibration.lao.maximum == 1023.0);
+}
+
+TEST_CASE("An ordinary mouse of unknown resolution is calibrated as well") {
+  ProcedureSettings settings;
+  settings.cpi = 1000;
+  settings.cpi_known = false;
+  settings.tells_lift = false;
+  settings.has_joystick = false;
+  std::mt19937_64 random(4);
+  const MotionParameters truth{.gain_mm_per_count = 25.4 / 1600,
+                               .misalignment_rad = 3.0 * kDegree,
+                               .cylinder_radius_mm = 5.5,
+                               .skew_rad = 0.0};
+  Operator person(settings, truth, FaultsOf(settings), random);
+  person.UpTo(Step::kDone);
+  REQUIRE(person.procedure.step() == Step::kDone);
+  CHECK(person.rejected == 0);
+  CHECK(person.procedure.Result().fit.gain_mm_per_count.value ==
+        Approx(truth.gain_mm_per_count).epsilon(0.02));
+}
+
+TEST_CASE("Settings out of range are refused") {
+  ProcedureSettings settings;
+  settings.length_mm = 0.0;
+  CHECK_THROWS_WITH(Procedure(settings), Contains("length = 0: must be from 10 to 1000 mm"));
+  settings = {};
+  settings.pushes = 2;
+  CHECK_THROWS_AS(Procedure(settings), UserError);
+  settings = {};
+  settings.turns = 0;
+  CHECK_THROWS_AS(Procedure(settings), UserError);
+}
