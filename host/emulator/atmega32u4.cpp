@@ -27,8 +27,8 @@ namespace {
 constexpr int kEecr = 0x3f, kEedr = 0x40, kEearl = 0x41, kEearh = 0x42;
 constexpr int kPllcsr = 0x49;
 constexpr int kSpcr = 0x4c, kSpsr = 0x4d, kSpdr = 0x4e;
-constexpr int kSmcr = 0x53, kMcusr = 0x54, kWdtcsr = 0x60;
-constexpr int kAdcsra = 0x7a, kTccr1b = 0x81;
+constexpr int kSmcr = 0x53, kMcusr = 0x54, kMcucr = 0x55, kWdtcsr = 0x60;
+constexpr int kAdcsra = 0x7a, kAdmux = 0x7c, kTccr1b = 0x81;
 constexpr int kFirstRam = 0x100, kLastRam = 0xaff;
 constexpr int kUsbcon = 0xd8;
 constexpr int kVectorUsbGeneral = 10, kVectorUsbEndpoint = 11, kVectorWatchdog = 12;
@@ -190,6 +190,32 @@ struct Atmega32u4::Hooks {
     }
   }
 
+  // --- JTAG, which has four pins of port F until it is disabled by two writes within four cycles
+  // --
+  static void WriteMcuControl(avr_t* avr, avr_io_addr_t address, std::uint8_t value,
+                              void* parameter) {
+    constexpr std::uint8_t kJtagDisable = 0x80;
+    constexpr avr_cycle_count_t kWindow = 4;
+    Hooks& hooks = From(parameter);
+    const bool again = hooks.jtag_asked && avr->cycle - hooks.jtag_asked_cycle <= kWindow &&
+                       hooks.jtag_asked_for == (value & kJtagDisable);
+    hooks.jtag_asked = true;
+    hooks.jtag_asked_for = value & kJtagDisable;
+    hooks.jtag_asked_cycle = avr->cycle;
+    const std::uint8_t old = avr->data[address] & kJtagDisable;
+    avr->data[address] =
+        static_cast<std::uint8_t>((value & ~kJtagDisable) | (again ? value & kJtagDisable : old));
+  }
+  static void WriteAdcMux(avr_t* avr, avr_io_addr_t address, std::uint8_t value, void* parameter) {
+    constexpr std::uint8_t kChannel = 0x1f, kFirstOfJtag = 4, kLastOfJtag = 7, kJtagDisable = 0x80;
+    Hooks& hooks = From(parameter);
+    const int channel = value & kChannel;
+    if (channel >= kFirstOfJtag && channel <= kLastOfJtag && !(avr->data[kMcucr] & kJtagDisable)) {
+      hooks.chip.Violation("ADMUX: ADC4 to ADC7 are JTAG's pins until JTD disables that");
+    }
+    avr->data[address] = value;
+  }
+
   // --- ADC: simavr's, until it is dead ----------------------------------------------------------
   static std::uint8_t ReadAdcControl(avr_t* avr, avr_io_addr_t address, void* parameter) {
     constexpr std::uint8_t kEnable = 0x80, kConverting = 0x40;
@@ -237,6 +263,9 @@ struct Atmega32u4::Hooks {
   double watchdog_pending_us = -1;  // since when
   std::remove_reference_t<decltype(avr_t::io[0])> stock_watchdog{};
   std::remove_reference_t<decltype(avr_t::io[0])> stock_adc{};
+  bool jtag_asked = false;  // by a write to MCUCR
+  std::uint8_t jtag_asked_for = 0;
+  avr_cycle_count_t jtag_asked_cycle = 0;
   std::vector<std::unique_ptr<std::pair<Hooks*, std::function<void(bool, double)>>>> pin_listeners;
   SpiExchange exchange;
   bool spi_busy = false;
@@ -292,6 +321,8 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
   hooks_->Replace(avr_, kWdtcsr, nullptr, &Hooks::WriteWatchdog);
   hooks_->stock_adc = avr_->io[AVR_DATA_TO_IO(kAdcsra)];
   hooks_->Replace(avr_, kAdcsra, &Hooks::ReadAdcControl, nullptr);
+  hooks_->Replace(avr_, kMcucr, nullptr, &Hooks::WriteMcuControl);
+  hooks_->Replace(avr_, kAdmux, nullptr, &Hooks::WriteAdcMux);
 
   for (int address = kFirstRam; address <= kLastRam; ++address) {
     noise_ = noise_ * 1664525u + 1013904223u;

@@ -70,6 +70,14 @@ extern "C" void torquer_early_init() {
 
 void SetUp() {
   wdt_enable(WDTO_250MS);
+
+  // As the factory's fuses leave them, the clock is divided by 8 and the joystick's pins are
+  // JTAG's. Both registers want to be written twice within four cycles.
+  CLKPR = _BV(CLKPCE);
+  CLKPR = 0;
+  MCUCR = _BV(JTD);
+  MCUCR = _BV(JTD);
+
   application_is_whole = CheckApplication();  // before a host can wait for an answer
 
   // Sensor: not selected; SPI mode 3, 2 MHz.
