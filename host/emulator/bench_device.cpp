@@ -69,6 +69,7 @@ void BenchDevice::PowerOn() {
     row[i] = static_cast<std::uint8_t>(options_.seed * 37 + i);
   }
   chip_->flash().SetSignatureRow(row);
+  chip_->flash().SetOperationTime(options_.page_operation_us);
   chip_->flash().on_operation = [this] {
     if (++page_operations_ == cut_at_page_operation_) cut_due_ = true;
   };

@@ -23,6 +23,8 @@ struct BenchOptions {
   std::optional<std::uint32_t> start_time_us;
   /// Serial number to be found in the EEPROM, 1 to 16 printable characters; none: as the EEPROM is.
   std::string serial;
+  /// How long the chip takes to erase or to write a page of its flash.
+  double page_operation_us = FlashMemory::kOperationUs;
   /// The EEPROM at the first power-on; empty: blank.
   std::vector<std::uint8_t> eeprom;
 };

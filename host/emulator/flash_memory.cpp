@@ -135,7 +135,7 @@ void FlashMemory::Begin(Operation operation, std::uint32_t address) {
   page_ = address - address % kPageBytes;
   operation_ = operation;
   HideReadWhileWrite();
-  const auto cycles = static_cast<avr_cycle_count_t>(kOperationUs * clock_mhz_);
+  const auto cycles = static_cast<avr_cycle_count_t>(operation_us_ * clock_mhz_);
   avr_cycle_timer_register(avr_, cycles / 2, &Hooks::OnHalfDone, this);
   avr_cycle_timer_register(avr_, cycles, &Hooks::OnDone, this);
 }

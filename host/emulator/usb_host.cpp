@@ -169,6 +169,7 @@ void UsbHost::Enumerate() {
       if (result.status != TransferStatus::kDone) return ResetPort();
       address_ = address;
       get(0x0100, 0, 18, [this, get](const ControlResult& device) {
+        if (device.data.size() < 18) return ResetPort();
         enumeration_.device_descriptor = device.data;
         get(0x0200, 0, 9, [this, get](const ControlResult& head) {
           if (head.data.size() < 4) return ResetPort();
@@ -176,12 +177,16 @@ void UsbHost::Enumerate() {
           get(0x0200, 0, total, [this](const ControlResult& all) {
             enumeration_.configuration_descriptor = all.data;
           });
-          get(0x0301, kEnglish, 255,
-              [this](const ControlResult& text) { enumeration_.manufacturer = TextOf(text); });
-          get(0x0302, kEnglish, 255,
-              [this](const ControlResult& text) { enumeration_.product = TextOf(text); });
-          get(0x0303, kEnglish, 255,
-              [this](const ControlResult& text) { enumeration_.serial = TextOf(text); });
+          // Of the strings those that there are: the descriptor has their numbers, 0 for none.
+          const std::pair<std::size_t, std::string*> strings[] = {{14, &enumeration_.manufacturer},
+                                                                  {15, &enumeration_.product},
+                                                                  {16, &enumeration_.serial}};
+          for (const auto& [at, text] : strings) {
+            const std::uint8_t number = enumeration_.device_descriptor[at];
+            if (number == 0) continue;
+            get(static_cast<std::uint16_t>(0x0300 | number), kEnglish, 255,
+                [text = text](const ControlResult& string) { *text = TextOf(string); });
+          }
           Submit({0, kSetConfiguration, 1, 0, 0}, {}, [](const ControlResult&) {});
           Submit({kToHost | 1, kGetDescriptor, 0x2200, 0, 512}, {},
                  [this](const ControlResult& descriptor) {

@@ -1,0 +1,73 @@
+// The power goes in the midst of every page erase and page write of an update, and of the commit:
+// the board is never dead, and running the tool again finishes the job.
+#include <catch2/catch.hpp>
+#include <cstdlib>
+
+#include "tests/flash/emulated_boards.h"
+
+namespace {
+
+using torquer::emulator::BenchOptions;
+using torquer::test::EmulatedBoards;
+using torquer::test::kNewHex;
+using torquer::test::kNewVersion;
+using torquer::test::WithApplication;
+using torquer::tools::BoardMode;
+using torquer::tools::FlashImage;
+using torquer::tools::FlashUnfinished;
+
+// A board in its bootloader with the old firmware.
+void Prepare(EmulatedBoards& boards) { REQUIRE(boards.ResetByPin() == BoardMode::kBootloader); }
+
+// Trailer erased; each page and the trailer erased and written.
+int Operations() { return 1 + 2 * (FlashImage::FromFile(kNewHex).pages() + 1); }
+
+// One part of all cuts, so that these tests can run beside each other.
+constexpr int kParts = 8;
+#if defined(__SANITIZE_ADDRESS__)
+constexpr int kStride = 6 * kParts;  // it is slow, and what it looks for is in any of them
+#else
+constexpr int kStride = kParts;
+#endif
+
+void CutEvery(int part) {
+  BenchOptions options;
+  options.page_operation_us = 400;  // a tenth of the chip's, to save the test time
+  const int operations = Operations();
+  for (int cut = 1 + part; cut <= operations; cut += kStride) {
+    CAPTURE(cut, operations);
+    EmulatedBoards boards(WithApplication(), options);
+    Prepare(boards);
+    boards.device.CutPowerAtPageOperation(cut);
+    CHECK_THROWS_AS(boards.Flash(kNewHex), FlashUnfinished);
+    CHECK_FALSE(boards.device.powered());
+    CHECK(boards.device.page_operations() == cut);
+
+    const BoardMode mode = boards.Start();
+    // In the commit's write the trailer may have become whole all the same.
+    if (cut < operations) CHECK(mode == BoardMode::kBootloader);
+    const auto outcome = boards.Flash(kNewHex);
+    REQUIRE(outcome);
+    CHECK(outcome->version == kNewVersion);
+    CHECK(outcome->application_good);
+    boards.CheckRules();
+  }
+}
+
+}  // namespace
+
+TEST_CASE("an update has the page operations that are cut below") {
+  EmulatedBoards boards(WithApplication());
+  Prepare(boards);
+  boards.Flash(kNewHex);
+  CHECK(boards.device.page_operations() == Operations());
+}
+
+TEST_CASE("power cut at page operations 1, 9, ..") { CutEvery(0); }
+TEST_CASE("power cut at page operations 2, 10, ..") { CutEvery(1); }
+TEST_CASE("power cut at page operations 3, 11, ..") { CutEvery(2); }
+TEST_CASE("power cut at page operations 4, 12, ..") { CutEvery(3); }
+TEST_CASE("power cut at page operations 5, 13, ..") { CutEvery(4); }
+TEST_CASE("power cut at page operations 6, 14, ..") { CutEvery(5); }
+TEST_CASE("power cut at page operations 7, 15, ..") { CutEvery(6); }
+TEST_CASE("power cut at page operations 8, 16, ..") { CutEvery(7); }
