@@ -1,14 +1,14 @@
 #include "calibration/calibration_file.h"
 
-#include <fcntl.h>
 #include <toml++/toml.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <initializer_list>
@@ -16,6 +16,7 @@
 #include <sstream>
 #include <string_view>
 
+#include "host/support/atomic_file.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
 
@@ -199,16 +200,6 @@ MotionModel ReadMotion(const Reader& reader, const toml::table& root) {
   return model;
 }
 
-void WriteAll(int fd, const std::string& text, const std::string& path) {
-  for (std::size_t done = 0; done < text.size();) {
-    const ssize_t written = write(fd, text.data() + done, text.size() - done);
-    if (written < 0 && errno != EINTR) {
-      throw UserError(path + ": cannot be written: " + std::strerror(errno));
-    }
-    if (written > 0) done += static_cast<std::size_t>(written);
-  }
-}
-
 }  // namespace
 
 std::string FormatCalibration(const Calibration& calibration) {
@@ -290,37 +281,32 @@ void RequireDevice(const Calibration& calibration, const std::string& path,
                   device + "'; " + kRemedy + ", or give that device's file with --calibration");
 }
 
+std::string CalibrationPath(const std::string& device) {
+  const char* config = std::getenv("XDG_CONFIG_HOME");
+  const char* home = std::getenv("HOME");
+  std::string folder;
+  if (config != nullptr && config[0] == '/') {
+    folder = config;
+  } else if (home != nullptr && home[0] == '/') {
+    folder = std::string(home) + "/.config";
+  } else {
+    throw UserError(
+        "neither XDG_CONFIG_HOME nor HOME names a folder for calibrations; name the file instead");
+  }
+  // A slash would leave the folder, and so would a name of dots alone.
+  std::string name;
+  for (const char character : device) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(character)) != 0 ||
+                       character == '-' || character == '_' || (character == '.' && !name.empty());
+    name += plain ? character : '_';
+  }
+  return folder + "/torquer/" + (name.empty() ? "_" : name) + ".toml";
+}
+
 void WriteCalibration(const Calibration& calibration, const std::string& path) {
   const std::string text = FormatCalibration(calibration);
   ParseCalibration(text, path);  // what could not be read back is not written
-
-  const std::string temporary = path + ".new";
-  const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (fd < 0) throw UserError(temporary + ": cannot be written: " + std::strerror(errno));
-  try {
-    WriteAll(fd, text, temporary);
-    if (fsync(fd) != 0) {
-      throw UserError(temporary + ": cannot be written: " + std::strerror(errno));
-    }
-  } catch (...) {
-    close(fd);
-    unlink(temporary.c_str());
-    throw;
-  }
-  close(fd);
-  if (rename(temporary.c_str(), path.c_str()) != 0) {
-    const std::string reason = std::strerror(errno);
-    unlink(temporary.c_str());
-    throw UserError(path + ": cannot be replaced: " + reason);
-  }
-  // The rename itself must survive a power cut.
-  const std::size_t slash = path.rfind('/');
-  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-  const int folder_fd = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (folder_fd >= 0) {
-    fsync(folder_fd);
-    close(folder_fd);
-  }
+  WriteFileAtomically(path, text);
 }
 
 }  // namespace torquer::calibration

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <cstdio>
+#include <string>
 #include <string_view>
 
 namespace torquer {
@@ -13,6 +15,13 @@ constexpr std::uint64_t Fnv1a(std::string_view bytes, std::uint64_t hash = 0xcbf
     hash *= 0x100000001b3u;
   }
   return hash;
+}
+
+/// A hash as people write it: 16 hexadecimal digits.
+inline std::string Hex(std::uint64_t value) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
+  return text;
 }
 
 }  // namespace torquer

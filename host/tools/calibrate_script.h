@@ -1,0 +1,59 @@
+// Scripts for torquer-calibrate: what an operator, and if need be a device, does in a session.
+//
+// A text of one statement a line; blank lines and what follows # are skipped. The first line is
+// exactly "torquer-calibrate script 1". Of the operator:
+//
+//   mark                             press Enter
+//   undo                             forget the last stroke
+//   skip STEP                        skip the step rest, lift or joystick
+//   quit                             give up, as Ctrl-C does
+//
+// With --source, `mark` waits until the hand has moved by 2 mm since the last mark of the step and
+// has rested for 0.3 s, and `skip` until its step has come. Without it nothing waits, and the
+// script moves a device of its own, whose first statement names it (times in seconds, counts
+// absolute changes, readings every millisecond):
+//
+//   device SERIAL CPI
+//   rest SECONDS
+//   move AXIAL TRANSVERSE SECONDS    counts, evenly over that time
+//   lift SECONDS                     the sensor sees nothing
+//   fault SECONDS                    the sensor does not answer
+//   joystick X Y SECONDS             holds the stick there, 0 .. 1023
+//   reset                            the device restarts
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace torquer::tools {
+
+struct Statement {
+  enum class Kind {
+    kMark,
+    kUndo,
+    kSkip,
+    kQuit,
+    kDevice,
+    kRest,
+    kMove,
+    kLift,
+    kFault,
+    kJoystick,
+    kReset
+  };
+  Kind kind = Kind::kMark;
+  int line = 0;
+  std::string word;             ///< kDevice: serial number; kSkip: the step
+  std::vector<double> numbers;  ///< as in the table above
+};
+
+struct Script {
+  std::string path;
+  std::vector<Statement> statements;
+};
+
+/// Throws UserError naming file, line, what is wrong and what is wanted.
+Script ParseScript(const std::string& text, const std::string& path);
+Script ReadScript(const std::string& path);
+
+}  // namespace torquer::tools

@@ -1,0 +1,330 @@
+#include "host/tools/calibrate_session.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <optional>
+#include <utility>
+
+#include "host/bus/clock.h"
+#include "host/support/error.h"
+#include "protocol/hid_reports.h"
+
+namespace torquer::tools {
+namespace {
+
+using calibration::Key;
+using calibration::Reading;
+using calibration::Step;
+
+constexpr std::int64_t kFirstDeviceUs = 5000000;
+
+// Surface quality (features / 8) below which the daemon holds motion back, too.
+constexpr int kPoorSurface = 10;
+
+// A script's operator: a hand that has moved by so much, and rested for so long.
+constexpr double kMovedCounts = 100.0;
+constexpr std::int64_t kRestedUs = 300000;
+// How long it waits for a hand, by the device's clock, and for a device, by the host's.
+constexpr std::int64_t kIdleUs = 30000000;
+constexpr std::int64_t kGoneUs = 20000000;
+
+const char* StepName(Step step) {
+  switch (step) {
+    case Step::kRest:
+      return "rest";
+    case Step::kLift:
+      return "lift";
+    case Step::kPushes:
+      return "pushes";
+    case Step::kTurns:
+      return "turns";
+    case Step::kJoystick:
+      return "joystick";
+    case Step::kDone:
+      break;
+  }
+  return "done";
+}
+
+Reading ReadingOf(const daemon::Sample& sample) {
+  Reading reading;
+  reading.time_us = sample.device_time_us;
+  reading.axial_counts = sample.axial_counts;
+  reading.transverse_counts = sample.transverse_counts;
+  reading.joystick_x = sample.joystick_x;
+  reading.joystick_y = sample.joystick_y;
+  reading.surface_quality = sample.surface_quality;
+  reading.lifted =
+      (sample.flags & protocol::kFlagLift) != 0 || sample.surface_quality < kPoorSurface;
+  reading.faulty = (sample.flags & protocol::kFlagSensorFault) != 0;
+  reading.interrupted = sample.epoch_start != daemon::EpochStart::kNone;
+  reading.button = (sample.buttons & protocol::kButtonXray) != 0;
+  return reading;
+}
+
+[[noreturn]] void ScriptTooShort(const Script& script, const SessionSink& sink) {
+  throw UserError(script.path + ": the script ended in the step '" + StepName(sink.step()) +
+                  "'; add what is missing there");
+}
+
+}  // namespace
+
+// --- a device ------------------------------------------------------------------------------------
+
+DeviceSession::DeviceSession(std::unique_ptr<daemon::ReportSource> source, bool ordinary_mouse,
+                             bool has_joystick)
+    : source_(std::move(source)) {
+  facts_.ordinary_mouse = ordinary_mouse;
+  facts_.has_joystick = has_joystick;
+}
+
+DeviceFacts DeviceSession::Connect() {
+  const std::int64_t start_us = bus::MonotonicUs();
+  std::optional<int> cpi;
+  while (!cpi) {
+    source_->Wait(50, [&](const daemon::SourceEvent& event) {
+      if (event.kind == daemon::SourceEvent::Kind::kConnected) {
+        decoder_.OnConnected();
+        CheckIdentity(event.text);
+      } else if (event.kind == daemon::SourceEvent::Kind::kReport && !facts_.serial.empty()) {
+        const auto sample = decoder_.Decode(event.report, event.host_us);
+        if (sample && sample->cpi > 0) cpi = sample->cpi;
+      }
+    });
+    if (!cpi && bus::MonotonicUs() - start_us > kFirstDeviceUs) {
+      throw UserError("no device: nothing at " + source_->place() +
+                      " for 5 seconds; connect the bench device or start torquer-emulator, and "
+                      "look at --source and --device");
+    }
+  }
+  facts_.cpi = *cpi;
+  return facts_;
+}
+
+void DeviceSession::CheckIdentity(const std::string& place) {
+  constexpr char kFlash[] = "; write the firmware of this release with: torquer-flash";
+  std::vector<std::uint8_t> answer;
+  try {
+    answer = source_->GetFeature(protocol::kIdentityReportId);
+  } catch (const daemon::DeviceGone&) {
+    return;  // the source will say so, and try again
+  } catch (const daemon::FeatureError& error) {
+    throw UserError(place + ": the device does not tell who it is (" + error.what() + ")" + kFlash);
+  }
+  protocol::IdentityReport identity;
+  if (answer.size() != sizeof identity || answer[1] != protocol::kProtocolVersion) {
+    throw UserError(place + ": the device's firmware has another protocol version than " +
+                    std::to_string(protocol::kProtocolVersion) + kFlash);
+  }
+  std::memcpy(&identity, answer.data(), sizeof identity);
+  std::string serial(identity.serial, strnlen(identity.serial, sizeof identity.serial));
+  for (char& character : serial) {
+    if (character < ' ' || character > '~') character = '?';
+  }
+  if (serial.empty()) {
+    throw UserError(place + ": the device has no serial number, which a calibration is tied to" +
+                    kFlash);
+  }
+  if (!facts_.serial.empty() && serial != facts_.serial) {
+    throw UserError("the device '" + facts_.serial + "' went away and '" + serial +
+                    "' came; start again with the one that is to be calibrated");
+  }
+  facts_.serial = serial;
+}
+
+void DeviceSession::Wait(int timeout_ms, SessionSink& sink) {
+  source_->Wait(timeout_ms, [&](const daemon::SourceEvent& event) {
+    switch (event.kind) {
+      case daemon::SourceEvent::Kind::kConnected:
+        decoder_.OnConnected();
+        CheckIdentity(event.text);
+        sink.Tell("the device is back");
+        return;
+      case daemon::SourceEvent::Kind::kDisconnected:
+        sink.Tell(event.text + "; waiting for it");
+        return;
+      case daemon::SourceEvent::Kind::kReport:
+        break;
+    }
+    const auto sample = decoder_.Decode(event.report, event.host_us);
+    if (!sample) return;
+    if (sample->cpi != facts_.cpi) {
+      throw UserError("the sensor's resolution changed from " + std::to_string(facts_.cpi) +
+                      " to " + std::to_string(sample->cpi) +
+                      " cpi; stop what sets it, and start again");
+    }
+    sink.Take(ReadingOf(*sample));
+  });
+}
+
+// --- a device, and a script for its operator -----------------------------------------------------
+
+// Passes readings on, and lets the script look at each.
+class PacedSession::Watcher : public SessionSink {
+ public:
+  Watcher(PacedSession& session, SessionSink& sink) : session_(session), sink_(sink) {}
+  void Take(const Reading& reading) override {
+    sink_.Take(reading);
+    session_.Follow(reading, sink_);
+  }
+  void Press(Key key) override { sink_.Press(key); }
+  void Quit() override { sink_.Quit(); }
+  void Tell(const std::string& text) override { sink_.Tell(text); }
+  Step step() const override { return sink_.step(); }
+
+ private:
+  PacedSession& session_;
+  SessionSink& sink_;
+};
+
+PacedSession::PacedSession(std::unique_ptr<SessionSource> device, Script script)
+    : device_(std::move(device)), script_(std::move(script)) {
+  for (const Statement& statement : script_.statements) {
+    if (statement.kind > Statement::Kind::kQuit) {
+      throw UserError(script_.path + ", line " + std::to_string(statement.line) +
+                      ": a script cannot move a device that --source brings; leave such lines out, "
+                      "or run without --source");
+    }
+  }
+}
+
+void PacedSession::Wait(int timeout_ms, SessionSink& sink) {
+  const std::int64_t now_us = bus::MonotonicUs();
+  if (last_reading_us_ == 0) last_reading_us_ = now_us;
+  if (now_us - last_reading_us_ > kGoneUs) {
+    throw UserError("the device has sent nothing for 20 seconds");
+  }
+  Watcher watcher(*this, sink);
+  device_->Wait(timeout_ms, watcher);
+}
+
+void PacedSession::Follow(const Reading& reading, SessionSink& sink) {
+  last_reading_us_ = bus::MonotonicUs();
+  const auto apart = [&](std::int64_t axial, std::int64_t transverse) {
+    return std::hypot(static_cast<double>(reading.axial_counts - axial),
+                      static_cast<double>(reading.transverse_counts - transverse));
+  };
+  const bool stick_moved = std::abs(reading.joystick_x - rest_.joystick_x) > 10.0 ||
+                           std::abs(reading.joystick_y - rest_.joystick_y) > 10.0;
+  constexpr double kTremble = 8.0;
+  if (!any_ || reading.interrupted || reading.lifted != rest_.lifted || stick_moved ||
+      apart(rest_.axial_counts, rest_.transverse_counts) > kTremble) {
+    any_ = true;
+    rest_ = reading;
+  }
+  const std::int64_t rested_us = reading.time_us - rest_.time_us;
+  if (rested_us > kIdleUs) ScriptTooShort(script_, sink);
+  if (next_ == script_.statements.size()) return;
+  const Statement& statement = script_.statements[next_];
+  switch (statement.kind) {
+    case Statement::Kind::kMark: {
+      const Step step = sink.step();
+      if ((step != Step::kPushes && step != Step::kTurns) || rested_us < kRestedUs) return;
+      const bool moved = apart(marked_axial_, marked_transverse_) > kMovedCounts;
+      if (step == marked_step_ && !moved) return;
+      marked_axial_ = reading.axial_counts;
+      marked_transverse_ = reading.transverse_counts;
+      marked_step_ = step;
+      sink.Press(Key::kMark);
+      break;
+    }
+    case Statement::Kind::kUndo:
+      if (rested_us < 3 * kRestedUs) return;  // a mark before it has been taken by then
+      sink.Press(Key::kUndo);
+      marked_step_ = Step::kRest;  // the next mark is a first one
+      break;
+    case Statement::Kind::kSkip:
+      if (statement.word != StepName(sink.step())) return;
+      sink.Press(Key::kSkip);
+      break;
+    default:
+      sink.Quit();
+      break;
+  }
+  ++next_;
+}
+
+// --- a script alone ------------------------------------------------------------------------------
+
+ScriptedSession::ScriptedSession(Script script) : script_(std::move(script)) {
+  reading_.surface_quality = 120;
+}
+
+DeviceFacts ScriptedSession::Connect() {
+  if (script_.statements.empty() || script_.statements.front().kind != Statement::Kind::kDevice) {
+    throw UserError(script_.path +
+                    ": without --source a script begins with the statement 'device SERIAL CPI'");
+  }
+  const Statement& device = script_.statements[next_++];
+  return {.serial = device.word, .cpi = static_cast<int>(device.numbers[0])};
+}
+
+void ScriptedSession::Wait(int /*timeout_ms*/, SessionSink& sink) {
+  if (next_ == script_.statements.size()) ScriptTooShort(script_, sink);
+  Play(script_.statements[next_++], sink);
+}
+
+void ScriptedSession::Play(const Statement& statement, SessionSink& sink) {
+  constexpr std::int64_t kIntervalUs = 1000;
+  const auto play = [&](double seconds, const std::function<void(double)>& at) {
+    const auto steps = std::llround(1e6 * seconds / kIntervalUs);
+    for (std::int64_t i = 1; i <= steps && sink.step() != Step::kDone; ++i) {
+      at(static_cast<double>(i) / static_cast<double>(steps));
+      reading_.time_us += kIntervalUs;
+      reading_.axial_counts = std::llround(axial_);
+      reading_.transverse_counts = std::llround(transverse_);
+      sink.Take(reading_);
+      reading_.interrupted = false;
+    }
+  };
+  const auto nothing = [](double) {};
+  const std::vector<double>& numbers = statement.numbers;
+  switch (statement.kind) {
+    case Statement::Kind::kMark:
+      return sink.Press(Key::kMark);
+    case Statement::Kind::kUndo:
+      return sink.Press(Key::kUndo);
+    case Statement::Kind::kSkip:
+      if (statement.word != StepName(sink.step())) {
+        throw UserError(script_.path + ", line " + std::to_string(statement.line) + ": 'skip " +
+                        statement.word + "' in the step '" + StepName(sink.step()) + "'");
+      }
+      return sink.Press(Key::kSkip);
+    case Statement::Kind::kQuit:
+      return sink.Quit();
+    case Statement::Kind::kDevice:
+      throw UserError(script_.path + ", line " + std::to_string(statement.line) +
+                      ": a session has one device, named once at its beginning");
+    case Statement::Kind::kRest:
+      return play(numbers[0], nothing);
+    case Statement::Kind::kMove: {
+      const double axial = axial_;
+      const double transverse = transverse_;
+      return play(numbers[2], [&](double share) {
+        axial_ = axial + share * numbers[0];
+        transverse_ = transverse + share * numbers[1];
+      });
+    }
+    case Statement::Kind::kLift:
+      reading_.lifted = true;
+      play(numbers[0], nothing);
+      reading_.lifted = false;
+      return;
+    case Statement::Kind::kFault:
+      reading_.faulty = true;
+      play(numbers[0], nothing);
+      reading_.faulty = false;
+      return;
+    case Statement::Kind::kJoystick:
+      reading_.joystick_x = numbers[0];
+      reading_.joystick_y = numbers[1];
+      return play(numbers[2], nothing);
+    case Statement::Kind::kReset:
+      reading_.interrupted = true;
+      return;
+  }
+}
+
+}  // namespace torquer::tools

@@ -1,0 +1,103 @@
+// Where a calibration's readings and keys come from, whether a device and a person or a script.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "calibration/procedure.h"
+#include "host/daemon/report_decoder.h"
+#include "host/daemon/report_source.h"
+#include "host/tools/calibrate_script.h"
+
+namespace torquer::tools {
+
+/// What is to be known of a device before it is calibrated.
+struct DeviceFacts {
+  std::string serial;
+  int cpi = calibration::kNominalCpi;
+  bool ordinary_mouse = false;  ///< unknown resolution, tells no lift
+  bool has_joystick = true;
+};
+
+/// Takes what a source delivers.
+class SessionSink {
+ public:
+  virtual ~SessionSink() = default;
+  virtual void Take(const calibration::Reading& reading) = 0;
+  virtual void Press(calibration::Key key) = 0;
+  virtual void Quit() = 0;
+  virtual void Tell(const std::string& text) = 0;  ///< something that the operator should know
+  virtual calibration::Step step() const = 0;
+};
+
+class SessionSource {
+ public:
+  virtual ~SessionSource() = default;
+  /// Waits for the device, for a while; throws UserError when there is none or it cannot be used.
+  virtual DeviceFacts Connect() = 0;
+  /// Hands over what comes within `timeout_ms`; returns early after Interrupt(). Throws UserError.
+  virtual void Wait(int timeout_ms, SessionSink& sink) = 0;
+  virtual void Interrupt() = 0;
+};
+
+/// A device, read as the daemon reads it.
+class DeviceSession : public SessionSource {
+ public:
+  DeviceSession(std::unique_ptr<daemon::ReportSource> source, bool ordinary_mouse,
+                bool has_joystick);
+  DeviceFacts Connect() override;
+  void Wait(int timeout_ms, SessionSink& sink) override;
+  void Interrupt() override { source_->Interrupt(); }
+
+ private:
+  void CheckIdentity(const std::string& place);
+
+  std::unique_ptr<daemon::ReportSource> source_;
+  daemon::ReportDecoder decoder_;
+  DeviceFacts facts_;
+};
+
+/// A device, and an operator who is a script: keys are pressed when the hand rests.
+class PacedSession : public SessionSource {
+ public:
+  /// Throws UserError when the script moves the device itself.
+  PacedSession(std::unique_ptr<SessionSource> device, Script script);
+  DeviceFacts Connect() override { return device_->Connect(); }
+  void Wait(int timeout_ms, SessionSink& sink) override;
+  void Interrupt() override { device_->Interrupt(); }
+
+ private:
+  class Watcher;
+  void Follow(const calibration::Reading& reading, SessionSink& sink);
+
+  std::unique_ptr<SessionSource> device_;
+  Script script_;
+  std::size_t next_ = 0;
+  calibration::Reading rest_{};  // where the hand has been since it last moved
+  bool any_ = false;
+  std::int64_t marked_axial_ = 0, marked_transverse_ = 0;  // at the last mark
+  calibration::Step marked_step_ = calibration::Step::kRest;
+  std::int64_t last_reading_us_ = 0;  // by the host's clock
+};
+
+/// No device: the script moves one of its own.
+class ScriptedSession : public SessionSource {
+ public:
+  /// Throws UserError when the script names no device.
+  explicit ScriptedSession(Script script);
+  DeviceFacts Connect() override;
+  void Wait(int timeout_ms, SessionSink& sink) override;
+  void Interrupt() override {}
+
+ private:
+  void Play(const Statement& statement, SessionSink& sink);
+
+  Script script_;
+  std::size_t next_ = 0;
+  calibration::Reading reading_{};
+  double axial_ = 0.0, transverse_ = 0.0;
+};
+
+}  // namespace torquer::tools
