@@ -1,0 +1,112 @@
+// The real avrdude, as torquer-flash runs it, against a board in Caterina: in what order pages are
+// written, and what is said when the board is lost.
+#include "host/tools/caterina.h"
+
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+
+#include "host/support/error.h"
+#include "host/tools/flash_procedure.h"
+#include "tests/flash/caterina_responder.h"
+#include "tests/support/temporary_folder.h"
+
+namespace {
+
+using Catch::Matchers::Contains;
+using torquer::UserError;
+using torquer::test::CaterinaResponder;
+using torquer::tools::CaterinaOptions;
+using torquer::tools::FlashByCaterina;
+using torquer::tools::FlashImage;
+using torquer::tools::FlashUnfinished;
+namespace protocol = torquer::protocol;
+
+FlashImage Image() { return FlashImage::FromFile(TORQUER_FIRMWARE_DIR "/torquer-firmware.hex"); }
+
+std::string Failure(const std::string& port, const CaterinaOptions& options) {
+  try {
+    FlashByCaterina(port, Image(), options);
+  } catch (const FlashUnfinished& unfinished) {
+    return unfinished.what();
+  }
+  return "done";
+}
+
+}  // namespace
+
+TEST_CASE("a board in Caterina gets its first page last, and is verified") {
+  CaterinaResponder board;
+  const FlashImage image = Image();
+  FlashByCaterina(board.port(), image, {});
+  const std::vector<std::string> log = board.log();
+  CAPTURE(log);
+
+  std::vector<std::string> wanted = {"erase"};
+  for (int i = 1; i < image.pages(); ++i) wanted.push_back("write " + std::to_string(i));
+  wanted.push_back("write " +
+                   std::to_string(protocol::kImageTrailerAddress / protocol::kFlashPageBytes));
+  wanted.emplace_back("write 0");
+  REQUIRE(log.size() > wanted.size());
+  CHECK(std::vector<std::string>(
+            log.begin(), log.begin() + static_cast<std::ptrdiff_t>(wanted.size())) == wanted);
+  CHECK(log[wanted.size()] == "read 0");
+  CHECK(log.back() == "exit");
+
+  const std::vector<std::uint8_t> flash = board.flash();
+  for (int i = 0; i <= image.pages(); ++i) {
+    const std::vector<std::uint8_t> page = image.Page(i);
+    REQUIRE(std::equal(page.begin(), page.end(), flash.begin() + image.PageAddress(i)));
+  }
+}
+
+TEST_CASE("avrdude does not outlive a board that is lost, and the user is told how to go on") {
+  CaterinaResponder board;
+  CaterinaOptions options;
+  SECTION("in the midst of the writing") {
+    board.FallSilentAfter(20);
+    options.timeout_s = 2;
+  }
+  SECTION("from the beginning") {
+    board.FallSilentAfter(0);
+    options.timeout_s = 1;
+  }
+  SECTION("and the user has enough") {
+    board.FallSilentAfter(3);
+    options.stop = [&board] { return board.writes() == 3; };
+  }
+  const std::string said = Failure(board.port(), options);
+  CHECK_THAT(said, Contains("run the same command again"));
+  CHECK_THAT(said, Contains("Caterina") && Contains("reset it"));
+  // The first page is what Caterina looks at: it has not been written.
+  CHECK(board.flash()[0] == 0xff);
+}
+
+TEST_CASE("a page that does not read back is told") {
+  CaterinaResponder board;
+  board.SpoilPage(7);
+  CHECK_THAT(Failure(board.port(), {}), Contains("avrdude failed. It said:") && Contains("verif"));
+}
+
+TEST_CASE("a port that is none, and a missing avrdude, are told") {
+  CHECK_THAT(Failure("/nonexistent", {}), Contains("/nonexistent"));
+  CaterinaOptions options;
+  options.avrdude = "no-such-avrdude";
+  CHECK_THROWS_WITH(FlashByCaterina("/dev/null", Image(), options),
+                    Contains("apt-get install avrdude"));
+}
+
+TEST_CASE("a program that ignores its board and its parent is killed all the same") {
+  const torquer::test::TemporaryFolder folder;
+  const std::string deaf = folder.Path("deaf");
+  {
+    std::ofstream script(deaf);
+    script << "#!/bin/sh\ntrap '' TERM INT HUP\nwhile :; do sleep 1; done\n";
+  }
+  std::filesystem::permissions(deaf, std::filesystem::perms::owner_all);
+  CaterinaOptions options;
+  options.avrdude = deaf;
+  options.timeout_s = 1;
+  CHECK_THAT(Failure("/dev/null", options), Contains("did not end within 1 s"));
+}
