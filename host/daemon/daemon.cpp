@@ -167,6 +167,7 @@ void Daemon::OnConnected(const SourceEvent& event) {
   std::string serial;
   try {
     serial = CheckIdentity();
+    if (options_.calibration_by_serial && serial != device_) TakeCalibrationOf(serial);
     if (options_.calibration) {
       calibration::RequireDevice(*options_.calibration, options_.calibration_path, serial);
       CheckResolution();
@@ -215,6 +216,12 @@ std::string Daemon::CheckIdentity() {
     if (character < ' ' || character > '~') character = '?';
   }
   return serial;
+}
+
+void Daemon::TakeCalibrationOf(const std::string& serial) {
+  options_.calibration_path = calibration::CalibrationPath(serial);
+  options_.calibration = calibration::ReadCalibration(options_.calibration_path);
+  pipeline_.emplace(HandTracker(options_.calibration, pipeline_->Hold().pose));
 }
 
 // Gains hold for one sensor resolution; the device is told to use it.

@@ -21,6 +21,8 @@ struct DaemonOptions {
   std::string instrument;
   std::string calibration_path;                         ///< for messages; "" without calibration
   std::optional<calibration::Calibration> calibration;  ///< nullopt: nominal gains
+  /// Without a calibration: take what torquer-calibrate kept for the device that turns up.
+  bool calibration_by_serial = false;
 };
 
 class Daemon {
@@ -56,6 +58,7 @@ class Daemon {
 
   void TakeUpPosition();
   std::string CheckIdentity();
+  void TakeCalibrationOf(const std::string& serial);
   void CheckResolution();
   void Announce(const std::string& state, const std::string& message);
   void AnnounceFlags(std::int32_t flags, std::int64_t now_us);

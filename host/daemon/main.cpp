@@ -27,13 +27,13 @@ using torquer::UserError;
 
 constexpr char kUsage[] =
     "usage: torquer-daemon --source usb|evdev|socket [--device SERIAL|PATH].. [--socket PATH]\n"
-    "         (--calibration FILE | --uncalibrated) [--lcm-url URL] [--instrument NAME] [--json]\n"
+    "         [--calibration FILE | --uncalibrated] [--lcm-url URL] [--instrument NAME] [--json]\n"
     "       torquer-daemon --home [--lcm-url URL] [--instrument NAME]\n"
     "\n"
     "  --source usb       the bench device; --device picks one by serial number\n"
     "  --source evdev     a mouse and a joystick, each given by --device /dev/input/..\n"
     "  --source socket    the emulator that listens at --socket\n"
-    "  --calibration      what torquer-calibrate wrote for this device\n"
+    "  --calibration      another file than the one that torquer-calibrate kept for the device\n"
     "  --uncalibrated     nominal gains; every command says so\n"
     "  --lcm-url          the bus (else LCM_DEFAULT_URL, else this machine's multicast)\n"
     "  --instrument       guidewire (as without) or catheter\n"
@@ -73,11 +73,8 @@ Arguments Parse(int argc, char** argv) {
                     "' is not known; there are guidewire and catheter");
   }
   if (arguments.help || arguments.home) return arguments;
-  if (arguments.calibration.empty() != arguments.uncalibrated) {
-    throw UserError(arguments.uncalibrated
-                        ? "--calibration and --uncalibrated exclude each other; give one"
-                        : "no calibration; give --calibration FILE (torquer-calibrate makes one), "
-                          "or --uncalibrated for nominal gains");
+  if (!arguments.calibration.empty() && arguments.uncalibrated) {
+    throw UserError("--calibration and --uncalibrated exclude each other; give one");
   }
   return arguments;
 }
@@ -161,7 +158,8 @@ int SendHome(const Arguments& arguments) {
 int RunDaemon(const Arguments& arguments) {
   torquer::daemon::DaemonOptions options;
   options.instrument = arguments.instrument;
-  if (!arguments.uncalibrated) {
+  options.calibration_by_serial = !arguments.uncalibrated && arguments.calibration.empty();
+  if (!arguments.calibration.empty()) {
     options.calibration_path = arguments.calibration;
     options.calibration = torquer::calibration::ReadCalibration(arguments.calibration);
   }

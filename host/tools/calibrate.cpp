@@ -31,7 +31,8 @@ using namespace torquer::tools;
 using torquer::UserError;
 
 constexpr char kUsage[] =
-    "usage: torquer-calibrate --source usb|evdev|socket [--device SERIAL|PATH].. [--socket PATH]\n"
+    "usage: torquer-calibrate [--source usb|evdev|socket] [--device SERIAL|PATH].. [--socket "
+    "PATH]\n"
     "         [--length MM] [--length-error MM] [--ruler] [--turns N] [--radius MM]\n"
     "         [--pushes N] [--turn-strokes N] [--output FILE] [--plot FILE.svg] [--script FILE]\n"
     "       torquer-calibrate --script FILE [..]\n"
@@ -41,7 +42,7 @@ constexpr char kUsage[] =
     "button), u forgets the last stroke, s skips a step, q or Ctrl-C gives up and changes "
     "nothing.\n"
     "\n"
-    "  --source usb       the bench device; --device picks one by serial number\n"
+    "  --source usb       (as without) the bench device; --device picks one by serial number\n"
     "  --source evdev     a mouse and perhaps a joystick, each given by --device /dev/input/..\n"
     "  --source socket    the emulator that listens at --socket\n"
     "  --length           of a push, mm (150)\n"
@@ -121,9 +122,7 @@ Arguments Parse(int argc, char** argv) {
   line.Flag("--help", arguments.help);
   line.Parse(argc, argv, kUsage);
   if (arguments.help) return arguments;
-  if (arguments.source.empty() && arguments.script.empty()) {
-    throw UserError(std::string("give the device with --source usb, evdev or socket\n") + kUsage);
-  }
+  if (arguments.source.empty() && arguments.script.empty()) arguments.source = "usb";
   return arguments;
 }
 

@@ -400,6 +400,33 @@ TEST_CASE("A calibration is tied to its device and its sensor resolution") {
     CHECK(ending.status == 2);
     CHECK(Contains(ending.error, file + ": torn"));
   }
+  SECTION("the one kept under the device's serial number") {
+    SocketDevice device(socket);
+    setenv("XDG_CONFIG_HOME", listener.folder.Path().c_str(), 1);
+    std::filesystem::create_directory(listener.folder.Path("torquer"));
+    torquer::calibration::WriteCalibration(calibration,
+                                           listener.folder.Path("torquer/SCRIPTED-1.toml"));
+    ChildProcess daemon(SocketWords(socket, {}));
+    REQUIRE(daemon.WaitForError("running"));
+    InputReport report = StillReport();
+    device.Send(report);
+    report = Next(report);
+    report.axial_counts = 10;
+    device.Send(report);
+    REQUIRE(listener.UntilCommands(2));
+    CHECK(listener.commands[1].insertion_mm == 5.0);
+    CHECK(listener.commands[1].flags == 0);
+    unsetenv("XDG_CONFIG_HOME");
+  }
+  SECTION("none kept under the device's serial number") {
+    SocketDevice device(socket);
+    setenv("XDG_CONFIG_HOME", listener.folder.Path().c_str(), 1);
+    const Ending ending = EndingOf(SocketWords(socket, {}));
+    unsetenv("XDG_CONFIG_HOME");
+    CHECK(ending.status == 2);
+    CHECK(Contains(ending.error, "/torquer/SCRIPTED-1.toml: cannot be read"));
+    CHECK(Contains(ending.error, "torquer-calibrate, or run with --uncalibrated"));
+  }
   SECTION("no file") {
     const Ending ending = EndingOf(SocketWords(socket, {"--calibration", file}));
     CHECK(ending.status == 2);
@@ -411,7 +438,6 @@ TEST_CASE("A bad command line is refused with what is wrong") {
   Listener listener;
   const std::string socket = listener.folder.Path("device");
   const auto [words, expected] = GENERATE_REF(table<std::vector<std::string>, std::string>({
-      {{"--source", "socket", "--socket", socket}, "no calibration; give --calibration FILE"},
       {{"--source", "socket", "--uncalibrated", "--calibration", "x"}, "exclude each other"},
       {{"--source", "socket", "--uncalibrated"}, "--socket ''"},
       {{"--source", "pigeon", "--uncalibrated"}, "--source 'pigeon' is not known"},
