@@ -90,7 +90,9 @@ DeviceFacts DeviceSession::Connect() {
         CheckIdentity(event.text);
       } else if (event.kind == daemon::SourceEvent::Kind::kReport && !facts_.serial.empty()) {
         const auto sample = decoder_.Decode(event.report, event.host_us);
-        if (sample && sample->cpi > 0) cpi = sample->cpi;
+        if (!sample) return;
+        early_.push_back(ReadingOf(*sample));
+        if (sample->cpi > 0) cpi = sample->cpi;
       }
     });
     if (!cpi && bus::MonotonicUs() - start_us > kFirstDeviceUs) {
@@ -135,6 +137,7 @@ void DeviceSession::CheckIdentity(const std::string& place) {
 }
 
 void DeviceSession::Wait(int timeout_ms, SessionSink& sink) {
+  for (const Reading& reading : std::exchange(early_, {})) sink.Take(reading);
   source_->Wait(timeout_ms, [&](const daemon::SourceEvent& event) {
     switch (event.kind) {
       case daemon::SourceEvent::Kind::kConnected:

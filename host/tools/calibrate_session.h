@@ -57,6 +57,7 @@ class DeviceSession : public SessionSource {
   std::unique_ptr<daemon::ReportSource> source_;
   daemon::ReportDecoder decoder_;
   DeviceFacts facts_;
+  std::vector<calibration::Reading> early_;  // came while the device was asked who it is
 };
 
 /// A device, and an operator who is a script: keys are pressed when the hand rests.

@@ -57,6 +57,30 @@ TEST_CASE("Latency by another machine's clock is left out") {
   CHECK_THAT(status.Line(1), Catch::Contains("latency -"));
 }
 
+TEST_CASE("Events of the wall force are news once, and the force stands in the line") {
+  tools::LiveStatus status(7);
+  status.Add(State(0, 1));
+  torquer_lcm::readings_t readings{};
+  readings.names = {"wall_force_largest_mN", "wall_force_sum_mN",
+                    "wall_force_events",     "wall_force_largest_ever_mN",
+                    "wall_force_event_s",    "wall_force_event_mN",
+                    "target_reached",        "target_reached_s"};
+  readings.values = {0.5, 1.25, 2, 3.5, 4, 3.5, 0, -1};
+  // Two that came before there was anybody to tell.
+  CHECK(status.Add(readings).empty());
+  CHECK_THAT(status.Line(1),
+             Catch::Contains(", ok | force 0.5 mN, sum 1.25, most 3.5, 2 events | device"));
+  readings.values = {5, 6, 3, 5, 7.25, 5, 0, -1};
+  CHECK(status.Add(readings) == "wall force: event 3: above the threshold at 7.25 s, 5 mN so far");
+  CHECK(status.Add(readings).empty());
+  readings.values[6] = 1;
+  readings.values[7] = 9.5;
+  CHECK(status.Add(readings) == "assessment: target reached at 9.50 s");
+  // A scene that starts again has none.
+  readings.values = {0, 0, 0, 0, -1, 0, 0, -1};
+  CHECK(status.Add(readings).empty());
+}
+
 TEST_CASE("Nothing on the bus is said so") {
   tools::LiveStatus status(7);
   CHECK(status.Line(1) ==

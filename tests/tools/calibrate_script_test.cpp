@@ -1,0 +1,73 @@
+#include "host/tools/calibrate_script.h"
+
+#include <catch2/catch.hpp>
+
+#include "host/support/error.h"
+#include "host/tools/calibrate_session.h"
+
+namespace {
+
+using Catch::Contains;
+using torquer::UserError;
+using torquer::tools::PacedSession;
+using torquer::tools::ParseScript;
+using torquer::tools::Script;
+using torquer::tools::ScriptedSession;
+using torquer::tools::Statement;
+
+constexpr char kFirst[] = "torquer-calibrate script 1\n";
+
+Script Parse(const std::string& text) { return ParseScript(kFirst + text, "a.script"); }
+
+}  // namespace
+
+TEST_CASE("A script is read line by line") {
+  const Script script = Parse(
+      "# a comment\n"
+      "\n"
+      "device BENCH-7 1600  # another\n"
+      "move 12.5 -3 0.4\n"
+      "  mark\n"
+      "skip lift");
+  REQUIRE(script.statements.size() == 4);
+  CHECK(script.statements[0].kind == Statement::Kind::kDevice);
+  CHECK(script.statements[0].word == "BENCH-7");
+  CHECK(script.statements[0].numbers == std::vector<double>{1600});
+  CHECK(script.statements[1].kind == Statement::Kind::kMove);
+  CHECK(script.statements[1].numbers == std::vector<double>{12.5, -3, 0.4});
+  CHECK(script.statements[1].line == 5);
+  CHECK(script.statements[2].kind == Statement::Kind::kMark);
+  CHECK(script.statements[3].kind == Statement::Kind::kSkip);
+  CHECK(script.statements[3].word == "lift");
+}
+
+TEST_CASE("A script that cannot be meant is refused with file, line and what is wanted") {
+  const auto [text, expected] = GENERATE(table<std::string, std::string>({
+      {"dance", "a.script, line 2: 'dance' is not known; there are\n  mark\n"},
+      {"mark\nmove 1 2",
+       "a.script, line 3: it has 2 values; write 'move AXIAL TRANSVERSE SECONDS'"},
+      {"rest -1", "SECONDS = '-1': must be a number from 0 to 3600"},
+      {"rest nan", "SECONDS = 'nan': must be a number"},
+      {"rest 1s", "SECONDS = '1s': must be a number"},
+      {"joystick 0 1024 1", "Y = '1024': must be a number from 0 to 1023"},
+      {"skip pushes", "the step 'pushes' cannot be skipped"},
+  }));
+  CAPTURE(text);
+  CHECK_THROWS_WITH(Parse(text), Contains(expected));
+}
+
+TEST_CASE("A file that is no script is refused") {
+  CHECK_THROWS_WITH(ParseScript("mark\n", "a.script"),
+                    Contains("a.script, line 1: 'mark': a script begins with the line "
+                             "'torquer-calibrate script 1'"));
+  CHECK_THROWS_WITH(ParseScript("", "a.script"), Contains("it is empty"));
+  CHECK_THROWS_WITH(torquer::tools::ReadScript("/nowhere/a.script"),
+                    Contains("/nowhere/a.script: cannot be read"));
+}
+
+TEST_CASE("A script moves a device of its own, or none") {
+  CHECK_THROWS_WITH(PacedSession(nullptr, Parse("mark\nrest 1")),
+                    Contains("a.script, line 3: a script cannot move a device"));
+  ScriptedSession session(Parse("mark"));
+  CHECK_THROWS_WITH(session.Connect(), Contains("begins with the statement 'device SERIAL CPI'"));
+}
