@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <utility>
 
 #include "host/support/error.h"
 
@@ -68,6 +69,10 @@ std::string FormatReport(const SessionReport& report) {
                 static_cast<long long>(report.states));
   text += Print("  wire         %d nodes, residual %.2g, largest penetration %.1f um\n",
                 report.last_state.segment_count + 1, report.residual, report.max_penetration_um);
+  for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
+    text += Print("  %-13s%s %.6g\n", i == 0 ? "readings" : "", report.readings.names[i].c_str(),
+                  report.readings.values[i]);
+  }
   if (report.states_missing > 0 || report.undecodable > 0) {
     text += Print("  log          %lld states missing, %lld messages undecodable\n",
                   static_cast<long long>(report.states_missing),
@@ -77,6 +82,10 @@ std::string FormatReport(const SessionReport& report) {
 }
 
 std::string FormatReportJson(const SessionReport& report, const std::string& picture) {
+  nlohmann::ordered_json readings = nlohmann::ordered_json::object();
+  for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
+    readings[report.readings.names[i]] = report.readings.values[i];
+  }
   const nlohmann::ordered_json json = {{"scene", report.scene},
                                        {"method", report.method},
                                        {"duration_s", report.duration_s},
@@ -100,6 +109,7 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"states", report.states},
                                        {"states_missing", report.states_missing},
                                        {"undecodable", report.undecodable},
+                                       {"readings", std::move(readings)},
                                        {"picture", picture}};
   return json.dump() + "\n";
 }

@@ -35,6 +35,7 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
   Register(by_channel, bus::kInstrumentCommandChannel, handlers.command);
   Register(by_channel, bus::kWireStateChannel, handlers.state);
   Register(by_channel, bus::kSceneChannel, handlers.scene);
+  Register(by_channel, bus::kReadingsChannel, handlers.readings);
   Register(by_channel, bus::kHealthChannel, handlers.health);
   Register(by_channel, bus::kEmulatorTruthChannel, handlers.truth);
 

@@ -9,6 +9,7 @@
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
+#include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/scene_description_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
@@ -20,6 +21,7 @@ struct SessionHandlers {
   std::function<void(const torquer_lcm::instrument_command_t&)> command;
   std::function<void(const torquer_lcm::wire_state_t&)> state;
   std::function<void(const torquer_lcm::scene_description_t&)> scene;
+  std::function<void(const torquer_lcm::readings_t&)> readings;
   std::function<void(const torquer_lcm::health_t&)> health;
   std::function<void(const torquer_lcm::hand_motion_t&)> truth;  ///< of the emulator
 };

@@ -54,6 +54,7 @@ SessionHandlers SessionReporter::Handlers() {
   handlers.command = [this](const torquer_lcm::instrument_command_t& message) { Add(message); };
   handlers.state = [this](const torquer_lcm::wire_state_t& message) { Add(message); };
   handlers.scene = [this](const torquer_lcm::scene_description_t& message) { scene_ = message; };
+  handlers.readings = [this](const torquer_lcm::readings_t& message) { readings_ = message; };
   handlers.health = [this](const torquer_lcm::health_t& message) { Add(message); };
   handlers.truth = [this](const torquer_lcm::hand_motion_t& message) { truth_ = message; };
   return handlers;
@@ -191,6 +192,7 @@ SessionReport SessionReporter::Finish(const Eigen::Matrix2d& motion_per_count) c
   report.status = last_state_->status;
   report.description = *scene_;
   report.last_state = *last_state_;
+  report.readings = readings_;
   return report;
 }
 

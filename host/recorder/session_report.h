@@ -64,6 +64,7 @@ struct SessionReport {
   int status = 0;       ///< of the last state, bits of WireStatus
   torquer_lcm::scene_description_t description;
   torquer_lcm::wire_state_t last_state;
+  torquer_lcm::readings_t readings{};  ///< the last; without names where the scene has no observer
 
   /// No report was lost, and the wire went where the hand went.
   bool Good() const {
@@ -104,6 +105,7 @@ class SessionReporter {
   std::optional<torquer_lcm::hand_motion_t> truth_;
   std::optional<torquer_lcm::wire_state_t> last_state_;
   std::optional<torquer_lcm::scene_description_t> scene_;
+  torquer_lcm::readings_t readings_{};
   std::map<std::string, std::int64_t> daemon_counters_;
   bool last_held_ = false;
   std::int64_t resets_ = 0;

@@ -7,7 +7,9 @@
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
 #include "host/simulator/field_ahead.h"
+#include "host/simulator/live_readings.h"
 #include "host/simulator/picture_thread.h"
+#include "host/support/fnv1a.h"
 
 namespace torquer::simulator {
 
@@ -24,12 +26,6 @@ class Deadline final : public WorkBudget {
 
 void Copy(const Eigen::Vector3d& from, double (&to)[3]) {
   for (int axis = 0; axis < 3; ++axis) to[axis] = from[axis];
-}
-
-std::string Hex(std::uint64_t value) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-  return text;
 }
 
 torquer_lcm::scene_description_t Describe(const scene::Scene& scene) {
@@ -114,6 +110,7 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
   if (session.image() != nullptr) {
     pictures = std::make_unique<PictureThread>(*session.image(), bus);
   }
+  LiveReadings readings(session, bus);
   FieldAhead ahead(session.scene().vessel());
   const std::int64_t began_us = bus::MonotonicUs();
   std::int64_t next_tick_us = 0;
@@ -141,11 +138,13 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
       }
       arrived = false;
     }
+    readings.PublishWhenDue(start_us);
     if (health.Due(start_us)) {
       health.Repeat(counters());
       bus.Publish(bus::kSceneChannel, description);
     }
   }
+  readings.Publish();
   health.Change("stopping", "", counters());
   return statistics;
 }

@@ -4,6 +4,7 @@
 #include <csignal>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,20 +15,23 @@
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/script_run.h"
 #include "host/simulator/session.h"
+#include "host/simulator/session_record.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
 
 namespace {
 
 constexpr char kUsage[] =
-    "usage: torquer-simulator --scene FILE [--lcm-url URL] [--json]\n"
+    "usage: torquer-simulator --scene FILE [--lcm-url URL] [--record FILE.json] [--json]\n"
     "       torquer-simulator --scene FILE --script FILE.csv [--states FILE.jsonl] [--render DIR]\n"
+    "                         [--record FILE.json]\n"
     "       torquer-simulator --scene FILE --replay FILE.lcmlog\n"
     "       torquer-simulator --list-effects | --explain FILE\n"
     "Live: follows instrument commands on LCM and publishes wire states, until SIGINT or SIGTERM.\n"
     "--script: header time_s,insertion_mm,rotation_rad, if need be with "
     "lao_deg,cra_deg,xray,contrast;\n"
     "one JSON object a row goes to --states, X-ray pictures as PNG to --render.\n"
+    "--record: when the session ends, what its observers have found, the assessment among it.\n"
     "--replay: repeats a recorded session and compares every state; exit 1 if one differs.\n"
     "--list-effects: what a scene may call for. --explain: what this one does, and what is off.";
 
@@ -50,14 +54,18 @@ struct KeepField {
   }
 };
 
-int Live(torquer::scene::Scene& scene, const std::string& url, bool json) {
+int Live(torquer::scene::Scene& scene, const std::string& url, const std::string& record_file,
+         bool json) {
   torquer::bus::Bus bus(url);
   torquer::simulator::Session session(scene);
+  std::optional<torquer::simulator::SessionRecord> record;
+  if (!record_file.empty()) record.emplace(record_file, session);
   std::signal(SIGINT, [](int) { stop = true; });
   std::signal(SIGTERM, [](int) { stop = true; });
   std::fprintf(stderr, "torquer-simulator: running %s on %s\n", scene.name().c_str(),
                bus.url().c_str());
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(session, bus, stop);
+  if (record) record->Finish(session);
   if (json) {
     const nlohmann::json line = {
         {"ticks", run.ticks},
@@ -91,6 +99,7 @@ int Run(int argc, char** argv) {
   line.Option("--script", script);
   line.Option("--states", outputs.states);
   line.Option("--render", outputs.pictures);
+  line.Option("--record", outputs.record);
   line.Option("--replay", log);
   line.Flag("--json", json);
   line.Parse(argc, argv, kUsage);
@@ -105,9 +114,13 @@ int Run(int argc, char** argv) {
     return 0;
   }
   if (scene_file.empty()) throw torquer::UserError(std::string("--scene is missing\n") + kUsage);
-  if (script.empty() != (outputs.states.empty() && outputs.pictures.empty())) {
-    throw torquer::UserError(std::string("--script and --states or --render go together\n") +
-                             kUsage);
+  const bool for_script = !outputs.states.empty() || !outputs.pictures.empty();
+  if (script.empty() ? for_script : !for_script && outputs.record.empty()) {
+    throw torquer::UserError(
+        std::string("--script and --states, --render or --record go together\n") + kUsage);
+  }
+  if (!log.empty() && !outputs.record.empty()) {
+    throw torquer::UserError(std::string("--record and --replay exclude each other\n") + kUsage);
   }
   if (!script.empty() && !log.empty()) {
     throw torquer::UserError(std::string("--script and --replay exclude each other\n") + kUsage);
@@ -138,7 +151,7 @@ int Run(int argc, char** argv) {
     std::printf("the first at tick %lld\n", static_cast<long long>(result.first_difference));
     return 1;
   }
-  return Live(scene, url, json);
+  return Live(scene, url, outputs.record, json);
 }
 
 }  // namespace

@@ -8,11 +8,14 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
 #include "host/simulator/session.h"
+#include "host/simulator/session_record.h"
+#include "host/simulator/whole_file.h"
 #include "host/support/csv_table.h"
 #include "host/support/error.h"
 
@@ -91,33 +94,21 @@ std::vector<Command> ReadScript(const std::string& script, double start_mm) {
   return commands;
 }
 
-// Writes a file beside its name first, so that it is complete or not there.
+// One JSON object a row; a path of "" wants none.
 class StatesFile {
  public:
-  explicit StatesFile(const std::string& path) : path_(path), unfinished_(path + ".part") {
-    if (path_.empty()) return;
-    out_.open(unfinished_);
-    if (!out_) {
-      throw UserError(path_ + ": cannot be written; check the folder and its permissions");
-    }
+  explicit StatesFile(const std::string& path) {
+    if (!path.empty()) file_.emplace(path);
   }
   void Write(const Session& session, double time_s, double solve_us) {
-    if (!path_.empty()) out_ << Describe(session, time_s, solve_us).dump() << '\n';
+    if (file_) file_->out() << Describe(session, time_s, solve_us).dump() << '\n';
   }
   void Finish() {
-    if (path_.empty()) return;
-    out_.close();
-    if (!out_) {
-      std::filesystem::remove(unfinished_);
-      throw UserError(path_ + ": writing failed; is the disk full?");
-    }
-    std::filesystem::rename(unfinished_, path_);
+    if (file_) file_->Finish();
   }
 
  private:
-  const std::string path_;
-  const std::string unfinished_;
-  std::ofstream out_;
+  std::optional<WholeFile> file_;
 };
 
 class PictureFolder {
@@ -153,6 +144,8 @@ int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutput
   Session session(scene);
   PictureFolder pictures(outputs.pictures, session);
   StatesFile states(outputs.states);
+  std::optional<SessionRecord> record;
+  if (!outputs.record.empty()) record.emplace(outputs.record, session);
   const double first_s = commands.empty() ? 0 : commands.front().time_s;
   int unconverged = 0;
   for (std::size_t k = 0; k < commands.size(); ++k) {
@@ -170,6 +163,7 @@ int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutput
   }
   if (isatty(fileno(stderr)) != 0) std::fprintf(stderr, "\n");
   states.Finish();
+  if (record) record->Finish(session);
   return unconverged;
 }
 

@@ -9,8 +9,9 @@ namespace torquer::simulator {
 
 /// What comes of a script; empty: not wanted.
 struct ScriptOutputs {
-  std::string states;    ///< file of one JSON object a row, complete or not there
-  std::string pictures;  ///< folder, made where missing, of picture_000001.png and so on
+  std::string states = {};    ///< file of one JSON object a row, complete or not there
+  std::string pictures = {};  ///< folder, made where missing, of picture_000001.png and so on
+  std::string record = {};    ///< file of the session's record (session_record.h), as states
 };
 
 /// Runs the rows of `script`: CSV with the header time_s,insertion_mm,rotation_rad, absolute since

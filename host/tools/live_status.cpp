@@ -29,6 +29,19 @@ std::string LatencyText(std::vector<double>& latencies_ms) {
   return text;
 }
 
+std::string ForceText(const std::map<std::string, double>& readings) {
+  const auto value = [&](const char* name) {
+    const auto found = readings.find(name);
+    return found == readings.end() ? 0 : found->second;
+  };
+  if (readings.count("wall_force_events") == 0) return "";
+  char text[160];
+  std::snprintf(text, sizeof text, " | force %.3g mN, sum %.3g, most %.3g, %.0f events",
+                value("wall_force_largest_mN"), value("wall_force_sum_mN"),
+                value("wall_force_largest_ever_mN"), value("wall_force_events"));
+  return text;
+}
+
 }  // namespace
 
 std::string StatusWords(std::int32_t status) {
@@ -63,6 +76,36 @@ std::string LiveStatus::Add(const torquer_lcm::health_t& health) {
   return health.process + ": " + health.state + ": " + health.message;
 }
 
+std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
+  std::map<std::string, double> now;
+  for (std::size_t i = 0; i < readings.names.size(); ++i)
+    now[readings.names[i]] = readings.values[i];
+  readings_.swap(now);
+  const std::map<std::string, double>& before = now;
+  // What was so when this began to listen is no news.
+  if (before.empty()) return "";
+  const auto grown = [&](const std::string& name) {
+    const auto was = before.find(name);
+    const auto is = readings_.find(name);
+    return was != before.end() && is != readings_.end() && is->second > was->second;
+  };
+  char text[160];
+  std::string news;
+  if (grown("wall_force_events")) {
+    std::snprintf(text, sizeof text,
+                  "wall force: event %.0f: above the threshold at %.2f s, %.3g mN so far",
+                  readings_["wall_force_events"], readings_["wall_force_event_s"],
+                  readings_["wall_force_event_mN"]);
+    news = text;
+  }
+  if (grown("target_reached")) {
+    std::snprintf(text, sizeof text, "%sassessment: target reached at %.2f s",
+                  news.empty() ? "" : "; ", readings_["target_reached_s"]);
+    news += text;
+  }
+  return news;
+}
+
 std::string LiveStatus::Line(double interval_s) {
   char text[256];
   std::snprintf(text, sizeof text, "%s | %.0f reports/s, %lld lost | %.0f states/s, ",
@@ -70,11 +113,10 @@ std::string LiveStatus::Line(double interval_s) {
                 static_cast<long long>(reports_lost_), static_cast<double>(states_) / interval_s);
   std::string line = text + LatencyText(latencies_ms_);
   if (state_) {
-    std::snprintf(
-        text, sizeof text, " | %.2f mm, %+.0f deg | residual %.1e, wall %.1f um, %s | device %s",
-        state_->insertion_mm, state_->rotation_rad * 180 / std::numbers::pi, state_->residual,
-        max_penetration_um_, StatusWords(state_->status).c_str(), device_state_.c_str());
-    line += text;
+    std::snprintf(text, sizeof text, " | %.2f mm, %+.0f deg | residual %.1e, wall %.1f um, %s",
+                  state_->insertion_mm, state_->rotation_rad * 180 / std::numbers::pi,
+                  state_->residual, max_penetration_um_, StatusWords(state_->status).c_str());
+    line += text + ForceText(readings_) + " | device " + device_state_;
   } else {
     line += " | no wire yet | device " + device_state_;
   }

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "torquer_lcm/device_sample_t.hpp"
 #include "torquer_lcm/health_t.hpp"
+#include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/scene_description_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
@@ -27,9 +29,12 @@ class LiveStatus {
   void Add(const torquer_lcm::scene_description_t& scene) { scene_ = scene.name; }
   /// What is worth a line of its own, or "".
   std::string Add(const torquer_lcm::health_t& health);
+  /// The same: a new event of the wall force, or that the target is reached.
+  std::string Add(const torquer_lcm::readings_t& readings);
 
-  /// One line without its end: scene, rates, latency, length, residual, penetration, status,
-  /// device. `interval_s` is the time since the last call, > 0.
+  /// One line without its end: scene, rates, latency, length, residual, penetration, status, what
+  /// the wire presses on the wall with where the scene measures it, device. `interval_s` is the
+  /// time since the last call, > 0.
   std::string Line(double interval_s);
 
  private:
@@ -43,6 +48,7 @@ class LiveStatus {
   std::vector<double> latencies_ms_;
   double max_penetration_um_ = 0;
   std::optional<torquer_lcm::wire_state_t> state_;
+  std::map<std::string, double> readings_;
 };
 
 }  // namespace torquer::tools

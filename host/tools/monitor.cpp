@@ -66,6 +66,10 @@ int Run(const std::string& url, double duration_s) {
       torquer::bus::kWireStateChannel, [&](const auto& message) { status.Add(message); }, 0);
   bus.Subscribe<torquer_lcm::scene_description_t>(
       torquer::bus::kSceneChannel, [&](const auto& message) { status.Add(message); });
+  bus.Subscribe<torquer_lcm::readings_t>(torquer::bus::kReadingsChannel, [&](const auto& message) {
+    const std::string news = status.Add(message);
+    if (!news.empty()) Show(news, true, width);
+  });
   bus.Subscribe<torquer_lcm::health_t>(torquer::bus::kHealthChannel, [&](const auto& message) {
     const std::string news = status.Add(message);
     if (!news.empty()) Show(news, true, width);

@@ -68,5 +68,54 @@ TEST_CASE("A wire across a slit presses on the wall with the beam's force") {
   CHECK(force.largest_ever_mN() == 0);
 }
 
+TEST_CASE("An event begins above the threshold, and keeps its largest force") {
+  const WireModel model = MakeWire({});
+  const WireState state(model);
+  Expansion expansion;
+  PointSet& points = expansion.points;
+  points.per_segment = 1;
+  points.position = {Vector3d::Zero()};
+  points.weight_mm = {1};
+  points.radius_mm = {0.2};
+  points.touches = {1};
+  points.near = {0};
+  points.stiffness_N_mm2 = {1};
+  points.clearance.resize(1);
+  points.clearance[0].gradient = Vector3d::UnitZ();
+  const effects::Controls controls;
+  const HandTarget target;
+  const TickReport report;
+  effects::WallForce force(10, 5);
+  double time_s = 0;
+  const auto press = [&](double force_mN) {
+    points.clearance[0].clearance_mm = 0.2 - 1e-3 * force_mN;
+    force.Observe({.time_s = time_s += 0.25,
+                   .step_s = 0.25,
+                   .controls = controls,
+                   .target = target,
+                   .state = state,
+                   .expansion = expansion,
+                   .report = report});
+  };
+  press(8);
+  CHECK(force.events() == 0);
+  CHECK(force.event_began_s() == -1);
+  for (const double force_mN : {12.0, 30.0, 15.0}) press(force_mN);  // at 0.5, 0.75 and 1 s
+  CHECK(force.events() == 1);
+  CHECK(force.event_began_s() == 0.5);
+  CHECK(force.event_mN() == Approx(30));
+  CHECK(force.seconds_above() == 0.75);
+  press(5);
+  press(20);
+  press(4);
+  CHECK(force.events() == 2);
+  CHECK(ReadingOf(force, "wall_force_event_s") == 1.5);
+  CHECK(ReadingOf(force, "wall_force_event_mN") == Approx(20));
+  CHECK(force.largest_ever_mN() == Approx(30));
+  force.Restart();
+  CHECK(force.event_began_s() == -1);
+  CHECK(force.event_mN() == 0);
+}
+
 }  // namespace
 }  // namespace torquer::test

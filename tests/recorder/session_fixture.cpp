@@ -115,6 +115,13 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     const bool cut = faults.undecodable && i == 42;
     log.Write(bus::kWireStateChannel, now_us, state, cut ? 9 : 0);
   }
+  torquer_lcm::readings_t readings{};
+  readings.names = {"wall_force_events", "wall_force_largest_ever_mN"};
+  readings.count = 2;
+  for (const double events : {1.0, 4.0}) {
+    readings.values = {events, 2.5 * events};
+    log.Write(bus::kReadingsChannel, kStartUs, readings);
+  }
   torquer_lcm::health_t health{};
   health.process = "daemon";
   health.names = {"reports_received", "reports_lost"};

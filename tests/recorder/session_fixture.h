@@ -7,6 +7,7 @@
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
+#include "torquer_lcm/readings_t.hpp"
 #include "torquer_lcm/scene_description_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
@@ -30,7 +31,8 @@ struct SessionFaults {
 };
 
 /// 1000 reports at 1 kHz: 2 counts each; the clutch is held from report 500 to 599. A state after
-/// each report, 1 ms later for each of the first 990, 5 ms for the others.
+/// each report, 1 ms later for each of the first 990, 5 ms for the others. Readings of 1, then 4
+/// events of the wall force, the largest 2.5 mN an event.
 /// Writes the log to `path`.
 void WriteSession(const std::string& path, const SessionFaults& faults);
 

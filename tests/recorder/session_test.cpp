@@ -54,6 +54,10 @@ TEST_CASE("A session without fault") {
   CHECK(report.latency_ms.p50 == Approx(1));
   CHECK(report.latency_ms.p99 == Approx(1));
   CHECK(report.latency_ms.max == Approx(5));
+  CHECK(report.readings.values == std::vector<double>{4, 10});
+  CHECK_THAT(FormatReport(report),
+             Catch::Contains("  readings     wall_force_events 4\n"
+                             "               wall_force_largest_ever_mN 10\n"));
 }
 
 TEST_CASE("Of a machine too slow for real time it is said so") {
@@ -198,6 +202,7 @@ TEST_CASE("torquer-report judges, prints and draws") {
     CHECK(json.contains(key));
   }
   CHECK(json["nodes"] == 4);
+  CHECK(json["readings"]["wall_force_largest_ever_mN"] == 10);
   CHECK(json["picture"] == folder.Path("wire.svg"));
   CHECK_THAT(text("wire.svg"), Catch::StartsWith("<svg") && Catch::EndsWith("</svg>\n") &&
                                    Catch::Contains("tube &lt;r 3&gt;"));

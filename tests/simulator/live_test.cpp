@@ -3,11 +3,13 @@
 #include <cmath>
 #include <thread>
 #include <torquer_lcm/instrument_command_t.hpp>
+#include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 
 #include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/simulator/live_loop.h"
+#include "host/simulator/live_readings.h"
 #include "tests/simulator/scenes.h"
 #include "tests/support/private_network.h"
 
@@ -66,4 +68,62 @@ TEST_CASE("Live, commands become states with their times and doubts", "[simulato
   stop = true;
   simulator.join();
   CHECK(statistics.commands >= 22);
+}
+
+TEST_CASE("Live, what observers find is published while the scene runs and when it ends",
+          "[simulator]") {
+  torquer::test::NeedPrivateNetwork();
+  const SceneFile file("[effects.wall_force]\nthreshold_mN = 0.01\n");
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::Session session(scene);
+  torquer::bus::Bus simulator_bus;
+  torquer::bus::Bus listener;
+  std::vector<torquer_lcm::readings_t> heard;
+  listener.Subscribe<torquer_lcm::readings_t>(
+      torquer::bus::kReadingsChannel,
+      [&](const torquer_lcm::readings_t& readings) { heard.push_back(readings); }, 0);
+  std::atomic<bool> stop{false};
+  std::thread simulator([&] { torquer::simulator::RunLive(session, simulator_bus, stop); });
+  for (int k = 0; k < 6000 && heard.size() < 3; ++k) listener.Handle(10);
+  stop = true;
+  simulator.join();
+  REQUIRE(heard.size() >= 3);
+  for (int k = 0; k < 6000 && listener.Handle(10) > 0;) ++k;
+  for (const torquer_lcm::readings_t& readings : heard) {
+    CHECK(readings.clock_id == torquer::bus::ClockId());
+    REQUIRE(readings.names.size() == readings.values.size());
+  }
+  // No more than its rate but for the last, at the end.
+  for (std::size_t k = 2; k + 1 < heard.size(); ++k) {
+    CHECK(heard[k].publish_us - heard[k - 1].publish_us >= torquer::simulator::kReadingsEveryUs);
+  }
+  const torquer_lcm::readings_t& last = heard.back();
+  CHECK(last.tick == session.tick());
+  CHECK(last.time_s == session.time_s());
+  const std::vector<torquer::effects::Reading> found = session.Readings();
+  REQUIRE(last.names.size() == found.size());
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    CHECK(last.names[k] == found[k].name);
+    CHECK(last.values[k] == found[k].value);
+  }
+}
+
+TEST_CASE("A scene without observers publishes no readings", "[simulator]") {
+  torquer::test::NeedPrivateNetwork();
+  const SceneFile file;
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::Session session(scene);
+  torquer::bus::Bus simulator_bus;
+  torquer::bus::Bus listener;
+  int heard = 0;
+  listener.Subscribe<torquer_lcm::readings_t>(
+      torquer::bus::kReadingsChannel, [&](const torquer_lcm::readings_t&) { ++heard; }, 0);
+  torquer::simulator::LiveReadings readings(session, simulator_bus);
+  readings.PublishWhenDue(torquer::bus::MonotonicUs());
+  readings.Publish();
+  // A message that did go out, so that none before it is still on its way.
+  torquer_lcm::readings_t marker{};
+  simulator_bus.Publish(torquer::bus::kReadingsChannel, marker);
+  for (int k = 0; k < 6000 && heard == 0; ++k) listener.Handle(10);
+  CHECK(heard == 1);
 }

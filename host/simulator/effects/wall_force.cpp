@@ -5,7 +5,8 @@
 namespace torquer::effects {
 
 void WallForce::Restart() {
-  largest_mN_ = sum_mN_ = tip_mN_ = peak_mN_ = impulse_mNs_ = seconds_above_ = 0;
+  largest_mN_ = sum_mN_ = tip_mN_ = peak_mN_ = impulse_mNs_ = seconds_above_ = event_mN_ = 0;
+  event_began_s_ = -1;
   events_ = 0;
 }
 
@@ -29,7 +30,12 @@ void WallForce::Observe(const TickView& tick) {
   impulse_mNs_ += sum_mN_ * tick.step_s;
   if (largest_mN_ > threshold_mN_) {
     seconds_above_ += tick.step_s;
-    events_ += !above_before;
+    if (!above_before) {
+      ++events_;
+      event_began_s_ = tick.time_s;
+      event_mN_ = 0;
+    }
+    event_mN_ = std::max(event_mN_, largest_mN_);
   }
 }
 
@@ -38,7 +44,8 @@ std::vector<Reading> WallForce::Readings() const {
       {"wall_force_largest_mN", largest_mN_},   {"wall_force_sum_mN", sum_mN_},
       {"wall_force_tip_mN", tip_mN_},           {"wall_force_largest_ever_mN", peak_mN_},
       {"wall_force_impulse_mNs", impulse_mNs_}, {"wall_force_events", static_cast<double>(events_)},
-      {"wall_force_above_s", seconds_above_}};
+      {"wall_force_above_s", seconds_above_},   {"wall_force_event_s", event_began_s_},
+      {"wall_force_event_mN", event_mN_}};
 }
 
 EffectKind WallForceKind() {

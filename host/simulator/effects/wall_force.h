@@ -26,6 +26,8 @@ class WallForce final : public Effect, public Observer {
   double impulse_mNs() const { return impulse_mNs_; }  ///< of the sum, since the start
   int events() const { return events_; }               ///< times that the threshold was passed
   double seconds_above() const { return seconds_above_; }
+  double event_began_s() const { return event_began_s_; }  ///< of the newest event; -1 before one
+  double event_mN() const { return event_mN_; }            ///< largest force of one contact in it
 
  private:
   const double threshold_mN_;
@@ -37,6 +39,8 @@ class WallForce final : public Effect, public Observer {
   double impulse_mNs_ = 0;
   int events_ = 0;
   double seconds_above_ = 0;
+  double event_began_s_ = -1;
+  double event_mN_ = 0;
 };
 
 EffectKind WallForceKind();

@@ -1,0 +1,33 @@
+#include "host/simulator/live_readings.h"
+
+#include <torquer_lcm/readings_t.hpp>
+#include <vector>
+
+#include "host/bus/channels.h"
+#include "host/bus/clock.h"
+
+namespace torquer::simulator {
+
+LiveReadings::LiveReadings(const Session& session, bus::Bus& bus)
+    : session_(session), bus_(bus), any_(!session.Readings().empty()) {}
+
+void LiveReadings::PublishWhenDue(std::int64_t now_us) {
+  if (any_ && now_us - published_us_ >= kReadingsEveryUs) Publish();
+}
+
+void LiveReadings::Publish() {
+  if (!any_) return;
+  torquer_lcm::readings_t message{};
+  message.tick = session_.tick();
+  message.time_s = session_.time_s();
+  for (effects::Reading& reading : session_.Readings()) {
+    message.names.push_back(std::move(reading.name));
+    message.values.push_back(reading.value);
+  }
+  message.count = static_cast<std::int32_t>(message.names.size());
+  message.clock_id = bus::ClockId();
+  message.publish_us = published_us_ = bus::MonotonicUs();
+  bus_.Publish(bus::kReadingsChannel, message);
+}
+
+}  // namespace torquer::simulator

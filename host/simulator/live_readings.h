@@ -1,0 +1,32 @@
+// What a scene's observers have found, published while it runs live.
+#pragma once
+
+#include <cstdint>
+
+#include "host/bus/bus.h"
+#include "host/simulator/session.h"
+
+namespace torquer::simulator {
+
+/// Between two messages, us.
+inline constexpr std::int64_t kReadingsEveryUs = 100'000;
+
+/// Publishes Session::Readings(); nothing at all in a scene without observers.
+class LiveReadings {
+ public:
+  /// Both outlive this.
+  LiveReadings(const Session& session, bus::Bus& bus);
+
+  /// Publishes when the last message is kReadingsEveryUs old. `now_us` by bus::MonotonicUs().
+  void PublishWhenDue(std::int64_t now_us);
+  /// Publishes now.
+  void Publish();
+
+ private:
+  const Session& session_;
+  bus::Bus& bus_;
+  const bool any_;
+  std::int64_t published_us_ = 0;
+};
+
+}  // namespace torquer::simulator

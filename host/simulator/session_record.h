@@ -1,0 +1,32 @@
+// How a session went, as one JSON object in a file.
+#pragma once
+
+#include <string>
+
+#include "host/simulator/session.h"
+#include "host/simulator/whole_file.h"
+
+namespace torquer::simulator {
+
+/// Version of the record's format: another meaning or another name of a field makes a new one.
+inline constexpr int kRecordVersion = 1;
+
+/// The record: what was simulated, how far it went, and every reading of the scene's observers, of
+/// which [effects.assessment] has the trainee's measures. Fields: host/simulator/effects/README.md.
+class SessionRecord {
+ public:
+  /// Before the session runs: `path` is opened for writing, so that an hour is not lost.
+  /// Throws UserError when it cannot be, or when the scene has no observer to record.
+  SessionRecord(const std::string& path, const Session& session);
+
+  /// Writes the record whole. Throws UserError when that fails.
+  void Finish(const Session& session);
+
+ private:
+  WholeFile file_;
+};
+
+/// The same as text, with its line end.
+std::string FormatRecord(const Session& session);
+
+}  // namespace torquer::simulator
