@@ -23,6 +23,9 @@ class FirmwareImage {
   /// Throws UserError naming the file and the remedy.
   explicit FirmwareImage(const std::string& elf_path);
 
+  /// An application, its bootloader, or both; "" for none.
+  static FirmwareImage Load(const std::string& application_elf, const std::string& bootloader_elf);
+
   /// Flash contents from address 0.
   const std::vector<std::uint8_t>& flash() const { return flash_; }
   /// Changes them; what the image says of itself stays.
@@ -37,14 +40,16 @@ class FirmwareImage {
   bool HasSymbol(const std::string& name) const { return symbols_.count(name) != 0; }
 
   /// The clock that the image was built for, Hz.
-  std::uint32_t clock_hz() const;
+  std::uint32_t clock_hz() const { return clock_hz_; }
   /// Changes the start value of an initialized 32-bit variable, and the image's CRC with it.
   void SetInitialValue(const std::string& variable, std::uint32_t value);
 
  private:
+  void ReadClock();
   void SignAnew();
 
   std::string path_;
+  std::uint32_t clock_hz_ = 16000000;
   std::uint32_t boot_start_ = 0;
   std::vector<std::uint8_t> flash_;
   std::map<std::string, std::uint32_t> symbols_;

@@ -90,6 +90,27 @@ FirmwareImage::FirmwareImage(const std::string& elf_path) : path_(elf_path) {
       if (name && *name) symbols_[name] = static_cast<std::uint32_t>(symbol.st_value);
     }
   }
+  ReadClock();
+}
+
+void FirmwareImage::ReadClock() {
+  if (!HasSymbol("torquer_clock_hz")) return;
+  const std::uint32_t address = Symbol("torquer_clock_hz");
+  if (address + sizeof(clock_hz_) <= flash_.size()) {
+    std::memcpy(&clock_hz_, &flash_[address], sizeof(clock_hz_));
+  }
+  if (clock_hz_ != 8000000 && clock_hz_ != 16000000) {
+    throw UserError(path_ + ": torquer_clock_hz is " + std::to_string(clock_hz_) +
+                    ", where 8 or 16 MHz were expected.");
+  }
+}
+
+FirmwareImage FirmwareImage::Load(const std::string& application_elf,
+                                  const std::string& bootloader_elf) {
+  if (application_elf.empty()) return FirmwareImage(bootloader_elf);
+  FirmwareImage image(application_elf);
+  if (!bootloader_elf.empty()) image.Add(FirmwareImage(bootloader_elf));
+  return image;
 }
 
 std::uint32_t FirmwareImage::Symbol(const std::string& name) const {
@@ -99,18 +120,6 @@ std::uint32_t FirmwareImage::Symbol(const std::string& name) const {
                     "`. Use an image of this project with its symbols (not stripped).");
   }
   return found->second;
-}
-
-std::uint32_t FirmwareImage::clock_hz() const {
-  if (!HasSymbol("torquer_clock_hz")) return 16000000;
-  std::uint32_t hz = 0;
-  const std::uint32_t address = Symbol("torquer_clock_hz");
-  if (address + sizeof(hz) <= flash_.size()) std::memcpy(&hz, &flash_[address], sizeof(hz));
-  if (hz != 8000000 && hz != 16000000) {
-    throw UserError(path_ + ": torquer_clock_hz is " + std::to_string(hz) +
-                    ", where 8 or 16 MHz were expected.");
-  }
-  return hz;
 }
 
 void FirmwareImage::Add(const FirmwareImage& other) {

@@ -23,6 +23,7 @@ constexpr char kUsage[] =
     "usage: torquer-emulator [--motion FILE] [--fast] [--wait-client] [--duration S] [--json]\n"
     "\n"
     "  --firmware ELF          image to run (else the one of this build)\n"
+    "  --bootloader ELF        our bootloader before it, in the flash's last 2 KiB\n"
     "  --motion FILE           CSV: "
     "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons;\n"
     "                          without it the hand follows TORQUER_HAND_MOTION on LCM\n"
@@ -99,6 +100,7 @@ Arguments Parse(int argc, char** argv) {
     });
   };
   line.Option("--firmware", session.firmware);
+  line.Option("--bootloader", session.bootloader);
   line.Option("--motion", session.motion);
   line.Option("--socket", session.socket);
   line.Option("--lcm-url", lcm_url);

@@ -57,7 +57,8 @@ bool Within(const std::vector<Interval>& intervals, double time_s) {
 Session::Session(const SessionOptions& options)
     : options_(options),
       script_(options.motion.empty() ? MotionScript() : MotionScript::FromFile(options.motion)),
-      device_(FirmwareImage(options.firmware), WithEeprom(options.bench, options.eeprom_file)),
+      device_(FirmwareImage::Load(options.firmware, options.bootloader),
+              WithEeprom(options.bench, options.eeprom_file)),
       host_(device_),
       socket_(host_, options.socket),
       random_(options.bench.seed) {

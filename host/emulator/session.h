@@ -25,7 +25,8 @@ struct Interval {
 
 struct SessionOptions {
   std::string firmware;
-  std::string motion;  ///< file; empty: live over LCM
+  std::string bootloader;  ///< "": none
+  std::string motion;      ///< file; empty: live over LCM
   std::string socket;
   std::string lcm_url;  ///< as for bus::Bus
   bool use_lcm = true;

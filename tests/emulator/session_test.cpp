@@ -304,10 +304,23 @@ TEST_CASE("the program ends with its summary as JSON") {
   CHECK(summary["time_simulated_s"] > 1.25);
 }
 
+TEST_CASE("behind its bootloader the firmware runs as it does without") {
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.Path("motion.csv")) << kHeader << "0,0,0,0,0,\n1,50,0,0,0,\n";
+  const Outcome outcome = Emulator(
+      {"--motion", folder.Path("motion.csv"), "--socket", folder.Path("socket"), "--lcm-url",
+       "none", "--fast", "--json", "--bootloader", TORQUER_FIRMWARE_DIR "/torquer-bootloader.elf"});
+  CHECK(outcome.status == 0);
+  CHECK_THAT(outcome.output,
+             Catch::Contains("\"axial_counts\":2362") && Catch::Contains("\"violations\":0"));
+}
+
 TEST_CASE("the program refuses what it cannot use, with status 2 and a reason") {
   const std::pair<std::vector<std::string>, const char*> cases[] = {
       {{"--motion", "/nonexistent.csv"}, "/nonexistent.csv"},
       {{"--firmware", "/nonexistent.elf"}, "/nonexistent.elf"},
+      {{"--bootloader", TORQUER_FIRMWARE_DIR "/torquer-bootloader-8mhz.elf"}, "8 MHz"},
+      {{"--bootloader", TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"}, "lies where"},
       {{"--drop", "2"}, "--drop"},
       {{"--lift-at", "3"}, "2.5:0.3"},
       {{"--scale", "big"}, "big"},

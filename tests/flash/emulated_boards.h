@@ -30,9 +30,8 @@ inline FirmwareImage Bootloader(const std::string& suffix = "") {
   return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-bootloader" + suffix + ".elf");
 }
 inline FirmwareImage WithApplication(const std::string& suffix = "") {
-  FirmwareImage image = Bootloader(suffix);
-  image.Add(FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware" + suffix + ".elf"));
-  return image;
+  return FirmwareImage::Load(TORQUER_FIRMWARE_DIR "/torquer-firmware" + suffix + ".elf",
+                             TORQUER_FIRMWARE_DIR "/torquer-bootloader" + suffix + ".elf");
 }
 
 class EmulatedLink final : public tools::FeatureLink {
