@@ -1,0 +1,15 @@
+// follow_wire: prints the newest wire state ten times a second, one JSON object a line, until
+// SIGTERM.
+#include "tests/hil/guest/follow.h"
+#include "torquer_lcm/wire_state_t.hpp"
+
+int main() {
+  torquer::test::Follow<torquer_lcm::wire_state_t>(
+      torquer::bus::kWireStateChannel, [](const torquer_lcm::wire_state_t& state) {
+        std::printf(
+            "{\"tick\":%lld,\"insertion_mm\":%.9f,\"rotation_rad\":%.9f,\"carried_mm\":%.9f,"
+            "\"status\":%d,\"nodes\":%d,\"residual\":%.3g}\n",
+            static_cast<long long>(state.tick), state.insertion_mm, state.rotation_rad,
+            state.carried_mm, state.status, state.node_count, state.residual);
+      });
+}

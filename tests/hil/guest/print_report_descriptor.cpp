@@ -1,0 +1,8 @@
+// print_report_descriptor: the HID report descriptor that the device must have, one byte a line.
+#include <cstdio>
+
+#include "protocol/hid_descriptor.h"
+
+int main() {
+  for (const auto byte : torquer::protocol::kHidReportDescriptor) std::printf("%02x\n", byte);
+}
