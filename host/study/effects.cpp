@@ -51,6 +51,7 @@ rigidities_N_mm2 = [6.35e-3]
 radii_mm = [0.178]
 curvatures_1_per_mm = [0.0524, 0.0524, 0, 0]
 )"},
+      {"torsion", "[effects.torsion]\n"},
       {"friction", "[effects.friction]\ncoefficient = 0.1\n"},
       {"compliance", R"([effects.compliance]
 [[effects.compliance.region]]

@@ -291,5 +291,110 @@ TEST_CASE("Friction's memory is part of its hash, and Reset clears it") {
   CHECK(slider.friction.Hash(1) == empty);
 }
 
+TEST_CASE("The friction of a wire that twists is that of its surface, by finite differences") {
+  const WireModel model = MakeWire({.segment_mm = 1,
+                                    .rigidity_N_mm2 = 1e-2,
+                                    .torsional_rigidity_N_mm2 = 8e-3,
+                                    .tip_mm = 4,
+                                    .tip_curvature_1_per_mm = 0.1,
+                                    .sheath = {Vector3d(21.6, 0, 0), Vector3d::UnitY()}});
+  const Torus field(Side::kInside, 20, 2);
+  const WallModel wall{.stiffness_N_mm2 = 2e-2};
+  // Slipping and sticking, by the slip length.
+  effects::Friction friction(0.4, GENERATE(0.002, 0.1), {model, wall});
+  const std::vector<EnergyTerm*> terms{&friction};
+  WireMechanics mechanics(model, field, wall, terms);
+  Expansion at = mechanics.MakeExpansion();
+  std::mt19937 random(2);
+  std::vector<Vector3d> arc;
+  for (double a = 0.02; a < 1; a += 0.02) arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0);
+  WireState state(model);
+  LayAlong(model, arc, 12.2, state);
+  mechanics.Expand(state, at);
+  REQUIRE(at.max_penetration_mm > 0.05);
+  friction.Begin(at.points);
+  friction.End(at.points);  // makes the anchors
+  friction.Begin(at.points);
+  const Eigen::Index unknowns = 3 * state.segments();
+  std::uniform_real_distribution<double> step(-0.02, 0.02);
+  Eigen::VectorXd moved(unknowns);
+  for (Eigen::Index k = 0; k < unknowns; ++k) moved[k] = (k % 3 == 2 ? 5 : 0.2) * step(random);
+  state = StepAndSpin(model, state, moved);
+  mechanics.Expand(state, at);
+  Expansion there = mechanics.MakeExpansion();
+  const Eigen::VectorXd gradient = GradientOf(
+      [&](const Eigen::VectorXd& x) {
+        mechanics.ForgetLookups();
+        mechanics.ExpandGradient(StepAndSpin(model, state, x), there);
+        return there.energy_mJ;
+      },
+      Eigen::VectorXd::Zero(unknowns), 1e-5);
+  for (int i = 0; i < state.segments(); ++i) {
+    INFO("segment " << i);
+    CHECK((gradient.segment<2>(3 * i) - at.gradient[i]).norm() < 1e-6 * gradient.norm());
+    CHECK(std::abs(gradient[3 * i + 2] - at.spin_gradient[i]) < 1e-6 * gradient.norm());
+  }
+}
+
+// A dead load per length on the whole wire.
+class Weight final : public EnergyTerm {
+ public:
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet& points, PointDerivatives& out) const override {
+    double energy = 0;
+    for (int q = 0; q < points.size(); ++q) {
+      const auto p = static_cast<std::size_t>(q);
+      out.TouchGradient(q);
+      out.gradient[p][2] += kLoad * points.weight_mm[p];
+      energy += kLoad * points.weight_mm[p] * points.position[p][2];
+    }
+    return energy;
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+ private:
+  static constexpr double kLoad = 1e-3;  // N/mm
+};
+
+TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the wall, it slips") {
+  constexpr double kRadius = 0.2;
+  constexpr double kBore = 10;
+  const WireModel model =
+      MakeWire({.segment_mm = 1,
+                .rigidity_N_mm2 = 1e-3,
+                .torsional_rigidity_N_mm2 = 10,
+                .radius_mm = kRadius,
+                .sheath = {Vector3d(0, 0, kRadius - kBore), Vector3d::UnitX()}});
+  const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), kBore);
+  const WallModel wall{.stiffness_N_mm2 = 10};
+  const double mu = 0.3;
+  effects::Friction friction(mu, 0.001, {model, wall});
+  Weight weight;
+  const std::vector<EnergyTerm*> terms{&friction, &weight};
+  const auto relaxation = MakeNewtonRelaxation(model, field, wall, {}, terms);
+  WireState state = LayStraight(model, 60);
+  relaxation->Restart(state);
+  REQUIRE(Settle(*relaxation, {60, 0}, state).converged);
+  const auto turn_to = [&](double angle) {
+    while (std::abs(state.rotation_rad - angle) > 1e-9) {
+      const double left = angle - state.rotation_rad;
+      const double next = state.rotation_rad + std::copysign(std::min(std::abs(left), 0.02), left);
+      REQUIRE(Settle(*relaxation, {60, next}, state).converged);
+    }
+  };
+  // Rolling: the center moves by the angle times the radius, as far as the load bends the wire.
+  turn_to(1);
+  CHECK(std::abs(state.nodes[50][1]) == Approx(kRadius).epsilon(0.03));
+  const double side = std::copysign(1, state.nodes[50][1]);
+  turn_to(-1);
+  CHECK(state.nodes[50][1] == Approx(-side * kRadius).epsilon(0.03));
+  // It climbs until the wall is as steep as the friction allows.
+  turn_to(-20);
+  const double slope = std::atan2(-side * state.nodes[50][1], -state.nodes[50][2]);
+  CHECK(slope == Approx(std::atan(mu)).epsilon(0.02));
+}
+
 }  // namespace
 }  // namespace torquer::test

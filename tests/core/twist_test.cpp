@@ -14,19 +14,6 @@ namespace {
 constexpr double kRigidity = 6.35e-3;
 constexpr double kRatio = 0.7;  // GJ / EI
 
-/// The state after every segment took its step xi and then its spin: three numbers a segment.
-WireState StepAndSpin(const WireModel& model, const WireState& from, const Eigen::VectorXd& x) {
-  std::vector<Vector2d> xi;
-  for (Eigen::Index i = 0; i + 2 < x.size(); i += 3) xi.emplace_back(x[i], x[i + 1]);
-  WireState to = Stepped(model, from, xi);
-  for (std::size_t i = 0; i < xi.size(); ++i) {
-    const double zeta = x[static_cast<Eigen::Index>(3 * i + 2)];
-    to.normals[i] = Eigen::AngleAxisd(zeta, to.tangents[i]) * to.normals[i];
-  }
-  UpdateSpin(model, to);
-  return to;
-}
-
 // A spring from a point and the spin of its segment together: k (b.(x - x_0) + phi)^2 / 2, phi the
 // turn about itself since the start.
 class RollSpring final : public EnergyTerm {

@@ -104,8 +104,9 @@ TEST_CASE("The expansion with loads on the end is that of finite differences") {
   const double weight = 3;
   REQUIRE(sweep.Factor(model, state, at, weight));
   std::vector<RiccatiSweep<BendStage>::Control> step;
+  std::vector<double> spin;
   std::vector<Vector3d> displacement;
-  sweep.Step(model, state, at, step, displacement);
+  sweep.Step(model, state, at, step, spin, displacement);
   Eigen::MatrixXd hessian = HessianOf(energy, zero, 1e-3);
   hessian.diagonal().array() += weight * 0.5;
   const Eigen::VectorXd expected = -hessian.ldlt().solve(gradient);

@@ -53,6 +53,20 @@ inline WireState Stepped(const WireModel& model, const WireState& from,
   return to;
 }
 
+/// The state after every segment took its step xi and then its spin: three numbers a segment.
+inline WireState StepAndSpin(const WireModel& model, const WireState& from,
+                             const Eigen::VectorXd& x) {
+  std::vector<Vector2d> xi;
+  for (Eigen::Index i = 0; i + 2 < x.size(); i += 3) xi.emplace_back(x[i], x[i + 1]);
+  WireState to = Stepped(model, from, xi);
+  for (std::size_t i = 0; i < xi.size(); ++i) {
+    const double zeta = x[static_cast<Eigen::Index>(3 * i + 2)];
+    to.normals[i] = Eigen::AngleAxisd(zeta, to.tangents[i]) * to.normals[i];
+  }
+  UpdateSpin(model, to);
+  return to;
+}
+
 /// Turns every segment by up to about `angle_rad` at random; frames untwisted.
 inline void Shake(const WireModel& model, double angle_rad, std::mt19937& random,
                   WireState& state) {

@@ -216,7 +216,7 @@ Expansion WireMechanics::MakeExpansion() const {
   e.derivatives.used.reserve(points);
   e.derivatives.gradient.reserve(points);
   e.derivatives.hessian.reserve(points);
-  e.derivatives.on_tangents.reserve(terms_.empty() ? 0 : 8);
+  if (!terms_.empty()) e.derivatives.on_tangents.reserve(8 + (model_.twists() ? points : 0));
   return e;
 }
 

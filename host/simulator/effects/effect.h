@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -144,6 +145,9 @@ struct OtherKey {
   const char* meaning;
 };
 
+/// Changes the sections of a wire.
+using ShapeChange = std::function<void(std::vector<WireSection>&)>;
+
 /// One row of the table of effects.
 struct EffectKind {
   const char* name;     ///< as in [effects.NAME]
@@ -157,6 +161,8 @@ struct EffectKind {
   std::unique_ptr<Effect> (*make)(StrictTable& keys, const EffectContext& context);
   /// Role *shape*: the wire from a table, instead of what [wire] says; null for all others.
   std::vector<WireSection> (*sections)(StrictTable& keys) = nullptr;
+  /// Role *shape*: changes the wire's sections, wherever they are from; null for all others.
+  ShapeChange (*shape)(StrictTable& keys) = nullptr;
 };
 
 /// All effects there are, in the order in which they are made.

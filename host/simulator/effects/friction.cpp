@@ -21,7 +21,8 @@ Friction::Friction(double coefficient, double slip_mm, const EffectContext& cont
       parts_(std::move(parts)),
       moving_(context.moving),
       anchors_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
-               static_cast<std::size_t>(context.wall.points_per_segment)) {}
+               static_cast<std::size_t>(context.wall.points_per_segment)),
+      lies_(context.wire.twists() ? anchors_.size() : 0) {}
 
 double Friction::CoefficientAt(int from_tip, const Vector3d& point_mm) const {
   const double own = from_tip < coated_points_ ? coating_.coefficient : coefficient_;
@@ -53,10 +54,22 @@ void Friction::Begin(const PointSet& points) {
     const double slope = sample.gradient.norm();
     if (!(slope > 1e-6)) continue;
     anchor.normal = sample.gradient / slope;
+    if (!lies_.empty()) lies_[points.FromTip(q)] = {points.Tangent(q), points.Normal(q)};
     anchor.limit_N = CoefficientAt(points.FromTip(q), points.position[p]) *
                      points.stiffness_N_mm2[p] * points.weight_mm[p] *
                      (points.radius_mm[p] - sample.clearance_mm) * slope;
   }
+}
+
+Friction::Roll Friction::RollAt(const PointSet& points, int q, const Vector3d& normal) const {
+  const Lie& lie = lies_[static_cast<std::size_t>(points.FromTip(q))];
+  const Vector3d tangent = points.Tangent(q);
+  const Vector3d from = ParallelTransport(lie.normal, lie.tangent, tangent);
+  const Vector3d& to = points.Normal(q);
+  return {.angle_rad = std::atan2(from.cross(to).dot(tangent), from.dot(to)),
+          // The surface touches a radius away from the center, against the wall's normal.
+          .per_rad_mm = -points.radius_mm[static_cast<std::size_t>(q)] * tangent.cross(normal),
+          .area = lie.tangent.cross(tangent) / (1 + lie.tangent.dot(tangent))};
 }
 
 double Friction::Add(const PointSet& points, PointDerivatives& out) const {
@@ -67,26 +80,46 @@ double Friction::Add(const PointSet& points, PointDerivatives& out) const {
     const auto p = static_cast<std::size_t>(q);
     Vector3d s = points.position[p] - anchor.at;
     s -= s.dot(anchor.normal) * anchor.normal;
+    Roll roll;
+    if (!lies_.empty()) {
+      roll = RollAt(points, q, anchor.normal);
+      s += roll.angle_rad * roll.per_rad_mm;
+    }
     const double squared = s.squaredNorm();
     const double x2 = squared / (slip_mm_ * slip_mm_);
-    out.Touch(q);
     const Matrix3d across = Matrix3d::Identity() - anchor.normal * anchor.normal.transpose();
+    Vector3d gradient;
+    Matrix3d hessian;
     if (x2 < 1) {
       const double stiffness = 1.5 * anchor.limit_N / slip_mm_;
       energy += stiffness * squared * (0.5 - x2 / 12);
-      out.gradient[p] += (stiffness * (1 - x2 / 3)) * s;
+      gradient = (stiffness * (1 - x2 / 3)) * s;
       if (out.with_hessian) {
-        out.hessian[p] += (stiffness * (1 - x2 / 3)) * across -
-                          (stiffness * 2 / (3 * slip_mm_ * slip_mm_)) * s * s.transpose();
+        hessian = (stiffness * (1 - x2 / 3)) * across -
+                  (stiffness * 2 / (3 * slip_mm_ * slip_mm_)) * s * s.transpose();
       }
     } else {
       const double distance = std::sqrt(squared);
       energy += anchor.limit_N * (distance - 0.375 * slip_mm_);
-      out.gradient[p] += (anchor.limit_N / distance) * s;
+      gradient = (anchor.limit_N / distance) * s;
       if (out.with_hessian) {
-        out.hessian[p] += (anchor.limit_N / distance) * (across - s * s.transpose() / squared);
+        hessian = (anchor.limit_N / distance) * (across - s * s.transpose() / squared);
       }
     }
+    out.Touch(q);
+    out.gradient[p] += gradient;
+    if (out.with_hessian) out.hessian[p] += hessian;
+    if (lies_.empty()) continue;
+    SpinLoad spin{q, gradient.dot(roll.per_rad_mm), 0, Vector3d::Zero()};
+    if (out.with_hessian) {
+      spin.with_position = hessian * roll.per_rad_mm;
+      spin.hessian = roll.per_rad_mm.dot(spin.with_position);
+    }
+    out.on_spins.push_back(spin);
+    out.on_tangents.push_back({q / points.per_segment,
+                               spin.gradient * roll.area - (points.radius_mm[p] * roll.angle_rad) *
+                                                               anchor.normal.cross(gradient),
+                               Matrix3d::Zero()});
   }
   return energy;
 }
@@ -106,9 +139,21 @@ void Friction::End(const PointSet& points) {
     }
     Vector3d s = points.position[p] - anchor.at;
     const Vector3d& gradient = points.clearance[p].gradient;
+    bool rolled = false;
+    if (anchor.limit_N > 0 && !lies_.empty()) {
+      // From now on it is a displacement like any other.
+      const Roll roll = RollAt(points, q, anchor.normal);
+      s += roll.angle_rad * roll.per_rad_mm;
+      rolled = true;
+    }
+    const Vector3d whole = s;
     s -= (s.dot(gradient) / std::max(gradient.squaredNorm(), 1e-12)) * gradient;
     const double distance = s.norm();
-    if (distance > slip_mm_) Place(points.position[p] - (slip_mm_ / distance) * s, anchor);
+    if (distance > slip_mm_) {
+      Place(points.position[p] - (slip_mm_ / distance) * s, anchor);
+    } else if (rolled) {
+      Place(points.position[p] - whole, anchor);
+    }
   }
   // What left through the sheath will touch somewhere else when it comes back.
   for (int k = points.size(); k < anchored_; ++k) anchors_[static_cast<std::size_t>(k)] = Anchor();

@@ -52,6 +52,20 @@ class Friction final : public Effect, public EnergyTerm {
     bool holds = false;
   };
 
+  // Of a wire that twists: how the point's segment lay at the tick's start.
+  struct Lie {
+    Eigen::Vector3d tangent;
+    Eigen::Vector3d normal;
+  };
+  // How the surface that touches has moved since the tick's start by the wire's turn about itself.
+  struct Roll {
+    double angle_rad = 0;
+    Eigen::Vector3d per_rad_mm = Eigen::Vector3d::Zero();  // displacement of the surface
+    // Derivative of the angle with respect to the tangent.
+    Eigen::Vector3d area = Eigen::Vector3d::Zero();
+  };
+
+  Roll RollAt(const PointSet& points, int q, const Eigen::Vector3d& normal) const;
   double CoefficientAt(int from_tip, const Eigen::Vector3d& point_mm) const;
   void Place(const Eigen::Vector3d& at, Anchor& anchor) const;
 
@@ -62,6 +76,7 @@ class Friction final : public Effect, public EnergyTerm {
   const std::vector<Part> parts_;
   const vessel::MovingField* const moving_;  ///< null where the vessel rests
   std::vector<Anchor> anchors_;
+  std::vector<Lie> lies_;  ///< the same; empty for a wire that does not twist
   int anchored_ = 0;  ///< anchors beyond this many are blank
 };
 

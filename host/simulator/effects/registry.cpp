@@ -12,6 +12,7 @@
 #include "host/simulator/effects/heartbeat.h"
 #include "host/simulator/effects/point_load.h"
 #include "host/simulator/effects/sections.h"
+#include "host/simulator/effects/torsion.h"
 #include "host/simulator/effects/wall_force.h"
 #include "host/support/error.h"
 
@@ -20,9 +21,9 @@ namespace torquer::effects {
 const std::vector<EffectKind>& AllEffects() {
   // In the order in which they are made: what needs another comes after it.
   static const std::vector<EffectKind> kinds = {
-      SectionsKind(),   HeartbeatKind(), BreathingKind(), ComplianceKind(),
-      FrictionKind(),   GravityKind(),   PointLoadKind(), WallForceKind(),
-      AssessmentKind(), FlowKind(),      ContrastKind(),  FluoroscopyKind(),
+      SectionsKind(), TorsionKind(),  HeartbeatKind(),   BreathingKind(), ComplianceKind(),
+      FrictionKind(), GravityKind(),  PointLoadKind(),   WallForceKind(), AssessmentKind(),
+      FlowKind(),     ContrastKind(), FluoroscopyKind(),
   };
   return kinds;
 }

@@ -144,11 +144,18 @@ void Scene::ReadShape(StrictTable& file, StrictTable& wire, double segment_mm) {
       }
     }
     parts_.sections = kind.sections(effects->Table(kind.name));
-    for (const WireSection& section : parts_.sections) {
-      parts_.radius_mm = std::max(parts_.radius_mm, section.radius_mm);
-    }
-    return;
   }
+  if (parts_.sections.empty()) ReadPlainWire(wire, segment_mm);
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    if (kind.shape == nullptr || effects == nullptr || !effects->Has(kind.name)) continue;
+    parts_.shapes.push_back(kind.shape(effects->Table(kind.name)));
+  }
+  for (const WireSection& section : parts_.sections) {
+    parts_.radius_mm = std::max(parts_.radius_mm, section.radius_mm);
+  }
+}
+
+void Scene::ReadPlainWire(StrictTable& wire, double segment_mm) {
   parts_.tip_angle_rad = kRadPerDeg * wire.Number("tip_angle_deg", 0, 330, 0);
   parts_.radius_mm = wire.Number("radius_mm", 0.01, 5);
   if (parts_.tip_angle_rad > 0 && !(parts_.tip_mm >= segment_mm)) {
@@ -174,12 +181,9 @@ void Scene::ReadShape(StrictTable& file, StrictTable& wire, double segment_mm) {
   }
 }
 
-std::unique_ptr<WireModel> Scene::MakeWire(double segment_mm, BendingLaw law) const {
+std::vector<WireSection> Scene::Sections(double segment_mm) const {
   const WireParts& p = parts_;
-  if (!p.sections.empty()) {
-    return std::make_unique<WireModel>(segment_mm, p.sections, p.tip_mm, p.max_length_mm, law,
-                                       p.sheath);
-  }
+  if (!p.sections.empty()) return p.sections;
   const auto rigidity_at = [&p](double s) {
     if (s <= p.from_tip_mm.front()) return p.rigidity_N_mm2.front();
     for (std::size_t k = 1; k < p.from_tip_mm.size(); ++k) {
@@ -203,10 +207,19 @@ std::unique_ptr<WireModel> Scene::MakeWire(double segment_mm, BendingLaw law) co
   stations.erase(std::unique(stations.begin(), stations.end()), stations.end());
   std::vector<WireSection> sections;
   for (const double s : stations) {
-    sections.push_back({s, rigidity_at(s), p.radius_mm, s <= tip_end ? curvature : 0, 0});
+    sections.push_back({.from_tip_mm = s,
+                        .rigidity_N_mm2 = rigidity_at(s),
+                        .radius_mm = p.radius_mm,
+                        .curvature_1_per_mm = s <= tip_end ? curvature : 0});
   }
-  return std::make_unique<WireModel>(segment_mm, sections, p.tip_mm, p.max_length_mm, law,
-                                     p.sheath);
+  return sections;
+}
+
+std::unique_ptr<WireModel> Scene::MakeWire(double segment_mm, BendingLaw law) const {
+  std::vector<WireSection> sections = Sections(segment_mm);
+  for (const effects::ShapeChange& change : parts_.shapes) change(sections);
+  return std::make_unique<WireModel>(segment_mm, std::move(sections), parts_.tip_mm,
+                                     parts_.max_length_mm, law, parts_.sheath);
 }
 
 void Scene::ReadRelaxation(StrictTable& file) {
@@ -247,7 +260,14 @@ void Scene::MakeEffect(const effects::EffectKind& kind, StrictTable& effects) {
                                   "], which this scene does not name; add it or remove this");
   }
   effect_names_.emplace_back(kind.name);
-  if (kind.sections != nullptr) return;  // read with the wire
+  if (kind.make == nullptr) {  // read with the wire
+    if (method_ == Method::kPaper && wire_->twists() && kind.shape != nullptr) {
+      effects.Refuse(kind.name,
+                     "twists the wire, which the paper's method does not know; remove it or choose "
+                     "relaxation.method = \"newton\"");
+    }
+    return;
+  }
   effects_.push_back(kind.make(effects.Table(kind.name), {.wire = *wire_,
                                                           .wall = wall_,
                                                           .field = vessel_.field.get(),
@@ -278,7 +298,7 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation() {
     return std::make_unique<PaperRelaxation>(*wire_, *vessel_.field, wall_, paper_);
   }
   const ClearanceField& field = moving_ != nullptr ? *moving_ : *vessel_.field;
-  return std::make_unique<NewtonRelaxation>(*wire_, field, wall_, newton_, terms_);
+  return MakeNewtonRelaxation(*wire_, field, wall_, newton_, terms_);
 }
 
 WireState Scene::MakeStart(Relaxation& relaxation) const {

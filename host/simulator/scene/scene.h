@@ -80,12 +80,15 @@ class Scene {
     std::vector<double> from_tip_mm = {0};
     std::vector<double> rigidity_N_mm2;  // at from_tip_mm
     std::vector<WireSection> sections;   // if not empty, instead of all but the lengths
+    std::vector<effects::ShapeChange> shapes;
     Sheath sheath;
   };
 
   void ReadAxes(StrictTable& file);
   void ReadWire(StrictTable& file);
   void ReadShape(StrictTable& file, StrictTable& wire, double segment_mm);
+  void ReadPlainWire(StrictTable& wire, double segment_mm);
+  std::vector<WireSection> Sections(double segment_mm) const;
   void ReadRelaxation(StrictTable& file);
   void ReadEffects(StrictTable& file);
   void MakeEffect(const effects::EffectKind& kind, StrictTable& effects);

@@ -335,12 +335,10 @@ TickReport NewtonMethod<Stage>::Tick(const HandTarget& target, WorkBudget& budge
   const double insertion_before = state.insertion_mm;
   const double rotation_before = state.rotation_rad;
 
-  if (field_.TravelMm() != travel_mm_) {
-    travel_mm_ = field_.TravelMm();
-    mechanics_.Expand(state, current_);
-  }
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
-  bool up_to_date = terms_.empty();  // what they took over may have changed the energy
+  // What the terms took over may have changed the energy, and so does a vessel that moves.
+  bool up_to_date = terms_.empty() && field_.TravelMm() == travel_mm_;
+  travel_mm_ = field_.TravelMm();
   bool stalled = false;
   bool pushed = false;
   bool pending = true;
@@ -354,6 +352,9 @@ TickReport NewtonMethod<Stage>::Tick(const HandTarget& target, WorkBudget& budge
       up_to_date = true;
       since_move = 0;
       stalled = false;
+    } else if (!up_to_date) {
+      mechanics_.Expand(state, current_);
+      up_to_date = true;
     }
     if (current_.residual <= settings_.tolerance || stalled || state.segments() == 0) {
       if (stalled || state.segments() == 0 || Stable(state)) {

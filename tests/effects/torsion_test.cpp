@@ -1,0 +1,139 @@
+// The effect torsion as a scene has it, and what a twisted wire does in a bent vessel.
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <numbers>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/scene/scene.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+using Catch::Contains;
+
+// A bent tip in a bent vessel: it rests best where it bends as the vessel does.
+struct BentWay {
+  WireModel model;
+  Torus field{Side::kInside, 30, 3};
+  WallModel wall{.stiffness_N_mm2 = 0.5};
+  std::vector<EnergyTerm*> none;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+  static constexpr double kLength = 100;
+
+  explicit BentWay(double torsional_rigidity)
+      : model(MakeWire({.segment_mm = 1,
+                        .rigidity_N_mm2 = 1,
+                        .torsional_rigidity_N_mm2 = torsional_rigidity,
+                        .tip_mm = 12,
+                        .tip_curvature_1_per_mm = 0.12,
+                        .max_length_mm = 150,
+                        .sheath = {Vector3d(30, 0, 0), Vector3d::UnitY()}})),
+        relaxation(MakeNewtonRelaxation(model, field, wall, {}, none)),
+        state(model) {
+    std::vector<Vector3d> path;
+    for (double a = 0.01; a < 4; a += 0.01)
+      path.emplace_back(30 * std::cos(a), 30 * std::sin(a), 0);
+    LayAlong(model, path, kLength, state);
+    relaxation->Restart(state);
+    REQUIRE(Settle(*relaxation, {kLength, 0}, state).converged);
+  }
+
+  TickReport TurnTo(double angle) {
+    CountedBudget budget(5000);
+    return relaxation->Tick({kLength, angle}, budget, state);
+  }
+  /// How far the tip is behind the hand.
+  double Lag() const {
+    double sum = 0;
+    for (const double twist : state.twist_rad) sum += twist;
+    return -sum;
+  }
+};
+
+TEST_CASE("Turned in a bent vessel, a bent tip lags behind the hand and then whips round") {
+  BentWay way(0.77);
+  const double step = 0.02;
+  double most = 0;
+  int whips = 0;
+  double before = way.Lag();
+  for (int k = 1; k * step < 4 * std::numbers::pi; ++k) {
+    const TickReport report = way.TurnTo(k * step);
+    CHECK(report.converged);
+    const double lag = way.Lag();
+    most = std::max(most, lag);
+    if (before - lag > 1) {  // all at once: the tip ran ahead by more than a radian
+      ++whips;
+      CHECK(report.snapped);
+    }
+    before = lag;
+  }
+  CHECK(most > 1);
+  CHECK(whips == 2);  // once a turn
+}
+
+TEST_CASE("A wire that is stiff enough against twist follows the hand") {
+  BentWay way(20);
+  double before = way.Lag();
+  for (int k = 1; k < 350; ++k) {
+    way.TurnTo(0.02 * k);
+    CHECK(std::abs(way.Lag() - before) < 0.01);
+    before = way.Lag();
+  }
+}
+
+TEST_CASE("The work of the hand's torque is the energy that the wire stores") {
+  BentWay way(0.77);
+  way.TurnTo(0.5);  // past the first whip
+  REQUIRE(Settle(*way.relaxation, {BentWay::kLength, 0.5}, way.state).converged);
+  const auto torque = [&way] {
+    return -way.state.twist_rad[0] * TwistStiffness(way.model, way.state, 0);
+  };
+  double energy = way.relaxation->Current().energy_mJ;
+  double work = 0;
+  double last = torque();
+  for (int k = 1; k <= 100; ++k) {
+    REQUIRE(way.TurnTo(0.5 + 0.03 * k).converged);
+    work += 0.03 * (last + torque()) / 2;
+    last = torque();
+  }
+  CHECK(work == Approx(way.relaxation->Current().energy_mJ - energy).epsilon(5e-3));
+}
+
+std::string SceneFile(const TemporaryFolder& folder, const std::string& more) {
+  const std::string path = folder.Path("torsion.toml");
+  std::ofstream(path) << "name = \"torsion\"\n[vessel]\nkind = \"phantom\"\nphantom = \"ty\"\n"
+                         "wall_stiffness_N_mm2 = 0.01\n"
+                         "[entry]\ncenterline = \"main\"\nat_mm = 1\n"
+                         "[wire]\nsegment_mm = 1\nmax_length_mm = 100\nradius_mm = 0.178\n"
+                         "rigidity_N_mm2 = 2\n"
+                      << more;
+  return path;
+}
+
+TEST_CASE("A scene's wire twists if the scene says so") {
+  const TemporaryFolder folder;
+  scene::Scene with(SceneFile(folder, "[effects.torsion]\nrigidity_ratio = 0.5\n"));
+  CHECK(with.wire().twists());
+  CHECK(with.wire().torsional_rigidity_N_mm2(7) == Approx(1));
+  CHECK(with.effect_names() == std::vector<std::string>{"torsion"});
+  scene::Scene without(SceneFile(folder, ""));
+  CHECK_FALSE(without.wire().twists());
+}
+
+TEST_CASE("What torsion cannot be is refused") {
+  const TemporaryFolder folder;
+  CHECK_THROWS_WITH(scene::Scene(SceneFile(folder, "[effects.torsion]\nrigidity_ratio = 0\n")),
+                    Contains("effects.torsion.rigidity_ratio"));
+  CHECK_THROWS_WITH(scene::Scene(SceneFile(folder, "[effects.torsion]\nratio = 1\n")),
+                    Contains("effects.torsion.ratio"));
+  CHECK_THROWS_WITH(
+      scene::Scene(SceneFile(folder, "[relaxation]\nmethod = \"paper\"\n[effects.torsion]\n")),
+      Contains("effects.torsion") && Contains("newton"));
+}
+
+}  // namespace
+}  // namespace torquer::test
