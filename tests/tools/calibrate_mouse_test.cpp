@@ -1,0 +1,107 @@
+// torquer-calibrate on an ordinary mouse, by unmodified libevdev in a mocked kernel. The events'
+// own time stamps are the device's clock, so that nothing waits for real time.
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <fstream>
+#include <thread>
+
+#include "calibration/calibration_file.h"
+#include "host/bus/clock.h"
+#include "tests/support/child_process.h"
+#include "tests/support/evdev_testbed.h"
+#include "tests/support/private_network.h"
+#include "tests/support/temporary_folder.h"
+
+namespace {
+
+using Catch::Contains;
+using torquer::calibration::Calibration;
+using torquer::test::ChildProcess;
+using torquer::test::EvdevScript;
+using torquer::test::EvdevTestbed;
+using torquer::test::TemporaryFolder;
+
+constexpr int kMouse = 5;
+constexpr auto kPatience = std::chrono::seconds(30);
+
+EvdevScript Mouse() {
+  EvdevScript script;
+  script.name = "Mock mouse";
+  script.keys = {BTN_LEFT, BTN_RIGHT, BTN_MIDDLE};
+  script.relative_axes = {REL_X, REL_Y};
+  return script;
+}
+
+// A hand that moves the mouse's counts, and its clock.
+class Hand {
+ public:
+  Hand(EvdevTestbed& testbed, const ChildProcess& program) : testbed_(testbed), program_(program) {}
+
+  // By so many counts at once, then at rest for half a second.
+  void Move(int axial, int transverse) {
+    Send(axial, transverse, 10000);
+    for (int i = 0; i < 5; ++i) Send(0, 0, 100000);
+  }
+  // Whether the program ever says that; what is sent meanwhile would not fit into the mocked file.
+  bool Until(const std::string& text) {
+    const auto deadline = std::chrono::steady_clock::now() + kPatience;
+    while (program_.Output().find(text) == std::string::npos) {
+      if (std::chrono::steady_clock::now() > deadline) return false;
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return true;
+  }
+
+ private:
+  void Send(int axial, int transverse, std::int64_t passed_us) {
+    time_us_ += passed_us;
+    testbed_.Send(kMouse, {{EV_REL, REL_X, axial}, {EV_REL, REL_Y, transverse}}, time_us_);
+  }
+
+  EvdevTestbed& testbed_;
+  const ChildProcess& program_;
+  // Ahead of the real time, which the source takes for the device's where that is later.
+  std::int64_t time_us_ = torquer::bus::MonotonicUs() + 60000000;
+};
+
+}  // namespace
+
+TEST_CASE("A mouse is calibrated by its raw deltas, whatever its resolution") {
+  torquer::test::NeedPrivateNetworkAndDevices();
+  TemporaryFolder folder;
+  EvdevTestbed testbed;
+  const std::string mouse = testbed.Plug(kMouse, Mouse());
+  std::ofstream script(folder.Path("a.script"));
+  script << "torquer-calibrate script 1\n";
+  for (int i = 0; i < 14; ++i) script << "mark\n";
+  script.close();
+  ChildProcess program({TORQUER_BIN_DIR "/torquer-calibrate", "--source", "evdev", "--device",
+                        mouse, "--script", folder.Path("a.script"), "--output",
+                        folder.Path("mouse.toml"), "--pushes", "3", "--turn-strokes", "3"});
+  Hand hand(testbed, program);
+  CAPTURE(program.Error());
+  REQUIRE(hand.Until("Device 046d:c077 at 1000 cpi (a guess: it is measured now)"));
+  CHECK(testbed.Grabbed(kMouse));
+  for (int i = 0; i < 4; ++i) hand.Move(0, 0);  // at rest
+  REQUIRE(hand.Until("straight to the far stop"));
+  for (const char* counted : {"ok push 1", "ok push 2", "ok push 3"}) {
+    hand.Move(9449, 165);  // 1600 counts an inch, a degree askew
+    REQUIRE(hand.Until("to the near stop"));
+    hand.Move(-9449, -165);
+    REQUIRE(hand.Until(counted));
+  }
+  hand.Move(0, 0);
+  for (const char* counted : {"ok turns 1", "ok turns 2", "ok turns 3"}) {
+    hand.Move(-69, 3958);
+    hand.Move(69, -3958);
+    REQUIRE(hand.Until(counted));
+  }
+  REQUIRE(program.Wait() == 0);
+  const Calibration calibration = torquer::calibration::ReadCalibration(folder.Path("mouse.toml"));
+  CHECK(calibration.device == "046d:c077");
+  const auto found = torquer::calibration::ParametersOf(calibration.motion);
+  CHECK(found.gain_mm_per_count == Approx(25.4 / 1600).epsilon(0.001));
+  CHECK(found.misalignment_rad * 57.29577951 == Approx(1.0).margin(0.05));
+  CHECK(found.cylinder_radius_mm == Approx(5.0).epsilon(0.001));
+  CHECK_THAT(program.Output(), !Contains("Lift") && !Contains("Joystick"));
+}
