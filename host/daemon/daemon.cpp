@@ -120,6 +120,7 @@ void Daemon::TakeUpPosition() {
 
 void Daemon::Run() {
   const std::int64_t start_us = bus::MonotonicUs();
+  service_manager_.Ready();
   try {
     while (!stop_) {
       source_->Wait(kTickMs, [this](const SourceEvent& event) { OnEvent(event); });
@@ -134,8 +135,10 @@ void Daemon::Run() {
     }
   } catch (const std::exception& error) {
     health_.Change("stopping", error.what(), Counters());
+    service_manager_.Status(error.what());
     throw;
   }
+  service_manager_.Stopping();
   Announce("stopping", "asked to stop");
 }
 
@@ -261,6 +264,7 @@ void Daemon::OnReport(const SourceEvent& event) {
   PublishCommand(output->hand, output->origin_us);
   statistics_.AddLatency(bus::MonotonicUs() - event.host_us);
   PublishSample(*output);
+  if (options_.observe) options_.observe(device_, *output);
 
   if (silent_) {
     silent_ = false;
@@ -301,11 +305,15 @@ void Daemon::OnTick(std::int64_t now_us) {
     PublishHold(now_us);
   }
   if (health_.Due(now_us)) health_.Repeat(Counters());
+  service_manager_.Alive(now_us);
 }
 
 void Daemon::Announce(const std::string& state, const std::string& message) {
   health_.Change(state, message, Counters());
-  std::fprintf(stderr, "torquer-daemon: %s: %s\n", state.c_str(), message.c_str());
+  service_manager_.Status(std::string(state).append(": ").append(message));
+  const std::string line = "torquer-daemon: " + state + ": " + message;
+  options_.tell ? options_.tell(line)
+                : static_cast<void>(std::fprintf(stderr, "%s\n", line.c_str()));
 }
 
 // A doubt can come and go with every report; it is on every command, so here ten a second do.

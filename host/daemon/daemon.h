@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,6 +14,7 @@
 #include "host/daemon/claim.h"
 #include "host/daemon/pipeline.h"
 #include "host/daemon/report_source.h"
+#include "host/daemon/service_manager.h"
 #include "host/daemon/statistics.h"
 
 namespace torquer::daemon {
@@ -23,6 +25,10 @@ struct DaemonOptions {
   std::optional<calibration::Calibration> calibration;  ///< nullopt: nominal gains
   /// Without a calibration: take what torquer-calibrate kept for the device that turns up.
   bool calibration_by_serial = false;
+  /// Gets what every report led to, with the device's serial number; may be empty.
+  std::function<void(const std::string& device, const PipelineOutput& output)> observe;
+  /// Gets what is announced, a line each; without it, standard error does.
+  std::function<void(const std::string& line)> tell;
 };
 
 class Daemon {
@@ -70,6 +76,7 @@ class Daemon {
   bus::Bus& bus_;
   std::unique_ptr<ReportSource> source_;
   bus::HealthReporter health_;
+  ServiceManager service_manager_;
   InstrumentClaim instrument_claim_;
   std::optional<Claim> device_claim_;
   std::optional<Pipeline> pipeline_;

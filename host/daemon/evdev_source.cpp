@@ -36,8 +36,19 @@ bool IsJoystick(const libevdev* device) {
          libevdev_has_event_code(device, EV_KEY, BTN_TOOL_PEN) == 0;
 }
 
-std::string MiceIn(const char* folder) {
-  std::string mice;
+// The device's own number, or its model.
+std::string SerialOf(const libevdev* device) {
+  char model[16];
+  std::snprintf(model, sizeof model, "%04x:%04x", libevdev_get_id_vendor(device),
+                libevdev_get_id_product(device));
+  const char* unique = libevdev_get_uniq(device);
+  std::string serial = unique != nullptr && *unique != '\0' ? unique : model;
+  serial.resize(std::min(serial.size(), sizeof(protocol::IdentityReport::serial)));
+  return serial;
+}
+
+std::vector<InputListing> InputsIn(const char* folder) {
+  std::vector<InputListing> inputs;
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
     const std::string path = entry.path().string();
@@ -45,19 +56,24 @@ std::string MiceIn(const char* folder) {
     if (fd < 0) continue;
     libevdev* device = nullptr;
     if (libevdev_new_from_fd(fd, &device) == 0) {
-      if (IsMouse(device)) mice += "\n  --device " + path + "  (" + libevdev_get_name(device) + ")";
+      if (IsMouse(device) || IsJoystick(device)) {
+        inputs.push_back({path, libevdev_get_name(device), SerialOf(device), IsMouse(device)});
+      }
       libevdev_free(device);
     }
     close(fd);
   }
-  return mice;
+  std::sort(inputs.begin(), inputs.end(),
+            [](const InputListing& a, const InputListing& b) { return a.path < b.path; });
+  return inputs;
 }
 
-// The mice of this machine that may be read, for a message; by names that outlast a replug if
-// possible.
+// The mice of this machine that may be read, for a message.
 std::string MiceHere() {
-  std::string mice = MiceIn("/dev/input/by-id");
-  if (mice.empty()) mice = MiceIn("/dev/input");
+  std::string mice;
+  for (const InputListing& input : InputsHere()) {
+    if (input.is_mouse) mice += "\n  --device " + input.path + "  (" + input.name + ")";
+  }
   return mice.empty() ? " (none is found that this user may read)" : ":" + mice;
 }
 
@@ -90,6 +106,11 @@ std::int32_t Sum(std::int32_t count, std::int32_t step) {  // wraps, as the devi
 }
 
 }  // namespace
+
+std::vector<InputListing> InputsHere() {
+  std::vector<InputListing> inputs = InputsIn("/dev/input/by-id");
+  return inputs.empty() ? InputsIn("/dev/input") : inputs;
+}
 
 // One open device file.
 struct EvdevSource::Input {
@@ -184,13 +205,7 @@ bool EvdevSource::Open() {
   std::sort(inputs_.begin(), inputs_.end(),
             [](const auto& a, const auto& b) { return a->is_mouse && !b->is_mouse; });
 
-  libevdev* mouse = inputs_.front()->device;
-  char model[16];
-  std::snprintf(model, sizeof model, "%04x:%04x", libevdev_get_id_vendor(mouse),
-                libevdev_get_id_product(mouse));
-  const char* unique = libevdev_get_uniq(mouse);
-  serial_ = unique != nullptr && *unique != '\0' ? unique : model;
-  serial_.resize(std::min(serial_.size(), sizeof(protocol::IdentityReport::serial)));
+  serial_ = SerialOf(inputs_.front()->device);
   ++report_.boot_id;
   report_.buttons = 0;
   report_.joystick_x = kMiddle;

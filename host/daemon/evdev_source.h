@@ -25,6 +25,17 @@ namespace torquer::daemon {
 /// What a mouse is taken for without a calibration, counts an inch; most are set to about this.
 inline constexpr int kNominalMouseCpi = 1000;
 
+/// A mouse or joystick of this machine.
+struct InputListing {
+  std::string path;
+  std::string name;
+  std::string serial;  ///< its own number, or vendor:product
+  bool is_mouse = false;
+};
+
+/// Those that this user may read, by names that outlast a replug if possible.
+std::vector<InputListing> InputsHere();
+
 class EvdevSource : public ReportSource {
  public:
   /// `paths`: the mouse's device file and, if there is one, the joystick's, in any order. They need

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -15,6 +16,8 @@
 #include "host/bus/channels.h"
 #include "host/daemon/claim.h"
 #include "host/daemon/daemon.h"
+#include "host/daemon/device_list.h"
+#include "host/daemon/device_monitor.h"
 #include "host/daemon/evdev_source.h"
 #include "host/daemon/socket_source.h"
 #include "host/daemon/usb_source.h"
@@ -28,6 +31,8 @@ using torquer::UserError;
 constexpr char kUsage[] =
     "usage: torquer-daemon --source usb|evdev|socket [--device SERIAL|PATH].. [--socket PATH]\n"
     "         [--calibration FILE | --uncalibrated] [--lcm-url URL] [--instrument NAME] [--json]\n"
+    "         [--monitor]\n"
+    "       torquer-daemon --list\n"
     "       torquer-daemon --home [--lcm-url URL] [--instrument NAME]\n"
     "\n"
     "  --source usb       the bench device; --device picks one by serial number\n"
@@ -37,7 +42,9 @@ constexpr char kUsage[] =
     "  --uncalibrated     nominal gains; every command says so\n"
     "  --lcm-url          the bus (else LCM_DEFAULT_URL, else this machine's multicast)\n"
     "  --instrument       guidewire (as without) or catheter\n"
+    "  --monitor          the device's motion as live bars in the terminal\n"
     "  --json             statistics as one JSON object when it ends\n"
+    "  --list             the devices of this machine: serial, firmware, path, calibration\n"
     "  --home             tell the running daemon that the instrument is at its start now\n";
 
 struct Arguments {
@@ -49,6 +56,8 @@ struct Arguments {
   std::string lcm_url;
   std::string instrument = torquer::bus::kGuidewire;
   bool json = false;
+  bool monitor = false;
+  bool list = false;
   bool home = false;
   bool help = false;
 };
@@ -64,6 +73,8 @@ Arguments Parse(int argc, char** argv) {
   line.Option("--lcm-url", arguments.lcm_url);
   line.Option("--instrument", arguments.instrument);
   line.Flag("--json", arguments.json);
+  line.Flag("--monitor", arguments.monitor);
+  line.Flag("--list", arguments.list);
   line.Flag("--home", arguments.home);
   line.Flag("--help", arguments.help);
   line.Parse(argc, argv, kUsage);
@@ -72,7 +83,7 @@ Arguments Parse(int argc, char** argv) {
     throw UserError("--instrument '" + arguments.instrument +
                     "' is not known; there are guidewire and catheter");
   }
-  if (arguments.help || arguments.home) return arguments;
+  if (arguments.help || arguments.list || arguments.home) return arguments;
   if (!arguments.calibration.empty() && arguments.uncalibrated) {
     throw UserError("--calibration and --uncalibrated exclude each other; give one");
   }
@@ -167,10 +178,19 @@ int RunDaemon(const Arguments& arguments) {
   const sigset_t signals = HandledSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::unique_ptr<torquer::daemon::ReportSource> source = MakeSource(arguments);
+  std::optional<torquer::daemon::DeviceMonitor> monitor;
+  if (arguments.monitor) {
+    monitor.emplace();
+    options.observe = [&monitor](const std::string& device, const auto& output) {
+      monitor->Add(device, output);
+    };
+    options.tell = [&monitor](const std::string& text) { monitor->Say(text); };
+  }
   torquer::bus::Bus bus(arguments.lcm_url);
   torquer::daemon::Daemon daemon(std::move(options), bus, std::move(source));
   const SignalThread signal_thread(daemon);
   daemon.Run();
+  monitor.reset();  // shows the last of it
   if (arguments.json) PrintStatistics(daemon);
   return 0;
 }
@@ -182,6 +202,10 @@ int main(int argc, char** argv) {
     const Arguments arguments = Parse(argc, argv);
     if (arguments.help) {
       std::fputs(kUsage, stdout);
+      return 0;
+    }
+    if (arguments.list) {
+      std::fputs(torquer::daemon::DeviceList().c_str(), stdout);
       return 0;
     }
     return arguments.home ? SendHome(arguments) : RunDaemon(arguments);

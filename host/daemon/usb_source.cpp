@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "host/bus/clock.h"
+#include "host/daemon/usb_listing.h"
 #include "host/support/error.h"
 #include "protocol/usb_ids.h"
 
@@ -27,20 +28,6 @@ constexpr std::int64_t kPermissionUs = 1000000;
 constexpr std::int64_t kPatienceUs = 3000000;
 
 constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
-
-std::string AddressOf(libusb_device* device) {
-  return "USB bus " + std::to_string(libusb_get_bus_number(device)) + " device " +
-         std::to_string(libusb_get_device_address(device));
-}
-
-std::string StringOf(libusb_device_handle* handle, std::uint8_t index) {
-  std::array<unsigned char, 128> text{};
-  const int length = index == 0 ? 0
-                                : libusb_get_string_descriptor_ascii(handle, index, text.data(),
-                                                                     static_cast<int>(text.size()));
-  return {reinterpret_cast<const char*>(text.data()),
-          static_cast<std::size_t>(std::max(length, 0))};
-}
 
 }  // namespace
 
@@ -108,6 +95,7 @@ void UsbSource::OnTransfer(libusb_transfer* transfer) {
   switch (transfer->status) {
     case LIBUSB_TRANSFER_COMPLETED:
       source.errors_in_a_row_ = 0;
+      source.stalled_ = false;  // what stalled before was no halt
       source.arrivals_.push_back({host_us, transfer->actual_length, own.bytes});
       source.Submit(own);
       break;
@@ -217,7 +205,7 @@ void UsbSource::TakeCandidates(const Sink& sink) {
 // False when the device is to be tried again later. Found ones are open.
 bool UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& found) {
   OpenDevice device{};
-  device.address = AddressOf(candidate.device);
+  device.address = UsbAddress(candidate.device);
   const int error = libusb_open(candidate.device, &device.handle);
   if (error == LIBUSB_ERROR_ACCESS) {
     if (bus::MonotonicUs() - candidate.seen_us < kPermissionUs) return false;
@@ -230,9 +218,9 @@ bool UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& fou
   if (error != 0) return hopeless;
   libusb_device_descriptor descriptor{};
   libusb_get_device_descriptor(candidate.device, &descriptor);
-  device.serial = StringOf(device.handle, descriptor.iSerialNumber);
+  device.serial = UsbText(device.handle, descriptor.iSerialNumber);
   // The ids are shared with other people's prototypes.
-  const std::string product = StringOf(device.handle, descriptor.iProduct);
+  const std::string product = UsbText(device.handle, descriptor.iProduct);
   if (product == protocol::kUsbProduct && !device.serial.empty() &&
       (serial_.empty() || device.serial == serial_)) {
     found.push_back(device);

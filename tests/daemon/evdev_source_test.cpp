@@ -243,3 +243,14 @@ TEST_CASE("Without permission on the mouse the group is named") {
   CHECK(daemon.Error().find(chain.mouse + " may not be read by this user") != std::string::npos);
   CHECK(daemon.Error().find("usermod -aG input") != std::string::npos);
 }
+
+TEST_CASE("The option --list names mice and joysticks by paths that outlast a replug") {
+  EvdevChain chain;
+  ChildProcess program({torquer::test::kDaemonProgram, "--list"});
+  CHECK(program.Wait() == 0);
+  CAPTURE(program.Output());
+  CHECK(program.Output().find("046d:c077  mouse  " + chain.mouse + "  (Mock mouse)") !=
+        std::string::npos);
+  CHECK(program.Output().find("046d:c215  joystick  " + chain.stick + "  (Mock stick)") !=
+        std::string::npos);
+}

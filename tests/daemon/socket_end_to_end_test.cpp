@@ -1,4 +1,8 @@
 // The daemon as a process: a scripted device behind a socket, commands read back from the bus.
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <fstream>
@@ -471,4 +475,54 @@ TEST_CASE("SIGINT and SIGTERM end a daemon in order, also one that waits") {
   chain.daemon->Signal(signal);
   CHECK(chain.daemon->Wait() == 0);
   REQUIRE(chain.listener.UntilHealth("stopping", "asked to stop"));
+}
+
+TEST_CASE("A service manager hears that the daemon is up, alive, what it does, and that it ends") {
+  Listener listener;
+  const std::string name = listener.folder.Path("notify");
+  const int manager = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  name.copy(address.sun_path, sizeof address.sun_path - 1);
+  REQUIRE(bind(manager, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
+  const timeval patience{60, 0};
+  setsockopt(manager, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  const auto hears = [manager](const std::string& begin) {
+    char text[1000];
+    for (;;) {
+      const ssize_t size = recv(manager, text, sizeof text, 0);
+      if (size < 0) return false;
+      if (std::string(text, static_cast<std::size_t>(size)).rfind(begin, 0) == 0) return true;
+    }
+  };
+  setenv("NOTIFY_SOCKET", name.c_str(), 1);
+  setenv("WATCHDOG_USEC", "400000", 1);
+  const std::string socket_path = listener.folder.Path("device");
+  SocketDevice device(socket_path);
+  const auto daemon = std::make_unique<ChildProcess>(SocketWords(socket_path));
+  unsetenv("NOTIFY_SOCKET");
+  unsetenv("WATCHDOG_USEC");
+  CHECK(hears("READY=1"));
+  CHECK(hears("STATUS=running: reading device SCRIPTED-1"));
+  CHECK(hears("WATCHDOG=1"));
+  CHECK(hears("WATCHDOG=1"));
+  daemon->Signal(SIGTERM);
+  CHECK(hears("STOPPING=1"));
+  CHECK(daemon->Wait() == 0);
+  close(manager);
+}
+
+TEST_CASE("The option --monitor shows the device's motion, and the last of it at the end") {
+  Chain chain({"--uncalibrated", "--monitor"});
+  REQUIRE(chain.device.WaitForHost());
+  const instrument_command_t command = chain.Push(1200);
+  CHECK(command.insertion_mm > 0);
+  chain.daemon->Signal(SIGTERM);
+  CHECK(chain.daemon->Wait() == 0);
+  CAPTURE(chain.daemon->Output());
+  CHECK(Contains(chain.daemon->Output(), "running: reading device SCRIPTED-1"));
+  char place[40];
+  std::snprintf(place, sizeof place, "%.2f mm", command.insertion_mm);
+  CHECK(Contains(chain.daemon->Output(), place));
+  CHECK(Contains(chain.daemon->Output(), "uncalibrated"));
 }

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "calibration/calibration_file.h"
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
 #include "tests/daemon/daemon_process.h"
@@ -314,4 +315,50 @@ TEST_CASE("Without permission the udev rule is named") {
   CHECK(daemon.Error().find("may not be opened by this user") != std::string::npos);
   CHECK(daemon.Error().find("hardware/udev/70-torquer.rules") != std::string::npos);
   CHECK(fs::exists(TORQUER_SOURCE_DIR "/hardware/udev/70-torquer.rules"));
+}
+
+TEST_CASE("The option --list tells of every bench device and claims none") {
+  UsbChain chain;
+  const std::string folder = chain.listener.folder.Path("config");
+  setenv("XDG_CONFIG_HOME", folder.c_str(), 1);
+  std::filesystem::create_directories(folder + "/torquer");
+  using torquer::calibration::NominalCalibration;
+  torquer::calibration::WriteCalibration(NominalCalibration("LEFT-1", 1200),
+                                         folder + "/torquer/LEFT-1.toml");
+  // Another device's, under the wrong name.
+  torquer::calibration::WriteCalibration(NominalCalibration("LEFT-1", 1200),
+                                         folder + "/torquer/THIRD-3.toml");
+  const auto list = [] {
+    ChildProcess program({torquer::test::kDaemonProgram, "--list"});
+    CHECK(program.Wait() == 0);
+    CHECK(program.Error().empty());
+    return program.Output();
+  };
+  CHECK(list().find("none is plugged in") != std::string::npos);
+
+  chain.testbed.Plug(kAddress, Bench("LEFT-1"));
+  chain.testbed.Plug(kAddress + 1, Bench("RIGHT-2"));
+  chain.testbed.Plug(kAddress + 2, Bench("THIRD-3"));
+  UsbDeviceScript waiting = Bench("FOURTH-4");
+  waiting.product_id = torquer::protocol::kUsbBootloaderProductId;
+  chain.testbed.Plug(kAddress + 3, waiting);
+  UsbDeviceScript other = Bench("COFFEE-5");
+  other.manufacturer = "Another maker";
+  chain.testbed.Plug(kAddress + 4, other);
+  const std::string text = list();
+  CAPTURE(text);
+  const auto line = [&text](const std::string& serial) {
+    const std::size_t at = text.find("  " + serial + "  ");
+    return at == std::string::npos ? "" : text.substr(at, text.find('\n', at) - at);
+  };
+  CHECK(line("LEFT-1").find("/dev/bus/usb/001/005  calibrated by " + folder +
+                            "/torquer/LEFT-1.toml") != std::string::npos);
+  CHECK(line("LEFT-1").find("firmware ") != std::string::npos);
+  CHECK(line("LEFT-1").find("read by") == std::string::npos);
+  CHECK(line("RIGHT-2").find("not calibrated") != std::string::npos);
+  CHECK(line("THIRD-3").find("calibration refused: ") != std::string::npos);
+  CHECK(line("FOURTH-4").find("in its bootloader") != std::string::npos);
+  CHECK(text.find("COFFEE-5") == std::string::npos);
+  for (int i = 0; i < 4; ++i) CHECK_FALSE(chain.testbed.Claimed(kAddress + i));
+  unsetenv("XDG_CONFIG_HOME");
 }
