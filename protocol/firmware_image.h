@@ -57,9 +57,9 @@ constexpr uint32_t kCrc32Xor = 0xffffffff;
 __attribute__((noinline)) inline uint32_t Crc32Step(uint32_t crc, uint8_t byte) {
   crc ^= byte;
   for (uint8_t bit = 0; bit < 8; ++bit) {
-    const bool low = crc & 1;
+    const uint8_t low = static_cast<uint8_t>(crc);  // one byte: the chip has no wider ones
     crc >>= 1;
-    if (low) crc ^= 0xedb88320;
+    if (low & 1) crc ^= 0xedb88320;
   }
   return crc;
 }

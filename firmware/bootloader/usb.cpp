@@ -249,6 +249,7 @@ bool UsbServer::TakeReport() {
       const uint8_t byte = UEDATX;
       if (received < sizeof(report_)) report_.bytes[received++] = byte;
     }
+    if (Superseded()) return true;  // with the flag a SETUP packet would be taken away
     UEINTX = static_cast<uint8_t>(~_BV(RXOUTI));
   }
   if (!Obey()) return false;
