@@ -54,7 +54,7 @@ constexpr char kUsage[] =
     "  --turn-strokes     good strokes of turns wanted (5)\n"
     "  --output           the calibration (SERIAL.toml in the user's torquer configuration)\n"
     "  --plot             the residuals, drawn (beside the calibration)\n"
-    "  --script           a session from a file, see host/tools/README.md\n"
+    "  --script           a session from a file, see calibration/README.md\n"
     "\n"
     "Exit status: 0 when the calibration was kept, 1 when it was too poor to be, 2 when something\n"
     "could not be used, 130 when it was given up.\n";

@@ -3,9 +3,11 @@
 #include <sys/stat.h>
 
 #include <catch2/catch.hpp>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
 
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
@@ -201,4 +203,30 @@ TEST_CASE("The emulated device's calibration is the nominal one") {
   Calibration expected = NominalCalibration("EMULATED-0001", kNominalCpi);
   expected.note = "the emulated bench device, exactly as drawn";
   CHECK(Same(ReadCalibration(path), expected));
+}
+
+TEST_CASE("A device's file is found by its serial number, in the user's configuration") {
+  struct Variable {  // puts the environment back
+    explicit Variable(const char* its_name) : name(its_name) {
+      if (const char* value = std::getenv(name)) before = value;
+    }
+    ~Variable() { before ? setenv(name, before->c_str(), 1) : unsetenv(name); }
+    const char* name;
+    std::optional<std::string> before;
+  };
+  const Variable home("HOME");
+  const Variable config("XDG_CONFIG_HOME");
+  setenv("HOME", "/home/user", 1);
+  setenv("XDG_CONFIG_HOME", "/config", 1);
+  CHECK(CalibrationPath("BENCH-42") == "/config/torquer/BENCH-42.toml");
+  CHECK(CalibrationPath("046d:c077") == "/config/torquer/046d_c077.toml");
+  // A serial number from a device cannot lead out of the folder.
+  CHECK(CalibrationPath("../../etc/x") == "/config/torquer/_._.._etc_x.toml");
+  CHECK(CalibrationPath("..") == "/config/torquer/_..toml");
+  CHECK(CalibrationPath("") == "/config/torquer/_.toml");
+  setenv("XDG_CONFIG_HOME", "not/absolute", 1);
+  CHECK(CalibrationPath("BENCH-42") == "/home/user/.config/torquer/BENCH-42.toml");
+  unsetenv("XDG_CONFIG_HOME");
+  unsetenv("HOME");
+  CHECK_THROWS_WITH(CalibrationPath("BENCH-42"), Catch::Contains("XDG_CONFIG_HOME nor HOME"));
 }

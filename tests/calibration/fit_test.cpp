@@ -150,7 +150,7 @@ TEST_CASE("Stated 95 % intervals hold the truth in 93 to 97 % of sessions") {
     faults.push_mm = 0.1;
     faults.common = {.push_mm = 0.5,
                      .push_turn_rad = 0.5 * kDegree,
-                     .turn_rad = 0.2 * kDegree,
+                     .turn_rad = 1.0 * kDegree,
                      .turn_push_mm = 0.3};
   }
   SECTION("with a hand much worse than it is declared to be") {

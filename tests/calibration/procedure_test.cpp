@@ -194,6 +194,7 @@ TEST_CASE("A session leads through all steps to a calibration") {
     person.Stick(512.0, 512.0);
   }
   REQUIRE(person.procedure.step() == Step::kDone);
+  CHECK(person.rejected == 0);
 
   const ProcedureResult result = person.procedure.Result();
   CHECK(result.calibration.motion.cpi == 1200);

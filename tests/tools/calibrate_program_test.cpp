@@ -226,6 +226,19 @@ TEST_CASE("No device, firmware that does not fit, and no serial number are told"
   bench.CheckUntouched();
 }
 
+TEST_CASE("The sample session does what it is documented to do") {
+  TemporaryFolder folder;
+  ChildProcess program({kProgram, "--script", TORQUER_SOURCE_DIR "/calibration/sample.script",
+                        "--output", folder.Path("sample.toml")});
+  REQUIRE(program.Wait() == 0);
+  CHECK_THAT(program.Output(), Contains("push 3 is not used: 10.2 mm shorter than the others"));
+  CHECK_THAT(program.Output(), Contains("push 5 is not used: turned while pushing, by 12 degrees"));
+  const auto found = ParametersOf(ReadCalibration(folder.Path("sample.toml")).motion);
+  CHECK(found.gain_mm_per_count == Approx(25.4 / 1200 * 1.01).epsilon(0.003));
+  CHECK(found.misalignment_rad * 57.29577951 == Approx(3.0).margin(0.05));
+  CHECK(found.cylinder_radius_mm == Approx(5.05).epsilon(0.003));
+}
+
 TEST_CASE("Help is given") {
   ChildProcess program({kProgram, "--help"});
   CHECK(program.Wait() == 0);
