@@ -156,7 +156,7 @@ std::unique_ptr<SessionSource> MakeSession(const Arguments& arguments) {
 // What a person is asked before the session, with the given as answers in brackets.
 void AskForReference(ProcedureSettings& settings) {
   const auto ask = [](const char* question, double& value) {
-    while (interrupted == 0) {
+    for (;;) {
       char text[160];
       std::snprintf(text, sizeof text, "%s [%g]:", question, value);
       const std::string answer = Ask(text);
@@ -310,6 +310,15 @@ int Finish(const Arguments& arguments, const ProcedureSettings& settings, const 
   return 0;
 }
 
+// From here on there is a terminal to put back and a session to give up. Without SA_RESTART, so
+// that waiting ends.
+void HandleSignals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { interrupted = 1; };
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
 int Run(const Arguments& arguments) {
   ProcedureSettings settings = arguments.settings;
   const std::unique_ptr<SessionSource> source = MakeSession(arguments);
@@ -317,6 +326,7 @@ int Run(const Arguments& arguments) {
   if (!arguments.length_given && arguments.script.empty() && CanAsk()) AskForReference(settings);
 
   const DeviceFacts facts = source->Connect();
+  HandleSignals();
   settings.cpi = facts.cpi;
   settings.cpi_known = settings.tells_lift = !facts.ordinary_mouse;
   settings.has_joystick = facts.has_joystick;
@@ -344,11 +354,6 @@ int main(int argc, char** argv) {
       std::fputs(kUsage, stdout);
       return 0;
     }
-    // Without SA_RESTART, so that waiting ends.
-    struct sigaction action {};
-    action.sa_handler = [](int) { interrupted = 1; };
-    sigaction(SIGINT, &action, nullptr);
-    sigaction(SIGTERM, &action, nullptr);
     return Run(arguments);
   } catch (const UserError& error) {
     std::fprintf(stderr, "torquer-calibrate: %s\n", error.what());

@@ -27,8 +27,8 @@ constexpr int kPoorSurface = 10;
 constexpr double kMovedCounts = 100.0;
 constexpr std::int64_t kRestedUs = 300000;
 // How long it waits for a hand, by the device's clock, and for a device, by the host's.
-constexpr std::int64_t kIdleUs = 30000000;
-constexpr std::int64_t kGoneUs = 20000000;
+constexpr std::int64_t kIdleUs = 60000000;
+constexpr std::int64_t kGoneUs = 60000000;
 
 const char* StepName(Step step) {
   switch (step) {
@@ -197,7 +197,7 @@ void PacedSession::Wait(int timeout_ms, SessionSink& sink) {
   const std::int64_t now_us = bus::MonotonicUs();
   if (last_reading_us_ == 0) last_reading_us_ = now_us;
   if (now_us - last_reading_us_ > kGoneUs) {
-    throw UserError("the device has sent nothing for 20 seconds");
+    throw UserError("the device has sent nothing for a minute");
   }
   Watcher watcher(*this, sink);
   device_->Wait(timeout_ms, watcher);

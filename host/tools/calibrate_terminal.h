@@ -38,8 +38,7 @@ class Terminal {
   std::string changing_;
 };
 
-/// Asks on standard output and reads a line of standard input; "" for the answer in brackets, at
-/// the end of the input, or after an interruption.
+/// Asks on standard output and reads a line of standard input; "" at the end of the input, too.
 std::string Ask(const std::string& question);
 
 /// Standard input and output are both a terminal: somebody can be asked.
