@@ -98,6 +98,11 @@ class EnergyTerm {
   virtual void Begin(const PointSet& points) = 0;
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
+  /// The surface that the wall touches moves along the wire by `by_mm` (distally, if positive)
+  /// against the points up to and with `last`: a catheter around them that slides.
+  virtual void SlideSurface(const PointSet& points, int last, double by_mm) {
+    static_cast<void>(points), static_cast<void>(last), static_cast<void>(by_mm);
+  }
   /// After a relaxation: updates what the term remembers (anchors, for example).
   virtual void End(const PointSet& points) = 0;
   /// Forgets everything, as at the start of a session.

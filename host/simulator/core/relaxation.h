@@ -9,10 +9,13 @@
 
 namespace torquer {
 
-/// Where the hand wants the wire: absolute, since the start.
+/// Where the hand wants the wire, and the catheter around it if there is one: absolute, since the
+/// start.
 struct HandTarget {
   double insertion_mm = 0;
   double rotation_rad = 0;
+  double catheter_insertion_mm = 0;
+  double catheter_rotation_rad = 0;
 };
 
 /// Decides when a tick has to end. The core knows no clock: real time gives a deadline here, a

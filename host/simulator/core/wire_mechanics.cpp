@@ -307,10 +307,10 @@ void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& o
   for (int i = first; i < n; ++i) {
     const Vector3d& tangent_p = i == 0 ? model_.sheath().direction : state.tangents[i - 1];
     const double stiffness = JointStiffness(model_, state, i);
-    if (i < curved_from) {
+    if (i < curved_from || model_.rest_direction(n - i)[2] == 1) {
       const Frame& frame_p = i == 0 ? sheath_frame_ : out.frames[i - 1];
       ExpandStraightJoint(model_.law(), stiffness, tangent_p, frame_p, state.tangents[i],
-                          out.frames[i], straight, out.joints[i]);
+                          out.frames[i], i < curved_from ? straight : curved, out.joints[i]);
     } else {
       // The clamp's normals are never turned: any will do.
       const Vector3d& normal_p = i == 0 ? model_.sheath_normal() : state.normals[i - 1];

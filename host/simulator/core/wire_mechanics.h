@@ -92,15 +92,15 @@ struct LoadTerms {
 /// The expansion of the whole energy at one state. Buffers are made once; no heap after that.
 struct Expansion {
   double energy_mJ = 0;
-  double curved_joints_mJ = 0;           ///< of this, the joints that rest curved
+  double curved_joints_mJ = 0;  ///< of this, the joints that rest curved
   double residual = 0;  ///< largest out-of-balance moment over the local EI/(1 mm) (torque, GJ)
-  double max_penetration_mm = 0;         ///< of the wire's surface; 0 without contact
-  std::vector<Frame> frames;             ///< n, one a segment
-  std::vector<JointTerms> joints;        ///< n, one a joint; joint 0 has no proximal unknown
-  std::vector<TwistTerms> twists;        ///< the same for a wire that twists; otherwise empty
-  std::vector<int> load_index;           ///< n, into `loads`, -1 for a segment free of load
-  std::vector<LoadTerms> loads;          ///< of the loaded segments
-  std::vector<Eigen::Vector3d> costate;  ///< n + 1: sum of the gradients beyond node i
+  double max_penetration_mm = 0;          ///< of the wire's surface; 0 without contact
+  std::vector<Frame> frames;              ///< n, one a segment
+  std::vector<JointTerms> joints;         ///< n, one a joint; joint 0 has no proximal unknown
+  std::vector<TwistTerms> twists;         ///< the same for a wire that twists; otherwise empty
+  std::vector<int> load_index;            ///< n, into `loads`, -1 for a segment free of load
+  std::vector<LoadTerms> loads;           ///< of the loaded segments
+  std::vector<Eigen::Vector3d> costate;   ///< n + 1: sum of the gradients beyond node i
   std::vector<Eigen::Vector2d> gradient;  ///< n: d energy / d xi_i
   std::vector<double> spin_gradient;      ///< n: d energy / d zeta_i, for a wire that twists
   PointSet points;

@@ -1,6 +1,7 @@
 #include "host/simulator/core/wire_model.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -14,6 +15,14 @@ namespace {
 
 void CheckPositive(const std::string& field, double value) {
   if (!(value > 0) || !std::isfinite(value)) Refuse(field, value, "a positive number");
+}
+
+// Where a segment rests whose joint is bent by an angle towards the first and second normal.
+Eigen::Vector3d Direction(const Eigen::Vector2d& rest_rad) {
+  const double angle = rest_rad.norm();
+  if (!(angle > 0)) return {0, 0, 1};
+  const Eigen::Vector2d across = rest_rad * (std::sin(angle) / angle);
+  return {across[0], across[1], std::cos(angle)};
 }
 
 WireSection Interpolate(const std::vector<WireSection>& sections, double from_tip_mm) {
@@ -77,21 +86,35 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
     // The joint at the distal end (k = 0) joins nothing.
     const Eigen::Vector2d rest =
         segment_mm * Eigen::Vector2d(s.curvature_1_per_mm, s.curvature_2_per_mm);
-    const double angle = rest.norm();
-    Eigen::Vector3d direction(0, 0, 1);
-    if (angle > 0) {
-      direction << rest * (std::sin(angle) / angle), std::cos(angle);
-      first_straight_ = k + 1;
-    }
-    rest_direction_.push_back(direction);
+    if (!rest.isZero(0)) first_straight_ = k + 1;
+    rest_direction_.push_back(Direction(rest));
   }
   // A wire whose last section is curved is curved to its proximal end.
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
+  most_curved_ = std::min(first_straight_, max_segments_);
 
   Eigen::Index smallest = 0;
   sheath.direction.cwiseAbs().minCoeff(&smallest);
   const Eigen::Vector3d axis = Eigen::Vector3d::Unit(smallest);
   sheath_normal_ = (axis - axis.dot(sheath.direction) * sheath.direction).normalized();
+}
+
+void WireModel::ReplaceJoints(const std::vector<Joint>& joints, int tip_segments) {
+  assert(!twists() && !joints.empty());
+  const std::size_t count = joints.size();
+  most_curved_ = max_segments_;
+  rigidity_.resize(count);
+  radius_.resize(count);
+  rest_direction_.resize(count);
+  first_straight_ = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    rigidity_[k] = joints[k].rigidity_N_mm2;
+    radius_[k] = joints[k].radius_mm;
+    rest_direction_[k] = Direction(joints[k].rest_rad);
+    if (!joints[k].rest_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
+  }
+  if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
+  tip_segments_ = tip_segments;
 }
 
 }  // namespace torquer

@@ -35,6 +35,18 @@ class WireModel {
   WireModel(double segment_mm, std::vector<WireSection> sections, double tip_mm,
             double max_length_mm, BendingLaw law, const Sheath& sheath);
 
+  /// What a joint is, and the segment distal of it.
+  struct Joint {
+    double rigidity_N_mm2;
+    double radius_mm;
+    Eigen::Vector2d rest_rad;  ///< angle by which it rests bent, towards first and second normal
+  };
+  /// Replaces all joints: for instruments that slide within each other, whose sum is not the same
+  /// as before when they have moved (coaxial/coaxial_pair.h). Joint k is `from_tip` k; the last
+  /// goes on proximally. `tip_segments`: as tip_mm says it. Only of a wire that does not twist. No
+  /// heap.
+  void ReplaceJoints(const std::vector<Joint>& joints, int tip_segments);
+
   double segment_mm() const { return segment_mm_; }        ///< lambda
   int tip_segments() const { return tip_segments_; }       ///< M of the paper
   int max_segments() const { return max_segments_; }       ///< n never exceeds this
@@ -55,6 +67,8 @@ class WireModel {
   }
   /// Joints at and beyond this distance from the tip rest straight.
   int first_straight_joint() const { return first_straight_; }
+  /// The largest that first_straight_joint() will ever be.
+  int most_curved_joints() const { return most_curved_; }
   /// Unit direction in which the distal segment of a joint rests, in the frame (untwisted normal,
   /// second normal, tangent) of the proximal one. (0, 0, 1) from first_straight_joint() on.
   const Eigen::Vector3d& rest_direction(int from_tip) const {
@@ -73,6 +87,7 @@ class WireModel {
   int tip_segments_;
   int max_segments_;
   int first_straight_ = 0;
+  int most_curved_ = 0;
   BendingLaw law_;
   Sheath sheath_;
   Eigen::Vector3d sheath_normal_;

@@ -18,9 +18,7 @@ WireState::WireState(const WireModel& model) {
   if (model.twists()) {
     twist_rad.reserve(room);
   } else {
-    spin.assign(
-        static_cast<std::size_t>(std::min(model.first_straight_joint(), model.max_segments())) + 1,
-        Eigen::Vector2d(1, 0));
+    spin.assign(static_cast<std::size_t>(model.most_curved_joints()) + 1, Eigen::Vector2d(1, 0));
   }
   nodes.push_back(model.sheath().point_mm);
 }

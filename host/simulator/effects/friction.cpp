@@ -124,6 +124,13 @@ double Friction::Add(const PointSet& points, PointDerivatives& out) const {
   return energy;
 }
 
+void Friction::SlideSurface(const PointSet& points, int last, double by_mm) {
+  for (int q = 0; q <= last; ++q) {
+    Anchor& anchor = anchors_[points.FromTip(q)];
+    if (anchor.holds) Place(anchor.at - by_mm * points.Tangent(q), anchor);
+  }
+}
+
 void Friction::End(const PointSet& points) {
   for (int q = 0; q < points.size(); ++q) {
     const auto p = static_cast<std::size_t>(q);

@@ -38,6 +38,7 @@ class Friction final : public Effect, public EnergyTerm {
 
   void Begin(const PointSet& points) override;
   double Add(const PointSet& points, PointDerivatives& out) const override;
+  void SlideSurface(const PointSet& points, int last, double by_mm) override;
   void End(const PointSet& points) override;
   void Reset() override;
   std::uint64_t Hash(std::uint64_t seed) const override;

@@ -337,7 +337,12 @@ TickReport NewtonMethod<Stage>::Tick(const HandTarget& target, WorkBudget& budge
 
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
   // What the terms took over may have changed the energy, and so does a vessel that moves.
-  bool up_to_date = terms_.empty() && field_.TravelMm() == travel_mm_;
+  bool up_to_date = terms_.empty() && field_.TravelMm() == travel_mm_ && !model_changed_;
+  if (model_changed_) {
+    stable_ = false;
+    UpdateSpin(model_, state);  // other joints may rest curved now
+  }
+  model_changed_ = false;
   travel_mm_ = field_.TravelMm();
   bool stalled = false;
   bool pushed = false;

@@ -40,6 +40,8 @@ class NewtonMethod final : public Relaxation {
   TickReport Tick(const HandTarget& target, WorkBudget& budget, WireState& state) override;
   void Restart(WireState& state) override;
   const Expansion& Current() const override { return current_; }
+  /// To be called after the wire's model changed: it is relaxed anew by the next Tick.
+  void ModelChanged() { model_changed_ = true; }
 
  private:
   void RememberPressed();
@@ -77,8 +79,9 @@ class NewtonMethod final : public Relaxation {
   std::vector<Eigen::Vector3d> drift_;  ///< how they turned since, rad; the most distal first
   double fed_mm_ = 0;                   ///< the last feed; 0 if none to go by
   bool predicted_ = false;              ///< the last feed went on with the drift
-  bool moved_ = false;                  ///< fed or turned, and no step accepted since
-  double damping_ = 0;                  ///< proximal weight over residual that last worked
+  bool model_changed_ = false;
+  bool moved_ = false;       ///< fed or turned, and no step accepted since
+  double damping_ = 0;       ///< proximal weight over residual that last worked
   double feed_damping_ = 0;  ///< the same of the first iteration after a move, for the next move
   double proximal_ = 0;      ///< the weight in use
   bool stable_ = false;  ///< the Hessian was positive definite where the state is, or a step before

@@ -35,8 +35,8 @@ class RiccatiSweep {
   /// Room for `max_segments`; no heap later.
   explicit RiccatiSweep(int max_segments);
 
-  /// Factors Hessian + proximal weight. `proximal` times the local EI/(1 mm) (spins: GJ) is added to
-  /// every diagonal. False, and no step, when that is not positive definite.
+  /// Factors Hessian + proximal weight. `proximal` times the local EI/(1 mm) (spins: GJ) is added
+  /// to every diagonal. False, and no step, when that is not positive definite.
   bool Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
               double proximal);
 
