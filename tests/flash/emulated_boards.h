@@ -36,10 +36,15 @@ inline FirmwareImage WithApplication(const std::string& suffix = "") {
 
 class EmulatedLink final : public tools::FeatureLink {
  public:
-  explicit EmulatedLink(UsbHost& host) : host_(host) {}
+  EmulatedLink(UsbHost& host, int spoiled_address)
+      : host_(host), spoiled_address_(spoiled_address) {}
   std::vector<std::uint8_t> Get(std::uint8_t id, std::size_t size) override {
-    return Transfer(
+    std::vector<std::uint8_t> report = Transfer(
         {0xa1, 1, static_cast<std::uint16_t>(0x300 | id), 0, static_cast<std::uint16_t>(size)}, {});
+    if (id == protocol::kPageReportId && (report[2] | report[3] << 8) == spoiled_address_) {
+      report[40] ^= 1;
+    }
+    return report;
   }
   void Set(std::span<const std::uint8_t> report) override {
     Transfer({0x21, 9, static_cast<std::uint16_t>(0x300 | report.front()), 0,
@@ -57,6 +62,7 @@ class EmulatedLink final : public tools::FeatureLink {
   }
 
   UsbHost& host_;
+  int spoiled_address_;
 };
 
 class EmulatedBoards final : public tools::Boards {
@@ -77,7 +83,7 @@ class EmulatedBoards final : public tools::Boards {
     return {board};
   }
   std::unique_ptr<tools::FeatureLink> Open(const tools::Board&) override {
-    return std::make_unique<EmulatedLink>(host);
+    return std::make_unique<EmulatedLink>(host, spoiled_address);
   }
   void Sleep(int milliseconds) override {
     for (int i = 0; i < milliseconds; ++i) host.RunFrame();
@@ -118,6 +124,7 @@ class EmulatedBoards final : public tools::Boards {
   BenchDevice device;
   UsbHost host;
   std::string said;
+  int spoiled_address = -1;  ///< a page that reads back with a wrong bit
   std::function<bool()> stop = [] { return false; };
 };
 

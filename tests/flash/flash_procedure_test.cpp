@@ -129,6 +129,25 @@ TEST_CASE("who stops in the middle is told the board's state, and the next run f
   CHECK_THAT(boards.said, Contains("an update was interrupted"));
 }
 
+TEST_CASE("a page that reads back otherwise is told, and not made valid") {
+  EmulatedBoards boards(WithApplication());
+  boards.Start();
+  boards.spoiled_address = 0x0480;
+  CHECK_THAT(MessageOf<FlashUnfinished>([&] { boards.Flash(kNewHex); }),
+             Contains("page 10 does not read back") && Contains("no valid application"));
+  boards.device.PowerOff();
+  CHECK(boards.Start() == BoardMode::kBootloader);
+}
+
+TEST_CASE("a board without any bootloader is told from one that is slow") {
+  EmulatedBoards boards(
+      torquer::emulator::FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"));
+  boards.Start();
+  CHECK_THAT(MessageOf<FlashUnfinished>([&] { boards.Flash(kNewHex); }),
+             Contains("has no bootloader") && Contains("Nothing was written"));
+  CHECK(boards.Mode() == BoardMode::kFirmware);
+}
+
 TEST_CASE("another board's serial number is refused") {
   EmulatedBoards boards(WithApplication());
   boards.Start();
