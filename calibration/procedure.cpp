@@ -444,24 +444,25 @@ Prompt Procedure::prompt() const {
       prompt.title = "Pushes";
       prompt.done = Good(MotionKind::kPush);
       prompt.wanted = settings_.pushes;
-      prompt.instruction = settings_.ruler
-                               ? Text(at("Set it to 0 mm on the ruler, then mark",
-                                         "Push straight to %.1f mm on the ruler, then mark",
-                                         "Pull straight back to 0 mm, then mark"),
-                                      length)
-                               : Text(at("Pull it back to the near stop, then mark",
-                                         "Push it straight to the far stop, %.1f mm, then mark",
-                                         "Pull it straight back to the near stop, then mark"),
-                                      length);
+      prompt.instruction =
+          settings_.ruler ? Text(at("Set it to 0 mm on the ruler, then press Enter",
+                                    "Push straight to %.1f mm on the ruler, then press Enter",
+                                    "Pull straight back to 0 mm, then press Enter"),
+                                 length)
+                          : Text(at("Pull it back to the near stop, then press Enter",
+                                    "Push it straight to the far stop, %.1f mm, then press Enter",
+                                    "Pull it straight back to the near stop, then press Enter"),
+                                 length);
       break;
     case Step::kTurns:
       prompt.title = "Turns";
       prompt.done = Good(MotionKind::kTurn);
       prompt.wanted = settings_.turn_strokes;
-      prompt.instruction = Text(at("Set the line on the torquer to a mark beside it, then mark",
-                                   "Turn it clockwise by %.0f whole turns, line to mark, then mark",
-                                   "Turn it back by %.0f whole turns, line to mark, then mark"),
-                                settings_.turns);
+      prompt.instruction =
+          Text(at("Set the line on the torquer to a mark beside it, then press Enter",
+                  "Turn it clockwise by %.0f whole turns, line to mark, then press Enter",
+                  "Turn it back by %.0f whole turns, line to mark, then press Enter"),
+               settings_.turns);
       break;
     case Step::kJoystick:
       prompt.title = "Joystick";

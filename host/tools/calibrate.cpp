@@ -26,9 +26,36 @@
 
 namespace {
 
-using namespace torquer::calibration;
-using namespace torquer::tools;
 using torquer::UserError;
+using torquer::calibration::CalibrationPath;
+using torquer::calibration::HandMotion;
+using torquer::calibration::Key;
+using torquer::calibration::Message;
+using torquer::calibration::MotionKind;
+using torquer::calibration::Procedure;
+using torquer::calibration::ProcedureResult;
+using torquer::calibration::ProcedureSettings;
+using torquer::calibration::Prompt;
+using torquer::calibration::Reading;
+using torquer::calibration::Step;
+using torquer::calibration::WriteCalibration;
+using torquer::tools::Ask;
+using torquer::tools::CanAsk;
+using torquer::tools::DeviceFacts;
+using torquer::tools::DeviceSession;
+using torquer::tools::Grade;
+using torquer::tools::GradeOf;
+using torquer::tools::PacedSession;
+using torquer::tools::ParameterTable;
+using torquer::tools::ReadScript;
+using torquer::tools::ResidualChart;
+using torquer::tools::ResidualPicture;
+using torquer::tools::Script;
+using torquer::tools::ScriptedSession;
+using torquer::tools::SessionSink;
+using torquer::tools::SessionSource;
+using torquer::tools::Terminal;
+using torquer::tools::Verdict;
 
 constexpr char kUsage[] =
     "usage: torquer-calibrate [--source usb|evdev|socket] [--device SERIAL|PATH].. [--socket "
@@ -336,6 +363,11 @@ int Run(const Arguments& arguments) {
               facts.cpi, facts.ordinary_mouse ? " (a guess: it is measured now)" : "",
               path.c_str());
 
+  if (arguments.script.empty()) {
+    std::printf(
+        "Keys: Enter marks a place (so does the X-ray button), u forgets the last stroke,\n"
+        "s skips a step, q gives up.\n");
+  }
   Terminal terminal;
   Session session(settings, terminal);
   if (!session.Run(*source)) {

@@ -163,7 +163,9 @@ std::string ParameterTable(const ProcedureResult& result) {
   return Row("gain", fit.gain_mm_per_count, 1000.0, "um a count") +
          Row("misalignment", fit.misalignment_rad, kDegreesPerRad, "degrees") +
          Row("cylinder radius", fit.cylinder_radius_mm, 1.0, "mm") +
-         Row("skew", fit.skew_rad, kDegreesPerRad, "degrees");
+         Row("skew", fit.skew_rad, kDegreesPerRad, "degrees") +
+         Text("  the pushes began %+.2f mm from the first at last; surface quality %.0f\n",
+              result.return_mm, result.mean_surface_quality);
 }
 
 std::string ResidualChart(const ProcedureResult& result, int columns) {
@@ -209,6 +211,13 @@ std::string Verdict(const ProcedureResult& result, const ProcedureSettings& sett
           "(--turns).\n",
           fit.turn_scatter.rotation_rad * kDegreesPerRad);
     }
+  }
+  const double begun_apart_mm = std::abs(result.return_mm);
+  if (begun_apart_mm > std::max(1.0, 6.0 * fit.push_scatter.insertion_mm)) {
+    text += Text(
+        "The near end moved by %.1f mm from the first push to the last: something slips or "
+        "drifts.\n",
+        begun_apart_mm);
   }
   if (fit.push_scatter.rotation_rad > 3.0 * settings.push_turn_rad) {
     text += Text(

@@ -87,7 +87,7 @@ TEST_CASE("A session ends with parameters, residuals, a verdict, a file and a pi
   Bench bench;
   REQUIRE(bench.Run(kBegin + Pushes(6) + Turns(5) + "skip joystick\n") == 0);
   CHECK(bench.error.empty());
-  CHECK_THAT(bench.said, Contains("Pushes 0/6: Pull it back to the near stop, then mark."));
+  CHECK_THAT(bench.said, Contains("Pushes 0/6: Pull it back to the near stop, then press Enter."));
   CHECK_THAT(bench.said, Contains("ok push 6: +7087 axial, +124 transverse counts"));
   CHECK_THAT(bench.said, Contains("misalignment         1.0024 degrees"));
   CHECK_THAT(bench.said, Contains("That is good."));

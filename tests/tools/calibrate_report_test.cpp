@@ -55,6 +55,13 @@ TEST_CASE("Parameters are told with standard errors and intervals") {
   // 0.4 mm times sqrt(4 / 3), of one of four pushes of 150 mm: 0.154 %; t(3) = 3.182.
   CHECK_THAT(table, Contains("standard error 0.0308, 95 % within 0.0979"));
   CHECK_THAT(table, Contains("cylinder radius      5.0000 mm"));
+  ProcedureResult drifting = Sample();
+  drifting.return_mm = 3.5;
+  drifting.mean_surface_quality = 61.0;
+  CHECK_THAT(torquer::tools::ParameterTable(drifting),
+             Contains("began +3.50 mm from the first at last; surface quality 61"));
+  CHECK_THAT(torquer::tools::Verdict(drifting, {}), Contains("The near end moved by 3.5 mm"));
+  CHECK_THAT(torquer::tools::Verdict(Sample(), {}), !Contains("The near end moved"));
 }
 
 TEST_CASE("Residuals are drawn stroke by stroke, by their number in the session") {
