@@ -25,20 +25,29 @@ constexpr std::size_t kLongestLine = 4096;
 }  // namespace
 
 void GlidingHand::Glide(double time_s, const HandState& target, double duration_s) {
-  from_ = At(time_s);
-  to_ = target;
-  start_s_ = time_s;
-  end_s_ = time_s + duration_s;
+  HandState from = At(time_s);
+  legs_.clear();
+  legs_.push_back({time_s, time_s + duration_s, from, target});
+}
+
+void GlidingHand::GlideOn(double time_s, const HandState& target, double duration_s) {
+  if (!Moves(time_s)) return Glide(time_s, target, duration_s);
+  const Leg last = legs_.back();
+  legs_.push_back({last.end_s, last.end_s + duration_s, last.to, target});
 }
 
 HandState GlidingHand::At(double time_s) const {
-  HandState hand = to_;
-  if (time_s < end_s_) {
-    const double share = std::max(0.0, (time_s - start_s_) / (end_s_ - start_s_));
-    hand.insertion_mm = from_.insertion_mm + share * (to_.insertion_mm - from_.insertion_mm);
-    hand.rotation_rad = from_.rotation_rad + share * (to_.rotation_rad - from_.rotation_rad);
+  for (const Leg& leg : legs_) {
+    if (time_s >= leg.end_s) continue;
+    const double share = std::max(0.0, (time_s - leg.start_s) / (leg.end_s - leg.start_s));
+    HandState hand = leg.to;
+    hand.insertion_mm =
+        leg.from.insertion_mm + share * (leg.to.insertion_mm - leg.from.insertion_mm);
+    hand.rotation_rad =
+        leg.from.rotation_rad + share * (leg.to.rotation_rad - leg.from.rotation_rad);
+    return hand;
   }
-  return hand;
+  return Goal();
 }
 
 UsbipCommands::UsbipCommands(BenchDevice& device, UsbHost& host, std::function<std::string()> state)
@@ -53,13 +62,18 @@ std::string UsbipCommands::Do(const std::string& line) {
   const double now_s = device_.now_us() * 1e-6;
   HandState hand = hand_.At(now_s);
   if (command == "state") return State();
-  if (command == "move") {
+  if (command == "move" || command == "then") {
+    if (command == "then") hand = hand_.Goal();
     double duration_s = 0;
     words >> hand.insertion_mm >> hand.rotation_rad >> duration_s;
     if (!words || !(duration_s >= 0) || !std::isfinite(hand.insertion_mm + hand.rotation_rad)) {
-      return "error: move MM RAD SECONDS takes three numbers";
+      return "error: " + command + " MM RAD SECONDS takes three numbers";
     }
-    hand_.Glide(now_s, hand, duration_s);
+    if (command == "then") {
+      hand_.GlideOn(now_s, hand, duration_s);
+    } else {
+      hand_.Glide(now_s, hand, duration_s);
+    }
     return "ok";
   }
   if (command == "stick") {
@@ -90,6 +104,13 @@ std::string UsbipCommands::Do(const std::string& line) {
     device_.ResetByPin();
     return "ok";
   }
+  if (command == "cut") {
+    int operations = 0;
+    words >> operations;
+    if (!words || operations < 1) return "error: cut OPERATIONS takes a number from 1 on";
+    device_.CutPowerAtPageOperation(device_.page_operations() + operations);
+    return "ok";
+  }
   if (command == "restart" && host_.ready()) {
     host_.SubmitSetFeature({protocol::kCommandReportId, protocol::kCommandReset,
                             protocol::kCommandKey & 0xff, protocol::kCommandKey >> 8, 0, 0, 0, 0},
@@ -98,8 +119,8 @@ std::string UsbipCommands::Do(const std::string& line) {
                            });
     return "ok";
   }
-  return "error: cannot do '" + line + "' now; there are state, move, stick, buttons, unplug, " +
-         "plug, reset, restart";
+  return "error: cannot do '" + line + "' now; there are state, move, then, stick, buttons, " +
+         "unplug, plug, reset, restart, cut";
 }
 
 std::string UsbipCommands::State() const {
@@ -112,6 +133,7 @@ std::string UsbipCommands::State() const {
   object["axial_counts"] = device_.sensor().axial_counts();
   object["transverse_counts"] = device_.sensor().transverse_counts();
   object["restarts"] = restarts_;
+  object["page_operations"] = device_.page_operations();
   object["violations"] = device_.violation_count();
   const std::string own = object.dump();
   return "{" + state_() + own.substr(1);

@@ -4,33 +4,44 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "host/emulator/bench_device.h"
 #include "host/emulator/usb_host.h"
 
 namespace torquer::emulator {
 
-/// A hand that goes where it is told, in a straight line and in a given time, and stays there.
+/// A hand that goes where it is told, one place after the other, each in a straight line and in a
+/// given time, and stays at the last.
 class GlidingHand {
  public:
-  /// `time_s` is virtual time. Where the hand is keeps what else `target` says.
+  /// Goes there from where it is at `time_s` (virtual); what else `target` says holds at once.
   void Glide(double time_s, const HandState& target, double duration_s);
+  /// Goes on there from where it is to be last.
+  void GlideOn(double time_s, const HandState& target, double duration_s);
   HandState At(double time_s) const;
-  bool Moves(double time_s) const { return time_s < end_s_; }
+  /// Where it is to be last.
+  HandState Goal() const { return legs_.empty() ? HandState{} : legs_.back().to; }
+  bool Moves(double time_s) const { return !legs_.empty() && time_s < legs_.back().end_s; }
 
  private:
-  HandState from_, to_;
-  double start_s_ = 0, end_s_ = 0;
+  struct Leg {
+    double start_s = 0, end_s = 0;
+    HandState from, to;
+  };
+  std::vector<Leg> legs_;
 };
 
 /// Carries out one line:
 ///   state                     a JSON object: what device, sensor and hand do
 ///   move MM RAD SECONDS       the hand glides to that insertion and rotation
+///   then MM RAD SECONDS       goes on there, once it is where it was to go
 ///   stick X Y                 joystick, -1 to 1
 ///   buttons BITS              protocol::Button bits, held from now on
 ///   unplug | plug             takes the supply away, or gives it back
 ///   restart                   the firmware restarts itself by its watchdog
 ///   reset                     the reset button
+///   cut OPERATIONS            takes the supply away at that page operation of the flash, from now
 /// The answer has no line end; it begins with "error:" for a line that cannot be carried out.
 class UsbipCommands {
  public:

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <numbers>
 #include <string>
 #include <thread>
 
@@ -23,14 +24,18 @@ using torquer::emulator::BenchDevice;
 using torquer::emulator::UsbipFront;
 
 constexpr char kUsage[] =
-    "usage: torquer-emulator-usbip [--firmware ELF] [--port N] [--commands N] [--serial TEXT]\n"
+    "usage: torquer-emulator-usbip [--firmware ELF|none] [--bootloader ELF] [--port N] [..]\n"
     "\n"
-    "  --firmware ELF   image to run (else the one of this build)\n"
-    "  --port N         USB/IP on 127.0.0.1 (3240, where `usbip attach -r 127.0.0.1 -b 1-1` "
-    "looks)\n"
-    "  --commands N     port for commands, one a line: state, move MM RAD SECONDS, stick X Y,\n"
-    "                   buttons BITS, unplug, plug, reset, restart (0: one that is free)\n"
-    "  --serial TEXT    serial number in the EEPROM, up to 16 characters\n";
+    "  --firmware ELF|none     image to run (else the one of this build), or an empty flash\n"
+    "  --bootloader ELF        our bootloader before it, in the flash's last 2 KiB\n"
+    "  --port N                USB/IP on 127.0.0.1 (3240, as `usbip attach -r 127.0.0.1 -b 1-1`)\n"
+    "  --commands N            port for commands, one a line: state, move MM RAD SECONDS,\n"
+    "                          then MM RAD SECONDS, stick X Y, buttons BITS, unplug, plug, reset,\n"
+    "                          restart, cut OPERATIONS (0: one that is free)\n"
+    "  --serial TEXT           serial number in the EEPROM, up to 16 characters\n"
+    "  --cylinder-radius-mm R  of the cylinder that the sensor looks at (5.0)\n"
+    "  --misalign_deg A        the sensor is mounted askew by A degrees\n"
+    "  --scale F               the sensor counts F times as much as it should\n";
 
 constexpr auto kFrame = std::chrono::milliseconds(1);
 
@@ -39,6 +44,7 @@ void RequestStop(int) { stop_requested = 1; }
 
 struct Arguments {
   std::string firmware;
+  std::string bootloader;
   std::uint16_t port = 3240;
   std::uint16_t commands = 0;
   torquer::emulator::BenchOptions bench;
@@ -54,6 +60,18 @@ std::uint16_t PortOf(const std::string& option, const std::string& text) {
   return port;
 }
 
+double NumberIn(const std::string& option, const std::string& text, double low, double high) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !(value >= low) ||
+      !(value <= high)) {
+    char range[80];
+    std::snprintf(range, sizeof(range), "': must be a number from %g to %g", low, high);
+    throw UserError(option + " '" + text + range);
+  }
+  return value;
+}
+
 Arguments Parse(int argc, char** argv) {
   Arguments arguments;
   torquer::CommandLine line;
@@ -61,12 +79,28 @@ Arguments Parse(int argc, char** argv) {
   line.Option("--port", [&](const std::string& text) { arguments.port = PortOf("--port", text); });
   line.Option("--commands",
               [&](const std::string& text) { arguments.commands = PortOf("--commands", text); });
+  line.Option("--bootloader", arguments.bootloader);
   line.Option("--serial", arguments.bench.serial);
+  line.Option("--cylinder-radius-mm", [&](const std::string& text) {
+    arguments.bench.cylinder_radius_mm = NumberIn("--cylinder-radius-mm", text, 0.1, 1000);
+  });
+  line.Option("--misalign_deg", [&](const std::string& text) {
+    arguments.bench.sensor.misalignment_rad =
+        NumberIn("--misalign_deg", text, -180, 180) * std::numbers::pi / 180;
+  });
+  line.Option("--scale", [&](const std::string& text) {
+    arguments.bench.sensor.scale = NumberIn("--scale", text, 0.01, 100);
+  });
   line.Flag("--help", arguments.help);
   line.Parse(argc, argv, kUsage);
   if (arguments.firmware.empty()) {
     const auto here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
     arguments.firmware = (here / "../firmware/torquer-firmware.elf").lexically_normal();
+  } else if (arguments.firmware == "none") {
+    if (arguments.bootloader.empty()) {
+      throw UserError("--firmware none: without --bootloader nothing would run; give one of both");
+    }
+    arguments.firmware.clear();
   }
   return arguments;
 }
@@ -101,7 +135,9 @@ int Main(int argc, char** argv) {
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
 
-  BenchDevice device(torquer::emulator::FirmwareImage(arguments.firmware), arguments.bench);
+  BenchDevice device(
+      torquer::emulator::FirmwareImage::Load(arguments.firmware, arguments.bootloader),
+      arguments.bench);
   torquer::emulator::UsbHost host(device);
   UsbipFront front(host, arguments.port);
   torquer::emulator::UsbipCommands doer(device, host, [&front] {

@@ -287,10 +287,33 @@ TEST_CASE("USB/IP: bytes that no kernel sends end the connection and nothing els
   CHECK(bench.Control({0x80, 6, 0, 1, 0, 0, 18, 0}).status == 0);
 }
 
+TEST_CASE("Commands: the hand goes from place to place") {
+  torquer::emulator::GlidingHand hand;
+  CHECK_FALSE(hand.Moves(0));
+  hand.Glide(1.0, {.insertion_mm = 10, .rotation_rad = 1}, 2.0);
+  hand.GlideOn(1.5, {.insertion_mm = 4, .buttons = 1}, 1.0);
+  CHECK(hand.At(0.5).insertion_mm == 0);
+  CHECK(hand.At(2.0).insertion_mm == Approx(5));
+  CHECK(hand.At(3.5).insertion_mm == Approx(7));
+  CHECK(hand.At(3.5).rotation_rad == Approx(0.5));
+  CHECK(hand.Moves(3.9));
+  CHECK(hand.At(9.0).insertion_mm == 4);
+  CHECK(hand.At(9.0).buttons == 1);
+  CHECK_FALSE(hand.Moves(9.0));
+  hand.GlideOn(10.0, {.insertion_mm = 5}, 1.0);
+  CHECK(hand.At(10.5).insertion_mm == Approx(4.5));
+}
+
+TEST_CASE("Commands: the power is cut at a page operation of the flash") {
+  Bench bench;
+  CHECK(bench.commands.Do("cut 3") == "ok");
+  CHECK(bench.commands.Do("state").find("\"page_operations\":0") != std::string::npos);
+}
+
 TEST_CASE("Commands: what cannot be done is said") {
   Bench bench;
-  for (const char* line :
-       {"", "fly", "move 1 2", "move 1 2 -1", "move nan 0 1", "stick 2 0", "buttons 8", "stick"}) {
+  for (const char* line : {"", "fly", "move 1 2", "move 1 2 -1", "move nan 0 1", "stick 2 0",
+                           "buttons 8", "stick", "cut", "cut 0", "then 1"}) {
     CHECK(bench.commands.Do(line).starts_with("error: "));
   }
   CHECK(bench.commands.Do("state").find("\"ready\":true") != std::string::npos);
