@@ -1,10 +1,13 @@
 #include "host/tools/flash_image.h"
 
 #include <algorithm>
+#include <cctype>
+#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <optional>
+#include <tuple>
 
 #include "host/support/error.h"
 
@@ -61,6 +64,10 @@ void PutLine(std::FILE* file, int address, HexRecord kind, std::span<const std::
 
 std::string FirmwareVersion::Text() const {
   return std::to_string(major) + "." + std::to_string(minor) + "." + std::to_string(patch);
+}
+
+bool FirmwareVersion::IsOlderThan(const FirmwareVersion& other) const {
+  return std::tie(major, minor, patch) < std::tie(other.major, other.minor, other.patch);
 }
 
 FirmwareVersion VersionOf(const ImageTrailer& trailer) {

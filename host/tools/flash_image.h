@@ -2,7 +2,6 @@
 // (protocol/firmware_image.h), as the firmware's build makes it.
 #pragma once
 
-#include <compare>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -15,7 +14,8 @@ namespace torquer::tools {
 struct FirmwareVersion {
   int major = 0, minor = 0, patch = 0;
 
-  auto operator<=>(const FirmwareVersion&) const = default;
+  bool operator==(const FirmwareVersion&) const = default;
+  bool IsOlderThan(const FirmwareVersion& other) const;
   std::string Text() const;
 };
 

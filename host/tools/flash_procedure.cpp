@@ -248,7 +248,7 @@ void FlashProcedure::Judge(const Found& found, const FlashImage& image) const {
                     " MHz, this one has " + std::to_string(found.clock_mhz) +
                     " MHz: it would not be seen on the USB any more. Take the other image.");
   }
-  if (found.installed && *found.installed > image.version() && !request_.force) {
+  if (found.installed && image.version().IsOlderThan(*found.installed) && !request_.force) {
     throw UserError("firmware " + found.installed->Text() +
                     " is installed, which is newer than the image's " + image.version().Text() +
                     ". --force installs the older one.");

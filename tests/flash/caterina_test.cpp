@@ -15,7 +15,6 @@
 namespace {
 
 using Catch::Matchers::Contains;
-using torquer::UserError;
 using torquer::test::CaterinaResponder;
 using torquer::tools::CaterinaOptions;
 using torquer::tools::FlashByCaterina;

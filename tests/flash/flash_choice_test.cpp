@@ -51,7 +51,7 @@ struct FakeBoards final : Boards {
     if (mode == BoardMode::kCaterina) board.clock_mhz = 16;
     boards.push_back(board);
   }
-  std::optional<FlashOutcome> Flash(FlashRequest request = {}, FlashHooks hooks = {}) {
+  std::optional<FlashOutcome> Flash(FlashRequest request = {}, const FlashHooks& hooks = {}) {
     if (request.image.empty()) request.image = kHex;
     return FlashProcedure(*this, request, hooks).Run();
   }
