@@ -181,10 +181,14 @@ void Daemon::OnConnected(const SourceEvent& event) {
     throw UserError(event.text + ": the device does not tell its firmware version (" +
                     error.what() + "): it has none, or not ours; " + kFlashRemedy);
   }
-  if (serial != device_) {
+  // A device that was replugged has another address.
+  std::string claimed = event.text + " " + serial;
+  if (claimed != claimed_) {
     device_claim_.reset();
-    device_claim_.emplace(DeviceClaimName(event.text + " " + serial),
-                          "the device '" + serial + "'");
+    device_claim_.emplace(DeviceClaimName(claimed), "the device '" + serial + "'");
+    claimed_ = std::move(claimed);
+  }
+  if (serial != device_) {
     device_ = serial;
     health_.SetDevice(serial);
   }

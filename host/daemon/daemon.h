@@ -79,6 +79,7 @@ class Daemon {
   ServiceManager service_manager_;
   InstrumentClaim instrument_claim_;
   std::optional<Claim> device_claim_;
+  std::string claimed_;  // address and serial number of the device that it is for
   std::optional<Pipeline> pipeline_;
   std::string device_;  // serial number, once known
   bool connected_ = false;

@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <memory>
+#include <mutex>
 #include <span>
 #include <stdexcept>
 #include <utility>
@@ -22,8 +24,23 @@ constexpr auto kFrame = std::chrono::milliseconds(1);
 // How long a frame waits for the IN transfer of a program that has claimed the interface: longer
 // than a machine keeps a program waiting, not for ever should it have gone astray.
 constexpr auto kLongestFrame = std::chrono::seconds(20);
-constexpr char kSystemPath[] = "/sys/devices/usb1/1-1";
 constexpr SetupPacket kClearHalt{0x02, 1, 0, 0x81, 0};
+constexpr int kAddressesAPort = 14;
+
+// Held while a device is put on the mocked machine or taken off it.
+std::mutex machine_mutex;
+
+// The mocked machine, of which a process has one: it stands as long as a bench does.
+std::shared_ptr<UMockdevTestbed> Machine() {
+  static std::weak_ptr<UMockdevTestbed> machine;
+  const std::lock_guard lock(machine_mutex);
+  std::shared_ptr<UMockdevTestbed> shared = machine.lock();
+  if (!shared) {
+    shared.reset(umockdev_testbed_new(), [](UMockdevTestbed* testbed) { g_object_unref(testbed); });
+    machine = shared;
+  }
+  return shared;
+}
 
 int StatusOf(TransferStatus status) {
   switch (status) {
@@ -45,9 +62,9 @@ int StatusOf(TransferStatus status) {
 /// model. The bench's mutex is held in all calls but those marked otherwise.
 class UmockdevBench::Bus {
  public:
-  explicit Bus(UsbHost& host) : host_(host), testbed_(umockdev_testbed_new()) {
+  Bus(UsbHost& host, int port)
+      : host_(host), machine_(Machine()), testbed_(machine_.get()), port_(port) {
     if (!umockdev_in_mock_environment()) {
-      g_object_unref(testbed_);
       throw UserError(
           "the device can be mocked only under umockdev: run the program as "
           "`umockdev-wrapper PROGRAM` (package umockdev)");
@@ -61,14 +78,16 @@ class UmockdevBench::Bus {
 
   ~Bus() {
     if (node_) Remove();
-    g_object_unref(testbed_);
   }
 
   /// Makes the file that programs find. The device must be enumerated.
   void Add() {
-    ++device_number_;
+    const std::lock_guard lock(machine_mutex);
+    // A number that the bus has not used lately, as the kernel gives them.
+    number_ = number_ % kAddressesAPort + 1;
+    const int address = (port_ - 1) * kAddressesAPort + 1 + number_;
     char number[16];
-    std::snprintf(number, sizeof(number), "%03d", device_number_);
+    std::snprintf(number, sizeof(number), "%03d", address);
     path_ = std::string("/dev/bus/usb/001/").append(number);
     node_ = std::make_shared<UsbfsNode>();
     AttachIoctls(testbed_, path_, node_);
@@ -87,14 +106,16 @@ class UmockdevBench::Bus {
     std::snprintf(ids, sizeof(ids), "A: idVendor=%02x%02x\\n\nA: idProduct=%02x%02x\\n\n", head[9],
                   head[8], head[11], head[10]);
     const std::string record =
-        std::string("P: /devices/usb1/1-1\nN: bus/usb/001/")
+        std::string("P: /devices/usb1/1-")
+            .append(std::to_string(port_))
+            .append("\nN: bus/usb/001/")
             .append(number)
             .append("\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: BUSNUM=001\nE: DEVNUM=")
             .append(number)
             .append("\nE: DEVNAME=")
             .append(path_)
             .append("\nA: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=")
-            .append(std::to_string(device_number_))
+            .append(std::to_string(address))
             .append("\\n\nA: speed=12\\n\n")
             .append(ids)
             .append("A: serial=")
@@ -112,10 +133,12 @@ class UmockdevBench::Bus {
   }
 
   void Remove() {
+    const std::lock_guard lock(machine_mutex);
     node_->Vanish();
     node_.reset();
-    umockdev_testbed_uevent(testbed_, kSystemPath, "remove");
-    umockdev_testbed_remove_device(testbed_, kSystemPath);
+    const std::string system_path = "/sys/devices/usb1/1-" + std::to_string(port_);
+    umockdev_testbed_uevent(testbed_, system_path.c_str(), "remove");
+    umockdev_testbed_remove_device(testbed_, system_path.c_str());
     umockdev_testbed_detach_ioctl(testbed_, path_.c_str(), nullptr);
   }
 
@@ -145,6 +168,7 @@ class UmockdevBench::Bus {
 
   // From any thread.
   std::atomic<int> shorten_to{-1};  ///< bytes of the next input; none if negative
+  std::atomic<std::shared_ptr<const std::vector<std::uint8_t>>> replacement;
   std::atomic<bool> stall_next{false};
   std::atomic<bool> hang_control{false};
   std::atomic<std::int64_t> delivered{0};
@@ -157,6 +181,8 @@ class UmockdevBench::Bus {
       return;
     }
     std::span<const std::uint8_t> bytes(report);
+    const auto replaced = replacement.exchange(nullptr);
+    if (replaced) bytes = *replaced;
     if (const int size = shorten_to.exchange(-1); size >= 0) {
       bytes = bytes.first(std::min(bytes.size(), static_cast<std::size_t>(size)));
     }
@@ -164,15 +190,17 @@ class UmockdevBench::Bus {
   }
 
   UsbHost& host_;
+  std::shared_ptr<UMockdevTestbed> machine_;
   UMockdevTestbed* testbed_;
+  int port_;
   std::shared_ptr<UsbfsNode> node_;
   std::string path_;
-  int device_number_ = 1;
+  int number_ = 0;
 };
 
 UmockdevBench::UmockdevBench(const FirmwareImage& image, const BenchOptions& options,
-                             std::function<HandState(double)> hand)
-    : device_(image, options), host_(device_), bus_(std::make_unique<Bus>(host_)) {
+                             std::function<HandState(double)> hand, int port)
+    : device_(image, options), host_(device_), bus_(std::make_unique<Bus>(host_, port)) {
   device_.SetHand(std::move(hand));
   Plug();
   thread_ = std::thread([this] { Run(); });
@@ -210,6 +238,9 @@ void UmockdevBench::Do(const std::function<void(BenchDevice&, UsbHost&)>& action
 
 void UmockdevBench::ShortenNextInput(std::size_t bytes) {
   bus_->shorten_to = static_cast<int>(bytes);
+}
+void UmockdevBench::ReplaceNextInput(std::vector<std::uint8_t> bytes) {
+  bus_->replacement = std::make_shared<const std::vector<std::uint8_t>>(std::move(bytes));
 }
 void UmockdevBench::StallNextInput() { bus_->stall_next = true; }
 void UmockdevBench::HangControl(bool hang) { bus_->hang_control = hang; }

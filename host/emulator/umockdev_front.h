@@ -10,6 +10,7 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "host/emulator/bench_device.h"
 #include "host/emulator/usb_host.h"
@@ -21,9 +22,10 @@ namespace torquer::emulator {
 /// transfer, so that nothing is lost on a loaded machine.
 class UmockdevBench {
  public:
-  /// Plugs the device in. Throws UserError if the process is not under umockdev-wrapper.
+  /// Plugs the device in at a port (1 .. 9) of the one mocked bus, on which several may be. Throws
+  /// UserError if the process is not under umockdev-wrapper.
   UmockdevBench(const FirmwareImage& image, const BenchOptions& options,
-                std::function<HandState(double time_s)> hand);
+                std::function<HandState(double time_s)> hand, int port = 1);
   ~UmockdevBench();
   UmockdevBench(const UmockdevBench&) = delete;
   UmockdevBench& operator=(const UmockdevBench&) = delete;
@@ -39,6 +41,8 @@ class UmockdevBench {
 
   /// The next input transfer ends with this many of the report's bytes.
   void ShortenNextInput(std::size_t bytes);
+  /// The next input transfer ends with these bytes instead of the report's.
+  void ReplaceNextInput(std::vector<std::uint8_t> bytes);
   /// The next input transfer ends as one on a halted endpoint.
   void StallNextInput();
   /// No control transfer is answered from now on, or all are.

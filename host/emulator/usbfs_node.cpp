@@ -17,6 +17,8 @@ namespace {
 constexpr auto kReapWait = std::chrono::milliseconds(2);
 // How often a wait for a program looks whether that has closed the file.
 constexpr auto kClosedWait = std::chrono::milliseconds(20);
+// For how long a program asks for ended transfers in vain before it is taken to want none.
+constexpr auto kIdle = std::chrono::milliseconds(500);
 constexpr std::size_t kSetupBytes = 8;
 
 usbdevfs_urb& Of(UMockdevIoctlData* urb) { return *reinterpret_cast<usbdevfs_urb*>(urb->data); }
@@ -28,9 +30,8 @@ UsbfsNode::~UsbfsNode() {
 }
 
 void UsbfsNode::WaitForProgram(std::chrono::milliseconds longest) {
-  const auto end = std::chrono::steady_clock::now() + longest;
   std::unique_lock lock(mutex_);
-  while (waiting_ && std::chrono::steady_clock::now() < end) {
+  while (waiting_ && !owes_nothing_ && std::chrono::steady_clock::now() < last_call_ + longest) {
     ForgetClosed();
     if (claimants_.empty() || !inputs_.empty() || !controls_.empty() || !under_way_.empty() ||
         !clearing_.empty() || !cleared_.empty() || gone_) {
@@ -137,6 +138,7 @@ bool UsbfsNode::Ioctl(Client* client) {
     return Reap(client, argument);
   }
   std::unique_lock lock(mutex_);
+  last_call_ = std::chrono::steady_clock::now();
   ForgetClosed();
   if (gone_) return Answer(client, -1, ENODEV);
   switch (request) {
@@ -155,6 +157,7 @@ bool UsbfsNode::Ioctl(Client* client) {
       // A program that was killed in the middle of a call is not seen to have closed the file.
       Forget([client](Client* other) { return other != client; });
       claimants_.push_back(client);
+      NoteTransfer();
       g_object_ref(client);
       return Answer(client, 0, 0);
     case USBDEVFS_RELEASEINTERFACE: {
@@ -210,6 +213,7 @@ bool UsbfsNode::Submit(Client* client, UMockdevIoctlData* argument) {
   // First the answer: with it umockdev looks for what has changed in the transfer.
   Answer(client, 0, 0);
   (control ? controls_ : inputs_).push_back(urb);
+  NoteTransfer();
   changed_.notify_all();
   return true;
 }
@@ -217,6 +221,8 @@ bool UsbfsNode::Submit(Client* client, UMockdevIoctlData* argument) {
 bool UsbfsNode::Reap(Client* client, UMockdevIoctlData* argument) {
   const auto own = [client](const Urb& urb) { return urb.client == client; };
   std::unique_lock lock(mutex_);
+  last_call_ = std::chrono::steady_clock::now();
+  NoteReap(client);
   auto urb = ended_.end();
   reapable_.wait_for(lock, kReapWait, [&] {
     urb = std::find_if(ended_.begin(), ended_.end(), own);
@@ -231,6 +237,25 @@ bool UsbfsNode::Reap(Client* client, UMockdevIoctlData* argument) {
   Release(*urb);
   ended_.erase(urb);
   return true;
+}
+
+void UsbfsNode::NoteTransfer() {
+  idle_since_.reset();
+  owes_nothing_ = false;
+}
+
+// One such question follows the last of a program's transfers as a matter of course; many do not.
+void UsbfsNode::NoteReap(Client* client) {
+  if (std::find(claimants_.begin(), claimants_.end(), client) == claimants_.end()) return;
+  for (const std::list<Urb>* queue : {&inputs_, &controls_, &under_way_, &ended_}) {
+    for (const Urb& urb : *queue) {
+      if (urb.client == client) return;
+    }
+  }
+  if (!idle_since_) idle_since_ = last_call_;
+  if (last_call_ - *idle_since_ < kIdle) return;
+  owes_nothing_ = true;
+  changed_.notify_all();
 }
 
 bool UsbfsNode::Discard(Client* client, UMockdevIoctlData* argument) {

@@ -36,7 +36,10 @@ class UsbfsNode {
   UsbfsNode(const UsbfsNode&) = delete;
   UsbfsNode& operator=(const UsbfsNode&) = delete;
 
-  /// Waits while a program that has claimed the interface owes a transfer, `longest` at most.
+  /// Waits while a program that has claimed the interface owes a transfer: `longest` at most after
+  /// its last call, and not once it goes on asking for the end of transfers without having any on
+  /// their way, for then it waits for something else. One that was killed unseen is thus waited for
+  /// once.
   void WaitForProgram(std::chrono::milliseconds longest);
   /// Ends that wait, now and from now on.
   void StopWaiting();
@@ -85,6 +88,8 @@ class UsbfsNode {
   // The mutex is held in all of these.
   void End(const Urb& urb, int status, std::size_t length);
   void ForgetClosed();
+  void NoteTransfer();
+  void NoteReap(Client* client);
   template <typename Predicate>
   void Forget(Predicate of_client);
   static void Release(const Urb& urb);
@@ -96,6 +101,10 @@ class UsbfsNode {
   std::list<Urb> inputs_, controls_, under_way_, ended_;
   std::list<Client*> claimants_;           // one entry for each claim
   std::list<Client*> clearing_, cleared_;  // that wait for a halt to be cleared: to take, taken
+  std::chrono::steady_clock::time_point last_call_ = std::chrono::steady_clock::now();
+  // Since when the program has asked for ended transfers without having any, and whether it goes on.
+  std::optional<std::chrono::steady_clock::time_point> idle_since_;
+  bool owes_nothing_ = false;
   bool gone_ = false;
   bool waiting_ = true;
 };

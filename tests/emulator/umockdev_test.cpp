@@ -12,12 +12,13 @@
 #include "protocol/hid_descriptor.h"
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
+#include "tests/hil/usb_program.h"
 
 namespace torquer::emulator {
 namespace {
 
-constexpr unsigned char kInput = 0x80 | protocol::kInputEndpoint;
-constexpr unsigned kTimeoutMs = 5000;
+using hil::kInput;
+using hil::kTimeoutMs;
 
 HandState StillHand(double) { return {}; }
 HandState FastHand(double time_s) {
@@ -28,64 +29,7 @@ HandState FastHand(double time_s) {
 
 FirmwareImage Image() { return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"); }
 
-/// libusb with the device opened and its interface claimed.
-class Program {
- public:
-  Program() { REQUIRE(libusb_init(&context_) == 0); }
-  ~Program() {
-    Close();
-    libusb_exit(context_);
-  }
-
-  void Open() {
-    handle_ =
-        libusb_open_device_with_vid_pid(context_, protocol::kUsbVendorId, protocol::kUsbProductId);
-    REQUIRE(handle_);
-    REQUIRE(libusb_claim_interface(handle_, 0) == 0);
-  }
-  void Close() {
-    if (handle_) libusb_close(handle_);
-    handle_ = nullptr;
-  }
-
-  int ReadInput(std::vector<unsigned char>* packet) {
-    packet->assign(sizeof(protocol::InputReport), 0);
-    int size = 0;
-    const int result = libusb_interrupt_transfer(
-        handle_, kInput, packet->data(), static_cast<int>(packet->size()), &size, kTimeoutMs);
-    packet->resize(static_cast<std::size_t>(size));
-    return result;
-  }
-  protocol::InputReport ReadReport() {
-    std::vector<unsigned char> packet;
-    REQUIRE(ReadInput(&packet) == 0);
-    REQUIRE(packet.size() == sizeof(protocol::InputReport));
-    protocol::InputReport report;
-    std::memcpy(&report, packet.data(), sizeof(report));
-    return report;
-  }
-
-  int GetFeature(int id, std::vector<unsigned char>* report, unsigned timeout_ms = kTimeoutMs) {
-    report->assign(64, 0);
-    const int size =
-        libusb_control_transfer(handle_, 0xa1, 1, static_cast<std::uint16_t>(0x300 | id), 0,
-                                report->data(), 64, timeout_ms);
-    if (size >= 0) report->resize(static_cast<std::size_t>(size));
-    return size;
-  }
-  int SetFeature(std::vector<unsigned char> report) {
-    return libusb_control_transfer(handle_, 0x21, 9, static_cast<std::uint16_t>(0x300 | report[0]),
-                                   0, report.data(), static_cast<std::uint16_t>(report.size()),
-                                   kTimeoutMs);
-  }
-
-  libusb_context* context() { return context_; }
-  libusb_device_handle* handle() { return handle_; }
-
- private:
-  libusb_context* context_ = nullptr;
-  libusb_device_handle* handle_ = nullptr;
-};
+using hil::Program;
 
 TEST_CASE("libusb finds the device by its ids and reads its strings and report descriptor") {
   BenchOptions options;

@@ -8,6 +8,7 @@
 
 #include "calibration/calibration_file.h"
 #include "host/emulator/umockdev_front.h"
+#include "protocol/hid_reports.h"
 #include "tests/daemon/daemon_process.h"
 
 namespace {
@@ -46,19 +47,22 @@ class PushingHand {
   double from_ = 0.0, to_ = 0.0, start_s_ = 0.0;
 };
 
+FirmwareImage Image() { return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"); }
+
 struct Bench {
-  Bench()
-      : device(FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"), Options(),
-               [this](double time_s) { return hand(time_s); }) {
-    daemon = std::make_unique<ChildProcess>(
-        std::vector<std::string>{torquer::test::kDaemonProgram, "--source", "usb", "--device",
-                                 "HIL-1", "--calibration", Calibration()});
+  Bench() : device(Image(), Options("HIL-1"), [this](double time_s) { return hand(time_s); }) {
+    daemon = Daemon({"--device", "HIL-1", "--calibration", Calibration()});
     REQUIRE(daemon->WaitForError("running: reading device HIL-1"));
     REQUIRE(listener.UntilCommands(10));
   }
-  static BenchOptions Options() {
+  static std::unique_ptr<ChildProcess> Daemon(const std::vector<std::string>& more) {
+    std::vector<std::string> words{torquer::test::kDaemonProgram, "--source", "usb"};
+    words.insert(words.end(), more.begin(), more.end());
+    return std::make_unique<ChildProcess>(words);
+  }
+  static BenchOptions Options(const std::string& serial) {
     BenchOptions options;
-    options.serial = "HIL-1";
+    options.serial = serial;
     // Over the wrap of the device's clock within the first seconds of every start.
     options.start_time_us = 4294967295u - 2500000u;
     return options;
@@ -68,6 +72,13 @@ struct Bench {
     torquer::calibration::WriteCalibration(torquer::calibration::NominalCalibration("HIL-1", 1200),
                                            path);
     return path;
+  }
+
+  // The next report is these bytes instead; returns when it has been.
+  void ReplaceInput(const std::vector<std::uint8_t>& bytes) {
+    device.ReplaceNextInput(bytes);
+    const std::int64_t before = device.inputs_delivered();
+    REQUIRE(listener.Until([&] { return device.inputs_delivered() > before + 1; }));
   }
 
   // Pushes once and waits for the wire to have followed by about that much.
@@ -131,6 +142,37 @@ TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a 
     REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is back"));
     REQUIRE(bench.listener.Until([&] { return bench.listener.counters["device_resets"] == 1; }));
   }
+  SECTION("hung, and reset by its watchdog") {
+    bench.device.Do([](BenchDevice& device, UsbHost&) {
+      device.chip().SetDead(torquer::emulator::Atmega32u4::Part::kSpi);
+    });
+    REQUIRE(bench.listener.UntilHealth("waiting for device", "was unplugged"));
+    bench.device.Do([](BenchDevice& device, UsbHost&) {
+      CHECK(device.chip().resets() > 0);
+      device.chip().SetDead(torquer::emulator::Atmega32u4::Part::kNone);
+    });
+    REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is back"));
+  }
+  SECTION("garbage") {
+    std::vector<std::uint8_t> bytes(sizeof(torquer::protocol::InputReport));
+    for (int i = 0; i < 10; ++i) {
+      for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(37 * byte + 11 * i + 5);
+      bytes[0] = static_cast<std::uint8_t>(i + 10);  // some other report's id
+      bench.ReplaceInput(bytes);
+    }
+    REQUIRE(
+        bench.listener.Until([&] { return bench.listener.counters["reports_wrong_id"] == 10; }));
+  }
+  SECTION("another protocol version for a moment") {
+    torquer::protocol::InputReport report{};
+    report.report_id = torquer::protocol::kInputReportId;
+    report.protocol_version = torquer::protocol::kProtocolVersion + 1;
+    report.axial_counts = 123456;
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(&report);
+    bench.ReplaceInput({bytes, bytes + sizeof report});
+    REQUIRE(bench.listener.Until(
+        [&] { return bench.listener.counters["reports_wrong_version"] == 1; }));
+  }
   SECTION("a stalled transfer") { bench.device.StallNextInput(); }
   SECTION("a short packet") { bench.device.ShortenNextInput(20); }
   REQUIRE(bench.listener.UntilCommands(connection + 20));
@@ -139,4 +181,68 @@ TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a 
   REQUIRE(bench.listener.Until([&] { return bench.listener.commands.back().flags == 0; }));
   CHECK(bench.listener.commands.back().insertion_mm == 0.0);
   bench.PushFrom(bench.listener.commands.back());
+}
+
+TEST_CASE("A device that answers no request in time is not taken, and is once it answers") {
+  Listener listener{/*with_devices=*/true};
+  UmockdevBench device(Image(), Bench::Options("HIL-1"), [](double) { return HandState{}; });
+  device.HangControl(true);
+  const auto refused = Bench::Daemon({"--uncalibrated"});
+  CHECK(refused->Wait() == 2);
+  CAPTURE(refused->Error());
+  CHECK(refused->Error().find("no device") != std::string::npos);
+  device.HangControl(false);
+  const auto served = Bench::Daemon({"--uncalibrated"});
+  CHECK(served->WaitForError("running: reading device HIL-1"));
+}
+
+TEST_CASE("Two devices drive two instruments, each its own, and one's fate is not the other's") {
+  Bench bench;
+  PushingHand second_hand;
+  UmockdevBench second(
+      Image(), Bench::Options("HIL-2"), [&](double time_s) { return second_hand(time_s); },
+      /*port=*/2);
+  const auto catheter =
+      Bench::Daemon({"--device", "HIL-2", "--instrument", "catheter", "--uncalibrated"});
+  REQUIRE(catheter->WaitForError("running: reading device HIL-2"));
+
+  const auto newest = [&](const std::string& instrument) -> const instrument_command_t* {
+    for (auto it = bench.listener.commands.rbegin(); it != bench.listener.commands.rend(); ++it) {
+      if (it->instrument == instrument) return &*it;
+    }
+    return nullptr;
+  };
+  const auto until_pushed = [&](const std::string& instrument) {
+    return bench.listener.Until([&] {
+      bench.listener.samples.clear();
+      const instrument_command_t* command = newest(instrument);
+      return command != nullptr && command->insertion_mm > 100.0 - 3 * kMmPerCount;
+    });
+  };
+  second_hand.Push();
+  REQUIRE(until_pushed("catheter"));
+  REQUIRE(newest("guidewire") != nullptr);
+  CHECK(newest("guidewire")->insertion_mm == 0.0);
+
+  second.Unplug();
+  REQUIRE(catheter->WaitForError("waiting for device"));
+  bench.hand.Push();
+  REQUIRE(until_pushed("guidewire"));
+  second.Plug();
+  REQUIRE(catheter->WaitForError("device HIL-2 is back"));
+  bench.listener.commands.clear();
+  REQUIRE(bench.listener.Until([&] { return newest("catheter") != nullptr; }));
+  CHECK(newest("catheter")->insertion_mm == Approx(100.0).margin(1.0));
+
+  // Who reads what is told without disturbing either. Last, for the mocked kernel tells of no
+  // further plugging once a program that listened has ended.
+  ChildProcess list({torquer::test::kDaemonProgram, "--list"});
+  CHECK(list.Wait() == 0);
+  CAPTURE(list.Output());
+  for (const char* serial : {"  HIL-1  ", "  HIL-2  "}) {
+    const std::size_t at = list.Output().find(serial);
+    REQUIRE(at != std::string::npos);
+    CHECK(list.Output().substr(at, list.Output().find('\n', at) - at).find("read by process ") !=
+          std::string::npos);
+  }
 }

@@ -1,0 +1,73 @@
+// The conversations of transcripts.h with the real firmware, in the emulator behind a mocked usbfs.
+#include "tests/hil/transcripts.h"
+
+#include "host/emulator/umockdev_front.h"
+#include "tests/hil/timing_report.h"
+
+namespace {
+
+using namespace torquer::hil;
+using torquer::emulator::BenchDevice;
+using torquer::emulator::FirmwareImage;
+using torquer::emulator::HandState;
+using torquer::emulator::UmockdevBench;
+using torquer::emulator::UsbHost;
+
+struct Bench {
+  Bench() { program.Open(); }
+  ~Bench() {
+    program.Close();
+    device.Do([](BenchDevice& bench, UsbHost&) { CHECK(bench.violation_count() == 0); });
+  }
+  UmockdevBench device{FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"), {}, [](double) {
+                         return HandState{};
+                       }};
+  Program program;
+};
+
+}  // namespace
+
+TEST_CASE("the device describes itself") {
+  Bench bench;
+  DescribesItself(bench.program);
+}
+TEST_CASE("the device sends in every frame") {
+  Bench bench;
+  SendsEveryFrame(bench.program, 1000, 0);
+}
+TEST_CASE("the device keeps its configuration") {
+  Bench bench;
+  KeepsItsConfiguration(bench.program);
+}
+TEST_CASE("the device refuses nonsense") {
+  Bench bench;
+  RefusesNonsense(bench.program);
+}
+TEST_CASE("the device halts and goes on") {
+  Bench bench;
+  HaltsAndGoesOn(bench.program);
+}
+TEST_CASE("the device outlives transfers that are given up") {
+  Bench bench;
+  OutlivesGivenUpTransfers(bench.program);
+}
+TEST_CASE("the device restarts by its watchdog") {
+  Bench bench;
+  RestartsByItsWatchdog(bench.program);
+}
+TEST_CASE("the device is in good health") {
+  Bench bench;
+  IsInGoodHealth(bench.program);
+}
+
+// Figures of a mocked bus say nothing; that the report can be made does.
+TEST_CASE("jitter and latency are reported") {
+  Bench bench;
+  bench.program.Close();
+  const std::string report = TimingReport("", 0.5);
+  CAPTURE(report);
+  for (const char* line :
+       {"reports", "between arrivals", "between samples", "from sample to", "feature report"}) {
+    CHECK(report.find(line) != std::string::npos);
+  }
+}
