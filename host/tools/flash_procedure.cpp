@@ -18,7 +18,7 @@ constexpr int kLookMs = 50;
 // A moment for udev to grant permissions, and for a serial port to be made.
 constexpr int kSettleMs = 2000;
 // From the firmware to its bootloader and back: resets, and the host's enumeration.
-constexpr int kChangeMs = 15000;
+constexpr int kChangeMs = 30000;
 // The sensor needs some 100 ms after the start.
 constexpr int kSensorMs = 2000;
 
