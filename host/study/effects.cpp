@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -12,16 +13,15 @@
 #include <utility>
 #include <vector>
 
-#include "host/simulator/session.h"
 #include "host/study/cpu_time.h"
+#include "host/study/effect_drive.h"
+#include "host/study/instruction_count.h"
 #include "host/support/error.h"
 
 namespace torquer::study {
 namespace {
 
 using Names = std::vector<std::string>;
-
-constexpr double kLengthMm = 250;
 
 // A wire of 250 segments in the phantom, for all cases alike.
 constexpr char kScene[] = R"(name = "effects"
@@ -37,6 +37,10 @@ segment_mm = 1
 max_length_mm = 270
 tip_mm = 10
 )";
+// Feeds whose instructions are counted: each takes some 5 ms.
+constexpr int kCounted = 60;
+constexpr int kCountedQuick = 15;
+
 constexpr char kPlainWire[] = R"(radius_mm = 0.178
 tip_angle_deg = 30
 rigidity_N_mm2 = 6.35e-3
@@ -142,34 +146,17 @@ double HeapBytes() {
   return static_cast<double>(info.uordblks + info.hblkhd);
 }
 
-// The hand's usual feeds with the pedal and the contrast button held, a tick a millisecond.
-Price Measure(const std::string& folder, const Names& names, int ticks) {
-  const std::string path = folder + "/scene.toml";
-  std::ofstream(path) << SceneWith(names);
+Price Measure(const std::string& scene_file, int ticks) {
   const double before = HeapBytes();
-  scene::Scene scene(path);
-  simulator::Session session(scene);
+  scene::Scene scene(scene_file);
+  EffectDrive drive(scene);
   Price price;
   price.heap_bytes = HeapBytes() - before;
-  std::filesystem::remove(path);
-
-  constexpr double kFeeds[] = {0.02, 0.05, 0.1};
-  simulator::Command command;
-  command.controls = {.xray = true, .contrast = true};
-  command.target.insertion_mm = 0;
-  const auto tick = [&] {
-    CountedBudget budget(scene.budget_units());
-    return session.Tick(command, budget);
-  };
-  while (command.target.insertion_mm < kLengthMm - ticks * 0.17 / 3) {
-    command.target.insertion_mm += 0.5;
-    tick();
-  }
+  drive.Insert(ticks);
   std::vector<double> ms;
   for (int k = 0; k < ticks; ++k) {
-    command.target.insertion_mm += kFeeds[k % 3];
     const double start_s = ThreadCpuSeconds();
-    const TickReport report = tick();
+    const TickReport report = drive.Feed();
     ms.push_back(1e3 * (ThreadCpuSeconds() - start_s));
     price.residual = std::max(price.residual, report.residual);
     price.unconverged += !report.converged;
@@ -232,8 +219,17 @@ class EffectsStudy final : public Study {
 
     run.Say(DescribeMachine());
     const int ticks = run.quick() ? 100 : 1000;
+    std::vector<std::string> files;
+    for (const Names& names : cases) {
+      files.push_back(folder + "/" + std::to_string(files.size()) + ".toml");
+      std::ofstream(files.back()) << SceneWith(names);
+    }
+    run.Progress("instructions", 0);
+    const InstructionCounts counts =
+        CountInstructions(files, run.quick() ? kCountedQuick : kCounted, folder);
     Table table{"A tick that feeds 0.02 to 0.1 mm, n = 250, in the T-Y phantom; thread-CPU time",
-                {"effects", "median ms", "p99 ms", "of none", "heap kB", "residual", "unconverged"},
+                {"effects", "median ms", "p99 ms", "of none", "instructions, 1000", "heap kB",
+                 "residual", "unconverged"},
                 {}};
     // One row a case; the effects alone suffice to see.
     Plot plot{"A tick by effects",
@@ -247,18 +243,23 @@ class EffectsStudy final : public Study {
       const std::string case_name = k == 0 ? "none" : is_all ? "all" : Joined(cases[k]);
       run.Progress(case_name, static_cast<double>(k) / static_cast<double>(cases.size()));
       // The first run builds what the library builds once.
-      if (k == 0) Measure(folder, cases[k], 50);
-      const Price price = Measure(folder, cases[k], ticks);
+      if (k == 0) Measure(files[k], 50);
+      const Price price = Measure(files[k], ticks);
       if (k == 0) none = price;
       run.Record(case_name, "tick_ms_p50", price.tick_ms_p50, "ms");
       run.Record(case_name, "tick_ms_p99", price.tick_ms_p99, "ms");
+      if (!counts.per_tick.empty()) {
+        run.Record(case_name, "instructions", counts.per_tick[k], "");
+      }
       run.Record(case_name, "heap_bytes", price.heap_bytes - none.heap_bytes, "B");
       run.Record(case_name, "residual", price.residual, "");
       run.Record(case_name, "unconverged", price.unconverged, "");
-      table.rows.push_back({case_name, Number(price.tick_ms_p50), Number(price.tick_ms_p99),
-                            Number(price.tick_ms_p50 / none.tick_ms_p50),
-                            Number((price.heap_bytes - none.heap_bytes) / 1024),
-                            Number(price.residual), std::to_string(price.unconverged)});
+      table.rows.push_back(
+          {case_name, Number(price.tick_ms_p50), Number(price.tick_ms_p99),
+           Number(price.tick_ms_p50 / none.tick_ms_p50),
+           counts.per_tick.empty() ? "-" : std::to_string(std::lround(counts.per_tick[k] / 1000)),
+           Number((price.heap_bytes - none.heap_bytes) / 1024), Number(price.residual),
+           std::to_string(price.unconverged)});
       if (k <= effects::AllEffects().size() || is_all) {
         const double row = -static_cast<double>(plot.callouts.size());
         plot.series[0].x.push_back(1e3 * price.tick_ms_p50);
@@ -273,6 +274,9 @@ class EffectsStudy final : public Study {
         "Heap: what scene and session hold more than without any effect. An effect that another "
         "needs is in its row too. What a scene does not name is not made: no memory, no "
         "instruction (tests/effects_cost).");
+    run.Say(counts.problem.empty()
+                ? "Instructions: the mean of a tick, counted by callgrind; the same on every run."
+                : "Instructions are not counted: " + counts.problem + ".");
     run.Draw(plot, "From above: no effect, each alone (with what it needs), all of them.");
     return true;
   }

@@ -1,0 +1,40 @@
+// torquer-effect-ticks FEEDS SCENE...: the ticks whose instructions torquer-study effects counts.
+// Under callgrind with --instr-atstart=no there is a profile for the feeds of each scene.
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "host/study/effect_drive.h"
+#include "host/support/error.h"
+
+#if __has_include(<valgrind/callgrind.h>)
+#include <valgrind/callgrind.h>
+#else
+#define CALLGRIND_START_INSTRUMENTATION static_assert(true)
+#define CALLGRIND_STOP_INSTRUMENTATION static_assert(true)
+#define CALLGRIND_DUMP_STATS static_assert(true)
+#endif
+
+int main(int argc, char** argv) {
+  using namespace torquer;
+  const int feeds = argc < 3 ? 0 : std::atoi(argv[1]);
+  if (feeds < 1) {
+    std::fprintf(stderr, "usage: torquer-effect-ticks FEEDS SCENE...\n");
+    return kExitUserError;
+  }
+  try {
+    for (int k = 2; k < argc; ++k) {
+      scene::Scene scene(argv[k]);
+      study::EffectDrive drive(scene);
+      drive.Insert(feeds);
+      CALLGRIND_START_INSTRUMENTATION;
+      for (int feed = 0; feed < feeds; ++feed) drive.Feed();
+      CALLGRIND_STOP_INSTRUMENTATION;
+      CALLGRIND_DUMP_STATS;
+    }
+  } catch (const UserError& error) {
+    std::fprintf(stderr, "torquer-effect-ticks: %s\n", error.what());
+    return kExitUserError;
+  }
+  return 0;
+}

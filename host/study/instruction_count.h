@@ -1,0 +1,19 @@
+// How many instructions ticks take, counted by callgrind.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace torquer::study {
+
+struct InstructionCounts {
+  std::vector<double> per_tick;  ///< mean over the feeds of each scene; empty when not counted
+  std::string problem;           ///< why not, in a sentence; "" when counted
+};
+
+/// Runs torquer-effect-ticks, which stands beside this program, under valgrind: `feeds` ticks of
+/// EffectDrive in each scene. `folder` takes what the two write.
+InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int feeds,
+                                    const std::string& folder);
+
+}  // namespace torquer::study
