@@ -21,6 +21,7 @@ using torquer::test::EvdevScript;
 using torquer::test::EvdevTestbed;
 using torquer::test::TemporaryFolder;
 
+const std::string kProgram = TORQUER_BIN_DIR "/torquer-calibrate";
 constexpr int kMouse = 5;
 constexpr auto kPatience = std::chrono::seconds(30);
 
@@ -75,9 +76,9 @@ TEST_CASE("A mouse is calibrated by its raw deltas, whatever its resolution") {
   script << "torquer-calibrate script 1\n";
   for (int i = 0; i < 14; ++i) script << "mark\n";
   script.close();
-  ChildProcess program({TORQUER_BIN_DIR "/torquer-calibrate", "--source", "evdev", "--device",
-                        mouse, "--script", folder.Path("a.script"), "--output",
-                        folder.Path("mouse.toml"), "--pushes", "3", "--turn-strokes", "3"});
+  ChildProcess program({kProgram, "--source", "evdev", "--device", mouse, "--script",
+                        folder.Path("a.script"), "--output", folder.Path("mouse.toml"), "--pushes",
+                        "3", "--turn-strokes", "3"});
   Hand hand(testbed, program);
   CAPTURE(program.Error());
   REQUIRE(hand.Until("Device 046d:c077 at 1000 cpi (a guess: it is measured now)"));

@@ -26,6 +26,7 @@ using torquer::emulator::SessionSummary;
 using torquer::test::ChildProcess;
 using torquer::test::TemporaryFolder;
 
+const std::string kProgram = TORQUER_BIN_DIR "/torquer-calibrate";
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kTurns = 4.0 * std::numbers::pi;
 constexpr double kMmPerInch = 25.4;
@@ -88,7 +89,7 @@ struct Bench {
   }
   int Calibrate(const std::string& script, const std::vector<std::string>& more) {
     std::ofstream(folder.Path("a.script")) << "torquer-calibrate script 1\n" << script;
-    std::vector<std::string> words{TORQUER_BIN_DIR "/torquer-calibrate",
+    std::vector<std::string> words{kProgram,
                                    "--source",
                                    "socket",
                                    "--socket",

@@ -227,9 +227,9 @@ TEST_CASE("No device, firmware that does not fit, and no serial number are told"
 }
 
 TEST_CASE("The sample session does what it is documented to do") {
+  const std::string sample = TORQUER_SOURCE_DIR "/calibration/sample.script";
   TemporaryFolder folder;
-  ChildProcess program({kProgram, "--script", TORQUER_SOURCE_DIR "/calibration/sample.script",
-                        "--output", folder.Path("sample.toml")});
+  ChildProcess program({kProgram, "--script", sample, "--output", folder.Path("sample.toml")});
   REQUIRE(program.Wait() == 0);
   CHECK_THAT(program.Output(), Contains("push 3 is not used: 10.2 mm shorter than the others"));
   CHECK_THAT(program.Output(), Contains("push 5 is not used: turned while pushing, by 12 degrees"));

@@ -8,7 +8,6 @@
 namespace {
 
 using Catch::Contains;
-using torquer::UserError;
 using torquer::tools::PacedSession;
 using torquer::tools::ParseScript;
 using torquer::tools::Script;
