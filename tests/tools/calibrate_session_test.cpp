@@ -1,0 +1,163 @@
+// What a device's reports become in a session, with a source that says what it is told to.
+#include "host/tools/calibrate_session.h"
+
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "host/support/error.h"
+#include "protocol/hid_reports.h"
+#include "tests/daemon/reports.h"
+
+namespace {
+
+using Catch::Contains;
+using torquer::calibration::Key;
+using torquer::calibration::Reading;
+using torquer::calibration::Step;
+using torquer::daemon::ReportSource;
+using torquer::daemon::SourceEvent;
+using torquer::protocol::InputReport;
+using torquer::test::Next;
+using torquer::test::StillReport;
+using torquer::tools::DeviceSession;
+
+// Each Wait() does the next of `waits`.
+class ToldSource : public ReportSource {
+ public:
+  void Wait(int /*timeout_ms*/, const Sink& sink) override {
+    if (next_ < waits.size()) waits[next_++](sink);
+  }
+  void Interrupt() override {}
+  std::vector<std::uint8_t> GetFeature(std::uint8_t /*report_id*/) override {
+    torquer::protocol::IdentityReport identity{};
+    identity.report_id = torquer::protocol::kIdentityReportId;
+    identity.protocol_version = torquer::protocol::kProtocolVersion;
+    serial.copy(identity.serial, sizeof identity.serial);
+    std::vector<std::uint8_t> bytes(sizeof identity);
+    std::memcpy(bytes.data(), &identity, sizeof identity);
+    return bytes;
+  }
+  void SetFeature(std::span<const std::uint8_t> /*report*/) override {}
+  std::string place() const override { return "a test"; }
+
+  static void Connect(const Sink& sink) {
+    sink({.kind = SourceEvent::Kind::kConnected, .host_us = 0, .report = {}, .text = "a test"});
+  }
+  static void Send(const Sink& sink, const InputReport& report) {
+    const auto bytes = torquer::test::BytesOf(report);
+    sink({.kind = SourceEvent::Kind::kReport,
+          .host_us = static_cast<std::int64_t>(report.device_time_us),
+          .report = bytes,
+          .text = {}});
+  }
+
+  std::string serial = "TOLD-1";
+  std::vector<std::function<void(const Sink&)>> waits;
+
+ private:
+  std::size_t next_ = 0;
+};
+
+class Heard : public torquer::tools::SessionSink {
+ public:
+  void Take(const Reading& reading) override { readings.push_back(reading); }
+  void Press(Key /*key*/) override {}
+  void Quit() override {}
+  void Tell(const std::string& text) override { told += text + "\n"; }
+  Step step() const override { return Step::kRest; }
+
+  std::vector<Reading> readings;
+  std::string told;
+};
+
+struct Bench {
+  Bench() : source(new ToldSource), session(std::unique_ptr<ReportSource>(source), false, true) {
+    source->waits.emplace_back([this](const ReportSource::Sink& sink) {
+      ToldSource::Connect(sink);
+      for (int i = 0; i < 3; ++i) Send(sink);
+    });
+  }
+  void Send(const ReportSource::Sink& sink) {
+    ToldSource::Send(sink, report);
+    report = Next(report);
+  }
+  // One report more, and what it became.
+  Reading After(const std::function<void(InputReport&)>& change) {
+    change(report);
+    source->waits.emplace_back([this](const ReportSource::Sink& sink) { Send(sink); });
+    session.Wait(0, heard);
+    REQUIRE_FALSE(heard.readings.empty());
+    return heard.readings.back();
+  }
+
+  InputReport report = StillReport();
+  ToldSource* source;  // owned by the session
+  DeviceSession session;
+  Heard heard;
+};
+
+}  // namespace
+
+TEST_CASE("No reading is lost while the device is asked who it is") {
+  Bench bench;
+  const torquer::tools::DeviceFacts facts = bench.session.Connect();
+  CHECK(facts.serial == "TOLD-1");
+  CHECK(facts.cpi == 1200);
+  bench.session.Wait(0, bench.heard);
+  REQUIRE(bench.heard.readings.size() == 3);
+  CHECK(bench.heard.readings[0].interrupted);
+  CHECK(bench.heard.readings[2].time_us == 2000);
+  CHECK_FALSE(bench.heard.readings[2].interrupted);
+}
+
+TEST_CASE("Flags, quality, buttons and restarts are told with the reading") {
+  Bench bench;
+  bench.session.Connect();
+  const Reading still = bench.After([](InputReport&) {});
+  CHECK_FALSE(still.lifted);
+  CHECK_FALSE(still.faulty);
+  CHECK_FALSE(still.interrupted);
+  CHECK_FALSE(still.button);
+  const auto flag = [](std::uint8_t bits) {
+    return [bits](InputReport& report) { report.flags = bits; };
+  };
+  CHECK(bench.After(flag(torquer::protocol::kFlagLift)).lifted);
+  CHECK(bench.After(flag(torquer::protocol::kFlagSensorFault)).faulty);
+  bench.report.flags = 0;
+  CHECK(bench.After([](InputReport& report) { report.surface_quality = 9; }).lifted);
+  CHECK_FALSE(bench.After([](InputReport& report) { report.surface_quality = 10; }).lifted);
+  CHECK(bench.After([](InputReport& report) { report.buttons = torquer::protocol::kButtonXray; })
+            .button);
+  CHECK(bench.After([](InputReport& report) { ++report.boot_id; }).interrupted);
+}
+
+TEST_CASE("What would spoil a calibration ends the session with the reason") {
+  Bench bench;
+  bench.session.Connect();
+  SECTION("another resolution") {
+    CHECK_THROWS_WITH(bench.After([](InputReport& report) { report.cpi = 800; }),
+                      Contains("resolution changed from 1200 to 800 cpi"));
+  }
+  SECTION("another device") {
+    bench.source->serial = "TOLD-2";
+    bench.source->waits.emplace_back(ToldSource::Connect);
+    CHECK_THROWS_WITH(bench.session.Wait(0, bench.heard),
+                      Contains("'TOLD-1' went away and 'TOLD-2' came"));
+  }
+  SECTION("the same device, back again, does not") {
+    bench.source->waits.emplace_back([](const ReportSource::Sink& sink) {
+      sink({.kind = SourceEvent::Kind::kDisconnected,
+            .host_us = 0,
+            .report = {},
+            .text = "it was unplugged"});
+      ToldSource::Connect(sink);
+    });
+    bench.session.Wait(0, bench.heard);
+    CHECK(bench.heard.told == "it was unplugged; waiting for it\nthe device is back\n");
+    CHECK(bench.After([](InputReport&) {}).interrupted);
+  }
+}
