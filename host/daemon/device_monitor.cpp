@@ -50,11 +50,10 @@ std::string Text(const char* format, Values... values) {
 
 // What is pressed or wrong, in words.
 std::string Remarks(const PipelineOutput& output) {
-  using namespace protocol;
   const std::pair<bool, const char*> remarks[] = {
-      {(output.sample.buttons & kButtonXray) != 0, "X-ray"},
-      {(output.sample.buttons & kButtonContrast) != 0, "contrast"},
-      {(output.sample.buttons & kButtonClutch) != 0, "clutch"},
+      {(output.sample.buttons & protocol::kButtonXray) != 0, "X-ray"},
+      {(output.sample.buttons & protocol::kButtonContrast) != 0, "contrast"},
+      {(output.sample.buttons & protocol::kButtonClutch) != 0, "clutch"},
       {(output.hand.flags & bus::kCommandSensorFault) != 0, "SENSOR FAULT"},
       {(output.hand.flags & bus::kCommandLift) != 0, "LIFTED OR POOR SURFACE"},
       {(output.hand.flags & bus::kCommandUncalibrated) != 0, "uncalibrated"},
