@@ -102,7 +102,8 @@ class UsbfsNode {
   std::list<Client*> claimants_;           // one entry for each claim
   std::list<Client*> clearing_, cleared_;  // that wait for a halt to be cleared: to take, taken
   std::chrono::steady_clock::time_point last_call_ = std::chrono::steady_clock::now();
-  // Since when the program has asked for ended transfers without having any, and whether it goes on.
+  // Since when the program has asked for ended transfers without having any, and whether it goes
+  // on.
   std::optional<std::chrono::steady_clock::time_point> idle_since_;
   bool owes_nothing_ = false;
   bool gone_ = false;
