@@ -21,6 +21,9 @@ constexpr std::uint8_t kGetReport = 0x01;  // HID 1.11, 7.2
 constexpr std::uint8_t kSetReport = 0x09;
 constexpr std::uint16_t kFeatureReport = 0x0300;
 
+// It is coming or going, perhaps.
+constexpr char kSilent[] =
+    "it does not answer; unplug it, plug it in and run the same command again";
 constexpr char kPermission[] =
     "it may not be opened by this user; install the udev rule: sudo cp "
     "hardware/udev/70-torquer.rules /etc/udev/rules.d/ && sudo udevadm control --reload && sudo "
@@ -193,11 +196,13 @@ std::vector<Board> UsbBoards::List() {
         const std::string product = StringOf(handle, descriptor.iProduct);
         board.serial = StringOf(handle, descriptor.iSerialNumber);
         libusb_close(handle);
-        if (product != known.name) return;  // the ids are shared with other people's prototypes
-      } else if (opened == LIBUSB_ERROR_ACCESS) {
-        board.trouble = kPermission;
+        if (product.empty() && descriptor.iProduct != 0) {
+          board.trouble = kSilent;
+        } else if (product != known.name) {
+          return;  // the ids are shared with other people's prototypes
+        }
       } else {
-        return;  // it is coming or going
+        board.trouble = opened == LIBUSB_ERROR_ACCESS ? kPermission : kSilent;
       }
     }
     boards.push_back(std::move(board));
