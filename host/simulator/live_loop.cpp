@@ -61,15 +61,24 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
   std::int64_t sent_us = 0;  // when the command was published; 0 when that clock is another's
   bool arrived = false;
   const std::int64_t clock_id = bus::ClockId();
-  const double start_mm = session.scene().inserted_at_start_mm();
+  const HandTarget start = session.scene().start();
   command.target = session.target();
 
   bus.Subscribe<torquer_lcm::instrument_command_t>(
       bus::kInstrumentCommandChannel,
       [&](const torquer_lcm::instrument_command_t& message) {
+        if (message.instrument == bus::kCatheter) {
+          // C-arm and pedals are those of the wire's box.
+          command.target.catheter_insertion_mm = start.catheter_insertion_mm + message.insertion_mm;
+          command.target.catheter_rotation_rad = message.rotation_rad;
+          arrived = arrived || session.scene().coaxial() != nullptr;
+          ++statistics.commands;
+          return;
+        }
         if (message.instrument != bus::kGuidewire) return;
         command.sequence = message.sequence;
-        command.target = {start_mm + message.insertion_mm, message.rotation_rad};
+        command.target.insertion_mm = start.insertion_mm + message.insertion_mm;
+        command.target.rotation_rad = message.rotation_rad;
         command.controls = {message.lao_rad, message.cra_rad, message.xray != 0,
                             message.contrast != 0};
         command.in_doubt = (message.flags & (bus::kCommandLift | bus::kCommandSensorFault |
@@ -93,14 +102,19 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
   };
   const torquer_lcm::scene_description_t description = Describe(session.scene());
   torquer_lcm::wire_state_t state;
-  state.instrument = bus::kGuidewire;
   state.clock_id = clock_id;
+  torquer_lcm::wire_state_t catheter = state;
   const auto publish = [&](double solve_us) {
     session.Describe(state);
     state.origin_us = origin_us;
     state.solve_us = solve_us;
     state.publish_us = bus::MonotonicUs();
     bus.Publish(bus::kWireStateChannel, state);
+    if (!session.DescribeCatheter(catheter)) return;
+    catheter.origin_us = origin_us;
+    catheter.solve_us = solve_us;
+    catheter.publish_us = bus::MonotonicUs();
+    bus.Publish(bus::kWireStateChannel, catheter);
   };
   health.Change("running", "", counters());
   bus.Publish(bus::kSceneChannel, description);

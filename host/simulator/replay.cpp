@@ -49,11 +49,10 @@ ReplayResult Replay(scene::Scene& scene, const std::string& log) {
                       std::to_string(kMostPastInMessage) +
                       " missing in a row; start the recording before the simulator");
     }
-    const auto repeat = [&session](double time_s, double insertion_mm, double rotation_rad,
-                                   int work) {
+    const auto repeat = [&session](double time_s, const HandTarget& target, int work) {
       Command command;
       command.time_s = time_s;
-      command.target = {insertion_mm, rotation_rad};
+      command.target = target;
       CountedBudget budget(work);
       session.Tick(command, budget);
     };
@@ -61,11 +60,15 @@ ReplayResult Replay(scene::Scene& scene, const std::string& log) {
       ++result.missing;
       if (expected_tick == 0) continue;
       const auto k = static_cast<std::size_t>(recorded.tick - expected_tick - 1);
-      repeat(recorded.past_time_s[k], recorded.past_insertion_mm[k], recorded.past_rotation_rad[k],
+      repeat(recorded.past_time_s[k],
+             {recorded.past_insertion_mm[k], recorded.past_rotation_rad[k],
+              recorded.past_catheter_insertion_mm[k], recorded.past_catheter_rotation_rad[k]},
              recorded.past_work[k]);
     }
     if (recorded.tick > 0) {
-      repeat(recorded.time_s, recorded.commanded_insertion_mm, recorded.commanded_rotation_rad,
+      repeat(recorded.time_s,
+             {recorded.commanded_insertion_mm, recorded.commanded_rotation_rad,
+              recorded.commanded_catheter_insertion_mm, recorded.commanded_catheter_rotation_rad},
              recorded.work);
     }
     ++expected_tick;

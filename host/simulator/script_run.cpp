@@ -29,7 +29,7 @@ nlohmann::json Describe(const Session& session, double time_s, double solve_us) 
   for (const Eigen::Vector3d& x : state.nodes) nodes.push_back({x[0], x[1], x[2]});
   const TickReport& report = session.report();
   nlohmann::json line = {{"time_s", time_s},
-                         {"insertion_mm", state.insertion_mm},
+                         {"insertion_mm", session.wire_insertion_mm()},
                          {"rotation_rad", state.rotation_rad},
                          {"carried_mm", report.carried_mm},
                          {"nodes_mm", std::move(nodes)},
@@ -41,25 +41,48 @@ nlohmann::json Describe(const Session& session, double time_s, double solve_us) 
                          {"solve_us", solve_us},
                          {"state_hash", std::to_string(session.state_hash())},
                          {"status", session.status()}};
+  if (const CoaxialPair* const coaxial = session.scene().coaxial()) {
+    line["catheter_insertion_mm"] =
+        std::min(coaxial->catheter_place().insertion_mm, state.insertion_mm);
+    line["catheter_rotation_rad"] = coaxial->catheter_place().rotation_rad;
+  }
   for (const effects::Reading& reading : session.Readings()) line[reading.name] = reading.value;
   return line;
 }
 
-constexpr char kShortHeader[] = "time_s,insertion_mm,rotation_rad";
-constexpr char kLongHeader[] = "time_s,insertion_mm,rotation_rad,lao_deg,cra_deg,xray,contrast";
+constexpr char kHandColumns[] = "time_s,insertion_mm,rotation_rad";
+constexpr char kArmColumns[] = ",lao_deg,cra_deg,xray,contrast";
+constexpr char kCatheterColumns[] = ",catheter_insertion_mm,catheter_rotation_rad";
 
-// The header that a script means: the long one where its first line names the C-arm.
-std::string HeaderOf(const std::string& script) {
+// What a script has beside the columns of the hand: its first line names it.
+struct Columns {
+  bool arm = false;
+  bool catheter = false;
+
+  std::string Header() const {
+    return std::string(kHandColumns) + (arm ? kArmColumns : "") +
+           (catheter ? kCatheterColumns : "");
+  }
+};
+
+Columns ColumnsOf(const std::string& script) {
   std::ifstream in(script);
   for (std::string line; std::getline(in, line);) {
     if (line.empty() || line[0] == '#') continue;
-    return line.find("lao_deg") == std::string::npos ? kShortHeader : kLongHeader;
+    return {.arm = line.find("lao_deg") != std::string::npos,
+            .catheter = line.find("catheter_") != std::string::npos};
   }
-  return kShortHeader;
+  return {};
 }
 
-std::vector<Command> ReadScript(const std::string& script, double start_mm) {
-  const std::string header = HeaderOf(script);
+std::vector<Command> ReadScript(const std::string& script, const scene::Scene& scene) {
+  const Columns columns = ColumnsOf(script);
+  if (columns.catheter && scene.coaxial() == nullptr) {
+    throw UserError(script + ": moves a catheter, but " + scene.path() +
+                    " has none; add [effects.catheter] or leave out its columns");
+  }
+  const std::string header = columns.Header();
+  const HandTarget start = scene.start();
   const std::vector<CsvRow> rows = ReadCsv(script, header);
   std::vector<Command> commands;
   for (const CsvRow& row : rows) {
@@ -71,11 +94,18 @@ std::vector<Command> ReadScript(const std::string& script, double start_mm) {
     Command command;
     command.sequence = static_cast<std::int64_t>(commands.size());
     command.time_s = number(0);
-    command.target = {start_mm + number(1), number(2)};
+    command.target = start;
+    command.target.insertion_mm += number(1);
+    command.target.rotation_rad = number(2);
+    if (columns.catheter) {
+      const std::size_t at = columns.arm ? 7 : 3;
+      command.target.catheter_insertion_mm += number(at);
+      command.target.catheter_rotation_rad = number(at + 1);
+    }
     if (!commands.empty() && !(command.time_s > commands.back().time_s)) {
       refuse("time_s", 0, ", not after the row before; let times ascend");
     }
-    if (header == kLongHeader) {
+    if (columns.arm) {
       constexpr double kRadPerDeg = std::numbers::pi / 180;
       const double angles[] = {number(3), number(4)};
       for (std::size_t k = 0; k < 2; ++k) {
@@ -140,7 +170,7 @@ class PictureFolder {
 }  // namespace
 
 int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs) {
-  const std::vector<Command> commands = ReadScript(script, scene.inserted_at_start_mm());
+  const std::vector<Command> commands = ReadScript(script, scene);
   Session session(scene);
   PictureFolder pictures(outputs.pictures, session);
   StatesFile states(outputs.states);

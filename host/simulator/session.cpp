@@ -13,7 +13,9 @@ constexpr double kLargestTarget = 1e5;
 
 bool Usable(const HandTarget& target) {
   return std::abs(target.insertion_mm) <= kLargestTarget &&
-         std::abs(target.rotation_rad) <= kLargestTarget;
+         std::abs(target.rotation_rad) <= kLargestTarget &&
+         std::abs(target.catheter_insertion_mm) <= kLargestTarget &&
+         std::abs(target.catheter_rotation_rad) <= kLargestTarget;
 }
 
 }  // namespace
@@ -34,7 +36,7 @@ void Session::Restart() {
   for (const std::unique_ptr<effects::Effect>& effect : scene_.effects()) effect->Restart();
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(0);
   state_ = scene_.MakeStart(*relaxation_);
-  target_ = {state_.insertion_mm, state_.rotation_rad};
+  target_ = scene_.start();
   command_sequence_ = -1;
   done_.clear();
   tick_ = 0;
@@ -106,17 +108,63 @@ void Session::Observe() {
   }
 }
 
+double Session::wire_insertion_mm() const {
+  const CoaxialPair* const coaxial = scene_.coaxial();
+  return coaxial == nullptr ? state_.insertion_mm
+                            : std::min(coaxial->wire_place().insertion_mm, state_.insertion_mm);
+}
+
+void Session::DescribeShape(double insertion_mm, torquer_lcm::wire_state_t& out) const {
+  std::vector<Eigen::Vector3d> nodes;
+  TakePart(scene_.wire(), state_, insertion_mm, nodes);
+  const int n = static_cast<int>(nodes.size()) - 1;
+  out.insertion_mm = insertion_mm;
+  out.segment_count = n;
+  out.stride = n / kMostNodesInMessage + 1;
+  out.nodes_mm.clear();
+  const auto add = [&out](const Eigen::Vector3d& x) {
+    out.nodes_mm.push_back(
+        {static_cast<float>(x[0]), static_cast<float>(x[1]), static_cast<float>(x[2])});
+  };
+  for (int i = 0; i < n; i += out.stride) add(nodes[static_cast<std::size_t>(i)]);
+  add(nodes.back());
+  out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
+  for (int axis = 0; axis < 3; ++axis) out.tip_mm[axis] = nodes.back()[axis];
+}
+
+bool Session::DescribeCatheter(torquer_lcm::wire_state_t& out) const {
+  const CoaxialPair* const coaxial = scene_.coaxial();
+  if (coaxial == nullptr) return false;
+  out.instrument = bus::kCatheter;
+  out.tick = tick_;
+  out.time_s = time_s_;
+  out.command_sequence = command_sequence_;
+  out.commanded_insertion_mm = target_.catheter_insertion_mm;
+  out.commanded_rotation_rad = target_.catheter_rotation_rad;
+  out.rotation_rad = coaxial->catheter_place().rotation_rad;
+  DescribeShape(std::min(coaxial->catheter_place().insertion_mm, state_.insertion_mm), out);
+  out.carried_mm = target_.catheter_insertion_mm - out.insertion_mm;
+  out.residual = report_.residual;
+  out.work = report_.work;
+  out.state_hash = static_cast<std::int64_t>(hash_);
+  out.status = status_;
+  return true;
+}
+
 void Session::Describe(torquer_lcm::wire_state_t& out) const {
+  out.instrument = bus::kGuidewire;
   out.tick = tick_;
   out.time_s = time_s_;
   out.command_sequence = command_sequence_;
   out.commanded_insertion_mm = target_.insertion_mm;
   out.commanded_rotation_rad = target_.rotation_rad;
-  out.insertion_mm = state_.insertion_mm;
+  out.commanded_catheter_insertion_mm = target_.catheter_insertion_mm;
+  out.commanded_catheter_rotation_rad = target_.catheter_rotation_rad;
   out.rotation_rad = state_.rotation_rad;
   // With less than half a segment inside there is no segment yet, and all of it is carried.
-  out.carried_mm = target_.insertion_mm - state_.ArcLength(scene_.wire());
-  const Eigen::Vector3d& tip = state_.nodes.back();
+  DescribeShape(wire_insertion_mm(), out);
+  out.carried_mm =
+      target_.insertion_mm - std::min(out.insertion_mm, state_.ArcLength(scene_.wire()));
   out.energy_mJ = report_.energy_mJ;
   out.residual = report_.residual;
   out.max_penetration_um = 1e3 * report_.max_penetration_mm;
@@ -127,18 +175,6 @@ void Session::Describe(torquer_lcm::wire_state_t& out) const {
   out.status = status_;
 
   const int n = state_.segments();
-  out.segment_count = n;
-  out.stride = n / kMostNodesInMessage + 1;
-  out.nodes_mm.clear();
-  const auto add = [&out](const Eigen::Vector3d& x) {
-    out.nodes_mm.push_back(
-        {static_cast<float>(x[0]), static_cast<float>(x[1]), static_cast<float>(x[2])});
-  };
-  for (int i = 0; i < n; i += out.stride) add(state_.nodes[i]);
-  add(tip);
-  out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
-  for (int axis = 0; axis < 3; ++axis) out.tip_mm[axis] = tip[axis];
-
   // A contact a segment at most, with the deepest of its points.
   const PointSet& points = relaxation_->Current().points;
   out.contact_nodes.clear();
@@ -158,11 +194,15 @@ void Session::Describe(torquer_lcm::wire_state_t& out) const {
 
   out.past_insertion_mm.clear();
   out.past_rotation_rad.clear();
+  out.past_catheter_insertion_mm.clear();
+  out.past_catheter_rotation_rad.clear();
   out.past_time_s.clear();
   out.past_work.clear();
   for (std::size_t k = 1; k < done_.size(); ++k) {
     out.past_insertion_mm.push_back(done_[k].target.insertion_mm);
     out.past_rotation_rad.push_back(done_[k].target.rotation_rad);
+    out.past_catheter_insertion_mm.push_back(done_[k].target.catheter_insertion_mm);
+    out.past_catheter_rotation_rad.push_back(done_[k].target.catheter_rotation_rad);
     out.past_time_s.push_back(done_[k].time_s);
     out.past_work.push_back(done_[k].work);
   }

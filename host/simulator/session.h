@@ -53,8 +53,13 @@ class Session {
   /// Absolute: past the entry point.
   const HandTarget& target() const { return target_; }
 
-  /// Fills all that the session knows of a message; times and instrument stay as they are.
+  /// Fills all that the session knows of a message; times stay as they are.
   void Describe(torquer_lcm::wire_state_t& out) const;
+  /// The same for the catheter around the wire; false where there is none. Contacts, energy and
+  /// what a replay needs stand in the wire's message.
+  bool DescribeCatheter(torquer_lcm::wire_state_t& out) const;
+  /// How far the wire itself reaches; where a catheter goes on beyond it, not as far as the state.
+  double wire_insertion_mm() const;
 
  private:
   // What a tick was given, and did.
@@ -64,6 +69,7 @@ class Session {
     int work;
   };
 
+  void DescribeShape(double insertion_mm, torquer_lcm::wire_state_t& out) const;
   void Observe();
   void RunEffects(double step_s, const effects::Controls& controls);
 

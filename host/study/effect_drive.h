@@ -13,7 +13,7 @@ class EffectDrive {
  public:
   explicit EffectDrive(scene::Scene& scene) : scene_(scene), session_(scene) {
     command_.controls = {.xray = true, .contrast = true};
-    command_.target.insertion_mm = 0;
+    command_.target = session_.target();
   }
 
   /// Fast, to where `ticks` feeds end at 250 mm.

@@ -56,6 +56,13 @@ radii_mm = [0.178]
 curvatures_1_per_mm = [0.0524, 0.0524, 0, 0]
 )"},
       {"torsion", "[effects.torsion]\n"},
+      {"catheter", R"([effects.catheter]
+max_length_mm = 250
+inserted_at_start_mm = 150
+inner_radius_mm = 0.3
+radius_mm = 0.5
+rigidity_N_mm2 = 0.02
+)"},
       {"friction", "[effects.friction]\ncoefficient = 0.1\n"},
       {"compliance", R"([effects.compliance]
 [[effects.compliance.region]]
@@ -207,7 +214,11 @@ class EffectsStudy final : public Study {
     Names all;
     for (const effects::EffectKind& kind : effects::AllEffects()) {
       cases.push_back(WithNeeds({kind.name}));
-      all.emplace_back(kind.name);
+      const auto excludes = [&kind](const effects::EffectKind& other) {
+        return std::string(kind.name) == other.excludes;
+      };
+      const std::vector<effects::EffectKind>& kinds = effects::AllEffects();
+      if (std::none_of(kinds.begin(), kinds.end(), excludes)) all.emplace_back(kind.name);
     }
     for (Names& pair : ShippedPairs(scenes_)) {
       Names whole = WithNeeds(pair);

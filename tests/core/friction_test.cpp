@@ -291,6 +291,20 @@ TEST_CASE("Friction's memory is part of its hash, and Reset clears it") {
   CHECK(slider.friction.Hash(1) == empty);
 }
 
+TEST_CASE("A catheter that slides around the points takes their anchors along with its surface") {
+  Slider slider(0.3, 0.01);
+  slider.points.start = Vector3d(-1, 0, 0);  // the wire lies along x
+  slider.TickAt(Vector3d::Zero());
+  // The wire goes on by 0.5 mm, the catheter around it stays: no friction by that.
+  slider.friction.SlideSurface(slider.points, 0, -0.5);
+  slider.friction.Begin(slider.points);
+  CHECK(slider.Energy(Vector3d(0.5, 0, 0)) == Approx(0).margin(1e-15));
+  CHECK(slider.Energy(Vector3d::Zero()) > 1e-3);
+  // Points beyond the catheter's tip keep theirs.
+  slider.friction.SlideSurface(slider.points, -1, -0.5);
+  CHECK(slider.Energy(Vector3d(0.5, 0, 0)) == Approx(0).margin(1e-15));
+}
+
 TEST_CASE("The friction of a wire that twists is that of its surface, by finite differences") {
   const WireModel model = MakeWire({.segment_mm = 1,
                                     .rigidity_N_mm2 = 1e-2,

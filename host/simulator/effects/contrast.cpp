@@ -26,8 +26,8 @@ signed char Sign(double x) { return static_cast<signed char>((x > 0) - (x < 0));
 }  // namespace
 
 Contrast::Contrast(const Flow& flow, const ContrastSettings& settings,
-                   const Eigen::Vector3d& entry_mm)
-    : flow_(flow), settings_(settings), entry_mm_(entry_mm) {
+                   const Eigen::Vector3d& entry_mm, const CoaxialPair* coaxial)
+    : flow_(flow), settings_(settings), entry_mm_(entry_mm), coaxial_(coaxial) {
   const FlowGraph& graph = flow.graph();
   std::size_t most = 0;
   for (const FlowEdge& edge : graph.edges()) {
@@ -111,13 +111,18 @@ std::vector<Reading> Contrast::Readings() const {
 }
 
 void Contrast::Advance(const TickView& tick) {
-  Advance(tick.time_s, tick.step_s, tick.controls.contrast, tick.state.nodes.back());
+  const bool by_catheter = settings_.site == ContrastSettings::Site::kCatheter;
+  Advance(tick.time_s, tick.step_s, tick.controls.contrast,
+          by_catheter
+              ? PointAt(coaxial_->rod(), tick.state, coaxial_->catheter_place().insertion_mm)
+              : tick.state.nodes.back());
 }
 
 void Contrast::Advance(double time_s, double step_s, bool injecting,
                        const Eigen::Vector3d& tip_mm) {
   if (!(step_s > 0) || (clear_ && !injecting)) return;
-  if (injecting && settings_.site == ContrastSettings::Site::kTip) {
+  if (injecting && (settings_.site == ContrastSettings::Site::kTip ||
+                    settings_.site == ContrastSettings::Site::kCatheter)) {
     source_age_s_ += step_s;
     if (source_.edge < 0 || source_age_s_ >= kSourceRenewalS) {
       PlaceSource(flow_.graph().network().NearestTo(tip_mm));
@@ -309,40 +314,45 @@ EffectKind ContrastKind() {
   static const Key kDispersion = {
       "dispersion_mm2_s", "mm^2/s", 0, 5000, 100, "spreads the dye along the vessel"};
   static const Key kCell = {"cell_mm", "mm", 0.25, 20, 2, "length of a cell along the vessel"};
-  return {.name = "contrast",
-          .summary = "contrast agent, injected with the button, carried by the flow and washed out",
-          .roles = "evolution, observer",
-          .keys = {kRate, kConcentration, kDispersion, kCell},
-          .other_keys = {{"at", "\"entry\", \"tip\" or \"place\"; if not given \"entry\"",
-                          "where it comes in: at the sheath, at the wire's tip (on the centerline "
-                          "nearest to it), or at a place on a centerline"},
-                         {"centerline", "text", "with at = \"place\": the centerline"},
-                         {"at_mm", "0 to 1e5 mm", "with at = \"place\": arc length on it"}},
-          .needs = "flow",
-          .make = [](StrictTable& keys, const EffectContext& context) -> std::unique_ptr<Effect> {
-            const auto* flow = FindEarlier<Flow>(context);
-            if (flow == nullptr) {
-              keys.Refuse("rate_mL_s", "needs [effects.flow]; add it or remove [effects.contrast]");
-            }
-            using Site = ContrastSettings::Site;
-            const Site sites[] = {Site::kEntry, Site::kTip, Site::kPlace};
-            ContrastSettings settings;
-            settings.site = sites[keys.Choice("at", {"entry", "tip", "place"}, 0)];
-            if (settings.site == Site::kPlace) {
-              const std::string curve = keys.Text("centerline");
-              const double at_mm = keys.Number("at_mm", 0, 1e5);
-              try {
-                settings.place = flow->graph().network().Place(curve, at_mm);
-              } catch (const UserError& error) {
-                keys.Refuse("centerline", error.what());
-              }
-            }
-            settings.rate_mL_s = kRate.Read(keys);
-            settings.concentration_mg_mL = kConcentration.Read(keys);
-            settings.dispersion_mm2_s = kDispersion.Read(keys);
-            settings.cell_mm = kCell.Read(keys);
-            return std::make_unique<Contrast>(*flow, settings, context.wire.sheath().point_mm);
-          }};
+  return {
+      .name = "contrast",
+      .summary = "contrast agent, injected with the button, carried by the flow and washed out",
+      .roles = "evolution, observer",
+      .keys = {kRate, kConcentration, kDispersion, kCell},
+      .other_keys = {{"at", "\"entry\", \"tip\", \"catheter\" or \"place\"; if not given \"entry\"",
+                      "where it comes in: at the sheath, at the wire's or the catheter's tip "
+                      "(on the centerline nearest to it), or at a place on a centerline"},
+                     {"centerline", "text", "with at = \"place\": the centerline"},
+                     {"at_mm", "0 to 1e5 mm", "with at = \"place\": arc length on it"}},
+      .needs = "flow",
+      .make = [](StrictTable& keys, const EffectContext& context) -> std::unique_ptr<Effect> {
+        const auto* flow = FindEarlier<Flow>(context);
+        if (flow == nullptr) {
+          keys.Refuse("rate_mL_s", "needs [effects.flow]; add it or remove [effects.contrast]");
+        }
+        using Site = ContrastSettings::Site;
+        const Site sites[] = {Site::kEntry, Site::kTip, Site::kCatheter, Site::kPlace};
+        ContrastSettings settings;
+        settings.site = sites[keys.Choice("at", {"entry", "tip", "catheter", "place"}, 0)];
+        if (settings.site == Site::kCatheter && context.coaxial == nullptr) {
+          keys.Refuse("at", "needs [effects.catheter]; add it or choose another place");
+        }
+        if (settings.site == Site::kPlace) {
+          const std::string curve = keys.Text("centerline");
+          const double at_mm = keys.Number("at_mm", 0, 1e5);
+          try {
+            settings.place = flow->graph().network().Place(curve, at_mm);
+          } catch (const UserError& error) {
+            keys.Refuse("centerline", error.what());
+          }
+        }
+        settings.rate_mL_s = kRate.Read(keys);
+        settings.concentration_mg_mL = kConcentration.Read(keys);
+        settings.dispersion_mm2_s = kDispersion.Read(keys);
+        settings.cell_mm = kCell.Read(keys);
+        return std::make_unique<Contrast>(*flow, settings, context.wire.sheath().point_mm,
+                                          context.coaxial);
+      }};
 }
 
 }  // namespace torquer::effects

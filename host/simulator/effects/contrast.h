@@ -15,7 +15,7 @@
 namespace torquer::effects {
 
 struct ContrastSettings {
-  enum class Site { kEntry, kTip, kPlace };
+  enum class Site { kEntry, kTip, kCatheter, kPlace };
   Site site = Site::kEntry;
   vessel::CenterlinePlace place;  ///< for kPlace
   double rate_mL_s = 0;
@@ -27,7 +27,9 @@ struct ContrastSettings {
 class Contrast final : public Effect, public Evolution, public Observer {
  public:
   /// `flow` must outlive this. entry_mm: where kEntry injects.
-  Contrast(const Flow& flow, const ContrastSettings& settings, const Eigen::Vector3d& entry_mm);
+  /// coaxial: needed where the dye comes in at the catheter's tip.
+  Contrast(const Flow& flow, const ContrastSettings& settings, const Eigen::Vector3d& entry_mm,
+           const CoaxialPair* coaxial = nullptr);
 
   Evolution* evolution() override { return this; }
   Observer* observer() override { return this; }
@@ -79,6 +81,7 @@ class Contrast final : public Effect, public Evolution, public Observer {
   const Flow& flow_;
   const ContrastSettings settings_;
   const Eigen::Vector3d entry_mm_;
+  const CoaxialPair* const coaxial_;
   std::vector<Cells> cells_;
   std::vector<double> concentration_;    // of each cell, mg/mL
   std::vector<double> volume_;           // of each cell, mm^3

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "host/simulator/core/coaxial/coaxial_pair.h"
 #include "host/simulator/core/energy_term.h"
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/core/wire_mechanics.h"
@@ -37,6 +38,9 @@ struct EffectContext {
   vessel::PatientAxes axes = {};
   const std::vector<std::unique_ptr<Effect>>* earlier = nullptr;  ///< made before this one
   const vessel::MovingField* moving = nullptr;  ///< the vessel as it moves; null where it does not
+  /// Wire and catheter, of which `wire` is the rod that they are together; null without catheter.
+  const CoaxialPair* coaxial = nullptr;
+  double catheter_inner_mm = 0;  ///< radius of its lumen
 };
 
 /// What the hand does besides moving the wire.
@@ -148,6 +152,15 @@ struct OtherKey {
 /// Changes the sections of a wire.
 using ShapeChange = std::function<void(std::vector<WireSection>&)>;
 
+/// A catheter before it is cut into segments.
+struct CatheterParts {
+  std::vector<WireSection> sections;
+  double tip_mm = 0;
+  double max_length_mm = 0;
+  double inserted_at_start_mm = 0;
+  double inner_radius_mm = 0;
+};
+
 /// One row of the table of effects.
 struct EffectKind {
   const char* name;     ///< as in [effects.NAME]
@@ -155,7 +168,8 @@ struct EffectKind {
   const char* roles;
   std::vector<Key> keys;
   std::vector<OtherKey> other_keys;
-  const char* needs;  ///< the effect that must be named too; "" for none
+  const char* needs;          ///< the effect that must be named too; "" for none
+  const char* excludes = "";  ///< the effect that must not be named too; "" for none
   /// Reads the effect's keys. Throws UserError naming file, key, value and remedy. Null where the
   /// effect is nothing but the wire's sections.
   std::unique_ptr<Effect> (*make)(StrictTable& keys, const EffectContext& context);
@@ -163,6 +177,8 @@ struct EffectKind {
   std::vector<WireSection> (*sections)(StrictTable& keys) = nullptr;
   /// Role *shape*: changes the wire's sections, wherever they are from; null for all others.
   ShapeChange (*shape)(StrictTable& keys) = nullptr;
+  /// Role *instrument*: a second one around the wire; null for all others.
+  CatheterParts (*catheter)(StrictTable& keys, double segment_mm) = nullptr;
 };
 
 /// All effects there are, in the order in which they are made.

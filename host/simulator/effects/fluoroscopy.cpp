@@ -24,8 +24,13 @@ constexpr std::uint64_t kMaskPicture = 1ULL << 40;  // the mask's noise is no ot
 }  // namespace
 
 Fluoroscopy::Fluoroscopy(const FluoroscopySettings& settings, const WireModel& wire,
-                         const Contrast* contrast, std::vector<const vessel::FieldMotion*> motions)
-    : settings_(settings), wire_(wire), contrast_(contrast), motions_(std::move(motions)) {
+                         const Contrast* contrast, std::vector<const vessel::FieldMotion*> motions,
+                         const CoaxialPair* coaxial)
+    : settings_(settings),
+      wire_(wire),
+      contrast_(contrast),
+      motions_(std::move(motions)),
+      coaxial_(coaxial) {
   if (contrast_ != nullptr) LayLumen();
   const auto pixels =
       static_cast<std::size_t>(settings.arm.width) * static_cast<std::size_t>(settings.arm.height);
@@ -90,18 +95,42 @@ bool Fluoroscopy::Take(const TickView& tick) {
   shot.pedal = pedal_;
   shot.time_s = tick.time_s;
   shot.controls = tick.controls;
-  const int n = tick.state.segments();
-  shot.wire.resize(static_cast<std::size_t>(n) + 1);
-  for (int i = 0; i <= n; ++i) {
-    const int from_tip = n - i;
-    const bool marker = from_tip * wire_.segment_mm() <= settings_.marker_mm;
-    shot.wire[static_cast<std::size_t>(i)] = {tick.state.nodes[static_cast<std::size_t>(i)],
-                                              wire_.radius_mm(from_tip),
-                                              marker ? settings_.marker_1_mm : settings_.wire_1_mm};
-  }
+  TakeInstruments(tick.state, shot);
   TakeDye(shot);
   shots_.Publish();
   return true;
+}
+
+void Fluoroscopy::TakeInstruments(const WireState& state, Shot& shot) {
+  // Along one polyline, by the distance of each node from the instrument's tip.
+  const auto take = [this, &state](double reach_mm, const WireModel& model, auto attenuation,
+                                   std::vector<WirePoint>& out) {
+    TakePart(wire_, state, reach_mm, nodes_);
+    out.resize(nodes_.size());
+    double from_tip_mm = 0;
+    for (std::size_t i = nodes_.size(); i-- > 0;) {
+      if (i + 1 < nodes_.size()) from_tip_mm += (nodes_[i + 1] - nodes_[i]).norm();
+      const int from_tip = static_cast<int>(std::lround(from_tip_mm / model.segment_mm()));
+      out[i] = {nodes_[i], model.radius_mm(from_tip), attenuation(from_tip_mm)};
+    }
+  };
+  const auto wire = [this](double from_tip_mm) {
+    constexpr double kRounding = 1e-6;
+    return from_tip_mm <= settings_.marker_mm + kRounding ? settings_.marker_1_mm
+                                                          : settings_.wire_1_mm;
+  };
+  if (coaxial_ == nullptr) {
+    take(state.insertion_mm, wire_, wire, shot.wire);
+    return;
+  }
+  const auto wall = [this](double) { return settings_.catheter_1_mm; };
+  take(coaxial_->wire_place().insertion_mm, coaxial_->wire(), wire, shot.wire);
+  take(coaxial_->catheter_place().insertion_mm, coaxial_->catheter(), wall, shot.catheter);
+  shot.lumen = shot.catheter;
+  for (WirePoint& point : shot.lumen) {
+    point.radius_mm = settings_.catheter_inner_mm;
+    point.attenuation_1_mm = -settings_.catheter_1_mm;
+  }
 }
 
 void Fluoroscopy::TakeDye(Shot& shot) {
@@ -167,6 +196,8 @@ void Fluoroscopy::Render(Picture& out) {
   FindBody(shot.controls);
   const Projection projection(arm, shot.controls.lao_rad, shot.controls.cra_rad);
   devices_.Clear(arm.width, arm.height);
+  AddWire(projection, shot.catheter, devices_);
+  AddWire(projection, shot.lumen, devices_);
   AddWire(projection, shot.wire, devices_);
   Blur(devices_, scratch_);
   PaintDye(shot, projection);
@@ -249,6 +280,7 @@ const Key kGain = {"gain", "", 0.01, 10, 0.4, "of the gray range, for a factor e
 const Key kWire = {"wire_1_mm", "1/mm", 0, 20, 0.8, "attenuation of the wire"};
 const Key kMarker = {"marker_1_mm", "1/mm", 0, 20, 4, "attenuation of the wire's opaque tip"};
 const Key kMarkerLength = {"marker_mm", "mm", 0, 1000, 30, "length of the wire's opaque tip"};
+const Key kCatheter = {"catheter_1_mm", "1/mm", 0, 20, 0.4, "attenuation of a catheter's wall"};
 const Key kIodine = {"iodine_1_mm_mg_mL",
                      "1/mm per mg/mL",
                      0,
@@ -289,6 +321,12 @@ std::unique_ptr<Effect> MakeFluoroscopy(StrictTable& keys, const EffectContext& 
   s.wire_1_mm = kWire.Read(keys);
   s.marker_1_mm = kMarker.Read(keys);
   s.marker_mm = kMarkerLength.Read(keys);
+  if (context.coaxial != nullptr) {
+    s.catheter_1_mm = kCatheter.Read(keys);
+    s.catheter_inner_mm = context.catheter_inner_mm;
+  } else if (keys.Has(kCatheter.name)) {
+    keys.Refuse(kCatheter.name, "needs [effects.catheter]; add it or remove this");
+  }
   s.iodine_1_mm_mg_mL = kIodine.Read(keys);
   s.body.width_mm = kBodyWidth.Read(keys);
   s.body.depth_mm = kBodyDepth.Read(keys);
@@ -302,26 +340,27 @@ std::unique_ptr<Effect> MakeFluoroscopy(StrictTable& keys, const EffectContext& 
     }
   }
   return std::make_unique<Fluoroscopy>(s, context.wire, FindEarlier<Contrast>(context),
-                                       std::move(motions));
+                                       std::move(motions), context.coaxial);
 }
 
 }  // namespace
 
 EffectKind FluoroscopyKind() {
-  return {.name = "fluoroscopy",
-          .summary = "the X-ray picture under the C-arm's angles, while the pedal is down",
-          .roles = "image",
-          .keys = {kWidth, kHeight, kSid, kSod, kDetector, kRate, kPhotons, kGain, kWire, kMarker,
-                   kMarkerLength, kIodine, kBodyWidth, kBodyDepth, kTissue, kSpine, kSeed},
-          .other_keys = {{"mode", "\"plain\", \"subtraction\" or \"roadmap\"; if not given plain",
-                          "as the detector sees it; less the first picture since the pedal went "
-                          "down; or that with the densest dye so far as a bright map"},
-                         {"isocenter_mm", "a point; if not given the middle of the vessel",
-                          "about which the C-arm turns"},
-                         {"body_center_mm", "a point; if not given the middle of the vessel",
-                          "middle of the patient's body"}},
-          .needs = "",
-          .make = MakeFluoroscopy};
+  return {
+      .name = "fluoroscopy",
+      .summary = "the X-ray picture under the C-arm's angles, while the pedal is down",
+      .roles = "image",
+      .keys = {kWidth, kHeight, kSid, kSod, kDetector, kRate, kPhotons, kGain, kWire, kMarker,
+               kMarkerLength, kCatheter, kIodine, kBodyWidth, kBodyDepth, kTissue, kSpine, kSeed},
+      .other_keys = {{"mode", "\"plain\", \"subtraction\" or \"roadmap\"; if not given plain",
+                      "as the detector sees it; less the first picture since the pedal went "
+                      "down; or that with the densest dye so far as a bright map"},
+                     {"isocenter_mm", "a point; if not given the middle of the vessel",
+                      "about which the C-arm turns"},
+                     {"body_center_mm", "a point; if not given the middle of the vessel",
+                      "middle of the patient's body"}},
+      .needs = "",
+      .make = MakeFluoroscopy};
 }
 
 }  // namespace torquer::effects

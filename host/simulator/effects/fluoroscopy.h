@@ -29,6 +29,8 @@ struct FluoroscopySettings {
   double wire_1_mm = 0.8;
   double marker_1_mm = 4;
   double marker_mm = 30;              ///< length of the opaque distal part
+  double catheter_1_mm = 0.4;         ///< of its wall
+  double catheter_inner_mm = 0;       ///< radius of its lumen
   double iodine_1_mm_mg_mL = 7.6e-4;  ///< attenuation per concentration
   std::uint64_t seed = 1;
 };
@@ -36,8 +38,10 @@ struct FluoroscopySettings {
 class Fluoroscopy final : public Effect, public ImageSource {
  public:
   /// contrast may be null: no dye then. motions: what moves the vessel. All outlive this.
+  /// coaxial: wire and catheter, or null for a wire alone.
   Fluoroscopy(const FluoroscopySettings& settings, const WireModel& wire, const Contrast* contrast,
-              std::vector<const vessel::FieldMotion*> motions);
+              std::vector<const vessel::FieldMotion*> motions,
+              const CoaxialPair* coaxial = nullptr);
 
   ImageSource* image() override { return this; }
   void Restart() override;
@@ -56,6 +60,8 @@ class Fluoroscopy final : public Effect, public ImageSource {
     double time_s = 0;
     Controls controls;
     std::vector<WirePoint> wire;
+    std::vector<WirePoint> catheter;  // empty without one
+    std::vector<WirePoint> lumen;     // what the catheter's wall leaves out
     bool has_dye = false;
     std::vector<float> dye_1_mm;           // at each lumen point
     std::vector<Eigen::Vector3f> offsets;  // of each lumen point, where the vessel moves
@@ -71,6 +77,7 @@ class Fluoroscopy final : public Effect, public ImageSource {
   };
 
   void LayLumen();
+  void TakeInstruments(const WireState& state, Shot& shot);
   void TakeDye(Shot& shot);
   void FindBody(const Controls& controls);
   void PaintDye(const Shot& shot, const Projection& projection);
@@ -81,12 +88,14 @@ class Fluoroscopy final : public Effect, public ImageSource {
   const WireModel& wire_;
   const Contrast* const contrast_;
   const std::vector<const vessel::FieldMotion*> motions_;
+  const CoaxialPair* const coaxial_;
   std::vector<Branch> branches_;
   std::vector<LumenPoint> lumen_;
   std::vector<CellPlace> cell_places_;
 
   // On the thread of the ticks.
   Latest<Shot> shots_;
+  std::vector<Eigen::Vector3d> nodes_;
   std::vector<Eigen::Vector3f> offsets_;
   double next_s_ = 0;
   bool was_down_ = false;

@@ -2,6 +2,7 @@
 
 #include "host/simulator/effects/assessment.h"
 #include "host/simulator/effects/breathing.h"
+#include "host/simulator/effects/catheter.h"
 #include "host/simulator/effects/compliance.h"
 #include "host/simulator/effects/contrast.h"
 #include "host/simulator/effects/effect.h"
@@ -21,9 +22,9 @@ namespace torquer::effects {
 const std::vector<EffectKind>& AllEffects() {
   // In the order in which they are made: what needs another comes after it.
   static const std::vector<EffectKind> kinds = {
-      SectionsKind(), TorsionKind(),  HeartbeatKind(),   BreathingKind(), ComplianceKind(),
-      FrictionKind(), GravityKind(),  PointLoadKind(),   WallForceKind(), AssessmentKind(),
-      FlowKind(),     ContrastKind(), FluoroscopyKind(),
+      SectionsKind(),   TorsionKind(),  CatheterKind(), HeartbeatKind(),   BreathingKind(),
+      ComplianceKind(), FrictionKind(), GravityKind(),  PointLoadKind(),   WallForceKind(),
+      AssessmentKind(), FlowKind(),     ContrastKind(), FluoroscopyKind(),
   };
   return kinds;
 }
@@ -66,6 +67,7 @@ std::string DescribeEffects(bool markdown) {
     if (markdown) out << "\n";
     out << (markdown ? "Role: " : "    role: ") << kind.roles;
     if (*kind.needs != 0) out << "; needs [effects." << kind.needs << "]";
+    if (*kind.excludes != 0) out << "; not with [effects." << kind.excludes << "]";
     out << (markdown ? "\n\n" : "\n");
     for (const Key& key : kind.keys) {
       out << item << key.name << item_end << ": " << key.meaning;

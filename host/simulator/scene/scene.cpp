@@ -126,6 +126,7 @@ void Scene::ReadWire(StrictTable& file) {
   }
   try {
     wire_ = MakeWire(segment_mm, law);
+    ReadCatheter(file, segment_mm, law);
   } catch (const std::invalid_argument& error) {
     throw UserError(wire.Where() + ": wire: " + error.what());
   }
@@ -178,6 +179,35 @@ void Scene::ReadPlainWire(StrictTable& wire, double segment_mm) {
     if (!(from_tip[k] > from_tip[k - 1])) {
       wire.Refuse("rigidities_from_tip_mm", "must ascend");
     }
+  }
+}
+
+void Scene::ReadCatheter(StrictTable& file, double segment_mm, BendingLaw law) {
+  StrictTable* effects = file.OptionalTable("effects");
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    if (kind.catheter == nullptr || effects == nullptr || !effects->Has(kind.name)) continue;
+    StrictTable& keys = effects->Table(kind.name);
+    effects::CatheterParts parts = kind.catheter(keys, segment_mm);
+    if (*kind.excludes != 0 && effects->Has(kind.excludes)) {
+      effects->Refuse(kind.name, "cannot be simulated together with [effects." +
+                                     std::string(kind.excludes) + "]; remove one of the two");
+    }
+    if (!(parts.inner_radius_mm > parts_.radius_mm)) {
+      keys.Refuse("inner_radius_mm", "must be more than the wire's radius, " +
+                                         std::to_string(parts_.radius_mm) + " mm");
+    }
+    if (parts.inserted_at_start_mm > 0 && start_path_mm_.empty()) {
+      keys.Refuse("inserted_at_start_mm",
+                  "needs centerlines to lie along; give the entry as a place on a centerline");
+    }
+    for (const WireSection& section : parts.sections) {
+      parts_.radius_mm = std::max(parts_.radius_mm, section.radius_mm);
+    }
+    catheter_at_start_mm_ = parts.inserted_at_start_mm;
+    catheter_inner_mm_ = parts.inner_radius_mm;
+    coaxial_ = std::make_unique<CoaxialPair>(
+        *wire_, WireModel(segment_mm, std::move(parts.sections), parts.tip_mm, parts.max_length_mm,
+                          law, parts_.sheath));
   }
 }
 
@@ -261,21 +291,24 @@ void Scene::MakeEffect(const effects::EffectKind& kind, StrictTable& effects) {
   }
   effect_names_.emplace_back(kind.name);
   if (kind.make == nullptr) {  // read with the wire
-    if (method_ == Method::kPaper && wire_->twists() && kind.shape != nullptr) {
+    if (method_ == Method::kPaper && kind.sections == nullptr) {
       effects.Refuse(kind.name,
-                     "twists the wire, which the paper's method does not know; remove it or choose "
-                     "relaxation.method = \"newton\"");
+                     "is not known to the paper's method, whose wire does not twist and is alone; "
+                     "remove it or choose relaxation.method = \"newton\"");
     }
     return;
   }
-  effects_.push_back(kind.make(effects.Table(kind.name), {.wire = *wire_,
-                                                          .wall = wall_,
-                                                          .field = vessel_.field.get(),
-                                                          .centerlines = &vessel_.centerlines,
-                                                          .bounds_mm = vessel_.bounds_mm,
-                                                          .axes = axes_,
-                                                          .earlier = &effects_,
-                                                          .moving = moving_.get()}));
+  effects_.push_back(
+      kind.make(effects.Table(kind.name), {.wire = wire(),
+                                           .wall = wall_,
+                                           .field = vessel_.field.get(),
+                                           .centerlines = &vessel_.centerlines,
+                                           .bounds_mm = vessel_.bounds_mm,
+                                           .axes = axes_,
+                                           .earlier = &effects_,
+                                           .moving = moving_.get(),
+                                           .coaxial = coaxial_.get(),
+                                           .catheter_inner_mm = catheter_inner_mm_}));
   effects::Effect& effect = *effects_.back();
   EnergyTerm* const term = effect.energy_term();
   const WallStiffness* const stiffness = effect.wall_stiffness();
@@ -298,16 +331,20 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation() {
     return std::make_unique<PaperRelaxation>(*wire_, *vessel_.field, wall_, paper_);
   }
   const ClearanceField& field = moving_ != nullptr ? *moving_ : *vessel_.field;
+  if (coaxial_ != nullptr) {
+    return std::make_unique<CoaxialRelaxation>(*coaxial_, InstrumentPlace{inserted_at_start_mm_, 0},
+                                               InstrumentPlace{catheter_at_start_mm_, 0}, field,
+                                               wall_, newton_, terms_);
+  }
   return MakeNewtonRelaxation(*wire_, field, wall_, newton_, terms_);
 }
 
 WireState Scene::MakeStart(Relaxation& relaxation) const {
-  WireState state(*wire_);
-  if (inserted_at_start_mm_ > 0) {
-    LayAlong(*wire_, start_path_mm_, inserted_at_start_mm_, state);
-  }
+  WireState state(wire());
+  const HandTarget here = start();
+  const double reach_mm = std::max(here.insertion_mm, here.catheter_insertion_mm);
+  if (reach_mm > 0) LayAlong(wire(), start_path_mm_, reach_mm, state);
   relaxation.Restart(state);
-  const HandTarget here{state.insertion_mm, state.rotation_rad};
   for (int tick = 0; tick < 20; ++tick) {
     CountedBudget budget(budget_units_);
     if (relaxation.Tick(here, budget, state).converged) break;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
+#include "host/simulator/core/coaxial/coaxial_relaxation.h"
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/paper/paper_relaxation.h"
 #include "host/simulator/core/wire_mechanics.h"
@@ -49,7 +50,11 @@ class Scene {
   const std::string& name() const { return name_; }
   const Vessel& vessel() const { return vessel_; }
   const PatientAxes& axes() const { return axes_; }
-  const WireModel& wire() const { return *wire_; }
+  /// The wire; with a catheter around it the rod that they are together.
+  const WireModel& wire() const { return coaxial_ != nullptr ? coaxial_->rod() : *wire_; }
+  /// Null without a catheter.
+  CoaxialPair* coaxial() { return coaxial_.get(); }
+  const CoaxialPair* coaxial() const { return coaxial_.get(); }
   /// The same wire cut otherwise, for comparisons. Throws std::invalid_argument as WireModel does.
   std::unique_ptr<WireModel> MakeWire(double segment_mm, BendingLaw law) const;
   const WallModel& wall() const { return wall_; }
@@ -57,6 +62,7 @@ class Scene {
   double budget_us() const { return budget_us_; }     ///< of a tick in real time
   int budget_units() const { return budget_units_; }  ///< of a tick of a script
   double inserted_at_start_mm() const { return inserted_at_start_mm_; }
+  double catheter_at_start_mm() const { return catheter_at_start_mm_; }
   const std::vector<std::string>& effect_names() const { return effect_names_; }
   /// In the order in which they were made; one for every name but those that only shape the wire.
   const std::vector<std::unique_ptr<effects::Effect>>& effects() const { return effects_; }
@@ -67,6 +73,8 @@ class Scene {
 
   /// A relaxation with this scene's method, wall and effects. One at a time: effects remember.
   std::unique_ptr<Relaxation> MakeRelaxation();
+  /// Where the instruments are at the start.
+  HandTarget start() const { return {inserted_at_start_mm_, 0, catheter_at_start_mm_, 0}; }
   /// The wire at the start: nothing inserted, or laid along the path and relaxed.
   WireState MakeStart(Relaxation& relaxation) const;
 
@@ -89,6 +97,7 @@ class Scene {
   void ReadShape(StrictTable& file, StrictTable& wire, double segment_mm);
   void ReadPlainWire(StrictTable& wire, double segment_mm);
   std::vector<WireSection> Sections(double segment_mm) const;
+  void ReadCatheter(StrictTable& file, double segment_mm, BendingLaw law);
   void ReadRelaxation(StrictTable& file);
   void ReadEffects(StrictTable& file);
   void MakeEffect(const effects::EffectKind& kind, StrictTable& effects);
@@ -103,8 +112,11 @@ class Scene {
   WallModel wall_;
   WireParts parts_;
   std::unique_ptr<WireModel> wire_;
+  std::unique_ptr<CoaxialPair> coaxial_;
   std::vector<Eigen::Vector3d> start_path_mm_;
   double inserted_at_start_mm_ = 0;
+  double catheter_at_start_mm_ = 0;
+  double catheter_inner_mm_ = 0;
   Method method_ = Method::kNewton;
   NewtonSettings newton_;
   PaperSettings paper_;

@@ -98,4 +98,35 @@ void CoaxialPair::Place(const InstrumentPlace& wire, const InstrumentPlace& cath
   rod_.ReplaceJoints(joints_, first.tip_segments());
 }
 
+namespace {
+
+// The node before an arc length, and how far beyond it that is.
+struct Stretch {
+  int node;
+  double beyond_mm;
+};
+
+Stretch Find(const WireModel& rod, const WireState& state, double insertion_mm) {
+  const double s = std::clamp(insertion_mm, 0.0, state.ArcLength(rod));
+  if (state.segments() == 0 || s <= state.first_segment_mm) return {0, s};
+  const double past = s - state.first_segment_mm;
+  const int k = std::min(static_cast<int>(past / rod.segment_mm()), state.segments() - 2);
+  return {k + 1, past - k * rod.segment_mm()};
+}
+
+}  // namespace
+
+Eigen::Vector3d PointAt(const WireModel& rod, const WireState& state, double insertion_mm) {
+  const Stretch at = Find(rod, state, insertion_mm);
+  if (state.segments() == 0) return state.nodes.front();
+  return state.nodes[at.node] + at.beyond_mm * state.tangents[at.node];
+}
+
+void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
+              std::vector<Eigen::Vector3d>& out) {
+  const Stretch at = Find(rod, state, insertion_mm);
+  out.assign(state.nodes.begin(), state.nodes.begin() + at.node + 1);
+  if (at.beyond_mm > 0) out.push_back(PointAt(rod, state, insertion_mm));
+}
+
 }  // namespace torquer

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "host/simulator/core/wire_model.h"
+#include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
@@ -51,5 +52,12 @@ class CoaxialPair {
   InstrumentPlace catheter_place_;
   std::vector<WireModel::Joint> joints_;
 };
+
+/// The nodes of a rod as far as an instrument in it reaches, the last where its tip is. `out` is
+/// overwritten.
+void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
+              std::vector<Eigen::Vector3d>& out);
+/// Where that tip is.
+Eigen::Vector3d PointAt(const WireModel& rod, const WireState& state, double insertion_mm);
 
 }  // namespace torquer
