@@ -101,9 +101,9 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
             {"publish_failures", bus.publish_failures()}};
   };
   const torquer_lcm::scene_description_t description = Describe(session.scene());
-  torquer_lcm::wire_state_t state;
+  torquer_lcm::wire_state_t state{};
   state.clock_id = clock_id;
-  torquer_lcm::wire_state_t catheter = state;
+  torquer_lcm::wire_state_t catheter{};
   const auto publish = [&](double solve_us) {
     session.Describe(state);
     state.origin_us = origin_us;
@@ -111,6 +111,7 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
     state.publish_us = bus::MonotonicUs();
     bus.Publish(bus::kWireStateChannel, state);
     if (!session.DescribeCatheter(catheter)) return;
+    catheter.clock_id = clock_id;
     catheter.origin_us = origin_us;
     catheter.solve_us = solve_us;
     catheter.publish_us = bus::MonotonicUs();

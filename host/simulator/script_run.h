@@ -15,8 +15,9 @@ struct ScriptOutputs {
 };
 
 /// Runs the rows of `script`: CSV with the header time_s,insertion_mm,rotation_rad, absolute since
-/// the start, ascending times; or with four more columns, lao_deg,cra_deg,xray,contrast, of which
-/// the last two are 0 or 1. Returns the number of rows that did not converge.
+/// the start, ascending times; if need be with lao_deg,cra_deg,xray,contrast, of which the last two
+/// are 0 or 1, and then, where the scene has a catheter, catheter_insertion_mm,
+/// catheter_rotation_rad. Returns the number of rows that did not converge.
 /// Throws UserError naming file, line, value and remedy.
 int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs);
 

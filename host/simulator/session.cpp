@@ -135,6 +135,7 @@ void Session::DescribeShape(double insertion_mm, torquer_lcm::wire_state_t& out)
 bool Session::DescribeCatheter(torquer_lcm::wire_state_t& out) const {
   const CoaxialPair* const coaxial = scene_.coaxial();
   if (coaxial == nullptr) return false;
+  out = {};  // all that it shares with the wire is in that one's message
   out.instrument = bus::kCatheter;
   out.tick = tick_;
   out.time_s = time_s_;

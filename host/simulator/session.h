@@ -55,8 +55,8 @@ class Session {
 
   /// Fills all that the session knows of a message; times stay as they are.
   void Describe(torquer_lcm::wire_state_t& out) const;
-  /// The same for the catheter around the wire; false where there is none. Contacts, energy and
-  /// what a replay needs stand in the wire's message.
+  /// The same for the catheter around the wire, all else zero; false where there is none. Contacts,
+  /// energy and what a replay needs stand in the wire's message.
   bool DescribeCatheter(torquer_lcm::wire_state_t& out) const;
   /// How far the wire itself reaches; where a catheter goes on beyond it, not as far as the state.
   double wire_insertion_mm() const;

@@ -70,6 +70,48 @@ TEST_CASE("Live, commands become states with their times and doubts", "[simulato
   CHECK(statistics.commands >= 22);
 }
 
+TEST_CASE("Live, the catheter follows a box of its own", "[simulator]") {
+  torquer::test::NeedPrivateNetwork();
+  const SceneFile file(torquer::test::kCatheter);
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::Session session(scene);
+  torquer::bus::Bus simulator_bus;
+  torquer::bus::Bus hand_bus;
+  torquer_lcm::wire_state_t wire{};
+  torquer_lcm::wire_state_t catheter{};
+  hand_bus.Subscribe<torquer_lcm::wire_state_t>(
+      torquer::bus::kWireStateChannel,
+      [&](const torquer_lcm::wire_state_t& state) {
+        (state.instrument == torquer::bus::kCatheter ? catheter : wire) = state;
+      },
+      0);
+  std::atomic<bool> stop{false};
+  std::thread simulator([&] { torquer::simulator::RunLive(session, simulator_bus, stop); });
+  torquer_lcm::instrument_command_t command{};
+  command.clock_id = torquer::bus::ClockId();
+  const auto send = [&](const char* instrument, double insertion_mm, double rotation_rad,
+                        const torquer_lcm::wire_state_t& answer) {
+    command.instrument = instrument;
+    command.insertion_mm = insertion_mm;
+    command.rotation_rad = rotation_rad;
+    for (int k = 0; k < 6000 && std::abs(answer.rotation_rad - rotation_rad) > 1e-12; ++k) {
+      ++command.sequence;
+      hand_bus.Publish(torquer::bus::kInstrumentCommandChannel, command);
+      hand_bus.Handle(10);
+    }
+    CHECK(answer.rotation_rad == rotation_rad);
+  };
+  send(torquer::bus::kCatheter, 5, 0.3, catheter);
+  CHECK(catheter.insertion_mm == Approx(65));
+  CHECK(wire.insertion_mm == Approx(120));
+  send(torquer::bus::kGuidewire, -1, -0.2, wire);
+  CHECK(wire.insertion_mm == Approx(119));
+  CHECK(wire.commanded_catheter_insertion_mm == 65);
+  CHECK(catheter.insertion_mm == Approx(65));
+  stop = true;
+  simulator.join();
+}
+
 TEST_CASE("Live, what observers find is published while the scene runs and when it ends",
           "[simulator]") {
   torquer::test::NeedPrivateNetwork();

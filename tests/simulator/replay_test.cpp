@@ -28,13 +28,12 @@ void Record(const std::string& scene_file, const std::string& log, int ticks,
     if (tick > 0) {
       Command command;
       command.sequence = tick;
-      command.target = {120 + 15 * std::sin(0.07 * tick) + 0.013 * tick,
-                        0.1 * std::cos(0.2 * tick)};
+      command.target = {120 + 15 * std::sin(0.07 * tick) + 0.013 * tick, 0.1 * std::cos(0.2 * tick),
+                        60 + 0.5 * tick, 0.02 * tick};
       torquer::CountedBudget budget(static_cast<int>(1 + random() % 12));
       session.Tick(command, budget);
     }
     torquer_lcm::wire_state_t state;
-    state.instrument = torquer::bus::kGuidewire;
     session.Describe(state);
     if (!spoil(state)) continue;
     std::vector<std::uint8_t> bytes(static_cast<std::size_t>(state.getEncodedSize()));
@@ -54,8 +53,10 @@ bool Keep(torquer_lcm::wire_state_t&) { return true; }
 }  // namespace
 
 TEST_CASE("A replay repeats the work and reaches the same states to the bit", "[simulator]") {
-  const std::string more = GENERATE(std::string(""), std::string(torquer::test::kFriction),
-                                    std::string(torquer::test::kPaperMethod));
+  const std::string more =
+      GENERATE(std::string(""), std::string(torquer::test::kFriction),
+               std::string(torquer::test::kPaperMethod),
+               std::string(torquer::test::kCatheter) + torquer::test::kFriction);
   const SceneFile file(more);
   Record(file.path(), file.Beside("log"), 150, Keep);
   torquer::scene::Scene scene(file.path());

@@ -30,6 +30,9 @@ class SceneFile {
 };
 
 inline constexpr char kPaperMethod[] = "[relaxation]\nmethod = \"paper\"\n";
+inline constexpr char kCatheter[] =
+    "[effects.catheter]\nmax_length_mm = 150\ninserted_at_start_mm = 60\ninner_radius_mm = 0.3\n"
+    "radius_mm = 0.5\nrigidity_N_mm2 = 0.01\ntip_mm = 10\ntip_angle_deg = 20\n";
 inline constexpr char kFriction[] = "[effects.friction]\ncoefficient = 0.1\n";
 
 }  // namespace torquer::test

@@ -48,6 +48,28 @@ TEST_CASE("A script gives one JSON object a row, absolute since the start", "[si
   }
 }
 
+TEST_CASE("A script moves the catheter where there is one", "[simulator]") {
+  const SceneFile file(torquer::test::kCatheter);
+  Write(file.Beside("s.csv"),
+        "time_s,insertion_mm,rotation_rad,catheter_insertion_mm,catheter_rotation_rad\n"
+        "0.0,0,0,0,0\n0.1,1,0.1,2,-0.5\n");
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""});
+  std::ifstream in(file.Beside("s.jsonl"));
+  std::string line;
+  std::getline(in, line);
+  std::getline(in, line);
+  const auto row = nlohmann::json::parse(line);
+  CHECK(row["insertion_mm"].get<double>() == Approx(121));
+  CHECK(row["catheter_insertion_mm"].get<double>() == Approx(62));
+  CHECK(row["catheter_rotation_rad"].get<double>() == Approx(-0.5));
+
+  const SceneFile alone;
+  torquer::scene::Scene without(alone.path());
+  CHECK_THROWS_WITH(torquer::simulator::RunScript(without, file.Beside("s.csv"), {}),
+                    Contains("effects.catheter"));
+}
+
 TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
   const SceneFile file;
   torquer::scene::Scene scene(file.path());
