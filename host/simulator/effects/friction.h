@@ -78,7 +78,7 @@ class Friction final : public Effect, public EnergyTerm {
   const vessel::MovingField* const moving_;  ///< null where the vessel rests
   std::vector<Anchor> anchors_;
   std::vector<Lie> lies_;  ///< the same; empty for a wire that does not twist
-  int anchored_ = 0;  ///< anchors beyond this many are blank
+  int anchored_ = 0;       ///< anchors beyond this many are blank
 };
 
 EffectKind FrictionKind();
