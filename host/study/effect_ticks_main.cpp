@@ -16,25 +16,24 @@
 #endif
 
 int main(int argc, char** argv) {
-  using namespace torquer;
   const int feeds = argc < 3 ? 0 : std::atoi(argv[1]);
   if (feeds < 1) {
     std::fprintf(stderr, "usage: torquer-effect-ticks FEEDS SCENE...\n");
-    return kExitUserError;
+    return torquer::kExitUserError;
   }
   try {
     for (int k = 2; k < argc; ++k) {
-      scene::Scene scene(argv[k]);
-      study::EffectDrive drive(scene);
+      torquer::scene::Scene scene(argv[k]);
+      torquer::study::EffectDrive drive(scene);
       drive.Insert(feeds);
       CALLGRIND_START_INSTRUMENTATION;
       for (int feed = 0; feed < feeds; ++feed) drive.Feed();
       CALLGRIND_STOP_INSTRUMENTATION;
       CALLGRIND_DUMP_STATS;
     }
-  } catch (const UserError& error) {
+  } catch (const torquer::UserError& error) {
     std::fprintf(stderr, "torquer-effect-ticks: %s\n", error.what());
-    return kExitUserError;
+    return torquer::kExitUserError;
   }
   return 0;
 }

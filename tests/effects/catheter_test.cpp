@@ -19,7 +19,7 @@ constexpr char kCatheter[] =
     "radius_mm = 0.5\nrigidity_N_mm2 = 3\n";
 
 std::string SceneFile(const TemporaryFolder& folder, const std::string& effects) {
-  const std::string path = folder.Path("catheter.toml");
+  std::string path = folder.Path("catheter.toml");
   std::ofstream(path) << "name = \"catheter\"\n[vessel]\nkind = \"phantom\"\nphantom = \"ty\"\n"
                          "wall_stiffness_N_mm2 = 0.5\n"
                          "[entry]\ncenterline = \"main\"\nat_mm = 1\n"
@@ -66,8 +66,9 @@ TEST_CASE("A scene's catheter starts, moves and is told of as its own instrument
   // One in the other, on one line.
   const Eigen::Vector3d tip(wire.tip_mm[0], wire.tip_mm[1], wire.tip_mm[2]);
   double nearest = 1e9;
-  for (const auto& x : catheter.nodes_mm) {
-    nearest = std::min(nearest, (Eigen::Vector3d(x[0], x[1], x[2]) - tip).norm());
+  for (const std::vector<float>& x : catheter.nodes_mm) {
+    const Eigen::Vector3d node = Eigen::Vector3f(x[0], x[1], x[2]).cast<double>();
+    nearest = std::min(nearest, (node - tip).norm());
   }
   CHECK(nearest < 1);
   // Commanded out of the body, it stops at the sheath, and at its length.

@@ -104,7 +104,7 @@ TEST_CASE("The work of the hand's torque is the energy that the wire stores") {
 }
 
 std::string SceneFile(const TemporaryFolder& folder, const std::string& more) {
-  const std::string path = folder.Path("torsion.toml");
+  std::string path = folder.Path("torsion.toml");
   std::ofstream(path) << "name = \"torsion\"\n[vessel]\nkind = \"phantom\"\nphantom = \"ty\"\n"
                          "wall_stiffness_N_mm2 = 0.01\n"
                          "[entry]\ncenterline = \"main\"\nat_mm = 1\n"

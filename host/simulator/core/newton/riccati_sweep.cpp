@@ -54,47 +54,49 @@ bool RiccatiSweep<Stage>::Refactor(const WireModel& model, const WireState& stat
 // The spin's couplings: b with dx, xi, the step and the spin before.
 template <class Stage>
 bool RiccatiSweep<Stage>::EliminateSpin(const TwistTerms& twist, double weight, Pair length,
-                                        const Pair (&t)[3], CostToGo& v, StageCost& w,
-                                        Gain& gain) requires Stage::kTwists {
-  const double pivot = v.spin_stiffness + twist.hessian_distal + weight;
-  if (!(pivot > 0)) return false;
-  const double inverse = 1 / pivot;
-  const double gradient = v.spin_gradient + twist.gradient_distal;
-  double* const dx = v.spin_with_displacement;
-  const Pair xi = length * (t[0] * Both(dx[0]) + t[1] * Both(dx[1]) + t[2] * Both(dx[2])) +
-                  v.spin_with_previous + Load(twist.distal_distal.data());
-  for (int a = 0; a < 3; ++a) dx[a] += twist.distal_displacement[a];
-  const Pair previous = Load(twist.distal_proximal.data());
-  const double spin = twist.hessian_cross;
+                                        const Pair (&t)[3], CostToGo& v, StageCost& w, Gain& gain) {
+  if constexpr (Stage::kTwists) {
+    const double pivot = v.spin_stiffness + twist.hessian_distal + weight;
+    if (!(pivot > 0)) return false;
+    const double inverse = 1 / pivot;
+    const double gradient = v.spin_gradient + twist.gradient_distal;
+    double* const dx = v.spin_with_displacement;
+    const Pair xi = length * (t[0] * Both(dx[0]) + t[1] * Both(dx[1]) + t[2] * Both(dx[2])) +
+                    v.spin_with_previous + Load(twist.distal_distal.data());
+    for (int a = 0; a < 3; ++a) dx[a] += twist.distal_displacement[a];
+    const Pair previous = Load(twist.distal_proximal.data());
+    const double spin = twist.hessian_cross;
 
-  gain.spin_constant = inverse * gradient;
-  gain.spin_of_control = Both(inverse) * xi;
-  gain.spin_of_previous = Both(inverse) * previous;
-  gain.spin_of_spin = inverse * spin;
-  for (int a = 0; a < 3; ++a) gain.spin_of_displacement[a] = inverse * dx[a];
-  const double* const scaled = gain.spin_of_displacement;
+    gain.spin_constant = inverse * gradient;
+    gain.spin_of_control = Both(inverse) * xi;
+    gain.spin_of_previous = Both(inverse) * previous;
+    gain.spin_of_spin = inverse * spin;
+    for (int a = 0; a < 3; ++a) gain.spin_of_displacement[a] = inverse * dx[a];
+    const double* const scaled = gain.spin_of_displacement;
 
-  w.s -= xi * gain.spin_of_control;
-  w.cross -= Both(xi[0] * gain.spin_of_control[1]);
-  w.c -= Both(gradient) * gain.spin_of_control;
-  w.m[0] -= Both(previous[0]) * gain.spin_of_control;
-  w.m[1] -= Both(previous[1]) * gain.spin_of_control;
-  w.r -= previous * gain.spin_of_previous;
-  w.r_cross -= Both(previous[0] * gain.spin_of_previous[1]);
-  w.g -= Both(gradient) * gain.spin_of_previous;
-  w.with_spin = Load(twist.proximal_distal.data()) - Both(spin) * gain.spin_of_control;
-  w.spin_with_previous = Load(twist.proximal_proximal.data()) - Both(spin) * gain.spin_of_previous;
-  w.spin_stiffness = twist.hessian_proximal - spin * gain.spin_of_spin;
-  w.spin_gradient = twist.gradient_proximal - spin * gain.spin_constant;
-  int at = 0;
-  for (int a = 0; a < 3; ++a) {
-    w.f[a] -= Both(dx[a]) * gain.spin_of_control;
-    w.q[a] = -(Both(dx[a]) * gain.spin_of_previous);
-    w.spin_with_displacement[a] = -spin * scaled[a];
-    v.gx[a] -= Both(gradient * scaled[a]);
-    for (int b = a; b < 3; ++b, ++at) v.p[at] -= Both(dx[a] * scaled[b]);
+    w.s -= xi * gain.spin_of_control;
+    w.cross -= Both(xi[0] * gain.spin_of_control[1]);
+    w.c -= Both(gradient) * gain.spin_of_control;
+    w.m[0] -= Both(previous[0]) * gain.spin_of_control;
+    w.m[1] -= Both(previous[1]) * gain.spin_of_control;
+    w.r -= previous * gain.spin_of_previous;
+    w.r_cross -= Both(previous[0] * gain.spin_of_previous[1]);
+    w.g -= Both(gradient) * gain.spin_of_previous;
+    w.with_spin = Load(twist.proximal_distal.data()) - Both(spin) * gain.spin_of_control;
+    w.spin_with_previous =
+        Load(twist.proximal_proximal.data()) - Both(spin) * gain.spin_of_previous;
+    w.spin_stiffness = twist.hessian_proximal - spin * gain.spin_of_spin;
+    w.spin_gradient = twist.gradient_proximal - spin * gain.spin_constant;
+    int at = 0;
+    for (int a = 0; a < 3; ++a) {
+      w.f[a] -= Both(dx[a]) * gain.spin_of_control;
+      w.q[a] = -(Both(dx[a]) * gain.spin_of_previous);
+      w.spin_with_displacement[a] = -spin * scaled[a];
+      v.gx[a] -= Both(gradient * scaled[a]);
+      for (int b = a; b < 3; ++b, ++at) v.p[at] -= Both(dx[a] * scaled[b]);
+    }
+    v.decrease += 0.5 * gradient * gain.spin_constant;
   }
-  v.decrease += 0.5 * gradient * gain.spin_constant;
   return true;
 }
 

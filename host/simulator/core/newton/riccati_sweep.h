@@ -107,9 +107,9 @@ class RiccatiSweep {
     Pair of_previous[2];      ///< a component of xi each
     Pair constant;
   };
-  /// Minimizes over the segment's spin; false where that has no minimum.
+  /// Minimizes over the segment's spin; false where that has no minimum. Only of a TwistStage.
   static bool EliminateSpin(const TwistTerms& twist, double weight, Pair length, const Pair (&t)[3],
-                            CostToGo& v, StageCost& w, Gain& gain) requires Stage::kTwists;
+                            CostToGo& v, StageCost& w, Gain& gain);
   /// From `first` towards the sheath; `cost` is that of the segments beyond it.
   bool Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
              double proximal, int first, CostToGo cost);
