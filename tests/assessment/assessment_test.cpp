@@ -5,7 +5,9 @@
 #include <map>
 #include <string>
 
+#include "host/simulator/vessel/moving_field.h"
 #include "host/simulator/vessel/phantoms.h"
+#include "tests/support/analytic_fields.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -13,6 +15,9 @@ namespace {
 
 // A tip that is put where a test wants it, on a route of 100 mm along +x with radius 4 mm.
 struct Trainee {
+  explicit Trainee(const vessel::MovingField* vessel = nullptr) : moving(vessel) {}
+
+  const vessel::MovingField* moving;
   effects::WallForce force{100, 5};
   effects::Assessment assessment{
       {.route = vessel::Centerline("route", {{0, 0, 0}, {50, 0, 0}, {100, 0, 0}}, {4, 4, 4}),
@@ -20,7 +25,8 @@ struct Trainee {
        .force_limit_mN = 50,
        .dose_mGy_s = 0.3,
        .contrast_mL_s = 5},
-      force};
+      force,
+      moving};
   WireModel model = MakeWire({});
   WireState state{model};
   Expansion expansion;
@@ -68,6 +74,34 @@ TEST_CASE("Straight to the target: path ratio one, no retraction, reached and sa
   CHECK(trainee["target_reached_s"] == Approx(9.7).margin(0.05));
   CHECK(trainee["safe_success"] == 1);
   CHECK(trainee["mean_speed_mm_s"] == Approx(10).epsilon(0.02));
+}
+
+// The whole vessel a way to the side.
+class Aside final : public vessel::FieldMotion {
+ public:
+  void SetTime(double time_s) override { shift_mm_ = 12 * std::sin(time_s); }
+  void AddOffset(const Eigen::Vector3d&, vessel::Offset& offset) const override {
+    offset.value[1] += shift_mm_;
+  }
+  double TravelMm() const override { return 12; }
+  double LargestStretch() const override { return 0; }
+
+ private:
+  double shift_mm_ = 0;
+};
+
+TEST_CASE("A tip that goes along with its vessel goes no way and leaves no route") {
+  const FreeSpace field;
+  Aside aside;
+  vessel::MovingField moving(field);
+  moving.Add(aside);
+  Trainee trainee(&moving);
+  for (int k = 1; k <= 200; ++k) {
+    moving.SetTime(0.02 * k);
+    trainee.Go({40, 12 * std::sin(0.02 * k), 0}, 40, 0.005);
+  }
+  CHECK(trainee["wrong_vessel_entries"] == 0);
+  CHECK(trainee["tip_path_mm"] == Approx(0).margin(1e-9));
 }
 
 TEST_CASE("A detour into another vessel and back is counted once, with its path") {

@@ -34,7 +34,8 @@ void Assessment::Observe(const TickView& tick) {
   if (tick.controls.contrast) contrast_s_ += tick.step_s;
   CountRetractions(tick.target.insertion_mm);
   speed_.Add(tick.time_s, tick.target.insertion_mm);
-  FollowTip(tick.state.nodes.back(), tick.step_s);
+  const Eigen::Vector3d& tip = tick.state.nodes.back();
+  FollowTip(moving_ == nullptr ? tip : moving_->AtRest(tip), tick.step_s);
 }
 
 void Assessment::CountRetractions(double insertion_mm) {
@@ -142,7 +143,8 @@ EffectKind AssessmentKind() {
             task.force_limit_mN = kForceLimit.Read(keys);
             task.dose_mGy_s = kDose.Read(keys);
             task.contrast_mL_s = kContrast.Read(keys);
-            return std::make_unique<Assessment>(std::move(task), *FindEarlier<WallForce>(context));
+            return std::make_unique<Assessment>(std::move(task), *FindEarlier<WallForce>(context),
+                                                context.moving);
           }};
 }
 

@@ -22,8 +22,11 @@ struct AssessmentTask {
 
 class Assessment final : public Effect, public Observer {
  public:
+  /// `moving`: the vessel as it moves, or null; the tip's way is that within the vessel. It and
   /// `force` must outlive this.
-  Assessment(AssessmentTask task, const WallForce& force) : task_(std::move(task)), force_(force) {}
+  Assessment(AssessmentTask task, const WallForce& force,
+             const vessel::MovingField* moving = nullptr)
+      : task_(std::move(task)), force_(force), moving_(moving) {}
 
   Observer* observer() override { return this; }
   void Restart() override;
@@ -40,6 +43,7 @@ class Assessment final : public Effect, public Observer {
 
   const AssessmentTask task_;
   const WallForce& force_;
+  const vessel::MovingField* const moving_;
   SpeedTrace speed_;
   double time_s_ = 0;
   double xray_s_ = 0;
