@@ -89,22 +89,26 @@ TEST_CASE("Live, the catheter follows a box of its own", "[simulator]") {
   std::thread simulator([&] { torquer::simulator::RunLive(session, simulator_bus, stop); });
   torquer_lcm::instrument_command_t command{};
   command.clock_id = torquer::bus::ClockId();
-  const auto send = [&](const char* instrument, double insertion_mm, double rotation_rad,
-                        const torquer_lcm::wire_state_t& answer) {
+  const auto send = [&](const char* instrument, double start_mm, double insertion_mm,
+                        double rotation_rad, const torquer_lcm::wire_state_t& answer) {
     command.instrument = instrument;
     command.insertion_mm = insertion_mm;
     command.rotation_rad = rotation_rad;
-    for (int k = 0; k < 6000 && std::abs(answer.rotation_rad - rotation_rad) > 1e-12; ++k) {
+    const auto there = [&] {
+      return answer.rotation_rad == rotation_rad && std::abs(answer.carried_mm) < 1e-9 &&
+             std::abs(answer.commanded_insertion_mm - start_mm - insertion_mm) < 1e-9;
+    };
+    for (int k = 0; k < 6000 && !there(); ++k) {
       ++command.sequence;
       hand_bus.Publish(torquer::bus::kInstrumentCommandChannel, command);
       hand_bus.Handle(10);
     }
-    CHECK(answer.rotation_rad == rotation_rad);
+    CHECK(there());
   };
-  send(torquer::bus::kCatheter, 5, 0.3, catheter);
+  send(torquer::bus::kCatheter, 60, 5, 0.3, catheter);
   CHECK(catheter.insertion_mm == Approx(65));
   CHECK(wire.insertion_mm == Approx(120));
-  send(torquer::bus::kGuidewire, -1, -0.2, wire);
+  send(torquer::bus::kGuidewire, 120, -1, -0.2, wire);
   CHECK(wire.insertion_mm == Approx(119));
   CHECK(wire.commanded_catheter_insertion_mm == 65);
   CHECK(catheter.insertion_mm == Approx(65));
