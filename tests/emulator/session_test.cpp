@@ -304,12 +304,14 @@ TEST_CASE("the program ends with its summary as JSON") {
   CHECK(summary["time_simulated_s"] > 1.25);
 }
 
+const std::string kBootloader = TORQUER_FIRMWARE_DIR "/torquer-bootloader.elf";
+
 TEST_CASE("behind its bootloader the firmware runs as it does without") {
   const test::TemporaryFolder folder;
   std::ofstream(folder.Path("motion.csv")) << kHeader << "0,0,0,0,0,\n1,50,0,0,0,\n";
-  const Outcome outcome = Emulator(
-      {"--motion", folder.Path("motion.csv"), "--socket", folder.Path("socket"), "--lcm-url",
-       "none", "--fast", "--json", "--bootloader", TORQUER_FIRMWARE_DIR "/torquer-bootloader.elf"});
+  const Outcome outcome =
+      Emulator({"--motion", folder.Path("motion.csv"), "--socket", folder.Path("socket"),
+                "--lcm-url", "none", "--fast", "--json", "--bootloader", kBootloader});
   CHECK(outcome.status == 0);
   CHECK_THAT(outcome.output,
              Catch::Contains("\"axial_counts\":2362") && Catch::Contains("\"violations\":0"));
