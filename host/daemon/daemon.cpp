@@ -8,6 +8,7 @@
 #include "calibration/calibration_file.h"
 #include "host/bus/channels.h"
 #include "host/bus/clock.h"
+#include "host/daemon/device_identity.h"
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
 #include "torquer_lcm/device_sample_t.hpp"
@@ -26,8 +27,6 @@ constexpr std::int64_t kFlagsIntervalUs = 100000;
 // What the simulator last heard and this program last said may differ by a message in flight.
 constexpr double kSamePlaceMm = 1.0;
 constexpr double kSamePlaceRad = 0.1;
-
-constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
 
 // What the bus tells about an instrument.
 struct Heard {
@@ -169,7 +168,7 @@ void Daemon::OnEvent(const SourceEvent& event) {
 void Daemon::OnConnected(const SourceEvent& event) {
   std::string serial;
   try {
-    serial = CheckIdentity();
+    serial = ReadSerial(*source_);
     if (options_.calibration_by_serial && serial != device_) TakeCalibrationOf(serial);
     if (options_.calibration) {
       calibration::RequireDevice(*options_.calibration, options_.calibration_path, serial);
@@ -201,28 +200,6 @@ void Daemon::OnConnected(const SourceEvent& event) {
                                         : "device " + serial + " is back; going on from " +
                                               Describe(pipeline_->Hold().pose) +
                                               "; what the hand moved meanwhile is not known");
-}
-
-// The serial number; throws for firmware that cannot be talked to.
-std::string Daemon::CheckIdentity() {
-  const std::vector<std::uint8_t> answer = source_->GetFeature(protocol::kIdentityReportId);
-  if (answer.size() >= 2 && answer[1] != protocol::kProtocolVersion) {
-    throw UserError("the device's firmware has protocol version " + std::to_string(answer[1]) +
-                    ", this program " + std::to_string(protocol::kProtocolVersion) + "; " +
-                    kFlashRemedy);
-  }
-  if (answer.size() != sizeof(protocol::IdentityReport)) {
-    throw UserError("the device's identity has " + std::to_string(answer.size()) +
-                    " bytes instead of " + std::to_string(sizeof(protocol::IdentityReport)) + "; " +
-                    kFlashRemedy);
-  }
-  protocol::IdentityReport identity;
-  std::memcpy(&identity, answer.data(), sizeof identity);
-  std::string serial(identity.serial, strnlen(identity.serial, sizeof identity.serial));
-  for (char& character : serial) {
-    if (character < ' ' || character > '~') character = '?';
-  }
-  return serial;
 }
 
 void Daemon::TakeCalibrationOf(const std::string& serial) {

@@ -63,7 +63,6 @@ class Daemon {
   void OnTick(std::int64_t now_us);
 
   void TakeUpPosition();
-  std::string CheckIdentity();
   void TakeCalibrationOf(const std::string& serial);
   void CheckResolution();
   void Announce(const std::string& state, const std::string& message);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "host/bus/clock.h"
+#include "host/daemon/device_identity.h"
 #include "host/daemon/usb_listing.h"
 #include "host/support/error.h"
 #include "protocol/usb_ids.h"
@@ -26,8 +27,6 @@ constexpr int kHopelessErrors = 50;
 constexpr std::int64_t kPermissionUs = 1000000;
 // A device that has just been plugged in may fail at first; one that goes on failing is left alone.
 constexpr std::int64_t kPatienceUs = 3000000;
-
-constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
 
 }  // namespace
 

@@ -26,6 +26,9 @@ class FirmwareImage {
   /// An application, its bootloader, or both; "" for none.
   static FirmwareImage Load(const std::string& application_elf, const std::string& bootloader_elf);
 
+  /// Path of the firmware that was built with this program.
+  static std::string OfThisBuild();
+
   /// Flash contents from address 0.
   const std::vector<std::uint8_t>& flash() const { return flash_; }
   /// Changes them; what the image says of itself stays.

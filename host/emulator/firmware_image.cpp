@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 
 #include "host/emulator/atmega32u4.h"
@@ -103,6 +104,11 @@ void FirmwareImage::ReadClock() {
     throw UserError(path_ + ": torquer_clock_hz is " + std::to_string(clock_hz_) +
                     ", where 8 or 16 MHz were expected.");
   }
+}
+
+std::string FirmwareImage::OfThisBuild() {
+  const auto here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  return (here / "../firmware/torquer-firmware.elf").lexically_normal();
 }
 
 FirmwareImage FirmwareImage::Load(const std::string& application_elf,

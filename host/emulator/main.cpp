@@ -1,9 +1,7 @@
 // torquer-emulator: the bench device without the bench.
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <string>
@@ -14,6 +12,7 @@
 
 namespace {
 
+using torquer::NumberIn;
 using torquer::UserError;
 using torquer::emulator::Interval;
 using torquer::emulator::SessionOptions;
@@ -49,25 +48,6 @@ constexpr char kUsage[] =
 
 volatile std::sig_atomic_t stop_requested = 0;
 void RequestStop(int) { stop_requested = 1; }
-
-double Number(const std::string& option, const std::string& text) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end != '\0' || !std::isfinite(value)) {
-    throw UserError(option + " '" + text + "': is no number");
-  }
-  return value;
-}
-
-double NumberIn(const std::string& option, const std::string& text, double low, double high) {
-  const double value = Number(option, text);
-  if (value < low || value > high) {
-    char range[80];
-    std::snprintf(range, sizeof(range), "': must be from %g to %g", low, high);
-    throw UserError(option + " '" + text + range);
-  }
-  return value;
-}
 
 Interval ParseInterval(const std::string& option, const std::string& text) {
   const std::size_t colon = text.find(':');
@@ -141,8 +121,7 @@ Arguments Parse(int argc, char** argv) {
   if (session.use_lcm) session.lcm_url = lcm_url;
   if (session.socket.empty()) session.socket = torquer::emulator::DefaultSocketPath();
   if (session.firmware.empty()) {
-    const auto here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-    session.firmware = (here / "../firmware/torquer-firmware.elf").lexically_normal();
+    session.firmware = torquer::emulator::FirmwareImage::OfThisBuild();
   }
   if (session.motion.empty() && !session.use_lcm && !session.duration_s) {
     throw UserError(

@@ -42,20 +42,6 @@ std::shared_ptr<UMockdevTestbed> Machine() {
   return shared;
 }
 
-int StatusOf(TransferStatus status) {
-  switch (status) {
-    case TransferStatus::kDone:
-      return 0;
-    case TransferStatus::kStall:
-      return -EPIPE;
-    case TransferStatus::kTimeout:
-      return -ETIMEDOUT;
-    case TransferStatus::kGone:
-      break;
-  }
-  return -ENODEV;
-}
-
 }  // namespace
 
 /// The mocked bus with one device or none: its file, and what passes between that and the host

@@ -1,11 +1,26 @@
 #include "host/emulator/usb_host.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <utility>
 
 #include "protocol/usb_ids.h"
 
 namespace torquer::emulator {
+
+int StatusOf(TransferStatus status) {
+  switch (status) {
+    case TransferStatus::kDone:
+      return 0;
+    case TransferStatus::kStall:
+      return -EPIPE;
+    case TransferStatus::kTimeout:
+      return -ETIMEDOUT;
+    case TransferStatus::kGone:
+      break;
+  }
+  return -ENODEV;
+}
 namespace {
 
 constexpr int kDebounceFrames = 100;       // USB 2.0, 7.1.7.3

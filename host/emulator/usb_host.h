@@ -22,6 +22,9 @@ struct SetupPacket {
 
 enum class TransferStatus { kDone, kStall, kTimeout, kGone };
 
+/// 0, or a negative errno, as the kernel says it.
+int StatusOf(TransferStatus status);
+
 struct ControlResult {
   TransferStatus status = TransferStatus::kGone;
   std::vector<std::uint8_t> data;  ///< what the device sent

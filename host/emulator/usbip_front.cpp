@@ -31,20 +31,6 @@ std::int64_t NowMs() {
       .count();
 }
 
-std::int32_t StatusOf(TransferStatus status) {
-  switch (status) {
-    case TransferStatus::kDone:
-      return 0;
-    case TransferStatus::kStall:
-      return -EPIPE;
-    case TransferStatus::kTimeout:
-      return -ETIMEDOUT;
-    case TransferStatus::kGone:
-      break;
-  }
-  return -ENODEV;
-}
-
 std::uint16_t LittleEndian(const std::array<std::uint8_t, 8>& setup, std::size_t at) {
   return static_cast<std::uint16_t>(setup[at] | (setup[at + 1] << 8));
 }

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
-#include <filesystem>
 #include <numbers>
 #include <string>
 #include <thread>
@@ -19,8 +18,10 @@
 
 namespace {
 
+using torquer::NumberIn;
 using torquer::UserError;
 using torquer::emulator::BenchDevice;
+using torquer::emulator::FirmwareImage;
 using torquer::emulator::UsbipFront;
 
 constexpr char kUsage[] =
@@ -60,18 +61,6 @@ std::uint16_t PortOf(const std::string& option, const std::string& text) {
   return port;
 }
 
-double NumberIn(const std::string& option, const std::string& text, double low, double high) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !(value >= low) ||
-      !(value <= high)) {
-    char range[80];
-    std::snprintf(range, sizeof(range), "': must be a number from %g to %g", low, high);
-    throw UserError(option + " '" + text + range);
-  }
-  return value;
-}
-
 Arguments Parse(int argc, char** argv) {
   Arguments arguments;
   torquer::CommandLine line;
@@ -94,8 +83,7 @@ Arguments Parse(int argc, char** argv) {
   line.Flag("--help", arguments.help);
   line.Parse(argc, argv, kUsage);
   if (arguments.firmware.empty()) {
-    const auto here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-    arguments.firmware = (here / "../firmware/torquer-firmware.elf").lexically_normal();
+    arguments.firmware = FirmwareImage::OfThisBuild();
   } else if (arguments.firmware == "none") {
     if (arguments.bootloader.empty()) {
       throw UserError("--firmware none: without --bootloader nothing would run; give one of both");
@@ -135,9 +123,8 @@ int Main(int argc, char** argv) {
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
 
-  BenchDevice device(
-      torquer::emulator::FirmwareImage::Load(arguments.firmware, arguments.bootloader),
-      arguments.bench);
+  BenchDevice device(FirmwareImage::Load(arguments.firmware, arguments.bootloader),
+                     arguments.bench);
   torquer::emulator::UsbHost host(device);
   UsbipFront front(host, arguments.port);
   torquer::emulator::UsbipCommands doer(device, host, [&front] {

@@ -1,6 +1,9 @@
 // Words after a program's name, for programs whose options are "--name VALUE" and "--flag".
 #pragma once
 
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <functional>
 #include <map>
 #include <string>
@@ -10,6 +13,23 @@
 #include "host/support/error.h"
 
 namespace torquer {
+
+/// The number that `text` is. Throws UserError naming `option` where it is none, or outside of
+/// low .. high.
+inline double NumberIn(const std::string& option, const std::string& text, double low,
+                       double high) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0' || !std::isfinite(value)) {
+    throw UserError(option + " '" + text + "': is no number");
+  }
+  if (value < low || value > high) {
+    char range[80];
+    std::snprintf(range, sizeof(range), "': must be from %g to %g", low, high);
+    throw UserError(option + " '" + text + range);
+  }
+  return value;
+}
 
 /// Declare the options, then Parse() once.
 class CommandLine {

@@ -2,12 +2,12 @@
 
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 #include <functional>
 #include <optional>
 #include <utility>
 
 #include "host/bus/clock.h"
+#include "host/daemon/device_identity.h"
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
 
@@ -106,28 +106,18 @@ DeviceFacts DeviceSession::Connect() {
 }
 
 void DeviceSession::CheckIdentity(const std::string& place) {
-  constexpr char kFlash[] = "; write the firmware of this release with: torquer-flash";
-  std::vector<std::uint8_t> answer;
+  std::string serial;
   try {
-    answer = source_->GetFeature(protocol::kIdentityReportId);
+    serial = daemon::ReadSerial(*source_);
   } catch (const daemon::DeviceGone&) {
     return;  // the source will say so, and try again
   } catch (const daemon::FeatureError& error) {
-    throw UserError(place + ": the device does not tell who it is (" + error.what() + ")" + kFlash);
-  }
-  protocol::IdentityReport identity;
-  if (answer.size() != sizeof identity || answer[1] != protocol::kProtocolVersion) {
-    throw UserError(place + ": the device's firmware has another protocol version than " +
-                    std::to_string(protocol::kProtocolVersion) + kFlash);
-  }
-  std::memcpy(&identity, answer.data(), sizeof identity);
-  std::string serial(identity.serial, strnlen(identity.serial, sizeof identity.serial));
-  for (char& character : serial) {
-    if (character < ' ' || character > '~') character = '?';
+    throw UserError(place + ": the device does not tell who it is (" + error.what() + "); " +
+                    daemon::kFlashRemedy);
   }
   if (serial.empty()) {
-    throw UserError(place + ": the device has no serial number, which a calibration is tied to" +
-                    kFlash);
+    throw UserError(place + ": the device has no serial number, which a calibration is tied to; " +
+                    daemon::kFlashRemedy);
   }
   if (!facts_.serial.empty() && serial != facts_.serial) {
     throw UserError("the device '" + facts_.serial + "' went away and '" + serial +

@@ -139,17 +139,7 @@ TEST_CASE("Pedal and contrast button add up to dose and volume") {
 TEST_CASE("Success above the force limit is not safe") {
   Trainee trainee;
   // One contact of 60 mN on the way.
-  PointSet& points = trainee.expansion.points;
-  points.per_segment = 1;
-  points.position = {Vector3d::Zero()};
-  points.weight_mm = {1};
-  points.radius_mm = {0.2};
-  points.touches = {1};
-  points.near = {0};
-  points.stiffness_N_mm2 = {1};
-  points.clearance.resize(1);
-  points.clearance[0].clearance_mm = 0.14;
-  points.clearance[0].gradient = Vector3d::UnitZ();
+  trainee.expansion.points = PressedPoint(0.06);
   trainee.Go({50, 0, 0}, 50, 1);
   trainee.expansion.points = PointSet();
   trainee.Go({100, 0, 0}, 100, 1);

@@ -73,15 +73,7 @@ TEST_CASE("An event begins above the threshold, and keeps its largest force") {
   const WireState state(model);
   Expansion expansion;
   PointSet& points = expansion.points;
-  points.per_segment = 1;
-  points.position = {Vector3d::Zero()};
-  points.weight_mm = {1};
-  points.radius_mm = {0.2};
-  points.touches = {1};
-  points.near = {0};
-  points.stiffness_N_mm2 = {1};
-  points.clearance.resize(1);
-  points.clearance[0].gradient = Vector3d::UnitZ();
+  points = PressedPoint(0);
   const effects::Controls controls;
   const HandTarget target;
   const TickReport report;

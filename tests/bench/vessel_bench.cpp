@@ -22,6 +22,7 @@
 #include "host/simulator/vessel/phantoms.h"
 #include "host/study/study.h"
 #include "host/support/error.h"
+#include "tests/support/paths.h"
 
 namespace torquer {
 namespace {
@@ -150,7 +151,7 @@ void Surface(const std::string& name, const std::string& file, vessel::MeshUnit 
              const std::string& centerlines, const std::string& scratch) {
   for (const double voxel_mm : {0.5, 0.25}) {
     const std::string case_name = name + (voxel_mm == 0.5 ? "/voxel=0.5" : "/voxel=0.25");
-    const std::string path = std::string(TORQUER_SOURCE_DIR "/host/scenes/meshes/") + file;
+    const std::string path = torquer::test::SourcePath("/host/scenes/meshes/") + file;
     vessel::MeshVesselOptions options;
     options.unit = unit;
     options.field.voxel_mm = voxel_mm;
@@ -177,8 +178,8 @@ void Surface(const std::string& name, const std::string& file, vessel::MeshUnit 
       cached->field().Build(1, kThreads);
     });
     if (centerlines.empty()) continue;
-    const vessel::CenterlineNetwork network = vessel::ReadSlicerCurves(
-        std::string(TORQUER_SOURCE_DIR "/host/scenes/meshes/") + centerlines);
+    const vessel::CenterlineNetwork network =
+        vessel::ReadSlicerCurves(torquer::test::SourcePath("/host/scenes/meshes/") + centerlines);
     const vessel::Centerline way =
         network.Path(network.Place("curve_07", "start"), network.Place("rcca", "end"));
     TimeLookUps(case_name, cached->field(), way);

@@ -6,6 +6,7 @@
 
 #include "host/bus/bus.h"
 #include "host/support/error.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -24,7 +25,7 @@ Outcome Shell(const std::string& command) {
   return outcome;
 }
 
-const std::string kScript = TORQUER_SOURCE_DIR "/host/bus/private_network";
+const std::string kScript = torquer::test::SourcePath("/host/bus/private_network");
 
 }  // namespace
 
@@ -61,7 +62,7 @@ TEST_CASE("private_network says what is missing") {
 
 TEST_CASE("Without a multicast route the bus says which commands make one") {
   const Outcome outcome =
-      Shell("unshare -rn ip route; unshare -rn " + std::string(TORQUER_BIN_DIR) +
+      Shell("unshare -rn ip route; unshare -rn " + torquer::test::ProgramPath("") +
             "/bus_test 'Opening the default bus' --reporter compact");
   CHECK(outcome.output.find("ip route add 224.0.0.0/4 dev lo") != std::string::npos);
 }

@@ -11,6 +11,7 @@
 
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -199,7 +200,7 @@ TEST_CASE("A missing file is said with the way to go on") {
 }
 
 TEST_CASE("The emulated device's calibration is the nominal one") {
-  const std::string path = TORQUER_SOURCE_DIR "/calibration/emulator.toml";
+  const std::string path = torquer::test::SourcePath("/calibration/emulator.toml");
   Calibration expected = NominalCalibration("EMULATED-0001", kNominalCpi);
   expected.note = "the emulated bench device, exactly as drawn";
   CHECK(Same(ReadCalibration(path), expected));

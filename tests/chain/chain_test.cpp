@@ -16,6 +16,7 @@
 #include "host/bus/bus.h"
 #include "host/bus/channels.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
 #include "torquer_lcm/wire_state_t.hpp"
@@ -25,9 +26,9 @@ using torquer_lcm::wire_state_t;
 
 namespace {
 
-const std::string kDemo = TORQUER_SOURCE_DIR "/host/demo";
-const std::string kPrograms = TORQUER_BIN_DIR;
-const std::string kScene = TORQUER_SOURCE_DIR "/host/scenes/ty_phantom.toml";
+const std::string kDemo = SourcePath("/host/demo");
+const std::string kPrograms = ProgramPath("");
+const std::string kScene = SourcePath("/host/scenes/ty_phantom.toml");
 
 std::string Contents(const std::string& path) {
   std::ifstream file(path, std::ios::binary);

@@ -107,6 +107,57 @@ TEST_CASE("The wall sees the catheter where there is one") {
   CHECK(rod.rigidity_N_mm2(39) == Approx(5));
 }
 
+// Notes how surfaces slid.
+class SlideRecorder final : public EnergyTerm {
+ public:
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet&, PointDerivatives&) const override { return 0; }
+  void SlideSurface(const PointSet& points, int last, double by_mm) override {
+    slid_mm += by_mm;
+    bare_points = points.size() - 1 - last;
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+  double slid_mm = 0;
+  int bare_points = -1;
+};
+
+TEST_CASE("The surface of the catheter goes with the catheter, whoever leads") {
+  SlideRecorder recorder;
+  const std::vector<EnergyTerm*> terms{&recorder};
+  CoaxialPair pair(Pair::Arc(2, 0, 0.2), Pair::Arc(3, 0, 0.6));
+  const FreeSpace field;
+  const WallModel wall;  // two contact points a segment of 0.5 mm
+  CoaxialRelaxation relaxation(pair, {40, 0}, {25, 0}, field, wall, {}, terms);
+  WireState state = LayStraight(pair.rod(), 40);
+  relaxation.Restart(state);
+  const auto slid = [&](const HandTarget& target) {
+    recorder.slid_mm = 0;
+    REQUIRE(Settle(relaxation, target, state).converged);
+    return recorder.slid_mm;
+  };
+  CHECK(slid({42, 0, 25, 0}) == Approx(-2));  // the rod went on, the catheter stayed
+  CHECK(recorder.bare_points >= 66);          // 16.5 mm and more of it is wire alone
+  CHECK(recorder.bare_points <= 68);
+  CHECK(slid({42, 0, 28, 0}) == Approx(3));                // the rod stayed, the catheter went on
+  CHECK(slid({45, 0, 31, 0}) == Approx(0).margin(1e-12));  // together
+  // The catheter passes the wire's tip after 14 mm, and then is the rod.
+  CHECK(slid({45, 0, 50, 0}) == Approx(14));
+  CHECK(slid({20, 0, 50, 0}) == Approx(0).margin(1e-12));  // the wire within it
+}
+
+TEST_CASE("A bend of the catheter comes to joints that were straight, and turns with it") {
+  Pair both(2, 0, 50, 0.02);
+  both.MoveTo({60, 0, 5, 0});
+  both.MoveTo({60, 0.8, 40, 0.8});
+  const Vector3d bend = both.CurvatureAt(20);
+  CHECK(bend.norm() == Approx(50 * 0.02 / 52).epsilon(1e-3));
+  both.MoveTo({60, 0.8, 40, 0.8 + 1.5707963267948966});
+  CHECK(std::abs(both.CurvatureAt(20).normalized().dot(bend.normalized())) < 0.3);
+}
+
 TEST_CASE("Any budget leaves a whole rod, and the same work gives the same bits") {
   Pair a(2, 0.04, 3, 0.01);
   Pair b(2, 0.04, 3, 0.01);

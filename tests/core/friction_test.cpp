@@ -21,16 +21,8 @@ struct Slider {
   PointDerivatives derivatives;
 
   explicit Slider(double mu, double slip_mm) : friction(mu, slip_mm, {model, wall}) {
-    points.per_segment = 1;
-    points.position = {Vector3d::Zero()};
-    points.weight_mm = {1};
-    points.radius_mm = {0.178};
-    points.touches = {1};
-    points.near = {0};
-    points.stiffness_N_mm2 = {wall.stiffness_N_mm2};
-    points.clearance.resize(1);
-    points.clearance[0].gradient = Vector3d::UnitZ();
-    points.clearance[0].clearance_mm = 0.178 - 0.05;  // presses with 2 * 1 * 0.05 = 0.1 N
+    points = PressedPoint(0.05);
+    points.stiffness_N_mm2 = {wall.stiffness_N_mm2};  // 2 N/mm^2: presses with 0.1 N
     derivatives.with_hessian = true;
     derivatives.used = {0};
     derivatives.gradient.resize(1);

@@ -13,6 +13,7 @@
 #include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
 #include "torquer_lcm/device_sample_t.hpp"
@@ -21,7 +22,7 @@
 
 namespace torquer::test {
 
-inline const std::string kDaemonProgram = TORQUER_BIN_DIR "/torquer-daemon";
+inline const std::string kDaemonProgram = ProgramPath("torquer-daemon");
 
 /// Collects all that is published; in a private network, and with mocked devices if so desired. Its
 /// folder holds the daemons' claims, and whatever a test likes.

@@ -10,6 +10,7 @@
 #include "protocol/usb_ids.h"
 #include "tests/daemon/daemon_process.h"
 #include "tests/daemon/reports.h"
+#include "tests/support/paths.h"
 #include "tests/support/usb_testbed.h"
 
 namespace {
@@ -314,7 +315,7 @@ TEST_CASE("Without permission the udev rule is named") {
   CHECK(status == 2);
   CHECK(daemon.Error().find("may not be opened by this user") != std::string::npos);
   CHECK(daemon.Error().find("hardware/udev/70-torquer.rules") != std::string::npos);
-  CHECK(fs::exists(TORQUER_SOURCE_DIR "/hardware/udev/70-torquer.rules"));
+  CHECK(fs::exists(torquer::test::SourcePath("/hardware/udev/70-torquer.rules")));
 }
 
 TEST_CASE("The option --list tells of every bench device and claims none") {

@@ -139,6 +139,11 @@ TEST_CASE("X-rays see the catheter's wall and the wire in it") {
     return sum;
   };
   const double alone = dark("");
+  // A thinner wall casts less of a shadow: the lumen is empty.
+  std::string thin = kCatheter;
+  thin.replace(thin.find("inner_radius_mm = 0.3"), 21, "inner_radius_mm = 0.48");
+  CHECK(dark(kCatheter) > dark(thin) + 1e4);
+  CHECK(dark(thin) > alone);
   CHECK(dark(kCatheter) > alone + 2e4);
 }
 

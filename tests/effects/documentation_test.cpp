@@ -3,12 +3,13 @@
 #include <sstream>
 
 #include "host/simulator/effects/effect.h"
+#include "tests/support/paths.h"
 
 namespace torquer::effects {
 namespace {
 
 TEST_CASE("The effects' README ends with the keys as the table of effects has them") {
-  std::ifstream file(TORQUER_SOURCE_DIR "/host/simulator/effects/README.md");
+  std::ifstream file(torquer::test::SourcePath("/host/simulator/effects/README.md"));
   std::stringstream text;
   text << file.rdbuf();
   const std::string heading = "## The effects and their keys\n";

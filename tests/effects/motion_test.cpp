@@ -9,6 +9,7 @@
 #include "tests/core/finite_differences.h"
 #include "tests/simulator/scenes.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/paths.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -301,7 +302,7 @@ TEST_CASE("A session in a moving vessel is repeated to the bit, and is restarted
 }
 
 TEST_CASE("The shipped scenes of these effects start and run, and the drill has no effect") {
-  const std::string folder = TORQUER_SOURCE_DIR "/host/scenes/";
+  const std::string folder = SourcePath("/host/scenes/");
   for (const std::string name : {"drill_tube", "calcified", "beating_heart"}) {
     INFO(name);
     scene::Scene scene(folder + name + ".toml");

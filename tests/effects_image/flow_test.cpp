@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "tests/effects_image/bench.h"
+#include "tests/support/paths.h"
 
 using Catch::Matchers::Contains;
 using torquer::effects::Flow;
@@ -117,7 +118,7 @@ TEST_CASE("By Murray's law outlets take flow as the cube of their radius", "[eff
 
 TEST_CASE("Every joint of a patient's arteries conserves blood to rounding", "[effects]") {
   const CenterlineNetwork network = torquer::vessel::ReadSlicerCurves(
-      TORQUER_SOURCE_DIR "/host/scenes/meshes/neuro_arch/centerlines");
+      torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/centerlines"));
   auto graph = std::make_unique<FlowGraph>(network);
   // 25 curves, two of which branch midway. Both vertebral arteries meet, so there is one ring. The
   // stump of the aortic root and 13 outlets are free.

@@ -7,6 +7,7 @@
 
 #include "host/simulator/session.h"
 #include "tests/effects_image/bench.h"
+#include "tests/support/paths.h"
 
 using torquer::effects::ImageSource;
 using torquer::simulator::Command;
@@ -20,7 +21,7 @@ constexpr int kSize = 128;
 
 // The coronary arteries 1.2 s after an injection began, nearly without noise.
 std::vector<std::uint8_t> Coronary(const std::string& mode, double lao_deg, double cra_deg) {
-  std::ifstream in(TORQUER_SOURCE_DIR "/host/scenes/coronary.toml");
+  std::ifstream in(torquer::test::SourcePath("/host/scenes/coronary.toml"));
   std::stringstream text;
   text << in.rdbuf();
   std::string scene_text = text.str();
@@ -54,7 +55,7 @@ const Golden kGolden[] = {{"plain_rao_caudal", "plain", -25, -20},
                           {"roadmap_front", "roadmap", 0, 0}};
 
 std::string PathOf(const Golden& golden) {
-  return std::string(TORQUER_SOURCE_DIR "/tests/effects_image/golden/") + golden.name + ".pgm";
+  return torquer::test::SourcePath("/tests/effects_image/golden/") + golden.name + ".pgm";
 }
 
 }  // namespace

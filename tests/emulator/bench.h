@@ -9,14 +9,15 @@
 #include "host/emulator/bench_device.h"
 #include "host/emulator/usb_host.h"
 #include "protocol/hid_reports.h"
+#include "tests/support/paths.h"
 
 namespace torquer::emulator {
 
 inline FirmwareImage Image16() {
-  return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf");
+  return FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf"));
 }
 inline FirmwareImage Image8() {
-  return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware-8mhz.elf");
+  return FirmwareImage(torquer::test::FirmwarePath("torquer-firmware-8mhz.elf"));
 }
 
 struct Bench {

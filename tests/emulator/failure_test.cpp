@@ -5,6 +5,7 @@
 
 #include "protocol/eeprom_layout.h"
 #include "tests/emulator/bench.h"
+#include "tests/support/paths.h"
 
 namespace torquer::emulator {
 namespace {
@@ -257,7 +258,8 @@ TEST_CASE("an EEPROM that never gets ready keeps nothing else waiting") {
 
 TEST_CASE("images and options that cannot be used are refused by name") {
   CHECK_THROWS_WITH(FirmwareImage("/nonexistent.elf"), Catch::Contains("/nonexistent.elf"));
-  CHECK_THROWS_WITH(FirmwareImage(TORQUER_SOURCE_DIR "/LICENSE"), Catch::Contains("not an ELF"));
+  CHECK_THROWS_WITH(FirmwareImage(torquer::test::SourcePath("/LICENSE")),
+                    Catch::Contains("not an ELF"));
   CHECK_THROWS_WITH(FirmwareImage("/proc/self/exe"), Catch::Contains("not an ELF file for AVR"));
   BenchOptions options;
   options.serial = "twenty characters ..";

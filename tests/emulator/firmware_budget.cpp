@@ -19,6 +19,7 @@
 #include "host/support/error.h"
 #include "protocol/firmware_image.h"
 #include "protocol/hid_reports.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -65,7 +66,7 @@ void Ask(UsbHost& host, long long number) {
 }
 
 Budget Measure(const std::string& name, double seconds) {
-  const FirmwareImage image(TORQUER_FIRMWARE_DIR "/" + name + ".elf");
+  const FirmwareImage image(torquer::test::FirmwarePath(name + ".elf"));
   BenchOptions options;
   options.start_time_us = 0xffffffffu - 2000000u;  // the device time wraps on the way
   BenchDevice device(image, options);

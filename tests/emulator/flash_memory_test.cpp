@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host/emulator/atmega32u4.h"
+#include "tests/support/paths.h"
 
 namespace torquer::emulator {
 namespace {
@@ -40,7 +41,7 @@ void WaitUntilDone(Words* words) {
 
 struct Chip {
   explicit Chip(Words program, std::uint32_t at = kProgram)
-      : image(TORQUER_FIRMWARE_DIR "/torquer-bootloader.elf") {
+      : image(torquer::test::FirmwarePath("torquer-bootloader.elf")) {
     program.push_back(kStay);
     std::vector<std::uint8_t> flash(FlashMemory::kBytes, 0xff);
     for (int i = 0; i < 2 * FlashMemory::kPageBytes; ++i) {

@@ -12,6 +12,7 @@
 #include "host/bus/clock.h"
 #include "host/emulator/session.h"
 #include "protocol/hid_reports.h"
+#include "tests/support/paths.h"
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
 #include "torquer_lcm/hand_motion_t.hpp"
@@ -27,7 +28,7 @@ TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes bac
   test::NeedPrivateNetwork();
   const test::TemporaryFolder folder;
   SessionOptions options;
-  options.firmware = TORQUER_FIRMWARE_DIR "/torquer-firmware.elf";
+  options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
   options.socket = folder.Path("socket");
   options.bench.serial = "LIVE-1";
   Session session(options);

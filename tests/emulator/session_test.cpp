@@ -21,6 +21,7 @@
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::emulator {
@@ -35,7 +36,7 @@ constexpr auto kPatience = std::chrono::seconds(20);
 class RunningSession {
  public:
   explicit RunningSession(SessionOptions options) {
-    options.firmware = TORQUER_FIRMWARE_DIR "/torquer-firmware.elf";
+    options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
     options.socket = folder.Path("socket");
     options.use_lcm = false;
     options.fast = true;
@@ -265,7 +266,7 @@ TEST_CASE("settings outlive a run in the EEPROM file") {
 TEST_CASE("a path that cannot be listened at is refused") {
   const test::TemporaryFolder folder;
   SessionOptions options;
-  options.firmware = TORQUER_FIRMWARE_DIR "/torquer-firmware.elf";
+  options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
   options.use_lcm = false;
   options.duration_s = 1;
   for (const std::string& path :
@@ -281,7 +282,7 @@ struct Outcome {
 };
 
 Outcome Emulator(std::vector<std::string> words) {
-  words.insert(words.begin(), TORQUER_BIN_DIR "/torquer-emulator");
+  words.insert(words.begin(), torquer::test::ProgramPath("torquer-emulator"));
   test::ChildProcess emulator(words);
   const int status = emulator.Wait();
   return {status, emulator.Output(), emulator.Error()};
@@ -304,7 +305,7 @@ TEST_CASE("the program ends with its summary as JSON") {
   CHECK(summary["time_simulated_s"] > 1.25);
 }
 
-const std::string kBootloader = TORQUER_FIRMWARE_DIR "/torquer-bootloader.elf";
+const std::string kBootloader = torquer::test::FirmwarePath("torquer-bootloader.elf");
 
 TEST_CASE("behind its bootloader the firmware runs as it does without") {
   const test::TemporaryFolder folder;
@@ -321,8 +322,8 @@ TEST_CASE("the program refuses what it cannot use, with status 2 and a reason") 
   const std::pair<std::vector<std::string>, const char*> cases[] = {
       {{"--motion", "/nonexistent.csv"}, "/nonexistent.csv"},
       {{"--firmware", "/nonexistent.elf"}, "/nonexistent.elf"},
-      {{"--bootloader", TORQUER_FIRMWARE_DIR "/torquer-bootloader-8mhz.elf"}, "8 MHz"},
-      {{"--bootloader", TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"}, "lies where"},
+      {{"--bootloader", torquer::test::FirmwarePath("torquer-bootloader-8mhz.elf")}, "8 MHz"},
+      {{"--bootloader", torquer::test::FirmwarePath("torquer-firmware.elf")}, "lies where"},
       {{"--drop", "2"}, "--drop"},
       {{"--lift-at", "3"}, "2.5:0.3"},
       {{"--scale", "big"}, "big"},

@@ -13,6 +13,7 @@
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
 #include "tests/hil/usb_program.h"
+#include "tests/support/paths.h"
 
 namespace torquer::emulator {
 namespace {
@@ -27,7 +28,7 @@ HandState FastHand(double time_s) {
   return hand;
 }
 
-FirmwareImage Image() { return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"); }
+FirmwareImage Image() { return FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")); }
 
 using hil::Program;
 

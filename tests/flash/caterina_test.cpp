@@ -10,6 +10,7 @@
 #include "host/support/error.h"
 #include "host/tools/flash_procedure.h"
 #include "tests/flash/caterina_responder.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -22,7 +23,9 @@ using torquer::tools::FlashImage;
 using torquer::tools::FlashUnfinished;
 namespace protocol = torquer::protocol;
 
-FlashImage Image() { return FlashImage::FromFile(TORQUER_FIRMWARE_DIR "/torquer-firmware.hex"); }
+FlashImage Image() {
+  return FlashImage::FromFile(torquer::test::FirmwarePath("torquer-firmware.hex"));
+}
 
 std::string Failure(const std::string& port, const CaterinaOptions& options) {
   try {

@@ -11,6 +11,7 @@
 #include "host/tools/flash_board.h"
 #include "host/tools/flash_procedure.h"
 #include "protocol/usb_ids.h"
+#include "tests/support/paths.h"
 
 namespace torquer::test {
 
@@ -20,18 +21,18 @@ using emulator::FirmwareImage;
 using emulator::TransferStatus;
 using emulator::UsbHost;
 
-constexpr char kOldHex[] = TORQUER_FIRMWARE_DIR "/torquer-firmware.hex";
+const std::string kOldHex = FirmwarePath("torquer-firmware.hex");
 constexpr char kNewHex[] = TORQUER_NEXT_FIRMWARE_DIR "/torquer-firmware-next.hex";
-constexpr char kSlowHex[] = TORQUER_FIRMWARE_DIR "/torquer-firmware-8mhz.hex";
+const std::string kSlowHex = FirmwarePath("torquer-firmware-8mhz.hex");
 inline const tools::FirmwareVersion kOldVersion = {0, 1, 0};
 inline const tools::FirmwareVersion kNewVersion = {0, 15, 2};
 
 inline FirmwareImage Bootloader(const std::string& suffix = "") {
-  return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-bootloader" + suffix + ".elf");
+  return FirmwareImage(FirmwarePath("torquer-bootloader" + suffix + ".elf"));
 }
 inline FirmwareImage WithApplication(const std::string& suffix = "") {
-  return FirmwareImage::Load(TORQUER_FIRMWARE_DIR "/torquer-firmware" + suffix + ".elf",
-                             TORQUER_FIRMWARE_DIR "/torquer-bootloader" + suffix + ".elf");
+  return FirmwareImage::Load(FirmwarePath("torquer-firmware" + suffix + ".elf"),
+                             FirmwarePath("torquer-bootloader" + suffix + ".elf"));
 }
 
 class EmulatedLink final : public tools::FeatureLink {

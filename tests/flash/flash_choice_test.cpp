@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "host/tools/flash_procedure.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -11,7 +12,7 @@ using Catch::Matchers::Contains;
 using torquer::UserError;
 namespace protocol = torquer::protocol;
 
-constexpr char kHex[] = TORQUER_FIRMWARE_DIR "/torquer-firmware.hex";
+const std::string kHex = torquer::test::FirmwarePath("torquer-firmware.hex");
 
 // Firmware that answers for its identity alone.
 class IdentityLink final : public FeatureLink {
@@ -131,7 +132,7 @@ TEST_CASE("a board in Caterina is written at its port, and its firmware is heard
   }
   SECTION("with an image for another clock it is left alone") {
     boards.Add(BoardMode::kCaterina, "1-4");
-    request.image = TORQUER_FIRMWARE_DIR "/torquer-firmware-8mhz.hex";
+    request.image = torquer::test::FirmwarePath("torquer-firmware-8mhz.hex");
     CHECK_THROWS_WITH(boards.Flash(request, hooks), Contains("16 MHz"));
     CHECK(port.empty());
   }

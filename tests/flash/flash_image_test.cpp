@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "host/support/error.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -16,7 +17,7 @@ using torquer::UserError;
 using torquer::tools::FlashImage;
 namespace protocol = torquer::protocol;
 
-constexpr char kHex[] = TORQUER_FIRMWARE_DIR "/torquer-firmware.hex";
+const std::string kHex = torquer::test::FirmwarePath("torquer-firmware.hex");
 
 std::string Contents(const std::string& path) {
   std::ifstream file(path);

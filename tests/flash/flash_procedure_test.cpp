@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "tests/flash/emulated_boards.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -39,7 +40,8 @@ TEST_CASE("the first firmware comes onto a board that has the bootloader alone")
   for (const std::string suffix : {"", "-8mhz"}) {
     EmulatedBoards boards(Bootloader(suffix), options);
     CHECK(boards.Start() == BoardMode::kBootloader);
-    const auto outcome = boards.Flash(TORQUER_FIRMWARE_DIR "/torquer-firmware" + suffix + ".hex");
+    const auto outcome =
+        boards.Flash(torquer::test::FirmwarePath("torquer-firmware" + suffix + ".hex"));
     REQUIRE(outcome);
     CHECK_THAT(boards.said, Contains("FIRST-1") && Contains("without a valid application"));
     CHECK(outcome->version == kOldVersion);
@@ -110,7 +112,7 @@ TEST_CASE("without an image named, that for the board's clock is taken") {
   EmulatedBoards boards(WithApplication("-8mhz"));
   boards.Start();
   FlashRequest request;
-  request.image_folder = TORQUER_FIRMWARE_DIR;
+  request.image_folder = torquer::test::FirmwarePath("");
   CHECK(boards.Flash("", request)->version == kOldVersion);
 }
 
@@ -139,7 +141,7 @@ TEST_CASE("a page that reads back otherwise is told, and not made valid") {
 
 TEST_CASE("a board without any bootloader is told from one that is slow") {
   EmulatedBoards boards(
-      torquer::emulator::FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"));
+      torquer::emulator::FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")));
   boards.Start();
   CHECK_THAT(MessageOf<FlashUnfinished>([&] { boards.Flash(kNewHex); }),
              Contains("has no bootloader") && Contains("Nothing was written"));
@@ -174,7 +176,7 @@ TEST_CASE("an application whose CRC is wrong is not started") {
 
 TEST_CASE("without a bootloader's check the firmware itself tells that it is damaged") {
   // As on a board that keeps Caterina.
-  torquer::emulator::FirmwareImage image(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf");
+  torquer::emulator::FirmwareImage image(torquer::test::FirmwarePath("torquer-firmware.elf"));
   EmulatedBoards good(image);
   good.Start();
   const auto self_test = [](EmulatedBoards& boards) {

@@ -6,6 +6,7 @@
 #include "host/emulator/umockdev_front.h"
 #include "tests/flash/emulated_boards.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -28,7 +29,7 @@ struct Ended {
 };
 
 Ended Flash(std::vector<std::string> words) {
-  words.insert(words.begin(), TORQUER_BIN_DIR "/torquer-flash");
+  words.insert(words.begin(), torquer::test::ProgramPath("torquer-flash"));
   ChildProcess program(words);
   const int status = program.Wait();
   return {status, program.Output(), program.Error()};
@@ -83,7 +84,7 @@ TEST_CASE("the program flashes a new board, updates it, and refuses what it shou
   const Ended other_clock = Flash({kSlowHex, "--force"});
   CHECK(other_clock.status == 2);
   CHECK_THAT(other_clock.error, Contains("16 MHz"));
-  const Ended no_image = Flash({TORQUER_SOURCE_DIR "/README.md"});
+  const Ended no_image = Flash({torquer::test::SourcePath("/README.md")});
   CHECK(no_image.status == 2);
   CHECK_THAT(no_image.error, Contains("README.md:1: is no line of an Intel HEX file"));
 }
@@ -106,7 +107,7 @@ TEST_CASE("the cable is pulled while the program writes, and the next run finish
 TEST_CASE("the program is killed while it writes, and the next run finishes") {
   Bench bench(WithApplication());
   {
-    ChildProcess killed({TORQUER_BIN_DIR "/torquer-flash", kNewHex});
+    ChildProcess killed({torquer::test::ProgramPath("torquer-flash"), kNewHex});
     bool written = false;
     for (int i = 0; i < 100000 && !written; ++i) {
       bench.device.Do(

@@ -10,6 +10,7 @@
 #include "host/emulator/umockdev_front.h"
 #include "protocol/hid_reports.h"
 #include "tests/daemon/daemon_process.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -47,7 +48,7 @@ class PushingHand {
   double from_ = 0.0, to_ = 0.0, start_s_ = 0.0;
 };
 
-FirmwareImage Image() { return FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"); }
+FirmwareImage Image() { return FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")); }
 
 struct Bench {
   Bench() : device(Image(), Options("HIL-1"), [this](double time_s) { return hand(time_s); }) {

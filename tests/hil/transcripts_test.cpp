@@ -3,6 +3,7 @@
 
 #include "host/emulator/umockdev_front.h"
 #include "tests/hil/timing_report.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -19,9 +20,9 @@ struct Bench {
     program.Close();
     device.Do([](BenchDevice& bench, UsbHost&) { CHECK(bench.violation_count() == 0); });
   }
-  UmockdevBench device{FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"), {}, [](double) {
-                         return HandState{};
-                       }};
+  UmockdevBench device{FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")),
+                       {},
+                       [](double) { return HandState{}; }};
   Program program;
 };
 

@@ -8,6 +8,7 @@
 
 #include "protocol/bootloader_reports.h"
 #include "protocol/hid_reports.h"
+#include "tests/support/paths.h"
 
 namespace torquer::protocol {
 namespace {
@@ -45,7 +46,7 @@ class Table {
 
 /// The lines of README.md between `<!-- table NAME -->` and `<!-- end -->`.
 std::string TableInReadme(const std::string& name) {
-  std::ifstream readme(TORQUER_SOURCE_DIR "/protocol/README.md");
+  std::ifstream readme(torquer::test::SourcePath("/protocol/README.md"));
   REQUIRE(readme);
   const std::string marker = std::string("<!-- table ").append(name).append(" -->");
   std::string line;

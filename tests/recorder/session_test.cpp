@@ -13,6 +13,7 @@
 #include "host/recorder/session_report.h"
 #include "host/support/error.h"
 #include "tests/recorder/session_fixture.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 using namespace torquer;
@@ -178,8 +179,8 @@ TEST_CASE("torquer-report judges, prints and draws") {
   calibration.motion.per_count = {{{kMmPerCount, 0.0}, {0.0, kRadPerCount}}};
   calibration::WriteCalibration(calibration, folder.Path("calibration.toml"));
   const auto run = [&folder](const std::string& arguments) {
-    const std::string command = std::string(TORQUER_BIN_DIR) + "/torquer-report " + arguments +
-                                " >" + folder.Path("out") + " 2>" + folder.Path("err");
+    const std::string command = ProgramPath("torquer-report") + " " + arguments + " >" +
+                                folder.Path("out") + " 2>" + folder.Path("err");
     return WEXITSTATUS(std::system(command.c_str()));
   };
   const auto text = [&folder](const std::string& name) {
@@ -194,7 +195,7 @@ TEST_CASE("torquer-report judges, prints and draws") {
   const std::string drawn = given + " --json --picture " + folder.Path("wire.svg");
   CHECK(run(drawn) == 2);
   CHECK_THAT(text("err"), Catch::Contains("made_up.toml"));
-  REQUIRE(run(drawn + " --scene " TORQUER_SOURCE_DIR "/host/scenes/ty_phantom.toml") == 0);
+  REQUIRE(run(drawn + " --scene " + SourcePath("/host/scenes/ty_phantom.toml")) == 0);
   const auto json = nlohmann::json::parse(text("out"));
   for (const char* key :
        {"reports_sent", "reports_received", "reports_lost", "motion_error_counts", "latency_ms_p50",

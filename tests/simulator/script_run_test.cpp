@@ -9,6 +9,7 @@
 #include "host/support/fnv1a.h"
 #include "tests/simulator/scenes.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/private_network.h"
 
 using Catch::Matchers::Contains;
@@ -147,7 +148,7 @@ TEST_CASE("A record that cannot be is refused before the session", "[simulator]"
 
 TEST_CASE("Live, the record is written when the session ends", "[simulator]") {
   torquer::test::NeedPrivateNetwork();
-  const std::string program = std::string(TORQUER_BIN_DIR) + "/torquer-simulator";
+  const std::string program = torquer::test::ProgramPath("torquer-simulator");
   const SceneFile file(kAssessed);
   ChildProcess refused({program, "--scene", file.path(), "--record", file.Beside("no/r.json")});
   CHECK(refused.Wait() == 2);
@@ -164,7 +165,7 @@ TEST_CASE("Live, the record is written when the session ends", "[simulator]") {
 }
 
 TEST_CASE("The program ends with 2 and a sentence on what it cannot use", "[simulator]") {
-  const std::string program = std::string(TORQUER_BIN_DIR) + "/torquer-simulator";
+  const std::string program = torquer::test::ProgramPath("torquer-simulator");
   const SceneFile file;
   const auto refuse = [&](const std::vector<std::string>& words, const std::string& said) {
     std::vector<std::string> all = {program};

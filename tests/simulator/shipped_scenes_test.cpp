@@ -6,10 +6,11 @@
 
 #include "host/bus/channels.h"
 #include "host/simulator/session.h"
+#include "tests/support/paths.h"
 
 namespace {
 
-const std::filesystem::path kScenes = TORQUER_SOURCE_DIR "/host/scenes";
+const std::filesystem::path kScenes = torquer::test::SourcePath("/host/scenes");
 
 std::string Text(const std::filesystem::path& path) {
   std::ostringstream text;

@@ -17,6 +17,7 @@
 #include "host/study/trilinear_field.h"
 #include "host/study/wire_comparison.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::study {
@@ -24,7 +25,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-const std::string kScenes = TORQUER_SOURCE_DIR "/host/scenes";
+const std::string kScenes = torquer::test::SourcePath("/host/scenes");
 
 // Points of a circle of radius 50 mm that leaves the origin along x.
 std::vector<Vector3d> Circle() {
@@ -236,7 +237,7 @@ TEST_CASE("The report begins with the front, the default marked on it") {
 TEST_CASE("A folder without the scenes is refused") {
   const test::TemporaryFolder folder;
   const std::string study = GENERATE("accuracy", "scaling");
-  const std::string torquer_study = TORQUER_BIN_DIR "/torquer-study";
+  const std::string torquer_study = torquer::test::ProgramPath("torquer-study");
   test::ChildProcess program(
       {torquer_study, study, "--scenes", folder.Path("none"), "--out", folder.Path("out")});
   CHECK(program.Wait() == 2);

@@ -8,6 +8,7 @@
 
 #include "host/simulator/effects/effect.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::study {
@@ -16,7 +17,7 @@ namespace {
 using test::ChildProcess;
 using test::TemporaryFolder;
 
-const std::string kProgram = TORQUER_BIN_DIR "/torquer-study";
+const std::string kProgram = torquer::test::ProgramPath("torquer-study");
 
 TEST_CASE("The price list has every effect, the pairs of the scenes that it is given, and all") {
   const TemporaryFolder folder;

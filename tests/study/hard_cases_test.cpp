@@ -11,6 +11,7 @@
 #include "host/study/simple_wire.h"
 #include "host/study/wire_invariants.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::study {
@@ -20,7 +21,7 @@ using Eigen::Vector3d;
 using test::ChildProcess;
 using test::TemporaryFolder;
 
-const std::string kProgram = TORQUER_BIN_DIR "/torquer-study";
+const std::string kProgram = torquer::test::ProgramPath("torquer-study");
 
 // At rest on the wall of a torus.
 struct AtRest {

@@ -10,6 +10,7 @@
 
 #include "host/support/error.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::study {
@@ -18,7 +19,7 @@ namespace {
 using test::ChildProcess;
 using test::TemporaryFolder;
 
-const std::string kProgram = TORQUER_BIN_DIR "/torquer-study";
+const std::string kProgram = torquer::test::ProgramPath("torquer-study");
 
 std::string ReadAll(const std::string& path) {
   std::ifstream file(path, std::ios::binary);

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/paths.h"
+
 namespace torquer::test {
 
 namespace {
@@ -21,7 +23,7 @@ void Restart(bool with_devices) {
   setenv(kMarker, self.c_str(), 1);
   std::ifstream file("/proc/self/cmdline", std::ios::binary);
   std::string words((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  std::string script = std::string(TORQUER_SOURCE_DIR) + "/host/bus/private_network";
+  std::string script = SourcePath("/host/bus/private_network");
   std::string env = "/usr/bin/env";
   std::string preload = "LD_PRELOAD=libumockdev-preload.so.0";
 #if defined(__SANITIZE_ADDRESS__)

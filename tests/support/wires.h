@@ -117,6 +117,23 @@ class EndForce final : public EnergyTerm {
   Vector3d force_N_;
 };
 
+/// One point of a wire of radius 0.2 mm that stands for 1 mm, on a wall of 1 N/mm^2 that faces +z
+/// and lies `penetration_mm` deep in it: it presses with as many N.
+inline PointSet PressedPoint(double penetration_mm) {
+  PointSet points;
+  points.per_segment = 1;
+  points.position = {Vector3d::Zero()};
+  points.weight_mm = {1};
+  points.radius_mm = {0.2};
+  points.touches = {1};
+  points.near = {0};
+  points.stiffness_N_mm2 = {1};
+  points.clearance.resize(1);
+  points.clearance[0].gradient = Vector3d::UnitZ();
+  points.clearance[0].clearance_mm = 0.2 - penetration_mm;
+  return points;
+}
+
 /// Ticks with the same target until one ends converged; gives the last report.
 inline TickReport Settle(Relaxation& relaxation, const HandTarget& target, WireState& state,
                          int most_ticks = 50) {

@@ -9,6 +9,7 @@
 #include "host/bus/clock.h"
 #include "tests/support/child_process.h"
 #include "tests/support/evdev_testbed.h"
+#include "tests/support/paths.h"
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
 
@@ -21,7 +22,7 @@ using torquer::test::EvdevScript;
 using torquer::test::EvdevTestbed;
 using torquer::test::TemporaryFolder;
 
-const std::string kProgram = TORQUER_BIN_DIR "/torquer-calibrate";
+const std::string kProgram = torquer::test::ProgramPath("torquer-calibrate");
 constexpr int kMouse = 5;
 constexpr auto kPatience = std::chrono::seconds(30);
 

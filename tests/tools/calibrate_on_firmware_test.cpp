@@ -12,6 +12,7 @@
 #include "calibration/calibration_file.h"
 #include "host/emulator/session.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -26,7 +27,7 @@ using torquer::emulator::SessionSummary;
 using torquer::test::ChildProcess;
 using torquer::test::TemporaryFolder;
 
-const std::string kProgram = TORQUER_BIN_DIR "/torquer-calibrate";
+const std::string kProgram = torquer::test::ProgramPath("torquer-calibrate");
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kTurns = 4.0 * std::numbers::pi;
 constexpr double kMmPerInch = 25.4;
@@ -72,7 +73,7 @@ class MotionFile {
 struct Bench {
   explicit Bench(const MotionFile& motion, SessionOptions options = {}) {
     motion.Write(folder.Path("motion.csv"));
-    options.firmware = TORQUER_FIRMWARE_DIR "/torquer-firmware.elf";
+    options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
     options.motion = folder.Path("motion.csv");
     options.socket = folder.Path("socket");
     options.use_lcm = false;

@@ -9,6 +9,7 @@
 #include "tests/daemon/reports.h"
 #include "tests/daemon/socket_device.h"
 #include "tests/support/child_process.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -20,7 +21,7 @@ using torquer::calibration::ReadCalibration;
 using torquer::test::ChildProcess;
 using torquer::test::TemporaryFolder;
 
-const std::string kProgram = TORQUER_BIN_DIR "/torquer-calibrate";
+const std::string kProgram = torquer::test::ProgramPath("torquer-calibrate");
 constexpr char kBegin[] =
     "torquer-calibrate script 1\ndevice SCRIPTED-1 1200\nrest 2\nlift 0.5\nrest 0.5\nmark\n"
     "rest 0.3\n";
@@ -217,7 +218,8 @@ TEST_CASE("No device, firmware that does not fit, and no serial number are told"
   SECTION("firmware") {
     torquer::test::SocketDevice device(socket);
     device.identity.protocol_version = 9;
-    CHECK_THAT(error_of(), Contains("another protocol version") && Contains("torquer-flash"));
+    CHECK_THAT(error_of(), Contains("firmware has protocol version 9, this program 1") &&
+                               Contains("torquer-flash"));
   }
   SECTION("serial number") {
     torquer::test::SocketDevice device(socket, "");
@@ -227,7 +229,7 @@ TEST_CASE("No device, firmware that does not fit, and no serial number are told"
 }
 
 TEST_CASE("The sample session does what it is documented to do") {
-  const std::string sample = TORQUER_SOURCE_DIR "/calibration/sample.script";
+  const std::string sample = torquer::test::SourcePath("/calibration/sample.script");
   TemporaryFolder folder;
   ChildProcess program({kProgram, "--script", sample, "--output", folder.Path("sample.toml")});
   REQUIRE(program.Wait() == 0);

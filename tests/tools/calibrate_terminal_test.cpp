@@ -13,6 +13,7 @@
 
 #include "tests/daemon/reports.h"
 #include "tests/daemon/socket_device.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -29,7 +30,7 @@ constexpr auto kPatience = std::chrono::seconds(60);
 class Desk {
  public:
   Desk() : device_(folder.Path("socket")) {
-    const std::string program = TORQUER_BIN_DIR "/torquer-calibrate";
+    const std::string program = torquer::test::ProgramPath("torquer-calibrate");
     const std::string socket = folder.Path("socket");
     const std::string output = folder.Path("calibration.toml");
     winsize size{};

@@ -8,6 +8,7 @@
 #include "host/simulator/vessel/mesh_vessel.h"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/support/error.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/vessel/field_checks.h"
 
@@ -92,7 +93,7 @@ TEST_CASE("curves join where an end meets another curve, and ways lead over the 
 
 TEST_CASE("the neuro arch's centerlines form one network from groin to neck") {
   const CenterlineNetwork network =
-      ReadSlicerCurves(TORQUER_SOURCE_DIR "/host/scenes/meshes/neuro_arch/centerlines");
+      ReadSlicerCurves(torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/centerlines"));
   CHECK(network.curves().size() == 25);
   CHECK(network.curves()[network.Find("curve_02")].length_mm() == Approx(373).margin(2));
   for (const char* to : {"lcca", "rcca", "lva", "rva", "curve_17", "curve_23"}) {
@@ -104,7 +105,7 @@ TEST_CASE("the neuro arch's centerlines form one network from groin to neck") {
 }
 
 TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or it is said where not") {
-  const std::string folder = TORQUER_SOURCE_DIR "/host/scenes/meshes/neuro_arch/";
+  const std::string folder = torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/");
   MeshVesselOptions options;
   options.cache_folder.clear();
   options.field.voxel_mm = 1;

@@ -8,6 +8,7 @@
 
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/centerline.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/vessel/field_checks.h"
 #include "tests/vessel/made_meshes.h"
@@ -56,7 +57,7 @@ std::string OnlyFileIn(const std::string& folder) {
 }
 
 TEST_CASE("a field from a surface is near its distance everywhere near the wall") {
-  const std::string meshes = TORQUER_SOURCE_DIR "/host/scenes/meshes/";
+  const std::string meshes = torquer::test::SourcePath("/host/scenes/meshes/");
   struct Case {
     std::string path;
     MeshUnit unit;

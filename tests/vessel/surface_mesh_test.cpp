@@ -7,6 +7,7 @@
 #include "host/simulator/vessel/mesh_file.h"
 #include "host/simulator/vessel/triangle_bvh.h"
 #include "host/support/error.h"
+#include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/vessel/field_checks.h"
 #include "tests/vessel/made_meshes.h"
@@ -310,8 +311,9 @@ TEST_CASE("files that are no usable surface are refused by name, with the remedy
 }
 
 TEST_CASE("the neuro arch is a closed lumen with inward normals") {
-  const SurfaceMesh surface = ReadSurface(
-      TORQUER_SOURCE_DIR "/host/scenes/meshes/neuro_arch/surface.obj", MeshUnit::kMillimeter);
+  const SurfaceMesh surface =
+      ReadSurface(torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/surface.obj"),
+                  MeshUnit::kMillimeter);
   CHECK(surface.report.was_inward);
   CHECK_FALSE(surface.report.was_shell);
   CHECK(surface.report.openings.empty());
@@ -321,7 +323,8 @@ TEST_CASE("the neuro arch is a closed lumen with inward normals") {
 }
 
 TEST_CASE("of the abdominal aorta the lumen is found, not the wall") {
-  const std::string path = TORQUER_SOURCE_DIR "/host/scenes/meshes/abdominal_aorta/surface.stl";
+  const std::string path =
+      torquer::test::SourcePath("/host/scenes/meshes/abdominal_aorta/surface.stl");
   const SurfaceMesh surface = ReadSurface(path, MeshUnit::kMeter);
   CHECK(surface.report.was_shell);
   CHECK(surface.report.openings.size() == 6);

@@ -213,7 +213,7 @@ void JoinTwist(double part, WireState& state) {
   state.twist_rad.erase(state.twist_rad.begin() + 1);
 }
 
-// With less than this no segment is simulated: a stub would be stiffer than anything else.
+// With less than this no segment is simulated: so short a one would be stiffer than any other.
 double ShortestFirst(const WireModel& model) { return model.segment_mm() / 2; }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include "host/emulator/usbip_commands.h"
 #include "protocol/hid_descriptor.h"
 #include "protocol/hid_reports.h"
+#include "tests/support/paths.h"
 
 namespace {
 
@@ -142,7 +143,7 @@ struct Bench {
     }
   }
 
-  BenchDevice device{FirmwareImage(TORQUER_FIRMWARE_DIR "/torquer-firmware.elf"), Options()};
+  BenchDevice device{FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")), Options()};
   UsbHost host{device};
   UsbipFront front{host, 0};
   UsbipCommands commands{device, host, [] { return std::string(); }};

@@ -1,0 +1,32 @@
+#include "host/daemon/device_identity.h"
+
+#include <cstring>
+#include <vector>
+
+#include "host/support/error.h"
+#include "protocol/hid_reports.h"
+
+namespace torquer::daemon {
+
+std::string ReadSerial(ReportSource& source) {
+  const std::vector<std::uint8_t> answer = source.GetFeature(protocol::kIdentityReportId);
+  if (answer.size() >= 2 && answer[1] != protocol::kProtocolVersion) {
+    throw UserError("the device's firmware has protocol version " + std::to_string(answer[1]) +
+                    ", this program " + std::to_string(protocol::kProtocolVersion) + "; " +
+                    kFlashRemedy);
+  }
+  if (answer.size() != sizeof(protocol::IdentityReport)) {
+    throw UserError("the device's identity has " + std::to_string(answer.size()) +
+                    " bytes instead of " + std::to_string(sizeof(protocol::IdentityReport)) + "; " +
+                    kFlashRemedy);
+  }
+  protocol::IdentityReport identity;
+  std::memcpy(&identity, answer.data(), sizeof identity);
+  std::string serial(identity.serial, strnlen(identity.serial, sizeof identity.serial));
+  for (char& character : serial) {
+    if (character < ' ' || character > '~') character = '?';
+  }
+  return serial;
+}
+
+}  // namespace torquer::daemon
