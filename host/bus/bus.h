@@ -1,7 +1,7 @@
 // LCM with its silent failures made loud.
 //
 // LCM itself neither throws on a bad URL nor counts a message that it cannot decode; both are
-// checked here. Channel names: channels.h.
+// checked here. Channel names: protocol/lcm_channels.h.
 #pragma once
 
 #include <lcm/lcm.h>

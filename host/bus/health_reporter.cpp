@@ -1,7 +1,7 @@
 #include "host/bus/health_reporter.h"
 
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
+#include "protocol/lcm_channels.h"
 #include "torquer_lcm/health_t.hpp"
 
 namespace torquer::bus {
@@ -31,7 +31,7 @@ void HealthReporter::Publish(const std::string& message, const HealthCounters& c
     health.values.push_back(value);
   }
   last_publish_us_ = health.publish_us;
-  bus_.Publish(kHealthChannel, health);
+  bus_.Publish(protocol::kHealthChannel, health);
 }
 
 }  // namespace torquer::bus

@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "calibration/calibration_file.h"
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/daemon/device_identity.h"
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
+#include "protocol/lcm_channels.h"
 #include "torquer_lcm/device_sample_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
@@ -39,13 +39,13 @@ struct Heard {
 Heard ListenFor(const std::string& instrument, const std::string& url) {
   Heard heard;
   bus::Bus listener(url);
-  listener.Subscribe<torquer_lcm::wire_state_t>(bus::kWireStateChannel,
+  listener.Subscribe<torquer_lcm::wire_state_t>(protocol::kWireStateChannel,
                                                 [&](const torquer_lcm::wire_state_t& state) {
                                                   if (state.instrument == instrument)
                                                     heard.state = state;
                                                 });
   listener.Subscribe<torquer_lcm::instrument_command_t>(
-      bus::kInstrumentCommandChannel, [&](const torquer_lcm::instrument_command_t& command) {
+      protocol::kInstrumentCommandChannel, [&](const torquer_lcm::instrument_command_t& command) {
         if (command.instrument == instrument) heard.commanded = true;
       });
   const std::int64_t end_us = bus::MonotonicUs() + kListenUs;
@@ -299,14 +299,14 @@ void Daemon::Announce(const std::string& state, const std::string& message) {
 
 // A doubt can come and go with every report; it is on every command, so here ten a second do.
 void Daemon::AnnounceFlags(std::int32_t flags, std::int64_t now_us) {
-  constexpr std::int32_t kTold = bus::kCommandLift | bus::kCommandSensorFault;
+  constexpr std::int32_t kTold = protocol::kCommandLift | protocol::kCommandSensorFault;
   flags &= kTold;
   if (flags == announced_flags_ || now_us - last_flags_us_ < kFlagsIntervalUs) return;
   announced_flags_ = flags;
   last_flags_us_ = now_us;
-  if ((flags & bus::kCommandSensorFault) != 0) {
+  if ((flags & protocol::kCommandSensorFault) != 0) {
     Announce("sensor fault", "the sensor does not answer as it should; motion is held");
-  } else if ((flags & bus::kCommandLift) != 0) {
+  } else if ((flags & protocol::kCommandLift) != 0) {
     Announce("sensor lifted", "the sensor is lifted or its surface poor; motion is held");
   } else {
     Announce("running", "the sensor sees well again");
@@ -332,7 +332,7 @@ void Daemon::PublishSample(const PipelineOutput& output) {
   message.shutter = sample.shutter;
   message.cpi = sample.cpi;
   message.boot_id = sample.boot_id;
-  bus_.Publish(bus::kDeviceSampleChannel, message);
+  bus_.Publish(protocol::kDeviceSampleChannel, message);
 }
 
 void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
@@ -351,7 +351,7 @@ void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
   command.flags = hand.flags;
   // First: killed in between, the next daemon goes on from here rather than from one command back.
   instrument_claim_.Remember({hand.pose, command.sequence, command.publish_us, command.clock_id});
-  if (bus_.Publish(bus::kInstrumentCommandChannel, command)) ++commands_published_;
+  if (bus_.Publish(protocol::kInstrumentCommandChannel, command)) ++commands_published_;
 }
 
 void Daemon::PublishHold(std::int64_t now_us) {

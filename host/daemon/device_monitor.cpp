@@ -9,8 +9,8 @@
 #include <cstdio>
 #include <utility>
 
-#include "host/bus/channels.h"
 #include "protocol/hid_reports.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::daemon {
 namespace {
@@ -54,9 +54,9 @@ std::string Remarks(const PipelineOutput& output) {
       {(output.sample.buttons & protocol::kButtonXray) != 0, "X-ray"},
       {(output.sample.buttons & protocol::kButtonContrast) != 0, "contrast"},
       {(output.sample.buttons & protocol::kButtonClutch) != 0, "clutch"},
-      {(output.hand.flags & bus::kCommandSensorFault) != 0, "SENSOR FAULT"},
-      {(output.hand.flags & bus::kCommandLift) != 0, "LIFTED OR POOR SURFACE"},
-      {(output.hand.flags & bus::kCommandUncalibrated) != 0, "uncalibrated"},
+      {(output.hand.flags & protocol::kCommandSensorFault) != 0, "SENSOR FAULT"},
+      {(output.hand.flags & protocol::kCommandLift) != 0, "LIFTED OR POOR SURFACE"},
+      {(output.hand.flags & protocol::kCommandUncalibrated) != 0, "uncalibrated"},
   };
   std::string words;
   for (const auto& [holds, word] : remarks) {

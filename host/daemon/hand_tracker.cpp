@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "host/bus/channels.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::daemon {
 namespace {
@@ -33,7 +33,7 @@ HandState HandTracker::Step(const Sample& sample) {
   last_ = sample;
   last_held_ = held;
 
-  if (!calibrated_) state.flags |= bus::kCommandUncalibrated;
+  if (!calibrated_) state.flags |= protocol::kCommandUncalibrated;
   state.pose = CurrentPose();
   state.xray = (sample.buttons & protocol::kButtonXray) != 0;
   state.contrast = (sample.buttons & protocol::kButtonContrast) != 0;
@@ -43,7 +43,7 @@ HandState HandTracker::Step(const Sample& sample) {
 HandState HandTracker::Hold() const {
   HandState state;
   state.pose = CurrentPose();
-  state.flags = bus::kCommandNoDevice | (calibrated_ ? 0 : bus::kCommandUncalibrated);
+  state.flags = protocol::kCommandNoDevice | (calibrated_ ? 0 : protocol::kCommandUncalibrated);
   return state;
 }
 
@@ -56,11 +56,11 @@ void HandTracker::Home() {
 std::int32_t HandTracker::Doubts(const Sample& sample) {
   std::int32_t doubts = 0;
   poor_surface_ = sample.surface_quality < (poor_surface_ ? kGoodSurface : kPoorSurface);
-  if ((sample.flags & protocol::kFlagLift) != 0 || poor_surface_) doubts |= bus::kCommandLift;
+  if ((sample.flags & protocol::kFlagLift) != 0 || poor_surface_) doubts |= protocol::kCommandLift;
   if ((sample.flags & protocol::kFlagSensorFault) != 0 || sample.cpi != calibration_.motion.cpi) {
-    doubts |= bus::kCommandSensorFault;
+    doubts |= protocol::kCommandSensorFault;
   }
-  if ((sample.buttons & protocol::kButtonClutch) != 0) doubts |= bus::kCommandClutch;
+  if ((sample.buttons & protocol::kButtonClutch) != 0) doubts |= protocol::kCommandClutch;
   return doubts;
 }
 

@@ -31,7 +31,7 @@ struct HandState {
   Pose pose;
   bool xray = false;
   bool contrast = false;
-  std::int32_t flags = 0;  ///< bus::InstrumentFlag bits
+  std::int32_t flags = 0;  ///< protocol::InstrumentFlag bits
 };
 
 /// Sums over all samples, counts.

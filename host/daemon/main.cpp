@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "calibration/calibration_file.h"
-#include "host/bus/channels.h"
 #include "host/daemon/claim.h"
 #include "host/daemon/daemon.h"
 #include "host/daemon/device_list.h"
@@ -23,6 +22,7 @@
 #include "host/daemon/usb_source.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
+#include "protocol/lcm_channels.h"
 
 namespace {
 
@@ -54,7 +54,7 @@ struct Arguments {
   std::string calibration;
   bool uncalibrated = false;
   std::string lcm_url;
-  std::string instrument = torquer::bus::kGuidewire;
+  std::string instrument = torquer::protocol::kGuidewire;
   bool json = false;
   bool monitor = false;
   bool list = false;
@@ -78,8 +78,8 @@ Arguments Parse(int argc, char** argv) {
   line.Flag("--home", arguments.home);
   line.Flag("--help", arguments.help);
   line.Parse(argc, argv, kUsage);
-  if (arguments.instrument != torquer::bus::kGuidewire &&
-      arguments.instrument != torquer::bus::kCatheter) {
+  if (arguments.instrument != torquer::protocol::kGuidewire &&
+      arguments.instrument != torquer::protocol::kCatheter) {
     throw UserError("--instrument '" + arguments.instrument +
                     "' is not known; there are guidewire and catheter");
   }

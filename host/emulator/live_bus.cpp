@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
+#include "protocol/lcm_channels.h"
 #include "torquer_lcm/hand_motion_t.hpp"
 
 namespace torquer::emulator {
@@ -39,7 +39,7 @@ HandState LiveHand::At(double time_s) const {
 
 LiveBus::LiveBus(const std::string& url) : bus_(url), health_(bus_, "emulator") {
   bus_.Subscribe<torquer_lcm::hand_motion_t>(
-      bus::kHandMotionChannel, [this](const torquer_lcm::hand_motion_t& motion) {
+      protocol::kHandMotionChannel, [this](const torquer_lcm::hand_motion_t& motion) {
         if (!Usable(motion)) {
           ++refused_;
         } else if (hand_) {
@@ -70,7 +70,7 @@ void LiveBus::PublishTruth(const BenchDevice& device, double time_s, const HandS
   truth.reports_sent = reports_sent;
   truth.axial_counts = device.sensor().axial_counts();
   truth.transverse_counts = device.sensor().transverse_counts();
-  bus_.Publish(bus::kEmulatorTruthChannel, truth);
+  bus_.Publish(protocol::kEmulatorTruthChannel, truth);
 }
 
 void LiveBus::PublishHealth(const std::string& state, const std::string& message,

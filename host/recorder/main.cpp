@@ -6,13 +6,13 @@
 #include <string>
 
 #include "calibration/calibration_file.h"
-#include "host/bus/channels.h"
 #include "host/recorder/report_output.h"
 #include "host/recorder/vessel_outline.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/mesh_vessel.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
+#include "protocol/lcm_channels.h"
 
 namespace {
 
@@ -75,7 +75,7 @@ torquer::PictureVessel Surface(const torquer::scene::Vessel& vessel) {
 }
 
 int Run(const Options& options) {
-  torquer::SessionReporter reporter(torquer::bus::kGuidewire);
+  torquer::SessionReporter reporter(torquer::protocol::kGuidewire);
   const torquer::SessionLogSummary summary =
       torquer::ReadSessionLog(options.log, reporter.Handlers());
   const torquer::calibration::MotionModel motion =

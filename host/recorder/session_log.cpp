@@ -3,8 +3,8 @@
 #include <lcm/lcm-cpp.hpp>
 #include <map>
 
-#include "host/bus/channels.h"
 #include "host/support/error.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer {
 namespace {
@@ -31,13 +31,13 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
     throw UserError(path + ": cannot be read; give the file that lcm-logger wrote");
   }
   std::map<std::string, RawHandler> by_channel;
-  Register(by_channel, bus::kDeviceSampleChannel, handlers.sample);
-  Register(by_channel, bus::kInstrumentCommandChannel, handlers.command);
-  Register(by_channel, bus::kWireStateChannel, handlers.state);
-  Register(by_channel, bus::kSceneChannel, handlers.scene);
-  Register(by_channel, bus::kReadingsChannel, handlers.readings);
-  Register(by_channel, bus::kHealthChannel, handlers.health);
-  Register(by_channel, bus::kEmulatorTruthChannel, handlers.truth);
+  Register(by_channel, protocol::kDeviceSampleChannel, handlers.sample);
+  Register(by_channel, protocol::kInstrumentCommandChannel, handlers.command);
+  Register(by_channel, protocol::kWireStateChannel, handlers.state);
+  Register(by_channel, protocol::kSceneChannel, handlers.scene);
+  Register(by_channel, protocol::kReadingsChannel, handlers.readings);
+  Register(by_channel, protocol::kHealthChannel, handlers.health);
+  Register(by_channel, protocol::kEmulatorTruthChannel, handlers.truth);
 
   SessionLogSummary summary;
   while (const lcm::LogEvent* event = log.readNextEvent()) {

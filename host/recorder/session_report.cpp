@@ -5,15 +5,15 @@
 #include <cmath>
 #include <utility>
 
-#include "host/bus/channels.h"
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer {
 namespace {
 
 constexpr std::int8_t kDoubtfulSample = protocol::kFlagLift | protocol::kFlagSensorFault;
-constexpr std::int32_t kDoubtfulCommand = bus::kCommandLift | bus::kCommandSensorFault;
+constexpr std::int32_t kDoubtfulCommand = protocol::kCommandLift | protocol::kCommandSensorFault;
 
 }  // namespace
 

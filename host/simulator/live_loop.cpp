@@ -3,13 +3,13 @@
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
 #include "host/simulator/field_ahead.h"
 #include "host/simulator/live_readings.h"
 #include "host/simulator/picture_thread.h"
 #include "host/support/fnv1a.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
 
@@ -65,9 +65,9 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
   command.target = session.target();
 
   bus.Subscribe<torquer_lcm::instrument_command_t>(
-      bus::kInstrumentCommandChannel,
+      protocol::kInstrumentCommandChannel,
       [&](const torquer_lcm::instrument_command_t& message) {
-        if (message.instrument == bus::kCatheter) {
+        if (message.instrument == protocol::kCatheter) {
           // C-arm and pedals are those of the wire's box.
           command.target.catheter_insertion_mm = start.catheter_insertion_mm + message.insertion_mm;
           command.target.catheter_rotation_rad = message.rotation_rad;
@@ -75,14 +75,15 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
           ++statistics.commands;
           return;
         }
-        if (message.instrument != bus::kGuidewire) return;
+        if (message.instrument != protocol::kGuidewire) return;
         command.sequence = message.sequence;
         command.target.insertion_mm = start.insertion_mm + message.insertion_mm;
         command.target.rotation_rad = message.rotation_rad;
         command.controls = {message.lao_rad, message.cra_rad, message.xray != 0,
                             message.contrast != 0};
-        command.in_doubt = (message.flags & (bus::kCommandLift | bus::kCommandSensorFault |
-                                             bus::kCommandNoDevice)) != 0;
+        command.in_doubt =
+            (message.flags & (protocol::kCommandLift | protocol::kCommandSensorFault |
+                              protocol::kCommandNoDevice)) != 0;
         const bool same_clock = message.clock_id == clock_id;
         origin_us = same_clock ? message.origin_us : bus::MonotonicUs();
         sent_us = same_clock ? message.publish_us : 0;
@@ -109,16 +110,16 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
     state.origin_us = origin_us;
     state.solve_us = solve_us;
     state.publish_us = bus::MonotonicUs();
-    bus.Publish(bus::kWireStateChannel, state);
+    bus.Publish(protocol::kWireStateChannel, state);
     if (!session.DescribeCatheter(catheter)) return;
     catheter.clock_id = clock_id;
     catheter.origin_us = origin_us;
     catheter.solve_us = solve_us;
     catheter.publish_us = bus::MonotonicUs();
-    bus.Publish(bus::kWireStateChannel, catheter);
+    bus.Publish(protocol::kWireStateChannel, catheter);
   };
   health.Change("running", "", counters());
-  bus.Publish(bus::kSceneChannel, description);
+  bus.Publish(protocol::kSceneChannel, description);
   publish(0);
 
   std::unique_ptr<PictureThread> pictures;
@@ -156,7 +157,7 @@ LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>&
     readings.PublishWhenDue(start_us);
     if (health.Due(start_us)) {
       health.Repeat(counters());
-      bus.Publish(bus::kSceneChannel, description);
+      bus.Publish(protocol::kSceneChannel, description);
     }
   }
   readings.Publish();

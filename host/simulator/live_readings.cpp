@@ -3,8 +3,8 @@
 #include <torquer_lcm/readings_t.hpp>
 #include <vector>
 
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
 
@@ -27,7 +27,7 @@ void LiveReadings::Publish() {
   message.count = static_cast<std::int32_t>(message.names.size());
   message.clock_id = bus::ClockId();
   message.publish_us = published_us_ = bus::MonotonicUs();
-  bus_.Publish(bus::kReadingsChannel, message);
+  bus_.Publish(protocol::kReadingsChannel, message);
 }
 
 }  // namespace torquer::simulator

@@ -3,9 +3,9 @@
 #include <chrono>
 #include <torquer_lcm/picture_t.hpp>
 
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
 
@@ -60,7 +60,7 @@ void PictureThread::Run() {
     if (rendered_ == 0) continue;
     message.held = static_cast<std::int8_t>(!fresh);
     message.publish_us = bus::MonotonicUs();
-    bus_.Publish(bus::kPictureChannel, message);
+    bus_.Publish(protocol::kPictureChannel, message);
   }
 }
 

@@ -5,9 +5,9 @@
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 
-#include "host/bus/channels.h"
 #include "host/simulator/session.h"
 #include "host/support/error.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
 
@@ -22,7 +22,7 @@ ReplayResult Replay(scene::Scene& scene, const std::string& log) {
   ReplayResult result;
   std::int64_t expected_tick = 0;
   while (const lcm::LogEvent* event = file.readNextEvent()) {
-    if (event->channel == bus::kSceneChannel) {
+    if (event->channel == protocol::kSceneChannel) {
       torquer_lcm::scene_description_t recorded;
       if (recorded.decode(event->data, 0, event->datalen) == event->datalen &&
           recorded.content_hash != hash) {
@@ -32,10 +32,10 @@ ReplayResult Replay(scene::Scene& scene, const std::string& log) {
       }
       continue;
     }
-    if (event->channel != bus::kWireStateChannel) continue;
+    if (event->channel != protocol::kWireStateChannel) continue;
     torquer_lcm::wire_state_t recorded;
     if (recorded.decode(event->data, 0, event->datalen) != event->datalen ||
-        recorded.instrument != bus::kGuidewire) {
+        recorded.instrument != protocol::kGuidewire) {
       continue;
     }
     // The start, tick 0, is the scene's and takes no work.
@@ -79,8 +79,8 @@ ReplayResult Replay(scene::Scene& scene, const std::string& log) {
     }
   }
   if (result.states == 0) {
-    throw UserError(log + ": holds no wire state (channel " + std::string(bus::kWireStateChannel) +
-                    "); record a running simulator");
+    throw UserError(log + ": holds no wire state (channel " +
+                    std::string(protocol::kWireStateChannel) + "); record a running simulator");
   }
   return result;
 }

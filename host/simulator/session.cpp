@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "host/bus/channels.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
 
@@ -51,12 +51,12 @@ void Session::Restart() {
 }
 
 const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
-  status_ = command.in_doubt ? bus::kWireInDoubt : 0;
+  status_ = command.in_doubt ? protocol::kWireInDoubt : 0;
   command_sequence_ = command.sequence;
   if (Usable(command.target)) {
     target_ = command.target;
   } else {
-    status_ |= bus::kWireInputRefused;
+    status_ |= protocol::kWireInputRefused;
   }
   const double before_s = time_s_;
   time_s_ = command.time_s < 0 ? time_s_ + 1e-3 : std::max(time_s_, command.time_s);
@@ -96,13 +96,13 @@ std::vector<effects::Reading> Session::Readings() const {
 
 void Session::Observe() {
   hash_ = HashState(state_);
-  if (report_.converged) status_ |= bus::kWireConverged;
-  if (report_.budget_spent) status_ |= bus::kWireBudgetSpent;
-  if (report_.snapped) status_ |= bus::kWireSnapped;
+  if (report_.converged) status_ |= protocol::kWireConverged;
+  if (report_.budget_spent) status_ |= protocol::kWireBudgetSpent;
+  if (report_.snapped) status_ |= protocol::kWireSnapped;
   const PointSet& points = relaxation_->Current().points;
   for (std::size_t q = 0; q < points.touches.size(); ++q) {
     if (points.touches[q] && points.clearance[q].clearance_mm < 0) {
-      status_ |= bus::kWireOutsideLumen;
+      status_ |= protocol::kWireOutsideLumen;
       break;
     }
   }
@@ -136,7 +136,7 @@ bool Session::DescribeCatheter(torquer_lcm::wire_state_t& out) const {
   const CoaxialPair* const coaxial = scene_.coaxial();
   if (coaxial == nullptr) return false;
   out = {};  // all that it shares with the wire is in that one's message
-  out.instrument = bus::kCatheter;
+  out.instrument = protocol::kCatheter;
   out.tick = tick_;
   out.time_s = time_s_;
   out.command_sequence = command_sequence_;
@@ -153,7 +153,7 @@ bool Session::DescribeCatheter(torquer_lcm::wire_state_t& out) const {
 }
 
 void Session::Describe(torquer_lcm::wire_state_t& out) const {
-  out.instrument = bus::kGuidewire;
+  out.instrument = protocol::kGuidewire;
   out.tick = tick_;
   out.time_s = time_s_;
   out.command_sequence = command_sequence_;

@@ -40,7 +40,7 @@ class Session {
   const TickReport& report() const { return report_; }
   std::uint64_t state_hash() const { return hash_; }
   std::int64_t tick() const { return tick_; }
-  int status() const { return status_; }     ///< bus::WireStatus bits
+  int status() const { return status_; }     ///< protocol::WireStatus bits
   double time_s() const { return time_s_; }  ///< simulated, since the start
   /// Whether the scene goes on by itself, so that ticks count even where the hand rests.
   bool lives() const { return lives_; }

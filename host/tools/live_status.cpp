@@ -7,17 +7,17 @@
 #include <numbers>
 #include <utility>
 
-#include "host/bus/channels.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::tools {
 namespace {
 
 constexpr std::array<std::pair<std::int32_t, const char*>, 5> kStatusWords = {{
-    {bus::kWireBudgetSpent, "out of time"},
-    {bus::kWireOutsideLumen, "outside the lumen"},
-    {bus::kWireSnapped, "snapped"},
-    {bus::kWireInputRefused, "input refused"},
-    {bus::kWireInDoubt, "in doubt"},
+    {protocol::kWireBudgetSpent, "out of time"},
+    {protocol::kWireOutsideLumen, "outside the lumen"},
+    {protocol::kWireSnapped, "snapped"},
+    {protocol::kWireInputRefused, "input refused"},
+    {protocol::kWireInDoubt, "in doubt"},
 }};
 
 std::string LatencyText(std::vector<double>& latencies_ms) {
@@ -55,7 +55,7 @@ std::string StatusWords(std::int32_t status) {
 void LiveStatus::Add(const torquer_lcm::device_sample_t&) { ++samples_; }
 
 void LiveStatus::Add(const torquer_lcm::wire_state_t& state) {
-  if (state.instrument != bus::kGuidewire) return;
+  if (state.instrument != protocol::kGuidewire) return;
   ++states_;
   max_penetration_um_ = std::max(max_penetration_um_, state.max_penetration_um);
   if (state.clock_id == clock_id_ && state.command_sequence > command_sequence_) {

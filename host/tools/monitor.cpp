@@ -12,11 +12,11 @@
 #include <thread>
 
 #include "host/bus/bus.h"
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
 #include "host/tools/live_status.h"
+#include "protocol/lcm_channels.h"
 
 namespace {
 
@@ -61,16 +61,18 @@ int Run(const std::string& url, double duration_s) {
   const std::size_t width = TerminalWidth();
   torquer::tools::LiveStatus status(torquer::bus::ClockId());
   bus.Subscribe<torquer_lcm::device_sample_t>(
-      torquer::bus::kDeviceSampleChannel, [&](const auto& message) { status.Add(message); }, 0);
+      torquer::protocol::kDeviceSampleChannel, [&](const auto& message) { status.Add(message); },
+      0);
   bus.Subscribe<torquer_lcm::wire_state_t>(
-      torquer::bus::kWireStateChannel, [&](const auto& message) { status.Add(message); }, 0);
+      torquer::protocol::kWireStateChannel, [&](const auto& message) { status.Add(message); }, 0);
   bus.Subscribe<torquer_lcm::scene_description_t>(
-      torquer::bus::kSceneChannel, [&](const auto& message) { status.Add(message); });
-  bus.Subscribe<torquer_lcm::readings_t>(torquer::bus::kReadingsChannel, [&](const auto& message) {
-    const std::string news = status.Add(message);
-    if (!news.empty()) Show(news, true, width);
-  });
-  bus.Subscribe<torquer_lcm::health_t>(torquer::bus::kHealthChannel, [&](const auto& message) {
+      torquer::protocol::kSceneChannel, [&](const auto& message) { status.Add(message); });
+  bus.Subscribe<torquer_lcm::readings_t>(torquer::protocol::kReadingsChannel,
+                                         [&](const auto& message) {
+                                           const std::string news = status.Add(message);
+                                           if (!news.empty()) Show(news, true, width);
+                                         });
+  bus.Subscribe<torquer_lcm::health_t>(torquer::protocol::kHealthChannel, [&](const auto& message) {
     const std::string news = status.Add(message);
     if (!news.empty()) Show(news, true, width);
   });

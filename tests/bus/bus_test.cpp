@@ -4,10 +4,10 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
 #include "host/support/error.h"
+#include "protocol/lcm_channels.h"
 #include "tests/support/private_network.h"
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
@@ -31,7 +31,7 @@ std::string RefusalOf(const std::string& url) {
 
 instrument_command_t Command(std::int64_t sequence) {
   instrument_command_t command{};
-  command.instrument = torquer::bus::kGuidewire;
+  command.instrument = torquer::protocol::kGuidewire;
   command.sequence = sequence;
   return command;
 }
@@ -83,14 +83,14 @@ TEST_CASE("What is published arrives, whole and in order") {
   Bus receiver;
   std::vector<std::int64_t> seen;
   receiver.Subscribe<instrument_command_t>(
-      torquer::bus::kInstrumentCommandChannel,
+      torquer::protocol::kInstrumentCommandChannel,
       [&](const instrument_command_t& command) {
         CHECK(command.instrument == "guidewire");
         seen.push_back(command.sequence);
       },
       0);
   for (std::int64_t i = 0; i < 100; ++i) {
-    REQUIRE(sender.Publish(torquer::bus::kInstrumentCommandChannel, Command(i)));
+    REQUIRE(sender.Publish(torquer::protocol::kInstrumentCommandChannel, Command(i)));
   }
   REQUIRE(HandleUntil(receiver, [&] { return seen.size() >= 100; }));
   for (std::int64_t i = 0; i < 100; ++i) REQUIRE(seen[static_cast<std::size_t>(i)] == i);
@@ -141,7 +141,7 @@ TEST_CASE("Health is told at once on a change and when a second has passed") {
   torquer::test::NeedPrivateNetwork();
   Bus bus;
   std::vector<health_t> seen;
-  bus.Subscribe<health_t>(torquer::bus::kHealthChannel,
+  bus.Subscribe<health_t>(torquer::protocol::kHealthChannel,
                           [&](const health_t& health) { seen.push_back(health); });
   torquer::bus::HealthReporter reporter(bus, "daemon");
   CHECK(reporter.Due(torquer::bus::MonotonicUs()));

@@ -14,7 +14,7 @@
 #include <string>
 
 #include "host/bus/bus.h"
-#include "host/bus/channels.h"
+#include "protocol/lcm_channels.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/private_network.h"
@@ -53,7 +53,7 @@ wire_state_t LastState(const std::string& log_path) {
   REQUIRE(log.good());
   wire_state_t state{};
   while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (event->channel == torquer::bus::kWireStateChannel) {
+    if (event->channel == torquer::protocol::kWireStateChannel) {
       REQUIRE(state.decode(event->data, 0, event->datalen) == event->datalen);
     }
   }
@@ -65,12 +65,12 @@ wire_state_t PlayCommands(const std::string& log, double speed, std::int64_t las
   torquer::bus::Bus bus;
   std::optional<wire_state_t> newest;
   bus.Subscribe<wire_state_t>(
-      torquer::bus::kWireStateChannel, [&](const wire_state_t& state) { newest = state; }, 0);
+      torquer::protocol::kWireStateChannel, [&](const wire_state_t& state) { newest = state; }, 0);
   ChildProcess simulator({kPrograms + "/torquer-simulator", "--scene", kScene});
   while (!newest) bus.Handle(100);
   REQUIRE(newest->command_sequence == -1);
   const std::string play = "lcm-logplayer --speed=" + std::to_string(speed) +
-                           " --regexp=" + torquer::bus::kInstrumentCommandChannel + " " + log +
+                           " --regexp=" + torquer::protocol::kInstrumentCommandChannel + " " + log +
                            " >/dev/null";
   REQUIRE(Run(play) == 0);
   while (newest->command_sequence < last_sequence || newest->carried_mm != 0) bus.Handle(100);

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "host/bus/bus.h"
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
+#include "protocol/lcm_channels.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/private_network.h"
@@ -33,17 +33,17 @@ struct Listener {
     unsetenv("LCM_DEFAULT_URL");
     bus.emplace("");
     bus->Subscribe<torquer_lcm::instrument_command_t>(
-        torquer::bus::kInstrumentCommandChannel,
+        torquer::protocol::kInstrumentCommandChannel,
         [this](const torquer_lcm::instrument_command_t& command) {
-          const bool held = (command.flags & torquer::bus::kCommandNoDevice) != 0;
+          const bool held = (command.flags & torquer::protocol::kCommandNoDevice) != 0;
           (held ? holds : commands).push_back(command);
         },
         0);
     bus->Subscribe<torquer_lcm::device_sample_t>(
-        torquer::bus::kDeviceSampleChannel,
+        torquer::protocol::kDeviceSampleChannel,
         [this](const torquer_lcm::device_sample_t& sample) { samples.push_back(sample); }, 0);
     bus->Subscribe<torquer_lcm::health_t>(
-        torquer::bus::kHealthChannel,
+        torquer::protocol::kHealthChannel,
         [this](const torquer_lcm::health_t& message) {
           health.push_back(message);
           for (std::size_t i = 0; i < message.names.size(); ++i) {

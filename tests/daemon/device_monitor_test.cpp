@@ -8,8 +8,8 @@
 #include <catch2/catch.hpp>
 #include <cstdlib>
 
-#include "host/bus/channels.h"
 #include "host/daemon/service_manager.h"
+#include "protocol/lcm_channels.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -109,7 +109,7 @@ TEST_CASE("Bars show speed, joystick and surface, and words what is pressed or w
 
   PipelineOutput last = Output(111);
   last.sample.buttons = torquer::protocol::kButtonClutch;
-  last.hand.flags = torquer::bus::kCommandLift | torquer::bus::kCommandUncalibrated;
+  last.hand.flags = torquer::protocol::kCommandLift | torquer::protocol::kCommandUncalibrated;
   bars.Add("BENCH-7", last);
   CHECK(Contains(LineOf(bars.Lines(0.1, 80), "now: "), "clutch, LIFTED OR POOR SURFACE, uncal"));
   last.sample.report_number += 2;

@@ -100,7 +100,7 @@ TEST_CASE("A mouse's raw deltas become insertion and rotation, with the kernel's
     return false;
   }));
   for (const auto& sample : chain.listener.samples) CHECK(sample.origin_us <= sample.receive_us);
-  CHECK(chain.listener.commands.back().flags == torquer::bus::kCommandUncalibrated);
+  CHECK(chain.listener.commands.back().flags == torquer::protocol::kCommandUncalibrated);
   daemon->Signal(SIGTERM);
   CHECK(daemon->Wait() == 0);
   CHECK(chain.listener.counters["reports_lost"] == 0);
@@ -120,7 +120,7 @@ TEST_CASE("Buttons of mouse and joystick are pedals and clutch") {
   }));
   const auto shows = [meaning = meaning](const instrument_command_t& command, bool down) {
     return command.xray == (down && meaning == 0) && command.contrast == (down && meaning == 1) &&
-           ((command.flags & torquer::bus::kCommandClutch) != 0) == (down && meaning == 2);
+           ((command.flags & torquer::protocol::kCommandClutch) != 0) == (down && meaning == 2);
   };
   for (const int down : {1, 0}) {
     chain.testbed.Send(device, {{EV_KEY, key, down}}, MonotonicUs());
@@ -162,7 +162,7 @@ TEST_CASE("Events that the kernel dropped are counted and flagged, buttons are r
   chain.testbed.SendDropped(kMouse, MonotonicUs());
   REQUIRE(chain.listener.Until([&] {
     for (const instrument_command_t& command : chain.listener.commands) {
-      if ((command.flags & torquer::bus::kCommandLift) != 0) return true;
+      if ((command.flags & torquer::protocol::kCommandLift) != 0) return true;
     }
     return false;
   }));

@@ -3,11 +3,11 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "host/bus/channels.h"
+#include "protocol/lcm_channels.h"
 
 namespace {
 
-using namespace torquer::bus;
+using namespace torquer::protocol;
 using torquer::calibration::Calibration;
 using torquer::daemon::EpochStart;
 using torquer::daemon::HandState;

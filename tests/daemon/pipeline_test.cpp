@@ -4,7 +4,7 @@
 #include <random>
 
 #include "calibration/motion_model.h"
-#include "host/bus/channels.h"
+#include "protocol/lcm_channels.h"
 #include "tests/daemon/reports.h"
 
 namespace {
@@ -137,7 +137,7 @@ TEST_CASE("A transcript of clutch, lift, reset and replug goes by the book") {
 
   report.buttons = torquer::protocol::kButtonClutch;
   CHECK(step(-4).hand.pose.insertion_mm == 10.0);
-  CHECK(step(-4).hand.flags == torquer::bus::kCommandClutch);
+  CHECK(step(-4).hand.flags == torquer::protocol::kCommandClutch);
   report.buttons = 0;
   CHECK(step(0).hand.pose.insertion_mm == 10.0);
   CHECK(step(5).hand.pose.insertion_mm == 15.0);

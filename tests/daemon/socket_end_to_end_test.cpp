@@ -107,7 +107,7 @@ TEST_CASE("Reports become commands, one for one") {
     REQUIRE(command.rotation_rad == Approx(-2 * kMmPerCount / 5.0 * step).margin(1e-12));
     REQUIRE(command.xray);
     REQUIRE_FALSE(command.contrast);
-    REQUIRE(command.flags == torquer::bus::kCommandUncalibrated);
+    REQUIRE(command.flags == torquer::protocol::kCommandUncalibrated);
     REQUIRE(command.clock_id == torquer::bus::ClockId());
     const device_sample_t& sample = listener.samples[i];
     REQUIRE(sample.device == "SCRIPTED-1");
@@ -197,7 +197,7 @@ TEST_CASE("A lifted sensor is said on every command and on the health channel") 
   chain.report.flags = torquer::protocol::kFlagLift;
   CHECK(chain.Push(500).insertion_mm == before.insertion_mm);
   for (const instrument_command_t& command : chain.listener.commands) {
-    CHECK((command.flags & torquer::bus::kCommandLift) != 0);
+    CHECK((command.flags & torquer::protocol::kCommandLift) != 0);
   }
   REQUIRE(chain.listener.UntilHealth("sensor lifted", "motion is held"));
   chain.report.flags = 0;
@@ -263,7 +263,7 @@ TEST_CASE("A daemon takes up what the simulator was commanded, or begins anew wi
   std::thread simulator([&] {
     torquer::bus::Bus bus;
     while (!stop) {
-      bus.Publish(torquer::bus::kWireStateChannel, state);
+      bus.Publish(torquer::protocol::kWireStateChannel, state);
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
   });
@@ -324,7 +324,7 @@ TEST_CASE("An instrument that already gets commands on the bus is left alone") {
     instrument_command_t command{};
     command.instrument = "guidewire";
     while (!stop) {
-      bus.Publish(torquer::bus::kInstrumentCommandChannel, command);
+      bus.Publish(torquer::protocol::kInstrumentCommandChannel, command);
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
   });

@@ -2,10 +2,10 @@
 #include <catch2/catch.hpp>
 #include <fstream>
 
-#include "host/bus/channels.h"
 #include "host/simulator/effects/contrast.h"
 #include "host/simulator/effects/fluoroscopy.h"
 #include "host/simulator/session.h"
+#include "protocol/lcm_channels.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::test {
@@ -47,9 +47,9 @@ TEST_CASE("A scene's catheter starts, moves and is told of as its own instrument
   torquer_lcm::wire_state_t catheter;
   session.Describe(wire);
   REQUIRE(session.DescribeCatheter(catheter));
-  CHECK(wire.instrument == bus::kGuidewire);
+  CHECK(wire.instrument == protocol::kGuidewire);
   CHECK(wire.insertion_mm == 60);
-  CHECK(catheter.instrument == bus::kCatheter);
+  CHECK(catheter.instrument == protocol::kCatheter);
   CHECK(catheter.insertion_mm == 40);
   CHECK(catheter.node_count == 41);
   CHECK(wire.node_count == 61);

@@ -12,12 +12,12 @@
 // After <cstdio>, which it needs and does not include.
 #include <jpeglib.h>
 
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/simulator/live_loop.h"
 #include "host/simulator/picture_file.h"
 #include "host/simulator/picture_thread.h"
 #include "host/simulator/script_run.h"
+#include "protocol/lcm_channels.h"
 #include "tests/effects_image/bench.h"
 #include "tests/support/private_network.h"
 
@@ -142,12 +142,12 @@ TEST_CASE("Live, pictures are published while the pedal is down, then held", "[e
   torquer::bus::Bus hand_bus;
   std::vector<torquer_lcm::picture_t> pictures;
   hand_bus.Subscribe<torquer_lcm::picture_t>(
-      torquer::bus::kPictureChannel,
+      torquer::protocol::kPictureChannel,
       [&](const torquer_lcm::picture_t& picture) { pictures.push_back(picture); }, 0);
   std::atomic<bool> stop{false};
   std::thread simulator([&] { torquer::simulator::RunLive(session, simulator_bus, stop); });
   torquer_lcm::instrument_command_t command{};
-  command.instrument = torquer::bus::kGuidewire;
+  command.instrument = torquer::protocol::kGuidewire;
   command.clock_id = torquer::bus::ClockId();
   command.lao_rad = 0.5;
   const auto run_until = [&](bool xray, auto&& done) {
@@ -155,7 +155,7 @@ TEST_CASE("Live, pictures are published while the pedal is down, then held", "[e
     for (int k = 0; k < 1000 && !done(); ++k) {
       ++command.sequence;
       command.origin_us = command.publish_us = torquer::bus::MonotonicUs();
-      hand_bus.Publish(torquer::bus::kInstrumentCommandChannel, command);
+      hand_bus.Publish(torquer::protocol::kInstrumentCommandChannel, command);
       hand_bus.Handle(10);
     }
     CHECK(done());

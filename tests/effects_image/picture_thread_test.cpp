@@ -9,8 +9,8 @@
 #include <torquer_lcm/picture_t.hpp>
 #include <vector>
 
-#include "host/bus/channels.h"
 #include "host/simulator/effects/fluoroscopy.h"
+#include "protocol/lcm_channels.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -58,7 +58,7 @@ TEST_CASE("Ticks never wait for pictures, and the newest of them is always shown
   bus::Bus bus("memq://");
   std::vector<torquer_lcm::picture_t> pictures;
   bus.Subscribe<torquer_lcm::picture_t>(
-      bus::kPictureChannel,
+      protocol::kPictureChannel,
       [&](const torquer_lcm::picture_t& picture) { pictures.push_back(picture); }, 0);
   PictureThread thread(ticks.fluoroscopy(), bus);
   const torquer_lcm::health_t health{};
@@ -67,7 +67,7 @@ TEST_CASE("Ticks never wait for pictures, and the newest of them is always shown
     REQUIRE(ticks.Next());
     thread.Offer();
     // Both threads publish.
-    bus.Publish(bus::kHealthChannel, health);
+    bus.Publish(protocol::kHealthChannel, health);
     bus.Handle(0);
     if (k % 10 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }

@@ -8,10 +8,10 @@
 #include <thread>
 
 #include "host/bus/bus.h"
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/emulator/session.h"
 #include "protocol/hid_reports.h"
+#include "protocol/lcm_channels.h"
 #include "tests/support/paths.h"
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
@@ -40,11 +40,11 @@ TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes bac
   health_t health{};
   int truths = 0;
   bool refused = false;
-  bus.Subscribe<hand_motion_t>(bus::kEmulatorTruthChannel, [&](const hand_motion_t& message) {
+  bus.Subscribe<hand_motion_t>(protocol::kEmulatorTruthChannel, [&](const hand_motion_t& message) {
     truth = message;
     ++truths;
   });
-  bus.Subscribe<health_t>(bus::kHealthChannel, [&](const health_t& message) {
+  bus.Subscribe<health_t>(protocol::kHealthChannel, [&](const health_t& message) {
     health = message;
     for (int i = 0; i < message.count; ++i) {
       const auto at = static_cast<std::size_t>(i);
@@ -57,7 +57,7 @@ TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes bac
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
   const auto wait_until = [&](auto reached) {
     while (!reached() && std::chrono::steady_clock::now() < deadline) {
-      bus.Publish(bus::kHandMotionChannel, hand);
+      bus.Publish(protocol::kHandMotionChannel, hand);
       while (bus.Handle(5) > 0) {
       }
     }

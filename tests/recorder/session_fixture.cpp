@@ -3,8 +3,8 @@
 #include <lcm/lcm-cpp.hpp>
 #include <vector>
 
-#include "host/bus/channels.h"
 #include "protocol/hid_reports.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::test {
 namespace {
@@ -49,7 +49,7 @@ torquer_lcm::scene_description_t Scene() {
 // A straight wire towards the patient's head and left.
 torquer_lcm::wire_state_t State(double length_mm) {
   torquer_lcm::wire_state_t state{};
-  state.instrument = bus::kGuidewire;
+  state.instrument = protocol::kGuidewire;
   state.carried_mm = 0.25;
   state.segment_count = 3;
   state.stride = 1;
@@ -71,7 +71,7 @@ torquer_lcm::wire_state_t State(double length_mm) {
 
 void WriteSession(const std::string& path, const SessionFaults& faults) {
   LogWriter log(path);
-  log.Write(bus::kSceneChannel, kStartUs, Scene());
+  log.Write(protocol::kSceneChannel, kStartUs, Scene());
   std::int64_t moved_counts = 0;
   bool was_held = false;
   for (int i = 0; i < kReports; ++i) {
@@ -93,13 +93,13 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     was_held = held;
 
     torquer_lcm::instrument_command_t command{};
-    command.instrument = bus::kGuidewire;
+    command.instrument = protocol::kGuidewire;
     command.sequence = i;
     command.clock_id = kClock;
     command.origin_us = now_us;
-    command.flags = poor_surface ? bus::kCommandLift : 0;
-    log.Write(bus::kInstrumentCommandChannel, now_us, command);
-    log.Write(bus::kDeviceSampleChannel, now_us, sample);
+    command.flags = poor_surface ? protocol::kCommandLift : 0;
+    log.Write(protocol::kInstrumentCommandChannel, now_us, command);
+    log.Write(protocol::kDeviceSampleChannel, now_us, sample);
 
     torquer_lcm::wire_state_t state =
         State(kInsertedAtStartMm + kMmPerCount * static_cast<double>(moved_counts) +
@@ -113,27 +113,27 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     state.max_penetration_um = i == 400 ? 12.5 : 3;
     state.solve_us = 100;
     const bool cut = faults.undecodable && i == 42;
-    log.Write(bus::kWireStateChannel, now_us, state, cut ? 9 : 0);
+    log.Write(protocol::kWireStateChannel, now_us, state, cut ? 9 : 0);
   }
   torquer_lcm::readings_t readings{};
   readings.names = {"wall_force_events", "wall_force_largest_ever_mN"};
   readings.count = 2;
   for (const double events : {1.0, 4.0}) {
     readings.values = {events, 2.5 * events};
-    log.Write(bus::kReadingsChannel, kStartUs, readings);
+    log.Write(protocol::kReadingsChannel, kStartUs, readings);
   }
   torquer_lcm::health_t health{};
   health.process = "daemon";
   health.names = {"reports_received", "reports_lost"};
   health.values = {kReports, faults.lost_reports + faults.unfetched_reports};
   health.count = 2;
-  log.Write(bus::kHealthChannel, kStartUs, health);
+  log.Write(protocol::kHealthChannel, kStartUs, health);
   if (!faults.without_emulator) {
     torquer_lcm::hand_motion_t truth{};
     truth.reports_sent = kReports + faults.lost_reports;
     truth.axial_counts = 100 + kSensorCounts;
     truth.transverse_counts = -(kReports - 1);
-    log.Write(bus::kEmulatorTruthChannel, kStartUs, truth);
+    log.Write(protocol::kEmulatorTruthChannel, kStartUs, truth);
   }
 }
 

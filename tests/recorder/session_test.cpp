@@ -8,10 +8,10 @@
 #include <sstream>
 
 #include "calibration/calibration_file.h"
-#include "host/bus/channels.h"
 #include "host/recorder/report_output.h"
 #include "host/recorder/session_report.h"
 #include "host/support/error.h"
+#include "protocol/lcm_channels.h"
 #include "tests/recorder/session_fixture.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
@@ -24,7 +24,7 @@ namespace {
 SessionReport Report(const SessionFaults& faults) {
   const TemporaryFolder folder;
   WriteSession(folder.Path("log"), faults);
-  SessionReporter reporter(bus::kGuidewire);
+  SessionReporter reporter(protocol::kGuidewire);
   const SessionLogSummary summary = ReadSessionLog(folder.Path("log"), reporter.Handlers());
   SessionReport report =
       reporter.Finish(Eigen::Vector2d(kMmPerCount, kRadPerCount).asDiagonal().toDenseMatrix());

@@ -6,10 +6,10 @@
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
 #include "host/simulator/live_loop.h"
 #include "host/simulator/live_readings.h"
+#include "protocol/lcm_channels.h"
 #include "tests/simulator/scenes.h"
 #include "tests/support/private_network.h"
 
@@ -25,10 +25,10 @@ TEST_CASE("Live, commands become states with their times and doubts", "[simulato
   torquer_lcm::wire_state_t last{};
   bool has_scene = false;
   hand_bus.Subscribe<torquer_lcm::wire_state_t>(
-      torquer::bus::kWireStateChannel,
+      torquer::protocol::kWireStateChannel,
       [&](const torquer_lcm::wire_state_t& state) { last = state; }, 0);
   hand_bus.Subscribe<torquer_lcm::scene_description_t>(
-      torquer::bus::kSceneChannel, [&](const torquer_lcm::scene_description_t& description) {
+      torquer::protocol::kSceneChannel, [&](const torquer_lcm::scene_description_t& description) {
         has_scene = true;
         CHECK(description.name == "small");
         CHECK(description.effects == std::vector<std::string>{"friction"});
@@ -39,7 +39,7 @@ TEST_CASE("Live, commands become states with their times and doubts", "[simulato
   std::thread simulator(
       [&] { statistics = torquer::simulator::RunLive(session, simulator_bus, stop); });
   torquer_lcm::instrument_command_t command{};
-  command.instrument = torquer::bus::kGuidewire;
+  command.instrument = torquer::protocol::kGuidewire;
   command.clock_id = torquer::bus::ClockId();
   const auto send = [&](double insertion_mm, int flags) {
     ++command.sequence;
@@ -48,7 +48,7 @@ TEST_CASE("Live, commands become states with their times and doubts", "[simulato
     command.origin_us = command.publish_us = torquer::bus::MonotonicUs();
     // Again and again: the simulator may not listen yet.
     for (int k = 0; k < 500 && last.command_sequence != command.sequence; ++k) {
-      hand_bus.Publish(torquer::bus::kInstrumentCommandChannel, command);
+      hand_bus.Publish(torquer::protocol::kInstrumentCommandChannel, command);
       hand_bus.Handle(10);
     }
     REQUIRE(last.command_sequence == command.sequence);
@@ -57,11 +57,11 @@ TEST_CASE("Live, commands become states with their times and doubts", "[simulato
   for (int k = 1; k <= 20; ++k) send(0.1 * k, 0);
   CHECK(last.insertion_mm == Approx(122));
   CHECK(last.origin_us == command.origin_us);
-  CHECK((last.status & torquer::bus::kWireInDoubt) == 0);
-  send(2, torquer::bus::kCommandLift);
-  CHECK((last.status & torquer::bus::kWireInDoubt) != 0);
+  CHECK((last.status & torquer::protocol::kWireInDoubt) == 0);
+  send(2, torquer::protocol::kCommandLift);
+  CHECK((last.status & torquer::protocol::kWireInDoubt) != 0);
   send(std::nan(""), 0);
-  CHECK((last.status & torquer::bus::kWireInputRefused) != 0);
+  CHECK((last.status & torquer::protocol::kWireInputRefused) != 0);
   CHECK(last.insertion_mm == Approx(122));
   for (int k = 0; k < 300 && !has_scene; ++k) hand_bus.Handle(10);
   CHECK(has_scene);
@@ -80,9 +80,9 @@ TEST_CASE("Live, the catheter follows a box of its own", "[simulator]") {
   torquer_lcm::wire_state_t wire{};
   torquer_lcm::wire_state_t catheter{};
   hand_bus.Subscribe<torquer_lcm::wire_state_t>(
-      torquer::bus::kWireStateChannel,
+      torquer::protocol::kWireStateChannel,
       [&](const torquer_lcm::wire_state_t& state) {
-        (state.instrument == torquer::bus::kCatheter ? catheter : wire) = state;
+        (state.instrument == torquer::protocol::kCatheter ? catheter : wire) = state;
       },
       0);
   std::atomic<bool> stop{false};
@@ -100,15 +100,15 @@ TEST_CASE("Live, the catheter follows a box of its own", "[simulator]") {
     };
     for (int k = 0; k < 6000 && !there(); ++k) {
       ++command.sequence;
-      hand_bus.Publish(torquer::bus::kInstrumentCommandChannel, command);
+      hand_bus.Publish(torquer::protocol::kInstrumentCommandChannel, command);
       hand_bus.Handle(10);
     }
     CHECK(there());
   };
-  send(torquer::bus::kCatheter, 60, 5, 0.3, catheter);
+  send(torquer::protocol::kCatheter, 60, 5, 0.3, catheter);
   CHECK(catheter.insertion_mm == Approx(65));
   CHECK(wire.insertion_mm == Approx(120));
-  send(torquer::bus::kGuidewire, 120, -1, -0.2, wire);
+  send(torquer::protocol::kGuidewire, 120, -1, -0.2, wire);
   CHECK(wire.insertion_mm == Approx(119));
   CHECK(wire.commanded_catheter_insertion_mm == 65);
   CHECK(catheter.insertion_mm == Approx(65));
@@ -126,7 +126,7 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
   torquer::bus::Bus listener;
   std::vector<torquer_lcm::readings_t> heard;
   listener.Subscribe<torquer_lcm::readings_t>(
-      torquer::bus::kReadingsChannel,
+      torquer::protocol::kReadingsChannel,
       [&](const torquer_lcm::readings_t& readings) { heard.push_back(readings); }, 0);
   std::atomic<bool> stop{false};
   std::thread simulator([&] { torquer::simulator::RunLive(session, simulator_bus, stop); });
@@ -163,13 +163,13 @@ TEST_CASE("A scene without observers publishes no readings", "[simulator]") {
   torquer::bus::Bus listener;
   int heard = 0;
   listener.Subscribe<torquer_lcm::readings_t>(
-      torquer::bus::kReadingsChannel, [&](const torquer_lcm::readings_t&) { ++heard; }, 0);
+      torquer::protocol::kReadingsChannel, [&](const torquer_lcm::readings_t&) { ++heard; }, 0);
   torquer::simulator::LiveReadings readings(session, simulator_bus);
   readings.PublishWhenDue(torquer::bus::MonotonicUs());
   readings.Publish();
   // A message that did go out, so that none before it is still on its way.
   torquer_lcm::readings_t marker{};
-  simulator_bus.Publish(torquer::bus::kReadingsChannel, marker);
+  simulator_bus.Publish(torquer::protocol::kReadingsChannel, marker);
   for (int k = 0; k < 6000 && heard == 0; ++k) listener.Handle(10);
   CHECK(heard == 1);
 }

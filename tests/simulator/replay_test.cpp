@@ -4,8 +4,8 @@
 #include <lcm/lcm-cpp.hpp>
 #include <random>
 
-#include "host/bus/channels.h"
 #include "host/simulator/session.h"
+#include "protocol/lcm_channels.h"
 #include "tests/simulator/scenes.h"
 
 using Catch::Matchers::Contains;
@@ -41,7 +41,7 @@ void Record(const std::string& scene_file, const std::string& log, int ticks,
     lcm::LogEvent event;
     event.eventnum = tick;
     event.timestamp = tick;
-    event.channel = torquer::bus::kWireStateChannel;
+    event.channel = torquer::protocol::kWireStateChannel;
     event.datalen = static_cast<int>(bytes.size());
     event.data = bytes.data();
     file.writeEvent(&event);

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "host/bus/channels.h"
+#include "protocol/lcm_channels.h"
 #include "tests/simulator/scenes.h"
 
 using torquer::CountedBudget;
@@ -33,7 +33,7 @@ TEST_CASE("A session follows its commands and restarts as it began", "[simulator
   session.Tick(To(123.37, 0.5), budget);
   CHECK(session.state().insertion_mm == 123.37);
   CHECK(session.state().rotation_rad == 0.5);
-  CHECK((session.status() & torquer::bus::kWireConverged) != 0);
+  CHECK((session.status() & torquer::protocol::kWireConverged) != 0);
   const std::uint64_t moved = session.state_hash();
   CHECK(moved != first);
   session.Restart();
@@ -52,16 +52,16 @@ TEST_CASE("A target that is not a number is refused and the last one stands", "[
   for (const double value : bad) {
     CountedBudget budget(1000);
     session.Tick(To(value), budget);
-    CHECK((session.status() & torquer::bus::kWireInputRefused) != 0);
+    CHECK((session.status() & torquer::protocol::kWireInputRefused) != 0);
     CHECK(session.state().insertion_mm == 120);
     CountedBudget more(1000);
     session.Tick(To(120, value), more);
-    CHECK((session.status() & torquer::bus::kWireInputRefused) != 0);
+    CHECK((session.status() & torquer::protocol::kWireInputRefused) != 0);
     CHECK(session.state().nodes.back().allFinite());
   }
   CountedBudget budget(1000);
   session.Tick(To(121), budget);
-  CHECK((session.status() & torquer::bus::kWireInputRefused) == 0);
+  CHECK((session.status() & torquer::protocol::kWireInputRefused) == 0);
   CHECK(session.state().insertion_mm == 121);
 }
 

@@ -4,8 +4,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "host/bus/channels.h"
 #include "host/simulator/session.h"
+#include "protocol/lcm_channels.h"
 #include "tests/support/paths.h"
 
 namespace {
@@ -49,7 +49,7 @@ TEST_CASE("No vessel that moves drives the wire at rest through its wall", "[sim
       command.time_s = 0.01 * k;
       torquer::CountedBudget budget(1000);
       deepest_mm = std::max(deepest_mm, session.Tick(command, budget).max_penetration_mm);
-      CHECK((session.status() & torquer::bus::kWireOutsideLumen) == 0);
+      CHECK((session.status() & torquer::protocol::kWireOutsideLumen) == 0);
     }
     CHECK(deepest_mm < 0.1);
   }

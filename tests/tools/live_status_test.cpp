@@ -2,7 +2,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "host/bus/channels.h"
+#include "protocol/lcm_channels.h"
 
 using namespace torquer;
 
@@ -10,7 +10,7 @@ namespace {
 
 torquer_lcm::wire_state_t State(std::int64_t command_sequence, double latency_ms) {
   torquer_lcm::wire_state_t state{};
-  state.instrument = bus::kGuidewire;
+  state.instrument = protocol::kGuidewire;
   state.clock_id = 7;
   state.command_sequence = command_sequence;
   state.origin_us = 1000;
@@ -88,6 +88,7 @@ TEST_CASE("Nothing on the bus is said so") {
 }
 
 TEST_CASE("Status in words") {
-  CHECK(tools::StatusWords(bus::kWireConverged) == "ok");
-  CHECK(tools::StatusWords(bus::kWireBudgetSpent | bus::kWireSnapped) == "out of time, snapped");
+  CHECK(tools::StatusWords(protocol::kWireConverged) == "ok");
+  CHECK(tools::StatusWords(protocol::kWireBudgetSpent | protocol::kWireSnapped) ==
+        "out of time, snapped");
 }

@@ -6,8 +6,8 @@
 #include <functional>
 
 #include "host/bus/bus.h"
-#include "host/bus/channels.h"
 #include "host/bus/clock.h"
+#include "protocol/lcm_channels.h"
 
 namespace torquer::test {
 

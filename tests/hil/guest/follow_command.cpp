@@ -5,7 +5,7 @@
 
 int main() {
   torquer::test::Follow<torquer_lcm::instrument_command_t>(
-      torquer::bus::kInstrumentCommandChannel,
+      torquer::protocol::kInstrumentCommandChannel,
       [](const torquer_lcm::instrument_command_t& command) {
         std::printf(
             "{\"insertion_mm\":%.9f,\"rotation_rad\":%.9f,\"lao_rad\":%.9f,\"cra_rad\":%.9f,"

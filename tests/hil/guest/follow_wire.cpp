@@ -5,7 +5,7 @@
 
 int main() {
   torquer::test::Follow<torquer_lcm::wire_state_t>(
-      torquer::bus::kWireStateChannel, [](const torquer_lcm::wire_state_t& state) {
+      torquer::protocol::kWireStateChannel, [](const torquer_lcm::wire_state_t& state) {
         std::printf(
             "{\"tick\":%lld,\"insertion_mm\":%.9f,\"rotation_rad\":%.9f,\"carried_mm\":%.9f,"
             "\"status\":%d,\"nodes\":%d,\"residual\":%.3g}\n",

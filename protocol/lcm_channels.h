@@ -1,9 +1,10 @@
-// Names of the LCM channels, and the bits in their messages: the one place.
+// LCM: the names of the channels, the names of the instruments, and the bits in the messages
+// (lcm/*.lcm).
 #pragma once
 
 #include <cstdint>
 
-namespace torquer::bus {
+namespace torquer::protocol {
 
 inline constexpr char kDeviceSampleChannel[] = "TORQUER_DEVICE_SAMPLE";
 inline constexpr char kInstrumentCommandChannel[] = "TORQUER_INSTRUMENT_COMMAND";
@@ -38,4 +39,4 @@ enum WireStatus : std::int32_t {
   kWireInDoubt = 1 << 5,       ///< the command carries lift, fault or no-device flags
 };
 
-}  // namespace torquer::bus
+}  // namespace torquer::protocol
