@@ -6,6 +6,7 @@
 
 #include "host/study/effect_drive.h"
 #include "host/support/error.h"
+#include "host/support/program.h"
 
 #if __has_include(<valgrind/callgrind.h>)
 #include <valgrind/callgrind.h>

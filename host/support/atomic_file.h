@@ -1,12 +1,48 @@
-// Files that are replaced in one step.
+// Files that are there complete, or not at all.
 #pragma once
 
+#include <memory>
+#include <ostream>
 #include <string>
+#include <string_view>
 
 namespace torquer {
 
-/// Replaces the file at `path` by `text`: whatever goes wrong, a power cut included, it holds
-/// either what it held or all of the text. Throws UserError naming the file and the reason.
-void WriteFileAtomically(const std::string& path, const std::string& text);
+/// A file that is written beside its final name and takes that name with Finish(). Whatever goes
+/// wrong before, a power cut included, the name stands for what it stood for; a file that is not
+/// finished leaves nothing behind.
+///
+/// Only ordinary files are replaced. Where the path is a symbolic link, the file behind the link is
+/// replaced and the link stays. A replaced file keeps its permissions.
+class AtomicFile {
+ public:
+  /// Throws UserError naming `path`, the reason and the remedy when no file can be written there:
+  /// it is a folder, device, pipe or socket, it is write-protected, its folder is missing or may
+  /// not be written to, or its symbolic links form a loop.
+  explicit AtomicFile(const std::string& path);
+  ~AtomicFile();
+  AtomicFile(const AtomicFile&) = delete;
+  AtomicFile& operator=(const AtomicFile&) = delete;
+
+  /// Where the contents go. It fails silently, as streams do; Finish() reports it.
+  std::ostream& out() { return out_; }
+
+  /// Writes what is still in memory, syncs the file to the disk, renames it to its final name and
+  /// syncs the folder. Call it once. Throws UserError naming the path and the reason when not all
+  /// of this could be done; then nothing is left behind.
+  void Finish();
+
+ private:
+  class Buffer;
+
+  std::string path_;       // as given, for messages
+  std::string target_;     // `path_` with its symbolic links followed
+  std::string temporary_;  // beside the target; empty once there is none
+  std::unique_ptr<Buffer> buffer_;
+  std::ostream out_;
+};
+
+/// Writes `contents` to an AtomicFile at `path`. Throws UserError as that does.
+void WriteFileAtomically(const std::string& path, std::string_view contents);
 
 }  // namespace torquer

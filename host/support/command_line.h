@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "host/support/error.h"
+#include "host/support/program.h"
 
 namespace torquer {
 

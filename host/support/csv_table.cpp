@@ -1,35 +1,42 @@
 #include "host/support/csv_table.h"
 
-#include <cmath>
-#include <cstdlib>
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <fstream>
-#include <sstream>
+#include <optional>
 
 #include "host/support/error.h"
+#include "host/support/number.h"
 
 namespace torquer {
 namespace {
 
+// The cells of a line, without the spaces around them.
 std::vector<std::string> Split(const std::string& line) {
   std::vector<std::string> cells;
-  std::string cell;
-  std::istringstream in(line);
-  while (std::getline(in, cell, ',')) {
+  for (std::size_t begin = 0; begin <= line.size();) {
+    const std::size_t end = std::min(line.find(',', begin), line.size());
+    const std::string cell = line.substr(begin, end - begin);
     const auto first = cell.find_first_not_of(" \t");
     const auto last = cell.find_last_not_of(" \t");
     cells.push_back(first == std::string::npos ? "" : cell.substr(first, last - first + 1));
+    begin = end + 1;
   }
-  if (!line.empty() && line.back() == ',') cells.emplace_back();
   return cells;
 }
 
-std::string At(const std::string& path, int line) { return path + ":" + std::to_string(line); }
+[[noreturn]] void Refuse(const std::string& path, int line, const std::string& problem) {
+  throw UserError(fmt::format("{}:{}: {}", path, line, problem));
+}
 
 }  // namespace
 
 std::vector<CsvRow> ReadCsv(const std::string& path, const std::string& header) {
   std::ifstream in(path);
-  if (!in) throw UserError(path + ": cannot be read; check the path and its permissions");
+  if (!in) {
+    throw UserError(fmt::format("{}: cannot be read; check the path and its permissions", path));
+  }
   const std::vector<std::string> names = Split(header);
   std::vector<CsvRow> rows;
   std::string line;
@@ -40,33 +47,33 @@ std::vector<CsvRow> ReadCsv(const std::string& path, const std::string& header) 
     std::vector<std::string> cells = Split(line);
     if (!has_header) {
       if (cells != names) {
-        throw UserError(At(path, number) + ": the header is '" + line + "'; it must be '" + header +
-                        "'");
+        Refuse(path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
       }
       has_header = true;
       continue;
     }
     if (cells.size() != names.size()) {
-      throw UserError(At(path, number) + ": " + std::to_string(cells.size()) +
-                      " values where the header '" + header + "' names " +
-                      std::to_string(names.size()));
+      Refuse(
+          path, number,
+          fmt::format("{} values; the header '{}' names {}", cells.size(), header, names.size()));
     }
     rows.push_back({number, std::move(cells)});
   }
-  if (!has_header) throw UserError(path + ":1: empty; the first line must be '" + header + "'");
+  if (!has_header) {
+    Refuse(path, 1, fmt::format("empty; the first line must be '{}'", header));
+  }
   return rows;
 }
 
 double CsvNumber(const std::string& path, const std::string& header, const CsvRow& row,
                  std::size_t column) {
   const std::string& cell = row.cells[column];
-  char* end = nullptr;
-  const double value = std::strtod(cell.c_str(), &end);
-  if (cell.empty() || *end != '\0' || !std::isfinite(value)) {
-    throw UserError(At(path, row.line) + ": " + Split(header)[column] + " is '" + cell +
-                    "'; give a finite number");
+  const std::optional<double> value = ParseNumber(cell);
+  if (!value) {
+    Refuse(path, row.line,
+           fmt::format("{} is '{}'; give a finite number", Split(header)[column], cell));
   }
-  return value;
+  return *value;
 }
 
 }  // namespace torquer

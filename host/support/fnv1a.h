@@ -1,8 +1,9 @@
 // FNV-1a, 64 bits: a checksum against torn and altered data (not against malice).
 #pragma once
 
+#include <fmt/format.h>
+
 #include <cstdint>
-#include <cstdio>
 #include <string>
 #include <string_view>
 
@@ -17,11 +18,7 @@ constexpr std::uint64_t Fnv1a(std::string_view bytes, std::uint64_t hash = 0xcbf
   return hash;
 }
 
-/// A hash as people write it: 16 hexadecimal digits.
-inline std::string Hex(std::uint64_t value) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-  return text;
-}
+/// A hash as it is printed everywhere: 16 hexadecimal digits.
+inline std::string Hex(std::uint64_t value) { return fmt::format("{:016x}", value); }
 
 }  // namespace torquer

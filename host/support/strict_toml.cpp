@@ -1,14 +1,18 @@
 #include "host/support/strict_toml.h"
 
+#include <fmt/format.h>
+#include <fmt/ostream.h>
+#include <fmt/ranges.h>
 #include <toml++/toml.h>
 
 #include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <sstream>
+#include <iterator>
 #include <utility>
 
 #include "host/support/error.h"
+#include "host/support/nearest_name.h"
 
 namespace torquer {
 
@@ -28,19 +32,17 @@ struct StrictTable::Impl {
 
 namespace {
 
+// The value as the file has it, cut where it is long.
 std::string Show(const toml::node& node) {
-  std::ostringstream out;
+  constexpr std::size_t kLongest = 60;
   if (node.is_table()) return "{ .. }";
-  node.visit([&](const auto& typed) { out << typed; });
-  std::string text = out.str();
-  if (text.size() > 60) text = text.substr(0, 57) + "...";
-  return text;
+  std::string text;
+  node.visit([&](const auto& typed) { text = fmt::to_string(fmt::streamed(typed)); });
+  return text.size() > kLongest ? text.substr(0, kLongest - 3) + "..." : text;
 }
 
-std::string Spelled(double value) {
-  std::ostringstream out;
-  out << value;
-  return out.str();
+std::string Range(const char* what, double lowest, double highest) {
+  return fmt::format("{} from {:g} to {:g}", what, lowest, highest);
 }
 
 }  // namespace
@@ -52,10 +54,11 @@ StrictTable::~StrictTable() = default;
 
 StrictTable StrictTable::Read(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw UserError(path + ": cannot be read; check the path and its permissions");
-  std::ostringstream text;
-  text << in.rdbuf();
-  return Parse(text.str(), path);
+  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  if (!in.is_open() || in.bad()) {
+    throw UserError(fmt::format("{}: cannot be read; check the path and its permissions", path));
+  }
+  return Parse(text, path);
 }
 
 StrictTable StrictTable::Parse(const std::string& text, const std::string& path) {
@@ -63,10 +66,8 @@ StrictTable StrictTable::Parse(const std::string& text, const std::string& path)
   try {
     impl->root = std::make_shared<const toml::table>(toml::parse(text, path));
   } catch (const toml::parse_error& error) {
-    std::ostringstream line;
-    line << error.source().begin.line;
-    throw UserError(path + ":" + line.str() +
-                    ": not valid TOML: " + std::string(error.description()) + "; mend the syntax");
+    throw UserError(fmt::format("{}:{}: not valid TOML: {}; correct the syntax", path,
+                                error.source().begin.line, error.description()));
   }
   impl->table = impl->root.get();
   impl->path = path;
@@ -76,16 +77,14 @@ StrictTable StrictTable::Parse(const std::string& text, const std::string& path)
 std::string StrictTable::Where(const std::string& key) const {
   const toml::node* node = key.empty() ? nullptr : impl_->table->get(key);
   if (node == nullptr) node = impl_->table;
-  std::ostringstream out;
-  out << impl_->path;
-  if (node->source().begin.line > 0) out << ':' << node->source().begin.line;
-  return out.str();
+  const auto line = node->source().begin.line;
+  return line > 0 ? fmt::format("{}:{}", impl_->path, line) : impl_->path;
 }
 
 void StrictTable::Refuse(const std::string& key, const std::string& problem) const {
   const toml::node* node = impl_->table->get(key);
-  throw UserError(Where(key) + ": " + impl_->prefix + key +
-                  (node == nullptr ? "" : " = " + Show(*node)) + ": " + problem);
+  const std::string value = node == nullptr ? "" : " = " + Show(*node);
+  throw UserError(fmt::format("{}: {}{}{}: {}", Where(key), impl_->prefix, key, value, problem));
 }
 
 bool StrictTable::Has(const std::string& key) const {
@@ -101,10 +100,11 @@ bool StrictTable::IsText(const std::string& key) const {
 
 double StrictTable::Number(const std::string& key, double lowest, double highest) {
   const toml::node* node = impl_->Find(key);
-  const std::string range = "a number from " + Spelled(lowest) + " to " + Spelled(highest);
+  const std::string range = Range("a number", lowest, highest);
   if (node == nullptr) Refuse(key, "is missing; give " + range);
   const auto value = node->value<double>();
   if (!node->is_number() || !value) Refuse(key, "is not a number; give " + range);
+  // Written so that NaN fails.
   if (!(*value >= lowest && *value <= highest)) Refuse(key, "is out of range; give " + range);
   return *value;
 }
@@ -113,15 +113,18 @@ double StrictTable::Number(const std::string& key, double lowest, double highest
   return impl_->Find(key) == nullptr ? fallback : Number(key, lowest, highest);
 }
 
-int StrictTable::Integer(const std::string& key, int lowest, int highest, int fallback) {
+int StrictTable::Integer(const std::string& key, int lowest, int highest) {
   const toml::node* node = impl_->Find(key);
-  if (node == nullptr) return fallback;
-  const std::string range =
-      "an integer from " + std::to_string(lowest) + " to " + std::to_string(highest);
+  const std::string range = fmt::format("an integer from {} to {}", lowest, highest);
+  if (node == nullptr) Refuse(key, "is missing; give " + range);
   const auto value = node->value_exact<std::int64_t>();
   if (!value) Refuse(key, "is not an integer; give " + range);
   if (*value < lowest || *value > highest) Refuse(key, "is out of range; give " + range);
   return static_cast<int>(*value);
+}
+
+int StrictTable::Integer(const std::string& key, int lowest, int highest, int fallback) {
+  return impl_->Find(key) == nullptr ? fallback : Integer(key, lowest, highest);
 }
 
 bool StrictTable::Boolean(const std::string& key, bool fallback) {
@@ -132,12 +135,18 @@ bool StrictTable::Boolean(const std::string& key, bool fallback) {
   return *value;
 }
 
-std::string StrictTable::Text(const std::string& key) {
+std::string StrictTable::AnyText(const std::string& key) {
   const toml::node* node = impl_->Find(key);
   if (node == nullptr) Refuse(key, "is missing; give a text in quotes");
   const auto value = node->value_exact<std::string>();
-  if (!value || value->empty()) Refuse(key, "is not a text; give one in quotes");
+  if (!value) Refuse(key, "is not a text; give one in quotes");
   return *value;
+}
+
+std::string StrictTable::Text(const std::string& key) {
+  std::string text = AnyText(key);
+  if (text.empty()) Refuse(key, "is empty; give a text");
+  return text;
 }
 
 std::string StrictTable::Text(const std::string& key, const std::string& fallback) {
@@ -148,10 +157,9 @@ int StrictTable::Choice(const std::string& key, const std::vector<std::string>& 
   const std::string given = Text(key);
   const auto found = std::find(choices.begin(), choices.end(), given);
   if (found != choices.end()) return static_cast<int>(found - choices.begin());
-  std::string all;
-  for (const std::string& choice : choices) all += (all.empty() ? "\"" : ", \"") + choice + '"';
   const std::string near = NearestName(given, choices);
-  Refuse(key, "is not one of " + all + (near.empty() ? "" : "; did you mean \"" + near + "\"?"));
+  Refuse(key, fmt::format("is not one of \"{}\"{}", fmt::join(choices, "\", \""),
+                          near.empty() ? "" : fmt::format("; did you mean \"{}\"?", near)));
 }
 
 int StrictTable::Choice(const std::string& key, const std::vector<std::string>& choices,
@@ -161,7 +169,7 @@ int StrictTable::Choice(const std::string& key, const std::vector<std::string>& 
 
 std::vector<double> StrictTable::Numbers(const std::string& key, double lowest, double highest) {
   const toml::node* node = impl_->Find(key);
-  const std::string range = "a list of numbers from " + Spelled(lowest) + " to " + Spelled(highest);
+  const std::string range = Range("a list of numbers", lowest, highest);
   if (node == nullptr) Refuse(key, "is missing; give " + range);
   const toml::array* array = node->as_array();
   if (array == nullptr || array->empty()) Refuse(key, "is not a list of numbers; give " + range);
@@ -184,7 +192,7 @@ Eigen::Vector3d StrictTable::Point(const std::string& key) {
 
 std::vector<Eigen::Vector3d> StrictTable::Points(const std::string& key, std::size_t fewest) {
   const toml::node* node = impl_->Find(key);
-  const std::string wanted = "give at least " + std::to_string(fewest) + " points [x, y, z]";
+  const std::string wanted = fmt::format("give at least {} points [x, y, z]", fewest);
   if (node == nullptr) Refuse(key, "is missing; " + wanted);
   const toml::array* array = node->as_array();
   if (array == nullptr || array->size() < fewest) Refuse(key, "is not a list of points; " + wanted);
@@ -230,19 +238,18 @@ std::vector<StrictTable*> StrictTable::Tables(const std::string& key) {
   const toml::node* node = impl_->Find(key);
   if (node == nullptr) return {};
   const toml::array* array = node->as_array();
-  if (array == nullptr)
-    Refuse(key, "is not a list of tables; write [[" + impl_->prefix + key + "]]");
+  const std::string problem =
+      fmt::format("is not a list of tables; write [[{}{}]]", impl_->prefix, key);
+  if (array == nullptr) Refuse(key, problem);
   auto& children = impl_->children[key];
   if (children.empty()) {
     for (const toml::node& element : *array) {
-      if (!element.is_table()) {
-        Refuse(key, "is not a list of tables; write [[" + impl_->prefix + key + "]]");
-      }
+      if (!element.is_table()) Refuse(key, problem);
       auto child = std::make_unique<Impl>();
       child->root = impl_->root;
       child->table = element.as_table();
       child->path = impl_->path;
-      child->prefix = impl_->prefix + key + "[" + std::to_string(children.size()) + "].";
+      child->prefix = fmt::format("{}{}[{}].", impl_->prefix, key, children.size());
       children.push_back(std::unique_ptr<StrictTable>(new StrictTable(std::move(child))));
     }
   }
@@ -258,41 +265,18 @@ std::vector<std::string> StrictTable::Keys() const {
 }
 
 void StrictTable::RefuseUnread() {
+  const std::vector<std::string> known(impl_->known.begin(), impl_->known.end());
   for (const std::string& key : Keys()) {
-    if (impl_->known.count(key) == 0) {
-      const std::string near =
-          NearestName(key, std::vector<std::string>(impl_->known.begin(), impl_->known.end()));
-      Refuse(key, "is not a key that means anything here; " +
-                      (near.empty() ? std::string("remove it") : "did you mean " + near + "?"));
-    }
+    if (impl_->known.count(key) != 0) continue;
+    const std::string near = NearestName(key, known);
+    const std::string remedy = near.empty() ? "remove it." : fmt::format("did you mean {}?", near);
+    Refuse(key, fmt::format("is not a known key; {} {}", remedy,
+                            known.empty() ? std::string("No key is known here.")
+                                          : fmt::format("Keys here: {}", fmt::join(known, ", "))));
   }
   for (auto& [key, children] : impl_->children) {
     for (auto& child : children) child->RefuseUnread();
   }
-}
-
-std::string NearestName(const std::string& given, const std::vector<std::string>& known) {
-  std::string best;
-  std::size_t best_distance = std::max<std::size_t>(2, given.size() / 3) + 1;
-  for (const std::string& name : known) {
-    // Levenshtein, one row at a time.
-    std::vector<std::size_t> row(name.size() + 1);
-    for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
-    for (std::size_t i = 1; i <= given.size(); ++i) {
-      std::size_t diagonal = row[0];
-      row[0] = i;
-      for (std::size_t j = 1; j < row.size(); ++j) {
-        const std::size_t change = diagonal + (given[i - 1] == name[j - 1] ? 0 : 1);
-        diagonal = row[j];
-        row[j] = std::min({row[j] + 1, row[j - 1] + 1, change});
-      }
-    }
-    if (row.back() < best_distance) {
-      best_distance = row.back();
-      best = name;
-    }
-  }
-  return best;
 }
 
 }  // namespace torquer

@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <map>
 #include <memory>
-#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -12,7 +11,9 @@
 namespace torquer {
 
 /// A table of a TOML file. Getters throw UserError naming file, line, key, value and remedy; they
-/// remember what was asked for, so that RefuseUnread() can name every key that means nothing.
+/// remember what was asked for, so that RefuseUnread() can name every key that nobody reads.
+///
+/// A getter without `fallback` refuses a missing key.
 class StrictTable {
  public:
   /// Reads a file. Throws UserError when it cannot be read or is not TOML.
@@ -31,10 +32,14 @@ class StrictTable {
   /// A number in [lowest, highest]; NaN and infinities never are.
   double Number(const std::string& key, double lowest, double highest);
   double Number(const std::string& key, double lowest, double highest, double fallback);
+  int Integer(const std::string& key, int lowest, int highest);
   int Integer(const std::string& key, int lowest, int highest, int fallback);
   bool Boolean(const std::string& key, bool fallback);
+  /// A text that is not empty.
   std::string Text(const std::string& key);
   std::string Text(const std::string& key, const std::string& fallback);
+  /// A text that may be empty.
+  std::string AnyText(const std::string& key);
   /// One of the names in `choices`; returns its index.
   int Choice(const std::string& key, const std::vector<std::string>& choices);
   int Choice(const std::string& key, const std::vector<std::string>& choices, int fallback);
@@ -45,15 +50,17 @@ class StrictTable {
   /// Points, at least `fewest`.
   std::vector<Eigen::Vector3d> Points(const std::string& key, std::size_t fewest);
 
-  /// A table inside this one; throws when it is missing.
+  /// A table inside this one.
   StrictTable& Table(const std::string& key);
+  /// The same; null when it is missing.
   StrictTable* OptionalTable(const std::string& key);
   /// [[key]] tables, in order; empty when there is none.
   std::vector<StrictTable*> Tables(const std::string& key);
   /// All keys that this table has.
   std::vector<std::string> Keys() const;
 
-  /// Throws for the first key, here or in a table inside, that nobody asked for.
+  /// Throws for the first key, here or in a table inside, that nobody asked for; the message names
+  /// the keys that were asked for there, and the one that was probably meant.
   void RefuseUnread();
   /// Throws a UserError "file:line: key = value: problem".
   [[noreturn]] void Refuse(const std::string& key, const std::string& problem) const;
@@ -65,8 +72,5 @@ class StrictTable {
   explicit StrictTable(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
-
-/// Of `known`, the name that `given` most likely meant (by edit distance), or "" if none is near.
-std::string NearestName(const std::string& given, const std::vector<std::string>& known);
 
 }  // namespace torquer

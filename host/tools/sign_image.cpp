@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host/support/error.h"
+#include "host/support/program.h"
 #include "host/tools/flash_image.h"
 
 namespace {

@@ -22,6 +22,7 @@
 #include "host/simulator/vessel/phantoms.h"
 #include "host/study/study.h"
 #include "host/support/error.h"
+#include "host/support/program.h"
 #include "tests/support/paths.h"
 
 namespace torquer {

@@ -16,6 +16,7 @@
 #include "host/simulator/effects/torsion.h"
 #include "host/simulator/effects/wall_force.h"
 #include "host/support/error.h"
+#include "host/support/nearest_name.h"
 
 namespace torquer::effects {
 

@@ -17,7 +17,7 @@ struct Csv {
 
 }  // namespace
 
-TEST_CASE("A CSV table gives its rows with their lines", "[scene]") {
+TEST_CASE("A CSV table gives its rows with their lines", "[support]") {
   const Csv csv("a,b\n# note\n1,2\n\n 3 ,x\r\n");
   const auto rows = torquer::ReadCsv(csv.path, "a,b");
   REQUIRE(rows.size() == 2);
@@ -29,7 +29,7 @@ TEST_CASE("A CSV table gives its rows with their lines", "[scene]") {
                     Contains("t.csv:5: b is 'x'; give a finite number"));
 }
 
-TEST_CASE("A CSV table says what is wrong and where", "[scene]") {
+TEST_CASE("A CSV table says what is wrong and where", "[support]") {
   CHECK_THROWS_WITH(torquer::ReadCsv("no/such.csv", "a"), Contains("no/such.csv"));
   CHECK_THROWS_WITH(torquer::ReadCsv(Csv("b,a\n").path, "a,b"), Contains("t.csv"));
   const Csv wrong("b,a\n1,2\n");

@@ -1,0 +1,38 @@
+#include "host/support/nearest_name.h"
+
+#include <catch2/catch.hpp>
+
+using torquer::NearestName;
+
+TEST_CASE("The nearest name is near, or none", "[support]") {
+  const std::vector<std::string> known = {"friction", "torsion", "gravity"};
+  CHECK(NearestName("frction", known) == "friction");
+  CHECK(NearestName("torsoin", known) == "torsion");
+  CHECK(NearestName("Gravity", known) == "gravity");
+  CHECK(NearestName("heartbeat", known).empty());
+  CHECK(NearestName("", known).empty());
+  CHECK(NearestName("friction", {}).empty());
+}
+
+TEST_CASE("A name that was cut short is found by its beginning", "[support]") {
+  const std::vector<std::string> known = {"voxel_mm", "radius_mm", "entry_point_mm"};
+  CHECK(NearestName("voxel", known) == "voxel_mm");
+  CHECK(NearestName("vox", known) == "voxel_mm");
+  CHECK(NearestName("entry", known) == "entry_point_mm");
+  CHECK(NearestName("entry-point", known) == "entry_point_mm");
+  // And one that has too much: another unit, say.
+  CHECK(NearestName("radius_mm_inner", known) == "radius_mm");
+  // Two letters begin too many names.
+  CHECK(NearestName("vo", known).empty());
+}
+
+TEST_CASE("Of several the one that needs the least is taken", "[support]") {
+  // A missing unit is likelier than another letter, and the shorter of two longer names.
+  CHECK(NearestName("length", {"lengths_count", "length_mm", "lenght"}) == "length_mm");
+  CHECK(NearestName("pushes", {"push", "pushes_wanted_at_most", "pushes_wanted"}) ==
+        "pushes_wanted");
+  CHECK(NearestName("--dura", {"--duration", "--drop", "--help"}) == "--duration");
+  CHECK(NearestName("--durration", {"--duration", "--drop", "--help"}) == "--duration");
+  CHECK(NearestName("--x", {"--duration", "--drop", "--help"}).empty());
+  CHECK(NearestName("lao", {"cra", "xray"}).empty());
+}

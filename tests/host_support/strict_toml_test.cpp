@@ -1,0 +1,87 @@
+#include "host/support/strict_toml.h"
+
+#include <catch2/catch.hpp>
+
+#include "host/support/error.h"
+
+using Catch::Matchers::Contains;
+using torquer::StrictTable;
+using torquer::UserError;
+
+TEST_CASE("A strict table names file, line, key, value and range", "[support]") {
+  StrictTable table = StrictTable::Parse("a = 1\n\n[wire]\nradius_mm = -2\nname = 3\n", "s.toml");
+  StrictTable& wire = table.Table("wire");
+  CHECK_THROWS_WITH(wire.Number("radius_mm", 0.1, 5),
+                    "s.toml:4: wire.radius_mm = -2: is out of range; give a number from 0.1 to 5");
+  CHECK_THROWS_WITH(wire.Text("name"), Contains("s.toml:5: wire.name = 3: is not a text"));
+  CHECK_THROWS_WITH(wire.Number("length_mm", 0, 1), Contains("wire.length_mm: is missing"));
+}
+
+TEST_CASE("A strict table refuses NaN and infinity", "[support]") {
+  StrictTable table = StrictTable::Parse(
+      "a = nan\nb = inf\nc = [1, nan]\nd = [[0, 0, inf], [0, 0, 0]]\n", "s.toml");
+  CHECK_THROWS_AS(table.Number("a", -1, 1), UserError);
+  CHECK_THROWS_AS(table.Number("b", -1, 1e300), UserError);
+  CHECK_THROWS_AS(table.Numbers("c", -1, 1e300), UserError);
+  CHECK_THROWS_AS(table.Points("d", 2), UserError);
+}
+
+TEST_CASE("A key that nobody read is an error, with the name that was meant", "[support]") {
+  StrictTable table = StrictTable::Parse("segment_mm = 1\nsegmnt_mm = 2\n", "s.toml");
+  table.Number("segment_mm", 0, 2);
+  CHECK_THROWS_WITH(table.RefuseUnread(),
+                    Contains("s.toml:2: segmnt_mm = 2") && Contains("did you mean segment_mm?"));
+  StrictTable nested = StrictTable::Parse("[a]\nb = 1\n[[c]]\nd = 1\n[[c]]\ne = 2\n", "s.toml");
+  nested.Table("a").Number("b", 0, 1);
+  for (StrictTable* one : nested.Tables("c")) one->Number("d", 0, 1, 0);
+  CHECK_THROWS_WITH(nested.RefuseUnread(), Contains("s.toml:6: c[1].e = 2"));
+}
+
+TEST_CASE("A file that is not TOML names the line", "[support]") {
+  CHECK_THROWS_WITH(StrictTable::Parse("a = 1\nb = = 2\n", "s.toml"), Contains("s.toml:2"));
+  CHECK_THROWS_WITH(StrictTable::Read("no/such/file.toml"), Contains("no/such/file.toml"));
+}
+
+TEST_CASE("A key that nobody reads is refused with the keys that exist there", "[support]") {
+  const auto read = [](const std::string& text) {
+    StrictTable table = StrictTable::Parse(text, "s.toml");
+    table.Number("segment_mm", 0, 2, 1);
+    StrictTable& vessel = table.Table("vessel");
+    vessel.Number("voxel_mm", 0, 1, 0.5);
+    vessel.Text("file", "none");
+    vessel.Boolean("closed", false);
+    table.RefuseUnread();
+  };
+  CHECK_NOTHROW(read("[vessel]\nvoxel_mm = 0.25\n"));
+  // The unit was left out.
+  CHECK_THROWS_WITH(read("[vessel]\nvoxel = 0.25\n"),
+                    "s.toml:2: vessel.voxel = 0.25: is not a known key; did you mean voxel_mm? "
+                    "Keys here: closed, file, voxel_mm");
+  CHECK_THROWS_WITH(read("[vessel]\ncolor = \"red\"\n"),
+                    "s.toml:2: vessel.color = 'red': is not a known key; remove it. "
+                    "Keys here: closed, file, voxel_mm");
+  CHECK_THROWS_WITH(read("vessle = 1\n[vessel]\n"),
+                    "s.toml:1: vessle = 1: is not a known key; did you mean vessel? "
+                    "Keys here: segment_mm, vessel");
+  StrictTable unread = StrictTable::Parse("a = 1\n", "s.toml");
+  CHECK_THROWS_WITH(unread.RefuseUnread(),
+                    "s.toml:1: a = 1: is not a known key; remove it. No key is known here.");
+}
+
+TEST_CASE("A strict table refuses what is missing and has no default", "[support]") {
+  StrictTable table = StrictTable::Parse("count = 3\nnote = \"\"\nratio = 2.5\n", "s.toml");
+  CHECK(table.Integer("count", 1, 3) == 3);
+  CHECK(table.Integer("missing", 1, 3, 2) == 2);
+  CHECK_THROWS_WITH(table.Integer("missing", 1, 3),
+                    Contains("missing: is missing; give an integer from 1 to 3"));
+  CHECK_THROWS_WITH(table.Integer("count", 1, 2), Contains("s.toml:1: count = 3: is out of range"));
+  CHECK_THROWS_WITH(table.Integer("ratio", 1, 3), Contains("s.toml:3: ratio = 2.5: is not an int"));
+  CHECK(table.AnyText("note").empty());
+  CHECK_THROWS_WITH(table.AnyText("missing"), Contains("missing: is missing; give a text"));
+  CHECK_THROWS_WITH(table.Text("note"), Contains("note = '': is empty"));
+}
+
+TEST_CASE("A long value is cut in the message", "[support]") {
+  StrictTable table = StrictTable::Parse("name = \"" + std::string(1000, 'x') + "\"\n", "s.toml");
+  CHECK_THROWS_WITH(table.Number("name", 0, 1), Contains("xxx...: is not a number"));
+}
