@@ -7,7 +7,7 @@
 
 #include "calibration/calibration_file.h"
 #include "host/bus/clock.h"
-#include "host/daemon/device_identity.h"
+#include "host/device/device_identity.h"
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
 #include "protocol/lcm_channels.h"
@@ -69,7 +69,7 @@ std::string Describe(const Pose& pose) {
 
 }  // namespace
 
-Daemon::Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<ReportSource> source)
+Daemon::Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::ReportSource> source)
     : options_(std::move(options)),
       bus_(bus),
       source_(std::move(source)),
@@ -122,7 +122,7 @@ void Daemon::Run() {
   service_manager_.Ready();
   try {
     while (!stop_) {
-      source_->Wait(kTickMs, [this](const SourceEvent& event) { OnEvent(event); });
+      source_->Wait(kTickMs, [this](const device::SourceEvent& event) { OnEvent(event); });
       const std::int64_t now_us = bus::MonotonicUs();
       OnTick(now_us);
       if (connections_ == 0 && now_us - start_us > kFirstDeviceS * 1000000LL) {
@@ -151,34 +151,34 @@ void Daemon::Home() {
   source_->Interrupt();
 }
 
-void Daemon::OnEvent(const SourceEvent& event) {
+void Daemon::OnEvent(const device::SourceEvent& event) {
   switch (event.kind) {
-    case SourceEvent::Kind::kConnected:
+    case device::SourceEvent::Kind::kConnected:
       OnConnected(event);
       break;
-    case SourceEvent::Kind::kReport:
+    case device::SourceEvent::Kind::kReport:
       OnReport(event);
       break;
-    case SourceEvent::Kind::kDisconnected:
+    case device::SourceEvent::Kind::kDisconnected:
       OnDisconnected(event);
       break;
   }
 }
 
-void Daemon::OnConnected(const SourceEvent& event) {
+void Daemon::OnConnected(const device::SourceEvent& event) {
   std::string serial;
   try {
-    serial = ReadSerial(*source_);
+    serial = device::ReadSerial(*source_);
     if (options_.calibration_by_serial && serial != device_) TakeCalibrationOf(serial);
     if (options_.calibration) {
       calibration::RequireDevice(*options_.calibration, options_.calibration_path, serial);
       CheckResolution();
     }
-  } catch (const DeviceGone&) {
+  } catch (const device::DeviceGone&) {
     return;  // the source will say so, and try again
-  } catch (const FeatureError& error) {
+  } catch (const device::FeatureError& error) {
     throw UserError(event.text + ": the device does not tell its firmware version (" +
-                    error.what() + "): it has none, or not ours; " + kFlashRemedy);
+                    error.what() + "): it has none, or not ours; " + device::kFlashRemedy);
   }
   // A device that was replugged has another address.
   std::string claimed = event.text + " " + serial;
@@ -214,7 +214,8 @@ void Daemon::CheckResolution() {
   const auto ask = [this] {
     protocol::ConfigurationReport configuration{};
     const std::vector<std::uint8_t> answer = source_->GetFeature(protocol::kConfigurationReportId);
-    if (answer.size() != sizeof configuration) throw FeatureError("configuration cut short");
+    if (answer.size() != sizeof configuration)
+      throw device::FeatureError("configuration cut short");
     std::memcpy(&configuration, answer.data(), sizeof configuration);
     return configuration;
   };
@@ -226,9 +227,9 @@ void Daemon::CheckResolution() {
     asked.cpi = static_cast<std::uint16_t>(wanted);
     source_->SetFeature({reinterpret_cast<const std::uint8_t*>(&asked), sizeof asked});
     taken = ask().cpi == wanted;
-  } catch (const DeviceGone&) {
+  } catch (const device::DeviceGone&) {
     throw;
-  } catch (const FeatureError&) {
+  } catch (const device::FeatureError&) {
     taken = false;  // told below, with both values
   }
   if (!taken) {
@@ -238,7 +239,7 @@ void Daemon::CheckResolution() {
   }
 }
 
-void Daemon::OnReport(const SourceEvent& event) {
+void Daemon::OnReport(const device::SourceEvent& event) {
   const std::optional<PipelineOutput> output = pipeline_->OnReport(event.report, event.host_us);
   if (!output) return;
   last_report_us_ = event.host_us;
@@ -251,17 +252,17 @@ void Daemon::OnReport(const SourceEvent& event) {
     silent_ = false;
     Announce("running", "reports come again");
   }
-  if (output->sample.epoch_start == EpochStart::kJump) {
+  if (output->sample.epoch_start == device::EpochStart::kJump) {
     Announce("running", "the device's counts jumped faster than any hand; going on from " +
                             Describe(output->hand.pose));
-  } else if (output->sample.epoch_start == EpochStart::kReset) {
+  } else if (output->sample.epoch_start == device::EpochStart::kReset) {
     Announce("running", "the device was reset; going on from " + Describe(output->hand.pose) +
                             "; what the hand moved meanwhile is not known");
   }
   AnnounceFlags(output->hand.flags, event.host_us);
 }
 
-void Daemon::OnDisconnected(const SourceEvent& event) {
+void Daemon::OnDisconnected(const device::SourceEvent& event) {
   if (!connected_) return;
   connected_ = false;
   silent_ = false;
@@ -314,7 +315,7 @@ void Daemon::AnnounceFlags(std::int32_t flags, std::int64_t now_us) {
 }
 
 void Daemon::PublishSample(const PipelineOutput& output) {
-  const Sample& sample = output.sample;
+  const device::Sample& sample = output.sample;
   torquer_lcm::device_sample_t message;
   message.device = device_;
   message.clock_id = bus::ClockId();
@@ -360,7 +361,7 @@ void Daemon::PublishHold(std::int64_t now_us) {
 }
 
 bus::HealthCounters Daemon::Counters() const {
-  const DecoderCounters& decoder = pipeline_->decoder().counters();
+  const device::DecoderCounters& decoder = pipeline_->decoder().counters();
   const TrackerCounters& tracker = pipeline_->tracker().counters();
   return {{"reports_received", decoder.received},
           {"reports_lost", decoder.lost},

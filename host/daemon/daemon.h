@@ -13,9 +13,9 @@
 #include "host/bus/health_reporter.h"
 #include "host/daemon/claim.h"
 #include "host/daemon/pipeline.h"
-#include "host/daemon/report_source.h"
 #include "host/daemon/service_manager.h"
 #include "host/daemon/statistics.h"
+#include "host/device/report_source.h"
 
 namespace torquer::daemon {
 
@@ -36,7 +36,7 @@ class Daemon {
   /// Claims the instrument and finds out where it stands: from the simulator, if one is on the bus,
   /// else from what the previous daemon published less than kTakeUpWithinS ago, else at zero.
   /// `bus` must outlive the daemon. Throws UserError when the instrument is taken.
-  Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<ReportSource> source);
+  Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::ReportSource> source);
 
   /// Reads and publishes until Stop(), then says goodbye on the health channel.
   /// Throws UserError when no device turns up within kFirstDeviceS, or when one does that cannot be
@@ -56,10 +56,10 @@ class Daemon {
   static constexpr int kTakeUpWithinS = 600;
 
  private:
-  void OnEvent(const SourceEvent& event);
-  void OnConnected(const SourceEvent& event);
-  void OnReport(const SourceEvent& event);
-  void OnDisconnected(const SourceEvent& event);
+  void OnEvent(const device::SourceEvent& event);
+  void OnConnected(const device::SourceEvent& event);
+  void OnReport(const device::SourceEvent& event);
+  void OnDisconnected(const device::SourceEvent& event);
   void OnTick(std::int64_t now_us);
 
   void TakeUpPosition();
@@ -73,7 +73,7 @@ class Daemon {
 
   DaemonOptions options_;
   bus::Bus& bus_;
-  std::unique_ptr<ReportSource> source_;
+  std::unique_ptr<device::ReportSource> source_;
   bus::HealthReporter health_;
   ServiceManager service_manager_;
   InstrumentClaim instrument_claim_;

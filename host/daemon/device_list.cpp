@@ -4,8 +4,8 @@
 
 #include "calibration/calibration_file.h"
 #include "host/daemon/claim.h"
-#include "host/daemon/evdev_source.h"
-#include "host/daemon/usb_listing.h"
+#include "host/device/evdev_source.h"
+#include "host/device/usb_listing.h"
 #include "host/support/error.h"
 
 namespace torquer::daemon {
@@ -23,7 +23,7 @@ std::string CalibrationOf(const std::string& serial) {
   }
 }
 
-std::string LineOf(const UsbListing& device) {
+std::string LineOf(const device::UsbListing& device) {
   const std::string serial = device.serial.empty() ? "serial number unknown" : device.serial;
   std::string line = "  " + serial + "  ";
   if (device.bootloader) {
@@ -46,13 +46,13 @@ std::string LineOf(const UsbListing& device) {
 
 std::string DeviceList() {
   std::string list = "bench devices, for --source usb --device SERIAL\n";
-  const std::vector<UsbListing> devices = BenchDevicesHere();
-  for (const UsbListing& device : devices) list += LineOf(device);
+  const std::vector<device::UsbListing> devices = device::BenchDevicesHere();
+  for (const device::UsbListing& device : devices) list += LineOf(device);
   if (devices.empty()) list += "  none is plugged in\n";
 
   list += "mice and joysticks, for --source evdev --device PATH\n";
-  const std::vector<InputListing> inputs = InputsHere();
-  for (const InputListing& input : inputs) {
+  const std::vector<device::InputListing> inputs = device::InputsHere();
+  for (const device::InputListing& input : inputs) {
     list += "  " + input.serial + "  " + (input.is_mouse ? "mouse" : "joystick") + "  " +
             input.path + "  (" + input.name + ")";
     list += input.is_mouse ? "  " + CalibrationOf(input.serial) + "\n" : "\n";

@@ -69,7 +69,7 @@ std::string Remarks(const PipelineOutput& output) {
 
 void DeviceBars::Add(const std::string& device, const PipelineOutput& output) {
   device_ = device;
-  if (newest_ && output.sample.epoch_start == EpochStart::kNone) {
+  if (newest_ && output.sample.epoch_start == device::EpochStart::kNone) {
     missing_ += output.sample.report_number - newest_->sample.report_number - 1;
   }
   ++reports_;
@@ -94,7 +94,7 @@ DeviceBars::Rates DeviceBars::Since(double seconds) {
 std::vector<std::string> DeviceBars::Lines(double seconds, std::size_t width) {
   if (!newest_) return {"no report yet"};
   const Rates rates = Since(seconds);
-  const Sample& sample = newest_->sample;
+  const device::Sample& sample = newest_->sample;
   const Pose& pose = newest_->hand.pose;
   const std::size_t columns =
       std::clamp<std::size_t>(width, kTextColumns + kFewestBarColumns, kMostColumns) - kTextColumns;

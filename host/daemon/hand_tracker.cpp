@@ -23,7 +23,7 @@ HandTracker::HandTracker(const std::optional<calibration::Calibration>& calibrat
           calibration.value_or(calibration::NominalCalibration("", calibration::kNominalCpi))),
       base_(start) {}
 
-HandState HandTracker::Step(const Sample& sample) {
+HandState HandTracker::Step(const device::Sample& sample) {
   if (!calibrated_ && sample.cpi > 0) UseResolution(sample.cpi);
   HandState state;
   state.flags = Doubts(sample);
@@ -53,7 +53,7 @@ void HandTracker::Home() {
   transverse_ = 0;
 }
 
-std::int32_t HandTracker::Doubts(const Sample& sample) {
+std::int32_t HandTracker::Doubts(const device::Sample& sample) {
   std::int32_t doubts = 0;
   poor_surface_ = sample.surface_quality < (poor_surface_ ? kGoodSurface : kPoorSurface);
   if ((sample.flags & protocol::kFlagLift) != 0 || poor_surface_) doubts |= protocol::kCommandLift;
@@ -64,8 +64,8 @@ std::int32_t HandTracker::Doubts(const Sample& sample) {
   return doubts;
 }
 
-void HandTracker::Move(const Sample& sample, bool held) {
-  if (!last_ || sample.epoch_start != EpochStart::kNone) return;
+void HandTracker::Move(const device::Sample& sample, bool held) {
+  if (!last_ || sample.epoch_start != device::EpochStart::kNone) return;
   const std::int64_t axial = sample.axial_counts - last_->axial_counts;
   const std::int64_t transverse = sample.transverse_counts - last_->transverse_counts;
   if (held || last_held_) {
@@ -79,8 +79,8 @@ void HandTracker::Move(const Sample& sample, bool held) {
   counters_.transverse_applied += transverse;
 }
 
-void HandTracker::TurnArm(const Sample& sample) {
-  if (!last_ || sample.epoch_start != EpochStart::kNone) return;
+void HandTracker::TurnArm(const device::Sample& sample) {
+  if (!last_ || sample.epoch_start != device::EpochStart::kNone) return;
   const std::int64_t passed_us =
       std::clamp<std::int64_t>(sample.device_time_us - last_->device_time_us, 0, kLongestHoldUs);
   const double passed_s = 1e-6 * static_cast<double>(passed_us);

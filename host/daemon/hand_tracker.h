@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "calibration/motion_model.h"
-#include "host/daemon/report_decoder.h"
+#include "host/device/report_decoder.h"
 
 namespace torquer::daemon {
 
@@ -50,7 +50,7 @@ class HandTracker {
   HandTracker(const std::optional<calibration::Calibration>& calibration, const Pose& start);
 
   /// Takes in the next sample, in order.
-  HandState Step(const Sample& sample);
+  HandState Step(const device::Sample& sample);
 
   /// What to publish while there is no device: the last pose, pedals up.
   HandState Hold() const;
@@ -61,9 +61,9 @@ class HandTracker {
   const TrackerCounters& counters() const { return counters_; }
 
  private:
-  std::int32_t Doubts(const Sample& sample);
-  void Move(const Sample& sample, bool held);
-  void TurnArm(const Sample& sample);
+  std::int32_t Doubts(const device::Sample& sample);
+  void Move(const device::Sample& sample, bool held);
+  void TurnArm(const device::Sample& sample);
   void UseResolution(int cpi);
   Pose CurrentPose() const;
 
@@ -72,7 +72,7 @@ class HandTracker {
   Pose base_;  // pose at which the applied counts below were 0
   std::int64_t axial_ = 0;
   std::int64_t transverse_ = 0;
-  std::optional<Sample> last_;
+  std::optional<device::Sample> last_;
   bool last_held_ = false;
   bool poor_surface_ = false;
   TrackerCounters counters_;

@@ -17,9 +17,9 @@
 #include "host/daemon/daemon.h"
 #include "host/daemon/device_list.h"
 #include "host/daemon/device_monitor.h"
-#include "host/daemon/evdev_source.h"
-#include "host/daemon/socket_source.h"
-#include "host/daemon/usb_source.h"
+#include "host/device/evdev_source.h"
+#include "host/device/socket_source.h"
+#include "host/device/usb_source.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
 #include "protocol/lcm_channels.h"
@@ -90,19 +90,19 @@ Arguments Parse(int argc, char** argv) {
   return arguments;
 }
 
-std::unique_ptr<torquer::daemon::ReportSource> MakeSource(const Arguments& arguments) {
+std::unique_ptr<torquer::device::ReportSource> MakeSource(const Arguments& arguments) {
   if (arguments.source == "socket") {
-    return std::make_unique<torquer::daemon::SocketSource>(arguments.socket);
+    return std::make_unique<torquer::device::SocketSource>(arguments.socket);
   }
   if (arguments.source == "usb") {
     if (arguments.devices.size() > 1) {
       throw UserError("--source usb reads one device; give --device once, with its serial number");
     }
-    return std::make_unique<torquer::daemon::UsbSource>(
+    return std::make_unique<torquer::device::UsbSource>(
         arguments.devices.empty() ? "" : arguments.devices.front());
   }
   if (arguments.source == "evdev") {
-    return std::make_unique<torquer::daemon::EvdevSource>(arguments.devices);
+    return std::make_unique<torquer::device::EvdevSource>(arguments.devices);
   }
   throw UserError("--source '" + arguments.source + "' is not known\n" + kUsage);
 }
@@ -177,7 +177,7 @@ int RunDaemon(const Arguments& arguments) {
   // libusb and LCM start threads of their own, which inherit this.
   const sigset_t signals = HandledSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  std::unique_ptr<torquer::daemon::ReportSource> source = MakeSource(arguments);
+  std::unique_ptr<torquer::device::ReportSource> source = MakeSource(arguments);
   std::optional<torquer::daemon::DeviceMonitor> monitor;
   if (arguments.monitor) {
     monitor.emplace();

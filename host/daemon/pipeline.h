@@ -8,15 +8,15 @@
 #include <span>
 #include <utility>
 
-#include "host/daemon/clock_map.h"
 #include "host/daemon/hand_tracker.h"
-#include "host/daemon/report_decoder.h"
+#include "host/device/clock_map.h"
+#include "host/device/report_decoder.h"
 
 namespace torquer::daemon {
 
 /// What one report led to.
 struct PipelineOutput {
-  Sample sample;
+  device::Sample sample;
   std::int64_t origin_us = 0;  ///< host time of sampling
   HandState hand;
 };
@@ -31,9 +31,9 @@ class Pipeline {
   /// Nothing when the report brought nothing new; decoder().counters() says why.
   std::optional<PipelineOutput> OnReport(std::span<const std::uint8_t> report,
                                          std::int64_t receive_us) {
-    const std::optional<Sample> sample = decoder_.Decode(report, receive_us);
+    const std::optional<device::Sample> sample = decoder_.Decode(report, receive_us);
     if (!sample) return std::nullopt;
-    if (sample->epoch_start != EpochStart::kNone) clock_map_.Reset();
+    if (sample->epoch_start != device::EpochStart::kNone) clock_map_.Reset();
     const std::int64_t origin_us = clock_map_.Map(sample->device_time_us, receive_us);
     return PipelineOutput{*sample, origin_us, tracker_.Step(*sample)};
   }
@@ -41,13 +41,13 @@ class Pipeline {
   HandState Hold() const { return tracker_.Hold(); }
   void Home() { tracker_.Home(); }
 
-  const ReportDecoder& decoder() const { return decoder_; }
-  const ClockMap& clock_map() const { return clock_map_; }
+  const device::ReportDecoder& decoder() const { return decoder_; }
+  const device::ClockMap& clock_map() const { return clock_map_; }
   const HandTracker& tracker() const { return tracker_; }
 
  private:
-  ReportDecoder decoder_;
-  ClockMap clock_map_;
+  device::ReportDecoder decoder_;
+  device::ClockMap clock_map_;
   HandTracker tracker_;
 };
 

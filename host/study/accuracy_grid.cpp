@@ -1,6 +1,6 @@
 #include "host/study/accuracy_grid.h"
 
-#include "host/study/table.h"
+#include "host/study/study.h"
 
 namespace torquer::study {
 namespace {

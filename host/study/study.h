@@ -8,11 +8,24 @@
 #include <string>
 #include <vector>
 
-#include "host/study/svg_plot.h"
-#include "host/study/table.h"
+#include "host/plot/svg_plot.h"
+#include "host/plot/table.h"
 #include "host/support/command_line.h"
 
 namespace torquer::study {
+
+// A study speaks of tables and plots all the time.
+using plot::Axis;
+using plot::Callout;
+using plot::DrawPlot;
+using plot::EscapeMarkup;
+using plot::FormatHtml;
+using plot::FormatText;
+using plot::Mark;
+using plot::Number;
+using plot::Plot;
+using plot::Series;
+using plot::Table;
 
 /// One figure of a study.
 struct ResultRow {

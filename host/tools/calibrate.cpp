@@ -14,9 +14,9 @@
 
 #include "calibration/calibration_file.h"
 #include "calibration/procedure.h"
-#include "host/daemon/evdev_source.h"
-#include "host/daemon/socket_source.h"
-#include "host/daemon/usb_source.h"
+#include "host/device/evdev_source.h"
+#include "host/device/socket_source.h"
+#include "host/device/usb_source.h"
 #include "host/support/atomic_file.h"
 #include "host/support/command_line.h"
 #include "host/support/error.h"
@@ -154,18 +154,18 @@ Arguments Parse(int argc, char** argv) {
 }
 
 std::unique_ptr<SessionSource> MakeDevice(const Arguments& arguments) {
-  std::unique_ptr<torquer::daemon::ReportSource> source;
+  std::unique_ptr<torquer::device::ReportSource> source;
   const bool mouse = arguments.source == "evdev";
   if (arguments.source == "socket") {
-    source = std::make_unique<torquer::daemon::SocketSource>(arguments.socket);
+    source = std::make_unique<torquer::device::SocketSource>(arguments.socket);
   } else if (arguments.source == "usb") {
     if (arguments.devices.size() > 1) {
       throw UserError("one device is calibrated at a time; give --device once");
     }
-    source = std::make_unique<torquer::daemon::UsbSource>(
+    source = std::make_unique<torquer::device::UsbSource>(
         arguments.devices.empty() ? "" : arguments.devices.front());
   } else if (mouse) {
-    source = std::make_unique<torquer::daemon::EvdevSource>(arguments.devices);
+    source = std::make_unique<torquer::device::EvdevSource>(arguments.devices);
   } else {
     throw UserError("--source '" + arguments.source + "' is not known\n" + kUsage);
   }

@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "calibration/student_t.h"
-#include "host/study/svg_plot.h"
+#include "host/plot/svg_plot.h"
+#include "host/plot/table.h"
 
 namespace torquer::tools {
 namespace {
@@ -112,41 +113,27 @@ struct Panel {
 };
 
 std::string DrawPanel(const Panel& panel) {
-  study::Plot plot;
-  plot.title = panel.title;
-  plot.width = 450;
-  plot.height = 300;
+  plot::Plot picture;
+  picture.title = panel.title;
+  picture.width = 450;
+  picture.height = 300;
   std::vector<double> x(panel.number.begin(), panel.number.end());
   const double last = x.empty() ? 1.0 : x.back();
-  plot.x = {.label = "stroke", .range = std::pair{0.0, last + 1.0}};
+  picture.x = {.label = "stroke", .range = std::pair{0.0, last + 1.0}};
   const double band = panel.scatter * calibration::StudentHalfWidth95(panel.degrees_of_freedom);
   const double limit = 1.15 * std::max(band, RoundLimit(panel.values));
-  plot.y = {.label = std::string("reference less model, ") + panel.unit,
-            .range = std::pair{-limit, limit}};
-  const auto line = [&](double at, study::Mark mark, int color, const char* label) {
-    plot.series.push_back(
+  picture.y = {.label = std::string("reference less model, ") + panel.unit,
+               .range = std::pair{-limit, limit}};
+  const auto line = [&](double at, plot::Mark mark, int color, const char* label) {
+    picture.series.push_back(
         {.label = label, .mark = mark, .x = {0.0, last + 1.0}, .y = {at, at}, .color = color});
   };
-  line(0.0, study::Mark::kLine, 7, "");
-  line(band, study::Mark::kDashed, 1, "95 % of strokes");
-  line(-band, study::Mark::kDashed, 1, "");
-  plot.series.push_back(
-      {.label = "", .mark = study::Mark::kPoints, .x = x, .y = panel.values, .color = 0});
-  return study::DrawPlot(plot);
-}
-
-std::string Escaped(const std::string& text) {
-  std::string escaped;
-  for (const char character : text) {
-    if (character == '&') {
-      escaped += "&amp;";
-    } else if (character == '<') {
-      escaped += "&lt;";
-    } else {
-      escaped += character;
-    }
-  }
-  return escaped;
+  line(0.0, plot::Mark::kLine, 7, "");
+  line(band, plot::Mark::kDashed, 1, "95 % of strokes");
+  line(-band, plot::Mark::kDashed, 1, "");
+  picture.series.push_back(
+      {.label = "", .mark = plot::Mark::kPoints, .x = x, .y = panel.values, .color = 0});
+  return plot::DrawPlot(picture);
 }
 
 }  // namespace
@@ -261,8 +248,9 @@ std::string ResidualPicture(const ProcedureResult& result, const std::string& he
       "height=\"670\" font-family=\"Inter, 'Segoe UI', 'DejaVu Sans', sans-serif\">\n"
       "<rect width=\"920\" height=\"670\" fill=\"#fff\"/>\n"
       "<text x=\"20\" y=\"28\" font-size=\"17\" font-weight=\"600\">" +
-      Escaped(heading) + "</text>\n<text x=\"20\" y=\"50\" font-size=\"12\" fill=\"#555\">" +
-      Escaped(second) + "</text>\n";
+      plot::EscapeMarkup(heading) +
+      "</text>\n<text x=\"20\" y=\"50\" font-size=\"12\" fill=\"#555\">" +
+      plot::EscapeMarkup(second) + "</text>\n";
   for (std::size_t i = 0; i < panels.size(); ++i) {
     svg += Text("<g transform=\"translate(%d %d)\">\n", i % 2 == 0 ? 5 : 465, i < 2 ? 62 : 366) +
            panels[i] + "</g>\n";

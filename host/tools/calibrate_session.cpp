@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "host/bus/clock.h"
-#include "host/daemon/device_identity.h"
+#include "host/device/device_identity.h"
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
 
@@ -48,7 +48,7 @@ const char* StepName(Step step) {
   return "done";
 }
 
-Reading ReadingOf(const daemon::Sample& sample) {
+Reading ReadingOf(const device::Sample& sample) {
   Reading reading;
   reading.time_us = sample.device_time_us;
   reading.axial_counts = sample.axial_counts;
@@ -59,7 +59,7 @@ Reading ReadingOf(const daemon::Sample& sample) {
   reading.lifted =
       (sample.flags & protocol::kFlagLift) != 0 || sample.surface_quality < kPoorSurface;
   reading.faulty = (sample.flags & protocol::kFlagSensorFault) != 0;
-  reading.interrupted = sample.epoch_start != daemon::EpochStart::kNone;
+  reading.interrupted = sample.epoch_start != device::EpochStart::kNone;
   reading.button = (sample.buttons & protocol::kButtonXray) != 0;
   return reading;
 }
@@ -73,7 +73,7 @@ Reading ReadingOf(const daemon::Sample& sample) {
 
 // --- a device ------------------------------------------------------------------------------------
 
-DeviceSession::DeviceSession(std::unique_ptr<daemon::ReportSource> source, bool ordinary_mouse,
+DeviceSession::DeviceSession(std::unique_ptr<device::ReportSource> source, bool ordinary_mouse,
                              bool has_joystick)
     : source_(std::move(source)) {
   facts_.ordinary_mouse = ordinary_mouse;
@@ -84,11 +84,11 @@ DeviceFacts DeviceSession::Connect() {
   const std::int64_t start_us = bus::MonotonicUs();
   std::optional<int> cpi;
   while (!cpi) {
-    source_->Wait(50, [&](const daemon::SourceEvent& event) {
-      if (event.kind == daemon::SourceEvent::Kind::kConnected) {
+    source_->Wait(50, [&](const device::SourceEvent& event) {
+      if (event.kind == device::SourceEvent::Kind::kConnected) {
         decoder_.OnConnected();
         CheckIdentity(event.text);
-      } else if (event.kind == daemon::SourceEvent::Kind::kReport && !facts_.serial.empty()) {
+      } else if (event.kind == device::SourceEvent::Kind::kReport && !facts_.serial.empty()) {
         const auto sample = decoder_.Decode(event.report, event.host_us);
         if (!sample) return;
         early_.push_back(ReadingOf(*sample));
@@ -108,16 +108,16 @@ DeviceFacts DeviceSession::Connect() {
 void DeviceSession::CheckIdentity(const std::string& place) {
   std::string serial;
   try {
-    serial = daemon::ReadSerial(*source_);
-  } catch (const daemon::DeviceGone&) {
+    serial = device::ReadSerial(*source_);
+  } catch (const device::DeviceGone&) {
     return;  // the source will say so, and try again
-  } catch (const daemon::FeatureError& error) {
+  } catch (const device::FeatureError& error) {
     throw UserError(place + ": the device does not tell who it is (" + error.what() + "); " +
-                    daemon::kFlashRemedy);
+                    device::kFlashRemedy);
   }
   if (serial.empty()) {
     throw UserError(place + ": the device has no serial number, which a calibration is tied to; " +
-                    daemon::kFlashRemedy);
+                    device::kFlashRemedy);
   }
   if (!facts_.serial.empty() && serial != facts_.serial) {
     throw UserError("the device '" + facts_.serial + "' went away and '" + serial +
@@ -128,17 +128,17 @@ void DeviceSession::CheckIdentity(const std::string& place) {
 
 void DeviceSession::Wait(int timeout_ms, SessionSink& sink) {
   for (const Reading& reading : std::exchange(early_, {})) sink.Take(reading);
-  source_->Wait(timeout_ms, [&](const daemon::SourceEvent& event) {
+  source_->Wait(timeout_ms, [&](const device::SourceEvent& event) {
     switch (event.kind) {
-      case daemon::SourceEvent::Kind::kConnected:
+      case device::SourceEvent::Kind::kConnected:
         decoder_.OnConnected();
         CheckIdentity(event.text);
         sink.Tell("the device is back");
         return;
-      case daemon::SourceEvent::Kind::kDisconnected:
+      case device::SourceEvent::Kind::kDisconnected:
         sink.Tell(event.text + "; waiting for it");
         return;
-      case daemon::SourceEvent::Kind::kReport:
+      case device::SourceEvent::Kind::kReport:
         break;
     }
     const auto sample = decoder_.Decode(event.report, event.host_us);

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "calibration/procedure.h"
-#include "host/daemon/report_decoder.h"
-#include "host/daemon/report_source.h"
+#include "host/device/report_decoder.h"
+#include "host/device/report_source.h"
 #include "host/tools/calibrate_script.h"
 
 namespace torquer::tools {
@@ -45,7 +45,7 @@ class SessionSource {
 /// A device, read as the daemon reads it.
 class DeviceSession : public SessionSource {
  public:
-  DeviceSession(std::unique_ptr<daemon::ReportSource> source, bool ordinary_mouse,
+  DeviceSession(std::unique_ptr<device::ReportSource> source, bool ordinary_mouse,
                 bool has_joystick);
   DeviceFacts Connect() override;
   void Wait(int timeout_ms, SessionSink& sink) override;
@@ -54,8 +54,8 @@ class DeviceSession : public SessionSource {
  private:
   void CheckIdentity(const std::string& place);
 
-  std::unique_ptr<daemon::ReportSource> source_;
-  daemon::ReportDecoder decoder_;
+  std::unique_ptr<device::ReportSource> source_;
+  device::ReportDecoder decoder_;
   DeviceFacts facts_;
   std::vector<calibration::Reading> early_;  // came while the device was asked who it is
 };

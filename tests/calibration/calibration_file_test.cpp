@@ -57,10 +57,6 @@ std::string Contents(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
-void Write(const std::string& path, const std::string& text) {
-  std::ofstream(path, std::ios::binary) << text;
-}
-
 // What is said about a text; "" when it is accepted.
 std::string RefusalOf(const std::string& text) {
   try {

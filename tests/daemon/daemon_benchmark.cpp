@@ -11,8 +11,8 @@
 #include <thread>
 
 #include "tests/daemon/daemon_process.h"
-#include "tests/daemon/reports.h"
 #include "tests/daemon/socket_device.h"
+#include "tests/device/reports.h"
 
 namespace {
 

@@ -15,9 +15,9 @@
 namespace {
 
 using torquer::daemon::DeviceBars;
-using torquer::daemon::EpochStart;
 using torquer::daemon::PipelineOutput;
 using torquer::daemon::ServiceManager;
+using torquer::device::EpochStart;
 
 PipelineOutput Output(int millisecond) {
   PipelineOutput output;

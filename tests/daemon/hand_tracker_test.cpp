@@ -9,11 +9,11 @@ namespace {
 
 using namespace torquer::protocol;
 using torquer::calibration::Calibration;
-using torquer::daemon::EpochStart;
 using torquer::daemon::HandState;
 using torquer::daemon::HandTracker;
 using torquer::daemon::Pose;
-using torquer::daemon::Sample;
+using torquer::device::EpochStart;
+using torquer::device::Sample;
 
 // 0.01 mm an axial count, 0.002 rad a transverse count, full rate 0.4 rad/s.
 Calibration Simple() {

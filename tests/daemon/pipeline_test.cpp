@@ -5,7 +5,7 @@
 
 #include "calibration/motion_model.h"
 #include "protocol/lcm_channels.h"
-#include "tests/daemon/reports.h"
+#include "tests/device/reports.h"
 
 namespace {
 

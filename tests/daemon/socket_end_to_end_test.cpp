@@ -12,8 +12,8 @@
 #include "calibration/calibration_file.h"
 #include "host/bus/clock.h"
 #include "tests/daemon/daemon_process.h"
-#include "tests/daemon/reports.h"
 #include "tests/daemon/socket_device.h"
+#include "tests/device/reports.h"
 #include "torquer_lcm/wire_state_t.hpp"
 
 namespace {

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "host/bus/clock.h"
-#include "host/daemon/clock_map.h"
-#include "host/daemon/report_decoder.h"
-#include "host/daemon/usb_source.h"
+#include "host/device/clock_map.h"
+#include "host/device/report_decoder.h"
+#include "host/device/usb_source.h"
 #include "host/support/error.h"
 
 namespace torquer::hil {
@@ -36,16 +36,16 @@ struct Series {
 }  // namespace
 
 std::string TimingReport(const std::string& serial, double seconds) {
-  daemon::UsbSource source(serial);
-  daemon::ReportDecoder decoder;
-  daemon::ClockMap clock_map;
+  device::UsbSource source(serial);
+  device::ReportDecoder decoder;
+  device::ClockMap clock_map;
   std::vector<std::pair<std::int64_t, std::int64_t>> seen;  // device time, arrival
   bool connected = false;
-  const auto sink = [&](const daemon::SourceEvent& event) {
-    if (event.kind == daemon::SourceEvent::Kind::kConnected) connected = true;
-    if (event.kind != daemon::SourceEvent::Kind::kReport) return;
+  const auto sink = [&](const device::SourceEvent& event) {
+    if (event.kind == device::SourceEvent::Kind::kConnected) connected = true;
+    if (event.kind != device::SourceEvent::Kind::kReport) return;
     const auto sample = decoder.Decode(event.report, event.host_us);
-    if (!sample || sample->epoch_start != daemon::EpochStart::kNone) return;
+    if (!sample || sample->epoch_start != device::EpochStart::kNone) return;
     seen.emplace_back(sample->device_time_us, event.host_us);
   };
   const std::int64_t begin_us = bus::MonotonicUs();
@@ -67,7 +67,7 @@ std::string TimingReport(const std::string& serial, double seconds) {
     const std::int64_t asked_us = bus::MonotonicUs();
     source.GetFeature(protocol::kDiagnosticsReportId);
     reads_us.push_back(static_cast<double>(bus::MonotonicUs() - asked_us));
-    source.Wait(0, [](const daemon::SourceEvent&) {});
+    source.Wait(0, [](const device::SourceEvent&) {});
   }
 
   Series series;
@@ -78,7 +78,7 @@ std::string TimingReport(const std::string& serial, double seconds) {
     series.arrivals_us.push_back(static_cast<double>(host_us - seen[i - 1].second));
     series.samples_us.push_back(static_cast<double>(device_us - seen[i - 1].first));
   }
-  const daemon::DecoderCounters& counters = decoder.counters();
+  const device::DecoderCounters& counters = decoder.counters();
   char head[200];
   std::snprintf(head, sizeof head,
                 "%zu reports in %.1f s, %lld lost, %lld repeated or late; device clock off by %.1f "

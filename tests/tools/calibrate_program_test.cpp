@@ -6,8 +6,8 @@
 #include <iterator>
 
 #include "calibration/calibration_file.h"
-#include "tests/daemon/reports.h"
 #include "tests/daemon/socket_device.h"
+#include "tests/device/reports.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
@@ -176,7 +176,7 @@ TEST_CASE("Whatever ends a session early, the old file stays as it was") {
   SECTION("a picture that cannot be written") {
     CHECK(bench.Run(kBegin + Pushes(6) + Turns(5) + "skip joystick\n",
                     {"--plot", bench.folder.Path("nowhere/plot.svg")}) == 2);
-    CHECK_THAT(bench.error, Contains("nowhere/plot.svg.new: cannot be written"));
+    CHECK_THAT(bench.error, Contains("nowhere/plot.svg: cannot be written"));
   }
   SECTION("a result that is too poor") {
     std::string script = kBegin;

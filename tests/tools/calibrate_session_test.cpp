@@ -10,7 +10,7 @@
 
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
-#include "tests/daemon/reports.h"
+#include "tests/device/reports.h"
 
 namespace {
 
@@ -18,8 +18,8 @@ using Catch::Contains;
 using torquer::calibration::Key;
 using torquer::calibration::Reading;
 using torquer::calibration::Step;
-using torquer::daemon::ReportSource;
-using torquer::daemon::SourceEvent;
+using torquer::device::ReportSource;
+using torquer::device::SourceEvent;
 using torquer::protocol::InputReport;
 using torquer::test::Next;
 using torquer::test::StillReport;

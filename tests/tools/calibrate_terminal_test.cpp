@@ -11,8 +11,8 @@
 #include <csignal>
 #include <filesystem>
 
-#include "tests/daemon/reports.h"
 #include "tests/daemon/socket_device.h"
+#include "tests/device/reports.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 

@@ -3,9 +3,9 @@
 
 #include <string>
 
-#include "host/daemon/report_source.h"
+#include "host/device/report_source.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 /// What mends a device whose firmware is not ours, or not of this release.
 inline constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
@@ -14,4 +14,4 @@ inline constexpr char kFlashRemedy[] = "install the firmware of this release wit
 /// protocol version; FeatureError, DeviceGone where it does not answer.
 std::string ReadSerial(ReportSource& source);
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -1,4 +1,4 @@
-#include "host/daemon/device_identity.h"
+#include "host/device/device_identity.h"
 
 #include <cstring>
 #include <vector>
@@ -6,7 +6,7 @@
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 std::string ReadSerial(ReportSource& source) {
   const std::vector<std::uint8_t> answer = source.GetFeature(protocol::kIdentityReportId);
@@ -29,4 +29,4 @@ std::string ReadSerial(ReportSource& source) {
   return serial;
 }
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -1,10 +1,10 @@
-#include "host/daemon/clock_map.h"
+#include "host/device/clock_map.h"
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
-namespace torquer::daemon {
+namespace torquer::device {
 namespace {
 
 constexpr double kBlockUs = 250000.0;
@@ -124,4 +124,4 @@ void ClockMap::Refit() {
   }
 }
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -1,11 +1,11 @@
-#include "host/daemon/report_decoder.h"
+#include "host/device/report_decoder.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
 
-namespace torquer::daemon {
+namespace torquer::device {
 namespace {
 
 constexpr std::int64_t kNominalIntervalUs = 1000;
@@ -176,4 +176,4 @@ bool ReportDecoder::MovedImpossibly(const Sample& sample) const {
          step(sample.transverse_counts, last_.transverse_counts) > limit;
 }
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -1,4 +1,4 @@
-#include "host/daemon/clock_map.h"
+#include "host/device/clock_map.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -6,7 +6,7 @@
 
 namespace {
 
-using torquer::daemon::ClockMap;
+using torquer::device::ClockMap;
 
 // Delays as on a busy machine: mostly tens of us, now and then milliseconds.
 class Delays {

@@ -1,4 +1,4 @@
-#include "host/daemon/socket_source.h"
+#include "host/device/socket_source.h"
 
 #include <poll.h>
 #include <sys/socket.h>
@@ -13,7 +13,7 @@
 #include "host/bus/clock.h"
 #include "host/support/error.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 namespace {
 
 constexpr int kReconnectMs = 50;
@@ -160,4 +160,4 @@ std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>&
   }
 }
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -1,15 +1,15 @@
-#include "host/daemon/report_decoder.h"
+#include "host/device/report_decoder.h"
 
 #include <catch2/catch.hpp>
 #include <limits>
 
-#include "tests/daemon/reports.h"
+#include "tests/device/reports.h"
 
 namespace {
 
-using torquer::daemon::EpochStart;
-using torquer::daemon::ReportDecoder;
-using torquer::daemon::Sample;
+using torquer::device::EpochStart;
+using torquer::device::ReportDecoder;
+using torquer::device::Sample;
 using torquer::protocol::InputReport;
 using torquer::test::BytesOf;
 using torquer::test::Next;

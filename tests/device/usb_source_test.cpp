@@ -9,7 +9,7 @@
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
 #include "tests/daemon/daemon_process.h"
-#include "tests/daemon/reports.h"
+#include "tests/device/reports.h"
 #include "tests/support/paths.h"
 #include "tests/support/usb_testbed.h"
 

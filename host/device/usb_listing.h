@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 struct UsbListing {
   std::string serial;       ///< "" where it cannot be read
@@ -29,4 +29,4 @@ std::string UsbAddress(libusb_device* device);
 /// A string descriptor as ASCII; "" if there is none, or the device does not tell it.
 std::string UsbText(libusb_device_handle* handle, std::uint8_t index);
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -11,7 +11,7 @@
 #include <cstdint>
 #include <deque>
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 class ClockMap {
  public:
@@ -53,4 +53,4 @@ class ClockMap {
   std::int64_t restarts_ = 0;
 };
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -16,7 +16,7 @@
 
 #include "protocol/hid_reports.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 /// Why a sample does not continue the one before: what the hand moved in between is not known, and
 /// neither is how long it took.
@@ -92,4 +92,4 @@ class ReportDecoder {
   DecoderCounters counters_;
 };
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-namespace torquer::study {
+namespace torquer::plot {
 
 struct Axis {
   std::string label;  ///< with its unit
@@ -52,4 +52,4 @@ struct Plot {
 /// finite, or not positive on a logarithmic one) are left out; they break a line.
 std::string DrawPlot(const Plot& plot);
 
-}  // namespace torquer::study
+}  // namespace torquer::plot

@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "host/daemon/report_source.h"
-#include "host/daemon/wake_up.h"
+#include "host/device/report_source.h"
+#include "host/device/wake_up.h"
 #include "protocol/socket_link.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 class SocketSource : public ReportSource {
  public:
@@ -43,4 +43,4 @@ class SocketSource : public ReportSource {
   std::deque<Arrival> waiting_;  // came in while an answer was awaited
 };
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-namespace torquer::study {
+namespace torquer::plot {
 
 struct Table {
   std::string caption;                         ///< one line
@@ -23,4 +23,4 @@ std::string Number(double value, int digits = 3);
 /// Text with the characters that mean something in HTML and SVG replaced.
 std::string EscapeMarkup(const std::string& text);
 
-}  // namespace torquer::study
+}  // namespace torquer::plot

@@ -1,4 +1,4 @@
-#include "host/study/svg_plot.h"
+#include "host/plot/svg_plot.h"
 
 #include <algorithm>
 #include <array>
@@ -8,9 +8,9 @@
 #include <cstdio>
 #include <limits>
 
-#include "host/study/table.h"
+#include "host/plot/table.h"
 
-namespace torquer::study {
+namespace torquer::plot {
 namespace {
 
 // Told apart by eyes of every kind of color vision, with the marker's shape as second sign.
@@ -343,4 +343,4 @@ class Drawing {
 
 std::string DrawPlot(const Plot& plot) { return Drawing(plot).Draw(); }
 
-}  // namespace torquer::study
+}  // namespace torquer::plot

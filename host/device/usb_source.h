@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "host/daemon/report_source.h"
+#include "host/device/report_source.h"
 #include "protocol/hid_reports.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 class UsbSource : public ReportSource {
  public:
@@ -88,4 +88,4 @@ class UsbSource : public ReportSource {
   int errors_in_a_row_ = 0;
 };
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

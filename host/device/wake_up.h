@@ -6,7 +6,7 @@
 
 #include <cstdint>
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 class WakeUp {
  public:
@@ -32,4 +32,4 @@ class WakeUp {
   int fd_;
 };
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

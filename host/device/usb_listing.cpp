@@ -1,4 +1,4 @@
-#include "host/daemon/usb_listing.h"
+#include "host/device/usb_listing.h"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include "host/support/error.h"
 #include "protocol/usb_ids.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 namespace {
 
 // The firmware's version stands in the device descriptor: major in the upper byte, then a nibble
@@ -83,4 +83,4 @@ std::vector<UsbListing> BenchDevicesHere() {
   return found;
 }
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

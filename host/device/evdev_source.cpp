@@ -1,4 +1,4 @@
-#include "host/daemon/evdev_source.h"
+#include "host/device/evdev_source.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -16,7 +16,7 @@
 #include "host/bus/clock.h"
 #include "host/support/error.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 namespace {
 
 constexpr int kReconnectMs = 100;
@@ -358,4 +358,4 @@ void EvdevSource::SetFeature(std::span<const std::uint8_t> /*report*/) {
   throw FeatureError("a mouse has nothing to set");
 }
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -1,11 +1,11 @@
-#include "host/study/table.h"
+#include "host/plot/table.h"
 
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <cstdio>
 
-namespace torquer::study {
+namespace torquer::plot {
 namespace {
 
 // Characters that a terminal shows: UTF-8 continuation bytes take no column.
@@ -86,4 +86,4 @@ std::string EscapeMarkup(const std::string& text) {
   return out;
 }
 
-}  // namespace torquer::study
+}  // namespace torquer::plot

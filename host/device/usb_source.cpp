@@ -1,4 +1,4 @@
-#include "host/daemon/usb_source.h"
+#include "host/device/usb_source.h"
 
 #include <sys/time.h>
 
@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "host/bus/clock.h"
-#include "host/daemon/device_identity.h"
-#include "host/daemon/usb_listing.h"
+#include "host/device/device_identity.h"
+#include "host/device/usb_listing.h"
 #include "host/support/error.h"
 #include "protocol/usb_ids.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 namespace {
 
 constexpr int kInterface = 0;
@@ -340,4 +340,4 @@ void UsbSource::SetFeature(std::span<const std::uint8_t> report) {
   Control(LIBUSB_ENDPOINT_OUT, kSetReport, report[0], bytes);
 }
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

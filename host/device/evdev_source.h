@@ -16,11 +16,11 @@
 #include <string>
 #include <vector>
 
-#include "host/daemon/report_source.h"
-#include "host/daemon/wake_up.h"
+#include "host/device/report_source.h"
+#include "host/device/wake_up.h"
 #include "protocol/hid_reports.h"
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 /// What a mouse is taken for without a calibration, counts an inch; most are set to about this.
 inline constexpr int kNominalMouseCpi = 1000;
@@ -76,4 +76,4 @@ class EvdevSource : public ReportSource {
   bool doubtful_ = false;  // events were dropped since the last report
 };
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace torquer::daemon {
+namespace torquer::device {
 
 /// What a source has to tell.
 struct SourceEvent {
@@ -62,4 +62,4 @@ class ReportSource {
   virtual std::string place() const = 0;
 };
 
-}  // namespace torquer::daemon
+}  // namespace torquer::device
