@@ -39,7 +39,7 @@ struct Estimate {
   double value = 0.0;
   double standard_error = 0.0;
   double degrees_of_freedom = 1.0;  ///< by Welch and Satterthwaite; infinite for declared errors
-  double HalfWidth95() const;       ///< the truth is within value -+ this in 95 % of sessions
+  double HalfWidth95() const;       ///< the truth is within value -+ this in 95 % of runs
 };
 
 struct MotionFit {

@@ -10,7 +10,7 @@ namespace torquer::calibration {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-// Standard deviations that a good stroke is off by once in some hundred sessions.
+// Standard deviations that a good stroke is off by once in some hundred runs.
 constexpr double kOutlier = 4.0;
 // A sensor's bracket cannot be set askew by more; a stroke farther off its axis is another motion.
 constexpr double kLargestAngle = 25.0 * kPi / 180.0;

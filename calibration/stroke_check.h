@@ -42,7 +42,7 @@ struct RecordedStroke {
 /// One a stroke: nothing when it is good, else why it is not, as a sentence without its full stop.
 using Rejection = std::optional<std::string>;
 
-/// Judges all strokes of a session together, pushes among pushes and turns among turns.
+/// Judges all strokes of a run together, pushes among pushes and turns among turns.
 std::vector<Rejection> JudgeStrokes(std::span<const RecordedStroke> strokes,
                                     const StrokeExpectation& expected);
 

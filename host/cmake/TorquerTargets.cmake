@@ -1,4 +1,7 @@
-# The two ways a target comes into being here, so that every one carries the same rules.
+# How targets are defined here, so that every one carries the same rules.
+
+# Everything in bin/ that a person runs: tests hold all of it to the same command line.
+add_custom_target(torquer_programs)
 
 # torquer_library(NAME SOURCES a.cpp.. LINK x..): a static library of this project.
 function(torquer_library name)
@@ -7,11 +10,22 @@ function(torquer_library name)
   target_link_libraries(${name} PUBLIC torquer_build_rules ${ARG_LINK})
 endfunction()
 
-# torquer_program(NAME SOURCES main.cpp.. LINK x..): a program in bin/.
+# torquer_program(NAME SOURCES main.cpp.. LINK x..): a program in bin/, with the command line of
+# host/support/program.h.
 function(torquer_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE torquer_build_rules ${ARG_LINK} torquer_support)
+  add_dependencies(torquer_programs ${name})
+endfunction()
+
+# torquer_helper(NAME SOURCES main.cpp.. LINK x..): a program in bin/helpers/ that only tests run.
+function(torquer_helper name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE torquer_build_rules ${ARG_LINK})
+  set_target_properties(${name} PROPERTIES
+    RUNTIME_OUTPUT_DIRECTORY ${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/helpers)
 endfunction()
 
 # torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [ENVIRONMENT K=V..] [TIMEOUT s]

@@ -1,5 +1,6 @@
 // torquer-daemon: a bench device's reports in, an instrument's commands out.
 
+#include <fmt/format.h>
 #include <pthread.h>
 
 #include <atomic>
@@ -10,47 +11,23 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "calibration/calibration_file.h"
 #include "host/daemon/claim.h"
 #include "host/daemon/daemon.h"
 #include "host/daemon/device_list.h"
 #include "host/daemon/device_monitor.h"
-#include "host/device/evdev_source.h"
-#include "host/device/socket_source.h"
-#include "host/device/usb_source.h"
-#include "host/support/command_line.h"
-#include "host/support/error.h"
+#include "host/device/source_choice.h"
+#include "host/support/program.h"
 #include "protocol/lcm_channels.h"
 
 namespace {
 
+using torquer::UsageError;
 using torquer::UserError;
 
-constexpr char kUsage[] =
-    "usage: torquer-daemon --source usb|evdev|socket [--device SERIAL|PATH].. [--socket PATH]\n"
-    "         [--calibration FILE | --uncalibrated] [--lcm-url URL] [--instrument NAME] [--json]\n"
-    "         [--monitor]\n"
-    "       torquer-daemon --list\n"
-    "       torquer-daemon --home [--lcm-url URL] [--instrument NAME]\n"
-    "\n"
-    "  --source usb       the bench device; --device picks one by serial number\n"
-    "  --source evdev     a mouse and a joystick, each given by --device /dev/input/..\n"
-    "  --source socket    the emulator that listens at --socket\n"
-    "  --calibration      another file than the one that torquer-calibrate kept for the device\n"
-    "  --uncalibrated     nominal gains; every command says so\n"
-    "  --lcm-url          the bus (else LCM_DEFAULT_URL, else this machine's multicast)\n"
-    "  --instrument       guidewire (as without) or catheter\n"
-    "  --monitor          the device's motion as live bars in the terminal\n"
-    "  --json             statistics as one JSON object when it ends\n"
-    "  --list             the devices of this machine: serial, firmware, path, calibration\n"
-    "  --home             tell the running daemon that the instrument is at its start now\n";
-
 struct Arguments {
-  std::string source;
-  std::vector<std::string> devices;
-  std::string socket;
+  torquer::device::SourceChoice source;
   std::string calibration;
   bool uncalibrated = false;
   std::string lcm_url;
@@ -59,52 +36,33 @@ struct Arguments {
   bool monitor = false;
   bool list = false;
   bool home = false;
-  bool help = false;
 };
 
-Arguments Parse(int argc, char** argv) {
-  Arguments arguments;
-  torquer::CommandLine line;
-  line.Option("--source", arguments.source);
-  line.Option("--device", [&](const std::string& name) { arguments.devices.push_back(name); });
-  line.Option("--socket", arguments.socket);
-  line.Option("--calibration", arguments.calibration);
-  line.Flag("--uncalibrated", arguments.uncalibrated);
-  line.Option("--lcm-url", arguments.lcm_url);
-  line.Option("--instrument", arguments.instrument);
-  line.Flag("--json", arguments.json);
-  line.Flag("--monitor", arguments.monitor);
-  line.Flag("--list", arguments.list);
-  line.Flag("--home", arguments.home);
-  line.Flag("--help", arguments.help);
-  line.Parse(argc, argv, kUsage);
-  if (arguments.instrument != torquer::protocol::kGuidewire &&
-      arguments.instrument != torquer::protocol::kCatheter) {
-    throw UserError("--instrument '" + arguments.instrument +
-                    "' is not known; there are guidewire and catheter");
-  }
-  if (arguments.help || arguments.list || arguments.home) return arguments;
-  if (!arguments.calibration.empty() && arguments.uncalibrated) {
-    throw UserError("--calibration and --uncalibrated exclude each other; give one");
-  }
-  return arguments;
-}
-
-std::unique_ptr<torquer::device::ReportSource> MakeSource(const Arguments& arguments) {
-  if (arguments.source == "socket") {
-    return std::make_unique<torquer::device::SocketSource>(arguments.socket);
-  }
-  if (arguments.source == "usb") {
-    if (arguments.devices.size() > 1) {
-      throw UserError("--source usb reads one device; give --device once, with its serial number");
-    }
-    return std::make_unique<torquer::device::UsbSource>(
-        arguments.devices.empty() ? "" : arguments.devices.front());
-  }
-  if (arguments.source == "evdev") {
-    return std::make_unique<torquer::device::EvdevSource>(arguments.devices);
-  }
-  throw UserError("--source '" + arguments.source + "' is not known\n" + kUsage);
+void Declare(torquer::Options& options, Arguments& arguments) {
+  torquer::device::AddSourceOptions(options, arguments.source);
+  options.Group("Calibration");
+  options.Text("--calibration", "FILE", arguments.calibration,
+               "calibration of the device; without it the one that torquer-calibrate keeps for its "
+               "serial number",
+               torquer::ValueKind::kFile);
+  options.Flag("--uncalibrated", arguments.uncalibrated,
+               "use nominal gains instead; every command says so");
+  options.Group("Bus");
+  options.Choice("--instrument", "NAME",
+                 {torquer::protocol::kGuidewire, torquer::protocol::kCatheter},
+                 arguments.instrument, "instrument that the device drives");
+  options.Text("--lcm-url", "URL", arguments.lcm_url,
+               "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
+  options.Group("Output");
+  options.Flag("--monitor", arguments.monitor,
+               "show the motion of the device as live bars in the terminal");
+  options.Flag("--json", arguments.json, "print statistics as one JSON object at the end");
+  options.Group("Instead of running");
+  options.Flag(
+      "--list", arguments.list,
+      "list the devices of this machine: serial number, firmware, path, calibration, user");
+  options.Flag("--home", arguments.home,
+               "make the present position of the running daemon's instrument its start");
 }
 
 sigset_t HandledSignals() {
@@ -153,20 +111,25 @@ void PrintStatistics(const torquer::daemon::Daemon& daemon) {
   object["report_to_command_max_us"] = statistics.max_us();
   object["cpu_percent_of_core"] = statistics.CpuPercent();
   object["wall_s"] = statistics.WallSeconds();
-  std::printf("%s\n", object.dump().c_str());
+  fmt::print("{}\n", object.dump());
 }
 
 int SendHome(const Arguments& arguments) {
   const auto holder = torquer::daemon::ClaimHolder(
       torquer::daemon::InstrumentClaimName(arguments.instrument, arguments.lcm_url));
   if (!holder || kill(*holder, SIGUSR1) != 0) {
-    throw UserError("no torquer-daemon of yours drives the instrument '" + arguments.instrument +
-                    "' on this bus; give the --instrument and --lcm-url that it was started with");
+    throw UserError(fmt::format(
+        "no torquer-daemon of yours drives the instrument '{}' on this bus; give the --instrument "
+        "and --lcm-url that it was started with",
+        arguments.instrument));
   }
-  return 0;
+  return torquer::kExitSuccess;
 }
 
 int RunDaemon(const Arguments& arguments) {
+  if (!arguments.calibration.empty() && arguments.uncalibrated) {
+    throw UsageError("--calibration and --uncalibrated exclude each other; give one");
+  }
   torquer::daemon::DaemonOptions options;
   options.instrument = arguments.instrument;
   options.calibration_by_serial = !arguments.uncalibrated && arguments.calibration.empty();
@@ -177,7 +140,8 @@ int RunDaemon(const Arguments& arguments) {
   // libusb and LCM start threads of their own, which inherit this.
   const sigset_t signals = HandledSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  std::unique_ptr<torquer::device::ReportSource> source = MakeSource(arguments);
+  std::unique_ptr<torquer::device::ReportSource> source =
+      torquer::device::OpenSource(arguments.source);
   std::optional<torquer::daemon::DeviceMonitor> monitor;
   if (arguments.monitor) {
     monitor.emplace();
@@ -192,25 +156,25 @@ int RunDaemon(const Arguments& arguments) {
   daemon.Run();
   monitor.reset();  // shows the last of it
   if (arguments.json) PrintStatistics(daemon);
-  return 0;
+  return torquer::kExitSuccess;
+}
+
+int Run(const Arguments& arguments) {
+  if (arguments.list) {
+    fmt::print("{}", torquer::daemon::DeviceList());
+    return torquer::kExitSuccess;
+  }
+  return arguments.home ? SendHome(arguments) : RunDaemon(arguments);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    const Arguments arguments = Parse(argc, argv);
-    if (arguments.help) {
-      std::fputs(kUsage, stdout);
-      return 0;
-    }
-    if (arguments.list) {
-      std::fputs(torquer::daemon::DeviceList().c_str(), stdout);
-      return 0;
-    }
-    return arguments.home ? SendHome(arguments) : RunDaemon(arguments);
-  } catch (const UserError& error) {
-    std::fprintf(stderr, "torquer-daemon: %s\n", error.what());
-    return torquer::kExitUserError;
-  }
+  torquer::Program program("torquer-daemon",
+                           "Reads a bench device and publishes on the bus where its instrument is "
+                           "to be, until SIGINT or SIGTERM. SIGUSR1 does what --home does.");
+  program.Note("Exit status: 0, or 2 when something cannot be used.");
+  Arguments arguments;
+  Declare(program.options(), arguments);
+  return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -44,12 +44,6 @@ bool SomebodyListens(const sockaddr_un& address) {
 
 }  // namespace
 
-std::string DefaultSocketPath() {
-  const char* runtime = std::getenv("XDG_RUNTIME_DIR");
-  if (runtime && *runtime) return std::string(runtime) + "/torquer-emulator.sock";
-  return "/tmp/torquer-emulator-" + std::to_string(getuid()) + ".sock";
-}
-
 SocketFront::SocketFront(UsbHost& host, std::string path) : host_(host), path_(std::move(path)) {
   if (path_.empty() || path_.size() >= sizeof(sockaddr_un::sun_path)) {
     throw UserError("--socket '" + path_ + "': a socket's path has 1 to " +

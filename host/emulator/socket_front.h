@@ -11,9 +11,6 @@
 
 namespace torquer::emulator {
 
-/// $XDG_RUNTIME_DIR/torquer-emulator.sock, or one of the user's own in /tmp.
-std::string DefaultSocketPath();
-
 class SocketFront {
  public:
   /// Listens once the device is ready, and not while it is off the bus. `host` must outlive this.

@@ -1,8 +1,7 @@
 // torquer-report: the figures and the picture of a recorded session.
 
-#include <cstdio>
-#include <fstream>
-#include <iostream>
+#include <fmt/format.h>
+
 #include <string>
 
 #include "calibration/calibration_file.h"
@@ -10,57 +9,21 @@
 #include "host/recorder/vessel_outline.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/mesh_vessel.h"
-#include "host/support/command_line.h"
-#include "host/support/error.h"
+#include "host/support/atomic_file.h"
+#include "host/support/program.h"
 #include "protocol/lcm_channels.h"
 
 namespace {
 
-constexpr char kUsage[] =
-    "usage: torquer-report LOG [--calibration FILE] [--json] [--picture FILE.svg]\n"
-    "                          [--scene FILE]\n"
-    "Tells what a session that lcm-logger recorded lost, and whether the wire went where the hand\n"
-    "went. Exit status: 0 when no report was lost and both agree within one count of the sensor,\n"
-    "1 when not, 2 when there is nothing to judge.\n"
-    "  --calibration FILE  that the daemon used; without, nominal gains, as --uncalibrated has\n"
-    "  --json              one JSON object instead of text\n"
-    "  --picture FILE.svg  draw the last state of the wire in its vessel\n"
-    "  --scene FILE        of the vessel, where it is not where the simulator had it\n";
-
 constexpr std::size_t kOutlineTriangles = 8000;
 
-struct Options {
+struct Arguments {
   std::string log;
   std::string calibration;
   std::string picture;
   std::string scene;
   bool json = false;
-  bool help = false;
 };
-
-Options Parse(int argc, char** argv) {
-  Options options;
-  torquer::CommandLine line;
-  line.Operand(options.log);
-  line.Option("--calibration", options.calibration);
-  line.Option("--picture", options.picture);
-  line.Option("--scene", options.scene);
-  line.Flag("--json", options.json);
-  line.Flag("--help", options.help);
-  line.Parse(argc, argv, kUsage);
-  if (options.log.empty() && !options.help) {
-    throw torquer::UserError(std::string("no LOG given\n") + kUsage);
-  }
-  return options;
-}
-
-void WriteFile(const std::string& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (!file)
-    throw torquer::UserError(path + ": cannot be written; name a file in a folder of yours");
-}
 
 torquer::PictureVessel Surface(const torquer::scene::Vessel& vessel) {
   if (!vessel.surface) {
@@ -74,41 +37,52 @@ torquer::PictureVessel Surface(const torquer::scene::Vessel& vessel) {
   return surface;
 }
 
-int Run(const Options& options) {
+int Run(const Arguments& arguments) {
+  if (arguments.log.empty()) throw torquer::UsageError("LOG is missing; name the log of a session");
   torquer::SessionReporter reporter(torquer::protocol::kGuidewire);
   const torquer::SessionLogSummary summary =
-      torquer::ReadSessionLog(options.log, reporter.Handlers());
+      torquer::ReadSessionLog(arguments.log, reporter.Handlers());
   const torquer::calibration::MotionModel motion =
-      options.calibration.empty()
+      arguments.calibration.empty()
           ? torquer::calibration::NominalCalibration("", reporter.cpi()).motion
-          : torquer::calibration::ReadCalibration(options.calibration).motion;
+          : torquer::calibration::ReadCalibration(arguments.calibration).motion;
   Eigen::Matrix2d motion_per_count;
   motion_per_count << motion.per_count[0][0], motion.per_count[0][1], motion.per_count[1][0],
       motion.per_count[1][1];
 
   torquer::SessionReport report = reporter.Finish(motion_per_count);
   report.undecodable = summary.undecodable;
-  if (!options.picture.empty()) {
-    const torquer::scene::Scene scene(options.scene.empty() ? report.scene_file : options.scene);
-    WriteFile(options.picture, torquer::DrawReport(report, Surface(scene.vessel())));
+  if (!arguments.picture.empty()) {
+    const torquer::scene::Scene scene(arguments.scene.empty() ? report.scene_file
+                                                              : arguments.scene);
+    torquer::WriteFileAtomically(arguments.picture,
+                                 torquer::DrawReport(report, Surface(scene.vessel())));
   }
-  std::cout << (options.json ? torquer::FormatReportJson(report, options.picture)
-                             : torquer::FormatReport(report));
-  return report.Good() ? 0 : 1;
+  fmt::print("{}", arguments.json ? torquer::FormatReportJson(report, arguments.picture)
+                                  : torquer::FormatReport(report));
+  return report.Good() ? torquer::kExitSuccess : torquer::kExitFailure;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    const Options options = Parse(argc, argv);
-    if (options.help) {
-      std::cout << kUsage;
-      return 0;
-    }
-    return Run(options);
-  } catch (const torquer::UserError& error) {
-    std::cerr << "torquer-report: " << error.what() << "\n";
-    return torquer::kExitUserError;
-  }
+  torquer::Program program("torquer-report",
+                           "Reports what a session that lcm-logger recorded has lost, and whether "
+                           "the wire went where the hand went.");
+  program.Note(
+      "Exit status: 0 when no report was lost and hand and wire agree within one count of the "
+      "sensor, 1 when not, 2 when there is nothing to judge.");
+  Arguments arguments;
+  torquer::Options& options = program.options();
+  options.Operand("LOG", arguments.log, "log of the session, written by lcm-logger");
+  options.Text("--calibration", "FILE", arguments.calibration,
+               "calibration that the daemon used; without it nominal gains, as --uncalibrated has",
+               torquer::ValueKind::kFile);
+  options.Flag("--json", arguments.json, "print one JSON object instead of text");
+  options.Text("--picture", "FILE.svg", arguments.picture,
+               "draw the last state of the wire in its vessel", torquer::ValueKind::kFile);
+  options.Text("--scene", "FILE", arguments.scene,
+               "scene with the vessel, where it is not where the simulator had it",
+               torquer::ValueKind::kFile);
+  return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -16,25 +16,9 @@
 #include "host/simulator/script_run.h"
 #include "host/simulator/session.h"
 #include "host/simulator/session_record.h"
-#include "host/support/command_line.h"
-#include "host/support/error.h"
+#include "host/support/program.h"
 
 namespace {
-
-constexpr char kUsage[] =
-    "usage: torquer-simulator --scene FILE [--lcm-url URL] [--record FILE.json] [--json]\n"
-    "       torquer-simulator --scene FILE --script FILE.csv [--states FILE.jsonl] [--render DIR]\n"
-    "                         [--record FILE.json]\n"
-    "       torquer-simulator --scene FILE --replay FILE.lcmlog\n"
-    "       torquer-simulator --list-effects | --explain FILE\n"
-    "Live: follows instrument commands on LCM and publishes wire states, until SIGINT or SIGTERM.\n"
-    "--script: header time_s,insertion_mm,rotation_rad, if need be with "
-    "lao_deg,cra_deg,xray,contrast\n"
-    "and then catheter_insertion_mm,catheter_rotation_rad;\n"
-    "one JSON object a row goes to --states, X-ray pictures as PNG to --render.\n"
-    "--record: when the session ends, what its observers have found, the assessment among it.\n"
-    "--replay: repeats a recorded session and compares every state; exit 1 if one differs.\n"
-    "--list-effects: what a scene may call for. --explain: what this one does, and what is off.";
 
 std::atomic<bool> stop{false};
 
@@ -83,27 +67,54 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
   return 0;
 }
 
-int Run(int argc, char** argv) {
-  std::string scene_file;
-  std::string url;
+struct Arguments {
+  std::string scene;
+  std::string lcm_url;
   std::string script;
   torquer::simulator::ScriptOutputs outputs;
-  std::string log;
-  std::string explained;
+  std::string replay;
+  std::string explain;
   bool json = false;
   bool list_effects = false;
-  torquer::CommandLine line;
-  line.Flag("--list-effects", list_effects);
-  line.Option("--explain", explained);
-  line.Option("--scene", scene_file);
-  line.Option("--lcm-url", url);
-  line.Option("--script", script);
-  line.Option("--states", outputs.states);
-  line.Option("--render", outputs.pictures);
-  line.Option("--record", outputs.record);
-  line.Option("--replay", log);
-  line.Flag("--json", json);
-  line.Parse(argc, argv, kUsage);
+};
+
+void Declare(torquer::Options& options, Arguments& arguments) {
+  using torquer::ValueKind;
+  options.Group("Scene");
+  options.Text("--scene", "FILE", arguments.scene, "what to simulate", ValueKind::kFile);
+  options.Text("--record", "FILE.json", arguments.outputs.record,
+               "at the end write what the observers have found, the assessment among it",
+               ValueKind::kFile);
+  options.Group("Live");
+  options.Text("--lcm-url", "URL", arguments.lcm_url,
+               "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
+  options.Flag("--json", arguments.json, "print statistics as one JSON object at the end");
+  options.Group("From a script");
+  options.Text("--script", "FILE.csv", arguments.script,
+               "rows of time_s,insertion_mm,rotation_rad, then if need be "
+               "lao_deg,cra_deg,xray,contrast and catheter_insertion_mm,catheter_rotation_rad",
+               ValueKind::kFile);
+  options.Text("--states", "FILE.jsonl", arguments.outputs.states,
+               "write one JSON object for each row", ValueKind::kFile);
+  options.Text("--render", "FOLDER", arguments.outputs.pictures, "write X-ray pictures as PNG",
+               ValueKind::kFolder);
+  options.Group("From a log");
+  options.Text("--replay", "FILE.lcmlog", arguments.replay,
+               "repeat a recorded session and compare every state", ValueKind::kFile);
+  options.Group("Instead of running");
+  options.Flag("--list-effects", arguments.list_effects, "list what a scene can call for");
+  options.Text("--explain", "FILE", arguments.explain,
+               "print what this scene simulates, what is off, and what a tick takes",
+               ValueKind::kFile);
+}
+
+int Run(Arguments& arguments) {
+  const std::string& scene_file = arguments.scene;
+  const std::string& script = arguments.script;
+  const std::string& log = arguments.replay;
+  const std::string& explained = arguments.explain;
+  const torquer::simulator::ScriptOutputs& outputs = arguments.outputs;
+  const bool list_effects = arguments.list_effects;
   if (list_effects) {
     std::printf("%s", torquer::effects::DescribeEffects(false).c_str());
     return 0;
@@ -114,17 +125,16 @@ int Run(int argc, char** argv) {
     std::printf("%s", torquer::simulator::Explain(scene).c_str());
     return 0;
   }
-  if (scene_file.empty()) throw torquer::UserError(std::string("--scene is missing\n") + kUsage);
+  if (scene_file.empty()) throw torquer::UsageError("--scene is missing; name a scene file");
   const bool for_script = !outputs.states.empty() || !outputs.pictures.empty();
   if (script.empty() ? for_script : !for_script && outputs.record.empty()) {
-    throw torquer::UserError(
-        std::string("--script and --states, --render or --record go together\n") + kUsage);
+    throw torquer::UsageError("--script and --states, --render or --record go together");
   }
   if (!log.empty() && !outputs.record.empty()) {
-    throw torquer::UserError(std::string("--record and --replay exclude each other\n") + kUsage);
+    throw torquer::UsageError("--record and --replay exclude each other; give one");
   }
   if (!script.empty() && !log.empty()) {
-    throw torquer::UserError(std::string("--script and --replay exclude each other\n") + kUsage);
+    throw torquer::UsageError("--script and --replay exclude each other; give one");
   }
 
   torquer::scene::Scene scene(scene_file);
@@ -152,16 +162,21 @@ int Run(int argc, char** argv) {
     std::printf("the first at tick %lld\n", static_cast<long long>(result.first_difference));
     return 1;
   }
-  return Live(scene, url, outputs.record, json);
+  return Live(scene, arguments.lcm_url, outputs.record, arguments.json);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return Run(argc, argv);
-  } catch (const torquer::UserError& error) {
-    std::fprintf(stderr, "torquer-simulator: %s\n", error.what());
-    return torquer::kExitUserError;
-  }
+  torquer::Program program(
+      "torquer-simulator",
+      "Simulates a scene: live, where it follows instrument commands on the bus "
+      "and publishes wire states until SIGINT or SIGTERM, from a script, or "
+      "again from a log.");
+  program.Note(
+      "Exit status: 0, or 1 when a replay differs from its log, or 2 when something cannot be "
+      "used.");
+  Arguments arguments;
+  Declare(program.options(), arguments);
+  return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -31,11 +31,10 @@ class AccuracyStudy final : public Study {
   std::string summary() const override {
     return "error against time: segments, methods, tolerances, laws, fields, friction";
   }
-  void AddOptions(CommandLine& line) override { line.Option("--scenes", folder_); }
-  std::string OptionsUsage() const override {
-    return "    --scenes FOLDER  with ty_phantom, neuro_arch and abdominal_aorta; host/scenes if "
-           "not "
-           "given\n";
+  void AddOptions(Options& options) override {
+    options.Text("--scenes", "FOLDER", folder_,
+                 "folder of scenes with ty_phantom, neuro_arch and abdominal_aorta",
+                 ValueKind::kFolder);
   }
 
   bool Run(StudyRun& run) override {

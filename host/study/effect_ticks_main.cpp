@@ -1,11 +1,11 @@
-// torquer-effect-ticks FEEDS SCENE...: the ticks whose instructions torquer-study effects counts.
+// torquer-effect-ticks: the ticks whose instructions torquer-study effects counts.
 // Under callgrind with --instr-atstart=no there is a profile for the feeds of each scene.
 
-#include <cstdio>
-#include <cstdlib>
+#include <string>
+#include <vector>
 
 #include "host/study/effect_drive.h"
-#include "host/support/error.h"
+#include "host/support/number.h"
 #include "host/support/program.h"
 
 #if __has_include(<valgrind/callgrind.h>)
@@ -16,25 +16,41 @@
 #define CALLGRIND_DUMP_STATS static_assert(true)
 #endif
 
+namespace {
+
+struct Arguments {
+  std::string feeds;
+  std::vector<std::string> scenes;
+};
+
+int Run(const Arguments& arguments) {
+  constexpr double kMostFeeds = 1e6;
+  const double feeds = torquer::ParseNumber(arguments.feeds).value_or(0);
+  if (!(feeds >= 1 && feeds <= kMostFeeds)) {
+    throw torquer::UsageError("FEEDS '" + arguments.feeds +
+                              "' is not a number from 1 to 1000000; give the number of feeds");
+  }
+  for (const std::string& path : arguments.scenes) {
+    torquer::scene::Scene scene(path);
+    torquer::study::EffectDrive drive(scene);
+    drive.Insert(static_cast<int>(feeds));
+    CALLGRIND_START_INSTRUMENTATION;
+    for (int feed = 0; feed < static_cast<int>(feeds); ++feed) drive.Feed();
+    CALLGRIND_STOP_INSTRUMENTATION;
+    CALLGRIND_DUMP_STATS;
+  }
+  return torquer::kExitSuccess;
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  const int feeds = argc < 3 ? 0 : std::atoi(argv[1]);
-  if (feeds < 1) {
-    std::fprintf(stderr, "usage: torquer-effect-ticks FEEDS SCENE...\n");
-    return torquer::kExitUserError;
-  }
-  try {
-    for (int k = 2; k < argc; ++k) {
-      torquer::scene::Scene scene(argv[k]);
-      torquer::study::EffectDrive drive(scene);
-      drive.Insert(feeds);
-      CALLGRIND_START_INSTRUMENTATION;
-      for (int feed = 0; feed < feeds; ++feed) drive.Feed();
-      CALLGRIND_STOP_INSTRUMENTATION;
-      CALLGRIND_DUMP_STATS;
-    }
-  } catch (const torquer::UserError& error) {
-    std::fprintf(stderr, "torquer-effect-ticks: %s\n", error.what());
-    return torquer::kExitUserError;
-  }
-  return 0;
+  torquer::Program program("torquer-effect-ticks",
+                           "Runs the ticks whose instructions 'torquer-study effects' counts under "
+                           "callgrind.");
+  Arguments arguments;
+  program.options().Operand("FEEDS", arguments.feeds, "feeds to count in each scene, 1 to 1000000",
+                            torquer::ValueKind::kText);
+  program.options().Operands("SCENE", arguments.scenes, "scene files");
+  return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -197,10 +197,10 @@ class EffectsStudy final : public Study {
   std::string summary() const override {
     return "the price list: a tick with no effect, with each, with pairs, with all";
   }
-  std::string OptionsUsage() const override {
-    return "    --scenes FOLDER  whose pairs of effects are measured; host/scenes if not given\n";
+  void AddOptions(Options& options) override {
+    options.Text("--scenes", "FOLDER", scenes_,
+                 "folder of the scenes whose pairs of effects are measured", ValueKind::kFolder);
   }
-  void AddOptions(CommandLine& line) override { line.Option("--scenes", scenes_); }
 
   bool Run(StudyRun& run) override {
     if (!std::filesystem::is_directory(scenes_)) {

@@ -1,8 +1,6 @@
 // torquer-study: measures what the simulator does, and writes it down.
 
-#include <algorithm>
-#include <exception>
-#include <iostream>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,7 +11,7 @@
 #include "host/study/scaling.h"
 #include "host/study/study.h"
 #include "host/study/torture.h"
-#include "host/support/error.h"
+#include "host/support/program.h"
 
 namespace torquer::study {
 namespace {
@@ -29,67 +27,46 @@ std::vector<std::unique_ptr<Study>> AllStudies() {
   return studies;
 }
 
-std::string Usage(const std::vector<std::unique_ptr<Study>>& studies) {
-  std::string text = "usage: torquer-study STUDY [options]\n";
-  for (const auto& study : studies) {
-    text += "  " + study->name() +
-            std::string(12 - std::min<std::size_t>(11, study->name().size()), ' ') +
-            study->summary() + "\n" + study->OptionsUsage();
-  }
-  return text +
-         "options of every study:\n"
-         "  --quick       fewer and smaller cases\n"
-         "  --json        JSON objects on standard output, one a line, instead of text\n"
-         "  --out FOLDER  where STUDY.csv, .jsonl, .html and .svg go; study-results if not given\n";
+void AddCommonOptions(Options& options, StudyRun::Options& common) {
+  options.Group("Every study");
+  options.Flag("--quick", common.quick, "measure fewer and smaller cases");
+  options.Flag("--json", common.json,
+               "print JSON objects on standard output, one a line, instead of text");
+  options.Text("--out", "FOLDER", common.folder,
+               "where STUDY.csv, STUDY.jsonl, STUDY.html and STUDY.svg go", ValueKind::kFolder);
 }
 
-int RunStudy(const std::vector<std::unique_ptr<Study>>& studies, int argc, char** argv) {
-  const std::string usage = Usage(studies);
-  const std::string name = argc > 1 ? argv[1] : "";
-  if (name == "--help") {
-    std::cout << usage;
-    return 0;
+int RunStudy(Study& study, const StudyRun::Options& options) {
+  StudyRun run(study.name(), options);
+  const bool held = study.Run(run);
+  run.Finish(study.title());
+  return held ? kExitSuccess : kExitFailure;
+}
+
+int Main(int argc, char** argv) {
+  Program program("torquer-study",
+                  "Measures what the simulator does and costs: figures as text, CSV, JSON and a "
+                  "report with plots.");
+  program.Note(
+      "Exit status: 0, or 1 when something that a study checks did not hold, or 2 when something "
+      "cannot be used.");
+  const std::vector<std::unique_ptr<Study>> studies = AllStudies();
+  StudyRun::Options common;
+  common.folder = "study-results";
+  for (const auto& study : studies) {
+    Options& options = program.Subcommand(study->name(), study->summary());
+    study->AddOptions(options);
+    AddCommonOptions(options, common);
   }
-  Study* study = nullptr;
-  for (const auto& candidate : studies) {
-    if (candidate->name() == name) study = candidate.get();
-  }
-  if (study == nullptr) {
-    throw UserError(
-        (name.empty() ? std::string("no study named") : "unknown study '" + name + "'") + "\n" +
-        usage);
-  }
-  StudyRun::Options options;
-  options.folder = "study-results";
-  bool help = false;
-  CommandLine line;
-  line.Flag("--quick", options.quick);
-  line.Flag("--json", options.json);
-  line.Flag("--help", help);
-  line.Option("--out", options.folder);
-  study->AddOptions(line);
-  line.Parse(argc - 1, argv + 1, usage);
-  if (help) {
-    std::cout << usage;
-    return 0;
-  }
-  StudyRun run(study->name(), options);
-  const bool held = study->Run(run);
-  run.Finish(study->title());
-  return held ? 0 : 1;
+  return program.Main(argc, argv, [&] {
+    for (const auto& study : studies) {
+      if (study->name() == program.subcommand()) return RunStudy(*study, common);
+    }
+    return static_cast<int>(kExitUnexpected);
+  });
 }
 
 }  // namespace
 }  // namespace torquer::study
 
-int main(int argc, char** argv) {
-  try {
-    return torquer::study::RunStudy(torquer::study::AllStudies(), argc, argv);
-  } catch (const torquer::UserError& error) {
-    std::cerr << "torquer-study: " << error.what() << "\n";
-    return torquer::kExitUserError;
-  } catch (const std::exception& error) {
-    std::cerr << "torquer-study: " << error.what() << "\n";
-    return 1;
-  }
-}
+int main(int argc, char** argv) { return torquer::study::Main(argc, argv); }

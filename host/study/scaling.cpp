@@ -122,9 +122,9 @@ class ScalingStudy final : public Study {
     return "time of one action to equilibrium, and how it grows with n";
   }
 
-  void AddOptions(CommandLine& line) override { line.Option("--scenes", folder_); }
-  std::string OptionsUsage() const override {
-    return "    --scenes FOLDER  with neuro_arch and abdominal_aorta; host/scenes if not given\n";
+  void AddOptions(Options& options) override {
+    options.Text("--scenes", "FOLDER", folder_,
+                 "folder of scenes with neuro_arch and abdominal_aorta", ValueKind::kFolder);
   }
 
   bool Run(StudyRun& run) override {

@@ -10,7 +10,7 @@
 
 #include "host/plot/svg_plot.h"
 #include "host/plot/table.h"
-#include "host/support/command_line.h"
+#include "host/support/program.h"
 
 namespace torquer::study {
 
@@ -100,9 +100,8 @@ class Study {
   virtual std::string name() const = 0;     ///< of the subcommand and of its files
   virtual std::string title() const = 0;    ///< of the report
   virtual std::string summary() const = 0;  ///< one line, for the usage
-  /// Options beyond those that every study has, and their lines for the usage.
-  virtual void AddOptions(CommandLine& line) { static_cast<void>(line); }
-  virtual std::string OptionsUsage() const { return ""; }
+  /// Declares options beyond those that every study has.
+  virtual void AddOptions(Options& options) { static_cast<void>(options); }
 
   /// Measures. Returns false when something that must hold did not (the program then exits 1).
   virtual bool Run(StudyRun& run) = 0;

@@ -1,9 +1,9 @@
 #include "host/study/torture.h"
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <map>
+#include <optional>
 #include <sstream>
 
 #include "host/study/hard_cases.h"
@@ -11,18 +11,6 @@
 
 namespace torquer::study {
 namespace {
-
-// A whole number or UserError.
-unsigned ReadNumber(const std::string& option, const std::string& text, unsigned highest) {
-  unsigned value = 0;
-  const char* end = text.data() + text.size();
-  const auto [at, error] = std::from_chars(text.data(), end, value);
-  if (error != std::errc() || at != end || value > highest) {
-    throw UserError(option + " is " + text + "; give a whole number from 0 to " +
-                    std::to_string(highest));
-  }
-  return value;
-}
 
 class Stopwatch {
  public:
@@ -52,26 +40,18 @@ class TortureStudy final : public Study {
   std::string summary() const override {
     return "hard cases from seeds until the time is up; fails where an invariant does";
   }
-  void AddOptions(CommandLine& line) override {
-    line.Option("--seconds", [this](const std::string& text) {
-      seconds_ = ReadNumber("--seconds", text, 1000000);
-      timed_ = true;
-    });
-    line.Option("--seed", [this](const std::string& text) {
-      seed_ = ReadNumber("--seed", text, 2000000000);
-    });
-    line.Flag("--soak", soak_);
-  }
-  std::string OptionsUsage() const override {
-    return "    --seconds S  how long; 60 if not given, 10 with --quick; 0: one case\n"
-           "    --seed N     the first seed; 1 if not given\n"
-           "    --soak       instead, every case by every method in full: minutes\n";
+  void AddOptions(Options& options) override {
+    options.Integer("--seconds", "S", seconds_, 0, 1000000,
+                    "how long; without it 60, with --quick 10; 0: one case");
+    options.Integer("--seed", "N", seed_, 0, 2000000000, "the first seed");
+    options.Flag("--soak", soak_,
+                 "instead, every case by every method in full, which takes minutes");
   }
 
   bool Run(StudyRun& run) override {
-    if (soak_ && timed_)
-      throw UserError("--soak takes the time that it takes: leave out --seconds");
-    if (!timed_ && run.quick()) seconds_ = 10;
+    if (soak_ && seconds_) {
+      throw UsageError("--soak and --seconds exclude each other; leave out one");
+    }
     run.Say(DescribeMachine());
     const bool held = soak_ ? Soak(run) : Draw(run);
     Report(run);
@@ -90,6 +70,7 @@ class TortureStudy final : public Study {
   // A seed decides all: the case, the method and what the case leaves open.
   bool Draw(StudyRun& run) {
     const std::vector<HardCase> cases = HardCases();
+    const unsigned seconds = seconds_.value_or(run.quick() ? 10 : 60);
     for (unsigned seed = seed_;; ++seed) {
       std::mt19937 random(seed);
       // Every other one is drawn freely; the rest are those that have a name.
@@ -99,7 +80,7 @@ class TortureStudy final : public Study {
       Way way = kAllWays[random() % std::size(kAllWays)];
       if (!hard.for_paper && way == Way::kPaper) way = Way::kNewton;
       run.Progress("seed " + std::to_string(seed) + ", " + hard.name,
-                   seconds_ == 0 ? 0 : std::min(1.0, watch_.Seconds() / seconds_));
+                   seconds == 0 ? 0 : std::min(1.0, watch_.Seconds() / seconds));
       const HardOutcome outcome = RunHardCase(hard, way, seed);
       if (!Take(run, hard, way, outcome,
                 "seed " + std::to_string(seed) +
@@ -109,7 +90,7 @@ class TortureStudy final : public Study {
         run.Record("failure", "seed", seed, "");
         return false;
       }
-      if (watch_.Seconds() >= seconds_) return true;
+      if (watch_.Seconds() >= seconds) return true;
     }
   }
 
@@ -179,9 +160,8 @@ class TortureStudy final : public Study {
     run.Show(table);
   }
 
-  unsigned seconds_ = 60;
+  std::optional<unsigned> seconds_;
   unsigned seed_ = 1;
-  bool timed_ = false;
   bool soak_ = false;
   int cases_ = 0;
   std::int64_t ticks_ = 0;

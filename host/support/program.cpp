@@ -104,7 +104,7 @@ void Declare(const OptionTable& table, CLI::App& app) {
   for (const OptionEntry& entry : table.operands) {
     CLI::Option* const operand = app.add_option_function<std::vector<std::string>>(
         entry.name, [&entry](const std::vector<std::string>& texts) { TakeAll({}, entry, texts); });
-    if (!entry.repeats) operand->expected(1);
+    if (!entry.repeats) operand->expected(1)->allow_extra_args(false);
   }
   for (const OptionTable& subcommand : table.subcommands) {
     Declare(subcommand, *app.add_subcommand(subcommand.name));
@@ -354,13 +354,14 @@ int Program::ParseAndRun(int argc, char** argv, const std::function<int()>& run)
     note_subcommand();
     RefuseExtras(impl_->Given(), app.remaining(true));
   } catch (const CLI::ArgumentMismatch& mismatch) {
-    // Its message begins with the option: either its value is missing, or a flag has one.
+    // Its message begins with the option: "--length: ..." when its value is missing, or
+    // "json was given ..." when a flag has one.
     note_subcommand();
     const std::string message = mismatch.what();
     const std::string name = message.substr(0, message.find_first_of(": "));
     for (const OptionEntry& option : impl_->Given().options) {
-      if (option.name != name) continue;
-      if (option.placeholder.empty()) throw UsageError(name + " takes no value");
+      if (option.name != name && option.name != "--" + name) continue;
+      if (option.placeholder.empty()) throw UsageError(option.name + " takes no value");
       throw UsageError(fmt::format("{} needs a value ({})", name, option.placeholder));
     }
     throw UsageError(message);

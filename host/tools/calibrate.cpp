@@ -1,27 +1,28 @@
-// torquer-calibrate: a guided session at the bench device, and the file that comes of it.
+// torquer-calibrate: guides a person through the calibration of a bench device, and keeps the
+// result.
 
-#include <cerrno>
-#include <cmath>
-#include <csignal>
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <atomic>
 #include <cstdio>
-#include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
-#include <vector>
+#include <utility>
 
 #include "calibration/calibration_file.h"
 #include "calibration/procedure.h"
-#include "host/device/evdev_source.h"
-#include "host/device/socket_source.h"
-#include "host/device/usb_source.h"
+#include "host/device/source_choice.h"
 #include "host/support/atomic_file.h"
-#include "host/support/command_line.h"
-#include "host/support/error.h"
+#include "host/support/number.h"
+#include "host/support/program.h"
+#include "host/support/stop_signal.h"
 #include "host/tools/calibrate_report.h"
-#include "host/tools/calibrate_session.h"
+#include "host/tools/calibrate_source.h"
 #include "host/tools/calibrate_terminal.h"
 
 namespace {
@@ -38,162 +39,81 @@ using torquer::calibration::ProcedureSettings;
 using torquer::calibration::Prompt;
 using torquer::calibration::Reading;
 using torquer::calibration::Step;
-using torquer::calibration::WriteCalibration;
-using torquer::tools::Ask;
-using torquer::tools::CanAsk;
 using torquer::tools::DeviceFacts;
-using torquer::tools::DeviceSession;
-using torquer::tools::Grade;
-using torquer::tools::GradeOf;
-using torquer::tools::PacedSession;
-using torquer::tools::ParameterTable;
-using torquer::tools::ReadScript;
-using torquer::tools::ResidualChart;
-using torquer::tools::ResidualPicture;
+using torquer::tools::DeviceReadings;
+using torquer::tools::PacedOperator;
+using torquer::tools::ReadingSink;
+using torquer::tools::ReadingSource;
 using torquer::tools::Script;
-using torquer::tools::ScriptedSession;
-using torquer::tools::SessionSink;
-using torquer::tools::SessionSource;
+using torquer::tools::ScriptedDevice;
 using torquer::tools::Terminal;
-using torquer::tools::Verdict;
-
-constexpr char kUsage[] =
-    "usage: torquer-calibrate [--source usb|evdev|socket] [--device SERIAL|PATH].. [--socket "
-    "PATH]\n"
-    "         [--length MM] [--length-error MM] [--ruler] [--turns N] [--radius MM]\n"
-    "         [--pushes N] [--turn-strokes N] [--output FILE] [--plot FILE.svg] [--script FILE]\n"
-    "       torquer-calibrate --script FILE [..]\n"
-    "\n"
-    "Leads through pushes between two stops and whole turns, five minutes in all, and keeps what\n"
-    "turns this device's counts into mm and rad. Keys: Enter marks a place (so does the X-ray\n"
-    "button), u forgets the last stroke, s skips a step, q or Ctrl-C gives up and changes "
-    "nothing.\n"
-    "\n"
-    "  --source usb       (as without) the bench device; --device picks one by serial number\n"
-    "  --source evdev     a mouse and perhaps a joystick, each given by --device /dev/input/..\n"
-    "  --source socket    the emulator that listens at --socket\n"
-    "  --length           of a push, mm (150)\n"
-    "  --length-error     by what that may be off, mm, one standard deviation (0.5)\n"
-    "  --ruler            read a ruler for each push, instead of going from stop to stop\n"
-    "  --turns            whole turns a stroke (2)\n"
-    "  --radius           of the cylinder, mm, about (5)\n"
-    "  --pushes           good pushes wanted (6)\n"
-    "  --turn-strokes     good strokes of turns wanted (5)\n"
-    "  --output           the calibration (SERIAL.toml in the user's torquer configuration)\n"
-    "  --plot             the residuals, drawn (beside the calibration)\n"
-    "  --script           a session from a file, see calibration/README.md\n"
-    "\n"
-    "Exit status: 0 when the calibration was kept, 1 when it was too poor to be, 2 when something\n"
-    "could not be used, 130 when it was given up.\n";
-
-constexpr int kTooPoor = 1;
-constexpr int kGivenUp = 130;
-
-volatile std::sig_atomic_t interrupted = 0;
 
 struct Arguments {
-  std::string source;
-  std::vector<std::string> devices;
-  std::string socket;
+  torquer::device::SourceChoice source;
   std::string output;
   std::string plot;
   std::string script;
   ProcedureSettings settings;
-  bool length_given = false;
-  bool help = false;
+  std::optional<double> length_mm;
 };
 
-double Number(const std::string& option, const std::string& text) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  if (end == text.c_str() || *end != '\0' || !std::isfinite(value)) {
-    throw UserError(option + " '" + text + "': is no number");
-  }
-  return value;
-}
-
-int WholeNumber(const std::string& option, const std::string& text) {
-  const double value = Number(option, text);
-  if (value != std::floor(value) || std::abs(value) > 1e6) {
-    throw UserError(option + " '" + text + "': is no whole number");
-  }
-  return static_cast<int>(value);
-}
-
-Arguments Parse(int argc, char** argv) {
-  Arguments arguments;
+void Declare(torquer::Options& options, Arguments& arguments) {
   ProcedureSettings& settings = arguments.settings;
-  torquer::CommandLine line;
-  const auto number = [&line](const std::string& name, double& value) {
-    line.Option(name, [name, &value](const std::string& text) { value = Number(name, text); });
-  };
-  const auto whole = [&line](const std::string& name, int& value) {
-    line.Option(name, [name, &value](const std::string& text) { value = WholeNumber(name, text); });
-  };
-  line.Option("--source", arguments.source);
-  line.Option("--device", [&](const std::string& name) { arguments.devices.push_back(name); });
-  line.Option("--socket", arguments.socket);
-  line.Option("--length", [&](const std::string& text) {
-    settings.length_mm = Number("--length", text);
-    arguments.length_given = true;
-  });
-  number("--length-error", settings.length_error_mm);
-  line.Flag("--ruler", settings.ruler);
-  whole("--turns", settings.turns);
-  number("--radius", settings.cylinder_radius_mm);
-  whole("--pushes", settings.pushes);
-  whole("--turn-strokes", settings.turn_strokes);
-  line.Option("--output", arguments.output);
-  line.Option("--plot", arguments.plot);
-  line.Option("--script", arguments.script);
-  line.Flag("--help", arguments.help);
-  line.Parse(argc, argv, kUsage);
-  if (arguments.help) return arguments;
-  if (arguments.source.empty() && arguments.script.empty()) arguments.source = "usb";
-  return arguments;
+  torquer::device::AddSourceOptions(options, arguments.source);
+  options.Group("Strokes");
+  options.Number(
+      "--length", "MM", arguments.length_mm, 10, 1000,
+      fmt::format("length of a push; without it you are asked, or it is {:g}", settings.length_mm));
+  options.Number("--length-error", "MM", settings.length_error_mm, 0.001, 100,
+                 "by what the length may be off, one standard deviation");
+  options.Flag("--ruler", settings.ruler,
+               "read a ruler for each push, instead of going from stop to stop");
+  options.Integer("--turns", "N", settings.turns, 1, 50, "whole turns in a stroke of turns");
+  options.Number("--radius", "MM", settings.cylinder_radius_mm, 0.2, 100,
+                 "radius of the cylinder, about");
+  options.Integer("--pushes", "N", settings.pushes, 3, 100, "good pushes wanted");
+  options.Integer("--turn-strokes", "N", settings.turn_strokes, 3, 100,
+                  "good strokes of turns wanted");
+  options.Group("Files");
+  options.Text("--output", "FILE", arguments.output,
+               "the calibration; without it SERIAL.toml in the user's torquer configuration",
+               torquer::ValueKind::kFile);
+  options.Text("--plot", "FILE.svg", arguments.plot,
+               "picture of the residuals; without it beside the calibration",
+               torquer::ValueKind::kFile);
+  options.Text(
+      "--script", "FILE", arguments.script,
+      "operator from a file (see calibration/README.md); without --source the file moves a "
+      "device of its own",
+      torquer::ValueKind::kFile);
 }
 
-std::unique_ptr<SessionSource> MakeDevice(const Arguments& arguments) {
-  std::unique_ptr<torquer::device::ReportSource> source;
-  const bool mouse = arguments.source == "evdev";
-  if (arguments.source == "socket") {
-    source = std::make_unique<torquer::device::SocketSource>(arguments.socket);
-  } else if (arguments.source == "usb") {
-    if (arguments.devices.size() > 1) {
-      throw UserError("one device is calibrated at a time; give --device once");
-    }
-    source = std::make_unique<torquer::device::UsbSource>(
-        arguments.devices.empty() ? "" : arguments.devices.front());
-  } else if (mouse) {
-    source = std::make_unique<torquer::device::EvdevSource>(arguments.devices);
-  } else {
-    throw UserError("--source '" + arguments.source + "' is not known\n" + kUsage);
-  }
-  return std::make_unique<DeviceSession>(std::move(source), mouse,
-                                         !mouse || arguments.devices.size() > 1);
+std::unique_ptr<ReadingSource> OpenDevice(const Arguments& arguments) {
+  torquer::device::SourceChoice choice = arguments.source;
+  if (choice.source.empty()) choice.source = "usb";
+  const bool has_joystick = !choice.is_mouse() || choice.devices.size() > 1;
+  return std::make_unique<DeviceReadings>(torquer::device::OpenSource(choice), choice.is_mouse(),
+                                          has_joystick);
 }
 
-std::unique_ptr<SessionSource> MakeSession(const Arguments& arguments) {
-  if (arguments.script.empty()) return MakeDevice(arguments);
-  Script script = ReadScript(arguments.script);
-  if (arguments.source.empty()) return std::make_unique<ScriptedSession>(std::move(script));
-  return std::make_unique<PacedSession>(MakeDevice(arguments), std::move(script));
+std::unique_ptr<ReadingSource> OpenReadings(const Arguments& arguments) {
+  if (arguments.script.empty()) return OpenDevice(arguments);
+  Script script = torquer::tools::ReadScript(arguments.script);
+  if (arguments.source.source.empty()) return std::make_unique<ScriptedDevice>(std::move(script));
+  return std::make_unique<PacedOperator>(OpenDevice(arguments), std::move(script));
 }
 
-// What a person is asked before the session, with the given as answers in brackets.
+// Asks a person; Enter alone keeps the value in brackets.
 void AskForReference(ProcedureSettings& settings) {
   const auto ask = [](const char* question, double& value) {
     for (;;) {
-      char text[160];
-      std::snprintf(text, sizeof text, "%s [%g]:", question, value);
-      const std::string answer = Ask(text);
+      const std::string answer = torquer::tools::Ask(fmt::format("{} [{:g}]:", question, value));
       if (answer.empty()) return;
-      try {
-        value = Number("", answer);
+      if (const std::optional<double> number = torquer::ParseNumber(answer)) {
+        value = *number;
         return;
-      } catch (const UserError&) {
-        std::printf("'%s' is no number.\n", answer.c_str());
       }
+      fmt::print("'{}' is not a number.\n", answer);
     }
   };
   ask(settings.ruler ? "How far will you push along the ruler, mm"
@@ -204,14 +124,14 @@ void AskForReference(ProcedureSettings& settings) {
 }
 
 // The procedure, its source and the terminal.
-class Session : public SessionSink {
+class GuidedRun : public ReadingSink {
  public:
-  Session(const ProcedureSettings& settings, Terminal& terminal)
-      : procedure_(settings), terminal_(terminal) {}
+  GuidedRun(const ProcedureSettings& settings, Terminal& terminal, const std::atomic<bool>& stop)
+      : procedure_(settings), terminal_(terminal), stop_(stop) {}
 
   // False when it was given up.
-  bool Run(SessionSource& source) {
-    while (!quit_ && interrupted == 0 && procedure_.step() != Step::kDone) {
+  bool Run(ReadingSource& source) {
+    while (!quit_ && !stop_ && procedure_.step() != Step::kDone) {
       ShowPrompt();
       source.Wait(20, *this);
       while (const std::optional<char> key = terminal_.Key()) TakeKey(*key);
@@ -219,7 +139,7 @@ class Session : public SessionSink {
       ShowNumbers();
     }
     terminal_.Change("");
-    return procedure_.step() == Step::kDone && interrupted == 0;
+    return procedure_.step() == Step::kDone && !stop_;
   }
 
   void Take(const Reading& reading) override {
@@ -254,11 +174,9 @@ class Session : public SessionSink {
 
   void ShowPrompt() {
     const Prompt prompt = procedure_.prompt();
-    std::string text = prompt.title;
-    if (prompt.wanted > 0) {
-      text += " " + std::to_string(prompt.done) + "/" + std::to_string(prompt.wanted);
-    }
-    text += ": " + prompt.instruction + ".";
+    const std::string count =
+        prompt.wanted > 0 ? fmt::format(" {}/{}", prompt.done, prompt.wanted) : "";
+    const std::string text = fmt::format("{}{}: {}.", prompt.title, count, prompt.instruction);
     if (text == shown_ || prompt.step == Step::kDone) return;
     shown_ = text;
     terminal_.Print(text);
@@ -266,21 +184,17 @@ class Session : public SessionSink {
 
   void ShowNumbers() {
     const HandMotion moved = procedure_.SinceMark();
-    char text[200];
-    std::snprintf(text, sizeof text,
-                  "     %s%+8.2f mm %+7.1f deg | counts %lld axial, %lld transverse | quality %d%s",
-                  procedure_.prompt().marking ? "hold still .. " : "", moved.insertion_mm,
-                  moved.rotation_rad * 180.0 / std::numbers::pi,
-                  static_cast<long long>(last_.axial_counts),
-                  static_cast<long long>(last_.transverse_counts), last_.surface_quality,
-                  last_.faulty   ? ", no answer"
-                  : last_.lifted ? ", lifted"
-                                 : "");
-    terminal_.Change(text);
+    const char* trouble = last_.faulty ? ", no answer" : last_.lifted ? ", lifted" : "";
+    terminal_.Change(fmt::format(
+        "     {}{:+8.2f} mm {:+7.1f} deg | counts {} axial, {} transverse | quality {}{}",
+        procedure_.prompt().marking ? "hold still .. " : "", moved.insertion_mm,
+        moved.rotation_rad * 180.0 / std::numbers::pi, last_.axial_counts, last_.transverse_counts,
+        last_.surface_quality, trouble));
   }
 
   Procedure procedure_;
   Terminal& terminal_;
+  const std::atomic<bool>& stop_;
   Reading last_;
   std::string shown_;
   bool quit_ = false;
@@ -293,19 +207,15 @@ std::string Note(const ProcedureResult& result, const ProcedureSettings& setting
     if (result.rejections[i]) continue;
     ++(result.strokes[i].stroke.kind == MotionKind::kPush ? pushes : turns);
   }
-  const std::time_t now = std::time(nullptr);
-  std::tm date{};
-  localtime_r(&now, &date);
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "%04d-%02d-%02d: %d pushes of %g mm +- %g mm %s, %d x %d turns; rest %s, lift %s, "
-                "joystick %s",
-                date.tm_year + 1900, date.tm_mon + 1, date.tm_mday, pushes, settings.length_mm,
-                settings.length_error_mm, settings.ruler ? "by a ruler" : "between stops", turns,
-                settings.turns, result.rest_checked ? "checked" : "not checked",
-                result.lift_checked ? "checked" : "not checked",
-                result.joystick_measured ? "measured" : "nominal");
-  return text;
+  const auto word = [](bool good, const char* yes, const char* no) { return good ? yes : no; };
+  return fmt::format(
+      "{:%Y-%m-%d}: {} pushes of {:g} mm +- {:g} mm {}, {} x {} turns; rest {}, lift {}, joystick "
+      "{}",
+      fmt::localtime(std::time(nullptr)), pushes, settings.length_mm, settings.length_error_mm,
+      word(settings.ruler, "by a ruler", "between stops"), turns, settings.turns,
+      word(result.rest_checked, "checked", "not checked"),
+      word(result.lift_checked, "checked", "not checked"),
+      word(result.joystick_measured, "measured", "nominal"));
 }
 
 void MakeFolderOf(const std::string& path) {
@@ -313,82 +223,84 @@ void MakeFolderOf(const std::string& path) {
   if (folder.empty()) return;
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error) throw UserError(folder.string() + ": cannot be made: " + error.message());
+  if (error) {
+    throw UserError(
+        fmt::format("{}: the folder cannot be created: {}", folder.string(), error.message()));
+  }
 }
 
 int Finish(const Arguments& arguments, const ProcedureSettings& settings, const DeviceFacts& facts,
            ProcedureResult result, const std::string& path, int columns) {
-  std::printf(
-      "\n%s at %d cpi (95 %% intervals):\n%s\nReference less model, stroke by stroke:\n%s\n%s",
-      facts.serial.c_str(), settings.cpi, ParameterTable(result).c_str(),
-      ResidualChart(result, columns).c_str(), Verdict(result, settings).c_str());
-  if (GradeOf(result.fit) == Grade::kPoor) return kTooPoor;
+  fmt::print(
+      "\n{} at {} cpi (95 % intervals):\n{}\nReference less model, stroke by stroke:\n{}\n{}",
+      facts.serial, settings.cpi, torquer::tools::ParameterTable(result),
+      torquer::tools::ResidualChart(result, columns), torquer::tools::Verdict(result, settings));
+  if (torquer::tools::GradeOf(result.fit) == torquer::tools::Grade::kPoor) {
+    return torquer::kExitFailure;
+  }
   result.calibration.device = facts.serial;
   result.calibration.note = Note(result, settings);
   MakeFolderOf(path);
   const std::string plot = arguments.plot.empty()
                                ? std::filesystem::path(path).replace_extension(".svg").string()
                                : arguments.plot;
-  torquer::WriteFileAtomically(plot,
-                               ResidualPicture(result, "Calibration of " + facts.serial + ", " +
-                                                           result.calibration.note.substr(0, 10)));
-  WriteCalibration(result.calibration, path);
-  std::printf("Kept as %s, drawn in %s.\n", path.c_str(), plot.c_str());
-  return 0;
-}
-
-// From here on there is a terminal to put back and a session to give up. Without SA_RESTART, so
-// that waiting ends.
-void HandleSignals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { interrupted = 1; };
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
+  const std::string date = result.calibration.note.substr(0, 10);
+  torquer::WriteFileAtomically(
+      plot, torquer::tools::ResidualPicture(
+                result, fmt::format("Calibration of {}, {}", facts.serial, date)));
+  torquer::calibration::WriteCalibration(result.calibration, path);
+  fmt::print("Kept as {}, drawn in {}.\n", path, plot);
+  return torquer::kExitSuccess;
 }
 
 int Run(const Arguments& arguments) {
   ProcedureSettings settings = arguments.settings;
-  const std::unique_ptr<SessionSource> source = MakeSession(arguments);
-  static_cast<void>(Procedure(settings));  // what cannot be used is said before anything is done
-  if (!arguments.length_given && arguments.script.empty() && CanAsk()) AskForReference(settings);
+  settings.length_mm = arguments.length_mm.value_or(settings.length_mm);
+  const std::unique_ptr<ReadingSource> source = OpenReadings(arguments);
+  static_cast<void>(Procedure(settings));  // refuses settings before anything is done
+  if (!arguments.length_mm && arguments.script.empty() && torquer::tools::CanAsk()) {
+    AskForReference(settings);
+  }
 
   const DeviceFacts facts = source->Connect();
-  HandleSignals();
+  const std::atomic<bool>& stop = torquer::StopOnSignal();
   settings.cpi = facts.cpi;
   settings.cpi_known = settings.tells_lift = !facts.ordinary_mouse;
   settings.has_joystick = facts.has_joystick;
   const std::string path =
       arguments.output.empty() ? CalibrationPath(facts.serial) : arguments.output;
-  std::printf("Device %s at %d cpi%s; the calibration will be %s\n", facts.serial.c_str(),
-              facts.cpi, facts.ordinary_mouse ? " (a guess: it is measured now)" : "",
-              path.c_str());
-
+  fmt::print("Device {} at {} cpi{}; the calibration will be {}\n", facts.serial, facts.cpi,
+             facts.ordinary_mouse ? " (assumed until it is measured)" : "", path);
   if (arguments.script.empty()) {
-    std::printf(
+    fmt::print(
         "Keys: Enter marks a place (so does the X-ray button), u forgets the last stroke,\n"
         "s skips a step, q gives up.\n");
   }
   Terminal terminal;
-  Session session(settings, terminal);
-  if (!session.Run(*source)) {
+  GuidedRun run(settings, terminal, stop);
+  if (!run.Run(*source)) {
     terminal.Print("Given up; nothing was written.");
-    return kGivenUp;
+    return torquer::kExitGivenUp;
   }
-  return Finish(arguments, settings, facts, session.procedure().Result(), path, terminal.columns());
+  return Finish(arguments, settings, facts, run.procedure().Result(), path, terminal.columns());
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    const Arguments arguments = Parse(argc, argv);
-    if (arguments.help) {
-      std::fputs(kUsage, stdout);
-      return 0;
-    }
-    return Run(arguments);
-  } catch (const UserError& error) {
-    std::fprintf(stderr, "torquer-calibrate: %s\n", error.what());
-    return torquer::kExitUserError;
-  }
+  torquer::Program program(
+      "torquer-calibrate",
+      "Guides through pushes between two stops and whole turns, five minutes in all, and keeps "
+      "what "
+      "turns the counts of this device into mm and rad. Without --source it calibrates the bench "
+      "device on the USB.");
+  program.Note(
+      "Keys: Enter marks a place (so does the X-ray button), u forgets the last stroke, s skips a "
+      "step, q or Ctrl-C gives up and changes nothing.");
+  program.Note(
+      "Exit status: 0 when the calibration was kept, 1 when it was too poor to be kept, 2 when "
+      "something cannot be used, 130 when it was given up.");
+  Arguments arguments;
+  Declare(program.options(), arguments);
+  return program.Main(argc, argv, [&] { return Run(arguments); });
 }

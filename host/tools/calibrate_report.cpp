@@ -33,7 +33,7 @@ __attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) 
   return text;
 }
 
-// Used strokes of one kind: their number in the session, and what is left of them.
+// Used strokes of one kind: their number in the run, and what is left of them.
 struct Residuals {
   std::vector<int> number;
   std::vector<double> insertion_mm;

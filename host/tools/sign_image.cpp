@@ -1,39 +1,47 @@
-// torquer-sign-image: the build's last step for a firmware image. Reads the flash's contents with
-// the trailer as it was compiled, and writes that trailer with length and CRC.
-#include <cstdio>
+// torquer-sign-image: the last step of the firmware's build.
+#include <fmt/format.h>
+
+#include <cstdint>
 #include <fstream>
 #include <iterator>
+#include <string>
 #include <vector>
 
-#include "host/support/error.h"
+#include "host/support/atomic_file.h"
 #include "host/support/program.h"
 #include "host/tools/flash_image.h"
 
 namespace {
 
-using torquer::UserError;
+struct Arguments {
+  std::string flash;
+  std::string trailer;
+};
 
-int Main(int argc, char** argv) {
-  if (argc != 3) throw UserError("usage: torquer-sign-image FLASH.bin TRAILER.bin");
-  std::ifstream in(argv[1], std::ios::binary);
+int Run(const Arguments& arguments) {
+  if (arguments.trailer.empty()) throw torquer::UsageError("FLASH.bin and TRAILER.bin are needed");
+  std::ifstream in(arguments.flash, std::ios::binary);
   const std::vector<std::uint8_t> flash((std::istreambuf_iterator<char>(in)),
                                         std::istreambuf_iterator<char>());
-  if (!in) throw UserError(std::string(argv[1]) + ": cannot be read");
-  const torquer::protocol::ImageTrailer trailer = torquer::tools::SignImage(flash, argv[1]);
-  std::ofstream out(argv[2], std::ios::binary | std::ios::trunc);
-  out.write(reinterpret_cast<const char*>(&trailer), sizeof(trailer));
-  out.close();
-  if (!out) throw UserError(std::string(argv[2]) + ": cannot be written");
-  return 0;
+  if (!in) {
+    throw torquer::UserError(
+        fmt::format("{}: cannot be read; check the path and its permissions", arguments.flash));
+  }
+  const torquer::protocol::ImageTrailer trailer = torquer::tools::SignImage(flash, arguments.flash);
+  torquer::WriteFileAtomically(arguments.trailer,
+                               {reinterpret_cast<const char*>(&trailer), sizeof trailer});
+  return torquer::kExitSuccess;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return Main(argc, argv);
-  } catch (const UserError& error) {
-    std::fprintf(stderr, "torquer-sign-image: %s\n", error.what());
-    return torquer::kExitUserError;
-  }
+  torquer::Program program(
+      "torquer-sign-image",
+      "Reads the contents of the flash, as the firmware's build left them, and writes their image "
+      "trailer with length and CRC. The build calls it as its last step.");
+  Arguments arguments;
+  program.options().Operand("FLASH.bin", arguments.flash, "contents of the flash from address 0");
+  program.options().Operand("TRAILER.bin", arguments.trailer, "where the trailer goes");
+  return program.Main(argc, argv, [&] { return Run(arguments); });
 }

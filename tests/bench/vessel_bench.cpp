@@ -1,16 +1,11 @@
-// What vessels cost: opening a surface, building its field, looking it up; and how near the field
-// is.
-//
-// usage: bench-vessel [--json]
-//   --json   one JSON object a line: study, case, metric, value, unit
+// bench-vessel: what vessels cost: opening a surface, building its field, looking it up; and how
+// near the field is.
 
 #include <time.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <limits>
@@ -21,9 +16,9 @@
 #include "host/simulator/vessel/mesh_vessel.h"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/study/study.h"
-#include "host/support/error.h"
 #include "host/support/program.h"
 #include "tests/support/paths.h"
+#include "tests/support/temporary_folder.h"
 
 namespace torquer {
 namespace {
@@ -200,26 +195,19 @@ void Phantom() {
 }  // namespace torquer
 
 int main(int argc, char** argv) {
-  torquer::as_json = argc == 2 && std::strcmp(argv[1], "--json") == 0;
-  if (argc > 1 && !torquer::as_json) {
-    std::cerr << "bench-vessel: unknown option " << argv[1] << "; only --json is known\n";
-    return torquer::kExitUserError;
-  }
-  std::cerr << torquer::study::DescribeMachine() << "\n";
-  const std::filesystem::path scratch =
-      std::filesystem::temp_directory_path() / ("torquer-bench-" + std::to_string(getpid()));
-  int status = 0;
-  try {
+  torquer::Program program("bench-vessel",
+                           "Measures what vessels cost: opening a surface, building its field, "
+                           "looking it up; and how near the field is.");
+  program.options().Flag("--json", torquer::as_json,
+                         "print one JSON object a line: study, case, metric, value, unit");
+  return program.Main(argc, argv, [] {
+    std::cerr << torquer::study::DescribeMachine() << "\n";
+    const torquer::test::TemporaryFolder scratch;
     torquer::Phantom();
     torquer::Surface("neuro_arch", "neuro_arch/surface.obj", torquer::vessel::MeshUnit::kMillimeter,
-                     "neuro_arch/centerlines", scratch.string());
+                     "neuro_arch/centerlines", scratch.Path());
     torquer::Surface("abdominal_aorta", "abdominal_aorta/surface.stl",
-                     torquer::vessel::MeshUnit::kMeter, "", scratch.string());
-  } catch (const torquer::UserError& error) {
-    std::cerr << "bench-vessel: " << error.what() << "\n";
-    status = torquer::kExitUserError;
-  }
-  std::error_code ignored;
-  std::filesystem::remove_all(scratch, ignored);
-  return status;
+                     torquer::vessel::MeshUnit::kMeter, "", scratch.Path());
+    return static_cast<int>(torquer::kExitSuccess);
+  });
 }

@@ -85,11 +85,11 @@ void CheckCoverage(const HandFaults& faults) {
   constexpr std::uint64_t kSeed = 1;
   CAPTURE(kSeed);
   std::mt19937_64 random(kSeed);
-  constexpr int kSessions = 2000;
+  constexpr int kRuns = 2000;
   Coverage gain("gain"), misalignment("misalignment"), radius("radius"), skew("skew"),
       push("a push"), push_turns("turning by a push"), turn("a turn"),
       turn_pushes("pushing by a turn");
-  for (int i = 0; i < kSessions; ++i) {
+  for (int i = 0; i < kRuns; ++i) {
     const MotionParameters truth = RandomTruth(random);
     const auto strokes = GoodStrokes(SimulatedStrokes(truth, faults, kPushes, kTurns, random),
                                      ExpectationOf(faults));
@@ -143,7 +143,7 @@ TEST_CASE("Exact strokes give the truth") {
   CHECK(fit.push_declared_share == Approx(1.0));
 }
 
-TEST_CASE("Stated 95 % intervals hold the truth in 93 to 97 % of sessions") {
+TEST_CASE("Stated 95 % intervals hold the truth in 93 to 97 % of runs") {
   HandFaults faults;
   SECTION("with a ruler read for each stroke") { faults.push_mm = 0.5; }
   SECTION("between end stops whose distance was measured once, and with a hand of habits") {

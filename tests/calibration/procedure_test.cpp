@@ -114,8 +114,8 @@ class Operator {
   int strokes = 0;
 };
 
-struct Session {
-  explicit Session(ProcedureSettings settings = {}, std::uint64_t seed = 3)
+struct Run {
+  explicit Run(ProcedureSettings settings = {}, std::uint64_t seed = 3)
       : random(seed),
         truth(RandomTruth(random)),
         person(settings, truth, FaultsOf(settings), random) {}
@@ -126,10 +126,9 @@ struct Session {
 
 }  // namespace
 
-TEST_CASE(
-    "Whole sessions with an ordinary hand state intervals that hold the truth in 93 to 97 %") {
+TEST_CASE("Whole runs with an ordinary hand state intervals that hold the truth in 93 to 97 %") {
   constexpr std::uint64_t kSeed = 7;
-  constexpr int kSessions = 1000;
+  constexpr int kRuns = 1000;
   ProcedureSettings settings;
   settings.has_joystick = false;
   settings.ruler = GENERATE(false, true);
@@ -137,7 +136,7 @@ TEST_CASE(
   std::mt19937_64 random(kSeed);
   std::array<int, 4> held{};
   int rejected = 0;
-  for (int i = 0; i < kSessions; ++i) {
+  for (int i = 0; i < kRuns; ++i) {
     const MotionParameters truth = RandomTruth(random);
     Operator person(settings, truth, FaultsOf(settings), random);
     person.UpTo(Step::kDone);
@@ -154,15 +153,15 @@ TEST_CASE(
   }
   for (std::size_t k = 0; k < held.size(); ++k) {
     CAPTURE(k, held[k]);
-    CHECK(held[k] > 0.93 * kSessions);
-    CHECK(held[k] < 0.97 * kSessions);
+    CHECK(held[k] > 0.93 * kRuns);
+    CHECK(held[k] < 0.97 * kRuns);
   }
-  CHECK(rejected < 0.1 * kSessions);
+  CHECK(rejected < 0.1 * kRuns);
 }
 
-TEST_CASE("A session leads through all steps to a calibration") {
-  Session session;
-  Operator& person = session.person;
+TEST_CASE("A run leads through all steps to a calibration") {
+  Run run;
+  Operator& person = run.person;
   CHECK(person.procedure.prompt().title == "Rest");
   person.UpTo(Step::kLift);
   CHECK_THAT(person.procedure.prompt().instruction, Contains("Draw the cylinder"));
@@ -198,8 +197,7 @@ TEST_CASE("A session leads through all steps to a calibration") {
 
   const ProcedureResult result = person.procedure.Result();
   CHECK(result.calibration.motion.cpi == 1200);
-  CHECK(result.fit.gain_mm_per_count.value ==
-        Approx(session.truth.gain_mm_per_count).epsilon(0.01));
+  CHECK(result.fit.gain_mm_per_count.value == Approx(run.truth.gain_mm_per_count).epsilon(0.01));
   CHECK(result.calibration.lao.minimum == 12.0);
   CHECK(result.calibration.lao.maximum == 1010.0);
   CHECK(result.calibration.cra.minimum == 20.0);
@@ -215,8 +213,8 @@ TEST_CASE("A session leads through all steps to a calibration") {
 }
 
 TEST_CASE("A mark is taken when the hand is still, by key or by button") {
-  Session session;
-  Operator& person = session.person;
+  Run run;
+  Operator& person = run.person;
   person.UpTo(Step::kPushes);
   person.GoTo({75.0, 0.0});
   person.procedure.Press(Key::kMark);
@@ -234,9 +232,9 @@ TEST_CASE("A mark is taken when the hand is still, by key or by button") {
   CHECK(person.rejected == 0);
 }
 
-TEST_CASE("Spoiled strokes do not count, and the session goes on") {
-  Session session;
-  Operator& person = session.person;
+TEST_CASE("Spoiled strokes do not count, and the run goes on") {
+  Run run;
+  Operator& person = run.person;
   person.UpTo(Step::kPushes);
   person.Stroke();
   SECTION("lifted on the way") {
@@ -295,8 +293,8 @@ TEST_CASE("Spoiled strokes do not count, and the session goes on") {
 }
 
 TEST_CASE("A count that moves at rest, and a sensor that sees nothing, are told and not passed") {
-  Session session;
-  Operator& person = session.person;
+  Run run;
+  Operator& person = run.person;
   SECTION("drift") {
     for (int i = 0; i < 400; ++i) {
       person.sensor.MoveTo({0.01 * i, 0.0});
@@ -320,8 +318,8 @@ TEST_CASE("A count that moves at rest, and a sensor that sees nothing, are told 
 }
 
 TEST_CASE("A sensor that counts while it is lifted is told") {
-  Session session;
-  Operator& person = session.person;
+  Run run;
+  Operator& person = run.person;
   person.UpTo(Step::kLift);
   person.reading.lifted = true;
   person.Wait(100);
@@ -334,8 +332,8 @@ TEST_CASE("A sensor that counts while it is lifted is told") {
 }
 
 TEST_CASE("A joystick that was not moved to its ends is told; it can be skipped") {
-  Session session;
-  Operator& person = session.person;
+  Run run;
+  Operator& person = run.person;
   person.UpTo(Step::kJoystick);
   for (int i = 0; i < 4; ++i) {
     person.Stick(1000.0, 512.0);

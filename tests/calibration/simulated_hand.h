@@ -1,4 +1,4 @@
-// A hand, a ruler and a sensor of known faults, for sessions of which the truth is known.
+// A hand, a ruler and a sensor of known faults, for runs of which the truth is known.
 #pragma once
 
 #include <cmath>
@@ -17,7 +17,7 @@ struct HandFaults {
   double push_turn_rad = std::numbers::pi / 180.0;   ///< turning while pushing
   double turn_rad = 1.5 * std::numbers::pi / 180.0;  ///< a line set by eye against a mark
   double turn_push_mm = 0.5;                         ///< pushing while turning
-  calibration::CommonErrors common;                  ///< the same in a whole session
+  calibration::CommonErrors common;                  ///< the same in a whole run
   double sensor_walk = 0.015;                        ///< counts a square root of a count, each axis
 
   /// Exact references: only the sensor is what it is.
@@ -106,7 +106,7 @@ class SimulatedHand {
   double push_habit_rad_ = 0.0, turn_habit_mm_ = 0.0;
 };
 
-/// A session's strokes, pushes first.
+/// A run's strokes, pushes first.
 inline std::vector<calibration::RecordedStroke> SimulatedStrokes(
     const calibration::MotionParameters& truth, const HandFaults& faults, int pushes, int turns,
     std::mt19937_64& random) {

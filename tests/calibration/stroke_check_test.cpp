@@ -21,9 +21,9 @@ constexpr int kTurns = 5;
 constexpr std::size_t kBadPush = 3;
 constexpr std::size_t kBadTurn = kPushes + 2;
 
-// A session of which one stroke is spoiled.
-struct Session {
-  explicit Session(std::uint64_t seed) : random(seed) {
+// A run of which one stroke is spoiled.
+struct Run {
+  explicit Run(std::uint64_t seed) : random(seed) {
     truth = RandomTruth(random);
     strokes = SimulatedStrokes(truth, faults, kPushes, kTurns, random);
   }
@@ -62,98 +62,98 @@ struct Session {
 
 TEST_CASE("Good strokes are accepted") {
   constexpr std::uint64_t kFirstSeed = 1000;
-  constexpr int kSessions = 500;
+  constexpr int kRuns = 500;
   int refused = 0;
-  for (std::uint64_t seed = kFirstSeed; seed < kFirstSeed + kSessions; ++seed) {
-    for (const Rejection& rejection : Session(seed).Judge()) refused += rejection.has_value();
+  for (std::uint64_t seed = kFirstSeed; seed < kFirstSeed + kRuns; ++seed) {
+    for (const Rejection& rejection : Run(seed).Judge()) refused += rejection.has_value();
   }
   CAPTURE(kFirstSeed);
-  CHECK(refused < 0.005 * kSessions * (kPushes + kTurns));
+  CHECK(refused < 0.005 * kRuns * (kPushes + kTurns));
 }
 
 TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason") {
   const std::uint64_t seed = GENERATE(1u, 2u, 3u, 4u, 5u, 6u, 7u, 8u, 9u, 10u);
   CAPTURE(seed);
-  Session session(seed);
+  Run run(seed);
   SECTION("a push that stopped short") {
-    session.Spoil(kBadPush, -8.0, 0.0);
-    CHECK_THAT(session.Reason(kBadPush), Contains("shorter than the others"));
+    run.Spoil(kBadPush, -8.0, 0.0);
+    CHECK_THAT(run.Reason(kBadPush), Contains("shorter than the others"));
   }
   SECTION("a push begun too early") {
-    session.Spoil(kBadPush, 8.0, 0.0);
-    CHECK_THAT(session.Reason(kBadPush), Contains("longer than the others"));
+    run.Spoil(kBadPush, 8.0, 0.0);
+    CHECK_THAT(run.Reason(kBadPush), Contains("longer than the others"));
   }
   SECTION("a push on whose way back it slipped") {
-    session.strokes[kBadPush].back_axial_counts += 400;
-    CHECK_THAT(session.Reason(kBadPush), Contains("the way back ended"));
+    run.strokes[kBadPush].back_axial_counts += 400;
+    CHECK_THAT(run.Reason(kBadPush), Contains("the way back ended"));
   }
   SECTION("a push that slipped, and came back whole") {
-    session.Spoil(kBadPush, -8.0, 0.0, /*stays=*/true);
-    CHECK_THAT(session.Reason(kBadPush), Contains("slipped"));
+    run.Spoil(kBadPush, -8.0, 0.0, /*stays=*/true);
+    CHECK_THAT(run.Reason(kBadPush), Contains("slipped"));
   }
   SECTION("half a push") {
-    session.Spoil(kBadPush, -100.0, 0.0);
-    CHECK_THAT(session.Reason(kBadPush), Contains("too short"));
+    run.Spoil(kBadPush, -100.0, 0.0);
+    CHECK_THAT(run.Reason(kBadPush), Contains("too short"));
   }
   SECTION("two thirds of a push") {
-    session.Spoil(kBadPush, -50.0, 0.0);
-    CHECK_THAT(session.Reason(kBadPush), Contains("not the whole way"));
+    run.Spoil(kBadPush, -50.0, 0.0);
+    CHECK_THAT(run.Reason(kBadPush), Contains("not the whole way"));
   }
   SECTION("a pull") {
-    session.Spoil(kBadPush, -300.0, 0.0);
-    CHECK_THAT(session.Reason(kBadPush), Contains("the wrong way"));
+    run.Spoil(kBadPush, -300.0, 0.0);
+    CHECK_THAT(run.Reason(kBadPush), Contains("the wrong way"));
   }
   SECTION("a little turned while pushing") {
-    session.Spoil(kBadPush, 0.0, 15.0 * kDegree);
-    CHECK_THAT(session.Reason(kBadPush), Contains("turned while pushing") && Contains("more than"));
+    run.Spoil(kBadPush, 0.0, 15.0 * kDegree);
+    CHECK_THAT(run.Reason(kBadPush), Contains("turned while pushing") && Contains("more than"));
   }
   SECTION("much turned while pushing") {
-    session.Spoil(kBadPush, 0.0, 4.0 * std::numbers::pi);
-    CHECK_THAT(session.Reason(kBadPush), Contains("turned while pushing"));
+    run.Spoil(kBadPush, 0.0, 4.0 * std::numbers::pi);
+    CHECK_THAT(run.Reason(kBadPush), Contains("turned while pushing"));
   }
   SECTION("one turn too few") {
-    session.Spoil(kBadTurn, 0.0, -360.0 * kDegree);
-    CHECK_THAT(session.Reason(kBadTurn), Contains("turns") || Contains("less than the others"));
+    run.Spoil(kBadTurn, 0.0, -360.0 * kDegree);
+    CHECK_THAT(run.Reason(kBadTurn), Contains("turns") || Contains("less than the others"));
   }
   SECTION("a tenth of a turn too much") {
-    session.Spoil(kBadTurn, 0.0, 36.0 * kDegree);
-    CHECK_THAT(session.Reason(kBadTurn), Contains("more than the others: miscounted"));
+    run.Spoil(kBadTurn, 0.0, 36.0 * kDegree);
+    CHECK_THAT(run.Reason(kBadTurn), Contains("more than the others: miscounted"));
   }
   SECTION("turned the wrong way") {
-    session.Spoil(kBadTurn, 0.0, -1440.0 * kDegree);
-    CHECK_THAT(session.Reason(kBadTurn), Contains("the wrong way"));
+    run.Spoil(kBadTurn, 0.0, -1440.0 * kDegree);
+    CHECK_THAT(run.Reason(kBadTurn), Contains("the wrong way"));
   }
   SECTION("a push where a turn was asked for") {
-    session.Spoil(kBadTurn, 60.0, -720.0 * kDegree);
-    CHECK_THAT(session.Reason(kBadTurn), Contains("pushed while turning"));
+    run.Spoil(kBadTurn, 60.0, -720.0 * kDegree);
+    CHECK_THAT(run.Reason(kBadTurn), Contains("pushed while turning"));
   }
   SECTION("a little pushed while turning") {
-    session.Spoil(kBadTurn, 6.0, 0.0);
-    CHECK_THAT(session.Reason(kBadTurn), Contains("pushed while turning, by") && Contains("more"));
+    run.Spoil(kBadTurn, 6.0, 0.0);
+    CHECK_THAT(run.Reason(kBadTurn), Contains("pushed while turning, by") && Contains("more"));
   }
   SECTION("a turn that slipped on the way back") {
-    session.strokes[kBadTurn].back_transverse_counts += 200;
-    CHECK_THAT(session.Reason(kBadTurn), Contains("turned back, it stood"));
+    run.strokes[kBadTurn].back_transverse_counts += 200;
+    CHECK_THAT(run.Reason(kBadTurn), Contains("turned back, it stood"));
   }
   SECTION("lifted") {
-    session.strokes[kBadPush].lifted = true;
-    CHECK_THAT(session.Reason(kBadPush), Contains("lifted"));
+    run.strokes[kBadPush].lifted = true;
+    CHECK_THAT(run.Reason(kBadPush), Contains("lifted"));
   }
   SECTION("a sensor that fell silent") {
-    session.strokes[kBadTurn].faulty = true;
-    CHECK_THAT(session.Reason(kBadTurn), Contains("did not answer"));
+    run.strokes[kBadTurn].faulty = true;
+    CHECK_THAT(run.Reason(kBadTurn), Contains("did not answer"));
   }
   SECTION("a device that restarted") {
-    session.strokes[kBadTurn].interrupted = true;
-    CHECK_THAT(session.Reason(kBadTurn), Contains("restarted"));
+    run.strokes[kBadTurn].interrupted = true;
+    CHECK_THAT(run.Reason(kBadTurn), Contains("restarted"));
   }
 }
 
 TEST_CASE("Two outliers do not hide each other") {
-  Session session(1);
-  session.Spoil(1, -9.0, 0.0);
-  session.Spoil(4, -7.0, 0.0);
-  const std::vector<Rejection> rejections = session.Judge();
+  Run run(1);
+  run.Spoil(1, -9.0, 0.0);
+  run.Spoil(4, -7.0, 0.0);
+  const std::vector<Rejection> rejections = run.Judge();
   for (std::size_t i = 0; i < rejections.size(); ++i) {
     CAPTURE(i, rejections[i].value_or(""));
     CHECK(rejections[i].has_value() == (i == 1 || i == 4));
@@ -165,8 +165,8 @@ TEST_CASE("An unsteady hand is measured, not refused") {
   CAPTURE(kSeed);
   std::mt19937_64 random(kSeed);
   int refused = 0;
-  constexpr int kSessions = 200;
-  for (int i = 0; i < kSessions; ++i) {
+  constexpr int kRuns = 200;
+  for (int i = 0; i < kRuns; ++i) {
     HandFaults faults;
     const StrokeExpectation declared = ExpectationOf(faults);
     faults.push_turn_rad *= 5.0;
@@ -176,5 +176,5 @@ TEST_CASE("An unsteady hand is measured, not refused") {
       refused += rejection.has_value();
     }
   }
-  CHECK(refused < 0.1 * kSessions * (kPushes + kTurns));
+  CHECK(refused < 0.1 * kRuns * (kPushes + kTurns));
 }

@@ -443,13 +443,17 @@ TEST_CASE("A bad command line is refused with what is wrong") {
   const std::string socket = listener.folder.Path("device");
   const auto [words, expected] = GENERATE_REF(table<std::vector<std::string>, std::string>({
       {{"--source", "socket", "--uncalibrated", "--calibration", "x"}, "exclude each other"},
-      {{"--source", "socket", "--uncalibrated"}, "--socket ''"},
-      {{"--source", "pigeon", "--uncalibrated"}, "--source 'pigeon' is not known"},
+      {{"--source", "socket", "--socket", "", "--uncalibrated"}, "--socket ''"},
+      {{"--uncalibrated"}, "--source is missing; give usb, evdev or socket"},
+      {{"--source", "usb", "--device", "a", "--device", "b", "--uncalibrated"},
+       "--source usb reads one device"},
+      {{"--source", "pigeon", "--uncalibrated"},
+       "--source 'pigeon': is not one of usb, evdev, socket"},
       {{"--source", "socket", "--socket", socket, "--uncalibrated", "--lcm-url", "hello"},
        "LCM URL 'hello': it has no scheme"},
       {{"--source", "socket", "--socket", socket, "--uncalibrated", "--instrument", "spoon"},
-       "--instrument 'spoon' is not known"},
-      {{"--sauce", "x"}, "unknown argument '--sauce'"},
+       "--instrument 'spoon': is not one of guidewire, catheter"},
+      {{"--sauce", "x"}, "unknown option '--sauce'; did you mean --source?"},
       {{"--source"}, "--source needs a value"},
       {{"--source", "socket", "--socket", socket, "--uncalibrated"}, "no device: nothing at"},
   }));

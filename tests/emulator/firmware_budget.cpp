@@ -1,8 +1,6 @@
 // What the firmware costs and whether it keeps up: flash, RAM, stack, cycles, lost reports,
 // measured on the images themselves while a hand moves at 1 m/s. Ends with 1 if a limit is
 // exceeded.
-//
-//   firmware_budget [--seconds S] [--json]      3600 s take a few minutes
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -15,8 +13,7 @@
 
 #include "host/emulator/bench_device.h"
 #include "host/emulator/usb_host.h"
-#include "host/support/command_line.h"
-#include "host/support/error.h"
+#include "host/support/program.h"
 #include "protocol/firmware_image.h"
 #include "protocol/hid_reports.h"
 #include "tests/support/paths.h"
@@ -168,19 +165,15 @@ void PrintJson(const Budget& budget) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    double seconds = 10;
-    bool json = false;
-    CommandLine line;
-    line.Option("--seconds", [&seconds](const std::string& text) {
-      char* end = nullptr;
-      seconds = std::strtod(text.c_str(), &end);
-      if (*end != '\0' || !(seconds > 0) || seconds > 1e5) {
-        throw UserError("--seconds '" + text + "': give a number above 0");
-      }
-    });
-    line.Flag("--json", json);
-    line.Parse(argc, argv, "usage: firmware_budget [--seconds S] [--json]\n");
+  Program program("firmware_budget",
+                  "Measures what the firmware costs and whether it keeps up: flash, RAM, stack, "
+                  "cycles, lost reports, on the images themselves, while a hand moves at 1 m/s.");
+  program.Note("Exit status: 0, or 1 when a limit is exceeded. 3600 s take a few minutes.");
+  double seconds = 10;
+  bool json = false;
+  program.options().Number("--seconds", "S", seconds, 0.001, 1e5, "time to simulate");
+  program.options().Flag("--json", json, "print one JSON object for each image");
+  return program.Main(argc, argv, [&] {
     bool within = true;
     for (const char* name : {"torquer-firmware", "torquer-firmware-8mhz"}) {
       const Budget budget = Measure(name, seconds);
@@ -188,9 +181,6 @@ int main(int argc, char** argv) {
       std::fflush(stdout);
       within = within && budget.within;
     }
-    return within ? 0 : 1;
-  } catch (const UserError& error) {
-    std::fprintf(stderr, "firmware_budget: %s\n", error.what());
-    return kExitUserError;
-  }
+    return within ? kExitSuccess : kExitFailure;
+  });
 }

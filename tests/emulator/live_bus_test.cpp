@@ -1,15 +1,15 @@
 // The emulator on LCM: live motion in, truth and health out.
+#include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <cmath>
-#include <csignal>
 #include <limits>
 #include <string>
 #include <thread>
 
 #include "host/bus/bus.h"
 #include "host/bus/clock.h"
-#include "host/emulator/session.h"
+#include "host/emulator/emulator_run.h"
 #include "protocol/hid_reports.h"
 #include "protocol/lcm_channels.h"
 #include "tests/support/paths.h"
@@ -27,13 +27,13 @@ using torquer_lcm::health_t;
 TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes back") {
   test::NeedPrivateNetwork();
   const test::TemporaryFolder folder;
-  SessionOptions options;
+  RunOptions options;
   options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
   options.socket = folder.Path("socket");
   options.bench.serial = "LIVE-1";
-  Session session(options);
-  volatile std::sig_atomic_t stop = 0;
-  std::thread thread([&] { session.Run(stop); });
+  EmulatorRun run(options);
+  std::atomic<bool> stop = false;
+  std::thread thread([&] { run.Run(stop); });
 
   bus::Bus bus;
   hand_motion_t truth{};
@@ -83,7 +83,7 @@ TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes bac
   hand.insertion_mm = std::numeric_limits<double>::quiet_NaN();
   CHECK(wait_until([&] { return refused; }));
   CHECK(truth.axial_counts == counts + 1200);
-  stop = 1;
+  stop = true;
   thread.join();
 }
 

@@ -160,7 +160,7 @@ TEST_CASE("bad arguments end the program with status 2 and say what is right") {
   ChildProcess program(command);
   CHECK(program.Wait() == 2);
   CHECK(program.Output().empty());
-  CHECK(program.Error().find("usage: torquer-study") != std::string::npos);
+  CHECK(program.Error().find("See 'torquer-study") != std::string::npos);
 }
 
 }  // namespace

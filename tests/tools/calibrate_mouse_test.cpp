@@ -82,7 +82,7 @@ TEST_CASE("A mouse is calibrated by its raw deltas, whatever its resolution") {
                         "3", "--turn-strokes", "3"});
   Hand hand(testbed, program);
   CAPTURE(program.Error());
-  REQUIRE(hand.Until("Device 046d:c077 at 1000 cpi (a guess: it is measured now)"));
+  REQUIRE(hand.Until("Device 046d:c077 at 1000 cpi (assumed until it is measured)"));
   CHECK(testbed.Grabbed(kMouse));
   for (int i = 0; i < 4; ++i) hand.Move(0, 0);  // at rest
   REQUIRE(hand.Until("straight to the far stop"));

@@ -1,7 +1,7 @@
 // torquer-calibrate on the firmware's image in the emulator, whose sensor is askew, scaled and on
 // another cylinder than drawn. Time is elastic: the device waits for the program.
+#include <atomic>
 #include <catch2/catch.hpp>
-#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <numbers>
@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "calibration/calibration_file.h"
-#include "host/emulator/session.h"
+#include "host/emulator/emulator_run.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
@@ -21,9 +21,9 @@ using Catch::Contains;
 using torquer::calibration::Calibration;
 using torquer::calibration::MotionParameters;
 using torquer::calibration::ParametersOf;
-using torquer::emulator::Session;
-using torquer::emulator::SessionOptions;
-using torquer::emulator::SessionSummary;
+using torquer::emulator::EmulatorRun;
+using torquer::emulator::RunOptions;
+using torquer::emulator::RunSummary;
 using torquer::test::ChildProcess;
 using torquer::test::TemporaryFolder;
 
@@ -71,7 +71,7 @@ class MotionFile {
 };
 
 struct Bench {
-  explicit Bench(const MotionFile& motion, SessionOptions options = {}) {
+  explicit Bench(const MotionFile& motion, RunOptions options = {}) {
     motion.Write(folder.Path("motion.csv"));
     options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
     options.motion = folder.Path("motion.csv");
@@ -80,12 +80,12 @@ struct Bench {
     options.fast = true;
     options.wait_client = true;
     options.bench.serial = "CAL-1";
-    session_.emplace(options);
-    thread_ = std::thread([this] { summary = session_->Run(stop_); });
+    run_.emplace(options);
+    thread_ = std::thread([this] { summary = run_->Run(stop_); });
   }
   ~Bench() { Stop(); }
   void Stop() {
-    stop_ = 1;
+    stop_ = true;
     if (thread_.joinable()) thread_.join();
   }
   int Calibrate(const std::string& script, const std::vector<std::string>& more) {
@@ -112,11 +112,11 @@ struct Bench {
 
   TemporaryFolder folder;
   std::string said;
-  SessionSummary summary;
+  RunSummary summary;
 
  private:
-  volatile std::sig_atomic_t stop_ = 0;
-  std::optional<Session> session_;
+  std::atomic<bool> stop_ = false;
+  std::optional<EmulatorRun> run_;
   std::thread thread_;
 };
 
@@ -134,7 +134,7 @@ TEST_CASE("A dozen devices, built otherwise than drawn, are found out through th
   CAPTURE(seed);
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
-  SessionOptions options;
+  RunOptions options;
   options.bench.sensor.misalignment_rad = 6.0 * kDegree * unit(random);
   options.bench.sensor.scale = 1.0 + 0.08 * unit(random);
   options.bench.cylinder_radius_mm = 5.0 + 0.7 * unit(random);
@@ -173,7 +173,7 @@ TEST_CASE("A dozen devices, built otherwise than drawn, are found out through th
 }
 
 TEST_CASE("All steps, a lifted push, noise and the joystick, through the firmware") {
-  SessionOptions options;
+  RunOptions options;
   options.bench.sensor.misalignment_rad = 2.0 * kDegree;
   options.bench.sensor.noise_counts = 0.1;
   MotionFile motion;

@@ -84,7 +84,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("A session ends with parameters, residuals, a verdict, a file and a picture") {
+TEST_CASE("A run ends with parameters, residuals, a verdict, a file and a picture") {
   Bench bench;
   REQUIRE(bench.Run(kBegin + Pushes(6) + Turns(5) + "skip joystick\n") == 0);
   CHECK(bench.error.empty());
@@ -146,7 +146,7 @@ TEST_CASE("Bad strokes are told with the reason, and others asked for") {
         Approx(150.0 / std::hypot(7087, 124)));
 }
 
-TEST_CASE("Whatever ends a session early, the old file stays as it was") {
+TEST_CASE("Whatever ends a run early, the old file stays as it was") {
   Bench bench;
   SECTION("given up") {
     CHECK(bench.Run(kBegin + Pushes(2) + "quit\n") == 130);
@@ -162,13 +162,14 @@ TEST_CASE("Whatever ends a session early, the old file stays as it was") {
   }
   SECTION("a bad option") {
     const auto [option, value, expected] = GENERATE(table<std::string, std::string, std::string>({
-        {"--length", "long", "--length 'long': is no number"},
-        {"--length", "5", "length = 5: must be from 10 to 1000 mm"},
-        {"--length-error", "0", "length error = 0: must be from 0.001 mm"},
-        {"--pushes", "2", "number of pushes = 2: must be from 3"},
-        {"--turns", "1.5", "--turns '1.5': is no whole number"},
-        {"--radius", "0", "cylinder radius = 0"},
-        {"--sorcery", "usb", "unknown argument '--sorcery'"},
+        {"--length", "long", "--length 'long': is not a number"},
+        {"--length", "5", "--length '5': is out of range; give a number from 10 to 1000 (MM)"},
+        {"--length-error", "0", "--length-error '0': is out of range"},
+        {"--length-error", "16", "length error = 16: must be from 0.001 mm to a tenth of"},
+        {"--pushes", "2", "--pushes '2': is out of range"},
+        {"--turns", "1.5", "--turns '1.5': is not a whole number"},
+        {"--radius", "0", "--radius '0': is out of range"},
+        {"--sorcery", "usb", "unknown option '--sorcery'"},
     }));
     CHECK(bench.Run(kBegin, {option, value}) == 2);
     CHECK_THAT(bench.error, Contains(expected));
@@ -187,7 +188,7 @@ TEST_CASE("Whatever ends a session early, the old file stays as it was") {
   bench.CheckUntouched();
 }
 
-TEST_CASE("Ctrl-C in the middle of a session leaves the old file as it was") {
+TEST_CASE("Ctrl-C in the middle of a run leaves the old file as it was") {
   Bench bench;
   torquer::test::SocketDevice device(bench.folder.Path("socket"));
   ChildProcess program({kProgram, "--source", "socket", "--socket", bench.folder.Path("socket"),
@@ -228,7 +229,7 @@ TEST_CASE("No device, firmware that does not fit, and no serial number are told"
   bench.CheckUntouched();
 }
 
-TEST_CASE("The sample session does what it is documented to do") {
+TEST_CASE("The sample run does what it is documented to do") {
   const std::string sample = torquer::test::SourcePath("/calibration/sample.script");
   TemporaryFolder folder;
   ChildProcess program({kProgram, "--script", sample, "--output", folder.Path("sample.toml")});

@@ -64,7 +64,7 @@ TEST_CASE("Parameters are told with standard errors and intervals") {
   CHECK_THAT(torquer::tools::Verdict(Sample(), {}), !Contains("The near end moved"));
 }
 
-TEST_CASE("Residuals are drawn stroke by stroke, by their number in the session") {
+TEST_CASE("Residuals are drawn stroke by stroke, by their number in the run") {
   const std::string chart = torquer::tools::ResidualChart(Sample(), 80);
   CHECK_THAT(chart, Contains("push      -0.5         0 mm    +0.5 "));
   CHECK_THAT(chart, Contains("\n       1   |  *        :           |  -0.40 "));

@@ -3,15 +3,15 @@
 #include <catch2/catch.hpp>
 
 #include "host/support/error.h"
-#include "host/tools/calibrate_session.h"
+#include "host/tools/calibrate_source.h"
 
 namespace {
 
 using Catch::Contains;
-using torquer::tools::PacedSession;
+using torquer::tools::PacedOperator;
 using torquer::tools::ParseScript;
 using torquer::tools::Script;
-using torquer::tools::ScriptedSession;
+using torquer::tools::ScriptedDevice;
 using torquer::tools::Statement;
 
 constexpr char kFirst[] = "torquer-calibrate script 1\n";
@@ -65,8 +65,8 @@ TEST_CASE("A file that is no script is refused") {
 }
 
 TEST_CASE("A script moves a device of its own, or none") {
-  CHECK_THROWS_WITH(PacedSession(nullptr, Parse("mark\nrest 1")),
+  CHECK_THROWS_WITH(PacedOperator(nullptr, Parse("mark\nrest 1")),
                     Contains("a.script, line 3: a script cannot move a device"));
-  ScriptedSession session(Parse("mark"));
-  CHECK_THROWS_WITH(session.Connect(), Contains("begins with the statement 'device SERIAL CPI'"));
+  ScriptedDevice device(Parse("mark"));
+  CHECK_THROWS_WITH(device.Connect(), Contains("begins with the statement 'device SERIAL CPI'"));
 }

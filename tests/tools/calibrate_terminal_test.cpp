@@ -135,7 +135,7 @@ TEST_CASE("A person is asked, led, shown live numbers, and can give up by Ctrl-C
   Desk desk;
   REQUIRE(desk.Shows("How far is it from the near stop to the far stop, mm [150]:"));
   desk.Type("far\n");
-  REQUIRE(desk.Shows("'far' is no number."));
+  REQUIRE(desk.Shows("'far' is not a number."));
   desk.Type("149.5\n");
   REQUIRE(desk.Shows("By how much may that be off, mm [0.5]:"));
   desk.Type("\n");

@@ -1,14 +1,14 @@
 // torquer-emulator as programs meet it: over its socket.
-#include "host/emulator/session.h"
+#include "host/emulator/emulator_run.h"
 
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
-#include <csignal>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -32,10 +32,10 @@ using Bytes = std::vector<std::uint8_t>;
 constexpr char kHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n";
 constexpr auto kPatience = std::chrono::seconds(20);
 
-/// A session in a thread of its own, as fast as its client takes the reports.
-class RunningSession {
+/// The emulator in a thread of its own, as fast as its client takes the reports.
+class RunningEmulator {
  public:
-  explicit RunningSession(SessionOptions options) {
+  explicit RunningEmulator(RunOptions options) {
     options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
     options.socket = folder.Path("socket");
     options.use_lcm = false;
@@ -45,14 +45,14 @@ class RunningSession {
       options.motion = folder.Path("motion.csv");
       std::ofstream(options.motion) << kHeader << "0,0,0,0,0,\n1,100,1,0,0,\n";
     }
-    session_.emplace(options);
-    thread_ = std::thread([this] { summary_ = session_->Run(stop_); });
+    run_.emplace(options);
+    thread_ = std::thread([this] { summary_ = run_->Run(stop_); });
   }
-  ~RunningSession() {
-    stop_ = 1;
+  ~RunningEmulator() {
+    stop_ = true;
     if (thread_.joinable()) thread_.join();
   }
-  SessionSummary Finish() {
+  RunSummary Finish() {
     thread_.join();
     return summary_;
   }
@@ -61,9 +61,9 @@ class RunningSession {
   test::TemporaryFolder folder;
 
  private:
-  volatile std::sig_atomic_t stop_ = 0;
-  std::optional<Session> session_;
-  SessionSummary summary_;
+  std::atomic<bool> stop_ = false;
+  std::optional<EmulatorRun> run_;
+  RunSummary summary_;
   std::thread thread_;
 };
 
@@ -127,10 +127,10 @@ class Client {
 };
 
 TEST_CASE("a client gets every report of the motion, and its end") {
-  RunningSession session({});
-  Client client(session.socket());
+  RunningEmulator run({});
+  Client client(run.socket());
   const std::vector<protocol::InputReport> reports = client.ReadToEnd();
-  const SessionSummary summary = session.Finish();
+  const RunSummary summary = run.Finish();
   CHECK(summary.reports_sent == static_cast<std::int64_t>(reports.size()));
   REQUIRE(reports.size() > 1240);
   for (std::size_t i = 1; i < reports.size(); ++i) {
@@ -144,8 +144,8 @@ TEST_CASE("a client gets every report of the motion, and its end") {
 }
 
 TEST_CASE("feature reports are read and written over the socket, nonsense is refused") {
-  RunningSession session({});
-  Client client(session.socket());
+  RunningEmulator run({});
+  Client client(run.socket());
   client.Send({'G', protocol::kConfigurationReportId});
   Bytes configuration = client.Answer();
   REQUIRE(configuration.size() == 17);
@@ -172,15 +172,15 @@ TEST_CASE("feature reports are read and written over the socket, nonsense is ref
 }
 
 TEST_CASE("dropped and repeated reports are counted, and equal for equal seeds") {
-  const auto run = [](std::uint32_t seed) {
-    SessionOptions options;
+  const auto result_of = [](std::uint32_t seed) {
+    RunOptions options;
     options.drop_probability = 0.1;
     options.repeat_probability = 0.05;
     options.bench.seed = seed;
-    RunningSession session(options);
-    Client client(session.socket());
+    RunningEmulator run(options);
+    Client client(run.socket());
     const std::vector<protocol::InputReport> reports = client.ReadToEnd();
-    const SessionSummary summary = session.Finish();
+    const RunSummary summary = run.Finish();
     CHECK(static_cast<std::int64_t>(reports.size()) ==
           summary.reports_sent - summary.reports_dropped + summary.reports_repeated);
     CHECK(summary.reports_dropped > 50);
@@ -188,17 +188,17 @@ TEST_CASE("dropped and repeated reports are counted, and equal for equal seeds")
     return std::tuple{summary.reports_dropped, summary.reports_repeated,
                       reports.back().device_time_us, reports.back().axial_counts};
   };
-  const auto first = run(3);
-  CHECK(run(3) == first);
-  CHECK(run(4) != first);
+  const auto first = result_of(3);
+  CHECK(result_of(3) == first);
+  CHECK(result_of(4) != first);
 }
 
 TEST_CASE("unplugging closes the connection, and the device is back after it") {
-  SessionOptions options;
+  RunOptions options;
   options.unplugs = {{0.3, 0.2}};
   options.resets_s = {0.8};
-  RunningSession session(options);
-  Client client(session.socket());
+  RunningEmulator run(options);
+  Client client(run.socket());
   const std::vector<protocol::InputReport> before = client.ReadToEnd();
   client.Connect();
   const std::vector<protocol::InputReport> between = client.ReadToEnd();
@@ -212,11 +212,11 @@ TEST_CASE("unplugging closes the connection, and the device is back after it") {
 }
 
 TEST_CASE("lift and fault come and go at their times") {
-  SessionOptions options;
+  RunOptions options;
   options.lifts = {{0.2, 0.1}};
   options.faults = {{0.5, 0.1}};
-  RunningSession session(options);
-  Client client(session.socket());
+  RunningEmulator run(options);
+  Client client(run.socket());
   int lifted = 0, faulty = 0;
   for (const protocol::InputReport& report : client.ReadToEnd()) {
     lifted += (report.flags & protocol::kFlagLift) != 0;
@@ -228,21 +228,21 @@ TEST_CASE("lift and fault come and go at their times") {
 }
 
 TEST_CASE("a second client is turned away") {
-  RunningSession session({});
-  Client first(session.socket());
+  RunningEmulator run({});
+  Client first(run.socket());
   CHECK_FALSE(first.Receive().empty());
-  Client second(session.socket());
+  Client second(run.socket());
   CHECK(second.Receive().empty());
   CHECK_FALSE(first.Receive().empty());
 }
 
 TEST_CASE("settings outlive a run in the EEPROM file") {
   const test::TemporaryFolder folder;
-  SessionOptions options;
+  RunOptions options;
   options.eeprom_file = folder.Path("eeprom");
   {
-    RunningSession session(options);
-    Client client(session.socket());
+    RunningEmulator run(options);
+    Client client(run.socket());
     Bytes packet(17);
     packet[0] = 'S';
     packet[1] = protocol::kConfigurationReportId;
@@ -252,27 +252,27 @@ TEST_CASE("settings outlive a run in the EEPROM file") {
     client.Send(packet);
     CHECK(client.Answer() == Bytes{'D'});
     client.ReadToEnd();
-    session.Finish();
+    run.Finish();
   }
-  RunningSession session(options);
-  Client client(session.socket());
+  RunningEmulator run(options);
+  Client client(run.socket());
   CHECK(client.ReadToEnd().back().cpi == 800);
-  session.Finish();
+  run.Finish();
   std::ofstream(folder.Path("eeprom")) << "short";
-  SessionOptions bad = options;
-  CHECK_THROWS_WITH(RunningSession(bad), Catch::Contains("--eeprom") && Catch::Contains("1024"));
+  RunOptions bad = options;
+  CHECK_THROWS_WITH(RunningEmulator(bad), Catch::Contains("--eeprom") && Catch::Contains("1024"));
 }
 
 TEST_CASE("a path that cannot be listened at is refused") {
   const test::TemporaryFolder folder;
-  SessionOptions options;
+  RunOptions options;
   options.firmware = torquer::test::FirmwarePath("torquer-firmware.elf");
   options.use_lcm = false;
   options.duration_s = 1;
   for (const std::string& path :
        {std::string(200, 'x'), folder.Path("no/such/folder/socket"), std::string("/etc/passwd")}) {
     options.socket = path;
-    CHECK_THROWS_AS(Session(options), UserError);
+    CHECK_THROWS_AS(EmulatorRun(options), UserError);
   }
 }
 

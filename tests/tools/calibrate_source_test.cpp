@@ -1,5 +1,5 @@
-// What a device's reports become in a session, with a source that says what it is told to.
-#include "host/tools/calibrate_session.h"
+// What a device's reports become in a calibration, with a source that says what it is told to.
+#include "host/tools/calibrate_source.h"
 
 #include <catch2/catch.hpp>
 #include <cstring>
@@ -23,7 +23,7 @@ using torquer::device::SourceEvent;
 using torquer::protocol::InputReport;
 using torquer::test::Next;
 using torquer::test::StillReport;
-using torquer::tools::DeviceSession;
+using torquer::tools::DeviceReadings;
 
 // Each Wait() does the next of `waits`.
 class ToldSource : public ReportSource {
@@ -62,7 +62,7 @@ class ToldSource : public ReportSource {
   std::size_t next_ = 0;
 };
 
-class Heard : public torquer::tools::SessionSink {
+class Heard : public torquer::tools::ReadingSink {
  public:
   void Take(const Reading& reading) override { readings.push_back(reading); }
   void Press(Key /*key*/) override {}
@@ -75,7 +75,7 @@ class Heard : public torquer::tools::SessionSink {
 };
 
 struct Bench {
-  Bench() : source(new ToldSource), session(std::unique_ptr<ReportSource>(source), false, true) {
+  Bench() : source(new ToldSource), readings(std::unique_ptr<ReportSource>(source), false, true) {
     source->waits.emplace_back([this](const ReportSource::Sink& sink) {
       ToldSource::Connect(sink);
       for (int i = 0; i < 3; ++i) Send(sink);
@@ -89,14 +89,14 @@ struct Bench {
   Reading After(const std::function<void(InputReport&)>& change) {
     change(report);
     source->waits.emplace_back([this](const ReportSource::Sink& sink) { Send(sink); });
-    session.Wait(0, heard);
+    readings.Wait(0, heard);
     REQUIRE_FALSE(heard.readings.empty());
     return heard.readings.back();
   }
 
   InputReport report = StillReport();
-  ToldSource* source;  // owned by the session
-  DeviceSession session;
+  ToldSource* source;  // owned by `readings`
+  DeviceReadings readings;
   Heard heard;
 };
 
@@ -104,10 +104,10 @@ struct Bench {
 
 TEST_CASE("No reading is lost while the device is asked who it is") {
   Bench bench;
-  const torquer::tools::DeviceFacts facts = bench.session.Connect();
+  const torquer::tools::DeviceFacts facts = bench.readings.Connect();
   CHECK(facts.serial == "TOLD-1");
   CHECK(facts.cpi == 1200);
-  bench.session.Wait(0, bench.heard);
+  bench.readings.Wait(0, bench.heard);
   REQUIRE(bench.heard.readings.size() == 3);
   CHECK(bench.heard.readings[0].interrupted);
   CHECK(bench.heard.readings[2].time_us == 2000);
@@ -116,7 +116,7 @@ TEST_CASE("No reading is lost while the device is asked who it is") {
 
 TEST_CASE("Flags, quality, buttons and restarts are told with the reading") {
   Bench bench;
-  bench.session.Connect();
+  bench.readings.Connect();
   const Reading still = bench.After([](InputReport&) {});
   CHECK_FALSE(still.lifted);
   CHECK_FALSE(still.faulty);
@@ -135,9 +135,9 @@ TEST_CASE("Flags, quality, buttons and restarts are told with the reading") {
   CHECK(bench.After([](InputReport& report) { ++report.boot_id; }).interrupted);
 }
 
-TEST_CASE("What would spoil a calibration ends the session with the reason") {
+TEST_CASE("What would spoil a calibration ends the run with the reason") {
   Bench bench;
-  bench.session.Connect();
+  bench.readings.Connect();
   SECTION("another resolution") {
     CHECK_THROWS_WITH(bench.After([](InputReport& report) { report.cpi = 800; }),
                       Contains("resolution changed from 1200 to 800 cpi"));
@@ -145,7 +145,7 @@ TEST_CASE("What would spoil a calibration ends the session with the reason") {
   SECTION("another device") {
     bench.source->serial = "TOLD-2";
     bench.source->waits.emplace_back(ToldSource::Connect);
-    CHECK_THROWS_WITH(bench.session.Wait(0, bench.heard),
+    CHECK_THROWS_WITH(bench.readings.Wait(0, bench.heard),
                       Contains("'TOLD-1' went away and 'TOLD-2' came"));
   }
   SECTION("the same device, back again, does not") {
@@ -156,7 +156,7 @@ TEST_CASE("What would spoil a calibration ends the session with the reason") {
             .text = "it was unplugged"});
       ToldSource::Connect(sink);
     });
-    bench.session.Wait(0, bench.heard);
+    bench.readings.Wait(0, bench.heard);
     CHECK(bench.heard.told == "it was unplugged; waiting for it\nthe device is back\n");
     CHECK(bench.After([](InputReport&) {}).interrupted);
   }

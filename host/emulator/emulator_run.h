@@ -1,11 +1,10 @@
 // One run of the emulator: device, host and front ends, from power-on to the summary.
 #pragma once
 
-#include <csignal>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -14,6 +13,7 @@
 #include "host/emulator/motion_script.h"
 #include "host/emulator/socket_front.h"
 #include "host/emulator/usb_host.h"
+#include "host/support/random.h"
 
 namespace torquer::emulator {
 
@@ -23,7 +23,7 @@ struct Interval {
   double duration_s = 0;
 };
 
-struct SessionOptions {
+struct RunOptions {
   std::string firmware;
   std::string bootloader;  ///< "": none
   std::string motion;      ///< file; empty: live over LCM
@@ -41,7 +41,7 @@ struct SessionOptions {
   BenchOptions bench;
 };
 
-struct SessionSummary {
+struct RunSummary {
   std::int64_t reports_sent = 0;  ///< handed over by the device, dropped ones included
   std::int64_t reports_dropped = 0;
   std::int64_t reports_repeated = 0;
@@ -55,14 +55,14 @@ struct SessionSummary {
   std::string serial;
 };
 
-class Session {
+class EmulatorRun {
  public:
   /// Throws UserError for anything that the user gave and that cannot be used.
-  explicit Session(const SessionOptions& options);
+  explicit EmulatorRun(const RunOptions& options);
 
   /// Until the motion is over or `stop` is set. Throws UserError if the EEPROM file cannot be
   /// written.
-  SessionSummary Run(const volatile std::sig_atomic_t& stop);
+  RunSummary Run(const std::atomic<bool>& stop);
 
   const std::string& socket_path() const { return socket_.path(); }
 
@@ -78,21 +78,21 @@ class Session {
   void SaveEeprom() const;
   bus::HealthCounters Counters() const;
 
-  SessionOptions options_;
+  RunOptions options_;
   MotionScript script_;
   LiveHand live_hand_;
   BenchDevice device_;
   UsbHost host_;
   SocketFront socket_;
   std::unique_ptr<LiveBus> bus_;
-  std::mt19937 random_;
+  Random random_;
   std::optional<double> motion_start_s_;
   bool client_awaited_ = false;  // none has connected since the device came to the bus
   std::int64_t awaited_since_ns_ = 0;
   std::size_t resets_done_ = 0;
   std::int64_t frames_ = 0;
   std::int64_t next_frame_ns_ = 0;
-  SessionSummary summary_;
+  RunSummary summary_;
 };
 
 }  // namespace torquer::emulator

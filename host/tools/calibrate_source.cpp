@@ -1,4 +1,4 @@
-#include "host/tools/calibrate_session.h"
+#include "host/tools/calibrate_source.h"
 
 #include <cmath>
 #include <cstdlib>
@@ -64,7 +64,7 @@ Reading ReadingOf(const device::Sample& sample) {
   return reading;
 }
 
-[[noreturn]] void ScriptTooShort(const Script& script, const SessionSink& sink) {
+[[noreturn]] void ScriptTooShort(const Script& script, const ReadingSink& sink) {
   throw UserError(script.path + ": the script ended in the step '" + StepName(sink.step()) +
                   "'; add what is missing there");
 }
@@ -73,14 +73,14 @@ Reading ReadingOf(const device::Sample& sample) {
 
 // --- a device ------------------------------------------------------------------------------------
 
-DeviceSession::DeviceSession(std::unique_ptr<device::ReportSource> source, bool ordinary_mouse,
-                             bool has_joystick)
+DeviceReadings::DeviceReadings(std::unique_ptr<device::ReportSource> source, bool ordinary_mouse,
+                               bool has_joystick)
     : source_(std::move(source)) {
   facts_.ordinary_mouse = ordinary_mouse;
   facts_.has_joystick = has_joystick;
 }
 
-DeviceFacts DeviceSession::Connect() {
+DeviceFacts DeviceReadings::Connect() {
   const std::int64_t start_us = bus::MonotonicUs();
   std::optional<int> cpi;
   while (!cpi) {
@@ -105,7 +105,7 @@ DeviceFacts DeviceSession::Connect() {
   return facts_;
 }
 
-void DeviceSession::CheckIdentity(const std::string& place) {
+void DeviceReadings::CheckIdentity(const std::string& place) {
   std::string serial;
   try {
     serial = device::ReadSerial(*source_);
@@ -126,7 +126,7 @@ void DeviceSession::CheckIdentity(const std::string& place) {
   facts_.serial = serial;
 }
 
-void DeviceSession::Wait(int timeout_ms, SessionSink& sink) {
+void DeviceReadings::Wait(int timeout_ms, ReadingSink& sink) {
   for (const Reading& reading : std::exchange(early_, {})) sink.Take(reading);
   source_->Wait(timeout_ms, [&](const device::SourceEvent& event) {
     switch (event.kind) {
@@ -155,12 +155,12 @@ void DeviceSession::Wait(int timeout_ms, SessionSink& sink) {
 // --- a device, and a script for its operator -----------------------------------------------------
 
 // Passes readings on, and lets the script look at each.
-class PacedSession::Watcher : public SessionSink {
+class PacedOperator::Watcher : public ReadingSink {
  public:
-  Watcher(PacedSession& session, SessionSink& sink) : session_(session), sink_(sink) {}
+  Watcher(PacedOperator& script, ReadingSink& sink) : operator_(script), sink_(sink) {}
   void Take(const Reading& reading) override {
     sink_.Take(reading);
-    session_.Follow(reading, sink_);
+    operator_.Follow(reading, sink_);
   }
   void Press(Key key) override { sink_.Press(key); }
   void Quit() override { sink_.Quit(); }
@@ -168,11 +168,11 @@ class PacedSession::Watcher : public SessionSink {
   Step step() const override { return sink_.step(); }
 
  private:
-  PacedSession& session_;
-  SessionSink& sink_;
+  PacedOperator& operator_;
+  ReadingSink& sink_;
 };
 
-PacedSession::PacedSession(std::unique_ptr<SessionSource> device, Script script)
+PacedOperator::PacedOperator(std::unique_ptr<ReadingSource> device, Script script)
     : device_(std::move(device)), script_(std::move(script)) {
   for (const Statement& statement : script_.statements) {
     if (statement.kind > Statement::Kind::kQuit) {
@@ -183,7 +183,7 @@ PacedSession::PacedSession(std::unique_ptr<SessionSource> device, Script script)
   }
 }
 
-void PacedSession::Wait(int timeout_ms, SessionSink& sink) {
+void PacedOperator::Wait(int timeout_ms, ReadingSink& sink) {
   const std::int64_t now_us = bus::MonotonicUs();
   if (last_reading_us_ == 0) last_reading_us_ = now_us;
   if (now_us - last_reading_us_ > kGoneUs) {
@@ -193,7 +193,7 @@ void PacedSession::Wait(int timeout_ms, SessionSink& sink) {
   device_->Wait(timeout_ms, watcher);
 }
 
-void PacedSession::Follow(const Reading& reading, SessionSink& sink) {
+void PacedOperator::Follow(const Reading& reading, ReadingSink& sink) {
   last_reading_us_ = bus::MonotonicUs();
   const auto apart = [&](std::int64_t axial, std::int64_t transverse) {
     return std::hypot(static_cast<double>(reading.axial_counts - axial),
@@ -241,11 +241,11 @@ void PacedSession::Follow(const Reading& reading, SessionSink& sink) {
 
 // --- a script alone ------------------------------------------------------------------------------
 
-ScriptedSession::ScriptedSession(Script script) : script_(std::move(script)) {
+ScriptedDevice::ScriptedDevice(Script script) : script_(std::move(script)) {
   reading_.surface_quality = 120;
 }
 
-DeviceFacts ScriptedSession::Connect() {
+DeviceFacts ScriptedDevice::Connect() {
   if (script_.statements.empty() || script_.statements.front().kind != Statement::Kind::kDevice) {
     throw UserError(script_.path +
                     ": without --source a script begins with the statement 'device SERIAL CPI'");
@@ -254,12 +254,12 @@ DeviceFacts ScriptedSession::Connect() {
   return {.serial = device.word, .cpi = static_cast<int>(device.numbers[0])};
 }
 
-void ScriptedSession::Wait(int /*timeout_ms*/, SessionSink& sink) {
+void ScriptedDevice::Wait(int /*timeout_ms*/, ReadingSink& sink) {
   if (next_ == script_.statements.size()) ScriptTooShort(script_, sink);
   Play(script_.statements[next_++], sink);
 }
 
-void ScriptedSession::Play(const Statement& statement, SessionSink& sink) {
+void ScriptedDevice::Play(const Statement& statement, ReadingSink& sink) {
   constexpr std::int64_t kIntervalUs = 1000;
   const auto play = [&](double seconds, const std::function<void(double)>& at) {
     const auto steps = std::llround(1e6 * seconds / kIntervalUs);
@@ -289,7 +289,7 @@ void ScriptedSession::Play(const Statement& statement, SessionSink& sink) {
       return sink.Quit();
     case Statement::Kind::kDevice:
       throw UserError(script_.path + ", line " + std::to_string(statement.line) +
-                      ": a session has one device, named once at its beginning");
+                      ": a script has one device, named once at its beginning");
     case Statement::Kind::kRest:
       return play(numbers[0], nothing);
     case Statement::Kind::kMove: {

@@ -1,13 +1,14 @@
-#include "host/emulator/session.h"
+#include "host/emulator/emulator_run.h"
 
+#include <fmt/format.h>
 #include <time.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 
+#include "host/support/atomic_file.h"
 #include "host/support/error.h"
 
 namespace torquer::emulator {
@@ -34,9 +35,10 @@ std::vector<std::uint8_t> LoadEeprom(const std::string& path) {
   std::vector<std::uint8_t> bytes((std::istreambuf_iterator<char>(file)),
                                   std::istreambuf_iterator<char>());
   if (!file || bytes.size() != Atmega32u4::kEepromBytes) {
-    throw UserError("--eeprom '" + path + "': has " + std::to_string(bytes.size()) +
-                    " readable bytes where the chip has 1024; give a file that this program wrote, "
-                    "or a new name");
+    throw UserError(fmt::format(
+        "--eeprom '{}': {} bytes could be read, the chip has {}; give a file that this program "
+        "wrote, or a new name",
+        path, bytes.size(), Atmega32u4::kEepromBytes));
   }
   return bytes;
 }
@@ -54,7 +56,7 @@ bool Within(const std::vector<Interval>& intervals, double time_s) {
 
 }  // namespace
 
-Session::Session(const SessionOptions& options)
+EmulatorRun::EmulatorRun(const RunOptions& options)
     : options_(options),
       script_(options.motion.empty() ? MotionScript() : MotionScript::FromFile(options.motion)),
       device_(FirmwareImage::Load(options.firmware, options.bootloader),
@@ -62,6 +64,8 @@ Session::Session(const SessionOptions& options)
       host_(device_),
       socket_(host_, options.socket),
       random_(options.bench.seed) {
+  // A file that cannot be written is refused before the run, not after it.
+  if (!options_.eeprom_file.empty()) AtomicFile{options_.eeprom_file};
   if (options_.use_lcm) bus_ = std::make_unique<LiveBus>(options_.lcm_url);
   std::sort(options_.resets_s.begin(), options_.resets_s.end());
   device_.SetHand([this](double time_s) { return HandAt(time_s); });
@@ -81,36 +85,35 @@ Session::Session(const SessionOptions& options)
   };
 }
 
-double Session::MotionTime(double time_s) const {
+double EmulatorRun::MotionTime(double time_s) const {
   return motion_start_s_ ? std::max(0.0, time_s - *motion_start_s_) : 0.0;
 }
 
-HandState Session::HandAt(double time_s) const {
+HandState EmulatorRun::HandAt(double time_s) const {
   return options_.motion.empty() ? live_hand_.At(time_s) : script_.At(MotionTime(time_s));
 }
 
-void Session::Deliver(const std::vector<std::uint8_t>& report) {
-  std::uniform_real_distribution<double> chance(0, 1);
+void EmulatorRun::Deliver(const std::vector<std::uint8_t>& report) {
   ++summary_.reports_sent;
-  if (options_.drop_probability > 0 && chance(random_) < options_.drop_probability) {
+  if (random_.Chance(options_.drop_probability)) {
     ++summary_.reports_dropped;
     return;
   }
   socket_.Send(report);
-  if (options_.repeat_probability > 0 && chance(random_) < options_.repeat_probability) {
+  if (random_.Chance(options_.repeat_probability)) {
     ++summary_.reports_repeated;
     socket_.Send(report);
   }
 }
 
-bool Session::Finished() const {
+bool EmulatorRun::Finished() const {
   if (!motion_start_s_) return false;
   const double time_s = MotionTime(device_.now_us() * 1e-6);
   if (options_.duration_s) return time_s >= *options_.duration_s;
   return !options_.motion.empty() && time_s >= script_.duration_s() + kRestAfterMotion_s;
 }
 
-void Session::FollowEvents() {
+void EmulatorRun::FollowEvents() {
   const double now_s = device_.now_us() * 1e-6;
   const bool can_begin = options_.wait_client ? socket_.connected() : host_.ready();
   if (!motion_start_s_ && can_begin && device_.sensor().counting()) {
@@ -134,7 +137,7 @@ void Session::FollowEvents() {
   }
 }
 
-void Session::Pace() {
+void EmulatorRun::Pace() {
   if (options_.fast) return;
   const std::int64_t now_ns = MonotonicNs();
   if (next_frame_ns_ == 0) next_frame_ns_ = now_ns;
@@ -150,7 +153,7 @@ void Session::Pace() {
   next_frame_ns_ += kFrameNs;
 }
 
-bus::HealthCounters Session::Counters() const {
+bus::HealthCounters EmulatorRun::Counters() const {
   return {{"reports_sent", summary_.reports_sent},
           {"reports_dropped", summary_.reports_dropped},
           {"reports_repeated", summary_.reports_repeated},
@@ -160,7 +163,7 @@ bus::HealthCounters Session::Counters() const {
           {"messages_refused", bus_->refused()}};
 }
 
-void Session::Publish() {
+void EmulatorRun::Publish() {
   const double now_s = device_.now_us() * 1e-6;
   bus_->PublishTruth(device_, now_s, HandAt(now_s), summary_.reports_sent);
   if (!device_.powered()) {
@@ -176,7 +179,7 @@ void Session::Publish() {
   }
 }
 
-bool Session::HeldForClient() {
+bool EmulatorRun::HeldForClient() {
   if (socket_.connected()) client_awaited_ = false;
   if (!options_.fast || !options_.wait_client || !client_awaited_) return false;
   const std::int64_t waited_ms = (MonotonicNs() - awaited_since_ns_) / 1000000;
@@ -188,7 +191,7 @@ bool Session::HeldForClient() {
   return true;
 }
 
-SessionSummary Session::Run(const volatile std::sig_atomic_t& stop) {
+RunSummary EmulatorRun::Run(const std::atomic<bool>& stop) {
   while (!stop && !Finished()) {
     Pace();
     socket_.Service();
@@ -214,20 +217,11 @@ SessionSummary Session::Run(const volatile std::sig_atomic_t& stop) {
   return summary_;
 }
 
-void Session::SaveEeprom() const {
+void EmulatorRun::SaveEeprom() const {
   if (options_.eeprom_file.empty()) return;
-  const std::string temporary = options_.eeprom_file + ".new";
   const std::vector<std::uint8_t> bytes = device_.Eeprom();
-  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
-  file.write(reinterpret_cast<const char*>(bytes.data()),
-             static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  std::error_code error;
-  if (file) std::filesystem::rename(temporary, options_.eeprom_file, error);
-  if (!file || error) {
-    throw UserError("--eeprom '" + options_.eeprom_file +
-                    "': cannot be written; check the directory and its permissions");
-  }
+  WriteFileAtomically(options_.eeprom_file,
+                      {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 }  // namespace torquer::emulator

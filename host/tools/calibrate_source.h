@@ -22,9 +22,9 @@ struct DeviceFacts {
 };
 
 /// Takes what a source delivers.
-class SessionSink {
+class ReadingSink {
  public:
-  virtual ~SessionSink() = default;
+  virtual ~ReadingSink() = default;
   virtual void Take(const calibration::Reading& reading) = 0;
   virtual void Press(calibration::Key key) = 0;
   virtual void Quit() = 0;
@@ -32,23 +32,23 @@ class SessionSink {
   virtual calibration::Step step() const = 0;
 };
 
-class SessionSource {
+class ReadingSource {
  public:
-  virtual ~SessionSource() = default;
+  virtual ~ReadingSource() = default;
   /// Waits for the device, for a while; throws UserError when there is none or it cannot be used.
   virtual DeviceFacts Connect() = 0;
   /// Hands over what comes within `timeout_ms`; returns early after Interrupt(). Throws UserError.
-  virtual void Wait(int timeout_ms, SessionSink& sink) = 0;
+  virtual void Wait(int timeout_ms, ReadingSink& sink) = 0;
   virtual void Interrupt() = 0;
 };
 
 /// A device, read as the daemon reads it.
-class DeviceSession : public SessionSource {
+class DeviceReadings : public ReadingSource {
  public:
-  DeviceSession(std::unique_ptr<device::ReportSource> source, bool ordinary_mouse,
-                bool has_joystick);
+  DeviceReadings(std::unique_ptr<device::ReportSource> source, bool ordinary_mouse,
+                 bool has_joystick);
   DeviceFacts Connect() override;
-  void Wait(int timeout_ms, SessionSink& sink) override;
+  void Wait(int timeout_ms, ReadingSink& sink) override;
   void Interrupt() override { source_->Interrupt(); }
 
  private:
@@ -61,19 +61,19 @@ class DeviceSession : public SessionSource {
 };
 
 /// A device, and an operator who is a script: keys are pressed when the hand rests.
-class PacedSession : public SessionSource {
+class PacedOperator : public ReadingSource {
  public:
   /// Throws UserError when the script moves the device itself.
-  PacedSession(std::unique_ptr<SessionSource> device, Script script);
+  PacedOperator(std::unique_ptr<ReadingSource> device, Script script);
   DeviceFacts Connect() override { return device_->Connect(); }
-  void Wait(int timeout_ms, SessionSink& sink) override;
+  void Wait(int timeout_ms, ReadingSink& sink) override;
   void Interrupt() override { device_->Interrupt(); }
 
  private:
   class Watcher;
-  void Follow(const calibration::Reading& reading, SessionSink& sink);
+  void Follow(const calibration::Reading& reading, ReadingSink& sink);
 
-  std::unique_ptr<SessionSource> device_;
+  std::unique_ptr<ReadingSource> device_;
   Script script_;
   std::size_t next_ = 0;
   calibration::Reading rest_{};  // where the hand has been since it last moved
@@ -84,16 +84,16 @@ class PacedSession : public SessionSource {
 };
 
 /// No device: the script moves one of its own.
-class ScriptedSession : public SessionSource {
+class ScriptedDevice : public ReadingSource {
  public:
   /// Throws UserError when the script names no device.
-  explicit ScriptedSession(Script script);
+  explicit ScriptedDevice(Script script);
   DeviceFacts Connect() override;
-  void Wait(int timeout_ms, SessionSink& sink) override;
+  void Wait(int timeout_ms, ReadingSink& sink) override;
   void Interrupt() override {}
 
  private:
-  void Play(const Statement& statement, SessionSink& sink);
+  void Play(const Statement& statement, ReadingSink& sink);
 
   Script script_;
   std::size_t next_ = 0;
