@@ -1,6 +1,9 @@
 #include "calibration/fit.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -8,7 +11,6 @@
 #include <numeric>
 #include <string>
 
-#include "calibration/student_t.h"
 #include "host/support/error.h"
 
 namespace torquer::calibration {
@@ -90,9 +92,9 @@ Line FitLine(std::span<const Stroke> strokes, MotionKind kind) {
     line.slope[1] += weight * stroke.reference * stroke.transverse_counts;
   }
   if (count < 2) {
-    throw UserError("there are " + std::to_string(count) +
-                    (kind == MotionKind::kPush ? " pushes" : " turns") +
-                    "; their scatter tells how sure the result is, so take at least two");
+    throw UserError(fmt::format(
+        "there {} {} {}; their scatter shows how sure the result is, so take at least two",
+        count == 1 ? "is" : "are", count, kind == MotionKind::kPush ? "pushes" : "turns"));
   }
   for (double& slope : line.slope) slope /= squares;
   line.degrees_of_freedom = count - 1;
@@ -174,8 +176,7 @@ Unknowns Gradient(const Unknowns& counts, const std::function<double(const Motio
 void Check(const Stroke& stroke, std::size_t index) {
   const auto require = [&](bool good, const char* field, double value, const char* remedy) {
     if (good) return;
-    throw UserError("stroke " + std::to_string(index + 1) + ": " + field + " = " +
-                    std::to_string(value) + "; " + remedy);
+    throw UserError(fmt::format("stroke {}: {} = {:g}; {}", index + 1, field, value, remedy));
   };
   for (const auto& [field, value] : {std::pair{"axial_counts", stroke.axial_counts},
                                      std::pair{"transverse_counts", stroke.transverse_counts}}) {
@@ -192,8 +193,8 @@ void Check(const CommonErrors& common) {
        {std::pair{"push_mm", common.push_mm}, std::pair{"push_turn_rad", common.push_turn_rad},
         std::pair{"turn_rad", common.turn_rad}, std::pair{"turn_push_mm", common.turn_push_mm}}) {
     if (!(value >= 0.0 && std::isfinite(value))) {
-      throw UserError(std::string("common error ") + field + " = " + std::to_string(value) +
-                      "; declare a standard deviation, 0 or more");
+      throw UserError(fmt::format("common error {} = {:g}; declare a standard deviation, 0 or more",
+                                  field, value));
     }
   }
 }
@@ -235,6 +236,11 @@ void AddResiduals(std::span<const Stroke> strokes, const Line& push, const Line&
 }
 
 }  // namespace
+
+double StudentHalfWidth95(double degrees_of_freedom) {
+  const boost::math::students_t distribution(degrees_of_freedom);
+  return boost::math::quantile(boost::math::complement(distribution, 0.025));
+}
 
 double Estimate::HalfWidth95() const {
   return standard_error * StudentHalfWidth95(degrees_of_freedom);
@@ -310,10 +316,10 @@ JoystickAxis FitJoystickAxis(std::span<const double> at_rest, std::span<const do
   axis.maximum = *std::max_element(moved.begin(), moved.end());
   if (axis.center - axis.dead_zone - axis.minimum < kLeastJoystickTravel ||
       axis.maximum - axis.center - axis.dead_zone < kLeastJoystickTravel) {
-    throw UserError("the joystick rests at " + std::to_string(axis.center) +
-                    " and was moved from " + std::to_string(axis.minimum) + " to " +
-                    std::to_string(axis.maximum) +
-                    "; move it to both ends, and let go of it at rest");
+    throw UserError(fmt::format(
+        "the joystick rests at {:.1f} and was moved from {:.0f} to {:.0f}; move it to both ends, "
+        "and let go of it at rest",
+        axis.center, axis.minimum, axis.maximum));
   }
   return axis;
 }

@@ -34,6 +34,10 @@ struct CommonErrors {
   double turn_push_mm = 0.0;   ///< the hand's habit of pushing in each turn
 };
 
+/// Half the width of the interval that holds 95 % of Student's t distribution with
+/// `degrees_of_freedom` (> 0, need not be whole; infinity gives the normal distribution's 1.96).
+double StudentHalfWidth95(double degrees_of_freedom);
+
 /// A value, and how sure it is.
 struct Estimate {
   double value = 0.0;

@@ -1,8 +1,9 @@
 #include "calibration/procedure.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "host/support/error.h"
@@ -27,19 +28,12 @@ constexpr double kLiftCounts = 20.0;
 // Counts within which a released joystick lies still, and around the first rest.
 constexpr double kStickStill = 10.0;
 constexpr double kStickNearRest = 100.0;
-constexpr int kReleases = 4;
-
-std::string Text(const char* format, double a, double b = 0.0, double c = 0.0) {
-  char text[200];
-  std::snprintf(text, sizeof text, format, a, b, c);  // NOLINT: formats are literals below
-  return text;
-}
 
 bool NumberWithin(double value, double low, double high) { return value >= low && value <= high; }
 
 void Require(bool good, const char* name, double value, const char* range) {
   if (good) return;
-  throw UserError(std::string(name) + " = " + Text("%g", value) + ": must be " + range);
+  throw UserError(fmt::format("{} = {:g}: must be {}", name, value, range));
 }
 
 }  // namespace
@@ -194,8 +188,8 @@ void Procedure::Rest(const Reading& reading) {
     drift_counts_per_s_ = counts / (1e-6 * static_cast<double>(rested_us));
     rest_checked_ = true;
     Say(Message::Kind::kAccepted,
-        Text("at rest it drifts by %.1f counts a second, surface quality %.0f", drift_counts_per_s_,
-             reading.surface_quality));
+        fmt::format("at rest it drifts by {:.1f} counts a second, surface quality {}",
+                    drift_counts_per_s_, reading.surface_quality));
     return GoOn();
   }
   if (reading.time_us - rest_asked_us_ < kRestPatienceUs) return;
@@ -204,9 +198,9 @@ void Procedure::Rest(const Reading& reading) {
     Say(Message::Kind::kRejected, "the sensor does not answer; check its wires and supply");
   } else if (reading.lifted) {
     Say(Message::Kind::kRejected,
-        Text("the sensor sees no surface (quality %.0f); set its distance, and see that the "
-             "cylinder is under its window",
-             reading.surface_quality));
+        fmt::format("the sensor sees no surface (quality {}); set its distance, and see that the "
+                    "cylinder is under its window",
+                    reading.surface_quality));
   } else {
     Say(Message::Kind::kRejected,
         "the count moves though nothing should; keep hands off, and if it still does, look for a "
@@ -238,10 +232,11 @@ void Procedure::Lift(const Reading& reading) {
         static_cast<double>(reading.transverse_counts - lifted_from_->transverse_counts));
     lift_checked_ = moved <= kLiftCounts;
     Say(lift_checked_ ? Message::Kind::kAccepted : Message::Kind::kRejected,
-        Text(lift_checked_ ? "lifting is noticed; the count moved by %.0f meanwhile"
-                           : "lifting is noticed, but the count moved by %.0f meanwhile; set the "
-                             "sensor closer, so that it goes blind sooner",
-             moved));
+        lift_checked_
+            ? fmt::format("lifting is noticed; the count moved by {:.0f} meanwhile", moved)
+            : fmt::format("lifting is noticed, but the count moved by {:.0f} meanwhile; set the "
+                          "sensor closer, so that it loses the surface sooner",
+                          moved));
   }
   if (reading.time_us - landed_since_us_ >= kStillUs) GoOn();
 }
@@ -337,12 +332,12 @@ void Procedure::Judge() {
   std::array<int, 2> number{};
   for (std::size_t i = 0; i < strokes_.size(); ++i) {
     const bool push = strokes_[i].stroke.kind == MotionKind::kPush;
-    const std::string name = Text(push ? "push %.0f" : "turns %.0f", ++number[push ? 0 : 1]);
+    const std::string name = fmt::format("{} {}", push ? "push" : "turns", ++number[push ? 0 : 1]);
     const bool is_new = i >= before.size();
     if (is_new && !rejections_[i]) {
-      Say(Message::Kind::kAccepted,
-          name + Text(": %+.0f axial, %+.0f transverse counts", strokes_[i].stroke.axial_counts,
-                      strokes_[i].stroke.transverse_counts));
+      Say(Message::Kind::kAccepted, name + fmt::format(": {:+.0f} axial, {:+.0f} transverse counts",
+                                                       strokes_[i].stroke.axial_counts,
+                                                       strokes_[i].stroke.transverse_counts));
     } else if (rejections_[i] && (is_new || !before[i])) {
       Say(Message::Kind::kRejected,
           name + (is_new ? " is not used: " : " is no longer used: ") + *rejections_[i]);
@@ -401,7 +396,7 @@ void Procedure::Joystick(const Reading& reading) {
   stick_at_rest_[1].push_back(reading.joystick_y);
   if (!stick_away_) return;
   stick_away_ = false;
-  if (++releases_ >= kReleases) EndJoystick();
+  if (++releases_ >= kStickReleases) EndJoystick();
 }
 
 void Procedure::EndJoystick() {
@@ -414,68 +409,14 @@ void Procedure::EndJoystick() {
   }
   for (std::size_t i = 0; i < 2; ++i) {
     const JoystickAxis& axis = (*axes_)[i];
-    Say(Message::Kind::kAccepted,
-        (i == 0 ? "joystick left to right: " : "joystick near to far: ") +
-            Text("rests at %.0f, from %.0f to %.0f", axis.center, axis.minimum, axis.maximum));
+    Say(Message::Kind::kAccepted, (i == 0 ? "joystick left to right: " : "joystick near to far: ") +
+                                      fmt::format("rests at {:.0f}, from {:.0f} to {:.0f}",
+                                                  axis.center, axis.minimum, axis.maximum));
   }
   GoOn();
 }
 
-// --- what to show --------------------------------------------------------------------------------
-
-Prompt Procedure::prompt() const {
-  Prompt prompt;
-  prompt.step = step_;
-  prompt.marking = marking_;
-  const double length = settings_.length_mm;
-  const auto at = [this](const char* start, const char* there, const char* back) {
-    return place_ == Place::kStart ? start : place_ == Place::kThere ? there : back;
-  };
-  switch (step_) {
-    case Step::kRest:
-      prompt.title = "Rest";
-      prompt.instruction = "Hands off the torquer and the joystick";
-      break;
-    case Step::kLift:
-      prompt.title = "Lift";
-      prompt.instruction = "Draw the cylinder from under the sensor, wait a second, put it back";
-      break;
-    case Step::kPushes:
-      prompt.title = "Pushes";
-      prompt.done = Good(MotionKind::kPush);
-      prompt.wanted = settings_.pushes;
-      prompt.instruction =
-          settings_.ruler ? Text(at("Set it to 0 mm on the ruler, then press Enter",
-                                    "Push straight to %.1f mm on the ruler, then press Enter",
-                                    "Pull straight back to 0 mm, then press Enter"),
-                                 length)
-                          : Text(at("Pull it back to the near stop, then press Enter",
-                                    "Push it straight to the far stop, %.1f mm, then press Enter",
-                                    "Pull it straight back to the near stop, then press Enter"),
-                                 length);
-      break;
-    case Step::kTurns:
-      prompt.title = "Turns";
-      prompt.done = Good(MotionKind::kTurn);
-      prompt.wanted = settings_.turn_strokes;
-      prompt.instruction =
-          Text(at("Set the line on the torquer to a mark beside it, then press Enter",
-                  "Turn it clockwise by %.0f whole turns, line to mark, then press Enter",
-                  "Turn it back by %.0f whole turns, line to mark, then press Enter"),
-               settings_.turns);
-      break;
-    case Step::kJoystick:
-      prompt.title = "Joystick";
-      prompt.done = releases_;
-      prompt.wanted = kReleases;
-      prompt.instruction = "Push the stick right, left, away, near, to the end; let go after each";
-      break;
-    case Step::kDone:
-      prompt.title = "Done";
-      break;
-  }
-  return prompt;
-}
+// --- the result ----------------------------------------------------------------------------------
 
 ProcedureResult Procedure::Result() const {
   ProcedureResult result;

@@ -94,6 +94,9 @@ struct ProcedureResult {
   bool rest_checked = false, lift_checked = false, joystick_measured = false;
 };
 
+/// Times that the joystick is to be released: after each of its ends.
+inline constexpr int kStickReleases = 4;
+
 class Procedure {
  public:
   /// Throws UserError naming a setting that is out of range.

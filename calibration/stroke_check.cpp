@@ -1,9 +1,10 @@
 #include "calibration/stroke_check.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 namespace torquer::calibration {
@@ -18,12 +19,6 @@ constexpr double kLargestAngle = 25.0 * kPi / 180.0;
 constexpr double kSensorCounts = 3.0;
 // Fewer than these have no median to speak of.
 constexpr std::size_t kFewest = 3;
-
-std::string Text(const char* format, double a, double b = 0.0) {
-  char text[200];
-  std::snprintf(text, sizeof text, format, a, b);  // NOLINT: formats are literals below
-  return text;
-}
 
 double Degrees(double rad) { return rad * 180.0 / kPi; }
 
@@ -51,19 +46,20 @@ Surface SurfaceOf(const Stroke& stroke, const StrokeExpectation& expected) {
 Rejection JudgePush(const Surface& surface, double asked_mm, const StrokeExpectation& expected) {
   const double travel = std::hypot(surface.along_mm, surface.across_mm);
   if (travel < 0.5 * asked_mm / expected.gain_factor) {
-    return Text("too short: about %.0f mm where %.0f were asked for", travel, asked_mm);
+    return fmt::format("too short: about {:.0f} mm where {:.0f} were asked for", travel, asked_mm);
   }
   if (surface.along_mm < -0.5 * travel) {
     return "the wrong way: the count went back; push away from you (or the sensor is mounted the "
            "other way round)";
   }
   if (std::abs(std::atan2(surface.across_mm, surface.along_mm)) > kLargestAngle) {
-    return Text("turned while pushing, by about %.0f degrees",
-                Degrees(std::abs(surface.across_mm) / expected.cylinder_radius_mm));
+    return fmt::format("turned while pushing, by about {:.0f} degrees",
+                       Degrees(std::abs(surface.across_mm) / expected.cylinder_radius_mm));
   }
   if (travel > asked_mm * expected.gain_factor || travel < asked_mm / expected.gain_factor) {
-    return Text(
-        "about %.0f mm by the sensor's resolution where %.0f were asked for: not the whole way, or "
+    return fmt::format(
+        "about {:.0f} mm by the sensor's resolution where {:.0f} were asked for: not the whole "
+        "way, or "
         "another length than was declared",
         travel, asked_mm);
   }
@@ -76,18 +72,19 @@ Rejection JudgeTurn(const Surface& surface, double asked_rad, const StrokeExpect
   const double asked_turns = asked_rad / (2.0 * kPi);
   const double factor = expected.gain_factor * expected.radius_factor;
   if (turns < 0.5 * asked_turns / factor) {
-    return Text("too little: about %.1f turns where %.0f were asked for", turns, asked_turns);
+    return fmt::format("too little: about {:.1f} turns where {:.0f} were asked for", turns,
+                       asked_turns);
   }
   if (surface.along_mm < -0.5 * travel) {
     return "the wrong way: turn clockwise as you see it (or the sensor is mounted the other way "
            "round)";
   }
   if (std::abs(std::atan2(surface.across_mm, surface.along_mm)) > kLargestAngle) {
-    return Text("pushed while turning, by about %.0f mm", std::abs(surface.across_mm));
+    return fmt::format("pushed while turning, by about {:.0f} mm", std::abs(surface.across_mm));
   }
   if (turns > asked_turns * factor || turns < asked_turns / factor) {
-    return Text(
-        "about %.1f turns by the cylinder's radius where %.0f were asked for: miscounted, or "
+    return fmt::format(
+        "about {:.1f} turns by the cylinder's radius where {:.0f} were asked for: miscounted, or "
         "another radius than was declared",
         turns, asked_turns);
   }
@@ -157,23 +154,23 @@ double Spread(std::span<const Deviation> deviations, std::span<const RecordedStr
 std::string PushReason(const Deviation& off, bool along, bool closure,
                        const StrokeExpectation& expected) {
   if (closure && along) {
-    return Text(
-        "the way back ended %.1f mm from where the stroke began: it slipped, or did not "
+    return fmt::format(
+        "the way back ended {:.1f} mm from where the stroke began: it slipped, or did not "
         "reach the stop",
         std::abs(off.closure.along_mm));
   }
   if (closure) {
-    return Text("it came back turned by %.0f degrees: slipped, or turned on the way",
-                Degrees(std::abs(off.closure.across_mm) / expected.cylinder_radius_mm));
+    return fmt::format("it came back turned by {:.0f} degrees: slipped, or turned on the way",
+                       Degrees(std::abs(off.closure.across_mm) / expected.cylinder_radius_mm));
   }
   if (along) {
-    return Text(off.stroke.along_mm < 0.0
-                    ? "%.1f mm shorter than the others: slipped, or stopped short"
-                    : "%.1f mm longer than the others: begun too early, or the others slipped",
-                std::abs(off.stroke.along_mm));
+    return fmt::format("{:.1f} mm {}", std::abs(off.stroke.along_mm),
+                       off.stroke.along_mm < 0.0
+                           ? "shorter than the others: slipped, or stopped short"
+                           : "longer than the others: started too early, or the others slipped");
   }
-  return Text("turned while pushing, by %.0f degrees more than the others",
-              Degrees(std::abs(off.stroke.across_mm) / expected.cylinder_radius_mm));
+  return fmt::format("turned while pushing, by {:.0f} degrees more than the others",
+                     Degrees(std::abs(off.stroke.across_mm) / expected.cylinder_radius_mm));
 }
 
 std::string TurnReason(const Deviation& off, bool along, bool closure,
@@ -181,23 +178,23 @@ std::string TurnReason(const Deviation& off, bool along, bool closure,
   const double degrees = Degrees(std::abs(closure ? off.closure.along_mm : off.stroke.along_mm) /
                                  expected.cylinder_radius_mm);
   if (closure && along) {
-    return Text(
-        "turned back, it stood %.0f degrees from where it began: slipped, or the marks did "
+    return fmt::format(
+        "turned back, it stood {:.0f} degrees from where it began: slipped, or the marks did "
         "not meet",
         degrees);
   }
   if (closure) {
-    return Text("it came back %.1f mm farther along: slipped, or pushed while turning",
-                std::abs(off.closure.across_mm));
+    return fmt::format("it came back {:.1f} mm farther along: slipped, or pushed while turning",
+                       std::abs(off.closure.across_mm));
   }
   if (along) {
-    return Text(off.stroke.along_mm < 0.0
-                    ? "%.0f degrees less than the others: slipped, or miscounted"
-                    : "%.0f degrees more than the others: miscounted, or the others slipped",
-                degrees);
+    return fmt::format("{:.0f} degrees {}", degrees,
+                       off.stroke.along_mm < 0.0
+                           ? "less than the others: slipped, or miscounted"
+                           : "more than the others: miscounted, or the others slipped");
   }
-  return Text("pushed while turning, by %.1f mm more than the others",
-              std::abs(off.stroke.across_mm));
+  return fmt::format("pushed while turning, by {:.1f} mm more than the others",
+                     std::abs(off.stroke.across_mm));
 }
 
 // Refuses the worst outlier of one kind; false when there is none.

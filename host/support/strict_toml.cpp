@@ -32,13 +32,18 @@ struct StrictTable::Impl {
 
 namespace {
 
-// The value as the file has it, cut where it is long.
+// The value as the file has it, in one line, cut where it is long.
 std::string Show(const toml::node& node) {
   constexpr std::size_t kLongest = 60;
   if (node.is_table()) return "{ .. }";
   std::string text;
   node.visit([&](const auto& typed) { text = fmt::to_string(fmt::streamed(typed)); });
-  return text.size() > kLongest ? text.substr(0, kLongest - 3) + "..." : text;
+  std::string line;
+  for (const char character : text) {
+    const bool space = character == ' ' || character == '\n';
+    if (!space || line.empty() || line.back() != ' ') line += space ? ' ' : character;
+  }
+  return line.size() > kLongest ? line.substr(0, kLongest - 3) + "..." : line;
 }
 
 std::string Range(const char* what, double lowest, double highest) {

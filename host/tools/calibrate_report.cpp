@@ -8,7 +8,7 @@
 #include <numbers>
 #include <vector>
 
-#include "calibration/student_t.h"
+#include "calibration/fit.h"
 #include "host/plot/svg_plot.h"
 #include "host/plot/table.h"
 

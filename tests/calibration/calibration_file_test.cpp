@@ -77,10 +77,7 @@ std::string Replaced(std::string text, const std::string& from, const std::strin
 std::string Resealed(const std::string& text) {
   const std::string marker = "[end]\nchecksum = \"";
   const std::size_t end = text.rfind(marker);
-  char hash[17];
-  std::snprintf(hash, sizeof hash, "%016llx",
-                static_cast<unsigned long long>(torquer::Fnv1a(text.substr(0, end))));
-  return text.substr(0, end) + marker + hash + "\"\n";
+  return text.substr(0, end) + marker + torquer::Hex(torquer::Fnv1a(text.substr(0, end))) + "\"\n";
 }
 
 }  // namespace
@@ -100,10 +97,10 @@ TEST_CASE("Every truncation is refused") {
   for (std::size_t length = 0; length < text.size(); ++length) {
     const std::string refusal = RefusalOf(text.substr(0, length));
     CAPTURE(length, refusal);
-    REQUIRE(refusal.find("bench.toml: ") == 0);
+    REQUIRE(refusal.find("bench.toml:") == 0);
     REQUIRE(refusal.find("torquer-calibrate") != std::string::npos);
   }
-  CHECK(RefusalOf(text.substr(0, text.size() - 1)).find("torn") != std::string::npos);
+  CHECK(RefusalOf(text.substr(0, text.size() - 1)).find("incomplete") != std::string::npos);
 }
 
 TEST_CASE("Every altered byte is refused") {
@@ -120,29 +117,34 @@ TEST_CASE("Every altered byte is refused") {
 TEST_CASE("Refusals name the file, the line or field, the value and the remedy") {
   const std::string text = FormatCalibration(Measured());
   const auto [from, to, expected] = GENERATE(table<std::string, std::string, std::string>({
-      {"version = 1", "version = 2", "line 4, version = 2: this program reads version 1 only"},
+      {"version = 1", "version = 2", ":4: version = 2: this program reads version 1 only"},
       {"torquer-calibration", "shopping-list", "not a Torquer calibration"},
-      {"device = \"BENCH-42\"", "device = 42", "line 5, device = 42: not a text"},
-      {"device = \"BENCH-42\"\n", "", "the key device is missing"},
-      {"cpi = 1600", "cpi = 16.5", "line 10, motion.cpi = 16.5: not a whole number"},
-      {"cpi = 1600", "cpi = 0", "line 10, motion.cpi = 0: not from 1.0 to 60000.0"},
-      {"cpi = 1600", "cpi = 1600\nspoons = 3", "line 11: unknown key motion.spoons"},
-      {"note = ", "mood = \"good\"\nnote = ", "unknown key mood"},
-      {"[0.0158751234567891, ", "[nan, ", "motion.insertion_mm_per_count = nan: not from"},
-      {"[0.0158751234567891, ", "[15.0, ", "motion.insertion_mm_per_count = 15.0: not from"},
-      {"[0.0158751234567891, ", "[\"far\", ", "motion.insertion_mm_per_count = 'far': not a num"},
-      {"[0.0158751234567891, ", "[1.0, 2.0, ", "not a pair of numbers"},
+      {"device = \"BENCH-42\"", "device = 42", ":5: device = 42: is not a text"},
+      {"device = \"BENCH-42\"\n", "", "device: is missing"},
+      {"cpi = 1600", "cpi = 16.5",
+       ":10: motion.cpi = 16.5: is not an integer; give an integer from 1 to 60000"},
+      {"cpi = 1600", "cpi = 0",
+       ":10: motion.cpi = 0: is out of range; give an integer from 1 to 60000"},
+      {"cpi = 1600", "cpi = 1600\nspoons = 3", ":11: motion.spoons = 3: is not a known key"},
+      {"note = ", "mood = \"good\"\nnote = ",
+       "mood = 'good': is not a known key; remove it. Keys here: device, end, format"},
+      {"[0.0158751234567891, ", "[nan, ",
+       "motion.insertion_mm_per_count = [ nan, -3.3333333333333333e-06 ]: holds nan; give"},
+      {"[0.0158751234567891, ", "[15.0, ", "holds 15.0; give a list of numbers from -1 to 1"},
+      {"[0.0158751234567891, ", "[\"far\", ", "holds 'far'; give a list of numbers"},
+      {"[0.0158751234567891, ", "[1.0, 0.5, ", "is not a pair of numbers"},
       {"[1.23e-05, 0.00311]", "[0.0158751234567891, -3.3333333333333333e-06]",
        "parallel to motion.insertion_mm_per_count"},
-      {"center = 518.25", "center = -1.0", "joystick.lao.center = -1.0: not from 0.0 to 1023.0"},
+      {"center = 518.25", "center = -1.0",
+       "joystick.lao.center = -1.0: is out of range; give a number from 0 to 1023"},
       {"dead_zone = 9.5", "dead_zone = 500.0",
        "joystick.cra.dead_zone = 500.0: the extremes are not outside the dead zone"},
       {"full_rate_rad_per_s = 0.4", "full_rate_rad_per_s = inf", "full_rate_rad_per_s = inf"},
-      {"[joystick.lao]", "[joystick.throttle]", "unknown key joystick.throttle"},
+      {"[joystick.lao]", "[joystick.throttle]", "joystick.lao: is missing"},
   }));
   const std::string refusal = RefusalOf(Resealed(Replaced(text, from, to)));
   CAPTURE(from, to, refusal);
-  CHECK(refusal.find("bench.toml: ") == 0);
+  CHECK(refusal.find("bench.toml:") == 0);
   CHECK(refusal.find(expected) != std::string::npos);
   CHECK(refusal.find("torquer-calibrate") != std::string::npos);
 }
@@ -185,6 +187,8 @@ TEST_CASE("The emulated device's calibration is the nominal one") {
   Calibration expected = NominalCalibration("EMULATED-0001", kNominalCpi);
   expected.note = "the emulated bench device, exactly as drawn";
   CHECK(Same(ReadCalibration(path), expected));
+  // To the byte: what is written is what was written ever since version 1.
+  CHECK(FormatCalibration(expected) == Contents(path));
 }
 
 TEST_CASE("A device's file is found by its serial number, in the user's configuration") {

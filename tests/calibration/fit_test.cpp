@@ -5,7 +5,6 @@
 #include <limits>
 #include <random>
 
-#include "calibration/student_t.h"
 #include "host/support/error.h"
 #include "tests/calibration/simulated_hand.h"
 
@@ -122,9 +121,14 @@ TEST_CASE("Student's t is that of the tables") {
   CHECK(StudentHalfWidth95(120) == Approx(1.980).margin(6e-4));
   CHECK(StudentHalfWidth95(std::numeric_limits<double>::infinity()) ==
         Approx(1.95996).margin(1e-5));
-  // Two degrees of freedom have a closed form; the two formulas meet where one takes over.
-  CHECK(StudentHalfWidth95(2) == Approx(0.95 * std::sqrt(2.0 / (1.0 - 0.95 * 0.95))).epsilon(1e-8));
-  CHECK(StudentHalfWidth95(1999.9) == Approx(StudentHalfWidth95(2000.1)).epsilon(1e-6));
+  // Closed forms of one, two and four degrees of freedom (Shaw, Journal of Computational Finance
+  // 9(4), 2006, 37, section 3.1).
+  const double p = 0.975;
+  const double alpha = 4.0 * p * (1.0 - p);
+  const double q = std::cos(std::acos(std::sqrt(alpha)) / 3.0) / std::sqrt(alpha);
+  CHECK(StudentHalfWidth95(1) == Approx(std::tan(std::numbers::pi * (p - 0.5))).epsilon(1e-12));
+  CHECK(StudentHalfWidth95(2) == Approx((2.0 * p - 1.0) * std::sqrt(2.0 / alpha)).epsilon(1e-12));
+  CHECK(StudentHalfWidth95(4) == Approx(2.0 * std::sqrt(q - 1.0)).epsilon(1e-12));
   CHECK(StudentHalfWidth95(4.5) > StudentHalfWidth95(5));
   CHECK(StudentHalfWidth95(4.5) < StudentHalfWidth95(4));
 }
@@ -221,15 +225,15 @@ TEST_CASE("Strokes that cannot tell are refused") {
   strokes = Few();
   strokes[1].reference_error = 0.0;
   CHECK_THROWS_WITH(FitMotion(strokes, {}, 1200),
-                    Catch::Contains("stroke 2: reference_error = 0.0"));
+                    Catch::Contains("stroke 2: reference_error = 0; declare"));
   strokes = Few();
   strokes[2].axial_counts = std::nan("");
   CHECK_THROWS_WITH(FitMotion(strokes, {}, 1200), Catch::Contains("stroke 3: axial_counts = nan"));
   strokes = Few();
   strokes[3].reference = 0.0;
-  CHECK_THROWS_WITH(FitMotion(strokes, {}, 1200), Catch::Contains("stroke 4: reference = 0.0"));
+  CHECK_THROWS_WITH(FitMotion(strokes, {}, 1200), Catch::Contains("stroke 4: reference = 0; give"));
   CHECK_THROWS_WITH(FitMotion(Few(), {.push_mm = -1.0}, 1200),
-                    Catch::Contains("common error push_mm = -1.0"));
+                    Catch::Contains("common error push_mm = -1; declare"));
 }
 
 TEST_CASE("A joystick's center, ends and dead zone are found") {

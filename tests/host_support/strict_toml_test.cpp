@@ -84,4 +84,8 @@ TEST_CASE("A strict table refuses what is missing and has no default", "[support
 TEST_CASE("A long value is cut in the message", "[support]") {
   StrictTable table = StrictTable::Parse("name = \"" + std::string(1000, 'x') + "\"\n", "s.toml");
   CHECK_THROWS_WITH(table.Number("name", 0, 1), Contains("xxx...: is not a number"));
+  StrictTable list =
+      StrictTable::Parse("list = [\n  1.5,\n  \"" + std::string(30, 'y') + "\"\n]\n", "s.toml");
+  CHECK_THROWS_WITH(list.Number("list", 0, 1),
+                    Contains("list = [ 1.5, 'yyy") && Contains("yyy' ]: is"));
 }
