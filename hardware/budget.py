@@ -1,33 +1,80 @@
 """What one count is worth and what the hardware gets wrong: the numbers in hardware/README.md.
 
-usage: hardware/budget.py      prints the tables
-
-Every function is a formula of its own, with its source beside it; mm and rad, degrees where it says so.
+Every function is a formula of its own, with its source beside it; mm, N and rad, degrees where it
+says so. Lengths come from parts/bench_device.scad: its definitions are evaluated here, so that the
+printed parts and this page share one derivation.
 """
 
+import argparse
+import ast
+import csv
 import math
+import operator
 import os
 import re
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 MM_PER_INCH = 25.4
 
-# PMW3360 data sheet 1.50: reference plane to surface, speed; resolution in steps of 100.
-LENS_TO_SURFACE_MM = (2.2, 2.6)
+# PMW3360 data sheet 1.50: speed; resolution in steps of 100.
 MAXIMUM_SPEED_IPS = 250
 CPIS = (400, 800, 1200, 1600, 3200, 6400, 12000)
 RADII_MM = (4.0, 5.0, 6.0, 8.0)
+HALF_VIEW_MM = 0.5  # of what the sensor sees, at a magnification of 1:1; assumed
+# Of the sensor's LED against the vertical: assumed, from the flat light that such sensors use. With
+# it the shading across the cylinder is what an ordinary mouse sensor shows on one, about 1.7 to 1.
+LIGHT_ANGLE_DEG = 69.0
+
+# What printing and buying leave uncertain, each +-, mm.
+PRINT_MM = 0.1  # a height of a printed part, in layers of 0.2
+FLANGE_MM = 0.05  # the lens in its board
+RADIUS_MM_ERROR = 0.05  # the caliper's check: 9.9 to 10.1 mm over paper and core
+
+AIR_KG_M3 = 1.2
+DISCHARGE = 0.6  # of a hole with a sharp edge
+PLA_KG_M3 = 1240
+PRINTED_SHARE = 0.6  # of a part's volume that is plastic: three walls and 20 % infill
+FRICTION_PAPER_PLA = 0.3  # assumed
+GRAVITY_M_S2 = 9.81
+
+_OPERATORS = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.USub: operator.neg,
+}
 
 
-def model_parameter(name: str) -> float:
-    """A number from the head of parts/bench_device.scad."""
-    with open(os.path.join(HERE, "parts", "bench_device.scad"), encoding="utf-8") as file:
-        return float(re.search(rf"^{name} = ([\d.]+);", file.read(), re.M).group(1))
+def _evaluate(node: ast.AST, values: dict[str, float]) -> float:
+    """A number, a name of `values`, or a sum, difference, product or quotient of such. Raises
+    KeyError for anything else."""
+    if isinstance(node, ast.Constant):
+        return float(node.value)
+    if isinstance(node, ast.Name):
+        return values[node.id]
+    if isinstance(node, ast.UnaryOp):
+        return _OPERATORS[type(node.op)](_evaluate(node.operand, values))
+    if isinstance(node, ast.BinOp):
+        left, right = _evaluate(node.left, values), _evaluate(node.right, values)
+        return _OPERATORS[type(node.op)](left, right)
+    raise KeyError(type(node))
 
 
-RADIUS_MM = model_parameter("cylinder_radius")
-STROKE_MM = model_parameter("pipe_length") - model_parameter("cylinder_length")
-CLEARANCE_MM = model_parameter("bore_clearance")
+def model_values(path: str = os.path.join(HERE, "parts", "bench_device.scad")) -> dict[str, float]:
+    """The numbers that the model defines, those derived from others included; lists and what needs
+    more than arithmetic left out."""
+    values: dict[str, float] = {}
+    with open(path, encoding="utf-8") as file:
+        for name, expression in re.findall(r"^(\w+) = ([^;]+);", file.read(), re.M):
+            try:
+                values[name] = _evaluate(ast.parse(expression.strip(), mode="eval").body, values)
+            except (KeyError, SyntaxError, ValueError, TypeError):
+                continue
+    return values
+
+
+MODEL = model_values()
+RADIUS_MM = MODEL["cylinder_radius"]
+STROKE_MM = MODEL["travel"]
+CLEARANCE_MM = MODEL["bore_clearance"]
 
 
 def mm_per_count(cpi: float) -> float:
@@ -75,10 +122,37 @@ def offset_foreshortening(offset_mm: float, radius_mm: float) -> float:
     return 1 - math.sqrt(1 - (offset_mm / radius_mm) ** 2)
 
 
-def surface_distance_mm(lens_to_surface_mm: float, clearance_mm: float) -> tuple[float, float]:
-    """Least and largest distance of the lens from a cylinder with that much play in its pipe, the
-    sensor set to `lens_to_surface_mm` above a cylinder in the pipe's middle."""
-    return lens_to_surface_mm - clearance_mm, lens_to_surface_mm + clearance_mm
+def brightness(y_mm: float, radius_mm: float, light_angle_rad: float, across: bool) -> float:
+    """Light on matt paper at `y_mm` beside the crest, by Lambert's cosine: the surface faces away by
+    asin(y / R), and the light comes flat, across the cylinder or along it."""
+    normal = (0.0, y_mm / radius_mm, math.sqrt(1 - (y_mm / radius_mm) ** 2))
+    flat, steep = math.sin(light_angle_rad), math.cos(light_angle_rad)
+    to_light = (0.0, flat, steep) if across else (flat, 0.0, steep)
+    return max(0.0, sum(n * t for n, t in zip(normal, to_light)))
+
+
+def shading(half_view_mm: float, radius_mm: float, light_angle_rad: float, across: bool) -> float:
+    """Brightest over darkest line of the view."""
+    lines = [brightness(half_view_mm * i / 50, radius_mm, light_angle_rad, across)
+             for i in range(-50, 51)]
+    return max(lines) / min(lines)
+
+
+def focus_mm() -> dict[str, tuple[float, float]]:
+    """Lens to surface, least and largest: as printed and not adjusted, and with the height set to
+    half a step; the cylinder at rest on the floor of its bore, and lifted to the ceiling."""
+    rest = MODEL["lens_plane"] - MODEL["crest_at_rest"]
+    lifted = MODEL["lens_plane"] - MODEL["crest_lifted"]
+    # The board's seat and the flat on the pipe are printed heights, over which the lens and the
+    # cylinder's radius vary.
+    printed = 2 * PRINT_MM + FLANGE_MM + RADIUS_MM_ERROR
+    step = MODEL["focus_step"] / 2
+    return {
+        "as printed": (rest - printed, rest + printed),
+        "at rest": (rest - step, rest + step),
+        "lifted": (lifted - step, lifted + step),
+        "allowed": (MODEL["focus_low"], MODEL["focus_high"]),
+    }
 
 
 def roll_rad(clearance_mm: float, radius_mm: float) -> float:
@@ -88,6 +162,31 @@ def roll_rad(clearance_mm: float, radius_mm: float) -> float:
 
 def radius_error_deg_a_turn(radius_error_mm: float, radius_mm: float) -> float:
     return 360 * radius_error_mm / radius_mm
+
+
+def cap_openings_mm2(vents: float) -> float:
+    """Of one cap: around the wire, and the vents."""
+    hole, wire = MODEL["wire_diameter"] + 0.6, MODEL["wire_diameter"]
+    return math.pi / 4 * (hole**2 - wire**2 + vents * MODEL["vent_diameter"] ** 2)
+
+
+def piston_force_n(speed_m_s: float, radius_mm: float, opening_mm2: float) -> float:
+    """What the air in front of the cylinder pushes back with: all of it leaves through the cap, a
+    hole with a sharp edge (Bernoulli); what passes beside the cylinder is left out."""
+    area_m2 = math.pi * (radius_mm / 1000) ** 2
+    jet_m_s = area_m2 * speed_m_s / (DISCHARGE * opening_mm2 * 1e-6)
+    return AIR_KG_M3 / 2 * jet_m_s**2 * area_m2
+
+
+def cylinder_kg() -> float:
+    with open(os.path.join(HERE, "parts", "parts.csv"), newline="", encoding="utf-8") as file:
+        volume_cm3 = next(float(row["volume_cm3"]) for row in csv.DictReader(file)
+                          if row["part"] == "cylinder_core")
+    return volume_cm3 * 1e-6 * PLA_KG_M3 * PRINTED_SHARE
+
+
+def friction_n() -> float:
+    return FRICTION_PAPER_PLA * cylinder_kg() * GRAVITY_M_S2
 
 
 def joystick_rate_step_rad_s(full_rate_rad_s: float, dead_zone_counts: float) -> float:
@@ -120,7 +219,6 @@ def resolution_table() -> list[list[str]]:
 
 def error_table() -> list[list[str]]:
     one, fitted = math.radians(1), math.radians(0.05)
-    low, high = surface_distance_mm(model_parameter("lens_to_surface"), CLEARANCE_MM)
     rate, dead_zone = joystick_defaults()
     step = math.degrees(joystick_rate_step_rad_s(rate, dead_zone))
     cross = math.degrees(false_rotation_rad(one, STROKE_MM, RADIUS_MM))
@@ -139,14 +237,12 @@ def error_table() -> list[list[str]]:
          f"{STROKE_MM:g} mm", f"{0.001 * STROKE_MM:.2f} mm (0.1 %)"],
         ["cylinder thicker by 0.1 mm than said",
          f"{radius_error_deg_a_turn(0.1, RADIUS_MM):.1f} degrees a turn", "0.2 degrees a turn"],
-        ["curvature, view of +-0.5 mm: height at the edge", f"{1000 * sag_mm(0.5, RADIUS_MM):.0f} um",
-         "within the focus"],
-        ["curvature, view of +-0.5 mm: turning looks shorter by",
-         f"{100 * foreshortening(0.5, RADIUS_MM):.2f} %", "0"],
+        [f"curvature, view of +-{HALF_VIEW_MM:g} mm: height at the edge",
+         f"{1000 * sag_mm(HALF_VIEW_MM, RADIUS_MM):.0f} um", "within the focus"],
+        [f"curvature, view of +-{HALF_VIEW_MM:g} mm: turning looks shorter by",
+         f"{100 * foreshortening(HALF_VIEW_MM, RADIUS_MM):.2f} %", "0"],
         ["sensor 0.5 mm beside the crest: turning looks shorter by",
          f"{100 * offset_foreshortening(0.5, RADIUS_MM):.2f} %", "0"],
-        [f"play of {CLEARANCE_MM:g} mm in the pipe: lens to surface", f"{low:.2f} to {high:.2f} mm",
-         f"the sensor takes {LENS_TO_SURFACE_MM[0]:g} to {LENS_TO_SURFACE_MM[1]:g} mm"],
         [f"play of {CLEARANCE_MM:g} mm in the pipe: rolling from side to side",
          f"{math.degrees(roll_rad(CLEARANCE_MM, RADIUS_MM)):.1f} degrees", "stays"],
         ["fastest push that the sensor follows",
@@ -160,6 +256,79 @@ def error_table() -> list[list[str]]:
     ]
 
 
+def focus_table() -> list[list[str]]:
+    heights = focus_mm()
+
+    def span(name: str) -> str:
+        low, high = heights[name]
+        return f"{low:.2f} to {high:.2f}"
+
+    shims = MODEL["shims_fitted"]
+    return [
+        ["lens to surface", "mm"],
+        ["what the sensor allows", span("allowed")],
+        [f"as drawn, {shims:g} shims of {MODEL['shim_thickness']:g} mm fitted, the cylinder at rest",
+         f"{MODEL['lens_to_surface']:.2f}"],
+        ["as printed, nothing set: worst case of heights, lens and radius", span("as printed")],
+        [f"set in steps of {MODEL['focus_step']:g} mm, the cylinder at rest", span("at rest")],
+        ["the same, the cylinder lifted by its whole play", span("lifted")],
+    ]
+
+
+def shading_table() -> list[list[str]]:
+    rows = [["LED against the vertical", "light across the cylinder", "light along it, as drawn"]]
+    for angle in (45.0, 60.0, LIGHT_ANGLE_DEG, 75.0):
+        across, along = (
+            shading(HALF_VIEW_MM, RADIUS_MM, math.radians(angle), turned) for turned in (True, False)
+        )
+        rows.append([f"{angle:g} degrees", f"{across:.2f} : 1", f"{along:.3f} : 1"])
+    return rows
+
+
+def force_table() -> list[list[str]]:
+    mass = cylinder_kg()
+    closed, vented = cap_openings_mm2(0), cap_openings_mm2(MODEL["vent_count"])
+
+    def piston(opening: float, speed: float) -> str:
+        return f"{piston_force_n(speed, RADIUS_MM, opening):.4f}"
+
+    return [
+        ["what the device adds to the hand's force", "N"],
+        [f"weight of the cylinder, {1000 * mass:.0f} g, sliding on its bore (friction {FRICTION_PAPER_PLA:g})",
+         f"{friction_n():.3f}"],
+        ["its inertia, at 2 m/s2", f"{mass * 2:.3f}"],
+        ["air, pushing at 0.2 m/s; without the vents", f"{piston(vented, 0.2)}; {piston(closed, 0.2)}"],
+        ["air, pushing at 0.5 m/s; without the vents", f"{piston(vented, 0.5)}; {piston(closed, 0.5)}"],
+        ["together, at 0.2 m/s and 2 m/s2",
+         f"{friction_n() + mass * 2 + piston_force_n(0.2, RADIUS_MM, vented):.3f}"],
+    ]
+
+
+def suspend_table() -> list[list[str]]:
+    """Current from the USB while the bus is suspended, mA: board at 3.3 V, and at 5 V."""
+    # Part, at 3.3 V, at 5 V, source.
+    parts = [
+        ("pull-up on D+ against the host's 15 kohm", 3.3 / 16.5, 3.3 / 16.5, "USB 2.0, 7.1.5"),
+        ("ATmega32U4, power-down with watchdog", 0.006, 0.012, "data sheet, typical"),
+        ("the same, awake: 16,384 cycles of start and some 0.3 ms in every 32 ms",
+         (2.0 + 0.3) / 32 * 4.0, (1.0 + 0.3) / 32 * 12.0, "data sheet: 4 and 12 mA awake"),
+        ("joystick, two potentiometers of 10 kohm", 2 * 3.3 / 10, 2 * 5.0 / 10, "Ohm"),
+        ("PMW3360 in shutdown", 0.013, 0.013, "data sheet: 10 uA and more"),
+        ("sensor module: two regulators, level shifter", 0.15, 0.15, "such parts, typical"),
+        ("RX and TX LED, kept dark", 0.0, 0.0, "4 to 9 each when lit"),
+        ("board: regulator", 0.1, 0.1, "MIC5219, 80 uA typical"),
+    ]
+    rows = [["what", "at 3.3 V", "at 5 V", "by"]]
+    for what, low, high, source in parts:
+        rows.append([what, f"{low:.2f}", f"{high:.2f}", source])
+    total_low = sum(part[1] for part in parts)
+    total_high = sum(part[2] for part in parts)
+    rows.append(["**together**; the USB allows 2.5", f"**{total_low:.2f}**", f"**{total_high:.2f}**", ""])
+    rows.append(["power LED of the board, where it has one: comes on top", "1 to 2", "1 to 4",
+                 "not measured"])
+    return rows
+
+
 def markdown(rows: list[list[str]]) -> str:
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     lines.insert(1, "|" + "---|" * len(rows[0]))
@@ -167,6 +336,8 @@ def markdown(rows: list[list[str]]) -> str:
 
 
 if __name__ == "__main__":
-    print(markdown(resolution_table()))
-    print()
-    print(markdown(error_table()))
+    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
+    for table in (resolution_table(), error_table(), focus_table(), shading_table(), force_table(),
+                  suspend_table()):
+        print(markdown(table))
+        print()

@@ -1,9 +1,7 @@
 """Writes the tables of hardware/README.md from the files that they are made of.
-
-usage: hardware/tables.py            writes them anew
-       hardware/tables.py --check    fails if the README or the diagram differ from their files
 """
 
+import argparse
 import csv
 import os
 import re
@@ -65,6 +63,10 @@ def tables() -> dict[str, str]:
         "parts": parts_table(),
         "resolution": budget.markdown(budget.resolution_table()),
         "errors": budget.markdown(budget.error_table()),
+        "focus": budget.markdown(budget.focus_table()),
+        "shading": budget.markdown(budget.shading_table()),
+        "forces": budget.markdown(budget.force_table()),
+        "suspend": budget.markdown(budget.suspend_table()),
     }
 
 
@@ -82,22 +84,19 @@ def with_tables(text: str) -> str:
     )
 
 
-def main(arguments: list[str]) -> int:
+def main(check: bool) -> int:
     with open(README, encoding="utf-8") as file:
         before = file.read()
     files = {README: with_tables(before), DIAGRAM: wiring.draw(wiring.load())}
-    if arguments == ["--check"]:
+    if check:
         stale = []
         for path, wanted in files.items():
             with open(path, encoding="utf-8") as file:
                 if file.read() != wanted:
                     stale.append(os.path.relpath(path, HERE))
         for name in stale:
-            print(f"hardware/{name} is stale; write it anew with hardware/tables.py")
+            print(f"hardware/{name} is stale; write it again with hardware/tables.py")
         return 1 if stale else 0
-    if arguments:
-        print(__doc__)
-        return 2
     for path, wanted in files.items():
         with open(path, "w", encoding="utf-8") as file:
             file.write(wanted)
@@ -105,4 +104,10 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="write nothing, and fail if the README or the diagram differ from their files",
+    )
+    sys.exit(main(parser.parse_args().check))

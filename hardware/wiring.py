@@ -1,11 +1,12 @@
 """The wiring of the bench device: wiring.csv checked against the firmware, and drawn.
 
-usage: hardware/wiring.py > hardware/pictures/wiring.svg
+The diagram goes to standard output: hardware/wiring.py > hardware/pictures/wiring.svg
 
 Volts are those of a controller at 3.3 V. With one at 5 V the nets of domain "controller" carry 5 V
 instead, and the module's level shifter keeps that from the sensor.
 """
 
+import argparse
 import csv
 import os
 import re
@@ -25,6 +26,7 @@ CONTROLLER_SIGNALS = {
     "clutch button, to ground": "CLUTCH",
     "joystick x wiper": "JOYSTICK_X",
     "joystick y wiper": "JOYSTICK_Y",
+    "end switch, to ground": "REFERENCE",
 }
 
 
@@ -68,10 +70,14 @@ def firmware_pins(pins_header: str, readme: str) -> dict[str, tuple[str, str]]:
         "XRAY": r"XRAY_BIT (\d) +// (P\w\d) \((\w+)\)",
         "CONTRAST": r"CONTRAST_BIT (\d) +// (P\w\d) \((\w+)\)",
         "CLUTCH": r"CLUTCH_BIT (\d) +// (P\w\d) \((\w+)\)",
+        "REFERENCE": r"REFERENCE_BIT (\d) +// (P\w\d) \((\w+)\)",
         "JOYSTICK_X": r"JOYSTICK_X_CHANNEL (\d) +// (P\w\d) \((\w+)\)",
         "JOYSTICK_Y": r"JOYSTICK_Y_CHANNEL (\d) +// (P\w\d) \((\w+)\)",
     }
-    ports = {"NCS": re.search(r"SENSOR_NCS_PORT PORT(\w)", pins_header).group(1)}
+    ports = {
+        "NCS": re.search(r"SENSOR_NCS_PORT PORT(\w)", pins_header).group(1),
+        "REFERENCE": re.search(r"REFERENCE_PORT PORT(\w)", pins_header).group(1),
+    }
     button_port = re.search(r"BUTTON_PORT PORT(\w)", pins_header).group(1)
     for signal, pattern in macros.items():
         bit, port, pin = re.search(pattern, pins_header).groups()
@@ -108,6 +114,8 @@ def problems(wires: list[Wire], pins: dict[str, tuple[str, str]]) -> list[str]:
     for net in set(at_controller) - set(pins) - {"VCC", "GND"}:
         found.append(f"{net}: the firmware knows nothing of it")
     found += connected_problems(wires)
+    if net_at.get(("pedal jack", "tip")) == net_at.get(("controller", pins["XRAY"][1])):
+        found.append("the pedal's line reaches the controller past its filter")
     supply = volts[net_at["PMW3360", "VDD"]]
     if not SENSOR_VDD_V[0] <= supply <= SENSOR_VDD_V[1]:
         found.append(f"PMW3360 VDD is at {supply} V; it takes {SENSOR_VDD_V} V")
@@ -151,21 +159,23 @@ INK = {
 PITCH = 24
 # Part: left edge, top, width; pins on its left side, on its right side.
 PLACES = {
-    "joystick": (30, 70, 120, [], ["+5V", "GND", "VRx", "VRy"]),
-    "pedal jack": (30, 215, 120, [], ["tip", "sleeve"]),
-    "contrast button": (30, 310, 120, [], ["1", "2"]),
-    "clutch button": (30, 405, 120, [], ["1", "2"]),
-    "controller": (290, 150, 185, ["A0", "A1", "2", "3", "4"],
+    "joystick": (180, 70, 120, [], ["+5V", "GND", "VRx", "VRy"]),
+    "pedal jack": (5, 215, 100, [], ["tip", "sleeve"]),
+    "pedal filter": (180, 215, 120, ["IN"], ["OUT", "GND"]),
+    "contrast button": (180, 310, 120, [], ["1", "2"]),
+    "clutch button": (180, 405, 120, [], ["1", "2"]),
+    "end switch": (150, 500, 150, [], ["1", "2"]),
+    "controller": (440, 150, 185, ["A0", "A1", "2", "3", "4", "5"],
                    ["VCC", "GND", "10", "15", "16", "14"]),
-    "level shifter": (745, 290, 120, ["A1", "A2", "A3", "A4", "VREF_A"],
+    "level shifter": (895, 290, 120, ["A1", "A2", "A3", "A4", "VREF_A"],
                       ["B1", "B2", "B3", "B4", "VREF_B"]),
-    "regulator 1.9 V": (745, 100, 120, ["IN", "GND"], ["OUT"]),
-    "regulator 3.3 V": (745, 190, 120, ["IN", "GND"], ["OUT"]),
-    "PMW3360": (975, 218, 160, ["GND", "VDD", "VDDIO", "NCS", "SCLK", "MOSI", "MISO"], []),
+    "regulator 1.9 V": (895, 100, 120, ["IN", "GND"], ["OUT"]),
+    "regulator 3.3 V": (895, 190, 120, ["IN", "GND"], ["OUT"]),
+    "PMW3360": (1125, 218, 160, ["GND", "VDD", "VDDIO", "NCS", "SCLK", "MOSI", "MISO"], []),
 }
-MODULE = (610, 50, 540, 410)
+MODULE = (760, 50, 540, 410)
 MODULE_PINS = {"VI": 110, "GD": 134, "SS": 332, "SC": 356, "MO": 380, "MI": 404}
-TITLES = {"controller": "Pro Micro (ATmega32U4)", "PMW3360": "PMW3360 + LM19-LSI"}
+TITLES = {"controller": "Pro Micro (ATmega32U4)", "PMW3360": "PMW3360 + LM19-LSI", "end switch": "end switch, optional"}
 
 
 def pin_places() -> dict[tuple[str, str], list[tuple[float, float, int]]]:
@@ -190,9 +200,9 @@ def text(x, y, content, anchor="start", size=13, color="#222222", weight="normal
 def draw(wires: list[Wire]) -> str:
     """The diagram as SVG: signals as lines, supplies and ground as flags at their pins."""
     out = [
-        '<svg xmlns="http://www.w3.org/2000/svg" width="1180" height="530" viewBox="0 0 1180 530"'
+        '<svg xmlns="http://www.w3.org/2000/svg" width="1330" height="640" viewBox="0 0 1330 640"'
         ' font-family="DejaVu Sans, Arial, sans-serif">',
-        '<rect width="1180" height="530" fill="white"/>',
+        '<rect width="1330" height="640" fill="white"/>',
         text(30, 30, "Bench device: wiring", size=18, weight="bold"),
         '<rect x="{}" y="{}" width="{}" height="{}" fill="#f3f6fa" stroke="#7a8aa0"'
         ' stroke-dasharray="6 4"/>'.format(*MODULE),
@@ -225,13 +235,13 @@ def draw(wires: list[Wire]) -> str:
                     out += flag(place, label, color)
             continue
         (x0, y0, _), (x1, y1, _) = sorted(ends)
-        column = "left" if x1 <= 290 else "right"
+        column = "left" if x1 <= 440 else "right"
         # A lane for each wire, so chosen that no two of a column cross.
         direction = "up" if y1 < y0 else "down"
         lane[column, direction] = lane.get((column, direction), 0) + 1
-        bend = {"left": 276, "right": 590}[column] - 12 * lane[column, direction]
+        bend = {"left": 426, "right": 740}[column] - 12 * lane[column, direction]
         if direction == "up":
-            bend = 216 + 12 * lane[column, direction]
+            bend = 360 + 12 * lane[column, direction]
         turn = "" if y0 == y1 else f" H{bend} V{y1:g}"
         out.append(
             f'<path d="M{x0:g} {y0:g}{turn} H{x1:g}" fill="none" stroke="{color}" stroke-width="2"/>'
@@ -239,8 +249,10 @@ def draw(wires: list[Wire]) -> str:
         if y0 != y1:
             name = wire.net.replace("JOYSTICK", "STICK")
             out.append(text(x0 + 6, y0 - 4, name, size=11, color=color))
-    out.append(text(30, 512, "Flags of one name are joined. Volts for a controller at 3.3 V; one at"
+    out.append(text(20, 608, "Flags of one name are joined. Volts for a controller at 3.3 V; one at"
                     " 5 V needs a module with level shifters, as drawn.", size=12, color="#4a5a70"))
+    out.append(text(20, 628, "Pedal filter: 1 kilohm from IN to OUT, 100 nF from OUT to GND, a"
+                    " suppressor diode from IN to GND, all at the jack.", size=12, color="#4a5a70"))
     out.append("</svg>")
     return "\n".join(out) + "\n"
 
@@ -267,4 +279,5 @@ def flag(place, label: str, color: str) -> list[str]:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
     sys.stdout.write(draw(load()))

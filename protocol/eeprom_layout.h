@@ -16,11 +16,9 @@ constexpr uint16_t kEepromPowerOnCountAddress = 0x080;          ///< one byte, s
 
 /// CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xffff), a byte at a time.
 constexpr uint16_t Crc16Step(uint16_t crc, uint8_t byte) {
-  crc = static_cast<uint16_t>(crc ^ (byte << 8));
-  for (uint8_t bit = 0; bit < 8; ++bit) {
-    crc = static_cast<uint16_t>((crc & 0x8000) ? (crc << 1) ^ 0x1021 : crc << 1);
-  }
-  return crc;
+  uint8_t x = static_cast<uint8_t>((crc >> 8) ^ byte);
+  x = static_cast<uint8_t>(x ^ (x >> 4));
+  return static_cast<uint16_t>((crc << 8) ^ (x << 12) ^ (x << 5) ^ x);
 }
 
 inline uint16_t Crc16(const void* data, uint8_t size) {

@@ -1,5 +1,5 @@
 // The HID report descriptor of the bench device: one vendor-defined collection with the input
-// report and the four feature reports, their lengths taken from the structs in hid_reports.h.
+// report and the feature reports, their lengths taken from the structs in hid_reports.h.
 //
 // Usable under avr-gcc, where the bytes live in flash and are read with pgm_read_byte.
 #pragma once
@@ -27,6 +27,12 @@ constexpr uint8_t kHidDeviceUsage = 0x01;
       0x09, (id) + 1,           /* Usage */         \
       0x95, sizeof(report) - 1, /* Report Count */  \
       (main_item), 0x02         /* Input or Feature (data, variable, absolute) */
+// The same for a report of more than 256 bytes: its count has two.
+#define TORQUER_LONG_REPORT_ITEMS(id, report, main_item)                               \
+  0x85, (id),                                                       /* Report ID */    \
+      0x09, (id) + 1,                                               /* Usage */        \
+      0x96, (sizeof(report) - 1) & 0xff, (sizeof(report) - 1) >> 8, /* Report Count */ \
+      (main_item), 0x02                                             /* Feature */
 // clang-format off
 /// As GET_DESCRIPTOR(HID report) returns it.
 constexpr uint8_t kHidReportDescriptor[] TORQUER_IN_FLASH = {
@@ -41,12 +47,15 @@ constexpr uint8_t kHidReportDescriptor[] TORQUER_IN_FLASH = {
     TORQUER_REPORT_ITEMS(kConfigurationReportId, ConfigurationReport, 0xb1),
     TORQUER_REPORT_ITEMS(kDiagnosticsReportId, DiagnosticsReport, 0xb1),
     TORQUER_REPORT_ITEMS(kCommandReportId, CommandReport, 0xb1),
+    TORQUER_LONG_REPORT_ITEMS(kSromReportId, SromReport, 0xb1),
+    TORQUER_LONG_REPORT_ITEMS(kPictureReportId, PictureReport, 0xb1),
     0xc0,                                            // End Collection
 };
 // clang-format on
 #undef TORQUER_REPORT_ITEMS
+#undef TORQUER_LONG_REPORT_ITEMS
 
-static_assert(sizeof(kHidReportDescriptor) == 55, "HID class descriptor carries this length");
+static_assert(sizeof(kHidReportDescriptor) == 73, "HID class descriptor carries this length");
 
 }  // namespace protocol
 }  // namespace torquer

@@ -12,7 +12,7 @@ namespace torquer {
 namespace protocol {
 
 /// Version of every layout in this file. A host refuses a device with another version and names the
-/// command that mends it. Dated breaks: README.md.
+/// command that repairs that. Dated breaks: README.md.
 constexpr uint8_t kProtocolVersion = 1;
 
 /// HID report ids (byte 0 of each report).
@@ -22,6 +22,8 @@ enum ReportId : uint8_t {
   kConfigurationReportId = 3,
   kDiagnosticsReportId = 4,
   kCommandReportId = 5,
+  kSromReportId = 6,
+  kPictureReportId = 7,
 };
 
 /// Bits of InputReport::flags.
@@ -29,6 +31,9 @@ enum ReportFlag : uint8_t {
   kFlagMotion = 1 << 0,       ///< the sensor saw motion since the previous report
   kFlagLift = 1 << 1,         ///< the sensor is too far from the cylinder; its counts are in doubt
   kFlagSensorFault = 1 << 2,  ///< the sensor does not answer as it should; counts stand still
+  kFlagReference = 1 << 3,    ///< the end switch has closed since the boot: reference_counts holds
+  kFlagAtReference = 1 << 4,  ///< the end switch is closed now
+  kFlagSromLost = 1 << 5,     ///< the sensor has lost the firmware image that the host had loaded
 };
 
 /// Bits of InputReport::buttons; 1 while held.
@@ -41,11 +46,17 @@ enum Button : uint8_t {
 /// Full scale of InputReport::joystick_x and joystick_y; the center is calibrated.
 constexpr uint16_t kJoystickMax = 1023;
 
+/// The sensor's firmware image, a file of its maker's: bytes.
+constexpr uint16_t kSromBytes = 4094;
+/// The sensor's raw picture: pixels a side.
+constexpr uint8_t kPictureSide = 36;
+constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
+
 // clang-format off
 #define TORQUER_INPUT_REPORT(FIELD)                                                                \
   FIELD(uint8_t,  report_id,         "1")                                                          \
   FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
-  FIELD(uint8_t,  flags,             "bit 0 motion, bit 1 lift, bit 2 sensor fault")               \
+  FIELD(uint8_t,  flags,             "ReportFlag")                                                 \
   FIELD(uint8_t,  boot_id,           "changes at every reset of the device")                       \
   FIELD(uint8_t,  buttons,           "bit 0 X-ray, bit 1 contrast, bit 2 clutch; 1 while held")    \
   FIELD(uint16_t, sequence,          "one more than in the previous report; wraps")                \
@@ -57,7 +68,7 @@ constexpr uint16_t kJoystickMax = 1023;
   FIELD(uint8_t,  surface_quality,   "number of surface features seen / 8")                        \
   FIELD(uint16_t, shutter,           "exposure, sensor clock ticks")                               \
   FIELD(uint16_t, cpi,               "counts an inch that the sensor is set to")                   \
-  FIELD(uint32_t, spare,             "0")
+  FIELD(int32_t,  reference_counts,  "axial_counts when the end switch last closed; 0 before")
 
 #define TORQUER_IDENTITY_REPORT(FIELD)                                                             \
   FIELD(uint8_t,  report_id,         "2")                                                          \
@@ -76,26 +87,43 @@ constexpr uint16_t kJoystickMax = 1023;
   FIELD(uint8_t,  report_id,         "3")                                                          \
   FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
   FIELD(uint16_t, cpi,               "100 .. 12000, a multiple of 100")                            \
-  FIELD(uint16_t, joystick_deadzone, "0 .. 511, counts around the middle reported as 512")         \
+  FIELD(uint16_t, joystick_deadzone, "0 .. 511, counts around the stick's rest reported as 512")    \
   FIELD_ARRAY(uint8_t, spare, 10,    "0")
 
 #define TORQUER_DIAGNOSTICS_REPORT(FIELD)                                                          \
   FIELD(uint8_t,  report_id,         "4")                                                          \
   FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
-  FIELD(uint8_t,  reset_reason,      "MCUSR at start: 1 power, 2 pin, 4 brown-out, 8 watchdog")    \
+  FIELD(uint8_t,  reset_reason,      "ResetReason bits; 0 unknown")                                \
   FIELD(uint8_t,  srom_id,           "sensor firmware id; 0 when none is loaded")                  \
   FIELD(uint16_t, sensor_faults,     "times the sensor had to be started again; saturates")        \
   FIELD(uint16_t, frames_missed,     "USB frames in which no report could be queued; saturates")   \
   FIELD(uint16_t, settings_writes,   "times the settings were written to EEPROM; saturates")       \
   FIELD(uint16_t, stack_headroom,    "bytes of stack never used since the reset")                  \
   FIELD(uint16_t, longest_frame_us,  "longest time from start of frame to report queued")          \
-  FIELD_ARRAY(uint8_t, spare, 18,    "0")
+  FIELD(uint16_t, sensor_resets,     "times the sensor had reset itself; saturates")               \
+  FIELD(uint8_t,  sensor_fault_cause, "SensorFaultCause of the latest fault")                      \
+  FIELD(uint8_t,  sensor_observation, "Observation register when the sensor was started")          \
+  FIELD(uint16_t, joystick_rest_x,   "reading at rest, measured at the start; 512 if it was not")  \
+  FIELD(uint16_t, joystick_rest_y,   "the same")                                                   \
+  FIELD_ARRAY(uint8_t, spare, 10,    "0")
 
 #define TORQUER_COMMAND_REPORT(FIELD)                                                              \
   FIELD(uint8_t,  report_id,         "5")                                                          \
   FIELD(uint8_t,  command,           "Command")                                                    \
   FIELD(uint16_t, key,               "kCommandKey, else the report is stalled")                    \
   FIELD_ARRAY(uint8_t, spare, 4,     "0")
+
+#define TORQUER_SROM_REPORT(FIELD)                                                                 \
+  FIELD(uint8_t,  report_id,         "6")                                                          \
+  FIELD_ARRAY(uint8_t, image, 4094,  "the image as its maker provides it")
+
+#define TORQUER_PICTURE_REPORT(FIELD)                                                              \
+  FIELD(uint8_t,  report_id,         "7")                                                          \
+  FIELD(uint8_t,  protocol_version,  "kProtocolVersion")                                           \
+  FIELD(uint8_t,  surface_quality,   "number of surface features seen / 8, before the picture")    \
+  FIELD(uint8_t,  spare,             "0")                                                          \
+  FIELD(uint16_t, shutter,           "exposure before the picture, sensor clock ticks")            \
+  FIELD_ARRAY(uint8_t, pixels, 1296, "brightness 0 .. 127, 36 rows of 36, as the sensor sends them")
 // clang-format on
 
 #define TORQUER_FIELD(type, name, meaning) type name;
@@ -113,7 +141,7 @@ struct __attribute__((packed)) IdentityReport {
 struct __attribute__((packed)) ConfigurationReport {
   TORQUER_CONFIGURATION_REPORT(TORQUER_FIELD)
 };
-/// Feature report, read only: how the device has fared since its last reset.
+/// Feature report, read only: what has happened to the device since its last reset.
 struct __attribute__((packed)) DiagnosticsReport {
   TORQUER_DIAGNOSTICS_REPORT(TORQUER_FIELD)
 };
@@ -121,8 +149,43 @@ struct __attribute__((packed)) DiagnosticsReport {
 struct __attribute__((packed)) CommandReport {
   TORQUER_COMMAND_REPORT(TORQUER_FIELD)
 };
+/// Feature report, write only: a firmware image for the sensor, in one transfer. The device asks
+/// for its bytes as it hands them on, and acknowledges once the sensor runs the image; it stalls if
+/// the sensor does not take it. The sensor forgets it without power and when it resets.
+struct __attribute__((packed)) SromReport {
+  TORQUER_SROM_REPORT(TORQUER_FIELD)
+};
+/// Feature report, read only: what the sensor's camera sees. Taken when it is asked for, which
+/// takes up to a second; the sensor is started again after it, and a firmware image of the host's
+/// is lost.
+struct __attribute__((packed)) PictureReport {
+  TORQUER_PICTURE_REPORT(TORQUER_FIELD)
+};
 #undef TORQUER_FIELD
 #undef FIELD_ARRAY
+
+/// Length of the longest report: a host may pad every feature report that it writes up to here.
+constexpr uint16_t kLongestReportBytes = sizeof(SromReport);
+
+/// Bits of DiagnosticsReport::reset_reason: MCUSR at the start. Arduino's bootloader clears it:
+/// then the firmware tells what the memory shows, with kResetDerived, or 0.
+enum ResetReason : uint8_t {
+  kResetPower = 1 << 0,
+  kResetPin = 1 << 1,
+  kResetBrownOut = 1 << 2,
+  kResetWatchdog = 1 << 3,
+  kResetDerived = 1 << 7,
+};
+
+/// Values of DiagnosticsReport::sensor_fault_cause.
+enum SensorFaultCause : uint8_t {
+  kSensorNoFault = 0,
+  kSensorSilent = 1,       ///< a row of equal bytes: no power, a broken wire
+  kSensorForeign = 2,      ///< another product id
+  kSensorReset = 3,        ///< it has reset itself: its configuration, or its Observation, is gone
+  kSensorFrozen = 4,       ///< it takes no frames
+  kSensorSromRefused = 5,  ///< it did not take the firmware image
+};
 
 /// Values of CommandReport::command.
 enum Command : uint8_t {
@@ -138,6 +201,8 @@ static_assert(sizeof(IdentityReport) == 32, "see the byte table in README.md");
 static_assert(sizeof(ConfigurationReport) == 16, "see the byte table in README.md");
 static_assert(sizeof(DiagnosticsReport) == 32, "see the byte table in README.md");
 static_assert(sizeof(CommandReport) == 8, "see the byte table in README.md");
+static_assert(sizeof(SromReport) == 1 + kSromBytes, "see the byte table in README.md");
+static_assert(sizeof(PictureReport) == 6 + kPicturePixels, "see the byte table in README.md");
 
 }  // namespace protocol
 }  // namespace torquer

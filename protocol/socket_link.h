@@ -6,6 +6,8 @@
 
 #include <stdint.h>
 
+#include "protocol/hid_reports.h"
+
 namespace torquer {
 namespace protocol {
 
@@ -19,7 +21,7 @@ enum class SocketPacket : uint8_t {
 };
 
 /// Longest packet: kind byte and the largest report, with room to detect an overlong one.
-constexpr int kSocketPacketMax = 65;
+constexpr int kSocketPacketMax = 2 + kLongestReportBytes;
 
 }  // namespace protocol
 }  // namespace torquer

@@ -23,7 +23,7 @@ void DelayUs(uint16_t us);
 /// True once for each USB start of frame; `start_us` is when the frame began.
 bool TakeFrameStart(uint32_t* start_us);
 
-/// Sleeps until an interrupt, at most about 65 ms; returns at once if an event is pending. While
+/// Sleeps until there is something to do, at most about 130 ms; returns at once if there is. While
 /// the bus is suspended it sleeps deeply, with everything stopped but what wakes it: until the bus
 /// comes to life, and at most kSuspendedTickUs, by which NowUs() then has gone on.
 void Idle();
@@ -33,8 +33,8 @@ constexpr uint16_t kSuspendedTickUs = 32000;  ///< nominally; the watchdog's osc
 /// begins and ends its deep sleep by the answer given here last.
 bool BusSuspended();
 
-/// Asks the host for life on a suspended bus, which BusSuspended() then is no more; it is again if
-/// the host does not answer within about a tenth of a second.
+/// Wakes the host on a suspended bus, which BusSuspended() then is no more; it is again if the host
+/// does not answer within about a tenth of a second.
 void WakeHost();
 
 /// To be called at least every 250 ms, else the chip resets.
@@ -46,7 +46,7 @@ void KickWatchdog();
 /// Leaves the USB and resets into the bootloader.
 [[noreturn]] void EnterBootloader();
 
-/// MCUSR at the start: 1 power-on, 2 reset pin, 4 brown-out, 8 watchdog.
+/// Why the chip was reset: protocol::ResetReason bits; 0 if neither chip nor memory tells.
 uint8_t ResetReason();
 
 /// One byte that survives a reset but not a loss of power; `valid` tells which it was.
@@ -73,6 +73,10 @@ bool ApplicationIsWhole();
 
 void SelectSensor(bool selected);
 uint8_t TransferSpi(uint8_t byte);
+/// The same, no sooner than `gap_us` (1 .. 100) after the last such byte.
+uint8_t TransferSpiAfter(uint8_t byte, uint8_t gap_us);
+/// So many bytes one after the other; zeros are sent.
+void ReadSpi(uint8_t* bytes, uint8_t count);
 
 // --- joystick and buttons ----------------------------------------------------------------------
 
@@ -83,8 +87,10 @@ void BeginAdc(Axis axis);
 /// The result of the conversion begun last, 0 .. 1023; waits for its end, at most 110 us.
 uint16_t FinishAdc();
 
-/// The pins as they are now, as protocol::Button bits, 1 while pressed; bounces included.
+/// The pins as they are now, as protocol::Button bits and kReferenceSwitch, 1 while closed; bounces
+/// included.
 uint8_t ReadButtons();
+constexpr uint8_t kReferenceSwitch = 1 << 3;
 
 // --- EEPROM ------------------------------------------------------------------------------------
 
@@ -98,6 +104,8 @@ void WriteEeprom(uint16_t address, uint8_t value);
 
 /// True once for each reset by the host. Address 0, not configured, endpoint 0 is ready.
 bool TakeUsbReset();
+/// A bus reset, a SETUP packet or a packet from the host waits: the quickest look that there is.
+bool ControlPending();
 /// True once for each SETUP packet; whatever else endpoint 0 held is gone.
 bool TakeSetup(uint8_t packet[8]);
 
@@ -107,20 +115,28 @@ bool CanSendControl();
 void SendControl(const uint8_t* data, uint8_t size, bool in_flash);
 /// Endpoint 0 holds a packet from the host, an empty one included.
 bool HasControlData();
-/// Takes it; bytes beyond `capacity` are dropped. Returns its size.
-uint8_t TakeControlData(uint8_t* data, uint8_t capacity);
+/// Its size, and its bytes one by one.
+uint8_t ControlDataSize();
+uint8_t NextControlByte();
+/// Its bytes are taken, and the next packet may come; false if a SETUP packet has come meanwhile:
+/// what was read means nothing.
+bool ReleaseControlData();
 /// Refuses the request; the next SETUP packet ends it.
 void StallControl();
 
 /// From now on Idle() ends on a SETUP packet and, where asked for, once CanSendControl() or
 /// HasControlData() is true.
 void WatchControl(bool can_send, bool has_data);
+/// From now on Idle() does not end on endpoint 0, until WatchControl() is called again: the host is
+/// left to ask again.
+void HoldControl();
 
 /// The device answers at this address (0 .. 127) from now on.
 void SetAddress(uint8_t address);
 
-/// Sets up or removes the interrupt IN endpoint; its data toggle starts anew and it is not halted.
-void ConfigureInput(bool enabled);
+/// Sets up or removes the interrupt IN endpoint; its data toggle starts from DATA0 and it is not
+/// halted. False if the chip does not give it its memory.
+bool ConfigureInput(bool enabled);
 void HaltInput(bool halted);
 bool InputHalted();
 /// Packets queued and not yet taken by the host: 0 .. 2.

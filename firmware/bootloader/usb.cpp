@@ -252,20 +252,21 @@ bool UsbServer::TakeReport() {
     if (Superseded()) return true;  // with the flag a SETUP packet would be taken away
     UEINTX = static_cast<uint8_t>(~_BV(RXOUTI));
   }
-  if (!Obey()) return false;
+  if (!Execute()) return false;
   Acknowledge();
   return true;
 }
 
 // Does what the report asks for; false if it cannot be done.
-bool UsbServer::Obey() {
+bool UsbServer::Execute() {
+  // A host may pad a report to the length of the longest, which is the page.
   if (report_.bytes[0] == protocol::kPageReportId && setup_.length == sizeof(report_.page)) {
     const bool written = WritePage(report_.page.address, report_.page.data, &trailer_erased_);
     if (written) application_valid_ = !trailer_erased_;
     return written;
   }
   if (report_.bytes[0] == protocol::kBootloaderCommandReportId &&
-      setup_.length == sizeof(report_.command) && report_.command.key == protocol::kCommandKey) {
+      setup_.length >= sizeof(report_.command) && report_.command.key == protocol::kCommandKey) {
     if (report_.command.command == protocol::kBootloaderSelectPage) {
       selected_page_ = report_.command.address;
       return true;

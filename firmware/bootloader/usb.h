@@ -31,7 +31,7 @@ class UsbServer {
   bool SendDescriptor();
   bool SendReport();
   bool TakeReport();
-  bool Obey();
+  bool Execute();
   void Send(const uint8_t* data, uint8_t size, bool in_flash);
 
   Setup setup_;

@@ -14,10 +14,18 @@ namespace {
 // acknowledged first.
 constexpr uint32_t kCommandDelayUs = 10000;
 
+constexpr uint16_t kFrameUs = 1000;
+// Of each frame, from its start, in which endpoint 0 is served.
+constexpr uint16_t kControlWindowUs = 500;
+constexpr uint8_t kMostWaivedFrames = 8;
+
 // Bits of IdentityReport::self_test.
 constexpr uint8_t kApplicationGood = 1 << 0;
 constexpr uint8_t kSettingsGood = 1 << 1;
 constexpr uint8_t kSensorGood = 1 << 2;
+
+constexpr uint8_t kButtonMask =
+    protocol::kButtonXray | protocol::kButtonContrast | protocol::kButtonClutch;
 
 }  // namespace
 
@@ -35,14 +43,32 @@ void BenchFirmware::Step() {
   if (suspended_) {
     Doze();
   } else {
-    usb_.Poll();
-    uint32_t start_us = 0;
-    if (board::TakeFrameStart(&start_us)) {
-      Frame(start_us);
-      usb_.Poll();
-    }
+    if (board::TakeFrameStart(&frame_start_us_)) Frame();
+    ServeControl();
+    service_.Run();
+    if (service_.streaming()) Stream();
   }
   RunPendingCommand();
+}
+
+// What the host asks for late in a frame waits for the next one, which must not begin late.
+void BenchFirmware::ServeControl() {
+  const uint32_t since_us = board::NowUs() - frame_start_us_;
+  if (since_us >= kControlWindowUs && since_us < kFrameUs) {
+    board::HoldControl();
+  } else {
+    usb_.Poll();
+  }
+}
+
+// A firmware image on its way from the host to the sensor: nothing else until it is there, and
+// frames go by.
+void BenchFirmware::Stream() {
+  while (service_.streaming()) {
+    board::KickWatchdog();
+    if (board::ControlPending()) usb_.Poll();
+    service_.Run();
+  }
 }
 
 void BenchFirmware::FollowBus() {
@@ -50,6 +76,7 @@ void BenchFirmware::FollowBus() {
   if (suspended == suspended_) return;
   suspended_ = suspended;
   if (suspended) {
+    service_.Abandon();
     sensor_.Sleep();
   } else {
     sensor_.Wake();
@@ -61,32 +88,43 @@ void BenchFirmware::FollowBus() {
 void BenchFirmware::Doze() {
   sensor_.Maintain();
   const uint8_t held_before = buttons_.held();
-  const uint8_t pressed =
-      static_cast<uint8_t>(buttons_.Update(board::ReadButtons()) & ~held_before);
+  const uint8_t held = buttons_.Update(board::ReadButtons(), Buttons::kStableReadingsSuspended);
+  const uint8_t pressed = static_cast<uint8_t>(held & ~held_before & kButtonMask);
   if (pressed != 0 && usb_.may_wake_host()) board::WakeHost();
 }
 
-void BenchFirmware::Frame(uint32_t start_us) {
-  joystick_.BeginFrame();
-  const uint8_t held = buttons_.Update(board::ReadButtons());
+void BenchFirmware::Frame() {
   const uint32_t sampled_us = board::NowUs();
+  sensor_.BeginRead();
+  joystick_.BeginFrame();
+  const uint8_t pins = board::ReadButtons();
+  const uint8_t held = buttons_.Update(pins);
   const MotionSample sample = sensor_.Read();
   joystick_.EndFrame();
+  service_.Note(sample);
+  report_.Count(sample);
+  reference_.Update(pins & board::kReferenceSwitch, held & board::kReferenceSwitch,
+                    report_.axial_counts());
 
   const uint16_t deadzone = settings_.deadzone();
-  const protocol::InputReport& report = report_.Next(
-      sample, sampled_us, held, joystick_.x(deadzone), joystick_.y(deadzone), sensor_.cpi());
+  const protocol::InputReport& report =
+      report_.Next(sampled_us, held & kButtonMask, joystick_.x().Report(deadzone),
+                   joystick_.y().Report(deadzone), sensor_.cpi(), reference_, sensor_.srom_lost());
   if (usb_.configured()) {
     usb_.SendInput(report);
-    const uint32_t taken_us = board::NowUs() - start_us;
+    const uint32_t taken_us = board::NowUs() - frame_start_us_;
     if (taken_us > longest_frame_us_) {
       longest_frame_us_ = taken_us > UINT16_MAX ? UINT16_MAX : static_cast<uint16_t>(taken_us);
     }
   }
 
+  // One of the longer jobs a frame: a control request, a byte of the settings, the sensor's upkeep.
+  // A host that never stops asking does not keep the others from their turn.
   sensor_.SetCpi(settings_.cpi());
-  sensor_.Maintain();
-  settings_.Poll();
+  if (!usb_.Poll() || ++waived_frames_ >= kMostWaivedFrames) {
+    waived_frames_ = 0;
+    if (!settings_.Poll()) sensor_.Maintain();
+  }
   stack_headroom_ = board::StackHeadroom();
 }
 
@@ -139,6 +177,11 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
       diagnostics.settings_writes = settings_.writes();
       diagnostics.stack_headroom = stack_headroom_;
       diagnostics.longest_frame_us = longest_frame_us_;
+      diagnostics.sensor_resets = sensor_.self_resets();
+      diagnostics.sensor_fault_cause = sensor_.fault_cause();
+      diagnostics.sensor_observation = sensor_.observation();
+      diagnostics.joystick_rest_x = joystick_.x().rest();
+      diagnostics.joystick_rest_y = joystick_.y().rest();
       return sizeof(diagnostics);
     }
     default:
@@ -148,19 +191,20 @@ uint8_t BenchFirmware::GetFeatureReport(uint8_t id, uint8_t* report) {
 
 bool BenchFirmware::SetFeatureReport(const uint8_t* report, uint8_t size) {
   if (report[0] == protocol::kConfigurationReportId) {
-    if (size != sizeof(protocol::ConfigurationReport)) return false;
+    if (size < sizeof(protocol::ConfigurationReport)) return false;
     const protocol::ConfigurationReport& configuration =
         *reinterpret_cast<const protocol::ConfigurationReport*>(report);
     return configuration.protocol_version == protocol::kProtocolVersion &&
            settings_.Set(configuration.cpi, configuration.joystick_deadzone);
   }
   if (report[0] == protocol::kCommandReportId) {
-    if (size != sizeof(protocol::CommandReport)) return false;
+    if (size < sizeof(protocol::CommandReport)) return false;
     const protocol::CommandReport& command =
         *reinterpret_cast<const protocol::CommandReport*>(report);
     if (command.key != protocol::kCommandKey) return false;
     switch (command.command) {
       case protocol::kCommandZero:
+        reference_.Shift(report_.axial_counts());
         report_.Zero();
         return true;
       case protocol::kCommandEnterBootloader:

@@ -6,7 +6,9 @@
 #include "firmware/src/buttons.h"
 #include "firmware/src/joystick.h"
 #include "firmware/src/pmw3360.h"
+#include "firmware/src/reference_switch.h"
 #include "firmware/src/report.h"
+#include "firmware/src/sensor_service.h"
 #include "firmware/src/serial_number.h"
 #include "firmware/src/settings.h"
 #include "firmware/src/usb_device.h"
@@ -29,21 +31,27 @@ class BenchFirmware final : public ReportHandler {
 
  private:
   void FollowBus();
-  void Frame(uint32_t start_us);
+  void ServeControl();
+  void Frame();
+  void Stream();
   void Doze();
   void RunPendingCommand();
 
   Settings settings_;
   Pmw3360 sensor_;
+  SensorService service_{sensor_};
   Joystick joystick_;
   Buttons buttons_;
+  ReferenceSwitch reference_;
   ReportBuilder report_;
   char serial_[kSerialBytes] = {};
-  UsbDevice usb_{*this, serial_};
+  UsbDevice usb_{*this, service_, serial_};
   uint32_t command_at_us_ = 0;
+  uint32_t frame_start_us_ = 0;
   uint16_t stack_headroom_ = 0;
   uint16_t longest_frame_us_ = 0;
   uint8_t pending_command_ = 0;
+  uint8_t waived_frames_ = 0;  // in a row, of the settings and of the sensor's upkeep
   bool suspended_ = false;
 };
 

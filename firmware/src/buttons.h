@@ -1,4 +1,4 @@
-// Buttons without their bounces.
+// Contacts without their bounces.
 #pragma once
 
 #include <stdint.h>
@@ -8,17 +8,20 @@ namespace firmware {
 
 class Buttons {
  public:
-  /// Readings in a row, one a millisecond, that must agree before a change counts.
-  static constexpr uint8_t kStableReadings = 5;
+  /// Readings in a row that must agree before a change counts: one a millisecond while the bus is
+  /// awake, which a foot switch's bounces do not reach; one every 32 ms while it is suspended.
+  static constexpr uint8_t kStableReadings = 10;
+  static constexpr uint8_t kStableReadingsSuspended = 2;
 
-  /// Takes one reading of the pins (protocol::Button bits); returns what is held, debounced.
-  uint8_t Update(uint8_t pins);
+  /// Takes one reading of the pins (board::ReadButtons()); returns what is held, debounced.
+  uint8_t Update(uint8_t pins, uint8_t stable_readings = kStableReadings);
   /// What Update() returned last.
   uint8_t held() const { return held_; }
 
  private:
-  static constexpr uint8_t kCount = 3;
+  static constexpr uint8_t kCount = 4;
   uint8_t held_ = 0;
+  bool counting_ = false;           // a reading has differed, and not all have agreed since
   uint8_t differing_[kCount] = {};  // readings in a row that differ from held_
 };
 

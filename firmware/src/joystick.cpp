@@ -4,23 +4,66 @@
 
 namespace torquer {
 namespace firmware {
+namespace {
 
-uint16_t ApplyDeadzone(uint16_t value, uint16_t deadzone) {
-  constexpr uint16_t kMiddle = 512;
-  const uint16_t distance =
-      static_cast<uint16_t>(value > kMiddle ? value - kMiddle : kMiddle - value);
-  return distance <= deadzone ? kMiddle : value;
+constexpr uint8_t kGainBits = 15;
+
+uint16_t Gain(uint16_t reported, uint16_t read) {
+  return static_cast<uint16_t>((static_cast<uint32_t>(reported) << kGainBits) / read);
+}
+
+// Rounded to the nearest; the shift of 16 bits costs nothing.
+uint16_t Stretch(uint16_t distance, uint16_t gain) {
+  const uint32_t twice = (static_cast<uint32_t>(distance) * gain) << 1;
+  return static_cast<uint16_t>((twice + 0x8000) >> 16);
+}
+
+}  // namespace
+
+void JoystickAxis::Take(uint16_t value) {
+  value_ = value;
+  constexpr uint8_t kLast = kUnsettledReadings + kRestReadings;
+  if (readings_ > kLast + 1) return;
+  if (++readings_ <= kUnsettledReadings) return;
+  if (readings_ <= kLast) {
+    sum_ = static_cast<uint16_t>(sum_ + value);
+    if (value < lowest_) lowest_ = value;
+    if (value > highest_) highest_ = value;
+    if (readings_ == kLast) FindRest();
+    return;
+  }
+  // A division a frame.
+  if (readings_ == kLast + 1) {
+    gain_up_ = Gain(kFullScale - kMiddle, static_cast<uint16_t>(kFullScale - rest_));
+  } else {
+    gain_down_ = Gain(kMiddle, rest_);
+  }
+}
+
+void JoystickAxis::FindRest() {
+  const uint16_t mean = static_cast<uint16_t>((sum_ + kRestReadings / 2) / kRestReadings);
+  if (highest_ - lowest_ > kLargestSpread) return;
+  if (mean > kMiddle + kLargestOffset || mean < kMiddle - kLargestOffset) return;
+  rest_ = mean;
+}
+
+uint16_t JoystickAxis::Report(uint16_t deadzone) const {
+  const bool up = value_ > rest_;
+  const uint16_t distance = static_cast<uint16_t>(up ? value_ - rest_ : rest_ - value_);
+  if (distance <= deadzone) return kMiddle;
+  return static_cast<uint16_t>(up ? kMiddle + Stretch(distance, gain_up_)
+                                  : kMiddle - Stretch(distance, gain_down_));
 }
 
 void Joystick::Start() { board::BeginAdc(board::Axis::kY); }
 
 void Joystick::BeginFrame() {
-  y_ = board::FinishAdc();
+  y_.Take(board::FinishAdc());
   board::BeginAdc(board::Axis::kX);
 }
 
 void Joystick::EndFrame() {
-  x_ = board::FinishAdc();
+  x_.Take(board::FinishAdc());
   board::BeginAdc(board::Axis::kY);
 }
 

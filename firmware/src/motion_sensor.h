@@ -19,11 +19,14 @@ struct MotionSample {
 
 class MotionSensor {
  public:
-  /// The newest motion; at most 120 us. To be called once a frame.
+  /// Takes the newest motion, now. To be called once a frame, and Read() after it: something short
+  /// can be done in between, for which the sensor needs some 40 us.
+  virtual void BeginRead() = 0;
+  /// That motion; at most 120 us.
   virtual MotionSample Read() = 0;
 
   /// Starting, checking and, after a fault, starting again: one step a call, at most 450 us. To be
-  /// called once a frame, after the report is on its way.
+  /// called once a frame, after the report is on its way; one may be left out if time is short.
   virtual void Maintain() = 0;
 
   /// From now on the sensor is not to draw current: Maintain() sends it to sleep as soon as it can
@@ -39,7 +42,6 @@ class MotionSensor {
 
   virtual uint8_t product_id() const = 0;  ///< 0 when none answers
   virtual uint8_t revision() const = 0;    ///< 0 when none answers
-  virtual uint8_t srom_id() const = 0;     ///< 0 when no sensor firmware is loaded
   virtual uint16_t restarts() const = 0;   ///< after the first start; saturates
   virtual bool running() const = 0;
 

@@ -1,56 +1,36 @@
 #include "firmware/src/pmw3360.h"
 
 #include "firmware/board/board.h"
-#include "firmware/src/srom_image.h"
 
 namespace torquer {
 namespace firmware {
+
+using namespace pmw3360;
+
 namespace {
 
-// Registers.
-constexpr uint8_t kProductId = 0x00;
-constexpr uint8_t kRevisionId = 0x01;
-constexpr uint8_t kMotion = 0x02;
-constexpr uint8_t kDeltaYHigh = 0x06;
-constexpr uint8_t kConfig1 = 0x0f;  // resolution: cpi / 100 - 1
-constexpr uint8_t kConfig2 = 0x10;
-constexpr uint8_t kSromEnable = 0x13;
-constexpr uint8_t kSromId = 0x2a;
-constexpr uint8_t kPowerUpReset = 0x3a;
-constexpr uint8_t kShutdown = 0x3b;
-constexpr uint8_t kInverseProductId = 0x3f;
-constexpr uint8_t kMotionBurst = 0x50;
-constexpr uint8_t kSromLoadBurst = 0x62;
-constexpr uint8_t kWriteBit = 0x80;
-
-constexpr uint8_t kExpectedProductId = 0x42;
-constexpr uint8_t kExpectedInverseId = 0xbd;
-constexpr uint8_t kResetKey = 0x5a;
-constexpr uint8_t kShutdownKey = 0xb6;
-
-// Bits of the first byte of a burst.
-constexpr uint8_t kMotionSeen = 0x80;
-constexpr uint8_t kLifted = 0x08;
-
-// Timing of the data sheet in us, each rounded up by one for the clock's resolution.
-constexpr uint16_t kAddressToData = 161;    // tSRAD
-constexpr uint16_t kAddressToBurst = 36;    // tSRAD_MOTBR
-constexpr uint16_t kWriteToDeselect = 36;   // tSCLK-NCS for a write
-constexpr uint16_t kAfterWrite = 181 - 36;  // tSWW, tSWR, the time until the deselect taken off
-constexpr uint16_t kAfterRead = 21;         // tSRW, tSRR
-constexpr uint16_t kAfterBurst = 2;         // tBEXIT is 500 ns
-constexpr uint16_t kSromByte = 16;          // between the bytes of an SROM
-constexpr uint16_t kAfterSrom = 201;
-constexpr uint32_t kPowerUp = 50000;
-constexpr uint32_t kAfterReset = 50000;
-constexpr uint32_t kSromEnableWait = 10000;
-
-constexpr uint8_t kBurstBytes = 12;
-constexpr uint8_t kSromBytesAStep = 16;
 constexpr uint8_t kBadReadingsToRestart = 3;
-constexpr uint8_t kFramesBetweenChecks = 250;
+constexpr uint8_t kFramesBetweenChecks = 32;
+constexpr uint8_t kFramesToObserve = 20;
+constexpr uint8_t kBlindStarts = 3;
 constexpr uint16_t kFirstBackoffMs = 100;
 constexpr uint16_t kLastBackoffMs = 1600;
+
+// What is looked at in turn while the sensor runs.
+enum Check : uint8_t { kCheckRest, kCheckCpi, kCheckIdentity, kCheckSromId, kCheckFrames, kChecks };
+constexpr uint8_t kSromRunAndFrames = 0x7f;  // of Observation; the eighth bit is reserved
+
+bool Uniform(const uint8_t burst[kBurstBytes]) {
+  if (burst[0] != 0x00 && burst[0] != 0xff) return false;
+  for (uint8_t i = 1; i < kBurstBytes; ++i) {
+    if (burst[i] != burst[0]) return false;
+  }
+  return true;
+}
+
+void CountUp(uint16_t* count) {
+  if (*count != UINT16_MAX) ++*count;
+}
 
 }  // namespace
 
@@ -60,35 +40,53 @@ void Pmw3360::Start(uint16_t cpi) {
   WaitThen(State::kWaitToReset, kPowerUp);
 }
 
+void Pmw3360::BeginRead() {
+  if (state_ == State::kRunning) bus_.BeginMotion();
+}
+
 MotionSample Pmw3360::Read() {
   MotionSample sample;
   sample.fault = true;
   if (state_ != State::kRunning) return sample;
 
   uint8_t burst[kBurstBytes];
-  WaitUntilReady();
-  board::SelectSensor(true);
-  board::TransferSpi(kMotionBurst);
-  board::DelayUs(kAddressToBurst);
-  for (uint8_t& byte : burst) byte = board::TransferSpi(0);
-  board::SelectSensor(false);
-  ready_at_us_ = board::NowUs() + kAfterBurst;
+  bus_.FinishMotion(burst);
 
   // A sensor without power, or a broken wire, gives a row of equal bytes; a living one never does:
   // its pixel maximum is above its minimum.
-  bool uniform = burst[0] == 0x00 || burst[0] == 0xff;
-  for (uint8_t i = 1; i < kBurstBytes; ++i) uniform = uniform && burst[i] == burst[0];
-  if (uniform) {
-    if (++bad_readings_ >= kBadReadingsToRestart) Fail();
+  if (Uniform(burst)) {
+    if (++bad_readings_ >= kBadReadingsToRestart) Fail(protocol::kSensorSilent);
+    return sample;
+  }
+  sample.delta_x = static_cast<int16_t>(burst[2] | (static_cast<uint16_t>(burst[3]) << 8));
+  sample.delta_y = static_cast<int16_t>(burst[4] | (static_cast<uint16_t>(burst[5]) << 8));
+
+  // A sensor that has reset itself rests, shows no frames at first, and no firmware image any more.
+  // What it counts then it counts at another resolution. Maintain() makes sure at once; should it
+  // have been a spoiled byte, the counts are not lost.
+  if (frames_to_observe_ != 0 && (burst[1] & kFrameBits) != 0) {
+    frames_to_observe_ = 0;
+    next_check_ = kCheckRest;
+    frames_to_check_ = 1;
+  }
+  const uint8_t expected =
+      static_cast<uint8_t>(frames_to_observe_ != 0 ? observation_ & ~kFrameBits : observation_);
+  if ((burst[1] & expected) != expected || (burst[0] & kOperationMode) != 0) {
+    withheld_x_ = static_cast<int16_t>(withheld_x_ + sample.delta_x);
+    withheld_y_ = static_cast<int16_t>(withheld_y_ + sample.delta_y);
+    sample.delta_x = sample.delta_y = 0;
+    in_doubt_ = true;
+    if (++bad_readings_ >= kBadReadingsToRestart) Fail(protocol::kSensorReset);
     return sample;
   }
   bad_readings_ = 0;
+  sample.delta_x = static_cast<int16_t>(sample.delta_x + withheld_x_);
+  sample.delta_y = static_cast<int16_t>(sample.delta_y + withheld_y_);
+  withheld_x_ = withheld_y_ = 0;
 
   sample.fault = false;
   sample.motion = burst[0] & kMotionSeen;
   sample.lifted = burst[0] & kLifted;
-  sample.delta_x = static_cast<int16_t>(burst[2] | (static_cast<uint16_t>(burst[3]) << 8));
-  sample.delta_y = static_cast<int16_t>(burst[4] | (static_cast<uint16_t>(burst[5]) << 8));
   sample.surface_quality = burst[6];
   sample.shutter = static_cast<uint16_t>((static_cast<uint16_t>(burst[10]) << 8) | burst[11]);
   return sample;
@@ -100,8 +98,9 @@ void Pmw3360::Maintain() {
   resume_at_us_ = now_us;  // an old time would seem to lie ahead once the clock has wrapped
   switch (state_) {
     case State::kWaitToReset:
-      WriteRegister(kPowerUpReset, kResetKey);
+      bus_.Write(kPowerUpReset, kResetKey);
       shut_down_ = false;
+      reset_at_us_ = board::NowUs();
       WaitThen(State::kSettle, kAfterReset);
       break;
     case State::kSettle:
@@ -109,7 +108,7 @@ void Pmw3360::Maintain() {
       state_ = State::kClearMotion;
       break;
     case State::kClearMotion:
-      ReadRegister(step_);
+      bus_.Read(step_);
       if (step_++ == kDeltaYHigh) {
         step_ = 0;
         state_ = State::kIdentify;
@@ -117,126 +116,228 @@ void Pmw3360::Maintain() {
       break;
     case State::kIdentify:
       if (step_ == 0) {
-        product_id_ = ReadRegister(kProductId);
-        revision_ = ReadRegister(kRevisionId);
+        product_id_ = bus_.Read(kProductId);
+        revision_ = bus_.Read(kRevisionId);
         step_ = 1;
       } else if (product_id_ == kExpectedProductId &&
-                 ReadRegister(kInverseProductId) == kExpectedInverseId) {
-        state_ = kSromImageBytes ? State::kPrepareSrom : State::kSetCpi;
+                 bus_.Read(kInverseProductId) == kExpectedInverseId) {
+        step_ = 0;
+        state_ = srom_wanted_ ? State::kPrepareSrom : State::kConfigure;
       } else {
-        Fail();
+        Fail(product_id_ == 0xff || product_id_ == 0 ? protocol::kSensorSilent
+                                                     : protocol::kSensorForeign);
       }
       break;
     case State::kPrepareSrom:
-      WriteRegister(kConfig2, 0x00);
+      bus_.Write(kConfig2, kNoRest);
       state_ = State::kEnableSrom;
       break;
     case State::kEnableSrom:
-      WriteRegister(kSromEnable, 0x1d);
+      bus_.Write(kSromEnable, kSromPrepare);
       WaitThen(State::kStartSrom, kSromEnableWait);
       break;
     case State::kStartSrom:
-      WriteRegister(kSromEnable, 0x18);
-      srom_sent_ = 0;
-      state_ = State::kLoadSrom;
-      break;
-    case State::kLoadSrom:
-      LoadSromBytes();
+      bus_.Write(kSromEnable, kSromStart);
+      state_ = State::kAwaitSrom;
       break;
     case State::kCheckSrom:
-      srom_id_ = ReadRegister(kSromId);
+      srom_id_ = bus_.Read(kSromId);
       if (srom_id_ == 0) {
-        Fail();
+        Fail(protocol::kSensorSromRefused);
       } else {
-        WriteRegister(kConfig2, 0x00);
-        state_ = State::kSetCpi;
+        srom_lost_ = false;
+        state_ = State::kConfigure;
       }
       break;
-    case State::kSetCpi:
-      ApplyCpi();
+    case State::kConfigure:
+      if (step_ == 0) {
+        bus_.Write(kConfig2, kNoRest);
+        step_ = 1;
+      } else {
+        cpi_ = wanted_cpi_;
+        bus_.Write(kConfig1, static_cast<uint8_t>(cpi_ / 100 - 1));
+        state_ = State::kClearObservation;
+      }
+      break;
+    case State::kClearObservation:
+      bus_.Write(kObservation, 0);
+      WaitThen(State::kObserve, kObservationWait);
+      break;
+    case State::kObserve:
+      Observe();
+      break;
+    case State::kVerify:
+      if (!Passes(step_)) {
+        Fail(protocol::kSensorReset);
+      } else if (++step_ == kCheckFrames) {
+        ArmBurst();
+        state_ = State::kDiscardMotion;
+      }
+      break;
+    case State::kDiscardMotion: {
+      uint8_t burst[kBurstBytes];
+      bus_.BeginMotion();
+      bus_.FinishMotion(burst);
       frames_to_check_ = kFramesBetweenChecks;
-      bad_readings_ = 0;
+      frames_to_observe_ = bad_readings_ = 0;
+      withheld_x_ = withheld_y_ = 0;
       state_ = State::kRunning;
       break;
+    }
     case State::kRunning:
-      CheckHealth();
+      if (picture_wanted_ && board::NowUs() - reset_at_us_ >= kCaptureAfterReset) {
+        state_ = State::kBeginPicture;
+      } else {
+        CheckHealth();
+      }
+      break;
+    case State::kBeginPicture:
+      bus_.Write(kConfig2, kNoRest);
+      state_ = State::kAskPicture;
+      break;
+    case State::kAskPicture:
+      bus_.Write(kFrameCapture, kCaptureFirst);
+      state_ = State::kTakePicture;
+      break;
+    case State::kTakePicture:
+      bus_.Write(kFrameCapture, kCaptureSecond);
+      WaitThen(State::kExposePicture, kCaptureWait);
+      break;
+    case State::kExposePicture:
+      state_ = State::kPictureReady;
       break;
     case State::kShutDown:
-      WriteRegister(kShutdown, kShutdownKey);
+      bus_.Write(kShutdown, kShutdownKey);
       shut_down_ = true;
       state_ = State::kAsleep;
       break;
+    case State::kAwaitSrom:
+    case State::kPictureReady:
     case State::kAsleep:
       break;
   }
 }
 
-void Pmw3360::Sleep() {
-  if (state_ == State::kLoadSrom) {  // in the middle of its one long access
-    board::SelectSensor(false);
-    ready_at_us_ = board::NowUs() + kAfterSrom;
+// What the sensor shows of its frames now it must show in every burst. One that shows none is
+// started again; if it never does, its other answers are all there is to go by.
+void Pmw3360::Observe() {
+  observation_ = bus_.Read(kObservation) & kSromRunAndFrames;
+  if ((observation_ & kFrameBits) != 0) {
+    blind_starts_ = 0;
+  } else if (++blind_starts_ < kBlindStarts) {
+    Fail(protocol::kSensorFrozen);
+    return;
   }
+  step_ = 0;
+  state_ = State::kVerify;
+}
+
+bool Pmw3360::Passes(uint8_t check) {
+  switch (check) {
+    case kCheckRest:
+      return bus_.Read(kConfig2) == kNoRest;
+    case kCheckCpi:
+      return bus_.Read(kConfig1) == static_cast<uint8_t>(cpi_ / 100 - 1);
+    case kCheckIdentity:
+      return bus_.Read(kProductId) == kExpectedProductId;
+    default:
+      return bus_.Read(kSromId) == srom_id_;
+  }
+}
+
+void Pmw3360::CheckHealth() {
+  if (wanted_cpi_ != cpi_) {
+    cpi_ = wanted_cpi_;
+    bus_.Write(kConfig1, static_cast<uint8_t>(cpi_ / 100 - 1));
+    ArmBurst();
+    return;
+  }
+  if (frames_to_observe_ != 0 && --frames_to_observe_ == 0) {
+    Fail(protocol::kSensorFrozen);
+    return;
+  }
+  if (in_doubt_) {
+    in_doubt_ = false;
+    next_check_ = kCheckRest;
+  } else if (--frames_to_check_ != 0) {
+    return;
+  }
+  frames_to_check_ = kFramesBetweenChecks;
+  const uint8_t check = next_check_;
+  next_check_ = check + 1 == kChecks ? 0 : static_cast<uint8_t>(check + 1);
+  if (check == kCheckFrames) {
+    if ((observation_ & kFrameBits) == 0) return;
+    bus_.Write(kObservation, 0);
+    frames_to_observe_ = kFramesToObserve;
+  } else if (!Passes(check)) {
+    Fail(check == kCheckIdentity ? protocol::kSensorForeign : protocol::kSensorReset);
+    return;
+  }
+  if (bad_readings_ == 0) backoff_ms_ = kFirstBackoffMs;
+  ArmBurst();  // any other access has ended that
+}
+
+void Pmw3360::ArmBurst() { bus_.Write(kMotionBurst, 0x00); }
+
+void Pmw3360::RequestSrom() {
+  srom_wanted_ = true;
+  Restart();
+}
+
+void Pmw3360::SromSent() {
+  srom_wanted_ = false;
+  WaitThen(State::kCheckSrom, kAfterSrom);
+}
+
+void Pmw3360::AbandonSrom() {
+  srom_wanted_ = false;
+  Restart();
+}
+
+bool Pmw3360::RequestPicture() {
+  picture_wanted_ = running();
+  return picture_wanted_;
+}
+
+void Pmw3360::EndPicture() {
+  if (!picture_wanted_) return;
+  picture_wanted_ = false;
+  // A picture that was not begun has not disturbed anything.
+  if (state_ != State::kRunning) Restart();
+}
+
+void Pmw3360::Sleep() {
+  ForgetSrom();
+  srom_wanted_ = picture_wanted_ = false;
   // After power-up or a reset resume_at_us_ is when it may be spoken to.
   state_ = shut_down_ ? State::kAsleep : State::kShutDown;
   bad_readings_ = 0;
-  srom_id_ = 0;
 }
 
 void Pmw3360::Wake() { state_ = State::kWaitToReset; }
 
-// A sensor that restarted by itself, after a dip of its supply, forgets its resolution and answers
-// with its defaults: plausible, and wrong.
-void Pmw3360::CheckHealth() {
-  if (wanted_cpi_ != cpi_) {
-    ApplyCpi();
-    return;
-  }
-  if (--frames_to_check_ != 0) return;
-  frames_to_check_ = kFramesBetweenChecks;
-  const bool check_id = step_ ^= 1;
-  const bool healthy = check_id ? ReadRegister(kProductId) == kExpectedProductId
-                                : ReadRegister(kConfig1) == static_cast<uint8_t>(cpi_ / 100 - 1);
-  if (healthy) {
-    backoff_ms_ = kFirstBackoffMs;
-    ArmBurst();
-  } else {
-    Fail();
-  }
-}
-
-void Pmw3360::LoadSromBytes() {
-  if (srom_sent_ == 0) {
-    WaitUntilReady();
-    board::SelectSensor(true);
-    board::TransferSpi(kSromLoadBurst | kWriteBit);
-  }
-  for (uint8_t i = 0; i < kSromBytesAStep && srom_sent_ < kSromImageBytes; ++i) {
-    board::DelayUs(kSromByte);
-    board::TransferSpi(board::ReadFlash(kSromImage + srom_sent_++));
-  }
-  if (srom_sent_ < kSromImageBytes) return;
-  board::DelayUs(kSromByte);
-  board::SelectSensor(false);
-  ready_at_us_ = board::NowUs() + kAfterSrom;
-  state_ = State::kCheckSrom;
-}
-
-void Pmw3360::ApplyCpi() {
-  cpi_ = wanted_cpi_;
-  WriteRegister(kConfig1, static_cast<uint8_t>(cpi_ / 100 - 1));
-  ArmBurst();
-}
-
-// Once armed, every burst begins with the burst address alone, until another register is accessed.
-void Pmw3360::ArmBurst() { WriteRegister(kMotionBurst, 0x00); }
-
-void Pmw3360::Fail() {
-  if (restarts_ != UINT16_MAX) ++restarts_;
-  board::SelectSensor(false);
-  bad_readings_ = 0;
+void Pmw3360::ForgetSrom() {
+  srom_lost_ = srom_lost_ || srom_id_ != 0;
   srom_id_ = 0;
+}
+
+void Pmw3360::Restart() {
+  ForgetSrom();
+  bad_readings_ = 0;
+  WaitThen(State::kWaitToReset, 0);
+}
+
+void Pmw3360::Fail(protocol::SensorFaultCause cause) {
+  CountUp(&restarts_);
+  if (cause == protocol::kSensorReset) CountUp(&self_resets_);
+  fault_cause_ = cause;
+  const bool was_running = state_ == State::kRunning;
   // What another sensor answered is worth reporting; what no sensor answered is not.
-  if (state_ != State::kIdentify || product_id_ == 0xff) product_id_ = revision_ = 0;
+  if (cause != protocol::kSensorForeign || was_running) product_id_ = revision_ = 0;
+  srom_wanted_ = picture_wanted_ = false;
+  Restart();
+  // A sensor that has reset itself answers, and is started at once.
+  if (was_running && cause == protocol::kSensorReset) return;
   WaitThen(State::kWaitToReset, static_cast<uint32_t>(backoff_ms_) * 1000);
   if (backoff_ms_ < kLastBackoffMs) backoff_ms_ = static_cast<uint16_t>(backoff_ms_ * 2);
 }
@@ -244,32 +345,6 @@ void Pmw3360::Fail() {
 void Pmw3360::WaitThen(State next, uint32_t us) {
   resume_at_us_ = board::NowUs() + us;
   state_ = next;
-}
-
-void Pmw3360::WaitUntilReady() {
-  const int32_t remaining = static_cast<int32_t>(ready_at_us_ - board::NowUs());
-  if (remaining > 0) board::DelayUs(static_cast<uint16_t>(remaining));
-}
-
-uint8_t Pmw3360::ReadRegister(uint8_t address) {
-  WaitUntilReady();
-  board::SelectSensor(true);
-  board::TransferSpi(address);
-  board::DelayUs(kAddressToData);
-  const uint8_t value = board::TransferSpi(0);
-  board::SelectSensor(false);
-  ready_at_us_ = board::NowUs() + kAfterRead;
-  return value;
-}
-
-void Pmw3360::WriteRegister(uint8_t address, uint8_t value) {
-  WaitUntilReady();
-  board::SelectSensor(true);
-  board::TransferSpi(address | kWriteBit);
-  board::TransferSpi(value);
-  board::DelayUs(kWriteToDeselect);
-  board::SelectSensor(false);
-  ready_at_us_ = board::NowUs() + kAfterWrite;
 }
 
 }  // namespace firmware

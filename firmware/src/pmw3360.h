@@ -1,7 +1,10 @@
-// Driver of the PixArt PMW3360 over the board's SPI: timing, start-up, health.
+// Driver of the PixArt PMW3360: start-up, motion, and the watch over a sensor that may reset
+// itself.
 #pragma once
 
 #include "firmware/src/motion_sensor.h"
+#include "firmware/src/pmw3360_bus.h"
+#include "protocol/hid_reports.h"
 
 namespace torquer {
 namespace firmware {
@@ -12,6 +15,7 @@ class Pmw3360 final : public MotionSensor {
   /// runs, Read() reports a fault.
   void Start(uint16_t cpi);
 
+  void BeginRead() override;
   MotionSample Read() override;
   void Maintain() override;
   void Sleep() override;
@@ -20,9 +24,36 @@ class Pmw3360 final : public MotionSensor {
   uint16_t cpi() const override { return cpi_; }
   uint8_t product_id() const override { return product_id_; }
   uint8_t revision() const override { return revision_; }
-  uint8_t srom_id() const override { return srom_id_; }
   uint16_t restarts() const override { return restarts_; }
   bool running() const override { return state_ == State::kRunning && bad_readings_ == 0; }
+
+  /// The number of the firmware image that the sensor runs; 0: its ROM.
+  uint8_t srom_id() const { return srom_id_; }
+  /// The sensor has lost an image by a reset, and no other has been loaded since.
+  bool srom_lost() const { return srom_lost_; }
+  /// Times that it had reset itself; saturates.
+  uint16_t self_resets() const { return self_resets_; }
+  protocol::SensorFaultCause fault_cause() const { return fault_cause_; }
+  /// Its Observation register when it was started.
+  uint8_t observation() const { return observation_; }
+
+  /// --- for SensorService ---------------------------------------------------------------------
+  /// Starts the sensor anew, and stops where it waits for a firmware image.
+  void RequestSrom();
+  bool AwaitsSrom() const { return state_ == State::kAwaitSrom; }
+  /// The image has been sent; running() and srom_id() will tell what the sensor made of it.
+  void SromSent();
+  /// The image will not come, or not to its end. The sensor is started without.
+  void AbandonSrom();
+  /// Takes a picture, once the sensor has run long enough; false if it does not run.
+  bool RequestPicture();
+  bool picture_wanted() const { return picture_wanted_; }
+  bool PictureReady() const { return state_ == State::kPictureReady; }
+  /// Ends that: the sensor is started again.
+  void EndPicture();
+  /// Of an image or a picture, the sensor is not in its start any more, for better or worse.
+  bool Settled() const { return state_ == State::kRunning || state_ == State::kWaitToReset; }
+  Pmw3360Bus& bus() { return bus_; }
 
  private:
   enum class State : uint8_t {
@@ -33,39 +64,60 @@ class Pmw3360 final : public MotionSensor {
     kPrepareSrom,
     kEnableSrom,
     kStartSrom,
-    kLoadSrom,
+    kAwaitSrom,
     kCheckSrom,
-    kSetCpi,
+    kConfigure,  // rest modes off, resolution
+    kClearObservation,
+    kObserve,
+    kVerify,
+    kDiscardMotion,  // what was counted before the resolution was set
     kRunning,
+    kBeginPicture,
+    kAskPicture,
+    kTakePicture,
+    kExposePicture,
+    kPictureReady,
     kShutDown,  // to be sent to sleep
     kAsleep,
   };
 
-  void WaitUntilReady();
-  uint8_t ReadRegister(uint8_t address);
-  void WriteRegister(uint8_t address, uint8_t value);
-  void ApplyCpi();
+  bool Passes(uint8_t check);
   void ArmBurst();
   void WaitThen(State next, uint32_t us);
-  void Fail();
-  void LoadSromBytes();
+  void ForgetSrom();
+  void Restart();
+  void Fail(protocol::SensorFaultCause cause);
+  void Observe();
   void CheckHealth();
 
-  uint32_t ready_at_us_ = 0;   // earliest next access, from the timing of the last one
+  Pmw3360Bus bus_;
   uint32_t resume_at_us_ = 0;  // when the state machine goes on
+  uint32_t reset_at_us_ = 0;
   uint16_t wanted_cpi_ = 0;
   uint16_t cpi_ = 0;
   uint16_t restarts_ = 0;
+  uint16_t self_resets_ = 0;
   uint16_t backoff_ms_ = 0;
-  uint16_t srom_sent_ = 0;
+  int16_t withheld_x_ = 0;  // of a reading that was in doubt
+  int16_t withheld_y_ = 0;
   State state_ = State::kWaitToReset;
+  protocol::SensorFaultCause fault_cause_ = protocol::kSensorNoFault;
   uint8_t step_ = 0;
   uint8_t bad_readings_ = 0;
   uint8_t frames_to_check_ = 0;
+  uint8_t next_check_ = 0;
+  uint8_t check_ = 0;              // the one under way
+  uint8_t observation_ = 0;        // what every burst must show of it
+  uint8_t blind_starts_ = 0;       // in a row, that showed no frames
+  uint8_t frames_to_observe_ = 0;  // left for its bits to come back; 0: they are there
   uint8_t product_id_ = 0;
   uint8_t revision_ = 0;
   uint8_t srom_id_ = 0;
+  bool in_doubt_ = false;  // the latest reading was, and Maintain() is to make sure
+  bool srom_wanted_ = false;
+  bool srom_lost_ = false;
   bool shut_down_ = false;  // by this driver, and not started since
+  bool picture_wanted_ = false;
 };
 
 }  // namespace firmware

@@ -4,6 +4,7 @@
 #include <stdint.h>
 
 #include "firmware/src/motion_sensor.h"
+#include "firmware/src/reference_switch.h"
 #include "protocol/hid_reports.h"
 
 namespace torquer {
@@ -15,11 +16,17 @@ class ReportBuilder {
   /// Cumulative counts become zero.
   void Zero();
 
-  /// The next report. The sensor is mounted with x along the wire (positive distally) and y around
-  /// it (positive right-handed), so its axes are the report's.
-  const protocol::InputReport& Next(const MotionSample& sample, uint32_t device_time_us,
-                                    uint8_t buttons, uint16_t joystick_x, uint16_t joystick_y,
-                                    uint16_t cpi);
+  /// Adds a reading to the counts. The sensor's board lies along the pipe, so that its light falls
+  /// along the cylinder: its y axis is the wire's, positive distally, and its x axis runs around
+  /// the cylinder, against the right-handed sense.
+  void Count(const MotionSample& sample);
+
+  /// The next report; what else is in it than the counts and their flags is passed.
+  const protocol::InputReport& Next(uint32_t device_time_us, uint8_t buttons, uint16_t joystick_x,
+                                    uint16_t joystick_y, uint16_t cpi,
+                                    const ReferenceSwitch& reference, bool srom_lost);
+
+  int32_t axial_counts() const { return report_.axial_counts; }
 
   const protocol::InputReport& newest() const { return report_; }
 

@@ -68,14 +68,14 @@ void Settings::BeginWrite() {
   step_ = 1;
 }
 
-void Settings::Poll() {
+bool Settings::Poll() {
   if (step_ == 0) {
     const bool differs = stored_ ? record_.cpi != cpi_ || record_.deadzone != deadzone_
                                  : cpi_ != kDefaultCpi || deadzone_ != kDefaultDeadzone;
-    if (!differs) return;
+    if (!differs) return false;
     BeginWrite();
   }
-  if (!board::EepromReady()) return;
+  if (!board::EepromReady()) return false;
   // Bytes that already are as wanted cost neither time nor wear.
   for (; step_ <= sizeof(Record) + 1; ++step_) {
     const uint8_t offset = step_ == sizeof(Record) + 1 ? 0 : static_cast<uint8_t>(step_ - 1);
@@ -86,12 +86,13 @@ void Settings::Poll() {
     if (board::ReadEeprom(address) != wanted) {
       board::WriteEeprom(address, wanted);
       ++step_;
-      return;
+      return true;
     }
   }
   step_ = 0;
   stored_ = true;
   good_ = true;
+  return true;
 }
 
 }  // namespace firmware

@@ -9,7 +9,8 @@ namespace firmware {
 class Settings {
  public:
   static constexpr uint16_t kDefaultCpi = 1200;
-  static constexpr uint16_t kDefaultDeadzone = 10;
+  /// Around the measured rest: what a stick of the KY-023 kind misses when it returns.
+  static constexpr uint16_t kDefaultDeadzone = 20;
 
   /// Reads the newer valid copy; without one, the defaults.
   void Load();
@@ -18,8 +19,9 @@ class Settings {
   /// True: the values hold from now on; Poll() writes them if they differ from those stored.
   bool Set(uint16_t cpi, uint16_t deadzone);
 
-  /// Writes at most one byte to the EEPROM, if it is ready. To be called once a frame.
-  void Poll();
+  /// Writes at most one byte to the EEPROM, if it is ready. To be called once a frame. True if
+  /// there was something to do.
+  bool Poll();
 
   uint16_t cpi() const { return cpi_; }
   uint16_t deadzone() const { return deadzone_; }

@@ -46,8 +46,15 @@ constexpr uint8_t kInputEndpointAddress = 0x80 | protocol::kInputEndpoint;
 
 }  // namespace
 
-void UsbDevice::Poll() {
+bool UsbDevice::Poll() {
+  // The way of a long report's bytes, on which nothing may delay them.
+  if (stage_ == Stage::kLongOut && board::HasControlData()) {
+    const bool room = long_reports_.HasRoom();
+    if (room) ContinueLongOut();
+    return room;
+  }
   if (board::TakeUsbReset()) Reset();
+  bool serving = stage_ != Stage::kIdle && stage_ < Stage::kLongIn;
   uint8_t packet[8];
   if (board::TakeSetup(packet)) {
     setup_.type = packet[0];
@@ -56,6 +63,7 @@ void UsbDevice::Poll() {
     setup_.index = static_cast<uint16_t>(packet[4] | (packet[5] << 8));
     setup_.length = static_cast<uint16_t>(packet[6] | (packet[7] << 8));
     Begin();
+    serving = true;
   }
   switch (stage_) {
     case Stage::kIdle:
@@ -74,12 +82,30 @@ void UsbDevice::Poll() {
     case Stage::kStatusIn:
       if (board::CanSendControl()) FinishStatusIn();
       break;
+    case Stage::kLongIn:
+      ContinueLongIn();
+      break;
+    case Stage::kLongOut:
+      break;
+    case Stage::kLongTaken:
+      FinishLongOut();
+      break;
   }
   board::WatchControl(stage_ == Stage::kDataIn || stage_ == Stage::kStatusIn,
-                      stage_ != Stage::kIdle && stage_ != Stage::kStatusIn);
+                      stage_ == Stage::kDataIn || stage_ == Stage::kStatusOut ||
+                          stage_ == Stage::kDataOut ||
+                          (stage_ == Stage::kLongOut && long_reports_.HasRoom()));
+  return serving;
+}
+
+void UsbDevice::LeaveLongReport() {
+  if (stage_ == Stage::kLongIn || stage_ == Stage::kLongOut || stage_ == Stage::kLongTaken) {
+    long_reports_.Abandon();
+  }
 }
 
 void UsbDevice::Reset() {
+  LeaveLongReport();
   stage_ = Stage::kIdle;
   configuration_ = 0;
   may_wake_host_ = false;
@@ -87,6 +113,7 @@ void UsbDevice::Reset() {
 }
 
 void UsbDevice::Begin() {
+  LeaveLongReport();
   stage_ = Stage::kIdle;
   bool accepted = false;
   if ((setup_.type & kTypeMask) == kStandard) {
@@ -134,8 +161,11 @@ bool UsbDevice::BeginStandard() {
     case kSetConfiguration:
       if (to_host || recipient != kDevice || setup_.value > 1) return false;
       configuration_ = static_cast<uint8_t>(setup_.value);
-      board::ConfigureInput(configured());
       unpolled_frames_ = 0;
+      if (!board::ConfigureInput(configured())) {
+        configuration_ = 0;
+        return false;
+      }
       return Acknowledge();
     case kGetInterface:
       if (!to_host || recipient != kInterface) return false;
@@ -211,15 +241,20 @@ bool UsbDevice::BeginHid() {
       uint8_t size = 0;
       if (report_type == kInputReport) size = reports_.GetInputReport(report_id, buffer_);
       if (report_type == kFeatureReport) size = reports_.GetFeatureReport(report_id, buffer_);
-      if (size == 0) return false;
+      if (size == 0) {
+        if (report_type != kFeatureReport || !long_reports_.BeginRead(report_id)) return false;
+        stage_ = Stage::kLongIn;
+        return true;
+      }
       SendBuffer(size);
       return true;
     }
     case kSetReport:
       if (to_host || report_type != kFeatureReport) return false;
-      if (setup_.length == 0 || setup_.length > ReportHandler::kCapacity) return false;
+      if (setup_.length == 0 || setup_.length > protocol::kLongestReportBytes) return false;
       received_ = 0;
-      stage_ = Stage::kDataOut;
+      stage_ =
+          long_reports_.BeginWrite(report_id, setup_.length) ? Stage::kLongOut : Stage::kDataOut;
       return true;
     case kGetIdle:
       if (!to_host) return false;
@@ -296,15 +331,60 @@ void UsbDevice::ContinueDataIn() {
 
 void UsbDevice::ContinueDataOut() {
   if (!board::HasControlData()) return;
-  const uint8_t size = board::TakeControlData(
-      buffer_ + received_, static_cast<uint8_t>(ReportHandler::kCapacity - received_));
-  received_ = static_cast<uint8_t>(received_ + size);
+  const uint8_t size = board::ControlDataSize();
+  for (uint8_t i = 0; i < size; ++i, ++received_) {
+    const uint8_t byte = board::NextControlByte();
+    // A host may pad a report; what is beyond the longest of these is not looked at.
+    if (received_ < ReportHandler::kCapacity) buffer_[received_] = byte;
+  }
+  if (!board::ReleaseControlData()) return;
   const bool complete = received_ >= setup_.length;
   if (!complete && size == protocol::kControlPacketBytes) return;
-  if (complete && buffer_[0] == (setup_.value & 0xff) &&
-      reports_.SetFeatureReport(buffer_, static_cast<uint8_t>(setup_.length))) {
+  const uint8_t kept = setup_.length < ReportHandler::kCapacity
+                           ? static_cast<uint8_t>(setup_.length)
+                           : ReportHandler::kCapacity;
+  if (complete && buffer_[0] == (setup_.value & 0xff) && reports_.SetFeatureReport(buffer_, kept)) {
     board::SendControl(nullptr, 0, false);
     stage_ = Stage::kStatusIn;
+  } else {
+    stage_ = Stage::kIdle;
+    board::StallControl();
+  }
+}
+
+void UsbDevice::ContinueLongOut() {
+  const uint8_t size = board::ControlDataSize();
+  for (uint8_t i = 0; i < size; ++i) long_reports_.Put(board::NextControlByte());
+  if (!board::ReleaseControlData()) return;
+  received_ = static_cast<uint16_t>(received_ + size);
+  if (received_ >= setup_.length) {
+    stage_ = Stage::kLongTaken;
+  } else if (size != protocol::kControlPacketBytes) {
+    LeaveLongReport();
+    stage_ = Stage::kIdle;
+    board::StallControl();
+  }
+}
+
+void UsbDevice::FinishLongOut() {
+  const LongReportHandler::Progress progress = long_reports_.EndWrite();
+  if (progress == LongReportHandler::Progress::kWait) return;
+  if (progress == LongReportHandler::Progress::kReady) {
+    board::SendControl(nullptr, 0, false);
+    stage_ = Stage::kStatusIn;
+  } else {
+    stage_ = Stage::kIdle;
+    board::StallControl();
+  }
+}
+
+void UsbDevice::ContinueLongIn() {
+  const uint8_t* data = nullptr;
+  uint16_t size = 0;
+  const LongReportHandler::Progress progress = long_reports_.Read(&data, &size);
+  if (progress == LongReportHandler::Progress::kWait) return;
+  if (progress == LongReportHandler::Progress::kReady) {
+    Send(data, size, false);
   } else {
     stage_ = Stage::kIdle;
     board::StallControl();

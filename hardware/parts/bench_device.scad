@@ -10,27 +10,43 @@ cut = false;  // take away what is distal of the window's middle, for a look ins
 cylinder_radius = 5;      // with its paper: what the calibration calls the radius
 cylinder_length = 170;
 pipe_length = 320;        // travel is pipe_length - cylinder_length
-wire_diameter = 0.9;      // 0.035 inch is 0.89
+wire_diameter = 0.9;      // 0.035 inch is 0.89; thinner wires get a sleeve of this diameter
 paper_thickness = 0.1;    // one layer of matt paper around the printed core
 
 /* [Pipe] */
-bore_clearance = 0.15;    // radial; more than 0.2 leaves the sensor's range of focus
+bore_clearance = 0.15;    // radial
 pipe_wall = 1.9;
 window_length = 14;       // must be below 2 cylinder_length - pipe_length
 window_width = 9;
 middle_length = 60;       // the part with the window
 socket_depth = 12;        // how deep an end of the pipe sits in it
 fit = 0.15;               // radial, between printed parts that are glued
+vent_count = 6;           // in each cap, so that the cylinder is no piston
+vent_diameter = 2.4;
+
+/* [End switch, optional: a plunger switch of the D2F size; measure yours] */
+end_switch = false;
+switch_length = 13;       // the body, with room
+switch_thickness = 6;
+switch_height = 6.5;
+switch_wall = 0.6;        // of the cap, below the plunger
+switch_plunger_x = 2.5;   // the plunger's hole, from the body's middle
+switch_plunger_y = 4.2;   // from the wire
 
 /* [Sensor module: measure yours] */
-lens_to_surface = 2.4;    // lens reference plane to surface; PMW3360 allows 2.2 .. 2.6
-lens_height = 3.5;        // lens reference plane below the board's underside
-board_x = 21.1;           // the module's short side, along the wire
-board_y = 28.3;           // its long side, across
+focus_low = 2.2;          // lens reference plane to surface: what the PMW3360 allows
+focus_high = 2.6;
+lens_to_surface = 2.55;   // the cylinder on the floor of the bore, where its weight keeps it
+focus_step = 0.1;         // the height is set in steps of this: shims, and sheets of paper
+lens_height = 3.4;        // lens reference plane below the board's underside
+shim_thickness = 0.2;
+shims_fitted = 2;         // below the carrier, so that it can be set lower as well as higher
+board_x = 28.3;           // the module's long side, along the wire: so the light falls along it too
+board_y = 21.1;           // its short side, across
 board_z = 1.6;
-board_lens_y = 13.6;      // optical center from one end of the long side
-lens_x = 18.9;
-lens_y = 21.3;
+board_lens_x = 13.6;      // optical center from one end of the long side
+lens_x = 21.3;
+lens_y = 18.9;
 align_angle = 3;          // the carrier turns by this much either way, degrees
 
 /* [Catheter, panel] */
@@ -52,8 +68,6 @@ travel = pipe_length - cylinder_length;
 bore_radius = cylinder_radius + bore_clearance;
 pipe_radius = bore_radius + pipe_wall;
 end_length = (pipe_length - middle_length) / 2 + socket_depth;
-lens_plane = cylinder_radius + lens_to_surface;      // above the axis
-board_seat = lens_plane + lens_height;               // the board's underside
 block_width = 50;
 block_top = 4;
 block_bottom = -12;
@@ -65,9 +79,24 @@ box_width = 72;
 wall = 2.4;
 end_wall = 6;
 
+// The height of the lens, from the pipe's axis upward; hardware/budget.py reads these lines, and
+// nothing else says where the focus is. The cylinder lies on the floor of its bore: its crest is
+// lower by the clearance. Lifted to the ceiling, it is higher by twice that.
+crest_at_rest = cylinder_radius - bore_clearance;
+crest_lifted = crest_at_rest + 2 * bore_clearance;
+lens_plane = crest_at_rest + lens_to_surface;
+board_seat = lens_plane + lens_height;               // the board's underside
+carrier_bottom = block_top + shims_fitted * shim_thickness;
+seat_in_carrier = board_seat - carrier_bottom;
+crown_flat = lens_plane - (shims_fitted + 1) * shim_thickness - 0.2;  // of the pipe, below the lens
+farthest_surface = lens_to_surface + focus_step / 2;  // the height set as well as its steps allow
+nearest_surface = lens_plane - crest_lifted - focus_step / 2;
+
 assert(window_length < 2 * cylinder_length - pipe_length, "the cylinder must always fill the window");
-assert(bore_clearance <= 0.2, "the surface would leave the sensor's range of focus");
-assert(pipe_radius < lens_plane, "the lens would touch the pipe");
+assert(farthest_surface <= focus_high && nearest_surface >= focus_low - e,
+       "somewhere in its play the surface would leave the sensor's range of focus");
+assert(crown_flat > bore_radius + 0.8, "the lens would touch the pipe");
+assert(board_lens_x > lens_x / 2 && board_x - board_lens_x > lens_x / 2, "the board must carry the lens");
 
 module slab(x, y, z) { translate([-x / 2, -y / 2, 0]) cube([x, y, z]); }
 module each_corner(x, y) { for (i = [-1, 1], j = [-1, 1]) translate([i * x, j * y, 0]) children(); }
@@ -100,13 +129,39 @@ module pipe_end() {
   }
 }
 
-// End stop: a cup on the pipe's end, with a hole for the wire.
+// End stop: a cup on the pipe's end, with a hole for the wire and vents around it.
+cap_wall = 3;
+vent_radius = bore_radius - vent_diameter / 2 - 0.2;  // of the circle they are on
 module pipe_cap() {
   difference() {
-    cylinder(r = pipe_radius + 2.4, h = 13);
-    translate([0, 0, 3]) cylinder(r = pipe_radius + fit, h = 11);
-    translate([0, 0, -1]) cylinder(d = wire_diameter + 0.6, h = 5, $fn = 24);
-    translate([0, 0, -e]) cylinder(d1 = wire_diameter + 4, d2 = wire_diameter + 0.6, h = 2, $fn = 24);
+    cylinder(r = pipe_radius + 2.4, h = 10 + cap_wall);
+    translate([0, 0, cap_wall]) cylinder(r = pipe_radius + fit, h = 11);
+    cap_openings(vent_count);
+  }
+}
+module cap_openings(vents) {
+  translate([0, 0, -1]) cylinder(d = wire_diameter + 0.6, h = cap_wall + 2, $fn = 24);
+  translate([0, 0, -e]) cylinder(d1 = wire_diameter + 4, d2 = wire_diameter + 0.6, h = 2, $fn = 24);
+  for (i = [0 : 1 : vents - 1]) rotate(-30 - 60 * i) translate([vent_radius, 0, -1])
+    cylinder(d = vent_diameter, h = cap_wall + 2, $fn = 24);
+}
+
+// The proximal cap with a place for an end switch, which the cylinder presses when it is all the way
+// back: the switch lies beside the wire, its plunger in the hole.
+switch_block = switch_height - cap_wall + switch_wall;  // beyond the cap's wall
+module pipe_cap_switch() {
+  translate([0, 0, switch_block]) difference() {
+    union() {
+      cylinder(r = pipe_radius + 2.4, h = 10 + cap_wall);
+      translate([-switch_length / 2 - 1.6, -3, -switch_block])
+        cube([switch_length + 3.2, switch_plunger_y + switch_thickness / 2 + 4.6, switch_block + cap_wall]);
+    }
+    translate([0, 0, cap_wall]) cylinder(r = pipe_radius + fit, h = 11);
+    cap_openings(3);  // those that the switch leaves
+    translate([0, 0, -switch_block - 1]) cylinder(d = wire_diameter + 0.6, h = 20, $fn = 24);
+    translate([-switch_length / 2, switch_plunger_y - switch_thickness / 2, -switch_block - 1])
+      cube([switch_length, switch_thickness, switch_block + cap_wall - switch_wall + 1]);
+    translate([switch_plunger_x, switch_plunger_y, -1]) cylinder(d = 2.4, h = cap_wall + 2, $fn = 24);
   }
 }
 
@@ -126,6 +181,8 @@ module pipe_middle() {
         cylinder(r1 = bore_radius, r2 = bore_radius + 0.5, h = 0.8 + e);
     }
     translate([0, 0, bore_radius / 2]) slab(window_length, window_width, pipe_radius);
+    // The crown is flat below the lens, which would touch it at the lowest setting.
+    translate([0, 0, crown_flat]) slab(lens_x + 2, lens_y + 2, pipe_radius);
     each_corner(carrier_screws[0], carrier_screws[1])
       translate([0, 0, block_top - 10]) cylinder(d = m3_pilot, h = 11, $fn = 24);
     each_corner(block_screws[0], block_screws[1])
@@ -135,23 +192,23 @@ module pipe_middle() {
 
 // Holds the sensor's board over the window: its height sets the focus, its slots the alignment.
 // Drawn with its underside at z = 0. Print upside down.
-carrier_height = board_seat - block_top + board_z;
+carrier_height = seat_in_carrier + board_z;
 module sensor_carrier() {
-  seat = board_seat - block_top;
   difference() {
     slab(middle_length, block_width, carrier_height);
     // Room for the crown of the pipe and for the lens.
-    translate([0, 0, -1]) slab(middle_length + 2, 2 * pipe_radius + 1.5, lens_plane - block_top + 1.3);
+    translate([0, 0, -1])
+      slab(middle_length + 2, 2 * pipe_radius + 1.5, pipe_radius - block_top + 1.6);
     translate([0, 0, -1]) slab(lens_x + 0.8, lens_y + 0.8, carrier_height + 2);
     // The board lies in a recess, its top flush, so that washers hold it at its edges.
-    translate([-(board_x + 0.4) / 2, -(board_lens_y + 0.2), seat])
+    translate([-(board_lens_x + 0.2), -(board_y + 0.4) / 2, seat_in_carrier])
       cube([board_x + 0.4, board_y + 0.4, board_z + 1]);
-    for (i = [-1, 1], y = [-9, 9])
-      translate([i * (board_x / 2 + 2.4), y, 2]) cylinder(d = m3_pilot, h = carrier_height, $fn = 24);
+    for (j = [-1, 1], x = [-9, 9])
+      translate([x, j * (board_y / 2 + 2.4), 2]) cylinder(d = m3_pilot, h = carrier_height, $fn = 24);
     // Slots around the optical axis.
     each_slot() translate([0, 0, -1]) cylinder(d = m3_hole, h = carrier_height + 2, $fn = 24);
     // The cable leaves here.
-    translate([0, block_width / 2, seat]) slab(board_x - 2, block_width, board_z + 1);
+    translate([middle_length / 2, 0, seat_in_carrier]) slab(middle_length, board_y - 2, board_z + 1);
   }
 }
 module each_slot() {
@@ -160,10 +217,10 @@ module each_slot() {
       rotate(a) translate([i * carrier_screws[0], j * carrier_screws[1], 0]) children();
 }
 
-// A shim below the carrier, should the surface quality ask for more height.
+// A shim below the carrier: one less or one more sets the focus.
 module carrier_shim() {
   difference() {
-    slab(middle_length, block_width, 0.2);
+    slab(middle_length, block_width, shim_thickness);
     translate([0, 0, -1]) slab(middle_length + 2, 2 * pipe_radius + 3, 3);
     each_slot() translate([0, 0, -1]) cylinder(d = m3_hole, h = 3, $fn = 24);
   }
@@ -206,7 +263,8 @@ module support_box() {
 
 // Lower part of the catheter's clamp; stands at the proximal end of the box, around the cap. x = 0
 // at the end wall, growing away from it; z = 0 on the axis.
-clamp_cavity = pipe_length / 2 + 3 - box_length + 3;  // the cap, and room for a finger nail
+clamp_cavity = pipe_length / 2 + cap_wall - box_length + 3
+  + (end_switch ? switch_block : 0);  // the cap, and room for a finger nail
 clamp_length = clamp_cavity + 24;
 module catheter_clamp() {
   difference() {
@@ -265,16 +323,20 @@ module assembly_piece(name) {
     for (s = [-1, 1]) rotate(s > 0 ? 0 : 180)
       translate([middle_length / 2 - socket_depth, 0, 0]) rotate([0, 90, 0]) pipe_end();
   } else if (name == "placed_caps") {
-    for (s = [-1, 1]) rotate(s > 0 ? 0 : 180)
-      translate([pipe_length / 2 + 3, 0, 0]) rotate([0, -90, 0]) pipe_cap();
+    translate([pipe_length / 2 + cap_wall, 0, 0]) rotate([0, -90, 0]) pipe_cap();
+    if (end_switch)
+      translate([-pipe_length / 2 - cap_wall - switch_block, 0, 0]) rotate([0, 90, 0]) rotate(-90)
+        pipe_cap_switch();
+    else translate([-pipe_length / 2 - cap_wall, 0, 0]) rotate([0, 90, 0]) pipe_cap();
   } else if (name == "placed_cylinder") {
     translate([-cylinder_length / 2, 0, -bore_clearance]) rotate([0, 90, 0]) cylinder_core();
   } else if (name == "placed_sensor_carrier") {
-    translate([0, 0, block_top]) sensor_carrier();
+    translate([0, 0, carrier_bottom]) sensor_carrier();
+    for (i = [1 : 1 : shims_fitted]) translate([0, 0, block_top + (i - 1) * shim_thickness]) carrier_shim();
   } else if (name == "placed_sensor_board") {
-    translate([-board_x / 2, -board_lens_y, board_seat]) cube([board_x, board_y, board_z]);
+    translate([-board_lens_x, -board_y / 2, board_seat]) cube([board_x, board_y, board_z]);
     translate([0, 0, lens_plane]) slab(lens_x, lens_y, lens_height);
-    translate([0, 1, board_seat + board_z - e]) slab(10, 15.6, 2.5);
+    translate([1, 0, board_seat + board_z - e]) slab(15.6, 10, 2.5);
   } else if (name == "placed_catheter_clamp") {
     translate([-box_length, 0, 0]) rotate(180) { catheter_clamp(); translate([0, 0, 0.4]) catheter_lid(); }
   } else if (name == "placed_control_panel") {
@@ -288,6 +350,7 @@ module assembly_piece(name) {
 if (part == "cylinder_core") cylinder_core();
 else if (part == "pipe_end") pipe_end();
 else if (part == "pipe_cap") pipe_cap();
+else if (part == "pipe_cap_switch") pipe_cap_switch();
 else if (part == "pipe_middle") translate([0, 0, -block_bottom]) pipe_middle();
 else if (part == "sensor_carrier") translate([0, 0, carrier_height]) rotate([180, 0, 0]) sensor_carrier();
 else if (part == "carrier_shim") carrier_shim();

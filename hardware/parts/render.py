@@ -1,16 +1,14 @@
 """Draws the printed parts as pictures: OpenSCAD to STL, and a small renderer of its own to PNG.
 
-usage: hardware/parts/render.py FOLDER    (and parts.csv, with sizes and volumes)
-
 Needs openscad, and no display. Pictures are shaded by the direction of each face, with a z buffer
 and 2 x 2 samples a pixel.
 """
 
+import argparse
 import math
 import os
 import struct
 import subprocess
-import sys
 import tempfile
 import zlib
 
@@ -24,9 +22,10 @@ PARTS = {
     "cylinder_core": 1,
     "pipe_end": 2,
     "pipe_cap": 2,
+    "pipe_cap_switch": 1,
     "pipe_middle": 1,
     "sensor_carrier": 1,
-    "carrier_shim": 2,
+    "carrier_shim": 3,
     "support_box": 2,
     "catheter_clamp": 1,
     "catheter_lid": 1,
@@ -45,6 +44,8 @@ ASSEMBLY = {
     "placed_control_panel": (150, 158, 170),
     "placed_wire": (40, 40, 46),
 }
+# Where a part is looked at from, if not from above: azimuth and elevation in degrees.
+VIEWS = {"pipe_cap": (-60, -40), "pipe_cap_switch": (60, -40)}
 SAMPLES = 2
 BACKGROUND = (255, 255, 255)
 
@@ -200,7 +201,8 @@ def main(folder: str) -> None:
         for name in PARTS:
             triangles = triangles_of(name)
             table.append(table_row(name, triangles))
-            picture = draw([(triangles, (120, 152, 190))], view_axes(-60, 35), 360)
+            view = view_axes(*VIEWS.get(name, (-60, 35)))
+            picture = draw([(triangles, (120, 152, 190))], view, 360)
             write_png(picture, os.path.join(folder, name + ".png"))
         with open(os.path.join(HERE, "parts.csv"), "w", encoding="utf-8") as file:
             file.write("\n".join(table) + "\n")
@@ -215,6 +217,6 @@ def main(folder: str) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    main(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", help="for the pictures; sizes and volumes go to parts.csv")
+    main(parser.parse_args().folder)

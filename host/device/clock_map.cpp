@@ -9,9 +9,9 @@ namespace {
 
 constexpr double kBlockUs = 250000.0;
 constexpr std::size_t kBlocks = 120;
-// A line through less than this many blocks follows the jitter more than the drift.
+// A line through fewer blocks follows the jitter rather than the drift.
 constexpr std::size_t kBlocksForDrift = 4;
-// Twice what a ceramic resonator is off by; more is a clock that does not run evenly.
+// Twice the error of a ceramic resonator; more means a clock that does not run evenly.
 constexpr double kLargestDrift = 0.01;
 // A report this early, or a whole block this late, means that the clocks have jumped.
 constexpr double kJumpUs = 20000.0;
@@ -56,7 +56,7 @@ std::int64_t ClockMap::Map(std::int64_t device_us, std::int64_t host_us) {
       block_minimum_.excess - drift_ * block_minimum_.device) {
     block_minimum_ = point;
   }
-  // No report arrives before it is sent: the line gives way at once.
+  // No report arrives before it is sent: the line moves down at once.
   const double early = offset_ - (point.excess - drift_ * point.device);
   if (early > kJumpUs) {
     ++restarts_;
@@ -80,7 +80,7 @@ void ClockMap::FinishBlock() {
     begun_ = false;
     return;
   }
-  // A device clock that stands still makes no line.
+  // No line goes through points of a device clock that stands still.
   if (!minima_.empty() && block_minimum_.device <= minima_.back().device) return;
   minima_.push_back(block_minimum_);
   if (minima_.size() > kBlocks) minima_.pop_front();

@@ -1,10 +1,10 @@
-// From the device's clock to the host's: when was the hand where a report says it was?
+// From the device's clock to the host's: the host time at which a report was sampled.
 //
 // A report arrives at   host = offset + rate * device + delay,   delay >= 0 and mostly small: USB
-// frames, scheduling. The map is the line below all points of the last half minute that lies
-// closest to them (least sum of distances), which late reports cannot pull up (Moon, Skelly and
-// Towsley, "Estimation and removal of clock skew from network delay measurements", 1999). What
-// the smallest delay is cannot be told from arrivals alone; it counts as none. No clock inside.
+// frames, scheduling. The map is the line below all points of the last half minute that is closest
+// to them (least sum of distances), so that late reports have no influence (Moon, Skelly and
+// Towsley, "Estimation and removal of clock skew from network delay measurements", 1999). The
+// smallest delay cannot be found from arrivals alone; it is taken as 0. No clock inside.
 #pragma once
 
 #include <cstddef>
@@ -15,19 +15,19 @@ namespace torquer::device {
 
 class ClockMap {
  public:
-  /// Forgets everything: another device clock.
+  /// Forgets everything, since another device clock follows.
   void Reset();
 
-  /// Takes in that a report of device time `device_us` arrived at `host_us`, and returns the host
-  /// time of its sampling: never later than `host_us`, never earlier than that of the report
-  /// before. Device times must not decrease between resets.
+  /// For a report of device time `device_us` that arrived at `host_us`: the host time at which it
+  /// was sampled, never later than `host_us`, never earlier than that of the report before. Device
+  /// times must not decrease between resets.
   std::int64_t Map(std::int64_t device_us, std::int64_t host_us);
 
-  /// Host seconds a device second, less 1; 0 until a second has been seen.
+  /// Host seconds per device second, less 1; 0 in the first second.
   double drift() const { return drift_; }
 
-  /// Times that the clocks jumped against each other (a suspended host, a stopped emulator), so
-  /// that the map was begun anew.
+  /// How often the clocks jumped against each other (a suspended host, a stopped emulator), so that
+  /// the map started again.
   std::int64_t restarts() const { return restarts_; }
 
  private:

@@ -1,5 +1,7 @@
 #include "host/device/device_identity.h"
 
+#include <fmt/format.h>
+
 #include <cstring>
 #include <vector>
 
@@ -11,14 +13,13 @@ namespace torquer::device {
 std::string ReadSerial(ReportSource& source) {
   const std::vector<std::uint8_t> answer = source.GetFeature(protocol::kIdentityReportId);
   if (answer.size() >= 2 && answer[1] != protocol::kProtocolVersion) {
-    throw UserError("the device's firmware has protocol version " + std::to_string(answer[1]) +
-                    ", this program " + std::to_string(protocol::kProtocolVersion) + "; " +
-                    kFlashRemedy);
+    throw UserError(
+        fmt::format("the device's firmware has protocol version {}, this program has {}; {}",
+                    answer[1], protocol::kProtocolVersion, kFlashRemedy));
   }
   if (answer.size() != sizeof(protocol::IdentityReport)) {
-    throw UserError("the device's identity has " + std::to_string(answer.size()) +
-                    " bytes instead of " + std::to_string(sizeof(protocol::IdentityReport)) + "; " +
-                    kFlashRemedy);
+    throw UserError(fmt::format("the device's identity has {} bytes instead of {}; {}",
+                                answer.size(), sizeof(protocol::IdentityReport), kFlashRemedy));
   }
   protocol::IdentityReport identity;
   std::memcpy(&identity, answer.data(), sizeof identity);

@@ -1,4 +1,4 @@
-// Who a bench device is, asked before anything that it reports is believed.
+// Identity of a bench device, which is asked for before its reports are used.
 #pragma once
 
 #include <string>
@@ -7,11 +7,11 @@
 
 namespace torquer::device {
 
-/// What mends a device whose firmware is not ours, or not of this release.
+/// The remedy for a device whose firmware is not ours, or not of this release.
 inline constexpr char kFlashRemedy[] = "install the firmware of this release with: torquer-flash";
 
 /// The serial number of the device at hand, printable. Throws UserError for firmware of another
-/// protocol version; FeatureError, DeviceGone where it does not answer.
+/// protocol version, and FeatureError or DeviceGone where the device does not answer.
 std::string ReadSerial(ReportSource& source);
 
 }  // namespace torquer::device

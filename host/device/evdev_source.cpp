@@ -1,6 +1,7 @@
 #include "host/device/evdev_source.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
@@ -9,7 +10,6 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 
@@ -29,7 +29,7 @@ bool IsMouse(const libevdev* device) {
 }
 
 bool IsJoystick(const libevdev* device) {
-  // Touchpads and tablets have the axes as well, and these.
+  // Touchpads and tablets have the axes as well, and in addition these keys.
   return libevdev_has_event_code(device, EV_ABS, ABS_X) != 0 &&
          libevdev_has_event_code(device, EV_ABS, ABS_Y) != 0 &&
          libevdev_has_event_code(device, EV_KEY, BTN_TOUCH) == 0 &&
@@ -38,11 +38,11 @@ bool IsJoystick(const libevdev* device) {
 
 // The device's own number, or its model.
 std::string SerialOf(const libevdev* device) {
-  char model[16];
-  std::snprintf(model, sizeof model, "%04x:%04x", libevdev_get_id_vendor(device),
-                libevdev_get_id_product(device));
   const char* unique = libevdev_get_uniq(device);
-  std::string serial = unique != nullptr && *unique != '\0' ? unique : model;
+  std::string serial = unique != nullptr && *unique != '\0'
+                           ? unique
+                           : fmt::format("{:04x}:{:04x}", libevdev_get_id_vendor(device),
+                                         libevdev_get_id_product(device));
   serial.resize(std::min(serial.size(), sizeof(protocol::IdentityReport::serial)));
   return serial;
 }
@@ -68,13 +68,13 @@ std::vector<InputListing> InputsIn(const char* folder) {
   return inputs;
 }
 
-// The mice of this machine that may be read, for a message.
+// The mice that this user may read, for messages.
 std::string MiceHere() {
   std::string mice;
   for (const InputListing& input : InputsHere()) {
-    if (input.is_mouse) mice += "\n  --device " + input.path + "  (" + input.name + ")";
+    if (input.is_mouse) mice += fmt::format("\n  --device {}  ({})", input.path, input.name);
   }
-  return mice.empty() ? " (none is found that this user may read)" : ":" + mice;
+  return mice.empty() ? "none that this user may read" : mice;
 }
 
 std::uint8_t ButtonOf(std::uint16_t code) {
@@ -116,7 +116,7 @@ std::vector<InputListing> InputsHere() {
 struct EvdevSource::Input {
   Input(int file, libevdev* made) : fd(file), device(made), is_mouse(IsMouse(made)) {}
   ~Input() {
-    libevdev_free(device);  // lets go of the grab with the file
+    libevdev_free(device);  // ends the grab
     close(fd);
   }
   Input(const Input&) = delete;
@@ -140,10 +140,10 @@ struct EvdevSource::Input {
 
 EvdevSource::EvdevSource(std::vector<std::string> paths) : paths_(std::move(paths)) {
   if (paths_.empty() || paths_.size() > 2) {
-    throw UserError(
-        "--source evdev needs the mouse, and may have a joystick: give --device once "
-        "or twice. Mice here" +
-        MiceHere());
+    throw UserError(fmt::format(
+        "--source evdev needs a mouse and may have a joystick: give --device once or twice. Mice "
+        "here: {}",
+        MiceHere()));
   }
   timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
   const itimerspec interval{{0, kIntervalUs * 1000}, {0, kIntervalUs * 1000}};
@@ -165,14 +165,15 @@ std::string EvdevSource::place() const {
   return place;
 }
 
-// True when all are open; what is not there yet is tried again later.
+// True when all are open; missing ones are tried again later.
 bool EvdevSource::Open() {
   for (const std::string& path : paths_) {
     const int fd = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0 && (errno == EACCES || errno == EPERM)) {
-      throw UserError(path +
-                      " may not be read by this user; join the group that may: sudo usermod "
-                      "-aG input $USER, and log in anew");
+      throw UserError(fmt::format(
+          "{} may not be read by this user; join the group that may: sudo usermod -aG input $USER, "
+          "and log in again",
+          path));
     }
     if (fd < 0) {
       Close();
@@ -182,25 +183,27 @@ bool EvdevSource::Open() {
     const int error = libevdev_new_from_fd(fd, &device);
     if (error != 0) {
       close(fd);
-      throw UserError(path + " is no input device (" + std::strerror(-error) +
-                      "); give one of /dev/input/event*");
+      throw UserError(fmt::format("{} is not an input device ({}); give one of /dev/input/event*",
+                                  path, std::strerror(-error)));
     }
     inputs_.push_back(std::make_unique<Input>(fd, device));
     if (!IsMouse(device) && !IsJoystick(device)) {
-      throw UserError(path + " (" + libevdev_get_name(device) +
-                      ") is neither a mouse nor a joystick; the mice here are" + MiceHere());
+      throw UserError(fmt::format("{} ({}) is neither a mouse nor a joystick. Mice here: {}", path,
+                                  libevdev_get_name(device), MiceHere()));
     }
     if (libevdev_grab(device, LIBEVDEV_GRAB) != 0) {
-      throw UserError(path + " (" + libevdev_get_name(device) +
-                      ") is grabbed by another program; stop that one first");
+      throw UserError(fmt::format("{} ({}) is grabbed by another program; stop that one first",
+                                  path, libevdev_get_name(device)));
     }
     libevdev_set_clock_id(device, CLOCK_MONOTONIC);
   }
   const auto mice = std::count_if(inputs_.begin(), inputs_.end(),
                                   [](const auto& input) { return input->is_mouse; });
   if (mice != 1) {
-    throw UserError("of the devices given with --device " + std::to_string(mice) +
-                    " are mice; give one mouse, and one joystick at most. Mice here" + MiceHere());
+    throw UserError(fmt::format(
+        "of the devices given with --device {} are mice; give one mouse, and at most one joystick. "
+        "Mice here: {}",
+        mice, MiceHere()));
   }
   std::sort(inputs_.begin(), inputs_.end(),
             [](const auto& a, const auto& b) { return a->is_mouse && !b->is_mouse; });
@@ -269,8 +272,8 @@ void EvdevSource::ReadAll(Input& input, std::deque<protocol::InputReport>& repor
     input_event event{};
     const int result = libevdev_next_event(input.device, mode, &event);
     if (result == LIBEVDEV_READ_STATUS_SYNC && mode == LIBEVDEV_READ_FLAG_NORMAL) {
-      // The kernel had to drop events. Buttons and axes are told anew by what follows; what the
-      // mouse moved is lost, and so it is said: a report is missing, and the next one is in doubt.
+      // The kernel has dropped events. The state of buttons and axes follows; the motion of the
+      // mouse is lost, which is reported: a report is missing, and the next one is in doubt.
       mode = LIBEVDEV_READ_FLAG_SYNC;
       if (input.is_mouse) {
         ++report_.sequence;
@@ -292,7 +295,7 @@ void EvdevSource::ReadAll(Input& input, std::deque<protocol::InputReport>& repor
 }
 
 void EvdevSource::NoteGone(const Input& input) {
-  gone_ = std::string(libevdev_get_name(input.device)) + " was unplugged";
+  gone_ = fmt::format("{} was unplugged", libevdev_get_name(input.device));
 }
 
 void EvdevSource::Take(Input& input, const input_event& event,

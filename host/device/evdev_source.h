@@ -1,11 +1,11 @@
-// Reports made of an ordinary mouse, and of a joystick where there is one: the way in without any
+// Reports made from an ordinary mouse, and from a joystick where there is one: a bench without
 // soldering. The mouse looks at the cylinder, its x axis along the wire (positive distally) and its
-// y axis around it; its left, right and middle button, or the joystick's first three, are X-ray,
-// contrast and clutch.
+// y axis around it. Its left, right and middle button, or the first three of the joystick, are
+// X-ray, contrast and clutch.
 //
 // Both are grabbed, so that they move no pointer, and read as raw deltas, to which the desktop's
-// acceleration is never applied. A report is made of every event of the mouse, and of none once a
-// millisecond, with the kernel's time stamps as the device clock.
+// acceleration is not applied. Every event of the mouse makes a report; without events there is one
+// every millisecond. The kernel's time stamps are the device clock.
 #pragma once
 
 #include <libevdev/libevdev.h>
@@ -22,7 +22,7 @@
 
 namespace torquer::device {
 
-/// What a mouse is taken for without a calibration, counts an inch; most are set to about this.
+/// Resolution that is assumed of a mouse, counts per inch; most have about this.
 inline constexpr int kNominalMouseCpi = 1000;
 
 /// A mouse or joystick of this machine.
@@ -33,19 +33,20 @@ struct InputListing {
   bool is_mouse = false;
 };
 
-/// Those that this user may read, by names that outlast a replug if possible.
+/// Those that this user may read, by names that stay after a replug where there are such names.
 std::vector<InputListing> InputsHere();
 
 class EvdevSource : public ReportSource {
  public:
-  /// `paths`: the mouse's device file and, if there is one, the joystick's, in any order. They need
-  /// not be there yet. Throws UserError, naming the mice found, when none is given or too many are.
+  /// `paths`: the device file of the mouse and, if there is one, that of the joystick, in any
+  /// order. They may appear later. Throws UserError that names the mice found when none or more
+  /// than two are given.
   explicit EvdevSource(std::vector<std::string> paths);
   ~EvdevSource() override;
   EvdevSource(const EvdevSource&) = delete;
   EvdevSource& operator=(const EvdevSource&) = delete;
 
-  /// Also throws UserError when a file may not be read, is neither mouse nor joystick, is there
+  /// Also throws UserError when a file may not be read, is neither mouse nor joystick, is given
   /// twice, or is grabbed by another program.
   void Wait(int timeout_ms, const Sink& sink) override;
   void Interrupt() override { wake_up_.Raise(); }
@@ -71,7 +72,7 @@ class EvdevSource : public ReportSource {
   std::vector<std::unique_ptr<Input>> inputs_;  // while connected; the mouse first
   std::string gone_;                            // why, once one of them is
   std::string serial_;
-  protocol::InputReport report_{};  // the state that the next report tells
+  protocol::InputReport report_{};  // the state for the next report
   std::int64_t last_time_us_ = 0;
   bool doubtful_ = false;  // events were dropped since the last report
 };

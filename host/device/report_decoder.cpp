@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::int64_t kNominalIntervalUs = 1000;
 constexpr int kSeenBits = 64;
-// The device's two banks and what the host's controller holds.
+// The device's two banks, and what the host's controller holds.
 constexpr int kSettlingReports = 4;
 constexpr double kMmPerInch = 25.4;
 
@@ -63,7 +63,7 @@ std::optional<Sample> ReportDecoder::Decode(std::span<const std::uint8_t> bytes,
 }
 
 std::optional<protocol::InputReport> ReportDecoder::Check(std::span<const std::uint8_t> bytes) {
-  // Id and version are looked at first: they tell more about a stray report than its length does.
+  // Id and version are checked first: they say more about a stray report than its length does.
   if (!bytes.empty() && bytes[0] != protocol::kInputReportId) {
     ++counters_.wrong_id;
     return std::nullopt;
@@ -126,7 +126,7 @@ std::optional<Sample> ReportDecoder::Continue(const protocol::InputReport& repor
   }
   if (!SortIn(sample.report_number)) return std::nullopt;
 
-  // A device clock that runs backwards is broken; the time that follows from it stands still.
+  // Where a broken device clock runs backwards, the time made from it stands still.
   sample.device_time_us = std::max(sample.device_time_us, last_.device_time_us);
   if (MovedImpossibly(sample)) {
     ++counters_.jumps;
@@ -139,7 +139,7 @@ std::optional<Sample> ReportDecoder::Continue(const protocol::InputReport& repor
   return sample;
 }
 
-// Books a report number; true when it is the newest so far.
+// Counts a report number; true when it is the newest so far.
 bool ReportDecoder::SortIn(std::int64_t report_number) {
   const std::int64_t ahead = report_number - last_.report_number;
   if (ahead > 0) {

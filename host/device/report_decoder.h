@@ -1,13 +1,13 @@
-// From the bytes of input reports to samples whose numbers no longer wrap.
+// From the bytes of input reports to samples whose numbers do not wrap.
 //
-// A cumulative count, the device clock and the sequence number all wrap; each is continued to 64
-// bits by taking the value nearest to an expectation: counts near the previous ones, device time
-// near the host time that has passed, sequence near the device time that has passed. Restarted
-// devices (another boot id) and new connections begin a new epoch, in which the 64-bit numbers go
-// on from where they were, without a jump. No I/O, no clock.
+// The cumulative counts, the device clock and the sequence number all wrap. Each is continued to 64
+// bits by taking the value nearest to an expected one: counts near the previous ones, device time
+// near the host time that has passed, sequence near the device time that has passed. A restarted
+// device (another boot id) and a new connection begin a new epoch, in which the 64-bit numbers
+// continue without a jump. No I/O, no clock.
 //
-// A device that nobody polled still holds the reports of that time: a gap behind the first few
-// reports of a connection is no loss, the epoch merely begins behind it.
+// A device that was not polled still holds the reports of that time. A gap after the first few
+// reports of a connection is therefore no loss: the epoch begins after the gap.
 #pragma once
 
 #include <cstdint>
@@ -18,22 +18,22 @@
 
 namespace torquer::device {
 
-/// Why a sample does not continue the one before: what the hand moved in between is not known, and
-/// neither is how long it took.
+/// Why a sample does not continue the one before it. What the hand moved in between is not known,
+/// nor how long it took.
 enum class EpochStart {
-  kNone,       ///< it does continue it
+  kNone,       ///< it continues it
   kConnected,  ///< the device was (re)connected
   kReset,      ///< the device restarted while connected
   kJump,       ///< counts moved faster than any hand
 };
 
-/// One report, understood.
+/// One report, decoded.
 struct Sample {
   std::int64_t receive_us = 0;         ///< host time of arrival
   std::int64_t device_time_us = 0;     ///< device clock, continued over wraps and epochs
-  std::int64_t report_number = 0;      ///< counts lost reports too; continued likewise
-  std::int64_t axial_counts = 0;       ///< cumulative, continued likewise
-  std::int64_t transverse_counts = 0;  ///< cumulative, continued likewise
+  std::int64_t report_number = 0;      ///< counts lost reports too; continued as well
+  std::int64_t axial_counts = 0;       ///< cumulative, continued as well
+  std::int64_t transverse_counts = 0;  ///< cumulative, continued as well
   std::uint16_t joystick_x = 0;        ///< 0 .. 1023
   std::uint16_t joystick_y = 0;        ///< 0 .. 1023
   std::uint8_t buttons = 0;            ///< protocol::Button bits
@@ -45,21 +45,21 @@ struct Sample {
   EpochStart epoch_start = EpochStart::kNone;
 };
 
-/// What became of reports, since the start.
+/// Numbers of reports since the start.
 struct DecoderCounters {
   std::int64_t received = 0;       ///< all, refused ones included
   std::int64_t lost = 0;           ///< missing in the sequence within an epoch
-  std::int64_t duplicated = 0;     ///< seen before; ignored
+  std::int64_t duplicated = 0;     ///< received before; ignored
   std::int64_t reordered = 0;      ///< late, after a newer one; ignored, and no longer lost
   std::int64_t wrong_length = 0;   ///< truncated or overlong; refused
   std::int64_t wrong_id = 0;       ///< another report id; refused
   std::int64_t wrong_version = 0;  ///< another protocol version; refused
-  std::int64_t resets = 0;         ///< changes of the boot id, whether seen connected or not
-  std::int64_t jumps = 0;  ///< counts that moved faster than any hand; begun anew from there
+  std::int64_t resets = 0;         ///< changes of the boot id, while connected or not
+  std::int64_t jumps = 0;          ///< counts that moved faster than any hand; continued from there
 };
 
-/// Plausible speed of the sensor's surface, mm/s. Counts that change faster did not come from a
-/// hand (the device's counters were set to zero, say).
+/// No hand moves the sensor's surface faster, mm/s. Counts that change faster have another cause,
+/// such as counters of the device that were set to zero.
 inline constexpr double kImpossibleSpeedMmPerS = 25000.0;
 
 class ReportDecoder {
@@ -67,8 +67,8 @@ class ReportDecoder {
   /// The device was (re)connected: the next report begins an epoch whatever its boot id.
   void OnConnected() { connecting_ = true; }
 
-  /// The sample in one report, or nothing when it was refused, late or seen before; the counters
-  /// tell which.
+  /// The sample in one report, or nothing when the report was refused, late or received before; the
+  /// counters show which.
   std::optional<Sample> Decode(std::span<const std::uint8_t> report, std::int64_t receive_us);
 
   const DecoderCounters& counters() const { return counters_; }

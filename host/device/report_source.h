@@ -1,5 +1,5 @@
-// Where a daemon's reports come from: USB, a Unix socket, or an ordinary mouse and joystick.
-// Past this interface nothing differs.
+// Where reports come from: USB, a Unix socket, or an ordinary mouse and joystick. Behind this
+// interface they are all the same.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,12 @@
 
 namespace torquer::device {
 
-/// What a source has to tell.
+/// What a source reports.
 struct SourceEvent {
   enum class Kind {
     kConnected,     ///< a device is here; features can be asked for, reports follow
     kReport,        ///< one input report
-    kDisconnected,  ///< it is gone; a further kConnected follows when it, or its like, returns
+    kDisconnected,  ///< it is gone; another kConnected follows when it, or one like it, is back
   };
   Kind kind = Kind::kReport;
   std::int64_t host_us = 0;                ///< arrival, CLOCK_MONOTONIC
@@ -30,7 +30,8 @@ class FeatureError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// A feature request that found no device, or lost it on the way: kDisconnected tells more.
+/// A feature request that found no device, or lost it meanwhile; a kDisconnected event follows with
+/// the reason.
 class DeviceGone : public FeatureError {
  public:
   using FeatureError::FeatureError;
@@ -43,10 +44,10 @@ class ReportSource {
 
   virtual ~ReportSource() = default;
 
-  /// Waits at most `timeout_ms` for events and hands them to `sink` in order of arrival; returns
-  /// early after Interrupt(). While no device is here it tries to find one again by itself. `sink`
-  /// may ask for features. Throws UserError for what will not mend by waiting, such as a device
-  /// that may not be opened.
+  /// Waits at most `timeout_ms` for events and passes them to `sink` in order of arrival; returns
+  /// early after Interrupt(). While there is no device it looks for one. `sink` may ask for
+  /// features. Throws UserError for what waiting does not remedy, such as a device that may not be
+  /// opened.
   virtual void Wait(int timeout_ms, const Sink& sink) = 0;
 
   /// Makes a running or the next Wait() return soon. From any thread.
@@ -58,7 +59,7 @@ class ReportSource {
   /// Sends a feature report, report id first. Throws FeatureError.
   virtual void SetFeature(std::span<const std::uint8_t> report) = 0;
 
-  /// Where the source looks for a device, for messages: "socket /run/x", "USB device 1209:0001".
+  /// Where the source looks for a device, for messages: "socket /run/x", "USB (1209:0001)".
   virtual std::string place() const = 0;
 };
 

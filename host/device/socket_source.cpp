@@ -1,5 +1,6 @@
 #include "host/device/socket_source.h"
 
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -28,9 +29,9 @@ std::uint8_t Kind(SocketPacket kind) { return static_cast<std::uint8_t>(kind); }
 
 SocketSource::SocketSource(std::string path) : path_(std::move(path)) {
   if (path_.empty() || path_.size() >= sizeof(sockaddr_un::sun_path)) {
-    throw UserError("--socket '" + path_ + "': a socket's path has 1 to " +
-                    std::to_string(sizeof(sockaddr_un::sun_path) - 1) +
-                    " characters; choose a shorter one");
+    throw UserError(fmt::format(
+        "--socket '{}': the path of a socket has 1 to {} characters; choose a shorter one", path_,
+        sizeof(sockaddr_un::sun_path) - 1));
   }
 }
 
@@ -49,10 +50,12 @@ bool SocketSource::Connect() {
   const int reason = errno;
   close(fd);
   if (reason == EACCES || reason == EPROTOTYPE || reason == ENOTSOCK) {
-    throw UserError("--socket '" + path_ + "': cannot be connected to: " + std::strerror(reason) +
-                    "; give the socket that torquer-emulator listens on");
+    throw UserError(fmt::format(
+        "--socket '{}': cannot be connected to: {}; give the socket at which torquer-emulator "
+        "listens",
+        path_, std::strerror(reason)));
   }
-  return false;  // not there yet
+  return false;  // nobody listens there yet
 }
 
 void SocketSource::Close() {
@@ -81,8 +84,8 @@ void SocketSource::Wait(int timeout_ms, const Sink& sink) {
   if (poll(events.data(), events.size(), timeout_ms) <= 0) return;
   if (events[0].revents != 0) wake_up_.Clear();
   if (events[1].revents == 0) return;
-  // What is there, so that a backlog is worked off without further polling; but a device that
-  // sends without pause must not keep the caller for ever.
+  // All that has arrived, so that a backlog needs no further polling; but a device that sends
+  // without pause must not hold the caller for ever.
   Arrival arrival;
   for (int i = 0; i < kBurst && fd_ >= 0 && Receive(arrival); ++i) {
     Deliver(arrival, sink);
@@ -113,7 +116,7 @@ void SocketSource::Deliver(const Arrival& arrival, const Sink& sink) {
           .text = place() + " was closed by the device"});
     return;
   }
-  // Answers that came too late to be waited for are dropped.
+  // Answers that came too late are dropped.
   if (arrival.packet[0] != Kind(SocketPacket::kInput)) return;
   sink({.kind = SourceEvent::Kind::kReport,
         .host_us = arrival.host_us,
@@ -126,7 +129,7 @@ std::vector<std::uint8_t> SocketSource::GetFeature(std::uint8_t report_id) {
       Request({Kind(SocketPacket::kGetFeature), report_id}, SocketPacket::kFeature);
   answer.erase(answer.begin());
   if (answer.empty() || answer[0] != report_id) {
-    throw FeatureError("the answer is another feature report than the one asked for");
+    throw FeatureError("the answer is not the feature report that was asked for");
   }
   return answer;
 }
@@ -141,7 +144,7 @@ std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>&
                                                 protocol::SocketPacket expected) {
   if (fd_ < 0) throw DeviceGone("no device is connected");
   if (send(fd_, packet.data(), packet.size(), MSG_NOSIGNAL) < 0) {
-    throw DeviceGone(std::string("the request cannot be sent: ") + std::strerror(errno));
+    throw DeviceGone(fmt::format("the request cannot be sent: {}", std::strerror(errno)));
   }
   const std::int64_t deadline_us = bus::MonotonicUs() + kAnswerUs;
   for (;;) {
@@ -156,7 +159,7 @@ std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>&
     if (kind == Kind(expected)) return std::move(arrival.packet);
     if (kind == Kind(SocketPacket::kStall)) throw FeatureError("the device refused the request");
     waiting_.push_back(std::move(arrival));
-    if (gone) throw DeviceGone("the device went away");
+    if (gone) throw DeviceGone("the device is gone");
   }
 }
 

@@ -1,4 +1,4 @@
-// Reports over a Unix socket (protocol/socket_link.h): the emulator's way, byte for byte as on USB.
+// Reports over a Unix socket (protocol/socket_link.h), from the emulator, byte for byte as on USB.
 #pragma once
 
 #include <deque>
@@ -13,8 +13,8 @@ namespace torquer::device {
 
 class SocketSource : public ReportSource {
  public:
-  /// The device listens at `path`; it need not be there yet.
-  /// Throws UserError when `path` is too long for a socket's address.
+  /// The device listens at `path`, perhaps later.
+  /// Throws UserError when `path` is empty or too long for a socket.
   explicit SocketSource(std::string path);
   ~SocketSource() override;
 
@@ -27,7 +27,7 @@ class SocketSource : public ReportSource {
  private:
   struct Arrival {
     std::int64_t host_us;
-    std::vector<std::uint8_t> packet;  // kind byte first; empty: the other end is gone
+    std::vector<std::uint8_t> packet;  // kind byte first; empty: the other end was closed
   };
 
   bool Connect();
@@ -40,7 +40,7 @@ class SocketSource : public ReportSource {
   std::string path_;
   int fd_ = -1;
   WakeUp wake_up_;
-  std::deque<Arrival> waiting_;  // came in while an answer was awaited
+  std::deque<Arrival> waiting_;  // arrived during a Request()
 };
 
 }  // namespace torquer::device

@@ -1,10 +1,7 @@
-// The bench devices on this machine's USB, by what their descriptors tell: nothing is asked of a
-// device that could disturb who uses it.
+// The bench devices on this machine's USB, by their descriptors alone: whoever uses a device is not
+// disturbed.
 #pragma once
 
-#include <libusb.h>
-
-#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -19,14 +16,8 @@ struct UsbListing {
   bool permitted = true;    ///< this user may open it
 };
 
-/// Devices of other makers with the same ids are left out, as far as permissions let that be told.
-/// Throws UserError when the USB cannot be used at all.
+/// Sorted by path. Devices of other makers with the same ids are left out, where permissions allow
+/// to check that. Throws UserError when the USB cannot be used at all.
 std::vector<UsbListing> BenchDevicesHere();
-
-/// "USB bus 1 device 5".
-std::string UsbAddress(libusb_device* device);
-
-/// A string descriptor as ASCII; "" if there is none, or the device does not tell it.
-std::string UsbText(libusb_device_handle* handle, std::uint8_t index);
 
 }  // namespace torquer::device

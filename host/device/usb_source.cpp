@@ -1,5 +1,7 @@
 #include "host/device/usb_source.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/time.h>
 
 #include <algorithm>
@@ -7,7 +9,7 @@
 
 #include "host/bus/clock.h"
 #include "host/device/device_identity.h"
-#include "host/device/usb_listing.h"
+#include "host/device/usb.h"
 #include "host/support/error.h"
 #include "protocol/usb_ids.h"
 
@@ -20,13 +22,13 @@ constexpr unsigned kControlTimeoutMs = 1000;
 constexpr std::uint8_t kGetReport = 0x01;  // HID 1.11, 7.2
 constexpr std::uint8_t kSetReport = 0x09;
 constexpr std::uint16_t kFeatureReport = 0x0300;
-constexpr int kLargestReport = 64;
-// A device about to vanish gives transfer errors first; so many in a row mean that it has.
-constexpr int kHopelessErrors = 50;
+constexpr std::size_t kLargestReport = protocol::kLongestReportBytes;
+// A device that is unplugged gives transfer errors first; so many in a row mean that it is gone.
+constexpr int kMostErrorsInARow = 50;
 // Permissions are granted by udev, perhaps a moment after the device is announced.
 constexpr std::int64_t kPermissionUs = 1000000;
-// A device that has just been plugged in may fail at first; one that goes on failing is left alone.
-constexpr std::int64_t kPatienceUs = 3000000;
+// A device that has just been plugged in may fail at first; one that fails for longer is ignored.
+constexpr std::int64_t kOpenUs = 3000000;
 
 }  // namespace
 
@@ -39,8 +41,10 @@ UsbSource::UsbSource(std::string serial) : serial_(std::move(serial)) {
         LIBUSB_HOTPLUG_MATCH_ANY, &UsbSource::OnHotplug, this, &hotplug_);
   }
   if (error != 0) {
-    throw UserError(std::string("the USB cannot be used: ") + libusb_strerror(error) +
-                    "; is /dev/bus/usb there? The emulator needs none: --source socket");
+    throw UserError(fmt::format(
+        "the USB cannot be used: {}; check that /dev/bus/usb exists. The emulator needs none: "
+        "--source socket",
+        libusb_strerror(error)));
   }
 }
 
@@ -53,9 +57,10 @@ UsbSource::~UsbSource() {
 
 std::string UsbSource::place() const {
   std::string place =
-      "USB (1209:0001" + (serial_.empty() ? "" : ", serial number " + serial_) + ")";
+      fmt::format("USB ({:04x}:{:04x}{}{})", protocol::kUsbVendorId, protocol::kUsbProductId,
+                  serial_.empty() ? "" : ", serial number ", serial_);
   if (bootloader_seen_ && handle_ == nullptr) {
-    place += std::string(", where a device waits in its bootloader: ") + kFlashRemedy + ",";
+    place += fmt::format(", where a device waits in its bootloader: {},", kFlashRemedy);
   }
   return place;
 }
@@ -94,12 +99,12 @@ void UsbSource::OnTransfer(libusb_transfer* transfer) {
   switch (transfer->status) {
     case LIBUSB_TRANSFER_COMPLETED:
       source.errors_in_a_row_ = 0;
-      source.stalled_ = false;  // what stalled before was no halt
+      source.stalled_ = false;  // an earlier stall was no halt
       source.arrivals_.push_back({host_us, transfer->actual_length, own.bytes});
       source.Submit(own);
       break;
     case LIBUSB_TRANSFER_OVERFLOW:
-      // Longer than any report of ours: let it be counted as one of a wrong length.
+      // Longer than any report of ours: counted as one of a wrong length.
       source.arrivals_.push_back({host_us, 0, {}});
       source.Submit(own);
       break;
@@ -113,7 +118,8 @@ void UsbSource::OnTransfer(libusb_transfer* transfer) {
       break;
     case LIBUSB_TRANSFER_ERROR:
     case LIBUSB_TRANSFER_TIMED_OUT:
-      if (++source.errors_in_a_row_ >= kHopelessErrors) source.gone_ = "gives only transfer errors";
+      if (++source.errors_in_a_row_ >= kMostErrorsInARow)
+        source.gone_ = "gives only transfer errors";
       break;  // Revive() submits it again
   }
 }
@@ -125,13 +131,13 @@ void UsbSource::Submit(Transfer& transfer) {
   if (error == LIBUSB_ERROR_NO_DEVICE) gone_ = "was unplugged";
 }
 
-// Puts transfers to work again that a stall or an error has stopped.
+// Submits transfers again that a stall or an error has stopped.
 void UsbSource::Revive() {
   if (handle_ == nullptr || !gone_.empty()) return;
   if (std::exchange(stalled_, false)) {
     const bool idle = std::none_of(transfers_.begin(), transfers_.end(),
                                    [](const auto& transfer) { return transfer->in_flight; });
-    // The stall ends every transfer on the endpoint; the rest of them are still to be told.
+    // The stall ends every transfer on the endpoint; the ends of the others are still to come.
     if (!idle) {
       stalled_ = true;
       return;
@@ -173,7 +179,7 @@ void UsbSource::TakeCandidates(const Sink& sink) {
   std::vector<OpenDevice> found;
   try {
     for (std::size_t count = candidates_.size(); count > 0; --count) {
-      // Others may join at the back meanwhile.
+      // Meanwhile others may be added at the back.
       const Candidate& candidate = candidates_.front();
       const bool settled = candidate.left || TryOpen(candidate, found);
       if (settled) {
@@ -185,10 +191,11 @@ void UsbSource::TakeCandidates(const Sink& sink) {
     }
     if (found.empty()) return;
     if (found.size() > 1) {
-      std::string serials;
-      for (const OpenDevice& device : found) serials += " " + device.serial;
-      throw UserError("several bench devices are plugged in:" + serials +
-                      "; choose one with --device");
+      std::vector<std::string> serials;
+      for (const OpenDevice& device : found) serials.push_back(device.serial);
+      throw UserError(
+          fmt::format("several bench devices are plugged in: {}; choose one with --device",
+                      fmt::join(serials, ", ")));
     }
     Start(found.front());
   } catch (...) {
@@ -201,24 +208,22 @@ void UsbSource::TakeCandidates(const Sink& sink) {
         .text = address_});
 }
 
-// False when the device is to be tried again later. Found ones are open.
+// False when the device is to be tried again later. What is found stays open.
 bool UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& found) {
   OpenDevice device{};
   device.address = UsbAddress(candidate.device);
   const int error = libusb_open(candidate.device, &device.handle);
   if (error == LIBUSB_ERROR_ACCESS) {
     if (bus::MonotonicUs() - candidate.seen_us < kPermissionUs) return false;
-    throw UserError(device.address +
-                    " may not be opened by this user; install the udev rule: sudo cp "
-                    "hardware/udev/70-torquer.rules /etc/udev/rules.d/ && sudo udevadm control "
-                    "--reload && sudo udevadm trigger");
+    throw UserError(
+        fmt::format("{} may not be opened by this user; {}", device.address, kPermissionRemedy));
   }
-  const bool hopeless = bus::MonotonicUs() - candidate.seen_us > kPatienceUs;
-  if (error != 0) return hopeless;
+  const bool too_late = bus::MonotonicUs() - candidate.seen_us > kOpenUs;
+  if (error != 0) return too_late;
   libusb_device_descriptor descriptor{};
   libusb_get_device_descriptor(candidate.device, &descriptor);
   device.serial = UsbText(device.handle, descriptor.iSerialNumber);
-  // The ids are shared with other people's prototypes.
+  // Other people's prototypes use the same ids.
   const std::string product = UsbText(device.handle, descriptor.iProduct);
   if (product == protocol::kUsbProduct && !device.serial.empty() &&
       (serial_.empty() || device.serial == serial_)) {
@@ -226,7 +231,7 @@ bool UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& fou
     return true;
   }
   libusb_close(device.handle);
-  return hopeless || (!product.empty() && !device.serial.empty());
+  return too_late || (!product.empty() && !device.serial.empty());
 }
 
 void UsbSource::CheckEndpoint(const OpenDevice& device) const {
@@ -246,9 +251,9 @@ void UsbSource::CheckEndpoint(const OpenDevice& device) const {
     libusb_free_config_descriptor(configuration);
   }
   if (!fits) {
-    throw UserError(device.address + ": the device has no input endpoint for reports of " +
-                    std::to_string(sizeof(protocol::InputReport)) +
-                    " bytes: another firmware runs on it; " + kFlashRemedy);
+    throw UserError(fmt::format(
+        "{}: the device has no input endpoint for reports of {} bytes: it runs other firmware; {}",
+        device.address, sizeof(protocol::InputReport), kFlashRemedy));
   }
 }
 
@@ -257,8 +262,9 @@ void UsbSource::Start(const OpenDevice& device) {
   libusb_set_auto_detach_kernel_driver(device.handle, 1);
   const int error = libusb_claim_interface(device.handle, kInterface);
   if (error != 0) {
-    throw UserError(device.address + ": the device cannot be claimed (" + libusb_strerror(error) +
-                    "); stop the other program that uses it");
+    throw UserError(
+        fmt::format("{}: the device cannot be claimed ({}); stop the other program that uses it",
+                    device.address, libusb_strerror(error)));
   }
   handle_ = device.handle;
   address_ = device.address;
@@ -277,10 +283,10 @@ void UsbSource::Start(const OpenDevice& device) {
   }
 }
 
-// Ends the transfers before the device is closed under them.
+// Ends the transfers before the device is closed.
 void UsbSource::Stop() {
   if (handle_ == nullptr) return;
-  if (gone_.empty()) gone_ = "is being closed";  // nothing is submitted any more
+  if (gone_.empty()) gone_ = "is being closed";  // so that nothing is submitted any more
   const auto busy = [this] {
     return std::any_of(transfers_.begin(), transfers_.end(),
                        [](const auto& transfer) { return transfer->in_flight; });
@@ -293,8 +299,8 @@ void UsbSource::Stop() {
     libusb_handle_events_timeout_completed(context_, &step, nullptr);
   }
   for (auto& transfer : transfers_) {
-    // What the kernel does not give back within a second is left to it: freed, it would be written
-    // to after its end.
+    // A transfer that the kernel does not give back within a second is leaked on purpose: the
+    // kernel may still write to it.
     if (transfer->in_flight) {
       static_cast<void>(transfer.release());
     } else {
@@ -317,7 +323,7 @@ int UsbSource::Control(std::uint8_t direction, std::uint8_t request, std::uint8_
       static_cast<std::uint16_t>(bytes.size()), kControlTimeoutMs);
   if (result == LIBUSB_ERROR_NO_DEVICE) {
     gone_ = "was unplugged";
-    throw DeviceGone("the device went away");
+    throw DeviceGone("the device is gone");
   }
   if (result == LIBUSB_ERROR_PIPE) throw FeatureError("the device refused the request");
   if (result == LIBUSB_ERROR_TIMEOUT) throw FeatureError("no answer within a second");
@@ -330,7 +336,7 @@ std::vector<std::uint8_t> UsbSource::GetFeature(std::uint8_t report_id) {
   const int size = Control(LIBUSB_ENDPOINT_IN, kGetReport, report_id, report);
   report.resize(static_cast<std::size_t>(size));
   if (report.empty() || report[0] != report_id) {
-    throw FeatureError("the answer is another feature report than the one asked for");
+    throw FeatureError("the answer is not the feature report that was asked for");
   }
   return report;
 }

@@ -1,5 +1,5 @@
-// Reports of the bench device over USB, with unmodified libusb: several interrupt transfers in
-// flight, hotplug, and every way a device can fail or go away told apart.
+// Reports of the bench device over USB, by libusb: several interrupt transfers in flight, hotplug,
+// and every way in which a device can fail or be removed.
 #pragma once
 
 #include <libusb.h>
@@ -18,15 +18,16 @@ namespace torquer::device {
 
 class UsbSource : public ReportSource {
  public:
-  /// Reads the device with this serial number; "" for the only one there is. Once connected it
-  /// keeps to that serial number. Throws UserError when the USB cannot be used at all.
+  /// Reads the device with this serial number; "" for the only one there is. Once connected, only
+  /// the device with that serial number is read. Throws UserError when the USB cannot be used.
   explicit UsbSource(std::string serial);
   ~UsbSource() override;
   UsbSource(const UsbSource&) = delete;
   UsbSource& operator=(const UsbSource&) = delete;
 
-  /// Also throws UserError when several devices are there and none was chosen, when the device may
-  /// not be opened, when another program has it, or when it is not laid out as our firmware is.
+  /// Also throws UserError when there are several devices and none was chosen, when the device may
+  /// not be opened, when another program uses it, or when its endpoints are not those of our
+  /// firmware.
   void Wait(int timeout_ms, const Sink& sink) override;
   void Interrupt() override;
   std::vector<std::uint8_t> GetFeature(std::uint8_t report_id) override;

@@ -1,4 +1,4 @@
-// Ends another thread's poll().
+// Ends the poll() of another thread.
 #pragma once
 
 #include <sys/eventfd.h>

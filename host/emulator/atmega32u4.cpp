@@ -1,6 +1,7 @@
 #include "host/emulator/atmega32u4.h"
 
 #include <simavr/avr_adc.h>
+#include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_spi.h>
 #include <simavr/avr_watchdog.h>
@@ -38,6 +39,13 @@ constexpr int kSupplyMillivolts = 5000;
 constexpr double kEepromWriteUs = 3400;
 
 void DiscardLog(avr_t*, int, const char*, va_list) {}
+
+// A reset makes libsimavr look at every pin of an external interrupt that is low once a cycle,
+// which takes more than a core while a button is held. The firmware has no such interrupt: edges
+// do.
+void DoNotPollPins(avr_t* avr) {
+  for (std::uint8_t k = 0; k < EXTINT_COUNT; ++k) avr_extint_set_strict_lvl_trig(avr, k, 0);
+}
 
 }  // namespace
 
@@ -330,6 +338,7 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
   }
   avr_register_io(avr_, &hooks_->io);
   avr_reset(avr_);
+  DoNotPollPins(avr_);
 }
 
 Atmega32u4::~Atmega32u4() {
@@ -341,6 +350,7 @@ Atmega32u4::~Atmega32u4() {
 }
 
 void Atmega32u4::AfterReset() {
+  DoNotPollPins(avr_);
   if (hooks_->reset_cause == kWatchdogReset) ++resets_;
   avr_->data[kMcusr] = hooks_->reset_cause;
   hooks_->reset_cause = kWatchdogReset;  // unless told otherwise, the next one is the watchdog's
@@ -371,7 +381,10 @@ void Atmega32u4::ResetByBrownOut() {
   ResetFor(kBrownOutReset);
 }
 
-void Atmega32u4::SetDead(Part part) { dead_ = part; }
+void Atmega32u4::SetDead(Part part) {
+  dead_ = part;
+  if (part == Part::kUsbMemory) usb_.ExhaustMemory();
+}
 
 std::vector<std::string> Atmega32u4::PartsAwake() const {
   constexpr std::uint8_t kModes = 0x0e, kPowerDown = 0x04, kAdcEnable = 0x80, kClockSelect = 0x07;
@@ -428,6 +441,14 @@ void Atmega32u4::UpdateUsbInterrupts() {
 void Atmega32u4::SetPin(char port, int bit, bool high) {
   pins_[{port, bit}] = high;
   avr_raise_irq(avr_io_getirq(avr_, AVR_IOCTL_IOPORT_GETIRQ(port), bit), high);
+}
+
+std::optional<bool> Atmega32u4::DrivenLevel(char port, int bit) const {
+  // PINx, DDRx and PORTx of port B are at 0x23; those of each further port follow.
+  const int pin_register = 0x23 + 3 * (port - 'B');
+  const int mask = 1 << bit;
+  if (!(avr_->data[pin_register + 1] & mask)) return std::nullopt;
+  return (avr_->data[pin_register + 2] & mask) != 0;
 }
 
 void Atmega32u4::OnPin(char port, int bit, std::function<void(bool, double)> changed) {

@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -89,7 +90,7 @@ class Atmega32u4 {
   /// being written is lost, the variables are not.
   void ResetByBrownOut();
   /// A part of the chip from which the firmware waits for an answer never gives one from now on.
-  enum class Part { kNone, kPll, kSpi, kAdc, kEeprom };
+  enum class Part { kNone, kPll, kSpi, kAdc, kEeprom, kUsbMemory };
   void SetDead(Part part);
 
   UsbController& usb() { return usb_; }
@@ -98,6 +99,8 @@ class Atmega32u4 {
 
   /// Input level of a pin, port 'B' .. 'F'; holds over resets.
   void SetPin(char port, int bit, bool high);
+  /// What the firmware drives a pin to; none: it is an input.
+  std::optional<bool> DrivenLevel(char port, int bit) const;
   /// Calls `changed` with the new level whenever the firmware changes an output pin.
   void OnPin(char port, int bit, std::function<void(bool high, double now_us)> changed);
   /// Voltage on an ADC channel as a fraction of the reference, 0 .. 1.

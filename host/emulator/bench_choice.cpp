@@ -36,6 +36,12 @@ void AddBenchOptions(Options& options, BenchChoice& choice) {
                  "angle by which the sensor is mounted askew");
   options.Number("--scale", "FACTOR", choice.options.sensor.scale, 0.01, 100,
                  "counts of the sensor over what they should be");
+  options.Number("--lens-distance", "MM", choice.options.optics.distance_mm, 0, 20,
+                 "lens to surface; 2.2 to 2.6 is in focus");
+  options.Number("--dirt", "SHARE", choice.options.optics.dirt, 0, 1,
+                 "share of the sensor's view that dirt covers");
+  options.Number("--shading", "RATIO", choice.options.optics.shading, 1, 100,
+                 "brightness of one edge of the sensor's view over that of the other");
 }
 
 }  // namespace torquer::emulator

@@ -3,6 +3,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <utility>
 
 #include "host/support/error.h"
@@ -23,8 +24,21 @@ struct ButtonWire {
 constexpr ButtonWire kButtonWires[] = {{protocol::kButtonXray, 'D', 1},
                                        {protocol::kButtonContrast, 'D', 0},
                                        {protocol::kButtonClutch, 'D', 4}};
+constexpr char kReferencePort = 'C';
+constexpr int kReferenceBit = 6;
 constexpr int kJoystickXChannel = 7;
 constexpr int kJoystickYChannel = 6;
+
+// The LEDs of a Pro Micro, Micro or Leonardo: the level at which each shines.
+struct Led {
+  const char* name;
+  char port;
+  int bit;
+  bool on_level;
+};
+constexpr Led kLeds[] = {{"RX LED, 4 to 9 mA", 'B', 0, false},
+                         {"TX LED, 4 to 9 mA", 'D', 5, false},
+                         {"LED 13, 4 mA", 'C', 7, true}};
 
 // Where a chip's signature row keeps what the factory says of its lot, wafer and place on it.
 constexpr std::size_t kFactorySerial = 0x0e;
@@ -53,9 +67,14 @@ BenchDevice::BenchDevice(const FirmwareImage& image, const BenchOptions& options
   if (!(options.cylinder_radius_mm > 0) || !std::isfinite(options.cylinder_radius_mm)) {
     throw UserError("--cylinder-radius-mm must be a positive number of millimeters.");
   }
+  for (std::size_t i = 0; i <= std::size(kButtonWires); ++i) {
+    contacts_.emplace_back(options.contact_bounce_us,
+                           options.seed * 31 + static_cast<std::uint32_t>(i));
+  }
   eeprom_.resize(Atmega32u4::kEepromBytes, 0xff);
   if (!options.serial.empty()) PutSerial(options.serial, &eeprom_);
   if (options.start_time_us) image_.SetInitialValue("torquer_clock_us", *options.start_time_us);
+  sensor_.SetOptics(options.optics);
   PowerOn();
 }
 
@@ -117,9 +136,14 @@ void BenchDevice::RunUntil(double us) {
 
 void BenchDevice::ApplyHand() {
   const HandState hand = HandNow();
+  std::size_t contact = 0;
   for (const ButtonWire& wire : kButtonWires) {
-    chip_->SetPin(wire.port, wire.bit, !(hand.buttons & wire.button));
+    const bool held = hand.buttons & wire.button;
+    chip_->SetPin(wire.port, wire.bit, !contacts_[contact++].Conducts(held, now_us_));
   }
+  const bool home =
+      options_.reference_switch_mm && hand.insertion_mm <= *options_.reference_switch_mm;
+  chip_->SetPin(kReferencePort, kReferenceBit, !contacts_[contact].Conducts(home, now_us_));
   chip_->SetAnalog(kJoystickXChannel, (hand.joystick_x + 1) / 2);
   chip_->SetAnalog(kJoystickYChannel, (hand.joystick_y + 1) / 2);
 }
@@ -130,6 +154,15 @@ std::vector<std::uint8_t> BenchDevice::Flash() const {
 
 std::vector<std::uint8_t> BenchDevice::Eeprom() const {
   return powered() ? chip_->eeprom() : eeprom_;
+}
+
+std::vector<std::string> BenchDevice::PartsAwake() const {
+  std::vector<std::string> awake = chip_->PartsAwake();
+  if (!sensor_.asleep()) awake.emplace_back("sensor");
+  for (const Led& led : kLeds) {
+    if (chip_->DrivenLevel(led.port, led.bit) == led.on_level) awake.emplace_back(led.name);
+  }
+  return awake;
 }
 
 double BenchDevice::CyclesUsedFraction() const {

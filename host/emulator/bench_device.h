@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "host/emulator/atmega32u4.h"
+#include "host/emulator/contact.h"
 #include "host/emulator/motion_script.h"
 #include "host/emulator/pmw3360.h"
 
@@ -18,11 +19,17 @@ namespace torquer::emulator {
 struct BenchOptions {
   double cylinder_radius_mm = 5.0;
   SensorImperfections sensor;
+  /// How the sensor sits over the cylinder, as its camera sees it.
+  SurfaceOptics optics;
   std::uint32_t seed = 1;
   /// Device time at each start, us; to begin just before it wraps.
   std::optional<std::uint32_t> start_time_us;
   /// Serial number to be found in the EEPROM, 1 to 16 printable characters; none: as the EEPROM is.
   std::string serial;
+  /// Insertion below which the cylinder closes the end switch, mm; none: the device has no switch.
+  std::optional<double> reference_switch_mm;
+  /// How long buttons, pedal and end switch bounce after a change, at most.
+  double contact_bounce_us = 0;
   /// How long the chip takes to erase or to write a page of its flash.
   double page_operation_us = FlashMemory::kOperationUs;
   /// The EEPROM at the first power-on; empty: blank.
@@ -65,6 +72,9 @@ class BenchDevice {
   std::vector<std::uint8_t> Flash() const;
   /// What is in the EEPROM now.
   std::vector<std::uint8_t> Eeprom() const;
+  /// What draws current though the bus is suspended: parts of the chip, the sensor, the board's
+  /// LEDs; empty if all sleep as they should. Only while powered.
+  std::vector<std::string> PartsAwake() const;
   HandState HandNow() const { return hand_(now_us_ * 1e-6); }
   double clock_mhz() const { return clock_mhz_; }
 
@@ -81,6 +91,7 @@ class BenchDevice {
   BenchOptions options_;
   std::function<HandState(double)> hand_ = [](double) { return HandState{}; };
   VirtualPmw3360 sensor_;
+  std::vector<Contact> contacts_;  // of the buttons, then the end switch
   std::unique_ptr<Atmega32u4> chip_;
   std::vector<std::uint8_t> eeprom_;  // while the power is off; the flash is in image_
   int page_operations_ = 0;

@@ -75,6 +75,7 @@ EmulatorRun::EmulatorRun(const RunOptions& options)
   host_.on_input = [this](const std::vector<std::uint8_t>& report) { Deliver(report); };
   host_.on_ready = [this] {
     summary_.serial = host_.enumeration().serial;
+    if (bus_) bus_->SetSerial(summary_.serial);
     socket_.DeviceReady();
     client_awaited_ = true;
     awaited_since_ns_ = MonotonicNs();
@@ -167,15 +168,14 @@ void EmulatorRun::Publish() {
   const double now_s = device_.now_us() * 1e-6;
   bus_->PublishTruth(device_, now_s, HandAt(now_s), summary_.reports_sent);
   if (!device_.powered()) {
-    bus_->PublishHealth("unplugged", "the device is unplugged", summary_.serial, Counters());
+    bus_->PublishHealth("unplugged", "the device is unplugged", Counters());
   } else if (!host_.ready()) {
-    bus_->PublishHealth("starting", "the device is not on the bus yet", summary_.serial,
-                        Counters());
+    bus_->PublishHealth("starting", "the device is not on the bus yet", Counters());
   } else if (!socket_.connected()) {
     bus_->PublishHealth("waiting for client", "nobody is connected to " + socket_.path(),
-                        summary_.serial, Counters());
+                        Counters());
   } else {
-    bus_->PublishHealth("running", "a client takes reports", summary_.serial, Counters());
+    bus_->PublishHealth("running", "a client takes reports", Counters());
   }
 }
 
@@ -203,7 +203,7 @@ RunSummary EmulatorRun::Run(const std::atomic<bool>& stop) {
   }
   if (bus_) {
     Publish();
-    bus_->PublishHealth("stopping", "the emulator ends", summary_.serial, Counters());
+    bus_->PublishHealth("stopping", "the emulator ends", Counters());
   }
   SaveEeprom();
   socket_.WaitUntilSent(kFastClientTimeoutMs);

@@ -40,6 +40,7 @@ HandState LiveHand::At(double time_s) const {
 LiveBus::LiveBus(const std::string& url) : bus_(url), health_(bus_, "emulator") {
   bus_.Subscribe<torquer_lcm::hand_motion_t>(
       protocol::kHandMotionChannel, [this](const torquer_lcm::hand_motion_t& motion) {
+        if (!motion.device.empty() && motion.device != serial_) return;  // another box's
         if (!Usable(motion)) {
           ++refused_;
         } else if (hand_) {
@@ -59,6 +60,7 @@ void LiveBus::Service(double time_s, LiveHand* hand) {
 void LiveBus::PublishTruth(const BenchDevice& device, double time_s, const HandState& hand,
                            std::int64_t reports_sent) {
   torquer_lcm::hand_motion_t truth{};
+  truth.device = serial_;
   truth.clock_id = bus::ClockId();
   truth.publish_us = bus::MonotonicUs();
   truth.time_s = time_s;
@@ -74,8 +76,7 @@ void LiveBus::PublishTruth(const BenchDevice& device, double time_s, const HandS
 }
 
 void LiveBus::PublishHealth(const std::string& state, const std::string& message,
-                            const std::string& serial, const bus::HealthCounters& counters) {
-  health_.SetDevice(serial);
+                            const bus::HealthCounters& counters) {
   if (state != health_.state()) {
     health_.Change(state, message, counters);
   } else if (health_.Due(bus::MonotonicUs())) {

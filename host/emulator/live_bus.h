@@ -1,5 +1,5 @@
-// The emulator on LCM: takes the hand's motion live, tells the truth about its sensor, and reports
-// how it fares.
+// The emulator on LCM: takes the hand's motion live, publishes what its sensor saw, and its
+// status.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace torquer::emulator {
 
-/// The hand as it is told from outside, at irregular times: it goes to each new place in the time
+/// The hand as it comes from outside, at irregular times: it goes to each new place in the time
 /// that the last message took to come, so that it does not jump.
 class LiveHand {
  public:
@@ -30,7 +30,12 @@ class LiveBus {
   /// Throws UserError where the bus cannot be reached.
   explicit LiveBus(const std::string& url);
 
-  /// Takes waiting messages into `hand`; never waits.
+  /// The serial number of the box, once it is known.
+  void SetSerial(const std::string& serial) {
+    serial_ = serial;
+    health_.SetDevice(serial);
+  }
+  /// Takes waiting messages that are for this box, or for any, into `hand`; never waits.
   void Service(double time_s, LiveHand* hand);
 
   /// What the hand and the sensor did; to be called about 100 times a second and at the end.
@@ -39,13 +44,14 @@ class LiveBus {
 
   /// Publishes when the state has changed or a second has passed.
   void PublishHealth(const std::string& state, const std::string& message,
-                     const std::string& serial, const bus::HealthCounters& counters);
+                     const bus::HealthCounters& counters);
 
   std::int64_t refused() const { return refused_ + bus_.undecodable(); }
 
  private:
   bus::Bus bus_;
   bus::HealthReporter health_;
+  std::string serial_;
   LiveHand* hand_ = nullptr;
   double time_s_ = 0;
   std::int64_t refused_ = 0;

@@ -3,46 +3,103 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace torquer::emulator {
 namespace {
 
-constexpr std::uint8_t kProductId = 0x00, kRevisionId = 0x01, kMotion = 0x02, kDeltaYHigh = 0x06,
-                       kSurfaceQuality = 0x07, kSromId = 0x2a, kPowerUpReset = 0x3a,
-                       kShutdown = 0x3b, kInverseProductId = 0x3f, kMotionBurst = 0x50,
-                       kSromLoadBurst = 0x62;
-constexpr std::uint8_t kResetKey = 0x5a, kShutdownKey = 0xb6;
+// Registers of the data sheet, version 1.50.
+constexpr std::uint8_t kProductId = 0x00, kRevisionId = 0x01, kMotion = 0x02, kDeltaXLow = 0x03,
+                       kDeltaYHigh = 0x06, kSurfaceQuality = 0x07, kRawDataSum = 0x08,
+                       kMaximumRawData = 0x09, kMinimumRawData = 0x0a, kShutterLower = 0x0b,
+                       kShutterUpper = 0x0c, kControl = 0x0d, kConfig2 = 0x10, kFrameCapture = 0x12,
+                       kSromEnable = 0x13, kRunDownshift = 0x14, kRest1Rate = 0x15,
+                       kRest1Downshift = 0x17, kRest2Rate = 0x18, kRest2Downshift = 0x1a,
+                       kRest3Rate = 0x1b, kObservation = 0x24, kSromId = 0x2a,
+                       kMinimumQualityRun = 0x2b, kRawDataThreshold = 0x2c, kConfig5 = 0x2f,
+                       kPowerUpReset = 0x3a, kShutdown = 0x3b, kInverseProductId = 0x3f,
+                       kMotionBurst = 0x50, kSromLoadBurst = 0x62, kLiftConfig = 0x63,
+                       kRawDataBurst = 0x64;
+constexpr std::pair<std::uint8_t, std::uint8_t> kResetValues[] = {
+    {kProductId, 0x42},        {kRevisionId, 0x01},    {kMotion, 0x20},
+    {kShutterLower, 0x12},     {kControl, 0x02},       {0x0f, 0x31},
+    {kConfig2, 0x20},          {kRunDownshift, 0x32},  {kRest1Rate, 0x00},
+    {kRest1Downshift, 0x1f},   {kRest2Rate, 0x63},     {kRest2Downshift, 0xbc},
+    {kRest3Rate, 0xf3},        {kRest3Rate + 1, 0x01}, {kMinimumQualityRun, 0x10},
+    {kRawDataThreshold, 0x0a}, {kConfig5, 0x31},       {kInverseProductId, 0xbd},
+    {kLiftConfig, 0x02}};
+constexpr std::uint8_t kReadOnly[] = {
+    kProductId,      kRevisionId,   kSurfaceQuality, kRawDataSum, kMaximumRawData,
+    kMinimumRawData, kShutterLower, kShutterUpper,   kSromId,     kInverseProductId};
+constexpr std::uint8_t kResetKey = 0x5a, kShutdownKey = 0xb6, kRestEnable = 0x20;
+constexpr std::uint8_t kSromPrepare = 0x1d, kSromStart = 0x18;
+constexpr std::uint8_t kCaptureFirst = 0x83, kCaptureSecond = 0xc5;
 constexpr std::uint8_t kForeignId = 0x47;
+constexpr std::uint8_t kSromRun = 0x40, kFrameBits = 0x3f;
 
 // Minimum times in us, by the names of the data sheet.
 constexpr double kSelectToClock = 0.120, kAddressToData = 160, kAddressToBurst = 35,
                  kClockToDeselectRead = 0.120, kClockToDeselectWrite = 35, kAfterWrite = 180,
-                 kAfterRead = 20, kBurstExit = 0.5, kSromByte = 15, kStartUp = 50000;
+                 kAfterRead = 20, kBurstExit = 0.5, kLongBurstByte = 15, kStartUp = 50000,
+                 kSromPrepareWait = 10000, kCaptureWait = 20000, kCaptureAfterReset = 250000;
 constexpr double kMaxClockHz = 2e6;
-constexpr double kMmPerInch = 25.4;
 constexpr int kSromBytes = 4094;
-constexpr std::uint8_t kLoadedSromId = 0x04;
+constexpr double kMillisecond_us = 1000;
 
 }  // namespace
 
 VirtualPmw3360::VirtualPmw3360(const SensorImperfections& imperfections, std::uint32_t seed)
-    : imperfections_(imperfections), random_(seed), surface_([](double) { return Position{}; }) {
+    : imperfections_(imperfections),
+      seed_(seed),
+      random_(seed * 2246822519u + 1),
+      navigation_(imperfections, seed),
+      surface_([](double) { return Position{}; }) {
   PowerUp(0);
 }
 
-void VirtualPmw3360::PowerUp(double now_us) {
+void VirtualPmw3360::SetSurface(std::function<Position(double)> surface) {
+  surface_ = surface;
+  navigation_.SetSurface(std::move(surface));
+}
+
+void VirtualPmw3360::Reset(double now_us) {
   registers_.fill(0);
-  registers_[kProductId] = 0x42;
-  registers_[kRevisionId] = 0x01;
-  registers_[kInverseProductId] = 0xbd;
-  registers_[kConfig1] = 0x31;
+  for (const auto& [address, value] : kResetValues) registers_[address] = value;
+  reset_us_ = now_us;
+  ClearObservation(now_us);
+  burst_armed_ = asleep_ = set_up_ = configured_ = unnoticed_reset_ = false;
+  srom_.clear();
+  srom_load_ = SromLoad::kNone;
+  capture_ = Capture::kNone;
+}
+
+void VirtualPmw3360::PowerUp(double now_us) {
+  Reset(now_us);
   usable_from_us_ = now_us + kStartUp;
-  burst_armed_ = asleep_ = false;
-  based_ = false;
-  pending_x_ = pending_y_ = 0;
-  srom_bytes_ = 0;
+  navigation_.Restart(usable_from_us_);
   deselect_us_ = last_byte_end_us_ = write_end_us_ = read_end_us_ = now_us - 1e9;
   last_access_ = Access::kNone;
+  next_self_reset_us_ = std::numeric_limits<double>::infinity();
+  if (imperfections_.self_reset_interval_s > 0) {
+    std::exponential_distribution<double> wait(1e-6 / imperfections_.self_reset_interval_s);
+    next_self_reset_us_ = usable_from_us_ + wait(random_);
+  }
+}
+
+void VirtualPmw3360::ResetItself(double now_us, double boot_us) {
+  std::uniform_real_distribution<double> boot(2 * kMillisecond_us, kStartUp);
+  if (boot_us < 0) boot_us = boot(random_);
+  Reset(now_us);
+  unnoticed_reset_ = true;
+  ++self_resets_;
+  navigation_.Restart(now_us + boot_us);
+}
+
+void VirtualPmw3360::FollowSelfResets(double now_us) {
+  if (now_us < next_self_reset_us_ || asleep_) return;
+  ResetItself(next_self_reset_us_);
+  std::exponential_distribution<double> wait(1e-6 / imperfections_.self_reset_interval_s);
+  next_self_reset_us_ = now_us + kStartUp + wait(random_);
 }
 
 void VirtualPmw3360::Violation(const std::string& what) {
@@ -61,11 +118,20 @@ void VirtualPmw3360::Require(double actual_us, double minimum_us, const char* ti
   Violation(text);
 }
 
+void VirtualPmw3360::RequireSteady(double gap_us, const char* burst) {
+  Require(gap_us, kLongBurstByte, burst);
+  longest_burst_gap_us_ = std::max(longest_burst_gap_us_, gap_us);
+  if (gap_us <= kLongestBurstGap_us) return;
+  char text[160];
+  std::snprintf(text, sizeof(text), "%s: a pause of %.0f us inside the burst", burst, gap_us);
+  Violation(text);
+}
+
 void VirtualPmw3360::SetSelected(bool selected, double now_us) {
   if (selected == selected_) return;
   selected_ = selected;
   if (selected) {
-    if (last_access_ == Access::kBurst) {
+    if (last_access_ == Access::kBurst || last_access_ == Access::kRawData) {
       Require(now_us - deselect_us_, kBurstExit, "tBEXIT (NCS high after a burst)");
     }
     select_us_ = now_us;
@@ -79,16 +145,34 @@ void VirtualPmw3360::SetSelected(bool selected, double now_us) {
   } else if (access_ != Access::kNone) {
     Require(now_us - last_byte_end_us_, kClockToDeselectRead, "tSCLK-NCS (read)");
   }
-  if (access_ == Access::kSromLoad) {
-    registers_[kSromId] = srom_bytes_ == kSromBytes ? kLoadedSromId : 0;
-    write_end_us_ = last_byte_end_us_;
+  if (access_ == Access::kSromLoad) FinishSrom();
+  if (access_ == Access::kRawData) {
+    // Address and pixels: fewer, and the picture is cut off.
+    if (byte_index_ - 1 != static_cast<int>(picture_.size())) {
+      Violation("raw data burst of " + std::to_string(byte_index_ - 1) + " bytes; a picture has " +
+                std::to_string(picture_.size()));
+    }
+    capture_ = Capture::kDone;
   }
   last_access_ = access_;
+}
+
+void VirtualPmw3360::FinishSrom() {
+  write_end_us_ = last_byte_end_us_;
+  const bool whole = incoming_srom_.size() == kSromBytes &&
+                     (expected_srom_.empty() || incoming_srom_ == expected_srom_);
+  srom_load_ = SromLoad::kLoaded;
+  // The second byte of an image is the number by which it calls itself.
+  registers_[kSromId] = whole ? incoming_srom_[1] : std::uint8_t{0};
+  srom_ = whole ? incoming_srom_ : std::vector<std::uint8_t>{};
+  ClearObservation(last_byte_end_us_);
+  navigation_.Restart(last_byte_end_us_);
 }
 
 void VirtualPmw3360::Begin(const SpiExchange& exchange) {
   address_ = exchange.sent & 0x7f;
   const bool write = exchange.sent & 0x80;
+  FollowSelfResets(exchange.start_us);
   Require(exchange.start_us - select_us_, kSelectToClock, "tNCS-SCLK");
   Require(exchange.start_us - write_end_us_, kAfterWrite, write ? "tSWW" : "tSWR");
   Require(exchange.start_us - read_end_us_, kAfterRead, write ? "tSRW" : "tSRR");
@@ -98,13 +182,44 @@ void VirtualPmw3360::Begin(const SpiExchange& exchange) {
   if (asleep_ && !(write && address_ == kPowerUpReset)) {
     Violation("accessed while it is shut down");
   }
-  if (write) {
-    access_ = address_ == kSromLoadBurst ? Access::kSromLoad : Access::kWrite;
-    if (access_ == Access::kSromLoad) srom_bytes_ = 0;
-  } else if (address_ == kMotionBurst) {
+  const bool restart = write && address_ == kPowerUpReset;
+  if (srom_load_ == SromLoad::kLoaded && !restart && !unnoticed_reset_) {
+    if (write || address_ != kSromId) {
+      Violation("another register than SROM_ID accessed first after a firmware image");
+    }
+    srom_load_ = SromLoad::kNone;
+  }
+  if (capture_ == Capture::kDone && !restart && !unnoticed_reset_ && address_ != kShutdown &&
+      address_ != kFrameCapture && address_ != kConfig2) {
+    Violation("used after a raw picture without a reset: it does not navigate");
+  }
+  write ? BeginWrite() : BeginRead(exchange);
+}
+
+void VirtualPmw3360::BeginWrite() {
+  access_ = address_ == kSromLoadBurst ? Access::kSromLoad : Access::kWrite;
+  if (access_ != Access::kSromLoad) return;
+  if (srom_load_ != SromLoad::kEnabled && !unnoticed_reset_) {
+    Violation("firmware image without 0x1d and 0x18 in SROM_Enable before it");
+  }
+  incoming_srom_.clear();
+}
+
+void VirtualPmw3360::BeginRead(const SpiExchange& exchange) {
+  if (address_ == kMotionBurst) {
     access_ = Access::kBurst;
-    if (!burst_armed_) Violation("motion burst without the write to 0x50 that arms it");
-    LatchBurst(exchange.end_us);
+    if (!burst_armed_ && !unnoticed_reset_) {
+      Violation("motion burst without the write to 0x50 that arms it");
+    }
+    Latch(exchange.end_us);
+  } else if (address_ == kRawDataBurst) {
+    access_ = Access::kRawData;
+    if (capture_ != Capture::kTaken && !unnoticed_reset_) {
+      Violation("raw data burst without a picture taken");
+    } else {
+      Require(exchange.start_us - capture_us_, kCaptureWait, "time to take a raw picture");
+    }
+    TakePicture(exchange.start_us);
   } else {
     access_ = Access::kRead;
   }
@@ -119,32 +234,7 @@ std::uint8_t VirtualPmw3360::Exchange(const SpiExchange& exchange) {
   if (byte_index_ == 0) {
     Begin(exchange);
   } else {
-    const double gap_us = exchange.start_us - last_byte_end_us_;
-    switch (access_) {
-      case Access::kRead:
-        if (byte_index_ == 1) Require(gap_us, kAddressToData, "tSRAD");
-        answer = registers_[address_];
-        if (fault_ == Fault::kForeign && address_ == kProductId) answer = kForeignId;
-        read_end_us_ = exchange.end_us;
-        if (address_ >= kMotion && address_ <= kDeltaYHigh) registers_[address_] = 0;
-        burst_armed_ = false;
-        break;
-      case Access::kBurst:
-        if (byte_index_ == 1) Require(gap_us, kAddressToBurst, "tSRAD_MOTBR");
-        if (byte_index_ <= static_cast<int>(burst_.size())) {
-          answer = burst_[static_cast<std::size_t>(byte_index_ - 1)];
-        }
-        break;
-      case Access::kWrite:
-        WriteRegister(address_, exchange.sent, exchange.end_us);
-        break;
-      case Access::kSromLoad:
-        Require(gap_us, kSromByte, "time between SROM bytes");
-        ++srom_bytes_;
-        break;
-      case Access::kNone:
-        break;
-    }
+    answer = ReadByte(exchange);
   }
   ++byte_index_;
   last_byte_end_us_ = exchange.end_us;
@@ -153,59 +243,190 @@ std::uint8_t VirtualPmw3360::Exchange(const SpiExchange& exchange) {
   return answer;
 }
 
-void VirtualPmw3360::WriteRegister(std::uint8_t address, std::uint8_t value, double now_us) {
-  burst_armed_ = address == kMotionBurst;
-  registers_[address] = value;
-  if (address == kPowerUpReset && value == kResetKey) PowerUp(now_us);
-  if (address == kShutdown && value == kShutdownKey) asleep_ = true;
-  write_end_us_ = now_us;
+// A byte after the address, in either direction.
+std::uint8_t VirtualPmw3360::ReadByte(const SpiExchange& exchange) {
+  const double gap_us = exchange.start_us - last_byte_end_us_;
+  const auto index = static_cast<std::size_t>(byte_index_ - 1);
+  switch (access_) {
+    case Access::kRead: {
+      if (index == 0) Require(gap_us, kAddressToData, "tSRAD");
+      read_end_us_ = exchange.end_us;
+      burst_armed_ = false;
+      if (address_ == kObservation) return Observation(exchange.start_us);
+      if (fault_ == Fault::kForeign && address_ == kProductId) return kForeignId;
+      if (address_ == kMotion) Latch(exchange.start_us);
+      const std::uint8_t value = registers_[address_];
+      if (address_ >= kDeltaXLow && address_ <= kDeltaYHigh) registers_[address_] = 0;
+      return value;
+    }
+    case Access::kBurst:
+      if (index == 0) Require(gap_us, kAddressToBurst, "tSRAD_MOTBR");
+      return index < burst_.size() ? burst_[index] : std::uint8_t{0};
+    case Access::kRawData:
+      if (index == 0) {
+        Require(gap_us, kAddressToData, "tSRAD");
+      } else {
+        RequireSteady(gap_us, "time between raw data bytes");
+      }
+      return index < picture_.size() ? picture_[index] : std::uint8_t{0};
+    case Access::kWrite:
+      WriteRegister(address_, exchange.sent, exchange.end_us);
+      return 0;
+    case Access::kSromLoad:
+      RequireSteady(gap_us, "time between SROM bytes");
+      incoming_srom_.push_back(exchange.sent);
+      return 0;
+    case Access::kNone:
+      break;
+  }
+  return 0;
 }
 
-void VirtualPmw3360::LatchBurst(double now_us) {
-  const Position position = surface_(now_us);
-  const bool blind = lifted_ || fault_ == Fault::kSilent || fault_ == Fault::kShorted;
-  if (blind || !based_) {
-    last_ = position;
-    based_ = true;
+void VirtualPmw3360::WriteRegister(std::uint8_t address, std::uint8_t value, double now_us) {
+  burst_armed_ = address == kMotionBurst;
+  write_end_us_ = now_us;
+  if (std::find(std::begin(kReadOnly), std::end(kReadOnly), address) != std::end(kReadOnly)) {
+    Violation("write to a register that is read only");
+    return;
   }
-  const double axial = (position.axial_mm - last_.axial_mm) / kMmPerInch * cpi();
-  const double transverse = (position.transverse_mm - last_.transverse_mm) / kMmPerInch * cpi();
-  last_ = position;
-  const double cosine = std::cos(imperfections_.misalignment_rad);
-  const double sine = std::sin(imperfections_.misalignment_rad);
-  pending_x_ += imperfections_.scale * (cosine * axial + sine * transverse);
-  pending_y_ += imperfections_.scale * (-sine * axial + cosine * transverse);
-  if (imperfections_.noise_counts > 0 && (axial != 0 || transverse != 0)) {
-    std::normal_distribution<double> noise(0, imperfections_.noise_counts);
-    pending_x_ += noise(random_);
-    pending_y_ += noise(random_);
+  // What has been counted so far was counted as the registers were.
+  if (address == kConfig1 || address == kConfig2) {
+    navigation_.Advance(now_us, NavigationSettings(), blind());
   }
-  const auto take = [](double& pending) {
-    // Nearest, not down: a hand that stands still on a count's edge must not flicker by rounding.
-    const double whole = std::clamp(std::nearbyint(pending), -32768.0, 32767.0);
-    pending -= whole;
-    return static_cast<int>(whole);
+  registers_[address] = value;
+  switch (address) {
+    case kPowerUpReset:
+      if (value == kResetKey) PowerUp(now_us);
+      break;
+    case kShutdown:
+      asleep_ = asleep_ || value == kShutdownKey;
+      break;
+    case kConfig1:
+      configured_ = true;
+      break;
+    case kConfig2:
+      navigation_.Advance(now_us, NavigationSettings(), blind());
+      break;
+    case kObservation:
+      ClearObservation(now_us);
+      break;
+    case kFrameCapture:
+      WriteFrameCapture(value, now_us);
+      break;
+    case kSromEnable:
+      WriteSromEnable(value, now_us);
+      break;
+    default:
+      break;
+  }
+}
+
+void VirtualPmw3360::WriteFrameCapture(std::uint8_t value, double now_us) {
+  if (rest_enabled()) Violation("raw picture asked for with rest modes enabled");
+  if (value == kCaptureFirst) {
+    Require(now_us - reset_us_, kCaptureAfterReset, "time from a reset to a raw picture");
+    capture_ = Capture::kAsked;
+  } else if (value == kCaptureSecond && capture_ == Capture::kAsked) {
+    capture_ = Capture::kTaken;
+    capture_us_ = now_us;
+    srom_.clear();
+    registers_[kSromId] = 0;
+  }
+}
+
+void VirtualPmw3360::WriteSromEnable(std::uint8_t value, double now_us) {
+  if (value == kSromPrepare) {
+    if (rest_enabled()) Violation("firmware image asked for with rest modes enabled");
+    srom_load_ = SromLoad::kPrepared;
+    srom_step_us_ = now_us;
+  } else if (value == kSromStart && srom_load_ == SromLoad::kPrepared) {
+    Require(now_us - srom_step_us_, kSromPrepareWait, "time from 0x1d to 0x18 in SROM_Enable");
+    srom_load_ = SromLoad::kEnabled;
+  }
+}
+
+bool VirtualPmw3360::rest_enabled() const { return registers_[kConfig2] & kRestEnable; }
+
+bool VirtualPmw3360::blind() const {
+  return lifted_ || fault_ == Fault::kSilent || fault_ == Fault::kShorted ||
+         fault_ == Fault::kFrozen || capture_ != Capture::kNone;
+}
+
+// The bits of a frame come up in the frame after they were cleared, and stay.
+std::uint8_t VirtualPmw3360::Observation(double now_us) {
+  if (fault_ != Fault::kFrozen && capture_ == Capture::kNone) {
+    observed_ = observed_ ||
+                navigation_.LatestFrameUs(now_us, NavigationSettings()) > observation_cleared_us_;
+  }
+  return static_cast<std::uint8_t>((srom_.empty() ? 0 : kSromRun) | (observed_ ? kFrameBits : 0));
+}
+
+void VirtualPmw3360::ClearObservation(double now_us) {
+  observation_cleared_us_ = now_us;
+  observed_ = false;
+}
+
+std::uint8_t VirtualPmw3360::OperationMode() const {
+  return static_cast<std::uint8_t>(static_cast<int>(navigation_.mode()) << 1);
+}
+
+SensorNavigation::Settings VirtualPmw3360::NavigationSettings() const {
+  const auto wide = [this](std::uint8_t low) {
+    return registers_[low] + 256 * registers_[low + 1];
   };
-  const int x = take(pending_x_);
-  const int y = take(pending_y_);
-  axial_counts_ += x;
-  transverse_counts_ += y;
+  SensorNavigation::Settings settings;
+  settings.cpi = cpi();
+  settings.rest_enabled = rest_enabled();
+  const double rate1_ms = wide(kRest1Rate) + 1, rate2_ms = wide(kRest2Rate) + 1;
+  settings.rest_period_us[0] = kMillisecond_us * rate1_ms;
+  settings.rest_period_us[1] = kMillisecond_us * rate2_ms;
+  settings.rest_period_us[2] = kMillisecond_us * (wide(kRest3Rate) + 1);
+  settings.downshift_us[0] = kMillisecond_us * 10 * registers_[kRunDownshift];
+  settings.downshift_us[1] = kMillisecond_us * 320 * registers_[kRest1Downshift] * rate1_ms;
+  settings.downshift_us[2] = kMillisecond_us * 32 * registers_[kRest2Downshift] * rate2_ms;
+  return settings;
+}
+
+void VirtualPmw3360::TakePicture(double now_us) {
+  const Position position = surface_(now_us);
+  picture_ = RenderSurface(-position.transverse_mm, position.axial_mm, optics_, seed_);
+}
+
+// What a read of motion hands out, in the registers and in the burst.
+void VirtualPmw3360::Latch(double now_us) {
+  navigation_.Advance(now_us, NavigationSettings(), blind());
+  const SensorNavigation::Counts counts = navigation_.Take();
+  if (set_up_) {
+    axial_counts_ += counts.y;
+    transverse_counts_ -= counts.x;
+  } else {
+    stray_counts_ += std::abs(counts.x) + std::abs(counts.y);
+    // The first burst once all is set is thrown away with what came before.
+    set_up_ = configured_ && access_ == Access::kBurst;
+  }
 
   constexpr std::uint8_t kMoved = 0x80, kLiftedBit = 0x08;
+  const bool running = navigation_.running(now_us);
+  const bool resting = navigation_.mode() != SensorNavigation::Mode::kRun;
   const int shutter = lifted_ ? 0x0a00 : 0x0060;
-  registers_[kSurfaceQuality] = lifted_ ? 2 : 64;
-  burst_ = {static_cast<std::uint8_t>((x || y ? kMoved : 0) | (lifted_ ? kLiftedBit : 0)),
-            0x3f,
-            static_cast<std::uint8_t>(x),
-            static_cast<std::uint8_t>(x >> 8),
-            static_cast<std::uint8_t>(y),
-            static_cast<std::uint8_t>(y >> 8),
-            registers_[kSurfaceQuality],
-            0x30,
-            0x60,
-            0x20,
-            static_cast<std::uint8_t>(shutter >> 8),
-            static_cast<std::uint8_t>(shutter)};
+  registers_[kMotion] = static_cast<std::uint8_t>((counts.x || counts.y ? kMoved : 0) |
+                                                  (lifted_ ? kLiftedBit : 0) | OperationMode());
+  registers_[kDeltaXLow] = static_cast<std::uint8_t>(counts.x);
+  registers_[kDeltaXLow + 1] = static_cast<std::uint8_t>(counts.x >> 8);
+  registers_[kDeltaXLow + 2] = static_cast<std::uint8_t>(counts.y);
+  registers_[kDeltaYHigh] = static_cast<std::uint8_t>(counts.y >> 8);
+  // Valid in run mode alone.
+  registers_[kSurfaceQuality] = lifted_ ? std::uint8_t{2} : SurfaceQuality(optics_);
+  if (resting || !running || fault_ == Fault::kFrozen) registers_[kSurfaceQuality] = 0;
+  registers_[kRawDataSum] = 0x30;
+  registers_[kMaximumRawData] = 0x60;
+  registers_[kMinimumRawData] = 0x20;
+  registers_[kShutterUpper] = static_cast<std::uint8_t>(shutter >> 8);
+  registers_[kShutterLower] = static_cast<std::uint8_t>(shutter);
+  burst_ = {registers_[kMotion],         Observation(now_us),        registers_[kDeltaXLow],
+            registers_[kDeltaXLow + 1],  registers_[kDeltaXLow + 2], registers_[kDeltaYHigh],
+            registers_[kSurfaceQuality], registers_[kRawDataSum],    registers_[kMaximumRawData],
+            registers_[kMinimumRawData], registers_[kShutterUpper],  registers_[kShutterLower]};
 }
 
 }  // namespace torquer::emulator

@@ -1,24 +1,21 @@
-// A virtual PMW3360 motion sensor on the SPI. It checks the timing of every access against the data
-// sheet: a firmware that works here by luck alone is told so.
+// A virtual PMW3360 motion sensor on the SPI, as strict as the part: it checks the timing and the
+// order of every access against the data sheet, wakes with the part's reset values, rests when it
+// is let, and can reset itself. A firmware that works here by luck alone is reported.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "host/emulator/atmega32u4.h"
+#include "host/emulator/pmw3360_navigation.h"
+#include "host/emulator/surface_picture.h"
 
 namespace torquer::emulator {
-
-/// How this sensor differs from an ideal one, glued on straight.
-struct SensorImperfections {
-  double misalignment_rad = 0;  ///< of its axes, right-handed as seen from outside the cylinder
-  double scale = 1;             ///< counts seen over counts nominal
-  double noise_counts = 0;      ///< standard deviation of what each moving reading adds, an axis
-};
 
 class VirtualPmw3360 {
  public:
@@ -26,55 +23,97 @@ class VirtualPmw3360 {
     kNone,
     kSilent,   ///< MISO stays high
     kShorted,  ///< MISO stays low
-    kForeign   ///< answers with another product id
+    kForeign,  ///< answers with another product id
+    kFrozen    ///< answers, but takes no frames
   };
 
-  /// Surface position under the sensor.
-  struct Position {
-    double axial_mm = 0;       ///< positive distally
-    double transverse_mm = 0;  ///< along the circumference, positive right-handed
-  };
+  using Position = SurfacePosition;
+
+  /// Longest time between two bytes of a long burst that is still no pause, us. The data sheet has
+  /// no maximum; drivers that are known to work leave 15 to 25 us.
+  static constexpr double kLongestBurstGap_us = 100;
 
   VirtualPmw3360(const SensorImperfections& imperfections, std::uint32_t seed);
 
-  /// Asked at the moment that the firmware latches a reading; `now_us` since power-on.
-  void SetSurface(std::function<Position(double now_us)> surface) { surface_ = std::move(surface); }
+  /// Where the surface is; `now_us` since power-on.
+  void SetSurface(std::function<Position(double now_us)> surface);
+  /// What the camera sees of it.
+  void SetOptics(const SurfaceOptics& optics) { optics_ = optics; }
 
   /// --- pins ----------------------------------------------------------------------------------
   void SetSelected(bool selected, double now_us);
   std::uint8_t Exchange(const SpiExchange& exchange);
 
   /// --- what may happen to it -----------------------------------------------------------------
-  void PowerUp(double now_us);  ///< also a dip of its supply: all registers as at power-up
+  /// All registers as at power-up; to be spoken to after 50 ms.
+  void PowerUp(double now_us);
+  /// The same, but nobody asked for it, and it answers meanwhile as if nothing had happened, with
+  /// its reset values: motion and Observation come after `boot_us`; negative: 2 to 50 ms, random.
+  void ResetItself(double now_us, double boot_us = -1);
   void SetLifted(bool lifted) { lifted_ = lifted; }
   void SetFault(Fault fault) { fault_ = fault; }
+  /// The only firmware image that the sensor takes as whole; empty: any of the right length.
+  void ExpectSrom(std::vector<std::uint8_t> image) { expected_srom_ = std::move(image); }
 
-  /// Counts handed out since the first power-up, whatever the firmware made of them.
+  /// Counts handed out since the first power-up while the sensor was set up, whatever the firmware
+  /// made of them; and those that it handed out when it was not: after a reset, at its own
+  /// resolution.
   std::int64_t axial_counts() const { return axial_counts_; }
   std::int64_t transverse_counts() const { return transverse_counts_; }
+  std::int64_t stray_counts() const { return stray_counts_; }
+  /// Motion that it slept through, mm.
+  double lost_mm() const { return navigation_.lost_mm(); }
   /// The firmware has begun to read motion since the last power-up.
-  bool counting() const { return based_; }
+  bool counting() const { return set_up_; }
   /// Sent to sleep by the firmware, and drawing no current to speak of.
   bool asleep() const { return asleep_; }
   int cpi() const { return (registers_[kConfig1] + 1) * 100; }
+  SensorNavigation::Mode mode() const { return navigation_.mode(); }
+  /// Resets that nobody asked for, since the beginning.
+  int self_resets() const { return self_resets_; }
+  /// The firmware image that it runs; empty: its ROM.
+  const std::vector<std::uint8_t>& srom() const { return srom_; }
+  /// Longest time between two bytes of a long burst so far, us.
+  double longest_burst_gap_us() const { return longest_burst_gap_us_; }
 
-  /// Accesses outside the timing of the data sheet: how many, and the first of them in words.
+  /// Accesses outside the data sheet: how many, and the first of them in words.
   std::int64_t violation_count() const { return violation_count_; }
   const std::vector<std::string>& violations() const { return violations_; }
 
  private:
   static constexpr std::uint8_t kConfig1 = 0x0f;
-  enum class Access { kNone, kRead, kWrite, kBurst, kSromLoad };
+  enum class Access { kNone, kRead, kWrite, kBurst, kSromLoad, kRawData };
+  enum class Capture { kNone, kAsked, kTaken, kDone };  // of a raw picture
+  enum class SromLoad { kNone, kPrepared, kEnabled, kLoaded };
 
+  void Reset(double now_us);
   void Begin(const SpiExchange& exchange);
+  void BeginRead(const SpiExchange& exchange);
+  void BeginWrite();
+  std::uint8_t ReadByte(const SpiExchange& exchange);
   void Require(double actual_us, double minimum_us, const char* timing);
+  void RequireSteady(double gap_us, const char* burst);
   void Violation(const std::string& what);
-  void LatchBurst(double now_us);
+  void Latch(double now_us);
   void WriteRegister(std::uint8_t address, std::uint8_t value, double now_us);
+  void WriteFrameCapture(std::uint8_t value, double now_us);
+  void WriteSromEnable(std::uint8_t value, double now_us);
+  void FinishSrom();
+  void TakePicture(double now_us);
+  void FollowSelfResets(double now_us);
+  bool rest_enabled() const;
+  bool blind() const;
+  std::uint8_t Observation(double now_us);
+  void ClearObservation(double now_us);
+  std::uint8_t OperationMode() const;
+  SensorNavigation::Settings NavigationSettings() const;
 
   SensorImperfections imperfections_;
+  std::uint32_t seed_;
   std::mt19937 random_;
+  SensorNavigation navigation_;
   std::function<Position(double)> surface_;
+  SurfaceOptics optics_;
   std::array<std::uint8_t, 128> registers_{};
   bool selected_ = false;
   bool lifted_ = false;
@@ -96,16 +135,29 @@ class VirtualPmw3360 {
   double usable_from_us_ = 0;
   bool burst_armed_ = false;
   Access last_access_ = Access::kNone;
-  int srom_bytes_ = 0;
 
-  // Motion: what has been counted, in fractions of a count along the sensor's axes.
-  bool based_ = false;
-  Position last_;
-  double pending_x_ = 0;
-  double pending_y_ = 0;
+  // Resets: when the last was, what has been set up since, and whether the firmware knows of it.
+  double reset_us_ = 0;
+  double observation_cleared_us_ = 0;
+  bool observed_ = false;  // a frame, since
+  bool set_up_ = false;
+  bool configured_ = false;  // the resolution was written
+  bool unnoticed_reset_ = false;
+  double next_self_reset_us_ = std::numeric_limits<double>::infinity();
+  int self_resets_ = 0;
+
+  // Firmware images and pictures.
+  SromLoad srom_load_ = SromLoad::kNone;
+  double srom_step_us_ = 0;
+  std::vector<std::uint8_t> incoming_srom_, srom_, expected_srom_;
+  Capture capture_ = Capture::kNone;
+  double capture_us_ = 0;
+  SurfacePicture picture_{};
+  double longest_burst_gap_us_ = 0;
+
   std::int64_t axial_counts_ = 0;
   std::int64_t transverse_counts_ = 0;
-
+  std::int64_t stray_counts_ = 0;
   std::int64_t violation_count_ = 0;
   std::vector<std::string> violations_;
 };

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <system_error>
 #include <utility>
 
 #include "host/support/error.h"
@@ -30,7 +31,11 @@ sockaddr_un AddressOf(const std::string& path) {
   return address;
 }
 
-int NewSocket() { return socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0); }
+int NewSocket() {
+  const int made = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (made < 0) throw std::system_error(errno, std::generic_category(), "socket");
+  return made;
+}
 
 // A socket file outlives a process that was killed; nobody listens behind it.
 bool SomebodyListens(const sockaddr_un& address) {

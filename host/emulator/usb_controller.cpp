@@ -9,6 +9,7 @@ namespace {
 enum Register : std::uint16_t {
   kUhwcon = 0xd7,
   kUsbcon = 0xd8,
+  kUsbint = 0xda,
   kUdcon = 0xe0,
   kUdint = 0xe1,
   kUdien = 0xe2,
@@ -29,7 +30,8 @@ enum Register : std::uint16_t {
 };
 
 // USBCON, UDCON, UDINT, UDADDR
-constexpr std::uint8_t kUsbe = 0x80, kFrzclk = 0x20, kOtgpade = 0x10;
+constexpr std::uint8_t kUsbe = 0x80, kFrzclk = 0x20, kOtgpade = 0x10, kVbuste = 0x01;
+constexpr std::uint8_t kVbusti = 0x01;  // USBINT
 constexpr std::uint8_t kDetach = 0x01, kRmwkup = 0x02;
 constexpr std::uint8_t kSuspi = 0x01, kSofi = 0x04, kEorsti = 0x08, kWakeupi = 0x10;
 constexpr int kFramesToSuspend = 3;
@@ -45,12 +47,19 @@ constexpr std::uint8_t kCfgok = 0x80;
 }  // namespace
 
 void UsbController::Reset() {
-  endpoints_ = {};
-  uhwcon_ = udint_ = udien_ = udaddr_ = uenum_ = uerst_ = 0;
+  Disable();
+  uhwcon_ = usbint_ = 0;
   usbcon_ = kFrzclk;
+  pll_locked_ = false;
+}
+
+// As USBE does when it is cleared: all that is not in UHWCON and USBCON.
+void UsbController::Disable() {
+  endpoints_ = {};
+  udint_ = udien_ = udaddr_ = uenum_ = uerst_ = 0;
   udcon_ = kDetach;
   idle_frames_ = 0;
-  pll_locked_ = remote_wake_ = false;
+  remote_wake_ = false;
 }
 
 void UsbController::SetPllLocked(bool locked) {
@@ -66,6 +75,7 @@ bool UsbController::Runs() const { return pll_locked_ || !(usbcon_ & kFrzclk); }
 
 // Of a frozen controller only the wake-up needs no clock.
 bool UsbController::general_interrupt() const {
+  if (usbcon_ & kVbuste && usbint_ & kVbusti) return true;
   return (udint_ & udien_ & (ClockRuns() ? 0xff : kWakeupi)) != 0;
 }
 
@@ -99,6 +109,8 @@ std::uint8_t UsbController::Read(std::uint16_t address) {
       return uhwcon_;
     case kUsbcon:
       return usbcon_;
+    case kUsbint:
+      return usbint_;
     case kUdcon:
       return udcon_;
     case kUdint:
@@ -124,8 +136,7 @@ std::uint8_t UsbController::Read(std::uint16_t address) {
     case kUecfg1x:
       return endpoint.config1;
     case kUesta0x:
-      return static_cast<std::uint8_t>((endpoint.config1 & kAlloc ? kCfgok : 0) |
-                                       endpoint.queued.size());
+      return static_cast<std::uint8_t>((endpoint.allocated ? kCfgok : 0) | endpoint.queued.size());
     case kUeienx:
       return endpoint.enabled_interrupts;
     case kUedatx: {
@@ -154,7 +165,7 @@ std::uint8_t UsbController::Read(std::uint16_t address) {
 
 void UsbController::Write(std::uint16_t address, std::uint8_t value) {
   Endpoint& endpoint = Selected();
-  if (address != kUhwcon && address != kUsbcon && !ClockRuns()) {
+  if (address != kUhwcon && address != kUsbcon && address != kUsbint && !ClockRuns()) {
     char text[80];
     std::snprintf(text, sizeof(text), "register 0x%02x written while the USB's clock stands still",
                   static_cast<unsigned>(address));
@@ -165,8 +176,14 @@ void UsbController::Write(std::uint16_t address, std::uint8_t value) {
     case kUhwcon:
       uhwcon_ = value;
       break;
+    case kUsbint:
+      usbint_ &= value;
+      break;
     case kUsbcon:
+      // The cable's voltage is seen by the pad, and its coming with it.
+      if ((value & kOtgpade) && !(usbcon_ & kOtgpade)) usbint_ |= kVbusti;
       usbcon_ = value;
+      if (!(value & kUsbe)) Disable();
       if ((value & kUsbe) && !(value & kFrzclk) && !pll_locked_) {
         Violation("USBCON: the clock let run before the PLL has locked");
       }
@@ -185,7 +202,7 @@ void UsbController::Write(std::uint16_t address, std::uint8_t value) {
       udien_ = value;
       break;
     case kUdaddr:
-      udaddr_ = value;
+      WriteAddress(value);
       break;
     case kUenum:
       if (value >= endpoints_.size()) Violation("UENUM " + std::to_string(value));
@@ -196,7 +213,7 @@ void UsbController::Write(std::uint16_t address, std::uint8_t value) {
       for (std::size_t i = 0; i < endpoints_.size(); ++i) {
         if (value & (1u << i)) {
           endpoints_[i].queued.clear();
-          if (endpoints_[i].config1 & kAlloc) Allocate(endpoints_[i]);
+          if (endpoints_[i].allocated) ResetBanks(endpoints_[i]);
         }
       }
       break;
@@ -207,8 +224,7 @@ void UsbController::Write(std::uint16_t address, std::uint8_t value) {
       endpoint.config0 = value;
       break;
     case kUecfg1x:
-      endpoint.config1 = value;
-      Allocate(endpoint);
+      WriteConfig1(value);
       break;
     case kUeintx:
       WriteFlags(endpoint, value);
@@ -229,13 +245,44 @@ void UsbController::Write(std::uint16_t address, std::uint8_t value) {
   }
 }
 
-void UsbController::Allocate(Endpoint& endpoint) {
+// The address is stored in one write and enabled in another, after the status stage.
+void UsbController::WriteAddress(std::uint8_t value) {
+  const bool enabled_now = (value & kAdden) && !(udaddr_ & kAdden);
+  if (enabled_now && (value & ~kAdden) != udaddr_) {
+    Violation("UDADDR: address and ADDEN in one write");
+  }
+  udaddr_ = value;
+}
+
+// Memory is given out in rising order of the endpoints: that of the ones above slides when one
+// below them changes its size, and what was in it is lost.
+void UsbController::WriteConfig1(std::uint8_t value) {
+  Endpoint& endpoint = Selected();
+  endpoint.config1 = value;
+  const unsigned needed = value & kAlloc ? endpoint.size() * endpoint.banks() : 0;
+  unsigned others = 0;
+  for (std::size_t i = 0; i < endpoints_.size(); ++i) {
+    if (&endpoints_[i] == &endpoint) continue;
+    others += endpoints_[i].reserved;
+    if (i > uenum_ && endpoints_[i].allocated && needed != endpoint.reserved) {
+      Violation("UECFG1X: endpoint " + std::to_string(uenum_) +
+                " changes its memory while endpoint " + std::to_string(i) + " above it has some");
+    }
+  }
+  const unsigned largest = uenum_ == 1 ? 256 : 64;
+  endpoint.allocated = needed != 0 && endpoint.banks() <= 2 && endpoint.size() <= largest &&
+                       others + needed <= kMemoryBytes && !memory_exhausted_;
+  endpoint.reserved = endpoint.allocated ? needed : 0;
+  ResetBanks(endpoint);
+}
+
+void UsbController::ResetBanks(Endpoint& endpoint) {
   endpoint.filling.clear();
   endpoint.received.clear();
   endpoint.queued.clear();
   endpoint.send_control = false;
   endpoint.flags = 0;
-  if (!(endpoint.config1 & kAlloc)) return;
+  if (!endpoint.allocated) return;
   if (endpoint.is_control()) {
     endpoint.flags = kTxini;
   } else if (endpoint.in()) {
@@ -290,7 +337,7 @@ void UsbController::WriteFlags(Endpoint& endpoint, std::uint8_t value) {
 bool UsbController::Answers(std::uint8_t address, std::uint8_t endpoint) const {
   const std::uint8_t own = udaddr_ & kAdden ? udaddr_ & 0x7f : 0;
   return Attached() && ClockRuns() && address == own && endpoint < endpoints_.size() &&
-         (endpoints_[endpoint].control & kEpen) && (endpoints_[endpoint].config1 & kAlloc);
+         (endpoints_[endpoint].control & kEpen) && endpoints_[endpoint].allocated;
 }
 
 void UsbController::IdleFrame() {
@@ -307,7 +354,13 @@ void UsbController::Activity() {
 void UsbController::BusReset() {
   Activity();
   if (!ClockRuns()) return;  // it goes unseen
-  endpoints_ = {};
+  // The endpoints are disabled, and keep the memory that they were given.
+  for (Endpoint& endpoint : endpoints_) {
+    endpoint.control = 0;
+    endpoint.enabled_interrupts = 0;
+    endpoint.toggle = false;
+    ResetBanks(endpoint);
+  }
   udaddr_ = 0;
   udint_ |= kEorsti;
 }

@@ -27,10 +27,15 @@ class UsbController {
   static constexpr std::uint16_t kFirstRegister = 0xd7;
   static constexpr std::uint16_t kLastRegister = 0xf4;
 
+  /// Memory of the endpoints' banks.
+  static constexpr unsigned kMemoryBytes = 832;
+
   UsbController() { Reset(); }
 
   /// --- the chip's side -----------------------------------------------------------------------
   void Reset();
+  /// From now on no endpoint's memory is given out.
+  void ExhaustMemory() { memory_exhausted_ = true; }
   std::uint8_t Read(std::uint16_t address);
   void Write(std::uint16_t address, std::uint8_t value);
   void SetPllLocked(bool locked);
@@ -74,6 +79,9 @@ class UsbController {
     std::deque<std::uint8_t> received;             // OUT or SETUP bank
     std::deque<std::vector<std::uint8_t>> queued;  // IN banks of the host
 
+    bool allocated = false;
+    unsigned reserved = 0;  // bytes, while allocated
+
     bool in() const { return config0 & 1; }
     bool is_control() const { return (config0 >> 6) == 0; }
     unsigned size() const { return 8u << ((config1 >> 4) & 7); }
@@ -86,17 +94,22 @@ class UsbController {
   void GiveBank(Endpoint& endpoint);
   void WriteFlags(Endpoint& endpoint, std::uint8_t value);
   void WriteControl(Endpoint& endpoint, std::uint8_t value);
-  void Allocate(Endpoint& endpoint);
+  void Disable();
+  void WriteConfig1(std::uint8_t value);
+  void WriteAddress(std::uint8_t value);
+  void ResetBanks(Endpoint& endpoint);
   std::uint8_t ReadFlags(const Endpoint& endpoint) const;
   void Violation(std::string what);
 
   std::array<Endpoint, 7> endpoints_;
-  std::uint8_t uhwcon_ = 0, usbcon_ = 0, udcon_ = 0, udint_ = 0, udien_ = 0, udaddr_ = 0;
+  std::uint8_t uhwcon_ = 0, usbcon_ = 0, usbint_ = 0, udcon_ = 0, udint_ = 0, udien_ = 0,
+               udaddr_ = 0;
   std::uint8_t uenum_ = 0, uerst_ = 0;
   unsigned frame_ = 0;
   int idle_frames_ = 0;
   bool pll_locked_ = false;
   bool remote_wake_ = false;
+  bool memory_exhausted_ = false;
   std::vector<std::string> violations_;
 };
 

@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <utility>
 
+#include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
 
 namespace torquer::emulator {
@@ -258,7 +259,8 @@ ControlResult UsbHost::Control(const SetupPacket& setup, const std::vector<std::
 }
 
 void UsbHost::SubmitGetFeature(std::uint8_t report_id, ControlCallback callback) {
-  Submit({kHidToHost, kGetReport, static_cast<std::uint16_t>(kFeatureReport | report_id), 0, 64},
+  Submit({kHidToHost, kGetReport, static_cast<std::uint16_t>(kFeatureReport | report_id), 0,
+          protocol::kLongestReportBytes},
          {}, std::move(callback));
 }
 
@@ -270,8 +272,8 @@ void UsbHost::SubmitSetFeature(std::vector<std::uint8_t> report, ControlCallback
 }
 
 ControlResult UsbHost::GetFeature(std::uint8_t report_id) {
-  return Control(
-      {kHidToHost, kGetReport, static_cast<std::uint16_t>(kFeatureReport | report_id), 0, 64});
+  return Control({kHidToHost, kGetReport, static_cast<std::uint16_t>(kFeatureReport | report_id), 0,
+                  protocol::kLongestReportBytes});
 }
 
 ControlResult UsbHost::SetFeature(const std::vector<std::uint8_t>& report) {

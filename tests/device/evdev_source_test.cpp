@@ -4,7 +4,7 @@
 #include <ctime>
 
 #include "host/bus/clock.h"
-#include "tests/daemon/daemon_process.h"
+#include "tests/support/daemon_process.h"
 #include "tests/support/evdev_testbed.h"
 
 namespace {

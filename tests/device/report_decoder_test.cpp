@@ -3,7 +3,7 @@
 #include <catch2/catch.hpp>
 #include <limits>
 
-#include "tests/device/reports.h"
+#include "tests/support/reports.h"
 
 namespace {
 

@@ -8,9 +8,9 @@
 #include "calibration/calibration_file.h"
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
-#include "tests/daemon/daemon_process.h"
-#include "tests/device/reports.h"
+#include "tests/support/daemon_process.h"
 #include "tests/support/paths.h"
+#include "tests/support/reports.h"
 #include "tests/support/usb_testbed.h"
 
 namespace {
@@ -243,7 +243,7 @@ TEST_CASE("Other people's devices with the same test ids are left alone") {
   CHECK_FALSE(chain.testbed.Claimed(kAddress));
 }
 
-TEST_CASE("Firmware on the USB that does not fit is refused with the command that mends it") {
+TEST_CASE("Firmware on the USB that does not fit is refused with the command that remedies it") {
   UsbChain chain;
   UsbDeviceScript script = Bench();
   std::string expected;
@@ -254,19 +254,19 @@ TEST_CASE("Firmware on the USB that does not fit is refused with the command tha
       if (request.value == 0x0302) answer.data[1] = 3;
       return answer;
     };
-    expected = "firmware has protocol version 3, this program 1";
+    expected = "firmware has protocol version 3, this program has 1";
   }
   SECTION("a stalled identity") {
     script.control = [](const ControlRequest&) {
       return ControlAnswer{ControlAnswer::Kind::kStall};
     };
-    expected = "does not tell its firmware version (the device refused the request)";
+    expected = "does not report its firmware version (the device refused the request)";
   }
   SECTION("an identity that never comes") {
     script.control = [](const ControlRequest&) {
       return ControlAnswer{ControlAnswer::Kind::kSilence};
     };
-    expected = "does not tell its firmware version (no answer within a second)";
+    expected = "does not report its firmware version (no answer within a second)";
   }
   SECTION("an identity cut short") {
     const auto healthy = script.control;

@@ -1,6 +1,6 @@
 // The firmware as a host meets it: descriptors, requests, refusals.
 #include "firmware/src/usb_descriptors.h"
-#include "tests/emulator/bench.h"
+#include "tests/support/emulated_bench.h"
 
 namespace torquer::emulator {
 namespace {
@@ -64,7 +64,7 @@ TEST_CASE("identity and diagnostics of a healthy device") {
     CHECK(diagnostics.sensor_faults == 0);
     CHECK(diagnostics.frames_missed == 0);
     CHECK(diagnostics.settings_writes == 0);
-    CHECK(diagnostics.stack_headroom > 1000);
+    CHECK(diagnostics.stack_headroom > 512);
     CHECK(diagnostics.stack_headroom < 2560);
     CHECK(diagnostics.longest_frame_us > 100);
     CHECK(diagnostics.longest_frame_us < 600);

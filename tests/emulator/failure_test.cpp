@@ -4,7 +4,7 @@
 #include <set>
 
 #include "protocol/eeprom_layout.h"
-#include "tests/emulator/bench.h"
+#include "tests/support/emulated_bench.h"
 #include "tests/support/paths.h"
 
 namespace torquer::emulator {

@@ -87,6 +87,44 @@ TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes bac
   thread.join();
 }
 
+TEST_CASE("live motion moves the box that it names, or every box") {
+  test::NeedPrivateNetwork();
+  bus::Bus sender;
+  LiveBus first("");
+  LiveBus second("");
+  first.SetSerial("BOX-1");
+  second.SetSerial("BOX-2");
+  LiveHand first_hand;
+  LiveHand second_hand;
+  double time_s = 0;
+  // Motion for another box comes first: when the last has arrived, it has.
+  const auto move = [&](const std::string& device, double insertion_mm) {
+    hand_motion_t hand{};
+    hand.device = "BOX-3";
+    hand.insertion_mm = 99;
+    sender.Publish(protocol::kHandMotionChannel, hand);
+    hand.device = device;
+    hand.insertion_mm = insertion_mm;
+    sender.Publish(protocol::kHandMotionChannel, hand);
+    for (int i = 0; i < 20; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      time_s += 1;
+      first.Service(time_s, &first_hand);
+      second.Service(time_s, &second_hand);
+    }
+  };
+  const auto at = [&](const LiveHand& hand) { return hand.At(time_s + 1).insertion_mm; };
+  move("BOX-2", 5);
+  CHECK(at(first_hand) == 0);
+  CHECK(at(second_hand) == 5);
+  move("BOX-1", 7);
+  CHECK(at(first_hand) == 7);
+  CHECK(at(second_hand) == 5);
+  move("", 9);
+  CHECK(at(first_hand) == 9);
+  CHECK(at(second_hand) == 9);
+}
+
 TEST_CASE("a live hand glides to each new place in the time between messages") {
   LiveHand hand;
   hand.Set(1.00, {10, 0, 0, 0, 0});

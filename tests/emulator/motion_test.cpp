@@ -2,7 +2,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/emulator/bench.h"
+#include "tests/support/emulated_bench.h"
 
 namespace torquer::emulator {
 namespace {

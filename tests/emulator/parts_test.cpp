@@ -3,71 +3,16 @@
 #include <fstream>
 
 #include "host/emulator/motion_script.h"
-#include "host/emulator/pmw3360.h"
 #include "host/emulator/usb_controller.h"
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
+#include "tests/emulator/sensor_speaker.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::emulator {
 namespace {
 
-/// Speaks to a virtual sensor with the times given; all right unless a test changes one.
-class Speaker {
- public:
-  Speaker() : sensor({}, 1) { now_us = 100000; }
-
-  std::uint8_t Byte(std::uint8_t sent) {
-    const double end_us = now_us + 8e6 / clock_hz;
-    const std::uint8_t answer = sensor.Exchange({sent, now_us, end_us, clock_hz, mode});
-    now_us = end_us;
-    return answer;
-  }
-  void Select() {
-    sensor.SetSelected(true, now_us);
-    now_us += select_to_clock_us;
-  }
-  void Deselect(double after_us) {
-    now_us += after_us;
-    sensor.SetSelected(false, now_us);
-  }
-  std::uint8_t Read(std::uint8_t address) {
-    Select();
-    Byte(address);
-    now_us += address_to_data_us;
-    const std::uint8_t value = Byte(0);
-    Deselect(1);
-    now_us += after_read_us;
-    return value;
-  }
-  void Write(std::uint8_t address, std::uint8_t value) {
-    Select();
-    Byte(address | 0x80);
-    Byte(value);
-    Deselect(write_to_deselect_us);
-    now_us += after_write_us;
-  }
-  void Burst() {
-    Select();
-    Byte(0x50);
-    now_us += address_to_burst_us;
-    for (int i = 0; i < 12; ++i) Byte(0);
-    Deselect(1);
-    now_us += burst_exit_us;
-  }
-  std::string Violation() const {
-    return sensor.violations().empty() ? "" : sensor.violations().front();
-  }
-
-  VirtualPmw3360 sensor;
-  double now_us;
-  double clock_hz = 2e6;
-  int mode = 3;
-  double select_to_clock_us = 0.2, address_to_data_us = 160, write_to_deselect_us = 35,
-         after_read_us = 20, after_write_us = 145, address_to_burst_us = 35, burst_exit_us = 0.5;
-};
-
-void Converse(Speaker* speaker) {
+void Converse(SensorSpeaker* speaker) {
   CHECK(speaker->Read(0x00) == 0x42);
   speaker->Write(0x0f, 11);
   speaker->Write(0x50, 0);
@@ -78,26 +23,26 @@ void Converse(Speaker* speaker) {
 }
 
 TEST_CASE("a conversation at exactly the data sheet's times passes") {
-  Speaker speaker;
+  SensorSpeaker speaker;
   Converse(&speaker);
   CHECK(speaker.sensor.violation_count() == 0);
   CHECK(speaker.Violation().empty());
 }
 
 TEST_CASE("each time that falls short is named") {
-  const std::pair<double Speaker::*, const char*> cases[] = {
-      {&Speaker::select_to_clock_us, "tNCS-SCLK"},
-      {&Speaker::address_to_data_us, "tSRAD"},
-      {&Speaker::write_to_deselect_us, "tSCLK-NCS (write)"},
-      {&Speaker::after_read_us, "tSRW"},
-      {&Speaker::after_write_us, "tSWW"},
-      {&Speaker::address_to_burst_us, "tSRAD_MOTBR"},
-      {&Speaker::burst_exit_us, "tBEXIT"},
+  const std::pair<double SensorSpeaker::*, const char*> cases[] = {
+      {&SensorSpeaker::select_to_clock_us, "tNCS-SCLK"},
+      {&SensorSpeaker::address_to_data_us, "tSRAD"},
+      {&SensorSpeaker::write_to_deselect_us, "tSCLK-NCS (write)"},
+      {&SensorSpeaker::after_read_us, "tSRW"},
+      {&SensorSpeaker::after_write_us, "tSWW"},
+      {&SensorSpeaker::address_to_burst_us, "tSRAD_MOTBR"},
+      {&SensorSpeaker::burst_exit_us, "tBEXIT"},
   };
   for (const auto& [time, name] : cases) {
-    Speaker speaker;
+    SensorSpeaker speaker;
     speaker.*time *= 0.4;
-    if (time != &Speaker::write_to_deselect_us) {
+    if (time != &SensorSpeaker::write_to_deselect_us) {
       Converse(&speaker);
     } else {
       speaker.Write(0x0f, 11);
@@ -109,22 +54,22 @@ TEST_CASE("each time that falls short is named") {
 }
 
 TEST_CASE("a clock too fast, another mode, and an access too early are named") {
-  Speaker fast;
+  SensorSpeaker fast;
   fast.clock_hz = 4e6;
   fast.Read(0x00);
   CHECK_THAT(fast.Violation(), Catch::Contains("above 2 MHz"));
-  Speaker mode;
+  SensorSpeaker mode;
   mode.mode = 0;
   mode.Read(0x00);
   CHECK_THAT(mode.Violation(), Catch::Contains("SPI mode"));
-  Speaker early;
+  SensorSpeaker early;
   early.Write(0x3a, 0x5a);
   early.Read(0x00);
   CHECK_THAT(early.Violation(), Catch::Contains("50 ms"));
-  Speaker unarmed;
+  SensorSpeaker unarmed;
   unarmed.Burst();
   CHECK_THAT(unarmed.Violation(), Catch::Contains("arms it"));
-  Speaker disarmed;
+  SensorSpeaker disarmed;
   disarmed.Write(0x50, 0);
   disarmed.Burst();
   disarmed.Read(0x00);
@@ -244,6 +189,64 @@ TEST_CASE("the device answers to its own address alone, and only once it is enab
   controller.Set(Controller::kUdcon, 1);
   CHECK_FALSE(controller.usb.Attached());
   CHECK(controller.usb.In(5, 1, &packet) == UsbAnswer::kNone);
+}
+
+TEST_CASE("an address and its enabling in one write are noticed") {
+  Controller controller;
+  controller.Set(Controller::kUdaddr, 0x85);
+  REQUIRE(controller.usb.violations().size() == 1);
+  CHECK_THAT(controller.usb.violations().front(), Catch::Contains("ADDEN"));
+  Controller orderly;
+  orderly.Set(Controller::kUdaddr, 5);
+  orderly.Set(Controller::kUdaddr, 0x85);
+  CHECK(orderly.usb.violations().empty());
+}
+
+TEST_CASE("memory is given out in rising order, to its end, and stays given over a bus reset") {
+  Controller controller;  // endpoints 0 and 1 have 32 and 64 bytes
+  CHECK((controller.Get(Controller::kUesta0x) & 0x80) != 0);
+  SECTION("an endpoint below another that changes its size moves that one's memory") {
+    controller.usb.BusReset();
+    controller.Set(Controller::kUenum, 0);
+    controller.Set(Controller::kUecfg1x, 0x32);  // 64 bytes
+    REQUIRE_FALSE(controller.usb.violations().empty());
+    CHECK_THAT(controller.usb.violations().front(), Catch::Contains("endpoint 1 above it"));
+  }
+  SECTION("the same size is nothing new") {
+    controller.usb.BusReset();
+    controller.Set(Controller::kUenum, 0);
+    controller.Set(Controller::kUecfg1x, 0x22);
+    CHECK(controller.usb.violations().empty());
+    CHECK((controller.Get(Controller::kUesta0x) & 0x80) != 0);
+  }
+  SECTION("sizes and banks that there are not, and memory that there is not") {
+    controller.Set(Controller::kUenum, 2);
+    controller.Set(Controller::kUecfg1x, 0x42);  // 128 bytes, for endpoint 1 alone
+    CHECK((controller.Get(Controller::kUesta0x) & 0x80) == 0);
+    controller.Set(Controller::kUecfg1x, 0x3a);  // three banks
+    CHECK((controller.Get(Controller::kUesta0x) & 0x80) == 0);
+    controller.usb.ExhaustMemory();
+    controller.Set(Controller::kUecfg1x, 0x02);
+    CHECK((controller.Get(Controller::kUesta0x) & 0x80) == 0);
+  }
+  SECTION("switched off, the controller forgets it all") {
+    controller.Set(Controller::kUsbcon, 0);
+    controller.Set(Controller::kUsbcon, 0x90);
+    controller.Set(Controller::kUenum, 0);
+    controller.Set(Controller::kUecfg1x, 0x32);
+    CHECK(controller.usb.violations().empty());
+    CHECK(controller.Get(Controller::kUdien) == 0);
+    CHECK(controller.Get(Controller::kUdaddr) == 0);
+  }
+}
+
+TEST_CASE("the cable's voltage asks for an interrupt if that was left enabled") {
+  Controller controller;
+  CHECK_FALSE(controller.usb.general_interrupt());
+  controller.Set(Controller::kUsbcon, 0x91);
+  CHECK(controller.usb.general_interrupt());
+  controller.Set(Controller::kUsbcon, 0x90);
+  CHECK_FALSE(controller.usb.general_interrupt());
 }
 
 TEST_CASE("a halted endpoint stalls, endpoint 0 until the next SETUP") {

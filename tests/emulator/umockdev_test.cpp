@@ -12,8 +12,8 @@
 #include "protocol/hid_descriptor.h"
 #include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
-#include "tests/hil/usb_program.h"
 #include "tests/support/paths.h"
+#include "tests/support/usb_program.h"
 
 namespace torquer::emulator {
 namespace {

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cstring>
 
+#include "firmware/board/board.h"
 #include "protocol/eeprom_layout.h"
 #include "tests/firmware/fake_board.h"
 
@@ -67,8 +68,11 @@ class Bench {
       registers_[address_ & 0x7f] = sent;
       return 0;
     }
+    if (address_ == 0x24) return 0x3f;
     if (address_ == 0x50) {
-      static constexpr std::uint8_t kBurst[12] = {0x80, 0, 1, 0, 2, 0, 50, 9, 90, 10, 0, 80};
+      // One count distally, two right-handed.
+      static constexpr std::uint8_t kBurst[12] = {0x80, 0x3f, 0xfe, 0xff, 1, 0,
+                                                  50,   9,    90,   10,   0, 80};
       return kBurst[index_++];
     }
     if (address_ == 0x00) return 0x42;
@@ -153,7 +157,7 @@ TEST_CASE("a configuration takes effect, is stored, and is refused when it makes
   configuration.protocol_version = protocol::kProtocolVersion;
   configuration.cpi = 800;
   configuration.joystick_deadzone = 100;
-  board().joystick = {600, 700};
+  board().joystick = {600, 700};  // moved at once: its rest is 512
   CHECK(bench.Set(configuration));
   for (int i = 0; i < 50; ++i) bench.Frame();
   const protocol::InputReport report = bench.Frame();
@@ -239,7 +243,7 @@ TEST_CASE("a button wakes the host when pressed, not when held, and only with it
   bench.Start();
   bench.FrameUntilHealthy();
   board().buttons = protocol::kButtonClutch;
-  for (int i = 0; i < 10; ++i) bench.Frame();
+  for (int i = 0; i < 20; ++i) bench.Frame();
   board().bus_suspended = true;
   const auto doze = [&bench] {
     for (int i = 0; i < 10; ++i) bench.firmware.Step();
@@ -269,6 +273,76 @@ TEST_CASE("reports that cannot be read or written are refused") {
   CHECK_FALSE(bench.firmware.SetFeatureReport(bytes, 32));
   bytes[0] = protocol::kConfigurationReportId;
   CHECK_FALSE(bench.firmware.SetFeatureReport(bytes, 15));
+}
+
+TEST_CASE("endpoint 0 is served early in a frame, and left alone late in it") {
+  Bench bench;
+  bench.Start();
+  bench.Frame();
+  const std::uint32_t start_us = board().now_us;
+  board().frame_start_us = start_us;
+  bench.firmware.Step();
+  board().control_holds = 0;
+  board().now_us = start_us + 700;
+  board().setups.push_back({0x80, 8, 0, 0, 0, 0, 1, 0});
+  bench.firmware.Step();
+  CHECK(board().control_holds == 1);
+  CHECK(board().setups.size() == 1);
+  board().now_us = start_us + 1000;
+  board().frame_start_us = start_us + 1000;
+  bench.firmware.Step();
+  CHECK(board().setups.empty());
+  // A bus without frames: nothing to wait for.
+  board().now_us = start_us + 5000;
+  board().setups.push_back({0x80, 8, 0, 0, 0, 0, 1, 0});
+  bench.firmware.Step();
+  CHECK(board().setups.empty());
+}
+
+TEST_CASE("a host that never stops asking does not keep the sensor from its upkeep") {
+  Bench bench;
+  bench.Start();
+  for (int i = 0; i < 3000; ++i) {
+    board().setups.push_back({0xa1, 1, 2, 3, 0, 0, 64, 0});
+    if (!(bench.Frame().flags & protocol::kFlagSensorFault)) break;
+  }
+  CHECK_FALSE(bench.Frame().flags & protocol::kFlagSensorFault);
+}
+
+TEST_CASE("the end switch is in the reports, and zeroing the counts moves its mark") {
+  Bench bench;
+  bench.Start();
+  bench.FrameUntilHealthy();
+  for (int i = 0; i < 50; ++i) bench.Frame();
+  board().buttons = board::kReferenceSwitch;
+  const std::int32_t touched = bench.Frame().axial_counts;
+  protocol::InputReport report{};
+  for (int i = 0; i < 20; ++i) report = bench.Frame();
+  CHECK((report.flags & protocol::kFlagReference) != 0);
+  CHECK((report.flags & protocol::kFlagAtReference) != 0);
+  CHECK(report.reference_counts == touched);
+  CHECK(report.buttons == 0);
+  REQUIRE(bench.Set(CommandOf(protocol::kCommandZero)));
+  report = bench.Frame();
+  CHECK(report.axial_counts == 1);
+  CHECK(report.reference_counts == touched - (touched + 20));
+  board().buttons = 0;
+  for (int i = 0; i < 20; ++i) report = bench.Frame();
+  CHECK_FALSE(report.flags & protocol::kFlagAtReference);
+  CHECK((report.flags & protocol::kFlagReference) != 0);
+}
+
+TEST_CASE("diagnostics tell where the stick rests") {
+  Bench bench;
+  board().joystick = {538, 497};
+  bench.Start();
+  protocol::InputReport report{};
+  for (int i = 0; i < 150; ++i) report = bench.Frame();
+  const auto diagnostics = bench.Get<protocol::DiagnosticsReport>(protocol::kDiagnosticsReportId);
+  CHECK(diagnostics.joystick_rest_x == 538);
+  CHECK(diagnostics.joystick_rest_y == 497);
+  CHECK(report.joystick_x == 512);
+  CHECK(report.joystick_y == 512);
 }
 
 }  // namespace

@@ -65,6 +65,14 @@ std::uint8_t TransferSpi(std::uint8_t byte) {
   return answer;
 }
 
+std::uint8_t TransferSpiAfter(std::uint8_t byte, std::uint8_t gap_us) {
+  Fake().now_us += gap_us;
+  return TransferSpi(byte);
+}
+void ReadSpi(std::uint8_t* bytes, std::uint8_t count) {
+  for (; count != 0; --count) *bytes++ = TransferSpi(0);
+}
+
 void BeginAdc(Axis axis) { Fake().axis = axis == Axis::kX ? 0 : 1; }
 std::uint16_t FinishAdc() { return Fake().joystick[static_cast<std::size_t>(Fake().axis)]; }
 std::uint8_t ReadButtons() { return Fake().buttons; }
@@ -92,6 +100,9 @@ bool TakeUsbReset() {
   Fake().bus_reset = false;
   return reset;
 }
+bool ControlPending() {
+  return Fake().bus_reset || !Fake().setups.empty() || !Fake().control_data.empty();
+}
 bool TakeSetup(std::uint8_t packet[8]) {
   if (Fake().setups.empty()) return false;
   std::copy(Fake().setups.front().begin(), Fake().setups.front().end(), packet);
@@ -105,21 +116,26 @@ void SendControl(const std::uint8_t* data, std::uint8_t size, bool) {
   Fake().control_sent.emplace_back(data, data + size);
 }
 bool HasControlData() { return !Fake().control_data.empty(); }
-std::uint8_t TakeControlData(std::uint8_t* data, std::uint8_t capacity) {
-  const std::vector<std::uint8_t> packet = Fake().control_data.front();
+std::uint8_t ControlDataSize() {
+  Fake().control_byte = 0;
+  return static_cast<std::uint8_t>(Fake().control_data.front().size());
+}
+std::uint8_t NextControlByte() { return Fake().control_data.front().at(Fake().control_byte++); }
+bool ReleaseControlData() {
   Fake().control_data.pop_front();
-  const std::size_t size = std::min<std::size_t>(packet.size(), capacity);
-  std::copy_n(packet.begin(), size, data);
-  return static_cast<std::uint8_t>(size);
+  return true;
 }
 void StallControl() { Fake().control_stalled = true; }
 void WatchControl(bool, bool) {}
+void HoldControl() { ++Fake().control_holds; }
 void SetAddress(std::uint8_t address) { Fake().address = address; }
 
-void ConfigureInput(bool enabled) {
+bool ConfigureInput(bool enabled) {
+  if (enabled && Fake().memory_refused) return false;
   Fake().input_enabled = enabled;
   Fake().input_halted = false;
   Fake().inputs.clear();
+  return true;
 }
 void HaltInput(bool halted) { Fake().input_halted = halted; }
 bool InputHalted() { return Fake().input_halted; }

@@ -64,6 +64,9 @@ struct FakeBoard {
   std::vector<std::vector<std::uint8_t>> control_sent;
   bool can_send_control = true;
   std::deque<std::vector<std::uint8_t>> control_data;
+  std::size_t control_byte = 0;  ///< of the packet being read
+  int control_holds = 0;         ///< times that endpoint 0 was left alone for the rest of a frame
+  bool memory_refused = false;   ///< the chip has no memory for the input endpoint
   bool control_stalled = false;
   std::uint8_t address = 0;
   bool input_enabled = false, input_halted = false;

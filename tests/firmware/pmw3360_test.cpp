@@ -1,5 +1,6 @@
 #include "firmware/src/pmw3360.h"
 
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cstdint>
@@ -15,19 +16,32 @@ class FakeSensor {
  public:
   explicit FakeSensor(std::uint32_t start_us = 0) {
     NewBoard().now_us = start_us;
-    registers_[0x00] = 0x42;
-    registers_[0x01] = 0x05;
-    registers_[0x3f] = 0xbd;
+    Reset();
     board().sensor = [this](std::uint8_t sent, bool first) { return Exchange(sent, first); };
   }
 
   /// A frame every millisecond, as the firmware has them.
   MotionSample Frame(Pmw3360* driver) {
     const std::uint32_t start_us = board().now_us;
+    driver->BeginRead();
     const MotionSample sample = driver->Read();
     driver->Maintain();
     board().now_us = start_us + 1000;
     return sample;
+  }
+  /// As after its power-up: its own resolution, rest modes, no frames yet.
+  void Reset() {
+    std::fill(std::begin(registers_), std::end(registers_), std::uint8_t{0});
+    registers_[0x00] = product_id;
+    registers_[0x01] = 0x05;
+    registers_[0x0f] = 0x31;
+    registers_[0x10] = 0x20;
+    registers_[0x3f] = 0xbd;
+    Unobserve();
+  }
+  void Unobserve() {
+    frame_seen_ = false;
+    observed_us_ = board().now_us;
   }
   void StartUp(Pmw3360* driver, int cpi = 1200) {
     driver->Start(static_cast<std::uint16_t>(cpi));
@@ -38,6 +52,8 @@ class FakeSensor {
   std::array<std::uint8_t, 12> burst{0x80, 0, 5, 0, 0xfd, 0xff, 60, 9, 90, 10, 1, 2};
   bool silent = false;
   bool shorted = false;
+  std::uint8_t product_id = 0x42;  ///< from the next reset on
+  bool frames = true;              ///< it takes some: the bits of Observation come up
   struct Write {
     std::uint8_t address, value;
     bool operator==(const Write&) const = default;
@@ -54,34 +70,51 @@ class FakeSensor {
     } else if (address_ & 0x80) {
       writes.push_back({static_cast<std::uint8_t>(address_ & 0x7f), sent});
       registers_[address_ & 0x7f] = sent;
+      if (address_ == (0x3a | 0x80)) Reset();
+      if (address_ == (0x24 | 0x80)) Unobserve();
     } else if (address_ == 0x50) {
-      answer = burst.at(index_++);
+      answer = index_ == 1 ? Observation() : burst.at(index_);
+      ++index_;
+    } else if (address_ == 0x24) {
+      answer = Observation();
     } else {
       answer = registers_[address_];
     }
     return silent ? 0xff : shorted ? 0x00 : answer;
   }
 
+  std::uint8_t Observation() {
+    frame_seen_ = frame_seen_ || (frames && board().now_us - observed_us_ > 300);
+    return static_cast<std::uint8_t>((registers_[0x2a] ? 0x40 : 0) | (frame_seen_ ? 0x3f : 0));
+  }
+
   std::uint8_t registers_[128] = {};
   std::uint8_t address_ = 0;
   std::size_t index_ = 0;
+  std::uint32_t observed_us_ = 0;
+  bool frame_seen_ = false;
 };
 
-TEST_CASE("the start is: reset, motion registers, identity, resolution, burst armed") {
+TEST_CASE("the start: reset, motion, identity, rest modes off, resolution, all of it read back") {
   FakeSensor sensor;
   Pmw3360 driver;
   sensor.StartUp(&driver, 1600);
-  CHECK(sensor.writes == std::vector<FakeSensor::Write>{{0x3a, 0x5a}, {0x0f, 15}, {0x50, 0x00}});
+  CHECK(sensor.writes == std::vector<FakeSensor::Write>{
+                             {0x3a, 0x5a}, {0x10, 0x00}, {0x0f, 15}, {0x24, 0x00}, {0x50, 0x00}});
   std::vector<int> read;
   for (const FakeBoard::SpiByte& byte : board().spi_log) {
-    if (byte.first && !(byte.sent & 0x80) && byte.sent != 0x50) read.push_back(byte.sent);
+    if (byte.first && !(byte.sent & 0x80)) read.push_back(byte.sent);
   }
-  CHECK(read == std::vector<int>{0x02, 0x03, 0x04, 0x05, 0x06, 0x00, 0x01, 0x3f});
+  // The last one is a burst: what was counted at the sensor's own resolution is thrown away.
+  CHECK(read == std::vector<int>{0x02, 0x03, 0x04, 0x05, 0x06, 0x00, 0x01, 0x3f, 0x24, 0x10, 0x0f,
+                                 0x00, 0x2a, 0x50});
   CHECK(driver.product_id() == 0x42);
   CHECK(driver.revision() == 0x05);
   CHECK(driver.srom_id() == 0);
+  CHECK(driver.observation() == 0x3f);
   CHECK(driver.cpi() == 1600);
   CHECK(driver.restarts() == 0);
+  CHECK(driver.fault_cause() == protocol::kSensorNoFault);
 }
 
 TEST_CASE("no access comes before the sensor's power-up and reset times") {
@@ -120,8 +153,8 @@ TEST_CASE("the times between bytes are those of the data sheet") {
     }
   }
   CHECK(bursts >= 600);
-  CHECK(reads >= 10);
-  CHECK(writes >= 4);
+  CHECK(reads >= 24);
+  CHECK(writes >= 24);
 }
 
 TEST_CASE("a burst becomes a sample") {
@@ -198,22 +231,122 @@ TEST_CASE("attempts to start become rarer, down to one in 1.6 s") {
   CHECK(driver.restarts() <= 24);
 }
 
-TEST_CASE("a sensor that reset itself is found by its resolution and set up again") {
+TEST_CASE(
+    "a sensor that has reset itself is found whatever its resolution, and counts nothing then") {
+  for (const int cpi : {1600, 5000}) {
+    FakeSensor sensor;
+    Pmw3360 driver;
+    sensor.StartUp(&driver, cpi);
+    for (int i = 0; i < 10; ++i) sensor.Frame(&driver);
+    sensor.Reset();
+    sensor.frames = false;  // not yet
+    CHECK(sensor.Frame(&driver).fault);
+    sensor.frames = true;
+    int frames = 0;
+    for (MotionSample sample = sensor.Frame(&driver); sample.fault;
+         sample = sensor.Frame(&driver)) {
+      REQUIRE(sample.delta_x == 0);
+      REQUIRE(sample.delta_y == 0);
+      REQUIRE(++frames < 200);
+    }
+    CHECK(sensor.reg(0x0f) == cpi / 100 - 1);
+    CHECK(sensor.reg(0x10) == 0);
+    CHECK(driver.restarts() == 1);
+    CHECK(driver.self_resets() == 1);
+    CHECK(driver.fault_cause() == protocol::kSensorReset);
+  }
+}
+
+TEST_CASE("one that came back between two readings is found by what it has forgotten") {
+  for (const int address : {0x0f, 0x10}) {
+    FakeSensor sensor;
+    Pmw3360 driver;
+    sensor.StartUp(&driver, 1600);
+    for (int i = 0; i < 10; ++i) sensor.Frame(&driver);
+    sensor.reg(address) = address == 0x0f ? 0x31 : 0x20;
+    int frames = 0;
+    while (!sensor.Frame(&driver).fault) REQUIRE(++frames < 5 * 32 + 10);
+    while (sensor.Frame(&driver).fault) REQUIRE(++frames < 1000);
+    CHECK(sensor.reg(0x0f) == 15);
+    CHECK(sensor.reg(0x10) == 0);
+    CHECK(driver.self_resets() == 1);
+  }
+}
+
+TEST_CASE("a sensor that shows a rest mode has lost its configuration") {
   FakeSensor sensor;
   Pmw3360 driver;
-  sensor.StartUp(&driver, 1600);
-  for (int i = 0; i < 10; ++i) sensor.Frame(&driver);
-  sensor.reg(0x0f) = 0x31;
+  sensor.StartUp(&driver);
+  for (int i = 0; i < 3; ++i) sensor.Frame(&driver);
+  sensor.burst[0] |= 0x02;
+  sensor.reg(0x10) = 0x20;
+  CHECK(sensor.Frame(&driver).fault);
+  CHECK(driver.self_resets() == 1);
+}
+
+TEST_CASE("a byte that was spoiled on its way costs no count") {
+  FakeSensor sensor;
+  Pmw3360 driver;
+  sensor.StartUp(&driver);
+  sensor.Frame(&driver);
+  sensor.burst[0] |= 0x04;  // a rest mode, it seems
+  MotionSample sample = sensor.Frame(&driver);
+  CHECK(sample.fault);
+  CHECK(sample.delta_x == 0);
+  sensor.burst[0] &= 0xf9;
+  sample = sensor.Frame(&driver);
+  CHECK_FALSE(sample.fault);
+  CHECK(sample.delta_x == 10);
+  CHECK(sample.delta_y == -6);
+  CHECK(sensor.Frame(&driver).delta_x == 5);
+  CHECK(driver.restarts() == 0);
+}
+
+TEST_CASE("a sensor that takes no frames any more is found by the bits that stay away") {
+  FakeSensor sensor;
+  Pmw3360 driver;
+  sensor.StartUp(&driver);
+  // The bits from before stay, so that bursts look good until they are cleared.
+  for (int i = 0; i < 4; ++i) sensor.Frame(&driver);
+  sensor.frames = false;
   int frames = 0;
-  while (!sensor.Frame(&driver).fault) REQUIRE(++frames < 1000);
-  while (sensor.Frame(&driver).fault) REQUIRE(++frames < 2000);
-  CHECK(sensor.reg(0x0f) == 15);
-  CHECK(driver.restarts() == 1);
+  while (!sensor.Frame(&driver).fault) REQUIRE(++frames < 5 * 32 + 30);
+  CHECK(driver.restarts() >= 1);
+}
+
+TEST_CASE("a sensor whose frames never show is tried three times and then believed") {
+  FakeSensor sensor;
+  sensor.frames = false;
+  Pmw3360 driver;
+  driver.Start(1200);
+  int frames = 0;
+  while (!driver.running()) {
+    sensor.Frame(&driver);
+    REQUIRE(++frames < 1000);
+  }
+  CHECK(driver.restarts() == 2);
+  CHECK(driver.fault_cause() == protocol::kSensorFrozen);
+  CHECK(driver.observation() == 0);
+  for (int i = 0; i < 500; ++i) REQUIRE_FALSE(sensor.Frame(&driver).fault);
+}
+
+TEST_CASE("a start that the sensor does not keep is begun again, and not all at once") {
+  FakeSensor sensor;
+  Pmw3360 driver;
+  driver.Start(1200);
+  // Its resolution does not hold.
+  for (int i = 0; i < 5000; ++i) {
+    sensor.Frame(&driver);
+    sensor.reg(0x0f) = 0x31;
+  }
+  CHECK_FALSE(driver.running());
+  CHECK(driver.restarts() >= 5);
+  CHECK(driver.restarts() <= 10);
 }
 
 TEST_CASE("another sensor is refused, and what it said is reported") {
   FakeSensor sensor;
-  sensor.reg(0x00) = 0x47;
+  sensor.product_id = 0x47;
   Pmw3360 driver;
   driver.Start(1200);
   for (int i = 0; i < 150; ++i) CHECK(sensor.Frame(&driver).fault);

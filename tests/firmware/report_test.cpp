@@ -13,11 +13,18 @@
 namespace torquer::firmware {
 namespace {
 
-MotionSample Moved(int x, int y) {
+/// The surface has moved by so many counts: distally and right-handed, as a sensor shows it whose
+/// board lies along the pipe.
+MotionSample Moved(int axial, int transverse) {
   MotionSample sample;
-  sample.delta_x = static_cast<std::int16_t>(x);
-  sample.delta_y = static_cast<std::int16_t>(y);
+  sample.delta_y = static_cast<std::int16_t>(axial);
+  sample.delta_x = static_cast<std::int16_t>(-transverse);
   return sample;
+}
+
+protocol::InputReport Next(ReportBuilder* builder, const MotionSample& sample) {
+  builder->Count(sample);
+  return builder->Next(0, 0, 0, 0, 1200, ReferenceSwitch(), false);
 }
 
 TEST_CASE("a report carries what was read") {
@@ -28,8 +35,10 @@ TEST_CASE("a report carries what was read") {
   sample.lifted = true;
   sample.surface_quality = 77;
   sample.shutter = 1234;
-  const protocol::InputReport report =
-      builder.Next(sample, 0xfffffffe, protocol::kButtonClutch, 1, 1022, 800);
+  builder.Count(sample);
+  CHECK(builder.axial_counts() == 3);
+  protocol::InputReport report =
+      builder.Next(0xfffffffe, protocol::kButtonClutch, 1, 1022, 800, ReferenceSwitch(), false);
   CHECK(report.report_id == protocol::kInputReportId);
   CHECK(report.protocol_version == protocol::kProtocolVersion);
   CHECK(report.flags == (protocol::kFlagMotion | protocol::kFlagLift));
@@ -43,26 +52,43 @@ TEST_CASE("a report carries what was read") {
   CHECK(report.surface_quality == 77);
   CHECK(report.shutter == 1234);
   CHECK(report.cpi == 800);
-  CHECK(report.spare == 0);
+  CHECK(report.reference_counts == 0);
+
+  ReferenceSwitch reference;
+  for (int i = 0; i < 20; ++i) reference.Update(false, false, 0);
+  reference.Update(true, false, -17);
+  reference.Update(true, true, -20);
+  builder.Count(MotionSample());
+  report = builder.Next(0, 0, 0, 0, 0, reference, true);
+  CHECK(report.flags ==
+        (protocol::kFlagReference | protocol::kFlagAtReference | protocol::kFlagSromLost));
+  CHECK(report.reference_counts == -17);
 }
 
 TEST_CASE("counts wrap in both directions") {
   ReportBuilder builder;
-  const auto next = [&builder](int x, int y) {
-    return builder.Next(Moved(x, y), 0, 0, 0, 0, 1200);
-  };
   // 65,538 steps of 32,767 are one short of 2^31 - 1.
-  for (int i = 0; i < 65538; ++i) next(32767, -32767);
-  const protocol::InputReport report = next(3, -4);
+  for (int i = 0; i < 65538; ++i) Next(&builder, Moved(32767, -32767));
+  const protocol::InputReport report = Next(&builder, Moved(3, -4));
   CHECK(report.axial_counts == std::numeric_limits<std::int32_t>::min() + 1);
   CHECK(report.transverse_counts == std::numeric_limits<std::int32_t>::max() - 1);
 }
 
+TEST_CASE("the farthest that a sensor can count in a frame is counted") {
+  ReportBuilder builder;
+  MotionSample sample;
+  sample.delta_x = std::numeric_limits<std::int16_t>::min();
+  sample.delta_y = std::numeric_limits<std::int16_t>::min();
+  const protocol::InputReport report = Next(&builder, sample);
+  CHECK(report.axial_counts == -32768);
+  CHECK(report.transverse_counts == 32768);
+}
+
 TEST_CASE("the sequence grows by one and wraps") {
   ReportBuilder builder;
-  std::uint16_t last = builder.Next({}, 0, 0, 0, 0, 0).sequence;
+  std::uint16_t last = Next(&builder, {}).sequence;
   for (int i = 0; i < 70000; ++i) {
-    const std::uint16_t sequence = builder.Next({}, 0, 0, 0, 0, 0).sequence;
+    const std::uint16_t sequence = Next(&builder, {}).sequence;
     REQUIRE(sequence == static_cast<std::uint16_t>(last + 1));
     last = sequence;
   }
@@ -70,9 +96,9 @@ TEST_CASE("the sequence grows by one and wraps") {
 
 TEST_CASE("zero forgets the counts and nothing else") {
   ReportBuilder builder;
-  builder.Next(Moved(5, 6), 0, 0, 0, 0, 0);
+  Next(&builder, Moved(5, 6));
   builder.Zero();
-  const protocol::InputReport report = builder.Next(Moved(1, 2), 0, 0, 0, 0, 0);
+  const protocol::InputReport report = Next(&builder, Moved(1, 2));
   CHECK(report.axial_counts == 1);
   CHECK(report.transverse_counts == 2);
   CHECK(report.sequence == 2);

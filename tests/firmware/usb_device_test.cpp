@@ -1,5 +1,6 @@
 #include "firmware/src/usb_device.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstring>
 
@@ -28,6 +29,31 @@ class Reports final : public ReportHandler {
   }
   Bytes taken;
   bool accept = true;
+};
+
+/// Report 6 is written, 200 bytes or more, and report 7 is read.
+class LongReports final : public LongReportHandler {
+ public:
+  bool BeginWrite(std::uint8_t id, std::uint16_t size) override {
+    if (id != 6 || size < 200) return false;
+    taken.clear();
+    return true;
+  }
+  bool HasRoom() const override { return room; }
+  void Put(std::uint8_t byte) override { taken.push_back(byte); }
+  Progress EndWrite() override { return write_progress; }
+  bool BeginRead(std::uint8_t id) override { return id == 7; }
+  Progress Read(const std::uint8_t** data, std::uint16_t* size) override {
+    *data = picture.data();
+    *size = static_cast<std::uint16_t>(picture.size());
+    return read_progress;
+  }
+  void Abandon() override { ++abandoned; }
+
+  Bytes taken, picture = Bytes(100, 9);
+  bool room = true;
+  Progress write_progress = Progress::kReady, read_progress = Progress::kReady;
+  int abandoned = 0;
 };
 
 class Conversation {
@@ -60,8 +86,9 @@ class Conversation {
   }
 
   Reports reports;
+  LongReports long_reports;
   const char serial[16] = {'A', 'B', '1'};
-  UsbDevice device{reports, serial};
+  UsbDevice device{reports, long_reports, serial};
 };
 
 TEST_CASE("descriptors come in packets of 32, cut to what was asked for") {
@@ -74,7 +101,7 @@ TEST_CASE("descriptors come in packets of 32, cut to what was asked for") {
   CHECK(configuration[0].size() == 32);
   CHECK(configuration[1].size() == 2);
   CHECK(configuration[0][2] == 34);
-  CHECK(usb.Read(0x81, 6, 0x2200, 0, 255).size() == 2);
+  CHECK(usb.Read(0x81, 6, 0x2200, 0, 255).size() == 3);
   CHECK(usb.Read(0x81, 6, 0x2100, 0, 255).at(0).size() == 9);
 }
 
@@ -186,7 +213,7 @@ TEST_CASE("requests without sense are stalled") {
       {0xa1, 1, 0x0203, 0, 64},                         // output report
       {0xa1, 1, 0x0303, 1, 64},                         // other interface
       {0x21, 9, 0x0303, 0, 0},                          // report without bytes
-      {0x21, 9, 0x0303, 0, 33},                         // report longer than any
+      {0x21, 9, 0x0303, 0, 4096},                       // report longer than any
       {0x21, 9, 0x0203, 0, 16},                         // output report
       {0x21, 11, 0, 0, 0},                              // boot protocol
       {0xc0, 1, 0, 0, 1},                               // vendor request
@@ -213,6 +240,132 @@ TEST_CASE("a feature report is read and written") {
   usb.device.Poll();
   CHECK(usb.Acknowledged());
   CHECK(usb.reports.taken == report);
+}
+
+TEST_CASE("a report that a host has padded is taken, whatever the padding") {
+  for (const int length : {17, 32, 33, 64, 100, 4095}) {
+    CAPTURE(length);
+    Conversation usb;
+    usb.Configure();
+    usb.Setup(0x21, 9, 0x0303, 0, length);
+    Bytes padded{3, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    const Bytes report = padded;
+    padded.resize(static_cast<std::size_t>(length), 0xee);
+    for (std::size_t sent = 0; sent < padded.size(); sent += 32) {
+      const auto end = std::min(padded.size(), sent + 32);
+      board().control_data.emplace_back(padded.begin() + static_cast<std::ptrdiff_t>(sent),
+                                        padded.begin() + static_cast<std::ptrdiff_t>(end));
+      usb.device.Poll();
+    }
+    CHECK(usb.Acknowledged());
+    REQUIRE(usb.reports.taken.size() >= report.size());
+    CHECK(Bytes(usb.reports.taken.begin(), usb.reports.taken.begin() + 16) == report);
+    CHECK(usb.reports.taken.size() <= ReportHandler::kCapacity);
+  }
+}
+
+TEST_CASE("a long report is handed on byte by byte, as there is room for it") {
+  Conversation usb;
+  usb.Configure();
+  usb.Setup(0x21, 9, 0x0306, 0, 200);
+  Bytes sent;
+  usb.long_reports.write_progress = LongReportHandler::Progress::kWait;
+  for (int packet = 0; packet < 7; ++packet) {
+    const Bytes bytes(packet < 6 ? 32 : 8, static_cast<std::uint8_t>(packet));
+    board().control_data.push_back(bytes);
+    usb.long_reports.room = false;
+    usb.device.Poll();
+    CHECK(usb.long_reports.taken.size() == sent.size());  // the host waits
+    usb.long_reports.room = true;
+    usb.device.Poll();
+    sent.insert(sent.end(), bytes.begin(), bytes.end());
+  }
+  CHECK(usb.long_reports.taken == sent);
+  CHECK(board().control_sent.empty());  // the sensor is at it
+  CHECK(usb.long_reports.abandoned == 0);
+
+  SECTION("and acknowledged when all is done") {
+    usb.long_reports.write_progress = LongReportHandler::Progress::kReady;
+    usb.device.Poll();
+    CHECK(usb.Acknowledged());
+  }
+  SECTION("or stalled") {
+    usb.long_reports.write_progress = LongReportHandler::Progress::kRefused;
+    usb.device.Poll();
+    CHECK(board().control_stalled);
+  }
+  SECTION("or given up by the host") {
+    CHECK(usb.Read(0x80, 8, 0, 0, 1) == std::vector<Bytes>{{1}});
+    CHECK(usb.long_reports.abandoned == 1);
+  }
+  CHECK(usb.Read(0x80, 8, 0, 0, 1) == std::vector<Bytes>{{1}});
+}
+
+TEST_CASE("a long report that is cut short, refused, or interrupted by a reset ends") {
+  Conversation usb;
+  usb.Configure();
+  SECTION("cut short") {
+    usb.Setup(0x21, 9, 0x0306, 0, 200);
+    board().control_data.emplace_back(20, 1);
+    usb.device.Poll();
+    CHECK(board().control_stalled);
+    CHECK(usb.long_reports.abandoned == 1);
+  }
+  SECTION("a bus reset in its midst") {
+    usb.Setup(0x21, 9, 0x0306, 0, 200);
+    board().bus_reset = true;
+    usb.device.Poll();
+    CHECK(usb.long_reports.abandoned == 1);
+    usb.Configure();
+  }
+  SECTION("not to be taken now: it is read to its end and stalled") {
+    usb.Setup(0x21, 9, 0x0306, 0, 64);
+    board().control_data.emplace_back(32, 6);
+    board().control_data.emplace_back(32, 6);
+    usb.reports.accept = false;
+    usb.device.Poll();
+    usb.device.Poll();
+    CHECK(board().control_stalled);
+  }
+  CHECK(usb.Read(0x80, 8, 0, 0, 1) == std::vector<Bytes>{{1}});
+}
+
+TEST_CASE("a long report is read once it is there") {
+  Conversation usb;
+  usb.Configure();
+  usb.long_reports.read_progress = LongReportHandler::Progress::kWait;
+  usb.Setup(0xa1, 1, 0x0307, 0, 200);
+  CHECK(board().control_sent.empty());
+  CHECK_FALSE(board().control_stalled);
+  SECTION("and sent") {
+    usb.long_reports.read_progress = LongReportHandler::Progress::kReady;
+    for (int i = 0; i < 10; ++i) usb.device.Poll();
+    Bytes all;
+    for (const Bytes& packet : board().control_sent) {
+      all.insert(all.end(), packet.begin(), packet.end());
+    }
+    CHECK(all == usb.long_reports.picture);
+    CHECK(board().control_sent.size() == 4);
+  }
+  SECTION("or refused") {
+    usb.long_reports.read_progress = LongReportHandler::Progress::kRefused;
+    usb.device.Poll();
+    CHECK(board().control_stalled);
+  }
+  SECTION("or given up by the host") {
+    usb.Setup(0x80, 8, 0, 0, 1);
+    CHECK(usb.long_reports.abandoned == 1);
+  }
+}
+
+TEST_CASE("without memory for the input endpoint the device is not configured") {
+  Conversation usb;
+  board().memory_refused = true;
+  usb.Setup(0x00, 9, 1, 0, 0);
+  CHECK(board().control_stalled);
+  CHECK_FALSE(usb.device.configured());
+  board().memory_refused = false;
+  usb.Configure();
 }
 
 TEST_CASE("a written report is stalled when refused, short, or of another id") {

@@ -2,6 +2,10 @@
 // written, and what is said when the board is lost.
 #include "host/tools/caterina.h"
 
+#include <fcntl.h>
+#include <termios.h>
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <filesystem>
@@ -17,7 +21,7 @@ namespace {
 
 using Catch::Matchers::Contains;
 using torquer::test::CaterinaResponder;
-using torquer::tools::CaterinaOptions;
+using torquer::tools::AvrdudeOptions;
 using torquer::tools::FlashByCaterina;
 using torquer::tools::FlashImage;
 using torquer::tools::FlashUnfinished;
@@ -27,7 +31,7 @@ FlashImage Image() {
   return FlashImage::FromFile(torquer::test::FirmwarePath("torquer-firmware.hex"));
 }
 
-std::string Failure(const std::string& port, const CaterinaOptions& options) {
+std::string Failure(const std::string& port, const AvrdudeOptions& options) {
   try {
     FlashByCaterina(port, Image(), options);
   } catch (const FlashUnfinished& unfinished) {
@@ -65,7 +69,7 @@ TEST_CASE("a board in Caterina gets its first page last, and is verified") {
 
 TEST_CASE("avrdude does not outlive a board that is lost, and the user is told how to go on") {
   CaterinaResponder board;
-  CaterinaOptions options;
+  AvrdudeOptions options;
   SECTION("in the midst of the writing") {
     board.FallSilentAfter(20);
     options.timeout_s = 2;
@@ -88,12 +92,13 @@ TEST_CASE("avrdude does not outlive a board that is lost, and the user is told h
 TEST_CASE("a page that does not read back is told") {
   CaterinaResponder board;
   board.SpoilPage(7);
-  CHECK_THAT(Failure(board.port(), {}), Contains("avrdude failed. It said:") && Contains("verif"));
+  CHECK_THAT(Failure(board.port(), {}),
+             Contains("avrdude failed with this output:") && Contains("verif"));
 }
 
 TEST_CASE("a port that is none, and a missing avrdude, are told") {
   CHECK_THAT(Failure("/nonexistent", {}), Contains("/nonexistent"));
-  CaterinaOptions options;
+  AvrdudeOptions options;
   options.avrdude = "no-such-avrdude";
   CHECK_THROWS_WITH(FlashByCaterina("/dev/null", Image(), options),
                     Contains("apt-get install avrdude"));
@@ -107,8 +112,26 @@ TEST_CASE("a program that ignores its board and its parent is killed all the sam
     script << "#!/bin/sh\ntrap '' TERM INT HUP\nwhile :; do sleep 1; done\n";
   }
   std::filesystem::permissions(deaf, std::filesystem::perms::owner_all);
-  CaterinaOptions options;
+  AvrdudeOptions options;
   options.avrdude = deaf;
   options.timeout_s = 1;
   CHECK_THAT(Failure("/dev/null", options), Contains("did not end within 1 s"));
+}
+
+TEST_CASE("an Arduino program is asked for its bootloader by 1200 baud at its port") {
+  CaterinaResponder board;  // a pseudo-terminal
+  const int tty = open(board.port().c_str(), O_RDWR | O_NOCTTY);
+  REQUIRE(tty >= 0);
+  torquer::tools::AskSketchIntoCaterina(board.port());
+  termios settings{};
+  REQUIRE(tcgetattr(tty, &settings) == 0);
+  CHECK(cfgetospeed(&settings) == B1200);
+  CHECK(cfgetispeed(&settings) == B1200);
+  CHECK((settings.c_cflag & HUPCL) != 0);
+  close(tty);
+
+  CHECK_THROWS_WITH(torquer::tools::AskSketchIntoCaterina("/nonexistent/tty"),
+                    Contains("/nonexistent/tty") && Contains("twice within a second"));
+  CHECK_THROWS_WITH(torquer::tools::AskSketchIntoCaterina("/dev/null"),
+                    Contains("is no serial port"));
 }

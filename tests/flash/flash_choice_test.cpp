@@ -1,4 +1,5 @@
 // Which board torquer-flash takes, and what it says of those that it cannot serve by itself.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstring>
 
@@ -84,7 +85,7 @@ TEST_CASE("without a board, or with one that has to be reset first, the user is 
   }
   SECTION("one that may not be opened, after a moment for the permission to come") {
     boards.Add(BoardMode::kFirmware, "1-4");
-    boards.boards.front().trouble = "it may not be opened";
+    boards.boards.front().problem = "it may not be opened";
     CHECK_THAT(boards.Refusal(), Contains("USB 1-4: it may not be opened"));
     CHECK(boards.slept_ms >= 1000);
   }
@@ -135,6 +136,61 @@ TEST_CASE("a board in Caterina is written at its port, and its firmware is heard
     request.image = torquer::test::FirmwarePath("torquer-firmware-8mhz.hex");
     CHECK_THROWS_WITH(boards.Flash(request, hooks), Contains("16 MHz"));
     CHECK(port.empty());
+  }
+}
+
+TEST_CASE("a board that runs an Arduino program is overwritten where its port is named, and only then") {
+  FakeBoards boards;
+  boards.Add(BoardMode::kSketch, "1-4");
+  boards.boards.front().port = "/dev/ttyACM3";
+  boards.boards.front().clock_mhz = 16;
+  std::vector<std::string> log;
+  FlashHooks hooks;
+  hooks.say = [&](const std::string& line) { log.push_back(line); };
+  hooks.ask_sketch = [&](const std::string& port) {
+    log.push_back("asked " + port);
+    boards.boards.clear();
+    boards.Add(BoardMode::kCaterina, "1-5");  // somebody else's
+    boards.Add(BoardMode::kCaterina, "1-4");
+    boards.boards.back().port = "/dev/ttyACM4";
+  };
+  hooks.flash_caterina = [&](const std::string& port, const FlashImage&) {
+    log.push_back("written " + port);
+    boards.boards.clear();
+    boards.Add(BoardMode::kFirmware, "1-4", "NEW-1");
+  };
+  FlashRequest request;
+  SECTION("not named") {
+    CHECK_THROWS_WITH(boards.Flash(request, hooks),
+                      Contains("runs an Arduino program") && Contains("--port /dev/ttyACM3"));
+    request.port = "/dev/ttyACM9";  // then it is a board in Caterina that is meant
+    boards.Flash(request, hooks);
+    CHECK(log.back() == "waiting for the new firmware");
+    CHECK(std::count(log.begin(), log.end(), "asked /dev/ttyACM3") == 0);
+  }
+  request.port = "/dev/ttyACM3";
+  SECTION("named") {
+    const auto outcome = boards.Flash(request, hooks);
+    REQUIRE(outcome);
+    CHECK(outcome->serial == "NEW-1");
+    CHECK_THAT(log.front(), Contains("which runs an Arduino program"));
+    CHECK(std::count(log.begin(), log.end(), "asked /dev/ttyACM3") == 1);
+    CHECK(std::count(log.begin(), log.end(), "written /dev/ttyACM4") == 1);
+  }
+  SECTION("a dry run asks for nothing") {
+    request.dry_run = true;
+    CHECK_FALSE(boards.Flash(request, hooks));
+    CHECK(std::count(log.begin(), log.end(), "asked /dev/ttyACM3") == 0);
+  }
+  SECTION("its bootloader does not come") {
+    hooks.ask_sketch = [](const std::string&) {};
+    CHECK_THROWS_WITH(boards.Flash(request, hooks),
+                      Contains("Nothing was written") && Contains("twice within a second"));
+  }
+  SECTION("an image for another clock is refused before anything is asked") {
+    request.image = torquer::test::FirmwarePath("torquer-firmware-8mhz.hex");
+    CHECK_THROWS_WITH(boards.Flash(request, hooks), Contains("16 MHz"));
+    CHECK(log.size() == 1);
   }
 }
 

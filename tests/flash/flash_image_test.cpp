@@ -79,23 +79,26 @@ TEST_CASE("a written file reads back") {
 TEST_CASE("a file that is no whole image is refused with its line and the remedy") {
   const std::string good = Contents(kHex);
   CHECK(RefusalOf(good) == "taken");
-  CHECK_THAT(RefusalOf(""), Contains("cut short") && Contains("torquer-firmware*.hex"));
-  CHECK_THAT(RefusalOf("Hello"), Contains(":1: is no line of an Intel HEX file"));
-  CHECK_THAT(RefusalOf(":0"), Contains(":1: is no line"));
-  CHECK_THAT(RefusalOf(":00000001F"), Contains(":1: is no line"));
-  CHECK_THAT(RefusalOf(":0500000001FF"), Contains(":1: is no line"));
+  CHECK_THAT(RefusalOf(""), Contains("incomplete") && Contains("torquer-firmware*.hex"));
+  CHECK_THAT(RefusalOf("Hello"), Contains(":1: is not a line of an Intel HEX file"));
+  CHECK_THAT(RefusalOf(":0"), Contains(":1: is not a line"));
+  CHECK_THAT(RefusalOf(":00000001F"), Contains(":1: is not a line"));
+  CHECK_THAT(RefusalOf(":0500000001FF"), Contains(":1: is not a line"));
+  for (const char* line : {":000000g1FF", ":00000001-1", ":0000000 1F", ":000000010xFF"}) {
+    CHECK_THAT(RefusalOf(line), Contains(":1: is not a line"));
+  }
   CHECK_THAT(RefusalOf(good.substr(0, good.size() / 2)), Contains("image.hex:"));
-  CHECK_THAT(RefusalOf(good.substr(0, good.rfind(':'))), Contains("cut short"));
+  CHECK_THAT(RefusalOf(good.substr(0, good.rfind(':'))), Contains("incomplete"));
   std::string damaged = good;
   damaged[1000] = damaged[1000] == '0' ? '1' : '0';
   CHECK_THAT(RefusalOf(damaged), Contains("damaged"));
-  CHECK_THAT(RefusalOf(":020000040001F9\n:00000001FF\n"), Contains(":1: lies beyond"));
+  CHECK_THAT(RefusalOf(":020000040001F9\n:00000001FF\n"), Contains(":1: is beyond"));
   CHECK_THAT(RefusalOf(":0180000000"
                        "7F\n:00000001FF\n"),
-             Contains(":1: lies beyond"));
-  CHECK_THAT(RefusalOf(":00000001FF\n"), Contains("no firmware of the bench device"));
+             Contains(":1: is beyond"));
+  CHECK_THAT(RefusalOf(":00000001FF\n"), Contains("is not firmware of the bench device"));
   CHECK_THROWS_AS(FlashImage::FromFile("/nonexistent.hex"), UserError);
-  // objcopy ends its lines as other computers do; ours serve as well.
+  // objcopy ends its lines by carriage returns and line feeds; line feeds alone will do.
   std::string plain = good;
   plain.erase(std::remove(plain.begin(), plain.end(), '\r'), plain.end());
   REQUIRE(plain != good);

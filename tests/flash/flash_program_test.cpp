@@ -2,11 +2,14 @@
 // the bootloader and the firmware run in the emulator.
 #include <catch2/catch.hpp>
 #include <csignal>
+#include <fstream>
 
 #include "host/emulator/umockdev_front.h"
 #include "tests/flash/emulated_boards.h"
 #include "tests/support/child_process.h"
+#include "tests/support/emulated_bench.h"
 #include "tests/support/paths.h"
+#include "tests/support/temporary_folder.h"
 
 namespace {
 
@@ -71,7 +74,7 @@ TEST_CASE("the program flashes a new board, updates it, and refuses what it shou
 
   const Ended dry = Flash({kNewHex, "--dry-run"});
   CHECK(dry.status == 0);
-  CHECK_THAT(dry.output, Contains("running firmware 0.1.0") && Contains("nothing done"));
+  CHECK_THAT(dry.output, Contains("running firmware 0.1.0") && Contains("nothing was done"));
 
   const Ended update = Flash({kNewHex, "--device", "FLASH-1"});
   CAPTURE(update.output, update.error);
@@ -86,7 +89,7 @@ TEST_CASE("the program flashes a new board, updates it, and refuses what it shou
   CHECK_THAT(other_clock.error, Contains("16 MHz"));
   const Ended no_image = Flash({torquer::test::SourcePath("/README.md")});
   CHECK(no_image.status == 2);
-  CHECK_THAT(no_image.error, Contains("README.md:1: is no line of an Intel HEX file"));
+  CHECK_THAT(no_image.error, Contains("README.md:1: is not a line of an Intel HEX file"));
 }
 
 TEST_CASE("the cable is pulled while the program writes, and the next run finishes") {
@@ -130,4 +133,25 @@ TEST_CASE("without a board the program says so") {
   const Ended nobody = Flash({});
   CHECK(nobody.status == 2);
   CHECK_THAT(nobody.error, Contains("no board found"));
+}
+
+TEST_CASE("the program loads the sensor's image, and refuses what makes no sense") {
+  const torquer::test::TemporaryFolder folder;
+  const std::string path = folder.Path("srom.bin");
+  const std::vector<std::uint8_t> image = torquer::emulator::TestSrom();
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(image.data()),
+             static_cast<std::streamsize>(image.size()));
+  CHECK(Flash({"--srom", path, "--force"}).status == 2);
+  CHECK(Flash({"--fuses", "usbasp", "--srom", path}).status == 2);
+
+  Bench bench(WithApplication());
+  const Ended loaded = Flash({"--srom", path});
+  CAPTURE(loaded.output, loaded.error);
+  CHECK(loaded.status == 0);
+  CHECK_THAT(loaded.output, Contains("the sensor runs image 5"));
+  bench.device.Do([&](BenchDevice& device, UsbHost&) { CHECK(device.sensor().srom() == image); });
+  const Ended other = Flash({"--srom", "/dev/null"});
+  CHECK(other.status == 2);
+  CHECK_THAT(other.error, Contains("/dev/null: has 0 bytes"));
 }

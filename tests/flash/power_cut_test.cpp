@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "tests/flash/emulated_boards.h"
+#include "tests/support/sanitizer.h"
 
 namespace {
 
@@ -24,11 +25,7 @@ int Operations() { return 1 + 2 * (FlashImage::FromFile(kNewHex).pages() + 1); }
 
 // One part of all cuts, so that these tests can run beside each other.
 constexpr int kParts = 8;
-#if defined(__SANITIZE_ADDRESS__)
-constexpr int kStride = 6 * kParts;  // it is slow, and what it looks for is in any of them
-#else
-constexpr int kStride = kParts;
-#endif
+constexpr int kStride = torquer::test::kUnderSanitizer ? 6 * kParts : kParts;
 
 void CutEvery(int part) {
   BenchOptions options;

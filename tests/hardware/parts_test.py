@@ -5,6 +5,7 @@ import subprocess
 import tempfile
 import unittest
 
+import budget
 import render
 import stl
 import tables
@@ -73,20 +74,70 @@ class Parts(unittest.TestCase):
         end = float(parts["pipe_end"].split(" x ")[2])
         self.assertEqual(middle + 2 * (end - 12), 320)  # each end sits 12 mm in the middle part
 
+    def test_the_lens_is_as_high_above_the_paper_as_the_budget_says(self):
+        """Measured on the parts in their places: the board's seat, less the lens, over the crest."""
+        with tempfile.TemporaryDirectory() as work:
+            def heights(name: str, inside) -> list[float]:
+                path = os.path.join(work, name + ".stl")
+                render.make_stl(name, path)
+                return [p[2] for triangle in stl.read_stl(path) for p in triangle if inside(p)]
+
+            model = budget.MODEL
+            paper = model["paper_thickness"]
+            crest = max(heights("placed_cylinder", lambda p: True)) + paper
+            # The board's corners lie inside the recess; the highest face below its top is the seat.
+            seats = heights("placed_sensor_carrier", lambda p: abs(p[1]) < model["board_y"] / 2 + 0.3
+                            and abs(p[0]) < model["board_x"] - model["board_lens_x"] + 0.3)
+            board = min(heights("placed_sensor_board", lambda p: abs(p[0]) > model["lens_x"] / 2 + 1))
+            self.assertTrue(any(abs(seat - board) < 1e-3 for seat in seats), (board, sorted(set(seats))))
+            lens_to_paper = board - model["lens_height"] - crest
+            low, high = budget.focus_mm()["at rest"]
+            self.assertAlmostEqual(lens_to_paper, (low + high) / 2, delta=0.02)
+            # The cylinder lies on the floor of its bore, and the shims below the carrier.
+            self.assertAlmostEqual(
+                crest, model["cylinder_radius"] - model["bore_clearance"], delta=0.02)
+            bottom = min(heights("placed_sensor_carrier", lambda p: True))
+            self.assertAlmostEqual(bottom, model["block_top"], places=3)
+
+    def test_nothing_touches_the_lens_at_the_lowest_setting(self):
+        with tempfile.TemporaryDirectory() as work:
+            path = os.path.join(work, "pipe.stl")
+            render.make_stl("placed_pipe", path)
+            model = budget.MODEL
+            below = [p[2] for triangle in stl.read_stl(path) for p in triangle
+                     if abs(p[0]) <= model["lens_x"] / 2 and abs(p[1]) <= model["lens_y"] / 2]
+            lowest = model["lens_plane"] - model["shims_fitted"] * model["shim_thickness"]
+            self.assertLess(max(below), lowest)
+
+    def test_caps_let_the_air_out(self):
+        """The volume that the vents take from the wall of a cap."""
+        volumes = []
+        with tempfile.TemporaryDirectory() as work:
+            for number, settings in enumerate(((), ("vent_count=0",))):
+                path = os.path.join(work, f"cap{number}.stl")
+                render.make_stl("pipe_cap", path, settings)
+                volumes.append(stl.volume_mm3(stl.read_stl(path)))
+        opening = (volumes[1] - volumes[0]) / budget.MODEL["cap_wall"]
+        wanted = budget.cap_openings_mm2(budget.MODEL["vent_count"]) - budget.cap_openings_mm2(0)
+        self.assertAlmostEqual(opening, wanted, delta=0.15 * wanted)  # they meet the wire's funnel
+
     def test_other_dimensions_render_as_well(self):
         with tempfile.TemporaryDirectory() as work:
             path = os.path.join(work, "part.stl")
             for name, settings in (
                 ("pipe_middle", ("cylinder_radius=8", "window_width=12")),
-                ("sensor_carrier", ("board_x=28", "board_y=32", "board_lens_y=16")),
+                ("sensor_carrier", ("board_x=32", "board_y=28", "board_lens_x=16")),
+                ("catheter_clamp", ("end_switch=true",)),
             ):
                 render.make_stl(name, path, settings)
                 self.assertEqual(stl.defects(stl.read_stl(path)), [], name)
 
     def test_play_beyond_the_focus_is_refused(self):
         with tempfile.TemporaryDirectory() as work:
-            with self.assertRaises(subprocess.CalledProcessError):
-                render.make_stl("pipe_end", os.path.join(work, "a.stl"), ("bore_clearance=0.3",))
+            for setting in ("bore_clearance=0.2", "lens_to_surface=2.65", "lens_to_surface=2.4",
+                            "focus_step=0.2", "board_lens_x=9"):
+                with self.assertRaises(subprocess.CalledProcessError, msg=setting):
+                    render.make_stl("carrier_shim", os.path.join(work, "a.stl"), (setting,))
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ class Readme(unittest.TestCase):
     def test_is_made_of_its_files(self):
         said = StringIO()
         with redirect_stdout(said):
-            self.assertEqual(tables.main(["--check"]), 0, said.getvalue())
+            self.assertEqual(tables.main(check=True), 0, said.getvalue())
 
     def test_a_table_without_a_place_is_told(self):
         with self.assertRaises(KeyError):

@@ -35,10 +35,11 @@ class Wiring(unittest.TestCase):
         wires[index] = replace(wires[index], **changes)
         return wiring.problems(wires, self.pins)
 
-    def test_firmware_has_all_nine_signals(self):
-        self.assertEqual(len(self.pins), 9)
+    def test_firmware_has_all_ten_signals(self):
+        self.assertEqual(len(self.pins), 10)
         self.assertEqual(self.pins["NCS"], ("PB6", "10"))
         self.assertEqual(self.pins["JOYSTICK_X"], ("PF7", "A0"))
+        self.assertEqual(self.pins["REFERENCE"], ("PC6", "5"))
 
     def test_wiring_is_right(self):
         self.assertEqual(wiring.problems(self.wires, self.pins), [])
@@ -54,6 +55,13 @@ class Wiring(unittest.TestCase):
     def test_missing_wire_is_found(self):
         wires = [wire for wire in self.wires if wire.net != "CLUTCH"]
         self.assertTrue(any("CLUTCH" in text for text in wiring.problems(wires, self.pins)))
+
+    def test_pedal_past_its_filter_is_found(self):
+        wires = [
+            replace(wire, net="XRAY") if wire.net == "PEDAL" else wire for wire in self.wires
+        ]
+        found = wiring.problems(wires, self.pins)
+        self.assertIn("the pedal's line reaches the controller past its filter", found)
 
     def test_sensor_on_the_controllers_volts_is_found(self):
         found = self.changed("VDD", "PMW3360", volts=3.3)

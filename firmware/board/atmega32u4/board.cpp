@@ -36,9 +36,23 @@ namespace {
 constexpr uint16_t kTicksPerUs = F_CPU / 8 / 1000000;
 constexpr uint32_t kUsPerOverflow = 65536 / kTicksPerUs;
 
-uint8_t reset_reason __attribute__((section(".noinit")));
-uint8_t warm_byte __attribute__((section(".noinit")));
-uint8_t warm_complement __attribute__((section(".noinit")));
+// What survives a reset, if its mark is there.
+struct WarmRecord {
+  uint32_t mark;
+  uint8_t byte;
+  uint8_t complement;
+  uint8_t restart_asked;  // by Restart()
+};
+static_assert(kWarmRecordAddress + sizeof(WarmRecord) <= protocol::kBootloaderKeyAddress, "below");
+static_assert(protocol::kBootloaderKeyAddress + 2 <= kStackLimitAddress,
+              "the stack spares the key");
+constexpr uint32_t kWarmMark = 0x57524d31;
+constexpr uint8_t kAsked = 0x3c;
+
+volatile WarmRecord& Warm() { return *reinterpret_cast<volatile WarmRecord*>(kWarmRecordAddress); }
+
+uint8_t reset_reason;
+bool memory_kept;
 
 bool application_is_whole;
 
@@ -53,23 +67,39 @@ bool CheckApplication() {
 }
 
 constexpr uint8_t kStackPaint = 0xc5;
-extern "C" uint8_t _end;     // of the variables; the stack grows down towards it
 extern "C" uint8_t __stack;  // its first byte
 
+// MCUSR as it was: a general-purpose register, which what comes before SetUp() leaves alone, would
+// not do; GPIOR0 is cleared by a reset alone.
+#define TORQUER_SAVED_MCUSR GPIOR0
+
 // Before any variable has its value: the watchdog still runs from the reset that it caused, and the
-// stack is painted so that its depth can be told later.
+// stack is painted so that its depth can be measured later.
 extern "C" void torquer_early_init() __attribute__((naked, used, section(".init3")));
 extern "C" void torquer_early_init() {
-  reset_reason = MCUSR;
+  TORQUER_SAVED_MCUSR = MCUSR;
   MCUSR = 0;
   wdt_disable();
-  for (uint8_t* byte = &_end; byte <= &__stack; ++byte) *byte = kStackPaint;
+  uint8_t* const limit = reinterpret_cast<uint8_t*>(kStackLimitAddress);
+  for (uint8_t* byte = limit; byte <= &__stack; ++byte) *byte = kStackPaint;
+}
+
+// Arduino's bootloader has cleared MCUSR: then the memory tells what it can.
+void FindResetReason() {
+  reset_reason = TORQUER_SAVED_MCUSR;
+  const bool marked = Warm().mark == kWarmMark && (Warm().byte ^ Warm().complement) == 0xff;
+  const bool asked = marked && Warm().restart_asked == kAsked;
+  memory_kept = marked && !(reset_reason & (_BV(PORF) | _BV(BORF)));
+  if (reset_reason == 0 && !marked) reset_reason = protocol::kResetPower | protocol::kResetDerived;
+  if (reset_reason == 0 && asked) reset_reason = protocol::kResetWatchdog | protocol::kResetDerived;
+  Warm().restart_asked = 0;
 }
 
 }  // namespace
 
 void SetUp() {
   wdt_enable(WDTO_250MS);
+  FindResetReason();
 
   // As the factory's fuses leave them, the clock is divided by 8 and the joystick's pins are
   // JTAG's. Both registers want to be written twice within four cycles.
@@ -83,7 +113,8 @@ void SetUp() {
   // Sensor: not selected; SPI mode 3, 2 MHz.
   TORQUER_SENSOR_NCS_PORT |= _BV(TORQUER_SENSOR_NCS_BIT);
   TORQUER_SENSOR_NCS_DDR |= _BV(TORQUER_SENSOR_NCS_BIT);
-  PORTB |= _BV(PB3);  // a pull-up on MISO, so that a missing sensor reads 0xff
+  // A pull-up on MISO, so that a missing sensor reads 0xff.
+  PORTB |= _BV(PB0) | _BV(PB3) | TORQUER_UNUSED_B;
   DDRB |= _BV(PB0) | _BV(PB1) | _BV(PB2);
 #if F_CPU == 16000000UL
   SPSR = _BV(SPI2X);
@@ -94,6 +125,16 @@ void SetUp() {
 
   TORQUER_BUTTON_PORT |=
       _BV(TORQUER_XRAY_BIT) | _BV(TORQUER_CONTRAST_BIT) | _BV(TORQUER_CLUTCH_BIT);
+  TORQUER_REFERENCE_PORT |= _BV(TORQUER_REFERENCE_BIT);
+
+  // What is not used, and the LEDs: as a bootloader may have left them they are outputs.
+  DDRB &= static_cast<uint8_t>(~TORQUER_UNUSED_B);
+  DDRD &= static_cast<uint8_t>(~TORQUER_UNUSED_D);
+  PORTD |= TORQUER_UNUSED_D;
+  PORTE |= TORQUER_UNUSED_E;
+  PORTF |= TORQUER_UNUSED_F;
+  PORTC &= static_cast<uint8_t>(~_BV(PC7));
+  DDRC |= _BV(PC7);
 
   // ADC: 125 kHz, against the supply that feeds the potentiometers.
   DIDR0 = _BV(TORQUER_JOYSTICK_X_CHANNEL) | _BV(TORQUER_JOYSTICK_Y_CHANNEL);
@@ -167,13 +208,16 @@ void SleepDeeply() {
 
 void Idle() {
   cli();
-  if (!EventPending()) {
+  while (!EventPending()) {
     if (StopUsbForSuspend()) {
       SleepDeeply();
-    } else {
-      set_sleep_mode(SLEEP_MODE_IDLE);
-      Sleep();
+      break;
     }
+    set_sleep_mode(SLEEP_MODE_IDLE);
+    Sleep();
+    cli();
+    // The timer's overflow alone is no reason to wake, while frames come.
+    if (frameless_overflows >= 2) break;
   }
   sei();
 }
@@ -182,6 +226,7 @@ void KickWatchdog() { wdt_reset(); }
 
 void Restart() {
   cli();
+  Warm().restart_asked = kAsked;
   UDCON |= _BV(DETACH);
   wdt_enable(WDTO_15MS);
   for (;;) {
@@ -198,24 +243,24 @@ void EnterBootloader() {
 uint8_t ResetReason() { return reset_reason; }
 
 uint8_t LoadWarmByte(bool* valid) {
-  const bool lost_power = reset_reason & (_BV(PORF) | _BV(BORF));
-  *valid = !lost_power && warm_byte == static_cast<uint8_t>(~warm_complement);
-  return warm_byte;
+  *valid = memory_kept;
+  return Warm().byte;
 }
 
 void StoreWarmByte(uint8_t value) {
-  warm_byte = value;
-  warm_complement = static_cast<uint8_t>(~value);
+  Warm().byte = value;
+  Warm().complement = static_cast<uint8_t>(~value);
+  Warm().mark = kWarmMark;
 }
 
 uint16_t StackHeadroom() {
-  static const uint8_t* next = &_end;
+  static const uint8_t* next = reinterpret_cast<const uint8_t*>(kStackLimitAddress);
   static uint16_t headroom = 0;
-  constexpr uint8_t kBytesAFrame = 16;
+  constexpr uint8_t kBytesAFrame = 4;
   for (uint8_t i = 0; i < kBytesAFrame; ++i) {
     if (*next != kStackPaint) {
-      headroom = static_cast<uint16_t>(next - &_end);
-      next = &_end;
+      headroom = static_cast<uint16_t>(reinterpret_cast<uint16_t>(next) - kStackLimitAddress);
+      next = reinterpret_cast<const uint8_t*>(kStackLimitAddress);
       break;
     }
     ++next;
@@ -252,6 +297,28 @@ uint8_t TransferSpi(uint8_t byte) {
   return SPDR;
 }
 
+uint8_t TransferSpiAfter(uint8_t byte, uint8_t gap_us) {
+  // The timer's low byte is enough: what is longer than its 128 us costs another gap.
+  static uint8_t end_ticks;
+  const uint8_t gap_ticks = static_cast<uint8_t>(gap_us * kTicksPerUs + 1);
+  while (static_cast<uint8_t>(TCNT1L - end_ticks) < gap_ticks) {
+  }
+  const uint8_t received = TransferSpi(byte);
+  end_ticks = TCNT1L;
+  return received;
+}
+
+void ReadSpi(uint8_t* bytes, uint8_t count) {
+  SPDR = 0;
+  for (; count != 0; --count) {
+    while (!(SPSR & _BV(SPIF))) {
+    }
+    const uint8_t byte = SPDR;
+    if (count != 1) SPDR = 0;  // the next one goes while this one is kept
+    *bytes++ = byte;
+  }
+}
+
 void BeginAdc(Axis axis) {
   const uint8_t channel =
       axis == Axis::kX ? TORQUER_JOYSTICK_X_CHANNEL : TORQUER_JOYSTICK_Y_CHANNEL;
@@ -267,9 +334,11 @@ uint16_t FinishAdc() {
 
 uint8_t ReadButtons() {
   const uint8_t pins = TORQUER_BUTTON_PIN;
-  return static_cast<uint8_t>((pins & _BV(TORQUER_XRAY_BIT) ? 0 : protocol::kButtonXray) |
-                              (pins & _BV(TORQUER_CONTRAST_BIT) ? 0 : protocol::kButtonContrast) |
-                              (pins & _BV(TORQUER_CLUTCH_BIT) ? 0 : protocol::kButtonClutch));
+  return static_cast<uint8_t>(
+      (pins & _BV(TORQUER_XRAY_BIT) ? 0 : protocol::kButtonXray) |
+      (pins & _BV(TORQUER_CONTRAST_BIT) ? 0 : protocol::kButtonContrast) |
+      (pins & _BV(TORQUER_CLUTCH_BIT) ? 0 : protocol::kButtonClutch) |
+      (TORQUER_REFERENCE_PIN & _BV(TORQUER_REFERENCE_BIT) ? 0 : kReferenceSwitch));
 }
 
 bool EepromReady() { return eeprom_is_ready(); }
@@ -285,5 +354,5 @@ void WriteEeprom(uint16_t address, uint8_t value) {
 }  // namespace board
 }  // namespace torquer
 
-// A call that no object answers is a bug of ours: let the watchdog tell.
+// A call that no object answers is a bug of ours: the watchdog shows it.
 extern "C" void __cxa_pure_virtual() { torquer::board::Restart(); }

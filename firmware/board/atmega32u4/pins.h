@@ -3,7 +3,8 @@
 #pragma once
 
 // The sensor on the SPI: SCK PB1, MOSI PB2, MISO PB3. PB0 is the slave select, which must be an
-// output lest the SPI leave master mode.
+// output, for as an input that is low it ends the SPI's master mode. On these boards it also drives
+// the RX LED, which shines while it is low: it is high.
 #define TORQUER_SENSOR_NCS_PORT PORTB
 #define TORQUER_SENSOR_NCS_DDR DDRB
 #define TORQUER_SENSOR_NCS_BIT 6  // PB6 (10)
@@ -15,6 +16,19 @@
 #define TORQUER_CONTRAST_BIT 0  // PD0 (3)
 #define TORQUER_CLUTCH_BIT 4    // PD4 (4)
 
+// The end switch, to ground, pulled up likewise; not every device has one.
+#define TORQUER_REFERENCE_PORT PORTC
+#define TORQUER_REFERENCE_PIN PINC
+#define TORQUER_REFERENCE_BIT 6  // PC6 (5)
+
 // Joystick wipers, as ADC channels.
 #define TORQUER_JOYSTICK_X_CHANNEL 7  // PF7 (A0)
 #define TORQUER_JOYSTICK_Y_CHANNEL 6  // PF6 (A1)
+
+// Pins of the edge connectors that are not used are pulled up: one that floats draws current in
+// suspend. The TX LED's, PD5, is among them: it shines while the pin is low. LED 13, PC7, shines
+// while it is high: it is driven low. PE2 has a resistor on the board.
+#define TORQUER_UNUSED_B 0xb0  // PB4, PB5, PB7
+#define TORQUER_UNUSED_D 0xec  // PD2, PD3, PD5, PD6, PD7
+#define TORQUER_UNUSED_E 0x40  // PE6
+#define TORQUER_UNUSED_F 0x33  // PF0, PF1, PF4, PF5

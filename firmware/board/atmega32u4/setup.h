@@ -6,6 +6,12 @@
 namespace torquer {
 namespace board {
 
+/// What is kept over a reset lies here, below the key for the bootloader: above the variables,
+/// which Arduino's bootloader overwrites with its own, and below the stack.
+constexpr uint16_t kWarmRecordAddress = 0x07f0;
+/// The stack may grow down to here.
+constexpr uint16_t kStackLimitAddress = 0x0802;
+
 /// Everything the board contract needs, the watchdog and the USB included; interrupts on.
 void SetUp();
 

@@ -1,0 +1,210 @@
+#include "calibration/focus.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+#include <numeric>
+
+#include "host/support/error.h"
+
+namespace torquer::calibration {
+namespace {
+
+// Below this SQUAL the reports are taken for doubtful (host/daemon does so too).
+constexpr int kPoorQuality = 16;
+// Paper in focus shows more difference from pixel to pixel than this; the flange a quarter of a
+// millimeter off, less. Found with the emulated camera; a real one may differ.
+constexpr double kBlurred = 0.10;
+constexpr double kStrongShading = 1.35;
+constexpr double kMuchDirt = 0.04;
+constexpr double kDark = 0.15, kBright = 0.85;
+constexpr double kMuchSaturated = 0.02;
+constexpr double kNoContrast = 0.02;
+// Of the mean: darker than that over an area of this size, it is no fiber.
+constexpr double kDirtDepth = 0.18;
+constexpr int kDirtRadius = 2;
+
+using Plane = std::array<double, 3>;  // at the middle, a pixel to the right, a pixel down
+
+double FromMiddle(int index) { return index - (kFocusSide - 1) / 2.0; }
+
+double At(const Plane& plane, int row, int column) {
+  return plane[0] + plane[1] * FromMiddle(column) + plane[2] * FromMiddle(row);
+}
+
+// Least squares; the middle as origin makes the three unknowns independent.
+Plane FitPlane(const std::vector<double>& picture) {
+  Plane plane{};
+  double squares = 0;
+  for (int row = 0; row < kFocusSide; ++row) {
+    for (int column = 0; column < kFocusSide; ++column) {
+      const double value = picture[static_cast<std::size_t>(row * kFocusSide + column)];
+      plane[0] += value / kFocusPixels;
+      plane[1] += value * FromMiddle(column);
+      plane[2] += value * FromMiddle(row);
+      squares += FromMiddle(column) * FromMiddle(column);
+    }
+  }
+  plane[1] /= squares;
+  plane[2] /= squares;
+  return plane;
+}
+
+std::vector<double> WithoutPlane(const std::vector<double>& picture, const Plane& plane) {
+  std::vector<double> rest(picture.size());
+  for (int i = 0; i < kFocusPixels; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    rest[at] = picture[at] - At(plane, i / kFocusSide, i % kFocusSide);
+  }
+  return rest;
+}
+
+// Mean over a square of 2 kDirtRadius + 1 pixels, cut off at the edges.
+double AreaMean(const std::vector<double>& picture, int row, int column) {
+  double sum = 0;
+  int count = 0;
+  for (int r = std::max(0, row - kDirtRadius); r <= std::min(kFocusSide - 1, row + kDirtRadius);
+       ++r) {
+    for (int c = std::max(0, column - kDirtRadius);
+         c <= std::min(kFocusSide - 1, column + kDirtRadius); ++c) {
+      sum += picture[static_cast<std::size_t>(r * kFocusSide + c)];
+      ++count;
+    }
+  }
+  return sum / count;
+}
+
+double Variance(const std::vector<double>& rest) {
+  return std::inner_product(rest.begin(), rest.end(), rest.begin(), 0.0) / kFocusPixels;
+}
+
+// Half the mean square of the differences between neighbors, in both directions.
+double NeighborVariance(const std::vector<double>& rest) {
+  double sum = 0;
+  for (int row = 0; row < kFocusSide; ++row) {
+    for (int column = 1; column < kFocusSide; ++column) {
+      const auto right = static_cast<std::size_t>(row * kFocusSide + column);
+      const auto down = static_cast<std::size_t>(column * kFocusSide + row);
+      sum += std::pow(rest[right] - rest[right - 1], 2);
+      sum += std::pow(rest[down] - rest[down - kFocusSide], 2);
+    }
+  }
+  return sum / (4.0 * kFocusSide * (kFocusSide - 1));
+}
+
+void RequirePictures(std::span<const FocusPicture> pictures) {
+  if (pictures.empty()) throw UserError("no picture of the sensor to judge; take one first");
+  for (const FocusPicture& picture : pictures) {
+    const bool whole = picture.size() == kFocusPixels;
+    if (!whole || *std::max_element(picture.begin(), picture.end()) > kFocusWhite) {
+      throw UserError("a picture of the sensor has " + std::to_string(picture.size()) +
+                      (whole ? " pixels, but one above 127" : " pixels where it has 1296") +
+                      "; the device's firmware and this program do not fit together");
+    }
+  }
+}
+
+std::string Said(const char* format, double value) {
+  char text[240];
+  std::snprintf(text, sizeof(text), format, value);
+  return text;
+}
+
+}  // namespace
+
+FocusFigures MeasureFocus(std::span<const FocusPicture> pictures) {
+  RequirePictures(pictures);
+  FocusFigures figures;
+  std::vector<double> mean(kFocusPixels);
+  double variance = 0, neighbors = 0;
+  for (const FocusPicture& pixels : pictures) {
+    const std::vector<double> picture(pixels.begin(), pixels.end());
+    const std::vector<double> rest = WithoutPlane(picture, FitPlane(picture));
+    variance += Variance(rest) / static_cast<double>(pictures.size());
+    neighbors += NeighborVariance(rest) / static_cast<double>(pictures.size());
+    for (std::size_t i = 0; i < picture.size(); ++i) {
+      mean[i] += picture[i] / static_cast<double>(pictures.size());
+      const bool extreme = pixels[i] == 0 || pixels[i] == kFocusWhite;
+      figures.saturated +=
+          extreme ? 1.0 / (kFocusPixels * static_cast<double>(pictures.size())) : 0;
+    }
+  }
+  const Plane plane = FitPlane(mean);
+  const double middle = plane[0];
+  figures.brightness = middle / kFocusWhite;
+  if (middle <= 0) return figures;
+
+  const double slope = std::hypot(plane[1], plane[2]);
+  const double rise = std::min(slope * (kFocusSide - 1) / 2, 0.98 * middle);
+  figures.shading = (middle + rise) / (middle - rise);
+  figures.shading_direction_rad = std::atan2(plane[2], plane[1]);
+  figures.contrast = std::sqrt(variance) / middle;
+  // What rounding to whole numbers adds to both says nothing of the paper.
+  constexpr double kRounding = 1.0 / 12;
+  if (variance > 2 * kRounding) {
+    figures.sharpness = std::max(0.0, neighbors - kRounding) / (variance - kRounding);
+  }
+
+  const std::vector<double> rest = WithoutPlane(mean, plane);
+  int dark = 0;
+  for (int i = 0; i < kFocusPixels; ++i) {
+    const int row = i / kFocusSide, column = i % kFocusSide;
+    dark += AreaMean(rest, row, column) < -kDirtDepth * std::max(0.0, At(plane, row, column));
+  }
+  figures.dirt = static_cast<double>(dark) / kFocusPixels;
+  return figures;
+}
+
+FocusVerdict JudgeFocus(std::span<const FocusPicture> pictures, int surface_quality) {
+  FocusVerdict verdict;
+  verdict.figures = MeasureFocus(pictures);
+  const FocusFigures& seen = verdict.figures;
+  std::vector<std::string>& found = verdict.findings;
+  if (seen.brightness < kDark) {
+    found.push_back(
+        Said("The picture is dark (%.0f %% of white): the lens is not over the window, "
+             "or the LED does not light.",
+             100 * seen.brightness));
+  } else if (seen.brightness > kBright || seen.saturated > kMuchSaturated) {
+    found.push_back(
+        Said("The picture is too bright (%.0f %% of its pixels black or white): the "
+             "surface shines; use matt paper.",
+             100 * seen.saturated));
+  } else if (seen.contrast < kNoContrast) {
+    found.push_back(
+        "The picture shows nothing: there is no paper at this height, or it is far out of focus.");
+  } else {
+    if (seen.dirt > kMuchDirt) {
+      found.push_back(
+          Said("%.0f %% of the view stays dark wherever the cylinder is: clean lens and "
+               "window, look for glue and for the window's edge.",
+               100 * seen.dirt));
+    }
+    if (seen.sharpness < kBlurred) {
+      found.push_back(
+          Said("The picture is blurred (sharpness %.2f): take a shim away; if that makes "
+               "it worse, add one.",
+               seen.sharpness));
+    }
+    if (seen.shading > kStrongShading) {
+      found.push_back(
+          Said("One edge of the view is %.2f times as bright as the other: the board lies "
+               "across the pipe, or the lens beside its crest.",
+               seen.shading));
+    }
+  }
+  if (surface_quality < kPoorQuality) {
+    found.push_back(
+        Said("The sensor finds little to hold on to (surface %.0f, 16 or more is wanted).",
+             surface_quality));
+  }
+  verdict.good = found.empty();
+  if (verdict.good) {
+    found.push_back(Said("Sharp, clean and evenly lit; surface %.0f.", surface_quality));
+  }
+  return verdict;
+}
+
+}  // namespace torquer::calibration

@@ -1,0 +1,64 @@
+#include "firmware/src/pmw3360_bus.h"
+
+#include "firmware/board/board.h"
+
+namespace torquer {
+namespace firmware {
+
+using namespace pmw3360;
+
+void Pmw3360Bus::WaitUntilReady() {
+  const int32_t remaining = static_cast<int32_t>(ready_at_us_ - board::NowUs());
+  if (remaining > 0) board::DelayUs(static_cast<uint16_t>(remaining));
+}
+
+uint8_t Pmw3360Bus::Read(uint8_t address) {
+  WaitUntilReady();
+  board::SelectSensor(true);
+  board::TransferSpi(address);
+  board::DelayUs(kAddressToData);
+  const uint8_t value = board::TransferSpi(0);
+  board::SelectSensor(false);
+  ready_at_us_ = board::NowUs() + kAfterRead;
+  return value;
+}
+
+void Pmw3360Bus::Write(uint8_t address, uint8_t value) {
+  WaitUntilReady();
+  board::SelectSensor(true);
+  board::TransferSpi(address | kWriteBit);
+  board::TransferSpi(value);
+  board::DelayUs(kWriteToDeselect);
+  board::SelectSensor(false);
+  ready_at_us_ = board::NowUs() + kAfterWrite;
+}
+
+void Pmw3360Bus::BeginMotion() {
+  WaitUntilReady();
+  board::SelectSensor(true);
+  board::TransferSpi(kMotionBurst);
+  ready_at_us_ = board::NowUs() + kAddressToBurst;
+}
+
+void Pmw3360Bus::FinishMotion(uint8_t burst[kBurstBytes]) {
+  WaitUntilReady();
+  board::ReadSpi(burst, kBurstBytes);
+  board::SelectSensor(false);
+  ready_at_us_ = board::NowUs() + kAfterBurst;
+}
+
+void Pmw3360Bus::BeginLongBurst(uint8_t address) {
+  WaitUntilReady();
+  board::SelectSensor(true);
+  board::TransferSpiAfter(address, kLongBurstByte);
+  if (!(address & kWriteBit)) board::DelayUs(kAddressToData);
+}
+
+void Pmw3360Bus::EndLongBurst(uint16_t pause_us) {
+  board::DelayUs(kLongBurstByte);
+  board::SelectSensor(false);
+  ready_at_us_ = board::NowUs() + pause_us;
+}
+
+}  // namespace firmware
+}  // namespace torquer

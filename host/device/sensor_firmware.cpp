@@ -1,0 +1,85 @@
+#include "host/device/sensor_firmware.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include "host/device/report_copy.h"
+#include "host/support/error.h"
+#include "protocol/hid_reports.h"
+
+namespace torquer::device {
+namespace {
+
+// Letters, digits, commas: a listing of bytes, or Intel HEX.
+bool LooksLikeText(const std::vector<std::uint8_t>& bytes) {
+  return !bytes.empty() && std::all_of(bytes.begin(), bytes.end(), [](std::uint8_t byte) {
+    return (byte >= ' ' && byte <= '~') || byte == '\n' || byte == '\r' || byte == '\t';
+  });
+}
+
+protocol::DiagnosticsReport Diagnostics(FeatureReports& reports) {
+  return GetReport<protocol::DiagnosticsReport>(reports, protocol::kDiagnosticsReportId);
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> ReadSromFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    throw UserError(path + ": cannot be opened (" + std::strerror(errno) +
+                    "); name the file with the sensor maker's firmware image");
+  }
+  // One byte more than an image has shows a file that is too long, and no file is read whole.
+  std::vector<std::uint8_t> bytes(protocol::kSromBytes + 1);
+  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  if (file.bad())
+    throw UserError(path +
+                    ": cannot be read; name the file with the sensor maker's firmware image");
+  if (LooksLikeText(bytes)) {
+    throw UserError(path +
+                    ": is text; an image of the PMW3360 is binary. Convert it: a C array or "
+                    "Intel HEX holds the same bytes");
+  }
+  if (bytes.size() != protocol::kSromBytes) {
+    throw UserError(path + ": has " +
+                    (bytes.size() > protocol::kSromBytes
+                         ? std::string("more than ") + std::to_string(protocol::kSromBytes)
+                         : std::to_string(bytes.size())) +
+                    " bytes where an image of the PMW3360 has " +
+                    std::to_string(protocol::kSromBytes) + "; name the right file");
+  }
+  return bytes;
+}
+
+int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image) {
+  std::vector<std::uint8_t> report(1 + image.size(), protocol::kSromReportId);
+  std::copy(image.begin(), image.end(), report.begin() + 1);
+  try {
+    reports.Set(report);
+  } catch (const ReportRefused&) {
+    const protocol::DiagnosticsReport after = Diagnostics(reports);
+    if (after.sensor_fault_cause == protocol::kSensorSromRefused) {
+      throw UserError(
+          "the sensor did not take the firmware image: it is damaged, or for another sensor than "
+          "the "
+          "PMW3360. It runs without it");
+    }
+    throw UserError(
+        "the device refused the firmware image: its sensor does not answer (check its wiring), or "
+        "its "
+        "firmware is too old for this (run torquer-flash)");
+  }
+  const int id = RunningSrom(reports);
+  if (id == 0) {
+    throw UserError(
+        "the sensor has lost the firmware image again; check its supply, and try again");
+  }
+  return id;
+}
+
+int RunningSrom(FeatureReports& reports) { return Diagnostics(reports).srom_id; }
+
+}  // namespace torquer::device

@@ -1,0 +1,27 @@
+// The firmware image (SROM) of the motion sensor's maker: from the user's file into the sensor.
+//
+// The image is the maker's property and no part of this project. The sensor works without; it
+// forgets the image with its power, so that a program loads it each time.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "host/device/feature_reports.h"
+
+namespace torquer::device {
+
+/// The image in a file: protocol::kSromBytes bytes. Throws UserError naming the file, what it has
+/// instead, and the remedy.
+std::vector<std::uint8_t> ReadSromFile(const std::string& path);
+
+/// Loads `image` into the device's sensor, some 0.3 s. Returns the number that the sensor says it
+/// runs, never 0. Throws UserError with the cause and the remedy if the sensor did not take it; the
+/// sensor then runs without.
+int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image);
+
+/// Number of the image that the sensor runs now; 0: its ROM.
+int RunningSrom(FeatureReports& reports);
+
+}  // namespace torquer::device

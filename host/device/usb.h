@@ -1,0 +1,44 @@
+// What everything that uses libusb needs: the devices of this machine, their texts, their
+// addresses.
+#pragma once
+
+#include <libusb.h>
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+namespace torquer::device {
+
+/// The remedy for a device that this user may not open.
+inline constexpr char kPermissionRemedy[] =
+    "install the udev rule: sudo cp hardware/udev/70-torquer.rules /etc/udev/rules.d/ && sudo "
+    "udevadm control --reload && sudo udevadm trigger";
+
+/// The devices on this machine's USB at one moment, with a libusb context of its own. Where no udev
+/// runs, a context that lives on does not notice new devices, so a new list needs a new object.
+class UsbDevices {
+ public:
+  /// Throws UserError when the USB cannot be used at all.
+  UsbDevices();
+  ~UsbDevices();
+  UsbDevices(const UsbDevices&) = delete;
+  UsbDevices& operator=(const UsbDevices&) = delete;
+
+  /// Calls `visit` for each device whose descriptor can be read. The device lives as long as this.
+  void ForEach(
+      const std::function<void(libusb_device*, const libusb_device_descriptor&)>& visit) const;
+
+ private:
+  libusb_context* context_ = nullptr;
+  libusb_device** list_ = nullptr;
+  ssize_t count_ = 0;
+};
+
+/// "USB bus 1 device 5".
+std::string UsbAddress(libusb_device* device);
+
+/// A string descriptor as ASCII; "" if there is none, or the device does not send it.
+std::string UsbText(libusb_device_handle* handle, std::uint8_t index);
+
+}  // namespace torquer::device

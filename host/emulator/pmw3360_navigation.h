@@ -1,0 +1,95 @@
+// What a PMW3360 makes of the surface that moves below it: frames, rest modes, counts. Knows no
+// SPI.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <random>
+
+namespace torquer::emulator {
+
+/// How a sensor differs from an ideal one, glued on straight.
+struct SensorImperfections {
+  double misalignment_rad = 0;  ///< of its axes, right-handed as seen from outside the cylinder
+  double scale = 1;             ///< counts seen over counts nominal
+  double noise_counts = 0;      ///< standard deviation of what each moving reading adds, an axis
+  /// Mean time between resets of the sensor that nobody asked for (static discharge, a dip of its
+  /// supply), s; 0: none. The times are random, by the device's seed.
+  double self_reset_interval_s = 0;
+};
+
+/// A place on the surface under the sensor.
+struct SurfacePosition {
+  double axial_mm = 0;       ///< positive distally
+  double transverse_mm = 0;  ///< along the circumference, positive right-handed
+};
+
+class SensorNavigation {
+ public:
+  /// As the registers say, by the formulas of the data sheet.
+  struct Settings {
+    int cpi = 5000;
+    bool rest_enabled = true;
+    /// Time without motion after which the next mode begins, us: run, rest 1, rest 2.
+    double downshift_us[3] = {0, 0, 0};
+    /// From frame to frame, us: rest 1, 2, 3.
+    double rest_period_us[3] = {0, 0, 0};
+  };
+  /// OP_Mode of the motion register.
+  enum class Mode : std::uint8_t { kRun = 0, kRest1 = 1, kRest2 = 2, kRest3 = 3 };
+
+  struct Counts {
+    int x = 0;
+    int y = 0;
+  };
+
+  /// The slowest that a frame in run mode is assumed to be. The data sheet says "up to 12000 fps".
+  static constexpr double kRunFrame_us = 500;
+  /// Farthest that the surface may have moved from one frame to the next to be recognized: 250 ips
+  /// at 12000 frames a second. What moved farther is lost.
+  static constexpr double kCorrelation_mm = 0.53;
+
+  SensorNavigation(const SensorImperfections& imperfections, std::uint32_t seed)
+      : imperfections_(imperfections), random_(seed) {}
+
+  /// Asked in rising order of time.
+  void SetSurface(std::function<SurfacePosition(double now_us)> surface) {
+    surface_ = std::move(surface);
+  }
+
+  /// As after a reset: nothing counted yet; frames are taken from `begin_us` on.
+  void Restart(double begin_us);
+  /// Frames up to now. While `blind` nothing is seen, and where the surface is then is taken as
+  /// new.
+  void Advance(double now_us, const Settings& settings, bool blind);
+  /// Takes whole counts, -32768 .. 32767; the rest stays for the next time.
+  Counts Take();
+
+  Mode mode() const { return mode_; }
+  bool running(double now_us) const { return now_us >= begin_us_; }
+  /// Motion that came and went between two frames of a rest mode, since the beginning.
+  double lost_mm() const { return lost_mm_; }
+  /// When the latest frame before `now_us` was taken.
+  double LatestFrameUs(double now_us, const Settings& settings) const;
+
+ private:
+  void Move(const SurfacePosition& to, int cpi, bool counted);
+  void FollowRest(double now_us, const Settings& settings, bool blind);
+
+  SensorImperfections imperfections_;
+  std::mt19937 random_;
+  std::function<SurfacePosition(double)> surface_ = [](double) { return SurfacePosition{}; };
+  Mode mode_ = Mode::kRun;
+  double begin_us_ = 0;
+  double still_since_us_ = 0;  // in run mode
+  SurfacePosition still_;
+  double mode_since_us_ = 0;
+  double next_frame_us_ = 0;  // of a rest mode
+  bool based_ = false;
+  SurfacePosition last_;
+  double pending_x_ = 0;  // counts along the sensor's axes
+  double pending_y_ = 0;
+  double lost_mm_ = 0;
+};
+
+}  // namespace torquer::emulator

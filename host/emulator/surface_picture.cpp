@@ -1,0 +1,85 @@
+#include "host/emulator/surface_picture.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace torquer::emulator {
+namespace {
+
+constexpr double kView_mm = 1.0;  // side of what is seen, at a magnification of 1:1
+constexpr double kFiber_mm = 0.06;
+constexpr double kSharp_mm = 2.4;
+constexpr double kMean = 62, kContrast = 26;
+
+// A number from -1 to 1 for each cell of the paper.
+double Noise(int x, int y, std::uint32_t seed) {
+  std::uint32_t h = seed * 0x9e3779b1u ^ static_cast<std::uint32_t>(x) * 0x85ebca6bu ^
+                    static_cast<std::uint32_t>(y) * 0xc2b2ae35u;
+  h ^= h >> 15;
+  h *= 0x2c1b3c6du;
+  h ^= h >> 12;
+  h *= 0x297a2d39u;
+  h ^= h >> 15;
+  return static_cast<double>(h) / 2147483647.5 - 1;
+}
+
+// Fibers of the paper: noise, smooth between its cells.
+double Paper(double x_mm, double y_mm, std::uint32_t seed) {
+  const double u = x_mm / kFiber_mm, v = y_mm / kFiber_mm;
+  const int i = static_cast<int>(std::floor(u)), j = static_cast<int>(std::floor(v));
+  const auto ease = [](double t) { return t * t * (3 - 2 * t); };
+  const double s = ease(u - i), t = ease(v - j);
+  return (1 - t) * ((1 - s) * Noise(i, j, seed) + s * Noise(i + 1, j, seed)) +
+         t * ((1 - s) * Noise(i, j + 1, seed) + s * Noise(i + 1, j + 1, seed));
+}
+
+// Radius of the spot that a point is blurred to, mm: half the depth of focus blurs by a fiber.
+double Blur_mm(double distance_mm) { return 0.28 * std::abs(distance_mm - kSharp_mm); }
+
+}  // namespace
+
+SurfacePicture RenderSurface(double x_mm, double y_mm, const SurfaceOptics& optics,
+                             std::uint32_t seed) {
+  constexpr double kPixel_mm = kView_mm / kPictureSide;
+  const double blur_mm = Blur_mm(optics.distance_mm);
+  // A disc of samples, weighted equally, stands for the blurred spot.
+  const int rings = blur_mm < kPixel_mm / 4 ? 0 : 4;
+  SurfacePicture picture{};
+  for (int row = 0; row < kPictureSide; ++row) {
+    for (int column = 0; column < kPictureSide; ++column) {
+      const double px = x_mm + (column - (kPictureSide - 1) / 2.0) * kPixel_mm;
+      const double py = y_mm + (row - (kPictureSide - 1) / 2.0) * kPixel_mm;
+      double sum = Paper(px, py, seed);
+      int samples = 1;
+      for (int ring = 1; ring <= rings; ++ring) {
+        for (int k = 0; k < 6 * ring; ++k) {
+          const double angle = k * 3.14159265358979 / (3.0 * ring);
+          const double radius = blur_mm * ring / rings;
+          sum += Paper(px + radius * std::cos(angle), py + radius * std::sin(angle), seed);
+          ++samples;
+        }
+      }
+      // The brightness falls evenly from edge to edge; its mean is kept by the exposure.
+      const double across = (optics.shading_along_y ? row : column) / (kPictureSide - 1.0) - 0.5;
+      const double slope = 2 * (optics.shading - 1) / (optics.shading + 1);
+      double value = (kMean + kContrast * sum / samples) * (1 - slope * across);
+      // Dirt is near the lens, so out of focus: soft dark blots that stay where they are.
+      if (optics.dirt > 0) {
+        const double blot = 0.5 + 0.5 * Paper(column * 0.012, row * 0.012, 77u);
+        if (blot < optics.dirt) value *= 0.35;
+      }
+      picture[static_cast<std::size_t>(row * kPictureSide + column)] =
+          static_cast<std::uint8_t>(std::clamp(value, 0.0, 127.0));
+    }
+  }
+  return picture;
+}
+
+std::uint8_t SurfaceQuality(const SurfaceOptics& optics) {
+  const double focus = std::exp(-std::pow((optics.distance_mm - kSharp_mm) / 0.3, 2));
+  const double clean = 1 - std::clamp(optics.dirt, 0.0, 1.0);
+  const double even = 1 / std::sqrt(std::max(1.0, optics.shading));
+  return static_cast<std::uint8_t>(std::lround(64 * focus * clean * even));
+}
+
+}  // namespace torquer::emulator

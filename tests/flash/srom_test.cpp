@@ -1,0 +1,83 @@
+// torquer-flash --srom: which board's sensor gets the image, and what is said when none does.
+#include <fstream>
+
+#include "tests/flash/emulated_boards.h"
+#include "tests/support/emulated_bench.h"
+#include "tests/support/temporary_folder.h"
+
+namespace torquer::test {
+namespace {
+
+using Catch::Matchers::Contains;
+using emulator::TestSrom;
+using tools::FlashHooks;
+using tools::FlashProcedure;
+using tools::FlashRequest;
+
+struct ImageFile {
+  explicit ImageFile(std::vector<std::uint8_t> bytes = TestSrom()) : path(folder.Path("srom.bin")) {
+    std::ofstream(path, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+  }
+  TemporaryFolder folder;
+  std::string path;
+};
+
+int Load(EmulatedBoards& boards, const std::string& path, const FlashRequest& request = {}) {
+  FlashHooks hooks;
+  hooks.say = [&](const std::string& line) { boards.said += line + "\n"; };
+  return FlashProcedure(boards, request, hooks).LoadSensorImage(path);
+}
+
+TEST_CASE("the sensor's image goes from a file into the sensor of the board") {
+  const ImageFile file;
+  EmulatedBoards boards(WithApplication());
+  REQUIRE(boards.Start() == tools::BoardMode::kFirmware);
+  boards.Sleep(300);
+  FlashRequest dry;
+  dry.dry_run = true;
+  CHECK(Load(boards, file.path, dry) == 0);
+  CHECK(boards.device.sensor().srom().empty());
+  CHECK_THAT(boards.said, Contains("running firmware") && Contains("nothing was done"));
+  CHECK(Load(boards, file.path) == 5);
+  CHECK(boards.device.sensor().srom() == TestSrom());
+  boards.CheckRules();
+}
+
+TEST_CASE("an image for the sensor that cannot be loaded is refused with the remedy") {
+  const ImageFile file;
+  SECTION("the board is in its bootloader") {
+    EmulatedBoards boards(Bootloader());
+    REQUIRE(boards.Start() == tools::BoardMode::kBootloader);
+    CHECK_THAT(MessageOf<UserError>([&] { Load(boards, file.path); }),
+               Contains("run torquer-flash without --srom first"));
+  }
+  SECTION("the sensor does not answer") {
+    EmulatedBoards boards(WithApplication());
+    boards.Start();
+    boards.device.sensor().SetFault(emulator::VirtualPmw3360::Fault::kSilent);
+    boards.Sleep(500);
+    CHECK_THAT(MessageOf<UserError>([&] { Load(boards, file.path); }),
+               Contains("check its wiring"));
+  }
+  SECTION("the file is another") {
+    const ImageFile other(std::vector<std::uint8_t>(100, 0x80));
+    EmulatedBoards boards(WithApplication());
+    boards.Start();
+    CHECK_THAT(MessageOf<UserError>([&] { Load(boards, other.path); }),
+               Contains("has 100 bytes") && Contains("srom.bin"));
+    CHECK(boards.said.empty());  // looked at before any board
+  }
+  SECTION("the cable is pulled") {
+    EmulatedBoards boards(WithApplication());
+    boards.Start();
+    boards.Sleep(300);
+    boards.device.PowerOff();
+    boards.Sleep(1);
+    CHECK_THAT(MessageOf<UserError>([&] { Load(boards, file.path); }), Contains("no board found"));
+  }
+}
+
+}  // namespace
+}  // namespace torquer::test
