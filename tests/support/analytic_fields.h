@@ -1,7 +1,7 @@
 // The small vessels of host/study, under the names that tests use.
 #pragma once
 
-#include "host/study/analytic_fields.h"
+#include "host/study/cases/analytic_fields.h"
 
 namespace torquer::test {
 

@@ -1,7 +1,7 @@
 // What host/study holds every wire to, under the names that tests use.
 #pragma once
 
-#include "host/study/wire_invariants.h"
+#include "host/study/cases/wire_invariants.h"
 
 namespace torquer::test {
 

@@ -12,7 +12,7 @@
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
-#include "host/study/simple_wire.h"
+#include "host/study/cases/simple_wire.h"
 
 namespace torquer::test {
 
@@ -26,30 +26,42 @@ using study::WireParameters;
 
 /// A wire straight out of the sheath.
 inline WireState LayStraight(const WireModel& model, double length_mm) {
-  WireState state(model);
-  LayAlong(model, {}, length_mm, state);
-  return state;
+  return WireState::Along(model, {}, {length_mm, 0});
 }
 
 /// The state after every tangent took the step xi in its tangent plane, normals carried along in
-/// time and the spin frozen: the motion in which WireMechanics expands the energy.
+/// time and the reference twist frozen: the motion in which WireMechanics expands the energy.
 inline WireState Stepped(const WireModel& model, const WireState& from,
                          const std::vector<Vector2d>& xi) {
-  WireState to = from;
+  std::vector<Vector3d> tangents = from.tangents();
+  std::vector<Vector3d> normals = from.normals();
   for (std::size_t i = 0; i < xi.size(); ++i) {
-    const Vector3d& u = from.tangents[i];
-    const Vector3d& a = from.normals[i];
+    const Vector3d& u = from.tangents()[i];
+    const Vector3d& a = from.normals()[i];
     const Vector3d b = u.cross(a);
     const double angle = xi[i].norm();
     if (angle == 0) continue;
     const Vector3d axis = (xi[i][0] * b - xi[i][1] * a) / angle;
     const Eigen::AngleAxisd turn(angle, axis);
-    to.tangents[i] = (turn * u).normalized();
-    to.normals[i] = turn * a;
-    to.normals[i] -= to.normals[i].dot(to.tangents[i]) * to.tangents[i];
-    to.normals[i].normalize();
+    tangents[i] = (turn * u).normalized();
+    normals[i] = turn * a;
+    normals[i] -= normals[i].dot(tangents[i]) * tangents[i];
+    normals[i].normalize();
   }
-  PlaceNodes(model, 1, to);
+  WireState to = from;
+  to.SetDirections(model, tangents, normals);
+  return to;
+}
+
+/// The state with every normal turned about its tangent.
+inline WireState Spun(const WireModel& model, const WireState& from,
+                      const std::vector<double>& angle_rad) {
+  std::vector<Vector3d> normals = from.normals();
+  for (std::size_t i = 0; i < normals.size(); ++i) {
+    normals[i] = Eigen::AngleAxisd(angle_rad[i], from.tangents()[i]) * normals[i];
+  }
+  WireState to = from;
+  to.SetDirections(model, from.tangents(), normals);
   return to;
 }
 
@@ -57,13 +69,13 @@ inline WireState Stepped(const WireModel& model, const WireState& from,
 inline WireState StepAndSpin(const WireModel& model, const WireState& from,
                              const Eigen::VectorXd& x) {
   std::vector<Vector2d> xi;
-  for (Eigen::Index i = 0; i + 2 < x.size(); i += 3) xi.emplace_back(x[i], x[i + 1]);
-  WireState to = Stepped(model, from, xi);
-  for (std::size_t i = 0; i < xi.size(); ++i) {
-    const double zeta = x[static_cast<Eigen::Index>(3 * i + 2)];
-    to.normals[i] = Eigen::AngleAxisd(zeta, to.tangents[i]) * to.normals[i];
+  std::vector<double> zeta;
+  for (Eigen::Index i = 0; i + 2 < x.size(); i += 3) {
+    xi.emplace_back(x[i], x[i + 1]);
+    zeta.push_back(x[i + 2]);
   }
-  UpdateSpin(model, to);
+  WireState to = Spun(model, Stepped(model, from, xi), zeta);
+  to.UpdateFrames(model);
   return to;
 }
 
@@ -77,23 +89,39 @@ inline void Shake(const WireModel& model, double angle_rad, std::mt19937& random
     xi.emplace_back(first, turn(random));
   }
   state = Stepped(model, state, xi);
-  TransportNormals(model, state);
+  state.UntwistFrames(model);
+}
+
+/// A wire with these tangents, frames untwisted; as long as `like`.
+inline WireState WithTangents(const WireModel& model, const WireState& like,
+                              const std::vector<Vector3d>& tangents) {
+  WireState state = like;
+  state.TurnDistal(model, {tangents.rbegin(), tangents.rend()});
+  state.UntwistFrames(model);
+  return state;
+}
+
+/// A wire in which one segment points elsewhere, frames untwisted.
+inline WireState WithTangent(const WireModel& model, const WireState& like, std::size_t segment,
+                             const Vector3d& tangent) {
+  std::vector<Vector3d> tangents = like.tangents();
+  tangents[segment] = tangent.normalized();
+  return WithTangents(model, like, tangents);
 }
 
 /// A wire that wanders: every segment turns against the last by up to `bend_rad` at random.
 inline WireState Wander(const WireModel& model, double length_mm, double bend_rad,
                         std::mt19937& random) {
-  WireState state = LayStraight(model, length_mm);
+  const WireState straight = LayStraight(model, length_mm);
+  std::vector<Vector3d> tangents = straight.tangents();
   std::uniform_real_distribution<double> turn(-bend_rad, bend_rad);
   Vector3d u = model.sheath().direction;
-  for (Vector3d& tangent : state.tangents) {
+  for (Vector3d& tangent : tangents) {
     for (int axis = 0; axis < 3; ++axis) u[axis] += turn(random);
     u.normalize();
     tangent = u;
   }
-  PlaceNodes(model, 1, state);
-  TransportNormals(model, state);
-  return state;
+  return WithTangents(model, straight, tangents);
 }
 
 /// A dead force at the distal end.
@@ -135,13 +163,13 @@ inline PointSet PressedPoint(double penetration_mm) {
 }
 
 /// Ticks with the same target until one ends converged; gives the last report.
-inline TickReport Settle(Relaxation& relaxation, const HandTarget& target, WireState& state,
+inline TickReport Settle(Relaxation& relaxation, const InstrumentPlaces& target, WireState& state,
                          int most_ticks = 50) {
   TickReport report;
   for (int k = 0; k < most_ticks; ++k) {
     CountedBudget budget(100000);
     report = relaxation.Tick(target, budget, state);
-    if (report.converged && report.carried_mm == 0) break;
+    if (report.converged && report.arrived()) break;
   }
   return report;
 }
@@ -149,8 +177,8 @@ inline TickReport Settle(Relaxation& relaxation, const HandTarget& target, WireS
 /// Farthest distance between the nodes of two states of equally many segments, mm.
 inline double LargestDistance(const WireState& a, const WireState& b) {
   double largest = 0;
-  for (std::size_t i = 0; i < a.nodes.size(); ++i) {
-    largest = std::max(largest, (a.nodes[i] - b.nodes[i]).norm());
+  for (std::size_t i = 0; i < a.nodes().size(); ++i) {
+    largest = std::max(largest, (a.nodes()[i] - b.nodes()[i]).norm());
   }
   return largest;
 }

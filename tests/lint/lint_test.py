@@ -1,0 +1,326 @@
+"""The checks of this folder find what they look for, in small trees that are made for that."""
+
+import importlib.machinery
+import importlib.util
+import json
+import os
+import subprocess
+import tempfile
+import unittest
+
+import include_graph
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+
+
+def load(script: str):
+    """A script of this folder as a module."""
+    loader = importlib.machinery.SourceFileLoader(script, os.path.join(HERE, script))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(script, loader))
+    loader.exec_module(module)
+    return module
+
+
+class Tree(unittest.TestCase):
+    """A folder with files."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.root = folder.name
+        for cached in (include_graph.read, include_graph.include_lines, include_graph.resolve):
+            cached.cache_clear()
+
+    def write(self, name: str, text: str) -> None:
+        path = os.path.join(self.root, name)
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(text)
+        for cached in (include_graph.read, include_graph.include_lines, include_graph.resolve):
+            cached.cache_clear()
+
+
+RULES = """
+[layers]
+"protocol" = []
+"low" = []
+"low/inner" = ["low"]
+"high" = ["low", "protocol"]
+[tests]
+shared = "tests/support"
+except = ["high"]
+"tests/high" = ["high"]
+[libraries]
+"low" = ["Eigen/"]
+[exceptions]
+"""
+
+
+class Includes(Tree):
+    def violations(self, rules: str = RULES, **files: str) -> list[str]:
+        includes = load("includes")
+        self.write("layers.toml", rules)
+        names = []
+        for key, text in files.items():
+            name = key.replace("__", "/") + ".h"
+            self.write(name, text)
+            names.append(name)
+        return includes.violations(self.root, names, includes.Rules(os.path.join(self.root, "layers.toml")))
+
+    def test_arrows_that_are_allowed(self):
+        self.assertEqual(
+            self.violations(
+                low__a='#include <vector>\n#include <Eigen/Core>\n#include "low/b.h"\n',
+                low__b="",
+                low__inner__c='#include "low/a.h"\n',
+                high__d='#include "low/a.h"\n#include <sys/socket.h>\n#include "torquer_lcm/x_t.hpp"\n',
+                tests__support__e='#include "low/a.h"\n',
+                tests__low__f='#include "tests/support/e.h"\n',
+                tests__high__g='#include "high/d.h"\n'), [])
+
+    def test_arrows_that_are_not(self):
+        cases = [
+            ("low may not include high", dict(low__a='#include "high/d.h"\n', high__d="")),
+            ("high may not include low/inner", dict(high__d='#include "low/inner/c.h"\n', low__inner__c="")),
+            ("low may not include protocol", dict(low__a='#include "torquer_lcm/x_t.hpp"\n')),
+            ("standard library and Eigen/ alone", dict(low__a="#include <sys/socket.h>\n")),
+            ("standard library and Eigen/ alone", dict(low__a="#  include <nlohmann/json.hpp>\n")),
+            ("a test may not include high", dict(tests__low__f='#include "high/d.h"\n', high__d="")),
+            ("but not tests/high", dict(tests__low__f='#include "tests/high/g.h"\n', tests__high__g="")),
+            ("belongs to no layer", dict(elsewhere__h='#include "low/a.h"\n', low__a="")),
+            ("by its path from the root", dict(low__a='#include "b.h"\n', low__b="")),
+        ]
+        for rule, files in cases:
+            found = self.violations(**files)
+            self.assertEqual(len(found), 1, (rule, found))
+            self.assertIn(rule, found[0])
+            self.assertRegex(found[0], r"^[a-z/]+\.h:1 includes [\w/.]+: ")
+
+    def test_circles(self):
+        found = self.violations(low__a='#include "low/b.h"\n', low__b='#include "low/c.h"\n',
+                                low__c='#include "low/a.h"\n')
+        self.assertEqual(found, ["a circle: low/a.h -> low/b.h -> low/c.h -> low/a.h"])
+        self.assertIn("a circle", self.violations(low__a='#include "low/a.h"\n')[0])
+
+    def test_a_table_that_contradicts_itself(self):
+        circle = RULES.replace('"low" = []', '"low" = ["high"]')
+        self.assertTrue(any("layers.toml: a circle" in line for line in self.violations(circle)))
+        unknown = RULES.replace('"low" = []', '"low" = ["nowhere"]')
+        self.assertTrue(any("nowhere, which is no layer" in line for line in self.violations(unknown)))
+
+    def test_exceptions_shrink(self):
+        excepted = RULES + '"low/a.h -> high/d.h" = "until d moves"\n'
+        self.assertEqual(self.violations(excepted, low__a='#include "high/d.h"\n', high__d=""), [])
+        self.assertIn("is not needed any more", self.violations(excepted, low__a="", high__d="")[0])
+
+
+class BugKeys(Tree):
+    """When the verdict of clang-tidy on a source counts as known."""
+
+    def setUp(self):
+        super().setUp()
+        self.bugs = load("bugs")
+        self.write(".clang-tidy", "Checks: bugprone-*")
+        self.write("a.cpp", '#include "a.h"\n#include <vector>\n')
+        self.write("a.h", '#pragma once\n#include "b.h"\n')
+        self.write("b.h", "#pragma once\n")
+        self.write("other.h", "")
+
+    def source(self, root: str | None = None, command: str = "c++", flags: str = "-O3",
+               version: str = "22.1", build: str = "build/release"):
+        root = root or self.root
+        self.bugs.ROOT = root
+        for cached in (include_graph.read, include_graph.include_lines, include_graph.resolve):
+            cached.cache_clear()
+        build = os.path.normpath(os.path.join(root, build))
+        # One folder ends as the checkout's path does, and is another all the same.
+        words = f"{command} -I{root} -I{build}/made -isystem /usr{self.root} -DBIN=\\\"{build}/bin\\\" {flags}"
+        entry = {"file": os.path.join(root, "a.cpp"),
+                 "command": words.replace("PCH", f"{build}/cmake_pch.hxx") + f" -o a.o -c {root}/a.cpp"}
+        return self.bugs.Source(entry["file"], self.bugs.flags_of(entry), build, version)
+
+    def line(self, *where, **how) -> str:
+        return self.source(*where, **how).line()
+
+    def test_what_changes_a_key(self):
+        keys = [self.line(), self.line(flags="-O3 -DNDEBUG"), self.line(version="23.0"),
+                self.line(flags="-O3 -include a.h")]
+        for name, text in (("a.cpp", '#include "a.h"\n'), ("a.h", '#include "b.h"\n'), ("b.h", "int b;\n"),
+                           (".clang-tidy", "Checks: misc-*"), ("a.h", '#include <torquer_lcm/t.hpp>\n'),
+                           ("protocol/lcm/t.lcm", "struct t {}"), ("protocol/lcm/u.lcm", "struct u {}")):
+            self.write(name, text)
+            keys.append(self.line())
+        self.assertEqual(len(set(keys)), 11)
+
+    def test_what_does_not(self):
+        key = self.line()
+        self.write("other.h", "int other;\n")
+        self.write("tests/.clang-tidy", "Checks: -*")
+        # Found first beside its includer.
+        self.write("build/release/made/b.h", "int made;\n")
+        self.assertEqual(self.line(), key)
+        self.assertEqual(self.line(build="build/ci"), key)
+        self.assertEqual(self.line(build="../elsewhere/release"), key)
+        for name in ("checkout", "usr/include", "I"):
+            with tempfile.TemporaryDirectory() as elsewhere:
+                elsewhere = os.path.join(elsewhere, name)
+                os.makedirs(elsewhere)
+                subprocess.run(["cp", "-r", self.root + "/.", elsewhere], check=True)
+                self.assertEqual(self.line(elsewhere), key)
+
+    def test_generated_headers_count_as_what_they_are_made_from(self):
+        self.write("b.h", "#include <torquer_lcm/t.hpp>\n")
+        self.write("protocol/lcm/t.lcm", "struct t {}")
+        before_the_build = self.line()
+        self.write("build/release/made/torquer_lcm/t.hpp", "class t {};")
+        self.assertEqual(self.line(), before_the_build)
+        self.write("b.h", "#include <made_otherwise.h>\n")
+        self.write("build/release/made/made_otherwise.h", "")
+        with self.assertRaisesRegex(SystemExit, "a.cpp includes .*made_otherwise.h, which the build makes"):
+            self.line()
+
+    def test_precompiled_headers_and_the_launcher_are_left_out(self):
+        plain = self.source()
+        other = self.source(command="/usr/bin/ccache /usr/bin/c++", flags="-pthread -Wno-array-bounds -Wno-stringop-overflow -O3 -Winvalid-pch -include PCH")
+        self.assertEqual(other.flags, plain.flags)
+        self.assertEqual(other.line(), plain.line())
+
+    def test_the_order_of_the_targets_does_not_matter(self):
+        build = os.path.join(self.root, "build/release")
+        self.bugs.ROOT = self.root
+        entries = [{"file": os.path.join(self.root, "a.cpp"), "command": f"c++ {flags} -c a.cpp -o {flags}.o"}
+                   for flags in ("-DX", "-DY", "-DZ")]
+        lines = set()
+        for order in ([0, 1, 2], [2, 1, 0], [1, 0, 2]):
+            self.write("build/release/compile_commands.json", json.dumps([entries[i] for i in order]))
+            (source,) = self.bugs.sources_of(build, "22.1")
+            lines.add(source.line())
+        self.assertEqual(len(lines), 1)
+
+
+class Bugs(Tree):
+    """The script itself, with a clang-tidy that objects to sources which hold the word BUG."""
+
+    def setUp(self):
+        super().setUp()
+        self.write("bin/clang-tidy-22",
+                   '#!/bin/sh\n[ "$1" = --version ] && { echo "LLVM version 22.1.8"; exit; }\n'
+                   'for file; do :; done\necho "$file" >>"$LOOKED_AT"\n'
+                   '! grep -q BUG "$file" || { echo "$file: error: a bug"; exit 1; }\n')
+        os.chmod(os.path.join(self.root, "bin/clang-tidy-22"), 0o755)
+        lint = os.path.join(self.root, "tests/lint")
+        os.makedirs(lint)
+        for name in ("bugs", "include_graph.py"):
+            subprocess.run(["cp", os.path.join(HERE, name), lint], check=True)
+        self.names = [f"s{index:02}.cpp" for index in range(20)]
+        for name in self.names:
+            self.write(name, "// good\n")
+        self.write("build/release/compile_commands.json", json.dumps(
+            [{"directory": self.root, "file": os.path.join(self.root, name), "command": f"c++ -c {name} -o {name}.o"}
+             for name in self.names]))
+
+    def run_bugs(self, *arguments: str) -> tuple[int, set[str], str]:
+        """Exit status, the sources that were looked at, output."""
+        looked_at = os.path.join(self.root, "looked_at")
+        open(looked_at, "w", encoding="utf-8").close()
+        environment = dict(os.environ, LOOKED_AT=looked_at, PATH=self.root + "/bin:" + os.environ["PATH"],
+                           PYTHONDONTWRITEBYTECODE="1")
+        done = subprocess.run([os.path.join(self.root, "tests/lint/bugs"), *arguments], env=environment,
+                              capture_output=True, text=True, check=False)
+        with open(looked_at, encoding="utf-8") as file:
+            seen = {os.path.basename(line.strip()) for line in file}
+        return done.returncode, seen, done.stdout + done.stderr
+
+    def passed(self) -> str:
+        with open(os.path.join(self.root, "tests/lint/passed"), encoding="utf-8") as file:
+            return file.read()
+
+    def test_a_fresh_clone_profits_from_the_list(self):
+        status, seen, _ = self.run_bugs("--update")
+        self.assertEqual((status, seen), (0, set(self.names)))
+        self.assertEqual(len(self.passed().splitlines()), 21)
+        subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
+        status, seen, said = self.run_bugs()
+        self.assertEqual((status, len(seen)), (0, self.bugs_sample()))
+        self.assertIn("looked at 0 that are not in tests/lint/passed", said)
+        # Not so for --fresh.
+        self.assertEqual(self.run_bugs("--fresh")[1], set(self.names))
+
+    def bugs_sample(self) -> int:
+        return load("bugs").SAMPLE
+
+    def test_a_changed_source_is_looked_at_and_a_stale_list_is_no_failure(self):
+        self.run_bugs("--update")
+        self.write("s07.cpp", "// better\n")
+        status, seen, said = self.run_bugs()
+        self.assertEqual(status, 0)
+        self.assertIn("s07.cpp", seen)
+        self.assertIn("looked at 1 that", said)
+        self.write("s07.cpp", "// BUG\n")
+        for _ in range(2):
+            status, seen, said = self.run_bugs("--update")
+            self.assertEqual(status, 1)
+            self.assertIn("s07.cpp: error: a bug", said)
+            self.assertNotIn("s07.cpp", self.passed())
+
+    def test_a_build_of_another_checkout_is_refused(self):
+        self.write("build/release/compile_commands.json", '[{"file": "/x/a.cpp", "command": "c++ -c a.cpp"}]')
+        status, _, said = self.run_bugs()
+        self.assertEqual(status, 2)
+        self.assertIn("none of its sources lies there", said)
+
+    def test_a_list_edited_by_hand_hides_nothing_for_long(self):
+        self.run_bugs("--update")
+        # The key of one source given to another, or to another path, is no pass.
+        lines = self.passed().splitlines()
+        self.write("s03.cpp", "// BUG\n")
+        forged = [line.replace("s04.cpp", "s03.cpp") for line in lines if not line.startswith("s03.cpp")]
+        self.write("tests/lint/passed", "\n".join(forged) + "\n")
+        subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
+        self.assertEqual(self.run_bugs()[0], 1)
+        # Even with a key that is right: --fresh sees it, and some run of some commit does.
+        bugs = load("bugs")
+        bugs.ROOT = self.root
+        entry = {"file": os.path.join(self.root, "s03.cpp"), "command": "c++ -c s03.cpp -o s03.cpp.o"}
+        right = bugs.Source(entry["file"], bugs.flags_of(entry), os.path.join(self.root, "build/release"),
+                            "version 22.1.8").line()
+        self.write("tests/lint/passed", "\n".join([right, *lines]) + "\n")
+        self.assertEqual(self.run_bugs("--fresh")[0], 1)
+        subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
+        git = ["git", "-C", self.root, "-c", "user.name=t", "-c", "user.email=t@localhost"]
+        subprocess.run([*git, "init", "-q"], check=True)
+        for commit in range(40):
+            subprocess.run([*git, "commit", "-q", "--allow-empty", "-m", str(commit)], check=True)
+            if self.run_bugs()[0] == 1:
+                return
+        self.fail("no run of 40 commits looked at the source with the bug")
+
+
+class Recipes(unittest.TestCase):
+    """What tests/lint/recipes finds in a guide before it builds anything."""
+
+    def setUp(self):
+        self.recipes = load("recipes")
+
+    def test_files_that_are_not_there(self):
+        guide = ("`tests/lint/recipes`, `tests/lint/`, `tests/lint/no_such_check`, `nowhere/a.h`, `NAME.x`,\n"
+                 "`tests/lint/made.h`\n```cpp tests/lint/made.h\nint `tests/not_prose`;\n```\n")
+        made = set(self.recipes.blocks(guide))
+        self.assertEqual(made, {"tests/lint/made.h"})
+        self.assertEqual(self.recipes.missing_files(guide, self.recipes.ROOT, made), ["tests/lint/no_such_check"])
+
+    def test_studies_that_are_not_there(self):
+        said = "usage: x\n\nCommands:\n  scaling   time\n  paper     tables\n"
+        self.assertEqual(self.recipes.unknown_studies("`torquer-study scaling`, `torquer-study trance X`", said),
+                         ["trance"])
+
+    def test_where_lines_go(self):
+        registry = '#include "a.h"\n#include "b.h"\n\nauto& kinds = {\n  A(),\n};\n'
+        self.assertEqual(self.recipes.with_lines(registry, ['#include "c.h"', "  C(),"], "r"),
+                         '#include "a.h"\n#include "b.h"\n#include "c.h"\n\nauto& kinds = {\n  C(),\n  A(),\n};\n')
+        with self.assertRaises(self.recipes.Objection):
+            self.recipes.with_lines("int main();\n", ["  C(),"], "r")
+
+
+if __name__ == "__main__":
+    unittest.main()
