@@ -30,39 +30,73 @@ std::vector<std::string> Split(const std::string& line) {
   throw UserError(fmt::format("{}:{}: {}", path, line, problem));
 }
 
-}  // namespace
-
-std::vector<CsvRow> ReadCsv(const std::string& path, const std::string& header) {
+// `header`: what the first line must be; "" for anything.
+CsvTable Parse(const std::string& path, const std::string& header) {
   std::ifstream in(path);
   if (!in) {
     throw UserError(fmt::format("{}: cannot be read; check the path and its permissions", path));
   }
-  const std::vector<std::string> names = Split(header);
-  std::vector<CsvRow> rows;
+  CsvTable table;
+  table.path = path;
   std::string line;
-  bool has_header = false;
   for (int number = 1; std::getline(in, line); ++number) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
     if (line.empty() || line[0] == '#') continue;
     std::vector<std::string> cells = Split(line);
-    if (!has_header) {
-      if (cells != names) {
+    if (table.header_line == 0) {
+      if (!header.empty() && cells != Split(header)) {
         Refuse(path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
       }
-      has_header = true;
+      table.header_line = number;
+      table.columns = std::move(cells);
       continue;
     }
-    if (cells.size() != names.size()) {
-      Refuse(
-          path, number,
-          fmt::format("{} values; the header '{}' names {}", cells.size(), header, names.size()));
+    if (cells.size() != table.columns.size()) {
+      Refuse(path, number,
+             fmt::format("{} values; the header '{}' names {}", cells.size(),
+                         fmt::join(table.columns, ","), table.columns.size()));
     }
-    rows.push_back({number, std::move(cells)});
+    table.rows.push_back({number, std::move(cells)});
   }
-  if (!has_header) {
-    Refuse(path, 1, fmt::format("empty; the first line must be '{}'", header));
+  if (table.header_line == 0) {
+    Refuse(path, 1,
+           header.empty() ? "empty; the first line must name the columns"
+                          : fmt::format("empty; the first line must be '{}'", header));
   }
-  return rows;
+  return table;
+}
+
+}  // namespace
+
+std::vector<CsvRow> ReadCsv(const std::string& path, const std::string& header) {
+  return Parse(path, header).rows;
+}
+
+CsvTable ReadCsvTable(const std::string& path) {
+  CsvTable table = Parse(path, "");
+  for (std::size_t k = 0; k < table.columns.size(); ++k) {
+    if (table.columns[k].empty()) Refuse(path, table.header_line, "a column has no name");
+    if (*table.Find(table.columns[k]) == k) continue;
+    Refuse(path, table.header_line, fmt::format("the column {} stands twice", table.columns[k]));
+  }
+  return table;
+}
+
+std::optional<std::size_t> CsvTable::Find(const std::string& column) const {
+  const auto found = std::find(columns.begin(), columns.end(), column);
+  if (found == columns.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - columns.begin());
+}
+
+double CsvTable::Number(const CsvRow& row, std::size_t column) const {
+  const std::optional<double> value = ParseNumber(row.cells[column]);
+  if (!value) Refuse(row, column, "; give a finite number");
+  return *value;
+}
+
+void CsvTable::Refuse(const CsvRow& row, std::size_t column, const std::string& problem) const {
+  torquer::Refuse(path, row.line,
+                  fmt::format("{} is '{}'{}", columns[column], row.cells[column], problem));
 }
 
 double CsvNumber(const std::string& path, const std::string& header, const CsvRow& row,

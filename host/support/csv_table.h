@@ -1,6 +1,8 @@
-// Tables of numbers in CSV files with a fixed header.
+// Tables of numbers in CSV files.
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,5 +22,24 @@ std::vector<CsvRow> ReadCsv(const std::string& path, const std::string& header);
 /// A cell as a finite number; throws UserError naming file, line, column and value.
 double CsvNumber(const std::string& path, const std::string& header, const CsvRow& row,
                  std::size_t column);
+
+/// A CSV file whose header says what its columns are.
+struct CsvTable {
+  std::string path;
+  int header_line = 0;
+  std::vector<std::string> columns;  ///< names, each once
+  std::vector<CsvRow> rows;
+
+  /// The index of a column, or none.
+  std::optional<std::size_t> Find(const std::string& column) const;
+  /// A cell as a finite number; throws UserError naming file, line, column and value.
+  double Number(const CsvRow& row, std::size_t column) const;
+  /// Throws UserError "file:line: column is 'value'problem".
+  [[noreturn]] void Refuse(const CsvRow& row, std::size_t column, const std::string& problem) const;
+};
+
+/// Reads a CSV file; cells, blank lines and comments as with ReadCsv. Throws UserError naming file
+/// and line where there is no header, a column stands twice or a row has another number of cells.
+CsvTable ReadCsvTable(const std::string& path);
 
 }  // namespace torquer

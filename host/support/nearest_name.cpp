@@ -47,8 +47,9 @@ std::size_t Unlikeliness(const std::string& given, const std::string& name, std:
       std::minmax(given, name, [](const auto& a, const auto& b) { return a.size() < b.size(); });
   std::size_t best = 2 * EditDistance(given, name);
   if (shorter.size() >= kShortestBeginning && longer.starts_with(shorter)) {
-    // A whole word is missing, such as the unit; else the name was cut short.
-    const bool whole_word = longer.size() == shorter.size() || longer[shorter.size()] == '_';
+    // A whole word is missing, such as the unit; otherwise the name was cut short or has too much.
+    const bool whole_word = given.size() <= name.size() &&
+                            (longer.size() == shorter.size() || longer[shorter.size()] == '_');
     best = std::min({best, whole_word ? std::size_t{1} : std::size_t{3}, limit});
   }
   return best;

@@ -32,12 +32,28 @@ struct StrictTable::Impl {
 
 namespace {
 
-// The value as the file has it, in one line, cut where it is long.
-std::string Show(const toml::node& node) {
-  constexpr std::size_t kLongest = 60;
+// The value as the file has it. A number in as few digits as say what it is, as people write it.
+std::string Written(const toml::node& node) {
   if (node.is_table()) return "{ .. }";
+  if (node.is_floating_point()) {
+    const std::string number = fmt::to_string(*node.value<double>());
+    // TOML's mark of a number that is no integer.
+    return number + (number.find_first_not_of("-0123456789") == std::string::npos ? ".0" : "");
+  }
+  if (const toml::array* array = node.as_array()) {
+    std::vector<std::string> elements;
+    for (const toml::node& element : *array) elements.push_back(Written(element));
+    return elements.empty() ? "[]" : fmt::format("[ {} ]", fmt::join(elements, ", "));
+  }
   std::string text;
   node.visit([&](const auto& typed) { text = fmt::to_string(fmt::streamed(typed)); });
+  return text;
+}
+
+// The same in one line, cut where it is long.
+std::string Show(const toml::node& node) {
+  constexpr std::size_t kLongest = 60;
+  const std::string text = Written(node);
   std::string line;
   for (const char character : text) {
     const bool space = character == ' ' || character == '\n';
@@ -51,6 +67,14 @@ std::string Range(const char* what, double lowest, double highest) {
 }
 
 }  // namespace
+
+void TableOrigin::Refuse(const std::string& key, const std::string& problem) const {
+  const auto place = keys_.find(key);
+  const bool given = place != keys_.end();
+  const std::string& where = given ? place->second.where : where_;
+  throw UserError((where.empty() ? "" : where + ": ") + (name_.empty() ? "" : name_ + ".") + key +
+                  (given ? " = " + place->second.value : "") + ": " + problem);
+}
 
 StrictTable::StrictTable(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 StrictTable::StrictTable(StrictTable&&) noexcept = default;
@@ -86,10 +110,18 @@ std::string StrictTable::Where(const std::string& key) const {
   return line > 0 ? fmt::format("{}:{}", impl_->path, line) : impl_->path;
 }
 
+TableOrigin StrictTable::Origin() const {
+  TableOrigin origin(impl_->prefix.substr(0, impl_->prefix.size() - !impl_->prefix.empty()));
+  origin.where_ = Where();
+  for (const auto& [key, value] : *impl_->table) {
+    const std::string name(key.str());
+    origin.keys_[name] = {Where(name), Show(value)};
+  }
+  return origin;
+}
+
 void StrictTable::Refuse(const std::string& key, const std::string& problem) const {
-  const toml::node* node = impl_->table->get(key);
-  const std::string value = node == nullptr ? "" : " = " + Show(*node);
-  throw UserError(fmt::format("{}: {}{}{}: {}", Where(key), impl_->prefix, key, value, problem));
+  Origin().Refuse(key, problem);
 }
 
 bool StrictTable::Has(const std::string& key) const {
@@ -176,6 +208,7 @@ std::vector<double> StrictTable::Numbers(const std::string& key, double lowest, 
   const toml::node* node = impl_->Find(key);
   const std::string range = Range("a list of numbers", lowest, highest);
   if (node == nullptr) Refuse(key, "is missing; give " + range);
+  if (node->is_number()) return {Number(key, lowest, highest)};
   const toml::array* array = node->as_array();
   if (array == nullptr || array->empty()) Refuse(key, "is not a list of numbers; give " + range);
   std::vector<double> values;
@@ -233,9 +266,11 @@ StrictTable* StrictTable::OptionalTable(const std::string& key) {
   return children.front().get();
 }
 
+std::string StrictTable::NameOf(const std::string& key) const { return impl_->prefix + key; }
+
 StrictTable& StrictTable::Table(const std::string& key) {
   StrictTable* table = OptionalTable(key);
-  if (table == nullptr) Refuse(key, "is missing; add a table [" + impl_->prefix + key + "]");
+  if (table == nullptr) Refuse(key, "is missing; add a table [" + NameOf(key) + "]");
   return *table;
 }
 

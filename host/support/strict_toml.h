@@ -10,6 +10,28 @@
 
 namespace torquer {
 
+/// Where the keys of a table stood, for what is found wrong with them after the file is closed.
+class TableOrigin {
+ public:
+  /// Of a table that no file has: `name` is its full name.
+  explicit TableOrigin(std::string name = "") : name_(std::move(name)) {}
+
+  /// Whether the table gave the key.
+  bool Has(const std::string& key) const { return keys_.count(key) > 0; }
+  /// Throws a UserError "file:line: table.key = value: problem".
+  [[noreturn]] void Refuse(const std::string& key, const std::string& problem) const;
+
+ private:
+  friend class StrictTable;
+  struct Place {
+    std::string where;  // "file:line"
+    std::string value;
+  };
+  std::string name_;   // "effects.friction"; "" of the file itself
+  std::string where_;  // of the table
+  std::map<std::string, Place> keys_;
+};
+
 /// A table of a TOML file. Getters throw UserError naming file, line, key, value and remedy; they
 /// remember what was asked for, so that RefuseUnread() can name every key that nobody reads.
 ///
@@ -45,7 +67,7 @@ class StrictTable {
   int Choice(const std::string& key, const std::vector<std::string>& choices, int fallback);
   /// Three finite numbers.
   Eigen::Vector3d Point(const std::string& key);
-  /// Numbers, each in [lowest, highest]; at least one.
+  /// Numbers, each in [lowest, highest]; at least one. A plain number is a list of one.
   std::vector<double> Numbers(const std::string& key, double lowest, double highest);
   /// Points, at least `fewest`.
   std::vector<Eigen::Vector3d> Points(const std::string& key, std::size_t fewest);
@@ -56,6 +78,10 @@ class StrictTable {
   StrictTable* OptionalTable(const std::string& key);
   /// [[key]] tables, in order; empty when there is none.
   std::vector<StrictTable*> Tables(const std::string& key);
+  /// Where this table and its keys stand.
+  TableOrigin Origin() const;
+  /// The whole name of a key of this table, such as "effects.friction.region".
+  std::string NameOf(const std::string& key) const;
   /// All keys that this table has.
   std::vector<std::string> Keys() const;
 

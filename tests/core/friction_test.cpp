@@ -1,11 +1,11 @@
-#include "host/simulator/effects/friction.h"
+#include "host/simulator/effects/contact/friction.h"
 
 #include <catch2/catch.hpp>
 #include <numbers>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "tests/core/finite_differences.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/invariants.h"
 #include "tests/support/wires.h"
 
@@ -20,13 +20,20 @@ struct Slider {
   PointSet points;
   PointDerivatives derivatives;
 
-  explicit Slider(double mu, double slip_mm) : friction(mu, slip_mm, {model, wall}) {
+  // A wire, and a catheter in which it may lie.
+  explicit Slider(double mu, double slip_mm) : friction(mu, slip_mm, Context()) {
     points = PressedPoint(0.05);
     points.stiffness_N_mm2 = {wall.stiffness_N_mm2};  // 2 N/mm^2: presses with 0.1 N
     derivatives.with_hessian = true;
     derivatives.used = {0};
     derivatives.gradient.resize(1);
     derivatives.hessian.resize(1);
+  }
+  effects::EffectContext Context() const {
+    effects::EffectContext context{model, wall};
+    context.instruments = {{.name = "guidewire", .model = &model},
+                           {.name = "catheter", .model = &model}};
+    return context;
   }
   double Energy(const Vector3d& at) {
     points.position[0] = at;
@@ -167,11 +174,11 @@ TEST_CASE("Below the cone the end of a wire sticks, above it slips") {
     return sum;
   }();
   REQUIRE(normal > 0.5 * press);
-  const Vector3d rest = sled.state.nodes.back();
+  const Vector3d rest = sled.state.nodes().back();
   const auto pushed = [&](double part) {
     sled.force.SetForce(Vector3d(0, part * 0.4 * normal, -press));
     for (int k = 0; k < 200; ++k) Settle(sled.relaxation, {40, 0}, sled.state);
-    return std::abs(sled.state.nodes.back()[1] - rest[1]);
+    return std::abs(sled.state.nodes().back()[1] - rest[1]);
   };
   CHECK(pushed(0.3) < 0.005);
   CHECK(pushed(0.6) < 0.005);
@@ -217,12 +224,12 @@ struct Capstan {
     for (double a = 0.02; a < pull_rad; a += 0.02) {
       path.emplace_back(kRadius * std::sin(a), -kRadius * std::cos(a), 0);
     }
-    LayAlong(model, path, 60, state);
+    state = WireState::Along(model, path, {60, 0});
     relaxation.Restart(state);
   }
   double Tension(double angle_rad) const {
     const auto i = static_cast<std::size_t>(angle_rad * kRadius / model.segment_mm());
-    return -relaxation.Current().costate[i].dot(state.tangents[i]);
+    return -relaxation.Current().distal_gradient[i].dot(state.tangents()[i]);
   }
 };
 
@@ -243,7 +250,7 @@ TEST_CASE("Tension of a wire drawn over a post grows by the capstan law") {
     const double ratio = capstan.Tension(to) / capstan.Tension(from);
     INFO("mu " << mu << " direction " << direction << " ratio " << ratio);
     CHECK(ratio == Approx(std::exp(-direction * mu * (from - to))).epsilon(0.02));
-    CHECK(std::abs(capstan.state.nodes.back()[2]) < 1e-3);
+    CHECK(std::abs(capstan.state.nodes().back()[2]) < 1e-3);
   }
 }
 
@@ -288,12 +295,15 @@ TEST_CASE("A catheter that slides around the points takes their anchors along wi
   slider.points.start = Vector3d(-1, 0, 0);  // the wire lies along x
   slider.TickAt(Vector3d::Zero());
   // The wire goes on by 0.5 mm, the catheter around it stays: no friction by that.
-  slider.friction.SlideSurface(slider.points, 0, -0.5);
+  slider.points.instruments = 2;
+  slider.points.behind_mm = {0, 0};
+  slider.friction.SlideSurfaces(slider.points, {0, -0.5});
   slider.friction.Begin(slider.points);
   CHECK(slider.Energy(Vector3d(0.5, 0, 0)) == Approx(0).margin(1e-15));
   CHECK(slider.Energy(Vector3d::Zero()) > 1e-3);
   // Points beyond the catheter's tip keep theirs.
-  slider.friction.SlideSurface(slider.points, -1, -0.5);
+  slider.points.behind_mm = {0, 100};
+  slider.friction.SlideSurfaces(slider.points, {0, -0.5});
   CHECK(slider.Energy(Vector3d(0.5, 0, 0)) == Approx(0).margin(1e-15));
 }
 
@@ -314,8 +324,7 @@ TEST_CASE("The friction of a wire that twists is that of its surface, by finite 
   std::mt19937 random(2);
   std::vector<Vector3d> arc;
   for (double a = 0.02; a < 1; a += 0.02) arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0);
-  WireState state(model);
-  LayAlong(model, arc, 12.2, state);
+  WireState state = WireState::Along(model, arc, {12.2, 0});
   mechanics.Expand(state, at);
   REQUIRE(at.max_penetration_mm > 0.05);
   friction.Begin(at.points);
@@ -330,7 +339,7 @@ TEST_CASE("The friction of a wire that twists is that of its surface, by finite 
   Expansion there = mechanics.MakeExpansion();
   const Eigen::VectorXd gradient = GradientOf(
       [&](const Eigen::VectorXd& x) {
-        mechanics.ForgetLookups();
+        mechanics.points().Forget();
         mechanics.ExpandGradient(StepAndSpin(model, state, x), there);
         return there.energy_mJ;
       },
@@ -384,21 +393,22 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
   relaxation->Restart(state);
   REQUIRE(Settle(*relaxation, {60, 0}, state).converged);
   const auto turn_to = [&](double angle) {
-    while (std::abs(state.rotation_rad - angle) > 1e-9) {
-      const double left = angle - state.rotation_rad;
-      const double next = state.rotation_rad + std::copysign(std::min(std::abs(left), 0.02), left);
+    while (std::abs(state.rotation_rad() - angle) > 1e-9) {
+      const double left = angle - state.rotation_rad();
+      const double next =
+          state.rotation_rad() + std::copysign(std::min(std::abs(left), 0.02), left);
       REQUIRE(Settle(*relaxation, {60, next}, state).converged);
     }
   };
   // Rolling: the center moves by the angle times the radius, as far as the load bends the wire.
   turn_to(1);
-  CHECK(std::abs(state.nodes[50][1]) == Approx(kRadius).epsilon(0.03));
-  const double side = std::copysign(1, state.nodes[50][1]);
+  CHECK(std::abs(state.nodes()[50][1]) == Approx(kRadius).epsilon(0.03));
+  const double side = std::copysign(1, state.nodes()[50][1]);
   turn_to(-1);
-  CHECK(state.nodes[50][1] == Approx(-side * kRadius).epsilon(0.03));
+  CHECK(state.nodes()[50][1] == Approx(-side * kRadius).epsilon(0.03));
   // It climbs until the wall is as steep as the friction allows.
   turn_to(-20);
-  const double slope = std::atan2(-side * state.nodes[50][1], -state.nodes[50][2]);
+  const double slope = std::atan2(-side * state.nodes()[50][1], -state.nodes()[50][2]);
   CHECK(slope == Approx(std::atan(mu)).epsilon(0.02));
 }
 

@@ -2,8 +2,8 @@
 #include <catch2/catch.hpp>
 
 #include "host/simulator/core/wire_mechanics.h"
-#include "tests/core/finite_differences.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -104,14 +104,13 @@ struct PressedWire {
         state(model) {
     std::mt19937 random(11);
     state = Wander(model, length_mm, 0.2, random);
-    state.SetRotation(0.7);
-    UpdateSpin(model, state);
+    state.Rotate(0.7);
+    state.UpdateFrames(model);
     // A frame that is not the untwisted one, so that the spin counts.
-    for (std::size_t i = 0; i < state.normals.size(); ++i) {
-      state.normals[i] =
-          Eigen::AngleAxisd(0.1 * static_cast<double>(i), state.tangents[i]) * state.normals[i];
-    }
-    UpdateSpin(model, state);
+    std::vector<double> spin_rad(state.normals().size());
+    for (std::size_t i = 0; i < spin_rad.size(); ++i) spin_rad[i] = 0.1 * static_cast<double>(i);
+    state = Spun(model, state, spin_rad);
+    state.UpdateFrames(model);
     wall.stiffness_N_mm2 = 5e-3;
   }
 };
@@ -126,7 +125,7 @@ TEST_CASE("Gradient and residual of the whole energy are those of finite differe
   REQUIRE(at.max_penetration_mm > 0.1);  // the wall takes part
   const Eigen::VectorXd gradient = GradientOf(
       [&](const Eigen::VectorXd& xi) {
-        mechanics.ForgetLookups();
+        mechanics.points().Forget();
         mechanics.ExpandGradient(Stepped(wire.model, wire.state, Steps(xi)), there);
         return there.energy_mJ;
       },
@@ -158,7 +157,7 @@ TEST_CASE("Curved joints expanded again after the frames changed give the full e
   Expansion part = mechanics.MakeExpansion();
   Expansion full = mechanics.MakeExpansion();
   mechanics.Expand(wire.state, part);
-  wire.state.SetRotation(-1.1);
+  wire.state.Rotate(-1.1);
   mechanics.ExpandCurvedJoints(wire.state, part);
   mechanics.Expand(wire.state, full);
   CHECK(part.energy_mJ == Approx(full.energy_mJ).epsilon(1e-12));
@@ -171,7 +170,7 @@ TEST_CASE("The energy depends on the shape alone, not on the frames that describ
   Expansion a = mechanics.MakeExpansion();
   Expansion b = mechanics.MakeExpansion();
   mechanics.Expand(wire.state, a);
-  TransportNormals(wire.model, wire.state);
+  wire.state.UntwistFrames(wire.model);
   mechanics.Expand(wire.state, b);
   CHECK(b.energy_mJ == Approx(a.energy_mJ).epsilon(1e-12));
   CHECK(b.residual == Approx(a.residual).epsilon(1e-12));
@@ -189,7 +188,7 @@ TEST_CASE("Skipped look-ups change no bit of an expansion") {
     std::vector<Vector2d> xi;
     for (int i = 0; i < wire.state.segments(); ++i) xi.emplace_back(step(random), step(random));
     wire.state = Stepped(wire.model, wire.state, xi);
-    asking.ForgetLookups();
+    asking.points().Forget();
     skipping.Expand(wire.state, a);
     asking.Expand(wire.state, b);
     REQUIRE(a.energy_mJ == b.energy_mJ);
@@ -201,7 +200,7 @@ TEST_CASE("Skipped look-ups change no bit of an expansion") {
 TEST_CASE("A joint's stiffness is EI over the length of wire it stands for") {
   const WireModel model = MakeWire({.segment_mm = 2, .rigidity_N_mm2 = 5});
   const WireState state = LayStraight(model, 12.6);
-  REQUIRE(state.first_segment_mm == Approx(2.6));
+  REQUIRE(state.first_segment_mm() == Approx(2.6));
   CHECK(JointStiffness(model, state, 0) == Approx(5 / 1.3));
   CHECK(JointStiffness(model, state, 1) == Approx(5 / 2.3));
   CHECK(JointStiffness(model, state, 2) == Approx(2.5));
@@ -215,13 +214,13 @@ TEST_CASE("Contact points stand for the whole wire, at even distances along it")
   WireMechanics mechanics(model, field, wall, none);
   PointSet points = mechanics.MakeExpansion().points;
   const WireState state = LayStraight(model, 9.1);
-  mechanics.PlacePoints(state, false, points);
+  mechanics.points().Place(state, false, points);
   REQUIRE(points.size() == 4 * state.segments());
   double sum = 0;
   for (const double w : points.weight_mm) sum += w;
   CHECK(sum == Approx(9.1));
   CHECK(points.position.back()[0] == Approx(9.1));
-  CHECK(points.position[0][0] == Approx(state.first_segment_mm / 4));
+  CHECK(points.position[0][0] == Approx(state.first_segment_mm() / 4));
   CHECK(points.FromTip(points.size() - 1) == 0);
 }
 

@@ -4,8 +4,8 @@
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 
-#include "tests/core/finite_differences.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -36,7 +36,7 @@ struct Chain {
 
   double Energy(const Eigen::VectorXd& xi) {
     Expansion there = mechanics.MakeExpansion();
-    mechanics.ForgetLookups();
+    mechanics.points().Forget();
     mechanics.ExpandGradient(Stepped(model, state, Steps(xi)), there);
     return there.energy_mJ;
   }
@@ -77,10 +77,10 @@ TEST_CASE("The sweep's step solves the dense Newton system") {
   std::mt19937 random(5);
   std::vector<Vector3d> arc;  // along the outer wall
   for (double a = 0.02; a < 1; a += 0.02) arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
-  LayAlong(chain.model, arc, 15.1, chain.state);
+  chain.state = WireState::Along(chain.model, arc, {15.1, 0});
   Shake(chain.model, 0.03, random, chain.state);
-  chain.state.SetRotation(0.9);
-  UpdateSpin(chain.model, chain.state);
+  chain.state.Rotate(0.9);
+  chain.state.UpdateFrames(chain.model);
   chain.mechanics.Expand(chain.state, chain.expansion);
   // Deep enough to count, and not so deep that the wall's curvature is held back.
   REQUIRE(chain.expansion.max_penetration_mm > 0.1);

@@ -4,8 +4,8 @@
 
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/newton/riccati_sweep.h"
-#include "tests/core/finite_differences.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -74,7 +74,7 @@ struct TwistedWire {
     for (double a = 0.02; a < 1; a += 0.02) {
       arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
     }
-    LayAlong(model, arc, 15.1, state);
+    state = WireState::Along(model, arc, {15.1, 0});
     Shake(model, 0.03, random, state);
     std::uniform_real_distribution<double> spin(-0.3, 0.3);
     Eigen::VectorXd x = Eigen::VectorXd::Zero(3 * state.segments());
@@ -88,7 +88,7 @@ struct TwistedWire {
 
   double Energy(const Eigen::VectorXd& x) {
     Expansion there = mechanics.MakeExpansion();
-    mechanics.ForgetLookups();
+    mechanics.points().Forget();
     mechanics.ExpandGradient(StepAndSpin(model, state, x), there);
     return there.energy_mJ;
   }
@@ -105,7 +105,7 @@ struct TwistedWire {
 TEST_CASE("Gradient and residual of a wire that twists are those of finite differences") {
   TwistedWire wire(3);
   REQUIRE(wire.at.max_penetration_mm > 0.05);
-  REQUIRE(wire.state.twist_rad[2] != 0);
+  REQUIRE(wire.state.twist_rad()[2] != 0);
   const Eigen::VectorXd gradient =
       GradientOf([&](const Eigen::VectorXd& x) { return wire.Energy(x); },
                  Eigen::VectorXd::Zero(3 * wire.state.segments()), 1e-4);
@@ -157,9 +157,9 @@ TEST_CASE("Twist is the turn of the material against the untwisted frame, and co
     for (int i = 5; i < 10; ++i) x[3 * i + 2] = 0.5;
     state = StepAndSpin(model, state, x);
   }
-  for (int i = 0; i < 10; ++i) CHECK(state.twist_rad[i] == Approx(i == 5 ? 20 : 0).margin(1e-12));
-  TransportNormals(model, state);
-  for (const double twist : state.twist_rad) CHECK(twist == 0);
+  for (int i = 0; i < 10; ++i) CHECK(state.twist_rad()[i] == Approx(i == 5 ? 20 : 0).margin(1e-12));
+  state.UntwistFrames(model);
+  for (const double twist : state.twist_rad()) CHECK(twist == 0);
 }
 
 TEST_CASE("Feeding keeps the twist per length, whichever segments split and join") {
@@ -176,25 +176,25 @@ TEST_CASE("Feeding keeps the twist per length, whichever segments split and join
   state = StepAndSpin(model, state, x);
   const auto total = [&] {
     double sum = 0;
-    for (const double twist : state.twist_rad) sum += twist;
+    for (const double twist : state.twist_rad()) sum += twist;
     return sum;
   };
   const double before = total();
   double largest = 0;
   for (const double feed : {0.1, -0.1, 0.3, -0.35}) {
     for (int k = 0; k < 20; ++k) {
-      FeedAlongItself(model, feed, state);
-      REQUIRE(static_cast<int>(state.twist_rad.size()) == state.segments());
+      state.Feed(model, state.insertion_mm() + feed);
+      REQUIRE(static_cast<int>(state.twist_rad().size()) == state.segments());
       CHECK(total() == Approx(before).epsilon(1e-12));
       // What comes out of the sheath is not twisted yet: the rate beyond stays.
       for (int i = 8; i + 1 < state.segments(); ++i) {
-        CHECK(state.twist_rad[i] == Approx(kRate).epsilon(1e-12));
+        CHECK(state.twist_rad()[i] == Approx(kRate).epsilon(1e-12));
       }
       // The frames agree with what is kept of them.
-      const std::vector<double> kept = state.twist_rad;
-      UpdateSpin(model, state);
+      const std::vector<double> kept = state.twist_rad();
+      state.UpdateFrames(model);
       for (std::size_t i = 0; i < kept.size(); ++i) {
-        largest = std::max(largest, std::abs(kept[i] - state.twist_rad[i]));
+        largest = std::max(largest, std::abs(kept[i] - state.twist_rad()[i]));
       }
     }
   }
@@ -220,7 +220,7 @@ TEST_CASE("A wire that nothing holds turns with the hand, without twist") {
   REQUIRE(Settle(*b, {25, 2.0}, rigid).converged);
   CHECK(LargestDistance(twisting, rigid) < 1e-4);
   // What the residual leaves: 1e-6 EI/mm over GJ at each of the joints.
-  for (const double twist : twisting.twist_rad) CHECK(std::abs(twist) < 1e-6 * 6.35 * 25);
+  for (const double twist : twisting.twist_rad()) CHECK(std::abs(twist) < 1e-6 * 6.35 * 25);
 }
 
 }  // namespace

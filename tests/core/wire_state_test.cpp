@@ -18,12 +18,13 @@ TEST_CASE("Feeding and retracting keep lengths exact, however it is done") {
   for (int k = 0; k < 3000; ++k) {
     // Drifts to one end and back, so that both are met.
     const double wanted = feed(random) / 2 + (k / 500 % 2 ? -0.375 : 0.375);
-    const double before = state.insertion_mm;
+    const double before = state.insertion_mm();
     const int segments = state.segments();
-    const double fed = FeedAlongItself(model, wanted, state);
+    const double to_mm = std::clamp(before + wanted, 0.0, 40.0);
+    state.Feed(model, to_mm);
     REQUIRE_THAT(BrokenGeometry(model, state), Catch::Equals(""));
-    REQUIRE(state.insertion_mm == Approx(before + fed).margin(1e-12));
-    REQUIRE(fed == Approx(std::clamp(before + wanted, 0.0, 40.0) - before).margin(1e-12));
+    REQUIRE(state.insertion_mm() == Approx(to_mm).margin(1e-12));
+    if (state.segments() > 0) REQUIRE(state.ArcLength(model) == Approx(to_mm).margin(1e-9));
     splits += state.segments() != segments;
   }
   CHECK(splits > 50);
@@ -43,22 +44,21 @@ TEST_CASE("A wire in a bend slides along itself") {
     for (int i = 0; i <= nodes; ++i) {
       worst = std::max(
           worst,
-          std::abs((state.nodes[static_cast<std::size_t>(i)] - Vector3d(0, radius, 0)).norm() -
+          std::abs((state.nodes()[static_cast<std::size_t>(i)] - Vector3d(0, radius, 0)).norm() -
                    radius));
     }
     return worst;
   };
-  WireState state(model);
-  LayAlong(model, arc, 25.2, state);
+  WireState state = WireState::Along(model, arc, {25.2, 0});
   REQUIRE(off_arc(state, state.segments()) < 1e-3);
   const int nodes = state.segments();
-  for (int k = 0; k < 150; ++k) FeedAlongItself(model, 0.02, state);
+  for (int k = 0; k < 150; ++k) state.Feed(model, state.insertion_mm() + 0.02);
   // Resampling between nodes cuts the corners of the polyline: about lambda^2/4R a segment fed.
   CHECK(off_arc(state, nodes) < 0.1);
   CHECK(state.segments() == nodes + 3);
 
-  LayAlong(model, arc, 25.2, state);
-  for (int k = 0; k < 150; ++k) FeedAlongItself(model, -0.02, state);
+  state = WireState::Along(model, arc, {25.2, 0});
+  for (int k = 0; k < 150; ++k) state.Feed(model, state.insertion_mm() - 0.02);
   CHECK(off_arc(state, state.segments()) < 0.1);
   CHECK(state.segments() == nodes - 3);
 }
@@ -67,12 +67,12 @@ TEST_CASE("The tip keeps its directions when the wire is fed") {
   const WireModel model = MakeWire({.tip_mm = 5});
   std::mt19937 random(3);
   WireState state = Wander(model, 20, 0.3, random);
-  const std::vector<Vector3d> before = state.tangents;
-  FeedAlongItself(model, 0.4, state);
+  const std::vector<Vector3d> before = state.tangents();
+  state.Feed(model, state.insertion_mm() + 0.4);
   for (std::size_t k = 1; k <= 5; ++k) {
-    CHECK((state.tangents[state.tangents.size() - k] - before[before.size() - k]).norm() == 0);
+    CHECK((state.tangents()[state.tangents().size() - k] - before[before.size() - k]).norm() == 0);
   }
-  CHECK((state.tangents[10] - before[10]).norm() > 1e-3);
+  CHECK((state.tangents()[10] - before[10]).norm() > 1e-3);
 }
 
 TEST_CASE("A wire retracted to nothing is as at the start") {
@@ -81,13 +81,13 @@ TEST_CASE("A wire retracted to nothing is as at the start") {
   for (const double length : {0.3, 0.7, 5.0, 20.2}) {
     WireState state = Wander(model, length, 0.2, random);
     const double step = std::uniform_real_distribution<double>(0.05, 0.5)(random);
-    while (state.insertion_mm > 0) FeedAlongItself(model, -step, state);
+    while (state.insertion_mm() > 0) state.Feed(model, std::max(0.0, state.insertion_mm() - step));
     CHECK(state.segments() == 0);
     CHECK_THAT(BrokenGeometry(model, state), Catch::Equals(""));
     CHECK(HashState(state) == HashState(WireState(model)));
     // And goes in again straight.
-    while (state.insertion_mm < 3.4) FeedAlongItself(model, 0.1, state);
-    const WireState fresh = LayStraight(model, state.insertion_mm);
+    while (state.insertion_mm() < 3.4) state.Feed(model, state.insertion_mm() + 0.1);
+    const WireState fresh = LayStraight(model, state.insertion_mm());
     REQUIRE(state.segments() == fresh.segments());
     CHECK(LargestDistance(state, fresh) < 1e-12);
   }
@@ -96,13 +96,13 @@ TEST_CASE("A wire retracted to nothing is as at the start") {
 TEST_CASE("Less than half a segment is held back, and nothing of it is lost") {
   const WireModel model = MakeWire({.segment_mm = 2});
   WireState state(model);
-  for (int k = 0; k < 9; ++k) FeedAlongItself(model, 0.1, state);
+  for (int k = 0; k < 9; ++k) state.Feed(model, state.insertion_mm() + 0.1);
   CHECK(state.segments() == 0);
-  CHECK(state.insertion_mm == Approx(0.9));
-  FeedAlongItself(model, 0.2, state);
+  CHECK(state.insertion_mm() == Approx(0.9));
+  state.Feed(model, state.insertion_mm() + 0.2);
   CHECK(state.segments() == 1);
   CHECK(state.ArcLength(model) == Approx(1.1));
-  CHECK(state.nodes.back()[0] == Approx(1.1));
+  CHECK(state.nodes().back()[0] == Approx(1.1));
 }
 
 TEST_CASE("A wire laid along a path has exact lengths and follows within a segment") {
@@ -112,12 +112,11 @@ TEST_CASE("A wire laid along a path has exact lengths and follows within a segme
     path.emplace_back(10 * std::sin(t), 10 * (1 - std::cos(t)), 3 * t);
   }
   for (const double length : {0.0, 0.2, 0.35, 1.0, 50.0, 50.34, 50.36, 140.0}) {
-    WireState state(model);
-    LayAlong(model, path, length, state);
+    WireState state = WireState::Along(model, path, {length, 0});
     INFO("length " << length);
     CHECK_THAT(BrokenGeometry(model, state), Catch::Equals(""));
-    CHECK(state.insertion_mm == Approx(length));
-    for (const Vector3d& x : state.nodes) {
+    CHECK(state.insertion_mm() == Approx(length));
+    for (const Vector3d& x : state.nodes()) {
       double nearest = 1e9;
       for (std::size_t k = 1; k < path.size(); ++k) {
         const Vector3d ab = path[k] - path[k - 1];
@@ -129,13 +128,12 @@ TEST_CASE("A wire laid along a path has exact lengths and follows within a segme
     }
   }
   // Past the path's end it goes on straight.
-  WireState state(model);
-  LayAlong(model, path, 200, state);
-  CHECK((state.tangents.back() - *(state.tangents.end() - 20)).norm() < 1e-12);
+  WireState state = WireState::Along(model, path, {200, 0});
+  CHECK((state.tangents().back() - *(state.tangents().end() - 20)).norm() < 1e-12);
   // No path at all: straight out of the sheath. A target out of range is held to it.
-  LayAlong(model, {}, 1e9, state);
-  CHECK(state.insertion_mm == 300);
-  CHECK((state.nodes.back() - Vector3d(300, 0, 0)).norm() < 1e-9);
+  state = WireState::Along(model, {}, {1e9, 0});
+  CHECK(state.insertion_mm() == 300);
+  CHECK((state.nodes().back() - Vector3d(300, 0, 0)).norm() < 1e-9);
 }
 
 TEST_CASE("Parallel transport is the smallest rotation") {
@@ -163,7 +161,7 @@ TEST_CASE("Rest directions follow the untwisted frame, in whatever frames the st
   std::mt19937 random(6);
   std::uniform_real_distribution<double> angle(-3, 3);
   WireState state = Wander(model, 30, 0.6, random);
-  state.SetRotation(0.8);
+  state.Rotate(0.8);
 
   // The untwisted frame, turned by the rotation, from quaternions alone.
   std::vector<Vector3d> expected;
@@ -171,7 +169,7 @@ TEST_CASE("Rest directions follow the untwisted frame, in whatever frames the st
   Vector3d a = model.sheath_normal();
   for (int joint = 0; joint < state.segments(); ++joint) {
     if (joint > 0) {
-      const Vector3d& next = state.tangents[static_cast<std::size_t>(joint - 1)];
+      const Vector3d& next = state.tangents()[static_cast<std::size_t>(joint - 1)];
       a = Eigen::Quaterniond::FromTwoVectors(u, next) * a;
       u = next;
     }
@@ -190,14 +188,14 @@ TEST_CASE("Rest directions follow the untwisted frame, in whatever frames the st
           1e-12);
     }
   };
-  UpdateSpin(model, state);
+  state.UpdateFrames(model);
   check();
-  for (std::size_t i = 0; i < state.normals.size(); ++i) {
-    state.normals[i] = Eigen::AngleAxisd(angle(random), state.tangents[i]) * state.normals[i];
-  }
-  UpdateSpin(model, state);
+  std::vector<double> spin_rad(state.normals().size());
+  for (double& spin : spin_rad) spin = angle(random);
+  state = Spun(model, state, spin_rad);
+  state.UpdateFrames(model);
   check();
-  TransportNormals(model, state);
+  state.UntwistFrames(model);
   check();
 }
 
@@ -217,13 +215,13 @@ TEST_CASE("At a split and a merge the rest shape and the stiffness of the clamp 
     double sum = 0;
     for (int joint = 0; joint < state.segments(); ++joint) {
       const Vector3d& before = joint == 0 ? model.sheath().direction
-                                          : state.tangents[static_cast<std::size_t>(joint - 1)];
+                                          : state.tangents()[static_cast<std::size_t>(joint - 1)];
       sum += std::acos(RestDirection(model, state, joint).dot(before));
     }
     return sum;
   };
-  WireState before = LayStraight(model, 5.5 - 1e-9);
-  WireState after = LayStraight(model, 5.5 + 1e-9);
+  const WireState before = LayStraight(model, 5.5 - 1e-9);
+  const WireState after = LayStraight(model, 5.5 + 1e-9);
   REQUIRE(after.segments() == before.segments() + 1);
   CHECK(rest_turn(before) == Approx(rest_turn(after)).epsilon(1e-6));
   CHECK(rest_turn(before) == Approx(0.1 * 5.0).epsilon(1e-6));  // the last half segment is straight
@@ -234,10 +232,18 @@ TEST_CASE("The hash tells states apart and equal ones not") {
   const WireState a = LayStraight(model, 10);
   WireState b = a;
   CHECK(HashState(a) == HashState(b));
-  b.nodes[3][1] = 1e-300;
+  std::vector<Vector2d> xi(a.tangents().size(), Vector2d::Zero());
+  xi[3][0] = 1e-14;
+  b = Stepped(model, a, xi);
   CHECK(HashState(a) != HashState(b));
   b = a;
-  b.SetRotation(1e-9);
+  b.Rotate(1e-9);
+  CHECK(HashState(a) != HashState(b));
+  // Frames and the places of instruments decide how it moves on.
+  b = Spun(model, a, std::vector<double>(a.tangents().size(), 1e-9));
+  CHECK(HashState(a) != HashState(b));
+  b = a;
+  b.SetPlaces({10, 1});
   CHECK(HashState(a) != HashState(b));
 }
 

@@ -2,10 +2,10 @@
 #include <numbers>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "host/simulator/effects/point_load.h"
-#include "tests/core/finite_differences.h"
-#include "tests/physics/elastica.h"
+#include "host/simulator/effects/loads/point_load.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/elastica.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -152,7 +152,7 @@ TEST_CASE("Under an end force the wire is the elastica") {
     REQUIRE(beam.Relax().converged);
     const Elastica exact = SolveElastica(load);
     const Vector3d expected(exact.along * kLength, exact.across * kLength, 0);
-    CHECK((beam.state.nodes.back() - expected).norm() < 2e-4 * kLength);
+    CHECK((beam.state.nodes().back() - expected).norm() < 2e-4 * kLength);
   }
 }
 
@@ -167,8 +167,8 @@ TEST_CASE("Under an end moment the wire is an arc of radius EI/M, up to a whole 
     REQUIRE(beam.Relax().converged);
     const double radius = kLength / turned;
     const Vector3d expected(radius * std::sin(turned), radius * (1 - std::cos(turned)), 0);
-    INFO("turned " << turned << " end " << beam.state.nodes.back().transpose());
-    CHECK((beam.state.nodes.back() - expected).norm() < 2e-3 * kLength);
+    INFO("turned " << turned << " end " << beam.state.nodes().back().transpose());
+    CHECK((beam.state.nodes().back() - expected).norm() < 2e-3 * kLength);
   }
 }
 
@@ -181,7 +181,7 @@ TEST_CASE("A clamp holds the end like a spring, and a stiff one holds it fast") 
     end.place_mm = Vector3d(kLength, 0.1, 0);
     Beam beam(end);
     REQUIRE(beam.Relax().converged);
-    CHECK(beam.state.nodes.back()[1] == Approx(0.1 * ratio / (1 + ratio)).epsilon(2e-3));
+    CHECK(beam.state.nodes().back()[1] == Approx(0.1 * ratio / (1 + ratio)).epsilon(2e-3));
   }
   // Held at both ends, S-shaped: the guided beam, the force 12 EI d/L^3.
   EndLoad end;
@@ -191,10 +191,10 @@ TEST_CASE("A clamp holds the end like a spring, and a stiff one holds it fast") 
   end.direction = Vector3d::UnitX();
   Beam beam(end);
   REQUIRE(beam.Relax().converged);
-  const Vector3d& x = beam.state.nodes.back();
+  const Vector3d& x = beam.state.nodes().back();
   CHECK((x - end.place_mm).norm() < 0.02);
-  CHECK(beam.state.tangents.back()[1] == Approx(0).margin(1e-4));
-  const double middle = beam.state.nodes[static_cast<std::size_t>(beam.state.segments() / 2)][1];
+  CHECK(beam.state.tangents().back()[1] == Approx(0).margin(1e-4));
+  const double middle = beam.state.nodes()[static_cast<std::size_t>(beam.state.segments() / 2)][1];
   CHECK(middle == Approx(0.25).epsilon(0.05));
 }
 

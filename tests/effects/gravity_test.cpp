@@ -1,4 +1,4 @@
-#include "host/simulator/effects/gravity.h"
+#include "host/simulator/effects/loads/gravity.h"
 
 #include <catch2/catch.hpp>
 
@@ -25,7 +25,7 @@ struct Hanging {
   Hanging(double segment_mm, double rigidity, double weight_N_mm, int points = 2)
       : model(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = rigidity})),
         wall{.points_per_segment = points},
-        gravity(Vector3d(0, -weight_N_mm, 0)),
+        gravity({Vector3d(0, -weight_N_mm, 0)}),
         relaxation(model, field, wall, {.tolerance = 1e-9}, terms),
         state(LayStraight(model, kLength)) {
     relaxation.Restart(state);
@@ -41,7 +41,7 @@ TEST_CASE("A cantilever sinks by w L^4 / 8 EI under its own weight") {
   int k = 0;
   for (const double segment_mm : {2.0, 1.0}) {
     const Hanging wire(segment_mm, kRigidity, weight, points);
-    error[k++] = wire.state.nodes.back()[1] / (-load / 8 * kLength) - 1;
+    error[k++] = wire.state.nodes().back()[1] / (-load / 8 * kLength) - 1;
   }
   INFO("points " << points << " errors " << error[0] << " " << error[1]);
   CHECK(std::abs(error[1]) < 1e-3);
@@ -91,8 +91,8 @@ TEST_CASE("A cantilever under a large own weight is the heavy elastica") {
     const Hanging wire(0.5, kRigidity, load * kRigidity / std::pow(kLength, 3));
     const Eigen::Vector2d end = HeavyElastica(load);
     INFO("load " << load << " end " << end.transpose());
-    CHECK(wire.state.nodes.back()[0] == Approx(end[0] * kLength).margin(1e-3 * kLength));
-    CHECK(wire.state.nodes.back()[1] == Approx(-end[1] * kLength).margin(1e-3 * kLength));
+    CHECK(wire.state.nodes().back()[0] == Approx(end[0] * kLength).margin(1e-3 * kLength));
+    CHECK(wire.state.nodes().back()[1] == Approx(-end[1] * kLength).margin(1e-3 * kLength));
   }
 }
 
@@ -100,13 +100,14 @@ TEST_CASE("Without stiffness the wire hangs straight down, drawn by its weight")
   const double weight = 1e-3;
   const Hanging chain(0.5, 1e-3, weight);
   const double bend = std::cbrt(1e-3 / weight);  // over which it turns downwards
-  const Vector3d end = chain.state.nodes.back();
+  const Vector3d end = chain.state.nodes().back();
   CHECK(end[1] < -(kLength - 2 * bend));
   // Tension at a place is the weight of what hangs below it.
   for (const int i : {20, 50, 80}) {
     const double below = kLength - i * 0.5;
-    const double tension = -chain.relaxation.Current().costate[static_cast<std::size_t>(i)].dot(
-        chain.state.tangents[static_cast<std::size_t>(i)]);
+    const double tension =
+        -chain.relaxation.Current().distal_gradient[static_cast<std::size_t>(i)].dot(
+            chain.state.tangents()[static_cast<std::size_t>(i)]);
     CHECK(tension == Approx(weight * below).epsilon(0.02));
   }
 }

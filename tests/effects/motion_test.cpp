@@ -1,15 +1,15 @@
 #include <catch2/catch.hpp>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "host/simulator/effects/breathing.h"
-#include "host/simulator/effects/friction.h"
-#include "host/simulator/effects/heartbeat.h"
-#include "host/simulator/session.h"
+#include "host/simulator/effects/contact/friction.h"
+#include "host/simulator/effects/motion/breathing.h"
+#include "host/simulator/effects/motion/heartbeat.h"
+#include "host/simulator/simulation.h"
 #include "host/simulator/vessel/moving_field.h"
-#include "tests/core/finite_differences.h"
-#include "tests/simulator/scenes.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/paths.h"
+#include "tests/support/scenes.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -138,8 +138,7 @@ TEST_CASE("Skipped look-ups change no bit where the vessel moves") {
   std::vector<Vector3d> path;
   for (double t = 0.02; t < 1.5; t += 0.02)
     path.emplace_back(20 * std::cos(t), 20 * std::sin(t), 0);
-  WireState state(model);
-  LayAlong(model, path, 25, state);
+  WireState state = WireState::Along(model, path, {25, 0});
   std::mt19937 random(3);
   std::uniform_real_distribution<double> step(-3e-3, 3e-3);
   int touching = 0;
@@ -149,7 +148,7 @@ TEST_CASE("Skipped look-ups change no bit where the vessel moves") {
     std::vector<Vector2d> xi;
     for (int i = 0; i < state.segments(); ++i) xi.emplace_back(step(random), step(random));
     const WireState there = Stepped(model, state, xi);
-    asking.ForgetLookups();
+    asking.points().Forget();
     skipping.Expand(there, a);
     asking.Expand(there, b);
     REQUIRE(a.energy_mJ == b.energy_mJ);
@@ -217,8 +216,7 @@ TEST_CASE("A wire in a translating vessel is the wire whose sheath goes the othe
   field.SetTime(0);
   const WireModel model = make(Vector3d(40, 0, 0));
   NewtonRelaxation relaxation(model, field, wall, {.tolerance = 1e-8}, none);
-  WireState state(model);
-  LayAlong(model, path, 60, state);
+  WireState state = WireState::Along(model, path, {60, 0});
   relaxation.Restart(state);
   REQUIRE(Settle(relaxation, {60, 0}, state).converged);
   const WireState before = state;
@@ -233,12 +231,12 @@ TEST_CASE("A wire in a translating vessel is the wire whose sheath goes the othe
   NewtonRelaxation resting(other, torus, wall, {.tolerance = 1e-8}, none);
   WireState expected(other);
   std::vector<Vector3d> shifted = path;
-  LayAlong(other, shifted, 60, expected);
+  expected = WireState::Along(other, shifted, {60, 0});
   resting.Restart(expected);
   REQUIRE(Settle(resting, {60, 0}, expected).converged);
   double worst = 0;
-  for (std::size_t i = 0; i < state.nodes.size(); ++i) {
-    worst = std::max(worst, (state.nodes[i] - way - expected.nodes[i]).norm());
+  for (std::size_t i = 0; i < state.nodes().size(); ++i) {
+    worst = std::max(worst, (state.nodes()[i] - way - expected.nodes()[i]).norm());
   }
   CHECK(worst < 1e-4);
   // Far from the sheath it went with the vessel, across the vessel at least.
@@ -263,7 +261,7 @@ constexpr char kMotions[] =
 TEST_CASE("A session in a moving vessel is repeated to the bit, and is restarted") {
   const SceneFile file(kMotions);
   scene::Scene scene(file.path());
-  simulator::Session session(scene);
+  simulator::Simulation session(scene);
   CHECK(session.lives());
   struct Step {
     simulator::Command command;
@@ -280,14 +278,14 @@ TEST_CASE("A session in a moving vessel is repeated to the bit, and is restarted
   std::size_t different = 0;
   for (int k = 0; k < 400; ++k) {
     command.time_s += pause(random);
-    if (k % 3 == 0) command.target.insertion_mm += 0.05;
+    if (k % 3 == 0) command.target[0].insertion_mm += 0.05;
     CountedBudget budget(units(random));
     session.Tick(command, budget);
     steps.push_back({command, session.report().work, session.state_hash()});
     different += k > 0 && steps[steps.size() - 2].hash != session.state_hash();
   }
   CHECK(different > 390);  // it never rests
-  const auto repeat = [&](simulator::Session& other) {
+  const auto repeat = [&](simulator::Simulation& other) {
     for (const Step& step : steps) {
       CountedBudget budget(step.work);
       other.Tick(step.command, budget);
@@ -295,7 +293,7 @@ TEST_CASE("A session in a moving vessel is repeated to the bit, and is restarted
     }
   };
   scene::Scene second(file.path());
-  simulator::Session again(second);
+  simulator::Simulation again(second);
   repeat(again);
   session.Restart();
   repeat(session);
@@ -307,12 +305,12 @@ TEST_CASE("The shipped scenes of these effects start and run, and the drill has 
     INFO(name);
     scene::Scene scene(folder + name + ".toml");
     CHECK(scene.effect_names().empty() == (name == "drill_tube"));
-    simulator::Session session(scene);
+    simulator::Simulation session(scene);
     simulator::Command command;
     command.target = session.target();
     for (int k = 1; k <= 100; ++k) {
       command.time_s = 0.02 * k;
-      command.target.insertion_mm += 0.5;
+      command.target[0].insertion_mm += 0.5;
       CountedBudget budget(scene.budget_units());
       REQUIRE(session.Tick(command, budget).converged);
     }

@@ -3,7 +3,7 @@
 #include <catch2/catch.hpp>
 
 #include "host/simulator/vessel/phantoms.h"
-#include "tests/core/finite_differences.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {

@@ -3,7 +3,7 @@
 
 #include "host/simulator/scene/scene.h"
 #include "host/support/error.h"
-#include "tests/simulator/scenes.h"
+#include "tests/support/scenes.h"
 
 using Catch::Matchers::Contains;
 
@@ -28,10 +28,10 @@ TEST_CASE("Effects with good keys are taken") {
            std::string("[[effects.compliance.region]]\nfactor = 10\n") + kBall,
            std::string("[[effects.compliance.region]]\nstiffness_N_mm2 = 1\ncenterline = \"side\"\n"
                        "radius_mm = 6\n"),
-           std::string("[effects.friction]\ncoefficient = 0.1\ncoating_mm = 50\n"
-                       "coating_coefficient = 0.02\n[[effects.friction.region]]\nfactor = 3\n") +
+           std::string("coating_mm = 50\ncoating_coefficient = 0.02\n[effects.friction]\n"
+                       "coefficient = 0.1\n[[effects.friction.region]]\nfactor = 3\n") +
                kBall,
-           std::string("[effects.gravity]\nlinear_density_g_m = 0.6\n"),
+           std::string("linear_density_g_m = 0.6\n[effects.gravity]\n"),
            std::string("[effects.point_load]\nforce_mN = 1\nforce_direction = \"left\"\n"),
            std::string("[effects.heartbeat]\namplitude_mm = 1\ndirection = \"anterior\"\n"
                        "[[effects.heartbeat.region]]\n") +
@@ -57,25 +57,26 @@ TEST_CASE("Effects with bad keys are refused with line, key, value and remedy") 
       {compliance + kBall + "factor = 2\nstiffness_N_mm2 = 1\n", {"not both"}},
       {compliance + kBall + "factor = -2\n", {"region[0].factor = -2", "0.0001 to 10000"}},
       {compliance + kBall + "factor = nan\n", {"factor = nan"}},
-      {compliance + "factor = 2\n", {"center_mm: is missing", "centerline"}},
+      {compliance + "factor = 2\n", {"center_mm", "a region is one of", "centerline"}},
       {compliance + "factor = 2\ncenter_mm = [50, 30, 0]\nradius_mm = 5\n",
        {"center_mm", "meets no part of the vessel's lumen"}},
       {compliance + "factor = 2\ncenterline = \"mian\"\nradius_mm = 5\n", {"centerline", "main"}},
       {compliance + "factor = 2\ncenterline = \"main\"\nfrom_mm = 50\nto_mm = 20\nradius_mm = 5\n",
        {"to_mm", "more than from_mm"}},
       {compliance + "factor = 2\ncenterline = \"main\"\nfrom_mm = 5000\nradius_mm = 5\n",
-       {"from_mm = 5000", "out of range"}},
+       {"from_mm = 5000", "is 284.4 mm long"}},
       {compliance + "factor = 2\nside_of_mm = [1e4, 0, 0]\nside = [1, 0, 0]\nedge_mm = 1\n",
        {"side_of_mm", "meets no part"}},
       {compliance + kBall + "factor = 2\nrdius_mm = 3\n", {"rdius_mm", "did you mean radius_mm"}},
-      {"[effects.friction]\ncoefficient = 0.1\ncoating_mm = 50\n", {"coating_coefficient"}},
-      {"[effects.friction]\ncoefficient = 0.1\ncoating_coefficient = 0.05\n", {"coating_mm"}},
-      {"[effects.friction]\ncoefficient = 0.1\n[[effects.friction.region]]\nfactor = 30\n",
+      {"coating_mm = 50\n[effects.friction]\ncoefficient = 0.1\n", {"coating_coefficient"}},
+      {"coating_coefficient = 0.05\n[effects.friction]\ncoefficient = 0.1\n", {"coating_mm"}},
+      {"[effects.friction]\ncoefficient = 0.1\n[[effects.friction.region]]\nfactor = 30\n" +
+           std::string(kBall),
        {"factor = 30", "0 to 20"}},
-      {"[effects.gravity]\n", {"linear_density_g_m: is missing"}},
-      {"[effects.gravity]\nlinear_density_g_m = 1\ndirection = \"down\"\n",
+      {"[effects.gravity]\n", {"linear_density_g_m"}},
+      {"linear_density_g_m = 1\n[effects.gravity]\ndirection = \"down\"\n",
        {"direction", "posterior"}},
-      {"[effects.gravity]\nlinear_density_g_m = 1\ndirection = [0, 0, 0]\n", {"has no length"}},
+      {"linear_density_g_m = 1\n[effects.gravity]\ndirection = [0, 0, 0]\n", {"has no length"}},
       {"[effects.point_load]\n", {"nothing acts on the end"}},
       {"[effects.point_load]\nforce_mN = 2\n", {"force_mN = 2", "needs force_direction"}},
       {"[effects.point_load]\nmoment_axis = [0, 0, 1]\n", {"needs moment_mN_mm"}},
@@ -92,8 +93,6 @@ TEST_CASE("Effects with bad keys are refused with line, key, value and remedy") 
       {breath + "inhale = 0.5\nexhale = 0.6\n[[effects.breathing.region]]\n" + kBall,
        {"effects.breathing.exhale", "more than a breath"}},
       {beat + "1" + beaten + kBall + kPaperMethod, {"effects.heartbeat", "newton"}},
-      {"[effects.sections]\nfrom_tip_mm = [0]\nrigidities_N_mm2 = [1]\nradii_mm = [0.2]\n",
-       {"wire.radius_mm", "effects.sections"}},
   };
   for (const Case& one : cases) {
     INFO(one.text);
@@ -102,13 +101,12 @@ TEST_CASE("Effects with bad keys are refused with line, key, value and remedy") 
   }
 }
 
-// The scene of SceneFile with a wire by sections.
+// A scene whose wire is given by sections.
 std::string WithSections(const TemporaryFolder& folder, const std::string& sections) {
   std::string path = folder.Path() + "/sections.toml";
-  std::ofstream(path) << "name = \"sections\"\n[vessel]\nkind = \"phantom\"\nphantom = \"ty\"\n"
+  std::ofstream(path) << "name = \"sections\"\n[vessel]\nkind = \"ty_phantom\"\n"
                          "wall_stiffness_N_mm2 = 0.01\n[entry]\ncenterline = \"main\"\nat_mm = 1\n"
-                         "[wire]\nsegment_mm = 1\nmax_length_mm = 200\ntip_mm = 10\n"
-                         "[effects.sections]\n"
+                         "[[instrument]]\nmax_length_mm = 200\ntip_mm = 10\n"
                       << sections;
   return path;
 }
@@ -117,10 +115,10 @@ TEST_CASE("A scene's wire is the one of its sections") {
   const TemporaryFolder folder;
   const scene::Scene scene(
       WithSections(folder,
-                   "from_tip_mm = [0, 10, 10, 50]\nrigidities_N_mm2 = [1, 1, 5, 45]\n"
-                   "radii_mm = [0.1, 0.1, 0.2, 0.3]\ncurvatures_1_per_mm = [0.05, 0.05, 0, 0]\n"
-                   "curvatures_2_per_mm = [0, 0.02, 0, 0]\n"));
-  const WireModel& wire = scene.wire();
+                   "from_tip_mm = [0, 10, 10, 50]\nrigidity_N_mm2 = [1, 1, 5, 45]\n"
+                   "radius_mm = [0.1, 0.1, 0.2, 0.3]\ncurvature_1_per_mm = [0.05, 0.05, 0, 0]\n"
+                   "curvature_2_per_mm = [0, 0.02, 0, 0]\n"));
+  const WireModel& wire = scene.rod();
   CHECK(wire.rigidity_N_mm2(5) == Approx(1));
   CHECK(wire.rigidity_N_mm2(10) == Approx(1));
   CHECK(wire.rigidity_N_mm2(11) == Approx(6));
@@ -133,7 +131,6 @@ TEST_CASE("A scene's wire is the one of its sections") {
   CHECK(wire.rest_direction(5)[2] == Approx(std::cos(angle)));
   CHECK(wire.rest_direction(5)[0] / wire.rest_direction(5)[1] == Approx(5));
   CHECK(scene.effects().empty());
-  CHECK(scene.effect_names() == std::vector<std::string>{"sections"});
 }
 
 TEST_CASE("Sections that are no wire are refused") {
@@ -141,17 +138,17 @@ TEST_CASE("Sections that are no wire are refused") {
     std::string text;
     std::string said;
   };
-  const std::string radii = "radii_mm = [0.2]\n";
+  const std::string radius = "radius_mm = 0.2\n";
   const Case cases[] = {
-      {"from_tip_mm = [0, 5]\nrigidities_N_mm2 = [1, 2, 3]\n" + radii, "one for each of"},
-      {"from_tip_mm = [5, 0]\nrigidities_N_mm2 = [1]\n" + radii, "must ascend"},
-      {"from_tip_mm = [0, 5, 5, 5]\nrigidities_N_mm2 = [1]\n" + radii, "must ascend"},
-      {"from_tip_mm = [0, nan]\nrigidities_N_mm2 = [1]\n" + radii, "from_tip_mm"},
-      {"from_tip_mm = [0]\nrigidities_N_mm2 = [-1]\n" + radii, "rigidities_N_mm2"},
-      {"from_tip_mm = [0]\nrigidities_N_mm2 = [1]\n", "radii_mm: is missing"},
-      {"from_tip_mm = [0]\nrigidities_N_mm2 = [1]\ncurvatures_1_per_mm = [1.8]\n" + radii,
+      {"from_tip_mm = [0, 5]\nrigidity_N_mm2 = [1, 2, 3]\n" + radius, "one for each of"},
+      {"from_tip_mm = [5, 0]\nrigidity_N_mm2 = [1]\n" + radius, "must ascend"},
+      {"from_tip_mm = [0, 5, 5, 5]\nrigidity_N_mm2 = [1]\n" + radius, "must ascend"},
+      {"from_tip_mm = [0, nan]\nrigidity_N_mm2 = [1]\n" + radius, "from_tip_mm"},
+      {"from_tip_mm = [0]\nrigidity_N_mm2 = [-1]\n" + radius, "rigidity_N_mm2"},
+      {"from_tip_mm = [0]\nrigidity_N_mm2 = [1]\n", "radius_mm: is missing"},
+      {"from_tip_mm = [0]\nrigidity_N_mm2 = [1]\ncurvature_1_per_mm = [1.8]\n" + radius,
        "rest curvature"},
-      {"from_tip_mm = [0]\nrigidities_N_mm2 = [1]\nradii_mm = [4.5]\n", "does not fit"},
+      {"from_tip_mm = [0]\nrigidity_N_mm2 = [1]\nradius_mm = [4.5]\n", "does not fit"},
   };
   const TemporaryFolder folder;
   for (const Case& one : cases) {

@@ -37,7 +37,7 @@ struct BentWay {
     std::vector<Vector3d> path;
     for (double a = 0.01; a < 4; a += 0.01)
       path.emplace_back(30 * std::cos(a), 30 * std::sin(a), 0);
-    LayAlong(model, path, kLength, state);
+    state = WireState::Along(model, path, {kLength, 0});
     relaxation->Restart(state);
     REQUIRE(Settle(*relaxation, {kLength, 0}, state).converged);
   }
@@ -49,7 +49,7 @@ struct BentWay {
   /// How far the tip is behind the hand.
   double Lag() const {
     double sum = 0;
-    for (const double twist : state.twist_rad) sum += twist;
+    for (const double twist : state.twist_rad()) sum += twist;
     return -sum;
   }
 };
@@ -90,7 +90,7 @@ TEST_CASE("The work of the hand's torque is the energy that the wire stores") {
   way.TurnTo(0.5);  // past the first whip
   REQUIRE(Settle(*way.relaxation, {BentWay::kLength, 0.5}, way.state).converged);
   const auto torque = [&way] {
-    return -way.state.twist_rad[0] * TwistStiffness(way.model, way.state, 0);
+    return -way.state.twist_rad()[0] * TwistStiffness(way.model, way.state, 0);
   };
   double energy = way.relaxation->Current().energy_mJ;
   double work = 0;
@@ -105,10 +105,10 @@ TEST_CASE("The work of the hand's torque is the energy that the wire stores") {
 
 std::string SceneFile(const TemporaryFolder& folder, const std::string& more) {
   std::string path = folder.Path("torsion.toml");
-  std::ofstream(path) << "name = \"torsion\"\n[vessel]\nkind = \"phantom\"\nphantom = \"ty\"\n"
+  std::ofstream(path) << "name = \"torsion\"\n[vessel]\nkind = \"ty_phantom\"\n"
                          "wall_stiffness_N_mm2 = 0.01\n"
                          "[entry]\ncenterline = \"main\"\nat_mm = 1\n"
-                         "[wire]\nsegment_mm = 1\nmax_length_mm = 100\nradius_mm = 0.178\n"
+                         "[[instrument]]\nmax_length_mm = 100\nradius_mm = 0.178\n"
                          "rigidity_N_mm2 = 2\n"
                       << more;
   return path;
@@ -116,18 +116,19 @@ std::string SceneFile(const TemporaryFolder& folder, const std::string& more) {
 
 TEST_CASE("A scene's wire twists if the scene says so") {
   const TemporaryFolder folder;
-  scene::Scene with(SceneFile(folder, "[effects.torsion]\nrigidity_ratio = 0.5\n"));
-  CHECK(with.wire().twists());
-  CHECK(with.wire().torsional_rigidity_N_mm2(7) == Approx(1));
+  scene::Scene with(SceneFile(folder, "torsional_rigidity_ratio = 0.5\n[effects.torsion]\n"));
+  CHECK(with.rod().twists());
+  CHECK(with.rod().torsional_rigidity_N_mm2(7) == Approx(1));
   CHECK(with.effect_names() == std::vector<std::string>{"torsion"});
   scene::Scene without(SceneFile(folder, ""));
-  CHECK_FALSE(without.wire().twists());
+  CHECK_FALSE(without.rod().twists());
 }
 
 TEST_CASE("What torsion cannot be is refused") {
   const TemporaryFolder folder;
-  CHECK_THROWS_WITH(scene::Scene(SceneFile(folder, "[effects.torsion]\nrigidity_ratio = 0\n")),
-                    Contains("effects.torsion.rigidity_ratio"));
+  CHECK_THROWS_WITH(
+      scene::Scene(SceneFile(folder, "torsional_rigidity_ratio = 0\n[effects.torsion]\n")),
+      Contains("instrument[0].torsional_rigidity_ratio = 0"));
   CHECK_THROWS_WITH(scene::Scene(SceneFile(folder, "[effects.torsion]\nratio = 1\n")),
                     Contains("effects.torsion.ratio"));
   CHECK_THROWS_WITH(

@@ -2,10 +2,10 @@
 #include <catch2/catch.hpp>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "host/simulator/effects/compliance.h"
-#include "host/simulator/effects/friction.h"
-#include "host/simulator/effects/gravity.h"
-#include "host/simulator/effects/sections.h"
+#include "host/simulator/effects/contact/compliance.h"
+#include "host/simulator/effects/contact/friction.h"
+#include "host/simulator/effects/loads/gravity.h"
+#include "host/simulator/scene/scene_spec.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/wires.h"
 
@@ -30,14 +30,14 @@ TEST_CASE("A wire lying on a wall sinks in by its weight over the stiffness of t
   parts.push_back({Region::Ball(Vector3d(70, 0, 0), 8, 2), kCalcified});
   Compliance compliance(std::move(parts), {model, wall});
   wall.by_place = compliance.wall_stiffness();
-  effects::Gravity gravity(Vector3d(0, 0, -kWeight));
+  effects::Gravity gravity({Vector3d(0, 0, -kWeight)});
   const std::vector<EnergyTerm*> terms{&gravity};
   NewtonRelaxation relaxation(model, floor, wall, {.tolerance = 1e-8}, terms);
   WireState state = LayStraight(model, 90);
   relaxation.Restart(state);
   REQUIRE(Settle(relaxation, {90, 0}, state).converged);
   const auto penetration = [&](int node) {
-    return 0.2 - state.nodes[static_cast<std::size_t>(node)][2];
+    return 0.2 - state.nodes()[static_cast<std::size_t>(node)][2];
   };
   CHECK(penetration(25) == Approx(kWeight / kSoft).epsilon(1e-3));
   CHECK(penetration(48) == Approx(kWeight / kElsewhere).epsilon(1e-3));
@@ -106,8 +106,10 @@ TEST_CASE("Friction has the coefficient of the wire's coating and of the wall's 
   Row row;
   std::vector<effects::Friction::Part> parts;
   parts.push_back({Region::Ball(Vector3d(2, 0, 0), 1.2, 0.3), 3.0});
-  effects::Friction friction(0.2, 0.005, {row.model, row.wall},
-                             {.length_mm = 4, .coefficient = 0.05}, std::move(parts));
+  effects::EffectContext context{row.model, row.wall};
+  context.instruments = {
+      {.name = "guidewire", .model = &row.model, .coating_mm = 4, .coating_coefficient = 0.05}};
+  effects::Friction friction(0.2, 0.005, context, std::move(parts));
   const std::vector<double> forces = row.Slipping(friction);
   for (int q = 0; q < Row::kPoints; ++q) {
     INFO("point " << q);
@@ -117,15 +119,36 @@ TEST_CASE("Friction has the coefficient of the wire's coating and of the wall's 
   }
 }
 
+TEST_CASE("Each instrument of a stack has its own friction, its own coating and its own end") {
+  Row row;
+  // The catheter ends 3 mm behind the wire's tip.
+  row.points.instruments = 2;
+  row.points.behind_mm = {0, 3};
+  effects::EffectContext context{row.model, row.wall};
+  context.instruments = {
+      {.name = "guidewire", .model = &row.model, .coating_mm = 2, .coating_coefficient = 0.05},
+      {.name = "catheter",
+       .model = &row.model,
+       .friction_coefficient = 0.3,
+       .coating_mm = 1.5,
+       .coating_coefficient = 0.1}};
+  effects::Friction friction(0.2, 0.005, context);
+  const std::vector<double> forces = row.Slipping(friction);
+  // From the tip: two points of the coated wire, one of the bare one, two of the coated catheter.
+  const std::vector<double> expected = {0.05, 0.05, 0.2, 0.1, 0.1, 0.3, 0.3, 0.3, 0.3, 0.3};
+  for (std::size_t k = 0; k < expected.size(); ++k) {
+    INFO("point " << k << " from the tip");
+    CHECK(forces[Row::kPoints - 1 - k] == Approx(expected[k] * 0.1));
+  }
+}
+
 TEST_CASE("A cantilever with a step in its rigidity bends by the closed form") {
   constexpr double kLength = 60;
-  StrictTable keys = StrictTable::Parse(
-      "from_tip_mm = [0, 20, 20]\nrigidities_N_mm2 = [0.5, 0.5, 4]\nradii_mm = 0.2\n", "wire.toml");
-  CHECK_THROWS(effects::ReadSections(keys));  // a list is wanted
-  keys = StrictTable::Parse(
-      "from_tip_mm = [0, 20, 20]\nrigidities_N_mm2 = [0.5, 0.5, 4]\nradii_mm = [0.2]\n",
-      "wire.toml");
-  const std::vector<WireSection> sections = effects::ReadSections(keys);
+  scene::InstrumentSpec wire;
+  wire.from_tip_mm = {0, 20, 20};
+  wire.rigidity_N_mm2 = {0.5, 0.5, 4};
+  wire.radius_mm = {0.2};
+  const std::vector<WireSection> sections = scene::MakeSections(wire, 1);
   REQUIRE(sections.size() == 3);
   double error[2];
   int k = 0;
@@ -146,7 +169,7 @@ TEST_CASE("A cantilever with a step in its rigidity bends by the closed form") {
     REQUIRE(Settle(relaxation, {kLength, 0}, state).converged);
     const double tip = std::pow(step_mm, 3);
     const double expected = kForce * ((std::pow(kLength, 3) - tip) / (3 * 4) + tip / (3 * 0.5));
-    error[k++] = state.nodes.back()[1] / expected - 1;
+    error[k++] = state.nodes().back()[1] / expected - 1;
   }
   INFO("errors " << error[0] << " " << error[1]);
   CHECK(std::abs(error[1]) < 2e-4);

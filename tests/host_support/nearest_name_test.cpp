@@ -29,6 +29,8 @@ TEST_CASE("A name that was cut short is found by its beginning", "[support]") {
 TEST_CASE("Of several the one that needs the least is taken", "[support]") {
   // A missing unit is likelier than another letter, and the shorter of two longer names.
   CHECK(NearestName("length", {"lengths_count", "length_mm", "lenght"}) == "length_mm");
+  // Words too many are less likely than a letter too many.
+  CHECK(NearestName("side_of_mmx", {"side", "side_of_mm"}) == "side_of_mm");
   CHECK(NearestName("pushes", {"push", "pushes_wanted_at_most", "pushes_wanted"}) ==
         "pushes_wanted");
   CHECK(NearestName("--dura", {"--duration", "--drop", "--help"}) == "--duration");

@@ -81,6 +81,16 @@ TEST_CASE("A strict table refuses what is missing and has no default", "[support
   CHECK_THROWS_WITH(table.Text("note"), Contains("note = '': is empty"));
 }
 
+TEST_CASE("A refused number stands in the message as people write it", "[support]") {
+  StrictTable table = StrictTable::Parse(
+      "a = 0.3\nb = [0.1, 1e-3, [2.5]]\nc = []\nd = 6.35e-3\ne = -500.0\n", "s.toml");
+  CHECK_THROWS_WITH(table.Number("a", 1, 2), Contains("s.toml:1: a = 0.3: is out"));
+  CHECK_THROWS_WITH(table.Numbers("b", 0, 1), Contains("b = [ 0.1, 0.001, [ 2.5 ] ]: holds"));
+  CHECK_THROWS_WITH(table.Numbers("c", 0, 1), Contains("c = []: is not a list"));
+  CHECK_THROWS_WITH(table.Number("d", 1, 2), Contains("d = 0.00635: is out"));
+  CHECK_THROWS_WITH(table.Number("e", 1, 2), Contains("e = -500.0: is out"));
+}
+
 TEST_CASE("A long value is cut in the message", "[support]") {
   StrictTable table = StrictTable::Parse("name = \"" + std::string(1000, 'x') + "\"\n", "s.toml");
   CHECK_THROWS_WITH(table.Number("name", 0, 1), Contains("xxx...: is not a number"));

@@ -5,8 +5,8 @@
 #include <catch2/catch.hpp>
 #include <random>
 
-#include "tests/core/finite_differences.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -14,14 +14,12 @@ namespace {
 
 // A wire whose segments point in the given directions of the plane z = 0.
 WireState LayAngles(const WireModel& model, const std::vector<double>& angles_rad) {
-  WireState state = LayStraight(model, static_cast<double>(angles_rad.size()) * model.segment_mm());
-  REQUIRE(state.segments() == static_cast<int>(angles_rad.size()));
-  for (std::size_t i = 0; i < angles_rad.size(); ++i) {
-    state.tangents[i] = {std::cos(angles_rad[i]), std::sin(angles_rad[i]), 0};
-  }
-  PlaceNodes(model, 1, state);
-  TransportNormals(model, state);
-  return state;
+  const WireState straight =
+      LayStraight(model, static_cast<double>(angles_rad.size()) * model.segment_mm());
+  REQUIRE(straight.segments() == static_cast<int>(angles_rad.size()));
+  std::vector<Vector3d> tangents;
+  for (const double angle : angles_rad) tangents.emplace_back(std::cos(angle), std::sin(angle), 0);
+  return WithTangents(model, straight, tangents);
 }
 
 // Bending energy between mu and nu, up to a factor: the terms of (22) that a cycle can change.
@@ -135,11 +133,11 @@ TEST_CASE("the interval with the largest merit is selected, its ends shrunk: (30
   auto interval = SelectInterval(model, state, near_wall, 39, settings);
   REQUIRE(interval);
   // Nodes up to 24 and from 26 on deviate from the (straight) spline only along it.
-  const Vector3d x = state.nodes[33] - state.nodes[20];
+  const Vector3d x = state.nodes()[33] - state.nodes()[20];
   double sum = 0;
   std::vector<double> deviation(41, 0.0);
   for (int i = 20; i <= 33; ++i) {
-    deviation[i] = (state.nodes[i] - state.nodes[20] - (i - 20) / 13.0 * x).norm();
+    deviation[i] = (state.nodes()[i] - state.nodes()[20] - (i - 20) / 13.0 * x).norm();
     sum += deviation[i] * deviation[i];
   }
   const double sigma = std::sqrt(sum / 13);
@@ -211,8 +209,8 @@ TEST_CASE("point slide leaves a wire of equal lengths as it is") {
   std::mt19937 random(6);
   const WireState state = Wander(model, 50, 0.1, random);
   std::vector<Vector3d> slid;
-  SlidePoints(state.nodes, 1, 1, true, slid);
-  for (int j = 0; j <= 50; ++j) CHECK((slid[j] - state.nodes[j]).norm() < 1e-12);
+  SlidePoints(state.nodes(), 1, 1, true, slid);
+  for (int j = 0; j <= 50; ++j) CHECK((slid[j] - state.nodes()[j]).norm() < 1e-12);
 }
 
 TEST_CASE("on a circle the second-order slide is better by two orders: (26), (27)") {
@@ -266,7 +264,7 @@ TEST_CASE("a cycle lowers Psi and leaves the interval's ends and end tangents") 
   CHECK(nu <= 36);
   CHECK(nu - mu > 20);
 
-  double psi = TotalPsi(state.nodes, mu, nu);
+  double psi = TotalPsi(state.nodes(), mu, nu);
   const double psi_before = psi;
   for (int sweep = 1; sweep < nu - mu; ++sweep) {
     REQUIRE_FALSE(relaxation.Continue(1, state));
@@ -281,18 +279,18 @@ TEST_CASE("a cycle lowers Psi and leaves the interval's ends and end tangents") 
 
   const std::vector<Vector3d>& curve = relaxation.curve();
   for (int i = 0; i <= 46; ++i) {
-    if (i <= mu || i >= nu) CHECK(curve[i] == before.nodes[i]);
+    if (i <= mu || i >= nu) CHECK(curve[i] == before.nodes()[i]);
   }
-  for (int i = 0; i < mu; ++i) CHECK(state.tangents[i] == before.tangents[i]);
+  for (int i = 0; i < mu; ++i) CHECK(state.tangents()[i] == before.tangents()[i]);
   CHECK(relaxation.zeta() > 0);
   for (int i = 0; i < 46; ++i) {
-    CHECK(std::abs((state.nodes[i + 1] - state.nodes[i]).norm() - 1) < 1e-12);
-    CHECK(std::abs(state.tangents[i].dot(state.normals[i])) < 1e-12);
+    CHECK(std::abs((state.nodes()[i + 1] - state.nodes()[i]).norm() - 1) < 1e-12);
+    CHECK(std::abs(state.tangents()[i].dot(state.normals()[i])) < 1e-12);
   }
   // Past nu the wire slides along itself.
-  CHECK(DistanceTo(state.nodes, before.nodes[nu]) < 0.05);
-  CHECK((state.tangents[44] - before.tangents[44]).norm() < 1e-9);
-  CHECK((state.nodes[46] - before.nodes[46]).norm() < 1);
+  CHECK(DistanceTo(state.nodes(), before.nodes()[nu]) < 0.05);
+  CHECK((state.tangents()[44] - before.tangents()[44]).norm() < 1e-9);
+  CHECK((state.nodes()[46] - before.nodes()[46]).norm() < 1);
 }
 
 TEST_CASE("a cycle takes out short waves and leaves long ones") {
@@ -313,8 +311,8 @@ TEST_CASE("a cycle takes out short waves and leaves long ones") {
     }
     return sum;
   };
-  CHECK(std::abs(part(relaxation.curve(), 7)) < 0.1 * part(before.nodes, 7));
-  CHECK(part(relaxation.curve(), 1) > 0.7 * part(before.nodes, 1));
+  CHECK(std::abs(part(relaxation.curve(), 7)) < 0.1 * part(before.nodes(), 7));
+  CHECK(part(relaxation.curve(), 1) > 0.7 * part(before.nodes(), 1));
 }
 
 TEST_CASE("where the tip would go too far, zeta keeps it within lambda") {
@@ -327,7 +325,7 @@ TEST_CASE("where the tip would go too far, zeta keeps it within lambda") {
   REQUIRE(relaxation.Continue(1000, state));
   CHECK(relaxation.zeta() > 0);
   CHECK(relaxation.zeta() < 1);
-  const double gone = (state.nodes[46] - before.nodes[46]).norm();
+  const double gone = (state.nodes()[46] - before.nodes()[46]).norm();
   CHECK(gone < 1);
   CHECK(gone > 0.95);
 }
@@ -351,7 +349,7 @@ TEST_CASE("where the new curve meets the wall, zeta stops short of it") {
   const auto lowest = [&](double zeta) {
     double y = 1e300;
     for (int i = relaxation.interval().mu + 1; i < relaxation.interval().nu; ++i) {
-      y = std::min(y, zeta * relaxation.curve()[i][1] + (1 - zeta) * before.nodes[i][1]);
+      y = std::min(y, zeta * relaxation.curve()[i][1] + (1 - zeta) * before.nodes()[i][1]);
     }
     return y - model.radius_mm(0);
   };

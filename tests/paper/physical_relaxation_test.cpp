@@ -52,7 +52,7 @@ class WavyChannel final : public AnalyticField {
 struct ChannelCase {
   explicit ChannelCase(double stiffness_N_mm2)
       : model(MakeWire({.max_length_mm = 100})), wall{stiffness_N_mm2, 1}, state(model) {
-    LayAlong(model, {{100, 0, 0}}, 60, state);
+    state = WireState::Along(model, {{100, 0, 0}}, {60, 0});
     NewtonSettings settings;
     settings.tolerance = 1e-9;
     NewtonRelaxation newton(model, field, wall, settings, kNoTerms);
@@ -101,17 +101,17 @@ TEST_CASE("an update follows the energy's gradient across the segment: (6) to (1
     PhysicalRelaxation physical(model, field, wall, With(UpdateRule::kRhoOnly, kUnbounded));
     physical.Restart(moved);
     physical.Update(i, moved);
-    const Vector3d& u = state.tangents[i];
-    const Vector3d du = moved.tangents[i] / moved.tangents[i].dot(u) - u;
+    const Vector3d& u = state.tangents()[i];
+    const Vector3d du = moved.tangents()[i] / moved.tangents()[i].dot(u) - u;
     // (8), (10'): rho from the bends on either side.
     const auto joint = [&](int k) {
-      const Vector3d before = k == 0 ? model.sheath().direction : state.tangents[k - 1];
+      const Vector3d before = k == 0 ? model.sheath().direction : state.tangents()[k - 1];
       return JointStiffness(model, state, k) *
-             EvaluateBending(law, 1 - before.dot(state.tangents[k])).slope;
+             EvaluateBending(law, 1 - before.dot(state.tangents()[k])).slope;
     };
     const double length = state.SegmentLength(model, i);
     const double rho = (joint(i) + (i + 1 < 40 ? joint(i + 1) : 0)) / length;
-    const Vector2d across(state.normals[i].dot(du), u.cross(state.normals[i]).dot(du));
+    const Vector2d across(state.normals()[i].dot(du), u.cross(state.normals()[i]).dot(du));
     CHECK((-rho * length * across - expansion.gradient[i]).norm() <
           1e-9 * std::max(1e-5, expansion.gradient[i].norm()));
   }
@@ -119,20 +119,17 @@ TEST_CASE("an update follows the energy's gradient across the segment: (6) to (1
 
 TEST_CASE("the ladder of update rules: (16), (17), (19), exact root") {
   const WireModel model = MakeWire({.max_length_mm = 20});
-  WireState start = LayStraight(model, 10);
   // Head-on, a little aslant: the wall's force runs mainly along the last segment.
-  start.tangents[9] = Vector3d(1, 0.02, 0).normalized();
-  PlaceNodes(model, 1, start);
-  TransportNormals(model, start);
+  WireState start = WithTangent(model, LayStraight(model, 10), 9, Vector3d(1, 0.02, 0));
   const double pressed = GENERATE(0.01, 2.0);  // mm
   CAPTURE(pressed);
-  const HalfSpace field({start.nodes[10][0] + 0.178 - pressed, 0, 0}, {-1, 0, 0});
+  const HalfSpace field({start.nodes()[10][0] + 0.178 - pressed, 0, 0}, {-1, 0, 0});
   const WallModel wall{0.1, 1};
   // B of (10') by hand: u_{n+1} is absent, p of (8) is about 1.
-  const Vector3d u = start.tangents[9];
-  const Vector3d eta = start.tangents[8] - u;
+  const Vector3d u = start.tangents()[9];
+  const Vector3d eta = start.tangents()[8] - u;
   const double c = JointStiffness(model, start, 9);
-  const double p = EvaluateBending(BendingLaw::kExact, 1 - u.dot(start.tangents[8])).slope;
+  const double p = EvaluateBending(BendingLaw::kExact, 1 - u.dot(start.tangents()[8])).slope;
   const Vector3d force = Vector3d(0.1 * pressed, 0, 0) - c * p * eta;
   const double along = force.dot(u);
   const double across = (force - along * u).norm();
@@ -144,7 +141,7 @@ TEST_CASE("the ladder of update rules: (16), (17), (19), exact root") {
     PhysicalRelaxation physical(model, field, wall, With(rule, kUnbounded));
     physical.Restart(state);
     const double du = physical.Update(9, state);
-    if (turned_away != nullptr) *turned_away = start.nodes[10][0] - state.nodes[10][0];
+    if (turned_away != nullptr) *turned_away = start.nodes()[10][0] - state.nodes()[10][0];
     return du;
   };
   double away = 0;
@@ -176,7 +173,7 @@ TEST_CASE("an update is bounded by du_max / sqrt(n + 1 - i): (18)") {
     const double du = physical.Update(i, state);
     CHECK(du <= bound);
     bounded += du == bound;
-    CHECK((state.tangents[i] - start.tangents[i]).norm() <= bound);
+    CHECK((state.tangents()[i] - start.tangents()[i]).norm() <= bound);
   }
   CHECK(bounded > 10);
 }
@@ -192,17 +189,18 @@ TEST_CASE("an update moves what is distal rigidly and nothing else") {
   PhysicalRelaxation physical(model, field, wall, {});
   physical.Restart(state);
   physical.Update(12, state);
-  const Vector3d move = state.nodes[30] - start.nodes[30];
+  const Vector3d move = state.nodes()[30] - start.nodes()[30];
   CHECK(move.norm() > 1e-4);
   for (int j = 0; j <= 30; ++j) {
-    CHECK((state.nodes[j] - start.nodes[j] - (j > 12 ? move : Vector3d::Zero())).norm() < 1e-12);
+    CHECK((state.nodes()[j] - start.nodes()[j] - (j > 12 ? move : Vector3d::Zero())).norm() <
+          1e-12);
   }
-  CHECK(std::abs(state.tangents[12].norm() - 1) < 1e-15);
+  CHECK(std::abs(state.tangents()[12].norm() - 1) < 1e-15);
   // The spin kept along is the spin made anew: the tip's rest shape does not twist.
   WireState anew = state;
-  UpdateSpin(model, anew);
-  for (std::size_t k = 0; k < state.spin.size(); ++k) {
-    CHECK((anew.spin[k] - state.spin[k]).norm() < 1e-12);
+  anew.UpdateFrames(model);
+  for (std::size_t k = 0; k < state.reference_twist().size(); ++k) {
+    CHECK((anew.reference_twist()[k] - state.reference_twist()[k]).norm() < 1e-12);
   }
 }
 
@@ -241,7 +239,7 @@ TEST_CASE("an incomplete cycle leaves out its last iterations") {
   CHECK(physical.ContinueCycle(1'000'000, state));
   CHECK(physical.updates() == 12 * 13 / 2);
   for (int i = 0; i < 30; ++i) {
-    CHECK((state.tangents[i] == start.tangents[i]) == (i < 18));
+    CHECK((state.tangents()[i] == start.tangents()[i]) == (i < 18));
   }
 }
 
@@ -265,7 +263,7 @@ TEST_CASE("Tip Relaxation updates the tip fully and every margin-th segment once
     const int paper = i + 1;  // the paper counts segments from 1
     const bool tip = paper > 40 - m;
     const bool single = paper < 40 - m && (40 - m - paper) % margin == 0;
-    CHECK((state.tangents[i] != start.tangents[i]) == (tip || single));
+    CHECK((state.tangents()[i] != start.tangents()[i]) == (tip || single));
   }
 }
 
@@ -280,8 +278,7 @@ TEST_CASE("skipped look-ups change no bit") {
   for (int k = 1; k <= 50; ++k) {
     path.emplace_back(20 * std::cos(0.05 * k), 20 * std::sin(0.05 * k), 0);
   }
-  WireState start(model);
-  LayAlong(model, path, 50, start);
+  WireState start = WireState::Along(model, path, {50, 0});
   std::mt19937 random(8);
   Shake(model, 0.02, random, start);
   std::uint64_t hash[2];
@@ -308,18 +305,18 @@ TEST_CASE("without a wall cycles bend the tip to its rest shape, whichever way i
   const FreeSpace field;
   const WallModel wall{1, 1};
   WireState state = LayStraight(model, 10);
-  state.SetRotation(rotation);
+  state.Rotate(rotation);
   PhysicalRelaxation physical(model, field, wall, {});
   physical.Restart(state);
   for (int k = 0; k < 300; ++k) CHECK(physical.ContinueCycle(1'000'000, state));
   for (int i = 0; i < 10; ++i) {
-    CHECK((state.tangents[i] - RestDirection(model, state, i)).norm() < 1e-5);
+    CHECK((state.tangents()[i] - RestDirection(model, state, i)).norm() < 1e-5);
   }
   // Four joints rest bent by 0.15 rad, towards the sheath's first normal turned by the rotation.
   const Vector3d& axis = model.sheath().direction;
   const Vector3d& first = model.sheath_normal();
   const Vector3d way = std::cos(rotation) * first + std::sin(rotation) * axis.cross(first);
-  CHECK((state.tangents[9] - std::cos(0.6) * axis - std::sin(0.6) * way).norm() < 1e-4);
+  CHECK((state.tangents()[9] - std::cos(0.6) * axis - std::sin(0.6) * way).norm() < 1e-4);
 }
 
 TEST_CASE("without a wall cycles straighten the wire") {
@@ -336,7 +333,7 @@ TEST_CASE("without a wall cycles straighten the wire") {
     rms = physical.mean_update_rms();
   }
   CHECK(rms < 1e-6);
-  CHECK((state.nodes[12] - Vector3d(12, 0, 0)).norm() < 1e-3);
+  CHECK((state.nodes()[12] - Vector3d(12, 0, 0)).norm() < 1e-3);
 }
 
 // The bound for EI 6.35e-3 N mm^2 and lambda 1 mm: k_w lambda^3 N < 4 EI / lambda.

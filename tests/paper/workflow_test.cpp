@@ -6,9 +6,9 @@
 #include "host/simulator/core/paper/paper_relaxation.h"
 #include "host/simulator/core/paper/predecessor_relaxation.h"
 #include "host/simulator/vessel/phantoms.h"
+#include "tests/support/allocation_counter.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/wires.h"
-#include "tests/vessel/allocation_counter.h"
 
 namespace torquer::test {
 namespace {
@@ -49,10 +49,10 @@ TEST_CASE("a segment is inserted just before the tip, parallel to the one before
   WireState state = start;
   REQUIRE(InsertSegment(model, state));
   CHECK(state.segments() == 31);
-  CHECK(state.insertion_mm == Approx(31));
-  for (int i = 0; i < 26; ++i) CHECK(state.tangents[i] == start.tangents[i]);
-  CHECK(state.tangents[26] == start.tangents[25]);
-  for (int i = 26; i < 30; ++i) CHECK(state.tangents[i + 1] == start.tangents[i]);
+  CHECK(state.insertion_mm() == Approx(31));
+  for (int i = 0; i < 26; ++i) CHECK(state.tangents()[i] == start.tangents()[i]);
+  CHECK(state.tangents()[26] == start.tangents()[25]);
+  for (int i = 26; i < 30; ++i) CHECK(state.tangents()[i + 1] == start.tangents()[i]);
   CHECK_FALSE(InsertSegment(model, state));  // no more than the wire has
   REQUIRE(RetractSegment(model, state));
   CHECK(HashState(state) == HashState(start));
@@ -139,13 +139,13 @@ TEST_CASE("actions come first, and what is less than a segment is carried") {
   CHECK(report.actions == 3);
   CHECK(report.iterations == 0);
   CHECK(report.budget_spent);
-  CHECK(report.carried_mm == Approx(6.75));
+  CHECK(report.carried[0].insertion_mm == Approx(6.75));
   CountedBudget more(4);
   report = relaxation.Tick({214.25, 0.1}, more, c.state);
   CHECK(report.actions == 3);  // two segments and a rotation
   CHECK(report.iterations == 1);
-  CHECK(report.carried_mm == Approx(1.75));
-  CHECK(c.state.rotation_rad == 0.1);
+  CHECK(report.carried[0].insertion_mm == Approx(1.75));
+  CHECK(c.state.rotation_rad() == 0.1);
 }
 
 TEST_CASE("the workflow gives the same bits for the same work") {
@@ -160,7 +160,7 @@ TEST_CASE("the workflow gives the same bits for the same work") {
     for (int k = 0; k < 60; ++k) {
       // The first run's budgets end anywhere, as a clock would; the second repeats the work done.
       CountedBudget budget(run == 0 ? units(random) : granted[k]);
-      const HandTarget target{100 + 1.25 * k - (k > 40 ? 2.5 * (k - 40) : 0.0), 0.05 * k};
+      const InstrumentPlaces target{100 + 1.25 * k - (k > 40 ? 2.5 * (k - 40) : 0.0), 0.05 * k};
       const TickReport report = relaxation.Tick(target, budget, c.state);
       if (run == 0) granted.push_back(report.work);
       if (run == 1) CHECK(report.work == granted[k]);
@@ -205,13 +205,13 @@ TEST_CASE("a tick allocates nothing") {
   PaperRelaxation relaxation(c.model, c.field, c.wall, c.settings);
   relaxation.Restart(c.state);
   CountedBudget budget(100000);
-  const std::size_t before = vessel::AllocationCount();
+  const std::size_t before = AllocationCount();
   for (int k = 0; k < 5; ++k) {
     relaxation.Tick({200.0 + 5 * k, 0.3 * k}, budget, c.state);
     relaxation.Tick({200.0 + 5 * k, 0.3 * k}, budget, c.state);
   }
   relaxation.Tick({10, 0}, budget, c.state);
-  CHECK(vessel::AllocationCount() == before);
+  CHECK(AllocationCount() == before);
 }
 
 TEST_CASE("the predecessor feeds at the base in small steps, each with a cycle") {
@@ -226,20 +226,17 @@ TEST_CASE("the predecessor feeds at the base in small steps, each with a cycle")
   TickReport report = relaxation.Tick({4, 0}, budget, state);
   CHECK(report.actions == 11);
   CHECK(report.updates == 5 * 6 + 6 * 10);  // n = 3 until the first segment is 1.5 mm long
-  CHECK(state.insertion_mm == 4);
-  CHECK(report.carried_mm == 0);
+  CHECK(state.insertion_mm() == 4);
+  CHECK(report.carried[0].insertion_mm == 0);
   for (int mm = 5; mm <= 30; ++mm) report = relaxation.Tick({1.0 * mm, 0}, budget, state);
   CHECK(report.max_penetration_mm < 0.5);
   CHECK(report.energy_mJ < 1e-3);
-  CHECK(state.nodes.back()[0] < 15);  // it follows the bend
+  CHECK(state.nodes().back()[0] < 15);  // it follows the bend
 }
 
 TEST_CASE("the predecessor's cycle takes the signed denominator of (16), unbounded") {
   const WireModel model = MakeWire({.max_length_mm = 70, .law = BendingLaw::kG2});
-  WireState start = LayStraight(model, 10);
-  start.tangents[9] = Vector3d(1, 0.3, 0).normalized();
-  PlaceNodes(model, 1, start);
-  TransportNormals(model, start);
+  WireState start = WithTangent(model, LayStraight(model, 10), 9, Vector3d(1, 0.3, 0));
   const HalfSpace field({8, 0, 0}, {-1, 0, 0});  // pressed so hard that rho - u.B is negative
   const WallModel wall{0.1, 1};
   const auto cycle = [&](UpdateRule rule) {
@@ -262,10 +259,7 @@ TEST_CASE("the predecessor's cycle takes the signed denominator of (16), unbound
 TEST_CASE("fed fast against a wall the predecessor perforates it, the paper's method does not") {
   // Head-on: denominators of (16) turn negative, and the sign drives the tip on into the wall.
   const auto press = [](Relaxation& relaxation, const WireModel& model) {
-    WireState state = LayStraight(model, 12.5);
-    state.tangents[4] = Vector3d(1, 0.03, 0.01).normalized();
-    PlaceNodes(model, 1, state);
-    TransportNormals(model, state);
+    WireState state = WithTangent(model, LayStraight(model, 12.5), 4, Vector3d(1, 0.03, 0.01));
     relaxation.Restart(state);
     CountedBudget budget(1'000'000);
     double deepest = 0;

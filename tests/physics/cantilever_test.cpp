@@ -3,8 +3,8 @@
 #include <numbers>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "tests/physics/elastica.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/elastica.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -67,7 +67,9 @@ struct Beam {
         state(LayStraight(model, length_mm)) {
     relaxation.Restart(state);
   }
-  TickReport Relax() { return Settle(relaxation, {state.insertion_mm, state.rotation_rad}, state); }
+  TickReport Relax() {
+    return Settle(relaxation, {state.insertion_mm(), state.rotation_rad()}, state);
+  }
 };
 
 constexpr double kLength = 40;
@@ -77,7 +79,7 @@ Vector3d EndOfCantilever(int n, double load, BendingLaw law) {
   EndForce force(Vector3d(0, load * kRigidity / (kLength * kLength), 0));
   Beam beam({.segment_mm = kLength / n, .rigidity_N_mm2 = kRigidity, .law = law}, kLength, &force);
   REQUIRE(beam.Relax().converged);
-  return beam.state.nodes.back();
+  return beam.state.nodes().back();
 }
 
 TEST_CASE("A cantilever bends like the elastica, to second order in the segment") {
@@ -111,10 +113,10 @@ TEST_CASE("A part of a segment at the sheath counts with its length") {
   for (double first = 0.5; first < 1.5; first += 0.099) {
     const double lambda = kLength / (39 + first);
     Beam beam({.segment_mm = lambda, .rigidity_N_mm2 = kRigidity}, kLength, &force);
-    REQUIRE(beam.state.first_segment_mm == Approx(first * lambda));
+    REQUIRE(beam.state.first_segment_mm() == Approx(first * lambda));
     REQUIRE(beam.Relax().converged);
     INFO("first segment " << first);
-    CHECK((beam.state.nodes.back() - end).norm() < 2e-4 * kLength);
+    CHECK((beam.state.nodes().back() - end).norm() < 2e-4 * kLength);
   }
 }
 
@@ -129,18 +131,18 @@ TEST_CASE("An end moment of 2 pi EI/L bends the wire into a circle") {
     if (k == steps) break;
     const double radius = kLength / turned;
     const Vector3d end(radius * std::sin(turned), radius * (1 - std::cos(turned)), 0);
-    CHECK((beam.state.nodes.back() - end).norm() < 1e-3 * kLength);
+    CHECK((beam.state.nodes().back() - end).norm() < 1e-3 * kLength);
   }
-  CHECK(beam.state.nodes.back().norm() < 1e-3 * kLength);
+  CHECK(beam.state.nodes().back().norm() < 1e-3 * kLength);
   // Bending energy of a circle: EI L / (2 R^2).
   const double radius = kLength / (2 * kPi);
   const double energy = kRigidity * kLength / (2 * radius * radius);
   double bending = 0;
   Vector3d before = beam.model.sheath().direction;
   for (int i = 0; i < beam.state.segments(); ++i) {
-    const double y = (beam.state.tangents[i] - before).squaredNorm() / 2;
+    const double y = (beam.state.tangents()[i] - before).squaredNorm() / 2;
     bending += JointStiffness(beam.model, beam.state, i) * EvaluateBending(BendingLaw::kExact, y).g;
-    before = beam.state.tangents[i];
+    before = beam.state.tangents()[i];
   }
   CHECK(bending == Approx(energy).epsilon(0.01));
 }
@@ -153,7 +155,7 @@ TEST_CASE("A wire of constant intrinsic curvature rests as a circle") {
     beam.Relax();
     const Vector3d center = radius * beam.model.sheath_normal();
     double worst = 0;
-    for (const Vector3d& x : beam.state.nodes) {
+    for (const Vector3d& x : beam.state.nodes()) {
       worst = std::max(worst, std::abs((x - center).norm() - radius));
     }
     INFO("length " << length << " worst " << worst);
@@ -161,7 +163,7 @@ TEST_CASE("A wire of constant intrinsic curvature rests as a circle") {
     const double angle = length / radius;
     const Vector3d end = center + radius * (std::sin(angle) * Vector3d::UnitX() -
                                             std::cos(angle) * beam.model.sheath_normal());
-    CHECK((beam.state.nodes.back() - end).norm() < 0.5 * lambda * lambda / radius);
+    CHECK((beam.state.nodes().back() - end).norm() < 0.5 * lambda * lambda / radius);
     CHECK(beam.relaxation.Current().energy_mJ < 1e-12);
   }
 }
@@ -173,8 +175,8 @@ TEST_CASE("Turning the proximal end turns a free intrinsic circle by the same an
   const double angle = 2.1;
   REQUIRE(Settle(beam.relaxation, {30, angle}, beam.state).converged);
   const Eigen::AngleAxisd turn(angle, Vector3d::UnitX());
-  for (std::size_t i = 0; i < before.nodes.size(); ++i) {
-    CHECK((beam.state.nodes[i] - turn * before.nodes[i]).norm() < 1e-9);
+  for (std::size_t i = 0; i < before.nodes().size(); ++i) {
+    CHECK((beam.state.nodes()[i] - turn * before.nodes()[i]).norm() < 1e-9);
   }
 }
 
@@ -220,10 +222,10 @@ TEST_CASE("Below Euler's load a bent column straightens, above it stays bent") {
     REQUIRE(beam.Relax().converged);
     INFO("part of Euler's load " << part);
     if (part < 1) {
-      CHECK(std::abs(beam.state.nodes.back()[1]) < 1e-6);
+      CHECK(std::abs(beam.state.nodes().back()[1]) < 1e-6);
     } else {
       // Post-buckled elastica, end angle a: P/Pcr = (2 K(sin(a/2)) / pi)^2.
-      const double a = std::acos(beam.state.tangents.back()[0]);
+      const double a = std::acos(beam.state.tangents().back()[0]);
       const double load = std::pow(2 * std::comp_ellint_1(std::sin(a / 2)) / kPi, 2);
       CHECK(load == Approx(part).epsilon(2e-3));
     }

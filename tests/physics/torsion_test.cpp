@@ -75,10 +75,10 @@ TEST_CASE("A torque T twists a straight wire by T L / GJ") {
   relaxation->Restart(state);
   REQUIRE(Settle(*relaxation, {kShaft + kArc, 0}, state, 200).converged);
   double twist = 0;
-  for (const double t : state.twist_rad) twist += t;
+  for (const double t : state.twist_rad()) twist += t;
   // The arm turns away from the force: T = F a cos(twist). a is that of the polygon; of the joint
   // between the two a half belongs to the arm. The shaft bends a little.
-  const double arm = state.nodes.back().tail<2>().norm();
+  const double arm = state.nodes().back().tail<2>().norm();
   CHECK(arm == Approx(radius).epsilon(0.05));
   CHECK(twist == Approx(force_N * arm * std::cos(twist) * (kShaft - 0.25) / kGj).epsilon(1e-2));
   CHECK(std::abs(twist) > 0.01);
@@ -103,18 +103,17 @@ struct Held {
         held(LaidEnd(path, length_mm, along)),
         relaxation(MakeNewtonRelaxation(model, field, wall, {.tolerance = 1e-8}, terms)),
         state(model) {
-    LayAlong(model, path, length_mm, state);
+    state = WireState::Along(model, path, {length_mm, 0});
     relaxation->Restart(state);
   }
 
   HeldEnd LaidEnd(const std::vector<Vector3d>& path, double length_mm, const Vector3d& along) {
-    WireState laid(model);
-    LayAlong(model, path, length_mm, laid);
-    return HeldEnd(laid.nodes.back(), along, laid.tangents.back(), laid.normals.back());
+    WireState laid = WireState::Along(model, path, {length_mm, 0});
+    return HeldEnd(laid.nodes().back(), along, laid.tangents().back(), laid.normals().back());
   }
 
   void TurnTo(double angle) {
-    REQUIRE(Settle(*relaxation, {state.insertion_mm, angle}, state, 200).converged);
+    REQUIRE(Settle(*relaxation, {state.insertion_mm(), angle}, state, 200).converged);
   }
 };
 
@@ -126,12 +125,12 @@ TEST_CASE("A rod clamped at both ends buckles at the torque 8.987 EI/L (Greenhil
   Held rod(1, kRatio, kLength, {}, Vector3d(1e-6, 1, 1));
   const auto bulge = [&rod] {
     double largest = 0;
-    for (const Vector3d& x : rod.state.nodes) largest = std::max(largest, std::hypot(x[1], x[2]));
+    for (const Vector3d& x : rod.state.nodes()) largest = std::max(largest, std::hypot(x[1], x[2]));
     return largest;
   };
   rod.TurnTo(0.99 * critical);
   CHECK(bulge() < 1e-3);
-  for (const double twist : rod.state.twist_rad)
+  for (const double twist : rod.state.twist_rad())
     CHECK(twist < -0.1);  // the distal end stays behind
   rod.TurnTo(1.02 * critical);
   CHECK(bulge() > 1);
@@ -153,7 +152,7 @@ TEST_CASE("A ring leaves its plane at the twist 2 pi sqrt(3) EI/GJ (Michell)") {
   // It turns over into an eight, which holds no twist.
   const auto twist = [&ring] {
     double sum = 0;
-    for (const double t : ring.state.twist_rad) sum += t;
+    for (const double t : ring.state.twist_rad()) sum += t;
     return sum;
   };
   for (const double part : {0.2, 0.4, 0.6, 0.8, 0.9, 0.97}) ring.TurnTo(part * critical);

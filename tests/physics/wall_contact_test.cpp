@@ -35,7 +35,7 @@ TEST_CASE("A wire drawn round a post presses on it with (F - EI/2R^2)/R and lift
   for (double a = 0.02; a < pull; a += 0.02) {
     path.emplace_back(radius * std::sin(a), -radius * std::cos(a), 0);
   }
-  LayAlong(model, path, 60, state);
+  state = WireState::Along(model, path, {60, 0});
   relaxation.Restart(state);
   REQUIRE(Settle(relaxation, {60, 0}, state).converged);
 
@@ -61,11 +61,11 @@ TEST_CASE("A wire drawn round a post presses on it with (F - EI/2R^2)/R and lift
   CHECK(load / length == Approx(tension / radius).epsilon(0.01));
   CHECK(last_contact == Approx(leaves).margin(2 * lambda / radius));
   // The end lies in the force's direction.
-  CHECK(state.tangents.back().dot(Vector3d(std::cos(pull), std::sin(pull), 0)) > 1 - 1e-4);
+  CHECK(state.tangents().back().dot(Vector3d(std::cos(pull), std::sin(pull), 0)) > 1 - 1e-4);
   // Tension, from the loads beyond: constant where the wire lies on the post.
   const int i = static_cast<int>(0.5 * leaves * radius / lambda);
-  CHECK(-at.costate[static_cast<std::size_t>(i)].dot(state.tangents[static_cast<std::size_t>(i)]) ==
-        Approx(tension).epsilon(0.01));
+  CHECK(-at.distal_gradient[static_cast<std::size_t>(i)].dot(
+            state.tangents()[static_cast<std::size_t>(i)]) == Approx(tension).epsilon(0.01));
 }
 
 TEST_CASE("Normal loads leave T + EI kappa^2/2 the same all along a wire in a torus") {
@@ -94,17 +94,17 @@ TEST_CASE("Normal loads leave T + EI kappa^2/2 the same all along a wire in a to
 
   const auto n = static_cast<std::size_t>(state.segments());
   // The costate is minus the force that all beyond a node receive.
-  const double end_tension = -at.costate[n - 1].dot(state.tangents[n - 1]);
+  const double end_tension = -at.distal_gradient[n - 1].dot(state.tangents()[n - 1]);
   CHECK(end_tension < 0);
   const double largest_bending = rigidity / (2 * ring * ring);
   for (std::size_t i = 10; i + 1 < n; ++i) {
-    const double kappa = (state.tangents[i] - state.tangents[i - 1]).norm() / lambda;
-    const Vector3d along = (state.tangents[i] + state.tangents[i - 1]) / 2;
-    const double sum = -at.costate[i].dot(along) + rigidity * kappa * kappa / 2;
+    const double kappa = (state.tangents()[i] - state.tangents()[i - 1]).norm() / lambda;
+    const Vector3d along = (state.tangents()[i] + state.tangents()[i - 1]) / 2;
+    const double sum = -at.distal_gradient[i].dot(along) + rigidity * kappa * kappa / 2;
     INFO("node " << i);
     CHECK(sum == Approx(end_tension).margin(0.01 * largest_bending));
   }
-  CHECK(std::abs(state.nodes.back()[2]) < 1e-6);
+  CHECK(std::abs(state.nodes().back()[2]) < 1e-6);
 }
 
 }  // namespace

@@ -15,21 +15,29 @@ namespace {
 const std::string kGood = R"(name = "test"
 
 [vessel]
-kind = "phantom"
-phantom = "ty"
+kind = "ty_phantom"
 wall_stiffness_N_mm2 = 0.01
 
 [entry]
 centerline = "main"
 at_mm = 1
 
-[wire]
-segment_mm = 1
+[[instrument]]
 max_length_mm = 200
 radius_mm = 0.2
 tip_mm = 10
 tip_angle_deg = 30
 rigidity_N_mm2 = 6.35e-3
+)";
+
+// Around that instrument.
+const std::string kCatheter = R"(
+[[instrument]]
+name = "catheter"
+max_length_mm = 150
+inner_radius_mm = 0.3
+radius_mm = 0.5
+rigidity_N_mm2 = 0.01
 )";
 
 // What a scene of that text says when it is refused; "" when it is taken.
@@ -47,20 +55,23 @@ std::string Refusal(const std::string& text) {
   return "";
 }
 
-std::string With(const std::string& from, const std::string& to) {
-  std::string text = kGood;
+std::string WithIn(std::string text, const std::string& from, const std::string& to) {
   const auto at = text.find(from);
   REQUIRE(at != std::string::npos);
   return text.replace(at, from.size(), to);
 }
+
+std::string With(const std::string& from, const std::string& to) { return WithIn(kGood, from, to); }
 
 }  // namespace
 
 TEST_CASE("A good scene is taken", "[scene]") {
   CHECK(Refusal(kGood).empty());
   CHECK(Refusal(kGood + "[effects.friction]\ncoefficient = 0.1\n").empty());
-  CHECK(
-      Refusal(kGood + "[relaxation]\nmethod = \"paper\"\nupdate_rule = \"exact_root\"\n").empty());
+  CHECK(Refusal(kGood + "[relaxation]\nmethod = \"paper\"\n[relaxation.paper]\n"
+                        "update_rule = \"exact_root\"\n")
+            .empty());
+  CHECK(Refusal(kGood + kCatheter).empty());
 }
 
 TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
@@ -69,42 +80,80 @@ TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
     std::vector<std::string> said;
   };
   const Case cases[] = {
-      {With("radius_mm = 0.2", "radius_mm = -0.2"), {":15: wire.radius_mm = -0.2", "0.01 to 5"}},
-      {With("radius_mm = 0.2", "radius_mm = nan"), {":15: wire.radius_mm = nan", "give"}},
-      {With("radius_mm = 0.2", "radius_mm = \"thin\""), {"wire.radius_mm", "not a number"}},
-      {With("radius_mm = 0.2", "radius = 0.2"), {"wire.radius_mm: is missing"}},
+      {With("radius_mm = 0.2", "radius_mm = -0.2"),
+       {":13: instrument[0].radius_mm = -0.2", "0.01 to 5"}},
+      {With("radius_mm = 0.2", "radius_mm = nan"), {":13: instrument[0].radius_mm = nan", "give"}},
+      {With("radius_mm = 0.2", "radius_mm = \"thin\""),
+       {"instrument[0].radius_mm", "not a list of numbers", "give"}},
+      {With("radius_mm = 0.2", "radius_mm = []"), {":13: instrument[0].radius_mm", "give"}},
+      {With("radius_mm = 0.2", "radius = 0.2"), {":11: instrument[0].radius_mm: is missing"}},
       {With("radius_mm = 0.2", "radius_mm = 0.2\nradios_mm = 1"),
-       {":16: wire.radios_mm", "did you mean radius_mm?"}},
+       {":14: instrument[0].radios_mm", "did you mean radius_mm?"}},
       {With("radius_mm = 0.2", "radius_mm = 4.5"), {"does not fit", "thinner wire"}},
+      {With("radius_mm = 0.2", "radius_mm = [0.2, 0.3, 0.4]\nfrom_tip_mm = [0, 10]"),
+       {":13: instrument[0].radius_mm", "has 3 values", "one for each of the 2 of from_tip_mm"}},
+      {With("radius_mm = 0.2", "radius_mm = 0.2\nfrom_tip_mm = [0, 9, 8]"),
+       {":14: instrument[0].from_tip_mm", "ascend"}},
+      {With("radius_mm = 0.2", "radius_mm = 0.2\nfrom_tip_mm = [0, 9, 9, 9]"),
+       {":14: instrument[0].from_tip_mm", "ascend"}},
       {With("name = \"test\"", ""), {"name: is missing"}},
-      {With("phantom = \"ty\"", "phantom = \"yt\""), {":5: vessel.phantom", "\"ty\""}},
-      {With("kind = \"phantom\"", "kind = \"surface\"\nfile = \"none.stl\"\nmesh_unit = \"mm\""),
+      {With("[[instrument]]\n", "[instrument]\n"), {":11: instrument", "[[instrument]]"}},
+      {"name = \"test\"\n[vessel]\nkind = \"ty_phantom\"\nwall_stiffness_N_mm2 = 1\n"
+       "[entry]\ncenterline = \"main\"\n",
+       {"instrument: is missing", "[[instrument]]"}},
+      {With("kind = \"ty_phantom\"", "kind = \"ty_fantom\""),
+       {":4: vessel.kind", "did you mean \"ty_phantom\"?"}},
+      {With("kind = \"ty_phantom\"", "kind = \"surface\"\nfile = \"none.stl\"\nmesh_unit = \"mm\""),
        {"none.stl"}},
-      {With("centerline = \"main\"", "centerline = \"mian\""), {":9: entry.centerline", "main"}},
+      {With("kind = \"ty_phantom\"", "kind = \"ty_phantom\"\nradius_mm = 3"),
+       {":5: vessel.radius_mm", "not a known key"}},
+      {With("centerline = \"main\"", "centerline = \"mian\""), {":8: entry.centerline", "main"}},
       {With("centerline = \"main\"\nat_mm = 1", "point_mm = [0, 50, 0]\ndirection = [1, 0, 0]"),
        {"outside the lumen", "the wire would fit at"}},
       {With("centerline = \"main\"\nat_mm = 1", "point_mm = [1, 0, 0]\ndirection = [0, 0, 0]"),
        {"entry.direction", "no length"}},
-      {With("tip_mm = 10", "tip_mm = 0"), {"wire.tip_mm", "at least a segment"}},
-      {With("tip_angle_deg = 30", "tip_angle_deg = 400"), {"wire.tip_angle_deg = 400"}},
+      {With("centerline = \"main\"\nat_mm = 1", "point_mm = [1, 0, 0]"),
+       {"entry.direction: is missing"}},
+      {With("at_mm = 1", "at_mm = 1\npoint_mm = [1, 0, 0]\ndirection = [1, 0, 0]"),
+       {":10: entry.point_mm", "one of the two"}},
+      {With("tip_mm = 10", "tip_mm = 0"), {"instrument[0].tip_angle_deg", "needs tip_mm"}},
+      {With("tip_mm = 10", "tip_mm = 0.5"), {":14: instrument[0].tip_mm", "at least a segment"}},
+      {With("tip_angle_deg = 30", "tip_angle_deg = 400"), {"instrument[0].tip_angle_deg = 400"}},
+      {With("tip_angle_deg = 30", "tip_angle_deg = 30\ncurvature_1_per_mm = 0.1"),
+       {"instrument[0].tip_angle_deg", "keep one"}},
       {With("max_length_mm = 200", "max_length_mm = 200\ninserted_at_start_mm = 300"),
-       {"wire.inserted_at_start_mm = 300", "0 to 200"}},
-      {With("segment_mm = 1\n", "segment_mm = 20\n"), {"wire.segment_mm = 20"}},
-      {With("rigidity_N_mm2 = 6.35e-3",
-            "rigidities_N_mm2 = [1, 2]\nrigidities_from_tip_mm = [0, 0]"),
-       {"rigidities_from_tip_mm", "ascend"}},
+       {":13: instrument[0].inserted_at_start_mm = 300", "max_length_mm"}},
+      {With("rigidity_N_mm2 = 6.35e-3", "rigidity_N_mm2 = [1, 2]"),
+       {":16: instrument[0].rigidity_N_mm2", "has 2 values"}},
+      {With("max_length_mm = 200", "max_length_mm = 200\nname = \"guide wire\""),
+       {":13: instrument[0].name", "letters"}},
       {With("wall_stiffness_N_mm2 = 0.01", ""), {"vessel.wall_stiffness_N_mm2: is missing"}},
+      {kGood + "[relaxation]\nsegment_mm = 20\n", {":18: relaxation.segment_mm = 20"}},
       {kGood + "[effects.frction]\n", {"effects.frction", "did you mean friction?"}},
       {kGood + "[effects.friction]\n", {"effects.friction.coefficient: is missing"}},
-      {kGood + "[effects.friction]\ncoefficient = 3\n", {"effects.friction.coefficient = 3"}},
+      {kGood + "[effects.friction]\ncoefficient = 3\n", {":18: effects.friction.coefficient = 3"}},
+      {kGood + "[effects.contrast]\nrate_mL_s = 2\n",
+       {":17: effects.contrast", "needs [effects.flow]"}},
       {kGood + "[relaxation]\nmethod = \"paper\"\n[effects.friction]\ncoefficient = 0.1\n",
-       {"effects.friction", "newton"}},
-      {kGood + "[relaxation]\nmethod = \"newton\"\nupdate_rule = \"signed\"\n",
-       {"relaxation.update_rule"}},
+       {":19: effects.friction", "newton"}},
+      {kGood + "[relaxation]\nmethod = \"newton\"\n[relaxation.paper]\nupdate_rule = \"signed\"\n",
+       {":19: relaxation.paper", "method = \"paper\""}},
       {kGood + "[patient_axes]\nleft = \"+x\"\nposterior = \"+y\"\nsuperior = \"-z\"\n",
-       {"patient_axes.superior", "right-handed"}},
-      {kGood + "[patient_axes]\nleft = \"right\"\n", {"patient_axes.left", "+x"}},
+       {":20: patient_axes.superior", "right-handed"}},
+      {kGood + "[patient_axes]\nleft = \"right\"\n", {":18: patient_axes.left", "+x"}},
       {"name = ", {":1:", "not valid TOML"}},
+      // Several instruments.
+      {kGood + kCatheter + kCatheter, {"instrument[2].name", "another instrument"}},
+      {kGood + WithIn(kCatheter, "inner_radius_mm = 0.3", "inner_radius_mm = 0.2"),
+       {":21: instrument[1].inner_radius_mm = 0.2", "more than the radius of guidewire, 0.2 mm",
+        "innermost first"}},
+      {kGood + WithIn(kCatheter, "inner_radius_mm = 0.3\n", ""),
+       {"instrument[1].inner_radius_mm", "more than the radius of guidewire"}},
+      {kGood + WithIn(kCatheter, "radius_mm = 0.5", "radius_mm = [0.5, 0.3]\nfrom_tip_mm = [0, 9]"),
+       {":21: instrument[1].inner_radius_mm = 0.3", "less than the outer radius, 0.3 mm"}},
+      {kGood + kCatheter + "[effects.torsion]\n", {"effects.torsion", "do not twist", "keep one instrument"}},
+      {kGood + kCatheter + "[relaxation]\nmethod = \"paper\"\n",
+       {":19: instrument[1].name", "lone wire", "newton"}},
   };
   for (const Case& one : cases) {
     INFO(one.text);
@@ -122,11 +171,11 @@ TEST_CASE("A wire that starts advanced lies along the centerline, at rest", "[sc
   Scene scene(path);
   const auto relaxation = scene.MakeRelaxation();
   const torquer::WireState state = scene.MakeStart(*relaxation);
-  CHECK(state.ArcLength(scene.wire()) == Approx(150.25).epsilon(1e-12));
+  CHECK(state.ArcLength(scene.rod()) == Approx(150.25).epsilon(1e-12));
   CHECK(relaxation->Current().residual <= 1e-6);
   double distance = 0;
   const auto& path_curve = scene.vessel().centerlines.curves()[0];
-  for (const auto& node : state.nodes) {
+  for (const auto& node : state.nodes()) {
     distance = std::max(distance, path_curve.NearestTo(node).distance_mm);
     CHECK(scene.vessel().field->Clearance(node) > 0);
   }

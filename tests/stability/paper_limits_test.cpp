@@ -29,10 +29,7 @@ TEST_CASE("Denominators at and around zero leave every update rule's step bounde
           settings.rule = rule;
           settings.max_update = max_update;
           PhysicalRelaxation physical(model, wall_ahead, wall, settings);
-          WireState state = LayStraight(model, 1);
-          state.tangents[0] = Vector3d(1, tilt, 0).normalized();
-          PlaceNodes(model, 1, state);
-          TransportNormals(model, state);
+          WireState state = WithTangent(model, LayStraight(model, 1), 0, Vector3d(1, tilt, 0));
           physical.Restart(state);
           for (int k = 0; k < 20; ++k) {
             const double step = physical.Update(0, state);
@@ -51,10 +48,9 @@ TEST_CASE("Segments folded back onto each other do not stop Newton; the paper's 
   const WireModel model = MakeWire({.max_length_mm = 30});
   const FreeSpace field;
   const WallModel wall{.points_per_segment = 1};
-  WireState folded = LayStraight(model, 20);
-  for (std::size_t i = 1; i < 20; i += 2) folded.tangents[i] = -Vector3d::UnitX();
-  PlaceNodes(model, 1, folded);
-  TransportNormals(model, folded);
+  std::vector<Vector3d> tangents(20, Vector3d::UnitX());
+  for (std::size_t i = 1; i < 20; i += 2) tangents[i] = -Vector3d::UnitX();
+  const WireState folded = WithTangents(model, LayStraight(model, 20), tangents);
   REQUIRE_THAT(BrokenGeometry(model, folded), Catch::Equals(""));
 
   WireState state = folded;
@@ -62,7 +58,7 @@ TEST_CASE("Segments folded back onto each other do not stop Newton; the paper's 
   NewtonRelaxation newton(model, field, wall, {}, none);
   newton.Restart(state);
   CHECK(Settle(newton, {20, 0}, state).converged);
-  CHECK((state.nodes.back() - Vector3d(20, 0, 0)).norm() < 1e-3);
+  CHECK((state.nodes().back() - Vector3d(20, 0, 0)).norm() < 1e-3);
 
   // A fold that is exact has no torque: the paper's updates find nothing to do.
   state = folded;
@@ -73,7 +69,7 @@ TEST_CASE("Segments folded back onto each other do not stop Newton; the paper's 
     paper.Tick({20, 0}, budget, state);
     REQUIRE_THAT(BrokenGeometry(model, state), Catch::Equals(""));
   }
-  CHECK((state.nodes.back() - folded.nodes.back()).norm() < 1e-9);
+  CHECK((state.nodes().back() - folded.nodes().back()).norm() < 1e-9);
 }
 
 TEST_CASE("Fed exactly head-on into a blind end Newton's wire buckles, the paper's perforates") {

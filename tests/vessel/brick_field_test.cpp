@@ -9,7 +9,7 @@
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/support/error.h"
-#include "tests/vessel/allocation_counter.h"
+#include "tests/support/allocation_counter.h"
 #include "tests/vessel/field_checks.h"
 
 namespace torquer::vessel {
@@ -246,9 +246,9 @@ TEST_CASE("only what is looked at is built, and looking again builds and allocat
   CHECK(statistics.bricks_built > 10);
   CHECK(statistics.bricks_built < 100);
   CHECK(statistics.brick_bytes < 100 * 4200);
-  const size_t before = AllocationCount();
+  const size_t before = test::AllocationCount();
   CHECK(walk() == first);
-  CHECK(AllocationCount() == before);
+  CHECK(test::AllocationCount() == before);
   CHECK(field->Statistics().bricks_built == statistics.bricks_built);
 }
 
@@ -288,7 +288,7 @@ TEST_CASE("stored bricks are taken over if they are whole, and built anew if not
   for (size_t i = 0; i < bricks.size(); ++i) {
     float* at = memory->data() + i * kFloats;
     std::memcpy(at, bricks[i].coefficients, kernel::kCoefficients * sizeof(float));
-    const uint64_t checksum = BrickField::Checksum(bricks[i]);
+    const uint64_t checksum = bricks[i].Checksum();
     std::memcpy(at + kernel::kCoefficients, &checksum, sizeof checksum);
     stored[i].coefficients = at;
   }

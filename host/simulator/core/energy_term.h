@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
+#include "host/simulator/core/instrument_place.h"
 
 namespace torquer {
 
@@ -21,15 +23,28 @@ struct PointSet {
   std::vector<ClearanceSample> clearance;  ///< valid only at `near` points
   std::vector<double> stiffness_N_mm2;     ///< of the wall; valid only at `near` points
   Eigen::Vector3d start = Eigen::Vector3d::Zero();  ///< mm; where the piece of point 0 begins
-  /// Of a wire that twists, one a segment: unit, across it, fixed to its material. Otherwise null.
-  const std::vector<Eigen::Vector3d>* normals = nullptr;
+  /// Of a wire that twists, one a segment: unit, across it, fixed to its material. Otherwise empty.
+  std::vector<Eigen::Vector3d> normals;
+  int instruments = 1;                                  ///< of the stack
+  std::array<double, kMostInstruments> behind_mm = {};  ///< each one's tip, behind the distal end
+  double spacing_mm = 1;                                ///< of the points, lambda / K
 
   int size() const { return static_cast<int>(position.size()); }
   /// Identifies the point as material: constant while the wire moves through the sheath.
   int FromTip(int q) const { return size() - 1 - q; }
   /// The normal, fixed to the material, of the segment that the point belongs to.
   const Eigen::Vector3d& Normal(int q) const {
-    return (*normals)[static_cast<std::size_t>(q / per_segment)];
+    return normals[static_cast<std::size_t>(q / per_segment)];
+  }
+  /// The instrument, counted from the innermost, whose surface touches the wall at the point.
+  int SurfaceAt(int q) const {
+    int k = instruments - 1;
+    while (k > 0 && behind_mm[static_cast<std::size_t>(k)] > FromTip(q) * spacing_mm) --k;
+    return k;
+  }
+  /// How far the point is from the tip of that instrument, mm.
+  double FromTipOf(int instrument, int q) const {
+    return FromTip(q) * spacing_mm - behind_mm[static_cast<std::size_t>(instrument)];
   }
   /// The unit tangent of the segment that the point belongs to.
   Eigen::Vector3d Tangent(int q) const {
@@ -45,8 +60,8 @@ struct TangentLoad {
   Eigen::Matrix3d hessian;   ///< mJ, symmetric; only where it is asked for
 };
 
-/// Derivatives with respect to a spin: a turn of the wire about itself at a point. Only of a wire
-/// that twists.
+/// Derivatives with respect to a spin: a turn of the wire about its tangent at a point. Only of a
+/// wire that twists.
 struct SpinLoad {
   int point;
   double gradient;                ///< mJ: minus the torque on the wire
@@ -98,10 +113,11 @@ class EnergyTerm {
   virtual void Begin(const PointSet& points) = 0;
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
-  /// The surface that the wall touches moves along the wire by `by_mm` (distally, if positive)
-  /// against the points up to and with `last`: a catheter around them that slides.
-  virtual void SlideSurface(const PointSet& points, int last, double by_mm) {
-    static_cast<void>(points), static_cast<void>(last), static_cast<void>(by_mm);
+  /// The surfaces of the instruments move along the wire by `by_mm` (one an instrument, distally if
+  /// positive) against the points: instruments that slide within each other.
+  virtual void SlideSurfaces(const PointSet& points,
+                             const std::array<double, kMostInstruments>& by_mm) {
+    static_cast<void>(points), static_cast<void>(by_mm);
   }
   /// After a relaxation: updates what the term remembers (anchors, for example).
   virtual void End(const PointSet& points) = 0;

@@ -1,93 +1,163 @@
-// The wire as it lies now, and how it is moved by hand.
+// The wire as it lies now, and how it is moved.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 
+#include "host/simulator/core/frames.h"
+#include "host/simulator/core/instrument_place.h"
 #include "host/simulator/core/wire_model.h"
 
 namespace torquer {
 
+/// The tangent plane of a segment: its normal and second normal (tangent x normal) as columns.
+using Frame = Eigen::Matrix<double, 3, 2, Eigen::RowMajor>;
+
 /// Nodes 0 .. n from the sheath to the distal end; segment i joins nodes i and i + 1.
 ///
-/// Segment 0 is first_segment_mm long, in [lambda/2, 3 lambda/2); all others lambda. A node keeps
+/// Segment 0 is first_segment_mm() long, in [lambda/2, 3 lambda/2); all others lambda. A node keeps
 /// its distance from the distal end, so it is a fixed point of the wire's material; feeding
-/// lengthens segment 0 and now and then splits it. With less than lambda/2 inserted there is no
+/// lengthens segment 0 and sometimes splits it. With less than lambda/2 inserted there is no
 /// segment (n = 0).
-struct WireState {
-  /// Reserves room for model.max_segments(), so that nothing here allocates later. n = 0.
-  explicit WireState(const WireModel& model);
+///
+/// Every member function leaves a whole wire: unit tangents, unit normals across them, exact
+/// lengths, nodes that follow from both. Each takes the model that the state was made for. Nothing
+/// allocates after construction.
+class WireState {
+ public:
+  /// n = 0; room for model.max_segments(). `instruments`: how many the wire consists of.
+  explicit WireState(const WireModel& model, int instruments = 1);
+  /// Laid along a path given as points, the first after the sheath; the last direction is kept past
+  /// the path's end. The wire reaches as far as the farthest of `places`, at most
+  /// model.max_length_mm(); it follows the path within a segment. Frames are untwisted.
+  static WireState Along(const WireModel& model, const std::vector<Eigen::Vector3d>& path_mm,
+                         const InstrumentPlaces& places);
 
-  int segments() const { return static_cast<int>(tangents.size()); }  ///< n
+  // What there is.
+
+  int segments() const { return static_cast<int>(tangents_.size()); }         ///< n
+  const std::vector<Eigen::Vector3d>& nodes() const { return nodes_; }        ///< n + 1, mm
+  const Eigen::Vector3d& tip() const { return nodes_.back(); }                ///< mm
+  const std::vector<Eigen::Vector3d>& tangents() const { return tangents_; }  ///< n, unit
+  /// n, unit, across the tangent. With the second normal, tangent x normal, it spans the
+  /// cross-section in which steps are taken. Of a wire that twists, fixed to its material.
+  const std::vector<Eigen::Vector3d>& normals() const { return normals_; }
+  /// For joints that rest curved, by their distance from the tip in segments: cosine and sine of
+  /// the angle about the proximal tangent from its normal to the untwisted one, which is the
+  /// sheath's carried along the wire by parallel transport. A wire that does not twist has its rest
+  /// shape fixed to the untwisted normals, turned by rotation_rad().
+  const std::vector<Eigen::Vector2d>& reference_twist() const { return reference_twist_; }
+  /// For a wire that twists: n, by joint, the angle about the tangent from the normal carried on
+  /// from the proximal segment (or from the sheath, where it turns with the hand) to that of the
+  /// distal one. Empty otherwise.
+  const std::vector<double>& twist_rad() const { return twist_rad_; }
+  double first_segment_mm() const { return first_segment_mm_; }
   double SegmentLength(const WireModel& model, int i) const {
-    return i == 0 ? first_segment_mm : model.segment_mm();
+    return i == 0 ? first_segment_mm_ : model.segment_mm();
   }
   /// Arc length of the polyline past the sheath, mm.
   double ArcLength(const WireModel& model) const;
+  /// Where each instrument is.
+  const InstrumentPlaces& places() const { return places_; }
+  /// How far the wire reaches past the sheath, mm: ArcLength() where n > 0.
+  double insertion_mm() const { return insertion_mm_; }
+  /// By how much the proximal end and with it the rest shape are turned. Of several instruments 0:
+  /// the stack turns the rest shape of each (stack/instrument_stack.h).
+  double rotation_rad() const { return rotation_rad_; }
+  const Eigen::Vector2d& turn() const { return turn_; }  ///< cosine and sine of rotation_rad()
+  /// The first normal of the wire in the sheath.
+  Eigen::Vector3d ProximalNormal(const WireModel& model) const;
 
-  std::vector<Eigen::Vector3d> nodes;     ///< n + 1, mm
-  std::vector<Eigen::Vector3d> tangents;  ///< n, unit
-  /// n, unit, across the tangent. With the second normal, tangent x normal, it spans the
-  /// cross-section in which steps are taken.
-  std::vector<Eigen::Vector3d> normals;
-  /// For joints that rest curved, by their distance from the tip in segments: cosine and sine of
-  /// the angle about the proximal tangent from its normal to the untwisted one, which is the
-  /// sheath's carried along the wire by parallel transport. The wire does not twist, so its rest
-  /// shape is fixed to the untwisted normals (turned by rotation_rad).
-  std::vector<Eigen::Vector2d> spin;
-  /// For a wire that twists (model.twists()), whose normals are then fixed to its material: n, by
-  /// joint, the angle about the tangent from the normal carried on from the proximal segment (or
-  /// from the sheath, where it turns with the hand) to that of the distal one. Empty otherwise.
-  std::vector<double> twist_rad;
-  double first_segment_mm = 0;
-  double insertion_mm = 0;     ///< material past the sheath: ArcLength() where n > 0
-  double rotation_rad = 0;     ///< of the proximal end; turns the rest shape about the tangents
-  Eigen::Vector2d turn{1, 0};  ///< cosine and sine of rotation_rad
+  // How it moves.
 
-  void SetRotation(double rotation);
+  /// The instruments are here now. Feed must follow where that changes how far they reach.
+  void SetPlaces(const InstrumentPlaces& places) { places_ = places; }
+  /// Feeds the wire to where `to_mm` of it are inside (0 .. model.max_length_mm(), at most lambda/2
+  /// from where it is): it slides along itself, its tip goes on straight (README (23)).
+  void Feed(const WireModel& model, double to_mm);
+  /// The same as a push at the sheath: the shape moves on as it lies; frames are untwisted.
+  void FeedAtBase(const WireModel& model, double to_mm);
+  /// Turns the proximal end; of a wire that twists the whole of it, which is where it comes to rest
+  /// if nothing holds it.
+  void Rotate(double rotation_rad);
+  /// Turns the most distal segments to unit tangents, given from the tip on; normals go along by
+  /// parallel transport.
+  void TurnDistal(const WireModel& model, const std::vector<Eigen::Vector3d>& tangents);
+  /// Turns one segment to a unit tangent and moves all that is distal to it rigidly; the reference
+  /// twist follows by increments. What rounding leaves after many is removed by PlaceAgain.
+  void TurnSegment(const WireModel& model, int segment, const Eigen::Vector3d& tangent);
+  /// Computes nodes and frames again from tangents and normals.
+  void PlaceAgain(const WireModel& model);
+  /// Makes all normals untwisted ones: no reference twist, no twist.
+  void UntwistFrames(const WireModel& model);
+  /// Gives the wire other tangents and normals, n each, unit and across. The reference twist stays
+  /// as it is: see UpdateFrames.
+  void SetDirections(const WireModel& model, const std::vector<Eigen::Vector3d>& tangents,
+                     const std::vector<Eigen::Vector3d>& normals);
+  /// Gives the segments from `first` on the directions between successive points, one a node;
+  /// frames are untwisted.
+  void LayThrough(const WireModel& model, const std::vector<Eigen::Vector3d>& points_mm, int first);
+  /// Inserts a segment of length lambda before segment `at`; the wire reaches that much farther.
+  /// Frames are untwisted.
+  void InsertSegment(const WireModel& model, int at, const Eigen::Vector3d& tangent);
+  /// Removes a segment of length lambda, or the last one. Frames are untwisted.
+  void RemoveSegment(const WireModel& model, int at);
+
+  /// Makes this the state `from` after the step `scale` times xi (one a segment, in the planes
+  /// `frames`, README (4)) and, of a wire that twists, `scale` times spin (a turn about the
+  /// tangent). The reference twist stays that of `from`, as within a step it is frozen.
+  void Step(const WireModel& model, const WireState& from, const std::vector<Frame>& frames,
+            const std::vector<Eigen::Vector2d>& xi, const std::vector<double>& spin, double scale);
+  /// Exchanges nodes, tangents, normals and twist with a state that Step made from this one.
+  void TakeStep(WireState& stepped);
+  /// Brings the reference twist, or the twist of a wire that twists, up to date with tangents and
+  /// normals (README (11)). A twist is taken within half a turn of what it was.
+  void UpdateFrames(const WireModel& model);
+
+ private:
+  void PlaceNodes(const WireModel& model, int first);
+  void FitFirstSegment(const WireModel& model);
+  void SplitTwist();
+  void JoinTwist(double part);
+  void UpdateTwist(const WireModel& model);
+  void TurnReference(const WireModel& model, int segment, const Eigen::Vector3d& old_tangent,
+                     const Eigen::Vector3d& old_normal);
+
+  std::vector<Eigen::Vector3d> nodes_;
+  std::vector<Eigen::Vector3d> tangents_;
+  std::vector<Eigen::Vector3d> normals_;
+  std::vector<Eigen::Vector2d> reference_twist_;
+  std::vector<double> twist_rad_;
+  double first_segment_mm_ = 0;
+  double insertion_mm_ = 0;
+  double rotation_rad_ = 0;
+  Eigen::Vector2d turn_{1, 0};
+  InstrumentPlaces places_;
 };
-
-/// Carries a unit vector across unit `from` to one across unit `to` by the smallest rotation that
-/// takes `from` to `to`; where they are opposite, by half a turn about the vector itself.
-Eigen::Vector3d ParallelTransport(const Eigen::Vector3d& normal, const Eigen::Vector3d& from,
-                                  const Eigen::Vector3d& to);
-
-/// Gives segment i another tangent; its normal goes along.
-void TurnSegment(std::size_t i, const Eigen::Vector3d& tangent, WireState& state);
-/// Makes all normals untwisted ones, with no spin or twist between.
-void TransportNormals(const WireModel& model, WireState& state);
-/// Cosine and sine of the angle about `to` from `normal`, carried there from `from` by parallel
-/// transport, to `target_normal`, taken backwards: what this joint adds to the spin.
-Eigen::Vector2d SpinFactor(const Eigen::Vector3d& from, const Eigen::Vector3d& normal,
-                           const Eigen::Vector3d& to, const Eigen::Vector3d& target_normal);
-/// Recomputes the spin from tangents and normals, or the twist of a wire that twists. A twist is
-/// taken within half a turn of what it was.
-void UpdateSpin(const WireModel& model, WireState& state);
-/// Turns all normals of a wire that twists about their tangents, as a rotation of the hand does
-/// that meets no resistance.
-void TurnNormals(double angle_rad, WireState& state);
-/// Recomputes nodes from `first` (at least 1) on from tangents and lengths.
-void PlaceNodes(const WireModel& model, int first, WireState& state);
 
 /// Direction, unit, in which the distal segment of joint i (between segments i - 1 and i, or the
 /// sheath and segment 0) rests.
 Eigen::Vector3d RestDirection(const WireModel& model, const WireState& state, int joint);
 
-/// Fits segment 0 to insertion_mm, which the caller has changed by at most lambda/2; splits it in
-/// two or joins it with the next one when it leaves its range. The caller places the nodes and
-/// updates the spin afterwards. No heap.
-void FeedFirstSegment(const WireModel& model, WireState& state);
+/// The length of wire that joint i stands for, mm: half a segment at the sheath, which clamps the
+/// wire there, and the mean of its two segments elsewhere (README (2)).
+inline double JointLength(const WireModel& model, const WireState& state, int joint) {
+  const double lambda = model.segment_mm();
+  if (joint > 1) return lambda;
+  return joint == 1 ? (state.first_segment_mm() + lambda) / 2 : state.first_segment_mm() / 2;
+}
 
-/// Feeds `delta_mm` (negative: retracts), |delta_mm| <= lambda/2: the wire slides along itself, its
-/// tip goes on straight. No heap. Returns the part that could be fed (less at either end of the
-/// range 0 .. model.max_length_mm()).
-double FeedAlongItself(const WireModel& model, double delta_mm, WireState& state);
+/// EI of joint i over that length, mJ (N mm).
+inline double JointStiffness(const WireModel& model, const WireState& state, int joint) {
+  return model.rigidity_N_mm2(state.segments() - joint) / JointLength(model, state, joint);
+}
 
-/// Lays a wire of `length_mm` along a path given as points, the first at the sheath; the last
-/// direction is kept past the path's end. Lengths are exact, the wire follows within a segment.
-void LayAlong(const WireModel& model, const std::vector<Eigen::Vector3d>& path_mm, double length_mm,
-              WireState& state);
+/// GJ of joint i of a wire that twists over that length, mJ.
+inline double TwistStiffness(const WireModel& model, const WireState& state, int joint) {
+  return model.torsional_rigidity_N_mm2(state.segments() - joint) /
+         JointLength(model, state, joint);
+}
 
 /// FNV-1a, by 64-bit words, over the exact bits of the state.
 std::uint64_t HashState(const WireState& state);

@@ -6,14 +6,17 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <any>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "host/simulator/core/coaxial/coaxial_pair.h"
 #include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/instrument_place.h"
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_model.h"
@@ -21,16 +24,30 @@
 #include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/moving_field.h"
 #include "host/simulator/vessel/patient_axes.h"
-#include "host/support/strict_toml.h"
+#include "host/support/key_table.h"
 
 namespace torquer::effects {
 
 class Effect;
 
+/// What effects may know of an instrument besides its mechanics.
+struct Instrument {
+  std::string name;
+  const WireModel* model = nullptr;
+  double inner_radius_mm = 0;                       ///< of its lumen; 0: solid
+  std::optional<double> friction_coefficient = {};  ///< on the wall; none: the friction effect's
+  double coating_mm = 0;                            ///< length of the coated end
+  double coating_coefficient = 0;                   ///< of friction, there
+  double linear_density_g_m = 0;                    ///< less that of the blood it displaces
+  double attenuation_1_mm = 0.8;                    ///< of X-rays, by its material
+  double marker_mm = 0;                             ///< length of its opaque distal part
+  double marker_1_mm = 0;                           ///< attenuation there
+};
+
 /// What effects may look at while they are made. All outlive the effect. What a bench without a
-/// scene lacks is null.
+/// scene lacks is null or empty.
 struct EffectContext {
-  const WireModel& wire;
+  const WireModel& wire;  ///< the rod that the instruments are together
   const WallModel& wall;
   const ClearanceField* field = nullptr;  ///< the vessel at rest
   const vessel::CenterlineNetwork* centerlines = nullptr;
@@ -38,12 +55,15 @@ struct EffectContext {
   vessel::PatientAxes axes = {};
   const std::vector<std::unique_ptr<Effect>>* earlier = nullptr;  ///< made before this one
   const vessel::MovingField* moving = nullptr;  ///< the vessel as it moves; null where it does not
-  /// Wire and catheter, of which `wire` is the rod that they are together; null without catheter.
-  const CoaxialPair* coaxial = nullptr;
-  double catheter_inner_mm = 0;  ///< radius of its lumen
+  std::vector<Instrument> instruments = {};     ///< the innermost first
+
+  /// The index of the instrument with a name. Refuses `key` of a table where there is none.
+  int FindInstrument(const std::string& name, const TableSpec& spec, const std::string& key) const;
+  /// A unit direction of the vessel's frame.
+  Eigen::Vector3d Direction(const DirectionSpec& spec) const;
 };
 
-/// What the hand does besides moving the wire.
+/// What the hand does besides moving the instruments.
 struct Controls {
   double lao_rad = 0;  ///< C-arm, positive LAO
   double cra_rad = 0;  ///< C-arm, positive CRA
@@ -56,7 +76,7 @@ struct TickView {
   double time_s = 0;  ///< simulated, since the start
   double step_s = 0;  ///< since the tick before; 0 at the start
   const Controls& controls;
-  const HandTarget& target;
+  const InstrumentPlaces& target;
   const WireState& state;
   const Expansion& expansion;
   const TickReport& report;
@@ -130,64 +150,35 @@ T* FindEarlier(const EffectContext& context) {
   return nullptr;
 }
 
-/// One key of an effect's table, as it is read and as it is documented.
-struct Key {
-  const char* name;
-  const char* unit;  ///< "" for none
-  double lowest;
-  double highest;
-  std::optional<double> fallback;  ///< none: it must be given
-  const char* meaning;
-
-  double Read(StrictTable& keys) const;
-};
-
-/// A key that is no number, for the documentation.
-struct OtherKey {
-  const char* name;
-  const char* form;  ///< "text", "list of points" ..
-  const char* meaning;
-};
-
-/// Changes the sections of a wire.
-using ShapeChange = std::function<void(std::vector<WireSection>&)>;
-
-/// A catheter before it is cut into segments.
-struct CatheterParts {
-  std::vector<WireSection> sections;
-  double tip_mm = 0;
-  double max_length_mm = 0;
-  double inserted_at_start_mm = 0;
-  double inner_radius_mm = 0;
-};
+/// Role *stage*: what an effect makes of an instrument's sections, before it is cut into segments.
+/// `torsional_ratio`: GJ / EI of the instrument.
+using ShapeChange = void (*)(std::vector<WireSection>& sections, double torsional_ratio);
 
 /// One row of the table of effects.
 struct EffectKind {
-  const char* name;     ///< as in [effects.NAME]
-  const char* summary;  ///< one line for people
-  const char* roles;
-  std::vector<Key> keys;
-  std::vector<OtherKey> other_keys;
-  const char* needs;          ///< the effect that must be named too; "" for none
-  const char* excludes = "";  ///< the effect that must not be named too; "" for none
-  /// Reads the effect's keys. Throws UserError naming file, key, value and remedy. Null where the
-  /// effect is nothing but the wire's sections.
-  std::unique_ptr<Effect> (*make)(StrictTable& keys, const EffectContext& context);
-  /// Role *shape*: the wire from a table, instead of what [wire] says; null for all others.
-  std::vector<WireSection> (*sections)(StrictTable& keys) = nullptr;
-  /// Role *shape*: changes the wire's sections, wherever they are from; null for all others.
-  ShapeChange (*shape)(StrictTable& keys) = nullptr;
-  /// Role *instrument*: a second one around the wire; null for all others.
-  CatheterParts (*catheter)(StrictTable& keys, double segment_mm) = nullptr;
+  std::string name;     ///< as in [effects.NAME]
+  std::string summary;  ///< one line for people
+  std::string roles;
+  AnyKeys keys;
+  std::string needs = {};  ///< the effect that must be named too; "" for none
+  /// Makes the effect. Throws UserError naming file, key, value and remedy. Null where the effect
+  /// is nothing but a stage.
+  std::function<std::unique_ptr<Effect>(const std::any& spec, const EffectContext& context)> make;
+  ShapeChange shape = nullptr;
 };
 
-/// All effects there are, in the order in which they are made.
+/// The function of an EffectKind for keys of type Keys<Spec>.
+template <class Spec>
+auto MakeWith(std::unique_ptr<Effect> (*make)(const Spec&, const EffectContext&)) {
+  return [make](const std::any& spec, const EffectContext& context) {
+    return make(std::any_cast<const Spec&>(spec), context);
+  };
+}
+
+/// All effects there are, in the order in which they are made: what needs another comes after it.
 const std::vector<EffectKind>& AllEffects();
 
-/// The row with a name; throws UserError naming the nearest known one.
-const EffectKind& FindEffect(const std::string& name, const std::string& where);
-
-/// The table of effects and keys for people; as Markdown for the documentation.
-std::string DescribeEffects(bool markdown);
+/// The table of effects for people, as text.
+std::string DescribeEffects();
 
 }  // namespace torquer::effects

@@ -179,7 +179,7 @@ std::string WriteFieldCache(const std::string& path, const CacheKey& key,
   std::filesystem::create_directories(target.parent_path(), error);
   if (error) return target.parent_path().string() + " cannot be made (" + error.message() + ")";
 
-  const std::vector<BrickField::StoredBrick> bricks = field.StoredBricks();
+  const std::vector<StoredBrick> bricks = field.StoredBricks();
   std::vector<DirectoryEntry> directory;
   directory.reserve(bricks.size());
   for (const auto& brick : bricks) {
@@ -221,7 +221,7 @@ std::string WriteFieldCache(const std::string& path, const CacheKey& key,
   std::vector<float> buffer;
   constexpr size_t kBricksAtOnce = 256;
   for (size_t i = 0; i < bricks.size() && whole; ++i) {
-    const uint64_t checksum = BrickField::Checksum(bricks[i]);
+    const uint64_t checksum = bricks[i].Checksum();
     buffer.insert(buffer.end(), bricks[i].coefficients,
                   bricks[i].coefficients + kernel::kCoefficients);
     buffer.resize(buffer.size() + 2);

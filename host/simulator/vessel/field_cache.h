@@ -31,7 +31,7 @@ std::string DefaultCacheFolder();
 /// What a cache file gave.
 struct CachedField {
   std::vector<char> surface;  ///< bytes as they were written
-  std::vector<BrickField::StoredBrick> bricks;
+  std::vector<StoredBrick> bricks;
   std::vector<bool> complete_levels;
   std::shared_ptr<const void> memory;  ///< keeps the bricks' memory
 };

@@ -131,7 +131,7 @@ void CheckObjIsWhole(const std::string& path, std::istream& file) {
     if (word == "v") ++vertices;
     if (word != "f") continue;
     while (words >> word) {
-      const long long index = std::atoll(word.c_str());
+      const long long index = std::strtoll(word.c_str(), nullptr, 10);
       used.insert(index < 0 ? vertices + 1 + index : index);
     }
   }

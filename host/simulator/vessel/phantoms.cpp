@@ -81,4 +81,13 @@ TubeVessel MakeTyPhantom() {
   return vessel;
 }
 
+Vessel FromTubes(TubeVessel tubes, std::string description) {
+  Vessel vessel;
+  vessel.field = std::move(tubes.field);
+  vessel.centerlines = std::move(tubes.centerlines);
+  vessel.bounds_mm = tubes.bounds_mm;
+  vessel.description = std::move(description);
+  return vessel;
+}
+
 }  // namespace torquer::vessel

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "host/simulator/vessel/tube_field.h"
+#include "host/simulator/vessel/vessel.h"
 
 namespace torquer::vessel {
 
@@ -39,5 +40,8 @@ TubeVessel MakeTorus(double bend_radius_mm, double radius_mm, double angle_rad);
 /// first tube's is the main path.
 TubeVessel MakeTubeVessel(const std::vector<Tube>& tubes, double union_width_mm,
                           double join_tolerance_mm);
+
+/// The same as a vessel of a scene.
+Vessel FromTubes(TubeVessel tubes, std::string description);
 
 }  // namespace torquer::vessel

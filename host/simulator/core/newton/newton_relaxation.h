@@ -1,13 +1,16 @@
 // Equilibrium by Newton's method on the product of spheres, anytime.
 //
-// A tick reads: feed or rotate a little -> expand -> factor -> step -> accept, until the hand's
-// target is reached and the residual is within the tolerance, or the budget is spent. The method
-// and its figures are derived in core/README.md.
+// Relaxing reads: solve the model -> step -> accept or refuse. The method and its figures are
+// derived in core/README.md, sections 6 to 8; when it moves and when it relaxes is in
+// relaxation.cpp.
 #pragma once
 
 #include <memory>
 #include <vector>
 
+#include "host/simulator/core/newton/active_set.h"
+#include "host/simulator/core/newton/damping.h"
+#include "host/simulator/core/newton/feed_prediction.h"
 #include "host/simulator/core/newton/riccati_sweep.h"
 #include "host/simulator/core/relaxation.h"
 
@@ -26,39 +29,49 @@ struct NewtonSettings {
   double max_step_rad = 0.5;
   /// Iterations after each part of a split command; the last part is relaxed to the tolerance.
   int iterations_between_parts = 3;
-  /// Iterations after which a tick ends unconverged even if the budget would allow more.
-  int max_iterations = 1000;
 };
 
-/// `Stage`: whether the wire twists; it must be that of the model.
+/// `Stage`: whether the wire twists; it must be that of the rod. A unit of work is a part of the
+/// motion, or an attempt at a step.
 template <class Stage>
 class NewtonMethod final : public Relaxation {
  public:
-  NewtonMethod(const WireModel& model, const ClearanceField& field, const WallModel& wall,
+  /// A lone wire. Keeps references to all but the settings.
+  NewtonMethod(const WireModel& wire, const ClearanceField& field, const WallModel& wall,
+               const NewtonSettings& settings, const std::vector<EnergyTerm*>& terms);
+  /// A stack, which it moves.
+  NewtonMethod(InstrumentStack& stack, const ClearanceField& field, const WallModel& wall,
                const NewtonSettings& settings, const std::vector<EnergyTerm*>& terms);
 
-  TickReport Tick(const HandTarget& target, WorkBudget& budget, WireState& state) override;
   void Restart(WireState& state) override;
   const Expansion& Current() const override { return current_; }
-  /// To be called after the wire's model changed: it is relaxed anew by the next Tick.
-  void ModelChanged() { model_changed_ = true; }
+  std::uint64_t Hash(std::uint64_t seed) const override;
 
  private:
-  void RememberPressed();
-  void Feed(double feed_mm, WireState& state);
-  void Rotate(double angle_rad, WireState& state);
-  /// Turns the wire by `ratio` times drift_; false, and not at all, where that is too far.
-  bool Drift(double ratio, WireState& state);
-  bool MoveTowards(const HandTarget& target, WireState& state, TickReport& report);
-  bool Iterate(WireState& state, TickReport& report);
-  double SolveModel(const WireState& state);
-  /// Which near points press after step_; the most distal segment where that is new, or -1.
-  int FindActive(const WireState& state);
+  // What the model of the energy says of its minimum.
+  struct Solution {
+    double expected_mJ = -1;  // decrease; negative: there is no minimum, or none was found
+    int rounds = 0;
+  };
+
+  void Prepare();
+  bool Arrived(const InstrumentPlaces& goal, const WireState& state) const override;
+  void Begin(WireState& state) override;
+  bool MayMove() const override;
+  int Move(const InstrumentPlaces& goal, WireState& state) override;
+  bool AtRest(WireState& state) override;
+  void Relax(WireState& state, TickReport& report) override;
+  void End(const WireState& state, TickReport& report) override;
+
+  void MoveTo(const InstrumentPlaces& next, WireState& state);
+  void SlideSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
+  Solution SolveModel(const WireState& state);
+  double StepScale() const;
   void Accept(WireState& state);
-  void Retract(const WireState& from, double scale, WireState& to) const;
-  /// Whether a state in balance is a minimum: pushed head-on a straight wire is in balance too.
+  void GiveUp(WireState& state);
   bool Stable(const WireState& state);
   void PushOff(WireState& state);
+  void BringUpToDate(const WireState& state);
 
   const WireModel& model_;
   const ClearanceField& field_;
@@ -66,25 +79,23 @@ class NewtonMethod final : public Relaxation {
   const std::vector<EnergyTerm*>& terms_;
   WireMechanics mechanics_;
   RiccatiSweep<Stage> sweep_;
-  Expansion current_;
+  ActiveSet active_set_;
+  Damping damping_;
+  FeedPrediction prediction_;
+  Expansion current_;  // of the state, where up_to_date_
   Expansion trial_expansion_;
   WireState trial_;
   std::vector<Eigen::Vector2d> step_;
-  std::vector<double> spin_step_;  ///< the same about the tangents, for a wire that twists
-  std::vector<Eigen::Vector3d> displacement_mm_;
-  std::vector<std::uint8_t> active_;    ///< near points that feel the wall in the model
-  std::vector<std::uint8_t> pressed_;   ///< before the last move; by PointSet::FromTip
-  double travel_mm_ = 0;                ///< of the vessel, in current_
-  std::vector<Eigen::Vector3d> fed_;    ///< tangents right after the last feed
-  std::vector<Eigen::Vector3d> drift_;  ///< how they turned since, rad; the most distal first
-  double fed_mm_ = 0;                   ///< the last feed; 0 if none to go by
-  bool predicted_ = false;              ///< the last feed went on with the drift
-  bool model_changed_ = false;
-  bool moved_ = false;       ///< fed or turned, and no step accepted since
-  double damping_ = 0;       ///< proximal weight over residual that last worked
-  double feed_damping_ = 0;  ///< the same of the first iteration after a move, for the next move
-  double proximal_ = 0;      ///< the weight in use
-  bool stable_ = false;  ///< the Hessian was positive definite where the state is, or a step before
+  std::vector<double> spin_step_;  // the same about the tangents, for a wire that twists
+  std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
+  double travel_mm_ = 0;                          // of the vessel, in current_
+  int iterations_since_move_ = 0;
+  bool up_to_date_ = true;
+  bool attempting_ = false;  // an iteration has begun, and no attempt of it was taken
+  bool moved_ = false;       // and no step taken since
+  bool stalled_ = false;     // no step improves the wire
+  bool pushed_ = false;      // off an unstable balance, in this tick
+  bool stable_ = false;  // the Hessian was positive definite where the state is, or a step before
 };
 
 extern template class NewtonMethod<BendStage>;
@@ -93,8 +104,12 @@ extern template class NewtonMethod<TwistStage>;
 /// The method for a wire that does not twist.
 using NewtonRelaxation = NewtonMethod<BendStage>;
 
-/// The method for `model`, with or without twist.
-std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& model,
+/// The method for a lone wire or a stack, with or without twist.
+std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& wire, const ClearanceField& field,
+                                                 const WallModel& wall,
+                                                 const NewtonSettings& settings,
+                                                 const std::vector<EnergyTerm*>& terms);
+std::unique_ptr<Relaxation> MakeNewtonRelaxation(InstrumentStack& stack,
                                                  const ClearanceField& field, const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms);

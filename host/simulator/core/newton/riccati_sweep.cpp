@@ -35,19 +35,19 @@ RiccatiSweep<Stage>::RiccatiSweep(int max_segments) {
 
 template <class Stage>
 bool RiccatiSweep<Stage>::Factor(const WireModel& model, const WireState& state,
-                                 const Expansion& expansion, double proximal) {
-  const auto n = state.tangents.size();
+                                 const Expansion& expansion, double weight) {
+  const auto n = state.tangents().size();
   gains_.resize(n);
   checkpoints_.resize(n / kSpacing + 1);
-  return Sweep(model, state, expansion, proximal, state.segments() - 1, CostToGo{});
+  return Sweep(model, state, expansion, weight, state.segments() - 1, CostToGo{});
 }
 
 template <class Stage>
 bool RiccatiSweep<Stage>::Refactor(const WireModel& model, const WireState& state,
-                                   const Expansion& expansion, double proximal, int last_changed) {
+                                   const Expansion& expansion, double weight, int last_changed) {
   const int checkpoint = last_changed / kSpacing + 1;
-  if (checkpoint * kSpacing >= state.segments()) return Factor(model, state, expansion, proximal);
-  return Sweep(model, state, expansion, proximal, checkpoint * kSpacing - 1,
+  if (checkpoint * kSpacing >= state.segments()) return Factor(model, state, expansion, weight);
+  return Sweep(model, state, expansion, weight, checkpoint * kSpacing - 1,
                checkpoints_[static_cast<std::size_t>(checkpoint)]);
 }
 
@@ -100,121 +100,140 @@ bool RiccatiSweep<Stage>::EliminateSpin(const TwistTerms& twist, double weight, 
   return true;
 }
 
-// In pairs rather than small matrices, which take three times as long; this loop is a third of an
-// iteration.
+// The stage's cost with what it is given (dx, xi before) and its control: what lies beyond, its
+// loads and its joint. In pairs rather than small matrices, which take three times as long; the
+// sweep is a third of an iteration.
+template <class Stage>
+void RiccatiSweep<Stage>::Assemble(const WireModel& model, const WireState& state,
+                                   const Expansion& expansion, double weight, int i, Pair length,
+                                   const Pair (&t)[3], CostToGo& v, StageCost& w) {
+  const JointTerms& joint = expansion.joints[i];
+  const Vector3d& tangent = state.tangents()[i];
+
+  // Beyond node i + 1, by (15) and the third term of (4). T'X is the pivot without what is known by
+  // its diagonal.
+  Pair x[3];
+  Multiply(v.p, t, w.f);
+  for (int a = 0; a < 3; ++a) {
+    w.f[a] = length * w.f[a] + v.q[a];  // (18)
+    x[a] = length * (w.f[a] + v.q[a]);
+  }
+  w.c = length * (t[0] * v.gx[0] + t[1] * v.gx[1] + t[2] * v.gx[2]) + v.g +
+        Load(joint.gradient_distal.data());  // (19)
+  Pair along = length * (v.force[0] * Both(tangent[0]) + v.force[1] * Both(tangent[1]) +
+                         v.force[2] * Both(tangent[2]));  // (14)
+
+  // Loads on the segment itself.
+  const int at = expansion.load_index[i];
+  if (at >= 0) {
+    const LoadTerms& load = expansion.loads[at];
+    Pair h[6];
+    Pair ht[3];
+    UpperTriangle(load.h1, h);
+    Multiply(h, t, ht);
+    for (int a = 0; a < 3; ++a) w.f[a] += ht[a];  // (18)
+    UpperTriangle(load.h2, h);
+    Multiply(h, t, ht);
+    for (int a = 0; a < 3; ++a) x[a] += ht[a];  // (17)
+    UpperTriangle(load.h0, h);
+    for (int a = 0; a < 6; ++a) v.p[a] += h[a];  // (21)
+    for (int a = 0; a < 3; ++a) {
+      const Pair g1 = Both(load.g1[a]);
+      const Pair g0 = Both(load.g0[a]);
+      w.c += t[a] * g1;                // (19)
+      along += g1 * Both(tangent[a]);  // (14)
+      v.gx[a] += g0;                   // (22)
+      v.force[a] += g0;
+    }
+  }
+  // (17)
+  const int n = state.segments();
+  const double rigidity = std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1));
+  w.s = t[0] * x[0] + t[1] * x[1] + t[2] * x[2] + v.r +
+        Pair{joint.hessian_distal(0, 0), joint.hessian_distal(1, 1)} + Both(weight * rigidity) -
+        along;
+  w.cross = Both(0.5) * Summed(t[0] * Swapped(x[0]) + t[1] * Swapped(x[1]) + t[2] * Swapped(x[2])) +
+            v.r_cross + Both(joint.hessian_distal(0, 1));
+  w.m[0] = Load(joint.hessian_cross.data());
+  w.m[1] = Load(joint.hessian_cross.data() + 2);
+  w.r = Pair{joint.hessian_proximal(0, 0), joint.hessian_proximal(1, 1)};
+  w.r_cross = Both(joint.hessian_proximal(0, 1));
+  w.g = Load(joint.gradient_proximal.data());
+}
+
+// The control that costs least, (20), as a function of what the stage is given: S^-1 times F',
+// H_pd' and f. False where the pivot S is not positive definite.
+template <class Stage>
+bool RiccatiSweep<Stage>::Eliminate(const StageCost& w, Gain& gain) {
+  const double product = w.s[0] * w.s[1];
+  const double determinant = product - w.cross[0] * w.cross[0];
+  // Relative, so that a pivot that is zero but for rounding does not pass.
+  if (!(w.s[0] > 0) || !(determinant > 1e-12 * w.s[0] * w.s[0])) return false;
+  const Pair scale = Both(1 / determinant);
+  const Pair inverse = scale * Swapped(w.s);
+  const Pair inverse_cross = -scale * w.cross;
+  const auto solve = [&](Pair b) { return inverse * b + inverse_cross * Swapped(b); };
+
+  gain.of_previous[0] = solve(w.m[0]);
+  gain.of_previous[1] = solve(w.m[1]);
+  gain.constant = solve(w.c);
+  for (int a = 0; a < 3; ++a) gain.of_displacement[a] = solve(w.f[a]);
+  if constexpr (Stage::kTwists) gain.of_spin = solve(w.with_spin);
+  return true;
+}
+
+// What the stage and all beyond cost at best: (21), (22), with the control (20) put back.
+template <class Stage>
+void RiccatiSweep<Stage>::Propagate(const StageCost& w, const Gain& gain, CostToGo& v) {
+  const Pair k = gain.constant;
+  const Pair(&l)[2] = gain.of_previous;
+  const Pair(&g)[3] = gain.of_displacement;
+  for (int a = 0; a < 3; ++a) {
+    v.gx[a] -= Summed(w.f[a] * k);
+    v.q[a] = -Sums(w.f[a] * l[0], w.f[a] * l[1]);
+  }
+  v.p[0] -= Summed(w.f[0] * g[0]);
+  v.p[1] -= Summed(w.f[0] * g[1]);
+  v.p[2] -= Summed(w.f[0] * g[2]);
+  v.p[3] -= Summed(w.f[1] * g[1]);
+  v.p[4] -= Summed(w.f[1] * g[2]);
+  v.p[5] -= Summed(w.f[2] * g[2]);
+  v.r = w.r - Sums(w.m[0] * l[0], w.m[1] * l[1]);
+  v.r_cross = w.r_cross - Summed(w.m[0] * l[1]);
+  v.g = w.g - Sums(w.m[0] * k, w.m[1] * k);
+  v.decrease += 0.5 * Summed(w.c * k)[0];
+  if constexpr (Stage::kTwists) {
+    const Pair spin = gain.of_spin;
+    for (int a = 0; a < 3; ++a) {
+      v.q[a] += w.q[a];
+      v.spin_with_displacement[a] = w.spin_with_displacement[a] - Summed(w.f[a] * spin)[0];
+    }
+    v.spin_with_previous = w.spin_with_previous - Sums(w.m[0] * spin, w.m[1] * spin);
+    v.spin_stiffness = w.spin_stiffness - Summed(w.with_spin * spin)[0];
+    v.spin_gradient = w.spin_gradient - Summed(w.with_spin * k)[0];
+  }
+}
+
 template <class Stage>
 bool RiccatiSweep<Stage>::Sweep(const WireModel& model, const WireState& state,
-                                const Expansion& expansion, double proximal, int first,
-                                CostToGo v) {
-  const int n = state.segments();
+                                const Expansion& expansion, double weight, int first, CostToGo v) {
   for (int i = first; i >= 0; --i) {
-    const JointTerms& joint = expansion.joints[i];
+    const double* const frame = expansion.frames[i].data();
     const Pair length = Both(state.SegmentLength(model, i));
-    const double* frame = expansion.frames[i].data();
     const Pair t[3] = {Load(frame), Load(frame + 2), Load(frame + 4)};
-    const Vector3d& tangent = state.tangents[i];
-
-    // Beyond node i + 1: dx_{i+1} = dx_i + length T xi - length |xi|^2/2 tangent. F couples dx and
-    // xi; T'X is the pivot without what is known by its diagonal.
-    StageCost w;
-    Pair x[3];
-    Multiply(v.p, t, w.f);
-    for (int a = 0; a < 3; ++a) {
-      w.f[a] = length * w.f[a] + v.q[a];
-      x[a] = length * (w.f[a] + v.q[a]);
-    }
-    w.c = length * (t[0] * v.gx[0] + t[1] * v.gx[1] + t[2] * v.gx[2]) + v.g +
-          Load(joint.gradient_distal.data());
-    Pair along = length * (v.force[0] * Both(tangent[0]) + v.force[1] * Both(tangent[1]) +
-                           v.force[2] * Both(tangent[2]));
-
-    // Loads on the segment itself.
-    const int at = expansion.load_index[i];
-    if (at >= 0) {
-      const LoadTerms& load = expansion.loads[at];
-      Pair h[6];
-      Pair ht[3];
-      UpperTriangle(load.h1, h);
-      Multiply(h, t, ht);
-      for (int a = 0; a < 3; ++a) w.f[a] += ht[a];
-      UpperTriangle(load.h2, h);
-      Multiply(h, t, ht);
-      for (int a = 0; a < 3; ++a) x[a] += ht[a];
-      UpperTriangle(load.h0, h);
-      for (int a = 0; a < 6; ++a) v.p[a] += h[a];
-      for (int a = 0; a < 3; ++a) {
-        const Pair g1 = Both(load.g1[a]);
-        const Pair g0 = Both(load.g0[a]);
-        w.c += t[a] * g1;
-        along += g1 * Both(tangent[a]);
-        v.gx[a] += g0;
-        v.force[a] += g0;
-      }
-    }
-    const double rigidity = std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1));
-    w.s = t[0] * x[0] + t[1] * x[1] + t[2] * x[2] + v.r +
-          Pair{joint.hessian_distal(0, 0), joint.hessian_distal(1, 1)} + Both(proximal * rigidity) -
-          along;
-    w.cross =
-        Both(0.5) * Summed(t[0] * Swapped(x[0]) + t[1] * Swapped(x[1]) + t[2] * Swapped(x[2])) +
-        v.r_cross + Both(joint.hessian_distal(0, 1));
-    w.m[0] = Load(joint.hessian_cross.data());
-    w.m[1] = Load(joint.hessian_cross.data() + 2);
-    w.r = Pair{joint.hessian_proximal(0, 0), joint.hessian_proximal(1, 1)};
-    w.r_cross = Both(joint.hessian_proximal(0, 1));
-    w.g = Load(joint.gradient_proximal.data());
-
     Gain& gain = gains_[i];
+    StageCost cost;
+    Assemble(model, state, expansion, weight, i, length, t, v, cost);
     if constexpr (Stage::kTwists) {
+      const int n = state.segments();
       const double torsional = std::min(model.torsional_rigidity_N_mm2(n - i),
                                         model.torsional_rigidity_N_mm2(n - i - 1));
-      if (!EliminateSpin(expansion.twists[i], proximal * torsional, length, t, v, w, gain)) {
+      if (!EliminateSpin(expansion.twists[i], weight * torsional, length, t, v, cost, gain)) {
         return false;
       }
     }
-
-    const double product = w.s[0] * w.s[1];
-    const double determinant = product - w.cross[0] * w.cross[0];
-    // Relative, so that a pivot that is zero but for rounding does not pass.
-    if (!(w.s[0] > 0) || !(determinant > 1e-12 * w.s[0] * w.s[0])) return false;
-    const Pair scale = Both(1 / determinant);
-    const Pair inverse = scale * Swapped(w.s);
-    const Pair inverse_cross = -scale * w.cross;
-
-    const Pair l[2] = {inverse * w.m[0] + inverse_cross * Swapped(w.m[0]),
-                       inverse * w.m[1] + inverse_cross * Swapped(w.m[1])};
-    const Pair k = inverse * w.c + inverse_cross * Swapped(w.c);
-    Pair g[3];
-    for (int a = 0; a < 3; ++a) {
-      g[a] = inverse * w.f[a] + inverse_cross * Swapped(w.f[a]);
-      gain.of_displacement[a] = g[a];
-      v.gx[a] -= Summed(w.f[a] * k);
-      v.q[a] = -Sums(w.f[a] * l[0], w.f[a] * l[1]);
-    }
-    gain.of_previous[0] = l[0];
-    gain.of_previous[1] = l[1];
-    gain.constant = k;
-    v.p[0] -= Summed(w.f[0] * g[0]);
-    v.p[1] -= Summed(w.f[0] * g[1]);
-    v.p[2] -= Summed(w.f[0] * g[2]);
-    v.p[3] -= Summed(w.f[1] * g[1]);
-    v.p[4] -= Summed(w.f[1] * g[2]);
-    v.p[5] -= Summed(w.f[2] * g[2]);
-    v.r = w.r - Sums(w.m[0] * l[0], w.m[1] * l[1]);
-    v.r_cross = w.r_cross - Summed(w.m[0] * l[1]);
-    v.g = w.g - Sums(w.m[0] * k, w.m[1] * k);
-    v.decrease += 0.5 * Summed(w.c * k)[0];
-    if constexpr (Stage::kTwists) {
-      const Pair spin = inverse * w.with_spin + inverse_cross * Swapped(w.with_spin);
-      gain.of_spin = spin;
-      for (int a = 0; a < 3; ++a) {
-        v.q[a] += w.q[a];
-        v.spin_with_displacement[a] = w.spin_with_displacement[a] - Summed(w.f[a] * spin)[0];
-      }
-      v.spin_with_previous = w.spin_with_previous - Sums(w.m[0] * spin, w.m[1] * spin);
-      v.spin_stiffness = w.spin_stiffness - Summed(w.with_spin * spin)[0];
-      v.spin_gradient = w.spin_gradient - Summed(w.with_spin * k)[0];
-    }
+    if (!Eliminate(cost, gain)) return false;
+    Propagate(cost, gain, v);
     if (i % kSpacing == 0) checkpoints_[static_cast<std::size_t>(i / kSpacing)] = v;
   }
   predicted_decrease_ = v.decrease;

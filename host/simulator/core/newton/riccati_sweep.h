@@ -35,16 +35,16 @@ class RiccatiSweep {
   /// Room for `max_segments`; no heap later.
   explicit RiccatiSweep(int max_segments);
 
-  /// Factors Hessian + proximal weight. `proximal` times the local EI/(1 mm) (spins: GJ) is added
+  /// Factors Hessian + damping weight. `weight` times the local EI/(1 mm) (spins: GJ) is added
   /// to every diagonal. False, and no step, when that is not positive definite.
   bool Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
-              double proximal);
+              double weight);
 
   /// The same as Factor, to the bit, after one that succeeded on the same state with the same
   /// weight, where since then nothing but the loads of segments 0 .. `last_changed` changed. Takes
   /// over what lies beyond.
   bool Refactor(const WireModel& model, const WireState& state, const Expansion& expansion,
-                double proximal, int last_changed);
+                double weight, int last_changed);
 
   /// The step of the last successful Factor or Refactor, one control a segment, and the
   /// displacement of every segment's proximal node by it, mm, to first order; `spin`, rad, only of
@@ -107,12 +107,20 @@ class RiccatiSweep {
     Pair of_previous[2];      ///< a component of xi each
     Pair constant;
   };
+  // Parts of the sweep's loop, apart to be read: a call for each would cost a fifth of the sweep.
+  [[gnu::always_inline]] static inline void Assemble(const WireModel& model, const WireState& state,
+                                                     const Expansion& expansion, double weight,
+                                                     int i, Pair length, const Pair (&t)[3],
+                                                     CostToGo& v, StageCost& w);
   /// Minimizes over the segment's spin; false where that has no minimum. Only of a TwistStage.
   static bool EliminateSpin(const TwistTerms& twist, double weight, Pair length, const Pair (&t)[3],
                             CostToGo& v, StageCost& w, Gain& gain);
+  [[gnu::always_inline]] static inline bool Eliminate(const StageCost& w, Gain& gain);
+  [[gnu::always_inline]] static inline void Propagate(const StageCost& w, const Gain& gain,
+                                                      CostToGo& v);
   /// From `first` towards the sheath; `cost` is that of the segments beyond it.
   bool Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
-             double proximal, int first, CostToGo cost);
+             double weight, int first, CostToGo cost);
 
   static constexpr int kSpacing = 16;  ///< segments from one checkpoint to the next
   std::vector<Gain> gains_;

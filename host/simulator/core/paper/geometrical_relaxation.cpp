@@ -104,13 +104,13 @@ bool ConstantRigidity(const WireModel& model, int segments, int mu, int nu) {
 // Merit of the interval; its ends shrunk. Zero if it cannot be used.
 GeometricalInterval Judge(const WireState& state, int mu, int nu, double shrink) {
   const auto tangent = [&](int i) {
-    return (state.tangents[i - 1] + state.tangents[i]).normalized().eval();
+    return (state.tangents()[i - 1] + state.tangents()[i]).normalized().eval();
   };
-  const CubicSpline spline(state.nodes[mu], tangent(mu), state.nodes[nu], tangent(nu));
+  const CubicSpline spline(state.nodes()[mu], tangent(mu), state.nodes()[nu], tangent(nu));
   if (!spline.valid()) return {};
   const auto square = [&](int i) {
     const double tau = static_cast<double>(i - mu) / (nu - mu);
-    return (state.nodes[i] - spline.At(tau)).squaredNorm();
+    return (state.nodes()[i] - spline.At(tau)).squaredNorm();
   };
   double sum = 0;
   for (int i = mu; i <= nu; ++i) sum += square(i);
@@ -209,13 +209,13 @@ bool GeometricalRelaxation::Begin(const WireState& state) {
   near_wall_.assign(static_cast<std::size_t>(n) + 1, 0);
   for (int i = 1; i <= last; ++i) {
     near_wall_[i] =
-        field_.Clearance(state.nodes[i]) - model_.radius_mm(n - i) < settings_.near_wall_mm;
+        field_.Clearance(state.nodes()[i]) - model_.radius_mm(n - i) < settings_.near_wall_mm;
   }
   const auto interval = SelectInterval(model_, state, near_wall_, last, settings_);
   if (!interval) return false;
   interval_ = *interval;
   sweeps_left_ = interval_.length();
-  curve_.assign(state.nodes.begin(), state.nodes.end());
+  curve_.assign(state.nodes().begin(), state.nodes().end());
   // Kept for the whole minimization, so that no segment can shrink to nothing.
   planes_.clear();
   for (int i = interval_.mu + 1; i < interval_.nu; ++i) {
@@ -262,17 +262,17 @@ void GeometricalRelaxation::Update(int i) {
 
 bool GeometricalRelaxation::Try(double zeta, const WireState& state) {
   const int n = state.segments();
-  blend_.assign(state.nodes.begin(), state.nodes.end());
+  blend_.assign(state.nodes().begin(), state.nodes().end());
   for (int i = interval_.mu + 1; i < interval_.nu; ++i) {
-    blend_[i] = zeta * curve_[i] + (1 - zeta) * state.nodes[i];
+    blend_[i] = zeta * curve_[i] + (1 - zeta) * state.nodes()[i];
     if (field_.Clearance(blend_[i]) < model_.radius_mm(n - i)) return false;
   }
   SlidePoints(blend_, interval_.mu, model_.segment_mm(), settings_.second_order_slide, slid_);
-  return (slid_[n] - state.nodes[n]).norm() < model_.segment_mm();
+  return (slid_[n] - state.nodes()[n]).norm() < model_.segment_mm();
 }
 
 bool GeometricalRelaxation::Continue(int sweeps, WireState& state) {
-  assert(active() && curve_.size() == state.nodes.size());
+  assert(active() && curve_.size() == state.nodes().size());
   for (; sweeps > 0 && sweeps_left_ > 0; --sweeps, --sweeps_left_) {
     for (int i = interval_.mu + 1; i < interval_.nu; ++i) Update(i);
   }
@@ -292,11 +292,7 @@ bool GeometricalRelaxation::Continue(int sweeps, WireState& state) {
       return true;
     }
   }
-  for (int j = interval_.mu + 1; j <= state.segments(); ++j) {
-    state.tangents[j - 1] = (slid_[j] - slid_[j - 1]).normalized();
-  }
-  PlaceNodes(model_, interval_.mu + 1, state);
-  TransportNormals(model_, state);
+  state.LayThrough(model_, slid_, interval_.mu);
   return true;
 }
 

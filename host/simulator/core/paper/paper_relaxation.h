@@ -3,6 +3,7 @@
 // of Geometrical Relaxation, then again. An action interrupts either.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "host/simulator/core/paper/geometrical_relaxation.h"
@@ -32,6 +33,11 @@ bool InsertSegment(const WireModel& model, WireState& state);
 /// The inverse: takes away the segment just before the tip. False when none is left.
 bool RetractSegment(const WireModel& model, WireState& state);
 
+/// Of a lone wire. Whole segments only: what is less than one is carried. One unit of work is an
+/// action with its Tip Relaxation, or a slice: m(m+1)/2 updates of a PR cycle, or m(m+1)/(nu-mu)
+/// sweeps of a GR cycle. A tick ends after the GR cycle that follows a PR cycle (or where
+/// settings.cycles has none, after the PR cycle), at the latest; cycles that the budget cuts go on
+/// in the next tick.
 class PaperRelaxation final : public Relaxation {
  public:
   /// `wall.points_per_segment` must be 1: the paper's contacts are its nodes.
@@ -42,7 +48,6 @@ class PaperRelaxation final : public Relaxation {
   /// its Tip Relaxation, or a slice: m(m+1)/2 updates of a PR cycle, or m(m+1)/(nu-mu) sweeps of a
   /// GR cycle. A tick ends after the GR cycle that follows a PR cycle (or where settings.cycles has
   /// none, after the PR cycle), at the latest; cycles that the budget cuts go on in the next tick.
-  TickReport Tick(const HandTarget& target, WorkBudget& budget, WireState& state) override;
   void Restart(WireState& state) override;
   const Expansion& Current() const override { return current_; }
 
@@ -50,11 +55,21 @@ class PaperRelaxation final : public Relaxation {
   const GeometricalRelaxation& geometrical() const { return geometrical_; }
 
  private:
-  bool ActionPending(const HandTarget& target, const WireState& state) const;
-  void Act(const HandTarget& target, WireState& state);
+  enum class Action { kNone, kInsert, kRetract, kRotate };
+
+  bool Arrived(const InstrumentPlaces& goal, const WireState& state) const override;
+  void Begin(WireState& state) override;
+  // Fig. 10: an action is always first.
+  bool MayMove() const override { return true; }
+  int Move(const InstrumentPlaces& goal, WireState& state) override;
+  bool AtRest(WireState& state) override;
+  void Relax(WireState& state, TickReport& report) override;
+  void End(const WireState& state, TickReport& report) override;
+
+  Action NextAction(const InstrumentPlaces& goal, const WireState& state) const;
   bool RelaxSlice(WireState& state);
   void InterruptCycles(WireState& state);
-  double Carried(const HandTarget& target, const WireState& state) const;
+  void BringUpToDate(const WireState& state);
 
   const WireModel& model_;
   const PaperSettings settings_;
@@ -62,7 +77,10 @@ class PaperRelaxation final : public Relaxation {
   WireMechanics mechanics_;
   PhysicalRelaxation physical_;
   GeometricalRelaxation geometrical_;
-  bool physical_done_ = false;  ///< the PR cycle has ended, its GR cycle has not
+  bool physical_done_ = false;  // the PR cycle has ended, its GR cycle has not
+  std::optional<bool> ended_;   // the cycles of this tick; none: not asked yet
+  bool up_to_date_ = true;      // current_ is of the state
+  std::int64_t updates_before_ = 0;
   Expansion current_;
 };
 

@@ -6,7 +6,6 @@
 
 namespace torquer {
 
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 PhysicalRelaxation::PhysicalRelaxation(const WireModel& model, const ClearanceField& field,
@@ -20,8 +19,8 @@ PhysicalRelaxation::PhysicalRelaxation(const WireModel& model, const ClearanceFi
 }
 
 void PhysicalRelaxation::Restart(WireState& state) {
-  free_mm_.assign(state.nodes.size(), -1);
-  UpdateSpin(model_, state);
+  free_mm_.assign(state.nodes().size(), -1);
+  state.UpdateFrames(model_);
   InterruptCycle();
 }
 
@@ -33,7 +32,7 @@ Vector3d PhysicalRelaxation::WallGradient(int first_node, const WireState& state
     if (settings_.skip_lookups && free_mm_[j] > 0) continue;
     const double radius = model_.radius_mm(n - j);
     ClearanceSample sample;
-    field_.EvaluateGradient(state.nodes[j], sample);
+    field_.EvaluateGradient(state.nodes()[j], sample);
     ++lookups_;
     free_mm_[j] = (sample.clearance_mm - radius) / lipschitz_;
     if (sample.clearance_mm >= radius) continue;
@@ -43,39 +42,10 @@ Vector3d PhysicalRelaxation::WallGradient(int first_node, const WireState& state
   return sum;
 }
 
-void PhysicalRelaxation::TurnSpin(int segment, const Vector3d& old_tangent,
-                                  const Vector3d& old_normal, WireState& state) const {
-  const int n = state.segments();
-  const int curved = model_.first_straight_joint();
-  if (curved <= 1) return;
-  const auto times = [](const Vector2d& a, const Vector2d& b) {
-    return Vector2d(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]);
-  };
-  const auto conjugate = [](const Vector2d& a) { return Vector2d(a[0], -a[1]); };
-  const Vector3d& before = segment == 0 ? model_.sheath().direction : state.tangents[segment - 1];
-  const Vector3d& normal = segment == 0 ? model_.sheath_normal() : state.normals[segment - 1];
-  const Vector3d& tangent = state.tangents[segment];
-  const Vector3d& own = state.normals[segment];
-  Vector2d change = times(SpinFactor(before, normal, tangent, own),
-                          conjugate(SpinFactor(before, normal, old_tangent, old_normal)));
-  for (int joint = segment + 1; joint < n; ++joint) {
-    if (joint == segment + 2) {
-      const Vector3d& after = state.tangents[segment + 1];
-      const Vector3d& target = state.normals[segment + 1];
-      change = times(change, times(SpinFactor(tangent, own, after, target),
-                                   conjugate(SpinFactor(old_tangent, old_normal, after, target))));
-      joint = std::max(joint, n - curved + 1);
-      if (joint >= n) return;
-    }
-    const int from_tip = n - joint;
-    if (from_tip < curved) state.spin[from_tip] = times(state.spin[from_tip], change);
-  }
-}
-
 double PhysicalRelaxation::Update(int segment, WireState& state) {
   const int n = state.segments();
   const double length = state.SegmentLength(model_, segment);
-  const Vector3d u = state.tangents[segment];
+  const Vector3d u = state.tangents()[segment];
 
   // (6), (8), (10'); for EI(s) each joint brings its own spring constant.
   Vector3d pull = Vector3d::Zero();
@@ -89,7 +59,7 @@ double PhysicalRelaxation::Update(int segment, WireState& state) {
   }
   if (segment + 1 < n) {
     const Vector3d bend =
-        state.tangents[segment + 1] - RestDirection(model_, state, segment + 1);  // epsilon
+        state.tangents()[segment + 1] - RestDirection(model_, state, segment + 1);  // epsilon
     const double c = JointStiffness(model_, state, segment + 1);
     const double q = EvaluateBending(model_.law(), bend.squaredNorm() / 2).slope;
     pull += c * q * bend;
@@ -137,17 +107,9 @@ double PhysicalRelaxation::Update(int segment, WireState& state) {
   if (!(norm > 1e-6)) return 0;  // a step of exactly u's length backwards has no direction
   tangent /= norm;
 
-  const Vector3d old_normal = state.normals[segment];
-  state.tangents[segment] = tangent;
-  state.normals[segment] = ParallelTransport(old_normal, u, tangent);
-  TurnSpin(segment, u, old_normal, state);
-
-  const Vector3d move = length * (tangent - u);
-  const double distance = move.norm();
-  for (int j = segment + 1; j <= n; ++j) {
-    state.nodes[j] += move;
-    free_mm_[j] -= distance;
-  }
+  state.TurnSegment(model_, segment, tangent);
+  const double distance = (length * (tangent - u)).norm();
+  for (int j = segment + 1; j <= n; ++j) free_mm_[j] -= distance;
   sum_squared_update_ += step * step;
   return std::abs(step);
 }
@@ -170,10 +132,9 @@ bool PhysicalRelaxation::ContinueCycle(std::int64_t updates, WireState& state) {
   const int n = state.segments();
   const int iterations = std::min(n, static_cast<int>(std::ceil(settings_.cycle_fraction * n)));
   if (iteration_ == 1 && next_ == 0) {
-    // The increments of nodes and spin gather rounding; once a cycle they are made anew.
-    PlaceNodes(model_, 1, state);
-    UpdateSpin(model_, state);
-    free_mm_.assign(state.nodes.size(), -1);
+    // The increments of nodes and frames gather rounding; once a cycle they are computed again.
+    state.PlaceAgain(model_);
+    free_mm_.assign(state.nodes().size(), -1);
     sum_squared_update_ = 0;
     cycle_updates_ = 0;
   }

@@ -57,7 +57,7 @@ class PhysicalRelaxation {
   /// A cycle: iteration k = 1 .. n updates the last k segments, distal first. Interruptible: does
   /// at most `updates` more of the cycle and returns true when it has ended.
   bool ContinueCycle(std::int64_t updates, WireState& state);
-  /// The next ContinueCycle starts anew.
+  /// The next ContinueCycle starts a new cycle.
   void InterruptCycle() {
     iteration_ = 1;
     next_ = 0;
@@ -70,8 +70,6 @@ class PhysicalRelaxation {
 
  private:
   Eigen::Vector3d WallGradient(int first_node, const WireState& state);
-  void TurnSpin(int segment, const Eigen::Vector3d& old_tangent, const Eigen::Vector3d& old_normal,
-                WireState& state) const;
 
   const WireModel& model_;
   const ClearanceField& field_;

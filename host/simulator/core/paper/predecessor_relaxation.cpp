@@ -23,7 +23,8 @@ PhysicalSettings Unbounded() {
 PredecessorRelaxation::PredecessorRelaxation(const WireModel& model, const ClearanceField& field,
                                              const WallModel& wall,
                                              const PredecessorSettings& settings)
-    : model_(model),
+    : Relaxation(model),
+      model_(model),
       settings_(settings),
       mechanics_(model, field, wall, no_terms_),
       physical_(model, field, wall, Unbounded()),
@@ -33,82 +34,58 @@ PredecessorRelaxation::PredecessorRelaxation(const WireModel& model, const Clear
 }
 
 void PredecessorRelaxation::Restart(WireState& state) {
-  TransportNormals(model_, state);
+  state.UntwistFrames(model_);
   physical_.Restart(state);
-  mechanics_.ForgetLookups();
+  mechanics_.points().Forget();
   mechanics_.ExpandGradient(state, current_);
-}
-
-double PredecessorRelaxation::Carried(const HandTarget& target, const WireState& state) const {
-  return std::clamp(target.insertion_mm, 0.0, model_.max_length_mm()) - state.insertion_mm;
+  up_to_date_ = true;
 }
 
 void PredecessorRelaxation::Cycle(WireState& state) {
   physical_.Restart(state);
   physical_.ContinueCycle(std::numeric_limits<std::int64_t>::max(), state);
+  cycled_ = true;
+  up_to_date_ = false;
 }
 
-void PredecessorRelaxation::Step(const HandTarget& target, WireState& state) {
-  const double left = Carried(target, state);
-  const double turn = target.rotation_rad - state.rotation_rad;
-  if (left != 0) {
-    const double longest = settings_.feed_segments * model_.segment_mm();
-    const bool last = std::abs(left) <= longest;
-    const double feed = last ? left : std::copysign(longest, left);
-    state.insertion_mm = last ? std::clamp(target.insertion_mm, 0.0, model_.max_length_mm())
-                              : state.insertion_mm + feed;
-    // Fed at the base, the wire is pushed forward as it lies.
-    FeedFirstSegment(model_, state);
-    PlaceNodes(model_, 1, state);
-    TransportNormals(model_, state);
-  }
-  if (turn != 0) {
-    state.SetRotation(std::abs(turn) <= settings_.max_turn_rad
-                          ? target.rotation_rad
-                          : state.rotation_rad + std::copysign(settings_.max_turn_rad, turn));
-  }
+bool PredecessorRelaxation::Arrived(const InstrumentPlaces& goal, const WireState& state) const {
+  return state.places() == goal;
+}
+
+void PredecessorRelaxation::Begin(WireState& /*state*/) {
+  cycled_ = false;
+  updates_before_ = physical_.updates();
+}
+
+int PredecessorRelaxation::Move(const InstrumentPlaces& goal, WireState& state) {
+  const InstrumentPlaces next = stack().Towards(
+      goal, state.places(), settings_.feed_segments * model_.segment_mm(), settings_.max_turn_rad);
+  // Fed at the base, the wire is pushed forward as it lies.
+  if (next.reach_mm() != state.insertion_mm()) state.FeedAtBase(model_, next.reach_mm());
+  if (next[0].rotation_rad != state.rotation_rad()) state.Rotate(next[0].rotation_rad);
+  up_to_date_ = false;
   if (state.segments() > 0) Cycle(state);
+  return 1;
 }
 
-TickReport PredecessorRelaxation::Tick(const HandTarget& target, WorkBudget& budget,
-                                       WireState& state) {
-  TickReport report;
-  const Vector3d tip_before = state.nodes.back();
-  const double insertion_before = state.insertion_mm;
-  const double rotation_before = state.rotation_rad;
-  const std::int64_t updates_before = physical_.updates();
+bool PredecessorRelaxation::AtRest(WireState& state) {
+  return cycled_ || !up_to_date_ || state.segments() == 0 ||
+         current_.residual <= settings_.tolerance;
+}
 
-  const auto pending = [&] {
-    return Carried(target, state) != 0 || target.rotation_rad != state.rotation_rad;
-  };
-  while (pending() && !report.budget_spent) {
-    if (Grant(budget, report)) {
-      Step(target, state);
-      ++report.actions;
-    } else {
-      report.budget_spent = true;
-    }
-  }
-  if (report.actions == 0 && state.segments() > 0 && current_.residual > settings_.tolerance) {
-    if (Grant(budget, report)) {
-      Cycle(state);
-      ++report.iterations;
-    } else {
-      report.budget_spent = true;
-    }
-  }
-  if (report.work > 0) mechanics_.ExpandGradient(state, current_);
+void PredecessorRelaxation::Relax(WireState& state, TickReport& report) {
+  Cycle(state);
+  ++report.iterations;
+}
 
-  report.updates = physical_.updates() - updates_before;
+void PredecessorRelaxation::End(const WireState& state, TickReport& report) {
+  if (!up_to_date_) mechanics_.ExpandGradient(state, current_);
+  up_to_date_ = true;
+  report.updates = physical_.updates() - updates_before_;
   report.converged = current_.residual <= settings_.tolerance;
-  report.carried_mm = Carried(target, state);
   report.energy_mJ = current_.energy_mJ;
   report.residual = current_.residual;
   report.max_penetration_mm = current_.max_penetration_mm;
-  const double hand = std::abs(state.insertion_mm - insertion_before) +
-                      10 * std::abs(state.rotation_rad - rotation_before);
-  report.snapped = (state.nodes.back() - tip_before).norm() > 3 * hand + 0.5;
-  return report;
 }
 
 }  // namespace torquer

@@ -19,29 +19,36 @@ struct PredecessorSettings {
   double tolerance = 1e-3;        ///< residual at which a tick counts as converged
 };
 
+/// Of a lone wire. One unit of work is a step of the feed or of the rotation with its cycle, or a
+/// cycle. A tick in which nothing is to be fed or turned does one cycle. It may diverge: then the
+/// state stays finite and its lengths exact, but energy and residual say that it is no equilibrium.
 class PredecessorRelaxation final : public Relaxation {
  public:
   /// `model.law()` must be kG2 and `wall.points_per_segment` 1. Keeps references to the three.
   PredecessorRelaxation(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                         const PredecessorSettings& settings);
 
-  /// One unit of work is a step of the feed or of the rotation with its cycle, or a cycle. A tick
-  /// in which nothing is to be fed or turned does one cycle. It may diverge: then the state stays
-  /// finite and its lengths exact, but energy and residual say that it is no equilibrium.
-  TickReport Tick(const HandTarget& target, WorkBudget& budget, WireState& state) override;
   void Restart(WireState& state) override;
   const Expansion& Current() const override { return current_; }
 
  private:
-  void Step(const HandTarget& target, WireState& state);
+  bool Arrived(const InstrumentPlaces& goal, const WireState& state) const override;
+  void Begin(WireState& state) override;
+  bool MayMove() const override { return true; }
+  int Move(const InstrumentPlaces& goal, WireState& state) override;
+  bool AtRest(WireState& state) override;
+  void Relax(WireState& state, TickReport& report) override;
+  void End(const WireState& state, TickReport& report) override;
   void Cycle(WireState& state);
-  double Carried(const HandTarget& target, const WireState& state) const;
 
   const WireModel& model_;
   const PredecessorSettings settings_;
   const std::vector<EnergyTerm*> no_terms_;
   WireMechanics mechanics_;
   PhysicalRelaxation physical_;
+  bool cycled_ = false;     // in this tick
+  bool up_to_date_ = true;  // current_ is of the state
+  std::int64_t updates_before_ = 0;
   Expansion current_;
 };
 

@@ -1,0 +1,124 @@
+#include "host/simulator/core/contact_points.h"
+
+#include <algorithm>
+
+namespace torquer {
+
+using Eigen::Vector3d;
+
+ContactPoints::ContactPoints(const WireModel& model, const ClearanceField& field,
+                             const WallModel& wall)
+    : model_(model),
+      field_(field),
+      wall_(wall),
+      lipschitz_(field.LipschitzBound()),
+      last_(static_cast<std::size_t>(model.max_segments() + 1) *
+            static_cast<std::size_t>(wall.points_per_segment)) {
+  Forget();
+  radius_mm_.resize(static_cast<std::size_t>(model.max_segments()) + 1);
+  TakeRadii();
+  if (wall.by_place != nullptr) stiffness_N_mm2_.assign(last_.size(), wall.stiffness_N_mm2);
+}
+
+void ContactPoints::Forget() {
+  for (Lookup& look : last_) look.free_mm = -1;
+}
+
+void ContactPoints::TakeRadii() {
+  const auto per_segment = static_cast<std::size_t>(wall_.points_per_segment);
+  for (std::size_t j = 0; j < radius_mm_.size(); ++j) {
+    const double radius_mm = model_.radius_mm(static_cast<int>(j));
+    const double grown_mm = radius_mm - radius_mm_[j];
+    radius_mm_[j] = radius_mm;
+    if (grown_mm <= 0) continue;
+    for (std::size_t q = j * per_segment; q < (j + 1) * per_segment; ++q) {
+      last_[q].free_mm -= grown_mm / lipschitz_;
+    }
+  }
+}
+
+void ContactPoints::Reserve(PointSet& points) const {
+  points.per_segment = wall_.points_per_segment;
+  points.position.reserve(last_.size());
+  points.weight_mm.reserve(last_.size());
+  points.radius_mm.reserve(last_.size());
+  points.touches.reserve(last_.size());
+  points.clearance.reserve(last_.size());
+  points.stiffness_N_mm2.reserve(last_.size());
+  points.near.reserve(last_.size());
+  if (model_.twists()) points.normals.reserve(static_cast<std::size_t>(model_.max_segments()) + 1);
+}
+
+void ContactPoints::TakeStiffness(const WireState& state) {
+  if (wall_.by_place == nullptr) return;
+  const int per_segment = wall_.points_per_segment;
+  std::size_t q = static_cast<std::size_t>(state.segments() * per_segment);
+  for (int i = 0; i < state.segments(); ++i) {
+    const double length = state.SegmentLength(model_, i);
+    for (int k = 1; k <= per_segment; ++k) {
+      stiffness_N_mm2_[--q] =
+          wall_.by_place->At(state.nodes()[i] + (length * k / per_segment) * state.tangents()[i]);
+    }
+  }
+}
+
+void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& points) {
+  const int n = state.segments();
+  const int per_segment = wall_.points_per_segment;
+  const auto count = static_cast<std::size_t>(n * per_segment);
+  points.per_segment = per_segment;
+  points.position.resize(count);
+  points.weight_mm.resize(count);
+  points.radius_mm.resize(count);
+  points.touches.resize(count);
+  points.clearance.resize(count);
+  points.stiffness_N_mm2.resize(count);
+  points.near.clear();
+  points.start = state.nodes().front();
+  if (model_.twists()) points.normals = state.normals();
+  points.instruments = state.places().size();
+  points.spacing_mm = model_.segment_mm() / per_segment;
+  for (int k = 0; k < points.instruments; ++k) {
+    points.behind_mm[static_cast<std::size_t>(k)] =
+        state.insertion_mm() - state.places()[k].insertion_mm;
+  }
+  const double travel = field_.TravelMm();
+  const double used_mm = travel / lipschitz_;
+  std::size_t q = 0;
+  for (int i = 0; i < n; ++i) {
+    const double length = state.SegmentLength(model_, i);
+    const double radius = model_.radius_mm(n - 1 - i);
+    const double weight = length / per_segment;
+    for (int k = 1; k <= per_segment; ++k, ++q) {
+      const Vector3d at =
+          k == per_segment
+              ? state.nodes()[static_cast<std::size_t>(i) + 1]
+              : Vector3d(state.nodes()[i] + (length * k / per_segment) * state.tangents()[i]);
+      points.position[q] = at;
+      points.weight_mm[q] = weight;
+      points.radius_mm[q] = radius;
+      Lookup& look = last_[count - 1 - q];
+      const double free = look.free_mm - used_mm;
+      if (free > 0 && (at - look.at).squaredNorm() < free * free) {
+        points.touches[q] = 0;
+        continue;
+      }
+      ++lookups_done_;
+      ClearanceSample& sample = points.clearance[q];
+      if (with_hessian) {
+        field_.EvaluateHessian(at, sample);
+      } else {
+        field_.EvaluateGradient(at, sample);
+      }
+      points.touches[q] = sample.clearance_mm < radius;
+      look.at = at;
+      look.free_mm = (sample.clearance_mm - radius - kNearMm + travel) / lipschitz_;
+      if (sample.clearance_mm >= radius + kNearMm) continue;
+      points.near.push_back(static_cast<int>(q));
+      points.stiffness_N_mm2[q] =
+          stiffness_N_mm2_.empty() ? wall_.stiffness_N_mm2 : stiffness_N_mm2_[count - 1 - q];
+    }
+  }
+}
+
+}  // namespace torquer

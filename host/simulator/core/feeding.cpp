@@ -1,0 +1,142 @@
+// How a wire state is fed: README, section 8.
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "host/simulator/core/wire_state.h"
+
+namespace torquer {
+
+using Eigen::Vector3d;
+
+// Segment 0 has become two. The same twist per length stays everywhere: the middles of the first
+// two segments were at 3/4 and 2 of a segment's length, those of the three are at 1/4, 1 and 2.
+void WireState::SplitTwist() {
+  const Vector3d tangent = tangents_.front();
+  const double back = twist_rad_[0] * (2.0 / 3);
+  const double on = tangents_.size() > 2 ? twist_rad_[1] * (1.0 / 5) : 0;
+  normals_[0] = TurnedAbout(tangent, normals_[0], -back);
+  normals_[1] = TurnedAbout(tangent, normals_[1], on);
+  twist_rad_[0] -= back;
+  if (tangents_.size() > 2) twist_rad_[1] -= on;
+  twist_rad_.insert(twist_rad_.begin() + 1, back + on);
+}
+
+// Segments 0 and 1 are about to become one, whose middle is `part` of the way from that of segment
+// 1 to that of segment 0.
+void WireState::JoinTwist(double part) {
+  const double back = twist_rad_[1] * part;
+  normals_[1] = TurnedAbout(tangents_[1], normals_[1], -back);
+  twist_rad_[0] += twist_rad_[1] - back;
+  if (twist_rad_.size() > 2) twist_rad_[2] += back;
+  twist_rad_.erase(twist_rad_.begin() + 1);
+}
+
+// Fits segment 0 to insertion_mm_, which has changed by at most lambda/2: splits it in two or joins
+// it with the next one when it leaves its range.
+void WireState::FitFirstSegment(const WireModel& model) {
+  const double lambda = model.segment_mm();
+  const double shortest = lambda / 2;  // a shorter one would be stiffer than any other
+  if (segments() == 0) {
+    first_segment_mm_ = insertion_mm_;
+    if (insertion_mm_ >= shortest) {
+      tangents_.push_back(model.sheath().direction);
+      normals_.assign(1, ProximalNormal(model));
+      if (model.twists()) twist_rad_.assign(1, 0);
+    }
+    return;
+  }
+  // From the insertion rather than by adding up: no drift, however often it is fed.
+  first_segment_mm_ = insertion_mm_ - (segments() - 1) * lambda;
+  if (first_segment_mm_ >= 1.5 * lambda) {
+    first_segment_mm_ -= lambda;
+    tangents_.insert(tangents_.begin(), tangents_.front());
+    normals_.insert(normals_.begin(), normals_.front());
+    if (model.twists()) SplitTwist();
+  } else if (first_segment_mm_ < shortest) {
+    if (segments() == 1) {
+      tangents_.clear();
+      normals_.clear();
+      twist_rad_.clear();
+      first_segment_mm_ = insertion_mm_;
+      return;
+    }
+    const Vector3d joined = first_segment_mm_ * tangents_[0] + lambda * tangents_[1];
+    if (model.twists()) JoinTwist(first_segment_mm_ / (first_segment_mm_ + lambda));
+    tangents_.erase(tangents_.begin());
+    normals_.erase(normals_.begin());
+    // The two could be opposite only if the wire were folded at the sheath.
+    if (joined.norm() > 1e-9 * lambda) {
+      const Vector3d tangent = joined.normalized();
+      normals_[0] = ParallelTransport(normals_[0], tangents_[0], tangent);
+      tangents_[0] = tangent;
+    }
+    first_segment_mm_ += lambda;
+  }
+}
+
+void WireState::Feed(const WireModel& model, double to_mm) {
+  const double lambda = model.segment_mm();
+  const double target = insertion_mm_ + (to_mm - insertion_mm_);
+  const double fed = target - insertion_mm_;
+  assert(to_mm >= 0 && to_mm <= model.max_length_mm() && std::abs(fed) <= lambda / 2 * (1 + 1e-9));
+
+  // (23): node i slides by `fed` along the polyline, so each chord turns towards the next (or, when
+  // retracting, the former) segment. The tip keeps its directions: it has its own rest shape.
+  const int shaft = segments() - model.tip_segments();
+  const double part = std::abs(fed) / lambda;
+  Vector3d* const tangents = tangents_.data();
+  Vector3d* const normals = normals_.data();
+  const auto turn_towards = [tangents, normals, part](int i, int neighbor) {
+    const Vector3d chord = (1 - part) * tangents[i] + part * tangents[neighbor];
+    const double norm = chord.norm();
+    if (!(norm > 1e-3)) return;
+    const Vector3d tangent = chord / norm;
+    normals[i] = ParallelTransport(normals[i], tangents[i], tangent);
+    tangents[i] = tangent;
+  };
+  if (fed > 0) {
+    for (int i = 0; i + 1 < shaft; ++i) turn_towards(i, i + 1);
+  } else {
+    for (int i = shaft - 1; i > 0; --i) turn_towards(i, i - 1);
+  }
+  insertion_mm_ = target;
+  FitFirstSegment(model);
+  insertion_mm_ = to_mm;
+  if (places_.size() == 1) places_[0].insertion_mm = to_mm;
+  PlaceAgain(model);
+}
+
+void WireState::FeedAtBase(const WireModel& model, double to_mm) {
+  insertion_mm_ = to_mm;
+  if (places_.size() == 1) places_[0].insertion_mm = to_mm;
+  FitFirstSegment(model);
+  PlaceNodes(model, 1);
+  UntwistFrames(model);
+}
+
+void WireState::InsertSegment(const WireModel& model, int at, const Vector3d& tangent) {
+  // One inserted at the sheath goes before the short first one only in name: lengths are properties
+  // of places, and place 0 keeps its own.
+  if (segments() == 0) {
+    first_segment_mm_ = model.segment_mm();
+    insertion_mm_ = 0;
+  }
+  tangents_.insert(tangents_.begin() + at, tangent);
+  insertion_mm_ += model.segment_mm();
+  if (places_.size() == 1) places_[0].insertion_mm = insertion_mm_;
+  PlaceNodes(model, 1);
+  UntwistFrames(model);
+}
+
+void WireState::RemoveSegment(const WireModel& model, int at) {
+  const bool last = segments() == 1;
+  tangents_.erase(tangents_.begin() + at);
+  insertion_mm_ = last ? 0 : insertion_mm_ - model.segment_mm();
+  if (last) first_segment_mm_ = 0;
+  if (places_.size() == 1) places_[0].insertion_mm = insertion_mm_;
+  PlaceNodes(model, 1);
+  UntwistFrames(model);
+}
+
+}  // namespace torquer

@@ -1,0 +1,23 @@
+// Frames of the cross-section, carried along a wire and in time (README, section 3).
+#pragma once
+
+#include <Eigen/Core>
+
+namespace torquer {
+
+/// Carries a unit vector across unit `from` to one across unit `to` by the smallest rotation that
+/// takes `from` to `to` (README (10)); where they are opposite, by half a turn about the vector
+/// itself.
+Eigen::Vector3d ParallelTransport(const Eigen::Vector3d& normal, const Eigen::Vector3d& from,
+                                  const Eigen::Vector3d& to);
+
+/// The turn of a joint's frames: cosine and sine of the angle about `to`, from `to_normal`
+/// backwards to `normal` carried there from `from` by parallel transport (README (11)).
+Eigen::Vector2d FrameTurn(const Eigen::Vector3d& from, const Eigen::Vector3d& normal,
+                          const Eigen::Vector3d& to, const Eigen::Vector3d& to_normal);
+
+/// A unit vector turned about a unit tangent that it is across to.
+Eigen::Vector3d TurnedAbout(const Eigen::Vector3d& tangent, const Eigen::Vector3d& normal,
+                            double angle_rad);
+
+}  // namespace torquer

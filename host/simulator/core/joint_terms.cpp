@@ -1,0 +1,155 @@
+#include "host/simulator/core/joint_terms.h"
+
+#include <Eigen/Geometry>
+
+#include "host/simulator/core/pair.h"
+
+namespace torquer {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+void ExpandJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                 const Vector3d& proximal_normal, const Vector3d& rest, const Vector3d& tangent,
+                 const Vector3d& normal, double& energy_mJ, JointTerms& out) {
+  // y = |u - r|^2 / 2 with u = tangent, and r = rest turning with the proximal segment by the
+  // rotation vector phi = tangent_p x T_p xi_p = e1 xi_p1 + e2 xi_p2.
+  const double y = (tangent - rest).squaredNorm() / 2;
+  const BendingValue v = EvaluateBending(law, y);
+  energy_mJ += stiffness_mJ * v.g;
+
+  const Vector3d second = tangent.cross(normal);
+  const Vector3d e1 = proximal_tangent.cross(proximal_normal);
+  const Vector3d e2 = -proximal_normal;
+  const Vector3d moment = rest.cross(tangent);
+  const Vector2d y_distal(-rest.dot(normal), -rest.dot(second));
+  const Vector2d y_proximal(-e1.dot(moment), -e2.dot(moment));
+  const double c = 1 - y;
+  const double slope = stiffness_mJ * v.slope;
+  const double curvature = stiffness_mJ * v.curvature;
+
+  out.gradient_distal = slope * y_distal;
+  out.gradient_proximal = slope * y_proximal;
+  out.hessian_distal = curvature * y_distal * y_distal.transpose();
+  out.hessian_distal.diagonal().array() += slope * c;
+  const Vector2d e_rest(e1.dot(rest), e2.dot(rest));
+  const Vector2d e_tangent(e1.dot(tangent), e2.dot(tangent));
+  out.hessian_proximal =
+      curvature * y_proximal * y_proximal.transpose() -
+      (slope / 2) * (e_rest * e_tangent.transpose() + e_tangent * e_rest.transpose());
+  out.hessian_proximal.diagonal().array() += slope * c;
+  const Vector3d rest_x_normal = rest.cross(normal);
+  const Vector3d rest_x_second = rest.cross(second);
+  Matrix2d cross;
+  cross << e1.dot(rest_x_normal), e1.dot(rest_x_second), e2.dot(rest_x_normal),
+      e2.dot(rest_x_second);
+  out.hessian_cross = curvature * y_proximal * y_distal.transpose() - slope * cross;
+}
+
+void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                         const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
+                         double& energy_mJ, JointTerms& out) {
+  // ExpandJoint with rest = proximal tangent: e1, e2 are across it, and the triple products
+  // become scalar products of the normals.
+  const double y = (tangent - proximal_tangent).squaredNorm() / 2;
+  const BendingValue v = EvaluateBending(law, y);
+  energy_mJ += stiffness_mJ * v.g;
+  const double slope = stiffness_mJ * v.slope;
+  const double curvature = stiffness_mJ * v.curvature;
+  const Pair along = Both(slope * (1 - y));
+  Pair proximal = Both(0);
+  Pair distal = Both(0);
+  Pair cross[2] = {Both(0), Both(0)};
+  for (int a = 0; a < 3; ++a) {
+    const Pair t = Load(frame.data() + static_cast<std::ptrdiff_t>(2 * a));
+    const Pair p = Load(proximal_frame.data() + static_cast<std::ptrdiff_t>(2 * a));
+    distal -= t * Both(proximal_tangent[a]);
+    proximal -= p * Both(tangent[a]);
+    cross[0] += t * Firsts(p, p);
+    cross[1] += t * Seconds(p, p);
+  }
+  Store(Both(slope) * proximal, out.gradient_proximal.data());
+  Store(Both(slope) * distal, out.gradient_distal.data());
+  const Pair bent_proximal = Both(curvature) * proximal;
+  const Pair bent_distal = Both(curvature) * distal;
+  const Pair first = {1, 0};
+  const Pair second = {0, 1};
+  Store(bent_proximal * Firsts(proximal, proximal) + along * first, out.hessian_proximal.data());
+  Store(bent_proximal * Seconds(proximal, proximal) + along * second,
+        out.hessian_proximal.data() + 2);
+  Store(bent_distal * Firsts(distal, distal) + along * first, out.hessian_distal.data());
+  Store(bent_distal * Seconds(distal, distal) + along * second, out.hessian_distal.data() + 2);
+  Store(bent_distal * Firsts(proximal, proximal) - Both(slope) * cross[0],
+        out.hessian_cross.data());
+  Store(bent_distal * Seconds(proximal, proximal) - Both(slope) * cross[1],
+        out.hessian_cross.data() + 2);
+}
+
+void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_tangent,
+              const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
+              double& energy_mJ, JointTerms& bending, TwistTerms& out) {
+  // The twist grows by zeta_d - zeta_p, and by the area that the step sweeps on the sphere of
+  // tangents: to first order g_p.xi_p + g_d.xi_d.
+  const double k = stiffness_mJ;
+  const double torque = k * twist_rad;
+  energy_mJ += torque * twist_rad / 2;
+  const double part = 1 / (1 + proximal_tangent.dot(tangent));
+  const Vector2d h_p = proximal_frame.transpose() * tangent;
+  const Vector2d h_d = frame.transpose() * proximal_tangent;
+  const Vector2d g_p = part * Vector2d(-h_p[1], h_p[0]);
+  const Vector2d g_d = part * Vector2d(h_d[1], -h_d[0]);
+  bending.gradient_proximal += torque * g_p;
+  bending.gradient_distal += torque * g_d;
+  // The areas of triangles, to second order.
+  const double half = torque * part / 2;
+  const auto symmetric = [](const Vector2d& a, const Vector2d& b) {
+    Matrix2d m;
+    m << 2 * a[0] * b[0], a[0] * b[1] + a[1] * b[0], 0, 2 * a[1] * b[1];
+    m(1, 0) = m(0, 1);
+    return m;
+  };
+  bending.hessian_proximal += k * g_p * g_p.transpose() - half * symmetric(g_p, h_p);
+  bending.hessian_distal += k * g_d * g_d.transpose() - half * symmetric(g_d, h_d);
+  const Matrix2d across = proximal_frame.transpose() * frame;
+  Matrix2d turned;  // the columns of `across`, a quarter turn on
+  turned << across(0, 1), -across(0, 0), across(1, 1), -across(1, 0);
+  bending.hessian_cross +=
+      k * g_p * g_d.transpose() + (torque * part) * (turned - h_p * g_d.transpose());
+  out.gradient_proximal = -torque;
+  out.gradient_distal = torque;
+  out.hessian_proximal = k;
+  out.hessian_distal = k;
+  out.hessian_cross = -k;
+  out.proximal_proximal = -k * g_p;
+  out.proximal_distal = -k * g_d;
+  out.distal_proximal = k * g_p;
+  out.distal_distal = k * g_d;
+  out.distal_displacement.setZero();
+}
+
+void AddSpinOfRest(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                   const Vector3d& proximal_normal, const Vector3d& rest, const Vector3d& tangent,
+                   const Frame& frame, TwistTerms& out) {
+  // As in ExpandJoint, with u_p zeta added to the rotation vector of the rest direction.
+  const double y = (tangent - rest).squaredNorm() / 2;
+  const BendingValue v = EvaluateBending(law, y);
+  const double slope = stiffness_mJ * v.slope;
+  const double curvature = stiffness_mJ * v.curvature;
+  const Vector3d e1 = proximal_tangent.cross(proximal_normal);
+  const Vector3d e2 = -proximal_normal;
+  const Vector3d moment = rest.cross(tangent);
+  const Vector2d y_distal = -frame.transpose() * rest;
+  const Vector2d y_proximal(-e1.dot(moment), -e2.dot(moment));
+  const double y_spin = -proximal_tangent.dot(moment);
+  const double cosine = tangent.dot(proximal_tangent);
+  out.gradient_proximal += slope * y_spin;
+  out.hessian_proximal +=
+      curvature * y_spin * y_spin + slope * (1 - y - cosine * proximal_tangent.dot(rest));
+  out.proximal_proximal +=
+      curvature * y_spin * y_proximal - (slope * cosine) * Vector2d(e1.dot(rest), e2.dot(rest));
+  out.proximal_distal +=
+      curvature * y_spin * y_distal - slope * (frame.transpose() * proximal_tangent.cross(rest));
+}
+
+}  // namespace torquer

@@ -1,0 +1,83 @@
+#include "host/simulator/core/newton/active_set.h"
+
+#include <algorithm>
+
+#include "host/simulator/core/hash.h"
+
+namespace torquer {
+
+using Eigen::Vector3d;
+
+ActiveSet::ActiveSet(std::size_t points) {
+  active_.reserve(points);
+  pressed_.assign(points, 0);
+}
+
+void ActiveSet::RememberPressed(const Expansion& expansion) {
+  Forget();
+  for (const int q : expansion.points.near) {
+    pressed_[static_cast<std::size_t>(expansion.points.FromTip(q))] =
+        expansion.points.touches[static_cast<std::size_t>(q)];
+  }
+}
+
+void ActiveSet::Forget() { std::fill(pressed_.begin(), pressed_.end(), 0); }
+
+void ActiveSet::Begin(const Expansion& expansion, bool moved) {
+  active_.resize(expansion.springs.size());
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    active_[k] =
+        moved
+            ? pressed_[static_cast<std::size_t>(expansion.points.FromTip(expansion.points.near[k]))]
+            : expansion.springs[k].penetration_mm > 0;
+  }
+}
+
+int ActiveSet::Update(const WireState& state, const Expansion& expansion,
+                      const std::vector<Eigen::Vector2d>& step,
+                      const std::vector<Vector3d>& displacement_mm) {
+  int last_changed = -1;
+  const int per_segment = expansion.points.per_segment;
+  const double lambda_mm = expansion.points.spacing_mm * per_segment;
+  for (std::size_t k = 0; k < expansion.springs.size(); ++k) {
+    const int q = expansion.points.near[k];
+    const int i = q / per_segment;
+    const double length = i == 0 ? state.first_segment_mm() : lambda_mm;
+    const double t = length * (q % per_segment + 1) / per_segment;
+    const Vector3d moved = displacement_mm[i] + expansion.frames[i] * (t * step[i]);
+    const double penetration =
+        expansion.springs[k].penetration_mm -
+        expansion.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
+    const std::uint8_t presses = penetration > 0;
+    if (presses == active_[k]) continue;
+    active_[k] = presses;
+    last_changed = i;
+  }
+  return last_changed;
+}
+
+double ActiveSet::EnergyAtRest(const Expansion& expansion) const {
+  double sum = 0;
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    const WallSpring& spring = expansion.springs[k];
+    const double energy =
+        spring.stiffness_N_mm * spring.penetration_mm * spring.penetration_mm / 2;  // (12)
+    if (active_[k] && spring.penetration_mm <= 0) sum += energy;
+    if (!active_[k] && spring.penetration_mm > 0) sum -= energy;
+  }
+  return sum;
+}
+
+std::uint64_t ActiveSet::Hash(std::uint64_t seed) const {
+  std::uint64_t word = 0;
+  for (std::size_t k = 0; k < pressed_.size(); ++k) {
+    word = word << 1 | pressed_[k];
+    if (k % 64 == 63 || k + 1 == pressed_.size()) {
+      seed = (seed ^ word) * 0x100000001b3ULL;
+      word = 0;
+    }
+  }
+  return seed;
+}
+
+}  // namespace torquer

@@ -1,0 +1,71 @@
+#include "host/simulator/core/relaxation.h"
+
+#include <cmath>
+
+namespace torquer {
+
+namespace {
+
+// Asks `budget` for one more unit, and counts it in `report` when it is granted.
+bool Grant(WorkBudget& budget, TickReport& report) {
+  if (!budget.Allows(report.work)) return false;
+  ++report.work;
+  return true;
+}
+
+// Whether the tip has gone much farther than the hands explain: a turn moves a bent tip by as many
+// times its length as it has radians, and 10 mm is a long one.
+bool Snapped(const Eigen::Vector3d& tip_before, const InstrumentPlaces& before,
+             const WireState& state) {
+  constexpr double kBentTipMm = 10;
+  double hands_mm = 0;
+  for (int k = 0; k < before.size(); ++k) {
+    const InstrumentPlace& now = state.places()[k];
+    hands_mm += std::abs(now.insertion_mm - before[k].insertion_mm) +
+                kBentTipMm * std::abs(now.rotation_rad - before[k].rotation_rad);
+  }
+  return (state.tip() - tip_before).norm() > 3 * hands_mm + 0.5;
+}
+
+InstrumentPlaces Left(const InstrumentPlaces& goal, const InstrumentPlaces& here) {
+  InstrumentPlaces left(goal.size());
+  for (int k = 0; k < goal.size(); ++k) {
+    left[k] = {goal[k].insertion_mm - here[k].insertion_mm,
+               goal[k].rotation_rad - here[k].rotation_rad};
+  }
+  return left;
+}
+
+}  // namespace
+
+TickReport Relaxation::Tick(const InstrumentPlaces& target, WorkBudget& budget, WireState& state) {
+  TickReport report;
+  const Eigen::Vector3d tip_before = state.tip();
+  const InstrumentPlaces places_before = state.places();
+  const InstrumentPlaces goal = stack_.Bounded(target);
+
+  Begin(state);
+  bool at_rest = false;
+  while (true) {
+    const bool arrived = Arrived(goal, state);
+    const bool move = !arrived && MayMove();
+    if (!move) at_rest = AtRest(state);
+    if (arrived && at_rest) break;
+    if (!Grant(budget, report)) break;
+    if (move || at_rest) {
+      report.actions += Move(goal, state);
+      at_rest = false;
+    } else {
+      Relax(state, report);
+    }
+  }
+  End(state, report);
+
+  report.converged = report.converged && at_rest;
+  report.budget_spent = !at_rest || !Arrived(goal, state);
+  report.carried = Left(goal, state.places());
+  report.snapped = Snapped(tip_before, places_before, state);
+  return report;
+}
+
+}  // namespace torquer

@@ -1,0 +1,227 @@
+#include "host/simulator/core/stack/instrument_stack.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace torquer {
+
+using Eigen::Vector2d;
+
+namespace {
+
+// What an instrument is at a distance from its tip: between its joints.
+WireModel::Joint At(const WireModel& model, double from_tip_mm) {
+  const double at = std::max(0.0, from_tip_mm / model.segment_mm());
+  const int k = static_cast<int>(at);
+  const double t = at - k;
+  const auto rest = [&model](int joint) -> Vector2d {
+    const Eigen::Vector3d& r = model.rest_direction(joint);
+    const double across = std::hypot(r[0], r[1]);
+    if (across == 0) return Vector2d::Zero();
+    return Vector2d(r[0], r[1]) * (std::atan2(across, r[2]) / across);
+  };
+  const auto mix = [t](const auto& a, const auto& b) { return a + t * (b - a); };
+  const Vector2d a = rest(k);
+  const Vector2d b = rest(k + 1);
+  return {mix(model.rigidity_N_mm2(k), model.rigidity_N_mm2(k + 1)),
+          mix(model.radius_mm(k), model.radius_mm(k + 1)), mix(a, b)};
+}
+
+Vector2d Turned(const Vector2d& v, const Vector2d& turn) {
+  return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
+}
+
+void CheckTogether(const std::vector<WireModel>& instruments) {
+  if (instruments.empty() || instruments.size() > static_cast<std::size_t>(kMostInstruments)) {
+    throw std::invalid_argument("a stack has " + std::to_string(instruments.size()) +
+                                " instruments; give 1 to " + std::to_string(kMostInstruments));
+  }
+  if (instruments.size() == 1) return;
+  const WireModel& first = instruments.front();
+  for (const WireModel& model : instruments) {
+    if (model.segment_mm() != first.segment_mm() || model.law() != first.law() ||
+        model.sheath().point_mm != first.sheath().point_mm ||
+        model.sheath().direction != first.sheath().direction) {
+      throw std::invalid_argument("instruments of a stack need the same segments, law and sheath");
+    }
+    if (model.twists()) {
+      throw std::invalid_argument("instruments within each other cannot twist here");
+    }
+  }
+}
+
+// A rod with room for all; Combine fills it.
+std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments) {
+  const WireModel& first = instruments.front();
+  double longest_mm = 0;
+  for (const WireModel& model : instruments) {
+    longest_mm = std::max(longest_mm, model.max_length_mm());
+  }
+  const WireSection section{.rigidity_N_mm2 = first.rigidity_N_mm2(0),
+                            .radius_mm = first.radius_mm(0)};
+  return std::make_unique<WireModel>(first.segment_mm(), std::vector<WireSection>{section}, 0,
+                                     longest_mm, first.law(), first.sheath());
+}
+
+}  // namespace
+
+InstrumentStack::InstrumentStack(const WireModel& wire) : instruments_{&wire}, rod_(&wire) {}
+
+InstrumentStack::InstrumentStack(std::vector<WireModel> instruments)
+    : owned_(std::move(instruments)) {
+  CheckTogether(owned_);
+  for (const WireModel& model : owned_) instruments_.push_back(&model);
+  rod_ = instruments_.front();
+  if (size() == 1) return;
+  combined_ = EmptyRod(owned_);
+  rod_ = combined_.get();
+  joints_.resize(static_cast<std::size_t>(rod_->max_segments()) + 1);
+  Combine(InstrumentPlaces(size()));
+}
+
+InstrumentPlaces InstrumentStack::Bounded(const InstrumentPlaces& places) const {
+  InstrumentPlaces bounded = places;
+  for (int k = 0; k < size(); ++k) {
+    bounded[k].insertion_mm =
+        std::clamp(places[k].insertion_mm, 0.0, instrument(k).max_length_mm());
+  }
+  return bounded;
+}
+
+InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
+                                          const InstrumentPlaces& here, double feed_mm,
+                                          double turn_rad) const {
+  InstrumentPlaces next = here;
+  for (int k = 0; k < size(); ++k) {
+    const double left = goal[k].rotation_rad - here[k].rotation_rad;
+    next[k].rotation_rad = std::abs(left) <= turn_rad
+                               ? goal[k].rotation_rad
+                               : here[k].rotation_rad + std::copysign(turn_rad, left);
+  }
+
+  double longest_mm = 0;
+  for (int k = 0; k < size(); ++k) {
+    longest_mm = std::max(longest_mm, std::abs(goal[k].insertion_mm - here[k].insertion_mm));
+  }
+  double part = longest_mm > feed_mm ? feed_mm / longest_mm : 1;
+  // Who passes the leader first, on this part of the way.
+  const int leader = here.Leader();
+  int passing = -1;
+  for (int k = 0; k < size(); ++k) {
+    const double lead_mm = here[leader].insertion_mm - here[k].insertion_mm;
+    if (lead_mm == 0) continue;
+    const double gain_mm = (goal[k].insertion_mm - here[k].insertion_mm) -
+                           (goal[leader].insertion_mm - here[leader].insertion_mm);
+    if (!(part * gain_mm > lead_mm)) continue;
+    part = lead_mm / gain_mm;
+    passing = k;
+  }
+  for (int k = 0; k < size(); ++k) {
+    const double left = goal[k].insertion_mm - here[k].insertion_mm;
+    if (part == 1) {
+      next[k].insertion_mm = goal[k].insertion_mm;
+    } else if (passing < 0 && std::abs(left) == longest_mm) {
+      next[k].insertion_mm = here[k].insertion_mm + std::copysign(feed_mm, left);
+    } else {
+      next[k].insertion_mm = here[k].insertion_mm + part * left;
+    }
+  }
+  if (passing >= 0) next[passing].insertion_mm = next[leader].insertion_mm;
+  return next;
+}
+
+void InstrumentStack::Combine(const InstrumentPlaces& places) {
+  if (combined_ == nullptr) return;
+  const double lambda = rod_->segment_mm();
+  const int leader = places.Leader();
+  // By how far their tips are behind that of the leader: the leader first, and of several that
+  // reach as far the innermost.
+  struct Member {
+    const WireModel* model = nullptr;
+    double behind_mm = 0;
+    Vector2d turn = {1, 0};
+  };
+  std::array<Member, kMostInstruments> members;
+  for (int k = 0; k < size(); ++k) {
+    Member& member = members[static_cast<std::size_t>(k)];
+    const double rotation = places[k].rotation_rad;
+    member.model = &instrument(k);
+    member.behind_mm = places[leader].insertion_mm - places[k].insertion_mm;
+    member.turn << std::cos(rotation), std::sin(rotation);
+  }
+  for (int k = 1; k < size(); ++k) {
+    for (auto m = static_cast<std::size_t>(k);
+         m > 0 && members[m].behind_mm < members[m - 1].behind_mm; --m) {
+      std::swap(members[m], members[m - 1]);
+    }
+  }
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    const double from_tip = static_cast<double>(k) * lambda;
+    WireModel::Joint& joint = joints_[k];
+    joint = At(*members[0].model, from_tip);
+    joint.rest_rad = Turned(joint.rest_rad, members[0].turn);
+    // The joint stands for the wire half a segment to either side. Along it as many instruments as
+    // have their tips beyond lie side by side: there EI adds up, and along the joint, one piece
+    // after the other, compliances and angles do.
+    double sum_EI = joint.rigidity_N_mm2;
+    Vector2d sum_EI_rest = joint.rigidity_N_mm2 * joint.rest_rad;
+    double covered = 1;
+    double compliance = 0;
+    Vector2d rest = Vector2d::Zero();
+    for (int m = 1; m < size(); ++m) {
+      const Member& other = members[static_cast<std::size_t>(m)];
+      const double beyond = (from_tip - other.behind_mm) / lambda;
+      const double part = std::clamp(beyond + 0.5, 0.0, 1.0);
+      if (part == 0) break;
+      WireModel::Joint added = At(*other.model, from_tip - other.behind_mm);
+      added.rest_rad = Turned(added.rest_rad, other.turn);
+      compliance += (covered - part) / sum_EI;
+      rest += (covered - part) * (sum_EI_rest / sum_EI);
+      covered = part;
+      sum_EI += added.rigidity_N_mm2;
+      sum_EI_rest += added.rigidity_N_mm2 * added.rest_rad;
+      // The radius is that of the segment distal of the joint.
+      joint.radius_mm +=
+          std::clamp(beyond, 0.0, 1.0) * std::max(0.0, added.radius_mm - joint.radius_mm);
+    }
+    joint.rest_rad = rest + covered * (sum_EI_rest / sum_EI);
+    joint.rigidity_N_mm2 = 1 / (compliance + covered / sum_EI);
+  }
+  combined_->ReplaceJoints(joints_, members[0].model->tip_segments());
+}
+
+namespace {
+
+// The node before an arc length, and how far beyond it that is.
+struct Stretch {
+  int node;
+  double beyond_mm;
+};
+
+Stretch Find(const WireModel& rod, const WireState& state, double insertion_mm) {
+  const double s = std::clamp(insertion_mm, 0.0, state.ArcLength(rod));
+  if (state.segments() == 0 || s <= state.first_segment_mm()) return {0, s};
+  const double past = s - state.first_segment_mm();
+  const int k = std::min(static_cast<int>(past / rod.segment_mm()), state.segments() - 2);
+  return {k + 1, past - k * rod.segment_mm()};
+}
+
+}  // namespace
+
+Eigen::Vector3d PointAt(const WireModel& rod, const WireState& state, double insertion_mm) {
+  const Stretch at = Find(rod, state, insertion_mm);
+  if (state.segments() == 0) return state.nodes().front();
+  return state.nodes()[at.node] + at.beyond_mm * state.tangents()[at.node];
+}
+
+void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
+              std::vector<Eigen::Vector3d>& out) {
+  const Stretch at = Find(rod, state, insertion_mm);
+  out.assign(state.nodes().begin(), state.nodes().begin() + at.node + 1);
+  if (at.beyond_mm > 0) out.push_back(PointAt(rod, state, insertion_mm));
+}
+
+}  // namespace torquer

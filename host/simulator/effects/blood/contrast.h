@@ -1,0 +1,108 @@
+// Contrast agent in the blood: injected while the button is held, carried along the centerlines,
+// spread out, mixed at joints, washed out at the ends.
+//
+//   node --[ cell | cell | cell | cell ]--> node     one mean concentration a cell
+//            F -> F -> F ->  limited second order upwind + dispersion, conservative
+//
+// What is injected adds to the flow: where it is more than the blood that comes, it flows back.
+#pragma once
+
+#include <vector>
+
+#include "host/simulator/effects/blood/flow.h"
+#include "host/simulator/effects/effect.h"
+
+namespace torquer::effects {
+
+struct ContrastSettings {
+  enum class Site { kEntry, kTip, kPlace };
+  Site site = Site::kEntry;
+  int instrument = 0;             ///< for kTip
+  vessel::CenterlinePlace place;  ///< for kPlace
+  double rate_mL_s = 0;
+  double concentration_mg_mL = 0;  ///< of iodine
+  double dispersion_mm2_s = 0;
+  double cell_mm = 2;  ///< the longest cell
+};
+
+class Contrast final : public Effect, public Evolution, public Observer {
+ public:
+  /// `flow` and `wire`, the rod of all instruments, must outlive this. kEntry injects where the
+  /// wire enters.
+  Contrast(const Flow& flow, const ContrastSettings& settings, const WireModel& wire);
+
+  Evolution* evolution() override { return this; }
+  Observer* observer() override { return this; }
+  void Restart() override;
+  void Advance(const TickView& tick) override;
+  void Observe(const TickView&) override {}
+  std::vector<Reading> Readings() const override;
+
+  /// Carries the dye on by step_s at a time; injects at `tip_mm` or where the settings say.
+  void Advance(double time_s, double step_s, bool injecting, const Eigen::Vector3d& tip_mm);
+
+  /// The cells of one edge of flow().graph(), of equal length, from its node a to its node b.
+  struct Cells {
+    std::size_t first = 0;
+    std::size_t count = 0;
+    double length_mm = 0;  ///< of one
+  };
+  const std::vector<Cells>& cells() const { return cells_; }
+  /// Iodine, mg/mL, of all cells of all edges.
+  const std::vector<double>& concentration_mg_mL() const { return concentration_; }
+  const Flow& flow() const { return flow_; }
+
+  double injected_mg() const { return injected_mg_; }      ///< since the start
+  double washed_out_mg() const { return washed_out_mg_; }  ///< since the start
+  double inside_mg() const;
+  /// True while no dye is in the vessels.
+  bool clear() const { return clear_; }
+
+ private:
+  // Where dye comes in.
+  struct Source {
+    int edge = -1;
+    std::size_t cell = 0;  // of that edge
+    double beyond = 0;     // part of the edge's resistance between its node a and here
+  };
+  // Flow at the two ends of an edge, mm^3/s, positive from a to b.
+  struct EndFlows {
+    double at_a = 0, at_b = 0;
+  };
+
+  void PlaceSource(const vessel::CenterlinePlace& place);
+  void Step(double time_s, double step_s, bool injecting);
+  void FindFlows(double time_s, bool injecting);
+  void OrderEdges();
+  void CarryAlong(std::size_t edge, double step_s, double inflow_mg_mL, bool injects);
+  int UpstreamNode(std::size_t edge) const;
+  void PourInto(int node, double mass_mg);
+
+  const Flow& flow_;
+  const ContrastSettings settings_;
+  const WireModel& wire_;
+  std::vector<Cells> cells_;
+  std::vector<double> concentration_;    // of each cell, mg/mL
+  std::vector<double> volume_;           // of each cell, mm^3
+  std::vector<double> spread_mm3_s_;     // dispersion through a cell's face towards a
+  std::vector<double> edge_least_mm3_;   // smallest cell
+  std::vector<double> edge_spread_1_s_;  // largest rate at which a cell gives off by dispersion
+  std::vector<double> edge_mass_mg_;
+  std::vector<std::vector<double>> per_inflow_;  // [node][edge] flow for a unit of inflow there
+  Source source_;
+  double source_age_s_ = 0;
+  std::vector<EndFlows> flows_;
+  std::vector<std::size_t> order_;  // of edges, upstream first
+  std::vector<signed char> signs_;  // of the flows that the order is for
+  std::vector<double> node_mass_mg_;
+  std::vector<double> node_out_mm3_s_;
+  std::vector<double> slope_;  // of the edge in hand
+  std::vector<double> flux_;
+  double injected_mg_ = 0;
+  double washed_out_mg_ = 0;
+  bool clear_ = true;
+};
+
+EffectKind ContrastKind();
+
+}  // namespace torquer::effects

@@ -1,0 +1,87 @@
+// Coulomb friction of the wire on the wall.
+//
+// Every contact point has an anchor on the wall. With s the displacement from it in the plane of
+// contact, N the normal force at the start of the tick, and d a small slip length, the force is
+//   mu N (3 x - x^3) / 2,  x = |s|/d <= 1   (sticks, elastically)
+//   mu N                   beyond           (slips, at the Coulomb cone exactly)
+// which has an energy with two continuous derivatives. After the tick an anchor farther away than d
+// follows to the distance d: the force stays as it is, and nothing creeps while it sticks. Where
+// the vessel moves, the anchors go with their places on the wall.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "host/simulator/effects/effect.h"
+#include "host/simulator/vessel/region.h"
+
+namespace torquer::effects {
+
+class Friction final : public Effect, public EnergyTerm {
+ public:
+  /// A part of the vessel whose wall multiplies the coefficient.
+  struct Part {
+    vessel::Region region;
+    double factor = 1;  ///< >= 0
+  };
+  /// `coefficient` mu in [0, 2] of instruments that have none; `slip_mm` d in [1e-5, 0.1]. Later
+  /// parts lie over earlier ones.
+  Friction(double coefficient, double slip_mm, const EffectContext& context,
+           std::vector<Part> parts = {});
+
+  EnergyTerm* energy_term() override { return this; }
+
+  void Begin(const PointSet& points) override;
+  double Add(const PointSet& points, PointDerivatives& out) const override;
+  void SlideSurfaces(const PointSet& points,
+                     const std::array<double, kMostInstruments>& by_mm) override;
+  void End(const PointSet& points) override;
+  void Reset() override;
+  std::uint64_t Hash(std::uint64_t seed) const override;
+
+ private:
+  // The surface of an instrument: its coefficient, and that of its coated end.
+  struct Surface {
+    double coefficient = 0;
+    double coating_mm = 0;
+    double coating_coefficient = 0;
+  };
+
+  // By PointSet::FromTip, so that it stays with the material.
+  struct Anchor {
+    Eigen::Vector3d at = Eigen::Vector3d::Zero();
+    Eigen::Vector3d at_rest = Eigen::Vector3d::Zero();  // the same of the vessel at rest
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();   // unit, of the wall, at the tick's start
+    double limit_N = 0;                                 // mu N at the tick's start
+    bool holds = false;
+  };
+
+  // Of a wire that twists: how the point's segment lay at the tick's start.
+  struct Lie {
+    Eigen::Vector3d tangent;
+    Eigen::Vector3d normal;
+  };
+  // How the surface that touches has moved since the tick's start by the wire's turn about itself.
+  struct Roll {
+    double angle_rad = 0;
+    Eigen::Vector3d per_rad_mm = Eigen::Vector3d::Zero();  // displacement of the surface
+    // Derivative of the angle with respect to the tangent.
+    Eigen::Vector3d area = Eigen::Vector3d::Zero();
+  };
+
+  Roll RollAt(const PointSet& points, int q, const Eigen::Vector3d& normal) const;
+  double CoefficientAt(const PointSet& points, int q) const;
+  void Place(const Eigen::Vector3d& at, Anchor& anchor) const;
+
+  const double slip_mm_;
+  std::vector<Surface> surfaces_;  ///< of each instrument
+  const std::vector<Part> parts_;
+  const vessel::MovingField* const moving_;  ///< null where the vessel rests
+  std::vector<Anchor> anchors_;
+  std::vector<Lie> lies_;  ///< the same; empty for a wire that does not twist
+  int anchored_ = 0;       ///< anchors beyond this many are blank
+};
+
+EffectKind FrictionKind();
+
+}  // namespace torquer::effects

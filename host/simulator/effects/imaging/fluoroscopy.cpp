@@ -1,0 +1,375 @@
+#include "host/simulator/effects/imaging/fluoroscopy.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "host/simulator/effects/imaging/fluoroscopy_noise.h"
+
+namespace torquer::effects {
+
+using Eigen::Vector3d;
+using Mode = FluoroscopySettings::Mode;
+
+namespace {
+
+constexpr float kBackground = 0.56F;  // gray of the mean exposure, of 1
+// Part of the body's contrast that is shown: slow changes are compressed, as systems do, so that
+// thin and thick parts fit the gray range together.
+constexpr float kBodyShown = 0.6F;
+constexpr float kSubtractedBackground = 0.78F;  // of what has not changed
+constexpr float kRoadmapBackground = 0.5F;
+constexpr float kRoadmapDye = 0.6F;                 // how much weaker the map is than dye itself
+constexpr std::uint64_t kMaskPicture = 1ULL << 40;  // the mask's noise is no other picture's
+
+}  // namespace
+
+Fluoroscopy::Fluoroscopy(const FluoroscopySettings& settings, const WireModel& wire,
+                         const Contrast* contrast, std::vector<const vessel::FieldMotion*> motions,
+                         std::vector<Instrument> instruments)
+    : settings_(settings),
+      wire_(wire),
+      contrast_(contrast),
+      motions_(std::move(motions)),
+      instruments_(std::move(instruments)) {
+  if (contrast_ != nullptr) LayLumen();
+  const auto pixels =
+      static_cast<std::size_t>(settings.arm.width) * static_cast<std::size_t>(settings.arm.height);
+  noise_.resize(pixels);
+  mask_noise_.resize(pixels);
+}
+
+void Fluoroscopy::Restart() {
+  next_s_ = 0;
+  was_down_ = false;
+  number_ = 0;
+  std::fill(offsets_.begin(), offsets_.end(), Eigen::Vector3f::Zero());
+}
+
+// Points along every edge, as dense as the lumen is thin.
+void Fluoroscopy::LayLumen() {
+  constexpr double kStepPerRadius = 0.5;
+  constexpr double kLeastStepMm = 0.7;
+  const FlowGraph& graph = contrast_->flow().graph();
+  for (std::size_t e = 0; e < graph.edges().size(); ++e) {
+    const FlowEdge& edge = graph.edges()[e];
+    const Contrast::Cells& cells = contrast_->cells()[e];
+    const vessel::Centerline& curve = graph.network().curves()[edge.curve];
+    Branch branch{lumen_.size(), 0};
+    double s = edge.from_mm;
+    while (true) {
+      const vessel::CenterlineSample at = curve.At(s);
+      lumen_.push_back({at.position_mm, at.tangent, at.radius_mm, 0});
+      const double x = (s - edge.from_mm) / cells.length_mm - 0.5;
+      const double inside = std::clamp(x, 0.0, static_cast<double>(cells.count - 1));
+      const auto cell = std::min(cells.count - 2, static_cast<std::size_t>(inside));
+      cell_places_.push_back(
+          {cells.first + cell, static_cast<float>(inside - static_cast<double>(cell))});
+      if (s >= edge.to_mm) break;
+      const double step = std::max(kLeastStepMm, kStepPerRadius * at.radius_mm);
+      s = s + 1.5 * step > edge.to_mm ? edge.to_mm : s + step;
+    }
+    branch.count = lumen_.size() - branch.first;
+    branches_.push_back(branch);
+  }
+  if (!motions_.empty()) offsets_.assign(lumen_.size(), Eigen::Vector3f::Zero());
+  painted_lumen_ = lumen_;
+}
+
+bool Fluoroscopy::Take(const TickView& tick) {
+  if (!tick.controls.xray) {
+    was_down_ = false;
+    return false;
+  }
+  if (!was_down_) {
+    next_s_ = tick.time_s;
+    ++pedal_;
+  }
+  was_down_ = true;
+  constexpr double kEarlyS = 5e-4;  // half a tick
+  if (tick.time_s < next_s_ - kEarlyS) return false;
+  next_s_ =
+      std::max(next_s_, tick.time_s - 1 / settings_.pictures_per_s) + 1 / settings_.pictures_per_s;
+
+  Shot& shot = shots_.Draft();
+  shot.number = number_++;
+  shot.pedal = pedal_;
+  shot.time_s = tick.time_s;
+  shot.controls = tick.controls;
+  TakeInstruments(tick.state, shot);
+  TakeDye(shot);
+  shots_.Publish();
+  return true;
+}
+
+void Fluoroscopy::TakeInstruments(const WireState& state, Shot& shot) {
+  constexpr double kRoundingMm = 1e-6;
+  std::size_t shadows = 0;
+  const auto next = [&]() -> std::vector<WirePoint>& {
+    if (shot.shadows.size() == shadows) shot.shadows.emplace_back();
+    return shot.shadows[shadows++];
+  };
+  for (std::size_t k = instruments_.size(); k-- > 0;) {
+    const Instrument& instrument = instruments_[k];
+    // Along one polyline, by the distance of each node from the instrument's tip.
+    TakePart(wire_, state, state.places()[static_cast<int>(k)].insertion_mm, nodes_);
+    std::vector<WirePoint>& body = next();
+    body.resize(nodes_.size());
+    double from_tip_mm = 0;
+    for (std::size_t i = nodes_.size(); i-- > 0;) {
+      if (i + 1 < nodes_.size()) from_tip_mm += (nodes_[i + 1] - nodes_[i]).norm();
+      const int from_tip =
+          static_cast<int>(std::lround(from_tip_mm / instrument.model->segment_mm()));
+      const bool marked =
+          instrument.marker_mm > 0 && from_tip_mm <= instrument.marker_mm + kRoundingMm;
+      body[i] = {nodes_[i], instrument.model->radius_mm(from_tip),
+                 marked ? instrument.marker_1_mm : instrument.attenuation_1_mm};
+    }
+    if (instrument.inner_radius_mm == 0) continue;
+    std::vector<WirePoint>& lumen = next();
+    lumen = shot.shadows[shadows - 2];
+    for (WirePoint& point : lumen) {
+      point.radius_mm = instrument.inner_radius_mm;
+      point.attenuation_1_mm = -point.attenuation_1_mm;
+    }
+  }
+}
+
+void Fluoroscopy::TakeDye(Shot& shot) {
+  shot.has_dye = contrast_ != nullptr && !contrast_->clear();
+  if (!shot.has_dye) return;
+  const std::vector<double>& concentration = contrast_->concentration_mg_mL();
+  shot.dye_1_mm.resize(lumen_.size());
+  const auto scale = static_cast<float>(settings_.iodine_1_mm_mg_mL);
+  for (std::size_t i = 0; i < lumen_.size(); ++i) {
+    const CellPlace& place = cell_places_[i];
+    const auto a = static_cast<float>(concentration[place.cell]);
+    const auto b = static_cast<float>(concentration[place.cell + 1]);
+    shot.dye_1_mm[i] = scale * (a + place.part * (b - a));
+  }
+  if (motions_.empty()) return;
+  // A point of the vessel at rest is where its own offset takes it: one step of the fixed point
+  // from where it was in the last picture.
+  for (std::size_t i = 0; i < lumen_.size(); ++i) {
+    if (!(shot.dye_1_mm[i] > 0)) continue;
+    vessel::Offset offset;
+    const Vector3d now = lumen_[i].position_mm + offsets_[i].cast<double>();
+    for (const vessel::FieldMotion* motion : motions_) motion->AddOffset(now, offset);
+    offsets_[i] = offset.value.cast<float>();
+  }
+  shot.offsets = offsets_;
+}
+
+void Fluoroscopy::FindBody(const Controls& controls) {
+  if (has_body_ && controls.lao_rad == body_lao_rad_ && controls.cra_rad == body_cra_rad_) return;
+  const CArm& arm = settings_.arm;
+  body_plane_.Clear(arm.width, arm.height);
+  const Projection projection(arm, controls.lao_rad, controls.cra_rad);
+  exposure_ = FillWithBody(projection, settings_.body, body_plane_);
+  has_body_ = true;
+  body_lao_rad_ = controls.lao_rad;
+  body_cra_rad_ = controls.cra_rad;
+  // What was seen from another side says nothing here.
+  has_mask_ = false;
+}
+
+void Fluoroscopy::PaintDye(const Shot& shot, const Projection& projection) {
+  const CArm& arm = settings_.arm;
+  dye_.Clear(arm.width, arm.height);
+  if (!shot.has_dye) return;
+  for (std::size_t i = 0; i < lumen_.size(); ++i) {
+    painted_lumen_[i].attenuation_1_mm = shot.dye_1_mm[i];
+    if (!shot.offsets.empty()) {
+      painted_lumen_[i].position_mm = lumen_[i].position_mm + shot.offsets[i].cast<double>();
+    }
+  }
+  painter_.Begin(arm.width, arm.height);
+  for (const Branch& branch : branches_) {
+    painter_.Add(projection, &painted_lumen_[branch.first], branch.count);
+  }
+  painter_.AddTo(projection, dye_);
+  Blur(dye_, scratch_);
+}
+
+void Fluoroscopy::Render(Picture& out) {
+  shots_.Fetch();
+  const Shot& shot = shots_.Held();
+  const CArm& arm = settings_.arm;
+  FindBody(shot.controls);
+  const Projection projection(arm, shot.controls.lao_rad, shot.controls.cra_rad);
+  devices_.Clear(arm.width, arm.height);
+  for (const std::vector<WirePoint>& shadow : shot.shadows) {
+    AddWire(projection, shadow, devices_);
+  }
+  Blur(devices_, scratch_);
+  PaintDye(shot, projection);
+  FillWithNoise(settings_.seed, static_cast<std::uint64_t>(shot.number), noise_.data(),
+                noise_.size());
+  out.width = arm.width;
+  out.height = arm.height;
+  out.time_s = shot.time_s;
+  out.controls = shot.controls;
+  out.gray.resize(noise_.size());
+  if (settings_.mode != Mode::kPlain) Subtract(shot);
+  Expose(out);
+}
+
+// Keeps the mask, and the densest dye for the road map.
+void Fluoroscopy::Subtract(const Shot& shot) {
+  if (!has_mask_ || (shot.pedal != mask_pedal_ && settings_.mode == Mode::kSubtraction)) {
+    mask_ = devices_;
+    for (std::size_t i = 0; i < mask_.value.size(); ++i) mask_.value[i] += dye_.value[i];
+    densest_dye_.Clear(mask_.width, mask_.height);
+    FillWithNoise(settings_.seed, kMaskPicture + static_cast<std::uint64_t>(shot.number),
+                  mask_noise_.data(), mask_noise_.size());
+    has_mask_ = true;
+    mask_pedal_ = shot.pedal;
+  }
+  if (settings_.mode != Mode::kRoadmap) return;
+  for (std::size_t i = 0; i < dye_.value.size(); ++i) {
+    densest_dye_.value[i] = std::max(densest_dye_.value[i], dye_.value[i]);
+  }
+}
+
+// From attenuation to gray: the logarithm of the counts about their mean. N photons have the
+// standard deviation sqrt(N), their logarithm 1/sqrt(N).
+void Fluoroscopy::Expose(Picture& out) const {
+  const Mode mode = settings_.mode;
+  const auto gain = static_cast<float>(settings_.gain) * (mode == Mode::kPlain ? 1.0F : 1.5F);
+  const auto sigma = static_cast<float>(1 / std::sqrt(settings_.photons));
+  const float background = mode == Mode::kPlain         ? kBackground
+                           : mode == Mode::kSubtraction ? kSubtractedBackground
+                                                        : kRoadmapBackground;
+  const float* const body = body_plane_.value.data();
+  const float* const devices = devices_.value.data();
+  const float* const dye = dye_.value.data();
+  for (std::size_t i = 0; i < out.gray.size(); ++i) {
+    const float thick = body[i] - exposure_;
+    const float seen = thick + devices[i] + dye[i];
+    // Even black metal lets a photon or two through; past that the noise would have no sense.
+    const float deviation = sigma * std::exp(0.5F * std::min(seen, 5.0F));
+    float value = 0;
+    switch (mode) {
+      case Mode::kPlain:
+        value = (1 - kBodyShown) * thick - seen + deviation * noise_[i];
+        break;
+      case Mode::kSubtraction:
+        value = mask_.value[i] - devices[i] - dye[i] + deviation * (noise_[i] - mask_noise_[i]);
+        break;
+      case Mode::kRoadmap:
+        value = mask_.value[i] - devices[i] + deviation * (noise_[i] - mask_noise_[i]) +
+                kRoadmapDye * densest_dye_.value[i];
+        break;
+    }
+    const float gray = 255 * (background + gain * value) + 0.5F;
+    out.gray[i] = static_cast<std::uint8_t>(std::clamp(gray, 0.0F, 255.0F));
+  }
+}
+
+namespace {
+
+struct FluoroscopySpec : TableSpec {
+  Mode mode = Mode::kPlain;
+  std::optional<Vector3d> isocenter_mm;
+  std::optional<Vector3d> body_center_mm;
+  int width_px = 512;
+  int height_px = 512;
+  double sid_mm = 1050;
+  double sod_mm = 750;
+  double detector_mm = 300;
+  double pictures_per_s = 15;
+  double photons = 600;
+  double gain = 0.4;
+  double iodine_1_mm_mg_mL = 7.6e-4;
+  double body_width_mm = 320;
+  double body_depth_mm = 220;
+  double tissue_1_mm = 0.018;
+  double spine_1_mm = 0.01;
+  int seed = 1;
+};
+
+const Keys<FluoroscopySpec>& FluoroscopyKeys() {
+  using Spec = FluoroscopySpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Choice("mode", &Spec::mode, {"plain", "subtraction", "roadmap"},
+                  "as the detector sees it; less the first picture since the pedal went down; or "
+                  "that with the densest dye so far as a bright map")
+          .Otherwise("the middle of the vessel")
+          .Point("isocenter_mm", &Spec::isocenter_mm, "mm", "about which the C-arm turns")
+          .Otherwise("the middle of the vessel")
+          .Point("body_center_mm", &Spec::body_center_mm, "mm", "middle of the patient's body")
+          .Integer("width_px", &Spec::width_px, 64, 1024, "columns of the picture")
+          .Integer("height_px", &Spec::height_px, 64, 1024, "rows of the picture")
+          .Number("sid_mm", &Spec::sid_mm, 500, 2000, "mm", "from the source to the detector")
+          .Number("sod_mm", &Spec::sod_mm, 200, 1900, "mm", "from the source to the isocenter")
+          .Number("detector_mm", &Spec::detector_mm, 50, 600, "mm", "width of the detector's field")
+          .Number("pictures_per_s", &Spec::pictures_per_s, 1, 60, "1/s",
+                  "pulses while the pedal is down")
+          .Number("photons", &Spec::photons, 10, 1e7, "",
+                  "that reach a pixel behind the mean of the body")
+          .Number("gain", &Spec::gain, 0.01, 10, "",
+                  "of the gray range, for a factor e in intensity")
+          .Number("iodine_1_mm_mg_mL", &Spec::iodine_1_mm_mg_mL, 0, 0.01, "1/mm per mg/mL",
+                  "attenuation of iodine per concentration")
+          .Number("body_width_mm", &Spec::body_width_mm, 0, 1000, "mm",
+                  "of the body from left to right; 0: no body")
+          .Number("body_depth_mm", &Spec::body_depth_mm, 10, 1000, "mm",
+                  "of the body from front to back")
+          .Number("tissue_1_mm", &Spec::tissue_1_mm, 0, 1, "1/mm", "attenuation of the body")
+          .Number("spine_1_mm", &Spec::spine_1_mm, 0, 1, "1/mm",
+                  "attenuation of the spine beyond the body's")
+          .Integer("seed", &Spec::seed, 0, 1000000000,
+                   "of the noise; the same gives the same pictures")
+          .Checked([](const Spec& spec, StrictTable& table) {
+            if (spec.sod_mm < spec.sid_mm) return;
+            table.Refuse("sod_mm",
+                         "must be less than sid_mm: the isocenter is before the detector");
+          })
+          .Example(
+              "mode = \"subtraction\"\n"
+              "isocenter_mm = [22, -4, -28]\n"
+              "detector_mm = 200\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> Make(const FluoroscopySpec& spec, const EffectContext& context) {
+  FluoroscopySettings s;
+  s.mode = spec.mode;
+  s.arm.axes = s.body.axes = context.axes;
+  s.arm.isocenter_mm = spec.isocenter_mm.value_or(context.bounds_mm.center());
+  s.body.center_mm = spec.body_center_mm.value_or(context.bounds_mm.center());
+  s.arm.width = spec.width_px;
+  s.arm.height = spec.height_px;
+  s.arm.sid_mm = spec.sid_mm;
+  s.arm.sod_mm = spec.sod_mm;
+  s.arm.detector_mm = spec.detector_mm;
+  s.pictures_per_s = spec.pictures_per_s;
+  s.photons = spec.photons;
+  s.gain = spec.gain;
+  s.iodine_1_mm_mg_mL = spec.iodine_1_mm_mg_mL;
+  s.body.width_mm = spec.body_width_mm;
+  s.body.depth_mm = spec.body_depth_mm;
+  s.body.tissue_1_mm = spec.tissue_1_mm;
+  s.body.spine_1_mm = spec.spine_1_mm;
+  s.seed = static_cast<std::uint64_t>(spec.seed);
+  std::vector<const vessel::FieldMotion*> motions;
+  if (context.earlier != nullptr) {
+    for (const std::unique_ptr<Effect>& effect : *context.earlier) {
+      if (const vessel::FieldMotion* motion = effect->motion()) motions.push_back(motion);
+    }
+  }
+  return std::make_unique<Fluoroscopy>(s, context.wire, FindEarlier<Contrast>(context),
+                                       std::move(motions), context.instruments);
+}
+
+}  // namespace
+
+EffectKind FluoroscopyKind() {
+  return {.name = "fluoroscopy",
+          .summary = "the X-ray picture under the C-arm's angles, while the pedal is down",
+          .roles = "image",
+          .keys = Any(FluoroscopyKeys()),
+          .make = MakeWith(Make)};
+}
+
+}  // namespace torquer::effects

@@ -1,0 +1,112 @@
+// The X-ray picture: a C-arm about the patient, the wire, dye in the vessels, a body around them,
+// and the noise of the dose.
+//
+//   tick thread: Take  --nodes, dye--> newest shot -->  Render: one thread of its own
+#pragma once
+
+#include <vector>
+
+#include "host/simulator/effects/blood/contrast.h"
+#include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/imaging/fluoroscopy_attenuation.h"
+#include "host/simulator/effects/imaging/fluoroscopy_projection.h"
+#include "host/simulator/effects/imaging/latest.h"
+
+namespace torquer::effects {
+
+struct FluoroscopySettings {
+  enum class Mode {
+    kPlain,
+    kSubtraction,  ///< against the first picture since the pedal went down or the C-arm moved
+    kRoadmap       ///< subtraction that keeps the densest dye seen and shows the vessels bright
+  };
+  Mode mode = Mode::kPlain;
+  CArm arm;
+  Body body;
+  double pictures_per_s = 15;
+  double photons = 600;               ///< that reach a pixel behind the mean of the body
+  double gain = 0.4;                  ///< of the whole gray range, for a factor e in intensity
+  double iodine_1_mm_mg_mL = 7.6e-4;  ///< attenuation per concentration
+  std::uint64_t seed = 1;
+};
+
+class Fluoroscopy final : public Effect, public ImageSource {
+ public:
+  /// wire: the rod of all instruments. contrast may be null: no dye then. motions: what moves the
+  /// vessel. All outlive this. instruments: at least one.
+  Fluoroscopy(const FluoroscopySettings& settings, const WireModel& wire, const Contrast* contrast,
+              std::vector<const vessel::FieldMotion*> motions, std::vector<Instrument> instruments);
+
+  ImageSource* image() override { return this; }
+  void Restart() override;
+  bool Take(const TickView& tick) override;
+  void Render(Picture& out) override;
+
+  const FluoroscopySettings& settings() const { return settings_; }
+  /// Of the last picture: mean attenuation that the exposure is set to.
+  float exposure() const { return exposure_; }
+
+ private:
+  // What a picture shows.
+  struct Shot {
+    std::int64_t number = 0;  // since the start
+    std::int64_t pedal = 0;   // how often the pedal went down until then
+    double time_s = 0;
+    Controls controls;
+    // Each instrument, the outermost first, and after a hollow one what its wall leaves out.
+    std::vector<std::vector<WirePoint>> shadows;
+    bool has_dye = false;
+    std::vector<float> dye_1_mm;           // at each lumen point
+    std::vector<Eigen::Vector3f> offsets;  // of each lumen point, where the vessel moves
+  };
+  // The lumen points of one edge, and where in its cells they are.
+  struct Branch {
+    std::size_t first = 0;
+    std::size_t count = 0;
+  };
+  struct CellPlace {
+    std::size_t cell = 0;  // and the next one
+    float part = 0;        // of the next one
+  };
+
+  void LayLumen();
+  void TakeInstruments(const WireState& state, Shot& shot);
+  void TakeDye(Shot& shot);
+  void FindBody(const Controls& controls);
+  void PaintDye(const Shot& shot, const Projection& projection);
+  void Subtract(const Shot& shot);
+  void Expose(Picture& out) const;
+
+  const FluoroscopySettings settings_;
+  const WireModel& wire_;
+  const Contrast* const contrast_;
+  const std::vector<const vessel::FieldMotion*> motions_;
+  const std::vector<Instrument> instruments_;
+  std::vector<Branch> branches_;
+  std::vector<LumenPoint> lumen_;
+  std::vector<CellPlace> cell_places_;
+
+  // On the thread of the ticks.
+  Latest<Shot> shots_;
+  std::vector<Eigen::Vector3d> nodes_;
+  std::vector<Eigen::Vector3f> offsets_;
+  double next_s_ = 0;
+  bool was_down_ = false;
+  std::int64_t pedal_ = 0;
+  std::int64_t number_ = 0;
+
+  // On the thread that renders.
+  LumenPainter painter_;
+  std::vector<LumenPoint> painted_lumen_;
+  Plane body_plane_, devices_, dye_, scratch_, mask_, densest_dye_;
+  std::vector<float> noise_, mask_noise_;
+  bool has_body_ = false;
+  double body_lao_rad_ = 0, body_cra_rad_ = 0;
+  bool has_mask_ = false;
+  std::int64_t mask_pedal_ = 0;
+  float exposure_ = 0;
+};
+
+EffectKind FluoroscopyKind();
+
+}  // namespace torquer::effects

@@ -1,0 +1,409 @@
+#include "host/simulator/effects/imaging/fluoroscopy_attenuation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace torquer::effects {
+
+using Eigen::Vector3d;
+
+namespace {
+
+// Integral of the chord 2 sqrt(r^2 - x^2) of a circle from its middle to x.
+double ChordIntegral(double x, double r) {
+  const double c = std::clamp(x, -r, r);
+  return c * std::sqrt(std::max(0.0, r * r - c * c)) + r * r * std::asin(c / r);
+}
+
+// Narrows [low, high] to where a + b t <= 0.
+void Narrow(double a, double b, double& low, double& high) {
+  if (b > 1e-12) {
+    high = std::min(high, -a / b);
+  } else if (b < -1e-12) {
+    low = std::max(low, -a / b);
+  } else if (a > 0) {
+    high = low - 1;
+  }
+}
+
+// The columns of a row that an oriented rectangle about a line on the picture covers.
+struct Band {
+  double column, row;  // where the line begins
+  double along_column, along_row;
+  double from, to, half_width;  // along the line and across it, pixels
+
+  // False where there are none.
+  bool Columns(int at_row, int width, int& first, int& last) const {
+    const double y = at_row - row;
+    double low = -column;
+    double high = width - 1 - column;
+    Narrow(y * along_row - to, along_column, low, high);
+    Narrow(from - y * along_row, -along_column, low, high);
+    Narrow(y * along_column - half_width, -along_row, low, high);
+    Narrow(-y * along_column - half_width, along_row, low, high);
+    if (!(low <= high)) return false;
+    first = std::max(0, static_cast<int>(std::ceil(low + column)));
+    last = std::min(width - 1, static_cast<int>(std::floor(high + column)));
+    return first <= last;
+  }
+  // Rows that can have any.
+  void Rows(int height, int& first, int& last) const {
+    const double side = half_width * std::abs(along_column);
+    const double a = row + from * along_row;
+    const double b = row + to * along_row;
+    first = std::max(0, static_cast<int>(std::ceil(std::min(a, b) - side)));
+    last = std::min(height - 1, static_cast<int>(std::floor(std::max(a, b) + side)));
+  }
+};
+
+constexpr double kNearestMm = 10;  // nothing is drawn nearer to the source
+
+void AddWirePiece(const Projection& projection, const WirePoint& a, const WirePoint& b,
+                  Plane& plane) {
+  const Vector3d pa = projection.ToCamera(a.position_mm);
+  const Vector3d pb = projection.ToCamera(b.position_mm);
+  if (pa[2] < kNearestMm || pb[2] < kNearestMm) return;
+  const ImagePoint ia = projection.FromCamera(pa);
+  const ImagePoint ib = projection.FromCamera(pb);
+  const Vector3d middle = (pa + pb) / 2;
+  const double depth_mm = middle[2];
+  const double pixels_per_mm = projection.PixelsPerMm(depth_mm);
+  double along_column = ib.column - ia.column;
+  double along_row = ib.row - ia.row;
+  const double length = std::hypot(along_column, along_row);
+  const double radius_mm = (a.radius_mm + b.radius_mm) / 2;
+  // A piece seen on end is as deep as it is long; it keeps its mass if it is drawn a little longer.
+  constexpr double kLeastPixels = 0.05;
+  if (length < 1e-9) {
+    along_column = 1;
+    along_row = 0;
+  } else {
+    along_column /= length;
+    along_row /= length;
+  }
+  const double drawn = std::max(length, kLeastPixels);
+  // Length along the ray for each mm across it, so that the mass of the piece comes out.
+  const double length_mm = (pb - pa).norm();
+  const double slant = length_mm / (drawn / pixels_per_mm);
+  const double ray =
+      std::sqrt(1 + (middle[0] * middle[0] + middle[1] * middle[1]) / (depth_mm * depth_mm));
+  const double attenuation = (a.attenuation_1_mm + b.attenuation_1_mm) / 2;
+  constexpr double kHalf = 0.5;  // of a pixel
+  const double half_mm = kHalf / pixels_per_mm;
+  const double scale = attenuation * slant * ray / (2 * half_mm);
+  const Band band{ia.column,
+                  ia.row,
+                  along_column,
+                  along_row,
+                  -kHalf,
+                  drawn + kHalf,
+                  radius_mm * pixels_per_mm + kHalf};
+  int first_row = 0;
+  int last_row = -1;
+  band.Rows(plane.height, first_row, last_row);
+  for (int row = first_row; row <= last_row; ++row) {
+    int first = 0;
+    int last = -1;
+    if (!band.Columns(row, plane.width, first, last)) continue;
+    for (int column = first; column <= last; ++column) {
+      const double x = column - ia.column;
+      const double y = row - ia.row;
+      const double along = x * along_column + y * along_row;
+      const double covered = std::min(along + kHalf, drawn) - std::max(along - kHalf, 0.0);
+      if (covered <= 0) continue;
+      const double across_mm = (y * along_column - x * along_row) / pixels_per_mm;
+      const double chords = ChordIntegral(across_mm + half_mm, radius_mm) -
+                            ChordIntegral(across_mm - half_mm, radius_mm);
+      plane.At(column, row) += static_cast<float>(scale * covered * chords);
+    }
+  }
+}
+
+}  // namespace
+
+void AddWire(const Projection& projection, const std::vector<WirePoint>& wire, Plane& plane) {
+  for (std::size_t i = 1; i < wire.size(); ++i) {
+    AddWirePiece(projection, wire[i - 1], wire[i], plane);
+  }
+}
+
+// A truncated cone in the camera's frame, cut off by two planes.
+struct LumenPainter::Cone {
+  Vector3d begin, end, axis, begin_normal, end_normal;
+  double length = 0, begin_radius = 0, end_radius = 0;
+  float begin_attenuation = 0, end_attenuation = 0;
+};
+
+void LumenPainter::Begin(int width, int height) {
+  const std::size_t size = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  width_ = width;
+  height_ = height;
+  pixels_.resize(size);
+  counts_.assign(size, 0);
+  beyond_.resize(size, 0.0F);
+  first_row_ = height;
+  last_row_ = -1;
+}
+
+void LumenPainter::Add(const Projection& projection, const LumenPoint* points, std::size_t count) {
+  for (std::size_t i = 1; i < count; ++i) {
+    const LumenPoint& a = points[i - 1];
+    const LumenPoint& b = points[i];
+    if (!(a.attenuation_1_mm > 1e-6F) && !(b.attenuation_1_mm > 1e-6F)) continue;
+    Cone cone;
+    cone.begin = projection.ToCamera(a.position_mm);
+    cone.end = projection.ToCamera(b.position_mm);
+    cone.axis = cone.end - cone.begin;
+    cone.length = cone.axis.norm();
+    if (cone.length < 1e-9 || cone.begin[2] < kNearestMm || cone.end[2] < kNearestMm) continue;
+    cone.axis /= cone.length;
+    cone.begin_normal = projection.camera() * a.tangent;
+    cone.end_normal = projection.camera() * b.tangent;
+    // Across a sharp corner the planes would cut the cone to pieces.
+    constexpr double kLeastCosine = 0.5;
+    if (cone.begin_normal.dot(cone.axis) < kLeastCosine) cone.begin_normal = cone.axis;
+    if (cone.end_normal.dot(cone.axis) < kLeastCosine) cone.end_normal = cone.axis;
+    cone.begin_radius = a.radius_mm;
+    cone.end_radius = b.radius_mm;
+    cone.begin_attenuation = a.attenuation_1_mm;
+    cone.end_attenuation = b.attenuation_1_mm;
+    Paint(projection, cone);
+  }
+}
+
+void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
+  const ImagePoint from = projection.FromCamera(cone.begin);
+  const ImagePoint to = projection.FromCamera(cone.end);
+  const double radius = std::max(cone.begin_radius, cone.end_radius);
+  const double half_width =
+      radius * projection.PixelsPerMm(
+                   std::max(kNearestMm, std::min(from.depth_mm, to.depth_mm) - radius)) +
+      1;
+  double along_column = to.column - from.column;
+  double along_row = to.row - from.row;
+  const double length = std::hypot(along_column, along_row);
+  if (length < 1e-9) {
+    along_column = 1;
+    along_row = 0;
+  } else {
+    along_column /= length;
+    along_row /= length;
+  }
+  // The discs at the ends stick out where the vessel runs along the ray or its planes are tilted.
+  const double tilt =
+      std::max(std::abs(cone.axis[2]) + 0.2,
+               std::sqrt(1 - std::min({1.0, std::pow(cone.begin_normal.dot(cone.axis), 2),
+                                       std::pow(cone.end_normal.dot(cone.axis), 2)})) +
+                   std::abs(cone.axis[2]));
+  const double stick_out = half_width * std::min(1.2, tilt) + 1;
+  const Band band{from.column, from.row,           along_column, along_row,
+                  -stick_out,  length + stick_out, half_width};
+
+  const double slope = (cone.end_radius - cone.begin_radius) / cone.length;
+  const double steep = 1 + slope * slope;
+  const double middle_mm = (from.depth_mm + to.depth_mm) / 2;
+  int first_row = 0;
+  int last_row = -1;
+  band.Rows(height_, first_row, last_row);
+  first_row_ = std::min(first_row_, first_row);
+  last_row_ = std::max(last_row_, last_row);
+  for (int row = first_row; row <= last_row; ++row) {
+    int first = 0;
+    int last = -1;
+    if (!band.Columns(row, width_, first, last)) continue;
+    const double up = projection.UpOf(row);
+    for (int column = first; column <= last; ++column) {
+      // The ray d z, z from the middle's depth on: in the cone where a t^2 + 2 b t + c <= 0.
+      const Vector3d d(projection.RightOf(column), up, 1);
+      const Vector3d w = middle_mm * d - cone.begin;
+      const double d_axis = d.dot(cone.axis);
+      const double w_axis = w.dot(cone.axis);
+      const double a = d.squaredNorm() - steep * d_axis * d_axis;
+      const double b = w.dot(d) - steep * w_axis * d_axis - cone.begin_radius * slope * d_axis;
+      const double c = w.squaredNorm() - steep * w_axis * w_axis -
+                       2 * cone.begin_radius * slope * w_axis -
+                       cone.begin_radius * cone.begin_radius;
+      constexpr double kAlongTheAxis = 1e-6;
+      double low = -1e4;
+      double high = 1e4;
+      if (a > kAlongTheAxis) {
+        const double discriminant = b * b - a * c;
+        if (discriminant <= 0) continue;
+        const double root = std::sqrt(discriminant);
+        low = (-b - root) / a;
+        high = (-b + root) / a;
+      }
+      Narrow(-w.dot(cone.begin_normal), -d.dot(cone.begin_normal), low, high);
+      Narrow((w + cone.begin - cone.end).dot(cone.end_normal), d.dot(cone.end_normal), low, high);
+      if (!(low < high)) continue;
+      const double t = (low + high) / 2;
+      if (a <= kAlongTheAxis && t * (a * t + 2 * b) + c > 0) continue;
+      const double part = std::clamp((w_axis + t * d_axis) / cone.length, 0.0, 1.0);
+      const float attenuation =
+          cone.begin_attenuation +
+          static_cast<float>(part) * (cone.end_attenuation - cone.begin_attenuation);
+      Insert(
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+              static_cast<std::size_t>(column),
+          {static_cast<float>(middle_mm + low), static_cast<float>(middle_mm + high), attenuation});
+    }
+  }
+}
+
+void LumenPainter::Insert(std::size_t pixel, Stretch stretch) {
+  constexpr float kTouchingMm = 2e-3F;
+  Stretch* const known = pixels_[pixel].stretch;
+  std::uint8_t& count = counts_[pixel];
+  if (count == 0) beyond_[pixel] = 0;
+  for (int k = 0; k < count;) {
+    const Stretch& other = known[k];
+    if (stretch.near_mm > other.far_mm + kTouchingMm ||
+        stretch.far_mm < other.near_mm - kTouchingMm) {
+      ++k;
+      continue;
+    }
+    const float own = stretch.far_mm - stretch.near_mm;
+    const float its = other.far_mm - other.near_mm;
+    stretch = {std::min(stretch.near_mm, other.near_mm), std::max(stretch.far_mm, other.far_mm),
+               (own * stretch.attenuation_1_mm + its * other.attenuation_1_mm) /
+                   std::max(own + its, 1e-9F)};
+    known[k] = known[--count];
+  }
+  if (count < kStretches) {
+    known[count++] = stretch;
+  } else {
+    beyond_[pixel] += (stretch.far_mm - stretch.near_mm) * stretch.attenuation_1_mm;
+  }
+}
+
+void LumenPainter::AddTo(const Projection& projection, Plane& plane) {
+  for (int row = first_row_; row <= last_row_; ++row) {
+    const double up = projection.UpOf(row);
+    for (int column = 0; column < width_; ++column) {
+      const std::size_t pixel = static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+                                static_cast<std::size_t>(column);
+      if (counts_[pixel] == 0) continue;
+      float sum = beyond_[pixel];
+      for (int k = 0; k < counts_[pixel]; ++k) {
+        const Stretch& s = pixels_[pixel].stretch[k];
+        sum += (s.far_mm - s.near_mm) * s.attenuation_1_mm;
+      }
+      const double right = projection.RightOf(column);
+      plane.value[pixel] += sum * static_cast<float>(std::sqrt(1 + right * right + up * up));
+    }
+  }
+}
+
+namespace {
+
+// Where a ray runs within an elliptic cylinder along the patient's axis: its length there, and the
+// place of its middle along that axis.
+struct Chord {
+  double length_mm = 0;
+  double middle_s_mm = 0;
+};
+
+Chord EllipseChord(const Vector3d& from, const Vector3d& ray, double half_width_mm,
+                   double half_depth_mm) {
+  // Coordinates: left, posterior, superior.
+  const double x = from[0] / half_width_mm;
+  const double y = from[1] / half_depth_mm;
+  const double dx = ray[0] / half_width_mm;
+  const double dy = ray[1] / half_depth_mm;
+  const double a = dx * dx + dy * dy;
+  const double b = x * dx + y * dy;
+  const double discriminant = b * b - a * (x * x + y * y - 1);
+  if (discriminant <= 0 || a < 1e-12) return {};
+  return {2 * std::sqrt(discriminant) / a * ray.norm(), from[2] - b / a * ray[2]};
+}
+
+double BodyIntegral(const Body& body, const Vector3d& from, const Vector3d& ray) {
+  const Chord tissue = EllipseChord(from, ray, body.width_mm / 2, body.depth_mm / 2);
+  double sum = body.tissue_1_mm * tissue.length_mm;
+  // Vertebrae: a column behind, denser at every 34 mm, with softer edges by two shells.
+  const Vector3d spine_from = from - Vector3d(0, 0.28 * body.depth_mm, 0);
+  const double size = body.depth_mm / 220;
+  for (const double shell : {1.0, 0.75}) {
+    const Chord bone = EllipseChord(spine_from, ray, 21 * shell * size, 19 * shell * size);
+    const double wave = std::cos(2 * std::numbers::pi * bone.middle_s_mm / (34 * size));
+    sum += 0.5 * body.spine_1_mm * bone.length_mm * (0.85 + 0.2 * wave);
+  }
+  // Organs: slow waves over the body's middle.
+  const double t =
+      -(from[0] * ray[0] + from[1] * ray[1]) / (ray[0] * ray[0] + ray[1] * ray[1] + 1e-12);
+  const Vector3d m = from + t * ray;
+  sum += 0.06 * body.tissue_1_mm * tissue.length_mm *
+         (std::sin(m[0] / 41 + 0.7) * std::cos(m[2] / 53) + 0.6 * std::sin((m[0] + m[2]) / 27) +
+          0.5 * std::cos((m[2] - 0.6 * m[0]) / 19 + 2));
+  return sum;
+}
+
+}  // namespace
+
+float FillWithBody(const Projection& projection, const Body& body, Plane& plane) {
+  if (body.width_mm <= 0) return 0;
+  constexpr int kGrid = 8;
+  const int columns = (plane.width + kGrid - 1) / kGrid + 1;
+  const int rows = (plane.height + kGrid - 1) / kGrid + 1;
+  Eigen::Matrix3d patient;
+  patient.row(0) = body.axes.left;
+  patient.row(1) = body.axes.posterior;
+  patient.row(2) = body.axes.superior;
+  const Vector3d from = patient * (projection.source_mm() - body.center_mm);
+  const Eigen::Matrix3d to_patient = patient * projection.camera().transpose();
+  std::vector<float> grid(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
+  double mean = 0;
+  int measured = 0;
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) {
+      const Vector3d ray =
+          to_patient * Vector3d(projection.RightOf(c * kGrid), projection.UpOf(r * kGrid), 1);
+      const double integral = BodyIntegral(body, from, ray);
+      grid[static_cast<std::size_t>(r * columns + c)] = static_cast<float>(integral);
+      // The exposure is measured in the middle of the field, where the patient is.
+      if (r < rows / 4 || r > rows * 3 / 4 || c < columns / 4 || c > columns * 3 / 4) continue;
+      mean += integral;
+      ++measured;
+    }
+  }
+  for (int row = 0; row < plane.height; ++row) {
+    const float y = static_cast<float>(row % kGrid) / kGrid;
+    const float* const above = &grid[static_cast<std::size_t>(row / kGrid * columns)];
+    const float* const below = above + columns;
+    float* const out = &plane.At(0, row);
+    for (int column = 0; column < plane.width; ++column) {
+      const int c = column / kGrid;
+      const float x = static_cast<float>(column % kGrid) / kGrid;
+      const float left = above[c] + y * (below[c] - above[c]);
+      const float right = above[c + 1] + y * (below[c + 1] - above[c + 1]);
+      out[column] += left + x * (right - left);
+    }
+  }
+  return static_cast<float>(mean / measured);
+}
+
+void Blur(Plane& plane, Plane& scratch) {
+  const int w = plane.width;
+  const int h = plane.height;
+  scratch.width = w;
+  scratch.height = h;
+  scratch.value.resize(plane.value.size());
+  for (int row = 0; row < h; ++row) {
+    const float* const in = &plane.At(0, row);
+    float* const out = &scratch.At(0, row);
+    out[0] = 0.75F * in[0] + 0.25F * in[1];
+    for (int c = 1; c + 1 < w; ++c) out[c] = 0.5F * in[c] + 0.25F * (in[c - 1] + in[c + 1]);
+    out[w - 1] = 0.75F * in[w - 1] + 0.25F * in[w - 2];
+  }
+  for (int row = 0; row < h; ++row) {
+    const float* const in = &scratch.At(0, row);
+    const float* const above = &scratch.At(0, std::max(0, row - 1));
+    const float* const below = &scratch.At(0, std::min(h - 1, row + 1));
+    float* const out = &plane.At(0, row);
+    for (int c = 0; c < w; ++c) out[c] = 0.5F * in[c] + 0.25F * (above[c] + below[c]);
+  }
+}
+
+}  // namespace torquer::effects

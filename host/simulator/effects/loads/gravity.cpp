@@ -1,0 +1,76 @@
+#include "host/simulator/effects/loads/gravity.h"
+
+namespace torquer::effects {
+
+Eigen::Vector3d Gravity::WeightAt(const PointSet& points, int q) const {
+  Eigen::Vector3d weight = weights_N_mm_[static_cast<std::size_t>(0)];
+  if (points.instruments == 1) return weight;
+  weight.setZero();
+  for (int k = 0; k < points.instruments; ++k) {
+    if (points.FromTipOf(k, q) >= 0) weight += weights_N_mm_[static_cast<std::size_t>(k)];
+  }
+  return weight;
+}
+
+double Gravity::Add(const PointSet& points, PointDerivatives& out) const {
+  double energy = 0;
+  const int count = points.size();
+  for (int q = 0; q < count; ++q) {
+    const auto p = static_cast<std::size_t>(q);
+    // Half of the piece before the point and half of that beyond; the sheath carries the rest.
+    const double length_mm =
+        (points.weight_mm[p] + (q + 1 < count ? points.weight_mm[p + 1] : 0)) / 2;
+    const Eigen::Vector3d weight_N_mm = WeightAt(points, q);
+    out.TouchGradient(q);
+    out.gradient[p] -= length_mm * weight_N_mm;
+    energy -= length_mm * weight_N_mm.dot(points.position[p]);
+  }
+  return energy;
+}
+
+namespace {
+
+struct GravitySpec : TableSpec {
+  double acceleration_m_s2 = 9.81;
+  DirectionSpec direction{"posterior", {}};
+};
+
+const Keys<GravitySpec>& GravityKeys() {
+  static const Keys<GravitySpec> keys =
+      Keys<GravitySpec>()
+          .Number("acceleration_m_s2", &GravitySpec::acceleration_m_s2, 0, 1000, "m/s^2",
+                  "of gravity")
+          .Direction("direction", &GravitySpec::direction,
+                     "where things fall to; posterior: the patient lies on the back")
+          .Example("direction = \"posterior\"\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> Make(const GravitySpec& spec, const EffectContext& context) {
+  const Eigen::Vector3d acceleration = spec.acceleration_m_s2 * context.Direction(spec.direction);
+  std::vector<Eigen::Vector3d> weights;
+  bool any = false;
+  for (const Instrument& instrument : context.instruments) {
+    const double density_kg_mm = 1e-6 * instrument.linear_density_g_m;
+    any = any || density_kg_mm > 0;
+    weights.emplace_back(density_kg_mm * acceleration);
+  }
+  if (!any) {
+    spec.origin.Refuse("acceleration_m_s2",
+                       "no instrument has a weight; give one its linear_density_g_m, or remove "
+                       "[effects.gravity]");
+  }
+  return std::make_unique<Gravity>(std::move(weights));
+}
+
+}  // namespace
+
+EffectKind GravityKind() {
+  return {.name = "gravity",
+          .summary = "the weight of the instruments (their linear_density_g_m)",
+          .roles = "energy term",
+          .keys = Any(GravityKeys()),
+          .make = MakeWith(Make)};
+}
+
+}  // namespace torquer::effects

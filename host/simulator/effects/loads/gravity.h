@@ -1,0 +1,34 @@
+// The weight of the instruments.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "host/simulator/effects/effect.h"
+
+namespace torquer::effects {
+
+/// A dead force per length, spread by the trapezoidal rule over the points of the wire.
+class Gravity final : public Effect, public EnergyTerm {
+ public:
+  /// `weights_N_mm`: of a millimeter of each instrument, the innermost first, as vectors.
+  explicit Gravity(std::vector<Eigen::Vector3d> weights_N_mm)
+      : weights_N_mm_(std::move(weights_N_mm)) {}
+
+  EnergyTerm* energy_term() override { return this; }
+
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet& points, PointDerivatives& out) const override;
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+ private:
+  Eigen::Vector3d WeightAt(const PointSet& points, int q) const;
+
+  const std::vector<Eigen::Vector3d> weights_N_mm_;
+};
+
+EffectKind GravityKind();
+
+}  // namespace torquer::effects

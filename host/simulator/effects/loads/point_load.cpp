@@ -1,0 +1,168 @@
+#include "host/simulator/effects/loads/point_load.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "host/simulator/core/hash.h"
+#include "host/simulator/vessel/smooth_step.h"
+
+namespace torquer::effects {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+namespace {
+
+// Sine of the angle to the axis below which the moment fades.
+constexpr double kFade = 0.1;
+
+// The angle of a direction about a unit axis.
+double AngleAbout(const Vector3d& axis, const Vector3d& direction) {
+  Eigen::Index smallest = 0;
+  axis.cwiseAbs().minCoeff(&smallest);
+  const Vector3d unit = Vector3d::Unit(smallest);
+  const Vector3d first = (unit - unit.dot(axis) * axis).normalized();
+  return std::atan2(axis.cross(first).dot(direction), first.dot(direction));
+}
+
+}  // namespace
+
+void PointLoad::Begin(const PointSet& points) {
+  if (load_.moment_mJ == 0 || points.size() == 0) return;
+  const double angle = AngleAbout(load_.axis, points.Tangent(points.size() - 1));
+  angle_rad_ += std::remainder(angle - angle_rad_, 2 * std::numbers::pi);
+}
+
+double PointLoad::Turn(const Vector3d& tangent, TangentLoad& out) const {
+  const Vector3d across = tangent - tangent.dot(load_.axis) * load_.axis;
+  const double rho = across.norm();
+  if (rho < 1e-9) return 0;
+  const Vector3d outward = across / rho;
+  const Vector3d around = load_.axis.cross(outward);
+  const double angle = angle_rad_ + std::remainder(AngleAbout(load_.axis, tangent) - angle_rad_,
+                                                   2 * std::numbers::pi);
+  const vessel::Step fade = vessel::SmoothStep(rho / kFade);
+  const double slope = fade.slope / kFade;
+  const double curvature = fade.curvature / (kFade * kFade);
+  out.gradient -= load_.moment_mJ * (slope * angle * outward + (fade.value / rho) * around);
+  const Matrix3d mixed = outward * around.transpose() + around * outward.transpose();
+  out.hessian -= load_.moment_mJ * (curvature * angle * outward * outward.transpose() +
+                                    (slope * angle / rho) * around * around.transpose() +
+                                    (slope / rho - fade.value / (rho * rho)) * mixed);
+  return -load_.moment_mJ * fade.value * angle;
+}
+
+double PointLoad::Add(const PointSet& points, PointDerivatives& out) const {
+  const int q = points.size() - 1;
+  if (q < 0) return 0;
+  const auto p = static_cast<std::size_t>(q);
+  double energy = 0;
+  if (!load_.force_N.isZero(0) || load_.hold_N_mm != 0) {
+    const Vector3d& end = points.position[p];
+    const Vector3d away = end - load_.place_mm;
+    if (load_.hold_N_mm == 0) {
+      out.TouchGradient(q);
+    } else {
+      out.Touch(q);
+      if (out.with_hessian) out.hessian[p] += load_.hold_N_mm * Matrix3d::Identity();
+    }
+    out.gradient[p] += load_.hold_N_mm * away - load_.force_N;
+    energy += load_.hold_N_mm * away.squaredNorm() / 2 - load_.force_N.dot(end);
+  }
+  if (load_.moment_mJ != 0 || load_.align_mJ != 0) {
+    const Vector3d tangent = points.Tangent(q);
+    TangentLoad on{q / points.per_segment, -load_.align_mJ * load_.direction, Matrix3d::Zero()};
+    energy += load_.align_mJ * (tangent - load_.direction).squaredNorm() / 2;
+    if (load_.moment_mJ != 0) energy += Turn(tangent, on);
+    out.on_tangents.push_back(on);
+  }
+  return energy;
+}
+
+std::uint64_t PointLoad::Hash(std::uint64_t seed) const {
+  return angle_rad_ == 0 ? seed : HashDouble(angle_rad_, seed);
+}
+
+namespace {
+
+struct PointLoadSpec : TableSpec {
+  double force_mN = 0;
+  std::optional<DirectionSpec> force_direction;
+  double moment_mN_mm = 0;
+  std::optional<DirectionSpec> moment_axis;
+  double clamp_N_mm = 0;
+  std::optional<Vector3d> clamp_point_mm;
+  double clamp_mN_mm = 0;
+  std::optional<DirectionSpec> clamp_direction;
+};
+
+// The magnitude of a load and its direction or place go together.
+void Check(const PointLoadSpec& spec, StrictTable& table) {
+  const auto together = [&](const char* magnitude, const char* with) {
+    if (table.Has(magnitude) == table.Has(with)) return;
+    const bool lone = table.Has(with);
+    table.Refuse(lone ? with : magnitude, std::string("needs ") + (lone ? magnitude : with) +
+                                              " beside it; give both or none");
+  };
+  together("force_mN", "force_direction");
+  together("moment_mN_mm", "moment_axis");
+  together("clamp_N_mm", "clamp_point_mm");
+  together("clamp_mN_mm", "clamp_direction");
+  if (spec.force_mN == 0 && spec.moment_mN_mm == 0 && spec.clamp_N_mm == 0 &&
+      spec.clamp_mN_mm == 0) {
+    table.Refuse("force_mN", "nothing acts on the end; give a force, a moment or a clamp");
+  }
+}
+
+const Keys<PointLoadSpec>& PointLoadKeys() {
+  static const Keys<PointLoadSpec> keys =
+      Keys<PointLoadSpec>()
+          .Number("force_mN", &PointLoadSpec::force_mN, 0, 1e6, "mN",
+                  "that pulls the end towards force_direction")
+          .Otherwise("no force")
+          .Direction("force_direction", &PointLoadSpec::force_direction,
+                     "of the force, which keeps it")
+          .Number("moment_mN_mm", &PointLoadSpec::moment_mN_mm, -1e8, 1e8, "mN mm",
+                  "that turns the last segment about moment_axis")
+          .Otherwise("no moment")
+          .Direction("moment_axis", &PointLoadSpec::moment_axis, "about which the moment turns")
+          .Number("clamp_N_mm", &PointLoadSpec::clamp_N_mm, 0, 1e4, "N/mm",
+                  "stiffness of a spring from the end to clamp_point_mm")
+          .Otherwise("no spring")
+          .Point("clamp_point_mm", &PointLoadSpec::clamp_point_mm, "mm", "where the end is held")
+          .Number("clamp_mN_mm", &PointLoadSpec::clamp_mN_mm, 0, 1e8, "mN mm",
+                  "moment that holds the end in clamp_direction, by the sine of the angle between")
+          .Otherwise("no moment")
+          .Direction("clamp_direction", &PointLoadSpec::clamp_direction, "in which it is held")
+          .Checked(Check)
+          .Example(
+              "force_mN = 2\n"
+              "force_direction = [0, 0, 1]\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> Make(const PointLoadSpec& spec, const EffectContext& context) {
+  EndLoad load;
+  if (spec.force_direction) {
+    load.force_N = 1e-3 * spec.force_mN * context.Direction(*spec.force_direction);
+  }
+  load.moment_mJ = 1e-3 * spec.moment_mN_mm;
+  if (spec.moment_axis) load.axis = context.Direction(*spec.moment_axis);
+  load.hold_N_mm = spec.clamp_N_mm;
+  if (spec.clamp_point_mm) load.place_mm = *spec.clamp_point_mm;
+  load.align_mJ = 1e-3 * spec.clamp_mN_mm;
+  if (spec.clamp_direction) load.direction = context.Direction(*spec.clamp_direction);
+  return std::make_unique<PointLoad>(load);
+}
+
+}  // namespace
+
+EffectKind PointLoadKind() {
+  return {.name = "point_load",
+          .summary = "a force, a moment or a clamp at the distal end",
+          .roles = "energy term",
+          .keys = Any(PointLoadKeys()),
+          .make = MakeWith(Make)};
+}
+
+}  // namespace torquer::effects

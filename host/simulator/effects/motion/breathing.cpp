@@ -1,0 +1,59 @@
+#include "host/simulator/effects/motion/breathing.h"
+
+#include "host/simulator/vessel/smooth_step.h"
+
+namespace torquer::effects {
+
+double Breathing::Pulse(double part) const {
+  if (part < inhale_ + hold_) return vessel::SmoothStep(part / inhale_).value;
+  return 1 - vessel::SmoothStep((part - inhale_ - hold_) / exhale_).value;
+}
+
+namespace {
+
+struct BreathingSpec : MotionSpec {
+  double rate_per_min = 14;
+  double inhale = 0.35;
+  double hold = 0.1;
+  double exhale = 0.45;
+};
+
+const Keys<BreathingSpec>& BreathingKeys() {
+  static const Keys<BreathingSpec> keys =
+      Keys<BreathingSpec>()
+          .Number("rate_per_min", &BreathingSpec::rate_per_min, 2, 60, "1/min", "breaths")
+          .Number("inhale", &BreathingSpec::inhale, 0.1, 0.5, "", "part of a breath that goes in")
+          .Number("hold", &BreathingSpec::hold, 0, 0.5, "", "part of a breath that is held")
+          .Number("exhale", &BreathingSpec::exhale, 0.1, 0.8, "", "part of a breath that goes out")
+          .Include(MotionKeys())
+          .Checked([](const BreathingSpec& spec, StrictTable& table) {
+            if (spec.inhale + spec.hold + spec.exhale <= 1) return;
+            table.Refuse("exhale", "inhale, hold and exhale are more than a breath together");
+          })
+          .Example(
+              "rate_per_min = 14\n"
+              "amplitude_mm = 6\n"
+              "direction = \"inferior\"\n"
+              "[[effects.breathing.region]]\n"
+              "side_of_mm = [0, 0, -30]\n"
+              "side = [0, 0, -1]\n"
+              "edge_mm = 41\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> Make(const BreathingSpec& spec, const EffectContext& context) {
+  return std::make_unique<Breathing>(MakeMotion(spec, context, 60 / spec.rate_per_min), spec.inhale,
+                                     spec.hold, spec.exhale);
+}
+
+}  // namespace
+
+EffectKind BreathingKind() {
+  return {.name = "breathing",
+          .summary = "parts of the vessel that move with the breath",
+          .roles = "vessel motion",
+          .keys = Any(BreathingKeys()),
+          .make = MakeWith(Make)};
+}
+
+}  // namespace torquer::effects

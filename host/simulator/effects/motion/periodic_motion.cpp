@@ -1,0 +1,101 @@
+#include "host/simulator/effects/motion/periodic_motion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace torquer::effects {
+
+using Eigen::Vector3d;
+using vessel::RegionWeight;
+
+PeriodicMotion::PeriodicMotion(Settings settings) : settings_(std::move(settings)) {}
+
+void PeriodicMotion::SetTime(double time_s) {
+  const double periods = time_s / settings_.period_s + settings_.phase;
+  const double now = Pulse(periods - std::floor(periods));
+  // Only times that are set are ever looked at: the way between two of them counts straight.
+  travel_mm_ += settings_.way_mm.norm() * std::abs(now - displaced_);
+  displaced_ = now;
+}
+
+void PeriodicMotion::AddOffset(const Vector3d& point_mm, vessel::Offset& offset) const {
+  if (displaced_ == 0) return;
+  // 1 - weight of the union is the product of what the regions leave.
+  RegionWeight all;
+  bool any = false;
+  for (const vessel::Region& region : settings_.regions) {
+    RegionWeight one;
+    if (!region.Evaluate(point_mm, one)) continue;
+    if (!any) {
+      all = one;
+      any = true;
+      continue;
+    }
+    const double rest = 1 - one.value;
+    all.hessian = rest * all.hessian + (1 - all.value) * one.hessian -
+                  all.gradient * one.gradient.transpose() - one.gradient * all.gradient.transpose();
+    all.gradient = rest * all.gradient + (1 - all.value) * one.gradient;
+    all.value = 1 - rest * (1 - all.value);
+  }
+  if (!any) return;
+  const Vector3d way = displaced_ * settings_.way_mm;
+  offset.value += all.value * way;
+  if (all.value == 1) return;
+  offset.rigid = false;
+  offset.jacobian += way * all.gradient.transpose();
+  for (int k = 0; k < 3; ++k) offset.second[k] += way[k] * all.hessian;
+}
+
+double PeriodicMotion::LargestStretch() const {
+  double slope = 0;
+  for (const vessel::Region& region : settings_.regions) slope += region.SteepestSlope();
+  return settings_.way_mm.norm() * slope;
+}
+
+const Keys<MotionSpec>& MotionKeys() {
+  static const Keys<MotionSpec> keys =
+      Keys<MotionSpec>()
+          .Required()
+          .Number("amplitude_mm", &MotionSpec::amplitude_mm, 0.001, 200, "mm",
+                  "how far the regions go")
+          .Required()
+          .Direction("direction", &MotionSpec::direction, "where the regions go")
+          .Number("phase", &MotionSpec::phase, 0, 1, "",
+                  "part of a period at which the session starts")
+          .Tables("region", &MotionSpec::regions, RegionKeys(), 1,
+                  "the parts of the vessel that move");
+  return keys;
+}
+
+PeriodicMotion::Settings MakeMotion(const MotionSpec& spec, const EffectContext& context,
+                                    double period_s) {
+  PeriodicMotion::Settings settings;
+  settings.way_mm = spec.amplitude_mm * context.Direction(spec.direction);
+  settings.period_s = period_s;
+  settings.phase = spec.phase;
+  double slope = 0;
+  for (const RegionSpec& region : spec.regions) {
+    settings.regions.push_back(MakeRegion(region, context));
+    slope += settings.regions.back().SteepestSlope();
+  }
+  double others = 0;
+  if (context.earlier != nullptr) {
+    for (const std::unique_ptr<Effect>& effect : *context.earlier) {
+      if (const vessel::FieldMotion* motion = effect->motion()) others += motion->LargestStretch();
+    }
+  }
+  const double room = std::max(0.0, kMostStretch - others);
+  if (spec.amplitude_mm * slope > room) {
+    spec.origin.Refuse(
+        "amplitude_mm",
+        fmt::format("would fold the vessel over at the regions' edges{}; give at most {:.3g} mm, "
+                    "or edges {:.3g} times as wide",
+                    others > 0 ? ", with the other motions of this scene" : "", room / slope,
+                    spec.amplitude_mm * slope / std::max(room, 1e-3)));
+  }
+  return settings;
+}
+
+}  // namespace torquer::effects

@@ -1,0 +1,58 @@
+// Parts of the vessel that move to and fro: what heartbeat and breathing share.
+#pragma once
+
+#include <vector>
+
+#include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/region_spec.h"
+#include "host/simulator/vessel/region.h"
+
+namespace torquer::effects {
+
+/// A displacement that repeats, offset(x, t) = way pulse(t / period + phase) weight(x), with the
+/// weight of a union of regions.
+class PeriodicMotion : public Effect, public vessel::FieldMotion {
+ public:
+  struct Settings {
+    Eigen::Vector3d way_mm = Eigen::Vector3d::Zero();  ///< where the regions go
+    double period_s = 1;
+    double phase = 0;  ///< part of a period at t = 0, in [0, 1)
+    std::vector<vessel::Region> regions;
+  };
+  explicit PeriodicMotion(Settings settings);
+
+  vessel::FieldMotion* motion() override { return this; }
+
+  void SetTime(double time_s) override;
+  void AddOffset(const Eigen::Vector3d& point_mm, vessel::Offset& offset) const override;
+  double TravelMm() const override { return travel_mm_; }
+  double LargestStretch() const override;
+
+ protected:
+  /// The pulse, 0 .. 1 with two continuous derivatives, at a part of its period, [0, 1).
+  virtual double Pulse(double part) const = 0;
+
+ private:
+  const Settings settings_;
+  double displaced_ = 0;  ///< the pulse now
+  double travel_mm_ = 0;
+};
+
+/// Motions that together stretch more than this would nearly fold the vessel.
+inline constexpr double kMostStretch = 0.8;
+
+/// What all periodic motions have in common.
+struct MotionSpec : TableSpec {
+  double amplitude_mm = 0;
+  DirectionSpec direction;
+  double phase = 0;
+  std::vector<RegionSpec> regions;
+};
+
+const Keys<MotionSpec>& MotionKeys();
+
+/// Throws UserError where the vessel would fold, alone or with the motions made before.
+PeriodicMotion::Settings MakeMotion(const MotionSpec& spec, const EffectContext& context,
+                                    double period_s);
+
+}  // namespace torquer::effects

@@ -1,0 +1,186 @@
+#include "host/simulator/effects/observers/assessment.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "host/support/error.h"
+
+namespace torquer::effects {
+
+namespace {
+
+// Motion below these is the hand's tremor and the sensor's steps.
+constexpr double kPathStepMm = 0.5;
+constexpr double kRetractionMm = 2;
+constexpr double kLookEveryS = 0.02;
+// The tip is in another vessel when it is farther from the route than the route's radius and this.
+constexpr double kOffRouteMm = 2;
+
+}  // namespace
+
+void Assessment::Restart() {
+  speed_ = SpeedTrace();
+  time_s_ = xray_s_ = contrast_s_ = path_mm_ = since_look_s_ = 0;
+  furthest_mm_ = nearest_mm_ = retracted_mm_ = insertion_mm_ = 0;
+  off_route_ = retracting_ = begun_ = false;
+  wrong_vessels_ = retractions_ = 0;
+  tip_.reset();
+  reached_s_.reset();
+}
+
+void Assessment::Observe(const TickView& tick) {
+  time_s_ = tick.time_s;
+  if (tick.controls.xray) xray_s_ += tick.step_s;
+  if (tick.controls.contrast) contrast_s_ += tick.step_s;
+  const double insertion_mm = tick.target[task_.instrument].insertion_mm;
+  CountRetractions(insertion_mm);
+  speed_.Add(tick.time_s, insertion_mm);
+  const Eigen::Vector3d& tip = tick.state.tip();
+  FollowTip(moving_ == nullptr ? tip : moving_->AtRest(tip), tick.step_s);
+}
+
+void Assessment::CountRetractions(double insertion_mm) {
+  if (!begun_) {
+    begun_ = true;
+    furthest_mm_ = nearest_mm_ = insertion_mm_ = insertion_mm;
+  }
+  retracted_mm_ += std::max(0.0, insertion_mm_ - insertion_mm);
+  insertion_mm_ = insertion_mm;
+  if (retracting_) {
+    nearest_mm_ = std::min(nearest_mm_, insertion_mm);
+    if (insertion_mm > nearest_mm_ + kRetractionMm) {
+      retracting_ = false;
+      furthest_mm_ = insertion_mm;
+    }
+    return;
+  }
+  furthest_mm_ = std::max(furthest_mm_, insertion_mm);
+  if (insertion_mm < furthest_mm_ - kRetractionMm) {
+    retracting_ = true;
+    ++retractions_;
+    nearest_mm_ = insertion_mm;
+  }
+}
+
+void Assessment::FollowTip(const Eigen::Vector3d& tip, double step_s) {
+  if (!tip_) tip_ = tip;
+  const double moved_mm = (tip - *tip_).norm();
+  if (moved_mm >= kPathStepMm) {
+    path_mm_ += moved_mm;
+    tip_ = tip;
+  }
+  since_look_s_ += step_s;
+  if (since_look_s_ < kLookEveryS) return;
+  since_look_s_ = 0;
+  const vessel::Centerline::Nearest nearest = task_.route.NearestTo(tip);
+  const vessel::CenterlineSample at = task_.route.At(nearest.s_mm);
+  const double outside_mm = nearest.distance_mm - at.radius_mm;
+  if (!off_route_ && outside_mm > kOffRouteMm) {
+    off_route_ = true;
+    ++wrong_vessels_;
+  } else if (off_route_ && outside_mm < 0) {
+    off_route_ = false;
+  }
+  const Eigen::Vector3d target = task_.route.At(task_.route.length_mm()).position_mm;
+  if (!reached_s_ && (tip - target).norm() <= task_.target_radius_mm) reached_s_ = time_s_;
+}
+
+std::vector<Reading> Assessment::Readings() const {
+  const bool safe = force_.largest_ever_mN() <= task_.force_limit_mN;
+  const double route_mm = task_.route.length_mm();
+  return {{"procedure_s", time_s_},
+          {"fluoroscopy_s", xray_s_},
+          {"dose_proxy_mGy", task_.dose_mGy_s * xray_s_},
+          {"contrast_mL", task_.contrast_mL_s * contrast_s_},
+          {"tip_path_mm", path_mm_},
+          {"tip_path_ratio", path_mm_ / route_mm},
+          {"retractions", static_cast<double>(retractions_)},
+          {"retracted_mm", retracted_mm_},
+          {"wrong_vessel_entries", static_cast<double>(wrong_vessels_)},
+          {"mean_speed_mm_s", speed_.mean_moving_mm_s()},
+          {"submovements", static_cast<double>(speed_.submovements())},
+          {"log_dimensionless_jerk", speed_.log_dimensionless_jerk()},
+          {"wall_force_max_mN", force_.largest_ever_mN()},
+          {"wall_impulse_mNs", force_.impulse_mNs()},
+          {"target_reached", target_reached() ? 1.0 : 0.0},
+          {"target_reached_s", reached_s_.value_or(-1)},
+          {"safe_success", target_reached() && safe ? 1.0 : 0.0}};
+}
+
+namespace {
+
+struct AssessmentSpec : TableSpec {
+  std::string target_centerline;
+  double target_at_mm = 0;
+  double target_radius_mm = 3;
+  double force_limit_mN = 0;
+  double dose_mGy_s = 0.3;
+  double contrast_mL_s = 5;
+  std::optional<std::string> instrument;
+};
+
+const Keys<AssessmentSpec>& AssessmentKeys() {
+  static const Keys<AssessmentSpec> keys =
+      Keys<AssessmentSpec>()
+          .Required()
+          .Text("target_centerline", &AssessmentSpec::target_centerline, "centerline of the target")
+          .Required()
+          .Number("target_at_mm", &AssessmentSpec::target_at_mm, 0, 1e5, "mm",
+                  "place of the target on its centerline")
+          .Number("target_radius_mm", &AssessmentSpec::target_radius_mm, 0.1, 50, "mm",
+                  "reached when the tip is this near to the target")
+          .Required()
+          .Number("force_limit_mN", &AssessmentSpec::force_limit_mN, 0.01, 1e5, "mN",
+                  "a patch of wall_force above it makes a success unsafe")
+          .Number("dose_mGy_s", &AssessmentSpec::dose_mGy_s, 0, 10, "mGy/s",
+                  "dose proxy while the pedal is down")
+          .Number("contrast_mL_s", &AssessmentSpec::contrast_mL_s, 0, 100, "mL/s",
+                  "contrast volume while the button is held")
+          .Otherwise("the innermost")
+          .Text("instrument", &AssessmentSpec::instrument,
+                "whose hand is judged: speed and retractions")
+          .Example(
+              "target_centerline = \"lad\"\n"
+              "target_at_mm = 95\n"
+              "force_limit_mN = 100\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> Make(const AssessmentSpec& spec, const EffectContext& context) {
+  if (context.centerlines == nullptr || context.centerlines->empty()) {
+    spec.origin.Refuse("target_centerline",
+                       "this vessel has no centerlines; name some in [vessel], or remove "
+                       "[effects.assessment]");
+  }
+  const vessel::CenterlineNetwork& network = *context.centerlines;
+  AssessmentTask task{[&] {
+    try {
+      return network.Path(network.NearestTo(context.wire.sheath().point_mm),
+                          network.Place(spec.target_centerline, spec.target_at_mm));
+    } catch (const UserError& error) {
+      spec.origin.Refuse("target_centerline", error.what());
+    }
+  }()};
+  task.target_radius_mm = spec.target_radius_mm;
+  task.force_limit_mN = spec.force_limit_mN;
+  task.dose_mGy_s = spec.dose_mGy_s;
+  task.contrast_mL_s = spec.contrast_mL_s;
+  if (spec.instrument) {
+    task.instrument = context.FindInstrument(*spec.instrument, spec, "instrument");
+  }
+  return std::make_unique<Assessment>(std::move(task), *FindEarlier<WallForce>(context),
+                                      context.moving);
+}
+
+}  // namespace
+
+EffectKind AssessmentKind() {
+  return {.name = "assessment",
+          .summary = "clinical measures of a session: times, dose, path, speed, force, success",
+          .roles = "observer",
+          .keys = Any(AssessmentKeys()),
+          .needs = "wall_force",
+          .make = MakeWith(Make)};
+}
+
+}  // namespace torquer::effects

@@ -1,0 +1,69 @@
+// How well a trainee did: the measures by which endovascular skill is judged.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/observers/speed_trace.h"
+#include "host/simulator/effects/observers/wall_force.h"
+#include "host/simulator/vessel/centerline.h"
+
+namespace torquer::effects {
+
+/// What a session is judged by.
+struct AssessmentTask {
+  vessel::Centerline route;     ///< from the entry to the target
+  double target_radius_mm = 3;  ///< reached within this distance of the route's end
+  double force_limit_mN = 0;    ///< of a single contact
+  double dose_mGy_s = 0;        ///< a proxy: while the pedal is down
+  double contrast_mL_s = 0;     ///< while the button is held
+  int instrument = 0;           ///< whose hand is judged
+};
+
+class Assessment final : public Effect, public Observer {
+ public:
+  /// `moving`: the vessel as it moves, or null; the tip's way is that within the vessel. It and
+  /// `force` must outlive this.
+  Assessment(AssessmentTask task, const WallForce& force,
+             const vessel::MovingField* moving = nullptr)
+      : task_(std::move(task)), force_(force), moving_(moving) {}
+
+  Observer* observer() override { return this; }
+  void Restart() override;
+  void Observe(const TickView& tick) override;
+  std::vector<Reading> Readings() const override;
+
+  bool target_reached() const { return reached_s_.has_value(); }
+  int wrong_vessels() const { return wrong_vessels_; }
+  double tip_path_mm() const { return path_mm_; }
+
+ private:
+  void FollowTip(const Eigen::Vector3d& tip, double step_s);
+  void CountRetractions(double insertion_mm);
+
+  const AssessmentTask task_;
+  const WallForce& force_;
+  const vessel::MovingField* const moving_;
+  SpeedTrace speed_;
+  double time_s_ = 0;
+  double xray_s_ = 0;
+  double contrast_s_ = 0;
+  double path_mm_ = 0;
+  std::optional<Eigen::Vector3d> tip_;  // where the path was measured last
+  double since_look_s_ = 0;
+  bool off_route_ = false;
+  int wrong_vessels_ = 0;
+  double furthest_mm_ = 0;  // insertion since the last retraction ended
+  double nearest_mm_ = 0;   // insertion since the last retraction began
+  bool retracting_ = false;
+  int retractions_ = 0;
+  double retracted_mm_ = 0;
+  double insertion_mm_ = 0;
+  bool begun_ = false;
+  std::optional<double> reached_s_;
+};
+
+EffectKind AssessmentKind();
+
+}  // namespace torquer::effects

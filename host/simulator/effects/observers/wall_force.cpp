@@ -1,0 +1,148 @@
+#include "host/simulator/effects/observers/wall_force.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace torquer::effects {
+
+void WallForce::Restart() {
+  largest_mN_ = sum_mN_ = tip_mN_ = pressure_kPa_ = tip_pressure_kPa_ = 0;
+  peak_mN_ = tip_pressure_peak_kPa_ = impulse_mNs_ = seconds_above_ = event_mN_ = 0;
+  unconverged_s_ = 0;
+  event_began_s_ = -1;
+  events_ = 0;
+  above_ = false;
+}
+
+// A point stands for the piece of wire on its proximal side.
+void WallForce::AddContact(const PointSet& points, int q) {
+  const auto p = static_cast<std::size_t>(q);
+  const ClearanceSample& sample = points.clearance[p];
+  const double depth_mm = points.radius_mm[p] - sample.clearance_mm;
+  const double length_mm = points.weight_mm[p];
+  const double force_mN =
+      1e3 * points.stiffness_N_mm2[p] * length_mm * depth_mm * sample.gradient.norm();
+  const double begin_mm = points.FromTip(q) * points.spacing_mm;
+  force_mN_.Add(begin_mm, begin_mm + length_mm, force_mN);
+  sum_mN_ += force_mN;
+  depth_mm2_.Add(begin_mm, begin_mm + length_mm, depth_mm * length_mm);
+  radius_mm_mN_.Add(begin_mm, begin_mm + length_mm, points.radius_mm[p] * force_mN);
+  // The clearance falls towards the wall: its gradient is where the wire is pushed to.
+  const double along = -sample.gradient.normalized().dot(points.Tangent(q));
+  if (begin_mm < settings_.patch_mm) axial_mN_ += std::max(0.0, along) * force_mN;
+}
+
+// By the mean depth of the whole patch: that of a single point grows without bound as the wire is
+// cut more finely.
+double WallForce::PressureOn(const SpreadAlong::Stretch& patch) const {
+  if (patch.amount == 0) return 0;
+  const double end_mm = patch.begin_mm + settings_.patch_mm;
+  const double radius_mm = radius_mm_mN_.Between(patch.begin_mm, end_mm) / patch.amount;
+  const double depth_mm =
+      std::min(radius_mm, depth_mm2_.Between(patch.begin_mm, end_mm) / settings_.patch_mm);
+  const double width_mm = 2 * std::sqrt(depth_mm * (2 * radius_mm - depth_mm));
+  return patch.amount / settings_.patch_mm / width_mm;
+}
+
+void WallForce::FindForces(const TickView& tick) {
+  const PointSet& points = tick.expansion.points;
+  force_mN_.Clear();
+  depth_mm2_.Clear();
+  radius_mm_mN_.Clear();
+  sum_mN_ = axial_mN_ = 0;
+  for (const int q : points.near) {
+    if (points.touches[static_cast<std::size_t>(q)]) AddContact(points, q);
+  }
+  const SpreadAlong::Stretch patch = force_mN_.LargestOn(settings_.patch_mm);
+  largest_mN_ = patch.amount;
+  pressure_kPa_ = PressureOn(patch);
+  tip_mN_ = force_mN_.Between(0, settings_.tip_mm);
+  const double radius_mm = points.size() == 0 ? 1 : points.radius_mm.back();
+  tip_pressure_kPa_ = axial_mN_ / (std::numbers::pi * radius_mm * radius_mm);
+}
+
+void WallForce::Observe(const TickView& tick) {
+  FindForces(tick);
+  if (!tick.report.converged) {
+    unconverged_s_ += tick.step_s;
+    return;
+  }
+  peak_mN_ = std::max(peak_mN_, largest_mN_);
+  tip_pressure_peak_kPa_ = std::max(tip_pressure_peak_kPa_, tip_pressure_kPa_);
+  impulse_mNs_ += sum_mN_ * tick.step_s;
+  const bool above_before = std::exchange(above_, largest_mN_ > settings_.threshold_mN);
+  if (!above_) return;
+  seconds_above_ += tick.step_s;
+  if (!above_before) {
+    ++events_;
+    event_began_s_ = tick.time_s;
+    event_mN_ = 0;
+  }
+  event_mN_ = std::max(event_mN_, largest_mN_);
+}
+
+std::vector<Reading> WallForce::Readings() const {
+  return {{"wall_force_largest_mN", largest_mN_},
+          {"wall_force_sum_mN", sum_mN_},
+          {"wall_force_tip_mN", tip_mN_},
+          {"wall_line_load_mN_mm", line_load_mN_mm()},
+          {"wall_pressure_kPa", pressure_kPa_},
+          {"wall_tip_pressure_kPa", tip_pressure_kPa_},
+          {"wall_force_largest_ever_mN", peak_mN_},
+          {"wall_tip_pressure_ever_kPa", tip_pressure_peak_kPa_},
+          {"wall_force_impulse_mNs", impulse_mNs_},
+          {"wall_force_events", static_cast<double>(events_)},
+          {"wall_force_above_s", seconds_above_},
+          {"wall_force_event_s", event_began_s_},
+          {"wall_force_event_mN", event_mN_},
+          {"wall_force_unconverged_s", unconverged_s_}};
+}
+
+namespace {
+
+struct WallForceSpec : TableSpec {
+  double threshold_mN = 0;
+  double tip_mm = 5;
+  double patch_mm = 2;
+};
+
+const Keys<WallForceSpec>& WallForceKeys() {
+  static const Keys<WallForceSpec> keys =
+      Keys<WallForceSpec>()
+          .Required()
+          .Number("threshold_mN", &WallForceSpec::threshold_mN, 0.01, 1e5, "mN",
+                  "force on a patch of the wall that counts as an event")
+          .Number("tip_mm", &WallForceSpec::tip_mm, 0, 300, "mm",
+                  "length of the distal end that is the tip")
+          .Number("patch_mm", &WallForceSpec::patch_mm, 0.1, 50, "mm",
+                  "length of wire along which a contact's force is summed; at least a segment")
+          .Example("threshold_mN = 30\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> Make(const WallForceSpec& spec, const EffectContext& context) {
+  if (spec.patch_mm < context.wire.segment_mm()) {
+    spec.origin.Refuse(
+        "patch_mm", fmt::format("must be at least a segment, {:g} mm", context.wire.segment_mm()));
+  }
+  return std::make_unique<WallForce>(WallForce::Settings{
+      .threshold_mN = spec.threshold_mN, .tip_mm = spec.tip_mm, .patch_mm = spec.patch_mm});
+}
+
+}  // namespace
+
+EffectKind WallForceKind() {
+  return {.name = "wall_force",
+          .summary =
+              "force and pressure on the wall: largest, summed, at the tip, and events above a "
+              "threshold",
+          .roles = "observer",
+          .keys = Any(WallForceKeys()),
+          .make = MakeWith(Make)};
+}
+
+}  // namespace torquer::effects

@@ -1,0 +1,121 @@
+#include "host/simulator/effects/region_spec.h"
+
+#include <fmt/format.h>
+
+#include "host/support/error.h"
+
+namespace torquer::effects {
+
+using vessel::Region;
+
+namespace {
+
+void CheckShape(const RegionSpec& spec, StrictTable& table) {
+  const int shapes =
+      spec.center_mm.has_value() + spec.centerline.has_value() + spec.side_of_mm.has_value();
+  if (shapes != 1) {
+    table.Refuse(spec.center_mm    ? "center_mm"
+                 : spec.centerline ? "centerline"
+                                   : "side_of_mm",
+                 "a region is one of a ball (center_mm, radius_mm), a stretch (centerline, "
+                 "radius_mm) and a side of a plane (side_of_mm, side, edge_mm); give one");
+  }
+  const auto need = [&](bool there, const char* key) {
+    if (!there) table.Refuse(key, "is missing; a region of this shape needs it");
+  };
+  if (spec.side_of_mm) {
+    need(spec.side.has_value(), "side");
+    need(spec.edge_mm.has_value(), "edge_mm");
+  } else {
+    need(spec.radius_mm.has_value(), "radius_mm");
+  }
+  const auto refuse = [&](bool there, const char* key, const char* shape) {
+    if (there) table.Refuse(key, std::string("belongs to ") + shape + "; remove it");
+  };
+  refuse(spec.side && !spec.side_of_mm, "side", "a side of a plane");
+  refuse(spec.radius_mm && spec.side_of_mm, "radius_mm", "a ball or a stretch");
+  refuse(spec.from_mm && !spec.centerline, "from_mm", "a stretch");
+  refuse(spec.to_mm && !spec.centerline, "to_mm", "a stretch");
+}
+
+Region MakeStretch(const RegionSpec& spec, const EffectContext& context) {
+  if (context.centerlines == nullptr || context.centerlines->empty()) {
+    spec.origin.Refuse("centerline",
+                       "this vessel has no centerlines; give center_mm and radius_mm");
+  }
+  std::size_t index = 0;
+  try {
+    index = context.centerlines->Find(*spec.centerline);
+  } catch (const UserError& error) {
+    spec.origin.Refuse("centerline", error.what());
+  }
+  const vessel::Centerline& curve = context.centerlines->curves()[index];
+  const double length = curve.length_mm();
+  const double from = spec.from_mm.value_or(0);
+  const double to = spec.to_mm.value_or(length);
+  for (const auto& [key, value] : {std::pair("from_mm", from), std::pair("to_mm", to)}) {
+    if (value > length) {
+      spec.origin.Refuse(
+          key, fmt::format("the centerline is {0:.4g} mm long; give 0 to {0:.4g}", length));
+    }
+  }
+  if (!(to > from)) spec.origin.Refuse("to_mm", "must be more than from_mm");
+  return Region::Stretch(curve, from, to, *spec.radius_mm,
+                         spec.edge_mm.value_or(*spec.radius_mm / 2));
+}
+
+Region MakeOne(const RegionSpec& spec, const EffectContext& context) {
+  if (spec.centerline) return MakeStretch(spec, context);
+  if (spec.side_of_mm) {
+    return Region::Side(*spec.side_of_mm, context.Direction(*spec.side), *spec.edge_mm);
+  }
+  return Region::Ball(*spec.center_mm, *spec.radius_mm, spec.edge_mm.value_or(*spec.radius_mm / 2));
+}
+
+}  // namespace
+
+const Keys<RegionSpec>& RegionKeys() {
+  static const Keys<RegionSpec> keys =
+      Keys<RegionSpec>()
+          .Otherwise("not a ball")
+          .Point("center_mm", &RegionSpec::center_mm, "mm", "middle of a ball")
+          .Otherwise("not a ball or stretch")
+          .Number("radius_mm", &RegionSpec::radius_mm, 0.1, 1e4, "mm",
+                  "of a ball, or about a stretch")
+          .Otherwise("not a stretch")
+          .Text("centerline", &RegionSpec::centerline, "curve of a stretch")
+          .Otherwise("0")
+          .Number("from_mm", &RegionSpec::from_mm, 0, 1e5, "mm",
+                  "where the stretch begins, by arc length")
+          .Otherwise("the curve's end")
+          .Number("to_mm", &RegionSpec::to_mm, 0, 1e5, "mm", "where it ends")
+          .Otherwise("not a side of a plane")
+          .Point("side_of_mm", &RegionSpec::side_of_mm, "mm", "a point of a plane")
+          .Otherwise("not a side of a plane")
+          .Direction("side", &RegionSpec::side, "the side of the plane")
+          .Otherwise("half of radius_mm")
+          .Number("edge_mm", &RegionSpec::edge_mm, 0.01, 1000, "mm",
+                  "how far outside of it the region fades")
+          .Checked(CheckShape)
+          .Example(
+              "centerline = \"lad\"\n"
+              "from_mm = 50\n"
+              "to_mm = 65\n"
+              "radius_mm = 3\n");
+  return keys;
+}
+
+Region MakeRegion(const RegionSpec& spec, const EffectContext& context) {
+  Region region = MakeOne(spec, context);
+  if (context.field != nullptr && context.centerlines != nullptr &&
+      !region.MeetsLumen(*context.field, *context.centerlines, context.bounds_mm)) {
+    spec.origin.Refuse(spec.centerline   ? "centerline"
+                       : spec.side_of_mm ? "side_of_mm"
+                                         : "center_mm",
+                       "this region meets no part of the vessel's lumen; move it there, make it "
+                       "larger or remove it");
+  }
+  return region;
+}
+
+}  // namespace torquer::effects

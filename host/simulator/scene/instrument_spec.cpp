@@ -1,0 +1,179 @@
+#include "host/simulator/scene/instrument_spec.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace torquer::scene {
+
+namespace {
+
+// Two distances that are the same are a step: the second stands this much farther.
+constexpr double kStepMm = 1e-6;
+constexpr double kSolid_1_mm = 0.8;
+constexpr double kHollow_1_mm = 0.4;
+
+void CheckAlong(const InstrumentSpec& spec, StrictTable& table, const char* key,
+                const std::vector<double>& values) {
+  if (values.size() == 1 || values.size() == spec.from_tip_mm.size()) return;
+  table.Refuse(key, fmt::format("has {} values; give one, or one for each of the {} of from_tip_mm",
+                                values.size(), spec.from_tip_mm.size()));
+}
+
+void Check(const InstrumentSpec& spec, StrictTable& table) {
+  for (const char c : spec.name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-') continue;
+    table.Refuse("name", "may have letters, digits, '_' and '-' only");
+  }
+  const std::vector<double>& at = spec.from_tip_mm;
+  for (std::size_t k = 1; k < at.size(); ++k) {
+    const bool step = at[k] == at[k - 1] && (k < 2 || at[k] > at[k - 2]);
+    if (at[k] > at[k - 1] || step) continue;
+    table.Refuse("from_tip_mm", "must ascend; the same distance twice makes a step");
+  }
+  CheckAlong(spec, table, "rigidity_N_mm2", spec.rigidity_N_mm2);
+  CheckAlong(spec, table, "radius_mm", spec.radius_mm);
+  CheckAlong(spec, table, "curvature_1_per_mm", spec.curvature_1_per_mm);
+  CheckAlong(spec, table, "curvature_2_per_mm", spec.curvature_2_per_mm);
+  if (spec.inserted_at_start_mm > spec.max_length_mm) {
+    table.Refuse("inserted_at_start_mm", "is more than max_length_mm");
+  }
+  if (spec.tip_angle_deg > 0 && spec.tip_mm == 0) {
+    table.Refuse("tip_angle_deg", "needs tip_mm, the length of the bent tip");
+  }
+  if (spec.tip_angle_deg > 0 && table.Has("curvature_1_per_mm")) {
+    table.Refuse("tip_angle_deg",
+                 "stands beside curvature_1_per_mm, which says the same; keep one");
+  }
+  const double thinnest = *std::min_element(spec.radius_mm.begin(), spec.radius_mm.end());
+  if (spec.inner_radius_mm >= thinnest) {
+    table.Refuse("inner_radius_mm",
+                 fmt::format("must be less than the outer radius, {:g} mm", thinnest));
+  }
+  if (spec.coating_coefficient.has_value() != (spec.coating_mm > 0)) {
+    table.Refuse("coating_mm", "and coating_coefficient need each other; give both");
+  }
+}
+
+// The value at a distance from the tip, linear in between.
+double ValueAt(const std::vector<double>& at, const std::vector<double>& values, double s) {
+  if (values.size() == 1 || s <= at.front()) return values.front();
+  for (std::size_t k = 1; k < at.size(); ++k) {
+    if (s == at[k]) return values[k];
+    if (s < at[k]) {
+      const double t = (s - at[k - 1]) / (at[k] - at[k - 1]);
+      return values[k - 1] + t * (values[k] - values[k - 1]);
+    }
+  }
+  return values.back();
+}
+
+}  // namespace
+
+const Keys<InstrumentSpec>& InstrumentKeys() {
+  using Spec = InstrumentSpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Text("name", &Spec::name, "by which commands, scripts and states name it")
+          .Required()
+          .Number("max_length_mm", &Spec::max_length_mm, 1, 5000, "mm",
+                  "that can be inserted; what is commanded beyond is clamped to it")
+          .Number("inserted_at_start_mm", &Spec::inserted_at_start_mm, 0, 5000, "mm",
+                  "inside at the start, along the centerline")
+          .Numbers("from_tip_mm", &Spec::from_tip_mm, 0, 5000, "mm",
+                   "distances from the tip at which the values below hold; linear in between, the "
+                   "same distance twice makes a step")
+          .Required()
+          .Numbers("rigidity_N_mm2", &Spec::rigidity_N_mm2, 1e-7, 1e6, "N mm^2",
+                   "flexural rigidity EI: one, or one for each of from_tip_mm")
+          .Required()
+          .Numbers("radius_mm", &Spec::radius_mm, 0.01, 5, "mm",
+                   "outer radius: one, or one for each of from_tip_mm")
+          .Numbers("curvature_1_per_mm", &Spec::curvature_1_per_mm, -2, 2, "1/mm",
+                   "rest curvature towards the first normal: one, or one for each of from_tip_mm")
+          .Numbers("curvature_2_per_mm", &Spec::curvature_2_per_mm, -2, 2, "1/mm",
+                   "the same towards the second normal")
+          .Number("tip_mm", &Spec::tip_mm, 0, 300, "mm", "length of the tip")
+          .Number("tip_angle_deg", &Spec::tip_angle_deg, 0, 330, "deg",
+                  "by which the tip is bent in all, evenly")
+          .Number("torsional_rigidity_ratio", &Spec::torsional_rigidity_ratio, 0.01, 10, "",
+                  "GJ / EI, where [effects.torsion] is on; 1 / (1 + Poisson's ratio) of a round "
+                  "wire: 0.77 of steel, 0.75 of nitinol")
+          .Number("inner_radius_mm", &Spec::inner_radius_mm, 0, 5, "mm",
+                  "radius of the lumen, wider than what lies in it; 0: solid")
+          .Otherwise("that of [effects.friction]")
+          .Number("friction_coefficient", &Spec::friction_coefficient, 0, 2, "",
+                  "of its surface on the wall")
+          .Number("coating_mm", &Spec::coating_mm, 0, 5000, "mm", "length of a coated distal part")
+          .Otherwise("no coating")
+          .Number("coating_coefficient", &Spec::coating_coefficient, 0, 2, "", "of friction, there")
+          .Number("linear_density_g_m", &Spec::linear_density_g_m, 0, 1000, "g/m",
+                  "mass, less that of the blood it displaces")
+          .Otherwise("0.8 of a solid, 0.4 of a hollow instrument")
+          .Number("attenuation_1_mm", &Spec::attenuation_1_mm, 0, 20, "1/mm",
+                  "of X-rays, by its material")
+          .Number("marker_mm", &Spec::marker_mm, 0, 1000, "mm", "length of an opaque distal part")
+          .Number("marker_1_mm", &Spec::marker_1_mm, 0, 20, "1/mm", "attenuation of that part")
+          .Checked(Check)
+          .Example(
+              "name = \"guidewire\"\n"
+              "max_length_mm = 700\n"
+              "inserted_at_start_mm = 380\n"
+              "radius_mm = 0.4445\n"
+              "from_tip_mm = [0, 15, 80, 150]\n"
+              "rigidity_N_mm2 = [1, 1, 100, 300]\n"
+              "tip_mm = 15\n"
+              "tip_angle_deg = 45\n");
+  return keys;
+}
+
+std::vector<WireSection> MakeSections(const InstrumentSpec& spec, double segment_mm) {
+  std::vector<double> at = spec.from_tip_mm;
+  for (std::size_t k = 1; k < at.size(); ++k) {
+    if (at[k] == at[k - 1]) at[k] += kStepMm;
+  }
+  // The tip's joints are all equal and have its angle together: the step to the straight shaft
+  // falls between two joints.
+  const double joints = std::max(1.0, std::floor(spec.tip_mm / segment_mm + 0.5));
+  const double tip_end = (joints + 0.5) * segment_mm;
+  const double angle_rad = spec.tip_angle_deg * (std::numbers::pi / 180);
+  std::vector<double> stations = at;
+  if (angle_rad > 0) {
+    stations.insert(stations.end(), {0, tip_end, tip_end + 1e-3 * segment_mm});
+    std::sort(stations.begin(), stations.end());
+    stations.erase(std::unique(stations.begin(), stations.end()), stations.end());
+  }
+  std::vector<WireSection> sections;
+  for (const double s : stations) {
+    const bool bent = angle_rad > 0 && s <= tip_end;
+    sections.push_back({.from_tip_mm = s,
+                        .rigidity_N_mm2 = ValueAt(at, spec.rigidity_N_mm2, s),
+                        .radius_mm = ValueAt(at, spec.radius_mm, s),
+                        .curvature_1_per_mm = bent ? angle_rad / (joints * segment_mm)
+                                                   : ValueAt(at, spec.curvature_1_per_mm, s),
+                        .curvature_2_per_mm = ValueAt(at, spec.curvature_2_per_mm, s)});
+  }
+  return sections;
+}
+
+effects::Instrument Describe(const InstrumentSpec& spec, const WireModel& model) {
+  const double attenuation = spec.inner_radius_mm > 0 ? kHollow_1_mm : kSolid_1_mm;
+  return {.name = spec.name,
+          .model = &model,
+          .inner_radius_mm = spec.inner_radius_mm,
+          .friction_coefficient = spec.friction_coefficient,
+          .coating_mm = spec.coating_mm,
+          .coating_coefficient = spec.coating_coefficient.value_or(0),
+          .linear_density_g_m = spec.linear_density_g_m,
+          .attenuation_1_mm = spec.attenuation_1_mm.value_or(attenuation),
+          .marker_mm = spec.marker_mm,
+          .marker_1_mm = spec.marker_1_mm};
+}
+
+double OuterRadius(const InstrumentSpec& spec) {
+  return *std::max_element(spec.radius_mm.begin(), spec.radius_mm.end());
+}
+
+}  // namespace torquer::scene

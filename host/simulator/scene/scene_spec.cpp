@@ -1,0 +1,338 @@
+#include "host/simulator/scene/scene_spec.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <sstream>
+
+#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/effects/effect.h"
+#include "host/simulator/vessel/vessel.h"
+#include "host/support/error.h"
+#include "host/support/nearest_name.h"
+
+namespace torquer::scene {
+
+namespace {
+
+struct NameSpec : TableSpec {
+  std::string name;
+};
+
+const Keys<NameSpec>& NameKeys() {
+  static const Keys<NameSpec> keys = Keys<NameSpec>()
+                                         .Required()
+                                         .Text("name", &NameSpec::name, "of the scene")
+                                         .Example("name = \"my_scene\"\n");
+  return keys;
+}
+
+struct WallSpec : TableSpec {
+  double wall_stiffness_N_mm2 = 0;
+};
+
+// What every kind of vessel has besides its own keys.
+const Keys<WallSpec>& WallKeys() {
+  static const Keys<WallSpec> keys = Keys<WallSpec>().Required().Number(
+      "wall_stiffness_N_mm2", &WallSpec::wall_stiffness_N_mm2, 1e-6, 1e3, "N/mm^2",
+      "of the wall, per length of wire that presses on it");
+  return keys;
+}
+
+const Keys<PatientAxesSpec>& AxesKeys() {
+  using Spec = PatientAxesSpec;
+  static const std::vector<std::string> names = {"+x", "-x", "+y", "-y", "+z", "-z"};
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Required()
+          .Choice("left", &Spec::left, names, "direction of the file's frame to the patient's left")
+          .Required()
+          .Choice("posterior", &Spec::posterior, names, "the same to the back")
+          .Required()
+          .Choice("superior", &Spec::superior, names, "the same to the head")
+          .Example(
+              "left = \"+y\"\n"
+              "posterior = \"-z\"\n"
+              "superior = \"-x\"\n");
+  return keys;
+}
+
+void CheckEntry(const EntrySpec& spec, StrictTable& table) {
+  if (spec.point_mm.has_value() == spec.centerline.has_value()) {
+    table.Refuse(spec.point_mm ? "point_mm" : "centerline",
+                 spec.point_mm ? "stands beside centerline; give one of the two"
+                               : "is missing; give centerline, or point_mm and direction");
+  }
+  if (spec.point_mm.has_value() != spec.direction.has_value()) {
+    table.Refuse("direction", spec.direction ? "belongs to point_mm; give that or remove this"
+                                             : "is missing; point_mm needs it");
+  }
+  if (spec.direction && !(spec.direction->norm() > 1e-9)) {
+    table.Refuse("direction", "has no length; give a direction");
+  }
+  if (spec.towards && !spec.centerline) table.Refuse("towards", "belongs to centerline");
+}
+
+const Keys<EntrySpec>& EntryKeys() {
+  using Spec = EntrySpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Otherwise("give centerline")
+          .Point("point_mm", &Spec::point_mm, "mm", "where the instruments enter")
+          .Otherwise("give centerline")
+          .Point("direction", &Spec::direction, "", "in which they enter")
+          .Otherwise("give point_mm and direction")
+          .Text("centerline", &Spec::centerline, "curve on which they enter, in its direction")
+          .Number("at_mm", &Spec::at_mm, 0, 1e5, "mm", "place on that curve, by arc length")
+          .Otherwise("along the curve")
+          .Text("towards", &Spec::towards, "curve towards which they enter")
+          .Number("towards_at_mm", &Spec::towards_at_mm, 0, 1e5, "mm", "place on that curve")
+          .Checked(CheckEntry)
+          .Example(
+              "centerline = \"curve_14\"\n"
+              "at_mm = 15\n"
+              "towards = \"curve_00\"\n");
+  return keys;
+}
+
+const Keys<PaperSpec>& PaperKeys() {
+  using Spec = PaperSpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Number("max_update", &Spec::max_update, 1e-4, 2, "rad",
+                  "largest turn of a segment, du_max of (18)")
+          .Integer("margin", &Spec::margin, 1, 1000,
+                   "segments past the tip that a Tip Relaxation updates fully")
+          .Choice("update_rule", &Spec::update_rule,
+                  {"signed", "rho_only", "absolute", "exact_root"},
+                  "(16), (17), (19), or the root of the equation before (19)")
+          .Example("update_rule = \"exact_root\"\n");
+  return keys;
+}
+
+const Keys<RelaxationSpec>& RelaxationKeys() {
+  using Spec = RelaxationSpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Number("segment_mm", &Spec::segment_mm, 0.05, 10, "mm",
+                  "length of the segments that the instruments are cut into")
+          .Choice("bending_law", &Spec::bending_law, {"exact", "g1", "g2"},
+                  "energy of a bend: exact, or an approximation of it")
+          .Choice("method", &Spec::method, {"newton", "paper"},
+                  "Newton's method, or that of Baier et al. (2016)")
+          .Integer("contact_points_per_segment", &Spec::contact_points_per_segment, 1, 8,
+                   "points at which a segment can touch the wall")
+          .Otherwise("1e-6; 1e-3 of the paper's method")
+          .Number("tolerance", &Spec::tolerance, 1e-10, 1, "1/mm",
+                  "residual at which a tick ends: out-of-balance moment over the local EI")
+          .Number("budget_us", &Spec::budget_us, 20, 1e6, "us", "of a tick, live")
+          .Otherwise("1000; 100 of the paper's method")
+          .Integer("budget_units", &Spec::budget_units, 1, 1000000,
+                   "units of work of a tick, of a script: actions and attempts at a step")
+          .Table("paper", &Spec::paper, PaperKeys(), "settings of the paper's method")
+          .Checked([](const Spec& spec, StrictTable& table) {
+            if (spec.method == Method::kPaper) {
+              if (table.Has("contact_points_per_segment")) {
+                table.Refuse("contact_points_per_segment",
+                             "does not go with the paper's method, which has one; remove it");
+              }
+            } else if (spec.paper) {
+              table.Refuse("paper", "belongs to method = \"paper\"; give that or remove this");
+            }
+          })
+          .Example(
+              "segment_mm = 0.5\n"
+              "tolerance = 1e-5\n");
+  return keys;
+}
+
+VesselSpec ReadVessel(StrictTable& table) {
+  const std::vector<vessel::VesselKind>& kinds = vessel::AllVesselKinds();
+  std::vector<std::string> names;
+  for (const vessel::VesselKind& kind : kinds) names.push_back(kind.name);
+  VesselSpec spec;
+  spec.origin = table.Origin();
+  const auto& kind = kinds[static_cast<std::size_t>(table.Choice("kind", names))];
+  spec.kind = kind.name;
+  spec.wall_stiffness_N_mm2 = WallKeys().Read(table).wall_stiffness_N_mm2;
+  spec.keys = kind.keys.read(table);
+  return spec;
+}
+
+const effects::EffectKind& FindEffect(const StrictTable& table, const std::string& name) {
+  std::vector<std::string> known;
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    if (kind.name == name) return kind;
+    known.push_back(kind.name);
+  }
+  const std::string near = NearestName(name, known);
+  table.Refuse(
+      name, fmt::format("there is no such effect; {}known: {}",
+                        near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
+}
+
+std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& relaxation,
+                                    std::size_t instruments) {
+  for (const std::string& name : table.Keys()) FindEffect(table, name);
+  std::vector<EffectSpec> specs;
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    StrictTable* const keys = table.OptionalTable(kind.name);
+    if (keys == nullptr) continue;
+    if (!kind.needs.empty() && !table.Has(kind.needs)) {
+      table.Refuse(kind.name, "needs [effects." + kind.needs +
+                                  "], which this scene does not name; add it or remove this");
+    }
+    if (kind.shape != nullptr && relaxation.method == Method::kPaper) {
+      table.Refuse(kind.name,
+                   "is not known to the paper's method, whose wire does not twist; remove it or "
+                   "choose relaxation.method = \"newton\"");
+    }
+    if (kind.shape != nullptr && instruments > 1) {
+      table.Refuse(kind.name,
+                   "instruments within each other do not twist here; remove it or keep one "
+                   "instrument");
+    }
+    specs.push_back({kind.name, kind.keys.read(*keys), table.Origin()});
+  }
+  return specs;
+}
+
+// What instruments must be to each other and to the rest.
+void CheckInstruments(const SceneSpec& spec) {
+  const std::vector<InstrumentSpec>& all = spec.instruments;
+  if (all.size() > static_cast<std::size_t>(kMostInstruments)) {
+    all.back().origin.Refuse("name", fmt::format("is instrument number {}; a scene has at most {}",
+                                                 all.size(), kMostInstruments));
+  }
+  if (spec.relaxation.method == Method::kPaper && all.size() > 1) {
+    all[1].origin.Refuse("name",
+                         "the paper's method knows a lone wire; remove this instrument or choose "
+                         "relaxation.method = \"newton\"");
+  }
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const InstrumentSpec& outer = all[k];
+    for (std::size_t j = 0; j < k; ++j) {
+      if (all[j].name != outer.name) continue;
+      outer.origin.Refuse("name", "another instrument of this scene has this name; choose another");
+    }
+    if (outer.tip_angle_deg > 0 && !(outer.tip_mm >= spec.relaxation.segment_mm)) {
+      outer.origin.Refuse("tip_mm", "must be at least a segment for a tip with an angle");
+    }
+    if (outer.inserted_at_start_mm > 0 && !spec.entry.centerline) {
+      outer.origin.Refuse("inserted_at_start_mm",
+                          "needs a centerline to lie along; give the entry as a place on one");
+    }
+    if (k == 0) continue;
+    const InstrumentSpec& inner = all[k - 1];
+    if (!(outer.inner_radius_mm > OuterRadius(inner))) {
+      outer.origin.Refuse("inner_radius_mm",
+                          fmt::format("must be more than the radius of {}, {:g} mm, which lies in "
+                                      "it; instruments stand in a scene with the innermost first",
+                                      inner.name, OuterRadius(inner)));
+    }
+  }
+}
+
+SceneSpec Read(StrictTable file, const std::string& path, std::filesystem::path folder) {
+  SceneSpec spec;
+  spec.origin = file.Origin();
+  spec.path = path;
+  spec.folder = std::move(folder);
+  spec.name = NameKeys().Read(file).name;
+  spec.vessel = ReadVessel(file.Table("vessel"));
+  if (StrictTable* axes = file.OptionalTable("patient_axes")) spec.axes = AxesKeys().Read(*axes);
+  spec.entry = EntryKeys().Read(file.Table("entry"));
+  for (StrictTable* table : file.Tables("instrument")) {
+    spec.instruments.push_back(InstrumentKeys().Read(*table));
+  }
+  if (spec.instruments.empty()) {
+    file.Refuse("instrument",
+                "is missing; add a table [[instrument]] for each, the innermost first");
+  }
+  if (StrictTable* table = file.OptionalTable("relaxation")) {
+    spec.relaxation = RelaxationKeys().Read(*table);
+  }
+  if (StrictTable* table = file.OptionalTable("effects")) {
+    spec.effects = ReadEffects(*table, spec.relaxation, spec.instruments.size());
+  }
+  file.RefuseUnread();
+  CheckInstruments(spec);
+  return spec;
+}
+
+}  // namespace
+
+bool SceneSpec::Has(const std::string& effect) const {
+  return std::any_of(effects.begin(), effects.end(),
+                     [&](const EffectSpec& spec) { return spec.name == effect; });
+}
+
+SceneSpec ReadScene(const std::string& path) {
+  return Read(StrictTable::Read(path), path, std::filesystem::path(path).parent_path());
+}
+
+SceneSpec ParseScene(const std::string& text, const std::string& path,
+                     const std::filesystem::path& folder) {
+  return Read(StrictTable::Parse(text, path), path, folder);
+}
+
+std::string WriteScene(const SceneSpec& spec) {
+  TomlWriter out;
+  NameSpec name;
+  name.name = spec.name;
+  NameKeys().Write(name, out);
+  TomlWriter& vessel = out.Table("vessel");
+  for (const vessel::VesselKind& kind : vessel::AllVesselKinds()) {
+    if (kind.name != spec.vessel.kind) continue;
+    vessel.Value("kind", '"' + kind.name + '"');
+    WallSpec wall;
+    wall.wall_stiffness_N_mm2 = spec.vessel.wall_stiffness_N_mm2;
+    WallKeys().Write(wall, vessel);
+    kind.keys.write(spec.vessel.keys, vessel);
+  }
+  const PatientAxesSpec axes;
+  if (spec.axes.left != axes.left || spec.axes.posterior != axes.posterior ||
+      spec.axes.superior != axes.superior) {
+    AxesKeys().Write(spec.axes, out.Table("patient_axes"));
+  }
+  EntryKeys().Write(spec.entry, out.Table("entry"));
+  for (const InstrumentSpec& instrument : spec.instruments) {
+    InstrumentKeys().Write(instrument, out.Table("instrument", true));
+  }
+  RelaxationKeys().Write(spec.relaxation, out.Table("relaxation"));
+  TomlWriter& effects = out.Table("effects");
+  for (const EffectSpec& effect : spec.effects) {
+    for (const effects::EffectKind& kind : effects::AllEffects()) {
+      if (kind.name == effect.name) kind.keys.write(effect.keys, effects.Table(kind.name));
+    }
+  }
+  return out.Text();
+}
+
+std::vector<Section> AllSections() {
+  std::vector<Section> all = {{"", "", "the file itself", &NameKeys()},
+                              {"[vessel]", "vessel", "every kind of vessel", &WallKeys()}};
+  for (const vessel::VesselKind& kind : vessel::AllVesselKinds()) {
+    all.push_back({"[vessel]", "vessel." + kind.name,
+                   "kind = \"" + kind.name + "\": " + kind.summary, kind.keys.table});
+  }
+  all.push_back({"[patient_axes]", "patient_axes",
+                 "how the patient lies in the file's frame; without it left is +x, posterior +y, "
+                 "superior +z",
+                 &AxesKeys()});
+  all.push_back({"[entry]", "entry", "where the instruments enter", &EntryKeys()});
+  all.push_back({"[[instrument]]", "instrument",
+                 "one table for each instrument of the coaxial stack, the innermost first",
+                 &InstrumentKeys()});
+  all.push_back({"[relaxation]", "relaxation", "segments, method and budget", &RelaxationKeys()});
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    std::string summary = kind.summary;
+    if (!kind.needs.empty()) summary += "; needs [effects." + kind.needs + "]";
+    all.push_back({"[effects." + kind.name + "]", "effects." + kind.name, std::move(summary),
+                   kind.keys.table});
+  }
+  return all;
+}
+
+}  // namespace torquer::scene

@@ -1,0 +1,95 @@
+#include "host/simulator/vessel/kinds/surface.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <thread>
+
+#include "host/support/error.h"
+
+namespace torquer::vessel {
+
+namespace {
+
+struct SurfaceSpec : TableSpec {
+  std::string file;
+  MeshUnit unit = MeshUnit::kMillimeter;
+  double voxel_mm = BrickFieldOptions().voxel_mm;
+  std::optional<std::string> centerlines;
+};
+
+const Keys<SurfaceSpec>& SurfaceKeys() {
+  static const Keys<SurfaceSpec> keys =
+      Keys<SurfaceSpec>()
+          .Required()
+          .Text("file", &SurfaceSpec::file, "surface, relative to the scene: STL, OBJ or PLY")
+          .Required()
+          .Choice("mesh_unit", &SurfaceSpec::unit, {"mm", "m"}, "unit of the file's coordinates")
+          .Number("voxel_mm", &SurfaceSpec::voxel_mm, 0.02, 4, "mm",
+                  "finest cell of the distance field; half the thickness of the thinnest wall "
+                  "between two lumens, or less")
+          .Otherwise("none")
+          .Text("centerlines", &SurfaceSpec::centerlines,
+                "folder with curves of 3D Slicer (.mrk.json) in the file's frame and unit")
+          .Example(
+              "kind = \"surface\"\n"
+              "file = \"meshes/neuro_arch/surface.obj\"\n"
+              "mesh_unit = \"mm\"\n"
+              "voxel_mm = 0.5\n"
+              "centerlines = \"meshes/neuro_arch/centerlines\"\n"
+              "wall_stiffness_N_mm2 = 10\n");
+  return keys;
+}
+
+void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folder, Vessel& vessel) {
+  const std::filesystem::path curves_folder = folder / *spec.centerlines;
+  try {
+    vessel.centerlines = ReadSlicerCurves(curves_folder.string());
+  } catch (const UserError& error) {
+    spec.origin.Refuse("centerlines", error.what());
+  }
+  std::vector<std::string> curves;
+  for (const auto& entry : std::filesystem::directory_iterator(curves_folder)) {
+    if (entry.is_regular_file()) curves.push_back(entry.path().string());
+  }
+  std::sort(curves.begin(), curves.end());
+  vessel.files.insert(vessel.files.end(), curves.begin(), curves.end());
+  for (const OutsideStretch& stretch : FindStretchesOutside(vessel.centerlines, *vessel.field)) {
+    vessel.findings.push_back(
+        fmt::format("centerline {} runs outside the lumen from {:g} to {:g} mm of its length",
+                    stretch.curve, stretch.from_mm, stretch.to_mm));
+  }
+}
+
+Vessel Build(const SurfaceSpec& spec, const std::filesystem::path& folder) {
+  const std::filesystem::path path = folder / spec.file;
+  MeshVesselOptions options;
+  options.unit = spec.unit;
+  options.field.voxel_mm = spec.voxel_mm;
+  Vessel vessel;
+  try {
+    vessel.surface = MeshVessel::Open(path.string(), options);
+  } catch (const UserError& error) {
+    spec.origin.Refuse("file", error.what());
+  }
+  vessel.files.push_back(path.string());
+  // The coarse levels serve wherever the wire never goes; the fine bricks come as it comes.
+  vessel.surface->field().Build(1, static_cast<int>(std::thread::hardware_concurrency()));
+  vessel.field = std::shared_ptr<const ClearanceField>(vessel.surface, &vessel.surface->field());
+  const MeshReport& report = vessel.surface->report();
+  vessel.bounds_mm = report.bounds_mm;
+  vessel.findings = report.findings;
+  vessel.description =
+      fmt::format("surface {}, {} triangles, voxel {:g} mm", path.filename().string(),
+                  vessel.surface->mesh().triangles.size(), spec.voxel_mm);
+  if (spec.centerlines) ReadCenterlines(spec, folder, vessel);
+  return vessel;
+}
+
+}  // namespace
+
+VesselKind SurfaceKind() {
+  return MakeVesselKind("surface", "a surface from a file, as scans give it", SurfaceKeys(), Build);
+}
+
+}  // namespace torquer::vessel

@@ -1,0 +1,106 @@
+#include "host/simulator/vessel/kinds/tubes.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "host/simulator/vessel/phantoms.h"
+#include "host/support/error.h"
+
+namespace torquer::vessel {
+
+namespace {
+
+struct TubeSpec : TableSpec {
+  std::string name;
+  std::vector<Eigen::Vector3d> points_mm;
+  double bend_radius_mm = 1e6;
+  std::vector<double> radii_mm;
+};
+
+struct TubesSpec : TableSpec {
+  double union_width_mm = 2;
+  double join_tolerance_mm = 1;
+  std::vector<TubeSpec> tubes;
+};
+
+const Keys<TubeSpec>& TubeKeys() {
+  static const Keys<TubeSpec> keys =
+      Keys<TubeSpec>()
+          .Required()
+          .Text("name", &TubeSpec::name, "of the tube and of its centerline")
+          .Required()
+          .Points("points_mm", &TubeSpec::points_mm, 2, "mm", "corners of the tube's axis")
+          .Number("bend_radius_mm", &TubeSpec::bend_radius_mm, 0.1, 1e6, "mm",
+                  "largest radius of the arcs that round the corners")
+          .Required()
+          .Numbers("radii_mm", &TubeSpec::radii_mm, 0.1, 50, "mm",
+                   "radius of the lumen: one, or one for each of points_mm")
+          .Checked([](const TubeSpec& spec, StrictTable& table) {
+            if (spec.radii_mm.size() == 1 || spec.radii_mm.size() == spec.points_mm.size()) return;
+            table.Refuse("radii_mm", fmt::format("needs one radius, or one for each of the {} "
+                                                 "points of points_mm",
+                                                 spec.points_mm.size()));
+          })
+          .Example(
+              "name = \"left_main\"\n"
+              "points_mm = [[0, 0, 0], [14, -1, 1], [24, -4, -2]]\n"
+              "bend_radius_mm = 20\n"
+              "radii_mm = 2.25\n");
+  return keys;
+}
+
+const Keys<TubesSpec>& TubesKeys() {
+  static const Keys<TubesSpec> keys =
+      Keys<TubesSpec>()
+          .Number("union_width_mm", &TubesSpec::union_width_mm, 0, 20, "mm",
+                  "width over which edges between tubes are rounded")
+          .Number("join_tolerance_mm", &TubesSpec::join_tolerance_mm, 0.01, 50, "mm",
+                  "an end of a tube this near to another's axis joins it")
+          .Tables("tube", &TubesSpec::tubes, TubeKeys(), 1, "the tubes; the first is the main one")
+          .Example(
+              "kind = \"tubes\"\n"
+              "wall_stiffness_N_mm2 = 5\n"
+              "union_width_mm = 1\n"
+              "[[vessel.tube]]\n"
+              "name = \"trunk\"\n"
+              "points_mm = [[0, 0, 0], [60, 0, 0]]\n"
+              "radii_mm = 3\n"
+              "[[vessel.tube]]\n"
+              "name = \"branch\"\n"
+              "points_mm = [[40, 0, 0], [60, 15, 5]]\n"
+              "radii_mm = [2, 1.5]\n");
+  return keys;
+}
+
+Tube MakeTube(const TubeSpec& spec) {
+  try {
+    Tube tube{spec.name,
+              ArcLinePath::FromCorners(spec.points_mm, spec.bend_radius_mm),
+              spec.radii_mm,
+              {0}};
+    if (spec.radii_mm.size() > 1) tube.radius_at_mm = tube.axis.corner_arc_lengths_mm();
+    return tube;
+  } catch (const UserError& error) {
+    spec.origin.Refuse("points_mm", error.what());
+  }
+}
+
+Vessel Build(const TubesSpec& spec, const std::filesystem::path& /*folder*/) {
+  std::vector<Tube> tubes;
+  for (const TubeSpec& tube : spec.tubes) tubes.push_back(MakeTube(tube));
+  try {
+    return FromTubes(MakeTubeVessel(tubes, spec.union_width_mm, spec.join_tolerance_mm),
+                     fmt::format("{} tubes", tubes.size()));
+  } catch (const UserError& error) {
+    spec.origin.Refuse("tube", error.what());
+  }
+}
+
+}  // namespace
+
+VesselKind TubesKind() {
+  return MakeVesselKind("tubes", "tubes along lines and arcs, joined smoothly", TubesKeys(), Build);
+}
+
+}  // namespace torquer::vessel

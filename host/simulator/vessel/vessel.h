@@ -1,0 +1,55 @@
+// A vessel, and the kinds of vessels that a scene can have.
+//
+// A kind is one file pair in kinds/ and one line in kinds/registry.cpp.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <any>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "host/simulator/core/clearance_field.h"
+#include "host/simulator/vessel/centerline.h"
+#include "host/simulator/vessel/mesh_vessel.h"
+#include "host/support/key_table.h"
+
+namespace torquer::vessel {
+
+/// A vessel as people and the relaxation see it.
+struct Vessel {
+  std::shared_ptr<const ClearanceField> field;
+  std::shared_ptr<const MeshVessel> surface;  ///< where it came from, if from a surface
+  CenterlineNetwork centerlines;              ///< may be empty for surfaces
+  Eigen::AlignedBox3d bounds_mm;
+  std::string description;            ///< one line
+  std::vector<std::string> findings;  ///< what was found and repaired, one sentence each
+  std::vector<std::string> files;     ///< that it was read from
+};
+
+/// One row of the table of kinds.
+struct VesselKind {
+  std::string name;     ///< vessel.kind
+  std::string summary;  ///< one line for people
+  AnyKeys keys;         ///< besides those that every vessel has
+  /// Builds it; paths are relative to `folder`. Throws UserError.
+  std::function<Vessel(const std::any& spec, const std::filesystem::path& folder)> build;
+};
+
+/// The row of a kind with keys of type Keys<Spec>, which must outlive it.
+template <class Spec>
+VesselKind MakeVesselKind(std::string name, std::string summary, const Keys<Spec>& keys,
+                          Vessel (*build)(const Spec&, const std::filesystem::path&)) {
+  return {std::move(name), std::move(summary), Any(keys),
+          [build](const std::any& spec, const std::filesystem::path& folder) {
+            return build(std::any_cast<const Spec&>(spec), folder);
+          }};
+}
+
+/// All kinds there are.
+const std::vector<VesselKind>& AllVesselKinds();
+
+}  // namespace torquer::vessel

@@ -1,0 +1,217 @@
+// Instruments in each other against closed forms.
+#include <catch2/catch.hpp>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/stack/instrument_stack.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+constexpr double kSegment = 0.5;
+constexpr double kRightAngle = 1.5707963267948966;
+
+// An instrument that rests as an arc.
+WireModel Arc(double rigidity, double curvature, double radius) {
+  return WireModel(kSegment, {{0, rigidity, radius, curvature, 0}}, 0, 80, BendingLaw::kExact, {});
+}
+
+// Arcs in free space, the innermost first.
+struct Arcs {
+  InstrumentStack stack;
+  FreeSpace field;
+  WallModel wall;
+  std::vector<EnergyTerm*> none;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  explicit Arcs(std::vector<WireModel> instruments)
+      : stack(std::move(instruments)),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
+        state(stack.rod(), stack.size()) {
+    relaxation->Restart(state);
+  }
+  void MoveTo(const InstrumentPlaces& target) {
+    const TickReport report = Settle(*relaxation, target, state, 400);
+    REQUIRE(report.converged);
+    REQUIRE(report.arrived());
+    REQUIRE_FALSE(report.budget_spent);
+  }
+  /// Bend per length between two segments about half a segment either side of an arc length, as a
+  /// vector across.
+  Vector3d CurvatureAt(double s_mm) const {
+    const int n = state.segments();
+    const int joint =
+        n - static_cast<int>(std::lround((state.ArcLength(stack.rod()) - s_mm) / kSegment));
+    const auto k = static_cast<std::size_t>(joint);
+    return (state.tangents()[k] - state.tangents()[k - 1]) / kSegment;
+  }
+};
+
+TEST_CASE("A wire in a catheter bends as the sum of both would: the combined curvature") {
+  Arcs both({Arc(2, 0.04, 0.2), Arc(3, 0.01, 0.6)});
+  both.MoveTo({{60, 0}, {35, 0}});
+  CHECK(both.CurvatureAt(20).norm() == Approx((2 * 0.04 + 3 * 0.01) / 5).epsilon(1e-3));
+  CHECK(both.CurvatureAt(30).norm() == Approx((2 * 0.04 + 3 * 0.01) / 5).epsilon(1e-3));
+  CHECK(both.CurvatureAt(50).norm() == Approx(0.04).epsilon(1e-3));
+  // Turned against each other by a right angle, the curvatures add up as vectors.
+  both.MoveTo({{60, 0}, {35, kRightAngle}});
+  CHECK(both.CurvatureAt(20).norm() == Approx(std::hypot(2 * 0.04, 3 * 0.01) / 5).epsilon(1e-3));
+  CHECK(both.CurvatureAt(50).norm() == Approx(0.04).epsilon(1e-3));
+}
+
+TEST_CASE("Three and four instruments bend as the sum of all that are there") {
+  Arcs all({Arc(2, 0.04, 0.2), Arc(3, 0.01, 0.6), Arc(5, -0.02, 0.9), Arc(10, 0.005, 1.2)});
+  all.MoveTo({{70, 0}, {50, 0}, {35, 0}, {15, 0}});
+  CHECK(all.CurvatureAt(60).norm() == Approx(0.04).epsilon(1e-3));
+  CHECK(all.CurvatureAt(42).norm() == Approx(0.11 / 5).epsilon(1e-3));
+  CHECK(all.CurvatureAt(25).norm() == Approx(0.01 / 10).epsilon(1e-2));
+  CHECK(all.CurvatureAt(8).norm() == Approx((0.11 - 0.1 + 0.05) / 20).epsilon(1e-2));
+  // The order in which they arrive does not matter.
+  const WireState at_once = all.state;
+  all.MoveTo({{20, 0}, {50, 0}, {60, 0}, {0, 0}});
+  all.MoveTo({{70, 0}, {50, 0}, {35, 0}, {15, 0}});
+  CHECK(LargestDistance(all.state, at_once) < 1e-3);
+}
+
+TEST_CASE("A stiff catheter straightens a soft bent wire, which takes its shape again without it") {
+  Arcs both({Arc(0.01, 0.05, 0.2), Arc(100, 0, 0.6)});
+  both.MoveTo({{60, 0}, {0, 0}});
+  const WireState alone = both.state;
+  CHECK(both.CurvatureAt(30).norm() == Approx(0.05).epsilon(1e-3));
+  both.MoveTo({{60, 0}, {60, 0}});
+  CHECK(both.CurvatureAt(30).norm() < 1e-4);
+  CHECK(both.state.tip()[0] == Approx(60).epsilon(1e-4));
+  both.MoveTo({{60, 0}, {0, 0}});
+  CHECK(LargestDistance(both.state, alone) < 1e-5);
+}
+
+TEST_CASE("Whichever goes on beyond the other leads, and nothing jumps where the tips pass") {
+  Arcs both({Arc(2, 0.04, 0.2), Arc(3, 0.01, 0.6)});
+  both.MoveTo({{30, 0}, {25, 0}});
+  Vector3d before = both.state.tip();
+  for (double catheter = 25; catheter <= 35.001; catheter += 0.1) {
+    both.MoveTo({{30, 0}, {catheter, 0}});
+    // The tip goes on with the catheter once that leads; otherwise it is only bent.
+    CHECK((both.state.tip() - before).norm() < 0.2);
+    before = both.state.tip();
+  }
+  CHECK(both.state.insertion_mm() == Approx(35));
+  CHECK(both.state.places()[0].insertion_mm == 30);
+  CHECK(both.CurvatureAt(33).norm() == Approx(0.01).epsilon(1e-3));
+  const WireState led = both.state;
+  // The wire back and forth within it ends where it began.
+  both.MoveTo({{5, 0}, {35, 0}});
+  CHECK(both.CurvatureAt(20).norm() == Approx(0.01).epsilon(1e-3));
+  both.MoveTo({{30, 0}, {35.001, 0}});
+  both.MoveTo({{30, 0}, {35, 0}});
+  CHECK(LargestDistance(both.state, led) < 1e-3);
+}
+
+TEST_CASE("The wall sees the outermost instrument that is there") {
+  Arcs all({Arc(2, 0, 0.2), Arc(3, 0, 0.6), Arc(7, 0, 0.9)});
+  all.MoveTo({{40, 0}, {20, 0}, {10, 0}});
+  const WireModel& rod = all.stack.rod();
+  CHECK(rod.radius_mm(0) == 0.2);
+  CHECK(rod.radius_mm(55) == 0.6);
+  CHECK(rod.radius_mm(79) == 0.9);
+  CHECK(rod.rigidity_N_mm2(0) == 2);
+  CHECK(rod.rigidity_N_mm2(55) == Approx(5));
+  CHECK(rod.rigidity_N_mm2(79) == Approx(12));
+  all.MoveTo({{10, 0}, {20, 0}, {0, 0}});
+  CHECK(rod.radius_mm(0) == 0.6);
+  CHECK(rod.rigidity_N_mm2(0) == 3);
+  CHECK(rod.rigidity_N_mm2(39) == Approx(5));
+}
+
+// Notes how surfaces slid.
+class SlideRecorder final : public EnergyTerm {
+ public:
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet&, PointDerivatives&) const override { return 0; }
+  void SlideSurfaces(const PointSet& points,
+                     const std::array<double, kMostInstruments>& by_mm) override {
+    for (std::size_t k = 0; k < slid_mm.size(); ++k) slid_mm[k] += by_mm[k];
+    bare_points = 0;
+    for (int q = 0; q < points.size(); ++q) bare_points += points.SurfaceAt(q) == 0;
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+  std::array<double, kMostInstruments> slid_mm = {};
+  int bare_points = -1;
+};
+
+TEST_CASE("The surface of each instrument goes with that instrument, whoever leads") {
+  SlideRecorder recorder;
+  const std::vector<EnergyTerm*> terms{&recorder};
+  InstrumentStack stack({Arc(2, 0, 0.2), Arc(3, 0, 0.6)});
+  const FreeSpace field;
+  const WallModel wall;  // two contact points a segment of 0.5 mm
+  const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
+  stack.Combine({{40, 0}, {25, 0}});
+  WireState state = WireState::Along(stack.rod(), {}, {{40, 0}, {25, 0}});
+  relaxation->Restart(state);
+  const auto slid = [&](const InstrumentPlaces& target, std::size_t instrument) {
+    recorder.slid_mm = {};
+    REQUIRE(Settle(*relaxation, target, state).converged);
+    return recorder.slid_mm[instrument];
+  };
+  CHECK(slid({{42, 0}, {25, 0}}, 1) == Approx(-2));  // the rod went on, the catheter stayed
+  CHECK(recorder.bare_points >= 66);                 // 16.5 mm and more of it is wire alone
+  CHECK(recorder.bare_points <= 68);
+  CHECK(slid({{42, 0}, {28, 0}}, 1) == Approx(3));  // the rod stayed, the catheter went on
+  CHECK(slid({{45, 0}, {31, 0}}, 1) == Approx(0).margin(1e-12));  // together
+  // The catheter passes the wire's tip after 14 mm, and then its material is the rod's.
+  CHECK(slid({{45, 0}, {50, 0}}, 1) == Approx(14));
+  CHECK(slid({{20, 0}, {50, 0}}, 1) == Approx(0).margin(1e-12));  // the wire within it
+}
+
+TEST_CASE("A bend of the catheter comes to joints that were straight, and turns with it") {
+  Arcs both({Arc(2, 0, 0.2), Arc(50, 0.02, 0.6)});
+  both.MoveTo({{60, 0}, {5, 0}});
+  both.MoveTo({{60, 0.8}, {40, 0.8}});
+  const Vector3d bend = both.CurvatureAt(20);
+  CHECK(bend.norm() == Approx(50 * 0.02 / 52).epsilon(1e-3));
+  both.MoveTo({{60, 0.8}, {40, 0.8 + kRightAngle}});
+  CHECK(std::abs(both.CurvatureAt(20).normalized().dot(bend.normalized())) < 0.3);
+}
+
+TEST_CASE("Any budget leaves a whole rod, and the same work gives the same bits") {
+  Arcs a({Arc(2, 0.04, 0.2), Arc(3, 0.01, 0.6)});
+  Arcs b({Arc(2, 0.04, 0.2), Arc(3, 0.01, 0.6)});
+  std::vector<int> work;
+  const auto target = [](int k) {
+    return InstrumentPlaces{{0.3 * k, 0.02 * k}, {0.2 * k, -0.01 * k}};
+  };
+  for (int k = 1; k <= 150; ++k) {
+    CountedBudget budget(k % 4);
+    work.push_back(a.relaxation->Tick(target(k), budget, a.state).work);
+    CHECK(work.back() <= k % 4);
+  }
+  for (int k = 1; k <= 150; ++k) {
+    CountedBudget budget(work[static_cast<std::size_t>(k - 1)]);
+    b.relaxation->Tick(target(k), budget, b.state);
+  }
+  CHECK(HashState(a.state) == HashState(b.state));
+  a.MoveTo(target(150));
+  CHECK(a.state.ArcLength(a.stack.rod()) == Approx(45));
+}
+
+TEST_CASE("Instruments that do not fit together are refused") {
+  const auto stack = [](double segment_mm, double torsional_N_mm2) {
+    return InstrumentStack(std::vector<WireModel>{
+        MakeWire({}),
+        MakeWire({.segment_mm = segment_mm, .torsional_rigidity_N_mm2 = torsional_N_mm2})});
+  };
+  CHECK_NOTHROW(stack(1, 0));
+  CHECK_THROWS_AS(stack(0.5, 0), std::invalid_argument);
+  CHECK_THROWS_AS(stack(1, 1), std::invalid_argument);
+  CHECK_THROWS_AS(InstrumentStack(std::vector<WireModel>{}), std::invalid_argument);
+  CHECK_THROWS_AS(InstrumentStack(std::vector<WireModel>(5, MakeWire({}))), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace torquer::test

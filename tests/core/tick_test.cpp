@@ -1,0 +1,196 @@
+// What every tick promises, whatever the stack, the vessel, the hands and the budget.
+#include <catch2/catch.hpp>
+#include <numbers>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/paper/paper_relaxation.h"
+#include "host/simulator/core/relaxation.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/invariants.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+using Random = std::mt19937;
+
+// Into the torus below.
+const Sheath kSheath{Vector3d(30, 0, 0), Vector3d::UnitY()};
+
+double Between(double low, double high, Random& random) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+// Instruments of one segment length, the outer ones shorter and stiffer.
+std::vector<WireModel> RandomInstruments(Random& random, bool twisting) {
+  const int count = twisting ? 1 : std::uniform_int_distribution<int>(1, kMostInstruments)(random);
+  const double segment_mm = Between(0.5, 2, random);
+  std::vector<WireModel> instruments;
+  for (int k = 0; k < count; ++k) {
+    instruments.push_back(
+        MakeWire({.segment_mm = segment_mm,
+                  .rigidity_N_mm2 = std::pow(10, Between(-3, -1, random)),
+                  .torsional_rigidity_N_mm2 = twisting ? Between(0.01, 0.1, random) : 0,
+                  .radius_mm = 0.2 + 0.3 * k,
+                  .tip_mm = Between(0, 15, random),
+                  .tip_curvature_1_per_mm = Between(-0.1, 0.1, random),
+                  .max_length_mm = Between(30, 60, random),
+                  .sheath = kSheath}));
+  }
+  return instruments;
+}
+
+// Hands that want anything, also what an instrument cannot do.
+InstrumentPlaces RandomTarget(int count, Random& random) {
+  InstrumentPlaces target(count);
+  for (InstrumentPlace& place : target) {
+    place = {Between(-10, 70, random), Between(-4, 4, random)};
+  }
+  return target;
+}
+
+// The residual of the state with the instruments where it says that they are, computed by nothing
+// that took part in the tick.
+double Residual(const std::vector<WireModel>& instruments, const ClearanceField& field,
+                const WallModel& wall, const WireState& state) {
+  InstrumentStack stack(instruments);
+  stack.Combine(state.places());
+  const std::vector<EnergyTerm*> none;
+  WireMechanics mechanics(stack.rod(), field, wall, none);
+  mechanics.points().TakeStiffness(state);
+  Expansion at = mechanics.MakeExpansion();
+  mechanics.Expand(state, at);
+  return at.residual;
+}
+
+struct Tester {
+  std::vector<WireModel> instruments;
+  const ClearanceField& field;
+  const WallModel& wall;
+  double tolerance;
+  bool whole_segments;  // moves by nothing less
+
+  void Check(const InstrumentPlaces& target, int units, const TickReport& report,
+             const InstrumentStack& stack, const WireState& state) const {
+    REQUIRE(report.work <= units);
+    REQUIRE_THAT(BrokenGeometry(stack.rod(), state), Catch::Equals(""));
+    REQUIRE(report.carried.size() == target.size());
+    double reach_mm = 0;
+    for (int k = 0; k < target.size(); ++k) {
+      INFO("instrument " << k);
+      const double length_mm = instruments[static_cast<std::size_t>(k)].max_length_mm();
+      const double wanted_mm = std::clamp(target[k].insertion_mm, 0.0, length_mm);
+      REQUIRE(report.carried[k].insertion_mm ==
+              Approx(wanted_mm - state.places()[k].insertion_mm).margin(1e-9));
+      REQUIRE(report.carried[k].rotation_rad ==
+              Approx(target[k].rotation_rad - state.places()[k].rotation_rad).margin(1e-9));
+      reach_mm = std::max(reach_mm, state.places()[k].insertion_mm);
+    }
+    // The places are not only said: the curve reaches as far.
+    if (state.segments() > 0) REQUIRE(state.ArcLength(stack.rod()) == Approx(reach_mm));
+    if (target.size() == 1) REQUIRE(state.rotation_rad() == state.places()[0].rotation_rad);
+    if (!report.budget_spent && !whole_segments) REQUIRE(report.arrived());
+    // Whoever ends out of balance says why.
+    if (!whole_segments) {
+      REQUIRE((report.converged || report.budget_spent || report.stalled));
+      REQUIRE_FALSE((report.converged && report.stalled));
+    }
+    if (report.converged) {
+      const double residual = Residual(instruments, field, wall, state);
+      REQUIRE(residual == Approx(report.residual).epsilon(1e-6).margin(1e-3 * tolerance));
+      REQUIRE(residual <= 1.001 * tolerance);
+    }
+  }
+};
+
+TEST_CASE("Every tick ends within its budget, says what is left, and repeated ticks arrive") {
+  const int seed = GENERATE(range(0, 40));
+  CAPTURE(seed);
+  Random random(static_cast<unsigned>(seed));
+  const bool twisting = seed % 5 == 4;
+  const Torus torus(Side::kInside, 30, 3);
+  const WallModel wall{.stiffness_N_mm2 = 0.05};
+  const NewtonSettings settings;
+  const Tester tester{RandomInstruments(random, twisting), torus, wall, settings.tolerance, false};
+  const std::vector<EnergyTerm*> none;
+  InstrumentStack stack(tester.instruments);
+  const auto relaxation = MakeNewtonRelaxation(stack, torus, wall, settings, none);
+  WireState state(stack.rod(), stack.size());
+  relaxation->Restart(state);
+  for (int round = 0; round < 8; ++round) {
+    const InstrumentPlaces target = RandomTarget(stack.size(), random);
+    const int units = 1 << std::uniform_int_distribution<int>(0, 6)(random);
+    INFO("round " << round << ", " << stack.size() << " instruments, budgets of " << units);
+    // 70 mm and 8 rad in parts of half a segment and 0.2 rad, each with a few attempts.
+    constexpr int kMostUnits = 20000;
+    TickReport report;
+    int done = 0;
+    do {
+      CountedBudget budget(units);
+      report = relaxation->Tick(target, budget, state);
+      tester.Check(target, units, report, stack, state);
+      REQUIRE(report.work > 0);
+      done += report.work;
+    } while (report.budget_spent && done < kMostUnits);
+    CHECK_FALSE(report.budget_spent);
+    CHECK(report.arrived() == (report.carried == InstrumentPlaces(stack.size())));
+  }
+}
+
+TEST_CASE("The same of the paper's method, by whole segments") {
+  const int seed = GENERATE(range(0, 8));
+  CAPTURE(seed);
+  Random random(static_cast<unsigned>(seed));
+  const Torus torus(Side::kInside, 30, 3);
+  const WallModel wall{.stiffness_N_mm2 = 0.05, .points_per_segment = 1};
+  const PaperSettings settings;
+  const WireModel model = MakeWire({.tip_mm = 8,
+                                    .tip_curvature_1_per_mm = 0.05,
+                                    .max_length_mm = 50,
+                                    .law = BendingLaw::kG1,
+                                    .sheath = kSheath});
+  const Tester tester{{model}, torus, wall, settings.tolerance, true};
+  PaperRelaxation relaxation(model, torus, wall, settings);
+  WireState state(model);
+  relaxation.Restart(state);
+  for (int round = 0; round < 4; ++round) {
+    const InstrumentPlaces target = RandomTarget(1, random);
+    const int units = 1 << std::uniform_int_distribution<int>(0, 6)(random);
+    INFO("round " << round << ", budgets of " << units);
+    TickReport report;
+    for (int tick = 0; tick < 200; ++tick) {
+      CountedBudget budget(units);
+      report = relaxation.Tick(target, budget, state);
+      tester.Check(target, units, report, std::as_const(relaxation).stack(), state);
+    }
+    CHECK(report.carried[0].rotation_rad == 0);
+  }
+}
+
+TEST_CASE("A turn of 3 rad ends with a budget of 8 units, and 30 mm are not slid in 3") {
+  std::vector<WireModel> instruments = {
+      MakeWire({.max_length_mm = 80, .sheath = kSheath}),
+      MakeWire({.radius_mm = 0.5, .max_length_mm = 80, .sheath = kSheath})};
+  InstrumentStack stack(instruments);
+  const Torus torus(Side::kInside, 30, 3);
+  const WallModel wall{.stiffness_N_mm2 = 0.05};
+  const std::vector<EnergyTerm*> none;
+  const auto relaxation = MakeNewtonRelaxation(stack, torus, wall, {}, none);
+  WireState state(stack.rod(), 2);
+  relaxation->Restart(state);
+  REQUIRE(Settle(*relaxation, {{60, 0}, {10, 0}}, state, 100).converged);
+  CountedBudget eight(8);
+  const TickReport turned = relaxation->Tick({{60, 3}, {10, 3}}, eight, state);
+  CHECK(turned.work <= 8);
+  CHECK(turned.budget_spent);
+  CHECK(turned.carried[0].rotation_rad > 1);
+  REQUIRE(Settle(*relaxation, {{60, 3}, {10, 3}}, state, 100).converged);
+  CountedBudget three(3);
+  const TickReport slid = relaxation->Tick({{60, 3}, {40, 3}}, three, state);
+  CHECK(slid.carried[1].insertion_mm >= 30 - 3 * 0.5 - 1e-9);
+  CHECK_FALSE(slid.converged);
+  CHECK(slid.budget_spent);
+}
+
+}  // namespace
+}  // namespace torquer::test

@@ -1,0 +1,23 @@
+// The ticks of a scene, with all that a session does in them. Prints a hash of where the wire ends.
+#include <cinttypes>
+#include <cstdio>
+
+#include "host/simulator/simulation.h"
+#include "tests/effects/cost/drill.h"
+
+int main(int argc, char** argv) {
+  using namespace torquer;
+  if (argc != 2) return 2;
+  scene::Scene scene(argv[1]);
+  simulator::Simulation session(scene);
+  simulator::Command command;
+  const InstrumentPlaces start = session.target();
+  for (int k = 1; k <= test::kTicks; ++k) {
+    command.target = start;
+    command.target[0] = {start[0].insertion_mm + k * test::kFeedMm, k * test::kTurnRad};
+    CountedBudget budget(scene.budget_units());
+    session.Tick(command, budget);
+  }
+  std::printf("%016" PRIx64 "\n", session.state_hash());
+  return 0;
+}

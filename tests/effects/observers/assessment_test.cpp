@@ -1,0 +1,156 @@
+#include "host/simulator/effects/observers/assessment.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+#include <string>
+
+#include "host/simulator/vessel/moving_field.h"
+#include "host/simulator/vessel/phantoms.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+// A tip that is put where a test wants it, on a route of 100 mm along +x with radius 4 mm.
+struct Trainee {
+  explicit Trainee(const vessel::MovingField* vessel = nullptr) : moving(vessel) {
+    report.converged = true;
+  }
+
+  const vessel::MovingField* moving;
+  effects::WallForce force{{.threshold_mN = 100}};
+  effects::Assessment assessment{
+      {.route = vessel::Centerline("route", {{0, 0, 0}, {50, 0, 0}, {100, 0, 0}}, {4, 4, 4}),
+       .target_radius_mm = 3,
+       .force_limit_mN = 50,
+       .dose_mGy_s = 0.3,
+       .contrast_mL_s = 5},
+      force,
+      moving};
+  WireModel model = MakeWire({});
+  WireState state{model};
+  Expansion expansion;
+  TickReport report;
+  effects::Controls controls;
+  InstrumentPlaces target;
+  double time_s = 0;
+
+  void Go(const Vector3d& tip, double insertion_mm, double seconds) {
+    const Vector3d from = state.nodes().back();
+    const double begin_mm = target[0].insertion_mm;
+    const int steps = static_cast<int>(std::lround(seconds / 0.005));
+    for (int k = 1; k <= steps; ++k) {
+      const double part = static_cast<double>(k) / steps;
+      // A wire of no length has its tip at the sheath.
+      const Vector3d at = from + part * (tip - from);
+      state = WireState(MakeWire({.sheath = {at, Vector3d::UnitX()}}));
+      target[0].insertion_mm = begin_mm + part * (insertion_mm - begin_mm);
+      time_s += 0.005;
+      const effects::TickView tick{.time_s = time_s,
+                                   .step_s = 0.005,
+                                   .controls = controls,
+                                   .target = target,
+                                   .state = state,
+                                   .expansion = expansion,
+                                   .report = report};
+      force.Observe(tick);
+      assessment.Observe(tick);
+    }
+  }
+  double operator[](const std::string& name) const {
+    std::map<std::string, double> all;
+    for (const effects::Reading& reading : assessment.Readings()) all[reading.name] = reading.value;
+    REQUIRE(all.count(name) == 1);
+    return all[name];
+  }
+};
+
+TEST_CASE("Straight to the target: path ratio one, no retraction, reached and safe") {
+  Trainee trainee;
+  trainee.Go({100, 0, 0}, 100, 10);
+  CHECK(trainee["procedure_s"] == Approx(10));
+  CHECK(trainee["tip_path_ratio"] == Approx(1).epsilon(0.01));
+  CHECK(trainee["retractions"] == 0);
+  CHECK(trainee["wrong_vessel_entries"] == 0);
+  CHECK(trainee["target_reached"] == 1);
+  CHECK(trainee["target_reached_s"] == Approx(9.7).margin(0.05));
+  CHECK(trainee["safe_success"] == 1);
+  CHECK(trainee["mean_speed_mm_s"] == Approx(10).epsilon(0.02));
+}
+
+// The whole vessel a way to the side.
+class Aside final : public vessel::FieldMotion {
+ public:
+  void SetTime(double time_s) override { shift_mm_ = 12 * std::sin(time_s); }
+  void AddOffset(const Eigen::Vector3d&, vessel::Offset& offset) const override {
+    offset.value[1] += shift_mm_;
+  }
+  double TravelMm() const override { return 12; }
+  double LargestStretch() const override { return 0; }
+
+ private:
+  double shift_mm_ = 0;
+};
+
+TEST_CASE("A tip that goes along with its vessel goes no way and leaves no route") {
+  const FreeSpace field;
+  Aside aside;
+  vessel::MovingField moving(field);
+  moving.Add(aside);
+  Trainee trainee(&moving);
+  for (int k = 1; k <= 200; ++k) {
+    moving.SetTime(0.02 * k);
+    trainee.Go({40, 12 * std::sin(0.02 * k), 0}, 40, 0.005);
+  }
+  CHECK(trainee["wrong_vessel_entries"] == 0);
+  CHECK(trainee["tip_path_mm"] == Approx(0).margin(1e-9));
+}
+
+TEST_CASE("A detour into another vessel and back is counted once, with its path") {
+  Trainee trainee;
+  trainee.Go({50, 0, 0}, 50, 5);
+  trainee.Go({50, 20, 0}, 70, 2);  // out of the route, 16 mm past its wall
+  trainee.Go({50, 0, 0}, 50, 2);   // and back
+  trainee.Go({90, 0, 0}, 90, 4);
+  CHECK(trainee["wrong_vessel_entries"] == 1);
+  CHECK(trainee["retractions"] == 1);
+  CHECK(trainee["retracted_mm"] == Approx(20));
+  CHECK(trainee["tip_path_mm"] == Approx(130).epsilon(0.02));
+  CHECK(trainee["target_reached"] == 0);
+  CHECK(trainee["target_reached_s"] == -1);
+}
+
+TEST_CASE("Tremor is neither path nor retraction") {
+  Trainee trainee;
+  for (int k = 0; k < 50; ++k) trainee.Go({20 + (k % 2) * 0.3, 0, 0}, 20 + (k % 2) * 0.3, 0.1);
+  CHECK(trainee["retractions"] == 0);
+  CHECK(trainee["tip_path_mm"] < 21);
+}
+
+TEST_CASE("Pedal and contrast button add up to dose and volume") {
+  Trainee trainee;
+  trainee.controls.xray = true;
+  trainee.Go({10, 0, 0}, 10, 4);
+  trainee.controls = {.contrast = true};
+  trainee.Go({20, 0, 0}, 20, 2);
+  CHECK(trainee["fluoroscopy_s"] == Approx(4));
+  CHECK(trainee["dose_proxy_mGy"] == Approx(1.2));
+  CHECK(trainee["contrast_mL"] == Approx(10));
+}
+
+TEST_CASE("Success above the force limit is not safe") {
+  Trainee trainee;
+  // One contact of 60 mN on the way.
+  trainee.expansion.points = PressedPoint(0.06);
+  trainee.Go({50, 0, 0}, 50, 1);
+  trainee.expansion.points = PointSet();
+  trainee.Go({100, 0, 0}, 100, 1);
+  CHECK(trainee["wall_force_max_mN"] == Approx(60));
+  CHECK(trainee["target_reached"] == 1);
+  CHECK(trainee["safe_success"] == 0);
+}
+
+}  // namespace
+}  // namespace torquer::test
