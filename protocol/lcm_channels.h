@@ -1,4 +1,4 @@
-// LCM: the names of the channels, the names of the instruments, and the bits in the messages
+// LCM: the names of the channels, the version of the messages, and the bits in them
 // (lcm/*.lcm).
 #pragma once
 
@@ -16,9 +16,11 @@ inline constexpr char kHealthChannel[] = "TORQUER_HEALTH";
 inline constexpr char kHandMotionChannel[] = "TORQUER_HAND_MOTION";
 inline constexpr char kEmulatorTruthChannel[] = "TORQUER_EMULATOR_TRUTH";
 
-/// Names of instruments in commands and states.
+/// Version of the message types: a change of one of them makes a new one (protocol/README.md).
+inline constexpr std::int32_t kLcmVersion = 2;
+
+/// Name of the instrument that a program means where none is given.
 inline constexpr char kGuidewire[] = "guidewire";
-inline constexpr char kCatheter[] = "catheter";
 
 /// Bits of instrument_command_t::flags.
 enum InstrumentFlag : std::int32_t {
@@ -37,6 +39,7 @@ enum WireStatus : std::int32_t {
   kWireSnapped = 1 << 3,       ///< the tip moved much farther than the action explains
   kWireInputRefused = 1 << 4,  ///< a command was not finite or out of range; the last one stands
   kWireInDoubt = 1 << 5,       ///< the command carries lift, fault or no-device flags
+  kWireStalled = 1 << 6,       ///< out of balance, and no step that was tried came nearer to it
 };
 
 }  // namespace torquer::protocol

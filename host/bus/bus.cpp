@@ -1,6 +1,7 @@
 #include "host/bus/bus.h"
 
 #include <arpa/inet.h>
+#include <fmt/format.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -18,13 +19,14 @@ namespace torquer::bus {
 namespace {
 
 constexpr char kFallbackUrl[] = "udpm://239.255.76.67:7667?ttl=0";
-// Messages handled in one go, so that a flood of them does not keep the caller for ever.
+// Messages handled in one call, so that a flood of them cannot hold the caller for ever.
 constexpr std::int64_t kBurst = 1000;
 constexpr long kReceiveBufferBytes = 2 * 1024 * 1024;
 
 [[noreturn]] void Refuse(const std::string& url, const std::string& problem) {
-  throw UserError("LCM URL '" + url + "': " + problem + "; give one like " + kFallbackUrl +
-                  " with --lcm-url or in LCM_DEFAULT_URL");
+  throw UserError(
+      fmt::format("LCM URL '{}': {}; give one like {} with --lcm-url or in LCM_DEFAULT_URL", url,
+                  problem, kFallbackUrl));
 }
 
 bool ParseNumber(std::string_view text, long lowest, long highest, long& value) {
@@ -33,7 +35,7 @@ bool ParseNumber(std::string_view text, long lowest, long highest, long& value) 
          value <= highest;
 }
 
-// LCM ignores options that it does not know and takes any number for granted.
+// LCM ignores options that it does not know and does not check numbers.
 void CheckOptions(const std::string& url, std::string_view options) {
   while (!options.empty()) {
     const std::string_view option = options.substr(0, options.find('&'));
@@ -45,19 +47,19 @@ void CheckOptions(const std::string& url, std::string_view options) {
     long number = 0;
     if (key == "ttl") {
       if (!ParseNumber(value, 0, 255, number)) {
-        Refuse(url, "ttl '" + std::string(value) + "' is not a number from 0 to 255");
+        Refuse(url, fmt::format("ttl '{}' is not a number from 0 to 255", value));
       }
     } else if (key == "recv_buf_size") {
       if (!ParseNumber(value, 1, 1L << 30, number)) {
-        Refuse(url, "recv_buf_size '" + std::string(value) + "' is not a number of bytes");
+        Refuse(url, fmt::format("recv_buf_size '{}' is not a number of bytes", value));
       }
     } else {
-      Refuse(url, "unknown option '" + std::string(option) + "'");
+      Refuse(url, fmt::format("unknown option '{}'", option));
     }
   }
 }
 
-// Whether the kernel knows a way to this multicast group; LCM's own complaint names the wrong one.
+// Whether the kernel has a route to this multicast group; LCM's own message names the wrong one.
 bool HasRoute(const sockaddr_in& group) {
   const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return false;
@@ -78,7 +80,7 @@ void CheckMulticast(const std::string& url, std::string_view place) {
   group.sin_family = AF_INET;
   if (inet_pton(AF_INET, address.c_str(), &group.sin_addr) != 1 ||
       !IN_MULTICAST(ntohl(group.sin_addr.s_addr))) {
-    Refuse(url, "'" + address + "' is not an IPv4 multicast address (224.0.0.0 and up)");
+    Refuse(url, fmt::format("'{}' is not an IPv4 multicast address (224.0.0.0 and up)", address));
   }
   long port = 0;
   if (colon == std::string_view::npos || !ParseNumber(endpoint.substr(colon + 1), 1, 65535, port)) {
@@ -86,10 +88,10 @@ void CheckMulticast(const std::string& url, std::string_view place) {
   }
   group.sin_port = htons(static_cast<std::uint16_t>(port));
   if (!HasRoute(group)) {
-    throw UserError("LCM URL '" + url +
-                    "': this machine has no multicast route; run under "
-                    "host/bus/private_network, or as root: ip link set lo up multicast on; "
-                    "ip route add 224.0.0.0/4 dev lo");
+    throw UserError(fmt::format(
+        "LCM URL '{}': this machine has no multicast route; run under host/bus/private_network, or "
+        "as root: ip link set lo up multicast on; ip route add 224.0.0.0/4 dev lo",
+        url));
   }
 }
 
@@ -100,19 +102,19 @@ void CheckUrl(const std::string& url) {
   if (scheme == "udpm") {
     CheckMulticast(url, std::string_view(url).substr(scheme_end + 3));
   } else if (scheme != "tcpq" && scheme != "file" && scheme != "memq") {
-    Refuse(url, "unknown scheme '" + scheme + "'");
+    Refuse(url, fmt::format("unknown scheme '{}'", scheme));
   }
 }
 
-// Asks for as large a receive buffer as the kernel grants: a burst of large messages outruns the
-// usual 208 KiB, and asking for more than is granted makes LCM warn.
+// Asks for the largest receive buffer that the kernel grants: a burst of large messages overflows
+// the usual 208 KiB, and asking for more than is granted makes LCM print a warning.
 std::string WithReceiveBuffer(const std::string& url) {
   if (!url.starts_with("udpm://") || url.find("recv_buf_size") != std::string::npos) return url;
   long granted = 0;
   std::ifstream("/proc/sys/net/core/rmem_max") >> granted;
   if (granted <= 0) return url;
-  const std::string size = std::to_string(std::min(granted, kReceiveBufferBytes));
-  return url + (url.find('?') == std::string::npos ? '?' : '&') + "recv_buf_size=" + size;
+  return fmt::format("{}{}recv_buf_size={}", url, url.find('?') == std::string::npos ? '?' : '&',
+                     std::min(granted, kReceiveBufferBytes));
 }
 
 }  // namespace
@@ -172,8 +174,9 @@ void Bus::AddSubscription(const std::string& channel, int queue, RawHandler hand
   lcm_subscription_t* made =
       lcm_subscribe(lcm_.get(), channel.c_str(), &Subscription::OnMessage, &subscription);
   if (made == nullptr || FileDescriptor() < 0) {
-    throw UserError("LCM URL '" + url_ + "': cannot listen on channel " + channel +
-                    "; is a firewall in the way?");
+    throw UserError(
+        fmt::format("LCM URL '{}': cannot listen on channel {}; check whether a firewall blocks it",
+                    url_, channel));
   }
   lcm_subscription_set_queue_capacity(made, queue);
 }

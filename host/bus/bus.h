@@ -1,7 +1,7 @@
-// LCM with its silent failures made loud.
+// LCM with errors that are reported.
 //
-// LCM itself neither throws on a bad URL nor counts a message that it cannot decode; both are
-// checked here. Channel names: protocol/lcm_channels.h.
+// LCM itself reports neither a bad URL nor a message that it cannot decode; both are checked here.
+// Channel names: protocol/lcm_channels.h.
 #pragma once
 
 #include <lcm/lcm.h>
@@ -18,22 +18,22 @@
 
 namespace torquer::bus {
 
-/// What a subscription has seen.
+/// What a subscription has received.
 struct ChannelCounters {
   std::string channel;
-  std::int64_t received = 0;     ///< decoded and handed on
-  std::int64_t undecodable = 0;  ///< of another type, cut short, or with bytes left over; dropped
+  std::int64_t received = 0;     ///< decoded, and passed to the handler
+  std::int64_t undecodable = 0;  ///< of another type, too short, or too long; dropped
 };
 
 /// The URL in use when the user gives none: $LCM_DEFAULT_URL, else multicast that stays on this
 /// machine (ttl 0).
 std::string DefaultUrl();
 
-/// One connection to the bus. Not copyable. Publish() may be called from any thread, all else from
-/// one thread at a time.
+/// One connection to the bus. Not copyable. Publish() may be called from any thread, everything
+/// else from one thread at a time.
 class Bus {
  public:
-  /// Connects to `url`; "" stands for DefaultUrl().
+  /// Connects to `url`; "" means DefaultUrl().
   /// Throws UserError naming the URL and the remedy when it is malformed or unreachable.
   explicit Bus(const std::string& url = "");
   ~Bus();
@@ -53,8 +53,8 @@ class Bus {
   }
 
   /// Calls `handler` from Handle() for every message that decodes as Message; counts the others.
-  /// The handler's exceptions reach the caller of Handle(). `queue` messages wait at most (30 in
-  /// LCM); LCM drops the newest beyond it, not the oldest. 0 means no limit.
+  /// The handler's exceptions reach the caller of Handle(). At most `queue` messages wait (30 is
+  /// LCM's default); beyond that LCM drops the newest, not the oldest. 0 means no limit.
   /// Throws UserError when the bus cannot be listened to.
   template <class Message>
   void Subscribe(const std::string& channel, std::function<void(const Message&)> handler,
@@ -67,14 +67,14 @@ class Bus {
     });
   }
 
-  /// Handles the messages waiting, after waiting at most `timeout_ms` for the first one.
+  /// Handles the messages that wait, after waiting at most `timeout_ms` for the first one.
   /// Returns the number handled, undecodable ones included.
   int Handle(int timeout_ms);
 
   /// Readable when a message waits; for poll(). Starts LCM's receiving thread.
   int FileDescriptor();
 
-  /// One entry a subscription, in the order of Subscribe().
+  /// One entry per subscription, in the order of Subscribe().
   std::vector<ChannelCounters> counters() const;
   std::int64_t undecodable() const;  ///< over all subscriptions
   std::int64_t publish_failures() const { return publish_failures_; }

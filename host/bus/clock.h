@@ -1,4 +1,4 @@
-// The clock behind every timestamp on a wire.
+// The clock of every timestamp in a message.
 #pragma once
 
 #include <cstdint>
@@ -8,9 +8,9 @@ namespace torquer::bus {
 /// Now by CLOCK_MONOTONIC, us.
 std::int64_t MonotonicUs();
 
-/// Whose CLOCK_MONOTONIC that is: a positive 63-bit number made of the kernel's boot id. It is the
-/// same for all processes since one boot of one machine; times are comparable only where it
-/// agrees. Falls back to a random number (equal to nobody's) where the boot id cannot be read.
+/// Which machine's CLOCK_MONOTONIC that is, since which boot: a positive 63-bit number made of the
+/// kernel's boot id, the same for all its processes. Times can be compared only where it agrees.
+/// Where the boot id cannot be read it is a random number, which agrees with no other.
 std::int64_t ClockId();
 
 }  // namespace torquer::bus

@@ -21,6 +21,7 @@ void HealthReporter::Publish(const std::string& message, const HealthCounters& c
   torquer_lcm::health_t health;
   health.process = process_;
   health.device = device_;
+  health.instrument = instrument_;
   health.clock_id = ClockId();
   health.publish_us = MonotonicUs();
   health.state = state_;

@@ -1,4 +1,4 @@
-// Tells the bus how a process fares: at once when something changes, else once a second.
+// Publishes the status of a process: at once when it changes, otherwise once a second.
 #pragma once
 
 #include <cstdint>
@@ -18,16 +18,19 @@ class HealthReporter {
   /// `process` is "daemon", "simulator", "emulator", ..; `bus` must outlive the reporter.
   HealthReporter(Bus& bus, std::string process);
 
-  /// The serial number that following messages concern; "" for none.
+  /// Serial number of the device that the following messages are about; "" for none.
   void SetDevice(std::string device) { device_ = std::move(device); }
 
-  /// Publishes now that `state` is the state, and why, in a sentence.
+  /// The instrument that following messages concern; "" for none.
+  void SetInstrument(std::string instrument) { instrument_ = std::move(instrument); }
+
+  /// Publishes the new `state` now, with the reason in a sentence.
   void Change(const std::string& state, const std::string& message, const HealthCounters& counters);
 
-  /// True when the last message is a second old, so that counters need only then be gathered.
+  /// Whether the last message is a second old; counters need to be gathered only then.
   bool Due(std::int64_t now_us) const { return now_us - last_publish_us_ >= 1000000; }
 
-  /// Publishes the state as it stands.
+  /// Publishes the present state again.
   void Repeat(const HealthCounters& counters);
 
   const std::string& state() const { return state_; }
@@ -38,6 +41,7 @@ class HealthReporter {
   Bus& bus_;
   std::string process_;
   std::string device_;
+  std::string instrument_;
   std::string state_;
   std::int64_t last_publish_us_ = 0;
 };

@@ -1,6 +1,7 @@
 #include "host/daemon/claim.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
@@ -8,7 +9,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -25,7 +25,7 @@ namespace {
 
 // Claims begin with the holder's process id; a record may follow.
 constexpr off_t kRecordOffset = 64;
-// A claim without a holder that nobody has touched for this long is of no more use.
+// A claim without a holder is removed when it was not used for this long.
 constexpr std::time_t kStaleAfterS = 24 * 3600;
 
 // The user's id outside of any user namespace, so that the folder is the same inside and outside.
@@ -44,32 +44,35 @@ unsigned OuterUserId() {
 std::string ClaimFolder() {
   const char* runtime = std::getenv("XDG_RUNTIME_DIR");
   std::string folder = runtime != nullptr && *runtime != '\0'
-                           ? std::string(runtime) + "/torquer"
-                           : "/tmp/torquer-" + std::to_string(OuterUserId());
+                           ? fmt::format("{}/torquer", runtime)
+                           : fmt::format("/tmp/torquer-{}", OuterUserId());
   if (mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
-    throw UserError(folder + ": cannot be made: " + std::strerror(errno) +
-                    "; set XDG_RUNTIME_DIR to a folder of yours");
+    throw UserError(fmt::format(
+        "{}: the folder cannot be created: {}; set XDG_RUNTIME_DIR to a folder of yours", folder,
+        std::strerror(errno)));
   }
   struct stat status {};
   if (lstat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode) ||
       status.st_uid != getuid() || (status.st_mode & 022) != 0) {
-    throw UserError(folder +
-                    ": is not a folder that only you can write to; remove it, or set "
-                    "XDG_RUNTIME_DIR to a folder of yours");
+    throw UserError(
+        fmt::format("{}: is not a folder that only you can write to; remove it, or set "
+                    "XDG_RUNTIME_DIR to a folder of yours",
+                    folder));
   }
   return folder;
 }
 
 std::string PathOf(const std::string& name) { return ClaimFolder() + "/" + name; }
 
-// Opens and locks; -1 when another process holds the lock. A file that was unlinked between the
-// opening and the locking locks nothing, so that is tried again.
+// Opens and locks; -1 when another process holds the lock. Tries again when the file was unlinked
+// between opening and locking, since a lock on it would lock nothing.
 int OpenLocked(const std::string& path) {
   for (;;) {
     const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0) {
-      throw UserError(path + ": cannot be opened: " + std::strerror(errno) +
-                      "; set XDG_RUNTIME_DIR to a folder of yours");
+      throw UserError(
+          fmt::format("{}: cannot be opened: {}; set XDG_RUNTIME_DIR to a folder of yours", path,
+                      std::strerror(errno)));
     }
     if (flock(fd, LOCK_EX | LOCK_NB) != 0) {
       close(fd);
@@ -120,7 +123,7 @@ std::string NetworkIdentity() {
 #endif
   struct stat status {};
   stat("/proc/self/ns/net", &status);
-  return "inode " + std::to_string(status.st_ino);
+  return fmt::format("inode {}", status.st_ino);
 }
 
 // A file name of what may be a path or hold any character.
@@ -131,9 +134,7 @@ std::string FileName(const std::string& kind, const std::string& readable,
     const bool plain = std::isalnum(static_cast<unsigned char>(character)) != 0;
     name += plain || character == '-' ? character : '_';
   }
-  char hash[20];
-  std::snprintf(hash, sizeof hash, "-%016llx", static_cast<unsigned long long>(Fnv1a(identity)));
-  return name + hash + ".claim";
+  return fmt::format("{}-{}.claim", name, Hex(Fnv1a(identity)));
 }
 
 }  // namespace
@@ -142,14 +143,16 @@ Claim::Claim(const std::string& name, const std::string& what) {
   const std::string path = PathOf(name);
   fd_ = OpenLocked(path);
   if (fd_ < 0) {
-    throw UserError(what + " is in use by another torquer-daemon (process " + HolderOf(path) +
-                    "); stop that one first: kill " + HolderOf(path));
+    throw UserError(fmt::format(
+        "{} is in use by another torquer-daemon (process {}); stop that one first: kill {}", what,
+        HolderOf(path), HolderOf(path)));
   }
   char holder[kRecordOffset] = {};
-  std::snprintf(holder, sizeof holder, "%d\n", static_cast<int>(getpid()));
+  fmt::format_to_n(holder, sizeof holder, "{}\n", getpid());
   if (pwrite(fd_, holder, sizeof holder, 0) != static_cast<ssize_t>(sizeof holder)) {
     close(fd_);
-    throw UserError(path + ": cannot be written: " + std::strerror(errno));
+    throw UserError(fmt::format("{}: cannot be written: {}; free space in XDG_RUNTIME_DIR", path,
+                                std::strerror(errno)));
   }
 }
 
@@ -162,7 +165,7 @@ std::optional<int> ClaimHolder(const std::string& name) {
   const bool held = flock(fd, LOCK_EX | LOCK_NB) != 0;
   close(fd);
   if (!held) return std::nullopt;
-  return std::atoi(HolderOf(path).c_str());
+  return static_cast<int>(std::strtol(HolderOf(path).c_str(), nullptr, 10));
 }
 
 std::string DeviceClaimName(const std::string& device) {
@@ -174,7 +177,7 @@ std::string InstrumentClaimName(const std::string& instrument, const std::string
   return FileName("instrument", instrument, instrument + "\n" + url + "\n" + NetworkIdentity());
 }
 
-// Two slots, written in turn, each with a checksum: one of them is always whole.
+// Two slots, written in turn, each with a checksum: one of them is always complete.
 struct InstrumentClaim::Record {
   struct Slot {
     std::uint64_t count;
@@ -189,18 +192,20 @@ struct InstrumentClaim::Record {
 };
 
 InstrumentClaim::InstrumentClaim(const std::string& instrument, const std::string& lcm_url)
-    : claim_(InstrumentClaimName(instrument, lcm_url), "the instrument '" + instrument + "'") {
+    : claim_(InstrumentClaimName(instrument, lcm_url),
+             fmt::format("the instrument '{}'", instrument)) {
   static_assert(std::is_trivially_copyable_v<Record>);
   RemoveStaleClaims();
   constexpr std::size_t kSize = kRecordOffset + sizeof(Record);
   void* memory = MAP_FAILED;
-  // posix_fallocate: a full file system is told here, not by SIGBUS at the first store.
+  // posix_fallocate: a full file system is found here, not by a SIGBUS at the first store.
   if (posix_fallocate(claim_.file(), 0, kSize) == 0) {
     memory = mmap(nullptr, kSize, PROT_READ | PROT_WRITE, MAP_SHARED, claim_.file(), 0);
   }
   if (memory == MAP_FAILED) {
-    throw UserError("the last position of '" + instrument + "' cannot be kept: " +
-                    std::strerror(errno) + "; free space in XDG_RUNTIME_DIR");
+    throw UserError(
+        fmt::format("the last position of '{}' cannot be kept: {}; free space in XDG_RUNTIME_DIR",
+                    instrument, std::strerror(errno)));
   }
   record_ = reinterpret_cast<Record*>(static_cast<char*>(memory) + kRecordOffset);
   for (const Record::Slot& slot : record_->slots) {

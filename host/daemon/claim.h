@@ -1,10 +1,10 @@
-// What a daemon claims for itself, so that no second one drives the same instrument or reads the
-// same device, and what it leaves behind for the daemon that follows it: the last published pose.
+// Claims, so that no second daemon drives the same instrument or reads the same device, and the
+// last published pose, which the next daemon takes up.
 //
-// Claims are locked files in $XDG_RUNTIME_DIR/torquer (without that variable in a folder of the
-// user's own under /tmp). An instrument is claimed for one bus, that is one LCM URL in one network
-// namespace. The pose is kept in a mapped file, so that it costs no system call to update and
-// outlives a daemon that was killed at any instant.
+// Claims are locked files in $XDG_RUNTIME_DIR/torquer (without that variable in a private folder
+// under /tmp). An instrument is claimed on one bus, that is one LCM URL in one network namespace.
+// The pose is kept in a mapped file, so that an update costs no system call, and is still there
+// when the daemon is killed at any instant.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ namespace torquer::daemon {
 /// A lock held until destruction (or the end of the process, however it ends).
 class Claim {
  public:
-  /// Claims what `name` stands for; throws UserError naming `what` and the process that has it.
+  /// Claims `name`; throws UserError naming `what` and the process that holds it.
   Claim(const std::string& name, const std::string& what);
   ~Claim();
   Claim(const Claim&) = delete;
@@ -33,13 +33,13 @@ class Claim {
 /// The process that holds the claim `name`, if any.
 std::optional<int> ClaimHolder(const std::string& name);
 
-/// Name of the claim on a device: its serial number, or the path behind which it lives.
+/// Name of the claim on a device, made of its serial number or its path.
 std::string DeviceClaimName(const std::string& device);
 
 /// Name of the claim on an instrument on the bus at `lcm_url`, seen from this network namespace.
 std::string InstrumentClaimName(const std::string& instrument, const std::string& lcm_url);
 
-/// What was published last.
+/// The command that was published last.
 struct LastCommand {
   Pose pose;
   std::int64_t sequence = -1;
@@ -53,10 +53,10 @@ class InstrumentClaim {
   InstrumentClaim(const std::string& instrument, const std::string& lcm_url);
   ~InstrumentClaim();
 
-  /// What the daemon before this one published last, if anything is known of it.
+  /// What the previous daemon published last, if that is known.
   const std::optional<LastCommand>& previous() const { return previous_; }
 
-  /// Notes what was published. A crash at any instant leaves this or the one before.
+  /// Stores what was published. A crash at any instant leaves this one or the one before.
   void Remember(const LastCommand& command);
 
  private:

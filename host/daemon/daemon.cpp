@@ -1,5 +1,7 @@
 #include "host/daemon/daemon.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -24,25 +26,26 @@ constexpr std::int64_t kSilentAfterUs = 250000;
 constexpr std::int64_t kHoldIntervalUs = 100000;
 constexpr std::int64_t kFlagsIntervalUs = 100000;
 
-// What the simulator last heard and this program last said may differ by a message in flight.
+// What the simulator last received and the daemon last sent may differ by a message in flight.
 constexpr double kSamePlaceMm = 1.0;
 constexpr double kSamePlaceRad = 0.1;
 
-// What the bus tells about an instrument.
+// What was received on the bus about an instrument.
 struct Heard {
-  std::optional<torquer_lcm::wire_state_t> state;
+  std::optional<torquer_lcm::instrument_state_t> state;
   bool commanded = false;
 };
 
-// A connection of its own: the running daemon only speaks, so that the traffic of 1 kHz and more
-// does not wake it.
+// On a connection of its own: the running daemon only sends, so that traffic of 1 kHz and more does
+// not wake it.
 Heard ListenFor(const std::string& instrument, const std::string& url) {
   Heard heard;
   bus::Bus listener(url);
   listener.Subscribe<torquer_lcm::wire_state_t>(protocol::kWireStateChannel,
                                                 [&](const torquer_lcm::wire_state_t& state) {
-                                                  if (state.instrument == instrument)
-                                                    heard.state = state;
+                                                  for (const auto& one : state.instruments) {
+                                                    if (one.name == instrument) heard.state = one;
+                                                  }
                                                 });
   listener.Subscribe<torquer_lcm::instrument_command_t>(
       protocol::kInstrumentCommandChannel, [&](const torquer_lcm::instrument_command_t& command) {
@@ -55,16 +58,13 @@ Heard ListenFor(const std::string& instrument, const std::string& url) {
   return heard;
 }
 
-bool Usable(const torquer_lcm::wire_state_t& state) {
+bool Usable(const torquer_lcm::instrument_state_t& state) {
   return state.command_sequence >= 0 && std::isfinite(state.commanded_insertion_mm) &&
-         std::isfinite(state.commanded_rotation_rad);
+         std::isfinite(state.inserted_at_start_mm) && std::isfinite(state.commanded_rotation_rad);
 }
 
 std::string Describe(const Pose& pose) {
-  char text[120];
-  std::snprintf(text, sizeof text, "%.2f mm inserted, %.3f rad turned", pose.insertion_mm,
-                pose.rotation_rad);
-  return text;
+  return fmt::format("{:.2f} mm inserted, {:.3f} rad turned", pose.insertion_mm, pose.rotation_rad);
 }
 
 }  // namespace
@@ -75,6 +75,7 @@ Daemon::Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::Rep
       source_(std::move(source)),
       health_(bus, "daemon"),
       instrument_claim_(options_.instrument, bus.url()) {
+  health_.SetInstrument(options_.instrument);
   TakeUpPosition();
 }
 
@@ -88,33 +89,34 @@ void Daemon::TakeUpPosition() {
 
   const Heard heard = ListenFor(options_.instrument, bus_.url());
   if (heard.commanded) {
-    throw UserError("the instrument '" + options_.instrument +
-                    "' already gets commands on the bus at " + bus_.url() +
-                    ", from another machine or a log player; stop that, or choose another "
-                    "--instrument or --lcm-url");
+    throw UserError(fmt::format(
+        "the instrument '{}' already gets commands on the bus at {}, from another "
+        "machine or a log player; stop that, or choose another --instrument or --lcm-url",
+        options_.instrument, bus_.url()));
   }
   Pose start = previous ? previous->pose : Pose{};
   std::string from = previous ? "the previous daemon" : "";
   if (heard.state && Usable(*heard.state)) {
-    const torquer_lcm::wire_state_t& state = *heard.state;
+    const torquer_lcm::instrument_state_t& state = *heard.state;
     sequence_ = std::max(sequence_, state.command_sequence + 1);
-    const bool same = std::abs(state.commanded_insertion_mm - start.insertion_mm) < kSamePlaceMm &&
+    const double insertion_mm = state.commanded_insertion_mm - state.inserted_at_start_mm;
+    const bool same = std::abs(insertion_mm - start.insertion_mm) < kSamePlaceMm &&
                       std::abs(state.commanded_rotation_rad - start.rotation_rad) < kSamePlaceRad;
     if (!previous || !same) {
-      start.insertion_mm = state.commanded_insertion_mm;
+      start.insertion_mm = insertion_mm;
       start.rotation_rad = state.commanded_rotation_rad;
       from = "the simulator";
     }
   } else if (heard.state) {
-    // It has not been commanded yet: whatever was published before was to another simulation.
+    // It has not been commanded yet: what was published before went to another simulation.
     start = {};
     from.clear();
   }
   pipeline_.emplace(HandTracker(options_.calibration, start));
-  Announce("waiting for device", from.empty()
-                                     ? "starting at zero, waiting for " + source_->place()
-                                     : "taking up the position of " + from + ": " +
-                                           Describe(start) + "; waiting for " + source_->place());
+  Announce("waiting for device",
+           from.empty() ? fmt::format("starting at zero; waiting for {}", source_->place())
+                        : fmt::format("taking up the position of {}: {}; waiting for {}", from,
+                                      Describe(start), source_->place()));
 }
 
 void Daemon::Run() {
@@ -126,10 +128,10 @@ void Daemon::Run() {
       const std::int64_t now_us = bus::MonotonicUs();
       OnTick(now_us);
       if (connections_ == 0 && now_us - start_us > kFirstDeviceS * 1000000LL) {
-        throw UserError("no device: nothing at " + source_->place() + " for " +
-                        std::to_string(kFirstDeviceS) +
-                        " seconds; connect the bench device or start torquer-emulator, and look "
-                        "at --source and --device");
+        throw UserError(fmt::format(
+            "no device: nothing at {} for {} seconds; connect the bench device or start "
+            "torquer-emulator, and check --source and --device",
+            source_->place(), kFirstDeviceS));
       }
     }
   } catch (const std::exception& error) {
@@ -175,16 +177,18 @@ void Daemon::OnConnected(const device::SourceEvent& event) {
       CheckResolution();
     }
   } catch (const device::DeviceGone&) {
-    return;  // the source will say so, and try again
+    return;  // the source reports it and tries again
   } catch (const device::FeatureError& error) {
-    throw UserError(event.text + ": the device does not tell its firmware version (" +
-                    error.what() + "): it has none, or not ours; " + device::kFlashRemedy);
+    throw UserError(
+        fmt::format("{}: the device does not report its firmware version ({}): it has none, or not "
+                    "ours; {}",
+                    event.text, error.what(), device::kFlashRemedy));
   }
   // A device that was replugged has another address.
   std::string claimed = event.text + " " + serial;
   if (claimed != claimed_) {
     device_claim_.reset();
-    device_claim_.emplace(DeviceClaimName(claimed), "the device '" + serial + "'");
+    device_claim_.emplace(DeviceClaimName(claimed), fmt::format("the device '{}'", serial));
     claimed_ = std::move(claimed);
   }
   if (serial != device_) {
@@ -196,10 +200,13 @@ void Daemon::OnConnected(const device::SourceEvent& event) {
   last_report_us_ = bus::MonotonicUs();
   pipeline_->OnConnected();
   ++connections_;
-  Announce("running", connections_ == 1 ? "reading device " + serial + " at " + event.text
-                                        : "device " + serial + " is back; going on from " +
-                                              Describe(pipeline_->Hold().pose) +
-                                              "; what the hand moved meanwhile is not known");
+  Announce(
+      "running",
+      connections_ == 1
+          ? fmt::format("reading device {} at {}", serial, event.text)
+          : fmt::format("device {} is back; going on from {}; what the hand moved meanwhile is "
+                        "not known",
+                        serial, Describe(pipeline_->Hold().pose)));
 }
 
 void Daemon::TakeCalibrationOf(const std::string& serial) {
@@ -208,14 +215,14 @@ void Daemon::TakeCalibrationOf(const std::string& serial) {
   pipeline_.emplace(HandTracker(options_.calibration, pipeline_->Hold().pose));
 }
 
-// Gains hold for one sensor resolution; the device is told to use it.
+// The gains hold for one sensor resolution, which the device is set to.
 void Daemon::CheckResolution() {
   const int wanted = options_.calibration->motion.cpi;
   const auto ask = [this] {
     protocol::ConfigurationReport configuration{};
     const std::vector<std::uint8_t> answer = source_->GetFeature(protocol::kConfigurationReportId);
     if (answer.size() != sizeof configuration)
-      throw device::FeatureError("configuration cut short");
+      throw device::FeatureError("incomplete configuration");
     std::memcpy(&configuration, answer.data(), sizeof configuration);
     return configuration;
   };
@@ -230,12 +237,13 @@ void Daemon::CheckResolution() {
   } catch (const device::DeviceGone&) {
     throw;
   } catch (const device::FeatureError&) {
-    taken = false;  // told below, with both values
+    taken = false;  // reported below, with both values
   }
   if (!taken) {
-    throw UserError(options_.calibration_path + ": motion.cpi = " + std::to_string(wanted) +
-                    ", but the device's sensor is set to " + std::to_string(found.cpi) +
-                    " and cannot be set otherwise; take a new calibration with torquer-calibrate");
+    throw UserError(fmt::format(
+        "{}: motion.cpi = {}, but the device's sensor is set to {} and cannot be changed; "
+        "take a new calibration with torquer-calibrate",
+        options_.calibration_path, wanted, found.cpi));
   }
 }
 
@@ -250,14 +258,16 @@ void Daemon::OnReport(const device::SourceEvent& event) {
 
   if (silent_) {
     silent_ = false;
-    Announce("running", "reports come again");
+    Announce("running", "reports arrive again");
   }
   if (output->sample.epoch_start == device::EpochStart::kJump) {
-    Announce("running", "the device's counts jumped faster than any hand; going on from " +
-                            Describe(output->hand.pose));
+    Announce("running",
+             fmt::format("the device's counts jumped faster than any hand; going on from {}",
+                         Describe(output->hand.pose)));
   } else if (output->sample.epoch_start == device::EpochStart::kReset) {
-    Announce("running", "the device was reset; going on from " + Describe(output->hand.pose) +
-                            "; what the hand moved meanwhile is not known");
+    Announce("running", fmt::format("the device was reset; going on from {}; what the hand moved "
+                                    "meanwhile is not known",
+                                    Describe(output->hand.pose)));
   }
   AnnounceFlags(output->hand.flags, event.host_us);
 }
@@ -268,20 +278,22 @@ void Daemon::OnDisconnected(const device::SourceEvent& event) {
   silent_ = false;
   ++disconnections_;
   PublishHold(event.host_us);
-  Announce("waiting for device", event.text + "; holding " + Describe(pipeline_->Hold().pose));
+  Announce("waiting for device",
+           fmt::format("{}; holding {}", event.text, Describe(pipeline_->Hold().pose)));
 }
 
 void Daemon::OnTick(std::int64_t now_us) {
   if (home_.exchange(false)) {
     pipeline_->Home();
     if (!connected_) PublishHold(now_us);
-    Announce(health_.state(), "home: here is zero now");
+    Announce(health_.state(), "home: the present position is zero now");
   }
   if (connected_ && !silent_ && now_us - last_report_us_ > kSilentAfterUs) {
     silent_ = true;
     PublishHold(now_us);
-    Announce("device silent", "the device is connected but sends no reports; holding " +
-                                  Describe(pipeline_->Hold().pose));
+    Announce("device silent",
+             fmt::format("the device is connected but sends no reports; holding {}",
+                         Describe(pipeline_->Hold().pose)));
   }
   if ((!connected_ || silent_) && connections_ > 0 && now_us - last_hold_us_ >= kHoldIntervalUs) {
     PublishHold(now_us);
@@ -292,25 +304,28 @@ void Daemon::OnTick(std::int64_t now_us) {
 
 void Daemon::Announce(const std::string& state, const std::string& message) {
   health_.Change(state, message, Counters());
-  service_manager_.Status(std::string(state).append(": ").append(message));
-  const std::string line = "torquer-daemon: " + state + ": " + message;
-  options_.tell ? options_.tell(line)
-                : static_cast<void>(std::fprintf(stderr, "%s\n", line.c_str()));
+  service_manager_.Status(fmt::format("{}: {}", state, message));
+  const std::string line = fmt::format("torquer-daemon: {}: {}", state, message);
+  if (options_.announce) {
+    options_.announce(line);
+  } else {
+    fmt::print(stderr, "{}\n", line);
+  }
 }
 
-// A doubt can come and go with every report; it is on every command, so here ten a second do.
+// Every command carries the flags, which can change with every report; announced are at most ten
+// changes a second.
 void Daemon::AnnounceFlags(std::int32_t flags, std::int64_t now_us) {
-  constexpr std::int32_t kTold = protocol::kCommandLift | protocol::kCommandSensorFault;
-  flags &= kTold;
+  flags &= protocol::kCommandLift | protocol::kCommandSensorFault;
   if (flags == announced_flags_ || now_us - last_flags_us_ < kFlagsIntervalUs) return;
   announced_flags_ = flags;
   last_flags_us_ = now_us;
   if ((flags & protocol::kCommandSensorFault) != 0) {
     Announce("sensor fault", "the sensor does not answer as it should; motion is held");
   } else if ((flags & protocol::kCommandLift) != 0) {
-    Announce("sensor lifted", "the sensor is lifted or its surface poor; motion is held");
+    Announce("sensor lifted", "the sensor is lifted or sees the surface badly; motion is held");
   } else {
-    Announce("running", "the sensor sees well again");
+    Announce("running", "the sensor works again");
   }
 }
 
@@ -318,6 +333,7 @@ void Daemon::PublishSample(const PipelineOutput& output) {
   const device::Sample& sample = output.sample;
   torquer_lcm::device_sample_t message;
   message.device = device_;
+  message.instrument = options_.instrument;
   message.clock_id = bus::ClockId();
   message.receive_us = sample.receive_us;
   message.origin_us = output.origin_us;
@@ -350,7 +366,7 @@ void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
   command.xray = hand.xray;
   command.contrast = hand.contrast;
   command.flags = hand.flags;
-  // First: killed in between, the next daemon goes on from here rather than from one command back.
+  // First, so that after a kill in between the next daemon does not start one command back.
   instrument_claim_.Remember({hand.pose, command.sequence, command.publish_us, command.clock_id});
   if (bus_.Publish(protocol::kInstrumentCommandChannel, command)) ++commands_published_;
 }

@@ -1,4 +1,4 @@
-// The daemon: one device's reports in, one instrument's commands out.
+// The daemon: reports of one device in, commands for one instrument out.
 #pragma once
 
 #include <atomic>
@@ -23,29 +23,29 @@ struct DaemonOptions {
   std::string instrument;
   std::string calibration_path;                         ///< for messages; "" without calibration
   std::optional<calibration::Calibration> calibration;  ///< nullopt: nominal gains
-  /// Without a calibration: take what torquer-calibrate kept for the device that turns up.
+  /// Without a calibration: use the one that torquer-calibrate keeps for the device that is found.
   bool calibration_by_serial = false;
-  /// Gets what every report led to, with the device's serial number; may be empty.
+  /// Gets the output for every report, with the device's serial number; may be empty.
   std::function<void(const std::string& device, const PipelineOutput& output)> observe;
-  /// Gets what is announced, a line each; without it, standard error does.
-  std::function<void(const std::string& line)> tell;
+  /// Gets each announcement, one line; without it they go to standard error.
+  std::function<void(const std::string& line)> announce;
 };
 
 class Daemon {
  public:
-  /// Claims the instrument and finds out where it stands: from the simulator, if one is on the bus,
-  /// else from what the previous daemon published less than kTakeUpWithinS ago, else at zero.
-  /// `bus` must outlive the daemon. Throws UserError when the instrument is taken.
+  /// Claims the instrument and finds its position: from the simulator, if one is on the bus, else
+  /// from what the previous daemon published less than kTakeUpWithinS ago, else zero. `bus` must
+  /// outlive the daemon. Throws UserError when the instrument is in use.
   Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::ReportSource> source);
 
-  /// Reads and publishes until Stop(), then says goodbye on the health channel.
-  /// Throws UserError when no device turns up within kFirstDeviceS, or when one does that cannot be
-  /// used (firmware, calibration, permission, taken by another daemon).
+  /// Reads and publishes until Stop(), then reports its end on the health channel.
+  /// Throws UserError when no device is found within kFirstDeviceS, or one that cannot be used
+  /// (firmware, calibration, permission, in use by another daemon).
   void Run();
 
   /// Makes Run() return. From any thread.
   void Stop();
-  /// The instrument's present place becomes its starting place. From any thread.
+  /// Makes the instrument's present position its start. From any thread.
   void Home();
 
   /// For the statistics at the end.

@@ -1,10 +1,13 @@
 #include "host/daemon/device_list.h"
 
+#include <fmt/format.h>
+
 #include <filesystem>
 
 #include "calibration/calibration_file.h"
 #include "host/daemon/claim.h"
 #include "host/device/evdev_source.h"
+#include "host/device/usb.h"
 #include "host/device/usb_listing.h"
 #include "host/support/error.h"
 
@@ -15,31 +18,32 @@ std::string CalibrationOf(const std::string& serial) {
   try {
     const std::string path = calibration::CalibrationPath(serial);
     std::error_code error;
-    if (!std::filesystem::exists(path, error)) return "not calibrated (no " + path + ")";
+    if (!std::filesystem::exists(path, error)) return fmt::format("not calibrated (no {})", path);
     calibration::RequireDevice(calibration::ReadCalibration(path), path, serial);
-    return "calibrated by " + path;
+    return fmt::format("calibrated by {}", path);
   } catch (const UserError& refusal) {
-    return std::string("calibration refused: ") + refusal.what();
+    return fmt::format("calibration refused: {}", refusal.what());
   }
 }
 
 std::string LineOf(const device::UsbListing& device) {
   const std::string serial = device.serial.empty() ? "serial number unknown" : device.serial;
-  std::string line = "  " + serial + "  ";
   if (device.bootloader) {
-    return line + "in its bootloader  " + device.path + "  give it firmware with torquer-flash\n";
+    return fmt::format("  {}  in its bootloader  {}  install firmware with torquer-flash\n", serial,
+                       device.path);
   }
-  line += "firmware " + device.version + "  " + device.path + "  ";
-  if (!device.permitted) {
-    return line +
-           "may not be opened by this user; install the udev rule: sudo cp "
-           "hardware/udev/70-torquer.rules /etc/udev/rules.d/ && sudo udevadm control --reload "
-           "&& sudo udevadm trigger\n";
-  }
-  line += CalibrationOf(device.serial);
+  std::string status = device.permitted ? CalibrationOf(device.serial)
+                                        : fmt::format("may not be opened by this user; {}",
+                                                      device::kPermissionRemedy);
   const auto user = ClaimHolder(DeviceClaimName(device.address + " " + device.serial));
-  if (user) line += "  read by process " + std::to_string(*user);
-  return line + "\n";
+  if (user) status += fmt::format("  read by process {}", *user);
+  return fmt::format("  {}  firmware {}  {}  {}\n", serial, device.version, device.path, status);
+}
+
+std::string LineOf(const device::InputListing& input) {
+  return fmt::format("  {}  {}  {}  ({}){}\n", input.serial, input.is_mouse ? "mouse" : "joystick",
+                     input.path, input.name,
+                     input.is_mouse ? "  " + CalibrationOf(input.serial) : "");
 }
 
 }  // namespace
@@ -52,13 +56,10 @@ std::string DeviceList() {
 
   list += "mice and joysticks, for --source evdev --device PATH\n";
   const std::vector<device::InputListing> inputs = device::InputsHere();
-  for (const device::InputListing& input : inputs) {
-    list += "  " + input.serial + "  " + (input.is_mouse ? "mouse" : "joystick") + "  " +
-            input.path + "  (" + input.name + ")";
-    list += input.is_mouse ? "  " + CalibrationOf(input.serial) + "\n" : "\n";
-  }
+  for (const device::InputListing& input : inputs) list += LineOf(input);
   if (inputs.empty()) {
-    list += "  none that this user may read; group input may: sudo usermod -aG input $USER\n";
+    list +=
+        "  none that this user may read; join the group that may: sudo usermod -aG input $USER\n";
   }
   return list;
 }

@@ -1,13 +1,13 @@
-// What `torquer-daemon --list` says: every device that a daemon could read, and how it is.
+// The output of `torquer-daemon --list`: every device that a daemon could read, and its status.
 #pragma once
 
 #include <string>
 
 namespace torquer::daemon {
 
-/// A line for each bench device, with its serial number, firmware, path, calibration, and who uses
-/// it, and one for each mouse and joystick that this user may read. Throws UserError when the USB
-/// cannot be used at all.
+/// A line for each bench device with its serial number, firmware, path, calibration and user, and a
+/// line for each mouse and joystick that this user may read. Throws UserError when the USB cannot
+/// be used at all.
 std::string DeviceList();
 
 }  // namespace torquer::daemon

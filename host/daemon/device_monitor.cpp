@@ -1,5 +1,6 @@
 #include "host/daemon/device_monitor.h"
 
+#include <fmt/format.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -41,14 +42,7 @@ std::string Bar(double fraction, std::size_t columns) {
   return "[" + std::string(length, '#') + std::string(columns - length, ' ') + "]";
 }
 
-template <typename... Values>
-std::string Text(const char* format, Values... values) {
-  char text[160];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
-
-// What is pressed or wrong, in words.
+// What is pressed, and what is wrong, in words.
 std::string Remarks(const PipelineOutput& output) {
   const std::pair<bool, const char*> remarks[] = {
       {(output.sample.buttons & protocol::kButtonXray) != 0, "X-ray"},
@@ -100,21 +94,22 @@ std::vector<std::string> DeviceBars::Lines(double seconds, std::size_t width) {
       std::clamp<std::size_t>(width, kTextColumns + kFewestBarColumns, kMostColumns) - kTextColumns;
   const auto joystick = [&](int value) { return (value - 512) / 512.0; };
   std::vector<std::string> lines{
-      Text("%s  boot %d  %.0f reports/s, %lld missing", device_.c_str(), sample.boot_id,
-           rates.reports_per_s, static_cast<long long>(missing_)),
-      Text("insertion %9.2f mm         ", pose.insertion_mm) +
+      fmt::format("{}  boot {}  {:.0f} reports/s, {} missing", device_, sample.boot_id,
+                  rates.reports_per_s, missing_),
+      fmt::format("insertion {:9.2f} mm         ", pose.insertion_mm) +
           Balance(rates.mm_per_s / kFullSpeedMmPerS, columns),
-      Text("rotation  %9.1f deg        ", pose.rotation_rad * kDegreesPerRad) +
+      fmt::format("rotation  {:9.1f} deg        ", pose.rotation_rad * kDegreesPerRad) +
           Balance(rates.rad_per_s / kFullSpeedRadPerS, columns),
-      Text("joystick x %4d  LAO %5.1f  ", sample.joystick_x, pose.lao_rad * kDegreesPerRad) +
+      fmt::format("joystick x {:4}  LAO {:5.1f}  ", sample.joystick_x,
+                  pose.lao_rad * kDegreesPerRad) +
           Balance(joystick(sample.joystick_x), columns),
-      Text("joystick y %4d  CRA %5.1f  ", sample.joystick_y, pose.cra_rad * kDegreesPerRad) +
+      fmt::format("joystick y {:4}  CRA {:5.1f}  ", sample.joystick_y,
+                  pose.cra_rad * kDegreesPerRad) +
           Balance(joystick(sample.joystick_y), columns),
-      Text("surface    %4d  shutter %4d ", sample.surface_quality, sample.shutter) +
+      fmt::format("surface    {:4}  shutter {:4} ", sample.surface_quality, sample.shutter) +
           Bar(sample.surface_quality / kFullQuality, columns),
-      Text("counts %lld axial, %lld transverse at %d cpi",
-           static_cast<long long>(sample.axial_counts),
-           static_cast<long long>(sample.transverse_counts), sample.cpi),
+      fmt::format("counts {} axial, {} transverse at {} cpi", sample.axial_counts,
+                  sample.transverse_counts, sample.cpi),
       "now: " + Remarks(*newest_)};
   for (std::string& line : lines) line.resize(std::min(line.size(), width));
   return lines;
@@ -123,11 +118,12 @@ std::vector<std::string> DeviceBars::Lines(double seconds, std::size_t width) {
 std::string DeviceBars::Line(double seconds) {
   if (!newest_) return "no report yet";
   const Rates rates = Since(seconds);
-  return Text("%s: %.0f reports/s, %lld missing, %.2f mm, %.1f deg, joystick %d %d, surface %d: ",
-              device_.c_str(), rates.reports_per_s, static_cast<long long>(missing_),
-              newest_->hand.pose.insertion_mm, newest_->hand.pose.rotation_rad * kDegreesPerRad,
-              newest_->sample.joystick_x, newest_->sample.joystick_y,
-              newest_->sample.surface_quality) +
+  return fmt::format(
+             "{}: {:.0f} reports/s, {} missing, {:.2f} mm, {:.1f} deg, joystick {} {}, surface "
+             "{}: ",
+             device_, rates.reports_per_s, missing_, newest_->hand.pose.insertion_mm,
+             newest_->hand.pose.rotation_rad * kDegreesPerRad, newest_->sample.joystick_x,
+             newest_->sample.joystick_y, newest_->sample.surface_quality) +
          Remarks(*newest_);
 }
 
@@ -144,9 +140,9 @@ void DeviceMonitor::Add(const std::string& device, const PipelineOutput& output)
   bars_.Add(device, output);
 }
 
-void DeviceMonitor::Say(const std::string& text) {
+void DeviceMonitor::Print(const std::string& text) {
   const std::lock_guard lock(mutex_);
-  said_.push_back(text);
+  printed_.push_back(text);
 }
 
 void DeviceMonitor::Run() {
@@ -172,10 +168,10 @@ void DeviceMonitor::Draw(double seconds) {
   }
   std::string text;
   {
-    // Not while the terminal takes its time.
+    // Released before the output, which a slow terminal may block.
     const std::lock_guard lock(mutex_);
-    if (terminal_ && lines_shown_ > 0) text = "\033[" + std::to_string(lines_shown_) + "A\033[J";
-    for (const std::string& line : std::exchange(said_, {})) text += line + "\n";
+    if (terminal_ && lines_shown_ > 0) text = fmt::format("\033[{}A\033[J", lines_shown_);
+    for (const std::string& line : std::exchange(printed_, {})) text += line + "\n";
     if (terminal_) {
       const std::vector<std::string> lines = bars_.Lines(seconds, width);
       for (const std::string& line : lines) text += line + "\n";

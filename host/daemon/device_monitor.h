@@ -1,5 +1,5 @@
-// What `torquer-daemon --monitor` shows: the device that this daemon reads, count by count, before
-// any of it is on the bus. (What goes on on the bus, torquer-monitor shows.)
+// The display of `torquer-daemon --monitor`: the device that this daemon reads, before anything is
+// on the bus. (torquer-monitor shows what is on the bus.)
 #pragma once
 
 #include <atomic>
@@ -19,7 +19,7 @@ class DeviceBars {
  public:
   void Add(const std::string& device, const PipelineOutput& output);
 
-  /// Lines of at most `width` columns about what was added since the last call, `seconds` ago.
+  /// Lines of at most `width` columns about the reports since the last call, `seconds` ago.
   std::vector<std::string> Lines(double seconds, std::size_t width);
   /// The same in a single line.
   std::string Line(double seconds);
@@ -34,14 +34,13 @@ class DeviceBars {
 
   std::string device_;
   std::optional<PipelineOutput> newest_;
-  std::optional<PipelineOutput> shown_;  // the newest of the time before
+  std::optional<PipelineOutput> shown_;  // the newest at the last call
   std::int64_t reports_ = 0;
-  std::int64_t missing_ = 0;  // numbers skipped, all told
+  std::int64_t missing_ = 0;  // numbers skipped since the start
 };
 
-/// Shows the bars on standard output from a thread of its own, so that a terminal that has been
-/// stopped does not stop the daemon: on a terminal ten times a second in place, elsewhere in a line
-/// a second.
+/// Shows the bars on standard output: on a terminal in place, ten times a second; elsewhere in a
+/// line a second. Runs in its own thread, so that a stopped terminal does not stop the daemon.
 class DeviceMonitor {
  public:
   DeviceMonitor();
@@ -51,8 +50,8 @@ class DeviceMonitor {
 
   /// From any thread.
   void Add(const std::string& device, const PipelineOutput& output);
-  /// A line of text above the bars. From any thread.
-  void Say(const std::string& text);
+  /// Prints a line of text above the bars. From any thread.
+  void Print(const std::string& text);
 
  private:
   void Run();
@@ -61,7 +60,7 @@ class DeviceMonitor {
   const bool terminal_;
   std::mutex mutex_;
   DeviceBars bars_;
-  std::vector<std::string> said_;
+  std::vector<std::string> printed_;
   std::size_t lines_shown_ = 0;
   std::atomic<bool> stop_ = false;
   std::thread thread_;

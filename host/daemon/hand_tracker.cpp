@@ -7,11 +7,12 @@
 namespace torquer::daemon {
 namespace {
 
-// Surface quality (features / 8) below which motion is in doubt, and that ends the doubt.
+// Surface quality (features / 8) below which motion is in doubt, and from which it is trusted
+// again.
 constexpr int kPoorSurface = 10;
 constexpr int kGoodSurface = 16;
 
-// A joystick reading stands for no longer than this: beyond it nobody knows where the stick was.
+// A joystick reading holds no longer than this: after that the position of the stick is unknown.
 constexpr std::int64_t kLongestHoldUs = 50000;
 
 }  // namespace
@@ -92,7 +93,7 @@ void HandTracker::TurnArm(const device::Sample& sample) {
   base_.cra_rad = turned(base_.cra_rad, calibration_.cra, sample.joystick_y, kCraLimitRad);
 }
 
-// Nominal gains follow the sensor's resolution; the pose so far stands.
+// Nominal gains follow the sensor's resolution; the pose so far is kept.
 void HandTracker::UseResolution(int cpi) {
   if (cpi == calibration_.motion.cpi) return;
   base_ = CurrentPose();

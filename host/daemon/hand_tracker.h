@@ -1,9 +1,10 @@
-// From samples to where the instrument is to be: absolute insertion, rotation and C-arm angles.
+// From samples to the wanted position of the instrument: absolute insertion, rotation and C-arm
+// angles.
 //
-// Motion between two consecutive samples is applied when neither of them is in doubt (lift, poor
-// surface, sensor fault) nor has the clutch held; otherwise it is held back for good, so that the
-// instrument stays and goes on from there. The applied counts are kept as integers and converted
-// as a whole: no rounding gathers, however many samples pass. No I/O, no clock.
+// Motion between two consecutive samples is applied unless one of them is in doubt (lift, poor
+// surface, sensor fault) or has the clutch held. Motion that is not applied is dropped: the
+// instrument stays and continues from there. The applied counts are summed as integers and
+// converted at once, so that no rounding errors accumulate. No I/O, no clock.
 #pragma once
 
 #include <cstdint>
@@ -18,15 +19,15 @@ namespace torquer::daemon {
 struct Pose {
   double insertion_mm = 0.0;  ///< past the entry point since the start, positive distally
   double rotation_rad = 0.0;  ///< positive right-handed about the distal tangent
-  double lao_rad = 0.0;       ///< within kLaoLimitRad either way
-  double cra_rad = 0.0;       ///< within kCraLimitRad either way
+  double lao_rad = 0.0;       ///< -kLaoLimitRad .. kLaoLimitRad
+  double cra_rad = 0.0;       ///< -kCraLimitRad .. kCraLimitRad
 };
 
 /// Travel of the C-arm: 90 degrees to each side, 45 degrees to head and feet.
 inline constexpr double kLaoLimitRad = 1.5707963267948966;
 inline constexpr double kCraLimitRad = 0.7853981633974483;
 
-/// What the hand wants.
+/// What the hand asks for.
 struct HandState {
   Pose pose;
   bool xray = false;
@@ -44,18 +45,18 @@ struct TrackerCounters {
 
 class HandTracker {
  public:
-  /// With a calibration: samples must come at its sensor resolution, those at another are a sensor
-  /// fault. Without one (nullopt): nominal gains for whatever resolution the samples have, and
-  /// every state says so.
+  /// With a calibration, samples at another sensor resolution than its own are a sensor fault.
+  /// Without one (nullopt) nominal gains hold for any resolution, and every state has the flag
+  /// kCommandUncalibrated.
   HandTracker(const std::optional<calibration::Calibration>& calibration, const Pose& start);
 
-  /// Takes in the next sample, in order.
+  /// Takes the next sample, in order.
   HandState Step(const device::Sample& sample);
 
   /// What to publish while there is no device: the last pose, pedals up.
   HandState Hold() const;
 
-  /// The instrument's present place becomes its starting place, and the C-arm stands upright.
+  /// Makes the present position of the instrument its start, and sets the C-arm upright.
   void Home();
 
   const TrackerCounters& counters() const { return counters_; }

@@ -48,9 +48,8 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Flag("--uncalibrated", arguments.uncalibrated,
                "use nominal gains instead; every command says so");
   options.Group("Bus");
-  options.Choice("--instrument", "NAME",
-                 {torquer::protocol::kGuidewire, torquer::protocol::kCatheter},
-                 arguments.instrument, "instrument that the device drives");
+  options.Text("--instrument", "NAME", arguments.instrument,
+               "instrument of the scene that the device drives");
   options.Text("--lcm-url", "URL", arguments.lcm_url,
                "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
   options.Group("Output");
@@ -127,6 +126,9 @@ int SendHome(const Arguments& arguments) {
 }
 
 int RunDaemon(const Arguments& arguments) {
+  if (arguments.instrument.empty()) {
+    throw UsageError("--instrument '': give the name of one of the scene's instruments");
+  }
   if (!arguments.calibration.empty() && arguments.uncalibrated) {
     throw UsageError("--calibration and --uncalibrated exclude each other; give one");
   }
@@ -137,7 +139,7 @@ int RunDaemon(const Arguments& arguments) {
     options.calibration_path = arguments.calibration;
     options.calibration = torquer::calibration::ReadCalibration(arguments.calibration);
   }
-  // libusb and LCM start threads of their own, which inherit this.
+  // Inherited by the threads that libusb and LCM start.
   const sigset_t signals = HandledSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::unique_ptr<torquer::device::ReportSource> source =
@@ -148,7 +150,7 @@ int RunDaemon(const Arguments& arguments) {
     options.observe = [&monitor](const std::string& device, const auto& output) {
       monitor->Add(device, output);
     };
-    options.tell = [&monitor](const std::string& text) { monitor->Say(text); };
+    options.announce = [&monitor](const std::string& text) { monitor->Print(text); };
   }
   torquer::bus::Bus bus(arguments.lcm_url);
   torquer::daemon::Daemon daemon(std::move(options), bus, std::move(source));

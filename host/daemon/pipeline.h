@@ -1,6 +1,6 @@
-// All that lies between a report's bytes and a command, in one pure chain: bytes -> sample ->
-// time of sampling -> hand state. No I/O, no clock: the same reports and arrival times give the
-// same outputs, bit for bit.
+// The whole way from the bytes of a report to a command: bytes -> sample -> time of sampling ->
+// hand state. No I/O, no clock: the same reports and arrival times give the same outputs, bit for
+// bit.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace torquer::daemon {
 
-/// What one report led to.
+/// What follows from one report.
 struct PipelineOutput {
   device::Sample sample;
   std::int64_t origin_us = 0;  ///< host time of sampling
@@ -25,10 +25,10 @@ class Pipeline {
  public:
   explicit Pipeline(HandTracker tracker) : tracker_(std::move(tracker)) {}
 
-  /// A device was connected; its numbers begin anywhere.
+  /// A device was connected; its numbers may begin at any value.
   void OnConnected() { decoder_.OnConnected(); }
 
-  /// Nothing when the report brought nothing new; decoder().counters() says why.
+  /// Nothing when the report has nothing new; decoder().counters() shows why.
   std::optional<PipelineOutput> OnReport(std::span<const std::uint8_t> report,
                                          std::int64_t receive_us) {
     const std::optional<device::Sample> sample = decoder_.Decode(report, receive_us);

@@ -42,14 +42,14 @@ void ServiceManager::Status(const std::string& text) {
 }
 
 void ServiceManager::Alive(std::int64_t now_us) {
-  if (interval_us_ <= 0 || now_us - told_us_ < interval_us_) return;
-  told_us_ = now_us;
+  if (interval_us_ <= 0 || now_us - notified_us_ < interval_us_) return;
+  notified_us_ = now_us;
   Send("WATCHDOG=1");
 }
 
 void ServiceManager::Stopping() { Send("STOPPING=1"); }
 
-// A manager that does not listen is its own trouble.
+// A manager that does not listen is no reason to stop.
 void ServiceManager::Send(const std::string& lines) const {
   if (fd_ >= 0) static_cast<void>(send(fd_, lines.data(), lines.size(), MSG_NOSIGNAL));
 }

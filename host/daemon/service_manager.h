@@ -1,6 +1,6 @@
-// What a daemon tells the service manager that started it, by systemd's notification protocol: one
-// datagram of lines to the socket named in $NOTIFY_SOCKET. Written out here rather than taken from
-// libsystemd: the protocol is promised to stay, and this is all of it that is needed.
+// Notifications to the service manager that started the daemon, by systemd's protocol: datagrams of
+// lines to the socket named in $NOTIFY_SOCKET. Written here rather than taken from libsystemd: the
+// protocol is stable, and nothing more of it is needed.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace torquer::daemon {
 
-/// Does nothing where no service manager asked to be told.
+/// Does nothing where no service manager asked for notifications.
 class ServiceManager {
  public:
   ServiceManager();
@@ -16,12 +16,12 @@ class ServiceManager {
   ServiceManager(const ServiceManager&) = delete;
   ServiceManager& operator=(const ServiceManager&) = delete;
 
-  /// The daemon is up: units that wait for it may start.
+  /// The daemon has started: units that wait for it may start.
   void Ready();
-  /// One line about what it does, for `systemctl status`.
+  /// One line about its status, for `systemctl status`.
   void Status(const std::string& text);
-  /// The daemon is alive at `now_us` (CLOCK_MONOTONIC): to be called often; tells it twice in each
-  /// period after which the service manager, having heard nothing, would kill and restart it.
+  /// The daemon is alive at `now_us` (CLOCK_MONOTONIC). Call it often; it notifies twice in the
+  /// period after which the service manager restarts a silent daemon.
   void Alive(std::int64_t now_us);
   void Stopping();
 
@@ -29,8 +29,8 @@ class ServiceManager {
   void Send(const std::string& lines) const;
 
   int fd_ = -1;
-  std::int64_t interval_us_ = 0;  // of Alive(); 0: nobody wants to know
-  std::int64_t told_us_ = 0;
+  std::int64_t interval_us_ = 0;  // between notifications of Alive(); 0: none are wanted
+  std::int64_t notified_us_ = 0;
 };
 
 }  // namespace torquer::daemon

@@ -1,4 +1,4 @@
-// How long the daemon takes from a report's arrival to its command, and what of the processor.
+// The daemon's latency from the arrival of a report to its command, and its share of the processor.
 #pragma once
 
 #include <array>
@@ -11,16 +11,16 @@ class Statistics {
  public:
   Statistics();
 
-  /// A report that arrived `us` before its command was on the bus.
+  /// Adds a report that arrived `us` before its command was on the bus.
   void AddLatency(std::int64_t us);
 
   std::int64_t count() const { return count_; }
   std::int64_t max_us() const { return max_us_; }
-  /// The latency that `fraction` (0 .. 1) of the reports stay within, us, to 1 us below 10 ms; the
-  /// largest one beyond; 0 without reports.
+  /// The latency that `fraction` (0 .. 1) of the reports do not exceed, us: exact to 1 us below 10
+  /// ms, above that the largest one; 0 without reports.
   std::int64_t QuantileUs(double fraction) const;
 
-  /// Of one core, by this process with all its threads, since construction.
+  /// Share of one core that this process with all its threads has used since construction.
   double CpuPercent() const;
   double WallSeconds() const;
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <string>
+#include <vector>
 
 #include "calibration/calibration_file.h"
 #include "host/recorder/report_output.h"
@@ -11,7 +12,6 @@
 #include "host/simulator/vessel/mesh_vessel.h"
 #include "host/support/atomic_file.h"
 #include "host/support/program.h"
-#include "protocol/lcm_channels.h"
 
 namespace {
 
@@ -19,13 +19,13 @@ constexpr std::size_t kOutlineTriangles = 8000;
 
 struct Arguments {
   std::string log;
-  std::string calibration;
+  std::vector<std::string> calibrations;
   std::string picture;
   std::string scene;
   bool json = false;
 };
 
-torquer::PictureVessel Surface(const torquer::scene::Vessel& vessel) {
+torquer::PictureVessel Surface(const torquer::vessel::Vessel& vessel) {
   if (!vessel.surface) {
     return torquer::OutlineInAbout(kOutlineTriangles, *vessel.field, vessel.bounds_mm);
   }
@@ -37,20 +37,30 @@ torquer::PictureVessel Surface(const torquer::scene::Vessel& vessel) {
   return surface;
 }
 
+// The calibration of a device: of the given files the one that names it, otherwise the only one,
+// otherwise nominal gains.
+Eigen::Matrix2d MotionPerCount(const std::vector<std::string>& files, const std::string& device,
+                               int cpi) {
+  torquer::calibration::MotionModel motion =
+      torquer::calibration::NominalCalibration("", cpi).motion;
+  for (const std::string& file : files) {
+    const torquer::calibration::Calibration given = torquer::calibration::ReadCalibration(file);
+    if (given.device == device || files.size() == 1) motion = given.motion;
+  }
+  Eigen::Matrix2d per_count;
+  per_count << motion.per_count[0][0], motion.per_count[0][1], motion.per_count[1][0],
+      motion.per_count[1][1];
+  return per_count;
+}
+
 int Run(const Arguments& arguments) {
   if (arguments.log.empty()) throw torquer::UsageError("LOG is missing; name the log of a session");
-  torquer::SessionReporter reporter(torquer::protocol::kGuidewire);
+  torquer::SessionReporter reporter;
   const torquer::SessionLogSummary summary =
       torquer::ReadSessionLog(arguments.log, reporter.Handlers());
-  const torquer::calibration::MotionModel motion =
-      arguments.calibration.empty()
-          ? torquer::calibration::NominalCalibration("", reporter.cpi()).motion
-          : torquer::calibration::ReadCalibration(arguments.calibration).motion;
-  Eigen::Matrix2d motion_per_count;
-  motion_per_count << motion.per_count[0][0], motion.per_count[0][1], motion.per_count[1][0],
-      motion.per_count[1][1];
-
-  torquer::SessionReport report = reporter.Finish(motion_per_count);
+  torquer::SessionReport report = reporter.Finish([&](const std::string& device, int cpi) {
+    return MotionPerCount(arguments.calibrations, device, cpi);
+  });
   report.undecodable = summary.undecodable;
   if (!arguments.picture.empty()) {
     const torquer::scene::Scene scene(arguments.scene.empty() ? report.scene_file
@@ -68,16 +78,17 @@ int Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   torquer::Program program("torquer-report",
                            "Reports what a session that lcm-logger recorded has lost, and whether "
-                           "the wire went where the hand went.");
+                           "each instrument went where its hand went.");
   program.Note(
       "Exit status: 0 when no report was lost and hand and wire agree within one count of the "
       "sensor, 1 when not, 2 when there is nothing to judge.");
   Arguments arguments;
   torquer::Options& options = program.options();
   options.Operand("LOG", arguments.log, "log of the session, written by lcm-logger");
-  options.Text("--calibration", "FILE", arguments.calibration,
-               "calibration that the daemon used; without it nominal gains, as --uncalibrated has",
-               torquer::ValueKind::kFile);
+  options.Texts(
+      "--calibration", "FILE", arguments.calibrations,
+      "calibration that a daemon used, once for each device; without it nominal gains, as "
+      "--uncalibrated has");
   options.Flag("--json", arguments.json, "print one JSON object instead of text");
   options.Text("--picture", "FILE.svg", arguments.picture,
                "draw the last state of the wire in its vessel", torquer::ValueKind::kFile);

@@ -1,9 +1,9 @@
 #include "host/recorder/report_output.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <utility>
@@ -17,66 +17,106 @@ constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
 constexpr double kReportsPerSecond = 1000;  // a device's
 constexpr double kRealTime = 0.97;          // of them that an emulator must make to be in real time
 
-__attribute__((format(printf, 1, 2))) std::string Print(const char* format, ...) {
-  std::va_list arguments;
-  va_start(arguments, format);
-  char text[512];
-  std::vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
-  return text;
-}
-
 Eigen::Vector3d Vector(const double (&values)[3]) { return {values[0], values[1], values[2]}; }
 
 std::string KnownCount(std::int64_t count) { return count < 0 ? "?" : std::to_string(count); }
 
+// A motion that is zero as printed has no sign but plus.
+std::string Signed(double value, int digits) {
+  const double unit = std::pow(10.0, -digits);
+  return fmt::format("{:+.{}f}", std::abs(value) < unit / 2 ? 0.0 : value, digits);
+}
+
+std::string FormatInstrument(const InstrumentReport& report) {
+  std::string text = fmt::format("  {}, driven by device {}\n", report.name, report.device);
+  text +=
+      fmt::format("    reports    {} sent, {} received, {} lost\n", KnownCount(report.reports_sent),
+                  KnownCount(report.reports_received), KnownCount(report.reports_lost));
+  if (report.reports_unfetched > 0) {
+    text += fmt::format(
+        "               {} of the lost were not fetched in time; their motion came with the next\n",
+        report.reports_unfetched);
+  }
+  text += fmt::format(
+      "    insertion  sensor {:+} counts ({:+} of them held), which is {} mm; {} {} mm: "
+      "{:.2f} counts apart\n",
+      report.axial.sensor_counts, report.axial.held_counts, Signed(report.axial.hand, 3),
+      report.name, Signed(report.axial.wire, 3), report.axial.error_counts);
+  text += fmt::format(
+      "    rotation   sensor {:+} counts ({:+} of them held), which is {} deg; {} {} deg: "
+      "{:.2f} counts apart\n",
+      report.rotation.sensor_counts, report.rotation.held_counts,
+      Signed(report.rotation.hand * kDegreesPerRad, 2), report.name,
+      Signed(report.rotation.wire * kDegreesPerRad, 2), report.rotation.error_counts);
+  text += fmt::format(
+      "    latency    sensor to wire state: p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms\n",
+      report.latency_ms.p50, report.latency_ms.p99, report.latency_ms.max);
+  const double expected = kReportsPerSecond * report.duration_s;
+  if (report.reports_sent >= 0 && static_cast<double>(report.reports_sent) < kRealTime * expected) {
+    text += fmt::format(
+        "               the machine was too busy for real time: the device's {:.1f} s took {:.1f} "
+        "s\n",
+        static_cast<double>(report.reports_sent) / kReportsPerSecond, report.duration_s);
+  }
+  return text;
+}
+
+nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
+  return {{"name", report.name},
+          {"device", report.device},
+          {"reports_sent", report.reports_sent},
+          {"reports_received", report.reports_received},
+          {"reports_lost", report.reports_lost},
+          {"reports_unfetched", report.reports_unfetched},
+          {"motion_error_counts", report.axial.error_counts},
+          {"rotation_error_counts", report.rotation.error_counts},
+          {"insertion_mm", report.axial.wire},
+          {"rotation_rad", report.rotation.wire},
+          {"latency_ms_p50", report.latency_ms.p50},
+          {"latency_ms_p99", report.latency_ms.p99},
+          {"latency_ms_max", report.latency_ms.max}};
+}
+
+// Of a lone wire all figures; of several instruments those that decide.
+void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& caption) {
+  const std::string apart = fmt::format("{:.2f} counts", report.axial.error_counts);
+  if (!lone) {
+    caption.figures.emplace_back(
+        fmt::format("{} against sensor, {} lost", report.name, KnownCount(report.reports_lost)),
+        apart);
+    return;
+  }
+  caption.figures.insert(
+      caption.figures.end(),
+      {{"reports sent", KnownCount(report.reports_sent)},
+       {"reports lost", KnownCount(report.reports_lost)},
+       {"wire against sensor", apart},
+       {"sensor to wire state, p50", fmt::format("{:.2f} ms", report.latency_ms.p50)},
+       {"sensor to wire state, p99", fmt::format("{:.2f} ms", report.latency_ms.p99)}});
+}
+
 }  // namespace
 
 std::string FormatReport(const SessionReport& report) {
-  std::string text = Print("Session of %.1f s in %s, %s method\n", report.duration_s,
-                           report.scene.c_str(), report.method.c_str());
-  text += Print(
-      "  reports      %s sent, %s received, %s lost\n", KnownCount(report.reports_sent).c_str(),
-      KnownCount(report.reports_received).c_str(), KnownCount(report.reports_lost).c_str());
-  if (report.reports_unfetched > 0) {
-    text += Print(
-        "               %lld of the lost were not fetched in time; their motion came with the "
-        "next\n",
-        static_cast<long long>(report.reports_unfetched));
+  std::string text = fmt::format("Session of {:.1f} s in {}, {} method\n", report.duration_s,
+                                 report.scene, report.method);
+  for (const InstrumentReport& instrument : report.instruments) {
+    text += instrument.driven() ? FormatInstrument(instrument)
+                                : fmt::format("  {}, driven by no device\n", instrument.name);
   }
-  text += Print(
-      "  insertion    sensor %+lld counts (%+lld of them held), which is %+.3f mm; "
-      "wire %+.3f mm: %.2f counts apart\n",
-      static_cast<long long>(report.axial.sensor_counts),
-      static_cast<long long>(report.axial.held_counts), report.axial.hand, report.axial.wire,
-      report.axial.error_counts);
-  text += Print(
-      "  rotation     sensor %+lld counts (%+lld of them held), which is %+.2f deg; "
-      "wire %+.2f deg: %.2f counts apart\n",
-      static_cast<long long>(report.rotation.sensor_counts),
-      static_cast<long long>(report.rotation.held_counts), report.rotation.hand * kDegreesPerRad,
-      report.rotation.wire * kDegreesPerRad, report.rotation.error_counts);
-  text += Print("  latency      sensor to wire state: p50 %.2f ms, p99 %.2f ms, max %.2f ms\n",
-                report.latency_ms.p50, report.latency_ms.p99, report.latency_ms.max);
-  const double expected = kReportsPerSecond * report.duration_s;
-  if (report.reports_sent >= 0 && static_cast<double>(report.reports_sent) < kRealTime * expected) {
-    text += Print(
-        "               the machine was too busy for real time: the device's %.1f s took %.1f s\n",
-        static_cast<double>(report.reports_sent) / kReportsPerSecond, report.duration_s);
-  }
-  text += Print("  relaxation   p50 %.0f us, p99 %.0f us, max %.0f us a tick; %lld states\n",
-                report.solve_us.p50, report.solve_us.p99, report.solve_us.max,
-                static_cast<long long>(report.states));
-  text += Print("  wire         %d nodes, residual %.2g, largest penetration %.1f um\n",
-                report.last_state.segment_count + 1, report.residual, report.max_penetration_um);
+  text +=
+      fmt::format("  relaxation   p50 {:.0f} us, p99 {:.0f} us, max {:.0f} us a tick; {} states\n",
+                  report.solve_us.p50, report.solve_us.p99, report.solve_us.max, report.states);
+  text +=
+      fmt::format("  wire         {} nodes, residual {:.2g}, largest penetration {:.1f} um\n",
+                  report.last_state.segment_count + 1, report.residual, report.max_penetration_um);
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
-    text += Print("  %-13s%s %.6g\n", i == 0 ? "readings" : "", report.readings.names[i].c_str(),
-                  report.readings.values[i]);
+    text += fmt::format("  {:<13}{} {:.6g}\n", i == 0 ? "readings" : "", report.readings.names[i],
+                        report.readings.values[i]);
   }
   if (report.states_missing > 0 || report.undecodable > 0) {
-    text += Print("  log          %lld states missing, %lld messages undecodable\n",
-                  static_cast<long long>(report.states_missing),
-                  static_cast<long long>(report.undecodable));
+    text += fmt::format("  log          {} states missing, {} messages undecodable\n",
+                        report.states_missing, report.undecodable);
   }
   return text;
 }
@@ -86,20 +126,14 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
     readings[report.readings.names[i]] = report.readings.values[i];
   }
+  nlohmann::ordered_json instruments = nlohmann::ordered_json::array();
+  for (const InstrumentReport& instrument : report.instruments) {
+    instruments.push_back(InstrumentJson(instrument));
+  }
   const nlohmann::ordered_json json = {{"scene", report.scene},
                                        {"method", report.method},
                                        {"duration_s", report.duration_s},
-                                       {"reports_sent", report.reports_sent},
-                                       {"reports_received", report.reports_received},
-                                       {"reports_lost", report.reports_lost},
-                                       {"reports_unfetched", report.reports_unfetched},
-                                       {"motion_error_counts", report.axial.error_counts},
-                                       {"rotation_error_counts", report.rotation.error_counts},
-                                       {"insertion_mm", report.axial.wire},
-                                       {"rotation_rad", report.rotation.wire},
-                                       {"latency_ms_p50", report.latency_ms.p50},
-                                       {"latency_ms_p99", report.latency_ms.p99},
-                                       {"latency_ms_max", report.latency_ms.max},
+                                       {"instruments", std::move(instruments)},
                                        {"solve_us_p50", report.solve_us.p50},
                                        {"solve_us_p99", report.solve_us.p99},
                                        {"max_penetration_um", report.max_penetration_um},
@@ -133,18 +167,24 @@ std::string DrawReport(const SessionReport& report, const PictureVessel& vessel)
   const PatientAxes axes{Vector(scene.left), Vector(scene.posterior), Vector(scene.superior)};
   PictureCaption caption;
   caption.title = report.scene;
-  caption.subtitle =
-      Print("%s · guidewire %.1f mm past the entry, segments of %g mm · %s method",
-            scene.vessel.c_str(), state.insertion_mm, scene.segment_mm, report.method.c_str());
-  caption.figures = {{"reports sent", KnownCount(report.reports_sent)},
-                     {"reports lost", KnownCount(report.reports_lost)},
-                     {"wire against sensor", Print("%.2f counts", report.axial.error_counts)},
-                     {"sensor to wire state, p50", Print("%.2f ms", report.latency_ms.p50)},
-                     {"sensor to wire state, p99", Print("%.2f ms", report.latency_ms.p99)},
-                     {"largest penetration", Print("%.1f um", report.max_penetration_um)},
-                     {"nodes", Print("%d", state.segment_count + 1)},
-                     {"residual", Print("%.1e", report.residual)},
-                     {"session", Print("%.1f s", report.duration_s)}};
+  for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
+    wire.instruments.push_back({instrument.name, instrument.insertion_mm});
+  }
+  const std::string reach =
+      wire.instruments.size() > 1
+          ? ""
+          : fmt::format(" · {:.1f} mm past the entry", state.instruments[0].insertion_mm);
+  caption.subtitle = fmt::format("{}{} · segments of {:g} mm · {} method", scene.vessel, reach,
+                                 scene.segment_mm, report.method);
+  for (const InstrumentReport& instrument : report.instruments) {
+    if (instrument.driven()) AddFigures(instrument, wire.instruments.size() == 1, caption);
+  }
+  caption.figures.insert(
+      caption.figures.end(),
+      {{"largest penetration", fmt::format("{:.1f} um", report.max_penetration_um)},
+       {"nodes", std::to_string(state.segment_count + 1)},
+       {"residual", fmt::format("{:.1e}", report.residual)},
+       {"session", fmt::format("{:.1f} s", report.duration_s)}});
   return DrawSession(vessel, axes, wire, caption);
 }
 

@@ -1,11 +1,13 @@
 #include "host/recorder/session_picture.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
+#include <iterator>
+#include <utility>
 
 namespace torquer {
 namespace {
@@ -26,19 +28,15 @@ constexpr std::size_t kMostTriangles = 14000;
 constexpr double kCloseUpLengthMm = 90;
 // Of the wire, from its tip, that is drawn in another color.
 constexpr double kTipLengthMm = 10;
+// Of the instruments, the innermost first; each is drawn wider than the one in it, by so many
+// pixels.
+constexpr std::array<const char*, 4> kInstrumentColors = {"#fff3c4", "#7be0a8", "#8fb2ff",
+                                                          "#d9a3ff"};
+constexpr double kWider = 3;
 
-__attribute__((format(printf, 2, 3))) void Append(std::string& out, const char* format, ...) {
-  std::va_list arguments;
-  va_start(arguments, format);
-  std::va_list again;
-  va_copy(again, arguments);
-  const int length = std::vsnprintf(nullptr, 0, format, arguments);
-  va_end(arguments);
-  const std::size_t end = out.size();
-  out.resize(end + static_cast<std::size_t>(length) + 1);
-  std::vsnprintf(out.data() + end, static_cast<std::size_t>(length) + 1, format, again);
-  va_end(again);
-  out.pop_back();
+template <class... Values>
+void Append(std::string& out, fmt::format_string<Values...> format, Values&&... values) {
+  fmt::format_to(std::back_inserter(out), format, std::forward<Values>(values)...);
 }
 
 std::string Escape(const std::string& text) {
@@ -84,7 +82,7 @@ constexpr std::array<Color, 3> kNearRamp = {{{96, 26, 36}, {222, 92, 84}, {255, 
 void AppendShadeClasses(std::string& out, char name, const std::array<Color, 3>& ramp) {
   for (int shade = 0; shade < kShades; ++shade) {
     const Color color = Blend(ramp, shade / (kShades - 1.0));
-    Append(out, ".%c%d{fill:#%02x%02x%02x;stroke:#%02x%02x%02x}", name, shade,
+    Append(out, ".{}{}{{fill:#{:02x}{:02x}{:02x};stroke:#{:02x}{:02x}{:02x}}}", name, shade,
            static_cast<int>(color.red), static_cast<int>(color.green), static_cast<int>(color.blue),
            static_cast<int>(color.red), static_cast<int>(color.green),
            static_cast<int>(color.blue));
@@ -110,7 +108,7 @@ struct Panel {
   std::string Transform() const {
     std::string text;
     const double scale = pixels_per_mm * 0.01;
-    Append(text, "matrix(%.6f 0 0 %.6f %.3f %.3f)", scale, scale,
+    Append(text, "matrix({:.6f} 0 0 {:.6f} {:.3f} {:.3f})", scale, scale,
            pixels.center().x() - center_mm.x() * pixels_per_mm,
            pixels.center().y() + center_mm.y() * pixels_per_mm);
     return text;
@@ -129,13 +127,13 @@ void AppendWall(std::string& out, const std::vector<ShadedTriangle>& wall, char 
     const int shade = static_cast<int>(std::lround(triangle.light * (kShades - 1)));
     if (shade != open_shade) {
       if (open_shade >= 0) out += "\"/>\n";
-      Append(out, "<path class=\"%c%d\" d=\"", name, shade);
+      Append(out, "<path class=\"{}{}\" d=\"", name, shade);
       open_shade = shade;
     }
     const Eigen::Vector2i a = Hundredths(triangle.corners_mm[0]);
     const Eigen::Vector2i ab = Hundredths(triangle.corners_mm[1]) - a;
     const Eigen::Vector2i bc = Hundredths(triangle.corners_mm[2]) - a - ab;
-    Append(out, "M%d %dl%d %d %d %dz", a.x(), a.y(), ab.x(), ab.y(), bc.x(), bc.y());
+    Append(out, "M{} {}l{} {} {} {}z", a.x(), a.y(), ab.x(), ab.y(), bc.x(), bc.y());
   }
   if (open_shade >= 0) out += "\"/>\n";
 }
@@ -144,7 +142,7 @@ std::string Polyline(const std::vector<Eigen::Vector2d>& points_mm) {
   std::string path;
   for (std::size_t i = 0; i < points_mm.size(); ++i) {
     const Eigen::Vector2i point = Hundredths(points_mm[i]);
-    Append(path, "%s%d %d", i == 0 ? "M" : i == 1 ? "L" : " ", point.x(), point.y());
+    Append(path, "{}{} {}", i == 0 ? "M" : i == 1 ? "L" : " ", point.x(), point.y());
   }
   return path;
 }
@@ -152,15 +150,36 @@ std::string Polyline(const std::vector<Eigen::Vector2d>& points_mm) {
 /// The wire as seen, mm.
 struct SeenWire {
   std::vector<Eigen::Vector2d> nodes;
-  std::size_t tip_start = 0;       // first node of the tip
-  std::size_t close_up_start = 0;  // first node that the close-up shows
+  std::vector<std::vector<Eigen::Vector2d>> parts;  // of each instrument, the innermost first
+  std::size_t tip_start = 0;                        // first node of the tip
+  std::size_t close_up_start = 0;                   // first node that the close-up shows
 };
+
+// The first `length_mm` of a polyline, with an end between its points.
+std::vector<Eigen::Vector3d> Beginning(const std::vector<Eigen::Vector3d>& points,
+                                       double length_mm) {
+  std::vector<Eigen::Vector3d> out = {points.front()};
+  for (std::size_t i = 1; i < points.size() && length_mm > 0; ++i) {
+    const Eigen::Vector3d way = points[i] - points[i - 1];
+    const double part = std::min(1.0, length_mm / std::max(way.norm(), 1e-9));
+    out.push_back(points[i - 1] + part * way);
+    length_mm -= way.norm();
+  }
+  return out;
+}
 
 SeenWire See(const PictureWire& wire, const PatientAxes& axes) {
   SeenWire seen;
   for (const Eigen::Vector3d& node : wire.nodes_mm) {
     seen.nodes.emplace_back(SeenFromTheFront(axes, node).head<2>());
   }
+  for (const PictureInstrument& instrument : wire.instruments) {
+    std::vector<Eigen::Vector2d>& part = seen.parts.emplace_back();
+    for (const Eigen::Vector3d& node : Beginning(wire.nodes_mm, instrument.insertion_mm)) {
+      part.emplace_back(SeenFromTheFront(axes, node).head<2>());
+    }
+  }
+  if (seen.parts.empty()) seen.parts.push_back(seen.nodes);
   double from_tip = 0;
   for (std::size_t i = wire.nodes_mm.size(); i-- > 0;) {
     if (i + 1 < wire.nodes_mm.size()) {
@@ -176,15 +195,19 @@ SeenWire See(const PictureWire& wire, const PatientAxes& axes) {
 void AppendWire(std::string& out, const SeenWire& seen, const PictureWire& wire,
                 const PatientAxes& axes, const Panel& panel, double weight) {
   const double unit = 100 / panel.pixels_per_mm;  // one pixel in hundredths of a mm
-  const std::string all = Polyline(seen.nodes);
   const std::string tip = Polyline(
       {seen.nodes.begin() + static_cast<std::ptrdiff_t>(seen.tip_start), seen.nodes.end()});
   out += "<g fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n";
-  Append(out, "<path d=\"%s\" stroke=\"#12060a\" stroke-opacity=\".55\" stroke-width=\"%.1f\"/>\n",
-         all.c_str(), (weight + 2.4) * unit);
-  Append(out, "<path d=\"%s\" stroke=\"#fff3c4\" stroke-width=\"%.1f\"/>\n", all.c_str(),
-         weight * unit);
-  Append(out, "<path d=\"%s\" stroke=\"#38e1ff\" stroke-width=\"%.1f\"/>\n", tip.c_str(),
+  for (const bool outline : {true, false}) {
+    for (std::size_t k = seen.parts.size(); k-- > 0;) {
+      const double width = weight + kWider * static_cast<double>(k) + (outline ? 2.4 : 0);
+      const std::string color = outline ? "#12060a\" stroke-opacity=\".55"
+                                        : kInstrumentColors[k % kInstrumentColors.size()];
+      Append(out, "<path d=\"{}\" stroke=\"{}\" stroke-width=\"{:.1f}\"/>\n",
+             Polyline(seen.parts[k]), color, width * unit);
+    }
+  }
+  Append(out, "<path d=\"{}\" stroke=\"#38e1ff\" stroke-width=\"{:.1f}\"/>\n", tip,
          (weight + 0.4) * unit);
   out += "</g>\n<g fill=\"#ffb000\" stroke=\"#5a2a00\" stroke-opacity=\".7\">\n";
   for (const PictureContact& contact : wire.contacts) {
@@ -192,24 +215,24 @@ void AppendWire(std::string& out, const SeenWire& seen, const PictureWire& wire,
     // A tenth of the wire's radius, some 20 um, should look large.
     const double radius =
         weight * (0.42 + 0.5 * std::sqrt(std::min(contact.penetration_um, 40.0) / 40));
-    Append(out, "<circle cx=\"%d\" cy=\"%d\" r=\"%.1f\" stroke-width=\"%.1f\"/>\n", point.x(),
+    Append(out, "<circle cx=\"{}\" cy=\"{}\" r=\"{:.1f}\" stroke-width=\"{:.1f}\"/>\n", point.x(),
            point.y(), radius * unit, 0.5 * unit);
   }
   const Eigen::Vector2i end = Hundredths(seen.nodes.back());
   Append(out,
-         "</g>\n<circle cx=\"%d\" cy=\"%d\" r=\"%.1f\" fill=\"#e9fbff\" stroke=\"#38e1ff\" "
-         "stroke-width=\"%.1f\"/>\n",
+         "</g>\n<circle cx=\"{}\" cy=\"{}\" r=\"{:.1f}\" fill=\"#e9fbff\" stroke=\"#38e1ff\" "
+         "stroke-width=\"{:.1f}\"/>\n",
          end.x(), end.y(), (0.5 * weight + 1.2) * unit, 1.4 * unit);
 }
 
 void AppendPanel(std::string& out, const char* name, const Panel& panel) {
   const Box& box = panel.pixels;
   Append(out,
-         "<clipPath id=\"%s\"><rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" "
+         "<clipPath id=\"{}\"><rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" "
          "rx=\"10\"/></clipPath>\n",
          name, box.min().x(), box.min().y(), box.sizes().x(), box.sizes().y());
   Append(out,
-         "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"10\" "
+         "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" rx=\"10\" "
          "fill=\"#111a2b\"/>\n",
          box.min().x(), box.min().y(), box.sizes().x(), box.sizes().y());
 }
@@ -227,23 +250,38 @@ void AppendScaleBar(std::string& out, const Panel& panel) {
   const double x = panel.pixels.max().x() - 20 - length;
   const double y = panel.pixels.max().y() - 18;
   Append(out,
-         "<path d=\"M%.1f %.1fv-5m0 5h%.1fv-5\" fill=\"none\" stroke=\"#c9d4e8\" "
+         "<path d=\"M{:.1f} {:.1f}v-5m0 5h{:.1f}v-5\" fill=\"none\" stroke=\"#c9d4e8\" "
          "stroke-width=\"1.6\"/>\n",
          x, y, length);
-  Append(out, "<text x=\"%.1f\" y=\"%.1f\" class=\"small\" text-anchor=\"middle\">%g mm</text>\n",
+  Append(out,
+         "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"small\" text-anchor=\"middle\">{:g} mm</text>\n",
          x + 0.5 * length, y - 9, length_mm);
 }
 
 void AppendOrientation(std::string& out, const Panel& panel) {
   const Box& box = panel.pixels;
   const auto letter = [&out](double x, double y, char name) {
-    Append(out, "<text x=\"%.1f\" y=\"%.1f\" class=\"letter\" text-anchor=\"middle\">%c</text>\n",
-           x, y, name);
+    Append(out,
+           "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"letter\" text-anchor=\"middle\">{}</text>\n", x,
+           y, name);
   };
   letter(box.min().x() + 18, box.center().y() + 6, 'R');
   letter(box.max().x() - 18, box.center().y() + 6, 'L');
   letter(box.center().x(), box.min().y() + 25, 'H');
   letter(box.center().x(), box.max().y() - 14, 'F');
+}
+
+// What the colors of several instruments mean.
+void AppendLegend(std::string& out, const PictureWire& wire, const Panel& panel) {
+  if (wire.instruments.size() < 2) return;
+  const double x = panel.pixels.min().x() + 20;
+  for (std::size_t k = 0; k < wire.instruments.size(); ++k) {
+    const double y = panel.pixels.min().y() + 26 + 22 * static_cast<double>(k);
+    Append(out, "<path d=\"M{:.1f} {:.1f}h26\" stroke=\"{}\" stroke-width=\"{:.1f}\"/>\n", x, y,
+           kInstrumentColors[k % kInstrumentColors.size()], 3.4 + kWider * static_cast<double>(k));
+    Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"subtitle\">{} {:.1f} mm</text>\n", x + 36,
+           y + 5, Escape(wire.instruments[k].name), wire.instruments[k].insertion_mm);
+  }
 }
 
 void AppendFigures(std::string& out, const PictureCaption& caption, const Box& box) {
@@ -257,10 +295,10 @@ void AppendFigures(std::string& out, const PictureCaption& caption, const Box& b
     const std::size_t row = i / kColumns;
     const double x = box.min().x() + static_cast<double>(column) * column_width;
     const double y = box.min().y() + static_cast<double>(row) * row_height;
-    Append(out, "<text x=\"%.1f\" y=\"%.1f\" class=\"value\">%s</text>\n", x, y + 22,
-           Escape(caption.figures[i].second).c_str());
-    Append(out, "<text x=\"%.1f\" y=\"%.1f\" class=\"small\">%s</text>\n", x, y + 40,
-           Escape(caption.figures[i].first).c_str());
+    Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"value\">{}</text>\n", x, y + 22,
+           Escape(caption.figures[i].second));
+    Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"small\">{}</text>\n", x, y + 40,
+           Escape(caption.figures[i].first));
   }
 }
 
@@ -302,8 +340,8 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
 
   std::string out;
   Append(out,
-         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %g %g\" width=\"%g\" "
-         "height=\"%g\">\n",
+         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:g} {:g}\" width=\"{:g}\" "
+         "height=\"{:g}\">\n",
          kWidth, kHeight, kWidth, kHeight);
   out +=
       "<style>text{font-family:'DejaVu Sans',Verdana,sans-serif;fill:#c9d4e8}"
@@ -313,11 +351,12 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
   AppendShadeClasses(out, 'f', kFarRamp);
   AppendShadeClasses(out, 'n', kNearRamp);
   out += "</style>\n";
-  Append(out, "<rect width=\"%g\" height=\"%g\" rx=\"16\" fill=\"#0a101d\"/>\n", kWidth, kHeight);
-  Append(out, "<text x=\"%g\" y=\"58\" class=\"title\">%s</text>\n", kMargin,
-         Escape(caption.title).c_str());
-  Append(out, "<text x=\"%g\" y=\"88\" class=\"subtitle\">%s</text>\n", kMargin,
-         Escape(caption.subtitle).c_str());
+  Append(out, "<rect width=\"{:g}\" height=\"{:g}\" rx=\"16\" fill=\"#0a101d\"/>\n", kWidth,
+         kHeight);
+  Append(out, "<text x=\"{:g}\" y=\"58\" class=\"title\">{}</text>\n", kMargin,
+         Escape(caption.title));
+  Append(out, "<text x=\"{:g}\" y=\"88\" class=\"subtitle\">{}</text>\n", kMargin,
+         Escape(caption.subtitle));
   AppendPanel(out, "overview", overview);
   AppendPanel(out, "closeup", close_up);
 
@@ -329,8 +368,8 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
   out += "</g></defs>\n";
 
   const auto draw = [&](const Panel& panel, const char* name, double weight) {
-    Append(out, "<g clip-path=\"url(#%s)\"><g transform=\"%s\">\n<use href=\"#far\"/>\n", name,
-           panel.Transform().c_str());
+    Append(out, "<g clip-path=\"url(#{})\"><g transform=\"{}\">\n<use href=\"#far\"/>\n", name,
+           panel.Transform());
     AppendWire(out, seen, wire, axes, panel, weight);
     out += "<g opacity=\".32\"><use href=\"#near\"/></g>\n</g></g>\n";
   };
@@ -344,7 +383,8 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
                                                  overview.center_mm.y() - shown.max().y()) *
                                      scale;
   Append(out,
-         "<rect clip-path=\"url(#overview)\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" "
+         "<rect clip-path=\"url(#overview)\" x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" "
+         "height=\"{:.1f}\" "
          "rx=\"3\" fill=\"none\" "
          "stroke=\"#c9d4e8\" stroke-opacity=\".75\" stroke-dasharray=\"5 4\"/>\n",
          corner.x(), corner.y(), shown.sizes().x() * scale, shown.sizes().y() * scale);
@@ -352,6 +392,7 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
     AppendScaleBar(out, *panel);
     AppendOrientation(out, *panel);
   }
+  AppendLegend(out, wire, close_up);
   AppendFigures(out, caption,
                 Box(Eigen::Vector2d(right + 4, kTop + kCloseUpHeight + 22),
                     Eigen::Vector2d(kWidth - kMargin, kHeight - kMargin)));

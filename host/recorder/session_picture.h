@@ -16,8 +16,15 @@ struct PictureContact {
   double penetration_um = 0;
 };
 
+/// How far an instrument reaches along the curve.
+struct PictureInstrument {
+  std::string name;
+  double insertion_mm = 0;
+};
+
 struct PictureWire {
-  std::vector<Eigen::Vector3d> nodes_mm;  ///< from the entry point to the tip; at least 2
+  std::vector<Eigen::Vector3d> nodes_mm;  ///< from the entry point to the farthest tip; at least 2
+  std::vector<PictureInstrument> instruments;  ///< the innermost first; may be empty: one wire
   std::vector<PictureContact> contacts;
 };
 

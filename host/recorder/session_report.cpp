@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "host/support/error.h"
@@ -32,21 +33,37 @@ Distribution Distribute(std::vector<double>& values) {
   return result;
 }
 
-double ArcLengthMm(const torquer_lcm::wire_state_t& state) {
+double ArcLengthMm(const torquer_lcm::wire_state_t& state, std::size_t instrument) {
+  // Where on the polyline the published tip is: the field that repeats the command proves nothing.
+  const Eigen::Vector3d tip(state.instruments[instrument].tip_mm);
   double length_mm = 0;
+  double nearest_mm = std::numeric_limits<double>::infinity();
+  double tip_length_mm = 0;
   for (std::size_t i = 1; i < state.nodes_mm.size(); ++i) {
-    double square = 0;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double step = static_cast<double>(state.nodes_mm[i][axis]) -
-                          static_cast<double>(state.nodes_mm[i - 1][axis]);
-      square += step * step;
+    const Eigen::Vector3d from = Eigen::Vector3f(state.nodes_mm[i - 1].data()).cast<double>();
+    const Eigen::Vector3d to = Eigen::Vector3f(state.nodes_mm[i].data()).cast<double>();
+    const Eigen::Vector3d along = to - from;
+    const double square = along.squaredNorm();
+    const double t = square > 0 ? std::clamp((tip - from).dot(along) / square, 0.0, 1.0) : 0;
+    const double away_mm = (from + t * along - tip).norm();
+    if (away_mm <= nearest_mm) {
+      nearest_mm = away_mm;
+      tip_length_mm = length_mm + t * std::sqrt(square);
     }
     length_mm += std::sqrt(square);
   }
-  return length_mm;
+  return tip_length_mm;
 }
 
-SessionReporter::SessionReporter(std::string instrument) : instrument_(std::move(instrument)) {}
+bool SessionReport::Good() const {
+  bool any = false;
+  for (const InstrumentReport& instrument : instruments) {
+    if (!instrument.driven()) continue;
+    any = true;
+    if (!instrument.Good()) return false;
+  }
+  return any;
+}
 
 SessionHandlers SessionReporter::Handlers() {
   SessionHandlers handlers;
@@ -56,61 +73,71 @@ SessionHandlers SessionReporter::Handlers() {
   handlers.scene = [this](const torquer_lcm::scene_description_t& message) { scene_ = message; };
   handlers.readings = [this](const torquer_lcm::readings_t& message) { readings_ = message; };
   handlers.health = [this](const torquer_lcm::health_t& message) { Add(message); };
-  handlers.truth = [this](const torquer_lcm::hand_motion_t& message) { truth_ = message; };
+  handlers.truth = [this](const torquer_lcm::hand_motion_t& message) {
+    truths_[message.device] = message;
+  };
   return handlers;
 }
 
 // The clutch and the sensor's own doubts stand in the sample; that the daemon found the surface
 // poor stands only in the command that it made of it, just before.
-bool SessionReporter::Held(const torquer_lcm::device_sample_t& sample) const {
-  const bool doubted = command_origin_us_ == sample.origin_us && command_doubtful_;
+bool SessionReporter::Held(const Channel& channel, const torquer_lcm::device_sample_t& sample) {
+  const bool doubted = channel.command_origin_us == sample.origin_us && channel.command_doubtful;
   return (sample.buttons & protocol::kButtonClutch) != 0 || (sample.flags & kDoubtfulSample) != 0 ||
          doubted;
 }
 
 void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
-  ++report_.samples;
-  const bool held = Held(sample);
-  if (!first_sample_) first_sample_ = sample;
-  if (last_sample_) {
-    // What the hand did while the device restarted, nobody knows.
-    const bool reset = sample.boot_id != last_sample_->boot_id;
-    resets_ += reset ? 1 : 0;
-    const std::int64_t axial = reset ? 0 : sample.axial_counts - last_sample_->axial_counts;
+  Channel& channel = channels_[sample.instrument];
+  InstrumentReport& report = channel.report;
+  ++report.samples;
+  const bool held = Held(channel, sample);
+  if (!channel.first_sample) channel.first_sample = sample;
+  if (channel.last_sample) {
+    // What the hand did while the device restarted is not known.
+    const bool reset = sample.boot_id != channel.last_sample->boot_id;
+    channel.resets += reset ? 1 : 0;
+    const std::int64_t axial = reset ? 0 : sample.axial_counts - channel.last_sample->axial_counts;
     const std::int64_t transverse =
-        reset ? 0 : sample.transverse_counts - last_sample_->transverse_counts;
-    report_.axial.sensor_counts += axial;
-    report_.rotation.sensor_counts += transverse;
+        reset ? 0 : sample.transverse_counts - channel.last_sample->transverse_counts;
+    report.axial.sensor_counts += axial;
+    report.rotation.sensor_counts += transverse;
     // Motion is held when there was a reason for it at either end.
-    if (held || last_held_) {
-      report_.axial.held_counts += axial;
-      report_.rotation.held_counts += transverse;
+    if (held || channel.last_held) {
+      report.axial.held_counts += axial;
+      report.rotation.held_counts += transverse;
     }
   }
-  last_held_ = held;
-  last_sample_ = sample;
+  channel.last_held = held;
+  channel.last_sample = sample;
 }
 
 void SessionReporter::Add(const torquer_lcm::instrument_command_t& command) {
-  if (command.instrument != instrument_) return;
-  ++report_.commands;
-  command_clock_id_ = command.clock_id;
-  command_origin_us_ = command.origin_us;
-  command_doubtful_ = (command.flags & kDoubtfulCommand) != 0;
+  Channel& channel = channels_[command.instrument];
+  ++channel.report.commands;
+  channel.command_clock_id = command.clock_id;
+  channel.command_origin_us = command.origin_us;
+  channel.command_doubtful = (command.flags & kDoubtfulCommand) != 0;
 }
 
 void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
-  if (state.instrument != instrument_) return;
+  // At rest the simulator publishes its last state again.
+  if (last_state_ && state.tick == last_state_->tick) return;
   ++report_.states;
   report_.max_penetration_um = std::max(report_.max_penetration_um, state.max_penetration_um);
   solve_us_.push_back(state.solve_us);
   if (last_state_) {
     report_.states_missing += std::max<std::int64_t>(state.tick - last_state_->tick - 1, 0);
   }
-  const std::int64_t shown_before = last_state_ ? last_state_->command_sequence : -1;
-  // Times of two machines' clocks cannot be subtracted.
-  if (state.command_sequence > shown_before && state.clock_id == command_clock_id_) {
-    latencies_ms_.push_back(static_cast<double>(state.publish_us - state.origin_us) * 1e-3);
+  for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
+    Channel& channel = channels_[instrument.name];
+    // Times of two machines' clocks cannot be subtracted.
+    if (instrument.command_sequence > channel.shown_sequence &&
+        state.clock_id == channel.command_clock_id) {
+      channel.latencies_ms.push_back(static_cast<double>(state.publish_us - instrument.origin_us) *
+                                     1e-3);
+    }
+    channel.shown_sequence = instrument.command_sequence;
   }
   last_state_ = state;
 }
@@ -118,47 +145,56 @@ void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
 void SessionReporter::Add(const torquer_lcm::health_t& health) {
   if (health.process != "daemon") return;
   for (std::size_t i = 0; i < health.names.size(); ++i) {
-    daemon_counters_[health.names[i]] = health.values[i];
+    channels_[health.instrument].daemon_counters[health.names[i]] = health.values[i];
   }
 }
 
-void SessionReporter::CountReports(SessionReport& report) const {
-  const auto counter = [this](const std::string& name) {
-    const auto found = daemon_counters_.find(name);
-    return found == daemon_counters_.end() ? -1 : found->second;
+const torquer_lcm::hand_motion_t* SessionReporter::TruthOf(const Channel& channel) const {
+  if (!channel.first_sample) return nullptr;
+  const auto found = truths_.find(channel.first_sample->device);
+  return found == truths_.end() ? nullptr : &found->second;
+}
+
+void SessionReporter::CountReports(const Channel& channel, InstrumentReport& report) const {
+  const auto counter = [&channel](const std::string& name) {
+    const auto found = channel.daemon_counters.find(name);
+    return found == channel.daemon_counters.end() ? -1 : found->second;
   };
   // The device numbers the frames in which it sampled, fetched by the host or not; the emulator
   // counts what was fetched.
   const std::int64_t gaps = counter("reports_lost");
   report.reports_received = counter("reports_received");
   report.reports_lost = gaps;
-  if (truth_ && report.reports_received >= 0) {
-    const std::int64_t lost_on_the_way = truth_->reports_sent - report.reports_received;
+  const torquer_lcm::hand_motion_t* const truth = TruthOf(channel);
+  if (truth != nullptr && report.reports_received >= 0) {
+    const std::int64_t lost_on_the_way = truth->reports_sent - report.reports_received;
     report.reports_unfetched = std::max<std::int64_t>(gaps - lost_on_the_way, 0);
-    report.reports_sent = truth_->reports_sent + report.reports_unfetched;
+    report.reports_sent = truth->reports_sent + report.reports_unfetched;
     report.reports_lost = report.reports_sent - report.reports_received;
   }
 }
 
-void SessionReporter::JudgeMotion(const Eigen::Matrix2d& motion_per_count,
-                                  SessionReport& report) const {
-  // Where the emulator tells what its sensor produced, that counts: a report that was lost at the
+void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
+                                  const Eigen::Matrix2d& per_count,
+                                  InstrumentReport& report) const {
+  // Where the emulator says what its sensor produced, that counts: a report that was lost at the
   // end would show. Its counts go on through a reset of the device, the samples' start again.
-  if (truth_ && resets_ == 0) {
-    report.axial.sensor_counts = truth_->axial_counts - first_sample_->axial_counts;
-    report.rotation.sensor_counts = truth_->transverse_counts - first_sample_->transverse_counts;
+  const torquer_lcm::hand_motion_t* const truth = TruthOf(channel);
+  if (truth != nullptr && channel.resets == 0) {
+    report.axial.sensor_counts = truth->axial_counts - channel.first_sample->axial_counts;
+    report.rotation.sensor_counts =
+        truth->transverse_counts - channel.first_sample->transverse_counts;
   }
 
   const Eigen::Vector2d moved_counts(
       static_cast<double>(report.axial.sensor_counts - report.axial.held_counts),
       static_cast<double>(report.rotation.sensor_counts - report.rotation.held_counts));
-  const Eigen::Vector2d hand = motion_per_count * moved_counts;
-  // The published nodes are what anyone downstream sees, so their length counts, not the field
-  // that repeats the command.
+  const Eigen::Vector2d hand = per_count * moved_counts;
+  const torquer_lcm::instrument_state_t& last = last_state_->instruments[index];
   const Eigen::Vector2d wire(
-      ArcLengthMm(*last_state_) + last_state_->carried_mm - scene_->inserted_at_start_mm,
-      last_state_->rotation_rad);
-  const Eigen::Vector2d error_counts = motion_per_count.inverse() * (wire - hand);
+      ArcLengthMm(*last_state_, index) + last.carried_mm - scene_->inserted_at_start_mm[index],
+      last.rotation_rad + last.carried_rad);
+  const Eigen::Vector2d error_counts = per_count.inverse() * (wire - hand);
   report.axial.hand = hand[0];
   report.axial.wire = wire[0];
   report.axial.error_counts = std::abs(error_counts[0]);
@@ -167,25 +203,40 @@ void SessionReporter::JudgeMotion(const Eigen::Matrix2d& motion_per_count,
   report.rotation.error_counts = std::abs(error_counts[1]);
 }
 
-SessionReport SessionReporter::Finish(const Eigen::Matrix2d& motion_per_count) const {
+SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) const {
   const auto require = [](bool present, const std::string& what, const std::string& who) {
     if (present) return;
     throw UserError("the log holds no " + what + "; record while " + who + " runs");
   };
   require(scene_.has_value(), "scene description", "torquer-simulator");
-  require(last_state_.has_value(), "wire state of the " + instrument_, "torquer-simulator");
-  require(first_sample_.has_value(), "device sample", "torquer-daemon");
+  require(last_state_.has_value(), "wire state", "torquer-simulator");
 
   SessionReport report = report_;
   report.scene = scene_->name;
   report.scene_file = scene_->scene_file;
   report.method = scene_->method;
-  report.duration_s =
-      static_cast<double>(last_sample_->receive_us - first_sample_->receive_us) * 1e-6;
-  CountReports(report);
-  JudgeMotion(motion_per_count, report);
-  std::vector<double> latencies = latencies_ms_;
-  report.latency_ms = Distribute(latencies);
+  std::int64_t first_us = std::numeric_limits<std::int64_t>::max();
+  std::int64_t last_us = 0;
+  for (std::size_t k = 0; k < last_state_->instruments.size(); ++k) {
+    const auto found = channels_.find(last_state_->instruments[k].name);
+    const Channel& channel = found->second;
+    InstrumentReport one = channel.report;
+    one.name = found->first;
+    if (channel.first_sample && k < scene_->inserted_at_start_mm.size()) {
+      one.device = channel.first_sample->device;
+      first_us = std::min(first_us, channel.first_sample->receive_us);
+      last_us = std::max(last_us, channel.last_sample->receive_us);
+      one.duration_s = 1e-6 * static_cast<double>(channel.last_sample->receive_us -
+                                                  channel.first_sample->receive_us);
+      CountReports(channel, one);
+      JudgeMotion(channel, k, motion_per_count(one.device, channel.first_sample->cpi), one);
+    }
+    std::vector<double> latencies = channel.latencies_ms;
+    one.latency_ms = Distribute(latencies);
+    report.instruments.push_back(std::move(one));
+  }
+  require(last_us > 0, "device sample", "torquer-daemon");
+  report.duration_s = static_cast<double>(last_us - first_us) * 1e-6;
   std::vector<double> solve = solve_us_;
   report.solve_us = Distribute(solve);
   report.residual = last_state_->residual;

@@ -1,47 +1,42 @@
 #include "host/simulator/explain.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <vector>
 
 #include "host/bus/clock.h"
-#include "host/simulator/session.h"
+#include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
 
 namespace {
-
-std::string Number(double value, const char* unit) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.4g%s", value, unit);
-  return text;
-}
 
 struct Cost {
   double median_us = 0;
   double p99_us = 0;
 };
 
-// Ticks of a hand that feeds by 0.05 mm, with at least half of the wire inside.
-Cost Measure(Session& session) {
+// Ticks of a hand that feeds the innermost instrument by 0.05 mm, with at least half of it inside.
+Cost Measure(Simulation& simulation) {
   constexpr int kTicks = 400;
   constexpr int kWarmUp = 20;
   constexpr double kFeedMm = 0.05;
   std::vector<double> us;
   Command command;
-  command.target = session.target();
-  const double half_mm = session.scene().wire().max_length_mm() / 2;
-  while (command.target.insertion_mm < half_mm) {
-    command.target.insertion_mm = std::min(half_mm, command.target.insertion_mm + 1);
-    CountedBudget budget(session.scene().budget_units());
-    session.Tick(command, budget);
+  command.target = simulation.target();
+  double& insertion_mm = command.target[0].insertion_mm;
+  const double length_mm = simulation.scene().stack().instrument(0).max_length_mm();
+  while (insertion_mm < length_mm / 2) {
+    insertion_mm = std::min(length_mm / 2, insertion_mm + 1);
+    CountedBudget budget(simulation.scene().budget_units());
+    simulation.Tick(command, budget);
   }
   for (int k = 0; k < kTicks + kWarmUp; ++k) {
-    command.target.insertion_mm =
-        std::min(command.target.insertion_mm + kFeedMm, session.scene().wire().max_length_mm());
-    CountedBudget budget(session.scene().budget_units());
+    insertion_mm = std::min(insertion_mm + kFeedMm, length_mm);
+    CountedBudget budget(simulation.scene().budget_units());
     const std::int64_t start_us = bus::MonotonicUs();
-    session.Tick(command, budget);
+    simulation.Tick(command, budget);
     if (k >= kWarmUp) us.push_back(static_cast<double>(bus::MonotonicUs() - start_us));
   }
   std::sort(us.begin(), us.end());
@@ -51,34 +46,33 @@ Cost Measure(Session& session) {
 }  // namespace
 
 std::string Explain(scene::Scene& scene) {
-  const WireModel& wire = scene.wire();
-  const bool newton = scene.method() == scene::Method::kNewton;
-  std::string out = scene.name() + "\n";
-  out += "  vessel: " + scene.vessel().description + "\n";
-  out += "  wire: up to " + Number(wire.max_length_mm(), " mm") + " in segments of " +
-         Number(wire.segment_mm(), " mm") + ", " +
-         Number(scene.inserted_at_start_mm(), " mm inside at the start") + "\n";
-  out += std::string("  method: ") + (newton ? "newton" : "paper") + ", at most " +
-         Number(scene.budget_us(), " us a tick") + "\n";
+  const scene::SceneSpec& spec = scene.spec();
+  std::string out = fmt::format("{}\n  vessel: {}\n", scene.name(), scene.vessel().description);
+  for (const scene::InstrumentSpec& instrument : spec.instruments) {
+    out += fmt::format("  {}: up to {:.4g} mm, {:.4g} mm inside at the start\n", instrument.name,
+                       instrument.max_length_mm, instrument.inserted_at_start_mm);
+  }
+  out += fmt::format("  method: {}, segments of {:.4g} mm, at most {:.4g} us a tick\n",
+                     scene.method() == scene::Method::kNewton ? "newton" : "paper",
+                     scene.rod().segment_mm(), scene.budget_us());
   out += "  simulated:";
-  if (scene.effect_names().empty()) out += " the wire and the wall, no effect";
-  for (const std::string& name : scene.effect_names()) {
-    out += "\n    " + name + ": " + effects::FindEffect(name, scene.path()).summary;
-  }
-  out += "\n  off:";
-  bool any = false;
+  if (spec.effects.empty()) out += " the instruments and the wall, no effect";
+  std::vector<std::string> off;
   for (const effects::EffectKind& kind : effects::AllEffects()) {
-    const std::vector<std::string>& on = scene.effect_names();
-    if (std::find(on.begin(), on.end(), kind.name) != on.end()) continue;
-    out += std::string(any ? ", " : " ") + kind.name;
-    any = true;
+    if (spec.Has(kind.name)) {
+      out += fmt::format("\n    {}: {}", kind.name, kind.summary);
+    } else {
+      off.push_back(kind.name);
+    }
   }
-  if (!any) out += " nothing";
-  Session session(scene);
-  const Cost cost = Measure(session);
-  out += "\n  a tick that feeds 0.05 mm takes here, with " +
-         Number(session.state().insertion_mm, " mm inside, ") + Number(cost.median_us, " us") +
-         " (median), " + Number(cost.p99_us, " us") + " (p99)\n";
+  out +=
+      fmt::format("\n  off: {}\n", off.empty() ? "nothing" : fmt::to_string(fmt::join(off, ", ")));
+  Simulation simulation(scene);
+  const Cost cost = Measure(simulation);
+  out += fmt::format(
+      "  a tick that feeds 0.05 mm takes here, with {:.4g} mm inside, {:.4g} us (median), {:.4g} "
+      "us (p99)\n",
+      simulation.state().insertion_mm(), cost.median_us, cost.p99_us);
   return out;
 }
 

@@ -11,7 +11,7 @@ constexpr double kStepMm = 3;    // the tip's way, or a centerline's, between tw
 
 }  // namespace
 
-FieldAhead::FieldAhead(const scene::Vessel& vessel)
+FieldAhead::FieldAhead(const vessel::Vessel& vessel)
     : vessel_(vessel), last_tip_mm_(Eigen::Vector3d::Constant(1e9)) {
   if (vessel.surface != nullptr) {
     thread_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });

@@ -6,7 +6,7 @@
 #include <mutex>
 #include <thread>
 
-#include "host/simulator/scene/scene.h"
+#include "host/simulator/vessel/vessel.h"
 
 namespace torquer::simulator {
 
@@ -16,7 +16,7 @@ namespace torquer::simulator {
 class FieldAhead {
  public:
   /// `vessel` must outlive this.
-  explicit FieldAhead(const scene::Vessel& vessel);
+  explicit FieldAhead(const vessel::Vessel& vessel);
   FieldAhead(const FieldAhead&) = delete;
   FieldAhead& operator=(const FieldAhead&) = delete;
   ~FieldAhead();
@@ -28,7 +28,7 @@ class FieldAhead {
   void Run(const std::stop_token& stop);
   bool NextTip(const std::stop_token& stop, bool may_wait, Eigen::Vector3d& tip_mm);
 
-  const scene::Vessel& vessel_;
+  const vessel::Vessel& vessel_;
   std::mutex mutex_;
   std::condition_variable_any moved_;
   Eigen::Vector3d tip_mm_;

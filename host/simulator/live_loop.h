@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "host/bus/bus.h"
-#include "host/simulator/session.h"
+#include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
 
@@ -19,8 +19,9 @@ struct LiveStatistics {
   std::vector<float> solve_us;
 };
 
-/// Runs until `stop`: a tick for every command (the newest wins), and while the wire is not at
-/// rest one every millisecond. Publishes every state, the scene once a second, and health.
-LiveStatistics RunLive(Session& session, bus::Bus& bus, const std::atomic<bool>& stop);
+/// Runs until `stop`: a tick for every command (the newest of each instrument counts), and while
+/// the wire is not at rest one every millisecond. Publishes every state, at rest the last one again
+/// five times a second, the scene once a second, and health.
+LiveStatistics RunLive(Simulation& simulation, bus::Bus& bus, const std::atomic<bool>& stop);
 
 }  // namespace torquer::simulator

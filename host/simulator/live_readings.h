@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "host/bus/bus.h"
-#include "host/simulator/session.h"
+#include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
 
@@ -15,7 +15,7 @@ inline constexpr std::int64_t kReadingsEveryUs = 100'000;
 class LiveReadings {
  public:
   /// Both outlive this.
-  LiveReadings(const Session& session, bus::Bus& bus);
+  LiveReadings(const Simulation& simulation, bus::Bus& bus);
 
   /// Publishes when the last message is kReadingsEveryUs old. `now_us` by bus::MonotonicUs().
   void PublishWhenDue(std::int64_t now_us);
@@ -23,7 +23,7 @@ class LiveReadings {
   void Publish();
 
  private:
-  const Session& session_;
+  const Simulation& simulation_;
   bus::Bus& bus_;
   const bool any_;
   std::int64_t published_us_ = 0;

@@ -1,8 +1,9 @@
 // torquer-simulator: runs a scene live on the bus, from a script, or again from a log.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <csignal>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -12,10 +13,11 @@
 #include "host/simulator/explain.h"
 #include "host/simulator/live_loop.h"
 #include "host/simulator/replay.h"
+#include "host/simulator/scene/key_reference.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/script_run.h"
-#include "host/simulator/session.h"
 #include "host/simulator/session_record.h"
+#include "host/simulator/simulation.h"
 #include "host/support/program.h"
 
 namespace {
@@ -35,22 +37,21 @@ struct KeepField {
   ~KeepField() {
     const auto& surface = scene.vessel().surface;
     const std::string problem = surface == nullptr ? "" : surface->SaveCache();
-    if (!problem.empty()) std::fprintf(stderr, "torquer-simulator: %s\n", problem.c_str());
+    if (!problem.empty()) fmt::print(stderr, "torquer-simulator: {}\n", problem);
   }
 };
 
 int Live(torquer::scene::Scene& scene, const std::string& url, const std::string& record_file,
          bool json) {
   torquer::bus::Bus bus(url);
-  torquer::simulator::Session session(scene);
+  torquer::simulator::Simulation simulation(scene);
   std::optional<torquer::simulator::SessionRecord> record;
-  if (!record_file.empty()) record.emplace(record_file, session);
+  if (!record_file.empty()) record.emplace(record_file, simulation);
   std::signal(SIGINT, [](int) { stop = true; });
   std::signal(SIGTERM, [](int) { stop = true; });
-  std::fprintf(stderr, "torquer-simulator: running %s on %s\n", scene.name().c_str(),
-               bus.url().c_str());
-  const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(session, bus, stop);
-  if (record) record->Finish(session);
+  fmt::print(stderr, "torquer-simulator: running {} on {}\n", scene.name(), bus.url());
+  const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
+  if (record) record->Finish(simulation);
   if (json) {
     const nlohmann::json line = {
         {"ticks", run.ticks},
@@ -62,120 +63,127 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
         {"solve_us_p50", Quantile(run.solve_us, 0.5)},
         {"solve_us_p99", Quantile(run.solve_us, 0.99)},
         {"solve_us_max", Quantile(run.solve_us, 1)}};
-    std::printf("%s\n", line.dump().c_str());
+    fmt::print("{}\n", line.dump());
   }
   return 0;
 }
 
 struct Arguments {
   std::string scene;
-  std::string lcm_url;
+  std::string url;
   std::string script;
   torquer::simulator::ScriptOutputs outputs;
-  std::string replay;
-  std::string explain;
+  std::string log;
+  std::string explained;
   bool json = false;
   bool list_effects = false;
+  bool list_keys = false;
+  bool markdown = false;
+  bool schema = false;
 };
 
 void Declare(torquer::Options& options, Arguments& arguments) {
   using torquer::ValueKind;
-  options.Group("Scene");
-  options.Text("--scene", "FILE", arguments.scene, "what to simulate", ValueKind::kFile);
-  options.Text("--record", "FILE.json", arguments.outputs.record,
-               "at the end write what the observers have found, the assessment among it",
+  options.Group("Live, until Ctrl-C: follows instrument commands, publishes wire states");
+  options.Text("--scene", "FILE", arguments.scene, "the scene", ValueKind::kFile);
+  options.Text("--lcm-url", "URL", arguments.url, "LCM network (default: LCM_DEFAULT_URL)");
+  options.Flag("--json", arguments.json, "at the end one line of JSON: ticks, latency, times");
+  options.Text("--record", "FILE", arguments.outputs.record,
+               "at the end what the observers have found, as JSON; with --script too",
                ValueKind::kFile);
-  options.Group("Live");
-  options.Text("--lcm-url", "URL", arguments.lcm_url,
-               "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
-  options.Flag("--json", arguments.json, "print statistics as one JSON object at the end");
-  options.Group("From a script");
-  options.Text("--script", "FILE.csv", arguments.script,
-               "rows of time_s,insertion_mm,rotation_rad, then if need be "
-               "lao_deg,cra_deg,xray,contrast and catheter_insertion_mm,catheter_rotation_rad",
+  options.Group("From a script, without a bus");
+  options.Text("--script", "FILE", arguments.script,
+               "CSV with a column time_s, and as needed NAME.insertion_mm and NAME.rotation_rad "
+               "of each instrument, lao_deg, cra_deg, xray, contrast",
                ValueKind::kFile);
-  options.Text("--states", "FILE.jsonl", arguments.outputs.states,
-               "write one JSON object for each row", ValueKind::kFile);
-  options.Text("--render", "FOLDER", arguments.outputs.pictures, "write X-ray pictures as PNG",
+  options.Text("--states", "FILE", arguments.outputs.states, "one JSON object for each row",
+               ValueKind::kFile);
+  options.Text("--render", "FOLDER", arguments.outputs.pictures, "X-ray pictures as PNG",
                ValueKind::kFolder);
-  options.Group("From a log");
-  options.Text("--replay", "FILE.lcmlog", arguments.replay,
-               "repeat a recorded session and compare every state", ValueKind::kFile);
-  options.Group("Instead of running");
-  options.Flag("--list-effects", arguments.list_effects, "list what a scene can call for");
-  options.Text("--explain", "FILE", arguments.explain,
-               "print what this scene simulates, what is off, and what a tick takes",
+  options.Group("Again from a log");
+  options.Text("--replay", "LOG", arguments.log,
+               "repeat a recorded session and compare every state; status 1 if one differs",
                ValueKind::kFile);
+  options.Group("About scenes");
+  options.Text("--explain", "FILE", arguments.explained,
+               "what a scene simulates, what is off, and what a tick takes here", ValueKind::kFile);
+  options.Flag("--list-effects", arguments.list_effects,
+               "all effects, and the roles that they take");
+  options.Flag("--list-keys", arguments.list_keys, "all keys of a scene file");
+  options.Flag("--markdown", arguments.markdown, "with --list-keys: the same as Markdown");
+  options.Flag("--json-schema", arguments.schema, "the same as a JSON Schema for editors");
 }
 
-int Run(Arguments& arguments) {
-  const std::string& scene_file = arguments.scene;
-  const std::string& script = arguments.script;
-  const std::string& log = arguments.replay;
-  const std::string& explained = arguments.explain;
-  const torquer::simulator::ScriptOutputs& outputs = arguments.outputs;
-  const bool list_effects = arguments.list_effects;
-  if (list_effects) {
-    std::printf("%s", torquer::effects::DescribeEffects(false).c_str());
-    return 0;
-  }
-  if (!explained.empty()) {
-    torquer::scene::Scene scene(explained);
-    const KeepField keep{scene};
-    std::printf("%s", torquer::simulator::Explain(scene).c_str());
-    return 0;
-  }
-  if (scene_file.empty()) throw torquer::UsageError("--scene is missing; name a scene file");
-  const bool for_script = !outputs.states.empty() || !outputs.pictures.empty();
-  if (script.empty() ? for_script : !for_script && outputs.record.empty()) {
+void Check(const Arguments& arguments) {
+  if (arguments.scene.empty()) throw torquer::UsageError("--scene is missing");
+  const bool for_script = !arguments.outputs.states.empty() || !arguments.outputs.pictures.empty();
+  if (arguments.script.empty() ? for_script : !for_script && arguments.outputs.record.empty()) {
     throw torquer::UsageError("--script and --states, --render or --record go together");
   }
-  if (!log.empty() && !outputs.record.empty()) {
-    throw torquer::UsageError("--record and --replay exclude each other; give one");
+  if (!arguments.log.empty() && !arguments.outputs.record.empty()) {
+    throw torquer::UsageError("--record and --replay exclude each other");
   }
-  if (!script.empty() && !log.empty()) {
-    throw torquer::UsageError("--script and --replay exclude each other; give one");
+  if (!arguments.log.empty() && !arguments.script.empty()) {
+    throw torquer::UsageError("--script and --replay exclude each other");
   }
+}
 
-  torquer::scene::Scene scene(scene_file);
+int Repeat(torquer::scene::Scene& scene, const std::string& log) {
+  const torquer::simulator::ReplayResult result = torquer::simulator::Replay(scene, log);
+  fmt::print("{} states repeated, {} differ\n", result.states, result.differing);
+  if (result.missing > 0) {
+    fmt::print("{} that were not recorded were repeated from what later ones say\n",
+               result.missing);
+  }
+  if (result.differing == 0) return torquer::kExitSuccess;
+  fmt::print("the first at tick {}\n", result.first_difference);
+  return torquer::kExitFailure;
+}
+
+int Run(const Arguments& arguments) {
+  if (arguments.list_effects) {
+    fmt::print("{}", torquer::effects::DescribeEffects());
+    return torquer::kExitSuccess;
+  }
+  if (arguments.list_keys) {
+    fmt::print(
+        "{}", arguments.markdown ? torquer::scene::KeysAsMarkdown() : torquer::scene::KeysAsText());
+    return torquer::kExitSuccess;
+  }
+  if (arguments.schema) {
+    fmt::print("{}", torquer::scene::KeysAsJsonSchema());
+    return torquer::kExitSuccess;
+  }
+  if (!arguments.explained.empty()) {
+    torquer::scene::Scene scene(arguments.explained);
+    const KeepField keep{scene};
+    fmt::print("{}", torquer::simulator::Explain(scene));
+    return torquer::kExitSuccess;
+  }
+  Check(arguments);
+  torquer::scene::Scene scene(arguments.scene);
   for (const std::string& finding : scene.vessel().findings) {
-    std::fprintf(stderr, "torquer-simulator: %s\n", finding.c_str());
+    fmt::print(stderr, "torquer-simulator: {}\n", finding);
   }
   const KeepField keep{scene};
-  if (!script.empty()) {
-    const int unconverged = torquer::simulator::RunScript(scene, script, outputs);
+  if (!arguments.script.empty()) {
+    const int unconverged =
+        torquer::simulator::RunScript(scene, arguments.script, arguments.outputs);
     if (unconverged > 0) {
-      std::fprintf(stderr, "torquer-simulator: %d rows ended before equilibrium (see residual)\n",
-                   unconverged);
+      fmt::print(stderr, "torquer-simulator: {} rows ended before equilibrium (see residual)\n",
+                 unconverged);
     }
-    return 0;
+    return torquer::kExitSuccess;
   }
-  if (!log.empty()) {
-    const torquer::simulator::ReplayResult result = torquer::simulator::Replay(scene, log);
-    std::printf("%lld states repeated, %lld differ\n", static_cast<long long>(result.states),
-                static_cast<long long>(result.differing));
-    if (result.missing > 0) {
-      std::printf("%lld that were not recorded were repeated from what later ones tell\n",
-                  static_cast<long long>(result.missing));
-    }
-    if (result.differing == 0) return 0;
-    std::printf("the first at tick %lld\n", static_cast<long long>(result.first_difference));
-    return 1;
-  }
-  return Live(scene, arguments.lcm_url, outputs.record, arguments.json);
+  if (!arguments.log.empty()) return Repeat(scene, arguments.log);
+  return Live(scene, arguments.url, arguments.outputs.record, arguments.json);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  torquer::Program program(
-      "torquer-simulator",
-      "Simulates a scene: live, where it follows instrument commands on the bus "
-      "and publishes wire states until SIGINT or SIGTERM, from a script, or "
-      "again from a log.");
-  program.Note(
-      "Exit status: 0, or 1 when a replay differs from its log, or 2 when something cannot be "
-      "used.");
+  torquer::Program program("torquer-simulator",
+                           "Simulates guidewires and catheters in the vessel of a scene.");
   Arguments arguments;
   Declare(program.options(), arguments);
   return program.Main(argc, argv, [&] { return Run(arguments); });

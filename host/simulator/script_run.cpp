@@ -1,11 +1,11 @@
 #include "host/simulator/script_run.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
@@ -13,25 +13,23 @@
 
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
-#include "host/simulator/session.h"
 #include "host/simulator/session_record.h"
-#include "host/simulator/whole_file.h"
+#include "host/simulator/simulation.h"
+#include "host/support/atomic_file.h"
 #include "host/support/csv_table.h"
 #include "host/support/error.h"
+#include "host/support/nearest_name.h"
 
 namespace torquer::simulator {
 
 namespace {
 
-nlohmann::json Describe(const Session& session, double time_s, double solve_us) {
-  const WireState& state = session.state();
+nlohmann::json Describe(const Simulation& simulation, double time_s, double solve_us) {
+  const WireState& state = simulation.state();
   nlohmann::json nodes = nlohmann::json::array();
-  for (const Eigen::Vector3d& x : state.nodes) nodes.push_back({x[0], x[1], x[2]});
-  const TickReport& report = session.report();
+  for (const Eigen::Vector3d& x : state.nodes()) nodes.push_back({x[0], x[1], x[2]});
+  const TickReport& report = simulation.report();
   nlohmann::json line = {{"time_s", time_s},
-                         {"insertion_mm", session.wire_insertion_mm()},
-                         {"rotation_rad", state.rotation_rad},
-                         {"carried_mm", report.carried_mm},
                          {"nodes_mm", std::move(nodes)},
                          {"energy_mJ", report.energy_mJ},
                          {"residual", report.residual},
@@ -39,90 +37,121 @@ nlohmann::json Describe(const Session& session, double time_s, double solve_us) 
                          {"iterations", report.iterations},
                          {"work", report.work},
                          {"solve_us", solve_us},
-                         {"state_hash", std::to_string(session.state_hash())},
-                         {"status", session.status()}};
-  if (const CoaxialPair* const coaxial = session.scene().coaxial()) {
-    line["catheter_insertion_mm"] =
-        std::min(coaxial->catheter_place().insertion_mm, state.insertion_mm);
-    line["catheter_rotation_rad"] = coaxial->catheter_place().rotation_rad;
+                         {"state_hash", std::to_string(simulation.state_hash())},
+                         {"status", simulation.status()}};
+  for (int k = 0; k < state.places().size(); ++k) {
+    const std::string& name = simulation.scene().instruments()[static_cast<std::size_t>(k)].name;
+    line[name + ".insertion_mm"] = state.places()[k].insertion_mm;
+    line[name + ".rotation_rad"] = state.places()[k].rotation_rad;
+    line[name + ".carried_mm"] = report.carried[k].insertion_mm;
+    line[name + ".carried_rad"] = report.carried[k].rotation_rad;
   }
-  for (const effects::Reading& reading : session.Readings()) line[reading.name] = reading.value;
+  for (const effects::Reading& reading : simulation.Readings()) line[reading.name] = reading.value;
   return line;
 }
 
-constexpr char kHandColumns[] = "time_s,insertion_mm,rotation_rad";
-constexpr char kArmColumns[] = ",lao_deg,cra_deg,xray,contrast";
-constexpr char kCatheterColumns[] = ",catheter_insertion_mm,catheter_rotation_rad";
-
-// What a script has beside the columns of the hand: its first line names it.
-struct Columns {
-  bool arm = false;
-  bool catheter = false;
-
-  std::string Header() const {
-    return std::string(kHandColumns) + (arm ? kArmColumns : "") +
-           (catheter ? kCatheterColumns : "");
+// Reads a script: a column for what changes, by name.
+class ScriptReader {
+ public:
+  ScriptReader(const std::string& script, const scene::Scene& scene)
+      : table_(ReadCsvTable(script)), scene_(scene) {
+    if (!table_.Find("time_s")) {
+      throw UserError(fmt::format("{}:{}: there is no column time_s; a script needs one", script,
+                                  table_.header_line));
+    }
+    for (std::size_t column = 0; column < table_.columns.size(); ++column) TakeColumn(column);
   }
-};
 
-Columns ColumnsOf(const std::string& script) {
-  std::ifstream in(script);
-  for (std::string line; std::getline(in, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    return {.arm = line.find("lao_deg") != std::string::npos,
-            .catheter = line.find("catheter_") != std::string::npos};
+  std::vector<Command> Read() const {
+    std::vector<Command> commands;
+    for (const CsvRow& row : table_.rows) {
+      commands.push_back(ReadRow(row));
+      if (commands.size() < 2 || commands.back().time_s > commands[commands.size() - 2].time_s) {
+        continue;
+      }
+      table_.Refuse(row, *table_.Find("time_s"), ", not after the row before; let times ascend");
+    }
+    return commands;
   }
-  return {};
-}
 
-std::vector<Command> ReadScript(const std::string& script, const scene::Scene& scene) {
-  const Columns columns = ColumnsOf(script);
-  if (columns.catheter && scene.coaxial() == nullptr) {
-    throw UserError(script + ": moves a catheter, but " + scene.path() +
-                    " has none; add [effects.catheter] or leave out its columns");
-  }
-  const std::string header = columns.Header();
-  const HandTarget start = scene.start();
-  const std::vector<CsvRow> rows = ReadCsv(script, header);
-  std::vector<Command> commands;
-  for (const CsvRow& row : rows) {
-    const auto refuse = [&](const std::string& column, std::size_t cell, const char* problem) {
-      throw UserError(script + ":" + std::to_string(row.line) + ": " + column + " is " +
-                      row.cells[cell] + problem);
+ private:
+  using Take = void (*)(double value, Command& command);
+  struct Column {
+    std::size_t index;
+    int instrument;  // -1: none's
+    double lowest;
+    double highest;
+    bool whole;
+    void (*take)(int instrument, double value, Command& command);
+  };
+
+  void TakeColumn(std::size_t index) {
+    constexpr double kRadPerDeg = std::numbers::pi / 180;
+    constexpr double kAny = 1e300;
+    const std::string& name = table_.columns[index];
+    std::vector<std::string> known = {"time_s", "lao_deg", "cra_deg", "xray", "contrast"};
+    const auto add = [&](int instrument, double lowest, double highest, bool whole, auto take) {
+      columns_.push_back({index, instrument, lowest, highest, whole, take});
     };
-    const auto number = [&](std::size_t column) { return CsvNumber(script, header, row, column); };
-    Command command;
-    command.sequence = static_cast<std::int64_t>(commands.size());
-    command.time_s = number(0);
-    command.target = start;
-    command.target.insertion_mm += number(1);
-    command.target.rotation_rad = number(2);
-    if (columns.catheter) {
-      const std::size_t at = columns.arm ? 7 : 3;
-      command.target.catheter_insertion_mm += number(at);
-      command.target.catheter_rotation_rad = number(at + 1);
+    if (name == "time_s") {
+      return add(-1, -kAny, kAny, false, [](int, double v, Command& c) { c.time_s = v; });
     }
-    if (!commands.empty() && !(command.time_s > commands.back().time_s)) {
-      refuse("time_s", 0, ", not after the row before; let times ascend");
+    if (name == "lao_deg") {
+      return add(-1, -180, 180, false,
+                 [](int, double v, Command& c) { c.controls.lao_rad = kRadPerDeg * v; });
     }
-    if (columns.arm) {
-      constexpr double kRadPerDeg = std::numbers::pi / 180;
-      const double angles[] = {number(3), number(4)};
-      for (std::size_t k = 0; k < 2; ++k) {
-        if (std::abs(angles[k]) <= 180) continue;
-        refuse(k == 0 ? "lao_deg" : "cra_deg", 3 + k, "; give -180 to 180");
+    if (name == "cra_deg") {
+      return add(-1, -180, 180, false,
+                 [](int, double v, Command& c) { c.controls.cra_rad = kRadPerDeg * v; });
+    }
+    if (name == "xray") {
+      return add(-1, 0, 1, true, [](int, double v, Command& c) { c.controls.xray = v == 1; });
+    }
+    if (name == "contrast") {
+      return add(-1, 0, 1, true, [](int, double v, Command& c) { c.controls.contrast = v == 1; });
+    }
+    for (std::size_t k = 0; k < scene_.instruments().size(); ++k) {
+      const std::string& instrument = scene_.instruments()[k].name;
+      if (name == instrument + ".insertion_mm") {
+        return add(static_cast<int>(k), -kAny, kAny, false,
+                   [](int i, double v, Command& c) { c.target[i].insertion_mm += v; });
       }
-      for (const std::size_t column : {std::size_t{5}, std::size_t{6}}) {
-        if (number(column) == 0 || number(column) == 1) continue;
-        refuse(column == 5 ? "xray" : "contrast", column, "; give 0 or 1");
+      if (name == instrument + ".rotation_rad") {
+        return add(static_cast<int>(k), -kAny, kAny, false,
+                   [](int i, double v, Command& c) { c.target[i].rotation_rad = v; });
       }
-      command.controls = {kRadPerDeg * angles[0], kRadPerDeg * angles[1], number(5) == 1,
-                          number(6) == 1};
+      known.push_back(instrument + ".insertion_mm");
+      known.push_back(instrument + ".rotation_rad");
     }
-    commands.push_back(command);
+    const std::string near = NearestName(name, known);
+    throw UserError(fmt::format("{}:{}: a script of {} has no column {}; {}it may have: {}",
+                                table_.path, table_.header_line, scene_.path(), name,
+                                near.empty() ? "" : "did you mean " + near + "? ",
+                                fmt::join(known, ", ")));
   }
-  return commands;
-}
+
+  Command ReadRow(const CsvRow& row) const {
+    Command command;
+    command.target = scene_.start();
+    for (const Column& column : columns_) {
+      const double value = table_.Number(row, column.index);
+      const bool in_range = value >= column.lowest && value <= column.highest;
+      if (column.whole && value != 0 && value != 1) {
+        table_.Refuse(row, column.index, "; give 0 or 1");
+      }
+      if (!in_range) {
+        table_.Refuse(row, column.index,
+                      fmt::format("; give {:g} to {:g}", column.lowest, column.highest));
+      }
+      column.take(column.instrument, value, command);
+    }
+    return command;
+  }
+
+  const CsvTable table_;
+  const scene::Scene& scene_;
+  std::vector<Column> columns_;
+};
 
 // One JSON object a row; a path of "" wants none.
 class StatesFile {
@@ -130,35 +159,33 @@ class StatesFile {
   explicit StatesFile(const std::string& path) {
     if (!path.empty()) file_.emplace(path);
   }
-  void Write(const Session& session, double time_s, double solve_us) {
-    if (file_) file_->out() << Describe(session, time_s, solve_us).dump() << '\n';
+  void Write(const Simulation& simulation, double time_s, double solve_us) {
+    if (file_) file_->out() << Describe(simulation, time_s, solve_us).dump() << '\n';
   }
   void Finish() {
     if (file_) file_->Finish();
   }
 
  private:
-  std::optional<WholeFile> file_;
+  std::optional<AtomicFile> file_;
 };
 
 class PictureFolder {
  public:
-  PictureFolder(const std::string& path, const Session& session) : path_(path) {
+  PictureFolder(const std::string& path, const Simulation& simulation) : path_(path) {
     if (path_.empty()) return;
-    if (session.image() == nullptr) {
-      throw UserError(session.scene().path() +
+    if (simulation.image() == nullptr) {
+      throw UserError(simulation.scene().path() +
                       ": has no X-ray picture to render; add [effects.fluoroscopy]");
     }
     std::error_code error;
     std::filesystem::create_directories(path_, error);
     if (error) throw UserError(path_ + ": cannot be made (" + error.message() + ")");
   }
-  void Write(const Session& session) {
-    if (path_.empty() || !session.picture_due()) return;
-    session.image()->Render(picture_);
-    char name[32];
-    std::snprintf(name, sizeof name, "/picture_%06d.png", ++count_);
-    WritePng(path_ + name, picture_);
+  void Write(const Simulation& simulation) {
+    if (path_.empty() || !simulation.picture_due()) return;
+    simulation.image()->Render(picture_);
+    WritePng(fmt::format("{}/picture_{:06}.png", path_, ++count_), picture_);
   }
 
  private:
@@ -167,33 +194,54 @@ class PictureFolder {
   int count_ = 0;
 };
 
+void WarnOfClamping(const scene::Scene& scene, const std::vector<Command>& commands) {
+  for (int k = 0; k < scene.stack().size(); ++k) {
+    const double longest_mm = scene.stack().instrument(k).max_length_mm();
+    double most_mm = 0;
+    for (const Command& command : commands) {
+      most_mm = std::max(most_mm, command.target[k].insertion_mm);
+    }
+    if (most_mm <= longest_mm) continue;
+    fmt::print(stderr,
+               "torquer-simulator: {} is commanded to {:g} mm past the entry point and is clamped "
+               "to its max_length_mm, {:g}\n",
+               scene.instruments()[static_cast<std::size_t>(k)].name, most_mm, longest_mm);
+  }
+}
+
 }  // namespace
+
+std::vector<Command> ReadScript(const std::string& script, const scene::Scene& scene) {
+  return ScriptReader(script, scene).Read();
+}
 
 int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs) {
   const std::vector<Command> commands = ReadScript(script, scene);
-  Session session(scene);
-  PictureFolder pictures(outputs.pictures, session);
+  WarnOfClamping(scene, commands);
+  Simulation simulation(scene);
+  PictureFolder pictures(outputs.pictures, simulation);
   StatesFile states(outputs.states);
   std::optional<SessionRecord> record;
-  if (!outputs.record.empty()) record.emplace(outputs.record, session);
+  if (!outputs.record.empty()) record.emplace(outputs.record, simulation);
   const double first_s = commands.empty() ? 0 : commands.front().time_s;
+  const bool terminal = isatty(fileno(stderr)) != 0;
   int unconverged = 0;
   for (std::size_t k = 0; k < commands.size(); ++k) {
     Command command = commands[k];
     command.time_s -= first_s;
     CountedBudget budget(scene.budget_units());
     const std::int64_t start_us = bus::MonotonicUs();
-    unconverged += !session.Tick(command, budget).converged;
+    unconverged += !simulation.Tick(command, budget).converged;
     const auto solve_us = static_cast<double>(bus::MonotonicUs() - start_us);
-    states.Write(session, commands[k].time_s, solve_us);
-    pictures.Write(session);
-    if (isatty(fileno(stderr)) != 0 && (k % 64 == 0 || k + 1 == commands.size())) {
-      std::fprintf(stderr, "\rrow %zu of %zu", k + 1, commands.size());
+    states.Write(simulation, commands[k].time_s, solve_us);
+    pictures.Write(simulation);
+    if (terminal && (k % 64 == 0 || k + 1 == commands.size())) {
+      fmt::print(stderr, "\rrow {} of {}", k + 1, commands.size());
     }
   }
-  if (isatty(fileno(stderr)) != 0) std::fprintf(stderr, "\n");
+  if (terminal) fmt::print(stderr, "\n");
   states.Finish();
-  if (record) record->Finish(session);
+  if (record) record->Finish(simulation);
   return unconverged;
 }
 

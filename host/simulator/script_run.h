@@ -2,8 +2,10 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "host/simulator/scene/scene.h"
+#include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
 
@@ -14,11 +16,13 @@ struct ScriptOutputs {
   std::string record = {};    ///< file of the session's record (session_record.h), as states
 };
 
-/// Runs the rows of `script`: CSV with the header time_s,insertion_mm,rotation_rad, absolute since
-/// the start, ascending times; if need be with lao_deg,cra_deg,xray,contrast, of which the last two
-/// are 0 or 1, and then, where the scene has a catheter, catheter_insertion_mm,
-/// catheter_rotation_rad. Returns the number of rows that did not converge.
-/// Throws UserError naming file, line, value and remedy.
+/// The rows of a script: CSV with a column time_s, ascending, and any of NAME.insertion_mm and
+/// NAME.rotation_rad of each instrument, absolute since the start, lao_deg, cra_deg, xray and
+/// contrast (0 or 1). Throws UserError naming file, line, value and remedy.
+std::vector<Command> ReadScript(const std::string& script, const scene::Scene& scene);
+
+/// Runs the rows of a script. Returns the number of rows that did not converge. Throws UserError
+/// as ReadScript, and naming an output that cannot be written.
 int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs);
 
 }  // namespace torquer::simulator

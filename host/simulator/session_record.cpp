@@ -9,9 +9,9 @@ namespace torquer::simulator {
 
 namespace {
 
-const std::string& NeedObserver(const std::string& path, const Session& session) {
-  if (session.Readings().empty()) {
-    throw UserError(session.scene().path() +
+const std::string& NeedObserver(const std::string& path, const Simulation& simulation) {
+  if (simulation.Readings().empty()) {
+    throw UserError(simulation.scene().path() +
                     ": has nothing to record; add [effects.assessment] or [effects.wall_force]");
   }
   return path;
@@ -19,10 +19,16 @@ const std::string& NeedObserver(const std::string& path, const Session& session)
 
 }  // namespace
 
-std::string FormatRecord(const Session& session) {
-  const scene::Scene& scene = session.scene();
+std::string FormatRecord(const Simulation& simulation) {
+  const scene::Scene& scene = simulation.scene();
+  nlohmann::ordered_json instruments = nlohmann::ordered_json::object();
+  for (std::size_t k = 0; k < scene.instruments().size(); ++k) {
+    const InstrumentPlace& place = simulation.state().places()[static_cast<int>(k)];
+    instruments[scene.instruments()[k].name] = {{"insertion_mm", place.insertion_mm},
+                                                {"rotation_rad", place.rotation_rad}};
+  }
   nlohmann::ordered_json readings;
-  for (const effects::Reading& reading : session.Readings()) {
+  for (const effects::Reading& reading : simulation.Readings()) {
     readings[reading.name] = reading.value;
   }
   const nlohmann::ordered_json record = {
@@ -32,20 +38,19 @@ std::string FormatRecord(const Session& session) {
       {"content_hash", Hex(scene.content_hash())},
       {"method", scene.method() == scene::Method::kPaper ? "paper" : "newton"},
       {"effects", scene.effect_names()},
-      {"ticks", session.tick()},
-      {"simulated_s", session.time_s()},
-      {"insertion_mm", session.state().insertion_mm},
-      {"rotation_rad", session.state().rotation_rad},
-      {"state_hash", Hex(session.state_hash())},
+      {"ticks", simulation.tick()},
+      {"simulated_s", simulation.time_s()},
+      {"instruments", std::move(instruments)},
+      {"state_hash", Hex(simulation.state_hash())},
       {"readings", std::move(readings)}};
   return record.dump(2) + "\n";
 }
 
-SessionRecord::SessionRecord(const std::string& path, const Session& session)
-    : file_(NeedObserver(path, session)) {}
+SessionRecord::SessionRecord(const std::string& path, const Simulation& simulation)
+    : file_(NeedObserver(path, simulation)) {}
 
-void SessionRecord::Finish(const Session& session) {
-  file_.out() << FormatRecord(session);
+void SessionRecord::Finish(const Simulation& simulation) {
+  file_.out() << FormatRecord(simulation);
   file_.Finish();
 }
 

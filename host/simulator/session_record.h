@@ -3,13 +3,13 @@
 
 #include <string>
 
-#include "host/simulator/session.h"
-#include "host/simulator/whole_file.h"
+#include "host/simulator/simulation.h"
+#include "host/support/atomic_file.h"
 
 namespace torquer::simulator {
 
 /// Version of the record's format: another meaning or another name of a field makes a new one.
-inline constexpr int kRecordVersion = 1;
+inline constexpr int kRecordVersion = 2;
 
 /// The record: what was simulated, how far it went, and every reading of the scene's observers, of
 /// which [effects.assessment] has the trainee's measures. Fields: host/simulator/effects/README.md.
@@ -17,16 +17,16 @@ class SessionRecord {
  public:
   /// Before the session runs: `path` is opened for writing, so that an hour is not lost.
   /// Throws UserError when it cannot be, or when the scene has no observer to record.
-  SessionRecord(const std::string& path, const Session& session);
+  SessionRecord(const std::string& path, const Simulation& simulation);
 
   /// Writes the record whole. Throws UserError when that fails.
-  void Finish(const Session& session);
+  void Finish(const Simulation& simulation);
 
  private:
-  WholeFile file_;
+  AtomicFile file_;
 };
 
 /// The same as text, with its line end.
-std::string FormatRecord(const Session& session);
+std::string FormatRecord(const Simulation& simulation);
 
 }  // namespace torquer::simulator

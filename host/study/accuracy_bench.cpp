@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "host/simulator/effects/friction.h"
+#include "host/simulator/effects/contact/friction.h"
 #include "host/simulator/vessel/brick_field.h"
 #include "host/study/cpu_time.h"
 #include "host/study/trilinear_field.h"
@@ -51,7 +51,7 @@ struct NewtonBench {
     TickReport report;
     for (int k = 0; k < 5 && !report.converged; ++k) {
       CountedBudget budget(kPlenty);
-      report = newton.Tick({state.insertion_mm, state.rotation_rad}, budget, state);
+      report = newton.Tick({state.insertion_mm(), state.rotation_rad()}, budget, state);
     }
     return report.converged;
   }
@@ -63,7 +63,7 @@ struct NewtonBench {
 
 // Advances by `stretch_mm` in actions of kFeedMm. Returns how many did not converge.
 int Advance(NewtonBench& bench, double stretch_mm, WireState& state) {
-  const HandTarget from{state.insertion_mm, state.rotation_rad};
+  const InstrumentPlace from = state.places()[0];
   const int actions = static_cast<int>(std::lround(stretch_mm / kFeedMm));
   int unconverged = 0;
   for (int k = 1; k <= actions; ++k) {
@@ -105,10 +105,10 @@ AccuracyBench::AccuracyBench(const std::string& scene_path, std::vector<double> 
   const std::unique_ptr<Relaxation> relaxation = scene_->MakeRelaxation();
   WireState state = scene_->MakeStart(*relaxation);
   for (const double place : places_mm_) {
-    assert(place >= state.insertion_mm);
-    while (state.insertion_mm < place) {
+    assert(place >= state.insertion_mm());
+    while (state.insertion_mm() < place) {
       CountedBudget budget(scene_->budget_units());
-      relaxation->Tick({std::min(place, state.insertion_mm + 0.5), 0}, budget, state);
+      relaxation->Tick({std::min(place, state.insertion_mm() + 0.5), 0}, budget, state);
     }
     approached_.push_back(state);
   }
@@ -128,7 +128,7 @@ const ClearanceField& AccuracyBench::Field(FieldKind kind, double voxel_mm) {
   std::unique_ptr<ClearanceField>& field =
       fields_[(kind == FieldKind::kSpline ? "spline" : "linear") + std::to_string(voxel_mm)];
   if (field != nullptr) return *field;
-  const scene::Vessel& vessel = scene_->vessel();
+  const vessel::Vessel& vessel = scene_->vessel();
   if (kind == FieldKind::kTrilinear) {
     field = std::make_unique<TrilinearField>(Field(FieldKind::kSpline, options_.finest_voxel_mm),
                                              voxel_mm);
@@ -237,7 +237,7 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
   double energy_mJ = 0;
   for (std::size_t place = 0; place < reference.start.size(); ++place) {
     WireState state = Recut(*model, reference.start[place]);
-    const HandTarget from{state.insertion_mm, state.rotation_rad};
+    const InstrumentPlace from = state.places()[0];
     NewtonBench bench(*model, field, Wall(c), Friction(c), c.tolerance);
     std::unique_ptr<PaperRelaxation> paper;
     Relaxation* relaxation = &bench.newton;
@@ -256,7 +256,8 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
     }
     for (int k = 1; k <= actions; ++k) {
       const double fed = step_mm * k;
-      const HandTarget target{from.insertion_mm + fed, from.rotation_rad + kTurnRadPerMm * fed};
+      const InstrumentPlaces target{from.insertion_mm + fed,
+                                    from.rotation_rad + kTurnRadPerMm * fed};
       const double start_s = ThreadCpuSeconds();
       TickReport report;
       if (c.method == AccuracyMethod::kNewtonBudget) {
@@ -282,7 +283,8 @@ AccuracyOutcome AccuracyBench::Measure(const AccuracyCase& c) {
         std::max(outcome.penetration_mm, DeepestPenetration(*model, field, state));
     const WireState& goal = reference.end[place];
     const WireDistance error = Compare(*model, state, *reference.model, goal);
-    if (error.max_mm > kAnotherBasinMm && std::abs(state.insertion_mm - goal.insertion_mm) < 1e-6 &&
+    if (error.max_mm > kAnotherBasinMm &&
+        std::abs(state.insertion_mm() - goal.insertion_mm()) < 1e-6 &&
         !InOneBasin(*model, field, {bench.wall.stiffness_N_mm2, 2}, state, Recut(*model, goal),
                     kAnotherBasinMm)) {
       ++outcome.basin_changes;

@@ -9,9 +9,9 @@ namespace torquer::study {
 namespace {
 
 // In the order of the legend.
-const std::vector<std::string> kGroups = {"newton, 2.5 mm", "newton, 1 mm",       "newton, 0.4 mm",
-                                          "newton, 0.2 mm", "newton, for a time", "paper: tip only",
-                                          "paper: PR",      "paper: PR + GR"};
+constexpr const char* kGroups[] = {"newton, 2.5 mm", "newton, 1 mm",       "newton, 0.4 mm",
+                                   "newton, 0.2 mm", "newton, for a time", "paper: tip only",
+                                   "paper: PR",      "paper: PR + GR"};
 
 std::string GroupOf(const AccuracyCase& c) {
   switch (c.method) {
@@ -38,7 +38,7 @@ Plot DrawFront(const std::string& title, const std::vector<FrontPoint>& points) 
     front.y.push_back(point.error_mm);
   }
   plot.series.push_back(front);
-  for (const std::string& group : kGroups) {
+  for (const std::string group : kGroups) {
     Series series{group, Mark::kPoints, {}, {}};
     for (const FrontPoint& point : points) {
       if (point.group != group) continue;
@@ -232,19 +232,7 @@ void SayDigit(StudyRun& run, const AccuracyResults& results) {
   run.Show(table);
 }
 
-}  // namespace
-
-std::vector<FrontPoint> ParetoFront(std::vector<FrontPoint> points) {
-  std::sort(points.begin(), points.end(),
-            [](const FrontPoint& a, const FrontPoint& b) { return a.ms_per_mm < b.ms_per_mm; });
-  std::vector<FrontPoint> front;
-  for (const FrontPoint& point : points) {
-    if (front.empty() || point.error_mm < front.back().error_mm) front.push_back(point);
-  }
-  return front;
-}
-
-void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
+void ReportFront(StudyRun& run, const AccuracyResults& results) {
   run.Section("Error against time");
   const std::vector<FrontPoint> all =
       OverScenes(PointsOf(results.measured.begin()->second), results.measured);
@@ -263,7 +251,10 @@ void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
   }
   run.ShowFirst(front);
   SayDigit(run, results);
+}
 
+// What one setting after the other does, all else as by default.
+void ReportLadders(StudyRun& run, const AccuracyResults& results) {
   run.Section("Tolerance");
   const Ladder tolerances = Tolerances(results);
   const Axis tolerance_axis{"tolerance of the residual, 1/mm", true};
@@ -286,46 +277,53 @@ void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
                          {"budget of an action, us", true}, {"mean error, mm", true}, results,
                          budgets.x, budgets.names, ErrorOf),
            "Cut short, a tick leaves residual and motion to the next one.");
+}
 
-  for (const AccuracyAxis& axis : results.axes) {
-    run.Section(axis.title);
-    std::vector<std::string> names;
-    for (const AccuracyCase& c : axis.cases) names.push_back(c.name);
-    if (!axis.x.empty()) {
-      run.Draw(LinesOfScenes(axis.title, {axis.x_label}, {"mean error, mm", true}, results, axis.x,
-                             names, ErrorOf),
-               "All else as by default.");
-    } else {
-      Plot plot{axis.title, {"ms for a millimeter of motion", true}, {"mean error, mm", true}, {}};
-      std::set<std::string> named;
-      for (const std::string& name : names) {
-        Series series{name, Mark::kPoints, {}, {}};
-        for (const auto& [scene, cases] : results.measured) {
-          const AccuracyOutcome* outcome = Find(cases, name);
-          if (outcome == nullptr) continue;
-          series.x.push_back(outcome->MsPerMm());
-          series.y.push_back(outcome->error_mean_mm);
-          series.notes.push_back(scene);
-          if (std::isfinite(outcome->error_mean_mm) && named.insert(scene).second) {
-            plot.callouts.push_back({outcome->MsPerMm(), outcome->error_mean_mm, scene});
-          }
-        }
-        plot.series.push_back(std::move(series));
-      }
-      run.Draw(
-          plot,
-          "One point a scene; the first setting that stayed in its basin has the scene's name.");
-    }
+// One point a scene and setting.
+Plot PointsOfScenes(const std::string& title, const AccuracyResults& results,
+                    const std::vector<std::string>& names) {
+  Plot plot{title, {"ms for a millimeter of motion", true}, {"mean error, mm", true}, {}};
+  std::set<std::string> named;
+  for (const std::string& name : names) {
+    Series series{name, Mark::kPoints, {}, {}};
     for (const auto& [scene, cases] : results.measured) {
-      Table table{axis.title + ", " + scene, Header(), {}};
-      for (const std::string& name : names) {
-        const AccuracyOutcome* outcome = Find(cases, name);
-        if (outcome != nullptr) table.rows.push_back(Row(name, *outcome));
+      const AccuracyOutcome* outcome = Find(cases, name);
+      if (outcome == nullptr) continue;
+      series.x.push_back(outcome->MsPerMm());
+      series.y.push_back(outcome->error_mean_mm);
+      series.notes.push_back(scene);
+      if (std::isfinite(outcome->error_mean_mm) && named.insert(scene).second) {
+        plot.callouts.push_back({outcome->MsPerMm(), outcome->error_mean_mm, scene});
       }
-      run.Show(table);
     }
+    plot.series.push_back(std::move(series));
   }
+  return plot;
+}
 
+void ReportAxis(StudyRun& run, const AccuracyResults& results, const AccuracyAxis& axis) {
+  run.Section(axis.title);
+  std::vector<std::string> names;
+  for (const AccuracyCase& c : axis.cases) names.push_back(c.name);
+  if (!axis.x.empty()) {
+    run.Draw(LinesOfScenes(axis.title, {axis.x_label}, {"mean error, mm", true}, results, axis.x,
+                           names, ErrorOf),
+             "All else as by default.");
+  } else {
+    run.Draw(PointsOfScenes(axis.title, results, names),
+             "One point a scene; the first setting that stayed in its basin has the scene's name.");
+  }
+  for (const auto& [scene, cases] : results.measured) {
+    Table table{axis.title + ", " + scene, Header(), {}};
+    for (const std::string& name : names) {
+      const AccuracyOutcome* outcome = Find(cases, name);
+      if (outcome != nullptr) table.rows.push_back(Row(name, *outcome));
+    }
+    run.Show(table);
+  }
+}
+
+void ReportScenes(StudyRun& run, const AccuracyResults& results) {
   for (const auto& [scene, cases] : results.measured) {
     run.Section(scene);
     run.Draw(DrawFront("Error against time, " + scene, PointsOf(cases)),
@@ -336,6 +334,9 @@ void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
     }
     run.Show(table);
   }
+}
+
+void SayLeftOut(StudyRun& run, const AccuracyResults& results) {
   std::string left_out;
   for (const auto& [name, scenes] : results.left_out) {
     left_out += (left_out.empty() ? "" : "; ") + name + " (";
@@ -343,6 +344,26 @@ void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
     left_out += ")";
   }
   if (!left_out.empty()) run.Say("Left out, because they would take too long: " + left_out + ".");
+}
+
+}  // namespace
+
+std::vector<FrontPoint> ParetoFront(std::vector<FrontPoint> points) {
+  std::sort(points.begin(), points.end(),
+            [](const FrontPoint& a, const FrontPoint& b) { return a.ms_per_mm < b.ms_per_mm; });
+  std::vector<FrontPoint> front;
+  for (const FrontPoint& point : points) {
+    if (front.empty() || point.error_mm < front.back().error_mm) front.push_back(point);
+  }
+  return front;
+}
+
+void ReportAccuracy(StudyRun& run, const AccuracyResults& results) {
+  ReportFront(run, results);
+  ReportLadders(run, results);
+  for (const AccuracyAxis& axis : results.axes) ReportAxis(run, results, axis);
+  ReportScenes(run, results);
+  SayLeftOut(run, results);
 }
 
 }  // namespace torquer::study

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "host/simulator/session.h"
+#include "host/simulator/simulation.h"
 
 namespace torquer::study {
 
@@ -18,15 +18,15 @@ class EffectDrive {
 
   /// Fast, to where `ticks` feeds end at 250 mm.
   void Insert(int ticks) {
-    while (command_.target.insertion_mm < kLengthMm - ticks * 0.17 / 3) {
-      command_.target.insertion_mm += 0.5;
+    while (command_.target[0].insertion_mm < kLengthMm - ticks * 0.17 / 3) {
+      command_.target[0].insertion_mm += 0.5;
       Tick();
     }
   }
   /// One feed.
   TickReport Feed() {
     constexpr double kFeeds[] = {0.02, 0.05, 0.1};
-    command_.target.insertion_mm += kFeeds[feeds_++ % 3];
+    command_.target[0].insertion_mm += kFeeds[feeds_++ % 3];
     return Tick();
   }
 
@@ -39,7 +39,7 @@ class EffectDrive {
   }
 
   scene::Scene& scene_;
-  simulator::Session session_;
+  simulator::Simulation session_;
   simulator::Command command_;
   int feeds_ = 0;
 };

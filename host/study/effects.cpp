@@ -17,6 +17,7 @@
 #include "host/study/effect_drive.h"
 #include "host/study/instruction_count.h"
 #include "host/support/error.h"
+#include "host/support/machine.h"
 
 namespace torquer::study {
 namespace {
@@ -26,43 +27,52 @@ using Names = std::vector<std::string>;
 // A wire of 250 segments in the phantom, for all cases alike.
 constexpr char kScene[] = R"(name = "effects"
 [vessel]
-kind = "phantom"
-phantom = "ty"
+kind = "ty_phantom"
 wall_stiffness_N_mm2 = 0.01
 [entry]
 centerline = "main"
 at_mm = 1
-[wire]
-segment_mm = 1
+[[instrument]]
 max_length_mm = 270
-tip_mm = 10
-)";
-// Feeds whose instructions are counted: each takes some 5 ms.
-constexpr int kCounted = 60;
-constexpr int kCountedQuick = 15;
-
-constexpr char kPlainWire[] = R"(radius_mm = 0.178
-tip_angle_deg = 30
+radius_mm = 0.178
 rigidity_N_mm2 = 6.35e-3
+tip_mm = 10
+tip_angle_deg = 30
+linear_density_g_m = 0.7
 )";
-
-// What a scene would say to have the effect, as it does here. Friction's is the paper's vessel.
-const std::map<std::string, std::string>& Tables() {
-  static const std::map<std::string, std::string> tables = {
-      {"sections", R"([effects.sections]
-from_tip_mm = [0, 10.5, 10.5, 300]
-rigidities_N_mm2 = [6.35e-3]
-radii_mm = [0.178]
-curvatures_1_per_mm = [0.0524, 0.0524, 0, 0]
-)"},
-      {"torsion", "[effects.torsion]\n"},
-      {"catheter", R"([effects.catheter]
+// What lies around it, where a case has more than one instrument: they pay for sliding in each
+// other.
+constexpr const char* kAround[] = {R"([[instrument]]
+name = "microcatheter"
 max_length_mm = 250
 inserted_at_start_mm = 150
 inner_radius_mm = 0.3
 radius_mm = 0.5
 rigidity_N_mm2 = 0.02
-)"},
+)",
+                                   R"([[instrument]]
+name = "guiding_catheter"
+max_length_mm = 100
+inserted_at_start_mm = 80
+inner_radius_mm = 0.6
+radius_mm = 0.9
+rigidity_N_mm2 = 0.05
+)"};
+// Feeds whose instructions are counted: each takes some 5 ms.
+constexpr int kCounted = 60;
+constexpr int kCountedQuick = 15;
+
+// A scene that is measured.
+struct Case {
+  Names effects;
+  int instruments = 1;
+  bool operator==(const Case&) const = default;
+};
+
+// What a scene would say to have the effect, as it does here. Friction's is the paper's vessel.
+const std::map<std::string, std::string>& Tables() {
+  static const std::map<std::string, std::string> tables = {
+      {"torsion", "[effects.torsion]\n"},
       {"friction", "[effects.friction]\ncoefficient = 0.1\n"},
       {"compliance", R"([effects.compliance]
 [[effects.compliance.region]]
@@ -72,7 +82,7 @@ to_mm = 130
 radius_mm = 6
 factor = 20
 )"},
-      {"gravity", "[effects.gravity]\nlinear_density_g_m = 0.7\n"},
+      {"gravity", "[effects.gravity]\n"},
       {"point_load", R"([effects.point_load]
 force_mN = 0.01
 force_direction = [0, 0, 1]
@@ -108,11 +118,10 @@ rate_per_min = 70
   return tables;
 }
 
-std::string SceneWith(const Names& names) {
+std::string SceneWith(const Case& one) {
   std::string text = kScene;
-  const bool shaped = std::find(names.begin(), names.end(), "sections") != names.end();
-  if (!shaped) text += kPlainWire;
-  for (const std::string& name : names) text += Tables().at(name);
+  for (int k = 1; k < one.instruments; ++k) text += kAround[k - 1];
+  for (const std::string& name : one.effects) text += Tables().at(name);
   return text;
 }
 
@@ -122,7 +131,7 @@ Names WithNeeds(const Names& names) {
   for (bool grown = true; grown;) {
     grown = false;
     for (const effects::EffectKind& kind : effects::AllEffects()) {
-      if (wanted.count(kind.name) != 0 && *kind.needs != 0) {
+      if (wanted.count(kind.name) != 0 && !kind.needs.empty()) {
         grown = wanted.insert(kind.needs).second || grown;
       }
     }
@@ -134,10 +143,11 @@ Names WithNeeds(const Names& names) {
   return all;
 }
 
-std::string Joined(const Names& names) {
+std::string NameOf(const Case& one) {
   std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : "+") + name;
-  return text;
+  if (one.instruments > 1) text = std::to_string(one.instruments) + " instruments";
+  for (const std::string& name : one.effects) text += (text.empty() ? "" : "+") + name;
+  return text.empty() ? "none" : text;
 }
 
 struct Price {
@@ -190,6 +200,99 @@ std::vector<Names> ShippedPairs(const std::string& scenes) {
   return {pairs.begin(), pairs.end()};
 }
 
+// No effect, more instruments, each effect, the pairs that shipped scenes have, and all but
+// torsion, which several instruments exclude.
+std::vector<Case> Cases(const std::string& scenes) {
+  std::vector<Case> cases = {{}};
+  for (std::size_t k = 0; k < std::size(kAround); ++k) {
+    cases.push_back({{}, static_cast<int>(k) + 2});
+  }
+  Case all{{}, 2};
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    cases.push_back({WithNeeds({kind.name})});
+    if (kind.shape == nullptr) all.effects.push_back(kind.name);
+  }
+  for (const Names& pair : ShippedPairs(scenes)) {
+    Case whole{WithNeeds(pair)};
+    if (std::find(cases.begin(), cases.end(), whole) == cases.end()) {
+      cases.push_back(std::move(whole));
+    }
+  }
+  cases.push_back(std::move(all));
+  return cases;
+}
+
+std::string CaseName(const std::vector<Case>& cases, std::size_t k) {
+  return k + 1 == cases.size() ? "all" : NameOf(cases[k]);
+}
+
+std::vector<std::string> WriteScenes(const std::vector<Case>& cases, const std::string& folder) {
+  std::vector<std::string> files;
+  for (const Case& one : cases) {
+    files.push_back(folder + "/" + std::to_string(files.size()) + ".toml");
+    std::ofstream(files.back()) << SceneWith(one);
+  }
+  return files;
+}
+
+std::vector<Price> MeasureAll(StudyRun& run, const std::vector<Case>& cases,
+                              const std::vector<std::string>& files) {
+  // The first run builds what the library builds once.
+  Measure(files[0], 50);
+  std::vector<Price> prices;
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    run.Progress(CaseName(cases, k), static_cast<double>(k) / static_cast<double>(files.size()));
+    prices.push_back(Measure(files[k], run.quick() ? 100 : 1000));
+  }
+  return prices;
+}
+
+void RecordPrice(StudyRun& run, const std::string& name, const Price& price, const Price& none,
+                 const InstructionCounts& counts, std::size_t k) {
+  run.Record(name, "tick_ms_p50", price.tick_ms_p50, "ms");
+  run.Record(name, "tick_ms_p99", price.tick_ms_p99, "ms");
+  if (!counts.per_tick.empty()) run.Record(name, "instructions", counts.per_tick[k], "");
+  run.Record(name, "heap_bytes", price.heap_bytes - none.heap_bytes, "B");
+  run.Record(name, "residual", price.residual, "");
+  run.Record(name, "unconverged", price.unconverged, "");
+}
+
+Table PriceTable(const std::vector<Case>& cases, const std::vector<Price>& prices,
+                 const InstructionCounts& counts) {
+  Table table{"A tick that feeds 0.02 to 0.1 mm, n = 250, in the T-Y phantom; thread-CPU time",
+              {"effects", "median ms", "p99 ms", "of none", "instructions, 1000", "heap kB",
+               "residual", "unconverged"},
+              {}};
+  const Price& none = prices[0];
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    const Price& price = prices[k];
+    table.rows.push_back(
+        {CaseName(cases, k), Number(price.tick_ms_p50), Number(price.tick_ms_p99),
+         Number(price.tick_ms_p50 / none.tick_ms_p50),
+         counts.per_tick.empty() ? "-" : std::to_string(std::lround(counts.per_tick[k] / 1000)),
+         Number((price.heap_bytes - none.heap_bytes) / 1024), Number(price.residual),
+         std::to_string(price.unconverged)});
+  }
+  return table;
+}
+
+// One row a case; the effects alone suffice to see.
+Plot PricePlot(const std::vector<Case>& cases, const std::vector<Price>& prices) {
+  Plot plot{"A tick by effects",
+            {"median of a tick, us", true},
+            {"", false},
+            {Series{"", Mark::kPoints, {}, {}}}};
+  plot.height = 560;
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    if (k > effects::AllEffects().size() + std::size(kAround) && k + 1 < cases.size()) continue;
+    const double row = -static_cast<double>(plot.callouts.size());
+    plot.series[0].x.push_back(1e3 * prices[k].tick_ms_p50);
+    plot.series[0].y.push_back(row);
+    plot.callouts.push_back({1e3 * prices[k].tick_ms_p50, row, CaseName(cases, k)});
+  }
+  return plot;
+}
+
 class EffectsStudy final : public Study {
  public:
   std::string name() const override { return "effects"; }
@@ -206,89 +309,34 @@ class EffectsStudy final : public Study {
     if (!std::filesystem::is_directory(scenes_)) {
       throw UserError("--scenes " + scenes_ + ": there is no such folder; give that of the scenes");
     }
+    const std::vector<Case> cases = Cases(scenes_);
+    run.Say(DescribeMachine());
     const std::string folder =
         (std::filesystem::temp_directory_path() / ("torquer-effects-" + std::to_string(getpid())))
             .string();
     std::filesystem::create_directories(folder);
-    std::vector<Names> cases = {{}};
-    Names all;
-    for (const effects::EffectKind& kind : effects::AllEffects()) {
-      cases.push_back(WithNeeds({kind.name}));
-      const auto excludes = [&kind](const effects::EffectKind& other) {
-        return std::string(kind.name) == other.excludes;
-      };
-      const std::vector<effects::EffectKind>& kinds = effects::AllEffects();
-      if (std::none_of(kinds.begin(), kinds.end(), excludes)) all.emplace_back(kind.name);
-    }
-    for (Names& pair : ShippedPairs(scenes_)) {
-      Names whole = WithNeeds(pair);
-      if (std::find(cases.begin(), cases.end(), whole) == cases.end()) {
-        cases.push_back(std::move(whole));
-      }
-    }
-    cases.push_back(all);
-
-    run.Say(DescribeMachine());
-    const int ticks = run.quick() ? 100 : 1000;
-    std::vector<std::string> files;
-    for (const Names& names : cases) {
-      files.push_back(folder + "/" + std::to_string(files.size()) + ".toml");
-      std::ofstream(files.back()) << SceneWith(names);
-    }
+    const std::vector<std::string> files = WriteScenes(cases, folder);
     run.Progress("instructions", 0);
     const InstructionCounts counts =
         CountInstructions(files, run.quick() ? kCountedQuick : kCounted, folder);
-    Table table{"A tick that feeds 0.02 to 0.1 mm, n = 250, in the T-Y phantom; thread-CPU time",
-                {"effects", "median ms", "p99 ms", "of none", "instructions, 1000", "heap kB",
-                 "residual", "unconverged"},
-                {}};
-    // One row a case; the effects alone suffice to see.
-    Plot plot{"A tick by effects",
-              {"median of a tick, us", true},
-              {"", false},
-              {Series{"", Mark::kPoints, {}, {}}}};
-    plot.height = 560;
-    Price none;
-    for (std::size_t k = 0; k < cases.size(); ++k) {
-      const bool is_all = k + 1 == cases.size();
-      const std::string case_name = k == 0 ? "none" : is_all ? "all" : Joined(cases[k]);
-      run.Progress(case_name, static_cast<double>(k) / static_cast<double>(cases.size()));
-      // The first run builds what the library builds once.
-      if (k == 0) Measure(files[k], 50);
-      const Price price = Measure(files[k], ticks);
-      if (k == 0) none = price;
-      run.Record(case_name, "tick_ms_p50", price.tick_ms_p50, "ms");
-      run.Record(case_name, "tick_ms_p99", price.tick_ms_p99, "ms");
-      if (!counts.per_tick.empty()) {
-        run.Record(case_name, "instructions", counts.per_tick[k], "");
-      }
-      run.Record(case_name, "heap_bytes", price.heap_bytes - none.heap_bytes, "B");
-      run.Record(case_name, "residual", price.residual, "");
-      run.Record(case_name, "unconverged", price.unconverged, "");
-      table.rows.push_back(
-          {case_name, Number(price.tick_ms_p50), Number(price.tick_ms_p99),
-           Number(price.tick_ms_p50 / none.tick_ms_p50),
-           counts.per_tick.empty() ? "-" : std::to_string(std::lround(counts.per_tick[k] / 1000)),
-           Number((price.heap_bytes - none.heap_bytes) / 1024), Number(price.residual),
-           std::to_string(price.unconverged)});
-      if (k <= effects::AllEffects().size() || is_all) {
-        const double row = -static_cast<double>(plot.callouts.size());
-        plot.series[0].x.push_back(1e3 * price.tick_ms_p50);
-        plot.series[0].y.push_back(row);
-        plot.callouts.push_back({1e3 * price.tick_ms_p50, row, case_name});
-      }
-    }
+    const std::vector<Price> prices = MeasureAll(run, cases, files);
     std::filesystem::remove_all(folder);
+    for (std::size_t k = 0; k < cases.size(); ++k) {
+      RecordPrice(run, CaseName(cases, k), prices[k], prices[0], counts, k);
+    }
     run.Section("The price list");
-    run.Show(table);
+    run.Show(PriceTable(cases, prices, counts));
     run.Say(
-        "Heap: what scene and session hold more than without any effect. An effect that another "
+        "Heap: what scene and simulation hold more than without any effect. An effect that another "
         "needs is in its row too. What a scene does not name is not made: no memory, no "
-        "instruction (tests/effects_cost).");
+        "instruction (tests/effects/cost).");
     run.Say(counts.problem.empty()
                 ? "Instructions: the mean of a tick, counted by callgrind; the same on every run."
                 : "Instructions are not counted: " + counts.problem + ".");
-    run.Draw(plot, "From above: no effect, each alone (with what it needs), all of them.");
+    run.Draw(
+        PricePlot(cases, prices),
+        "From above: no effect, two and three instruments, each effect alone (with what it needs), "
+        "all of them.");
     return true;
   }
 

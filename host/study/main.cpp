@@ -11,6 +11,7 @@
 #include "host/study/scaling.h"
 #include "host/study/study.h"
 #include "host/study/torture.h"
+#include "host/study/trace.h"
 #include "host/support/program.h"
 
 namespace torquer::study {
@@ -24,6 +25,7 @@ std::vector<std::unique_ptr<Study>> AllStudies() {
   studies.push_back(MakePaperStudy());
   studies.push_back(MakeScalingStudy());
   studies.push_back(MakeTortureStudy());
+  studies.push_back(MakeTraceStudy());
   return studies;
 }
 

@@ -46,7 +46,7 @@ int PaperBench::full_segments() const {
 void PaperBench::SetShape(const WireState& other) {
   assert(other.segments() == full_segments());
   state_ = other;
-  TransportNormals(model_, state_);
+  state_.UntwistFrames(model_);
   physical_.Restart(state_);
 }
 
@@ -98,7 +98,7 @@ PaperBench::Bouncing PaperBench::Observe(int cycles) {
       for (int i = n - 1; i >= n - k; --i) seen.mean_update[i] += physical_.Update(i, state_);
       for (int j = 1; j <= n; ++j) {
         seen.contact_share[j] +=
-            phantom_.field->Clearance(state_.nodes[j]) < model_.radius_mm(n - j);
+            phantom_.field->Clearance(state_.nodes()[j]) < model_.radius_mm(n - j);
       }
     }
   }
@@ -116,23 +116,23 @@ WireState PaperBench::Equilibrium(bool* converged) {
   TickReport report;
   for (int tick = 0; tick < 20 && !report.converged; ++tick) {
     CountedBudget budget(1000);
-    report = newton.Tick({state.insertion_mm, 0}, budget, state);
+    report = newton.Tick({state.insertion_mm(), 0}, budget, state);
   }
   if (converged != nullptr) *converged = report.converged;
   return state;
 }
 
 const Expansion& PaperBench::Assess() {
-  mechanics_.ForgetLookups();
+  mechanics_.points().Forget();
   mechanics_.ExpandGradient(state_, expansion_);
   return expansion_;
 }
 
 double MeanDistance(const WireState& a, const WireState& b) {
-  assert(a.nodes.size() == b.nodes.size());
+  assert(a.nodes().size() == b.nodes().size());
   double sum = 0;
-  for (std::size_t i = 0; i < a.nodes.size(); ++i) sum += (a.nodes[i] - b.nodes[i]).norm();
-  return sum / static_cast<double>(a.nodes.size());
+  for (std::size_t i = 0; i < a.nodes().size(); ++i) sum += (a.nodes()[i] - b.nodes()[i]).norm();
+  return sum / static_cast<double>(a.nodes().size());
 }
 
 }  // namespace torquer::study

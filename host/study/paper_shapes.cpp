@@ -12,12 +12,10 @@ namespace {
 
 constexpr double kAngledTip = std::numbers::pi / 4;
 
-// Fig. 16.
-void MeasureBouncing(PaperPart& part) {
-  part.run.Section("Contact with the wall (4.4, Fig. 16)");
-  // Only the first wall is the phantom's; how the updates grow with its stiffness tells whence.
+// Fig. 16: contacts at each stiffness of the wall; those of the first, the phantom's, are drawn.
+PaperBench::Bouncing MeasureWalls(PaperPart& part, int settle) {
+  // How the updates grow with the wall's stiffness shows where they come from.
   constexpr double kWalls[] = {0.01, 0.1, 1};
-  const int settle = part.run.quick() ? 40 : 100;
   PaperBench::Bouncing seen;
   Table table{"Bouncing and the wall's stiffness, n = 250",
               {"wall, N/mm^2", "largest mean |du|", "of segment", "contacts at a time"},
@@ -49,10 +47,13 @@ void MeasureBouncing(PaperPart& part) {
         {Number(wall), Number(*largest), std::to_string(segment), Number(contacts)});
     if (wall == kWalls[0]) seen = std::move(now);
   }
+  return seen;
+}
+
+void DrawContacts(PaperPart& part, const PaperBench::Bouncing& seen, int settle) {
   const double touched = static_cast<double>(std::count_if(
       seen.contact_share.begin(), seen.contact_share.end(), [](double s) { return s > 0; }));
   part.run.Record("figure16/wall=0.01", "nodes_ever_in_contact", touched, "");
-
   Plot contacts;
   contacts.title = "Time in contact (Fig. 16)";
   contacts.x.label = "node";
@@ -68,6 +69,9 @@ void MeasureBouncing(PaperPart& part) {
                               " cycles at n = 250 and 0.01 N/mm^2: " + Number(touched) +
                               " nodes are ever in contact, most of them now and then, as in the "
                               "paper.");
+}
+
+void DrawUpdates(PaperPart& part, const PaperBench::Bouncing& seen) {
   Plot updates;
   updates.title = "Mean update of the unit vectors in a PR cycle (Fig. 16)";
   updates.x.label = "segment";
@@ -83,6 +87,14 @@ void MeasureBouncing(PaperPart& part) {
                 "Updates drop past every contact, whose force is in the sum (9) no more. "
                 "They never come to rest: a PR step takes the bending's stiffness for the "
                 "whole, so where k lambda^3 N > 4 EI/lambda it overshoots.");
+}
+
+void MeasureBouncing(PaperPart& part) {
+  part.run.Section("Contact with the wall (4.4, Fig. 16)");
+  const int settle = part.run.quick() ? 40 : 100;
+  const PaperBench::Bouncing seen = MeasureWalls(part, settle);
+  DrawContacts(part, seen, settle);
+  DrawUpdates(part, seen);
 }
 
 // Fig. 17.
@@ -126,7 +138,7 @@ Angles AnglesOf(const WireModel& model, const WireState& state) {
   int count = 0;
   for (int i = 1; i < state.segments(); ++i) {
     if (state.segments() - i < model.first_straight_joint()) break;
-    const double chord = (state.tangents[i] - state.tangents[i - 1]).norm();
+    const double chord = (state.tangents()[i] - state.tangents()[i - 1]).norm();
     const double theta = 2 * std::asin(std::min(1.0, chord / 2)) * 180 / std::numbers::pi;
     angles.mean += theta;
     angles.largest = std::max(angles.largest, theta);
@@ -137,6 +149,55 @@ Angles AnglesOf(const WireModel& model, const WireState& state) {
 }
 
 // 4.5: relaxed with g1 and, from the same shape, with the predecessor's g2 and signed denominator.
+struct LawComparison {
+  int cycles = 0;
+  double distance_mm = 0;     // of the wires with g1 and g2
+  double predecessor_mm = 0;  // of g1 from g2 with the signed denominator
+  double restless_mm = 0;     // of the wire with g1 from itself, a quarter of the cycles before
+  double equilibria_mm = 0;   // of Newton's equilibria with g1 and g2
+  Angles angles;
+};
+
+LawComparison CompareLaws(PaperPart& part, double lambda, double progress) {
+  const bool quick = part.run.quick();
+  const int settle = lambda < 1 ? (quick ? 8 : 60) : 100;
+  LawComparison result;
+  result.cycles = lambda < 1 ? (quick ? 4 : 40) : (quick ? 40 : 200);
+  PhysicalSettings signed_unbounded;
+  signed_unbounded.rule = UpdateRule::kSigned;
+  signed_unbounded.max_update = std::numeric_limits<double>::infinity();
+  PaperBench ours(part.phantom, {.segment_mm = lambda, .tip_angle_rad = kAngledTip});
+  PaperBench other_law(part.phantom,
+                       {.segment_mm = lambda, .tip_angle_rad = kAngledTip, .law = BendingLaw::kG2});
+  PaperBench theirs(part.phantom, {.segment_mm = lambda,
+                                   .tip_angle_rad = kAngledTip,
+                                   .law = BendingLaw::kG2,
+                                   .physical = signed_unbounded});
+  ours.InsertFast();
+  for (int c = 0; c < settle; ++c) {
+    part.run.Progress("g1 and g2 at " + CaseOf(lambda), progress + 0.01 * c / settle);
+    ours.Cycle(true);
+  }
+  other_law.SetShape(ours.state());
+  theirs.SetShape(ours.state());
+  WireState before = ours.state();
+  for (int c = 0; c < result.cycles; ++c) {
+    part.run.Progress("g1 and g2 at " + CaseOf(lambda), progress + 0.01 + 0.02 * c / result.cycles);
+    if (c == result.cycles - result.cycles / 4) before = ours.state();
+    ours.Cycle(false);
+    other_law.Cycle(false);
+    theirs.Cycle(false);
+  }
+  result.distance_mm = MeanDistance(ours.state(), other_law.state());
+  result.predecessor_mm = MeanDistance(ours.state(), theirs.state());
+  result.restless_mm = MeanDistance(ours.state(), before);
+  result.angles = AnglesOf(ours.model(), ours.state());
+  const WireState equilibrium = ours.Equilibrium(nullptr);
+  other_law.SetShape(equilibrium);
+  result.equilibria_mm = MeanDistance(equilibrium, other_law.Equilibrium(nullptr));
+  return result;
+}
+
 void CompareEquilibria(PaperPart& part) {
   struct Paper {
     double distance, mean_deg, largest_deg;
@@ -146,58 +207,23 @@ void CompareEquilibria(PaperPart& part) {
               {"n", "PR cycles", "distance, mm", "of PR from itself, mm", "equilibria (Newton), mm",
                "predecessor, mm", "mean angle, deg", "largest, deg"},
               {}};
-  PhysicalSettings signed_unbounded;
-  signed_unbounded.rule = UpdateRule::kSigned;
-  signed_unbounded.max_update = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < 3; ++k) {
     const double lambda = kPaperSegmentsMm[k];
-    const int settle = lambda < 1 ? (part.run.quick() ? 8 : 60) : 100;
-    const int cycles = lambda < 1 ? (part.run.quick() ? 4 : 40) : (part.run.quick() ? 40 : 200);
-    PaperBench ours(part.phantom, {.segment_mm = lambda, .tip_angle_rad = kAngledTip});
-    PaperBench other_law(
-        part.phantom, {.segment_mm = lambda, .tip_angle_rad = kAngledTip, .law = BendingLaw::kG2});
-    PaperBench theirs(part.phantom, {.segment_mm = lambda,
-                                     .tip_angle_rad = kAngledTip,
-                                     .law = BendingLaw::kG2,
-                                     .physical = signed_unbounded});
-    ours.InsertFast();
-    const double progress = 0.91 + 0.03 * static_cast<double>(k);
-    for (int c = 0; c < settle; ++c) {
-      part.run.Progress("g1 and g2 at " + CaseOf(lambda), progress + 0.01 * c / settle);
-      ours.Cycle(true);
-    }
-    other_law.SetShape(ours.state());
-    theirs.SetShape(ours.state());
-    WireState before = ours.state();
-    for (int c = 0; c < cycles; ++c) {
-      part.run.Progress("g1 and g2 at " + CaseOf(lambda), progress + 0.01 + 0.02 * c / cycles);
-      if (c == cycles - cycles / 4) before = ours.state();
-      ours.Cycle(false);
-      other_law.Cycle(false);
-      theirs.Cycle(false);
-    }
-    const double distance = MeanDistance(ours.state(), other_law.state());
-    const double predecessor = MeanDistance(ours.state(), theirs.state());
-    const double restless = MeanDistance(ours.state(), before);
-    const Angles angles = AnglesOf(ours.model(), ours.state());
-    const WireState equilibrium = ours.Equilibrium(nullptr);
-    other_law.SetShape(equilibrium);
-    const double exact = MeanDistance(equilibrium, other_law.Equilibrium(nullptr));
-
+    const LawComparison c = CompareLaws(part, lambda, 0.91 + 0.03 * static_cast<double>(k));
     const std::string n = CaseOf(lambda).substr(2);
     const std::string name = "section4.5/" + CaseOf(lambda);
     part.comparison.Add("distance of g1 and g2, n = " + n, name, "distance", kPaper[k].distance,
-                        distance, "mm", "PR does not come to rest; see the section");
-    part.run.Record(name, "distance_of_equilibria", exact, "mm");
-    part.run.Record(name, "distance_of_pr_from_itself", restless, "mm");
-    part.run.Record(name, "distance_of_predecessor", predecessor, "mm");
-    part.comparison.Add("mean angle, n = " + n, name, "mean_angle", kPaper[k].mean_deg, angles.mean,
-                        "deg", "bends of another artery");
+                        c.distance_mm, "mm", "PR does not come to rest; see the section");
+    part.run.Record(name, "distance_of_equilibria", c.equilibria_mm, "mm");
+    part.run.Record(name, "distance_of_pr_from_itself", c.restless_mm, "mm");
+    part.run.Record(name, "distance_of_predecessor", c.predecessor_mm, "mm");
+    part.comparison.Add("mean angle, n = " + n, name, "mean_angle", kPaper[k].mean_deg,
+                        c.angles.mean, "deg", "bends of another artery");
     part.comparison.Add("largest angle, n = " + n, name, "largest_angle", kPaper[k].largest_deg,
-                        angles.largest, "deg", "bends of another artery");
-    table.rows.push_back({n, std::to_string(cycles), Number(distance), Number(restless),
-                          Number(exact), Number(predecessor), Number(angles.mean),
-                          Number(angles.largest)});
+                        c.angles.largest, "deg", "bends of another artery");
+    table.rows.push_back({n, std::to_string(c.cycles), Number(c.distance_mm), Number(c.restless_mm),
+                          Number(c.equilibria_mm), Number(c.predecessor_mm), Number(c.angles.mean),
+                          Number(c.angles.largest)});
   }
   part.run.Show(table);
   part.run.Say(

@@ -39,7 +39,7 @@ Series Outline(const vessel::Centerline& curve, const std::string& label) {
 
 Series Shape(const WireState& state, const std::string& label, Mark mark, int color) {
   Series series{label, mark, {}, {}, {}, color};
-  for (const Eigen::Vector3d& p : state.nodes) {
+  for (const Eigen::Vector3d& p : state.nodes()) {
     series.x.push_back(p[0]);
     series.y.push_back(p[1]);
   }
@@ -180,16 +180,40 @@ Resolution Relax(PaperPart& part, double lambda, double progress) {
   return r;
 }
 
-void ReportTable1(PaperPart& part, const std::vector<Resolution>& resolutions) {
-  part.run.Section("Processing time of PR and GR (4.3)");
+// Times of 100 cycles by the number of segments; hundreds: N = n/100.
+struct Growth {
+  std::vector<double> hundreds;
+  std::vector<double> physical_s;
+  std::vector<double> literal_s;  // PR with every look-up
+  std::vector<double> geometrical_s;
+};
+
+// c[0] N^first + c[1] N^(first + 1).
+struct Fit {
+  std::vector<double> c;
+  int first = 0;
+};
+
+// (20) and (32) of the paper, s.
+const Fit& PaperPhysicalFit() {
+  static const Fit fit{{0.716, 0.310}, 2};
+  return fit;
+}
+const Fit& PaperGeometricalFit() {
+  static const Fit fit{{0.01875, 0.00323}, 1};
+  return fit;
+}
+
+struct Fits {
+  Fit physical, literal, geometrical;
+};
+
+Growth ReportTimes(PaperPart& part, const std::vector<Resolution>& resolutions) {
   Table table{"100 cycles after the fast insertion, s (Table 1)",
               {"n", "PR paper", "PR ours", "PR, every look-up", "GR paper", "GR ours",
                "PR/GR paper", "PR/GR ours"},
               {}};
-  std::vector<double> hundreds;
-  std::vector<double> physical;
-  std::vector<double> literal;
-  std::vector<double> geometrical;
+  Growth growth;
   for (std::size_t k = 0; k < resolutions.size(); ++k) {
     const Resolution& r = resolutions[k];
     const PaperTimes& paper = kTable1[k];
@@ -207,80 +231,99 @@ void ReportTable1(PaperPart& part, const std::vector<Resolution>& resolutions) {
                           Number(paper.geometrical_s), Number(r.geometrical_s),
                           Number(paper.physical_s / paper.geometrical_s),
                           Number(r.physical_s / r.geometrical_s)});
-    hundreds.push_back(PaperBench::kLengthMm / r.lambda / 100);
-    physical.push_back(r.physical_s);
-    literal.push_back(r.literal_s);
-    geometrical.push_back(r.geometrical_s);
+    growth.hundreds.push_back(PaperBench::kLengthMm / r.lambda / 100);
+    growth.physical_s.push_back(r.physical_s);
+    growth.literal_s.push_back(r.literal_s);
+    growth.geometrical_s.push_back(r.geometrical_s);
   }
   part.run.Show(table);
+  return growth;
+}
 
-  const std::vector<double> pr = FitPowers(hundreds, physical, {2, 3});
-  const std::vector<double> pr_literal = FitPowers(hundreds, literal, {2, 3});
-  const std::vector<double> gr = FitPowers(hundreds, geometrical, {1, 2});
-  const auto fit = [&](const std::string& name, const std::vector<double>& c, int first) {
+Fits ReportFits(PaperPart& part, const Growth& growth) {
+  const Fits fits{{FitPowers(growth.hundreds, growth.physical_s, {2, 3}), 2},
+                  {FitPowers(growth.hundreds, growth.literal_s, {2, 3}), 2},
+                  {FitPowers(growth.hundreds, growth.geometrical_s, {1, 2}), 1}};
+  const auto record = [&](const std::string& name, const Fit& fit) {
     for (int k = 0; k < 2; ++k) {
-      part.run.Record("fit33/" + name, "coefficient_of_N^" + std::to_string(first + k),
-                      c[static_cast<std::size_t>(k)], "s");
+      part.run.Record("fit33/" + name, "coefficient_of_N^" + std::to_string(fit.first + k),
+                      fit.c[static_cast<std::size_t>(k)], "s");
     }
   };
-  fit("pr", pr, 2);
-  fit("pr_every_lookup", pr_literal, 2);
-  fit("gr", gr, 1);
+  record("pr", fits.physical);
+  record("pr_every_lookup", fits.literal);
+  record("gr", fits.geometrical);
   part.run.Say(
       "Fits with N = n/100, least relative error. PR by (20): paper 0.716 N^2 + 0.310 N^3; "
       "ours " +
-      Number(pr[0]) + " N^2 + " + Number(pr[1]) + " N^3; with every look-up " +
-      Number(pr_literal[0]) + " N^2 + " + Number(pr_literal[1]) +
-      " N^3. GR by (32): paper 0.01875 N + 0.00323 N^2; ours " + Number(gr[0]) + " N + " +
-      Number(gr[1]) + " N^2.");
+      Number(fits.physical.c[0]) + " N^2 + " + Number(fits.physical.c[1]) +
+      " N^3; with every look-up " + Number(fits.literal.c[0]) + " N^2 + " +
+      Number(fits.literal.c[1]) + " N^3. GR by (32): paper 0.01875 N + 0.00323 N^2; ours " +
+      Number(fits.geometrical.c[0]) + " N + " + Number(fits.geometrical.c[1]) + " N^2.");
+  return fits;
+}
+
+void ReportExponents(PaperPart& part, const Growth& growth, const Growth& paper) {
   const auto exponent = [&](const std::vector<double>& t, std::size_t from) {
     return std::log(t[from + 1] / t[from]) / std::log(2.5);
   };
-  const std::vector<double> paper_pr = {kTable1[0].physical_s, kTable1[1].physical_s,
-                                        kTable1[2].physical_s};
-  const std::vector<double> paper_gr = {kTable1[0].geometrical_s, kTable1[1].geometrical_s,
-                                        kTable1[2].geometrical_s};
   for (std::size_t k = 0; k < 2; ++k) {
     const std::string step = k == 0 ? "n = 100 to 250" : "n = 250 to 625";
     const std::string name = k == 0 ? "exponent/100-250" : "exponent/250-625";
-    part.comparison.Add("exponent of PR time, " + step, name, "pr", exponent(paper_pr, k),
-                        exponent(physical, k), "", "skipped look-ups save more in long wires");
-    part.comparison.Add("the same, every look-up", name, "pr_every_lookup", exponent(paper_pr, k),
-                        exponent(literal, k), "",
+    part.comparison.Add("exponent of PR time, " + step, name, "pr", exponent(paper.physical_s, k),
+                        exponent(growth.physical_s, k), "",
+                        "skipped look-ups save more in long wires");
+    part.comparison.Add("the same, every look-up", name, "pr_every_lookup",
+                        exponent(paper.physical_s, k), exponent(growth.literal_s, k), "",
                         "n^3: look-ups dominate; the paper's have a larger n^2 part");
-    part.comparison.Add("exponent of GR time, " + step, name, "gr", exponent(paper_gr, k),
-                        exponent(geometrical, k), "", "which intervals are chosen");
+    part.comparison.Add("exponent of GR time, " + step, name, "gr",
+                        exponent(paper.geometrical_s, k), exponent(growth.geometrical_s, k), "",
+                        "which intervals are chosen");
   }
+}
 
+void DrawGrowth(PaperPart& part, const Growth& growth, const Growth& paper, const Fits& fits) {
   Plot plot;
   plot.title = "100 cycles against the number of segments (Table 1, eq. 33)";
   plot.x = {"segments n", true, {}};
   plot.y = {"processor time, s", true, {}};
   std::vector<double> n;
-  for (const double h : hundreds) n.push_back(100 * h);
-  const auto curve = [&](const std::vector<double>& c, int first, const std::string& label,
-                         int color) {
-    Series series{label, Mark::kDashed, {}, {}, {}, color};
+  for (const double h : growth.hundreds) n.push_back(100 * h);
+  const auto curve = [&](const Fit& fit, int color) {
+    Series series{"", Mark::kDashed, {}, {}, {}, color};
     for (double h = 0.8; h < 8; h *= 1.1) {
       series.x.push_back(100 * h);
-      series.y.push_back(c[0] * std::pow(h, first) + c[1] * std::pow(h, first + 1));
+      series.y.push_back(fit.c[0] * std::pow(h, fit.first) + fit.c[1] * std::pow(h, fit.first + 1));
     }
     plot.series.push_back(series);
   };
-  curve({0.716, 0.310}, 2, "", 7);
-  curve({0.01875, 0.00323}, 1, "", 7);
-  curve(pr_literal, 2, "", 1);
-  curve(pr, 2, "", 0);
-  curve(gr, 1, "", 2);
-  plot.series.push_back({"paper (PR above, GR below)", Mark::kPoints, n, paper_pr, {}, 7});
-  plot.series.push_back({"", Mark::kPoints, n, paper_gr, {}, 7});
-  plot.series.push_back({"PR, every look-up", Mark::kPoints, n, literal, {}, 1});
-  plot.series.push_back({"PR", Mark::kPoints, n, physical, {}, 0});
-  plot.series.push_back({"GR", Mark::kPoints, n, geometrical, {}, 2});
+  curve(PaperPhysicalFit(), 7);
+  curve(PaperGeometricalFit(), 7);
+  curve(fits.literal, 1);
+  curve(fits.physical, 0);
+  curve(fits.geometrical, 2);
+  plot.series.push_back({"paper (PR above, GR below)", Mark::kPoints, n, paper.physical_s, {}, 7});
+  plot.series.push_back({"", Mark::kPoints, n, paper.geometrical_s, {}, 7});
+  plot.series.push_back({"PR, every look-up", Mark::kPoints, n, growth.literal_s, {}, 1});
+  plot.series.push_back({"PR", Mark::kPoints, n, growth.physical_s, {}, 0});
+  plot.series.push_back({"GR", Mark::kPoints, n, growth.geometrical_s, {}, 2});
   part.run.Draw(plot,
                 "Points are measured, dashed lines are the fits. The growth is the paper's: "
                 "PR between n^2 and n^3, GR between n and n^2, and the two part further with "
                 "every refinement.");
+}
+
+void ReportTable1(PaperPart& part, const std::vector<Resolution>& resolutions) {
+  part.run.Section("Processing time of PR and GR (4.3)");
+  Growth paper;
+  for (const PaperTimes& times : kTable1) {
+    paper.physical_s.push_back(times.physical_s);
+    paper.geometrical_s.push_back(times.geometrical_s);
+  }
+  const Growth growth = ReportTimes(part, resolutions);
+  const Fits fits = ReportFits(part, growth);
+  ReportExponents(part, growth, paper);
+  DrawGrowth(part, growth, paper, fits);
 }
 
 void ReportShapes(PaperPart& part, const std::vector<Resolution>& resolutions) {
@@ -308,7 +351,7 @@ void ReportShapes(PaperPart& part, const std::vector<Resolution>& resolutions) {
   plot.series.push_back(Shape(b.relaxed, "100 cycles, n = 250", Mark::kLine, 0));
   plot.series.push_back(Shape(b.equilibrium, "equilibrium (Newton)", Mark::kDashed, 1));
   for (const int node : {b.interval.mu, b.interval.nu}) {
-    const Eigen::Vector3d& p = b.relaxed.nodes[static_cast<std::size_t>(node)];
+    const Eigen::Vector3d& p = b.relaxed.nodes()[static_cast<std::size_t>(node)];
     plot.callouts.push_back({p[0], p[1], node == b.interval.mu ? "mu" : "nu"});
   }
   part.run.Draw(plot,

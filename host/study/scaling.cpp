@@ -2,16 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/paper/paper_relaxation.h"
-#include "host/simulator/effects/friction.h"
+#include "host/simulator/effects/contact/friction.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/study/cpu_time.h"
 #include "host/study/wires.h"
+#include "host/support/machine.h"
 
 namespace torquer::study {
 namespace {
@@ -42,13 +44,13 @@ class NewtonRun {
   }
 
   TickReport Feed(double delta_mm) {
-    target_.insertion_mm += delta_mm;
+    target_[0].insertion_mm += delta_mm;
     CountedBudget budget(kPlenty);
     return relaxation_.Tick(target_, budget, state_);
   }
   void FeedTo(double insertion_mm) {
-    while (target_.insertion_mm < insertion_mm) {
-      Feed(std::min(0.5, insertion_mm - target_.insertion_mm));
+    while (target_[0].insertion_mm < insertion_mm) {
+      Feed(std::min(0.5, insertion_mm - target_[0].insertion_mm));
     }
   }
   const WireState& state() const { return state_; }
@@ -60,7 +62,7 @@ class NewtonRun {
   std::vector<EnergyTerm*> terms_;
   NewtonRelaxation relaxation_;
   WireState state_;
-  HandTarget target_;
+  InstrumentPlaces target_;
 };
 
 // A scene as it is shipped: its vessel, wire, friction and method.
@@ -68,25 +70,25 @@ class SceneRun {
  public:
   explicit SceneRun(const std::string& path)
       : scene_(path), relaxation_(scene_.MakeRelaxation()), state_(scene_.MakeStart(*relaxation_)) {
-    target_.insertion_mm = state_.insertion_mm;
+    target_[0].insertion_mm = state_.insertion_mm();
   }
   TickReport Feed(double delta_mm) {
-    target_.insertion_mm += delta_mm;
+    target_[0].insertion_mm += delta_mm;
     CountedBudget budget(kPlenty);
     return relaxation_->Tick(target_, budget, state_);
   }
   void FeedTo(double insertion_mm) {
-    while (target_.insertion_mm < insertion_mm) {
-      Feed(std::min(0.5, insertion_mm - target_.insertion_mm));
+    while (target_[0].insertion_mm < insertion_mm) {
+      Feed(std::min(0.5, insertion_mm - target_[0].insertion_mm));
     }
   }
-  double segment_mm() const { return scene_.wire().segment_mm(); }
+  double segment_mm() const { return scene_.rod().segment_mm(); }
 
  private:
   scene::Scene scene_;
   std::unique_ptr<Relaxation> relaxation_;
   WireState state_;
-  HandTarget target_;
+  InstrumentPlaces target_;
 };
 
 struct ActionCost {
@@ -113,6 +115,82 @@ ActionCost MeasureFeeds(AnyRun& run, double to_mm, int actions) {
   cost.iterations /= actions;
   return cost;
 }
+
+// Time until the energy is at or below what cycles of the literal method reach from the same start:
+// the wire after 250 insertions with Tip Relaxations only.
+class Race {
+ public:
+  struct Result {
+    double ms = 0;
+    double energy_mJ = 0;
+  };
+
+  Race(const vessel::TubeVessel& vessel, double tip_rad)
+      : vessel_(vessel),
+        wire_(PaperWire(1, tip_rad)),
+        model_(1, wire_.sections, wire_.tip_mm, 255, BendingLaw::kG1,
+               {vessel.entry_point_mm(), vessel.entry_direction()}),
+        wall_{wire_.wall_stiffness_N_mm2, 1},
+        start_(model_) {
+    PaperRelaxation insertion(model_, *vessel_.field, wall_, Settings(PaperCycles::kNone));
+    insertion.Restart(start_);
+    CountedBudget budget(kPlenty);
+    insertion.Tick(kTarget, budget, start_);
+  }
+
+  Result RunPaper(int cycles) const {
+    PaperRelaxation paper(model_, *vessel_.field, wall_, Settings(PaperCycles::kGeometrical));
+    WireState state = start_;
+    paper.Restart(state);
+    Result result{0, paper.Current().energy_mJ};
+    const double start_s = ThreadCpuSeconds();
+    for (int cycle = 0; cycle < cycles; ++cycle) {
+      CountedBudget budget(kPlenty);
+      result.energy_mJ = paper.Tick(kTarget, budget, state).energy_mJ;
+    }
+    result.ms = 1e3 * (ThreadCpuSeconds() - start_s);
+    return result;
+  }
+
+  // Newton's method on the same energy (its law, its contacts), iteration by iteration.
+  Result RunNewton(double energy_mJ) const {
+    const std::vector<EnergyTerm*> none;
+    std::vector<double> ms;
+    Result result;
+    for (int repeat = 0; repeat < 5; ++repeat) {
+      NewtonRelaxation newton(model_, *vessel_.field, wall_, NewtonSettings(), none);
+      WireState state = start_;
+      newton.Restart(state);
+      const double start_s = ThreadCpuSeconds();
+      TickReport report;
+      do {
+        CountedBudget one(2);
+        report = newton.Tick(kTarget, one, state);
+      } while (report.energy_mJ > energy_mJ && !report.converged);
+      ms.push_back(1e3 * (ThreadCpuSeconds() - start_s));
+      result.energy_mJ = report.energy_mJ;
+    }
+    result.ms = Quantile(ms, 0.5);
+    return result;
+  }
+
+ private:
+  static inline const InstrumentPlaces kTarget{250, 0};
+
+  static PaperSettings Settings(PaperCycles cycles) {
+    PaperSettings settings;
+    settings.physical.skip_lookups = false;
+    settings.cycles = cycles;
+    settings.tolerance = 1e-12;
+    return settings;
+  }
+
+  const vessel::TubeVessel& vessel_;
+  const StudyWire wire_;
+  const WireModel model_;
+  const WallModel wall_;
+  WireState start_;
+};
 
 class ScalingStudy final : public Study {
  public:
@@ -236,73 +314,30 @@ class ScalingStudy final : public Study {
             Number(total) + " ms.");
   }
 
-  // Time until the energy is at or below what 100 cycles of the literal method reach from the
-  // same start: the wire after 250 insertions with Tip Relaxations only.
   static void CompareWithPaper(StudyRun& run, const vessel::TubeVessel& vessel) {
     Table table{
         "To the energy that 100 cycles of PR + GR reach, n = 250, the same field",
         {"tip", "PR + GR, literal, ms", "newton, ms", "ratio", "energy after, mJ", "newton's, mJ"},
         {}};
-    double lowest = 0;
+    const int cycles = run.quick() ? 10 : 100;
+    double lowest = std::numeric_limits<double>::infinity();
     for (const double degrees : {0.0, 45.0}) {
       run.Progress("against the paper", degrees == 0 ? 0.7 : 0.85);
-      const StudyWire wire = PaperWire(1, degrees * std::numbers::pi / 180);
-      const WireModel model(1, wire.sections, wire.tip_mm, 255, BendingLaw::kG1,
-                            {vessel.entry_point_mm(), vessel.entry_direction()});
-      const WallModel wall{wire.wall_stiffness_N_mm2, 1};
-      PaperSettings settings;
-      settings.physical.skip_lookups = false;
-      settings.cycles = PaperCycles::kNone;
-      settings.tolerance = 1e-12;
-      WireState start(model);
-      {
-        PaperRelaxation insertion(model, *vessel.field, wall, settings);
-        insertion.Restart(start);
-        CountedBudget budget(kPlenty);
-        insertion.Tick({250, 0}, budget, start);
-      }
-      settings.cycles = PaperCycles::kGeometrical;
-      PaperRelaxation paper(model, *vessel.field, wall, settings);
-      WireState relaxed = start;
-      paper.Restart(relaxed);
-      double energy = paper.Current().energy_mJ;
-      const int cycles = run.quick() ? 10 : 100;
-      const double paper_start_s = ThreadCpuSeconds();
-      for (int cycle = 0; cycle < cycles; ++cycle) {
-        CountedBudget budget(kPlenty);
-        energy = paper.Tick({250, 0}, budget, relaxed).energy_mJ;
-      }
-      const double paper_ms = 1e3 * (ThreadCpuSeconds() - paper_start_s);
-
-      // Newton's method on the same energy (its law, its contacts), iteration by iteration.
-      const std::vector<EnergyTerm*> none;
-      std::vector<double> newton_ms;
-      double reached = 0;
-      for (int repeat = 0; repeat < 5; ++repeat) {
-        NewtonRelaxation newton(model, *vessel.field, wall, NewtonSettings(), none);
-        WireState state = start;
-        newton.Restart(state);
-        const double start_s = ThreadCpuSeconds();
-        TickReport report;
-        do {
-          CountedBudget one(2);
-          report = newton.Tick({250, 0}, one, state);
-        } while (report.energy_mJ > energy && !report.converged);
-        newton_ms.push_back(1e3 * (ThreadCpuSeconds() - start_s));
-        reached = report.energy_mJ;
-      }
-      const double ms = Quantile(newton_ms, 0.5);
+      const Race race(vessel, degrees * std::numbers::pi / 180);
+      const Race::Result paper = race.RunPaper(cycles);
+      const Race::Result newton = race.RunNewton(paper.energy_mJ);
+      const double ratio = paper.ms / newton.ms;
       const std::string name = "against_paper/tip=" + Number(degrees);
-      run.Record(name, "paper_ms", paper_ms, "ms");
-      run.Record(name, "newton_ms", ms, "ms");
-      run.Record(name, "ratio", paper_ms / ms, "");
+      run.Record(name, "paper_ms", paper.ms, "ms");
+      run.Record(name, "newton_ms", newton.ms, "ms");
+      run.Record(name, "ratio", ratio, "");
       run.Record(name, "cycles", cycles, "");
-      run.Record(name, "paper_energy", energy, "mJ");
-      run.Record(name, "newton_energy", reached, "mJ");
-      table.rows.push_back({Number(degrees) + " deg", Number(paper_ms), Number(ms),
-                            Number(paper_ms / ms), Number(energy, 6), Number(reached, 6)});
-      const double ratio = paper_ms / ms;
-      lowest = lowest == 0 ? ratio : std::min(lowest, ratio);
+      run.Record(name, "paper_energy", paper.energy_mJ, "mJ");
+      run.Record(name, "newton_energy", newton.energy_mJ, "mJ");
+      table.rows.push_back({Number(degrees) + " deg", Number(paper.ms), Number(newton.ms),
+                            Number(ratio), Number(paper.energy_mJ, 6),
+                            Number(newton.energy_mJ, 6)});
+      lowest = std::min(lowest, ratio);
     }
     run.Record("against_paper", "ratio", lowest, "");
     run.Section("Against the paper's method");

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "host/support/error.h"
+#include "host/support/machine.h"
 
 namespace torquer::study {
 namespace {
@@ -174,32 +175,6 @@ void WriteWhole(const std::string& path, const std::string& text) {
   if (!error) return;
   std::filesystem::remove(unfinished, error);
   throw UserError(path + ": cannot be replaced; remove it, or give another folder with --out");
-}
-
-std::string DescribeMachine() {
-  std::string processor = "unknown processor";
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);) {
-    if (!line.starts_with("model name")) continue;
-    processor = line.substr(line.find(':') + 2);
-    break;
-  }
-#if defined(__AVX512F__)
-  const std::string set = "AVX-512";
-#elif defined(__AVX2__)
-  const std::string set = "x86-64-v3";
-#elif defined(__SSE4_2__)
-  const std::string set = "x86-64-v2";
-#else
-  const std::string set = "baseline instruction set";
-#endif
-#ifdef NDEBUG
-  const std::string kind = "";
-#else
-  const std::string kind = ", with assertions";
-#endif
-  return "One thread of " + processor + ", " + set + kind + ", compiler " __VERSION__ +
-         "; thread processor time";
 }
 
 }  // namespace torquer::study

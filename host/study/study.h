@@ -51,6 +51,8 @@ class StudyRun {
   StudyRun(std::string study, Options options);
 
   bool quick() const { return options_.quick; }
+  /// Where the files of the study go.
+  const std::string& folder() const { return options_.folder; }
 
   /// One figure. With --json it is on standard output at once.
   void Record(const std::string& case_name, const std::string& metric, double value,
@@ -112,8 +114,5 @@ void RequireScene(const std::string& folder, const std::string& scene);
 
 /// Writes a file whole or not at all. Throws UserError naming it.
 void WriteWhole(const std::string& path, const std::string& text);
-
-/// Processor, compiler and instruction set, for every published figure: one line.
-std::string DescribeMachine();
 
 }  // namespace torquer::study

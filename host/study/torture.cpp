@@ -6,8 +6,9 @@
 #include <optional>
 #include <sstream>
 
-#include "host/study/hard_cases.h"
+#include "host/study/cases/hard_cases.h"
 #include "host/support/error.h"
+#include "host/support/machine.h"
 
 namespace torquer::study {
 namespace {
@@ -130,13 +131,9 @@ class TortureStudy final : public Study {
     tally.at_rest += outcome.settled;
     tally.deepest_mm = std::max(tally.deepest_mm, outcome.deepest_mm);
     tally.worst_rise = std::max(tally.worst_rise, outcome.worst_rise);
-    std::string broken = outcome.broken;
-    if (broken.empty() && way != Way::kPaper && outcome.at_rest_mm > hard.deepest_mm) {
-      broken = "at rest " + Number(outcome.at_rest_mm) +
-               " mm deep in the wall, where balance allows " + Number(hard.deepest_mm);
-    }
-    if (broken.empty()) return true;
-    run.Say("BROKEN: " + hard.name + ", " + NameOf(way) + ", " + how + "\n  " + broken);
+    const std::string objection = Objection(hard, way, outcome);
+    if (objection.empty()) return true;
+    run.Say("BROKEN: " + hard.name + ", " + NameOf(way) + ", " + how + "\n  " + objection);
     return false;
   }
 

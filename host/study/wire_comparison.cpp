@@ -16,8 +16,8 @@ Vector3d PointFromTip(const WireModel& model, const WireState& state, double fro
   const int last = state.segments() - 1;
   const int segment = std::max(0, last - static_cast<int>(from_tip_mm / lambda));
   const double past = from_tip_mm - lambda * (last - segment);
-  return state.nodes[static_cast<std::size_t>(segment) + 1] -
-         past * state.tangents[static_cast<std::size_t>(segment)];
+  return state.nodes()[static_cast<std::size_t>(segment) + 1] -
+         past * state.tangents()[static_cast<std::size_t>(segment)];
 }
 
 WireState ComeToRest(const WireModel& model, const ClearanceField& field, const WallModel& wall,
@@ -25,26 +25,22 @@ WireState ComeToRest(const WireModel& model, const ClearanceField& field, const 
   const std::vector<EnergyTerm*> none;
   NewtonSettings settings;
   settings.tolerance = 1e-7;
-  settings.max_iterations = 3000;
   NewtonRelaxation newton(model, field, wall, settings, none);
   WireState state = from;
   newton.Restart(state);
-  CountedBudget budget(settings.max_iterations);
-  newton.Tick({state.insertion_mm, state.rotation_rad}, budget, state);
+  CountedBudget budget(3000);
+  newton.Tick({state.insertion_mm(), state.rotation_rad()}, budget, state);
   return state;
 }
 
 }  // namespace
 
 WireState Recut(const WireModel& model, const WireState& from) {
-  WireState state(model);
-  std::vector<Vector3d> path(from.nodes.begin() + 1, from.nodes.end());
+  std::vector<Vector3d> path(from.nodes().begin() + 1, from.nodes().end());
   // Chords fall short of the arc: the last one needs a way to end on.
   if (from.segments() > 0)
-    path.emplace_back(path.back() + model.segment_mm() * from.tangents.back());
-  LayAlong(model, path, from.insertion_mm, state);
-  state.SetRotation(from.rotation_rad);
-  return state;
+    path.emplace_back(path.back() + model.segment_mm() * from.tangents().back());
+  return WireState::Along(model, path, {from.insertion_mm(), from.rotation_rad()});
 }
 
 WireDistance Compare(const WireModel& model_a, const WireState& a, const WireModel& model_b,
@@ -53,7 +49,7 @@ WireDistance Compare(const WireModel& model_a, const WireState& a, const WireMod
   WireDistance distance;
   if (a.segments() == 0 || b.segments() == 0) return distance;
   int points = 0;
-  for (double s = 0; s <= std::min(a.insertion_mm, b.insertion_mm); s += kStepMm) {
+  for (double s = 0; s <= std::min(a.insertion_mm(), b.insertion_mm()); s += kStepMm) {
     const double d = (PointFromTip(model_a, a, s) - PointFromTip(model_b, b, s)).norm();
     distance.mean_mm += d;
     distance.max_mm = std::max(distance.max_mm, d);
@@ -73,7 +69,7 @@ double DeepestPenetration(const WireModel& model, const ClearanceField& field,
     const double length = state.SegmentLength(model, i);
     const int parts = std::max(1, static_cast<int>(std::ceil(length / kStepMm)));
     for (int part = 1; part <= parts; ++part) {
-      const Vector3d at = state.nodes[k] + (length * part / parts) * state.tangents[k];
+      const Vector3d at = state.nodes()[k] + (length * part / parts) * state.tangents()[k];
       deepest = std::max(deepest, model.radius_mm(n - 1 - i) - field.Clearance(at));
     }
   }

@@ -24,6 +24,7 @@
 #include "host/tools/calibrate_report.h"
 #include "host/tools/calibrate_source.h"
 #include "host/tools/calibrate_terminal.h"
+#include "host/tools/focus_view.h"
 
 namespace {
 
@@ -55,11 +56,19 @@ struct Arguments {
   std::string script;
   ProcedureSettings settings;
   std::optional<double> length_mm;
+  bool focus = false;
+  std::string picture;
 };
 
 void Declare(torquer::Options& options, Arguments& arguments) {
   ProcedureSettings& settings = arguments.settings;
   torquer::device::AddSourceOptions(options, arguments.source);
+  options.Group("Assembly");
+  options.Flag("--focus", arguments.focus,
+               "calibrate nothing: show what the sensor's camera sees, with a verdict on its "
+               "distance, on dirt and shading");
+  options.Text("--picture", "FILE.png", arguments.picture, "with --focus: keep the last picture",
+               torquer::ValueKind::kFile);
   options.Group("Strokes");
   options.Number(
       "--length", "MM", arguments.length_mm, 10, 1000,
@@ -151,7 +160,7 @@ class GuidedRun : public ReadingSink {
   }
   void Press(Key key) override { procedure_.Press(key); }
   void Quit() override { quit_ = true; }
-  void Tell(const std::string& text) override { terminal_.Print("  -- " + text); }
+  void Inform(const std::string& text) override { terminal_.Print("  -- " + text); }
   Step step() const override { return procedure_.step(); }
   const Procedure& procedure() const { return procedure_; }
 
@@ -253,7 +262,21 @@ int Finish(const Arguments& arguments, const ProcedureSettings& settings, const 
   return torquer::kExitSuccess;
 }
 
+int RunFocus(const Arguments& arguments) {
+  torquer::device::SourceChoice choice = arguments.source;
+  if (choice.source.empty()) choice.source = "usb";
+  if (choice.is_mouse()) {
+    throw torquer::UsageError("--focus: an ordinary mouse shows no picture; use the bench device");
+  }
+  if (!arguments.script.empty()) throw torquer::UsageError("--focus: leave out --script");
+  const auto source = torquer::device::OpenSource(choice);
+  const bool good = torquer::tools::ShowFocus(*source, arguments.picture, torquer::StopOnSignal());
+  return good ? torquer::kExitSuccess : torquer::kExitFailure;
+}
+
 int Run(const Arguments& arguments) {
+  if (arguments.focus) return RunFocus(arguments);
+  if (!arguments.picture.empty()) throw torquer::UsageError("--picture goes with --focus alone");
   ProcedureSettings settings = arguments.settings;
   settings.length_mm = arguments.length_mm.value_or(settings.length_mm);
   const std::unique_ptr<ReadingSource> source = OpenReadings(arguments);
@@ -299,7 +322,8 @@ int main(int argc, char** argv) {
       "step, q or Ctrl-C gives up and changes nothing.");
   program.Note(
       "Exit status: 0 when the calibration was kept, 1 when it was too poor to be kept, 2 when "
-      "something cannot be used, 130 when it was given up.");
+      "something cannot be used, 130 when it was given up. With --focus: 0 when the sensor sits "
+      "well, 1 when it does not.");
   Arguments arguments;
   Declare(program.options(), arguments);
   return program.Main(argc, argv, [&] { return Run(arguments); });

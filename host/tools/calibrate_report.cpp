@@ -1,10 +1,10 @@
 #include "host/tools/calibrate_report.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <numbers>
 #include <vector>
 
@@ -23,15 +23,6 @@ using calibration::ProcedureResult;
 using calibration::ProcedureSettings;
 
 constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
-
-__attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
-  char text[400];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
-  return text;
-}
 
 // Used strokes of one kind: their number in the run, and what is left of them.
 struct Residuals {
@@ -83,24 +74,25 @@ std::string Chart(const Residuals& residuals, const char* name, int columns) {
   const double mm = RoundLimit(residuals.insertion_mm);
   const double degrees = RoundLimit(residuals.rotation_deg);
   const auto head = [&](double limit, const char* unit) {
-    return Text("%-8s%*s%8s", Text("%+.2g", -limit).c_str(), width - 14, Text("0 %s", unit).c_str(),
-                Text("%+.2g", limit).c_str());
+    return fmt::format("{:<8}{:>{}}{:>8}", fmt::format("{:+.2g}", -limit),
+                       fmt::format("0 {}", unit), std::max(0, width - 14),
+                       fmt::format("{:+.2g}", limit));
   };
   std::string text =
-      Text("  %-9s %s           %s\n", name, head(mm, "mm").c_str(), head(degrees, "deg").c_str());
+      fmt::format("  {:<9} {}           {}\n", name, head(mm, "mm"), head(degrees, "deg"));
   for (std::size_t i = 0; i < residuals.number.size(); ++i) {
     text +=
-        Text("  %6d   %s %+6.2f  %s %+6.2f\n", residuals.number[i],
-             Strip(residuals.insertion_mm[i], mm, width).c_str(), residuals.insertion_mm[i],
-             Strip(residuals.rotation_deg[i], degrees, width).c_str(), residuals.rotation_deg[i]);
+        fmt::format("  {:6}   {} {:+6.2f}  {} {:+6.2f}\n", residuals.number[i],
+                    Strip(residuals.insertion_mm[i], mm, width), residuals.insertion_mm[i],
+                    Strip(residuals.rotation_deg[i], degrees, width), residuals.rotation_deg[i]);
   }
   return text;
 }
 
 std::string Row(const char* name, const Estimate& estimate, double unit, const char* unit_name) {
-  return Text("  %-16s %10.4f %-12s standard error %.4f, 95 %% within %.4f\n", name,
-              estimate.value * unit, unit_name, estimate.standard_error * unit,
-              estimate.HalfWidth95() * unit);
+  return fmt::format("  {:<16} {:10.4f} {:<12} standard error {:.4f}, 95 % within {:.4f}\n", name,
+                     estimate.value * unit, unit_name, estimate.standard_error * unit,
+                     estimate.HalfWidth95() * unit);
 }
 
 struct Panel {
@@ -151,8 +143,9 @@ std::string ParameterTable(const ProcedureResult& result) {
          Row("misalignment", fit.misalignment_rad, kDegreesPerRad, "degrees") +
          Row("cylinder radius", fit.cylinder_radius_mm, 1.0, "mm") +
          Row("skew", fit.skew_rad, kDegreesPerRad, "degrees") +
-         Text("  the pushes began %+.2f mm from the first at last; surface quality %.0f\n",
-              result.return_mm, result.mean_surface_quality);
+         fmt::format(
+             "  the pushes began {:+.2f} mm from the first at last; surface quality {:.0f}\n",
+             result.return_mm, result.mean_surface_quality);
 }
 
 std::string ResidualChart(const ProcedureResult& result, int columns) {
@@ -162,9 +155,9 @@ std::string ResidualChart(const ProcedureResult& result, int columns) {
 
 std::string Verdict(const ProcedureResult& result, const ProcedureSettings& settings) {
   const MotionFit& fit = result.fit;
-  std::string text = Text(
-      "A push of %.0f mm is measured to within %.2f mm, a whole turn to within %.2f degrees\n"
-      "(95 %%). Such a push shows as at most %.2f degrees of turning, a turn as %.2f mm of "
+  std::string text = fmt::format(
+      "A push of {:.0f} mm is measured to within {:.2f} mm, a whole turn to within {:.2f} degrees\n"
+      "(95 %). Such a push shows as at most {:.2f} degrees of turning, a turn as {:.2f} mm of "
       "pushing.\n",
       calibration::kFigureStrokeMm, fit.push_error_mm.HalfWidth95(),
       fit.turn_error_rad.HalfWidth95() * kDegreesPerRad,
@@ -183,38 +176,38 @@ std::string Verdict(const ProcedureResult& result, const ProcedureSettings& sett
   if (GradeOf(fit) != Grade::kGood) {
     if (fit.push_error_mm.HalfWidth95() > 2.0) {
       text += fit.push_declared_share > 0.5
-                  ? Text(
+                  ? fmt::format(
                         "Most of the error of a push is that of the declared length: measure it "
-                        "more closely\nthan to %.2g mm, or push farther.\n",
+                        "more closely\nthan to {:.2g} mm, or push farther.\n",
                         settings.length_error_mm)
-                  : Text(
-                        "The pushes scatter by %.2f mm: go straight from end to end, and take "
+                  : fmt::format(
+                        "The pushes scatter by {:.2f} mm: go straight from end to end, and take "
                         "more (--pushes).\n",
                         fit.push_scatter.insertion_mm);
     }
     if (fit.turn_error_rad.HalfWidth95() * kDegreesPerRad > 3.0) {
-      text += Text(
-          "The turns scatter by %.1f degrees: set line to mark more closely, and turn more "
+      text += fmt::format(
+          "The turns scatter by {:.1f} degrees: set line to mark more closely, and turn more "
           "(--turns).\n",
           fit.turn_scatter.rotation_rad * kDegreesPerRad);
     }
   }
   const double begun_apart_mm = std::abs(result.return_mm);
   if (begun_apart_mm > std::max(1.0, 6.0 * fit.push_scatter.insertion_mm)) {
-    text += Text(
-        "The near end moved by %.1f mm from the first push to the last: something slips or "
+    text += fmt::format(
+        "The near end moved by {:.1f} mm from the first push to the last: something slips or "
         "drifts.\n",
         begun_apart_mm);
   }
   if (fit.push_scatter.rotation_rad > 3.0 * settings.push_turn_rad) {
-    text += Text(
-        "The hand turned by %.1f degrees from push to push; steady it for a smaller error "
+    text += fmt::format(
+        "The hand turned by {:.1f} degrees from push to push; steady it for a smaller error "
         "of the misalignment.\n",
         fit.push_scatter.rotation_rad * kDegreesPerRad);
   }
   if (std::abs(fit.misalignment_rad.value) * kDegreesPerRad > 5.0) {
-    text += Text(
-        "The sensor is mounted askew by %.1f degrees. The calibration allows for it; "
+    text += fmt::format(
+        "The sensor is mounted askew by {:.1f} degrees. The calibration allows for it; "
         "setting it straight\nkeeps a lifted or worn bench closer to what was measured.\n",
         fit.misalignment_rad.value * kDegreesPerRad);
   }
@@ -236,10 +229,11 @@ std::string ResidualPicture(const ProcedureResult& result, const std::string& he
                  fit.turn_scatter.rotation_rad * kDegreesPerRad, turn_freedom}),
       DrawPanel({"Turns: unwanted pushing", "mm", turns.insertion_mm, turns.number,
                  fit.turn_scatter.insertion_mm, turn_freedom})};
-  const std::string second = Text(
-      "gain %.3f um a count, misalignment %+.3f deg, radius %.4f mm, skew %+.3f deg; 95 %%: %.2f "
+  const std::string second = fmt::format(
+      "gain {:.3f} um a count, misalignment {:+.3f} deg, radius {:.4f} mm, skew {:+.3f} deg; 95 %: "
+      "{:.2f} "
       "mm "
-      "in 150 mm, %.2f deg in a turn",
+      "in 150 mm, {:.2f} deg in a turn",
       1000.0 * fit.gain_mm_per_count.value, kDegreesPerRad * fit.misalignment_rad.value,
       fit.cylinder_radius_mm.value, kDegreesPerRad * fit.skew_rad.value,
       fit.push_error_mm.HalfWidth95(), kDegreesPerRad * fit.turn_error_rad.HalfWidth95());
@@ -252,7 +246,8 @@ std::string ResidualPicture(const ProcedureResult& result, const std::string& he
       "</text>\n<text x=\"20\" y=\"50\" font-size=\"12\" fill=\"#555\">" +
       plot::EscapeMarkup(second) + "</text>\n";
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    svg += Text("<g transform=\"translate(%d %d)\">\n", i % 2 == 0 ? 5 : 465, i < 2 ? 62 : 366) +
+    svg += fmt::format("<g transform=\"translate({} {})\">\n", i % 2 == 0 ? 5 : 465,
+                       i < 2 ? 62 : 366) +
            panels[i] + "</g>\n";
   }
   return svg + "</svg>\n";

@@ -1,4 +1,4 @@
-// What a calibration found, in words, in a chart for the terminal and as a picture. No I/O.
+// The result of a calibration in words, as a chart for the terminal, and as a picture. No I/O.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@ namespace torquer::tools {
 
 enum class Grade { kGood, kUsable, kPoor };
 
-/// By what a push of 150 mm and a whole turn may be off: good up to 2 mm and 3 degrees, usable up
+/// By the error of a push of 150 mm and of a whole turn: good up to 2 mm and 3 degrees, usable up
 /// to 6 mm and 10 degrees.
 Grade GradeOf(const calibration::MotionFit& fit);
 
@@ -19,8 +19,8 @@ std::string ParameterTable(const calibration::ProcedureResult& result);
 /// Residuals stroke by stroke, `columns` wide (>= 60).
 std::string ResidualChart(const calibration::ProcedureResult& result, int columns);
 
-/// In plain words: what 150 mm and a turn may be off by, how good that is, and what would mend it.
-/// `length_mm` is that of a push, by stops or by a ruler.
+/// In plain words: by how much 150 mm and a turn may be off, how good that is, and what would
+/// improve it. `length_mm` is that of a push, by stops or by a ruler.
 std::string Verdict(const calibration::ProcedureResult& result,
                     const calibration::ProcedureSettings& settings);
 

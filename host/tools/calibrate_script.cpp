@@ -1,15 +1,17 @@
 #include "host/tools/calibrate_script.h"
 
-#include <array>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <cerrno>
-#include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <sstream>
 
 #include "host/support/error.h"
+#include "host/support/number.h"
 
 namespace torquer::tools {
 namespace {
@@ -69,14 +71,14 @@ class Parser {
       if (words[0] == each.name) form = &each;
     }
     if (form == nullptr) {
-      std::string known;
-      for (const Form& each : Forms()) known += "\n  " + Usage(each);
-      Refuse(line, "'" + words[0] + "' is not known; there are" + known);
+      std::vector<std::string> known;
+      for (const Form& each : Forms()) known.push_back(Usage(each));
+      Refuse(line,
+             fmt::format("'{}' is not known; there are\n  {}", words[0], fmt::join(known, "\n  ")));
     }
     const std::size_t first_number = form->word != nullptr ? 2 : 1;
     if (words.size() != first_number + form->numbers.size()) {
-      Refuse(line, "it has " + std::to_string(words.size() - 1) + " values; write '" +
-                       Usage(*form) + "'");
+      Refuse(line, fmt::format("it has {} values; write '{}'", words.size() - 1, Usage(*form)));
     }
     Statement statement;
     statement.kind = form->kind;
@@ -84,8 +86,8 @@ class Parser {
     if (form->word != nullptr) statement.word = words[1];
     if (form->kind == Statement::Kind::kSkip && statement.word != "rest" &&
         statement.word != "lift" && statement.word != "joystick") {
-      Refuse(line,
-             "the step '" + statement.word + "' cannot be skipped; rest, lift and joystick can");
+      Refuse(line, fmt::format("the step '{}' cannot be skipped; rest, lift and joystick can",
+                               statement.word));
     }
     for (std::size_t i = 0; i < form->numbers.size(); ++i) {
       statement.numbers.push_back(Value(words[first_number + i], form->numbers[i], line));
@@ -94,20 +96,17 @@ class Parser {
   }
 
   [[noreturn]] void Refuse(int line, const std::string& problem) const {
-    throw UserError(path_ + ", line " + std::to_string(line) + ": " + problem);
+    throw UserError(fmt::format("{}:{}: {}", path_, line, problem));
   }
 
  private:
   double Value(const std::string& word, const Number& number, int line) const {
-    char* end = nullptr;
-    const double value = std::strtod(word.c_str(), &end);
-    if (end == word.c_str() || *end != '\0' || !(value >= number.low && value <= number.high)) {
-      std::ostringstream problem;
-      problem << number.name << " = '" << word << "': must be a number from " << number.low
-              << " to " << number.high;
-      Refuse(line, problem.str());
+    const std::optional<double> value = ParseNumber(word);
+    if (!value || *value < number.low || *value > number.high) {
+      Refuse(line, fmt::format("{} = '{}': must be a number from {:g} to {:g}", number.name, word,
+                               number.low, number.high));
     }
-    return value;
+    return *value;
   }
 
   const std::string& path_;
@@ -125,7 +124,7 @@ Script ParseScript(const std::string& text, const std::string& path) {
     ++number;
     if (number == 1) {
       if (line != kFirstLine) {
-        parser.Refuse(1, "'" + line + "': a script begins with the line '" + kFirstLine + "'");
+        parser.Refuse(1, fmt::format("'{}': a script begins with the line '{}'", line, kFirstLine));
       }
       continue;
     }
@@ -134,8 +133,7 @@ Script ParseScript(const std::string& text, const std::string& path) {
     if (!split.empty()) script.statements.push_back(parser.Parse(split, number));
   }
   if (number == 0) {
-    parser.Refuse(1,
-                  std::string("it is empty; a script begins with the line '") + kFirstLine + "'");
+    parser.Refuse(1, fmt::format("it is empty; a script begins with the line '{}'", kFirstLine));
   }
   return script;
 }
@@ -144,7 +142,8 @@ Script ReadScript(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
   if (!file.is_open() || file.bad()) {
-    throw UserError(path + ": cannot be read: " + std::strerror(errno) + "; give --script a file");
+    throw UserError(
+        fmt::format("{}: cannot be read: {}; give --script a file", path, std::strerror(errno)));
   }
   return ParseScript(text, path);
 }

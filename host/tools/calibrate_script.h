@@ -1,4 +1,4 @@
-// Scripts for torquer-calibrate: what an operator, and if need be a device, does in a session.
+// Scripts for torquer-calibrate: what the operator, and if wanted the device, does.
 //
 // A text of one statement a line; blank lines and what follows # are skipped. The first line is
 // exactly "torquer-calibrate script 1". Of the operator:
@@ -9,13 +9,12 @@
 //   quit                             give up, as Ctrl-C does
 //
 // With --source, `mark` waits until the hand has moved by 2 mm since the last mark of the step and
-// has rested for 0.3 s, and `skip` until its step has come. Without it nothing waits, and the
-// script moves a device of its own, whose first statement names it (times in seconds, counts
-// absolute changes, readings every millisecond):
+// has rested for 0.3 s, and `skip` waits for its step. Without --source nothing waits, and the
+// script moves a device of its own, which its first statement names (readings every millisecond):
 //
 //   device SERIAL CPI
 //   rest SECONDS
-//   move AXIAL TRANSVERSE SECONDS    counts, evenly over that time
+//   move AXIAL TRANSVERSE SECONDS    by so many counts, evenly over that time
 //   lift SECONDS                     the sensor sees nothing
 //   fault SECONDS                    the sensor does not answer
 //   joystick X Y SECONDS             holds the stick there, 0 .. 1023

@@ -1,5 +1,7 @@
 #include "host/tools/calibrate_source.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <functional>
@@ -20,13 +22,13 @@ using calibration::Step;
 
 constexpr std::int64_t kFirstDeviceUs = 5000000;
 
-// Surface quality (features / 8) below which the daemon holds motion back, too.
+// Surface quality (features / 8) below which the daemon holds motion as well.
 constexpr int kPoorSurface = 10;
 
-// A script's operator: a hand that has moved by so much, and rested for so long.
+// A script marks a place once the hand has moved by so much, and rested for so long.
 constexpr double kMovedCounts = 100.0;
 constexpr std::int64_t kRestedUs = 300000;
-// How long it waits for a hand, by the device's clock, and for a device, by the host's.
+// How long it waits for the hand, by the device's clock, and for the device, by the host's.
 constexpr std::int64_t kIdleUs = 60000000;
 constexpr std::int64_t kGoneUs = 60000000;
 
@@ -65,8 +67,8 @@ Reading ReadingOf(const device::Sample& sample) {
 }
 
 [[noreturn]] void ScriptTooShort(const Script& script, const ReadingSink& sink) {
-  throw UserError(script.path + ": the script ended in the step '" + StepName(sink.step()) +
-                  "'; add what is missing there");
+  throw UserError(fmt::format("{}: the script ended in the step '{}'; add what is missing there",
+                              script.path, StepName(sink.step())));
 }
 
 }  // namespace
@@ -96,9 +98,10 @@ DeviceFacts DeviceReadings::Connect() {
       }
     });
     if (!cpi && bus::MonotonicUs() - start_us > kFirstDeviceUs) {
-      throw UserError("no device: nothing at " + source_->place() +
-                      " for 5 seconds; connect the bench device or start torquer-emulator, and "
-                      "look at --source and --device");
+      throw UserError(
+          fmt::format("no device: nothing at {} for 5 seconds; connect the bench device or start "
+                      "torquer-emulator, and check --source and --device",
+                      source_->place()));
     }
   }
   facts_.cpi = *cpi;
@@ -110,18 +113,21 @@ void DeviceReadings::CheckIdentity(const std::string& place) {
   try {
     serial = device::ReadSerial(*source_);
   } catch (const device::DeviceGone&) {
-    return;  // the source will say so, and try again
+    return;  // the source reports it and tries again
   } catch (const device::FeatureError& error) {
-    throw UserError(place + ": the device does not tell who it is (" + error.what() + "); " +
-                    device::kFlashRemedy);
+    throw UserError(fmt::format("{}: the device does not report its identity ({}); {}", place,
+                                error.what(), device::kFlashRemedy));
   }
   if (serial.empty()) {
-    throw UserError(place + ": the device has no serial number, which a calibration is tied to; " +
-                    device::kFlashRemedy);
+    throw UserError(
+        fmt::format("{}: the device has no serial number, which a calibration needs; {}", place,
+                    device::kFlashRemedy));
   }
   if (!facts_.serial.empty() && serial != facts_.serial) {
-    throw UserError("the device '" + facts_.serial + "' went away and '" + serial +
-                    "' came; start again with the one that is to be calibrated");
+    throw UserError(fmt::format(
+        "the device '{}' is gone and '{}' is there instead; start again with the one that "
+        "is to be calibrated",
+        facts_.serial, serial));
   }
   facts_.serial = serial;
 }
@@ -133,10 +139,10 @@ void DeviceReadings::Wait(int timeout_ms, ReadingSink& sink) {
       case device::SourceEvent::Kind::kConnected:
         decoder_.OnConnected();
         CheckIdentity(event.text);
-        sink.Tell("the device is back");
+        sink.Inform("the device is back");
         return;
       case device::SourceEvent::Kind::kDisconnected:
-        sink.Tell(event.text + "; waiting for it");
+        sink.Inform(event.text + "; waiting for it");
         return;
       case device::SourceEvent::Kind::kReport:
         break;
@@ -144,9 +150,10 @@ void DeviceReadings::Wait(int timeout_ms, ReadingSink& sink) {
     const auto sample = decoder_.Decode(event.report, event.host_us);
     if (!sample) return;
     if (sample->cpi != facts_.cpi) {
-      throw UserError("the sensor's resolution changed from " + std::to_string(facts_.cpi) +
-                      " to " + std::to_string(sample->cpi) +
-                      " cpi; stop what sets it, and start again");
+      throw UserError(fmt::format(
+          "the sensor's resolution changed from {} to {} cpi; stop the program that sets "
+          "it, and start again",
+          facts_.cpi, sample->cpi));
     }
     sink.Take(ReadingOf(*sample));
   });
@@ -154,7 +161,7 @@ void DeviceReadings::Wait(int timeout_ms, ReadingSink& sink) {
 
 // --- a device, and a script for its operator -----------------------------------------------------
 
-// Passes readings on, and lets the script look at each.
+// Passes readings on, and shows each to the script.
 class PacedOperator::Watcher : public ReadingSink {
  public:
   Watcher(PacedOperator& script, ReadingSink& sink) : operator_(script), sink_(sink) {}
@@ -164,7 +171,7 @@ class PacedOperator::Watcher : public ReadingSink {
   }
   void Press(Key key) override { sink_.Press(key); }
   void Quit() override { sink_.Quit(); }
-  void Tell(const std::string& text) override { sink_.Tell(text); }
+  void Inform(const std::string& text) override { sink_.Inform(text); }
   Step step() const override { return sink_.step(); }
 
  private:
@@ -176,9 +183,10 @@ PacedOperator::PacedOperator(std::unique_ptr<ReadingSource> device, Script scrip
     : device_(std::move(device)), script_(std::move(script)) {
   for (const Statement& statement : script_.statements) {
     if (statement.kind > Statement::Kind::kQuit) {
-      throw UserError(script_.path + ", line " + std::to_string(statement.line) +
-                      ": a script cannot move a device that --source brings; leave such lines out, "
-                      "or run without --source");
+      throw UserError(fmt::format(
+          "{}:{}: a script cannot move the device of --source; leave out such lines, or "
+          "run without --source",
+          script_.path, statement.line));
     }
   }
 }
@@ -187,7 +195,7 @@ void PacedOperator::Wait(int timeout_ms, ReadingSink& sink) {
   const std::int64_t now_us = bus::MonotonicUs();
   if (last_reading_us_ == 0) last_reading_us_ = now_us;
   if (now_us - last_reading_us_ > kGoneUs) {
-    throw UserError("the device has sent nothing for a minute");
+    throw UserError("the device has sent nothing for a minute; check its cable");
   }
   Watcher watcher(*this, sink);
   device_->Wait(timeout_ms, watcher);
@@ -224,7 +232,7 @@ void PacedOperator::Follow(const Reading& reading, ReadingSink& sink) {
       break;
     }
     case Statement::Kind::kUndo:
-      if (rested_us < 3 * kRestedUs) return;  // a mark before it has been taken by then
+      if (rested_us < 3 * kRestedUs) return;  // by then the mark before it is taken
       sink.Press(Key::kUndo);
       marked_step_ = Step::kRest;  // the next mark is a first one
       break;
@@ -247,8 +255,9 @@ ScriptedDevice::ScriptedDevice(Script script) : script_(std::move(script)) {
 
 DeviceFacts ScriptedDevice::Connect() {
   if (script_.statements.empty() || script_.statements.front().kind != Statement::Kind::kDevice) {
-    throw UserError(script_.path +
-                    ": without --source a script begins with the statement 'device SERIAL CPI'");
+    throw UserError(
+        fmt::format("{}: without --source a script begins with the statement 'device SERIAL CPI'",
+                    script_.path));
   }
   const Statement& device = script_.statements[next_++];
   return {.serial = device.word, .cpi = static_cast<int>(device.numbers[0])};
@@ -281,15 +290,16 @@ void ScriptedDevice::Play(const Statement& statement, ReadingSink& sink) {
       return sink.Press(Key::kUndo);
     case Statement::Kind::kSkip:
       if (statement.word != StepName(sink.step())) {
-        throw UserError(script_.path + ", line " + std::to_string(statement.line) + ": 'skip " +
-                        statement.word + "' in the step '" + StepName(sink.step()) + "'");
+        throw UserError(fmt::format("{}:{}: 'skip {}' in the step '{}'; skip each step in its turn",
+                                    script_.path, statement.line, statement.word,
+                                    StepName(sink.step())));
       }
       return sink.Press(Key::kSkip);
     case Statement::Kind::kQuit:
       return sink.Quit();
     case Statement::Kind::kDevice:
-      throw UserError(script_.path + ", line " + std::to_string(statement.line) +
-                      ": a script has one device, named once at its beginning");
+      throw UserError(fmt::format("{}:{}: a script has one device, named once at its beginning",
+                                  script_.path, statement.line));
     case Statement::Kind::kRest:
       return play(numbers[0], nothing);
     case Statement::Kind::kMove: {

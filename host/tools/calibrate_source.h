@@ -1,4 +1,4 @@
-// Where a calibration's readings and keys come from, whether a device and a person or a script.
+// Where the readings and keys of a calibration come from: a device and a person, or a script.
 #pragma once
 
 #include <cstdint>
@@ -13,31 +13,31 @@
 
 namespace torquer::tools {
 
-/// What is to be known of a device before it is calibrated.
+/// What must be known of a device before it is calibrated.
 struct DeviceFacts {
   std::string serial;
   int cpi = calibration::kNominalCpi;
-  bool ordinary_mouse = false;  ///< unknown resolution, tells no lift
+  bool ordinary_mouse = false;  ///< its resolution is unknown, and it reports no lift
   bool has_joystick = true;
 };
 
-/// Takes what a source delivers.
+/// Gets what a source delivers.
 class ReadingSink {
  public:
   virtual ~ReadingSink() = default;
   virtual void Take(const calibration::Reading& reading) = 0;
   virtual void Press(calibration::Key key) = 0;
   virtual void Quit() = 0;
-  virtual void Tell(const std::string& text) = 0;  ///< something that the operator should know
+  virtual void Inform(const std::string& text) = 0;  ///< a line for the operator
   virtual calibration::Step step() const = 0;
 };
 
 class ReadingSource {
  public:
   virtual ~ReadingSource() = default;
-  /// Waits for the device, for a while; throws UserError when there is none or it cannot be used.
+  /// Waits for the device, for 5 s; throws UserError when there is none or it cannot be used.
   virtual DeviceFacts Connect() = 0;
-  /// Hands over what comes within `timeout_ms`; returns early after Interrupt(). Throws UserError.
+  /// Delivers what arrives within `timeout_ms`; returns early after Interrupt(). Throws UserError.
   virtual void Wait(int timeout_ms, ReadingSink& sink) = 0;
   virtual void Interrupt() = 0;
 };
@@ -57,10 +57,10 @@ class DeviceReadings : public ReadingSource {
   std::unique_ptr<device::ReportSource> source_;
   device::ReportDecoder decoder_;
   DeviceFacts facts_;
-  std::vector<calibration::Reading> early_;  // came while the device was asked who it is
+  std::vector<calibration::Reading> early_;  // arrived during Connect()
 };
 
-/// A device, and an operator who is a script: keys are pressed when the hand rests.
+/// A device with a script as its operator: keys are pressed when the hand rests.
 class PacedOperator : public ReadingSource {
  public:
   /// Throws UserError when the script moves the device itself.
@@ -76,14 +76,14 @@ class PacedOperator : public ReadingSource {
   std::unique_ptr<ReadingSource> device_;
   Script script_;
   std::size_t next_ = 0;
-  calibration::Reading rest_{};  // where the hand has been since it last moved
+  calibration::Reading rest_{};  // the place of the hand since it last moved
   bool any_ = false;
   std::int64_t marked_axial_ = 0, marked_transverse_ = 0;  // at the last mark
   calibration::Step marked_step_ = calibration::Step::kRest;
   std::int64_t last_reading_us_ = 0;  // by the host's clock
 };
 
-/// No device: the script moves one of its own.
+/// A script that moves a device of its own.
 class ScriptedDevice : public ReadingSource {
  public:
   /// Throws UserError when the script names no device.

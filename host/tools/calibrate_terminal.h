@@ -1,4 +1,4 @@
-// The terminal of a guided session: single keys in, lasting lines and one changing line out.
+// The terminal of a guided calibration: single keys in, lasting lines and one changing line out.
 #pragma once
 
 #include <termios.h>
@@ -11,19 +11,19 @@ namespace torquer::tools {
 
 class Terminal {
  public:
-  /// Keys come as they are pressed, without echo, where standard input is a terminal; it is as
-  /// before when this object is gone.
+  /// Where standard input is a terminal, keys are read as they are pressed, without echo, until the
+  /// destructor restores it.
   Terminal();
   ~Terminal();
   Terminal(const Terminal&) = delete;
   Terminal& operator=(const Terminal&) = delete;
 
-  /// A key, if one was pressed; Enter is '\n'.
+  /// The key that was pressed, if any; Enter is '\n'.
   std::optional<char> Key();
 
   /// A lasting line, above the changing one.
   void Print(const std::string& line);
-  /// Replaces the changing line; does nothing where standard output is no terminal.
+  /// Replaces the changing line; does nothing where standard output is not a terminal.
   void Change(const std::string& line);
 
   /// Columns of the terminal; 80 where there is none.
@@ -38,10 +38,10 @@ class Terminal {
   std::string changing_;
 };
 
-/// Asks on standard output and reads a line of standard input; "" at the end of the input, too.
+/// Asks on standard output and reads a line of standard input; "" at the end of the input as well.
 std::string Ask(const std::string& question);
 
-/// Standard input and output are both a terminal: somebody can be asked.
+/// Whether a person can be asked: standard input and output are both a terminal.
 bool CanAsk();
 
 }  // namespace torquer::tools

@@ -1,26 +1,27 @@
-// Boards that keep Arduino's Caterina bootloader, which speaks AVR109 on a serial port: served by
-// avrdude.
+// Boards with Arduino's Caterina bootloader, which is written by avrdude on a serial port (AVR109).
 #pragma once
 
-#include <functional>
 #include <string>
 
+#include "host/tools/avrdude.h"
 #include "host/tools/flash_image.h"
 
 namespace torquer::tools {
 
-struct CaterinaOptions {
-  std::string avrdude = "avrdude";  ///< program
-  int timeout_s = 60;  ///< after which it is killed: it waits for ever for a lost board
-  /// Whether the user wants to stop.
-  std::function<bool()> stop = [] { return false; };
-};
+/// What a person does where nothing else starts the bootloader.
+inline constexpr char kResetByHand[] =
+    "reset the board (a Pro Micro twice within a second), which starts its bootloader for 8 s, and "
+    "run the same command again";
 
-/// Erases, writes all pages but the first, then the first, and verifies all. Caterina starts
-/// whatever has a first word, so that a board that is cut off stays in it until the very end; a cut
-/// during the first page's 4 ms is the one that leaves half an application running. Throws
-/// FlashUnfinished with what avrdude said; UserError if it is not installed.
+/// Erases, writes all pages but the first, then the first, and verifies all. Caterina starts any
+/// application that has a first word, so that a board that is cut off stays in Caterina until the
+/// first page is written; only a cut during the 4 ms of that page leaves an incomplete application
+/// that runs. Throws FlashUnfinished with the output of avrdude; UserError if it is not installed.
 void FlashByCaterina(const std::string& port, const FlashImage& image,
-                     const CaterinaOptions& options);
+                     const AvrdudeOptions& options);
+
+/// Asks an Arduino program to start Caterina: opens its serial port at 1200 baud and closes it, as
+/// Arduino's IDE does. Throws UserError with the remedy if the port cannot be opened.
+void AskSketchIntoCaterina(const std::string& port);
 
 }  // namespace torquer::tools

@@ -10,6 +10,7 @@
 #include "host/support/stop_signal.h"
 #include "host/tools/caterina.h"
 #include "host/tools/flash_procedure.h"
+#include "host/tools/fuses.h"
 #include "host/tools/usb_boards.h"
 
 namespace {
@@ -48,7 +49,39 @@ class ProgressBar {
 
 const char* GoodOr(bool good, const char* otherwise) { return good ? "good" : otherwise; }
 
-int Run(FlashRequest& request) {
+struct Arguments {
+  FlashRequest request;
+  std::string srom;
+  std::string programmer;
+};
+
+int ShowFuses(const Arguments& arguments) {
+  const FlashRequest& request = arguments.request;
+  if (!arguments.srom.empty() || !request.image.empty() || request.force) {
+    throw torquer::UsageError(
+        "--fuses reads and changes nothing; leave out IMAGE.hex, --srom and --force");
+  }
+  const std::atomic<bool>& stop = torquer::StopOnSignal();
+  torquer::tools::AvrdudeOptions options;
+  options.stop = [&stop] { return stop.load(); };
+  const torquer::tools::Fuses fuses =
+      torquer::tools::ReadFuses(arguments.programmer, request.port, options);
+  fmt::print("lfuse {:#04x}, hfuse {:#04x}, efuse {:#04x}, lock {:#04x}\n", fuses.low, fuses.high,
+             fuses.extended, fuses.lock);
+  const torquer::tools::FuseVerdict verdict = torquer::tools::JudgeFuses(fuses);
+  for (const std::string& line : verdict.lines) fmt::print("{}\n", line);
+  return verdict.good ? torquer::kExitSuccess : torquer::kExitFailure;
+}
+
+int Run(Arguments& arguments) {
+  if (!arguments.programmer.empty()) return ShowFuses(arguments);
+  FlashRequest& request = arguments.request;
+  if (!arguments.srom.empty() &&
+      (!request.image.empty() || !request.port.empty() || request.force)) {
+    throw torquer::UsageError(
+        "--srom loads an image into the sensor and installs no firmware; leave out IMAGE.hex, "
+        "--port and --force");
+  }
   const auto here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
   request.image_folder = (here / "../firmware").lexically_normal();
   const std::atomic<bool>& stop = torquer::StopOnSignal();
@@ -64,12 +97,19 @@ int Run(FlashRequest& request) {
   };
   hooks.stop = [&stop] { return stop.load(); };
   hooks.flash_caterina = [&stop](const std::string& port, const FlashImage& image) {
-    torquer::tools::CaterinaOptions options;
+    torquer::tools::AvrdudeOptions options;
     options.stop = [&stop] { return stop.load(); };
     FlashByCaterina(port, image, options);
   };
+  hooks.ask_sketch = torquer::tools::AskSketchIntoCaterina;
   torquer::tools::UsbBoards boards;
-  const auto outcome = torquer::tools::FlashProcedure(boards, request, hooks).Run();
+  torquer::tools::FlashProcedure procedure(boards, request, hooks);
+  if (!arguments.srom.empty()) {
+    const int id = procedure.LoadSensorImage(arguments.srom);
+    if (id != 0) fmt::print("the sensor runs image {} until it loses power or is reset\n", id);
+    return torquer::kExitSuccess;
+  }
+  const auto outcome = procedure.Run();
   if (outcome) {
     fmt::print("firmware {} runs on {}; self-test: application {}, settings {}, sensor {}\n",
                outcome->version.Text(), outcome->serial,
@@ -94,22 +134,34 @@ int main(int argc, char** argv) {
       "s. The factory bootloader of the chip (DFU) is recognized, with instructions.");
   program.Note(
       "Exit status: 0 when it is done, 1 when it was begun and not finished (run it again), 2 when "
-      "nothing was changed.");
-  FlashRequest request;
+      "nothing was changed. With --fuses: 1 when no board is safe with them.");
+  program.Note(
+      "The sensor's own firmware image (SROM) is its maker's, and no part of this project: the "
+      "sensor runs without it, and better with it on difficult surfaces. It forgets the image with "
+      "its power, in suspend too; the reports then say so, and --srom loads it again.");
+  Arguments arguments;
+  FlashRequest& request = arguments.request;
   torquer::Options& options = program.options();
   options.Operand("[IMAGE.hex]", request.image,
                   "firmware image; without it the one of this build for the board's clock");
   options.Text("--device", "SERIAL", request.device,
                "board with this serial number, needed when there are several");
   options.Text("--port", "TTY", request.port,
-               "serial port of a board in Caterina, needed where it is not found",
+               "serial port of a board in Caterina, where it is not found; of one with an Arduino "
+               "program, which then is overwritten; of the programmer of --fuses",
                torquer::ValueKind::kFile);
   options.Flag("--dry-run", request.dry_run,
                "report what is there and what would be done, and change nothing");
   options.Flag("--force", request.force, "install an older version over a newer one");
+  options.Text("--srom", "FILE", arguments.srom,
+               "install no firmware: load the sensor maker's image in this file into the sensor",
+               torquer::ValueKind::kFile);
+  options.Text("--fuses", "PROGRAMMER", arguments.programmer,
+               "change nothing: read the chip's fuses through this ISP programmer (avrdude -c) and "
+               "judge them");
   return program.Main(argc, argv, [&] {
     try {
-      return Run(request);
+      return Run(arguments);
     } catch (const torquer::tools::FlashUnfinished& unfinished) {
       fmt::print(stderr, "torquer-flash: {}\n", unfinished.what());
       return static_cast<int>(torquer::kExitFailure);

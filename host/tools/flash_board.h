@@ -1,13 +1,13 @@
-// Boards that torquer-flash may find, and how it speaks with those that are ours: what the
-// procedure asks of whatever they are plugged into (libusb; in tests the emulator).
+// Boards that torquer-flash may find, and the reports that it exchanges with those that are ours:
+// an interface to libusb, and in tests to the emulator.
 #pragma once
 
-#include <cstdint>
 #include <memory>
-#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "host/device/feature_reports.h"
 
 namespace torquer::tools {
 
@@ -22,37 +22,22 @@ enum class BoardMode {
 
 struct Board {
   BoardMode mode = BoardMode::kFirmware;
-  std::string place;    ///< where it is plugged in, as "1-2.3"; stays from mode to mode
-  std::string serial;   ///< of our firmware; else empty
-  std::string port;     ///< of Caterina: its serial port; empty if there is none yet
-  int clock_mhz = 0;    ///< as far as its ids tell; 0: unknown
-  std::string trouble;  ///< why it cannot be used, with the remedy; empty if it can
+  std::string place;    ///< where it is plugged in, as "1-2.3"; the same in every mode
+  std::string serial;   ///< with our firmware; else empty
+  std::string port;     ///< with Caterina or an Arduino program: its serial port; empty: none yet
+  int clock_mhz = 0;    ///< if its USB ids say so; 0: unknown
+  std::string problem;  ///< why it cannot be used, with the remedy; empty if it can
 };
 
-/// The board is not there any more.
+/// The board is gone.
 class BoardLost : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// The board refused a report.
-class ReportRefused : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-/// Feature reports of one board. Both throw BoardLost or ReportRefused.
-class FeatureLink {
- public:
-  FeatureLink() = default;
-  FeatureLink(const FeatureLink&) = delete;
-  FeatureLink& operator=(const FeatureLink&) = delete;
-  virtual ~FeatureLink() = default;
-
-  /// `size` bytes, report id first.
-  virtual std::vector<std::uint8_t> Get(std::uint8_t report_id, std::size_t size) = 0;
-  virtual void Set(std::span<const std::uint8_t> report) = 0;
-};
+using device::ReportRefused;
+/// Feature reports of one board. Both functions throw BoardLost or ReportRefused.
+using FeatureLink = device::FeatureReports;
 
 class Boards {
  public:
@@ -62,8 +47,8 @@ class Boards {
   virtual ~Boards() = default;
 
   virtual std::vector<Board> List() = 0;
-  /// A board in our firmware or bootloader. Throws BoardLost; UserError naming the remedy if it may
-  /// not be used. While a link is open nobody else can use the board.
+  /// Opens a board with our firmware or bootloader. Throws BoardLost; UserError naming the remedy
+  /// if it may not be used. While a link is open nobody else can use the board.
   virtual std::unique_ptr<FeatureLink> Open(const Board& board) = 0;
   /// Lets time pass.
   virtual void Sleep(int milliseconds) = 0;

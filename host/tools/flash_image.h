@@ -1,5 +1,5 @@
-// A firmware image as torquer-flash gets it: an Intel HEX file with the application and its trailer
-// (protocol/firmware_image.h), as the firmware's build makes it.
+// A firmware image as the firmware's build makes it: an Intel HEX file with the application and its
+// trailer (protocol/firmware_image.h).
 #pragma once
 
 #include <cstdint>
@@ -21,21 +21,21 @@ struct FirmwareVersion {
 
 FirmwareVersion VersionOf(const protocol::ImageTrailer& trailer);
 
-/// A whole image: its CRC is right, and it is for our board.
+/// A complete image: its CRC is right, and it is for our board.
 class FlashImage {
  public:
   /// Throws UserError naming file and line, and the remedy, for a file that holds no such image.
   static FlashImage FromFile(const std::string& path);
-  /// The same for the flash's contents from address 0; `name` is for the error's text.
+  /// The same from the contents of the flash from address 0; `name` is for messages.
   static FlashImage FromFlash(std::span<const std::uint8_t> flash, const std::string& name);
 
   const protocol::ImageTrailer& trailer() const { return trailer_; }
   FirmwareVersion version() const { return VersionOf(trailer_); }
   /// Pages of the application, from address 0.
   int pages() const { return static_cast<int>(bytes_.size() / protocol::kFlashPageBytes); }
-  /// One of them, or with index pages() the trailer's.
+  /// One of them; index pages() is the page of the trailer.
   std::vector<std::uint8_t> Page(int index) const;
-  /// Where that page lies.
+  /// The address of that page.
   std::uint16_t PageAddress(int index) const;
 
  private:
@@ -43,16 +43,16 @@ class FlashImage {
   protocol::ImageTrailer trailer_{};
 };
 
-/// The flash's contents that an Intel HEX file holds, 0xff where it holds nothing. Throws UserError
+/// The contents of the flash in an Intel HEX file, 0xff where the file has none. Throws UserError
 /// naming file and line.
 std::vector<std::uint8_t> ReadHexFile(const std::string& path);
 
-/// Writes such a file with the pages from `first` to before `last`, and nothing else.
+/// Writes such a file with the pages `first` .. `last` - 1 only.
 /// Throws UserError if it cannot be written.
 void WriteHexFile(const std::string& path, const FlashImage& image, int first, int last);
 
-/// The trailer compiled into `flash`, with length and CRC filled in. Throws UserError naming the
-/// file if there is none or the application is too long.
+/// The trailer that is compiled into `flash`, with length and CRC filled in. Throws UserError
+/// naming the file if there is none, or no application.
 protocol::ImageTrailer SignImage(std::span<const std::uint8_t> flash, const std::string& name);
 
 }  // namespace torquer::tools

@@ -1,10 +1,13 @@
 #include "host/tools/flash_procedure.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <utility>
 
+#include "host/device/sensor_firmware.h"
 #include "protocol/serial_number.h"
 
 namespace torquer::tools {
@@ -15,7 +18,7 @@ using protocol::IdentityReport;
 using protocol::PageReport;
 
 constexpr int kLookMs = 50;
-// A moment for udev to grant permissions, and for a serial port to be made.
+// Time for udev to grant permissions, and for the kernel to make a serial port.
 constexpr int kSettleMs = 2000;
 // From the firmware to its bootloader and back: resets, and the host's enumeration.
 constexpr int kChangeMs = 30000;
@@ -24,11 +27,11 @@ constexpr int kSensorMs = 2000;
 
 constexpr std::uint8_t kApplicationGood = 1 << 0, kSettingsGood = 1 << 1, kSensorGood = 1 << 2;
 
-constexpr char kAgain[] = "Run the same command again: it finishes the job.";
-// What is to be said of a board that was lost, by when.
+constexpr char kAgain[] = "Run the same command again: it finishes the update.";
+// The state of a board that was lost, by the time of the loss.
 constexpr char kUntouched[] = "Nothing was changed. ";
 constexpr char kOldOrNone[] =
-    "The board still has its former firmware, or none and waits in its bootloader. ";
+    "The board still has its old firmware, or none and waits in its bootloader. ";
 constexpr char kNoApplication[] =
     "The board has no valid application now and waits in its bootloader whenever it has power. ";
 constexpr char kNewOrNone[] =
@@ -39,8 +42,8 @@ template <typename Report>
 Report Get(FeatureLink& link, std::uint8_t id) {
   const std::vector<std::uint8_t> bytes = link.Get(id, sizeof(Report));
   if (bytes.size() != sizeof(Report)) {
-    throw ReportRefused("report " + std::to_string(id) + " has " + std::to_string(bytes.size()) +
-                        " bytes instead of " + std::to_string(sizeof(Report)));
+    throw ReportRefused(
+        fmt::format("report {} has {} bytes instead of {}", id, bytes.size(), sizeof(Report)));
   }
   Report report;
   std::memcpy(&report, bytes.data(), sizeof(report));
@@ -81,27 +84,56 @@ std::optional<FlashOutcome> FlashProcedure::Run() {
   const Found found = Find();
   hooks_.say("found: " + found.state);
   const FlashImage image = LoadImage(found);
-  Judge(found, image);
+  CheckFits(found, image);
   if (request_.dry_run) {
-    hooks_.say("would write firmware " + image.version().Text() + " (" +
-               std::to_string(image.trailer().length) + " bytes, " +
-               std::to_string(image.pages() + 1) + " pages), verify it and start it; nothing done");
+    hooks_.say(fmt::format(
+        "would write firmware {} ({} bytes, {} pages), verify it and start it; nothing was done",
+        image.version().Text(), image.trailer().length, image.pages() + 1));
     return std::nullopt;
   }
   StopIfWanted("Nothing was changed.");
   const Board board = EnterBootloader(found);
   if (board.mode == BoardMode::kCaterina) {
-    hooks_.say("writing by the board's Caterina bootloader at " + board.port +
-               ", which an interruption may leave without a way in but its reset button");
+    hooks_.say(
+        fmt::format("writing by the board's Caterina bootloader at {}; after an interruption "
+                    "its reset button may be needed",
+                    board.port));
     hooks_.flash_caterina(board.port, image);
   } else {
     WriteByBootloader(board, image);
   }
-  return HearFirmware(found, image);
+  return ReadSelfTest(found, image);
+}
+
+int FlashProcedure::LoadSensorImage(const std::string& path) {
+  const std::vector<std::uint8_t> image = device::ReadSromFile(path);
+  const Found found = Find();
+  hooks_.say("found: " + found.state);
+  if (found.board.mode != BoardMode::kFirmware) {
+    throw UserError(
+        "the firmware loads the image into the sensor, and does not run on this board; run "
+        "torquer-flash without --srom first");
+  }
+  if (request_.dry_run) {
+    hooks_.say(fmt::format("would load {} into its sensor; nothing was done", path));
+    return 0;
+  }
+  try {
+    const auto link = boards_.Open(found.board);
+    return device::LoadSrom(*link, image);
+  } catch (const BoardLost& lost) {
+    throw UserError(
+        fmt::format("{}: the board was lost ({}). Its sensor runs without the image; "
+                    "check the cable and run the same command again",
+                    Where(found.board), lost.what()));
+  }
 }
 
 Board FlashProcedure::Choose() {
   if (!request_.port.empty()) {
+    for (const Board& board : boards_.List()) {
+      if (board.mode == BoardMode::kSketch && board.port == request_.port) return board;
+    }
     Board board;
     board.mode = BoardMode::kCaterina;
     board.port = request_.port;
@@ -110,12 +142,12 @@ Board FlashProcedure::Choose() {
   for (int waited = 0;; waited += kLookMs) {
     std::vector<Board> boards = boards_.List();
     const bool settled = std::none_of(boards.begin(), boards.end(),
-                                      [](const Board& b) { return !b.trouble.empty(); });
+                                      [](const Board& b) { return !b.problem.empty(); });
     if (settled || waited >= kSettleMs) {
       std::string seen;
       std::vector<Board> wanted;
       for (const Board& board : boards) {
-        if (!request_.device.empty() && board.trouble.empty() &&
+        if (!request_.device.empty() && board.problem.empty() &&
             (board.mode == BoardMode::kFirmware || board.mode == BoardMode::kBootloader) &&
             Examine(board).serial != request_.device) {
           seen += " " + Examine(board).serial;
@@ -138,8 +170,9 @@ Board FlashProcedure::Choose() {
       }
       if (wanted.empty()) {
         throw UserError(
-            "no board found. Plug in the bench device; a new Arduino board has to be reset first "
-            "(a Pro Micro twice within a second), and torquer-flash run within 8 s.");
+            "no board found. Plug in the bench device. A new Arduino board has to be reset first "
+            "(a "
+            "Pro Micro twice within a second); then run torquer-flash within 8 s.");
       }
       return of_ours != wanted.end() ? *of_ours : wanted.front();
     }
@@ -150,7 +183,7 @@ Board FlashProcedure::Choose() {
 FlashProcedure::Found FlashProcedure::Find() { return Examine(Choose()); }
 
 FlashProcedure::Found FlashProcedure::Examine(const Board& board) {
-  if (!board.trouble.empty()) throw UserError(Where(board) + ": " + board.trouble);
+  if (!board.problem.empty()) throw UserError(Where(board) + ": " + board.problem);
   Found found;
   found.board = board;
   found.clock_mhz = board.clock_mhz;
@@ -165,10 +198,19 @@ FlashProcedure::Found FlashProcedure::Examine(const Board& board) {
                                           : Where(board) + ", in Arduino's Caterina bootloader";
         return found;
       case BoardMode::kSketch:
+        found.state =
+            fmt::format("{} at {}, which runs an Arduino program", Where(board), board.port);
+        if (!board.port.empty() && board.port == request_.port) return found;
         throw UserError(
-            Where(board) +
-            " runs an Arduino program. Reset it (a Pro Micro twice within a second), which brings "
-            "its bootloader up for 8 s, and run the same command again.");
+            Where(board) + " runs an Arduino program. " +
+            (board.port.empty()
+                 ? ""
+                 : fmt::format("If that may be overwritten, name its port: torquer-flash --port "
+                               "{}. Or reset it ",
+                               board.port)) +
+            (board.port.empty() ? "Reset it " : "") +
+            "(a Pro Micro twice within a second), which starts its bootloader for 8 s, and run the "
+            "same command again.");
       case BoardMode::kDfu:
         throw UserError(
             Where(board) +
@@ -178,12 +220,15 @@ FlashProcedure::Found FlashProcedure::Examine(const Board& board) {
             "dfu-programmer atmega32u4 reset");
     }
   } catch (const BoardLost& lost) {
-    throw UserError(Where(board) + ": the board is gone again (" + lost.what() +
-                    "). Nothing was changed. Check the cable and run the same command again.");
+    throw UserError(
+        fmt::format("{}: the board is gone ({}). Nothing was changed. Check the cable and "
+                    "run the same command again.",
+                    Where(board), lost.what()));
   } catch (const ReportRefused& refused) {
     throw UserError(
-        Where(board) + ": the board does not say what it is (" + refused.what() +
-        "). Nothing was changed. Unplug it, plug it in and run the same command again.");
+        fmt::format("{}: the board does not report what it is ({}). Nothing was changed. "
+                    "Unplug it, plug it in and run the same command again.",
+                    Where(board), refused.what()));
   }
   return found;
 }
@@ -197,8 +242,8 @@ FlashProcedure::Found FlashProcedure::ExamineFirmware(const Board& board) {
   found.clock_mhz = identity.clock_mhz;
   found.installed =
       FirmwareVersion{identity.firmware_major, identity.firmware_minor, identity.firmware_patch};
-  found.state = found.serial + " at " + Where(board) + ", running firmware " +
-                found.installed->Text() + " at " + std::to_string(found.clock_mhz) + " MHz";
+  found.state = fmt::format("{} at {}, running firmware {} at {} MHz", found.serial, Where(board),
+                            found.installed->Text(), found.clock_mhz);
   if (!(identity.self_test & kApplicationGood)) found.state += ", which is damaged";
   return found;
 }
@@ -213,14 +258,14 @@ FlashProcedure::Found FlashProcedure::ExamineBootloader(const Board& board) {
   if (status.protocol_version != protocol::kBootloaderProtocolVersion ||
       status.board != protocol::kBoardBenchAtmega32u4) {
     throw UserError(
-        name + ": a bootloader of version " + std::to_string(status.protocol_version) +
-        " for board " + std::to_string(status.board) + ", where version " +
-        std::to_string(protocol::kBootloaderProtocolVersion) + " for board " +
-        std::to_string(protocol::kBoardBenchAtmega32u4) +
-        " is served. Use the torquer-flash of the release that the bootloader is from.");
+        fmt::format("{}: its bootloader has version {} for board {}; this program supports version "
+                    "{} for board "
+                    "{}. Use the torquer-flash of the release that the bootloader is from.",
+                    name, int{status.protocol_version}, int{status.board},
+                    protocol::kBootloaderProtocolVersion, protocol::kBoardBenchAtmega32u4));
   }
   found.clock_mhz = status.clock_mhz;
-  found.state = name + ", in our bootloader at " + std::to_string(found.clock_mhz) + " MHz, ";
+  found.state = fmt::format("{}, in our bootloader at {} MHz, ", name, found.clock_mhz);
   if (status.application_valid) {
     found.installed = VersionOf(status.trailer);
     found.state += "with firmware " + found.installed->Text() + " ready to start";
@@ -234,7 +279,7 @@ FlashImage FlashProcedure::LoadImage(const Found& found) const {
   if (!request_.image.empty()) return FlashImage::FromFile(request_.image);
   if (found.clock_mhz == 0) {
     throw UserError(
-        "it cannot be told whether this board runs at 8 or 16 MHz. Name the image: "
+        "it is not known whether this board runs at 8 or 16 MHz. Name the image: "
         "torquer-firmware.hex for 16 MHz, torquer-firmware-8mhz.hex for 8 MHz.");
   }
   const std::string name =
@@ -242,16 +287,18 @@ FlashImage FlashProcedure::LoadImage(const Found& found) const {
   return FlashImage::FromFile(std::filesystem::path(request_.image_folder) / name);
 }
 
-void FlashProcedure::Judge(const Found& found, const FlashImage& image) const {
+void FlashProcedure::CheckFits(const Found& found, const FlashImage& image) const {
   if (found.clock_mhz != 0 && found.clock_mhz != image.trailer().clock_mhz) {
-    throw UserError("the image is for a board of " + std::to_string(image.trailer().clock_mhz) +
-                    " MHz, this one has " + std::to_string(found.clock_mhz) +
-                    " MHz: it would not be seen on the USB any more. Take the other image.");
+    throw UserError(
+        fmt::format("the image is for a board of {} MHz, this one has {} MHz: the USB "
+                    "would not see it any more. Use the other image.",
+                    int{image.trailer().clock_mhz}, found.clock_mhz));
   }
   if (found.installed && image.version().IsOlderThan(*found.installed) && !request_.force) {
-    throw UserError("firmware " + found.installed->Text() +
-                    " is installed, which is newer than the image's " + image.version().Text() +
-                    ". --force installs the older one.");
+    throw UserError(
+        fmt::format("firmware {} is installed, which is newer than the image's {}. --force "
+                    "installs the older one.",
+                    found.installed->Text(), image.version().Text()));
   }
 }
 
@@ -260,7 +307,9 @@ void FlashProcedure::StopIfWanted(const std::string& state) const {
 }
 
 bool FlashProcedure::IsSame(const Board& board, const Found& before) {
-  if (!board.trouble.empty()) return false;
+  if (!board.problem.empty()) return false;
+  // The kernel may still be making its serial port.
+  if (board.mode == BoardMode::kCaterina && board.port.empty()) return false;
   if (before.serial.empty()) return before.board.place.empty() || board.place == before.board.place;
   switch (board.mode) {
     case BoardMode::kFirmware:
@@ -271,7 +320,7 @@ bool FlashProcedure::IsSame(const Board& board, const Found& before) {
              before.serial;
     }
     case BoardMode::kCaterina:
-      return board.place == before.board.place && !board.port.empty();
+      return board.place == before.board.place;
     case BoardMode::kSketch:
     case BoardMode::kDfu:
       break;
@@ -279,7 +328,7 @@ bool FlashProcedure::IsSame(const Board& board, const Found& before) {
   return false;
 }
 
-// Until the board is there with its firmware, or else with one of its bootloaders.
+// Waits until the board runs its firmware, or else one of its bootloaders.
 std::optional<Board> FlashProcedure::WaitFor(const Found& before, int milliseconds, bool firmware) {
   for (int waited = 0; waited < milliseconds; waited += kLookMs) {
     for (const Board& board : boards_.List()) {
@@ -288,7 +337,7 @@ std::optional<Board> FlashProcedure::WaitFor(const Found& before, int millisecon
       if (firmware ? board.mode != BoardMode::kFirmware : !is_bootloader) continue;
       try {
         if (IsSame(board, before)) return board;
-      } catch (const std::runtime_error&) {  // not yet
+      } catch (const std::runtime_error&) {  // not ready yet
       }
     }
     boards_.Sleep(kLookMs);
@@ -297,15 +346,16 @@ std::optional<Board> FlashProcedure::WaitFor(const Found& before, int millisecon
 }
 
 Board FlashProcedure::EnterBootloader(const Found& found) {
+  if (found.board.mode == BoardMode::kSketch) return AskSketch(found);
   if (found.board.mode != BoardMode::kFirmware) return found.board;
-  hooks_.say("asking the firmware to make way for its bootloader");
+  hooks_.say("asking the firmware to start the bootloader");
   try {
     const auto link = boards_.Open(found.board);
     Set(*link, protocol::CommandReport{protocol::kCommandReportId,
                                        protocol::kCommandEnterBootloader,
                                        protocol::kCommandKey,
                                        {}});
-  } catch (const BoardLost&) {  // it was quick
+  } catch (const BoardLost&) {  // it has restarted already
   } catch (const ReportRefused&) {
     throw UserError(
         found.serial +
@@ -317,9 +367,22 @@ Board FlashProcedure::EnterBootloader(const Found& found) {
     throw FlashUnfinished(
         found.serial +
         ": the board did not come back in a bootloader. Nothing was written. Unplug it, plug it in "
-        "and run the same command again; a board whose firmware just starts anew has no "
+        "and run the same command again. A board that only restarts its firmware has no "
         "bootloader: "
         "install ours by ISP (firmware/bootloader/README.md).");
+  }
+  return *board;
+}
+
+Board FlashProcedure::AskSketch(const Found& found) {
+  hooks_.say("asking the Arduino program to start its bootloader");
+  hooks_.ask_sketch(found.board.port);
+  const std::optional<Board> board = WaitFor(found, kChangeMs, /*firmware=*/false);
+  if (!board) {
+    throw FlashUnfinished(Where(found.board) +
+                          ": the program did not start its bootloader. Nothing was written. Reset "
+                          "the board (a Pro Micro twice within a second) and run torquer-flash "
+                          "without --port within 8 s.");
   }
   return *board;
 }
@@ -330,8 +393,7 @@ void FlashProcedure::WriteByBootloader(const Board& board, const FlashImage& ima
   std::string doing = "before the first page was written";
   const auto begin = [&](const char* what, int page) {
     StopIfWanted(std::string(state) + kAgain);
-    doing =
-        "while page " + std::to_string(page + 1) + " of " + std::to_string(pages) + " was " + what;
+    doing = fmt::format("while page {} of {} was {}", page + 1, pages, what);
   };
   try {
     const auto link = boards_.Open(board);
@@ -349,9 +411,10 @@ void FlashProcedure::WriteByBootloader(const Board& board, const FlashImage& ima
       const std::vector<std::uint8_t> page = image.Page(i);
       if (report.address != image.PageAddress(i) ||
           !std::equal(page.begin(), page.end(), report.data)) {
-        throw FlashUnfinished("page " + std::to_string(i + 1) +
-                              " does not read back as it was written. " + state + kAgain +
-                              " If that does not help, the chip's flash is worn out.");
+        throw FlashUnfinished(
+            fmt::format("page {} does not read back as it was written. {}{} If "
+                        "that does not help, the chip's flash is worn out.",
+                        i + 1, state, kAgain));
       }
       hooks_.progress("verifying", i + 1, pages);
     }
@@ -362,31 +425,31 @@ void FlashProcedure::WriteByBootloader(const Board& board, const FlashImage& ima
     state = kNew;
     Command(*link, protocol::kBootloaderRestart);
   } catch (const BoardLost& lost) {
-    throw FlashUnfinished("the board was lost " + doing + " (" + lost.what() + "). " + state +
-                          kAgain);
+    throw FlashUnfinished(
+        fmt::format("the board was lost {} ({}). {}{}", doing, lost.what(), state, kAgain));
   } catch (const ReportRefused& refused) {
-    throw FlashUnfinished("the bootloader refused a report " + doing + " (" + refused.what() +
-                          "). " + state + kAgain);
+    throw FlashUnfinished(fmt::format("the bootloader refused a report {} ({}). {}{}", doing,
+                                      refused.what(), state, kAgain));
   }
 }
 
-FlashOutcome FlashProcedure::HearFirmware(const Found& before, const FlashImage& image) {
+FlashOutcome FlashProcedure::ReadSelfTest(const Found& before, const FlashImage& image) {
   hooks_.say("waiting for the new firmware");
-  const auto unheard = [](const std::string& why) {
+  const auto no_answer = [](const std::string& why) {
     return FlashUnfinished(
         "the image is written and valid, but " + why +
         " Unplug the board and plug it in; if it is not seen then, reset it by "
         "its reset pin, which enters the bootloader, and install another image.");
   };
   const std::optional<Board> board = WaitFor(before, kChangeMs, /*firmware=*/true);
-  if (!board) throw unheard("the new firmware was not heard of.");
+  if (!board) throw no_answer("the new firmware does not appear.");
   IdentityReport identity{};
   for (int waited = 0;; waited += kLookMs) {
     try {
       const auto link = boards_.Open(*board);
       identity = Get<IdentityReport>(*link, protocol::kIdentityReportId);
     } catch (const std::runtime_error& error) {
-      if (waited >= kSensorMs) throw unheard("does not answer: " + std::string(error.what()) + ".");
+      if (waited >= kSensorMs) throw no_answer(fmt::format("does not answer: {}.", error.what()));
     }
     if ((identity.self_test & kSensorGood) || waited >= kSensorMs) break;
     boards_.Sleep(kLookMs);
@@ -398,10 +461,10 @@ FlashOutcome FlashProcedure::HearFirmware(const Found& before, const FlashImage&
   outcome.settings_good = identity.self_test & kSettingsGood;
   outcome.sensor_good = identity.self_test & kSensorGood;
   if (outcome.version != image.version() || !outcome.application_good) {
-    throw FlashUnfinished(outcome.serial + ": firmware " + outcome.version.Text() +
-                          " answers, its own CRC check " +
-                          (outcome.application_good ? "good" : "failed") + ", where firmware " +
-                          image.version().Text() + " was written. " + kAgain);
+    throw FlashUnfinished(fmt::format(
+        "{}: firmware {} answers, its own CRC check {}, but firmware {} was written. {}",
+        outcome.serial, outcome.version.Text(), outcome.application_good ? "good" : "failed",
+        image.version().Text(), kAgain));
   }
   return outcome;
 }

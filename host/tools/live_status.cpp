@@ -1,9 +1,10 @@
 #include "host/tools/live_status.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <utility>
 
@@ -12,9 +13,10 @@
 namespace torquer::tools {
 namespace {
 
-constexpr std::array<std::pair<std::int32_t, const char*>, 5> kStatusWords = {{
+constexpr std::array<std::pair<std::int32_t, const char*>, 6> kStatusWords = {{
     {protocol::kWireBudgetSpent, "out of time"},
     {protocol::kWireOutsideLumen, "outside the lumen"},
+    {protocol::kWireStalled, "stalled"},
     {protocol::kWireSnapped, "snapped"},
     {protocol::kWireInputRefused, "input refused"},
     {protocol::kWireInDoubt, "in doubt"},
@@ -23,23 +25,19 @@ constexpr std::array<std::pair<std::int32_t, const char*>, 5> kStatusWords = {{
 std::string LatencyText(std::vector<double>& latencies_ms) {
   if (latencies_ms.empty()) return "latency -";
   std::sort(latencies_ms.begin(), latencies_ms.end());
-  char text[64];
-  std::snprintf(text, sizeof text, "latency %.2f ms (worst %.2f)",
-                latencies_ms[latencies_ms.size() / 2], latencies_ms.back());
-  return text;
+  return fmt::format("latency {:.2f} ms (worst {:.2f})", latencies_ms[latencies_ms.size() / 2],
+                     latencies_ms.back());
 }
 
 std::string ForceText(const std::map<std::string, double>& readings) {
   const auto value = [&](const char* name) {
     const auto found = readings.find(name);
-    return found == readings.end() ? 0 : found->second;
+    return found == readings.end() ? 0.0 : found->second;
   };
   if (readings.count("wall_force_events") == 0) return "";
-  char text[160];
-  std::snprintf(text, sizeof text, " | force %.3g mN, sum %.3g, most %.3g, %.0f events",
-                value("wall_force_largest_mN"), value("wall_force_sum_mN"),
-                value("wall_force_largest_ever_mN"), value("wall_force_events"));
-  return text;
+  return fmt::format(" | force {:.3g} mN, sum {:.3g}, most {:.3g}, {:.0f} events",
+                     value("wall_force_largest_mN"), value("wall_force_sum_mN"),
+                     value("wall_force_largest_ever_mN"), value("wall_force_events"));
 }
 
 }  // namespace
@@ -55,25 +53,40 @@ std::string StatusWords(std::int32_t status) {
 void LiveStatus::Add(const torquer_lcm::device_sample_t&) { ++samples_; }
 
 void LiveStatus::Add(const torquer_lcm::wire_state_t& state) {
-  if (state.instrument != protocol::kGuidewire) return;
   ++states_;
   max_penetration_um_ = std::max(max_penetration_um_, state.max_penetration_um);
-  if (state.clock_id == clock_id_ && state.command_sequence > command_sequence_) {
-    latencies_ms_.push_back(1e-3 * static_cast<double>(state.publish_us - state.origin_us));
+  for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
+    std::int64_t& shown = command_sequences_.try_emplace(instrument.name, -1).first->second;
+    if (state.clock_id == clock_id_ && instrument.command_sequence > shown) {
+      latencies_ms_.push_back(1e-3 * static_cast<double>(state.publish_us - instrument.origin_us));
+    }
+    shown = instrument.command_sequence;
   }
-  command_sequence_ = state.command_sequence;
   state_ = state;
 }
 
 std::string LiveStatus::Add(const torquer_lcm::health_t& health) {
   if (health.process == "daemon") {
-    device_state_ = health.state;
+    Daemon& daemon = daemons_[health.instrument];
+    daemon.state = health.state;
     for (std::size_t i = 0; i < health.names.size(); ++i) {
-      if (health.names[i] == "reports_lost") reports_lost_ = health.values[i];
+      if (health.names[i] == "reports_lost") daemon.reports_lost = health.values[i];
     }
   }
   if (health.message.empty()) return "";
-  return health.process + ": " + health.state + ": " + health.message;
+  const std::string& of = health.instrument.empty() ? health.device : health.instrument;
+  return fmt::format("{}{}: {}: {}", health.process, of.empty() ? "" : " of " + of, health.state,
+                     health.message);
+}
+
+std::string LiveStatus::Devices() const {
+  if (daemons_.empty()) return "device no daemon";
+  if (daemons_.size() == 1) return "device " + daemons_.begin()->second.state;
+  std::string text;
+  for (const auto& [instrument, daemon] : daemons_) {
+    text += fmt::format("{} {} {}", text.empty() ? "devices" : ",", instrument, daemon.state);
+  }
+  return text;
 }
 
 std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
@@ -82,43 +95,47 @@ std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
     now[readings.names[i]] = readings.values[i];
   readings_.swap(now);
   const std::map<std::string, double>& before = now;
-  // What was so when this began to listen is no news.
+  // What was already so before the first readings is no change.
   if (before.empty()) return "";
   const auto grown = [&](const std::string& name) {
     const auto was = before.find(name);
     const auto is = readings_.find(name);
     return was != before.end() && is != readings_.end() && is->second > was->second;
   };
-  char text[160];
   std::string news;
   if (grown("wall_force_events")) {
-    std::snprintf(text, sizeof text,
-                  "wall force: event %.0f: above the threshold at %.2f s, %.3g mN so far",
-                  readings_["wall_force_events"], readings_["wall_force_event_s"],
-                  readings_["wall_force_event_mN"]);
-    news = text;
+    news =
+        fmt::format("wall force: event {:.0f}: above the threshold at {:.2f} s, {:.3g} mN so far",
+                    readings_["wall_force_events"], readings_["wall_force_event_s"],
+                    readings_["wall_force_event_mN"]);
   }
   if (grown("target_reached")) {
-    std::snprintf(text, sizeof text, "%sassessment: target reached at %.2f s",
-                  news.empty() ? "" : "; ", readings_["target_reached_s"]);
-    news += text;
+    news += fmt::format("{}assessment: target reached at {:.2f} s", news.empty() ? "" : "; ",
+                        readings_["target_reached_s"]);
   }
   return news;
 }
 
 std::string LiveStatus::Line(double interval_s) {
-  char text[256];
-  std::snprintf(text, sizeof text, "%s | %.0f reports/s, %lld lost | %.0f states/s, ",
-                scene_.c_str(), static_cast<double>(samples_) / interval_s,
-                static_cast<long long>(reports_lost_), static_cast<double>(states_) / interval_s);
-  std::string line = text + LatencyText(latencies_ms_);
+  // First what matters most: a narrow terminal cuts the end off.
+  std::string line = scene_;
   if (state_) {
-    std::snprintf(text, sizeof text, " | %.2f mm, %+.0f deg | residual %.1e, wall %.1f um, %s",
-                  state_->insertion_mm, state_->rotation_rad * 180 / std::numbers::pi,
-                  state_->residual, max_penetration_um_, StatusWords(state_->status).c_str());
-    line += text + ForceText(readings_) + " | device " + device_state_;
+    for (const torquer_lcm::instrument_state_t& instrument : state_->instruments) {
+      line += fmt::format(" | {} {:.2f} mm, {:+.0f} deg", instrument.name, instrument.insertion_mm,
+                          instrument.rotation_rad * 180 / std::numbers::pi);
+    }
+    line += " | " + StatusWords(state_->status) + ForceText(readings_);
   } else {
-    line += " | no wire yet | device " + device_state_;
+    line += " | no wire yet";
+  }
+  std::int64_t lost = 0;
+  for (const auto& [instrument, daemon] : daemons_) lost += daemon.reports_lost;
+  line += fmt::format(" | {} | {:.0f} reports/s, {} lost | {:.0f} states/s, {}", Devices(),
+                      static_cast<double>(samples_) / interval_s, lost,
+                      static_cast<double>(states_) / interval_s, LatencyText(latencies_ms_));
+  if (state_) {
+    line +=
+        fmt::format(" | residual {:.1e}, wall {:.1f} um", state_->residual, max_penetration_um_);
   }
   samples_ = 0;
   states_ = 0;

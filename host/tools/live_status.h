@@ -1,4 +1,4 @@
-// How a running session fares, in a line. No I/O, no clock.
+// The status of a running session in a line. No I/O, no clock.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +15,10 @@
 
 namespace torquer::tools {
 
-/// Bits of wire_state_t::status that a person should know of, in words; "ok" for none.
+/// Bits of wire_state_t::status that matter to a person, in words; "ok" for none.
 std::string StatusWords(std::int32_t status);
 
-/// Gathers messages, and tells about those since it was last asked.
+/// Gathers messages, and describes those since it was last asked.
 class LiveStatus {
  public:
   /// `clock_id` is this process's clock; latencies by other clocks are left out.
@@ -27,24 +27,30 @@ class LiveStatus {
   void Add(const torquer_lcm::device_sample_t& sample);
   void Add(const torquer_lcm::wire_state_t& state);
   void Add(const torquer_lcm::scene_description_t& scene) { scene_ = scene.name; }
-  /// What is worth a line of its own, or "".
+  /// A line about what has changed, or "".
   std::string Add(const torquer_lcm::health_t& health);
-  /// The same: a new event of the wall force, or that the target is reached.
+  /// The same: a new event of the wall force, or that the target was reached.
   std::string Add(const torquer_lcm::readings_t& readings);
 
-  /// One line without its end: scene, rates, latency, length, residual, penetration, status, what
-  /// the wire presses on the wall with where the scene measures it, device. `interval_s` is the
-  /// time since the last call, > 0.
+  /// One line without its end: scene, place of each instrument, status, wall force where the scene
+  /// measures it, devices, rates, latency, residual, penetration. `interval_s` is the time since
+  /// the last call, > 0.
   std::string Line(double interval_s);
 
  private:
+  struct Daemon {
+    std::string state;
+    std::int64_t reports_lost = 0;
+  };
+
+  std::string Devices() const;
+
   std::int64_t clock_id_;
   std::string scene_ = "no scene";
-  std::string device_state_ = "no daemon";
-  std::int64_t reports_lost_ = 0;
+  std::map<std::string, Daemon> daemons_;  // by instrument
   std::int64_t samples_ = 0;
   std::int64_t states_ = 0;
-  std::int64_t command_sequence_ = -1;
+  std::map<std::string, std::int64_t> command_sequences_;  // newest in a state, by instrument
   std::vector<double> latencies_ms_;
   double max_penetration_um_ = 0;
   std::optional<torquer_lcm::wire_state_t> state_;

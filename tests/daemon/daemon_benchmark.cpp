@@ -7,9 +7,9 @@
 #include <thread>
 
 #include "host/support/program.h"
-#include "tests/daemon/daemon_process.h"
-#include "tests/daemon/socket_device.h"
-#include "tests/device/reports.h"
+#include "tests/support/daemon_process.h"
+#include "tests/support/reports.h"
+#include "tests/support/socket_device.h"
 
 namespace {
 

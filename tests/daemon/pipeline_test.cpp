@@ -5,7 +5,8 @@
 
 #include "calibration/motion_model.h"
 #include "protocol/lcm_channels.h"
-#include "tests/device/reports.h"
+#include "tests/support/reports.h"
+#include "tests/support/sanitizer.h"
 
 namespace {
 
@@ -51,11 +52,7 @@ TEST_CASE("Ten million reports, nearly three hours, leave no drift between count
   std::optional<PipelineOutput> last;
   InputReport report = torquer::test::StillReport(65000);
   report.device_time_us = 4294000000u;
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  constexpr int kReports = 1000000;
-#else
-  constexpr int kReports = 10000000;
-#endif
+  constexpr int kReports = torquer::test::Rounds(10000000, 10);
   for (int i = 0; i < kReports; ++i) {
     report.axial_counts = Wrapped(axial);
     report.transverse_counts = Wrapped(transverse);

@@ -5,15 +5,17 @@
 
 #include <catch2/catch.hpp>
 #include <csignal>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "calibration/calibration_file.h"
 #include "host/bus/clock.h"
-#include "tests/daemon/daemon_process.h"
-#include "tests/daemon/socket_device.h"
-#include "tests/device/reports.h"
+#include "tests/support/daemon_process.h"
+#include "tests/support/reports.h"
+#include "tests/support/scenes.h"
+#include "tests/support/socket_device.h"
 #include "torquer_lcm/wire_state_t.hpp"
 
 namespace {
@@ -187,7 +189,7 @@ TEST_CASE("A device that falls silent is held and said") {
   // Counts are cumulative: what was moved in between is not lost.
   const instrument_command_t after = chain.Push(500);
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 500 * kMmPerCount));
-  REQUIRE(chain.listener.UntilHealth("running", "reports come again"));
+  REQUIRE(chain.listener.UntilHealth("running", "reports arrive again"));
 }
 
 TEST_CASE("A lifted sensor is said on every command and on the health channel") {
@@ -242,23 +244,34 @@ TEST_CASE("A restarted daemon goes on from the last published position") {
   CHECK(chain.daemon->WaitForError("taking up the position of the previous daemon: 19.05 mm"));
 }
 
-TEST_CASE("A daemon takes up what the simulator was commanded, or begins anew with it") {
+TEST_CASE("A daemon takes up what the simulator was commanded, or begins at zero with it") {
   Chain chain;
   REQUIRE(chain.device.WaitForHost());
   chain.Push(1000);
   chain.daemon->Signal(SIGTERM);
   chain.daemon->Wait();
 
+  // Of several instruments the daemon's counts.
   torquer_lcm::wire_state_t state{};
-  state.instrument = "guidewire";
+  state.instruments.resize(2);
+  state.instrument_count = 2;
+  state.instruments[0].name = "microwire";
+  state.instruments[0].command_sequence = 9000;
+  state.instruments[0].commanded_insertion_mm = 77;
+  torquer_lcm::instrument_state_t& guidewire = state.instruments[1];
+  guidewire.name = "guidewire";
+  guidewire.inserted_at_start_mm = 100;
   double expected_mm = 0.0;
-  SECTION("a simulator that was last told something else is believed") {
-    state.command_sequence = 4711;
-    state.commanded_insertion_mm = 123.5;
-    state.commanded_rotation_rad = -1.5;
+  SECTION("a simulator that was last commanded elsewhere is believed") {
+    guidewire.command_sequence = 4711;
+    guidewire.commanded_insertion_mm = 223.5;
+    guidewire.commanded_rotation_rad = -1.5;
     expected_mm = 123.5;
   }
-  SECTION("a simulator that was told nothing yet begins at zero") { state.command_sequence = -1; }
+  SECTION("a simulator that was not commanded yet begins at zero") {
+    guidewire.command_sequence = -1;
+    guidewire.commanded_insertion_mm = 100;
+  }
   std::atomic<bool> stop = false;
   std::thread simulator([&] {
     torquer::bus::Bus bus;
@@ -274,8 +287,60 @@ TEST_CASE("A daemon takes up what the simulator was commanded, or begins anew wi
   REQUIRE(here);
   const instrument_command_t after = chain.Push(100);
   CHECK(after.insertion_mm == Approx(expected_mm + 90 * kMmPerCount));
-  CHECK(after.rotation_rad == state.commanded_rotation_rad);
-  CHECK(after.sequence > state.command_sequence);
+  CHECK(after.rotation_rad == guidewire.commanded_rotation_rad);
+  CHECK(after.sequence > guidewire.command_sequence);
+}
+
+TEST_CASE("A restarted daemon does not move a wire that lay in at the start") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const torquer::test::SceneFile scene;
+  torquer_lcm::wire_state_t state{};
+  chain.listener.bus->Subscribe<torquer_lcm::wire_state_t>(
+      torquer::protocol::kWireStateChannel,
+      [&](const torquer_lcm::wire_state_t& newest) { state = newest; }, 0);
+  ChildProcess simulator(
+      {torquer::test::ProgramPath("torquer-simulator"), "--scene", scene.path()});
+  REQUIRE(chain.listener.Until([&] { return !state.instruments.empty(); }));
+  // Commands, and with them a state that has the newest.
+  const auto push = [&](int axial_counts) {
+    const instrument_command_t command = chain.Push(axial_counts);
+    REQUIRE(chain.listener.Until(
+        [&] { return state.instruments[0].command_sequence == command.sequence; }));
+    return command;
+  };
+  const instrument_command_t before = push(1000);
+  CHECK(state.instruments[0].commanded_insertion_mm == Approx(120 + before.insertion_mm));
+  chain.daemon->Signal(SIGTERM);
+  chain.daemon->Wait();
+  SECTION("that the daemon knows") {}
+  SECTION("that only the simulator knows") {
+    std::filesystem::remove_all(chain.listener.folder.Path("torquer"));
+  }
+  chain.Start();
+  REQUIRE(chain.daemon->WaitForError("running: reading"));
+  const instrument_command_t after = push(100);
+  CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
+  CHECK(state.instruments[0].commanded_insertion_mm == Approx(120 + after.insertion_mm));
+}
+
+TEST_CASE("A daemon begins at zero with a simulator that was started again") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  chain.Push(1000);
+  chain.daemon->Signal(SIGTERM);
+  chain.daemon->Wait();
+  // Nothing moves in this scene: it is at rest before the daemon listens.
+  const torquer::test::SceneFile scene;
+  int states = 0;
+  chain.listener.bus->Subscribe<torquer_lcm::wire_state_t>(
+      torquer::protocol::kWireStateChannel, [&](const torquer_lcm::wire_state_t&) { ++states; }, 0);
+  ChildProcess simulator(
+      {torquer::test::ProgramPath("torquer-simulator"), "--scene", scene.path()});
+  REQUIRE(chain.listener.Until([&] { return states >= 3; }));
+  chain.Start();
+  REQUIRE(chain.daemon->WaitForError("running: reading"));
+  CHECK(chain.Push(100).insertion_mm == Approx(90 * kMmPerCount));
 }
 
 TEST_CASE("Home makes the present place the start") {
@@ -335,18 +400,18 @@ TEST_CASE("An instrument that already gets commands on the bus is left alone") {
   CHECK(Contains(ending.error, "the instrument 'guidewire' already gets commands on the bus"));
 }
 
-TEST_CASE("Firmware that does not fit is refused with the command that mends it") {
+TEST_CASE("Firmware that does not fit is refused with the command that remedies it") {
   Listener listener;
   const std::string socket = listener.folder.Path("device");
   SocketDevice device(socket);
   std::string expected;
   SECTION("another protocol version") {
     device.identity.protocol_version = 2;
-    expected = "firmware has protocol version 2, this program 1";
+    expected = "firmware has protocol version 2, this program has 1";
   }
   SECTION("no identity at all") {
     device.stalls_identity = true;
-    expected = "does not tell its firmware version";
+    expected = "does not report its firmware version";
   }
   const Ending ending = EndingOf(SocketWords(socket));
   CAPTURE(ending.error);
@@ -397,12 +462,12 @@ TEST_CASE("A calibration is tied to its device and its sensor resolution") {
     CHECK(ending.status == 2);
     CHECK(Contains(ending.error, "motion.cpi = 1200, but the device's sensor is set to 800"));
   }
-  SECTION("a torn file") {
+  SECTION("an incomplete file") {
     torquer::calibration::WriteCalibration(calibration, file);
     std::filesystem::resize_file(file, std::filesystem::file_size(file) - 1);
     const Ending ending = EndingOf(SocketWords(socket, {"--calibration", file}));
     CHECK(ending.status == 2);
-    CHECK(Contains(ending.error, file + ": torn"));
+    CHECK(Contains(ending.error, file + ": incomplete"));
   }
   SECTION("the one kept under the device's serial number") {
     SocketDevice device(socket);
@@ -451,8 +516,8 @@ TEST_CASE("A bad command line is refused with what is wrong") {
        "--source 'pigeon': is not one of usb, evdev, socket"},
       {{"--source", "socket", "--socket", socket, "--uncalibrated", "--lcm-url", "hello"},
        "LCM URL 'hello': it has no scheme"},
-      {{"--source", "socket", "--socket", socket, "--uncalibrated", "--instrument", "spoon"},
-       "--instrument 'spoon': is not one of guidewire, catheter"},
+      {{"--source", "socket", "--socket", socket, "--uncalibrated", "--instrument", ""},
+       "--instrument '': give the name of one of the scene's instruments"},
       {{"--sauce", "x"}, "unknown option '--sauce'; did you mean --source?"},
       {{"--source"}, "--source needs a value"},
       {{"--source", "socket", "--socket", socket, "--uncalibrated"}, "no device: nothing at"},

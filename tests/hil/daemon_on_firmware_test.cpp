@@ -9,7 +9,7 @@
 #include "calibration/calibration_file.h"
 #include "host/emulator/umockdev_front.h"
 #include "protocol/hid_reports.h"
-#include "tests/daemon/daemon_process.h"
+#include "tests/support/daemon_process.h"
 #include "tests/support/paths.h"
 
 namespace {

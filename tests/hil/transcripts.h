@@ -2,7 +2,7 @@
 // to it, in order, and what it must answer. Each leaves the device as it was. The hand lies still.
 #pragma once
 
-#include "tests/hil/usb_program.h"
+#include "tests/support/usb_program.h"
 
 namespace torquer::hil {
 

@@ -28,7 +28,7 @@ TEST_CASE("an input report has these 32 bytes") {
   InputReport report{};
   report.report_id = kInputReportId;
   report.protocol_version = kProtocolVersion;
-  report.flags = kFlagMotion | kFlagSensorFault;
+  report.flags = kFlagMotion | kFlagSensorFault | kFlagReference | kFlagAtReference | kFlagSromLost;
   report.boot_id = 0x2a;
   report.buttons = kButtonXray | kButtonClutch;
   report.sequence = 0x1234;
@@ -40,9 +40,10 @@ TEST_CASE("an input report has these 32 bytes") {
   report.surface_quality = 0x55;
   report.shutter = 0x0607;
   report.cpi = 1200;
-  CHECK(BytesOf(report) == Bytes{0x01, 0x01, 0x05, 0x2a, 0x05, 0x34, 0x12, 0xef, 0xcd, 0xab, 0x89,
+  report.reference_counts = -3;
+  CHECK(BytesOf(report) == Bytes{0x01, 0x01, 0x3d, 0x2a, 0x05, 0x34, 0x12, 0xef, 0xcd, 0xab, 0x89,
                                  0xfe, 0xff, 0xff, 0xff, 0x04, 0x03, 0x02, 0x01, 0xff, 0x03, 0x00,
-                                 0x02, 0x55, 0x07, 0x06, 0xb0, 0x04, 0x00, 0x00, 0x00, 0x00});
+                                 0x02, 0x55, 0x07, 0x06, 0xb0, 0x04, 0xfd, 0xff, 0xff, 0xff});
 }
 
 TEST_CASE("an identity report has these 32 bytes") {
@@ -81,8 +82,13 @@ TEST_CASE("a diagnostics report has these 32 bytes") {
   report.settings_writes = 0x0506;
   report.stack_headroom = 0x0708;
   report.longest_frame_us = 0x090a;
-  CHECK(BytesOf(report) == Bytes{4, 1, 8, 4, 2, 1, 4, 3, 6, 5, 8, 7, 0x0a, 9, 0, 0,
-                                 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,    0, 0, 0});
+  report.sensor_resets = 0x0b0c;
+  report.sensor_fault_cause = kSensorReset;
+  report.sensor_observation = 0x7f;
+  report.joystick_rest_x = 0x0200;
+  report.joystick_rest_y = 0x01ff;
+  CHECK(BytesOf(report) == Bytes{4, 1,    8,    4, 2,    1, 4, 3, 6, 5, 8, 7, 0x0a, 9, 0x0c, 0x0b,
+                                 3, 0x7f, 0x00, 2, 0xff, 1, 0, 0, 0, 0, 0, 0, 0,    0, 0,    0});
 }
 
 TEST_CASE("a command report has these 8 bytes") {
@@ -93,7 +99,34 @@ TEST_CASE("a command report has these 8 bytes") {
   CHECK(BytesOf(report) == Bytes{5, 2, 0x54, 0x71, 0, 0, 0, 0});
 }
 
-TEST_CASE("the report descriptor has these 55 bytes") {
+TEST_CASE("a firmware image follows its report's id, and is one control transfer of 4096 at most") {
+  SromReport report{};
+  report.report_id = kSromReportId;
+  report.image[0] = 0xaa;
+  report.image[4093] = 0xbb;
+  const Bytes bytes = BytesOf(report);
+  REQUIRE(bytes.size() == 4095);
+  CHECK(bytes[0] == 6);
+  CHECK(bytes[1] == 0xaa);
+  CHECK(bytes[4094] == 0xbb);
+  CHECK(kLongestReportBytes == 4095);
+}
+
+TEST_CASE("a picture report has its pixels from 6") {
+  PictureReport report{};
+  report.report_id = kPictureReportId;
+  report.protocol_version = kProtocolVersion;
+  report.surface_quality = 64;
+  report.shutter = 0x0102;
+  report.pixels[0] = 0x7f;
+  report.pixels[1295] = 0x01;
+  const Bytes bytes = BytesOf(report);
+  REQUIRE(bytes.size() == 1302);
+  CHECK(Bytes(bytes.begin(), bytes.begin() + 7) == Bytes{7, 1, 64, 0, 2, 1, 0x7f});
+  CHECK(bytes[1301] == 1);
+}
+
+TEST_CASE("the report descriptor has these 73 bytes") {
   CHECK(Bytes(std::begin(kHidReportDescriptor), std::end(kHidReportDescriptor)) ==
         Bytes{0x06, 0x00, 0xff, 0x09, 0x01, 0xa1, 0x01, 0x15, 0x00, 0x26, 0xff,
               0x00, 0x75, 0x08, 0x85, 0x01, 0x09, 0x02, 0x95, 31,   0x81, 0x02,  //
@@ -101,6 +134,8 @@ TEST_CASE("the report descriptor has these 55 bytes") {
               0x85, 0x03, 0x09, 0x04, 0x95, 15,   0xb1, 0x02,                    //
               0x85, 0x04, 0x09, 0x05, 0x95, 31,   0xb1, 0x02,                    //
               0x85, 0x05, 0x09, 0x06, 0x95, 7,    0xb1, 0x02,                    //
+              0x85, 0x06, 0x09, 0x07, 0x96, 0xfe, 0x0f, 0xb1, 0x02,              //
+              0x85, 0x07, 0x09, 0x08, 0x96, 0x15, 0x05, 0xb1, 0x02,              //
               0xc0});
 }
 

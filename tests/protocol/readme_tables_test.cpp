@@ -68,6 +68,8 @@ TEST_CASE("the byte tables in README.md are those of hid_reports.h") {
   Compare("ConfigurationReport", EXPECTED_TABLE(TORQUER_CONFIGURATION_REPORT));
   Compare("DiagnosticsReport", EXPECTED_TABLE(TORQUER_DIAGNOSTICS_REPORT));
   Compare("CommandReport", EXPECTED_TABLE(TORQUER_COMMAND_REPORT));
+  Compare("SromReport", EXPECTED_TABLE(TORQUER_SROM_REPORT));
+  Compare("PictureReport", EXPECTED_TABLE(TORQUER_PICTURE_REPORT));
 }
 
 TEST_CASE("the byte tables in README.md are those of the bootloader and the image") {

@@ -102,6 +102,26 @@ TEST_CASE("A picture holds the wire, its contacts and the letters, with text esc
   CHECK(svg.find("nan") == std::string::npos);
 }
 
+TEST_CASE("Several instruments are drawn as far as each reaches, and named") {
+  PictureWire wire;
+  for (int i = 0; i <= 4; ++i) wire.nodes_mm.emplace_back(0, 0, i);
+  wire.instruments = {{"wire", 4}, {"catheter", 2.5}, {"guide & co", 1}};
+  const std::string svg = DrawSession({}, kAxes, wire, {});
+  // In each of the two panels a dark outline and a line in color; over the farthest, the tip's.
+  const auto count = [&svg](const std::string& text) {
+    int found = 0;
+    for (std::size_t at = 0; (at = svg.find(text, at)) != std::string::npos; ++at) ++found;
+    return found;
+  };
+  CHECK(count("d=\"M0 0L0 -100 0 -200 0 -300 0 -400\"") == 6);
+  CHECK(count("d=\"M0 0L0 -100 0 -200 0 -250\"") == 4);
+  CHECK(count("d=\"M0 0L0 -100\"") == 4);
+  CHECK_THAT(svg, Catch::Contains(">wire 4.0 mm<") && Catch::Contains(">catheter 2.5 mm<") &&
+                      Catch::Contains(">guide &amp; co 1.0 mm<"));
+  wire.instruments.resize(1);
+  CHECK(DrawSession({}, kAxes, wire, {}).find("wire 4.0 mm") == std::string::npos);
+}
+
 TEST_CASE("Without a vessel the wire alone is drawn") {
   PictureWire wire;
   wire.nodes_mm = {{0, 0, 0}, {0, 0, 1}};

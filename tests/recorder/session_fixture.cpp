@@ -1,6 +1,7 @@
 #include "tests/recorder/session_fixture.h"
 
 #include <lcm/lcm-cpp.hpp>
+#include <string>
 #include <vector>
 
 #include "protocol/hid_reports.h"
@@ -11,6 +12,8 @@ namespace {
 
 constexpr std::int64_t kClock = 77;
 constexpr std::int64_t kStartUs = 5'000'000;
+constexpr double kCarriedMm = 0.25;
+constexpr double kCarriedRad = 0.5;
 
 class LogWriter {
  public:
@@ -32,29 +35,48 @@ class LogWriter {
   lcm::LogFile log_;
 };
 
-torquer_lcm::scene_description_t Scene() {
+torquer_lcm::scene_description_t Scene(const SessionFaults& faults) {
   torquer_lcm::scene_description_t scene{};
   scene.name = "made_up";
   scene.scene_file = "made_up.toml";
   scene.method = "paper";
   scene.vessel = "tube <r 3>";
   scene.segment_mm = 1;
-  scene.inserted_at_start_mm = kInsertedAtStartMm;
+  scene.instruments = {protocol::kGuidewire};
+  scene.inserted_at_start_mm = {kInsertedAtStartMm};
+  if (faults.catheter) {
+    scene.instruments.push_back("catheter");
+    scene.inserted_at_start_mm.push_back(kCatheterAtStartMm);
+  }
+  scene.instrument_count = static_cast<std::int32_t>(scene.instruments.size());
+  scene.radius_mm.resize(scene.instruments.size());
+  scene.inner_radius_mm.resize(scene.instruments.size());
+  scene.max_length_mm.resize(scene.instruments.size());
   scene.left[0] = 1;
   scene.posterior[1] = 1;
   scene.superior[2] = 1;
   return scene;
 }
 
-// A straight wire towards the patient's head and left.
+// An instrument whose tip lies at `length_mm` less what it carries on a straight line towards the
+// patient's head and left.
+torquer_lcm::instrument_state_t Instrument(const std::string& name, double length_mm) {
+  torquer_lcm::instrument_state_t instrument{};
+  instrument.name = name;
+  instrument.carried_mm = kCarriedMm;
+  instrument.insertion_mm = length_mm - kCarriedMm;
+  instrument.tip_mm[0] = 0.6 * instrument.insertion_mm;
+  instrument.tip_mm[2] = 0.8 * instrument.insertion_mm;
+  return instrument;
+}
+
+// The curve, as far as the guidewire reaches.
 torquer_lcm::wire_state_t State(double length_mm) {
   torquer_lcm::wire_state_t state{};
-  state.instrument = protocol::kGuidewire;
-  state.carried_mm = 0.25;
+  state.instruments = {Instrument(protocol::kGuidewire, length_mm)};
   state.segment_count = 3;
   state.stride = 1;
-  const double fed_mm = length_mm - state.carried_mm;
-  state.insertion_mm = fed_mm;
+  const double fed_mm = state.instruments[0].insertion_mm;
   for (int i = 0; i <= state.segment_count; ++i) {
     const double along = fed_mm * i / state.segment_count;
     state.nodes_mm.push_back(
@@ -67,16 +89,59 @@ torquer_lcm::wire_state_t State(double length_mm) {
   return state;
 }
 
+// What the box of the catheter sends at a time.
+void WriteCatheterBox(LogWriter& log, const SessionFaults& faults, int i) {
+  const std::int64_t now_us = kStartUs + 1000 * i;
+  torquer_lcm::instrument_command_t command{};
+  command.instrument = "catheter";
+  command.sequence = 7000 + i;
+  command.clock_id = kClock;
+  command.origin_us = now_us;
+  log.Write(protocol::kInstrumentCommandChannel, now_us, command);
+  torquer_lcm::device_sample_t sample{};
+  sample.device = kCatheterBox;
+  sample.instrument = "catheter";
+  sample.clock_id = kClock;
+  sample.receive_us = sample.origin_us = now_us;
+  sample.report_number = i + (i > 300 ? faults.catheter_lost_reports : 0);
+  sample.boot_id = 9;
+  sample.axial_counts = i;
+  log.Write(protocol::kDeviceSampleChannel, now_us, sample);
+}
+
+// What daemon and emulator say of a box at the end.
+void WriteCounts(LogWriter& log, const SessionFaults& faults, const std::string& device,
+                 const std::string& instrument, int lost_reports, int unfetched_reports,
+                 std::int64_t axial_counts, std::int64_t transverse_counts) {
+  torquer_lcm::health_t health{};
+  health.process = "daemon";
+  health.device = device;
+  health.instrument = instrument;
+  health.names = {"reports_received", "reports_lost"};
+  health.values = {kReports, lost_reports + unfetched_reports};
+  health.count = 2;
+  log.Write(protocol::kHealthChannel, kStartUs, health);
+  if (faults.without_emulator) return;
+  torquer_lcm::hand_motion_t truth{};
+  truth.device = device;
+  truth.reports_sent = kReports + lost_reports;
+  truth.axial_counts = axial_counts;
+  truth.transverse_counts = transverse_counts;
+  log.Write(protocol::kEmulatorTruthChannel, kStartUs, truth);
+}
+
 }  // namespace
 
 void WriteSession(const std::string& path, const SessionFaults& faults) {
   LogWriter log(path);
-  log.Write(protocol::kSceneChannel, kStartUs, Scene());
+  log.Write(protocol::kSceneChannel, kStartUs, Scene(faults));
   std::int64_t moved_counts = 0;
   bool was_held = false;
   for (int i = 0; i < kReports; ++i) {
     const std::int64_t now_us = kStartUs + 1000 * i;
     torquer_lcm::device_sample_t sample{};
+    sample.device = kBox;
+    sample.instrument = protocol::kGuidewire;
     sample.clock_id = kClock;
     sample.receive_us = now_us;
     sample.report_number = i + (i > 300 ? faults.lost_reports + faults.unfetched_reports : 0);
@@ -100,20 +165,36 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     command.flags = poor_surface ? protocol::kCommandLift : 0;
     log.Write(protocol::kInstrumentCommandChannel, now_us, command);
     log.Write(protocol::kDeviceSampleChannel, now_us, sample);
+    if (faults.catheter && faults.catheter_box) WriteCatheterBox(log, faults, i);
 
     torquer_lcm::wire_state_t state =
         State(kInsertedAtStartMm + kMmPerCount * static_cast<double>(moved_counts) +
               faults.extra_wire_mm);
     state.tick = i + (i > 700 ? faults.lost_states : 0);
-    state.command_sequence = i;
     state.clock_id = faults.foreign_clock ? kClock + 1 : kClock;
-    state.origin_us = now_us;
     state.publish_us = now_us + (i < 990 ? 1000 : 5000);
-    state.rotation_rad = -kRadPerCount * static_cast<double>(moved_counts) / 2;
+    state.instruments[0].command_sequence = i;
+    state.instruments[0].origin_us = now_us;
+    state.instruments[0].rotation_rad =
+        -kRadPerCount * static_cast<double>(moved_counts) / 2 - kCarriedRad;
+    state.instruments[0].carried_rad = kCarriedRad;
+    if (faults.catheter) {
+      // Undriven, it stays where it was.
+      const int counts = faults.catheter_box ? i : 0;
+      state.instruments.push_back(Instrument(
+          "catheter", kCatheterAtStartMm + kMmPerCount * counts + faults.extra_catheter_mm));
+      state.instruments[1].command_sequence = faults.catheter_box ? 7000 + i : -1;
+      state.instruments[1].origin_us = now_us - 2000;
+    }
+    state.instrument_count = static_cast<std::int32_t>(state.instruments.size());
     state.max_penetration_um = i == 400 ? 12.5 : 3;
     state.solve_us = 100;
     const bool cut = faults.undecodable && i == 42;
     log.Write(protocol::kWireStateChannel, now_us, state, cut ? 9 : 0);
+    if (faults.repeated_states) {
+      state.publish_us += 200'000;
+      log.Write(protocol::kWireStateChannel, now_us, state);
+    }
   }
   torquer_lcm::readings_t readings{};
   readings.names = {"wall_force_events", "wall_force_largest_ever_mN"};
@@ -122,18 +203,11 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     readings.values = {events, 2.5 * events};
     log.Write(protocol::kReadingsChannel, kStartUs, readings);
   }
-  torquer_lcm::health_t health{};
-  health.process = "daemon";
-  health.names = {"reports_received", "reports_lost"};
-  health.values = {kReports, faults.lost_reports + faults.unfetched_reports};
-  health.count = 2;
-  log.Write(protocol::kHealthChannel, kStartUs, health);
-  if (!faults.without_emulator) {
-    torquer_lcm::hand_motion_t truth{};
-    truth.reports_sent = kReports + faults.lost_reports;
-    truth.axial_counts = 100 + kSensorCounts;
-    truth.transverse_counts = -(kReports - 1);
-    log.Write(protocol::kEmulatorTruthChannel, kStartUs, truth);
+  WriteCounts(log, faults, kBox, protocol::kGuidewire, faults.lost_reports,
+              faults.unfetched_reports, 100 + kSensorCounts, -(kReports - 1));
+  if (faults.catheter && faults.catheter_box) {
+    WriteCounts(log, faults, kCatheterBox, "catheter", faults.catheter_lost_reports, 0,
+                kReports - 1, 0);
   }
 }
 

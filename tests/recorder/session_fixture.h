@@ -26,17 +26,26 @@ struct SessionFaults {
   bool undecodable = false;       ///< one state cut short
   bool without_emulator = false;  ///< as with a real device
   int lost_states = 0;
-  bool poor_surface = false;  ///< for reports 200 to 299, as the commands alone tell
-  bool reset = false;         ///< of the device between reports 799 and 800
+  bool repeated_states = false;  ///< each published again, as at rest
+  bool poor_surface = false;     ///< for reports 200 to 299, as the commands alone say
+  bool reset = false;            ///< of the device between reports 799 and 800
+  bool catheter = false;         ///< around the guidewire, driven by a second box
+  bool catheter_box = true;      ///< without it nothing drives the catheter
+  int catheter_lost_reports = 0;
+  double extra_catheter_mm = 0;
 };
 
-/// 1000 reports at 1 kHz: 2 counts each; the clutch is held from report 500 to 599. A state after
-/// each report, 1 ms later for each of the first 990, 5 ms for the others. Readings of 1, then 4
-/// events of the wall force, the largest 2.5 mN an event.
-/// Writes the log to `path`.
+/// 1000 reports of the box kBox at 1 kHz: 2 counts each; the clutch is held from report 500 to 599.
+/// A state after each report, 1 ms later for each of the first 990, 5 ms for the others. Readings
+/// of 1, then 4 events of the wall force, the largest 2.5 mN an event. The box kCatheterBox moves
+/// the catheter by 1 count with each report, its clutch never held. Its hand was there 2 ms before
+/// the guidewire's. Writes the log to `path`.
 void WriteSession(const std::string& path, const SessionFaults& faults);
 
 /// Of the above.
+inline constexpr char kBox[] = "BOX-1";
+inline constexpr char kCatheterBox[] = "BOX-2";
+inline constexpr double kCatheterAtStartMm = 2;
 inline constexpr int kReports = 1000;
 inline constexpr int kHeldCounts = 2 * 101;
 inline constexpr int kSensorCounts = 2 * (kReports - 1);

@@ -11,7 +11,6 @@
 #include "host/recorder/report_output.h"
 #include "host/recorder/session_report.h"
 #include "host/support/error.h"
-#include "protocol/lcm_channels.h"
 #include "tests/recorder/session_fixture.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
@@ -21,16 +20,24 @@ using namespace torquer::test;
 
 namespace {
 
+// Of both boxes alike.
+Eigen::Matrix2d Gains(const std::string& device, int) {
+  CHECK((device == kBox || device == kCatheterBox));
+  return Eigen::Vector2d(kMmPerCount, kRadPerCount).asDiagonal();
+}
+
 SessionReport Report(const SessionFaults& faults) {
   const TemporaryFolder folder;
   WriteSession(folder.Path("log"), faults);
-  SessionReporter reporter(protocol::kGuidewire);
+  SessionReporter reporter;
   const SessionLogSummary summary = ReadSessionLog(folder.Path("log"), reporter.Handlers());
-  SessionReport report =
-      reporter.Finish(Eigen::Vector2d(kMmPerCount, kRadPerCount).asDiagonal().toDenseMatrix());
+  SessionReport report = reporter.Finish(Gains);
   report.undecodable = summary.undecodable;
   return report;
 }
+
+// That of the guidewire.
+InstrumentReport Wire(const SessionFaults& faults) { return Report(faults).instruments.at(0); }
 
 }  // namespace
 
@@ -39,70 +46,138 @@ TEST_CASE("A session without fault") {
   CHECK(report.Good());
   CHECK(report.scene == "made_up");
   CHECK(report.duration_s == Approx(0.999));
-  CHECK(report.reports_sent == kReports);
-  CHECK(report.reports_received == kReports);
-  CHECK(report.reports_lost == 0);
-  CHECK(report.samples == kReports);
-  CHECK(report.commands == kReports);
   CHECK(report.states == kReports);
   CHECK(report.states_missing == 0);
-  CHECK(report.axial.sensor_counts == kSensorCounts);
-  CHECK(report.axial.held_counts == kHeldCounts);
-  CHECK(report.axial.hand == Approx(kMmPerCount * (kSensorCounts - kHeldCounts)));
-  CHECK(report.axial.error_counts < 1e-3);  // float nodes
-  CHECK(report.rotation.error_counts < 1e-9);
   CHECK(report.max_penetration_um == 12.5);
-  CHECK(report.latency_ms.p50 == Approx(1));
-  CHECK(report.latency_ms.p99 == Approx(1));
-  CHECK(report.latency_ms.max == Approx(5));
   CHECK(report.readings.values == std::vector<double>{4, 10});
   CHECK_THAT(FormatReport(report),
              Catch::Contains("  readings     wall_force_events 4\n"
                              "               wall_force_largest_ever_mN 10\n"));
+  REQUIRE(report.instruments.size() == 1);
+  const InstrumentReport& wire = report.instruments[0];
+  CHECK(wire.name == "guidewire");
+  CHECK(wire.device == kBox);
+  CHECK(wire.driven());
+  CHECK(wire.duration_s == Approx(0.999));
+  CHECK(wire.reports_sent == kReports);
+  CHECK(wire.reports_received == kReports);
+  CHECK(wire.reports_lost == 0);
+  CHECK(wire.samples == kReports);
+  CHECK(wire.commands == kReports);
+  CHECK(wire.axial.sensor_counts == kSensorCounts);
+  CHECK(wire.axial.held_counts == kHeldCounts);
+  CHECK(wire.axial.hand == Approx(kMmPerCount * (kSensorCounts - kHeldCounts)));
+  CHECK(wire.axial.error_counts < 1e-3);  // float nodes
+  CHECK(wire.rotation.error_counts < 1e-9);
+  CHECK(wire.latency_ms.p50 == Approx(1));
+  CHECK(wire.latency_ms.p99 == Approx(1));
+  CHECK(wire.latency_ms.max == Approx(5));
+}
+
+TEST_CASE("Every instrument is judged by the box that drove it") {
+  SessionFaults faults;
+  faults.catheter = true;
+  const SessionReport report = Report(faults);
+  CHECK(report.Good());
+  CHECK(report.states_missing == 0);
+  REQUIRE(report.instruments.size() == 2);
+  const InstrumentReport& wire = report.instruments[0];
+  const InstrumentReport& catheter = report.instruments[1];
+  CHECK(wire.device == kBox);
+  CHECK(wire.axial.sensor_counts == kSensorCounts);
+  CHECK(wire.axial.error_counts < 1e-3);
+  CHECK(wire.latency_ms.p50 == Approx(1));
+  CHECK(catheter.name == "catheter");
+  CHECK(catheter.device == kCatheterBox);
+  CHECK(catheter.samples == kReports);
+  CHECK(catheter.commands == kReports);
+  CHECK(catheter.reports_sent == kReports);
+  CHECK(catheter.axial.sensor_counts == kReports - 1);
+  CHECK(catheter.axial.held_counts == 0);
+  CHECK(catheter.axial.wire == Approx(kMmPerCount * (kReports - 1)));
+  CHECK(catheter.axial.error_counts < 1e-3);
+  CHECK(catheter.latency_ms.p50 == Approx(3));
+  CHECK(catheter.latency_ms.max == Approx(7));
+  const std::string text = FormatReport(report);
+  CHECK_THAT(text, Catch::Contains("  guidewire, driven by device BOX-1\n") &&
+                       Catch::Contains("  catheter, driven by device BOX-2\n"));
+  const auto json = nlohmann::json::parse(FormatReportJson(report, ""));
+  REQUIRE(json["instruments"].size() == 2);
+  CHECK(json["instruments"][0]["name"] == "guidewire");
+  CHECK(json["instruments"][1]["name"] == "catheter");
+  CHECK(json["instruments"][1]["device"] == kCatheterBox);
+  CHECK(json["instruments"][1]["insertion_mm"].get<double>() ==
+        Approx(kMmPerCount * (kReports - 1)));
+}
+
+TEST_CASE("A fault of one instrument spoils the session and is reported of that one alone") {
+  SessionFaults faults;
+  faults.catheter = true;
+  SECTION("a lost report") { faults.catheter_lost_reports = 2; }
+  SECTION("another way") { faults.extra_catheter_mm = 3 * kMmPerCount; }
+  const SessionReport report = Report(faults);
+  CHECK_FALSE(report.Good());
+  CHECK(report.instruments.at(0).Good());
+  CHECK_FALSE(report.instruments.at(1).Good());
+  CHECK(report.instruments[1].reports_lost == faults.catheter_lost_reports);
+  CHECK(report.instruments[1].axial.error_counts ==
+        Approx(faults.extra_catheter_mm / kMmPerCount).margin(1e-3));
+}
+
+TEST_CASE("An instrument that nothing drives is named and not judged") {
+  SessionFaults faults;
+  faults.catheter = true;
+  faults.catheter_box = false;
+  const SessionReport report = Report(faults);
+  CHECK(report.Good());
+  REQUIRE(report.instruments.size() == 2);
+  CHECK_FALSE(report.instruments[1].driven());
+  CHECK_THAT(FormatReport(report), Catch::Contains("  catheter, driven by no device\n"));
 }
 
 TEST_CASE("Of a machine too slow for real time it is said so") {
   SessionReport report = Report({});
   const auto hint = Catch::Contains("too busy for real time");
   CHECK_THAT(FormatReport(report), !hint);
-  report.duration_s = 1.5;
+  report.instruments[0].duration_s = 1.5;
   CHECK_THAT(FormatReport(report), hint && Catch::Contains("1.0 s took 1.5 s"));
   // Without an emulator nobody knows how much there was.
-  report.reports_sent = -1;
+  report.instruments[0].reports_sent = -1;
   CHECK_THAT(FormatReport(report), !hint);
 }
 
-TEST_CASE("A lost report is told, by the emulator's count or by the report numbers") {
+TEST_CASE("A lost report is counted, by the emulator's count or by the report numbers") {
   SessionFaults faults;
   faults.lost_reports = 3;
-  CHECK(Report(faults).reports_lost == 3);
+  CHECK(Wire(faults).reports_lost == 3);
+  CHECK_FALSE(Wire(faults).Good());
   CHECK_FALSE(Report(faults).Good());
   faults.without_emulator = true;
-  CHECK(Report(faults).reports_sent == -1);
-  CHECK(Report(faults).reports_lost == 3);
+  CHECK(Wire(faults).reports_sent == -1);
+  CHECK(Wire(faults).reports_lost == 3);
 }
 
-TEST_CASE("A report that the daemon did not fetch is lost too, and told apart") {
+TEST_CASE("A report that the daemon did not fetch is lost too, and counted apart") {
   SessionFaults faults;
   faults.lost_reports = 2;
   faults.unfetched_reports = 3;
   const SessionReport report = Report(faults);
-  CHECK(report.reports_unfetched == 3);
-  CHECK(report.reports_lost == 5);
-  CHECK(report.reports_sent == report.reports_received + 5);
+  const InstrumentReport& wire = report.instruments.at(0);
+  CHECK(wire.reports_unfetched == 3);
+  CHECK(wire.reports_lost == 5);
+  CHECK(wire.reports_sent == wire.reports_received + 5);
   CHECK_THAT(FormatReport(report), Catch::Contains("5 lost") && Catch::Contains("3 of the lost"));
   CHECK_FALSE(report.Good());
-  // Whether it was fetched, only the emulator can tell.
+  // Whether it was fetched, only the emulator can say.
   faults.without_emulator = true;
-  CHECK(Report(faults).reports_lost == 5);
+  CHECK(Wire(faults).reports_lost == 5);
 }
 
-TEST_CASE("A wire that goes elsewhere than the hand is told in counts") {
+TEST_CASE("A wire that goes elsewhere than the hand is reported in counts") {
   SessionFaults faults;
   faults.extra_wire_mm = 2.5 * kMmPerCount;
-  const SessionReport report = Report(faults);
-  CHECK(report.axial.error_counts == Approx(2.5).margin(1e-3));
-  CHECK_FALSE(report.Good());
+  CHECK(Wire(faults).axial.error_counts == Approx(2.5).margin(1e-3));
+  CHECK_FALSE(Report(faults).Good());
   faults.extra_wire_mm = 0.5 * kMmPerCount;
   CHECK(Report(faults).Good());
 }
@@ -110,23 +185,33 @@ TEST_CASE("A wire that goes elsewhere than the hand is told in counts") {
 TEST_CASE("Motion while the daemon doubts the surface is held") {
   SessionFaults faults;
   faults.poor_surface = true;
-  const SessionReport report = Report(faults);
-  CHECK(report.axial.held_counts == 2 * kHeldCounts);
-  CHECK(report.Good());
+  CHECK(Wire(faults).axial.held_counts == 2 * kHeldCounts);
+  CHECK(Report(faults).Good());
 }
 
 TEST_CASE("A reset of the device is no motion") {
   SessionFaults faults;
   faults.reset = true;
-  const SessionReport report = Report(faults);
-  CHECK(report.axial.sensor_counts == kSensorCounts - 2);
-  CHECK(report.Good());
+  CHECK(Wire(faults).axial.sensor_counts == kSensorCounts - 2);
+  CHECK(Report(faults).Good());
 }
 
 TEST_CASE("Latency is not computed between the clocks of two machines") {
   SessionFaults faults;
   faults.foreign_clock = true;
-  CHECK(Report(faults).latency_ms.count == 0);
+  CHECK(Wire(faults).latency_ms.count == 0);
+}
+
+TEST_CASE("A state that was published again at rest counts once") {
+  SessionFaults faults;
+  faults.repeated_states = true;
+  const SessionReport report = Report(faults);
+  CHECK(report.Good());
+  CHECK(report.states == kReports);
+  CHECK(report.states_missing == 0);
+  CHECK(report.solve_us.count == kReports);
+  CHECK(report.instruments.at(0).latency_ms.count == kReports);
+  CHECK(report.instruments.at(0).latency_ms.max == Approx(5));
 }
 
 TEST_CASE("Missing and undecodable states are counted") {
@@ -155,8 +240,7 @@ TEST_CASE("What is no log is refused by name") {
   std::ofstream(folder.Path("empty")).flush();
   CHECK_THROWS_WITH(ReadSessionLog(folder.Path("empty"), {}),
                     Catch::Contains("holds no LCM message"));
-  CHECK_THROWS_WITH(SessionReporter("catheter").Finish(Eigen::Matrix2d::Identity()),
-                    Catch::Contains("no scene description"));
+  CHECK_THROWS_WITH(SessionReporter().Finish(Gains), Catch::Contains("no scene description"));
 }
 
 TEST_CASE("Order statistics are by nearest rank") {
@@ -197,9 +281,12 @@ TEST_CASE("torquer-report judges, prints and draws") {
   CHECK_THAT(text("err"), Catch::Contains("made_up.toml"));
   REQUIRE(run(drawn + " --scene " + SourcePath("/host/scenes/ty_phantom.toml")) == 0);
   const auto json = nlohmann::json::parse(text("out"));
-  for (const char* key :
-       {"reports_sent", "reports_received", "reports_lost", "motion_error_counts", "latency_ms_p50",
-        "latency_ms_p99", "max_penetration_um", "nodes", "residual", "picture"}) {
+  REQUIRE(json["instruments"].size() == 1);
+  for (const char* key : {"name", "device", "reports_sent", "reports_received", "reports_lost",
+                          "motion_error_counts", "latency_ms_p50", "latency_ms_p99"}) {
+    CHECK(json["instruments"][0].contains(key));
+  }
+  for (const char* key : {"max_penetration_um", "nodes", "residual", "picture"}) {
     CHECK(json.contains(key));
   }
   CHECK(json["nodes"] == 4);

@@ -1,119 +1,201 @@
 #include <atomic>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <cmath>
+#include <functional>
+#include <memory>
 #include <thread>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <vector>
 
 #include "host/bus/clock.h"
 #include "host/simulator/live_loop.h"
 #include "host/simulator/live_readings.h"
+#include "host/simulator/replay.h"
 #include "protocol/lcm_channels.h"
-#include "tests/simulator/scenes.h"
+#include "tests/simulator/state_log.h"
 #include "tests/support/private_network.h"
+#include "tests/support/scenes.h"
 
 using torquer::test::SceneFile;
 
+namespace {
+
+// Whatever a test waits for comes within this time on any machine, or never.
+constexpr std::chrono::seconds kLongest{60};
+
+// Handles messages of `bus` until `done`; false when that takes too long.
+bool WaitFor(torquer::bus::Bus& bus, const std::function<bool()>& done) {
+  const auto end = std::chrono::steady_clock::now() + kLongest;
+  while (!done()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    bus.Handle(10);
+  }
+  return true;
+}
+
+// A scene that runs live, and hands that move its instruments over the bus.
+class LiveScene {
+ public:
+  explicit LiveScene(const std::string& scene_file) : scene_(scene_file), simulation_(scene_) {
+    hands_.Subscribe<torquer_lcm::wire_state_t>(
+        torquer::protocol::kWireStateChannel,
+        [this](const torquer_lcm::wire_state_t& state) {
+          state_ = state;
+          if (log_) log_->Write(state);
+        },
+        0);
+  }
+  ~LiveScene() { Stop(); }
+  LiveScene(const LiveScene&) = delete;
+  LiveScene& operator=(const LiveScene&) = delete;
+
+  // From the first state on.
+  void LogTo(const std::string& path) { log_ = std::make_unique<torquer::test::StateLog>(path); }
+  void Start() {
+    thread_ = std::thread(
+        [this] { statistics_ = torquer::simulator::RunLive(simulation_, bus_, stop_); });
+  }
+  torquer::simulator::LiveStatistics Stop() {
+    stop_ = true;
+    if (thread_.joinable()) thread_.join();
+    return statistics_;
+  }
+
+  // The newest command of all hands; a test may change what no parameter gives.
+  torquer_lcm::instrument_command_t command{};
+
+  // Publishes a command again and again, as the simulator may not listen yet, until a state is what
+  // `done` waits for.
+  bool Send(const std::string& instrument, double insertion_mm, double rotation_rad,
+            const std::function<bool()>& done) {
+    ++command.sequence;
+    command.instrument = instrument;
+    command.clock_id = torquer::bus::ClockId();
+    command.insertion_mm = insertion_mm;
+    command.rotation_rad = rotation_rad;
+    command.origin_us = command.publish_us = torquer::bus::MonotonicUs();
+    return WaitFor(hands_, [&] {
+      if (done()) return true;
+      hands_.Publish(torquer::protocol::kInstrumentCommandChannel, command);
+      return false;
+    });
+  }
+  // The same until the command is in a state.
+  bool SendAndSee(const std::string& instrument, double insertion_mm, double rotation_rad) {
+    return Send(instrument, insertion_mm, rotation_rad,
+                [&] { return Heard() && At(instrument).command_sequence == command.sequence; });
+  }
+  // The same until the instrument is there: a tick whose time was not enough leaves a rest.
+  bool SendAndArrive(const std::string& instrument, double insertion_mm, double rotation_rad) {
+    return Send(instrument, insertion_mm, rotation_rad, [&] {
+      return Heard() && At(instrument).command_sequence == command.sequence &&
+             At(instrument).carried_mm == 0 && At(instrument).carried_rad == 0;
+    });
+  }
+
+  bool Heard() const { return !state_.instruments.empty(); }
+  const torquer_lcm::wire_state_t& state() const { return state_; }
+  const torquer_lcm::instrument_state_t& At(const std::string& instrument) const {
+    for (const torquer_lcm::instrument_state_t& one : state_.instruments) {
+      if (one.name == instrument) return one;
+    }
+    throw std::runtime_error("no state of " + instrument);
+  }
+  torquer::bus::Bus& hands() { return hands_; }
+
+ private:
+  torquer::scene::Scene scene_;
+  torquer::simulator::Simulation simulation_;
+  torquer::bus::Bus bus_;
+  torquer::bus::Bus hands_;
+  std::unique_ptr<torquer::test::StateLog> log_;
+  torquer_lcm::wire_state_t state_{};
+  std::atomic<bool> stop_{false};
+  torquer::simulator::LiveStatistics statistics_;
+  std::thread thread_;
+};
+
+}  // namespace
+
 TEST_CASE("Live, commands become states with their times and doubts", "[simulator]") {
   torquer::test::NeedPrivateNetwork();
-  const SceneFile file(torquer::test::kFriction);
-  torquer::scene::Scene scene(file.path());
-  torquer::simulator::Session session(scene);
-  torquer::bus::Bus simulator_bus;
-  torquer::bus::Bus hand_bus;
-  torquer_lcm::wire_state_t last{};
+  // On a machine that is too slow too: with the smallest budget few ticks are enough for their
+  // work.
+  const std::string budget =
+      GENERATE(std::string(""), std::string("[relaxation]\nbudget_us = 20\n"));
+  const SceneFile file(budget + torquer::test::kFriction);
+  LiveScene live(file.path());
   bool has_scene = false;
-  hand_bus.Subscribe<torquer_lcm::wire_state_t>(
-      torquer::protocol::kWireStateChannel,
-      [&](const torquer_lcm::wire_state_t& state) { last = state; }, 0);
-  hand_bus.Subscribe<torquer_lcm::scene_description_t>(
+  live.hands().Subscribe<torquer_lcm::scene_description_t>(
       torquer::protocol::kSceneChannel, [&](const torquer_lcm::scene_description_t& description) {
         has_scene = true;
         CHECK(description.name == "small");
         CHECK(description.effects == std::vector<std::string>{"friction"});
-        CHECK(description.inserted_at_start_mm == 120);
+        CHECK(description.instruments == std::vector<std::string>{"guidewire"});
+        CHECK(description.inserted_at_start_mm == std::vector<double>{120});
+        CHECK(description.max_length_mm == std::vector<double>{200});
       });
-  std::atomic<bool> stop{false};
-  torquer::simulator::LiveStatistics statistics;
-  std::thread simulator(
-      [&] { statistics = torquer::simulator::RunLive(session, simulator_bus, stop); });
-  torquer_lcm::instrument_command_t command{};
-  command.instrument = torquer::protocol::kGuidewire;
-  command.clock_id = torquer::bus::ClockId();
-  const auto send = [&](double insertion_mm, int flags) {
-    ++command.sequence;
-    command.insertion_mm = insertion_mm;
-    command.flags = flags;
-    command.origin_us = command.publish_us = torquer::bus::MonotonicUs();
-    // Again and again: the simulator may not listen yet.
-    for (int k = 0; k < 500 && last.command_sequence != command.sequence; ++k) {
-      hand_bus.Publish(torquer::protocol::kInstrumentCommandChannel, command);
-      hand_bus.Handle(10);
-    }
-    REQUIRE(last.command_sequence == command.sequence);
-  };
-  command.sequence = 0;
-  for (int k = 1; k <= 20; ++k) send(0.1 * k, 0);
-  CHECK(last.insertion_mm == Approx(122));
-  CHECK(last.origin_us == command.origin_us);
-  CHECK((last.status & torquer::protocol::kWireInDoubt) == 0);
-  send(2, torquer::protocol::kCommandLift);
-  CHECK((last.status & torquer::protocol::kWireInDoubt) != 0);
-  send(std::nan(""), 0);
-  CHECK((last.status & torquer::protocol::kWireInputRefused) != 0);
-  CHECK(last.insertion_mm == Approx(122));
-  for (int k = 0; k < 300 && !has_scene; ++k) hand_bus.Handle(10);
-  CHECK(has_scene);
-  stop = true;
-  simulator.join();
-  CHECK(statistics.commands >= 22);
+  live.Start();
+  for (int k = 1; k <= 20; ++k) REQUIRE(live.SendAndSee("guidewire", 0.1 * k, 0));
+  REQUIRE(live.SendAndArrive("guidewire", 2, 0));
+  CHECK(live.At("guidewire").insertion_mm == Approx(122));
+  CHECK(live.At("guidewire").origin_us == live.command.origin_us);
+  CHECK((live.state().status & torquer::protocol::kWireInDoubt) == 0);
+  live.command.flags = torquer::protocol::kCommandLift;
+  REQUIRE(live.SendAndSee("guidewire", 2, 0));
+  CHECK((live.state().status & torquer::protocol::kWireInDoubt) != 0);
+  live.command.flags = 0;
+  REQUIRE(live.SendAndSee("guidewire", std::nan(""), 0));
+  CHECK((live.state().status & torquer::protocol::kWireInputRefused) != 0);
+  CHECK(live.At("guidewire").insertion_mm == Approx(122));
+  CHECK(WaitFor(live.hands(), [&] { return has_scene; }));
+  CHECK(live.Stop().commands >= 23);
 }
 
-TEST_CASE("Live, the catheter follows a box of its own", "[simulator]") {
+TEST_CASE("Live, every instrument follows the box that names it, and a replay repeats it",
+          "[simulator]") {
   torquer::test::NeedPrivateNetwork();
-  const SceneFile file(torquer::test::kCatheter);
+  const SceneFile file(std::string(torquer::test::kMicrocatheter) +
+                       torquer::test::kGuidingCatheter);
+  std::int64_t states = 0;
+  {
+    LiveScene live(file.path());
+    live.LogTo(file.Beside("log"));
+    live.Start();
+    REQUIRE(live.SendAndArrive("microcatheter", 5, 0.3));
+    CHECK(live.At("microcatheter").insertion_mm == Approx(65));
+    CHECK(live.At("microcatheter").rotation_rad == Approx(0.3));
+    CHECK(live.At("guidewire").insertion_mm == Approx(120));
+    CHECK(live.At("guide").insertion_mm == Approx(30));
+    REQUIRE(live.SendAndArrive("guidewire", -1, -0.2));
+    CHECK(live.At("guidewire").insertion_mm == Approx(119));
+    CHECK(live.At("guidewire").rotation_rad == Approx(-0.2));
+    CHECK(live.At("microcatheter").commanded_insertion_mm == 65);
+    CHECK(live.At("microcatheter").insertion_mm == Approx(65));
+    // The hands of the others are where they were: a state has the newest command of each.
+    const std::int64_t sequence = live.command.sequence;
+    REQUIRE(live.SendAndArrive("guide", 2.5, 0));
+    CHECK(live.At("guide").insertion_mm == Approx(32.5));
+    CHECK(live.At("guidewire").command_sequence == sequence);
+    CHECK(live.At("microcatheter").command_sequence == sequence - 1);
+    // A name that the scene does not have moves none of them.
+    live.command.instrument = "balloon";
+    live.hands().Publish(torquer::protocol::kInstrumentCommandChannel, live.command);
+    REQUIRE(live.SendAndArrive("guide", 2, 0.1));
+    CHECK(live.At("guide").insertion_mm == Approx(32));
+    CHECK(live.At("guidewire").insertion_mm == Approx(119));
+    CHECK(live.At("microcatheter").insertion_mm == Approx(65));
+    live.Stop();
+    states = live.state().tick + 1;
+  }
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::Session session(scene);
-  torquer::bus::Bus simulator_bus;
-  torquer::bus::Bus hand_bus;
-  torquer_lcm::wire_state_t wire{};
-  torquer_lcm::wire_state_t catheter{};
-  hand_bus.Subscribe<torquer_lcm::wire_state_t>(
-      torquer::protocol::kWireStateChannel,
-      [&](const torquer_lcm::wire_state_t& state) {
-        (state.instrument == torquer::protocol::kCatheter ? catheter : wire) = state;
-      },
-      0);
-  std::atomic<bool> stop{false};
-  std::thread simulator([&] { torquer::simulator::RunLive(session, simulator_bus, stop); });
-  torquer_lcm::instrument_command_t command{};
-  command.clock_id = torquer::bus::ClockId();
-  const auto send = [&](const char* instrument, double start_mm, double insertion_mm,
-                        double rotation_rad, const torquer_lcm::wire_state_t& answer) {
-    command.instrument = instrument;
-    command.insertion_mm = insertion_mm;
-    command.rotation_rad = rotation_rad;
-    const auto there = [&] {
-      return answer.rotation_rad == rotation_rad && std::abs(answer.carried_mm) < 1e-9 &&
-             std::abs(answer.commanded_insertion_mm - start_mm - insertion_mm) < 1e-9;
-    };
-    for (int k = 0; k < 6000 && !there(); ++k) {
-      ++command.sequence;
-      hand_bus.Publish(torquer::protocol::kInstrumentCommandChannel, command);
-      hand_bus.Handle(10);
-    }
-    CHECK(there());
-  };
-  send(torquer::protocol::kCatheter, 60, 5, 0.3, catheter);
-  CHECK(catheter.insertion_mm == Approx(65));
-  CHECK(wire.insertion_mm == Approx(120));
-  send(torquer::protocol::kGuidewire, 120, -1, -0.2, wire);
-  CHECK(wire.insertion_mm == Approx(119));
-  CHECK(wire.commanded_catheter_insertion_mm == 65);
-  CHECK(catheter.insertion_mm == Approx(65));
-  stop = true;
-  simulator.join();
+  const auto result = torquer::simulator::Replay(scene, file.Beside("log"));
+  CHECK(result.states + result.missing == states);
+  CHECK(result.states > states / 2);
+  CHECK(result.differing == 0);
 }
 
 TEST_CASE("Live, what observers find is published while the scene runs and when it ends",
@@ -121,7 +203,7 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
   torquer::test::NeedPrivateNetwork();
   const SceneFile file("[effects.wall_force]\nthreshold_mN = 0.01\n");
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::Session session(scene);
+  torquer::simulator::Simulation simulation(scene);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus listener;
   std::vector<torquer_lcm::readings_t> heard;
@@ -129,12 +211,12 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
       torquer::protocol::kReadingsChannel,
       [&](const torquer_lcm::readings_t& readings) { heard.push_back(readings); }, 0);
   std::atomic<bool> stop{false};
-  std::thread simulator([&] { torquer::simulator::RunLive(session, simulator_bus, stop); });
-  for (int k = 0; k < 6000 && heard.size() < 3; ++k) listener.Handle(10);
+  std::thread simulator([&] { torquer::simulator::RunLive(simulation, simulator_bus, stop); });
+  const bool enough = WaitFor(listener, [&] { return heard.size() >= 3; });
   stop = true;
   simulator.join();
-  REQUIRE(heard.size() >= 3);
-  for (int k = 0; k < 6000 && listener.Handle(10) > 0;) ++k;
+  REQUIRE(enough);
+  CHECK(WaitFor(listener, [&] { return heard.back().tick == simulation.tick(); }));
   for (const torquer_lcm::readings_t& readings : heard) {
     CHECK(readings.clock_id == torquer::bus::ClockId());
     REQUIRE(readings.names.size() == readings.values.size());
@@ -144,9 +226,9 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
     CHECK(heard[k].publish_us - heard[k - 1].publish_us >= torquer::simulator::kReadingsEveryUs);
   }
   const torquer_lcm::readings_t& last = heard.back();
-  CHECK(last.tick == session.tick());
-  CHECK(last.time_s == session.time_s());
-  const std::vector<torquer::effects::Reading> found = session.Readings();
+  CHECK(last.tick == simulation.tick());
+  CHECK(last.time_s == simulation.time_s());
+  const std::vector<torquer::effects::Reading> found = simulation.Readings();
   REQUIRE(last.names.size() == found.size());
   for (std::size_t k = 0; k < found.size(); ++k) {
     CHECK(last.names[k] == found[k].name);
@@ -158,18 +240,18 @@ TEST_CASE("A scene without observers publishes no readings", "[simulator]") {
   torquer::test::NeedPrivateNetwork();
   const SceneFile file;
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::Session session(scene);
+  torquer::simulator::Simulation simulation(scene);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus listener;
   int heard = 0;
   listener.Subscribe<torquer_lcm::readings_t>(
       torquer::protocol::kReadingsChannel, [&](const torquer_lcm::readings_t&) { ++heard; }, 0);
-  torquer::simulator::LiveReadings readings(session, simulator_bus);
+  torquer::simulator::LiveReadings readings(simulation, simulator_bus);
   readings.PublishWhenDue(torquer::bus::MonotonicUs());
   readings.Publish();
   // A message that did go out, so that none before it is still on its way.
   torquer_lcm::readings_t marker{};
   simulator_bus.Publish(torquer::protocol::kReadingsChannel, marker);
-  for (int k = 0; k < 6000 && heard == 0; ++k) listener.Handle(10);
+  CHECK(WaitFor(listener, [&] { return heard > 0; }));
   CHECK(heard == 1);
 }

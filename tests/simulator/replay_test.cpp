@@ -1,50 +1,48 @@
 #include "host/simulator/replay.h"
 
 #include <catch2/catch.hpp>
-#include <lcm/lcm-cpp.hpp>
+#include <cmath>
+#include <functional>
 #include <random>
 
-#include "host/simulator/session.h"
-#include "protocol/lcm_channels.h"
-#include "tests/simulator/scenes.h"
+#include "host/simulator/simulation.h"
+#include "tests/simulator/state_log.h"
+#include "tests/support/scenes.h"
 
 using Catch::Matchers::Contains;
 using torquer::simulator::Command;
-using torquer::simulator::Session;
+using torquer::simulator::Simulation;
 using torquer::test::SceneFile;
 
 namespace {
+
+// Every instrument back and forth, each at its own rate.
+torquer::InstrumentPlaces Moved(torquer::InstrumentPlaces places, int tick) {
+  for (int k = 0; k < places.size(); ++k) {
+    places[k].insertion_mm += 15 / (k + 1.0) * std::sin((0.07 + 0.02 * k) * tick) + 0.013 * tick;
+    places[k].rotation_rad = 0.1 * (k + 1) * std::cos(0.2 * tick);
+  }
+  return places;
+}
 
 // Runs a session of `ticks` with budgets that end anywhere, as a clock would, and records it;
 // `spoil` may change or (returning false) drop a state on its way to the log.
 void Record(const std::string& scene_file, const std::string& log, int ticks,
             const std::function<bool(torquer_lcm::wire_state_t&)>& spoil) {
   torquer::scene::Scene scene(scene_file);
-  Session session(scene);
-  lcm::LogFile file(log, "w");
-  REQUIRE(file.good());
+  Simulation simulation(scene);
+  torquer::test::StateLog states(log);
   std::mt19937 random(20161108);
   for (int tick = 0; tick <= ticks; ++tick) {
     if (tick > 0) {
       Command command;
-      command.sequence = tick;
-      command.target = {120 + 15 * std::sin(0.07 * tick) + 0.013 * tick, 0.1 * std::cos(0.2 * tick),
-                        60 + 0.5 * tick, 0.02 * tick};
+      command.target = Moved(scene.start(), tick);
       torquer::CountedBudget budget(static_cast<int>(1 + random() % 12));
-      session.Tick(command, budget);
+      simulation.Tick(command, budget);
     }
     torquer_lcm::wire_state_t state;
-    session.Describe(state);
-    if (!spoil(state)) continue;
-    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(state.getEncodedSize()));
-    state.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-    lcm::LogEvent event;
-    event.eventnum = tick;
-    event.timestamp = tick;
-    event.channel = torquer::protocol::kWireStateChannel;
-    event.datalen = static_cast<int>(bytes.size());
-    event.data = bytes.data();
-    file.writeEvent(&event);
+    simulation.Describe(state);
+    if (spoil(state)) states.Write(state);
   }
 }
 
@@ -56,7 +54,8 @@ TEST_CASE("A replay repeats the work and reaches the same states to the bit", "[
   const std::string more =
       GENERATE(std::string(""), std::string(torquer::test::kFriction),
                std::string(torquer::test::kPaperMethod),
-               std::string(torquer::test::kCatheter) + torquer::test::kFriction);
+               std::string(torquer::test::kMicrocatheter) + torquer::test::kFriction,
+               std::string(torquer::test::kMicrocatheter) + torquer::test::kGuidingCatheter);
   const SceneFile file(more);
   Record(file.path(), file.Beside("log"), 150, Keep);
   torquer::scene::Scene scene(file.path());
@@ -66,7 +65,8 @@ TEST_CASE("A replay repeats the work and reaches the same states to the bit", "[
 }
 
 TEST_CASE("States that were not recorded are made up for by those after them", "[simulator]") {
-  const SceneFile file;
+  const std::string more = GENERATE(std::string(""), std::string(torquer::test::kMicrocatheter));
+  const SceneFile file(more);
   Record(file.path(), file.Beside("log"), 80, [](torquer_lcm::wire_state_t& state) {
     const bool late = state.tick == 0;
     const bool burst = state.tick >= 40 && state.tick < 40 + torquer::simulator::kMostPastInMessage;
@@ -79,7 +79,26 @@ TEST_CASE("States that were not recorded are made up for by those after them", "
   CHECK(result.differing == 0);
 }
 
-TEST_CASE("A replay tells a state that differs, and refuses a log with a gap", "[simulator]") {
+TEST_CASE("A state that was published again at rest is one state to a replay", "[simulator]") {
+  const SceneFile file;
+  torquer::scene::Scene scene(file.path());
+  Record(file.path(), file.Beside("once"), 5, Keep);
+  {
+    torquer::test::StateLog again(file.Beside("log"));
+    lcm::LogFile once(file.Beside("once"), "r");
+    while (const lcm::LogEvent* event = once.readNextEvent()) {
+      torquer_lcm::wire_state_t state;
+      REQUIRE(state.decode(event->data, 0, event->datalen) == event->datalen);
+      for (int k = 0; k < (state.tick % 2 == 0 ? 3 : 1); ++k) again.Write(state);
+    }
+  }
+  const auto result = torquer::simulator::Replay(scene, file.Beside("log"));
+  CHECK(result.states == 6);
+  CHECK(result.missing == 0);
+  CHECK(result.differing == 0);
+}
+
+TEST_CASE("A replay reports a state that differs, and refuses a log with a gap", "[simulator]") {
   const SceneFile file;
   torquer::scene::Scene scene(file.path());
   Record(file.path(), file.Beside("other"), 20, [](torquer_lcm::wire_state_t& state) {
@@ -90,9 +109,9 @@ TEST_CASE("A replay tells a state that differs, and refuses a log with a gap", "
   CHECK(result.differing == 1);
   CHECK(result.first_difference == 7);
 
-  // Work that was not done leads elsewhere from there on.
+  // A command that was not given leads elsewhere from there on.
   Record(file.path(), file.Beside("less"), 20, [](torquer_lcm::wire_state_t& state) {
-    if (state.tick == 5) state.commanded_rotation_rad += 1e-3;
+    if (state.tick == 5) state.instruments[0].commanded_rotation_rad += 1e-3;
     return true;
   });
   CHECK(torquer::simulator::Replay(scene, file.Beside("less")).first_difference == 5);
@@ -110,6 +129,11 @@ TEST_CASE("A replay tells a state that differs, and refuses a log with a gap", "
     return true;
   });
   CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("two runs")), Contains("tick 3"));
+  // Of another scene, by its instruments: without a description nothing else shows it.
+  const SceneFile two(torquer::test::kMicrocatheter);
+  Record(two.path(), file.Beside("two"), 5, Keep);
+  CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("two")),
+                    Contains("2 instruments"));
   Record(file.path(), file.Beside("empty"), 0, [](torquer_lcm::wire_state_t&) { return false; });
   CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("empty")),
                     Contains("holds no wire state"));

@@ -3,14 +3,15 @@
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
-#include "tests/simulator/scenes.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/private_network.h"
+#include "tests/support/scenes.h"
 
 using Catch::Matchers::Contains;
 using torquer::test::ChildProcess;
@@ -18,13 +19,20 @@ using torquer::test::SceneFile;
 
 namespace {
 
-constexpr char kHeader[] = "time_s,insertion_mm,rotation_rad\n";
+constexpr char kHeader[] = "time_s,guidewire.insertion_mm,guidewire.rotation_rad\n";
 constexpr char kAssessed[] =
     "[effects.wall_force]\nthreshold_mN = 0.5\n"
     "[effects.assessment]\ntarget_centerline = \"main\"\ntarget_at_mm = 200\n"
     "force_limit_mN = 1\n";
 
 void Write(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
+
+std::vector<nlohmann::json> Rows(const std::string& path) {
+  std::ifstream in(path);
+  std::vector<nlohmann::json> rows;
+  for (std::string line; std::getline(in, line);) rows.push_back(nlohmann::json::parse(line));
+  return rows;
+}
 
 }  // namespace
 
@@ -34,13 +42,13 @@ TEST_CASE("A script gives one JSON object a row, absolute since the start", "[si
   torquer::scene::Scene scene(file.path());
   CHECK(torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""}) ==
         0);
-  std::ifstream in(file.Beside("s.jsonl"));
-  std::vector<nlohmann::json> rows;
-  for (std::string line; std::getline(in, line);) rows.push_back(nlohmann::json::parse(line));
+  const std::vector<nlohmann::json> rows = Rows(file.Beside("s.jsonl"));
   REQUIRE(rows.size() == 3);
   CHECK(rows[2]["time_s"] == 0.002);
-  CHECK(rows[2]["insertion_mm"] == 121.25);
-  CHECK(rows[2]["rotation_rad"] == 0.3);
+  CHECK(rows[2]["guidewire.insertion_mm"] == 121.25);
+  CHECK(rows[2]["guidewire.rotation_rad"] == 0.3);
+  CHECK(rows[2]["guidewire.carried_mm"] == 0);
+  CHECK(rows[2]["guidewire.carried_rad"] == 0);
   CHECK(rows[2]["nodes_mm"].size() == 122);
   CHECK(rows[2]["residual"].get<double>() <= 1e-6);
   CHECK(rows[2]["iterations"].get<int>() > 0);
@@ -49,26 +57,71 @@ TEST_CASE("A script gives one JSON object a row, absolute since the start", "[si
   }
 }
 
-TEST_CASE("A script moves the catheter where there is one", "[simulator]") {
-  const SceneFile file(torquer::test::kCatheter);
+TEST_CASE("A script moves every instrument by its name", "[simulator]") {
+  const SceneFile file(std::string(torquer::test::kMicrocatheter) +
+                       torquer::test::kGuidingCatheter);
+  // In an order of its own; what has no column stays as it is.
   Write(file.Beside("s.csv"),
-        "time_s,insertion_mm,rotation_rad,catheter_insertion_mm,catheter_rotation_rad\n"
-        "0.0,0,0,0,0\n0.1,1,0.1,2,-0.5\n");
+        "guide.insertion_mm,time_s,microcatheter.rotation_rad,guidewire.insertion_mm,"
+        "microcatheter.insertion_mm\n"
+        "0,0.0,0,0,0\n-1.5,0.1,-0.5,1,2\n");
   torquer::scene::Scene scene(file.path());
-  torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""});
-  std::ifstream in(file.Beside("s.jsonl"));
-  std::string line;
-  std::getline(in, line);
-  std::getline(in, line);
-  const auto row = nlohmann::json::parse(line);
-  CHECK(row["insertion_mm"].get<double>() == Approx(121));
-  CHECK(row["catheter_insertion_mm"].get<double>() == Approx(62));
-  CHECK(row["catheter_rotation_rad"].get<double>() == Approx(-0.5));
+  CHECK(torquer::simulator::RunScript(scene, file.Beside("s.csv"),
+                                      {.states = file.Beside("s.jsonl")}) == 0);
+  const std::vector<nlohmann::json> rows = Rows(file.Beside("s.jsonl"));
+  REQUIRE(rows.size() == 2);
+  const auto at = [&](const char* key) { return rows[1][key].get<double>(); };
+  CHECK(at("guidewire.insertion_mm") == Approx(121));
+  CHECK(at("guidewire.rotation_rad") == 0);
+  CHECK(at("microcatheter.insertion_mm") == Approx(62));
+  CHECK(at("microcatheter.rotation_rad") == Approx(-0.5));
+  CHECK(at("guide.insertion_mm") == Approx(28.5));
+  CHECK(at("guide.rotation_rad") == 0);
+  for (const char* name : {"guidewire", "microcatheter", "guide"}) {
+    CHECK(rows[1][std::string(name) + ".carried_mm"] == 0);
+    CHECK(rows[1][std::string(name) + ".carried_rad"] == 0);
+  }
+}
 
-  const SceneFile alone;
-  torquer::scene::Scene without(alone.path());
-  CHECK_THROWS_WITH(torquer::simulator::RunScript(without, file.Beside("s.csv"), {}),
-                    Contains("effects.catheter"));
+TEST_CASE("A column of an instrument that a scene does not have is refused by name",
+          "[simulator]") {
+  const SceneFile file(torquer::test::kMicrocatheter);
+  torquer::scene::Scene scene(file.path());
+  const auto refuse = [&](const std::string& column, const std::vector<std::string>& said) {
+    Write(file.Beside("s.csv"), "# a comment\ntime_s," + column + "\n0,0\n");
+    for (const std::string& part : said) {
+      CHECK_THROWS_WITH(torquer::simulator::RunScript(scene, file.Beside("s.csv"), {}),
+                        Contains("s.csv:2: ") && Contains("small.toml") &&
+                            Contains("no column " + column) && Contains(part));
+    }
+  };
+  // Whatever was meant: the columns that there are, and the nearest.
+  refuse("balloon.insertion_mm",
+         {"time_s, lao_deg, cra_deg, xray, contrast, guidewire.insertion_mm, "
+          "guidewire.rotation_rad, microcatheter.insertion_mm, microcatheter.rotation_rad"});
+  refuse("guidwire.insertion_mm", {"did you mean guidewire.insertion_mm?"});
+  refuse("microcatheter.rotation_deg", {"did you mean microcatheter.rotation_rad?"});
+  refuse("insertion_mm", {"guidewire.insertion_mm"});
+  refuse("microcatheter.", {"microcatheter.insertion_mm"});
+  refuse("lao_dg", {"did you mean lao_deg?"});
+}
+
+TEST_CASE("A command beyond an instrument's length is said to be clamped, and is", "[simulator]") {
+  const SceneFile file(torquer::test::kMicrocatheter);
+  // 120 of 200 mm lie in at the start, 60 of 150.
+  Write(file.Beside("s.csv"),
+        "time_s,guidewire.insertion_mm,microcatheter.insertion_mm\n0,0,0\n1,79,95\n2,70,96.5\n");
+  ChildProcess child({torquer::test::ProgramPath("torquer-simulator"), "--scene", file.path(),
+                      "--script", file.Beside("s.csv"), "--states", file.Beside("s.jsonl")});
+  REQUIRE(child.Wait() == 0);
+  CHECK_THAT(child.Error(), Contains("microcatheter is commanded to 156.5 mm past the entry point "
+                                     "and is clamped to its max_length_mm, 150"));
+  CHECK_THAT(child.Error(), !Contains("guidewire is commanded"));
+  const std::vector<nlohmann::json> rows = Rows(file.Beside("s.jsonl"));
+  REQUIRE(rows.size() == 3);
+  CHECK(rows[2]["microcatheter.insertion_mm"] == 150);
+  CHECK(rows[2]["microcatheter.carried_mm"] == 0);
+  CHECK(rows[2]["guidewire.insertion_mm"].get<double>() == Approx(190));
 }
 
 TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
@@ -82,12 +135,16 @@ TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
     CHECK_FALSE(std::filesystem::exists(file.Beside("s.jsonl")));
     CHECK_FALSE(std::filesystem::exists(file.Beside("s.jsonl.part")));
   };
-  refuse("time,insertion\n", "s.csv:1");
-  refuse(std::string(kHeader) + "0,0,0\n1,nan,0\n", "s.csv:3: insertion_mm is 'nan'");
-  refuse(std::string(kHeader) + "1,0,0\n1,0,0\n", "s.csv:3: time_s is 1");
+  refuse("time,guidewire.insertion_mm\n", "s.csv:1: there is no column time_s");
+  refuse("time_s,xray,xray\n", "s.csv:1: the column xray stands twice");
+  refuse("time_s,xray\n0,0.5\n", "s.csv:2: xray is '0.5'; give 0 or 1");
+  refuse("time_s,lao_deg\n0,0\n1,200\n", "s.csv:3: lao_deg is '200'; give -180 to 180");
+  refuse(std::string(kHeader) + "0,0,0\n1,nan,0\n", "s.csv:3: guidewire.insertion_mm is 'nan'");
+  refuse(std::string(kHeader) + "1,0,0\n1,0,0\n",
+         "s.csv:3: time_s is '1', not after the row before");
 }
 
-TEST_CASE("A record tells of the scene and all that its observers found", "[simulator]") {
+TEST_CASE("A record names the scene and all that its observers found", "[simulator]") {
   const SceneFile file(kAssessed);
   Write(file.Beside("s.csv"),
         std::string(kHeader) + "0,0,0\n1,5,0\n2,20,0.3\n3,15,0.3\n4,15,0.3\n");
@@ -97,7 +154,7 @@ TEST_CASE("A record tells of the scene and all that its observers found", "[simu
   CHECK_FALSE(std::filesystem::exists(file.Beside("r.json.part")));
   std::ifstream in(file.Beside("r.json"));
   const nlohmann::json record = nlohmann::json::parse(in);
-  CHECK(record["record_version"] == 1);
+  CHECK(record["record_version"] == 2);
   CHECK(record["scene"] == "small");
   CHECK(record["scene_file"] == file.path());
   CHECK(record["content_hash"] == torquer::Hex(scene.content_hash()));
@@ -105,8 +162,9 @@ TEST_CASE("A record tells of the scene and all that its observers found", "[simu
   CHECK(record["effects"] == nlohmann::json({"wall_force", "assessment"}));
   CHECK(record["ticks"] == 5);
   CHECK(record["simulated_s"] == 4);
-  CHECK(record["insertion_mm"] == 135);
-  CHECK(record["rotation_rad"] == 0.3);
+  REQUIRE(record["instruments"].size() == 1);
+  CHECK(record["instruments"]["guidewire"]["insertion_mm"] == 135);
+  CHECK(record["instruments"]["guidewire"]["rotation_rad"] == 0.3);
   const nlohmann::json& readings = record["readings"];
   // The measures by which trainees are judged, all of them.
   for (const char* name : {"procedure_s",       "fluoroscopy_s",     "dose_proxy_mGy",

@@ -4,7 +4,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "host/simulator/session.h"
+#include "host/simulator/simulation.h"
 #include "protocol/lcm_channels.h"
 #include "tests/support/paths.h"
 
@@ -40,16 +40,16 @@ TEST_CASE("No vessel that moves drives the wire at rest through its wall", "[sim
     const std::string text = Text(entry.path());
     if (text.find("[effects.heartbeat]") == std::string::npos) continue;
     torquer::scene::Scene scene(entry.path());
-    torquer::simulator::Session session(scene);
+    torquer::simulator::Simulation simulation(scene);
     torquer::simulator::Command command;
-    command.target = session.target();
+    command.target = simulation.target();
     double deepest_mm = 0;
     // More than a beat, in steps as of a slow display.
     for (int k = 1; k <= 100; ++k) {
       command.time_s = 0.01 * k;
       torquer::CountedBudget budget(1000);
-      deepest_mm = std::max(deepest_mm, session.Tick(command, budget).max_penetration_mm);
-      CHECK((session.status() & torquer::protocol::kWireOutsideLumen) == 0);
+      deepest_mm = std::max(deepest_mm, simulation.Tick(command, budget).max_penetration_mm);
+      CHECK((simulation.status() & torquer::protocol::kWireOutsideLumen) == 0);
     }
     CHECK(deepest_mm < 0.1);
   }

@@ -12,13 +12,14 @@
 #include "host/study/accuracy_bench.h"
 #include "host/study/accuracy_grid.h"
 #include "host/study/accuracy_report.h"
-#include "host/study/analytic_fields.h"
-#include "host/study/simple_wire.h"
+#include "host/study/cases/analytic_fields.h"
+#include "host/study/cases/simple_wire.h"
 #include "host/study/trilinear_field.h"
 #include "host/study/wire_comparison.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wires.h"
 
 namespace torquer::study {
 namespace {
@@ -37,20 +38,18 @@ std::vector<Vector3d> Circle() {
 }
 
 WireState LaidAlong(const WireModel& model, const std::vector<Vector3d>& path, double length_mm) {
-  WireState state(model);
-  LayAlong(model, path, length_mm, state);
-  return state;
+  return WireState::Along(model, path, {length_mm, 0});
 }
 
 TEST_CASE("A wire recut in other segments is the same wire") {
   const WireModel fine = MakeWire({.segment_mm = 0.1});
   const WireModel coarse = MakeWire({.segment_mm = 1});
   WireState from = LaidAlong(fine, Circle(), 40);
-  from.SetRotation(0.7);
+  from.Rotate(0.7);
   const WireState to = Recut(coarse, from);
   CHECK(to.segments() == 40);
-  CHECK(to.insertion_mm == 40);
-  CHECK(to.rotation_rad == 0.7);
+  CHECK(to.insertion_mm() == 40);
+  CHECK(to.rotation_rad() == 0.7);
   // A chord of 1 mm leaves a circle of 50 mm by 2.5 um, and falls short by 0.7 um in all.
   CHECK(Compare(fine, from, coarse, to).max_mm < 0.004);
   CHECK(Compare(fine, from, coarse, to).mean_mm > 1e-5);
@@ -85,7 +84,7 @@ TEST_CASE("The residual a length does not depend on the segments") {
     WireMechanics mechanics(model, floor, wall, none);
     Expansion expansion = mechanics.MakeExpansion();
     WireState state = LaidAlong(model, {}, 40);
-    TransportNormals(model, state);
+    state.UntwistFrames(model);
     mechanics.ExpandGradient(state, expansion);
     residuals.push_back(ResidualPerLength(model, state, expansion.gradient));
     usual.push_back(expansion.residual);
@@ -117,12 +116,11 @@ TEST_CASE("A wire in another branch is told from one that is merely off") {
   REQUIRE(Compare(model, here, model, there).max_mm > 20);
   CHECK_FALSE(InOneBasin(model, *vessel.field, wall, here, there, 0.5));
 
-  WireState off = here;
-  for (std::size_t i = 0; i < off.tangents.size(); ++i) {
-    off.tangents[i] = (off.tangents[i] + (i % 7 < 3 ? 0.02 : -0.015) * off.normals[i]).normalized();
+  std::vector<Vector3d> tangents = here.tangents();
+  for (std::size_t i = 0; i < tangents.size(); ++i) {
+    tangents[i] = (tangents[i] + (i % 7 < 3 ? 0.02 : -0.015) * here.normals()[i]).normalized();
   }
-  PlaceNodes(model, 1, off);
-  TransportNormals(model, off);
+  const WireState off = test::WithTangents(model, here, tangents);
   REQUIRE(Compare(model, here, model, off).max_mm > 0.05);
   CHECK(InOneBasin(model, *vessel.field, wall, here, off, 0.5));
 }

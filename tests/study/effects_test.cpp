@@ -34,9 +34,10 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
     CHECK(row["study"] == "effects");
     prices[row["case"]][row["metric"]] = row["value"];
   }
-  std::set<std::string> expected = {"none", "all", "friction+gravity"};
+  std::set<std::string> expected = {"none", "2 instruments", "3 instruments", "all",
+                                    "friction+gravity"};
   for (const effects::EffectKind& kind : effects::AllEffects()) {
-    if (*kind.needs == 0) expected.insert(kind.name);
+    if (kind.needs.empty()) expected.insert(kind.name);
   }
   expected.insert({"wall_force+assessment", "flow+contrast"});
   std::set<std::string> found;
@@ -46,15 +47,12 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
     CHECK(metrics.at("unconverged") == 0);
     CHECK(metrics.at("residual") <= 1e-6);
     CHECK(metrics.at("tick_ms_p50") > 0);
-    CHECK(metrics.at("tick_ms_p99") >= metrics.at("tick_ms_p50"));
     CHECK(metrics.count("heap_bytes") == 1);
-#if !defined(__SANITIZE_ADDRESS__)
     // Valgrind is among the packages of the tests. An effect that costs none there is not on.
     const double more = metrics.at("instructions") / prices.at("none").at("instructions");
     CHECK(metrics.at("instructions") > 1e5);
     CHECK((name == "none" || more != 1));
     CHECK((name != "all" || more > 2));
-#endif
   }
   CHECK(found == expected);
 }

@@ -1,5 +1,5 @@
 // The checks of hard cases find what they look for, and torture says what it found.
-#include "host/study/hard_cases.h"
+#include "host/study/cases/hard_cases.h"
 
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
@@ -7,19 +7,22 @@
 #include <sstream>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "host/study/analytic_fields.h"
-#include "host/study/simple_wire.h"
-#include "host/study/wire_invariants.h"
+#include "host/study/cases/analytic_fields.h"
+#include "host/study/cases/simple_wire.h"
+#include "host/study/cases/wire_invariants.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/wires.h"
 
 namespace torquer::study {
 namespace {
 
 using Eigen::Vector3d;
 using test::ChildProcess;
+using test::LayStraight;
 using test::TemporaryFolder;
+using test::WithTangents;
 
 const std::string kProgram = torquer::test::ProgramPath("torquer-study");
 
@@ -52,7 +55,7 @@ TEST_CASE("The wall's pressure balances the bending, and only where it does") {
 
 TEST_CASE("A tick that lies about the wire is found out") {
   AtRest rest;
-  const HandTarget here{50, 0};
+  const InstrumentPlaces here{50, 0};
   const auto check = [&](const TickReport& report, const WireState& state) {
     return TickChecker(rest.model, rest.field, rest.state).Check(here, report, state, 2);
   };
@@ -62,21 +65,51 @@ TEST_CASE("A tick that lies about the wire is found out") {
   report.max_penetration_mm *= 1.01;
   CHECK(check(report, rest.state).find("penetration") != std::string::npos);
   report = rest.report;
-  report.carried_mm = 0.1;
+  report.carried[0].insertion_mm = 0.1;
   CHECK(check(report, rest.state).find("carried") != std::string::npos);
 
-  WireState state = rest.state;
-  state.nodes[20] += 1e-6 * state.tangents[20];
-  CHECK(check(rest.report, state).find("length") != std::string::npos);
+  // A wire of segments that are shorter by 1e-6 of their length.
+  const WireModel shorter = MakeWire({.segment_mm = 1 - 1e-6});
+  CHECK(check(rest.report, LayStraight(shorter, 50)).find("length") != std::string::npos);
 
   // Whipped round by a quarter turn without a word.
-  state = rest.state;
-  for (std::size_t i = 0; i < state.tangents.size(); ++i) {
-    state.tangents[i] = Vector3d(state.tangents[i][0], state.tangents[i][2], -state.tangents[i][1]);
-  }
-  PlaceNodes(rest.model, 1, state);
-  TransportNormals(rest.model, state);
-  CHECK(check(rest.report, state).find("the tip went") != std::string::npos);
+  std::vector<Vector3d> tangents = rest.state.tangents();
+  for (Vector3d& u : tangents) u = Vector3d(u[0], u[2], -u[1]);
+  const WireState whipped = WithTangents(rest.model, rest.state, tangents);
+  CHECK(check(rest.report, whipped).find("it was not said") != std::string::npos);
+  // A snap is reported, and nothing has moved.
+  report = rest.report;
+  report.snapped = true;
+  CHECK(check(report, rest.state).find("called a snap") != std::string::npos);
+}
+
+TEST_CASE("What a case allows is held against what came of it") {
+  HardCase hard;
+  hard.deepest_mm = 0.1;
+  hard.paper.deepest_mm = 0.3;
+  HardOutcome outcome;
+  outcome.at_rest_mm = 0.09;
+  outcome.deepest_mm = 0.29;
+  outcome.settled = true;
+  for (const Way way : kAllWays) CHECK(Objection(hard, way, outcome).empty());
+  outcome.at_rest_mm = 0.11;
+  CHECK_THAT(Objection(hard, Way::kNewton, outcome), Catch::Contains("0.11 mm deep"));
+  CHECK(Objection(hard, Way::kPaper, outcome).empty());
+  outcome.deepest_mm = 0.31;
+  CHECK_THAT(Objection(hard, Way::kPaper, outcome), Catch::Contains("0.31 mm deep"));
+  // Without a bound of its own: no deeper than if nothing bent it.
+  hard.deepest_mm.reset();
+  outcome.unbent_mm = 0.12;
+  CHECK(Objection(hard, Way::kNewton, outcome).empty());
+  outcome.unbent_mm = 0.1;
+  CHECK_FALSE(Objection(hard, Way::kNewton, outcome).empty());
+  outcome.unbent_mm = 1;
+  outcome.settled = false;
+  CHECK_THAT(Objection(hard, Way::kNewton, outcome), Catch::Contains("does not"));
+  hard.settles = false;
+  CHECK(Objection(hard, Way::kNewton, outcome).empty());
+  outcome.broken = "a node is lost";
+  CHECK(Objection(hard, Way::kNewton, outcome) == "a node is lost");
 }
 
 TEST_CASE("Cases have names of their own, and seeds make them different") {

@@ -6,10 +6,10 @@
 #include <iterator>
 
 #include "calibration/calibration_file.h"
-#include "tests/daemon/socket_device.h"
-#include "tests/device/reports.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
+#include "tests/support/reports.h"
+#include "tests/support/socket_device.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -158,7 +158,7 @@ TEST_CASE("Whatever ends a run early, the old file stays as it was") {
   }
   SECTION("a script that is none") {
     CHECK(bench.Run("nonsense\n") == 2);
-    CHECK_THAT(bench.error, Contains("torquer-calibrate: ") && Contains("line 1"));
+    CHECK_THAT(bench.error, Contains("torquer-calibrate: ") && Contains("a.script:1: "));
   }
   SECTION("a bad option") {
     const auto [option, value, expected] = GENERATE(table<std::string, std::string, std::string>({
@@ -219,7 +219,7 @@ TEST_CASE("No device, firmware that does not fit, and no serial number are told"
   SECTION("firmware") {
     torquer::test::SocketDevice device(socket);
     device.identity.protocol_version = 9;
-    CHECK_THAT(error_of(), Contains("firmware has protocol version 9, this program 1") &&
+    CHECK_THAT(error_of(), Contains("firmware has protocol version 9, this program has 1") &&
                                Contains("torquer-flash"));
   }
   SECTION("serial number") {

@@ -40,11 +40,10 @@ TEST_CASE("A script is read line by line") {
   CHECK(script.statements[3].word == "lift");
 }
 
-TEST_CASE("A script that cannot be meant is refused with file, line and what is wanted") {
+TEST_CASE("A bad script is refused with file, line and remedy") {
   const auto [text, expected] = GENERATE(table<std::string, std::string>({
-      {"dance", "a.script, line 2: 'dance' is not known; there are\n  mark\n"},
-      {"mark\nmove 1 2",
-       "a.script, line 3: it has 2 values; write 'move AXIAL TRANSVERSE SECONDS'"},
+      {"dance", "a.script:2: 'dance' is not known; there are\n  mark\n"},
+      {"mark\nmove 1 2", "a.script:3: it has 2 values; write 'move AXIAL TRANSVERSE SECONDS'"},
       {"rest -1", "SECONDS = '-1': must be a number from 0 to 3600"},
       {"rest nan", "SECONDS = 'nan': must be a number"},
       {"rest 1s", "SECONDS = '1s': must be a number"},
@@ -55,9 +54,9 @@ TEST_CASE("A script that cannot be meant is refused with file, line and what is 
   CHECK_THROWS_WITH(Parse(text), Contains(expected));
 }
 
-TEST_CASE("A file that is no script is refused") {
+TEST_CASE("A file that is not a script is refused") {
   CHECK_THROWS_WITH(ParseScript("mark\n", "a.script"),
-                    Contains("a.script, line 1: 'mark': a script begins with the line "
+                    Contains("a.script:1: 'mark': a script begins with the line "
                              "'torquer-calibrate script 1'"));
   CHECK_THROWS_WITH(ParseScript("", "a.script"), Contains("it is empty"));
   CHECK_THROWS_WITH(torquer::tools::ReadScript("/nowhere/a.script"),
@@ -66,7 +65,7 @@ TEST_CASE("A file that is no script is refused") {
 
 TEST_CASE("A script moves a device of its own, or none") {
   CHECK_THROWS_WITH(PacedOperator(nullptr, Parse("mark\nrest 1")),
-                    Contains("a.script, line 3: a script cannot move a device"));
+                    Contains("a.script:3: a script cannot move the device of --source"));
   ScriptedDevice device(Parse("mark"));
   CHECK_THROWS_WITH(device.Connect(), Contains("begins with the statement 'device SERIAL CPI'"));
 }

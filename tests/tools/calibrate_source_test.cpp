@@ -10,7 +10,7 @@
 
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
-#include "tests/device/reports.h"
+#include "tests/support/reports.h"
 
 namespace {
 
@@ -67,7 +67,7 @@ class Heard : public torquer::tools::ReadingSink {
   void Take(const Reading& reading) override { readings.push_back(reading); }
   void Press(Key /*key*/) override {}
   void Quit() override {}
-  void Tell(const std::string& text) override { told += text + "\n"; }
+  void Inform(const std::string& text) override { told += text + "\n"; }
   Step step() const override { return Step::kRest; }
 
   std::vector<Reading> readings;
@@ -146,7 +146,7 @@ TEST_CASE("What would spoil a calibration ends the run with the reason") {
     bench.source->serial = "TOLD-2";
     bench.source->waits.emplace_back(ToldSource::Connect);
     CHECK_THROWS_WITH(bench.readings.Wait(0, bench.heard),
-                      Contains("'TOLD-1' went away and 'TOLD-2' came"));
+                      Contains("'TOLD-1' is gone and 'TOLD-2' is there instead"));
   }
   SECTION("the same device, back again, does not") {
     bench.source->waits.emplace_back([](const ReportSource::Sink& sink) {

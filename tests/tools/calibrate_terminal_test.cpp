@@ -11,9 +11,9 @@
 #include <csignal>
 #include <filesystem>
 
-#include "tests/daemon/socket_device.h"
-#include "tests/device/reports.h"
 #include "tests/support/paths.h"
+#include "tests/support/reports.h"
+#include "tests/support/socket_device.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {

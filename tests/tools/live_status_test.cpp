@@ -10,13 +10,16 @@ namespace {
 
 torquer_lcm::wire_state_t State(std::int64_t command_sequence, double latency_ms) {
   torquer_lcm::wire_state_t state{};
-  state.instrument = protocol::kGuidewire;
   state.clock_id = 7;
-  state.command_sequence = command_sequence;
-  state.origin_us = 1000;
+  state.instruments.resize(1);
+  state.instrument_count = 1;
+  torquer_lcm::instrument_state_t& wire = state.instruments[0];
+  wire.name = "guidewire";
+  wire.command_sequence = command_sequence;
+  wire.origin_us = 1000;
   state.publish_us = 1000 + static_cast<std::int64_t>(1000 * latency_ms);
-  state.insertion_mm = 451.25;
-  state.rotation_rad = 1.5707963;
+  wire.insertion_mm = 451.25;
+  wire.rotation_rad = 1.5707963;
   state.residual = 2e-6;
   state.max_penetration_um = latency_ms;
   return state;
@@ -24,7 +27,7 @@ torquer_lcm::wire_state_t State(std::int64_t command_sequence, double latency_ms
 
 }  // namespace
 
-TEST_CASE("The line tells rates, latency, length, residual, penetration and device") {
+TEST_CASE("The line has place, status, device, rates, latency, residual and penetration") {
   tools::LiveStatus status(7);
   torquer_lcm::scene_description_t scene{};
   scene.name = "arch";
@@ -45,8 +48,8 @@ TEST_CASE("The line tells rates, latency, length, residual, penetration and devi
   CHECK(status.Add(health).empty());
 
   CHECK(status.Line(0.5) ==
-        "arch | 1000 reports/s, 4 lost | 8 states/s, latency 2.00 ms (worst 9.00) | 451.25 mm, "
-        "+90 deg | residual 2.0e-06, wall 50.0 um, ok | device running");
+        "arch | guidewire 451.25 mm, +90 deg | ok | device running | 1000 reports/s, 4 lost | "
+        "8 states/s, latency 2.00 ms (worst 9.00) | residual 2.0e-06, wall 50.0 um");
   CHECK_THAT(status.Line(0.5), Catch::Contains("0 reports/s") && Catch::Contains("latency -") &&
                                    Catch::Contains("wall 0.0 um"));
 }
@@ -66,10 +69,10 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
                     "wall_force_event_s",    "wall_force_event_mN",
                     "target_reached",        "target_reached_s"};
   readings.values = {0.5, 1.25, 2, 3.5, 4, 3.5, 0, -1};
-  // Two that came before there was anybody to tell.
+  // Two that came before the first readings are no news.
   CHECK(status.Add(readings).empty());
   CHECK_THAT(status.Line(1),
-             Catch::Contains(", ok | force 0.5 mN, sum 1.25, most 3.5, 2 events | device"));
+             Catch::Contains("| ok | force 0.5 mN, sum 1.25, most 3.5, 2 events | device"));
   readings.values = {5, 6, 3, 5, 7.25, 5, 0, -1};
   CHECK(status.Add(readings) == "wall force: event 3: above the threshold at 7.25 s, 5 mN so far");
   CHECK(status.Add(readings).empty());
@@ -84,11 +87,56 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
 TEST_CASE("Nothing on the bus is said so") {
   tools::LiveStatus status(7);
   CHECK(status.Line(1) ==
-        "no scene | 0 reports/s, 0 lost | 0 states/s, latency - | no wire yet | device no daemon");
+        "no scene | no wire yet | device no daemon | 0 reports/s, 0 lost | 0 states/s, latency -");
+}
+
+TEST_CASE("Every instrument stands in the line, each with a latency") {
+  tools::LiveStatus status(7);
+  torquer_lcm::wire_state_t state = State(0, 3);
+  torquer_lcm::instrument_state_t catheter = state.instruments[0];
+  catheter.name = "catheter";
+  catheter.command_sequence = 4;
+  catheter.origin_us -= 4000;
+  catheter.insertion_mm = 380;
+  catheter.rotation_rad = -0.5235988;
+  state.instruments.push_back(catheter);
+  state.instrument_count = 2;
+  status.Add(state);
+  // In this one only the catheter's command is new.
+  state.instruments[1].command_sequence = 5;
+  status.Add(state);
+  const std::string line = status.Line(1);
+  CHECK_THAT(line,
+             Catch::Contains("| guidewire 451.25 mm, +90 deg | catheter 380.00 mm, -30 deg | ok"));
+  // Of 3, 7 and 7 ms.
+  CHECK_THAT(line, Catch::Contains("latency 7.00 ms (worst 7.00)"));
 }
 
 TEST_CASE("Status in words") {
   CHECK(tools::StatusWords(protocol::kWireConverged) == "ok");
   CHECK(tools::StatusWords(protocol::kWireBudgetSpent | protocol::kWireSnapped) ==
         "out of time, snapped");
+}
+
+TEST_CASE("Every daemon stands in the line, and messages name whose they are") {
+  tools::LiveStatus status(7);
+  torquer_lcm::health_t health{};
+  health.process = "daemon";
+  health.state = "running";
+  health.message = "reading";
+  health.names = {"reports_lost"};
+  health.values = {4};
+  health.instrument = "guidewire";
+  CHECK(status.Add(health) == "daemon of guidewire: running: reading");
+  CHECK_THAT(status.Line(1), Catch::Contains("| device running | 0 reports/s, 4 lost"));
+  health.instrument = "catheter";
+  health.state = "waiting for device";
+  health.values = {3};
+  status.Add(health);
+  CHECK_THAT(status.Line(1), Catch::Contains("| devices catheter waiting for device, guidewire "
+                                             "running | 0 reports/s, 7 lost"));
+  health.process = "emulator";
+  health.instrument = "";
+  health.device = "BOX-2";
+  CHECK(status.Add(health) == "emulator of BOX-2: waiting for device: reading");
 }

@@ -1,4 +1,4 @@
-// One wire in one scene, tick by tick: no clock, no bus.
+// A scene, tick by tick: no clock, no bus.
 #pragma once
 
 #include <cstdint>
@@ -6,16 +6,17 @@
 #include <memory>
 #include <optional>
 #include <torquer_lcm/wire_state_t.hpp>
+#include <vector>
 
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/scene/scene.h"
 
 namespace torquer::simulator {
 
-/// A command, as far as a wire follows it.
+/// What the hands want.
 struct Command {
-  std::int64_t sequence = -1;
-  HandTarget target;      ///< past the entry point: the hand's motion and what lay in at the start
+  /// Of each instrument, past the entry point: the hand's motion and what lay in at the start.
+  InstrumentPlaces target;
   bool in_doubt = false;  ///< lift, sensor fault or no device
   /// Simulated, since the start, ascending; negative: a millisecond after the tick before.
   double time_s = -1;
@@ -23,14 +24,16 @@ struct Command {
 };
 
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.
-class Session {
+class Simulation {
  public:
-  /// `scene` must outlive the session.
-  explicit Session(scene::Scene& scene);
+  /// `scene` must outlive the simulation.
+  explicit Simulation(scene::Scene& scene);
 
   /// One tick towards `command`. A target that is not finite, or beyond 1e5 mm or 1e5 rad, is
   /// refused: the last good one stands, and the state says so.
   const TickReport& Tick(const Command& command, WorkBudget& budget);
+  /// Appends a record of every attempt of the method from now on; null: none.
+  void RecordAttempts(std::vector<AttemptRecord>* records) { relaxation_->Record(records); }
   /// Back to the start of the scene.
   void Restart();
 
@@ -38,12 +41,16 @@ class Session {
   const WireState& state() const { return state_; }
   const Relaxation& relaxation() const { return *relaxation_; }
   const TickReport& report() const { return report_; }
+  /// Of all that decides the motion from here on: the wire, and what the method and the energy
+  /// terms remember.
   std::uint64_t state_hash() const { return hash_; }
   std::int64_t tick() const { return tick_; }
   int status() const { return status_; }     ///< protocol::WireStatus bits
   double time_s() const { return time_s_; }  ///< simulated, since the start
-  /// Whether the scene goes on by itself, so that ticks count even where the hand rests.
+  /// Whether the scene goes on by itself, so that ticks count even where the hands rest.
   bool lives() const { return lives_; }
+  /// Whether the wire is at rest where the hands want it.
+  bool at_rest() const { return report_.converged && report_.arrived(); }
   /// What the observers of the scene have found.
   std::vector<effects::Reading> Readings() const;
   /// Makes pictures of the scene; null where no effect does.
@@ -51,25 +58,24 @@ class Session {
   /// Whether the last tick took something for a picture.
   bool picture_due() const { return picture_due_; }
   /// Absolute: past the entry point.
-  const HandTarget& target() const { return target_; }
+  const InstrumentPlaces& target() const { return target_; }
 
-  /// Fills all that the session knows of a message; times stay as they are.
+  /// Fills all that the simulation knows of a message; times, and what concerns commands, stay as
+  /// they are.
   void Describe(torquer_lcm::wire_state_t& out) const;
-  /// The same for the catheter around the wire, all else zero; false where there is none. Contacts,
-  /// energy and what a replay needs stand in the wire's message.
-  bool DescribeCatheter(torquer_lcm::wire_state_t& out) const;
-  /// How far the wire itself reaches; where a catheter goes on beyond it, not as far as the state.
-  double wire_insertion_mm() const;
 
  private:
   // What a tick was given, and did.
   struct Done {
-    HandTarget target;
-    double time_s;
-    int work;
+    InstrumentPlaces target;
+    double time_s = 0;
+    int work = 0;
   };
 
-  void DescribeShape(double insertion_mm, torquer_lcm::wire_state_t& out) const;
+  void DescribeInstruments(torquer_lcm::wire_state_t& out) const;
+  void DescribeShape(torquer_lcm::wire_state_t& out) const;
+  void DescribeContacts(torquer_lcm::wire_state_t& out) const;
+  void DescribePast(torquer_lcm::wire_state_t& out) const;
   void Observe();
   void RunEffects(double step_s, const effects::Controls& controls);
 
@@ -83,9 +89,8 @@ class Session {
   WireState state_;
   TickReport report_;
   double time_s_ = 0;
-  HandTarget target_;
+  InstrumentPlaces target_;
   std::deque<Done> done_;  // the newest first
-  std::int64_t command_sequence_ = -1;
   std::int64_t tick_ = 0;
   std::int64_t updates_ = 0;
   std::uint64_t hash_ = 0;

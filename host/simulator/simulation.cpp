@@ -1,4 +1,4 @@
-#include "host/simulator/session.h"
+#include "host/simulator/simulation.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,17 +11,19 @@ namespace {
 
 constexpr double kLargestTarget = 1e5;
 
-bool Usable(const HandTarget& target) {
-  return std::abs(target.insertion_mm) <= kLargestTarget &&
-         std::abs(target.rotation_rad) <= kLargestTarget &&
-         std::abs(target.catheter_insertion_mm) <= kLargestTarget &&
-         std::abs(target.catheter_rotation_rad) <= kLargestTarget;
+bool Usable(const InstrumentPlaces& target) {
+  return std::all_of(target.begin(), target.end(), [](const InstrumentPlace& place) {
+    return std::abs(place.insertion_mm) <= kLargestTarget &&
+           std::abs(place.rotation_rad) <= kLargestTarget;
+  });
 }
 
 }  // namespace
 
-Session::Session(scene::Scene& scene)
-    : scene_(scene), relaxation_(scene.MakeRelaxation()), state_(scene.wire()) {
+Simulation::Simulation(scene::Scene& scene)
+    : scene_(scene),
+      relaxation_(scene.MakeRelaxation()),
+      state_(scene.rod(), scene.stack().size()) {
   for (const std::unique_ptr<effects::Effect>& effect : scene.effects()) {
     if (effects::Evolution* evolution = effect->evolution()) evolutions_.push_back(evolution);
     if (effects::Observer* observer = effect->observer()) observers_.push_back(observer);
@@ -31,18 +33,18 @@ Session::Session(scene::Scene& scene)
   Restart();
 }
 
-void Session::Restart() {
+void Simulation::Restart() {
   time_s_ = 0;
   for (const std::unique_ptr<effects::Effect>& effect : scene_.effects()) effect->Restart();
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(0);
   state_ = scene_.MakeStart(*relaxation_);
   target_ = scene_.start();
-  command_sequence_ = -1;
   done_.clear();
   tick_ = 0;
   updates_ = 0;
   status_ = 0;
   report_ = TickReport();
+  report_.carried = InstrumentPlaces(target_.size());
   report_.residual = relaxation_->Current().residual;
   report_.energy_mJ = relaxation_->Current().energy_mJ;
   report_.max_penetration_mm = relaxation_->Current().max_penetration_mm;
@@ -50,9 +52,8 @@ void Session::Restart() {
   RunEffects(0, effects::Controls());
 }
 
-const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
+const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   status_ = command.in_doubt ? protocol::kWireInDoubt : 0;
-  command_sequence_ = command.sequence;
   if (Usable(command.target)) {
     target_ = command.target;
   } else {
@@ -72,7 +73,7 @@ const TickReport& Session::Tick(const Command& command, WorkBudget& budget) {
   return report_;
 }
 
-void Session::RunEffects(double step_s, const effects::Controls& controls) {
+void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
   if (evolutions_.empty() && observers_.empty() && image_ == nullptr) return;
   const effects::TickView tick{.time_s = time_s_,
                                .step_s = step_s,
@@ -86,7 +87,7 @@ void Session::RunEffects(double step_s, const effects::Controls& controls) {
   if (image_ != nullptr) picture_due_ = image_->Take(tick);
 }
 
-std::vector<effects::Reading> Session::Readings() const {
+std::vector<effects::Reading> Simulation::Readings() const {
   std::vector<effects::Reading> all;
   for (const effects::Observer* observer : observers_) {
     for (effects::Reading& reading : observer->Readings()) all.push_back(std::move(reading));
@@ -94,10 +95,11 @@ std::vector<effects::Reading> Session::Readings() const {
   return all;
 }
 
-void Session::Observe() {
-  hash_ = HashState(state_);
+void Simulation::Observe() {
+  hash_ = relaxation_->Hash(HashState(state_));
   if (report_.converged) status_ |= protocol::kWireConverged;
   if (report_.budget_spent) status_ |= protocol::kWireBudgetSpent;
+  if (report_.stalled) status_ |= protocol::kWireStalled;
   if (report_.snapped) status_ |= protocol::kWireSnapped;
   const PointSet& points = relaxation_->Current().points;
   for (std::size_t q = 0; q < points.touches.size(); ++q) {
@@ -108,17 +110,49 @@ void Session::Observe() {
   }
 }
 
-double Session::wire_insertion_mm() const {
-  const CoaxialPair* const coaxial = scene_.coaxial();
-  return coaxial == nullptr ? state_.insertion_mm
-                            : std::min(coaxial->wire_place().insertion_mm, state_.insertion_mm);
+void Simulation::Describe(torquer_lcm::wire_state_t& out) const {
+  out.tick = tick_;
+  out.time_s = time_s_;
+  out.energy_mJ = report_.energy_mJ;
+  out.residual = report_.residual;
+  out.max_penetration_um = 1e3 * report_.max_penetration_mm;
+  out.actions = report_.actions;
+  out.work = report_.work;
+  out.updates = updates_;
+  out.state_hash = static_cast<std::int64_t>(hash_);
+  out.status = status_;
+  DescribeInstruments(out);
+  DescribeShape(out);
+  DescribeContacts(out);
+  DescribePast(out);
 }
 
-void Session::DescribeShape(double insertion_mm, torquer_lcm::wire_state_t& out) const {
-  std::vector<Eigen::Vector3d> nodes;
-  TakePart(scene_.wire(), state_, insertion_mm, nodes);
-  const int n = static_cast<int>(nodes.size()) - 1;
-  out.insertion_mm = insertion_mm;
+void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
+  const InstrumentPlaces& places = state_.places();
+  const InstrumentPlaces start = scene_.start();
+  // With less than half a segment inside there is no segment yet, and all of it is carried.
+  const bool any = state_.segments() > 0;
+  out.instruments.resize(static_cast<std::size_t>(places.size()));
+  out.instrument_count = places.size();
+  for (int k = 0; k < places.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    torquer_lcm::instrument_state_t& instrument = out.instruments[at];
+    instrument.name = scene_.instruments()[at].name;
+    instrument.inserted_at_start_mm = start[k].insertion_mm;
+    instrument.commanded_insertion_mm = target_[k].insertion_mm;
+    instrument.commanded_rotation_rad = target_[k].rotation_rad;
+    instrument.insertion_mm = places[k].insertion_mm;
+    instrument.rotation_rad = places[k].rotation_rad;
+    instrument.carried_mm = target_[k].insertion_mm - (any ? places[k].insertion_mm : 0);
+    instrument.carried_rad = target_[k].rotation_rad - places[k].rotation_rad;
+    const Eigen::Vector3d tip = PointAt(scene_.rod(), state_, places[k].insertion_mm);
+    for (int axis = 0; axis < 3; ++axis) instrument.tip_mm[axis] = tip[axis];
+  }
+}
+
+void Simulation::DescribeShape(torquer_lcm::wire_state_t& out) const {
+  const std::vector<Eigen::Vector3d>& nodes = state_.nodes();
+  const int n = state_.segments();
   out.segment_count = n;
   out.stride = n / kMostNodesInMessage + 1;
   out.nodes_mm.clear();
@@ -129,58 +163,14 @@ void Session::DescribeShape(double insertion_mm, torquer_lcm::wire_state_t& out)
   for (int i = 0; i < n; i += out.stride) add(nodes[static_cast<std::size_t>(i)]);
   add(nodes.back());
   out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
-  for (int axis = 0; axis < 3; ++axis) out.tip_mm[axis] = nodes.back()[axis];
 }
 
-bool Session::DescribeCatheter(torquer_lcm::wire_state_t& out) const {
-  const CoaxialPair* const coaxial = scene_.coaxial();
-  if (coaxial == nullptr) return false;
-  out = {};  // all that it shares with the wire is in that one's message
-  out.instrument = protocol::kCatheter;
-  out.tick = tick_;
-  out.time_s = time_s_;
-  out.command_sequence = command_sequence_;
-  out.commanded_insertion_mm = target_.catheter_insertion_mm;
-  out.commanded_rotation_rad = target_.catheter_rotation_rad;
-  out.rotation_rad = coaxial->catheter_place().rotation_rad;
-  DescribeShape(std::min(coaxial->catheter_place().insertion_mm, state_.insertion_mm), out);
-  out.carried_mm = target_.catheter_insertion_mm - out.insertion_mm;
-  out.residual = report_.residual;
-  out.work = report_.work;
-  out.state_hash = static_cast<std::int64_t>(hash_);
-  out.status = status_;
-  return true;
-}
-
-void Session::Describe(torquer_lcm::wire_state_t& out) const {
-  out.instrument = protocol::kGuidewire;
-  out.tick = tick_;
-  out.time_s = time_s_;
-  out.command_sequence = command_sequence_;
-  out.commanded_insertion_mm = target_.insertion_mm;
-  out.commanded_rotation_rad = target_.rotation_rad;
-  out.commanded_catheter_insertion_mm = target_.catheter_insertion_mm;
-  out.commanded_catheter_rotation_rad = target_.catheter_rotation_rad;
-  out.rotation_rad = state_.rotation_rad;
-  // With less than half a segment inside there is no segment yet, and all of it is carried.
-  DescribeShape(wire_insertion_mm(), out);
-  out.carried_mm =
-      target_.insertion_mm - std::min(out.insertion_mm, state_.ArcLength(scene_.wire()));
-  out.energy_mJ = report_.energy_mJ;
-  out.residual = report_.residual;
-  out.max_penetration_um = 1e3 * report_.max_penetration_mm;
-  out.actions = report_.actions;
-  out.work = report_.work;
-  out.updates = updates_;
-  out.state_hash = static_cast<std::int64_t>(hash_);
-  out.status = status_;
-
-  const int n = state_.segments();
-  // A contact a segment at most, with the deepest of its points.
+// A contact a segment at most, with the deepest of its points.
+void Simulation::DescribeContacts(torquer_lcm::wire_state_t& out) const {
   const PointSet& points = relaxation_->Current().points;
   out.contact_nodes.clear();
   out.contact_penetrations_um.clear();
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < state_.segments(); ++i) {
     double deepest_mm = 0;
     for (int k = 0; k < points.per_segment; ++k) {
       const auto q = static_cast<std::size_t>(i * points.per_segment + k);
@@ -192,22 +182,26 @@ void Session::Describe(torquer_lcm::wire_state_t& out) const {
     out.contact_penetrations_um.push_back(static_cast<float>(1e3 * deepest_mm));
   }
   out.contact_count = static_cast<std::int32_t>(out.contact_nodes.size());
+}
 
-  out.past_insertion_mm.clear();
-  out.past_rotation_rad.clear();
-  out.past_catheter_insertion_mm.clear();
-  out.past_catheter_rotation_rad.clear();
-  out.past_time_s.clear();
-  out.past_work.clear();
-  for (std::size_t k = 1; k < done_.size(); ++k) {
-    out.past_insertion_mm.push_back(done_[k].target.insertion_mm);
-    out.past_rotation_rad.push_back(done_[k].target.rotation_rad);
-    out.past_catheter_insertion_mm.push_back(done_[k].target.catheter_insertion_mm);
-    out.past_catheter_rotation_rad.push_back(done_[k].target.catheter_rotation_rad);
-    out.past_time_s.push_back(done_[k].time_s);
-    out.past_work.push_back(done_[k].work);
+void Simulation::DescribePast(torquer_lcm::wire_state_t& out) const {
+  const std::size_t past = done_.empty() ? 0 : done_.size() - 1;
+  out.past_count = static_cast<std::int32_t>(past);
+  out.past_time_s.resize(past);
+  out.past_work.resize(past);
+  out.past_insertion_mm.resize(past);
+  out.past_rotation_rad.resize(past);
+  for (std::size_t k = 0; k < past; ++k) {
+    const Done& done = done_[k + 1];
+    out.past_time_s[k] = done.time_s;
+    out.past_work[k] = done.work;
+    out.past_insertion_mm[k].clear();
+    out.past_rotation_rad[k].clear();
+    for (const InstrumentPlace& place : done.target) {
+      out.past_insertion_mm[k].push_back(place.insertion_mm);
+      out.past_rotation_rad[k].push_back(place.rotation_rad);
+    }
   }
-  out.past_count = static_cast<std::int32_t>(out.past_work.size());
 }
 
 }  // namespace torquer::simulator

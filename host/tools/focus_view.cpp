@@ -1,0 +1,102 @@
+#include "host/tools/focus_view.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <vector>
+
+#include "host/bus/clock.h"
+#include "host/device/sensor_firmware.h"
+#include "host/device/sensor_picture.h"
+#include "host/device/source_reports.h"
+#include "host/support/atomic_file.h"
+#include "host/support/error.h"
+#include "host/tools/calibrate_terminal.h"
+#include "host/tools/focus_picture.h"
+
+namespace torquer::tools {
+namespace {
+
+using calibration::FocusPicture;
+
+// Of as many a verdict is made: what stays dark in all of them is dirt.
+constexpr std::size_t kPictures = 4;
+constexpr std::int64_t kFirstDeviceUs = 5000000;
+// After the start, and after each picture, the sensor is started again; then the hand moves on.
+constexpr std::int64_t kBetweenUs = 400000;
+
+void WaitForDevice(device::ReportSource& source, const std::atomic<bool>& stop) {
+  const std::int64_t start_us = bus::MonotonicUs();
+  for (bool here = false; !here && !stop;) {
+    source.Wait(50, [&](const device::SourceEvent& event) {
+      here = here || event.kind == device::SourceEvent::Kind::kConnected;
+    });
+    if (!here && bus::MonotonicUs() - start_us > kFirstDeviceUs) {
+      throw UserError(
+          fmt::format("no device: nothing at {} for 5 seconds; connect the bench device or start "
+                      "torquer-emulator, and check --source and --device",
+                      source.place()));
+    }
+  }
+}
+
+void LetTimePass(device::ReportSource& source, std::int64_t us, const std::atomic<bool>& stop) {
+  const std::int64_t end_us = bus::MonotonicUs() + us;
+  while (!stop && bus::MonotonicUs() < end_us) source.Wait(20, [](const device::SourceEvent&) {});
+}
+
+}  // namespace
+
+bool ShowFocus(device::ReportSource& source, const std::string& png_path,
+               const std::atomic<bool>& stop) {
+  WaitForDevice(source, stop);
+  device::SourceReports reports(source);
+  LetTimePass(source, kBetweenUs, stop);
+  const bool live = isatty(STDOUT_FILENO) != 0 && isatty(STDIN_FILENO) != 0;
+  Terminal terminal;
+  terminal.Print(fmt::format("Turn and push the wire slowly: what does not move with it is dirt.{}",
+                             live ? " q ends." : ""));
+  std::vector<FocusPicture> pictures;
+  calibration::FocusVerdict verdict;
+  bool had_image = false;
+  long lines = 0;
+  try {
+    had_image = device::RunningSrom(reports) != 0;
+    for (bool quit = false; !quit && !stop && (live || pictures.size() < kPictures);) {
+      device::SensorPicture picture = device::TakeSensorPicture(reports);
+      if (pictures.size() == kPictures) pictures.erase(pictures.begin());
+      pictures.push_back(std::move(picture.pixels));
+      verdict = calibration::JudgeFocus(pictures, picture.surface_quality);
+      const std::string text =
+          FocusText(pictures.back(), live) + FocusVerdictText(verdict, picture.surface_quality);
+      if (live || pictures.size() == kPictures) {
+        // Over the picture before.
+        if (live && lines > 0) fmt::print("\033[{}A\033[J", lines);
+        fmt::print("{}", text);
+        std::fflush(stdout);
+        lines = std::count(text.begin(), text.end(), '\n');
+      }
+      if (live || pictures.size() < kPictures) LetTimePass(source, kBetweenUs, stop);
+      while (const std::optional<char> key = terminal.Key()) quit = quit || *key == 'q';
+    }
+  } catch (const device::DeviceGone& gone) {
+    throw UserError(fmt::format("{}; check the cable and run the same command again", gone.what()));
+  } catch (const device::ReportRefused& refused) {
+    throw UserError(
+        fmt::format("{}; run torquer-flash to renew the device's firmware", refused.what()));
+  }
+  if (pictures.empty()) return false;
+  if (!png_path.empty()) {
+    WriteFileAtomically(png_path, FocusPng(pictures.back()));
+    fmt::print("Kept as {}.\n", png_path);
+  }
+  if (had_image) {
+    fmt::print("The sensor's firmware image is lost; load it again: torquer-flash --srom FILE\n");
+  }
+  return verdict.good;
+}
+
+}  // namespace torquer::tools

@@ -1,0 +1,135 @@
+#include "host/simulator/simulation.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+
+#include "protocol/lcm_channels.h"
+#include "tests/support/scenes.h"
+
+using torquer::CountedBudget;
+using torquer::InstrumentPlaces;
+using torquer::simulator::Command;
+using torquer::simulator::Simulation;
+using torquer::test::SceneFile;
+
+namespace {
+
+Command To(double insertion_mm, double rotation_rad = 0) {
+  Command command;
+  command.target = InstrumentPlaces(insertion_mm, rotation_rad);
+  return command;
+}
+
+double ArcLength(const torquer_lcm::wire_state_t& message) {
+  double length_mm = 0;
+  for (std::size_t i = 1; i < message.nodes_mm.size(); ++i) {
+    double squared = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      squared += std::pow(message.nodes_mm[i][axis] - message.nodes_mm[i - 1][axis], 2);
+    }
+    length_mm += std::sqrt(squared);
+  }
+  return length_mm;
+}
+
+}  // namespace
+
+TEST_CASE("A simulation follows its commands and restarts as it began", "[simulator]") {
+  const SceneFile file(torquer::test::kFriction);
+  torquer::scene::Scene scene(file.path());
+  Simulation simulation(scene);
+  const std::uint64_t first = simulation.state_hash();
+  CHECK(simulation.state().insertion_mm() == 120);
+  CountedBudget budget(1000);
+  simulation.Tick(To(123.37, 0.5), budget);
+  CHECK(simulation.state().insertion_mm() == 123.37);
+  CHECK(simulation.state().rotation_rad() == 0.5);
+  CHECK((simulation.status() & torquer::protocol::kWireConverged) != 0);
+  const std::uint64_t moved = simulation.state_hash();
+  CHECK(moved != first);
+  simulation.Restart();
+  CHECK(simulation.state_hash() == first);
+  CountedBudget again(1000);
+  simulation.Tick(To(123.37, 0.5), again);
+  CHECK(simulation.state_hash() == moved);
+}
+
+TEST_CASE("A target that is not a number is refused and the last one stands", "[simulator]") {
+  const SceneFile file;
+  torquer::scene::Scene scene(file.path());
+  Simulation simulation(scene);
+  const double bad[] = {std::numeric_limits<double>::quiet_NaN(),
+                        std::numeric_limits<double>::infinity(), 1e9};
+  for (const double value : bad) {
+    CountedBudget budget(1000);
+    simulation.Tick(To(value), budget);
+    CHECK((simulation.status() & torquer::protocol::kWireInputRefused) != 0);
+    CHECK(simulation.state().insertion_mm() == 120);
+    CountedBudget more(1000);
+    simulation.Tick(To(120, value), more);
+    CHECK((simulation.status() & torquer::protocol::kWireInputRefused) != 0);
+    CHECK(simulation.state().nodes().back().allFinite());
+  }
+  CountedBudget budget(1000);
+  simulation.Tick(To(121), budget);
+  CHECK((simulation.status() & torquer::protocol::kWireInputRefused) == 0);
+  CHECK(simulation.state().insertion_mm() == 121);
+}
+
+TEST_CASE("A message carries nodes whose arc length is the insertion", "[simulator]") {
+  const std::string method = GENERATE(std::string(""), std::string(torquer::test::kPaperMethod));
+  const SceneFile file(method);
+  torquer::scene::Scene scene(file.path());
+  Simulation simulation(scene);
+  CountedBudget budget(500);
+  simulation.Tick(To(130.4), budget);
+  torquer_lcm::wire_state_t message;
+  simulation.Describe(message);
+  REQUIRE(message.node_count == message.segment_count + 1);
+  REQUIRE(message.instrument_count == 1);
+  REQUIRE(message.instruments.size() == 1);
+  const torquer_lcm::instrument_state_t& wire = message.instruments[0];
+  CHECK(wire.name == "guidewire");
+  CHECK(ArcLength(message) + wire.carried_mm == Approx(130.4).margin(1e-3));
+  CHECK(wire.insertion_mm + wire.carried_mm == Approx(130.4));
+  CHECK(wire.commanded_insertion_mm == 130.4);
+  CHECK(message.contact_count > 0);
+  CHECK(message.contact_nodes.size() == message.contact_penetrations_um.size());
+  CHECK(static_cast<std::uint64_t>(message.state_hash) == simulation.state_hash());
+  // The paper's method feeds whole segments only.
+  if (!method.empty()) CHECK(wire.carried_mm == Approx(0.4));
+}
+
+TEST_CASE("Nodes and carried motion make up the command however little is inserted",
+          "[simulator]") {
+  const SceneFile file;
+  torquer::scene::Scene scene(file.path());
+  Simulation simulation(scene);
+  for (const double insertion_mm : {3.1, 1.2, 0.6, 0.3, 0.01, 0.0}) {
+    CountedBudget budget(10000);
+    simulation.Tick(To(insertion_mm), budget);
+    torquer_lcm::wire_state_t message;
+    simulation.Describe(message);
+    INFO(insertion_mm);
+    CHECK(ArcLength(message) + message.instruments[0].carried_mm ==
+          Approx(insertion_mm).margin(1e-4));
+  }
+}
+
+TEST_CASE("A long wire is sent with a stride, its tip always", "[simulator]") {
+  const SceneFile file("[relaxation]\nsegment_mm = 0.05\n");
+  torquer::scene::Scene scene(file.path());
+  Simulation simulation(scene);
+  CountedBudget budget(3000);
+  simulation.Tick(To(130), budget);
+  torquer_lcm::wire_state_t message;
+  simulation.Describe(message);
+  CHECK(message.segment_count > torquer::simulator::kMostNodesInMessage);
+  CHECK(message.stride == 2);
+  for (int axis = 0; axis < 3; ++axis) {
+    CHECK(message.nodes_mm.back()[static_cast<std::size_t>(axis)] ==
+          Approx(message.instruments[0].tip_mm[axis]));
+  }
+  CHECK(message.getEncodedSize() < 65499);
+}

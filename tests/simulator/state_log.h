@@ -1,0 +1,37 @@
+// A log of wire states, as lcm-logger writes it.
+#pragma once
+
+#include <cstdint>
+#include <lcm/lcm-cpp.hpp>
+#include <stdexcept>
+#include <string>
+#include <torquer_lcm/wire_state_t.hpp>
+#include <vector>
+
+#include "protocol/lcm_channels.h"
+
+namespace torquer::test {
+
+class StateLog {
+ public:
+  explicit StateLog(const std::string& path) : file_(path, "w") {
+    if (!file_.good()) throw std::runtime_error("cannot write " + path);
+  }
+
+  void Write(const torquer_lcm::wire_state_t& state) {
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(state.getEncodedSize()));
+    state.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    lcm::LogEvent event;
+    event.eventnum = state.tick;
+    event.timestamp = state.tick;
+    event.channel = protocol::kWireStateChannel;
+    event.datalen = static_cast<int>(bytes.size());
+    event.data = bytes.data();
+    file_.writeEvent(&event);
+  }
+
+ private:
+  lcm::LogFile file_;
+};
+
+}  // namespace torquer::test
