@@ -173,7 +173,7 @@ FocusVerdict JudgeFocus(std::span<const FocusPicture> pictures, int surface_qual
              "surface shines; use matt paper.",
              100 * seen.saturated));
   } else if (seen.contrast < kNoContrast) {
-    found.push_back(
+    found.emplace_back(
         "The picture shows nothing: there is no paper at this height, or it is far out of focus.");
   } else {
     if (seen.dirt > kMuchDirt) {

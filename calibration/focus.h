@@ -39,7 +39,7 @@ struct FocusFigures {
 /// Throws UserError if there is no picture, or one has not kFocusPixels pixels of 0 .. 127.
 FocusFigures MeasureFocus(std::span<const FocusPicture> pictures);
 
-/// What a builder is told.
+/// What a builder gets to read.
 struct FocusVerdict {
   FocusFigures figures;
   bool good = false;

@@ -46,7 +46,7 @@ void KickWatchdog();
 /// Leaves the USB and resets into the bootloader.
 [[noreturn]] void EnterBootloader();
 
-/// Why the chip was reset: protocol::ResetReason bits; 0 if neither chip nor memory tells.
+/// Why the chip was reset: protocol::ResetReason bits; 0 if neither chip nor memory shows it.
 uint8_t ResetReason();
 
 /// One byte that survives a reset but not a loss of power; `valid` tells which it was.

@@ -5,7 +5,41 @@
 namespace torquer {
 namespace firmware {
 
-using namespace pmw3360;
+using pmw3360::kAfterReset;
+using pmw3360::kAfterSrom;
+using pmw3360::kBurstBytes;
+using pmw3360::kCaptureAfterReset;
+using pmw3360::kCaptureFirst;
+using pmw3360::kCaptureSecond;
+using pmw3360::kCaptureWait;
+using pmw3360::kConfig1;
+using pmw3360::kConfig2;
+using pmw3360::kDeltaYHigh;
+using pmw3360::kExpectedInverseId;
+using pmw3360::kExpectedProductId;
+using pmw3360::kFrameBits;
+using pmw3360::kFrameCapture;
+using pmw3360::kInverseProductId;
+using pmw3360::kLifted;
+using pmw3360::kMotion;
+using pmw3360::kMotionBurst;
+using pmw3360::kMotionSeen;
+using pmw3360::kNoRest;
+using pmw3360::kObservation;
+using pmw3360::kObservationWait;
+using pmw3360::kOperationMode;
+using pmw3360::kPowerUp;
+using pmw3360::kPowerUpReset;
+using pmw3360::kProductId;
+using pmw3360::kResetKey;
+using pmw3360::kRevisionId;
+using pmw3360::kShutdown;
+using pmw3360::kShutdownKey;
+using pmw3360::kSromEnable;
+using pmw3360::kSromEnableWait;
+using pmw3360::kSromId;
+using pmw3360::kSromPrepare;
+using pmw3360::kSromStart;
 
 namespace {
 
@@ -252,9 +286,12 @@ void Pmw3360::CheckHealth() {
     ArmBurst();
     return;
   }
-  if (frames_to_observe_ != 0 && --frames_to_observe_ == 0) {
-    Fail(protocol::kSensorFrozen);
-    return;
+  if (frames_to_observe_ != 0) {
+    --frames_to_observe_;
+    if (frames_to_observe_ == 0) {
+      Fail(protocol::kSensorFrozen);
+      return;
+    }
   }
   if (in_doubt_) {
     in_doubt_ = false;

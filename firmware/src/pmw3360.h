@@ -38,10 +38,10 @@ class Pmw3360 final : public MotionSensor {
   uint8_t observation() const { return observation_; }
 
   /// --- for SensorService ---------------------------------------------------------------------
-  /// Starts the sensor anew, and stops where it waits for a firmware image.
+  /// Starts the sensor again, and stops where it waits for a firmware image.
   void RequestSrom();
   bool AwaitsSrom() const { return state_ == State::kAwaitSrom; }
-  /// The image has been sent; running() and srom_id() will tell what the sensor made of it.
+  /// The image has been sent; running() and srom_id() will say what the sensor made of it.
   void SromSent();
   /// The image will not come, or not to its end. The sensor is started without.
   void AbandonSrom();

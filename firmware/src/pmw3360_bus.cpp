@@ -5,7 +5,16 @@
 namespace torquer {
 namespace firmware {
 
-using namespace pmw3360;
+using pmw3360::kAddressToBurst;
+using pmw3360::kAddressToData;
+using pmw3360::kAfterBurst;
+using pmw3360::kAfterRead;
+using pmw3360::kAfterWrite;
+using pmw3360::kBurstBytes;
+using pmw3360::kLongBurstByte;
+using pmw3360::kMotionBurst;
+using pmw3360::kWriteBit;
+using pmw3360::kWriteToDeselect;
 
 void Pmw3360Bus::WaitUntilReady() {
   const int32_t remaining = static_cast<int32_t>(ready_at_us_ - board::NowUs());

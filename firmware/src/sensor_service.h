@@ -26,7 +26,7 @@ class SensorService final : public LongReportHandler {
   Progress Read(const uint8_t** data, uint16_t* size) override;
   void Abandon() override;
 
-  /// Keeps what is told with a picture. To be called once a frame.
+  /// Keeps what is reported with a picture. To be called once a frame.
   void Note(const MotionSample& sample);
   /// Moves on what is under way. To be called at every step.
   void Run();

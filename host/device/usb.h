@@ -13,7 +13,8 @@ namespace torquer::device {
 /// The remedy for a device that this user may not open.
 inline constexpr char kPermissionRemedy[] =
     "install the udev rule: sudo cp hardware/udev/70-torquer.rules /etc/udev/rules.d/ && sudo "
-    "udevadm control --reload && sudo udevadm trigger";
+    "udevadm control --reload && sudo udevadm trigger; who is not at the machine itself also joins "
+    "its group: sudo groupadd -rf torquer && sudo usermod -aG torquer $USER, and a new login";
 
 /// The devices on this machine's USB at one moment, with a libusb context of its own. Where no udev
 /// runs, a context that lives on does not notice new devices, so a new list needs a new object.

@@ -119,8 +119,19 @@ int FlashProcedure::LoadSensorImage(const std::string& path) {
     return 0;
   }
   try {
-    const auto link = boards_.Open(found.board);
-    return device::LoadSrom(*link, image);
+    // A board that was just plugged in still starts its sensor.
+    for (int waited = 0; waited < kSensorMs; waited += kLookMs) {
+      {
+        const auto link = boards_.Open(found.board);
+        const auto identity = Get<IdentityReport>(*link, protocol::kIdentityReportId);
+        if (identity.self_test & kSensorGood) return device::LoadSrom(*link, image);
+      }
+      boards_.Sleep(kLookMs);
+    }
+    throw UserError(found.serial + ": its sensor does not answer; check its wiring");
+  } catch (const ReportRefused& refused) {
+    throw UserError(fmt::format("{}: the firmware refuses to say how it is ({}); run torquer-flash",
+                                found.serial, refused.what()));
   } catch (const BoardLost& lost) {
     throw UserError(
         fmt::format("{}: the board was lost ({}). Its sensor runs without the image; "
@@ -337,7 +348,7 @@ std::optional<Board> FlashProcedure::WaitFor(const Found& before, int millisecon
       if (firmware ? board.mode != BoardMode::kFirmware : !is_bootloader) continue;
       try {
         if (IsSame(board, before)) return board;
-      } catch (const std::runtime_error&) {  // not ready yet
+      } catch (const std::runtime_error&) {  // no error: not ready yet
       }
     }
     boards_.Sleep(kLookMs);
@@ -355,7 +366,7 @@ Board FlashProcedure::EnterBootloader(const Found& found) {
                                        protocol::kCommandEnterBootloader,
                                        protocol::kCommandKey,
                                        {}});
-  } catch (const BoardLost&) {  // it has restarted already
+  } catch (const BoardLost&) {  // no error: it has restarted already
   } catch (const ReportRefused&) {
     throw UserError(
         found.serial +

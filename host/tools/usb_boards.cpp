@@ -26,8 +26,10 @@ constexpr std::uint16_t kFeatureReport = 0x0300;
 // It may just be starting, or leaving.
 constexpr char kSilent[] =
     "it does not answer; unplug it, plug it in and run the same command again";
-const std::string kPermission =
-    fmt::format("it may not be opened by this user; {}", device::kPermissionRemedy);
+
+std::string NoPermission() {
+  return fmt::format("it may not be opened by this user; {}", device::kPermissionRemedy);
+}
 
 struct KnownBoard {
   std::uint16_t vendor, product;
@@ -94,7 +96,7 @@ class UsbLink final : public FeatureLink {
       : usb_(std::move(usb)) {
     const int opened = libusb_open(device, &handle_);
     if (opened == LIBUSB_ERROR_ACCESS)
-      throw UserError(fmt::format("USB {}: {}", place, kPermission));
+      throw UserError(fmt::format("USB {}: {}", place, NoPermission()));
     if (opened != 0) throw BoardLost(libusb_strerror(opened));
     libusb_set_auto_detach_kernel_driver(handle_, 1);
     const int claimed = libusb_claim_interface(handle_, kInterface);
@@ -170,7 +172,7 @@ std::vector<Board> UsbBoards::List() {
           return;  // other people's prototypes use the same ids
         }
       } else {
-        board.problem = opened == LIBUSB_ERROR_ACCESS ? kPermission : kSilent;
+        board.problem = opened == LIBUSB_ERROR_ACCESS ? NoPermission() : kSilent;
       }
     }
     boards.push_back(std::move(board));

@@ -82,7 +82,7 @@ TEST_CASE("a file that is no image is refused with its name, what it has, and wh
 }
 
 TEST_CASE(
-    "an image that the sensor does not take, and a sensor that is not there, are told apart") {
+    "an image that the sensor does not take, and a sensor that is not there, are distinguished") {
   Bench bench;
   bench.Start();
   EmulatedReports reports(bench);
@@ -121,7 +121,7 @@ calibration::FocusVerdict Judge(const emulator::SurfaceOptics& optics) {
   return calibration::JudgeFocus(pictures, surface_quality);
 }
 
-TEST_CASE("through the firmware, an assembly that is right is told from one that is not") {
+TEST_CASE("through the firmware, an assembly that is right is distinguished from one that is not") {
   using emulator::SurfaceOptics;
   for (const double distance_mm : {2.25, 2.4, 2.55}) CHECK(Judge(SurfaceOptics{distance_mm}).good);
   CHECK(Judge(SurfaceOptics{2.4, 0.05, 1.1, false}).good);

@@ -10,8 +10,6 @@
 namespace torquer::emulator {
 namespace {
 
-using protocol::SensorFaultCause;
-
 bool Faulty(const Bench& bench) { return (bench.last.flags & protocol::kFlagSensorFault) != 0; }
 
 TEST_CASE("a hand that was still for long is followed from its first tenth of a millimeter on") {

@@ -139,7 +139,8 @@ TEST_CASE("a board in Caterina is written at its port, and its firmware is heard
   }
 }
 
-TEST_CASE("a board that runs an Arduino program is overwritten where its port is named, and only then") {
+TEST_CASE(
+    "a board that runs an Arduino program is overwritten where its port is named, and only then") {
   FakeBoards boards;
   boards.Add(BoardMode::kSketch, "1-4");
   boards.boards.front().port = "/dev/ttyACM3";

@@ -68,8 +68,9 @@ TEST_CASE("boards as they are sold") {
   // Arduino's definition of the Leonardo and the Micro: 16 MHz with 2.6 V.
   const FuseVerdict leonardo = JudgeFuses({0xff, 0xd8, 0xcb, 0xef});
   CHECK(leonardo.good);
-  CHECK_THAT(Said(leonardo), Contains("as Arduino's is") &&
-                                 Contains("too low for 16 MHz, which needs 4.5 V: write efuse 0xc8"));
+  CHECK_THAT(Said(leonardo),
+             Contains("as Arduino's is") &&
+                 Contains("too low for 16 MHz, which needs 4.5 V: write efuse 0xc8"));
   // A board at 3.3 V, without brown-out detection.
   const FuseVerdict none = JudgeFuses({0xff, 0xd8, 0xff, 0xef});
   CHECK_FALSE(none.good);
@@ -90,8 +91,12 @@ TEST_CASE("each fuse that makes a board unsafe is found by itself") {
     CAPTURE(level);
     CHECK(JudgeFuses(fuses).good == (level <= 3));  // 2.6 V or more
   }
-  for (const auto& [low, high] : {std::pair{0xf7, 0xd2}, {0xff, 0xf2}, {0xff, 0xc2}, {0xff, 0xd3},
-                                  {0xff, 0xd4}, {0xff, 0xd6}}) {
+  for (const auto& [low, high] : {std::pair{0xf7, 0xd2},
+                                  {0xff, 0xf2},
+                                  {0xff, 0xc2},
+                                  {0xff, 0xd3},
+                                  {0xff, 0xd4},
+                                  {0xff, 0xd6}}) {
     Fuses fuses = good;
     fuses.low = static_cast<std::uint8_t>(low);
     fuses.high = static_cast<std::uint8_t>(high);

@@ -33,8 +33,7 @@ int Load(EmulatedBoards& boards, const std::string& path, const FlashRequest& re
 TEST_CASE("the sensor's image goes from a file into the sensor of the board") {
   const ImageFile file;
   EmulatedBoards boards(WithApplication());
-  REQUIRE(boards.Start() == tools::BoardMode::kFirmware);
-  boards.Sleep(300);
+  REQUIRE(boards.Start() == tools::BoardMode::kFirmware);  // its sensor starts meanwhile
   FlashRequest dry;
   dry.dry_run = true;
   CHECK(Load(boards, file.path, dry) == 0);

@@ -84,7 +84,7 @@ extern "C" void torquer_early_init() {
   for (uint8_t* byte = limit; byte <= &__stack; ++byte) *byte = kStackPaint;
 }
 
-// Arduino's bootloader has cleared MCUSR: then the memory tells what it can.
+// Arduino's bootloader has cleared MCUSR: then the memory shows what it can.
 void FindResetReason() {
   reset_reason = TORQUER_SAVED_MCUSR;
   const bool marked = Warm().mark == kWarmMark && (Warm().byte ^ Warm().complement) == 0xff;
