@@ -162,7 +162,7 @@ std::vector<Eigen::Vector3d> Beginning(const std::vector<Eigen::Vector3d>& point
   for (std::size_t i = 1; i < points.size() && length_mm > 0; ++i) {
     const Eigen::Vector3d way = points[i] - points[i - 1];
     const double part = std::min(1.0, length_mm / std::max(way.norm(), 1e-9));
-    out.push_back(points[i - 1] + part * way);
+    out.emplace_back(points[i - 1] + part * way);
     length_mm -= way.norm();
   }
   return out;

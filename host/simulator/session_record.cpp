@@ -9,7 +9,7 @@ namespace torquer::simulator {
 
 namespace {
 
-const std::string& NeedObserver(const std::string& path, const Simulation& simulation) {
+std::string NeedObserver(const std::string& path, const Simulation& simulation) {
   if (simulation.Readings().empty()) {
     throw UserError(simulation.scene().path() +
                     ": has nothing to record; add [effects.assessment] or [effects.wall_force]");

@@ -135,7 +135,7 @@ class Race {
     PaperRelaxation insertion(model_, *vessel_.field, wall_, Settings(PaperCycles::kNone));
     insertion.Restart(start_);
     CountedBudget budget(kPlenty);
-    insertion.Tick(kTarget, budget, start_);
+    insertion.Tick(Target(), budget, start_);
   }
 
   Result RunPaper(int cycles) const {
@@ -146,7 +146,7 @@ class Race {
     const double start_s = ThreadCpuSeconds();
     for (int cycle = 0; cycle < cycles; ++cycle) {
       CountedBudget budget(kPlenty);
-      result.energy_mJ = paper.Tick(kTarget, budget, state).energy_mJ;
+      result.energy_mJ = paper.Tick(Target(), budget, state).energy_mJ;
     }
     result.ms = 1e3 * (ThreadCpuSeconds() - start_s);
     return result;
@@ -165,7 +165,7 @@ class Race {
       TickReport report;
       do {
         CountedBudget one(2);
-        report = newton.Tick(kTarget, one, state);
+        report = newton.Tick(Target(), one, state);
       } while (report.energy_mJ > energy_mJ && !report.converged);
       ms.push_back(1e3 * (ThreadCpuSeconds() - start_s));
       result.energy_mJ = report.energy_mJ;
@@ -175,7 +175,7 @@ class Race {
   }
 
  private:
-  static inline const InstrumentPlaces kTarget{250, 0};
+  static InstrumentPlaces Target() { return {250, 0}; }
 
   static PaperSettings Settings(PaperCycles cycles) {
     PaperSettings settings;

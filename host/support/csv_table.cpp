@@ -76,7 +76,7 @@ CsvTable ReadCsvTable(const std::string& path) {
   CsvTable table = Parse(path, "");
   for (std::size_t k = 0; k < table.columns.size(); ++k) {
     if (table.columns[k].empty()) Refuse(path, table.header_line, "a column has no name");
-    if (*table.Find(table.columns[k]) == k) continue;
+    if (table.Find(table.columns[k]) == k) continue;
     Refuse(path, table.header_line, fmt::format("the column {} stands twice", table.columns[k]));
   }
   return table;

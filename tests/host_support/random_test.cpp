@@ -15,7 +15,8 @@ TEST_CASE("Random numbers are the same on every machine", "[support]") {
 
   // And what is made of the first two numbers of seed 1.
   Random one(1);
-  CHECK(one.Uniform() == static_cast<double>(2469588189546311528u / 2048) / 9007199254740992.0);
+  constexpr std::uint64_t kTopBits = 2469588189546311528u / 2048;
+  CHECK(one.Uniform() == static_cast<double>(kTopBits) / 9007199254740992.0);
   CHECK(one.Integer(0, 9) == 2516265689700432462u % 10);
 }
 

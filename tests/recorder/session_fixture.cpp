@@ -45,7 +45,7 @@ torquer_lcm::scene_description_t Scene(const SessionFaults& faults) {
   scene.instruments = {protocol::kGuidewire};
   scene.inserted_at_start_mm = {kInsertedAtStartMm};
   if (faults.catheter) {
-    scene.instruments.push_back("catheter");
+    scene.instruments.emplace_back("catheter");
     scene.inserted_at_start_mm.push_back(kCatheterAtStartMm);
   }
   scene.instrument_count = static_cast<std::int32_t>(scene.instruments.size());

@@ -99,7 +99,7 @@ const Key* FindIn(const KeyTable& table, const std::string& place) {
 }
 
 // The key at a place such as "instrument[0].radius_mm"; of a vessel, of its kind.
-const Key* Find(std::string place, const std::string& kind) {
+const Key* Find(const std::string& place, const std::string& kind) {
   for (const Section& section : AllSections()) {
     std::string prefix = section.name.empty() ? "" : section.name + ".";
     if (section.name == "vessel." + kind) prefix = "vessel.";

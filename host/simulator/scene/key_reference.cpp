@@ -46,7 +46,7 @@ Json Point() {
 Json SchemaOf(const KeyTable& table);
 
 Json SchemaOf(const Key& key) {
-  const Json number = {{"type", "number"}, {"minimum", key.lowest}, {"maximum", key.highest}};
+  Json number = {{"type", "number"}, {"minimum", key.lowest}, {"maximum", key.highest}};
   switch (key.kind) {
     case KeyKind::kNumber:
       return number;

@@ -74,7 +74,9 @@ class HardRun {
         state_(StartOf(scene_)),
         checker_(scene_.model, *scene_.field, state_) {
     relaxation_->Restart(state_);
-    outcome_.unbent_mm = UnbentDepth(scene_);
+    // A wire that starts in the wall may be deeper there than any unbent one.
+    outcome_.unbent_mm = std::max(
+        UnbentDepth(scene_), checker_.DeepestPenetration(state_, scene_.wall.points_per_segment));
   }
 
   HardOutcome Run() {

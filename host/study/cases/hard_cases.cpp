@@ -44,7 +44,9 @@ std::vector<InstrumentPlaces> Feed(double from, double to, double step_mm,
                                    double rotation_rad = 0) {
   std::vector<InstrumentPlaces> script;
   const int count = std::max(1, static_cast<int>(std::ceil(std::abs(to - from) / step_mm)));
-  for (int k = 1; k <= count; ++k) script.push_back({from + (to - from) * k / count, rotation_rad});
+  for (int k = 1; k <= count; ++k) {
+    script.emplace_back(from + (to - from) * k / count, rotation_rad);
+  }
   return script;
 }
 
@@ -101,8 +103,8 @@ void AddSpeed(Extent extent, std::vector<HardCase>& cases) {
                      for (int k = 0; k < actions; ++k) {
                        // Now every tick, now for as long as the way takes.
                        const int half = k / 50000 % 2 == 0 ? 1 : 300;
-                       script.push_back({k / half % 2 ? 0.0 : 150.0,
-                                         std::uniform_real_distribution<double>(-3, 3)(random)});
+                       script.emplace_back(k / half % 2 ? 0.0 : 150.0,
+                                           std::uniform_real_distribution<double>(-3, 3)(random));
                      }
                      HardScene s = IntoPhantom({.max_length_mm = 200}, 0.01, script);
                      s.units = static_cast<int>(OneOf(random, 7.0, 60.0, 1000.0));
@@ -114,7 +116,8 @@ void AddSpeed(Extent extent, std::vector<HardCase>& cases) {
                      std::normal_distribution<double> normal;
                      std::vector<InstrumentPlaces> script;
                      for (int k = 0; k < 120; ++k) {
-                       script.push_back({120 + 5 * normal(random), 2 * normal(random)});
+                       const double to_mm = 120 + 5 * normal(random);
+                       script.emplace_back(to_mm, 2 * normal(random));
                      }
                      return IntoPhantom({.max_length_mm = 200}, 0.01, script);
                    },
@@ -261,7 +264,7 @@ void AddShapes(std::vector<HardCase>& cases) {
                      std::vector<InstrumentPlaces> script = Feed(0, 45, 0.5);
                      const double step = OneOf(random, 0.3, 1.0, 3.2);
                      for (double turn = 0; turn < 100 * std::numbers::pi; turn += step) {
-                       script.push_back({45, turn});
+                       script.emplace_back(45, turn);
                      }
                      return HardScene{field, model, {.stiffness_N_mm2 = 0.05}, script};
                    },

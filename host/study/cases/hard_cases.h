@@ -52,7 +52,7 @@ struct HardCase {
   std::string name;
   std::function<HardScene(std::mt19937& random)> make;
   /// Deepest penetration where a tick of Newton's converged: twice to five times what was measured.
-  /// None: that of an unbent wire (HardOutcome::unbent_mm), which no balance of forces passes.
+  /// None: HardOutcome::unbent_mm, which no balance of forces passes.
   std::optional<double> deepest_mm = {};
   bool for_paper = true;  ///< the paper's method takes n^2 to n^3 time
   bool settles = true;    ///< Newton's wire comes to rest after the script
@@ -74,7 +74,8 @@ struct HardOutcome {
   int snaps = 0;
   double deepest_mm = 0;  ///< of all ticks
   double at_rest_mm = 0;  ///< deepest of the converged ones
-  /// Of a straight wire, as long as the script ever asks for, from the sheath on.
+  /// Of a straight wire, as long as the script ever asks for, from the sheath on; at least how deep
+  /// the wire lies at the start.
   double unbent_mm = 0;
   bool settled = false;  ///< with the hand still, in the end
   double last_residual = 0;
