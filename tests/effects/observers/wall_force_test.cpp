@@ -130,9 +130,9 @@ TEST_CASE("Wall forces are what the energy changes by when that part of the wall
   const auto angle = [](const Vector3d& p) { return std::atan2(p[1], p[0]); };
   const auto at_length = [&](double from_tip_mm) {
     const double segments = from_tip_mm / lambda;
-    const int i = n - 1 - static_cast<int>(segments);
-    return Vector3d(state.nodes()[static_cast<std::size_t>(i) + 1] -
-                    std::fmod(from_tip_mm, lambda) * state.tangents()[static_cast<std::size_t>(i)]);
+    const int behind = std::clamp(static_cast<int>(segments), 0, n - 1);
+    const auto i = static_cast<std::size_t>(n - 1 - behind);
+    return Vector3d(state.nodes()[i + 1] - (from_tip_mm - lambda * behind) * state.tangents()[i]);
   };
   // In mN: what a part of the wall carries. At balance the energy changes with the wall alone.
   const auto carried_mN = [&](const MovedWall::Part& part) {
