@@ -199,15 +199,16 @@ void Check(const CommonErrors& common) {
   }
 }
 
-// Pushes and turns at less than six degrees to each other in the plane of counts are not told
-// apart.
+// Pushes and turns at less than six degrees to each other in the plane of counts are not
+// distinguished apart.
 void CheckApart(const Line& push, const Line& turn) {
   const double area = push.slope[0] * turn.slope[1] - push.slope[1] * turn.slope[0];
   const double lengths =
       std::hypot(push.slope[0], push.slope[1]) * std::hypot(turn.slope[0], turn.slope[1]);
   if (std::abs(area) > 0.1 * lengths) return;
   throw UserError(
-      "pushes and turns move the sensor's counts the same way, so that they cannot be told apart; "
+      "pushes and turns move the sensor's counts the same way, so that they cannot be "
+      "distinguished; "
       "push along the axis and turn about it, and see whether the sensor looks at the cylinder");
 }
 

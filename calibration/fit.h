@@ -60,7 +60,7 @@ struct MotionFit {
   Estimate turn_pushes_mm;  ///< in insertion, over one turn
 
   /// Shares of the variance of push_error_mm and turn_error_rad that are declared, 0 .. 1: what
-  /// more strokes would not mend.
+  /// more strokes would not remove.
   double push_declared_share = 0.0, turn_declared_share = 0.0;
 
   /// Reference less model, one a stroke, in the order given.

@@ -325,7 +325,7 @@ void Procedure::EndStroke() {
   if (Good(kind()) >= wanted) GoOn();
 }
 
-// Judges all strokes anew, and tells what became of the last and what changed for the others.
+// Judges all strokes again, and reports what became of the last and what changed for the others.
 void Procedure::Judge() {
   const std::vector<Rejection> before = rejections_;
   rejections_ = JudgeStrokes(strokes_, Expectation());

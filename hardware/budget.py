@@ -1,6 +1,6 @@
 """What one count is worth and what the hardware gets wrong: the numbers in hardware/README.md.
 
-Every function is a formula of its own, with its source beside it; mm, N and rad, degrees where it
+Every function is its own formula, with its source beside it; mm, N and rad, degrees where it
 says so. Lengths come from parts/bench_device.scad: its definitions are evaluated here, so that the
 printed parts and this page share one derivation.
 """

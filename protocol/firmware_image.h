@@ -1,5 +1,5 @@
-// How a firmware image lies in the device's flash, and how it is told to be whole: the application
-// from address 0, and in a page of its own a trailer that is written last.
+// How a firmware image lies in the device's flash, and how one sees that it is whole: the
+// application from address 0, and in its own page a trailer that is written last.
 //
 // Read by the bootloader, the application's self-test, the build step that fills the trailer in,
 // torquer-flash and the emulator. C++14 under avr-gcc, C++20 on the host, as hid_reports.h.

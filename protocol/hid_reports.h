@@ -168,7 +168,7 @@ struct __attribute__((packed)) PictureReport {
 constexpr uint16_t kLongestReportBytes = sizeof(SromReport);
 
 /// Bits of DiagnosticsReport::reset_reason: MCUSR at the start. Arduino's bootloader clears it:
-/// then the firmware tells what the memory shows, with kResetDerived, or 0.
+/// then the firmware reports what the memory shows, with kResetDerived, or 0.
 enum ResetReason : uint8_t {
   kResetPower = 1 << 0,
   kResetPin = 1 << 1,

@@ -1,4 +1,4 @@
-"""Draws the printed parts as pictures: OpenSCAD to STL, and a small renderer of its own to PNG.
+"""Draws the printed parts as pictures: OpenSCAD to STL, and its own small renderer to PNG.
 
 Needs openscad, and no display. Pictures are shaded by the direction of each face, with a z buffer
 and 2 x 2 samples a pixel.

@@ -36,7 +36,7 @@ struct Heard {
   bool commanded = false;
 };
 
-// On a connection of its own: the running daemon only sends, so that traffic of 1 kHz and more does
+// On its own connection: the running daemon only sends, so that traffic of 1 kHz and more does
 // not wake it.
 Heard ListenFor(const std::string& instrument, const std::string& url) {
   Heard heard;

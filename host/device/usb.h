@@ -16,7 +16,7 @@ inline constexpr char kPermissionRemedy[] =
     "udevadm control --reload && sudo udevadm trigger; who is not at the machine itself also joins "
     "its group: sudo groupadd -rf torquer && sudo usermod -aG torquer $USER, and a new login";
 
-/// The devices on this machine's USB at one moment, with a libusb context of its own. Where no udev
+/// The devices on this machine's USB at one moment, with its own libusb context. Where no udev
 /// runs, a context that lives on does not notice new devices, so a new list needs a new object.
 class UsbDevices {
  public:

@@ -184,7 +184,7 @@ struct Atmega32u4::Hooks {
     eeprom_cell = -1;
   }
 
-  // --- watchdog: a change of the period alone starts it anew
+  // --- watchdog: a change of the period alone starts it again
   // --------------------------------------
   static void WriteWatchdog(avr_t* avr, avr_io_addr_t address, std::uint8_t value,
                             void* parameter) {
@@ -353,7 +353,7 @@ void Atmega32u4::AfterReset() {
   DoNotPollPins(avr_);
   if (hooks_->reset_cause == kWatchdogReset) ++resets_;
   avr_->data[kMcusr] = hooks_->reset_cause;
-  hooks_->reset_cause = kWatchdogReset;  // unless told otherwise, the next one is the watchdog's
+  hooks_->reset_cause = kWatchdogReset;  // unless set otherwise, the next one is the watchdog's
   hooks_->spi_busy = false;
   hooks_->FinishEepromWrite();
   flash_->Reset();

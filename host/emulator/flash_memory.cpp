@@ -17,7 +17,7 @@ constexpr std::uint8_t kSpmen = 0x01, kPgers = 0x02, kPgwrt = 0x04, kRwwsre = 0x
                        kRwwsb = 0x40;
 constexpr std::uint8_t kCommand = 0x3f;
 constexpr std::uint8_t kEepromBusy = 0x02;
-// Between SPMEN and the instruction, with that of its own.
+// Between SPMEN and the instruction, its cycles included.
 constexpr int kWindowCycles = 5;
 
 }  // namespace

@@ -26,7 +26,7 @@ class FlashMemory {
   using Violation = std::function<void(const std::string&)>;
 
   /// Takes SPMCSR and SPM of `avr` over. `boot_start` is where the boot section begins, 0 if the
-  /// chip has none; `violation` is told what silicon would punish.
+  /// chip has none; `violation` gets what silicon would punish.
   FlashMemory(avr_t* avr, double clock_mhz, std::uint32_t boot_start, std::uint32_t seed,
               Violation violation);
   FlashMemory(const FlashMemory&) = delete;

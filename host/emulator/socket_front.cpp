@@ -55,7 +55,7 @@ SocketFront::SocketFront(UsbHost& host, std::string path) : host_(host), path_(s
                     std::to_string(sizeof(sockaddr_un::sun_path) - 1) +
                     " characters; choose a shorter one");
   }
-  Listen();  // so that an unusable path is told at once
+  Listen();  // so that an unusable path is reported at once
   CloseListener();
 }
 

@@ -17,7 +17,7 @@
 
 namespace torquer::emulator {
 
-/// A bench device that runs in a thread of its own, on a mocked bus. Virtual time is elastic: it
+/// A bench device that runs in its own thread, on a mocked bus. Virtual time is elastic: it
 /// follows real time, but once a program has claimed the interface a frame waits for its IN
 /// transfer, so that nothing is lost on a loaded machine.
 class UmockdevBench {

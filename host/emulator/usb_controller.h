@@ -1,5 +1,5 @@
 // The USB device controller of the ATmega32U4: its registers on one side, a host's packets on the
-// other. A model of its own, for simavr's has no banks, no start of frame and no levels.
+// other. A separate model: simavr's has no banks, no start of frame and no levels.
 #pragma once
 
 #include <array>

@@ -159,7 +159,7 @@ void UsbHost::ResetPort() {
   wait_frames_ = kResetFrames + kResetRecoveryFrames;
 }
 
-// One transfer begets the next; the order is that of Linux.
+// One transfer starts the next; the order is that of Linux.
 void UsbHost::Enumerate() {
   address_ = 0;
   control_packet_ = 8;

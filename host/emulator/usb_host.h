@@ -72,7 +72,7 @@ class UsbHost {
   ControlResult GetFeature(std::uint8_t report_id);
   ControlResult SetFeature(const std::vector<std::uint8_t>& report);
 
-  /// Resets the port; the device is enumerated anew.
+  /// Resets the port; the device is enumerated again.
   void ResetPort();
 
   /// Leaves the bus idle from now on, as a computer that goes to sleep. The device, once ready, can

@@ -196,13 +196,13 @@ bool UsbfsNode::Submit(Client* client, UMockdevIoctlData* argument) {
   Urb urb{};
   urb.urb = umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_urb), nullptr);
   if (!urb.urb) return Answer(client, -1, EFAULT);
-  const usbdevfs_urb& told = Of(urb.urb);
-  const bool control = told.type == USBDEVFS_URB_TYPE_CONTROL;
-  if (told.buffer_length > 0) {
+  const usbdevfs_urb& given = Of(urb.urb);
+  const bool control = given.type == USBDEVFS_URB_TYPE_CONTROL;
+  if (given.buffer_length > 0) {
     urb.buffer = umockdev_ioctl_data_resolve(urb.urb, offsetof(usbdevfs_urb, buffer),
-                                             static_cast<gsize>(told.buffer_length), nullptr);
+                                             static_cast<gsize>(given.buffer_length), nullptr);
   }
-  if (!urb.buffer || (control && told.buffer_length < static_cast<int>(kSetupBytes))) {
+  if (!urb.buffer || (control && given.buffer_length < static_cast<int>(kSetupBytes))) {
     if (urb.buffer) g_object_unref(urb.buffer);
     g_object_unref(urb.urb);
     return Answer(client, -1, EINVAL);

@@ -11,7 +11,7 @@
 
 namespace torquer::emulator {
 
-/// A hand that goes where it is told, one place after the other, each in a straight line and in a
+/// A hand that goes where it is sent, one place after the other, each in a straight line and in a
 /// given time, and stays at the last.
 class GlidingHand {
  public:

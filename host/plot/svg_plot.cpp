@@ -13,7 +13,7 @@
 namespace torquer::plot {
 namespace {
 
-// Told apart by eyes of every kind of color vision, with the marker's shape as second sign.
+// Distinguished by eyes of every kind of color vision, with the marker's shape as second sign.
 constexpr std::array kColors = {"#1f5fd0", "#d1432f", "#0f8a5f", "#b7791f",
                                 "#7546c4", "#0e8fa8", "#b8327f", "#586174"};
 constexpr const char* kInk = "#1c2430";

@@ -11,7 +11,7 @@ struct ReplayResult {
   std::int64_t states = 0;             ///< repeated and compared
   std::int64_t differing = 0;          ///< of these, with another hash
   std::int64_t first_difference = -1;  ///< its tick
-  std::int64_t missing = 0;            ///< not in the log, repeated from what later ones tell
+  std::int64_t missing = 0;            ///< not in the log, repeated from what later ones say
 };
 
 /// Repeats the wire states of an LCM log: each with the command and the units of work that it

@@ -33,7 +33,7 @@ class TimedBudget final : public WorkBudget {
   double end_s_;
 };
 
-// One relaxation by Newton's method with friction of its own.
+// One relaxation by Newton's method with its own friction.
 struct NewtonBench {
   NewtonBench(const WireModel& model, const ClearanceField& field, const WallModel& wall_model,
               double coefficient, double tolerance)

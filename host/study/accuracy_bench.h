@@ -40,7 +40,7 @@ struct AccuracyCase {
   BendingLaw law = BendingLaw::kExact;
   int contact_points = 2;  ///< a segment
   FieldKind field = FieldKind::kScene;
-  double voxel_mm = 0;                  ///< of a field of its own
+  double voxel_mm = 0;                  ///< of the case's field
   std::optional<double> friction = {};  ///< coefficient; the scene's if not given
   bool against_finest_field = false;    ///< the reference has the finest field
 };

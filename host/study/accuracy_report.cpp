@@ -242,7 +242,7 @@ void ReportFront(StudyRun& run, const AccuracyResults& results) {
            "mean distance of the wire from a wire of ten times finer segments, relaxed to 1e-9, "
            "after 10 mm of feeding and turning from that wire's own state. Newton's method feeds "
            "in actions of 0.1 mm and has friction, the paper's in segments and has none; each is "
-           "compared with a reference of its own physics.");
+           "compared with its own reference physics.");
   Table front{"The Pareto front", {"setting", "ms/mm", "mean error um"}, {}};
   for (const FrontPoint& point : ParetoFront(all)) {
     front.rows.push_back({point.name, Number(point.ms_per_mm), Number(1e3 * point.error_mm)});

@@ -72,7 +72,7 @@ class StudyRun {
   void Progress(const std::string& what, double fraction);
 
   /// Writes <folder>/<study>.csv, .jsonl, .html and .svg (the first plot, if any), each whole or
-  /// not at all, and tells where they are. `title` heads the report. Throws UserError naming the
+  /// not at all, and says where they are. `title` heads the report. Throws UserError naming the
   /// file that cannot be written.
   void Finish(const std::string& title);
 

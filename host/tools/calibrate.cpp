@@ -90,11 +90,10 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Text("--plot", "FILE.svg", arguments.plot,
                "picture of the residuals; without it beside the calibration",
                torquer::ValueKind::kFile);
-  options.Text(
-      "--script", "FILE", arguments.script,
-      "operator from a file (see calibration/README.md); without --source the file moves a "
-      "device of its own",
-      torquer::ValueKind::kFile);
+  options.Text("--script", "FILE", arguments.script,
+               "operator from a file (see calibration/README.md); without --source the file moves "
+               "its own device",
+               torquer::ValueKind::kFile);
 }
 
 std::unique_ptr<ReadingSource> OpenDevice(const Arguments& arguments) {

@@ -10,7 +10,7 @@
 //
 // With --source, `mark` waits until the hand has moved by 2 mm since the last mark of the step and
 // has rested for 0.3 s, and `skip` waits for its step. Without --source nothing waits, and the
-// script moves a device of its own, which its first statement names (readings every millisecond):
+// script moves its own device, which its first statement names (readings every millisecond):
 //
 //   device SERIAL CPI
 //   rest SECONDS

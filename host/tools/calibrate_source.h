@@ -83,7 +83,7 @@ class PacedOperator : public ReadingSource {
   std::int64_t last_reading_us_ = 0;  // by the host's clock
 };
 
-/// A script that moves a device of its own.
+/// A script that moves its own device.
 class ScriptedDevice : public ReadingSource {
  public:
   /// Throws UserError when the script names no device.

@@ -137,7 +137,7 @@ TEST_CASE("A handler's exception reaches the caller") {
   CHECK_THROWS_WITH(HandleUntil(bus, [] { return false; }), "from the handler");
 }
 
-TEST_CASE("Health is told at once on a change and when a second has passed") {
+TEST_CASE("Health is reported at once on a change and when a second has passed") {
   torquer::test::NeedPrivateNetwork();
   Bus bus;
   std::vector<health_t> seen;

@@ -292,7 +292,8 @@ TEST_CASE("Spoiled strokes do not count, and the run goes on") {
   CHECK(person.procedure.step() == Step::kTurns);
 }
 
-TEST_CASE("A count that moves at rest, and a sensor that sees nothing, are told and not passed") {
+TEST_CASE(
+    "A count that moves at rest, and a sensor that sees nothing, are reported and not passed") {
   Run run;
   Operator& person = run.person;
   SECTION("drift") {
@@ -317,7 +318,7 @@ TEST_CASE("A count that moves at rest, and a sensor that sees nothing, are told 
   CHECK(person.procedure.step() == Step::kLift);
 }
 
-TEST_CASE("A sensor that counts while it is lifted is told") {
+TEST_CASE("A sensor that counts while it is lifted is reported") {
   Run run;
   Operator& person = run.person;
   person.UpTo(Step::kLift);
@@ -331,7 +332,7 @@ TEST_CASE("A sensor that counts while it is lifted is told") {
   CHECK(person.procedure.step() == Step::kPushes);
 }
 
-TEST_CASE("A joystick that was not moved to its ends is told; it can be skipped") {
+TEST_CASE("A joystick that was not moved to its ends is reported; it can be skipped") {
   Run run;
   Operator& person = run.person;
   person.UpTo(Step::kJoystick);

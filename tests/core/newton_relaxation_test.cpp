@@ -147,7 +147,7 @@ TEST_CASE("Without motion every iteration lowers the energy") {
   for (int k = 0; k < 500; ++k) {
     // One unit looks for motion, one iterates.
     const TickReport report = bench.Tick({60, 0}, 2);
-    // Frames made anew after a step may cost a little of what it gained.
+    // Frames made again after a step may cost a little of what it gained.
     CHECK(report.energy_mJ <= energy + 1e-6 * at_first);
     energy = report.energy_mJ;
     if (report.converged) break;

@@ -1,4 +1,4 @@
-// The bars of --monitor, and what a service manager is told.
+// The bars of --monitor, and what a service manager gets.
 #include "host/daemon/device_monitor.h"
 
 #include <sys/socket.h>
@@ -134,7 +134,7 @@ TEST_CASE("A narrow terminal gets narrow bars") {
   }
 }
 
-TEST_CASE("A service manager is told what it asked to be told, as often as it needs") {
+TEST_CASE("A service manager gets what it asked for, as often as it needs") {
   const torquer::test::TemporaryFolder folder;
   for (const std::string& name :
        {folder.Path("notify"), "@torquer-test-" + std::to_string(getpid())}) {

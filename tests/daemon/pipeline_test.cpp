@@ -145,7 +145,7 @@ TEST_CASE("A transcript of clutch, lift, reset and replug goes by the book") {
   CHECK(step(3).hand.pose.insertion_mm == 15.0);
   CHECK(step(1).hand.pose.insertion_mm == 16.0);
 
-  // Watchdog reset: everything begins anew in the device.
+  // Watchdog reset: everything begins again in the device.
   report = torquer::test::StillReport();
   report.boot_id = 200;
   CHECK(step(0).hand.pose.insertion_mm == 16.0);

@@ -149,7 +149,7 @@ TEST_CASE("The joystick turns the C-arm while the mouse lies still") {
   }));
 }
 
-TEST_CASE("Events that the kernel dropped are counted and flagged, buttons are read anew") {
+TEST_CASE("Events that the kernel dropped are counted and flagged, buttons are read again") {
   EvdevChain chain;
   const auto daemon = chain.Start({chain.mouse});
   chain.UntilReading(*daemon);

@@ -173,7 +173,7 @@ TEST_CASE("A gap longer than the sequence is measured by the clocks") {
   }
 }
 
-TEST_CASE("Duplicates and late reports are told apart and change nothing") {
+TEST_CASE("Duplicates and late reports are distinguished and change nothing") {
   Feed feed;
   InputReport report = StillReport(65535);
   feed.Settle(report);
@@ -249,7 +249,7 @@ TEST_CASE("A report from before a restart does not disturb the new epoch") {
   CHECK(feed.decoder.counters().lost == 0);
 }
 
-TEST_CASE("Counts that no hand could move begin anew from where they are") {
+TEST_CASE("Counts that no hand could move begin again from where they are") {
   Feed feed;
   InputReport report = StillReport();
   report.axial_counts = 100000;

@@ -288,7 +288,7 @@ TEST_CASE("Firmware on the USB that does not fit is refused with the command tha
   CHECK(refusal.find("torquer-flash") != std::string::npos);
 }
 
-TEST_CASE("A device in its bootloader is told from none") {
+TEST_CASE("A device in its bootloader is distinguished from none") {
   UsbChain chain;
   UsbDeviceScript script = Bench();
   script.product_id = torquer::protocol::kUsbBootloaderProductId;

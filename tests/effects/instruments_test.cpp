@@ -110,24 +110,29 @@ TEST_CASE("Dye from an instrument's tip is dye from that place of the vessel") {
   CHECK(from_tip != inject("at = \"tip\"\ninstrument = \"guidewire\"\n"));
 }
 
+// The gray values of a picture of the wire and `more`, without a body around them.
+std::vector<std::uint8_t> Picture(const TemporaryFolder& folder, const std::string& more) {
+  scene::Scene scene(
+      SceneFile(folder, kWire + more,
+                "[effects.fluoroscopy]\nbody_width_mm = 0\nphotons = 1e6\ndetector_mm = 100\n"
+                "isocenter_mm = [40, 0, 0]\n"));
+  Simulation simulation(scene);
+  simulator::Command command;
+  command.target = simulation.target();
+  command.controls.xray = true;
+  CountedBudget budget(100);
+  simulation.Tick(command, budget);
+  REQUIRE(simulation.picture_due());
+  effects::ImageSource::Picture picture;
+  simulation.image()->Render(picture);
+  return picture.gray;
+}
+
 TEST_CASE("X-rays see the catheter's wall and the wire in it") {
   const TemporaryFolder folder;
   const auto dark = [&](const std::string& more) {
-    scene::Scene scene(
-        SceneFile(folder, kWire + more,
-                  "[effects.fluoroscopy]\nbody_width_mm = 0\nphotons = 1e6\ndetector_mm = 100\n"
-                  "isocenter_mm = [40, 0, 0]\n"));
-    Simulation simulation(scene);
-    simulator::Command command;
-    command.target = simulation.target();
-    command.controls.xray = true;
-    CountedBudget budget(100);
-    simulation.Tick(command, budget);
-    REQUIRE(simulation.picture_due());
-    effects::ImageSource::Picture picture;
-    simulation.image()->Render(picture);
     double sum = 0;
-    for (const std::uint8_t gray : picture.gray) sum += 255 - gray;
+    for (const std::uint8_t gray : Picture(folder, more)) sum += 255 - gray;
     return sum;
   };
   const double alone = dark("");
@@ -142,22 +147,7 @@ TEST_CASE("X-rays see the catheter's wall and the wire in it") {
 
 TEST_CASE("A marker of no length is not in the picture, and one with a length is") {
   const TemporaryFolder folder;
-  const auto picture = [&](const std::string& marker) {
-    scene::Scene scene(
-        SceneFile(folder, kWire + marker,
-                  "[effects.fluoroscopy]\nbody_width_mm = 0\nphotons = 1e6\ndetector_mm = 100\n"
-                  "isocenter_mm = [40, 0, 0]\n"));
-    Simulation simulation(scene);
-    simulator::Command command;
-    command.target = simulation.target();
-    command.controls.xray = true;
-    CountedBudget budget(100);
-    simulation.Tick(command, budget);
-    REQUIRE(simulation.picture_due());
-    effects::ImageSource::Picture shown;
-    simulation.image()->Render(shown);
-    return shown.gray;
-  };
+  const auto picture = [&](const std::string& marker) { return Picture(folder, marker); };
   CHECK(picture("marker_mm = 0\nmarker_1_mm = 20\n") == picture(""));
   CHECK(picture("marker_mm = 3\nmarker_1_mm = 20\n") != picture(""));
 }

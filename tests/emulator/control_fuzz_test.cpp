@@ -75,7 +75,7 @@ class WildHost {
     (in && setup.length != 0) ? Out({}) : In(&nothing);
   }
 
-  // The device serves the simplest request; what it was told to be otherwise is put right.
+  // The device serves the simplest request; what was set otherwise is put right.
   void Recover(std::uint16_t perhaps_address) {
     Bytes configuration;
     if (!Get({0x80, 8, 0, 0, 1}, &configuration)) {

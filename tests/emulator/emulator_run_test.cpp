@@ -32,7 +32,7 @@ using Bytes = std::vector<std::uint8_t>;
 constexpr char kHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n";
 constexpr auto kPatience = std::chrono::seconds(20);
 
-/// The emulator in a thread of its own, as fast as its client takes the reports.
+/// The emulator in its own thread, as fast as its client takes the reports.
 class RunningEmulator {
  public:
   explicit RunningEmulator(RunOptions options) {

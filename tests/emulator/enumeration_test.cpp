@@ -110,7 +110,7 @@ TEST_CASE("requests that make no sense are stalled, and reports go on") {
   bench.CheckRules();
 }
 
-TEST_CASE("a halted endpoint stalls until the halt is cleared, and its toggle starts anew") {
+TEST_CASE("a halted endpoint stalls until the halt is cleared, and its toggle starts again") {
   Bench bench;
   int stalls = 0;
   bench.host.on_input_stall = [&stalls] { ++stalls; };

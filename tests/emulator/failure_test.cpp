@@ -207,7 +207,7 @@ TEST_CASE("settings written twice alike wear nothing") {
   CHECK(bench.device.chip().eeprom_writes() == writes);
 }
 
-TEST_CASE("a dip of the supply is told as a brown-out, and so is what it cost") {
+TEST_CASE("a dip of the supply is reported as a brown-out, and so is what it cost") {
   Bench bench;
   bench.device.SetHand(Slowly);
   bench.Start();
@@ -227,7 +227,7 @@ TEST_CASE("a dip of the supply is told as a brown-out, and so is what it cost") 
 }
 
 // Wherever the firmware waits for a part of the chip, it does not kick the watchdog meanwhile.
-TEST_CASE("a part of the chip that never answers is ended by the watchdog, which is told") {
+TEST_CASE("a part of the chip that never answers is ended by the watchdog, which is reported") {
   using Part = Atmega32u4::Part;
   for (const FirmwareImage& image : {Image16(), Image8()}) {
     for (const Part part : {Part::kSpi, Part::kAdc}) {

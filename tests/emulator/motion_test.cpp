@@ -146,7 +146,7 @@ TEST_CASE("the cylinder's radius makes the transverse counts") {
   CHECK(bench.last.transverse_counts == 472);
 }
 
-TEST_CASE("a misaligned, wrongly scaled sensor mixes the axes as told") {
+TEST_CASE("a misaligned, wrongly scaled sensor mixes the axes as set") {
   BenchOptions options;
   options.sensor.misalignment_rad = 3 * std::numbers::pi / 180;
   options.sensor.scale = 1.02;

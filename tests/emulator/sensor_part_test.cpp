@@ -160,7 +160,7 @@ TEST_CASE("a sensor that resets itself answers on with its defaults, and counts 
   CHECK(sensor.Read(kConfig2) == 0x20);
 }
 
-TEST_CASE("by itself it resets as often as it was told to") {
+TEST_CASE("by itself it resets as often as set") {
   SensorImperfections often;
   often.self_reset_interval_s = 0.5;
   Moving sensor(often);
@@ -292,7 +292,7 @@ TEST_CASE("a raw picture is what lies under the sensor, and ends its navigation"
     speaker.Read(0x00);
     CHECK(speaker.Violation().empty());
   }
-  SECTION("as whoever reads motion is told") {
+  SECTION("as whoever reads motion learns") {
     speaker.Write(0x50, 0);
     CHECK_THAT(speaker.Violation(), Catch::Contains("without a reset"));
   }

@@ -131,7 +131,7 @@ TEST_CASE("a sensor that takes no frames any more is found and started again unt
   bench.CheckRules();
 }
 
-TEST_CASE("the cause of a fault is told") {
+TEST_CASE("the cause of a fault is reported") {
   using Fault = VirtualPmw3360::Fault;
   for (const auto& [fault, cause] : {std::pair{Fault::kSilent, protocol::kSensorSilent},
                                      std::pair{Fault::kShorted, protocol::kSensorSilent},

@@ -90,7 +90,7 @@ TEST_CASE("feature reports pass through libusb both ways, and a bad one is a pip
   CHECK(program.GetFeature(protocol::kIdentityReportId, &back) == 32);
 }
 
-TEST_CASE("a stalled input transfer is a pipe error, and clearing the halt mends it") {
+TEST_CASE("a stalled input transfer is a pipe error, and clearing the halt repairs it") {
   UmockdevBench bench(Image(), {}, StillHand);
   Program program;
   program.Open();
@@ -165,7 +165,7 @@ int LIBUSB_CALL OnHotplug(libusb_context*, libusb_device*, libusb_hotplug_event 
   return 0;
 }
 
-TEST_CASE("libusb is told of the cable being pulled and put back") {
+TEST_CASE("libusb sees the cable pulled and put back") {
   UmockdevBench bench(Image(), {}, StillHand);
   Program program;
   Hotplug hotplug;

@@ -225,7 +225,7 @@ TEST_CASE("on a suspended bus the sensor is sent to sleep, and started when the 
   CHECK(bench.Get<protocol::DiagnosticsReport>(protocol::kDiagnosticsReportId).sensor_faults == 0);
 }
 
-TEST_CASE("a sensor that was never started is not told twice to sleep") {
+TEST_CASE("a sensor that was never started is not sent to sleep twice") {
   Bench bench;
   bench.Start();
   for (int round = 0; round < 3; ++round) {
@@ -332,7 +332,7 @@ TEST_CASE("the end switch is in the reports, and zeroing the counts moves its ma
   CHECK((report.flags & protocol::kFlagReference) != 0);
 }
 
-TEST_CASE("diagnostics tell where the stick rests") {
+TEST_CASE("diagnostics report where the stick rests") {
   Bench bench;
   board().joystick = {538, 497};
   bench.Start();

@@ -189,7 +189,7 @@ TEST_CASE("random cuts in a row never lose both copies") {
   }
 }
 
-TEST_CASE("decayed copies are told from a blank EEPROM") {
+TEST_CASE("decayed copies are distinguished from a blank EEPROM") {
   NewBoard();
   Store(3200, 25);
   Store(3300, 26);

@@ -160,7 +160,7 @@ TEST_CASE("the input endpoint is halted, reported so, and freed") {
   CHECK(usb.Read(0x82, 0, 0, 0x81, 2) == std::vector<Bytes>{{0, 0}});
 }
 
-TEST_CASE("the host's leave to wake it is kept, told, and ends with a bus reset") {
+TEST_CASE("the host's leave to wake it is kept, reported, and ends with a bus reset") {
   Conversation usb;
   usb.Configure();
   CHECK(usb.Read(0x80, 0, 0, 0, 2) == std::vector<Bytes>{{0, 0}});

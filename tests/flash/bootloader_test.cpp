@@ -159,7 +159,7 @@ TEST_CASE("what the firmware keeps over a reset passes through the bootloader") 
   CHECK(newest.boot_id == first + 2);
 }
 
-TEST_CASE("the bootloader tells what it is and what it found") {
+TEST_CASE("the bootloader reports what it is and what it found") {
   BenchOptions options;
   SECTION("with a number given") { options.serial = "STATUS-1"; }
   SECTION("with the chip's own") {}

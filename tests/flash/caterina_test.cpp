@@ -67,7 +67,7 @@ TEST_CASE("a board in Caterina gets its first page last, and is verified") {
   }
 }
 
-TEST_CASE("avrdude does not outlive a board that is lost, and the user is told how to go on") {
+TEST_CASE("avrdude does not outlive a board that is lost, and the user learns how to go on") {
   CaterinaResponder board;
   AvrdudeOptions options;
   SECTION("in the midst of the writing") {
@@ -89,14 +89,14 @@ TEST_CASE("avrdude does not outlive a board that is lost, and the user is told h
   CHECK(board.flash()[0] == 0xff);
 }
 
-TEST_CASE("a page that does not read back is told") {
+TEST_CASE("a page that does not read back is reported") {
   CaterinaResponder board;
   board.SpoilPage(7);
   CHECK_THAT(Failure(board.port(), {}),
              Contains("avrdude failed with this output:") && Contains("verif"));
 }
 
-TEST_CASE("a port that is none, and a missing avrdude, are told") {
+TEST_CASE("a port that is none, and a missing avrdude, are reported") {
   CHECK_THAT(Failure("/nonexistent", {}), Contains("/nonexistent"));
   AvrdudeOptions options;
   options.avrdude = "no-such-avrdude";

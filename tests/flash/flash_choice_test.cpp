@@ -72,7 +72,7 @@ struct FakeBoards final : Boards {
 
 }  // namespace
 
-TEST_CASE("without a board, or with one that has to be reset first, the user is told what to do") {
+TEST_CASE("without a board, or with one that has to be reset first, the user learns what to do") {
   FakeBoards boards;
   SECTION("none") { CHECK_THAT(boards.Refusal(), Contains("no board found")); }
   SECTION("an Arduino program") {

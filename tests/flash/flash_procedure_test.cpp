@@ -116,7 +116,7 @@ TEST_CASE("without an image named, that for the board's clock is taken") {
   CHECK(boards.Flash("", request)->version == kOldVersion);
 }
 
-TEST_CASE("who stops in the middle is told the board's state, and the next run finishes") {
+TEST_CASE("who stops in the middle learns the board's state, and the next run finishes") {
   EmulatedBoards boards(WithApplication());
   boards.Start();
   int pages = 0;
@@ -129,7 +129,7 @@ TEST_CASE("who stops in the middle is told the board's state, and the next run f
   CHECK_THAT(boards.said, Contains("an update was interrupted"));
 }
 
-TEST_CASE("a page that reads back otherwise is told, and not made valid") {
+TEST_CASE("a page that reads back otherwise is reported, and not made valid") {
   EmulatedBoards boards(WithApplication());
   boards.Start();
   boards.spoiled_address = 0x0480;
@@ -139,7 +139,7 @@ TEST_CASE("a page that reads back otherwise is told, and not made valid") {
   CHECK(boards.Start() == BoardMode::kBootloader);
 }
 
-TEST_CASE("a board without any bootloader is told from one that is slow") {
+TEST_CASE("a board without any bootloader is distinguished from one that is slow") {
   EmulatedBoards boards(
       torquer::emulator::FirmwareImage(torquer::test::FirmwarePath("torquer-firmware.elf")));
   boards.Start();
@@ -174,7 +174,7 @@ TEST_CASE("an application whose CRC is wrong is not started") {
   CHECK(boards.Flash(kOldHex)->application_good);
 }
 
-TEST_CASE("without a bootloader's check the firmware itself tells that it is damaged") {
+TEST_CASE("without a bootloader's check the firmware itself reports that it is damaged") {
   // As on a board that keeps Caterina.
   torquer::emulator::FirmwareImage image(torquer::test::FirmwarePath("torquer-firmware.elf"));
   EmulatedBoards good(image);

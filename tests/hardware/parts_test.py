@@ -1,4 +1,4 @@
-"""Renders every printed part with OpenSCAD: closed, facing outward, of the size that is told."""
+"""Renders every printed part with OpenSCAD: closed, facing outward, of the size in the table."""
 
 import os
 import subprocess
@@ -45,9 +45,9 @@ class Checker(unittest.TestCase):
 
 
 class Parts(unittest.TestCase):
-    def test_every_part_renders_closed_and_as_told(self):
-        told = {row["part"]: row for row in tables.rows_of("parts/parts.csv")}
-        self.assertEqual(set(told), set(render.PARTS))
+    def test_every_part_renders_closed_and_as_listed(self):
+        listed = {row["part"]: row for row in tables.rows_of("parts/parts.csv")}
+        self.assertEqual(set(listed), set(render.PARTS))
         with tempfile.TemporaryDirectory() as work:
             for name in render.PARTS:
                 with self.subTest(part=name):
@@ -56,12 +56,12 @@ class Parts(unittest.TestCase):
                     triangles = stl.read_stl(path)
                     self.assertEqual(stl.defects(triangles), [])
                     _, pieces, size, volume = render.table_row(name, triangles).split(",")
-                    self.assertEqual(told[name]["pieces"], pieces)
+                    self.assertEqual(listed[name]["pieces"], pieces)
                     # Another version of OpenSCAD may approximate circles otherwise.
                     self.assertAlmostEqual(
-                        float(told[name]["volume_cm3"]), float(volume), delta=0.2
+                        float(listed[name]["volume_cm3"]), float(volume), delta=0.2
                     )
-                    for wanted, made in zip(told[name]["size_mm"].split(" x "), size.split(" x ")):
+                    for wanted, made in zip(listed[name]["size_mm"].split(" x "), size.split(" x ")):
                         self.assertAlmostEqual(float(wanted), float(made), delta=0.1)
                         self.assertLessEqual(float(made), 180, "does not fit a small printer")
                     low, _ = stl.bounds(triangles)

@@ -26,7 +26,7 @@ using torquer_lcm::instrument_command_t;
 
 constexpr double kMmPerCount = 25.4 / 1200;
 
-// A hand that lies still until it is told to push on by 100 mm, turning by 2 rad, in a second.
+// A hand that lies still until it is asked to push on by 100 mm, turning by 2 rad, in a second.
 class PushingHand {
  public:
   HandState operator()(double time_s) {
@@ -178,7 +178,7 @@ TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a 
   SECTION("a short packet") { bench.device.ShortenNextInput(20); }
   REQUIRE(bench.listener.UntilCommands(connection + 20));
   CAPTURE(bench.daemon->Error());
-  // The sensor is started anew after a loss of power; the doubt passes.
+  // The sensor is started again after a loss of power; the doubt passes.
   REQUIRE(bench.listener.Until([&] { return bench.listener.commands.back().flags == 0; }));
   CHECK(bench.listener.commands.back().insertion_mm == 0.0);
   bench.PushFrom(bench.listener.commands.back());
@@ -235,7 +235,7 @@ TEST_CASE("Two devices drive two instruments, each its own, and one's fate is no
   REQUIRE(bench.listener.Until([&] { return newest("catheter") != nullptr; }));
   CHECK(newest("catheter")->insertion_mm == Approx(100.0).margin(1.0));
 
-  // Who reads what is told without disturbing either. Last, for the mocked kernel tells of no
+  // Who reads what is reported without disturbing either. Last, for the mocked kernel tells of no
   // further plugging once a program that listened has ended.
   ChildProcess list({torquer::test::kDaemonProgram, "--list"});
   CHECK(list.Wait() == 0);

@@ -26,7 +26,7 @@ void HaltsAndGoesOn(Program& program);
 void OutlivesGivenUpTransfers(Program& program);
 
 /// On command the device restarts by its watchdog, comes back by itself as another boot, and says
-/// why; counts, time and sequence begin anew.
+/// why; counts, time and sequence begin again.
 void RestartsByItsWatchdog(Program& program);
 
 /// The sensor answers, nothing was restarted, lost or nearly full since the device's start.

@@ -196,11 +196,11 @@ TEST_CASE("an update moves what is distal rigidly and nothing else") {
           1e-12);
   }
   CHECK(std::abs(state.tangents()[12].norm() - 1) < 1e-15);
-  // The spin kept along is the spin made anew: the tip's rest shape does not twist.
-  WireState anew = state;
-  anew.UpdateFrames(model);
+  // The spin kept along is the spin made again: the tip's rest shape does not twist.
+  WireState again = state;
+  again.UpdateFrames(model);
   for (std::size_t k = 0; k < state.reference_twist().size(); ++k) {
-    CHECK((anew.reference_twist()[k] - state.reference_twist()[k]).norm() < 1e-12);
+    CHECK((again.reference_twist()[k] - state.reference_twist()[k]).norm() < 1e-12);
   }
 }
 

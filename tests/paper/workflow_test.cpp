@@ -110,7 +110,7 @@ TEST_CASE("cycles go on in the next tick where the budget cut them") {
   CHECK(HashState(cut.state) == HashState(whole.state));
 }
 
-TEST_CASE("an action interrupts a cycle, which then starts anew") {
+TEST_CASE("an action interrupts a cycle, which then starts again") {
   const int slices = GENERATE(5, 91);  // within the PR cycle, within the GR cycle
   Case c;
   PaperRelaxation relaxation(c.model, c.field, c.wall, c.settings);

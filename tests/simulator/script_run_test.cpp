@@ -60,7 +60,7 @@ TEST_CASE("A script gives one JSON object a row, absolute since the start", "[si
 TEST_CASE("A script moves every instrument by its name", "[simulator]") {
   const SceneFile file(std::string(torquer::test::kMicrocatheter) +
                        torquer::test::kGuidingCatheter);
-  // In an order of its own; what has no column stays as it is.
+  // In its own order; what has no column stays as it is.
   Write(file.Beside("s.csv"),
         "guide.insertion_mm,time_s,microcatheter.rotation_rad,guidewire.insertion_mm,"
         "microcatheter.insertion_mm\n"

@@ -93,7 +93,7 @@ TEST_CASE("The residual a length does not depend on the segments") {
   CHECK(usual[1] < 0.3 * usual[0]);
 }
 
-TEST_CASE("A wire in another branch is told from one that is merely off") {
+TEST_CASE("A wire in another branch is distinguished from one that is merely off") {
   const vessel::TubeVessel vessel = vessel::MakeTyPhantom();
   const auto branch = [&](std::size_t curve) {
     std::vector<Vector3d> path;

@@ -97,7 +97,7 @@ TEST_CASE("What a case allows is held against what came of it") {
   CHECK(Objection(hard, Way::kPaper, outcome).empty());
   outcome.deepest_mm = 0.31;
   CHECK_THAT(Objection(hard, Way::kPaper, outcome), Catch::Contains("0.31 mm deep"));
-  // Without a bound of its own: no deeper than if nothing bent it.
+  // Without its own bound: no deeper than if nothing bent it.
   hard.deepest_mm.reset();
   outcome.unbent_mm = 0.12;
   CHECK(Objection(hard, Way::kNewton, outcome).empty());
@@ -112,7 +112,7 @@ TEST_CASE("What a case allows is held against what came of it") {
   CHECK(Objection(hard, Way::kNewton, outcome) == "a node is lost");
 }
 
-TEST_CASE("Cases have names of their own, and seeds make them different") {
+TEST_CASE("Cases have names that differ, and seeds make them different") {
   std::set<std::string> names;
   const std::vector<HardCase> cases = HardCases();
   for (const HardCase& hard : cases) CHECK(names.insert(hard.name).second);

@@ -68,8 +68,8 @@ struct Listener {
   /// Until a health message has had that state and, somewhere, that text.
   bool UntilHealth(const std::string& state, const std::string& text) {
     return Until([&] {
-      for (const torquer_lcm::health_t& told : health) {
-        if (told.state == state && told.message.find(text) != std::string::npos) return true;
+      for (const torquer_lcm::health_t& one : health) {
+        if (one.state == state && one.message.find(text) != std::string::npos) return true;
       }
       return false;
     });

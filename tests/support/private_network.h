@@ -1,4 +1,4 @@
-// Puts a test program into a network of its own, so that LCM messages meet no other program's.
+// Puts a test program into its own network, so that LCM messages meet no other program's.
 #pragma once
 
 namespace torquer::test {

@@ -1,4 +1,4 @@
-// A bench device behind a Unix socket that does what a test tells it to.
+// A bench device behind a Unix socket that does what a test asks.
 #pragma once
 
 #include <atomic>
@@ -22,7 +22,7 @@ class SocketDevice {
   /// Set before a host connects.
   protocol::IdentityReport identity{};
   protocol::ConfigurationReport configuration{};
-  std::atomic<bool> stalls_identity = false;  ///< refuses to tell its identity
+  std::atomic<bool> stalls_identity = false;  ///< refuses to give its identity
   std::atomic<bool> stalls_settings = false;  ///< refuses new settings
 
   /// True once a host is connected and has asked who this is; waits for that, at most 30 s.

@@ -105,7 +105,7 @@ TEST_CASE("A run ends with parameters, residuals, a verdict, a file and a pictur
   CHECK(ReadAll(bench.folder.Path("kept/calibration.svg")).ends_with("</svg>\n"));
 }
 
-TEST_CASE("The file is named after the device's serial number unless told otherwise") {
+TEST_CASE("The file is named after the device's serial number unless set otherwise") {
   TemporaryFolder folder;
   std::ofstream(folder.Path("a.script")) << kBegin + Pushes(3) + Turns(3) + "skip joystick\n";
   setenv("XDG_CONFIG_HOME", folder.Path("config").c_str(), 1);
@@ -121,7 +121,7 @@ TEST_CASE("The file is named after the device's serial number unless told otherw
   CHECK(std::filesystem::exists(folder.Path("plot.svg")));
 }
 
-TEST_CASE("Bad strokes are told with the reason, and others asked for") {
+TEST_CASE("Bad strokes are reported with the reason, and others asked for") {
   Bench bench;
   const std::string script = kBegin + Pushes(3) + Stroke(6600, 115) +  // stopped short
                              "move 3000 50 0.3\nlift 0.2\nmove 4087 74 0.3\nmark\nrest 0.3\n"
@@ -206,7 +206,7 @@ TEST_CASE("Ctrl-C in the middle of a run leaves the old file as it was") {
   bench.CheckUntouched();
 }
 
-TEST_CASE("No device, firmware that does not fit, and no serial number are told") {
+TEST_CASE("No device, firmware that does not fit, and no serial number are reported") {
   Bench bench;
   const std::string socket = bench.folder.Path("socket");
   const std::vector<std::string> words{kProgram, "--source", "socket",    "--socket",

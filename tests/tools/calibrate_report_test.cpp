@@ -49,7 +49,7 @@ std::size_t Count(const std::string& text, const std::string& part) {
 
 }  // namespace
 
-TEST_CASE("Parameters are told with standard errors and intervals") {
+TEST_CASE("Parameters are reported with standard errors and intervals") {
   const std::string table = torquer::tools::ParameterTable(Sample());
   CHECK_THAT(table, Contains("gain                20.0000 um a count"));
   // 0.4 mm times sqrt(4 / 3), of one of four pushes of 150 mm: 0.154 %; t(3) = 3.182.

@@ -63,7 +63,7 @@ TEST_CASE("A file that is not a script is refused") {
                     Contains("/nowhere/a.script: cannot be read"));
 }
 
-TEST_CASE("A script moves a device of its own, or none") {
+TEST_CASE("A script moves its own device, or none") {
   CHECK_THROWS_WITH(PacedOperator(nullptr, Parse("mark\nrest 1")),
                     Contains("a.script:3: a script cannot move the device of --source"));
   ScriptedDevice device(Parse("mark"));

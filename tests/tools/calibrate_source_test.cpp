@@ -1,4 +1,4 @@
-// What a device's reports become in a calibration, with a source that says what it is told to.
+// What a device's reports become in a calibration, with a source that says what a test wants.
 #include "host/tools/calibrate_source.h"
 
 #include <catch2/catch.hpp>
@@ -55,7 +55,7 @@ class ToldSource : public ReportSource {
           .text = {}});
   }
 
-  std::string serial = "TOLD-1";
+  std::string serial = "SAID-1";
   std::vector<std::function<void(const Sink&)>> waits;
 
  private:
@@ -67,11 +67,11 @@ class Heard : public torquer::tools::ReadingSink {
   void Take(const Reading& reading) override { readings.push_back(reading); }
   void Press(Key /*key*/) override {}
   void Quit() override {}
-  void Inform(const std::string& text) override { told += text + "\n"; }
+  void Inform(const std::string& text) override { said += text + "\n"; }
   Step step() const override { return Step::kRest; }
 
   std::vector<Reading> readings;
-  std::string told;
+  std::string said;
 };
 
 struct Bench {
@@ -105,7 +105,7 @@ struct Bench {
 TEST_CASE("No reading is lost while the device is asked who it is") {
   Bench bench;
   const torquer::tools::DeviceFacts facts = bench.readings.Connect();
-  CHECK(facts.serial == "TOLD-1");
+  CHECK(facts.serial == "SAID-1");
   CHECK(facts.cpi == 1200);
   bench.readings.Wait(0, bench.heard);
   REQUIRE(bench.heard.readings.size() == 3);
@@ -114,7 +114,7 @@ TEST_CASE("No reading is lost while the device is asked who it is") {
   CHECK_FALSE(bench.heard.readings[2].interrupted);
 }
 
-TEST_CASE("Flags, quality, buttons and restarts are told with the reading") {
+TEST_CASE("Flags, quality, buttons and restarts are reported with the reading") {
   Bench bench;
   bench.readings.Connect();
   const Reading still = bench.After([](InputReport&) {});
@@ -143,10 +143,10 @@ TEST_CASE("What would spoil a calibration ends the run with the reason") {
                       Contains("resolution changed from 1200 to 800 cpi"));
   }
   SECTION("another device") {
-    bench.source->serial = "TOLD-2";
+    bench.source->serial = "SAID-2";
     bench.source->waits.emplace_back(ToldSource::Connect);
     CHECK_THROWS_WITH(bench.readings.Wait(0, bench.heard),
-                      Contains("'TOLD-1' is gone and 'TOLD-2' is there instead"));
+                      Contains("'SAID-1' is gone and 'SAID-2' is there instead"));
   }
   SECTION("the same device, back again, does not") {
     bench.source->waits.emplace_back([](const ReportSource::Sink& sink) {
@@ -157,7 +157,7 @@ TEST_CASE("What would spoil a calibration ends the run with the reason") {
       ToldSource::Connect(sink);
     });
     bench.readings.Wait(0, bench.heard);
-    CHECK(bench.heard.told == "it was unplugged; waiting for it\nthe device is back\n");
+    CHECK(bench.heard.said == "it was unplugged; waiting for it\nthe device is back\n");
     CHECK(bench.After([](InputReport&) {}).interrupted);
   }
 }

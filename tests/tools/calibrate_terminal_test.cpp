@@ -26,7 +26,7 @@ using torquer::test::TemporaryFolder;
 
 constexpr auto kPatience = std::chrono::seconds(60);
 
-// A program in a terminal of its own, and the device that it reads.
+// A program in its own terminal, and the device that it reads.
 class Desk {
  public:
   Desk() : device_(folder.Path("socket")) {

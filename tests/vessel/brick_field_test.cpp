@@ -277,7 +277,7 @@ TEST_CASE("a build can be stopped and taken up again") {
   CHECK(field->Statistics().bricks_built == built);
 }
 
-TEST_CASE("stored bricks are taken over if they are whole, and built anew if not") {
+TEST_CASE("stored bricks are taken over if they are whole, and built again if not") {
   const auto original = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
   CHECK(original->Build(0, 1));
   const uint64_t expected = Fingerprint(*original, false);
@@ -300,11 +300,11 @@ TEST_CASE("stored bricks are taken over if they are whole, and built anew if not
   CHECK(copy->StoredBricks().size() == bricks.size());
 
   for (size_t i = 0; i < bricks.size(); i += 3) (*memory)[i * kFloats + i % kFloats] += 1;
-  const auto mended = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
-  mended->Adopt(stored, complete, memory);
-  CHECK(Fingerprint(*mended, false) == expected);
-  CHECK(mended->Statistics().bricks_built > 0);
-  CHECK(mended->StoredBricks().size() == bricks.size());
+  const auto repaired = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
+  repaired->Adopt(stored, complete, memory);
+  CHECK(Fingerprint(*repaired, false) == expected);
+  CHECK(repaired->Statistics().bricks_built > 0);
+  CHECK(repaired->StoredBricks().size() == bricks.size());
 }
 
 TEST_CASE("options out of range are refused with the remedy") {

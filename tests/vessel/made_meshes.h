@@ -56,7 +56,7 @@ inline TriangleMesh MakeClosedTube(double length_mm = 40, double radius_mm = 3) 
   return mesh;
 }
 
-/// Adds another mesh as a part of its own.
+/// Adds another mesh as its own part.
 inline void Append(TriangleMesh& mesh, const TriangleMesh& other) {
   const auto first = static_cast<int32_t>(mesh.vertices_mm.size());
   for (const auto& vertex : other.vertices_mm) mesh.vertices_mm.push_back(vertex);

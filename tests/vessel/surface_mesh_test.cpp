@@ -144,7 +144,7 @@ TEST_CASE("a wall within the lumen is refused, with the place") {
                     Contains("x: ") && Contains("faces meet") && Contains("(20.0,"));
 }
 
-TEST_CASE("two vessels that touch along an edge are kept, told apart by the winding number") {
+TEST_CASE("two vessels that touch along an edge are kept, distinguished by the winding number") {
   TriangleMesh tube = MakeClosedTube();
   TriangleMesh other = MakeClosedTube();
   // The second one beside the first, sharing the edges of one line of vertices.
@@ -163,7 +163,7 @@ TEST_CASE("two vessels that touch along an edge are kept, told apart by the wind
   CHECK(bvh.Distance({20, 3.1, 0}) > 0);
 }
 
-TEST_CASE("slivers are mended, and said") {
+TEST_CASE("slivers are repaired, and said") {
   TriangleMesh tube = MakeClosedTube();
   // A vertex in the middle of an edge: one side split there, the other not, and a flat triangle
   // between them.
@@ -175,8 +175,8 @@ TEST_CASE("slivers are mended, and said") {
   tube.triangles.push_back({middle, triangle[1], triangle[2]});
   tube.triangles.push_back({triangle[1], middle, triangle[0]});
   const SurfaceMesh surface = RepairSurface(tube, "x");
-  CHECK(surface.report.slivers_mended == 1);
-  CHECK_THAT(Said(surface.report), Contains("sliver mended"));
+  CHECK(surface.report.slivers_repaired == 1);
+  CHECK_THAT(Said(surface.report), Contains("sliver repaired"));
   CheckIsTube(surface, 40, 3);
   const TriangleBvh bvh(surface.mesh);
   for (size_t i = 0; i < surface.mesh.triangles.size(); ++i) {
@@ -280,7 +280,7 @@ TEST_CASE("files that are no usable surface are refused by name, with the remedy
   WriteBinaryStl(folder.Path("cut.stl"), MakeClosedTube());
   std::filesystem::resize_file(folder.Path("cut.stl"),
                                std::filesystem::file_size(folder.Path("cut.stl")) * 2 / 3);
-  refused("cut.stl", "export it anew");
+  refused("cut.stl", "export it again");
   WritePly(folder.Path("cut.ply"), MakeClosedTube());
   std::filesystem::resize_file(folder.Path("cut.ply"),
                                std::filesystem::file_size(folder.Path("cut.ply")) * 2 / 3);
@@ -288,7 +288,7 @@ TEST_CASE("files that are no usable surface are refused by name, with the remedy
   std::ofstream(folder.Path("cut2.stl")) << "solid a\n facet normal 0 0 1\n  outer loop\n"
                                             "   vertex 0 0 0\n   vertex 10 0 0\n   vertex 0 10 0\n"
                                             "  endloop\n endfacet\n facet normal 0 0 1\n";
-  refused("cut2.stl", "export it anew");
+  refused("cut2.stl", "export it again");
   WriteObj(folder.Path("cut.obj"), MakeClosedTube());
   std::filesystem::resize_file(folder.Path("cut.obj"),
                                std::filesystem::file_size(folder.Path("cut.obj")) * 4 / 5);

@@ -1,4 +1,4 @@
-// What this image says of itself, in a page of its own at the end of the application's flash.
+// What this image says of itself, in its own page at the end of the application's flash.
 // Length and CRC are filled in when the image is complete (CMakeLists.txt).
 #include "firmware/src/version.h"
 #include "protocol/firmware_image.h"

@@ -88,7 +88,7 @@ struct Reading {
   double value = 0;
 };
 
-/// Role *evolution*: a state of its own, carried on once a tick.
+/// Role *evolution*: its own state, carried on once a tick.
 class Evolution {
  public:
   virtual ~Evolution() = default;
@@ -104,7 +104,7 @@ class Observer {
   virtual std::vector<Reading> Readings() const = 0;
 };
 
-/// Role *image*: makes pictures, in a thread of its own where there is one.
+/// Role *image*: makes pictures, in its own thread where there is one.
 class ImageSource {
  public:
   struct Picture {
@@ -136,7 +136,7 @@ class Effect {
   virtual Observer* observer() { return nullptr; }
   virtual ImageSource* image() { return nullptr; }
 
-  /// Forgets everything, as at the start. Energy terms have a Reset of their own.
+  /// Forgets everything, as at the start. Energy terms have their own Reset.
   virtual void Restart() {}
 };
 

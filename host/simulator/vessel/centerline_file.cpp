@@ -33,7 +33,8 @@ const json& Member(const std::string& path, const json& object, const std::strin
 double NumberAt(const std::string& path, const json& value, const std::string& where) {
   const double number = value.is_number() ? value.get<double>() : std::nan("");
   if (!std::isfinite(number)) {
-    Refuse(path, "field " + where + " is " + value.dump() + ", not a finite number; mend the file");
+    Refuse(path,
+           "field " + where + " is " + value.dump() + ", not a finite number; repair the file");
   }
   return number;
 }
@@ -50,7 +51,7 @@ Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
     document = json::parse(file);
   } catch (const json::exception& e) {
     Refuse(path, std::string("not valid JSON (") + e.what() +
-                     "); the file is damaged or cut short: save it anew from 3D Slicer");
+                     "); the file is damaged or cut short: save it again from 3D Slicer");
   }
   const json& markups = Member(path, document, "", "markups");
   if (!markups.is_array() || markups.size() != 1) {
@@ -106,7 +107,7 @@ Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
   if (!values.is_array() || values.size() != controls.size()) {
     Refuse(path, "field " + values_at + "controlPointValues has " + std::to_string(values.size()) +
                      " entries for " + std::to_string(controls.size()) +
-                     " control points; compute the radii anew");
+                     " control points; compute the radii again");
   }
   std::vector<double> radii;
   for (const size_t i : used) {

@@ -250,10 +250,10 @@ CenteredCurve CenteredInLumen(const Centerline& curve, const ClearanceField& fie
   for (size_t i = first; i <= last; ++i) {
     if (clearance[i] <= 0) {
       std::ostringstream text;
-      text
-          << "centerline \"" << curve.name() << "\" leaves the lumen at (" << points[i].transpose()
-          << ") mm, " << -clearance[i]
-          << " mm outside the wall, and cannot be centered; choose another way or mend the surface";
+      text << "centerline \"" << curve.name() << "\" leaves the lumen at (" << points[i].transpose()
+           << ") mm, " << -clearance[i]
+           << " mm outside the wall, and cannot be centered; choose another way or repair the "
+              "surface";
       throw UserError(text.str());
     }
     largest_shift = std::max(largest_shift, (points[i] - start[i]).norm());

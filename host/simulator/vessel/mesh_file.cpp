@@ -48,7 +48,7 @@ void AddMeshes(const aiScene& scene, const aiNode& node, const aiMatrix4x4& abov
   }
 }
 
-constexpr const char* kCutShort = "; the file is damaged or cut short: export it anew";
+constexpr const char* kCutShort = "; the file is damaged or cut short: export it again";
 
 size_t PlyTypeBytes(const std::string& type) {
   if (type == "char" || type == "uchar" || type == "int8" || type == "uint8") return 1;
@@ -204,7 +204,7 @@ TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit) {
     for (const int32_t vertex : triangle) {
       if (!mesh.vertices_mm[vertex].allFinite()) {
         Refuse(path, "vertex " + std::to_string(vertex + 1) +
-                         " has a coordinate that is not a finite number; repair or export anew");
+                         " has a coordinate that is not a finite number; repair or export again");
       }
     }
   }

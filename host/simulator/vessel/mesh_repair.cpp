@@ -366,7 +366,7 @@ void CapLoops(TriangleMesh& mesh, const std::string& name, MeshReport& report) {
 
 void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
   constexpr int kPasses = 5;
-  size_t mended = 0;
+  size_t repaired = 0;
   for (int pass = 0; pass < kPasses; ++pass) {
     const auto edges = EdgesOf(mesh);
     std::vector<char> touched(mesh.triangles.size(), 0);
@@ -397,12 +397,13 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
       touched[i] = touched[other.triangle] = 1;
       ++now;
     }
-    mended += now;
+    repaired += now;
     if (now == 0) break;
   }
-  report.slivers_mended += mended;
-  if (mended > 0) {
-    report.findings.push_back(Count(mended, "sliver", "slivers") + " mended by turning an edge.");
+  report.slivers_repaired += repaired;
+  if (repaired > 0) {
+    report.findings.push_back(Count(repaired, "sliver", "slivers") +
+                              " repaired by turning an edge.");
   }
 }
 
@@ -446,7 +447,7 @@ void PointOutward(TriangleMesh& mesh, const std::string& name, MeshReport& repor
   if (crossed > 0) {
     report.findings.push_back(
         Count(crossed, "edge", "edges") +
-        " shared by four or more faces: kept, inside and outside told by the winding number.");
+        " shared by four or more faces: kept, inside and outside decided by the winding number.");
   }
   DropUnusedVertices(mesh);
 }

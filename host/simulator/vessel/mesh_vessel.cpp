@@ -73,7 +73,7 @@ void Do(Bytes& bytes, TriangleMesh& mesh, MeshReport& report) {
   bytes.Do(report.findings);
   bytes.Do(report.openings);
   for (size_t* count : {&report.triangles_read, &report.vertices_welded, &report.triangles_dropped,
-                        &report.triangles_turned, &report.holes_closed, &report.slivers_mended,
+                        &report.triangles_turned, &report.holes_closed, &report.slivers_repaired,
                         &report.crossed_edges, &report.intersections}) {
     bytes.Do(*count);
   }
@@ -121,7 +121,7 @@ std::unique_ptr<MeshVessel> MeshVessel::Open(const std::string& path,
         why = vessel->cache_path_ + " is damaged";
       }
     }
-    if (!why.empty()) vessel->cache_findings_.push_back(why + ": building anew.");
+    if (!why.empty()) vessel->cache_findings_.push_back(why + ": building again.");
   }
   if (!vessel->from_cache_) {
     SurfaceMesh surface = ReadSurface(path, options.unit);

@@ -1,4 +1,4 @@
-// A vessel from a surface file: mended, measured and as a field, with what an earlier run has
+// A vessel from a surface file: repaired, measured and as a field, with what an earlier run has
 // built.
 #pragma once
 
@@ -22,9 +22,9 @@ struct MeshVesselOptions {
 
 class MeshVessel {
  public:
-  /// Reads and mends a surface, or takes an earlier run's result if file and options are the same.
-  /// Builds no brick: look-ups, Prefetch and Build of the field do. Throws UserError naming the
-  /// file.
+  /// Reads and repairs a surface, or takes an earlier run's result if file and options are the
+  /// same. Builds no brick: look-ups, Prefetch and Build of the field do. Throws UserError naming
+  /// the file.
   static std::unique_ptr<MeshVessel> Open(const std::string& path,
                                           const MeshVesselOptions& options = {});
 

@@ -140,7 +140,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
   repair::Weld(mesh, tolerance_mm, report);
   repair::DropUseless(mesh, report);
   if (mesh.triangles.empty()) {
-    throw UserError(name + ": none of the surface's triangles has an area; export it anew");
+    throw UserError(name + ": none of the surface's triangles has an area; export it again");
   }
   repair::DropFragments(mesh, report);
   repair::Orient(mesh, name, report);
@@ -190,7 +190,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
     report.findings.push_back(std::to_string(cuts.size()) +
                               " pairs of faces cut through one another, the first at " +
                               Place(mesh.Centroid(cuts.front().first)) +
-                              ": kept, inside and outside told by the winding number there.");
+                              ": kept, inside and outside decided by the winding number there.");
   }
   MeasureWidth(finished, report);
   report.bounds_mm = mesh.Bounds();

@@ -34,7 +34,7 @@ struct MeshReport {
   size_t triangles_dropped = 0;  ///< degenerate, doubled, or in fragments too small to be vessel
   size_t triangles_turned = 0;   ///< whose orientation disagreed with their neighbors'
   size_t holes_closed = 0;       ///< too small to be ends
-  size_t slivers_mended = 0;
+  size_t slivers_repaired = 0;
   size_t crossed_edges = 0;  ///< edges of four or more faces that were kept
   size_t intersections = 0;  ///< pairs of faces that cut through one another
   bool was_inward = false;   ///< normals pointed into the lumen
@@ -55,7 +55,7 @@ struct SurfaceMesh {
 };
 
 /// Reads a surface file and makes it usable. Throws UserError naming the file, what is wrong, where
-/// and the remedy for what cannot be mended.
+/// and the remedy for what cannot be repaired.
 SurfaceMesh ReadSurface(const std::string& path, MeshUnit unit);
 
 /// The same from triangles in mm; `name` stands for the file in messages.

@@ -179,7 +179,7 @@ class HardRun {
       Tick(scene_.script[k], scene_.units);
       if (HashState(state_) == first_[k]) continue;
       std::ostringstream what;
-      what << "begun anew, tick " << k << " gave another state than the first time";
+      what << "begun again, tick " << k << " gave another state than the first time";
       outcome_.broken = what.str();
       return;
     }

@@ -83,10 +83,10 @@ struct HardOutcome {
   double worst_rise = 0;  ///< of the energy over one of Newton's steps, as a part of the energy
 };
 
-/// Runs a case: the script, then the hand rests, then all is drawn out and begins anew. After
+/// Runs a case: the script, then the hand rests, then all is drawn out and begins again. After
 /// every tick it checks geometry, report and the tip's way (TickChecker); where Newton's wire came
 /// to rest without friction, that its penetrations are what balances the bending (UnbalancedBend);
-/// while the hand rests, that no step of Newton's raises the energy. `watch`, if given, is told of
+/// while the hand rests, that no step of Newton's raises the energy. `watch`, if given, gets
 /// every tick.
 HardOutcome RunHardCase(const HardCase& hard, Way way, unsigned seed,
                         const std::function<void(int ticks)>& watch = nullptr);

@@ -7,7 +7,7 @@
 
 namespace torquer::study {
 
-/// The paper's wire, unless told otherwise.
+/// The paper's wire, unless set otherwise.
 struct WireParameters {
   double segment_mm = 1;
   double rigidity_N_mm2 = 6.35e-3;

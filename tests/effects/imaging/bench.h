@@ -58,7 +58,7 @@ rigidity_N_mm2 = 1
 inserted_at_start_mm = 40
 )";
 
-/// A scene of a text, in a folder of its own.
+/// A scene of a text, in its own folder.
 class SceneOf {
  public:
   explicit SceneOf(const std::string& text) {

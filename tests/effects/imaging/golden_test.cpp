@@ -1,5 +1,5 @@
 // Whole pictures against ones that were looked at. `imaging_test "[golden-write]"` writes
-// them anew; look at them before they are kept.
+// them again; look at them before they are kept.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>

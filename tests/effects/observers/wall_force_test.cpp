@@ -126,7 +126,7 @@ TEST_CASE("Wall forces are what the energy changes by when that part of the wall
   at.Rest(at.ring, state, &force);
   const int n = state.segments();
   const double lambda = at.model.segment_mm();
-  // Along the ring all points that the wire has are told apart by their angle.
+  // Along the ring all points that the wire has are distinguished by their angle.
   const auto angle = [](const Vector3d& p) { return std::atan2(p[1], p[0]); };
   const auto at_length = [&](double from_tip_mm) {
     const double segments = from_tip_mm / lambda;

@@ -24,7 +24,21 @@ template <class Stage>
 NewtonMethod<Stage>::NewtonMethod(const WireModel& wire, const ClearanceField& field,
                                   const WallModel& wall, const NewtonSettings& settings,
                                   const std::vector<EnergyTerm*>& terms)
-    : Relaxation(wire),
+    : NewtonMethod(std::in_place, wire, field, wall, settings, terms) {}
+
+template <class Stage>
+NewtonMethod<Stage>::NewtonMethod(InstrumentStack& stack, const ClearanceField& field,
+                                  const WallModel& wall, const NewtonSettings& settings,
+                                  const std::vector<EnergyTerm*>& terms)
+    : NewtonMethod(std::in_place, stack, field, wall, settings, terms) {}
+
+template <class Stage>
+template <class Wires>
+NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
+                                  const ClearanceField& field, const WallModel& wall,
+                                  const NewtonSettings& settings,
+                                  const std::vector<EnergyTerm*>& terms)
+    : Relaxation(wires),
       model_(stack().rod()),
       field_(field),
       settings_(settings),
@@ -35,31 +49,7 @@ NewtonMethod<Stage>::NewtonMethod(const WireModel& wire, const ClearanceField& f
       prediction_(model_),
       current_(mechanics_.MakeExpansion()),
       trial_expansion_(mechanics_.MakeExpansion()),
-      trial_(model_) {
-  Prepare();
-}
-
-template <class Stage>
-NewtonMethod<Stage>::NewtonMethod(InstrumentStack& stack, const ClearanceField& field,
-                                  const WallModel& wall, const NewtonSettings& settings,
-                                  const std::vector<EnergyTerm*>& terms)
-    : Relaxation(stack),
-      model_(stack.rod()),
-      field_(field),
-      settings_(settings),
-      terms_(terms),
-      mechanics_(model_, field, wall, terms),
-      sweep_(model_.max_segments()),
-      active_set_(mechanics_.points().capacity()),
-      prediction_(model_),
-      current_(mechanics_.MakeExpansion()),
-      trial_expansion_(mechanics_.MakeExpansion()),
-      trial_(model_, stack.size()) {
-  Prepare();
-}
-
-template <class Stage>
-void NewtonMethod<Stage>::Prepare() {
+      trial_(model_, stack().size()) {
   assert(Stage::kTwists == model_.twists());
   const auto room = static_cast<std::size_t>(model_.max_segments()) + 1;
   step_.reserve(room);
@@ -89,7 +79,8 @@ std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
   for (const EnergyTerm* term : terms_) seed = term->Hash(seed);
   seed = damping_.Hash(prediction_.Hash(seed));
   // What a tick that the budget ended hands on to the next.
-  seed = HashDouble(iterations_since_move_ + (attempting_ ? 0.5 : 0) + (stable_ ? 0.25 : 0), seed);
+  seed = HashDouble(iterations_since_move_, seed);
+  seed = HashDouble(attempting_ ? 1 : 0, HashDouble(stable_ ? 1 : 0, seed));
   if (attempting_) seed = damping_.HashAttempt(seed);
   if (moved_) seed = active_set_.Hash(seed);
   return seed;

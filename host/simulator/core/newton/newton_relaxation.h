@@ -6,6 +6,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "host/simulator/core/newton/active_set.h"
@@ -54,7 +55,12 @@ class NewtonMethod final : public Relaxation {
     int rounds = 0;
   };
 
-  void Prepare();
+  // What both public constructors do.
+  template <class Wires>
+  NewtonMethod(std::in_place_t both, Wires& wires, const ClearanceField& field,
+               const WallModel& wall, const NewtonSettings& settings,
+               const std::vector<EnergyTerm*>& terms);
+
   bool Arrived(const InstrumentPlaces& goal, const WireState& state) const override;
   void Begin(WireState& state) override;
   bool MayMove() const override;

@@ -22,7 +22,7 @@ struct BendStage {
   static constexpr bool kTwists = false;
 };
 /// A stage of a wire that twists: control and state have the segment's spin as well. It is
-/// eliminated first, a pivot of its own.
+/// eliminated first, with its own pivot.
 struct TwistStage {
   static constexpr bool kTwists = true;
 };

@@ -44,10 +44,6 @@ class PaperRelaxation final : public Relaxation {
   PaperRelaxation(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                   const PaperSettings& settings);
 
-  /// Whole segments only: what is less than one is carried. One unit of work is an action with
-  /// its Tip Relaxation, or a slice: m(m+1)/2 updates of a PR cycle, or m(m+1)/(nu-mu) sweeps of a
-  /// GR cycle. A tick ends after the GR cycle that follows a PR cycle (or where settings.cycles has
-  /// none, after the PR cycle), at the latest; cycles that the budget cuts go on in the next tick.
   void Restart(WireState& state) override;
   const Expansion& Current() const override { return current_; }
 

@@ -125,7 +125,9 @@ int FlowGraph::NodeAt(const std::string& curve, const std::string& end) const {
     if (end == "start" && edge.from_mm < kSamePlaceMm) return edge.a;
     if (end == "end" && edge.to_mm > place.s_mm - kSamePlaceMm) return edge.b;
   }
-  throw UserError("centerline \"" + curve + "\" has no length of its own; name another");
+  throw UserError("centerline \"" + curve +
+                  "\" has no length that other centerlines do not "
+                  "share; name another");
 }
 
 int FlowGraph::EdgeAt(const CenterlinePlace& place) const {
@@ -136,7 +138,7 @@ int FlowGraph::EdgeAt(const CenterlinePlace& place) const {
     if (edges_[e].curve == place.curve) return static_cast<int>(e);
   }
   throw UserError("centerline \"" + network_->curves()[place.curve].name() +
-                  "\" has no length of its own; name another");
+                  "\" has no length that other centerlines do not share; name another");
 }
 
 std::string FlowGraph::NameOf(int node) const {
@@ -224,7 +226,7 @@ FlowSolution::Flows FlowSolution::Solve(const std::vector<double>& inflow_mL_s,
   flows.pressure_mmHg.assign(graph_.nodes().size(), 0);
   flows.edge_mL_s.assign(edges.size(), 0);
   flows.end_mL_s.assign(ends_.size(), 0);
-  // The pressures given come first; each round then mends what is missing at the nodes. Wide
+  // The pressures given come first; each round then repairs what is missing at the nodes. Wide
   // vessels have hardly any resistance, so that differences of pressures alone would lose digits
   // of the flow; sums of ever smaller corrections do not.
   std::vector<double> step(graph_.nodes().size(), 0);

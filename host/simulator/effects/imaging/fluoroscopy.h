@@ -1,7 +1,7 @@
 // The X-ray picture: a C-arm about the patient, the wire, dye in the vessels, a body around them,
 // and the noise of the dose.
 //
-//   tick thread: Take  --nodes, dye--> newest shot -->  Render: one thread of its own
+//   tick thread: Take  --nodes, dye--> newest shot -->  Render: in its own thread
 #pragma once
 
 #include <vector>
