@@ -8,9 +8,12 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "host/simulator/script_run.h"
+#include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
+#include "tests/support/scenes.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::study {
@@ -161,6 +164,67 @@ TEST_CASE("bad arguments end the program with status 2 and say what is right") {
   CHECK(program.Wait() == 2);
   CHECK(program.Output().empty());
   CHECK(program.Error().find("See 'torquer-study") != std::string::npos);
+}
+
+// The rows of a CSV file as numbers, without its heading.
+std::vector<std::vector<double>> ReadRows(const std::string& path) {
+  std::ifstream file(path);
+  std::string line;
+  std::getline(file, line);
+  std::vector<std::vector<double>> rows;
+  while (std::getline(file, line)) {
+    std::stringstream cells(line);
+    std::string cell;
+    rows.emplace_back();
+    while (std::getline(cells, cell, ',')) rows.back().push_back(std::stod(cell));
+  }
+  return rows;
+}
+
+TEST_CASE("A trace has every attempt of every tick, and changes none") {
+  const test::SceneFile file(test::kFriction);
+  const std::string script = file.Beside("script.csv");
+  {
+    std::ofstream text(script);
+    text << "time_s,guidewire.insertion_mm,guidewire.rotation_rad\n";
+    for (int k = 0; k <= 40; ++k) {
+      text << 0.01 * k << ',' << 120 + 0.7 * k << ',' << 0.1 * k << '\n';
+    }
+  }
+  ChildProcess program({kProgram, "trace", file.path(), script, "--out", file.Beside("results")});
+  REQUIRE(program.Wait() == 0);
+
+  // The same motion without a record.
+  scene::Scene scene(file.path());
+  simulator::Simulation simulation(scene);
+  std::vector<TickReport> ticks;
+  for (simulator::Command command : simulator::ReadScript(script, scene)) {
+    CountedBudget budget(scene.budget_units());
+    ticks.push_back(simulation.Tick(command, budget));
+  }
+
+  enum Column { kTick, kTime, kAttempt, kAccepted, kResidual, kEnergy };
+  const auto rows = ReadRows(file.Beside("results/trace_attempts.csv"));
+  std::vector<int> attempts(ticks.size()), accepted(ticks.size());
+  for (const std::vector<double>& row : rows) {
+    REQUIRE(row.size() == 12);
+    const auto tick = static_cast<std::size_t>(row[kTick]) - 1;
+    REQUIRE(tick < ticks.size());
+    ++attempts[tick];
+    CHECK(row[kAttempt] == attempts[tick]);
+    accepted[tick] += row[kAccepted] == 1;
+    CHECK(row[kResidual] >= 0);
+  }
+  int stalls = 0;
+  for (std::size_t k = 0; k < ticks.size(); ++k) {
+    INFO("tick " << k + 1);
+    CHECK(accepted[k] + ticks[k].stalled == ticks[k].iterations);
+    CHECK(attempts[k] >= ticks[k].iterations);
+    CHECK(attempts[k] <= ticks[k].work);
+    stalls += ticks[k].stalled;
+  }
+  CHECK(stalls == 0);
+  CHECK(program.Output().find(std::to_string(ticks.size()) + " ticks") != std::string::npos);
 }
 
 }  // namespace
