@@ -22,6 +22,12 @@ inline constexpr std::int32_t kLcmVersion = 2;
 /// Name of the instrument that a program means where none is given.
 inline constexpr char kGuidewire[] = "guidewire";
 
+/// The number of the command after that with `sequence`, >= 0: one more, and zero after the
+/// largest.
+constexpr std::int64_t NextSequence(std::int64_t sequence) {
+  return static_cast<std::int64_t>((static_cast<std::uint64_t>(sequence) + 1) & INT64_MAX);
+}
+
 /// Bits of instrument_command_t::flags.
 enum InstrumentFlag : std::int32_t {
   kCommandUncalibrated = 1 << 0,  ///< the daemon runs with nominal gains
@@ -38,8 +44,8 @@ enum WireStatus : std::int32_t {
   kWireOutsideLumen = 1 << 2,  ///< a node's center is beyond the wall
   kWireSnapped = 1 << 3,       ///< the tip moved much farther than the action explains
   kWireInputRefused = 1 << 4,  ///< a command was not finite or out of range; the last one stands
-  kWireInDoubt = 1 << 5,       ///< the command carries lift, fault or no-device flags
-  kWireStalled = 1 << 6,       ///< out of balance, and no step that was tried came nearer to it
+  kWireInDoubt = 1 << 5,  ///< a command carries lift, fault or no device, or none comes any more
+  kWireStalled = 1 << 6,  ///< out of balance, and no step that was tried came nearer to it
 };
 
 }  // namespace torquer::protocol

@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -10,9 +11,12 @@
 #include <cstdlib>
 #include <exception>
 #include <fstream>
+#include <iterator>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
+#include "host/bus/clock.h"
 #include "host/support/error.h"
 
 namespace torquer::bus {
@@ -22,6 +26,7 @@ constexpr char kFallbackUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 // Messages handled in one call, so that a flood of them cannot hold the caller for ever.
 constexpr std::int64_t kBurst = 1000;
 constexpr long kReceiveBufferBytes = 2 * 1024 * 1024;
+constexpr std::int64_t kNoticeUs = 60'000'000;
 
 [[noreturn]] void Refuse(const std::string& url, const std::string& problem) {
   throw UserError(
@@ -36,7 +41,7 @@ bool ParseNumber(std::string_view text, long lowest, long highest, long& value) 
 }
 
 // LCM ignores options that it does not know and does not check numbers.
-void CheckOptions(const std::string& url, std::string_view options) {
+void ReadOptions(const std::string& url, std::string_view options, UdpmPlace& place) {
   while (!options.empty()) {
     const std::string_view option = options.substr(0, options.find('&'));
     options.remove_prefix(std::min(options.size(), option.size() + 1));
@@ -49,10 +54,12 @@ void CheckOptions(const std::string& url, std::string_view options) {
       if (!ParseNumber(value, 0, 255, number)) {
         Refuse(url, fmt::format("ttl '{}' is not a number from 0 to 255", value));
       }
+      place.this_machine_only = number == 0;
     } else if (key == "recv_buf_size") {
       if (!ParseNumber(value, 1, 1L << 30, number)) {
         Refuse(url, fmt::format("recv_buf_size '{}' is not a number of bytes", value));
       }
+      place.receive_buffer_bytes = static_cast<int>(number);
     } else {
       Refuse(url, fmt::format("unknown option '{}'", option));
     }
@@ -68,15 +75,25 @@ bool HasRoute(const sockaddr_in& group) {
   return routed;
 }
 
-void CheckMulticast(const std::string& url, std::string_view place) {
-  const std::size_t question = place.find('?');
+// Asks for the largest receive buffer that the kernel grants: a burst of large messages overflows
+// the usual 208 KiB.
+int GrantedReceiveBuffer() {
+  long granted = 0;
+  std::ifstream("/proc/sys/net/core/rmem_max") >> granted;
+  return static_cast<int>(std::clamp(granted, 0L, kReceiveBufferBytes));
+}
+
+UdpmPlace ReadMulticast(const std::string& url, std::string_view text) {
+  const std::size_t question = text.find('?');
   const std::string_view options =
-      question == std::string_view::npos ? std::string_view() : place.substr(question + 1);
-  const std::string_view endpoint = place.substr(0, question);
+      question == std::string_view::npos ? std::string_view() : text.substr(question + 1);
+  const std::string_view endpoint = text.substr(0, question);
   const std::size_t colon = endpoint.find(':');
-  CheckOptions(url, options);
+  UdpmPlace place;
+  ReadOptions(url, options, place);
+  if (place.receive_buffer_bytes == 0) place.receive_buffer_bytes = GrantedReceiveBuffer();
   const std::string address(endpoint.substr(0, colon));
-  sockaddr_in group{};
+  sockaddr_in& group = place.group;
   group.sin_family = AF_INET;
   if (inet_pton(AF_INET, address.c_str(), &group.sin_addr) != 1 ||
       !IN_MULTICAST(ntohl(group.sin_addr.s_addr))) {
@@ -93,28 +110,21 @@ void CheckMulticast(const std::string& url, std::string_view place) {
         "as root: ip link set lo up multicast on; ip route add 224.0.0.0/4 dev lo",
         url));
   }
+  return place;
 }
 
-void CheckUrl(const std::string& url) {
+// The place, where it is UDP multicast.
+std::optional<UdpmPlace> ReadUrl(const std::string& url) {
   const std::size_t scheme_end = url.find("://");
   if (scheme_end == std::string::npos) Refuse(url, "it has no scheme");
   const std::string scheme = url.substr(0, scheme_end);
   if (scheme == "udpm") {
-    CheckMulticast(url, std::string_view(url).substr(scheme_end + 3));
-  } else if (scheme != "tcpq" && scheme != "file" && scheme != "memq") {
+    return ReadMulticast(url, std::string_view(url).substr(scheme_end + 3));
+  }
+  if (scheme != "tcpq" && scheme != "file" && scheme != "memq") {
     Refuse(url, fmt::format("unknown scheme '{}'", scheme));
   }
-}
-
-// Asks for the largest receive buffer that the kernel grants: a burst of large messages overflows
-// the usual 208 KiB, and asking for more than is granted makes LCM print a warning.
-std::string WithReceiveBuffer(const std::string& url) {
-  if (!url.starts_with("udpm://") || url.find("recv_buf_size") != std::string::npos) return url;
-  long granted = 0;
-  std::ifstream("/proc/sys/net/core/rmem_max") >> granted;
-  if (granted <= 0) return url;
-  return fmt::format("{}{}recv_buf_size={}", url, url.find('?') == std::string::npos ? '?' : '&',
-                     std::min(granted, kReceiveBufferBytes));
+  return std::nullopt;
 }
 
 }  // namespace
@@ -129,26 +139,30 @@ struct Bus::Subscription {
   ChannelCounters counters;
   RawHandler handler;
 
-  static void OnMessage(const lcm_recv_buf_t* buffer, const char* /*channel*/, void* self) {
-    auto& subscription = *static_cast<Subscription*>(self);
-    ++subscription.bus->handled_;
+  void Take(const void* data, std::size_t size, const Arrival& arrival) {
+    ++bus->handled_;
     try {
-      if (subscription.handler(buffer->data, static_cast<int>(buffer->data_size))) {
-        ++subscription.counters.received;
+      if (handler(data, size, arrival)) {
+        ++counters.received;
       } else {
-        ++subscription.counters.undecodable;
+        ++counters.undecodable;
+        counters.undecodable_from = arrival.sender;
       }
-    } catch (...) {  // LCM is C: an exception must not cross it
-      ++subscription.counters.received;
-      subscription.bus->handler_error_ = std::current_exception();
+    } catch (...) {  // liblcm is C: an exception must not cross it
+      ++counters.received;
+      bus->handler_error_ = std::current_exception();
     }
+  }
+
+  static void OnMessage(const lcm_recv_buf_t* buffer, const char* /*channel*/, void* self) {
+    static_cast<Subscription*>(self)->Take(buffer->data, buffer->data_size,
+                                           {Sender{}, MonotonicUs()});
   }
 };
 
 Bus::Bus(const std::string& url)
-    : url_(url.empty() ? DefaultUrl() : url), lcm_(nullptr, &lcm_destroy) {
-  CheckUrl(url_);
-  lcm_.reset(lcm_create(WithReceiveBuffer(url_).c_str()));
+    : url_(url.empty() ? DefaultUrl() : url), lcm_(nullptr, &lcm_destroy), udpm_(ReadUrl(url_)) {
+  lcm_.reset(lcm_create(url_.c_str()));
   if (lcm_ == nullptr) Refuse(url_, "LCM cannot open it");
 }
 
@@ -166,32 +180,92 @@ bool Bus::Send(const std::string& channel, const Buffer& buffer) {
   return status == 0;
 }
 
+UdpmReceiver& Bus::Receiver() {
+  if (receiver_ == nullptr) {
+    try {
+      receiver_ = std::make_unique<UdpmReceiver>(*udpm_);
+    } catch (const std::system_error& error) {
+      throw UserError(fmt::format(
+          "LCM URL '{}': cannot be listened to ({}); check whether another program holds the port",
+          url_, error.what()));
+    }
+  }
+  return *receiver_;
+}
+
 void Bus::AddSubscription(const std::string& channel, int queue, RawHandler handler) {
   Subscription& subscription = subscriptions_.emplace_back();
   subscription.bus = this;
   subscription.counters.channel = channel;
   subscription.handler = std::move(handler);
+  if (udpm_) {
+    Receiver().Listen(channel, queue);
+    return;
+  }
   lcm_subscription_t* made =
       lcm_subscribe(lcm_.get(), channel.c_str(), &Subscription::OnMessage, &subscription);
   if (made == nullptr || FileDescriptor() < 0) {
-    throw UserError(
-        fmt::format("LCM URL '{}': cannot listen on channel {}; check whether a firewall blocks it",
-                    url_, channel));
+    throw UserError(fmt::format("LCM URL '{}': cannot listen on channel {}", url_, channel));
   }
   lcm_subscription_set_queue_capacity(made, queue);
 }
 
 int Bus::Handle(int timeout_ms) {
   handled_ = 0;
-  int ready = lcm_handle_timeout(lcm_.get(), timeout_ms);
-  while (ready > 0 && handled_ < kBurst && handler_error_ == nullptr) {
-    ready = lcm_handle_timeout(lcm_.get(), 0);
+  if (udpm_) {
+    HandleReceived(timeout_ms);
+  } else {
+    int ready = lcm_handle_timeout(lcm_.get(), timeout_ms);
+    while (ready > 0 && handled_ < kBurst && handler_error_ == nullptr) {
+      ready = lcm_handle_timeout(lcm_.get(), 0);
+    }
   }
   if (handler_error_ != nullptr) std::rethrow_exception(std::exchange(handler_error_, nullptr));
   return static_cast<int>(handled_);
 }
 
-int Bus::FileDescriptor() { return lcm_get_fileno(lcm_.get()); }
+void Bus::HandleReceived(int timeout_ms) {
+  pollfd waiting{FileDescriptor(), POLLIN, 0};
+  if (poll(&waiting, 1, timeout_ms) <= 0) return;
+  while (handled_ < kBurst && handler_error_ == nullptr) {
+    const std::optional<UdpmReceiver::Received> received = receiver_->Next();
+    if (!received) return;
+    const auto subscription =
+        std::next(subscriptions_.begin(), static_cast<std::ptrdiff_t>(received->subscription));
+    subscription->Take(received->data.data(), received->data.size(), received->arrival);
+  }
+}
+
+int Bus::FileDescriptor() {
+  return udpm_ ? Receiver().FileDescriptor() : lcm_get_fileno(lcm_.get());
+}
+
+std::string Bus::TakeNotice(std::int64_t now_us) {
+  if (notice_us_ != 0 && now_us - notice_us_ < kNoticeUs) return "";
+  std::string notice;
+  const auto add = [&](std::int64_t count, std::int64_t& noted, const std::string& what) {
+    if (count > noted)
+      notice += fmt::format("{}{} {}", notice.empty() ? "" : "; ", count - noted, what);
+    noted = count;
+  };
+  noted_undecodable_.resize(subscriptions_.size());
+  std::size_t k = 0;
+  for (const Subscription& subscription : subscriptions_) {
+    const ChannelCounters& counters = subscription.counters;
+    add(counters.undecodable, noted_undecodable_[k++],
+        fmt::format("on {} that are no such message, the last from {}", counters.channel,
+                    Describe(counters.undecodable_from)));
+  }
+  if (receiver_ != nullptr) {
+    const UdpmReceiver::Damaged damaged = receiver_->damaged();
+    add(damaged.count, noted_damaged_,
+        fmt::format("damaged datagrams, the last from {}", Describe(damaged.last_sender)));
+  }
+  add(dropped(), noted_dropped_, "dropped, as they came faster than they were handled");
+  if (notice.empty()) return "";
+  notice_us_ = now_us;
+  return "refused on the bus: " + notice;
+}
 
 std::vector<ChannelCounters> Bus::counters() const {
   std::vector<ChannelCounters> all;
@@ -200,8 +274,16 @@ std::vector<ChannelCounters> Bus::counters() const {
 }
 
 std::int64_t Bus::undecodable() const {
-  std::int64_t sum = 0;
+  std::int64_t sum = receiver_ == nullptr ? 0 : receiver_->damaged().count;
   for (const Subscription& subscription : subscriptions_) sum += subscription.counters.undecodable;
+  return sum;
+}
+
+std::int64_t Bus::dropped() const {
+  std::int64_t sum = 0;
+  for (std::size_t k = 0; receiver_ != nullptr && k < subscriptions_.size(); ++k) {
+    sum += receiver_->dropped(k);
+  }
   return sum;
 }
 

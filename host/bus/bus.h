@@ -1,6 +1,7 @@
 // LCM with errors that are reported.
 //
-// LCM itself reports neither a bad URL nor a message that it cannot decode; both are checked here.
+// LCM itself reports neither a bad URL nor a message that it cannot decode, and its receiving half
+// trusts what it receives; all three are taken care of here.
 // Channel names: protocol/lcm_channels.h.
 #pragma once
 
@@ -13,8 +14,13 @@
 #include <functional>
 #include <list>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "host/bus/message_check.h"
+#include "host/bus/sender.h"
+#include "host/bus/udpm_receiver.h"
 
 namespace torquer::bus {
 
@@ -22,11 +28,12 @@ namespace torquer::bus {
 struct ChannelCounters {
   std::string channel;
   std::int64_t received = 0;     ///< decoded, and passed to the handler
-  std::int64_t undecodable = 0;  ///< of another type, too short, or too long; dropped
+  std::int64_t undecodable = 0;  ///< no message of the type (message_check.h); dropped
+  Sender undecodable_from;       ///< of the last one
 };
 
-/// The URL in use when the user gives none: $LCM_DEFAULT_URL, else multicast that stays on this
-/// machine (ttl 0).
+/// The URL in use when the user gives none: $LCM_DEFAULT_URL, else multicast with ttl 0. With that
+/// ttl nothing leaves this machine, and nothing from another one is received.
 std::string DefaultUrl();
 
 /// One connection to the bus. Not copyable. Publish() may be called from any thread, everything
@@ -53,47 +60,78 @@ class Bus {
   }
 
   /// Calls `handler` from Handle() for every message that decodes as Message; counts the others.
-  /// The handler's exceptions reach the caller of Handle(). At most `queue` messages wait (30 is
-  /// LCM's default); beyond that LCM drops the newest, not the oldest. 0 means no limit.
+  /// The handler's exceptions reach the caller of Handle(). At most `queue` messages wait; beyond
+  /// that the newest is dropped, not the oldest. 0: as many as fit into the memory that messages of
+  /// all channels may take (UdpmReceiver::kMostWaitingBytes).
   /// Throws UserError when the bus cannot be listened to.
   template <class Message>
   void Subscribe(const std::string& channel, std::function<void(const Message&)> handler,
                  int queue = 30) {
-    AddSubscription(channel, queue, [handler = std::move(handler)](const void* data, int size) {
-      Message message;
-      if (message.decode(data, 0, size) != size) return false;
-      handler(message);
-      return true;
-    });
+    SubscribeWithArrival<Message>(
+        channel,
+        [handler = std::move(handler)](const Message& message, const Arrival&) {
+          handler(message);
+        },
+        queue);
+  }
+  /// The same, for those who need to know whose message it is, or when it came.
+  template <class Message>
+  void SubscribeWithArrival(const std::string& channel,
+                            std::function<void(const Message&, const Arrival&)> handler,
+                            int queue = 30) {
+    AddSubscription(
+        channel, queue,
+        [handler = std::move(handler)](const void* data, std::size_t size, const Arrival& arrival) {
+          Message message;
+          if (!DecodeMessage(data, size, message)) return false;
+          handler(message, arrival);
+          return true;
+        });
   }
 
   /// Handles the messages that wait, after waiting at most `timeout_ms` for the first one.
   /// Returns the number handled, undecodable ones included.
   int Handle(int timeout_ms);
 
-  /// Readable when a message waits; for poll(). Starts LCM's receiving thread.
+  /// Readable when a message waits; for poll(). Starts the receiving thread.
   int FileDescriptor();
+
+  /// What has come on the bus that was no message, or was dropped for want of room, since this was
+  /// asked last: a sentence with channels, numbers and senders; "" where there is nothing new. Says
+  /// something at most once a minute. `now_us` by MonotonicUs().
+  std::string TakeNotice(std::int64_t now_us);
 
   /// One entry per subscription, in the order of Subscribe().
   std::vector<ChannelCounters> counters() const;
-  std::int64_t undecodable() const;  ///< over all subscriptions
+  std::int64_t undecodable() const;  ///< over all subscriptions, and datagrams that are not LCM's
+  std::int64_t dropped() const;      ///< for want of room, over all subscriptions
   std::int64_t publish_failures() const { return publish_failures_; }
 
  private:
   using Buffer = std::vector<std::uint8_t>;
   /// True when the bytes were a message of the subscribed type.
-  using RawHandler = std::function<bool(const void* data, int size)>;
+  using RawHandler =
+      std::function<bool(const void* data, std::size_t size, const Arrival& arrival)>;
   struct Subscription;
 
   static Buffer& ThreadBuffer();
   bool Send(const std::string& channel, const Buffer& buffer);
   void AddSubscription(const std::string& channel, int queue, RawHandler handler);
+  UdpmReceiver& Receiver();
+  void HandleReceived(int timeout_ms);
 
   std::string url_;
   std::unique_ptr<lcm_t, void (*)(lcm_t*)> lcm_;
+  std::optional<UdpmPlace> udpm_;  // where this is UDP multicast, on which liblcm only sends
+  std::unique_ptr<UdpmReceiver> receiver_;
   std::list<Subscription> subscriptions_;
   std::int64_t handled_ = 0;
   std::exception_ptr handler_error_;
+  std::int64_t notice_us_ = 0;  // 0: none yet
+  // What notices have said.
+  std::vector<std::int64_t> noted_undecodable_;
+  std::int64_t noted_damaged_ = 0;
+  std::int64_t noted_dropped_ = 0;
   std::atomic<std::int64_t> publish_failures_ = 0;
 };
 

@@ -1,11 +1,41 @@
 #include "host/simulator/live_commands.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <utility>
 
 #include "host/bus/clock.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
+
+namespace {
+
+constexpr std::int64_t kNameRefusalsEveryUs = 60'000'000;
+
+// Whether a number comes at or after another one in a sender's count, which starts at zero again
+// after the largest (protocol::NextSequence). The same number is a command that was repeated.
+bool Follows(std::int64_t sequence, std::int64_t last) {
+  const std::uint64_t ahead =
+      (static_cast<std::uint64_t>(sequence) - static_cast<std::uint64_t>(last)) & INT64_MAX;
+  return ahead < std::uint64_t{1} << 62;
+}
+
+// The first value of a command that cannot be followed, in words; "" where all can.
+std::string Unusable(const torquer_lcm::instrument_command_t& message, const InstrumentPlace& place,
+                     const effects::Controls& controls) {
+  if (!Usable(place)) {
+    return fmt::format("insertion_mm {:g}, rotation_rad {:g}", message.insertion_mm,
+                       message.rotation_rad);
+  }
+  if (!Usable(controls)) {
+    return fmt::format("lao_rad {:g}, cra_rad {:g}", message.lao_rad, message.cra_rad);
+  }
+  return "";
+}
+
+}  // namespace
 
 LiveCommands::LiveCommands(const Simulation& simulation)
     : simulation_(simulation),
@@ -17,7 +47,12 @@ LiveCommands::LiveCommands(const Simulation& simulation)
   for (Source& source : sources_) source.origin_us = now_us;
 }
 
-void LiveCommands::Take(const torquer_lcm::instrument_command_t& message) {
+bool LiveCommands::Owns(const Source& source, std::int64_t now_us) const {
+  return source.owner && now_us - source.heard_us < kOwnedUs;
+}
+
+void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const bus::Sender& sender,
+                        std::int64_t now_us) {
   const std::vector<effects::Instrument>& all = simulation_.scene().instruments();
   const auto found = std::find_if(all.begin(), all.end(),
                                   [&](const auto& i) { return i.name == message.instrument; });
@@ -26,22 +61,105 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message) {
     return;
   }
   const int k = static_cast<int>(found - all.begin());
-  command_.target[k] = {start_[k].insertion_mm + message.insertion_mm, message.rotation_rad};
-  if (k == 0) {
-    command_.controls = {message.lao_rad, message.cra_rad, message.xray != 0,
-                         message.contrast != 0};
-  }
-  const bool same_clock = message.clock_id == clock_id_;
   Source& source = sources_[static_cast<std::size_t>(k)];
+  const bool owned = Owns(source, now_us);
+  if (owned && sender != *source.owner) {
+    Refuse(source, kSender, now_us,
+           fmt::format("commands for the {} from {} are refused: it is commanded by {}",
+                       found->name, bus::Describe(sender), bus::Describe(*source.owner)));
+    return;
+  }
+  if (message.sequence < 0 || (owned && !Follows(message.sequence, source.sequence))) {
+    Refuse(source, kOrder, now_us,
+           fmt::format("a command for the {} from {} is refused: its number {} is before {}",
+                       found->name, bus::Describe(sender), message.sequence, source.sequence));
+    return;
+  }
+  const InstrumentPlace place{start_[k].insertion_mm + message.insertion_mm, message.rotation_rad};
+  const effects::Controls controls{message.lao_rad, message.cra_rad, message.xray != 0,
+                                   message.contrast != 0};
+  const std::string unusable = Unusable(message, place, controls);
   source.sequence = message.sequence;
-  source.origin_us = same_clock ? message.origin_us : bus::MonotonicUs();
+  source.refused = !unusable.empty();
+  fresh_ = true;
+  if (source.refused) {
+    Refuse(source, kValue, now_us,
+           fmt::format("a command for the {} from {} is refused, and the last one stands: {}",
+                       found->name, bus::Describe(sender), unusable));
+    Combine();
+    return;
+  }
+  if (source.owner && (source.silent || sender != *source.owner)) {
+    Say(fmt::format("the {} is commanded again, by {}", found->name, bus::Describe(sender)));
+  }
+  source.owner = sender;
+  source.heard_us = now_us;
+  source.silent = false;
+  command_.target[k] = place;
+  if (k == 0) command_.controls = controls;
+  // Times of another clock, or none at all, are not to be compared with ours.
+  const auto usable_time = [&](std::int64_t time_us) {
+    return message.clock_id == clock_id_ && time_us > 0 && time_us <= now_us;
+  };
+  source.origin_us = usable_time(message.origin_us) ? message.origin_us : now_us;
+  sent_us_ = usable_time(message.publish_us) ? message.publish_us : 0;
   source.in_doubt = (message.flags & (protocol::kCommandLift | protocol::kCommandSensorFault |
                                       protocol::kCommandNoDevice)) != 0;
-  command_.in_doubt =
-      std::any_of(sources_.begin(), sources_.end(), [](const Source& s) { return s.in_doubt; });
-  sent_us_ = same_clock ? message.publish_us : 0;
-  fresh_ = true;
+  Combine();
   ++taken_;
+}
+
+void LiveCommands::Age(std::int64_t now_us) {
+  for (std::size_t k = 0; k < sources_.size(); ++k) {
+    Source& source = sources_[k];
+    if (!source.owner || source.silent || now_us - source.heard_us < kSilentUs) continue;
+    source.silent = true;
+    if (k == 0) command_.controls.xray = command_.controls.contrast = false;
+    Combine();
+    fresh_ = true;
+    sent_us_ = 0;
+    Say(fmt::format("no command for the {} from {} any more: it is held{}",
+                    simulation_.scene().instruments()[k].name, bus::Describe(*source.owner),
+                    k == 0 ? ", and the pedals are up" : ""));
+  }
+}
+
+void LiveCommands::Combine() {
+  const auto any = [this](bool (*is)(const Source&)) {
+    return std::any_of(sources_.begin(), sources_.end(), is);
+  };
+  command_.in_doubt = any([](const Source& s) { return s.in_doubt || s.silent; });
+  command_.refused = any([](const Source& s) { return s.refused; });
+}
+
+void LiveCommands::Refuse(Source& source, Refusal kind, std::int64_t now_us,
+                          const std::string& what) {
+  ++refusals_[kind];
+  std::int64_t& named_us = source.named_us[kind];
+  if (named_us != 0 && now_us - named_us < kNameRefusalsEveryUs) return;
+  named_us = now_us;
+  Say(what);
+}
+
+void LiveCommands::Say(const std::string& what) { news_ += news_.empty() ? what : "; " + what; }
+
+std::string LiveCommands::State() const {
+  std::string missing;
+  for (std::size_t k = 0; k < sources_.size(); ++k) {
+    if (!sources_[k].silent) continue;
+    missing += (missing.empty() ? "" : ", ") + simulation_.scene().instruments()[k].name;
+  }
+  return missing.empty() ? "running" : "no commands for " + missing;
+}
+
+std::string LiveCommands::TakeNews() { return std::exchange(news_, ""); }
+
+bus::HealthCounters LiveCommands::Counters() const {
+  return {{"commands", taken_},
+          {"unknown_instrument", unknown_},
+          {"refused_values", refusals_[kValue]},
+          {"refused_senders", refusals_[kSender]},
+          {"refused_order", refusals_[kOrder]}};
 }
 
 void LiveCommands::Describe(torquer_lcm::wire_state_t& out) const {

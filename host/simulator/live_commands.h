@@ -2,28 +2,42 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <string>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
 
+#include "host/bus/health_reporter.h"
+#include "host/bus/sender.h"
 #include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
 
 /// Takes instrument commands; the newest of each instrument counts. C-arm and pedals are those of
 /// the innermost instrument's box.
+///
+/// An instrument belongs to who commands it, until no usable command of that sender has come for
+/// kOwnedUs: commands of others are refused, and numbers that go back. Then any sender and any
+/// number is taken. No clock: the caller says what time it is, by bus::MonotonicUs().
 class LiveCommands {
  public:
+  /// After so long without a command its instrument stays where the last one wanted it, its pedals
+  /// are up, and the state is in doubt.
+  static constexpr std::int64_t kSilentUs = 300'000;
+  static constexpr std::int64_t kOwnedUs = 1'000'000;
+
   /// `simulation` must outlive this.
   explicit LiveCommands(const Simulation& simulation);
 
-  void Take(const torquer_lcm::instrument_command_t& message);
+  void Take(const torquer_lcm::instrument_command_t& message, const bus::Sender& sender,
+            std::int64_t now_us);
+  /// Finds who has become silent. To be called several times in kSilentUs.
+  void Age(std::int64_t now_us);
 
   const Command& command() const { return command_; }
   std::int64_t taken() const { return taken_; }
-  /// For an instrument that the scene does not have.
-  std::int64_t unknown() const { return unknown_; }
-  /// Whether a command came since the last Settle.
+  /// Whether the command has changed since the last Settle.
   bool fresh() const { return fresh_; }
   /// The commands are in a state now.
   void Settle() { fresh_ = false; }
@@ -32,12 +46,32 @@ class LiveCommands {
   /// Fills sequence and origin of each instrument.
   void Describe(torquer_lcm::wire_state_t& out) const;
 
+  /// For health: "running", or whose commands are missing.
+  std::string State() const;
+  /// For health: what changed since this was asked last, and what was refused, in a sentence; ""
+  /// for nothing. A refusal is named once a minute for each instrument and kind; the counters have
+  /// all.
+  std::string TakeNews();
+  /// What was taken and refused.
+  bus::HealthCounters Counters() const;
+
  private:
+  enum Refusal { kValue, kSender, kOrder, kRefusals };
   struct Source {
+    std::optional<bus::Sender> owner;  // none before the first command
+    std::int64_t heard_us = 0;         // the last usable command of the owner
     std::int64_t sequence = -1;
     std::int64_t origin_us = 0;
     bool in_doubt = false;
+    bool refused = false;
+    bool silent = false;
+    std::int64_t named_us[kRefusals] = {};  // 0: never
   };
+
+  bool Owns(const Source& source, std::int64_t now_us) const;
+  void Refuse(Source& source, Refusal kind, std::int64_t now_us, const std::string& what);
+  void Say(const std::string& what);
+  void Combine();
 
   const Simulation& simulation_;
   const InstrumentPlaces start_;
@@ -46,8 +80,10 @@ class LiveCommands {
   std::vector<Source> sources_;
   std::int64_t taken_ = 0;
   std::int64_t unknown_ = 0;
+  std::int64_t refusals_[kRefusals] = {};
   std::int64_t sent_us_ = 0;
   bool fresh_ = false;
+  std::string news_;
 };
 
 }  // namespace torquer::simulator

@@ -44,9 +44,11 @@ class LiveLoop {
         began_us_(bus::MonotonicUs()) {
     state_.clock_id = bus::ClockId();
     if (simulation.image() != nullptr) pictures_.emplace(*simulation.image(), bus);
-    bus.Subscribe<torquer_lcm::instrument_command_t>(
+    bus.SubscribeWithArrival<torquer_lcm::instrument_command_t>(
         protocol::kInstrumentCommandChannel,
-        [this](const torquer_lcm::instrument_command_t& message) { commands_.Take(message); },
+        [this](const torquer_lcm::instrument_command_t& message, const bus::Arrival& arrival) {
+          commands_.Take(message, arrival.sender, arrival.received_us);
+        },
         // All of them: a short queue would keep the oldest, and the newest is the one that counts.
         0);
   }
@@ -59,6 +61,8 @@ class LiveLoop {
     while (!stop) {
       bus_.Handle(1);
       const std::int64_t now_us = bus::MonotonicUs();
+      commands_.Age(now_us);
+      SayNews(now_us);
       const bool goes_on = simulation_.lives() || !simulation_.at_rest();
       if (commands_.fresh() || (goes_on && now_us >= next_tick_us)) {
         Tick(now_us);
@@ -92,6 +96,12 @@ class LiveLoop {
     commands_.Settle();
   }
 
+  void SayNews(std::int64_t now_us) {
+    for (const std::string& news : {commands_.TakeNews(), bus_.TakeNotice(now_us)}) {
+      if (!news.empty()) health_.Change(commands_.State(), news, Counters());
+    }
+  }
+
   void PublishState(double solve_us) {
     simulation_.Describe(state_);
     commands_.Describe(state_);
@@ -115,12 +125,13 @@ class LiveLoop {
   }
 
   bus::HealthCounters Counters() const {
-    return {{"ticks", statistics_.ticks},
-            {"commands", commands_.taken()},
-            {"unknown_instrument", commands_.unknown()},
-            {"unconverged", statistics_.unconverged},
-            {"undecodable", bus_.undecodable()},
-            {"publish_failures", bus_.publish_failures()}};
+    bus::HealthCounters counters = commands_.Counters();
+    counters.insert(counters.end(), {{"ticks", statistics_.ticks},
+                                     {"unconverged", statistics_.unconverged},
+                                     {"undecodable", bus_.undecodable()},
+                                     {"dropped", bus_.dropped()},
+                                     {"publish_failures", bus_.publish_failures()}});
+    return counters;
   }
 
   Simulation& simulation_;

@@ -8,10 +8,16 @@
 #include <numbers>
 #include <utility>
 
+#include "host/support/printable_text.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer::tools {
 namespace {
+
+// Beyond it a time in a message is wrong.
+constexpr double kLongestLatencyUs = 60e6;
+// Sums of them stay within their type, whatever a message says.
+constexpr std::int64_t kMostLost = 1'000'000'000'000;
 
 constexpr std::array<std::pair<std::int32_t, const char*>, 6> kStatusWords = {{
     {protocol::kWireBudgetSpent, "out of time"},
@@ -40,6 +46,14 @@ std::string ForceText(const std::map<std::string, double>& readings) {
                      value("wall_force_largest_ever_mN"), value("wall_force_events"));
 }
 
+// Names of instruments and devices are short.
+std::string Name(const std::string& text) { return Printable(text, 40); }
+
+// How long ago, in whole seconds.
+std::string Age(std::int64_t heard_us, std::int64_t now_us) {
+  return fmt::format("{} s", (now_us - heard_us) / 1'000'000);
+}
+
 }  // namespace
 
 std::string StatusWords(std::int32_t status) {
@@ -52,41 +66,79 @@ std::string StatusWords(std::int32_t status) {
 
 void LiveStatus::Add(const torquer_lcm::device_sample_t&) { ++samples_; }
 
-void LiveStatus::Add(const torquer_lcm::wire_state_t& state) {
+void LiveStatus::Add(const torquer_lcm::scene_description_t& scene) { scene_ = Name(scene.name); }
+
+void LiveStatus::Add(const torquer_lcm::wire_state_t& state, std::int64_t now_us) {
   ++states_;
+  state_heard_us_ = now_us;
   max_penetration_um_ = std::max(max_penetration_um_, state.max_penetration_um);
-  for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
+  state_ = state;
+  if (state_->instruments.size() > kMostShown) state_->instruments.resize(kMostShown);
+  // Another simulator has other instruments.
+  std::erase_if(command_sequences_, [this](const auto& entry) {
+    return std::none_of(state_->instruments.begin(), state_->instruments.end(),
+                        [&](const auto& instrument) { return instrument.name == entry.first; });
+  });
+  for (const torquer_lcm::instrument_state_t& instrument : state_->instruments) {
     std::int64_t& shown = command_sequences_.try_emplace(instrument.name, -1).first->second;
-    if (state.clock_id == clock_id_ && instrument.command_sequence > shown) {
-      latencies_ms_.push_back(1e-3 * static_cast<double>(state.publish_us - instrument.origin_us));
+    const double latency_us =
+        static_cast<double>(state.publish_us) - static_cast<double>(instrument.origin_us);
+    if (state.clock_id == clock_id_ && instrument.command_sequence > shown && latency_us >= 0 &&
+        latency_us < kLongestLatencyUs) {
+      latencies_ms_.push_back(1e-3 * latency_us);
     }
     shown = instrument.command_sequence;
   }
-  state_ = state;
 }
 
-std::string LiveStatus::Add(const torquer_lcm::health_t& health) {
+std::string LiveStatus::Add(const torquer_lcm::health_t& health, std::int64_t now_us) {
   if (health.process == "daemon") {
+    if (daemons_.size() >= kMostShown && !daemons_.contains(health.instrument)) {
+      daemons_.erase(std::min_element(
+          daemons_.begin(), daemons_.end(),
+          [](const auto& a, const auto& b) { return a.second.heard_us < b.second.heard_us; }));
+    }
     Daemon& daemon = daemons_[health.instrument];
-    daemon.state = health.state;
+    daemon.state = Name(health.state);
+    daemon.heard_us = now_us;
     for (std::size_t i = 0; i < health.names.size(); ++i) {
-      if (health.names[i] == "reports_lost") daemon.reports_lost = health.values[i];
+      if (health.names[i] == "reports_lost") {
+        daemon.reports_lost = std::clamp(health.values[i], std::int64_t{0}, kMostLost);
+      }
     }
   }
   if (health.message.empty()) return "";
   const std::string& of = health.instrument.empty() ? health.device : health.instrument;
-  return fmt::format("{}{}: {}: {}", health.process, of.empty() ? "" : " of " + of, health.state,
-                     health.message);
+  return fmt::format("{}{}: {}: {}", Name(health.process), of.empty() ? "" : " of " + Name(of),
+                     Name(health.state), Printable(health.message));
 }
 
-std::string LiveStatus::Devices() const {
+std::string LiveStatus::Devices(std::int64_t now_us) const {
+  const auto state = [now_us](const Daemon& daemon) {
+    return now_us - daemon.heard_us < kHealthOldUs ? daemon.state
+                                                   : "silent for " + Age(daemon.heard_us, now_us);
+  };
   if (daemons_.empty()) return "device no daemon";
-  if (daemons_.size() == 1) return "device " + daemons_.begin()->second.state;
+  if (daemons_.size() == 1) return "device " + state(daemons_.begin()->second);
   std::string text;
   for (const auto& [instrument, daemon] : daemons_) {
-    text += fmt::format("{} {} {}", text.empty() ? "devices" : ",", instrument, daemon.state);
+    text +=
+        fmt::format("{} {} {}", text.empty() ? "devices" : ",", Name(instrument), state(daemon));
   }
   return text;
+}
+
+std::string LiveStatus::Instruments(std::int64_t now_us) const {
+  if (!state_) return " | no wire yet";
+  std::string text;
+  for (const torquer_lcm::instrument_state_t& instrument : state_->instruments) {
+    text += fmt::format(" | {} {:.2f} mm, {:+.0f} deg", Name(instrument.name),
+                        instrument.insertion_mm, instrument.rotation_rad * 180 / std::numbers::pi);
+  }
+  return text + " | " +
+         (now_us - state_heard_us_ < kStateOldUs
+              ? StatusWords(state_->status) + ForceText(readings_)
+              : "simulator silent for " + Age(state_heard_us_, now_us) + ", that was its last");
 }
 
 std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
@@ -116,21 +168,12 @@ std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
   return news;
 }
 
-std::string LiveStatus::Line(double interval_s) {
+std::string LiveStatus::Line(double interval_s, std::int64_t now_us) {
   // First what matters most: a narrow terminal cuts the end off.
-  std::string line = scene_;
-  if (state_) {
-    for (const torquer_lcm::instrument_state_t& instrument : state_->instruments) {
-      line += fmt::format(" | {} {:.2f} mm, {:+.0f} deg", instrument.name, instrument.insertion_mm,
-                          instrument.rotation_rad * 180 / std::numbers::pi);
-    }
-    line += " | " + StatusWords(state_->status) + ForceText(readings_);
-  } else {
-    line += " | no wire yet";
-  }
+  std::string line = scene_ + Instruments(now_us);
   std::int64_t lost = 0;
   for (const auto& [instrument, daemon] : daemons_) lost += daemon.reports_lost;
-  line += fmt::format(" | {} | {:.0f} reports/s, {} lost | {:.0f} states/s, {}", Devices(),
+  line += fmt::format(" | {} | {:.0f} reports/s, {} lost | {:.0f} states/s, {}", Devices(now_us),
                       static_cast<double>(samples_) / interval_s, lost,
                       static_cast<double>(states_) / interval_s, LatencyText(latencies_ms_));
   if (state_) {

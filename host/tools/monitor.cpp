@@ -49,7 +49,8 @@ int Run(const std::string& url, std::optional<double> duration_s) {
       torquer::protocol::kDeviceSampleChannel, [&](const auto& message) { status.Add(message); },
       0);
   bus.Subscribe<torquer_lcm::wire_state_t>(
-      torquer::protocol::kWireStateChannel, [&](const auto& message) { status.Add(message); }, 0);
+      torquer::protocol::kWireStateChannel,
+      [&](const auto& message) { status.Add(message, torquer::bus::MonotonicUs()); }, 0);
   bus.Subscribe<torquer_lcm::scene_description_t>(
       torquer::protocol::kSceneChannel, [&](const auto& message) { status.Add(message); });
   bus.Subscribe<torquer_lcm::readings_t>(torquer::protocol::kReadingsChannel,
@@ -58,7 +59,7 @@ int Run(const std::string& url, std::optional<double> duration_s) {
                                            if (!news.empty()) Show(news, true, width);
                                          });
   bus.Subscribe<torquer_lcm::health_t>(torquer::protocol::kHealthChannel, [&](const auto& message) {
-    const std::string news = status.Add(message);
+    const std::string news = status.Add(message, torquer::bus::MonotonicUs());
     if (!news.empty()) Show(news, true, width);
   });
   const std::atomic<bool>& stop = torquer::StopOnSignal();
@@ -72,9 +73,11 @@ int Run(const std::string& url, std::optional<double> duration_s) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     bus.Handle(0);
     const std::int64_t now_us = torquer::bus::MonotonicUs();
+    const std::string notice = bus.TakeNotice(now_us);
+    if (!notice.empty()) Show(notice, true, width);
     ended = stop || (duration_s && now_us >= end_us);
     if (ended || now_us - shown_us >= interval_us) {
-      Show(status.Line(1e-6 * static_cast<double>(now_us - shown_us)), ended, width);
+      Show(status.Line(1e-6 * static_cast<double>(now_us - shown_us), now_us), ended, width);
       shown_us = now_us;
     }
   }

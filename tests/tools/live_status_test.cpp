@@ -8,6 +8,8 @@ using namespace torquer;
 
 namespace {
 
+constexpr std::int64_t kNowUs = 9'000'000;
+
 torquer_lcm::wire_state_t State(std::int64_t command_sequence, double latency_ms) {
   torquer_lcm::wire_state_t state{};
   state.clock_id = 7;
@@ -33,36 +35,37 @@ TEST_CASE("The line has place, status, device, rates, latency, residual and pene
   scene.name = "arch";
   status.Add(scene);
   for (int i = 0; i < 500; ++i) status.Add(torquer_lcm::device_sample_t{});
-  status.Add(State(0, 1));
-  status.Add(State(1, 2));
-  status.Add(State(2, 9));
-  status.Add(State(2, 50));  // shows no new command
+  status.Add(State(0, 1), kNowUs);
+  status.Add(State(1, 2), kNowUs);
+  status.Add(State(2, 9), kNowUs);
+  status.Add(State(2, 50), kNowUs);  // shows no new command
   torquer_lcm::health_t health{};
   health.process = "daemon";
   health.state = "running";
   health.message = "reading";
   health.names = {"reports_received", "reports_lost"};
   health.values = {500, 4};
-  CHECK(status.Add(health) == "daemon: running: reading");
+  CHECK(status.Add(health, kNowUs) == "daemon: running: reading");
   health.message = "";
-  CHECK(status.Add(health).empty());
+  CHECK(status.Add(health, kNowUs).empty());
 
-  CHECK(status.Line(0.5) ==
+  CHECK(status.Line(0.5, kNowUs) ==
         "arch | guidewire 451.25 mm, +90 deg | ok | device running | 1000 reports/s, 4 lost | "
         "8 states/s, latency 2.00 ms (worst 9.00) | residual 2.0e-06, wall 50.0 um");
-  CHECK_THAT(status.Line(0.5), Catch::Contains("0 reports/s") && Catch::Contains("latency -") &&
-                                   Catch::Contains("wall 0.0 um"));
+  CHECK_THAT(status.Line(0.5, kNowUs), Catch::Contains("0 reports/s") &&
+                                           Catch::Contains("latency -") &&
+                                           Catch::Contains("wall 0.0 um"));
 }
 
 TEST_CASE("Latency by another machine's clock is left out") {
   tools::LiveStatus status(8);
-  status.Add(State(0, 1));
-  CHECK_THAT(status.Line(1), Catch::Contains("latency -"));
+  status.Add(State(0, 1), kNowUs);
+  CHECK_THAT(status.Line(1, kNowUs), Catch::Contains("latency -"));
 }
 
 TEST_CASE("Events of the wall force are news once, and the force stands in the line") {
   tools::LiveStatus status(7);
-  status.Add(State(0, 1));
+  status.Add(State(0, 1), kNowUs);
   torquer_lcm::readings_t readings{};
   readings.names = {"wall_force_largest_mN", "wall_force_sum_mN",
                     "wall_force_events",     "wall_force_largest_ever_mN",
@@ -71,7 +74,7 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
   readings.values = {0.5, 1.25, 2, 3.5, 4, 3.5, 0, -1};
   // Two that came before the first readings are no news.
   CHECK(status.Add(readings).empty());
-  CHECK_THAT(status.Line(1),
+  CHECK_THAT(status.Line(1, kNowUs),
              Catch::Contains("| ok | force 0.5 mN, sum 1.25, most 3.5, 2 events | device"));
   readings.values = {5, 6, 3, 5, 7.25, 5, 0, -1};
   CHECK(status.Add(readings) == "wall force: event 3: above the threshold at 7.25 s, 5 mN so far");
@@ -86,7 +89,7 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
 
 TEST_CASE("Nothing on the bus is said so") {
   tools::LiveStatus status(7);
-  CHECK(status.Line(1) ==
+  CHECK(status.Line(1, kNowUs) ==
         "no scene | no wire yet | device no daemon | 0 reports/s, 0 lost | 0 states/s, latency -");
 }
 
@@ -101,11 +104,11 @@ TEST_CASE("Every instrument stands in the line, each with a latency") {
   catheter.rotation_rad = -0.5235988;
   state.instruments.push_back(catheter);
   state.instrument_count = 2;
-  status.Add(state);
+  status.Add(state, kNowUs);
   // In this one only the catheter's command is new.
   state.instruments[1].command_sequence = 5;
-  status.Add(state);
-  const std::string line = status.Line(1);
+  status.Add(state, kNowUs);
+  const std::string line = status.Line(1, kNowUs);
   CHECK_THAT(line,
              Catch::Contains("| guidewire 451.25 mm, +90 deg | catheter 380.00 mm, -30 deg | ok"));
   // Of 3, 7 and 7 ms.
@@ -127,16 +130,82 @@ TEST_CASE("Every daemon stands in the line, and messages name whose they are") {
   health.names = {"reports_lost"};
   health.values = {4};
   health.instrument = "guidewire";
-  CHECK(status.Add(health) == "daemon of guidewire: running: reading");
-  CHECK_THAT(status.Line(1), Catch::Contains("| device running | 0 reports/s, 4 lost"));
+  CHECK(status.Add(health, kNowUs) == "daemon of guidewire: running: reading");
+  CHECK_THAT(status.Line(1, kNowUs), Catch::Contains("| device running | 0 reports/s, 4 lost"));
   health.instrument = "catheter";
   health.state = "waiting for device";
   health.values = {3};
-  status.Add(health);
-  CHECK_THAT(status.Line(1), Catch::Contains("| devices catheter waiting for device, guidewire "
-                                             "running | 0 reports/s, 7 lost"));
+  status.Add(health, kNowUs);
+  CHECK_THAT(status.Line(1, kNowUs),
+             Catch::Contains("| devices catheter waiting for device, guidewire "
+                             "running | 0 reports/s, 7 lost"));
   health.process = "emulator";
   health.instrument = "";
   health.device = "BOX-2";
-  CHECK(status.Add(health) == "emulator of BOX-2: waiting for device: reading");
+  CHECK(status.Add(health, kNowUs) == "emulator of BOX-2: waiting for device: reading");
+}
+
+TEST_CASE("What has stopped coming is shown as old, not as the present state") {
+  tools::LiveStatus status(7);
+  torquer_lcm::wire_state_t state = State(0, 1);
+  state.status = protocol::kWireConverged;
+  status.Add(state, kNowUs);
+  torquer_lcm::health_t health{};
+  health.process = "daemon";
+  health.instrument = "guidewire";
+  health.state = "running";
+  status.Add(health, kNowUs);
+  // A wire at rest is published every 0.2 s, health every second: nothing is old yet.
+  CHECK_THAT(status.Line(1, kNowUs + 900'000), Catch::Contains("| ok | device running |"));
+  const std::string later = status.Line(1, kNowUs + 5'000'000);
+  CHECK_THAT(later, Catch::Contains("| guidewire 451.25 mm, +90 deg | simulator silent for 5 s, "
+                                    "that was its last | device silent for 5 s |"));
+  CHECK_THAT(later, !Catch::Contains("ok") && !Catch::Contains("running"));
+  // The daemon is back, and the other one of two is not.
+  status.Add(health, kNowUs + 5'000'000);
+  health.instrument = "catheter";
+  status.Add(health, kNowUs);
+  CHECK_THAT(status.Line(1, kNowUs + 5'000'000),
+             Catch::Contains("| devices catheter silent for 5 s, guidewire running |"));
+  status.Add(state, kNowUs + 5'000'000);
+  CHECK_THAT(status.Line(1, kNowUs + 5'000'000), Catch::Contains("| ok |"));
+}
+
+TEST_CASE("Text and numbers of strangers do no harm") {
+  tools::LiveStatus status(7);
+  torquer_lcm::scene_description_t scene{};
+  scene.name = "arch\x1b[2J";
+  status.Add(scene);
+  torquer_lcm::wire_state_t state = State(0, 1);
+  state.instruments[0].name = "wire\r\n| ok";
+  state.instruments[0].origin_us = INT64_MIN;
+  state.publish_us = INT64_MAX;
+  state.instruments.resize(1000, state.instruments[0]);
+  status.Add(state, kNowUs);
+  torquer_lcm::health_t health{};
+  health.process = "daemon\x07";
+  health.device = "\xff";
+  health.state =
+      "\x9b"
+      "2J";
+  health.message = std::string(60'000, '\n');
+  const std::string news = status.Add(health, kNowUs);
+  CHECK_THAT(news, Catch::StartsWith("daemon\\x07 of \\xff: \\x9b2J: \\x0a"));
+  CHECK(news.size() < 1000);
+  health.process = "daemon";
+  health.names = {"reports_lost"};
+  health.values = {INT64_MAX};
+  for (int k = 0; k < 1000; ++k) {
+    health.instrument = "wire " + std::to_string(k);
+    status.Add(health, kNowUs + k);
+  }
+  const std::string line = status.Line(1, kNowUs + 1000);
+  CHECK_THAT(line, Catch::StartsWith("arch\\x1b[2J | wire\\x0d\\x0a| ok 451.25 mm"));
+  CHECK_THAT(line, Catch::Contains("wire 999 \\x9b2J"));
+  CHECK_THAT(line, Catch::Contains("latency -"));
+  CHECK(line.size() < 3000);
+  for (const char byte : line + news) {
+    REQUIRE(static_cast<unsigned char>(byte) >= 0x20);
+    REQUIRE(static_cast<unsigned char>(byte) < 0x7f);
+  }
 }

@@ -1,0 +1,57 @@
+// LCM's datagrams on UDP multicast ("udpm"): small messages whole in one, large ones in fragments.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <list>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "host/bus/sender.h"
+
+namespace torquer::bus {
+
+/// Makes messages of datagrams of any origin. liblcm 1.3.1 does the same, and adds a fragment's
+/// place and size in 32 bits: two datagrams then write anywhere.
+class UdpmAssembly {
+ public:
+  /// Views into the datagram or this object, until the next Take().
+  struct Message {
+    std::string_view channel;
+    std::span<const std::uint8_t> data;
+  };
+  enum class Outcome {
+    kMessage,  ///< a message is complete
+    kPart,     ///< a fragment of one was taken
+    kRefused,  ///< damaged, too large, or a fragment that does not follow the one before
+  };
+
+  Outcome Take(std::span<const std::uint8_t> datagram, const Sender& sender, Message& message);
+
+  /// Bytes of the largest message that is put together; the largest of ours is a tenth of it.
+  static constexpr std::size_t kLargestMessage = std::size_t{4} << 20;
+  /// Messages that are in the making at a time; one more, and the oldest is given up.
+  static constexpr std::size_t kMostParts = 8;
+
+ private:
+  // Fragments come in order: they are sent so, and a network that changes the order loses some.
+  struct Part {
+    Sender sender;
+    std::uint32_t number = 0;
+    std::size_t size = 0;
+    std::uint32_t fragments = 0;
+    std::uint32_t taken = 0;
+    std::string channel;
+    std::vector<std::uint8_t> data;
+  };
+
+  Outcome TakeFragment(std::span<const std::uint8_t> datagram, const Sender& sender,
+                       Message& message);
+
+  std::list<Part> parts_;  // the oldest first
+  Part done_;
+};
+
+}  // namespace torquer::bus

@@ -1,0 +1,93 @@
+// The receiving half of a bus on UDP multicast, compatible with LCM; sending is left to liblcm.
+#pragma once
+
+#include <netinet/in.h>
+
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "host/bus/sender.h"
+#include "host/bus/udpm_datagram.h"
+
+namespace torquer::bus {
+
+/// Where to listen.
+struct UdpmPlace {
+  sockaddr_in group{};
+  /// Take nothing from other machines, whatever address it claims to come from.
+  bool this_machine_only = true;
+  int receive_buffer_bytes = 0;  ///< 0: the kernel's default
+};
+
+/// Receives in a thread of its own, which empties the kernel's buffer while the program computes.
+class UdpmReceiver {
+ public:
+  /// Throws std::system_error with the step that failed.
+  explicit UdpmReceiver(const UdpmPlace& place);
+  ~UdpmReceiver();
+  UdpmReceiver(const UdpmReceiver&) = delete;
+  UdpmReceiver& operator=(const UdpmReceiver&) = delete;
+
+  /// Keeps messages of `channel` from now on, at most `most_waiting` at a time; 0: as many as fit
+  /// into kMostWaitingBytes with all others. Beyond that the newest is dropped. The number of the
+  /// subscription: 0, 1, 2..
+  std::size_t Listen(const std::string& channel, int most_waiting);
+
+  struct Received {
+    std::size_t subscription = 0;
+    Arrival arrival;
+    std::vector<std::uint8_t> data;
+  };
+  /// The oldest message that waits, if any.
+  std::optional<Received> Next();
+
+  /// Readable while a message waits.
+  int FileDescriptor() const { return waiting_fd_; }
+
+  /// Datagrams that were no part of any LCM message, and who sent the last.
+  struct Damaged {
+    std::int64_t count = 0;
+    Sender last_sender;
+  };
+  Damaged damaged() const;
+  /// Dropped for want of room in the queue of a subscription.
+  std::int64_t dropped(std::size_t subscription) const;
+
+  /// What may wait at all: some seconds of the largest states.
+  static constexpr std::size_t kMostWaitingBytes = std::size_t{64} << 20;
+
+ private:
+  struct Subscription {
+    std::string channel;
+    int most_waiting = 0;
+    int waiting = 0;
+    std::int64_t dropped = 0;
+  };
+
+  void Open(const UdpmPlace& place);
+  void Close();
+  void Run();
+  void TakeDatagrams();
+  void Add(const UdpmAssembly::Message& message, const Sender& sender);
+
+  int socket_ = -1;
+  int stop_fd_ = -1;
+  int waiting_fd_ = -1;
+  std::vector<std::uint8_t> buffer_;
+  UdpmAssembly assembly_;
+
+  mutable std::mutex mutex_;  // of all that follows
+  std::vector<Subscription> subscriptions_;
+  std::deque<Received> waiting_;
+  std::size_t waiting_bytes_ = 0;
+  Damaged damaged_;
+
+  std::thread thread_;
+};
+
+}  // namespace torquer::bus

@@ -1,0 +1,254 @@
+// Who may command, what is refused, and what follows when nobody does; in times that the test says.
+#include "host/simulator/live_commands.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "host/bus/clock.h"
+#include "protocol/lcm_channels.h"
+#include "tests/support/scenes.h"
+
+using torquer::bus::Sender;
+using torquer::simulator::LiveCommands;
+using torquer_lcm::instrument_command_t;
+
+namespace {
+
+constexpr Sender kHand{0, 1001};
+constexpr Sender kStranger{0, 1002};
+constexpr std::int64_t kStartUs = 50'000'000;
+
+// A scene with a guidewire at 120 mm and a microcatheter at 60 mm.
+class Fixture {
+ public:
+  Fixture() : file_(torquer::test::kMicrocatheter), scene_(file_.path()), simulation_(scene_) {}
+
+  instrument_command_t Command(std::int64_t sequence, double insertion_mm) const {
+    instrument_command_t command{};
+    command.instrument = "guidewire";
+    command.sequence = sequence;
+    command.clock_id = torquer::bus::ClockId();
+    command.origin_us = kStartUs - 2000;
+    command.publish_us = kStartUs - 1000;
+    command.insertion_mm = insertion_mm;
+    return command;
+  }
+  double WantedMm(int instrument = 0) const {
+    return commands().command().target[instrument].insertion_mm;
+  }
+  std::int64_t Count(const std::string& name) const {
+    for (const auto& [counter, value] : commands().Counters()) {
+      if (counter == name) return value;
+    }
+    return -1;
+  }
+  // Whether the state after a tick says that the command was refused.
+  bool TickRefuses(const torquer::simulator::Command& command) {
+    torquer::CountedBudget budget(1);
+    simulation_.Tick(command, budget);
+    return (simulation_.status() & torquer::protocol::kWireInputRefused) != 0;
+  }
+  LiveCommands& commands() { return commands_; }
+  const LiveCommands& commands() const { return commands_; }
+  torquer::simulator::Simulation& simulation() { return simulation_; }
+
+ private:
+  torquer::test::SceneFile file_;
+  torquer::scene::Scene scene_;
+  torquer::simulator::Simulation simulation_;
+  LiveCommands commands_{simulation_};
+};
+
+}  // namespace
+
+TEST_CASE(
+    "Without commands the pedals come up, the wire is held, and health says whose are missing",
+    "[simulator]") {
+  Fixture fixture;
+  LiveCommands& commands = fixture.commands();
+  // Who was never commanded is not missing.
+  commands.Age(kStartUs);
+  CHECK(commands.State() == "running");
+  CHECK_FALSE(commands.fresh());
+  instrument_command_t command = fixture.Command(1, 7);
+  command.xray = command.contrast = 1;
+  command.lao_rad = 0.5;
+  commands.Take(command, kHand, kStartUs);
+  CHECK(commands.command().controls.xray);
+  commands.Settle();
+  commands.Age(kStartUs + 299'999);
+  CHECK_FALSE(commands.fresh());
+  CHECK_FALSE(commands.command().in_doubt);
+  CHECK(commands.TakeNews().empty());
+
+  commands.Age(kStartUs + 300'000);
+  CHECK(commands.fresh());  // so that a state says it, and the picture stops
+  CHECK_FALSE(commands.command().controls.xray);
+  CHECK_FALSE(commands.command().controls.contrast);
+  CHECK(commands.command().controls.lao_rad == 0.5);
+  CHECK(commands.command().in_doubt);
+  CHECK(fixture.WantedMm() == 127);
+  CHECK(commands.State() == "no commands for guidewire");
+  CHECK(commands.TakeNews() ==
+        "no command for the guidewire from port 1001 any more: it is held, and the pedals are up");
+  commands.Settle();
+  commands.Age(kStartUs + 900'000);
+  CHECK_FALSE(commands.fresh());
+  CHECK(commands.TakeNews().empty());
+
+  command.sequence = 2;
+  commands.Take(command, kHand, kStartUs + 900'000);
+  CHECK(commands.command().controls.xray);
+  CHECK_FALSE(commands.command().in_doubt);
+  CHECK(commands.State() == "running");
+  CHECK(commands.TakeNews() == "the guidewire is commanded again, by port 1001");
+}
+
+TEST_CASE("An instrument has one sender, until that is silent for a second", "[simulator]") {
+  Fixture fixture;
+  LiveCommands& commands = fixture.commands();
+  commands.Take(fixture.Command(100, 1), kHand, kStartUs);
+  for (int k = 0; k < 5; ++k) {
+    commands.Take(fixture.Command(INT64_MAX, 50), kStranger, kStartUs + 1000 * k);
+  }
+  CHECK(fixture.WantedMm() == 121);
+  CHECK(fixture.Count("refused_senders") == 5);
+  CHECK(commands.TakeNews() ==
+        "commands for the guidewire from port 1002 are refused: it is commanded by port 1001");
+  // The other instrument is free.
+  instrument_command_t other = fixture.Command(3, 4);
+  other.instrument = "microcatheter";
+  commands.Take(other, kStranger, kStartUs + 5000);
+  CHECK(fixture.WantedMm(1) == 64);
+  // The owner goes on, whatever number the stranger had.
+  commands.Take(fixture.Command(101, 2), kHand, kStartUs + 500'000);
+  CHECK(fixture.WantedMm() == 122);
+  commands.Take(fixture.Command(1, 3), kStranger, kStartUs + 1'499'999);
+  CHECK(fixture.WantedMm() == 122);
+  commands.Take(fixture.Command(1, 3), kStranger, kStartUs + 1'500'000);
+  CHECK(fixture.WantedMm() == 123);
+  CHECK(commands.TakeNews() == "the guidewire is commanded again, by port 1002");
+  // Now it is the first one who is refused; that is not named again within the minute.
+  commands.Take(fixture.Command(102, 9), kHand, kStartUs + 1'600'000);
+  CHECK(fixture.WantedMm() == 123);
+  CHECK(fixture.Count("refused_senders") == 7);
+  CHECK(commands.TakeNews().empty());
+}
+
+TEST_CASE("The numbers of a sender never go back, and lock nobody out", "[simulator]") {
+  Fixture fixture;
+  LiveCommands& commands = fixture.commands();
+  std::int64_t now_us = kStartUs;
+  const auto taken = [&](std::int64_t sequence) {
+    const std::int64_t before = commands.taken();
+    commands.Take(fixture.Command(sequence, 1), kHand, now_us);
+    return commands.taken() > before;
+  };
+  CHECK_FALSE(taken(-1));
+  CHECK_FALSE(taken(INT64_MIN));
+  CHECK(taken(5));
+  CHECK(taken(6));
+  CHECK(taken(6));  // repeated, as a network may
+  CHECK_FALSE(taken(5));
+  CHECK_FALSE(taken(0));
+  CHECK(taken(1000));  // what lies between was lost
+  CHECK(fixture.Count("refused_order") == 4);
+  // The largest number, and what comes after it.
+  now_us += LiveCommands::kOwnedUs;
+  CHECK(taken(INT64_MAX));
+  CHECK_FALSE(taken(INT64_MAX - 1));
+  CHECK(torquer::protocol::NextSequence(INT64_MAX) == 0);
+  CHECK(torquer::protocol::NextSequence(41) == 42);
+  CHECK(taken(0));
+  CHECK(taken(1));
+  CHECK_FALSE(taken(INT64_MAX));
+  // Where only such numbers come the stream is silent, and after a second begins again.
+  now_us += LiveCommands::kOwnedUs - 1;
+  CHECK_FALSE(taken(INT64_MAX));
+  now_us += 1;
+  CHECK(taken(INT64_MAX));
+}
+
+TEST_CASE(
+    "Values that cannot be followed are refused, field by field, and the last good ones stand",
+    "[simulator]") {
+  using Field = double instrument_command_t::*;
+  const auto [field, limit] = GENERATE(table<Field, double>({
+      {&instrument_command_t::insertion_mm, 1e5},
+      {&instrument_command_t::rotation_rad, 1e5},
+      {&instrument_command_t::lao_rad, 3.15},
+      {&instrument_command_t::cra_rad, 3.15},
+  }));
+  Fixture fixture;
+  LiveCommands& commands = fixture.commands();
+  instrument_command_t good = fixture.Command(1, 7);
+  good.rotation_rad = 1;
+  good.lao_rad = 0.5;
+  good.cra_rad = -0.5;
+  commands.Take(good, kHand, kStartUs);
+  const std::vector<double> hostile = {std::nan(""),
+                                       std::numeric_limits<double>::infinity(),
+                                       -std::numeric_limits<double>::infinity(),
+                                       std::numeric_limits<double>::max(),
+                                       1.01 * limit,
+                                       -1.01 * limit};
+  for (const double value : hostile) {
+    instrument_command_t command = good;
+    command.sequence = good.sequence + 1;
+    command.*field = value;
+    command.xray = 1;
+    commands.Take(command, kHand, kStartUs + 1000);
+    CHECK(commands.command().refused);
+    CHECK(fixture.WantedMm() == 127);
+    CHECK(commands.command().target[0].rotation_rad == 1);
+    CHECK(commands.command().controls.lao_rad == 0.5);
+    CHECK(commands.command().controls.cra_rad == -0.5);
+    CHECK_FALSE(commands.command().controls.xray);
+    CHECK(fixture.TickRefuses(commands.command()));
+    good.sequence += 2;
+    commands.Take(good, kHand, kStartUs + 2000);
+    CHECK_FALSE(fixture.TickRefuses(commands.command()));
+  }
+  CHECK(fixture.Count("refused_values") == static_cast<std::int64_t>(hostile.size()));
+  CHECK_THAT(
+      commands.TakeNews(),
+      Catch::StartsWith("a command for the guidewire from port 1001 is refused, and the last "
+                        "one stands: "));
+  // Who sends nothing else is silent.
+  instrument_command_t bad = good;
+  bad.sequence += 1;
+  bad.*field = std::nan("");
+  commands.Take(bad, kHand, kStartUs + 302'000);
+  commands.Age(kStartUs + 302'000);
+  CHECK(commands.State() == "no commands for guidewire");
+}
+
+TEST_CASE("Angles that cannot be are refused by the simulation itself", "[simulator]") {
+  Fixture fixture;
+  torquer::simulator::Command command = fixture.commands().command();
+  command.controls.lao_rad = std::nan("");
+  CHECK(fixture.TickRefuses(command));
+  command.controls.lao_rad = 0;
+  command.controls.cra_rad = -4;
+  CHECK(fixture.TickRefuses(command));
+  command.controls.cra_rad = -3;
+  CHECK_FALSE(fixture.TickRefuses(command));
+}
+
+TEST_CASE("Times that cannot be are replaced by that of arrival", "[simulator]") {
+  Fixture fixture;
+  for (const std::int64_t time_us : {INT64_MIN, std::int64_t{-1}, kStartUs + 1, INT64_MAX}) {
+    instrument_command_t command = fixture.Command(1, 7);
+    command.origin_us = command.publish_us = time_us;
+    fixture.commands().Take(command, kHand, kStartUs);
+    torquer_lcm::wire_state_t state{};
+    fixture.simulation().Describe(state);
+    fixture.commands().Describe(state);
+    CHECK(state.instruments[0].origin_us == kStartUs);
+    CHECK(fixture.commands().sent_us() == 0);
+  }
+}
