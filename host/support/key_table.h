@@ -181,8 +181,8 @@ class Keys final : public KeyTable {
              spec.*member = static_cast<Enum>(table.Choice(key.name, key.choices));
            }
          },
-         [key, member](const Spec& spec, TomlWriter& out) {
-           if (!key.required && spec.*member == Spec().*member) return;
+         [key, member](const Spec& spec, const Spec& base, TomlWriter& out) {
+           if (!key.required && spec.*member == base.*member) return;
            out.Value(key.name, '"' + key.choices[static_cast<std::size_t>(spec.*member)] + '"');
          }});
     keys_.push_back(std::move(key));
@@ -229,7 +229,7 @@ class Keys final : public KeyTable {
                             in.Table(key.name);
                           }
                         },
-                        [key, member, &table](const Spec& spec, TomlWriter& out) {
+                        [key, member, &table](const Spec& spec, const Spec&, TomlWriter& out) {
                           if (spec.*member) table.Write(*(spec.*member), out.Table(key.name));
                         }});
     keys_.push_back(std::move(key));
@@ -249,7 +249,7 @@ class Keys final : public KeyTable {
                           }
                           if ((spec.*member).size() < key.fewest) RefuseTooFew(in, key);
                         },
-                        [key, member, &table](const Spec& spec, TomlWriter& out) {
+                        [key, member, &table](const Spec& spec, const Spec&, TomlWriter& out) {
                           for (const Inner& inner : spec.*member) {
                             table.Write(inner, out.Table(key.name, true));
                           }
@@ -262,7 +262,9 @@ class Keys final : public KeyTable {
   Keys& Include(const Keys<Base>& base) {
     keys_.insert(keys_.end(), base.keys().begin(), base.keys().end());
     entries_.push_back({[&base](StrictTable& table, Spec& spec) { base.ReadInto(table, spec); },
-                        [&base](const Spec& spec, TomlWriter& out) { base.Write(spec, out); }});
+                        [&base](const Spec& spec, const Spec& other, TomlWriter& out) {
+                          base.Write(spec, other, out);
+                        }});
     return *this;
   }
   /// What else must hold, after all keys are read: refuses through the table.
@@ -288,14 +290,16 @@ class Keys final : public KeyTable {
     if (check_) check_(spec, table);
   }
   /// Writes what differs from a new Spec, and what must be given.
-  void Write(const Spec& spec, TomlWriter& out) const {
-    for (const Entry& entry : entries_) entry.write(spec, out);
+  void Write(const Spec& spec, TomlWriter& out) const { Write(spec, Spec(), out); }
+  /// The same, but what differs from `base`, into which it will be read again with ReadInto.
+  void Write(const Spec& spec, const Spec& base, TomlWriter& out) const {
+    for (const Entry& entry : entries_) entry.write(spec, base, out);
   }
 
  private:
   struct Entry {
     std::function<void(StrictTable&, Spec&)> read;
-    std::function<void(const Spec&, TomlWriter&)> write;
+    std::function<void(const Spec&, const Spec& base, TomlWriter&)> write;
   };
 
   Key Make(std::string name, KeyKind kind, std::string meaning) {
@@ -322,10 +326,13 @@ class Keys final : public KeyTable {
                                   key_values::Read(table, key, static_cast<const Value*>(nullptr));
                             }
                           },
-                          [key, member](const Spec& spec, TomlWriter& out) {
-                            if (spec.*member) {
-                              out.Value(key.name, key_values::Write(key, *(spec.*member)));
+                          [key, member](const Spec& spec, const Spec& base, TomlWriter& out) {
+                            if (!(spec.*member)) return;
+                            const std::string value = key_values::Write(key, *(spec.*member));
+                            if (base.*member && value == key_values::Write(key, *(base.*member))) {
+                              return;
                             }
+                            out.Value(key.name, value);
                           }});
     } else {
       const std::string by_default = key_values::Write(key, Spec().*member);
@@ -336,9 +343,11 @@ class Keys final : public KeyTable {
                                   key_values::Read(table, key, static_cast<const T*>(nullptr));
                             }
                           },
-                          [key, member, by_default](const Spec& spec, TomlWriter& out) {
+                          [key, member](const Spec& spec, const Spec& base, TomlWriter& out) {
                             const std::string value = key_values::Write(key, spec.*member);
-                            if (key.required || value != by_default) out.Value(key.name, value);
+                            if (key.required || value != key_values::Write(key, base.*member)) {
+                              out.Value(key.name, value);
+                            }
                           }});
     }
     keys_.push_back(std::move(key));

@@ -5,7 +5,9 @@
 #include "host/simulator/effects/contact/compliance.h"
 #include "host/simulator/effects/contact/friction.h"
 #include "host/simulator/effects/loads/gravity.h"
+#include "host/simulator/effects/motion/breathing.h"
 #include "host/simulator/scene/scene_spec.h"
+#include "host/simulator/vessel/moving_field.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/wires.h"
 
@@ -42,6 +44,47 @@ TEST_CASE("A wire lying on a wall sinks in by its weight over the stiffness of t
   CHECK(penetration(25) == Approx(kWeight / kSoft).epsilon(1e-3));
   CHECK(penetration(48) == Approx(kWeight / kElsewhere).epsilon(1e-3));
   CHECK(penetration(70) == Approx(kWeight / kCalcified).epsilon(1e-3));
+}
+
+TEST_CASE("A calcified part goes with the vessel under a wire that rests") {
+  constexpr double kWeight = 1e-3;  // N/mm
+  constexpr double kElsewhere = 0.05;
+  constexpr double kSoft = 0.01;
+  const HalfSpace floor(Vector3d::Zero(), Vector3d::UnitZ());
+  // The floor slides along the wire, 30 mm within a breath.
+  effects::PeriodicMotion::Settings settings;
+  settings.way_mm = Vector3d(30, 0, 0);
+  settings.period_s = 2;
+  settings.regions.push_back(Region::Side(Vector3d(-1000, 0, 0), Vector3d::UnitX(), 1));
+  effects::Breathing breath(std::move(settings), 0.4, 0.1, 0.5);
+  vessel::MovingField field(floor);
+  field.Add(breath);
+  field.SetTime(0);
+  const WireModel model = MakeWire({.rigidity_N_mm2 = 1e-3,
+                                    .radius_mm = 0.2,
+                                    .sheath = {Vector3d(0, 0, 0.19), Vector3d::UnitX()}});
+  WallModel wall{.stiffness_N_mm2 = kElsewhere};
+  std::vector<Compliance::Part> parts;
+  parts.push_back({Region::Ball(Vector3d(25, 0, 0), 8, 2), kSoft});
+  effects::EffectContext context{model, wall};
+  context.moving = &field;
+  Compliance compliance(std::move(parts), context);
+  wall.by_place = compliance.wall_stiffness();
+  effects::Gravity gravity({Vector3d(0, 0, -kWeight)});
+  const std::vector<EnergyTerm*> terms{&gravity};
+  NewtonRelaxation relaxation(model, field, wall, {.tolerance = 1e-8}, terms);
+  WireState state = LayStraight(model, 90);
+  relaxation.Restart(state);
+  const auto penetration = [&](int node) {
+    return 0.2 - state.nodes()[static_cast<std::size_t>(node)][2];
+  };
+  for (const double time_s : {0.0, 0.9, 2.0}) {
+    field.SetTime(time_s);
+    REQUIRE(Settle(relaxation, {90, 0}, state).converged);
+    const bool away = time_s == 0.9;
+    CHECK(penetration(25) == Approx(kWeight / (away ? kElsewhere : kSoft)).epsilon(1e-3));
+    CHECK(penetration(55) == Approx(kWeight / (away ? kSoft : kElsewhere)).epsilon(1e-3));
+  }
 }
 
 TEST_CASE("Stiffness goes over along an edge without a step, and later parts lie over earlier") {

@@ -1,10 +1,14 @@
 #include "host/simulator/scene/instrument_spec.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "host/simulator/scene/device_library.h"
+#include "host/support/nearest_name.h"
 
 namespace torquer::scene {
 
@@ -26,6 +30,10 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
   for (const char c : spec.name) {
     if (std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-') continue;
     table.Refuse("name", "may have letters, digits, '_' and '-' only");
+  }
+  for (const auto& [key, given] : {std::pair("rigidity_N_mm2", !spec.rigidity_N_mm2.empty()),
+                                   std::pair("radius_mm", !spec.radius_mm.empty())}) {
+    if (!given) table.Refuse(key, "is missing; give it, or a device that has it");
   }
   const std::vector<double>& at = spec.from_tip_mm;
   for (std::size_t k = 1; k < at.size(); ++k) {
@@ -72,23 +80,17 @@ double ValueAt(const std::vector<double>& at, const std::vector<double>& values,
 
 }  // namespace
 
-const Keys<InstrumentSpec>& InstrumentKeys() {
+const Keys<InstrumentSpec>& BuildKeys() {
   using Spec = InstrumentSpec;
   static const Keys<Spec> keys =
       Keys<Spec>()
-          .Text("name", &Spec::name, "by which commands, scripts and states name it")
-          .Required()
-          .Number("max_length_mm", &Spec::max_length_mm, 1, 5000, "mm",
-                  "that can be inserted; what is commanded beyond is clamped to it")
-          .Number("inserted_at_start_mm", &Spec::inserted_at_start_mm, 0, 5000, "mm",
-                  "inside at the start, along the centerline")
           .Numbers("from_tip_mm", &Spec::from_tip_mm, 0, 5000, "mm",
                    "distances from the tip at which the values below hold; linear in between, the "
                    "same distance twice makes a step")
-          .Required()
+          .Otherwise("required without a device")
           .Numbers("rigidity_N_mm2", &Spec::rigidity_N_mm2, 1e-7, 1e6, "N mm^2",
                    "flexural rigidity EI: one, or one for each of from_tip_mm")
-          .Required()
+          .Otherwise("required without a device")
           .Numbers("radius_mm", &Spec::radius_mm, 0.01, 5, "mm",
                    "outer radius: one, or one for each of from_tip_mm")
           .Numbers("curvature_1_per_mm", &Spec::curvature_1_per_mm, -2, 2, "1/mm",
@@ -115,7 +117,25 @@ const Keys<InstrumentSpec>& InstrumentKeys() {
           .Number("attenuation_1_mm", &Spec::attenuation_1_mm, 0, 20, "1/mm",
                   "of X-rays, by its material")
           .Number("marker_mm", &Spec::marker_mm, 0, 1000, "mm", "length of an opaque distal part")
-          .Number("marker_1_mm", &Spec::marker_1_mm, 0, 20, "1/mm", "attenuation of that part")
+          .Number("marker_1_mm", &Spec::marker_1_mm, 0, 20, "1/mm", "attenuation of that part");
+  return keys;
+}
+
+const Keys<InstrumentSpec>& InstrumentKeys() {
+  using Spec = InstrumentSpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Text("name", &Spec::name, "by which commands, scripts and states name it")
+          .Otherwise("none")
+          .Text(
+              "device", &Spec::device,
+              "of host/devices, from which it has all that is not given here, from from_tip_mm on")
+          .Required()
+          .Number("max_length_mm", &Spec::max_length_mm, 1, 5000, "mm",
+                  "that can be inserted; what is commanded beyond is clamped to it")
+          .Number("inserted_at_start_mm", &Spec::inserted_at_start_mm, 0, 5000, "mm",
+                  "inside at the start, along the centerline")
+          .Include(BuildKeys())
           .Checked(Check)
           .Example(
               "name = \"guidewire\"\n"
@@ -127,6 +147,30 @@ const Keys<InstrumentSpec>& InstrumentKeys() {
               "tip_mm = 15\n"
               "tip_angle_deg = 45\n");
   return keys;
+}
+
+InstrumentSpec ReadInstrument(StrictTable& table) {
+  InstrumentSpec spec;
+  if (table.Has("device")) {
+    const std::string device = table.Text("device");
+    const std::vector<std::string> known = DeviceNames();
+    if (std::find(known.begin(), known.end(), device) == known.end()) {
+      const std::string near = NearestName(device, known);
+      table.Refuse("device", fmt::format("there is no such device; {}known in {}: {}",
+                                         near.empty() ? "" : "did you mean \"" + near + "\"? ",
+                                         DeviceFolder(), fmt::join(known, ", ")));
+    }
+    spec = ReadDevice(device).instrument;
+  }
+  spec.origin = table.Origin();
+  InstrumentKeys().ReadInto(table, spec);
+  return spec;
+}
+
+void WriteInstrument(const InstrumentSpec& spec, TomlWriter& out) {
+  InstrumentSpec base;
+  if (!spec.device.empty()) base = ReadDevice(spec.device).instrument;
+  InstrumentKeys().Write(spec, base, out);
 }
 
 std::vector<WireSection> MakeSections(const InstrumentSpec& spec, double segment_mm) {

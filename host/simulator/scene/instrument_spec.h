@@ -16,6 +16,7 @@ inline constexpr char kGuidewire[] = "guidewire";
 
 struct InstrumentSpec : TableSpec {
   std::string name = kGuidewire;
+  std::string device;  ///< of the library, whose values hold where the scene gives none; "": none
   double max_length_mm = 0;
   double inserted_at_start_mm = 0;
 
@@ -40,6 +41,13 @@ struct InstrumentSpec : TableSpec {
 };
 
 const Keys<InstrumentSpec>& InstrumentKeys();
+/// Those of them that say how it is built, which a device of the library has.
+const Keys<InstrumentSpec>& BuildKeys();
+/// Reads an [[instrument]]: what its device has, and over it what the table gives. Throws
+/// UserError.
+InstrumentSpec ReadInstrument(StrictTable& table);
+/// Writes what differs from its device, or without one from the defaults.
+void WriteInstrument(const InstrumentSpec& spec, TomlWriter& out);
 
 /// Its sections, cut so that the bent tip ends between two joints of segments of this length.
 std::vector<WireSection> MakeSections(const InstrumentSpec& spec, double segment_mm);

@@ -1,14 +1,13 @@
 #include "host/simulator/scene/scene.h"
 
 #include <algorithm>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 
 #include "host/simulator/vessel/lumen_check.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
+#include "host/support/input_file.h"
 
 namespace torquer::scene {
 
@@ -202,11 +201,15 @@ void Scene::MakeEffect(const EffectSpec& spec) {
 
 void Scene::HashContent() {
   content_hash_ = Fnv1a(WriteScene(spec_));
+  for (const InstrumentSpec& instrument : spec_.instruments) {
+    if (instrument.device.empty()) continue;
+    // What the device has, too, which the scene's text does not say.
+    TomlWriter out;
+    InstrumentKeys().Write(instrument, out);
+    content_hash_ = Fnv1a(out.Text(), content_hash_);
+  }
   for (const std::string& path : vessel_.files) {
-    std::ifstream in(path, std::ios::binary);
-    std::ostringstream text;
-    text << in.rdbuf();
-    content_hash_ = Fnv1a(text.str(), content_hash_);
+    content_hash_ = Fnv1a(ReadInputFile(path, "check its permissions"), content_hash_);
   }
 }
 

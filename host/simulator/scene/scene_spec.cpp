@@ -244,7 +244,7 @@ SceneSpec Read(StrictTable file, const std::string& path, std::filesystem::path 
   if (StrictTable* axes = file.OptionalTable("patient_axes")) spec.axes = AxesKeys().Read(*axes);
   spec.entry = EntryKeys().Read(file.Table("entry"));
   for (StrictTable* table : file.Tables("instrument")) {
-    spec.instruments.push_back(InstrumentKeys().Read(*table));
+    spec.instruments.push_back(ReadInstrument(*table));
   }
   if (spec.instruments.empty()) {
     file.Refuse("instrument",
@@ -298,7 +298,7 @@ std::string WriteScene(const SceneSpec& spec) {
   }
   EntryKeys().Write(spec.entry, out.Table("entry"));
   for (const InstrumentSpec& instrument : spec.instruments) {
-    InstrumentKeys().Write(instrument, out.Table("instrument", true));
+    WriteInstrument(instrument, out.Table("instrument", true));
   }
   RelaxationKeys().Write(spec.relaxation, out.Table("relaxation"));
   TomlWriter& effects = out.Table("effects");

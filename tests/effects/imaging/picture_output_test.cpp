@@ -76,7 +76,7 @@ TEST_CASE("A script renders the pictures that its pedal takes", "[effects]") {
   Write(scene.Beside("s.csv"), std::string(kHeader) +
                                    "0,0,0,0,0,0,0\n0.1,0,0,0,0,1,0\n0.2,0,0,0,0,1,0\n"
                                    "0.3,0,0,40,10,1,0\n0.4,0,0,40,10,0,0\n");
-  CHECK(RunScript(*scene, scene.Beside("s.csv"), {"", scene.Beside("out")}) == 0);
+  CHECK(RunScript(*scene, scene.Beside("s.csv"), {"", scene.Beside("out")}).unconverged == 0);
   int width = 0;
   int height = 0;
   const auto first = ReadPng(scene.Beside("out/picture_000001.png"), width, height);

@@ -57,13 +57,20 @@ Contrast::Contrast(const Flow& flow, const ContrastSettings& settings, const Wir
   }
   slope_.resize(most);
   flux_.resize(most + 1);
-  std::vector<double> inflow(graph.nodes().size(), 0);
-  for (std::size_t n = 0; n < graph.nodes().size(); ++n) {
+  Restart();
+}
+
+// Where blood goes that comes in at a node.
+void Contrast::TakeAnswers() {
+  answers_version_ = flow_.version();
+  std::vector<double> inflow(flow_.graph().nodes().size(), 0);
+  const std::vector<double> no_pressures(flow_.solution().ends().size(), 0);
+  per_inflow_.resize(inflow.size());
+  for (std::size_t n = 0; n < inflow.size(); ++n) {
     inflow[n] = 1;
-    per_inflow_.push_back(flow.solution().Solve(inflow, false).edge_mL_s);
+    per_inflow_[n] = flow_.solution().Solve(inflow, no_pressures).edge_mL_s;
     inflow[n] = 0;
   }
-  Restart();
 }
 
 void Contrast::Restart() {
@@ -132,12 +139,12 @@ void Contrast::Advance(double time_s, double step_s, bool injecting,
 }
 
 void Contrast::FindFlows(double time_s, bool injecting) {
-  const double factor = kMm3PerML * flow_.pulse().At(time_s);
-  const FlowSolution::Flows& mean = flow_.mean();
+  flow_.EdgesAt(time_s, edge_mL_s_);
   for (std::size_t e = 0; e < flows_.size(); ++e) {
-    flows_[e].at_a = flows_[e].at_b = factor * mean.edge_mL_s[e];
+    flows_[e].at_a = flows_[e].at_b = kMm3PerML * edge_mL_s_[e];
   }
   if (injecting) {
+    if (answers_version_ != flow_.version()) TakeAnswers();
     // An inflow within an edge acts on the others as two at its ends, shared by resistance.
     const auto at = static_cast<std::size_t>(source_.edge);
     const FlowEdge& edge = flow_.graph().edges()[at];

@@ -73,6 +73,7 @@ class Contrast final : public Effect, public Evolution, public Observer {
   void PlaceSource(const vessel::CenterlinePlace& place);
   void Step(double time_s, double step_s, bool injecting);
   void FindFlows(double time_s, bool injecting);
+  void TakeAnswers();
   void OrderEdges();
   void CarryAlong(std::size_t edge, double step_s, double inflow_mg_mL, bool injects);
   int UpstreamNode(std::size_t edge) const;
@@ -89,6 +90,8 @@ class Contrast final : public Effect, public Evolution, public Observer {
   std::vector<double> edge_spread_1_s_;  // largest rate at which a cell gives off by dispersion
   std::vector<double> edge_mass_mg_;
   std::vector<std::vector<double>> per_inflow_;  // [node][edge] flow for a unit of inflow there
+  int answers_version_ = -1;                     // of the flow that they are for
+  std::vector<double> edge_mL_s_;
   Source source_;
   double source_age_s_ = 0;
   std::vector<EndFlows> flows_;

@@ -1,5 +1,6 @@
 #include "host/simulator/effects/blood/flow.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -9,47 +10,282 @@ namespace torquer::effects {
 
 namespace {
 
-constexpr double kEjection = 0.35;  // of a cycle
-
-std::vector<double> Resistances(const FlowGraph& graph, double viscosity_Pa_s) {
-  std::vector<double> all;
-  for (const FlowEdge& edge : graph.edges()) {
-    all.push_back(PoiseuilleMmHgSPerML(
-        viscosity_Pa_s, graph.InverseFourthPower(edge.curve, edge.from_mm, edge.to_mm)));
-  }
-  return all;
-}
-
-std::vector<double> Inflow(const FlowGraph& graph, int inlet, double inlet_mL_s) {
-  std::vector<double> inflow(graph.nodes().size(), 0);
-  inflow[static_cast<std::size_t>(inlet)] = inlet_mL_s;
-  return inflow;
-}
+constexpr double kEjection = 0.35;        // of a cycle
+constexpr double kStepS = 2e-3;           // resolves the ejection, and a Windkessel to 0.1 %
+constexpr double kObstructionS = 0.05;    // how often devices are looked for
+constexpr double kObstructionStepMm = 2;  // along them
+constexpr double kMostFilled = 0.98;      // of the radius, which leaves a lumen open
+constexpr double kPaPerMmHg = 133.322387415;
 
 }  // namespace
 
 double PoiseuilleMmHgSPerML(double viscosity_Pa_s, double inverse_fourth_power_1_mm3) {
   constexpr double kMm3PerML = 1e3;
-  constexpr double kPaPerMmHg = 133.322387415;
   return 8 * viscosity_Pa_s / std::numbers::pi * inverse_fourth_power_1_mm3 * kMm3PerML /
          kPaPerMmHg;
 }
 
-double Pulse::At(double time_s) const {
-  if (per_minute <= 0) return 1;
+double AnnulusInverseFourthPower(double tube_mm, double core_mm) {
+  const double r2 = tube_mm * tube_mm;
+  const double a2 = core_mm * core_mm;
+  if (a2 <= 0) return 1 / (r2 * r2);
+  return 1 / (r2 * r2 - a2 * a2 - (r2 - a2) * (r2 - a2) / std::log(tube_mm / core_mm));
+}
+
+double StenosisLossMmHg(double area_mm2, double throat_mm2) {
+  constexpr double kTurbulence = 1.52;
+  constexpr double kBloodKgPerM3 = 1060;
+  const double widening = area_mm2 / throat_mm2 - 1;
+  // 1 mL/s through 1 mm^2 is 1 m/s.
+  return kTurbulence * kBloodKgPerM3 / 2 * widening * widening / (area_mm2 * area_mm2) / kPaPerMmHg;
+}
+
+double Pulse::Ejection(double time_s) const {
+  if (per_minute <= 0) return kEjection / 2;
   const double cycles = time_s * per_minute / 60;
   const double phase = cycles - std::floor(cycles);
   const double wave = phase < kEjection ? std::sin(std::numbers::pi * phase / kEjection) : 0;
-  return 1 - depth + depth * wave * wave * 2 / kEjection;
+  return wave * wave;
+}
+
+double Pulse::At(double time_s) const {
+  if (per_minute <= 0) return 1;
+  return 1 - depth + depth * Ejection(time_s) * 2 / kEjection;
 }
 
 Flow::Flow(std::unique_ptr<const FlowGraph> graph, double viscosity_Pa_s, int inlet,
-           double inlet_mL_s, std::vector<FlowEnd> ends, const Pulse& pulse)
+           double inlet_mL_s, const std::vector<FlowEnd>& ends, const Pulse& pulse,
+           std::vector<StenosisLoss> stenoses, const Obstruction& obstruction)
     : graph_(std::move(graph)),
-      solution_(*graph_, Resistances(*graph_, viscosity_Pa_s), std::move(ends)),
-      mean_(solution_.Solve(Inflow(*graph_, inlet, inlet_mL_s), true)),
       pulse_(pulse),
-      inlet_(inlet) {}
+      inlet_(inlet),
+      stenoses_(std::move(stenoses)),
+      obstruction_(obstruction),
+      inlet_mL_s_(inlet_mL_s),
+      mmHg_s_per_mL_mm3_(PoiseuilleMmHgSPerML(viscosity_Pa_s, 1)) {
+  for (const FlowEnd& end : ends) {
+    if (end.node == inlet) {
+      inlet_mmHg_ = end.pressure_mmHg;
+    } else {
+      outlets_.push_back(end);
+      has_windkessel_ = has_windkessel_ || end.compliance_mL_mmHg > 0;
+    }
+  }
+  for (const FlowEdge& edge : graph_->edges()) {
+    poiseuille_.push_back(PoiseuilleMmHgSPerML(
+        viscosity_Pa_s, graph_->InverseFourthPower(edge.curve, edge.from_mm, edge.to_mm)));
+  }
+  stepped_ = has_windkessel_ || !stenoses_.empty() || obstruction_.wire != nullptr;
+  Restart();
+}
+
+void Flow::Restart() {
+  time_s_ = 0;
+  obstruction_age_s_ = kObstructionS;
+  obstructed_.assign(poiseuille_.size(), 0);
+  SolveMean();
+  now_ = mean_;
+  moment_count_ = 0;
+  if (!stepped_) return;
+  // It begins with what the mean would have stored.
+  stored_mmHg_.assign(outlets_.size(), 0);
+  for (std::size_t k = 0; k < outlets_.size(); ++k) {
+    stored_mmHg_[k] = now_.pressure_mmHg[static_cast<std::size_t>(outlets_[k].node)] -
+                      outlets_[k].proximal_mmHg_s_mL * now_.end_mL_s[k];
+  }
+  step_losses_mL_s_.clear();
+  for (const StenosisLoss& loss : stenoses_) {
+    step_losses_mL_s_.push_back(std::abs(now_.edge_mL_s[static_cast<std::size_t>(loss.edge)]));
+  }
+  MakeStep();
+}
+
+std::vector<double> Flow::Inflow(double inlet_mL_s) const {
+  std::vector<double> inflow(graph_->nodes().size(), 0);
+  inflow[static_cast<std::size_t>(inlet_)] = inlet_mL_s;
+  return inflow;
+}
+
+std::vector<double> Flow::Resistances(const std::vector<double>& stenosis_flow_mL_s) const {
+  std::vector<double> all = poiseuille_;
+  for (std::size_t e = 0; e < all.size(); ++e) all[e] += obstructed_[e];
+  for (std::size_t k = 0; k < stenoses_.size(); ++k) {
+    all[static_cast<std::size_t>(stenoses_[k].edge)] +=
+        stenoses_[k].loss_mmHg_s2_mL2 * stenosis_flow_mL_s[k];
+  }
+  return all;
+}
+
+namespace {
+
+// Moves the flows for which losses were linear halfway to those that come out, which converges at
+// any loss. False where they agree.
+bool MoveLosses(const std::vector<StenosisLoss>& stenoses, const FlowSolution::Flows& flows,
+                std::vector<double>& flow_mL_s) {
+  constexpr double kAgreed = 1e-7;
+  bool moved = false;
+  for (std::size_t k = 0; k < stenoses.size(); ++k) {
+    const double now = std::abs(flows.edge_mL_s[static_cast<std::size_t>(stenoses[k].edge)]);
+    if (std::abs(now - flow_mL_s[k]) <= kAgreed * (1 + now)) continue;
+    flow_mL_s[k] = (flow_mL_s[k] + now) / 2;
+    moved = true;
+  }
+  return moved;
+}
+
+constexpr int kMostRounds = 60;
+
+}  // namespace
+
+void Flow::SolveMean() {
+  std::vector<double> losses_mL_s(stenoses_.size(), 0);
+  std::vector<double> pressures;
+  std::vector<double> systolic;
+  for (const FlowEnd& end : outlets_) {
+    pressures.push_back(end.pressure_mmHg);
+    systolic.push_back(end.systolic_mmHg);
+  }
+  const std::vector<double> none(outlets_.size(), 0);
+  const double ejection = Pulse().Ejection(0);
+  for (int round = 0; round < kMostRounds; ++round) {
+    const std::vector<double> resistances = Resistances(losses_mL_s);
+    steady_ = std::make_unique<FlowSolution>(*graph_, resistances, outlets_);
+    exchange_ = steady_->Solve(Inflow(0), pressures);
+    muscle_ = steady_->Solve(Inflow(0), systolic);
+    if (inlet_mmHg_) {
+      // The inlet's mean flow is the one that makes its pressure, which grows with it in
+      // proportion.
+      const auto at = static_cast<std::size_t>(inlet_);
+      const double unit_mmHg = steady_->Solve(Inflow(1), none).pressure_mmHg[at];
+      inlet_mL_s_ =
+          (*inlet_mmHg_ - exchange_.pressure_mmHg[at] - ejection * muscle_.pressure_mmHg[at]) /
+          unit_mmHg;
+    }
+    driven_ = steady_->Solve(Inflow(inlet_mL_s_), none);
+    mean_ = exchange_;
+    const auto add = [&](std::vector<double> FlowSolution::Flows::*part) {
+      for (std::size_t i = 0; i < (mean_.*part).size(); ++i) {
+        (mean_.*part)[i] += (driven_.*part)[i] + ejection * (muscle_.*part)[i];
+      }
+    };
+    add(&FlowSolution::Flows::edge_mL_s);
+    add(&FlowSolution::Flows::pressure_mmHg);
+    add(&FlowSolution::Flows::end_mL_s);
+    if (!MoveLosses(stenoses_, mean_, losses_mL_s)) break;
+  }
+  ++version_;
+}
+
+// An implicit step of a Windkessel is a resistance with a pressure behind it:
+//   C (p - p_before)/h = q - (p - behind)/R,   end = p + proximal q.
+void Flow::MakeStep() {
+  std::vector<FlowEnd> ends = outlets_;
+  for (FlowEnd& end : ends) {
+    if (end.compliance_mL_mmHg == 0) continue;
+    end.resistance_mmHg_s_mL = 1 / (end.compliance_mL_mmHg / kStepS + 1 / end.resistance_mmHg_s_mL);
+  }
+  step_ = std::make_unique<FlowSolution>(*graph_, Resistances(step_losses_mL_s_), std::move(ends));
+}
+
+void Flow::Step() {
+  time_s_ += kStepS;
+  const std::vector<double> inflow = Inflow(inlet_mL_s_ * pulse_.At(time_s_));
+  const double ejection = pulse_.Ejection(time_s_);
+  std::vector<double> behind(outlets_.size(), 0);
+  for (std::size_t k = 0; k < outlets_.size(); ++k) {
+    const FlowEnd& end = outlets_[k];
+    behind[k] = end.pressure_mmHg + ejection * end.systolic_mmHg;
+    if (end.compliance_mL_mmHg == 0) continue;
+    behind[k] =
+        (end.compliance_mL_mmHg / kStepS * stored_mmHg_[k] + behind[k] / end.resistance_mmHg_s_mL) *
+        step_->ends()[k].resistance_mmHg_s_mL;
+  }
+  for (int round = 0; round < kMostRounds; ++round) {
+    now_ = step_->Solve(inflow, behind);
+    if (!MoveLosses(stenoses_, now_, step_losses_mL_s_)) break;
+    MakeStep();
+  }
+  for (std::size_t k = 0; k < outlets_.size(); ++k) {
+    if (outlets_[k].compliance_mL_mmHg == 0) continue;
+    stored_mmHg_[k] = behind[k] + step_->ends()[k].resistance_mmHg_s_mL * now_.end_mL_s[k];
+  }
+}
+
+void Flow::AdvanceTo(double time_s) {
+  if (!stepped_) return;
+  constexpr double kEarlyS = 1e-9;
+  moment_count_ = 0;
+  while (time_s_ + kStepS <= time_s + kEarlyS) {
+    Step();
+    if (moments_.size() == moment_count_) moments_.emplace_back();
+    moments_[moment_count_].time_s = time_s_;
+    moments_[moment_count_++].edge_mL_s = now_.edge_mL_s;
+  }
+}
+
+void Flow::Advance(const TickView& tick) {
+  if (obstruction_.wire != nullptr) {
+    obstruction_age_s_ += tick.step_s;
+    if (obstruction_age_s_ >= kObstructionS) {
+      obstruction_age_s_ = 0;
+      Obstruct(tick.state);
+    }
+  }
+  AdvanceTo(tick.time_s);
+}
+
+void Flow::Obstruct(const WireState& state) {
+  const WireModel& wire = *obstruction_.wire;
+  const vessel::CenterlineNetwork& network = graph_->network();
+  std::vector<double> more(obstructed_.size(), 0);
+  const int n = state.segments();
+  const int stride = std::max(1, static_cast<int>(kObstructionStepMm / wire.segment_mm()));
+  for (int i = 0; i < n; i += stride) {
+    const int last = std::min(n, i + stride);
+    double length_mm = 0;
+    for (int k = i; k < last; ++k) length_mm += state.SegmentLength(wire, k);
+    const auto a = static_cast<std::size_t>(i);
+    const auto b = static_cast<std::size_t>(last);
+    Eigen::Vector3d middle = (state.nodes()[a] + state.nodes()[b]) / 2;
+    if (obstruction_.moving != nullptr) middle = obstruction_.moving->AtRest(middle);
+    double distance_mm = 0;
+    const vessel::CenterlinePlace place = network.NearestTo(middle, &distance_mm);
+    const double tube_mm = network.At(place).radius_mm;
+    if (distance_mm > tube_mm) continue;
+    const double core_mm = std::min(kMostFilled * tube_mm, wire.radius_mm(n - 1 - i));
+    more[static_cast<std::size_t>(graph_->EdgeAt(place))] +=
+        mmHg_s_per_mL_mm3_ * length_mm *
+        (AnnulusInverseFourthPower(tube_mm, core_mm) - AnnulusInverseFourthPower(tube_mm, 0));
+  }
+  constexpr double kNoticed = 1e-3;
+  bool same = true;
+  for (std::size_t e = 0; e < more.size(); ++e) {
+    same = same && std::abs(more[e] - obstructed_[e]) <= kNoticed * (poiseuille_[e] + more[e]);
+  }
+  if (same) return;
+  obstructed_ = std::move(more);
+  SolveMean();
+  MakeStep();
+}
+
+void Flow::EdgesAt(double time_s, std::vector<double>& edge_mL_s) const {
+  if (stepped_) {
+    edge_mL_s = now_.edge_mL_s;
+    for (std::size_t k = 0; k < moment_count_; ++k) {
+      if (moments_[k].time_s < time_s) continue;
+      edge_mL_s = moments_[k].edge_mL_s;
+      break;
+    }
+    return;
+  }
+  const double factor = pulse_.At(time_s);
+  const double ejection = pulse_.Ejection(time_s);
+  edge_mL_s.resize(mean_.edge_mL_s.size());
+  for (std::size_t e = 0; e < edge_mL_s.size(); ++e) {
+    edge_mL_s[e] =
+        exchange_.edge_mL_s[e] + factor * driven_.edge_mL_s[e] + ejection * muscle_.edge_mL_s[e];
+  }
+}
 
 namespace {
 
@@ -61,6 +297,15 @@ struct OutletSpec : TableSpec {
   CurveEnd end = CurveEnd::kEnd;
   std::optional<double> pressure_mmHg;
   std::optional<double> resistance_mmHg_s_mL;
+  double compliance_mL_mmHg = 0;
+  double proximal_mmHg_s_mL = 0;
+  double systolic_mmHg = 0;
+};
+
+struct StenosisSpec : TableSpec {
+  std::string centerline;
+  double from_mm = 0;
+  double to_mm = 0;
 };
 
 struct FlowSpec : TableSpec {
@@ -73,9 +318,12 @@ struct FlowSpec : TableSpec {
   double bed_mmHg = 90;
   double murray_exponent = 3;
   double outlet_mmHg = 0;
+  double compliance_mL_mmHg = 0;
   double rate_per_min = 0;
   double pulsatility = 0.5;
+  bool obstruction = false;
   std::vector<OutletSpec> outlet;
+  std::vector<StenosisSpec> stenosis;
 };
 
 const Keys<OutletSpec>& OutletKeys() {
@@ -90,10 +338,36 @@ const Keys<OutletSpec>& OutletKeys() {
           .Otherwise("none: the pressure holds at the outlet")
           .Number("resistance_mmHg_s_mL", &OutletSpec::resistance_mmHg_s_mL, 1e-6, 1e6, "mmHg s/mL",
                   "of the vessels behind the outlet")
+          .Number("compliance_mL_mmHg", &OutletSpec::compliance_mL_mmHg, 0, 100, "mL/mmHg",
+                  "of a Windkessel, between the end and the resistance; 0: none")
+          .Number("proximal_mmHg_s_mL", &OutletSpec::proximal_mmHg_s_mL, 0, 1e6, "mmHg s/mL",
+                  "resistance between the end and the compliance")
+          .Number("systolic_mmHg", &OutletSpec::systolic_mmHg, 0, 500, "mmHg",
+                  "by which the heart's muscle presses on the vessels behind the outlet at the "
+                  "height of the ejection; makes the flow of coronary arteries diastolic")
           .Checked([](const OutletSpec& spec, StrictTable& table) {
-            if (spec.resistance_mmHg_s_mL || spec.pressure_mmHg) return;
-            table.Refuse("pressure_mmHg", "is missing; give it, or resistance_mmHg_s_mL");
+            if (!spec.resistance_mmHg_s_mL && !spec.pressure_mmHg) {
+              table.Refuse("pressure_mmHg", "is missing; give it, or resistance_mmHg_s_mL");
+            }
+            for (const char* key : {"compliance_mL_mmHg", "proximal_mmHg_s_mL", "systolic_mmHg"}) {
+              if (!table.Has(key) || spec.resistance_mmHg_s_mL) continue;
+              table.Refuse(key, "needs resistance_mmHg_s_mL; give that or remove this");
+            }
           });
+  return keys;
+}
+
+const Keys<StenosisSpec>& StenosisKeys() {
+  static const Keys<StenosisSpec> keys =
+      Keys<StenosisSpec>()
+          .Required()
+          .Text("centerline", &StenosisSpec::centerline, "on which it is")
+          .Required()
+          .Number("from_mm", &StenosisSpec::from_mm, 0, 1e5, "mm",
+                  "where it begins, by arc length; its throat is the narrowest place within")
+          .Required()
+          .Number("to_mm", &StenosisSpec::to_mm, 0, 1e5, "mm",
+                  "where it ends; the wider end is the lumen into which the blood widens");
   return keys;
 }
 
@@ -128,10 +402,17 @@ const Keys<FlowSpec>& FlowKeys() {
                   "an outlet's share of the flow grows as its radius to this power")
           .Number("outlet_mmHg", &FlowSpec::outlet_mmHg, -50, 500, "mmHg",
                   "pressure behind the resistances, or at the outlets where there are none")
+          .Number("compliance_mL_mmHg", &FlowSpec::compliance_mL_mmHg, 0, 100, "mL/mmHg",
+                  "of the vessels behind all outlets by Murray's law together, which makes them "
+                  "Windkessels; 0: none")
           .Number("rate_per_min", &FlowSpec::rate_per_min, 0, 300, "1/min", "heart rate; 0: steady")
           .Number("pulsatility", &FlowSpec::pulsatility, 0, 1, "",
-                  "part of the flow that comes only in systole")
+                  "part of the flow in that comes only in systole")
+          .Boolean("obstruction", &FlowSpec::obstruction,
+                   "whether instruments narrow the lumen, as if they lay in its middle")
           .Tables("outlet", &FlowSpec::outlet, OutletKeys(), 0, "an outlet that differs")
+          .Tables("stenosis", &FlowSpec::stenosis, StenosisKeys(), 0,
+                  "a narrow stretch behind which pressure is lost (Young and Tsai)")
           .Checked(Check)
           .Example(
               "inlet = \"aorta\"\n"
@@ -175,6 +456,9 @@ std::vector<FlowEnd> NamedOutlets(const FlowSpec& spec, const FlowGraph& graph, 
     end.is_pressure = !outlet.resistance_mmHg_s_mL;
     end.resistance_mmHg_s_mL = outlet.resistance_mmHg_s_mL.value_or(0);
     end.pressure_mmHg = outlet.pressure_mmHg.value_or(0);
+    end.compliance_mL_mmHg = outlet.compliance_mL_mmHg;
+    end.proximal_mmHg_s_mL = outlet.proximal_mmHg_s_mL;
+    end.systolic_mmHg = outlet.systolic_mmHg;
     named.push_back(end);
   }
   return named;
@@ -207,16 +491,45 @@ std::vector<FlowEnd> AllOutlets(const FlowSpec& spec, const FlowGraph& graph, in
   }
   for (const int node : free) {
     const double share = std::pow(RadiusAt(graph, node), spec.murray_exponent) / shares;
-    ends.push_back(
-        {.node = node,
-         .is_pressure = !murray,
-         .pressure_mmHg = spec.outlet_mmHg,
-         .resistance_mmHg_s_mL = murray ? spec.bed_mmHg / (share * *spec.inlet_mL_s) : 0});
+    ends.push_back({.node = node,
+                    .is_pressure = !murray,
+                    .pressure_mmHg = spec.outlet_mmHg,
+                    .resistance_mmHg_s_mL = murray ? spec.bed_mmHg / (share * *spec.inlet_mL_s) : 0,
+                    .compliance_mL_mmHg = murray ? share * spec.compliance_mL_mmHg : 0});
   }
   if (ends.empty()) {
     spec.origin.Refuse("inlet", "there is no outlet: the network has no other free end");
   }
   return ends;
+}
+
+StenosisLoss MakeStenosis(const StenosisSpec& spec, const FlowGraph& graph) {
+  const vessel::CenterlineNetwork& network = graph.network();
+  constexpr double kLookMm = 0.1;
+  const auto radius_at = [&](double s_mm) {
+    try {
+      return network.At(network.Place(spec.centerline, s_mm)).radius_mm;
+    } catch (const UserError& error) {
+      spec.origin.Refuse("centerline", error.what());
+    }
+  };
+  const double wide_mm = std::max(radius_at(spec.from_mm), radius_at(spec.to_mm));
+  if (!(spec.to_mm > spec.from_mm)) spec.origin.Refuse("to_mm", "must be more than from_mm");
+  double throat_mm = wide_mm;
+  double throat_at_mm = spec.from_mm;
+  for (double s_mm = spec.from_mm; s_mm <= spec.to_mm; s_mm += kLookMm) {
+    if (radius_at(s_mm) >= throat_mm) continue;
+    throat_mm = radius_at(s_mm);
+    throat_at_mm = s_mm;
+  }
+  if (!(throat_mm < wide_mm)) {
+    spec.origin.Refuse("from_mm",
+                       "the centerline is nowhere narrower than at the ends of this stretch; move "
+                       "it to the stenosis or remove it");
+  }
+  const auto area = [](double r_mm) { return std::numbers::pi * r_mm * r_mm; };
+  return {.edge = graph.EdgeAt(network.Place(spec.centerline, throat_at_mm)),
+          .loss_mmHg_s2_mL2 = StenosisLossMmHg(area(wide_mm), area(throat_mm))};
 }
 
 std::unique_ptr<Effect> Make(const FlowSpec& spec, const EffectContext& context) {
@@ -242,16 +555,22 @@ std::unique_ptr<Effect> Make(const FlowSpec& spec, const EffectContext& context)
   if (spec.inlet_mmHg) {
     ends.push_back({.node = inlet, .is_pressure = true, .pressure_mmHg = *spec.inlet_mmHg});
   }
-  return std::make_unique<Flow>(std::move(graph), 1e-3 * spec.viscosity_mPa_s, inlet,
-                                spec.inlet_mL_s.value_or(0), std::move(ends),
-                                Pulse{spec.rate_per_min, spec.pulsatility});
+  std::vector<StenosisLoss> stenoses;
+  for (const StenosisSpec& stenosis : spec.stenosis) {
+    stenoses.push_back(MakeStenosis(stenosis, *graph));
+  }
+  Obstruction obstruction;
+  if (spec.obstruction) obstruction = {&context.wire, context.moving};
+  return std::make_unique<Flow>(
+      std::move(graph), 1e-3 * spec.viscosity_mPa_s, inlet, spec.inlet_mL_s.value_or(0), ends,
+      Pulse{spec.rate_per_min, spec.pulsatility}, std::move(stenoses), obstruction);
 }
 
 }  // namespace
 
 EffectKind FlowKind() {
   return {.name = "flow",
-          .summary = "blood flow in the centerline network, steady or pulsatile (quasi-steady)",
+          .summary = "blood flow in the centerline network, steady or pulsatile, with Windkessels",
           .roles = "evolution",
           .keys = Any(FlowKeys()),
           .make = MakeWith(Make)};

@@ -214,13 +214,13 @@ FlowSolution::FlowSolution(const FlowGraph& graph, std::vector<double> resistanc
   for (const FlowEnd& end : ends_) {
     if (end.is_pressure) continue;
     const int k = unknown_[static_cast<std::size_t>(end.node)];
-    conductance(k, k) += 1 / end.resistance_mmHg_s_mL;
+    conductance(k, k) += 1 / (end.resistance_mmHg_s_mL + end.proximal_mmHg_s_mL);
   }
   inverse_ = conductance.partialPivLu().inverse();
 }
 
 FlowSolution::Flows FlowSolution::Solve(const std::vector<double>& inflow_mL_s,
-                                        bool with_pressures) const {
+                                        const std::vector<double>& end_pressure_mmHg) const {
   const std::vector<FlowEdge>& edges = graph_.edges();
   Flows flows;
   flows.pressure_mmHg.assign(graph_.nodes().size(), 0);
@@ -230,10 +230,8 @@ FlowSolution::Flows FlowSolution::Solve(const std::vector<double>& inflow_mL_s,
   // vessels have hardly any resistance, so that differences of pressures alone would lose digits
   // of the flow; sums of ever smaller corrections do not.
   std::vector<double> step(graph_.nodes().size(), 0);
-  if (with_pressures) {
-    for (const FlowEnd& end : ends_) {
-      if (end.is_pressure) step[static_cast<std::size_t>(end.node)] = end.pressure_mmHg;
-    }
+  for (std::size_t k = 0; k < ends_.size(); ++k) {
+    if (ends_[k].is_pressure) step[static_cast<std::size_t>(ends_[k].node)] = end_pressure_mmHg[k];
   }
   constexpr int kRounds = 4;
   for (int round = 0; round <= kRounds; ++round) {
@@ -244,9 +242,9 @@ FlowSolution::Flows FlowSolution::Solve(const std::vector<double>& inflow_mL_s,
     }
     for (std::size_t k = 0; k < ends_.size(); ++k) {
       if (ends_[k].is_pressure) continue;
-      const double behind = round == 0 && with_pressures ? ends_[k].pressure_mmHg : 0;
-      flows.end_mL_s[k] +=
-          (step[static_cast<std::size_t>(ends_[k].node)] - behind) / ends_[k].resistance_mmHg_s_mL;
+      const double behind = round == 0 ? end_pressure_mmHg[k] : 0;
+      flows.end_mL_s[k] += (step[static_cast<std::size_t>(ends_[k].node)] - behind) /
+                           (ends_[k].resistance_mmHg_s_mL + ends_[k].proximal_mmHg_s_mL);
     }
     for (std::size_t n = 0; n < step.size(); ++n) flows.pressure_mmHg[n] += step[n];
     if (round == kRounds) break;

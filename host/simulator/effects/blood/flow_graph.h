@@ -63,6 +63,13 @@ struct FlowEnd {
   bool is_pressure = false;  ///< pressure_mmHg holds at the end itself
   double pressure_mmHg = 0;  ///< else: behind the resistance
   double resistance_mmHg_s_mL = 0;
+  // Of a Windkessel, which has a resistance too:
+  //
+  //   end --[ proximal ]--+--[ resistance ]-- pressure
+  //                       = compliance
+  double compliance_mL_mmHg = 0;  ///< 0: none
+  double proximal_mmHg_s_mL = 0;  ///< >= 0
+  double systolic_mmHg = 0;       ///< added to the pressure behind at the height of the ejection
 };
 
 /// Pressures and flows that a graph takes in equilibrium. Linear in what goes in.
@@ -77,9 +84,10 @@ class FlowSolution {
     std::vector<double> pressure_mmHg;  ///< of each node
     std::vector<double> end_mL_s;       ///< out of the network, one for each of the ends
   };
-  /// What flows where `inflow_mL_s` goes in at each node. With `with_pressures` the pressures of
-  /// the ends act; without, they are 0: the answer to the inflow alone.
-  Flows Solve(const std::vector<double>& inflow_mL_s, bool with_pressures) const;
+  /// What flows where `inflow_mL_s` goes in at each node and each of the ends has this pressure, at
+  /// itself or behind its resistances (the compliance of an end takes nothing).
+  Flows Solve(const std::vector<double>& inflow_mL_s,
+              const std::vector<double>& end_pressure_mmHg) const;
 
   const std::vector<FlowEnd>& ends() const { return ends_; }
   const std::vector<double>& resistance_mmHg_s_mL() const { return resistance_; }

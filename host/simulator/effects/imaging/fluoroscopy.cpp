@@ -21,7 +21,28 @@ constexpr float kRoadmapBackground = 0.5F;
 constexpr float kRoadmapDye = 0.6F;                 // how much weaker the map is than dye itself
 constexpr std::uint64_t kMaskPicture = 1ULL << 40;  // the mask's noise is no other picture's
 
+// Air kerma of one pulse at the interventional reference point, 150 mm before the isocenter (IEC
+// 60601-2-43). The current follows the body's thickness, so that the detector always gets the same.
+double PulseKermaMGy(const FluoroscopySettings& settings, double lao_rad, double cra_rad) {
+  constexpr double kThicknessMm = 200;
+  constexpr double kBeforeIsocenterMm = 150;
+  const Body& body = settings.body;
+  double mA = settings.tube_mA;
+  if (body.width_mm > 0) {
+    const double more = MiddleIntegral(Projection(settings.arm, lao_rad, cra_rad), body) -
+                        body.tissue_1_mm * kThicknessMm;
+    mA *= std::exp(more);
+  }
+  const double distance_m = 1e-3 * (settings.arm.sod_mm - kBeforeIsocenterMm);
+  return settings.tube_mGy_mAs * mA * 1e-3 * settings.pulse_ms / (distance_m * distance_m);
+}
+
 }  // namespace
+
+float WithScatter(float integral, float scatter_to_primary) {
+  if (scatter_to_primary == 0) return integral;
+  return -std::log((std::exp(-integral) + scatter_to_primary) / (1 + scatter_to_primary));
+}
 
 Fluoroscopy::Fluoroscopy(const FluoroscopySettings& settings, const WireModel& wire,
                          const Contrast* contrast, std::vector<const vessel::FieldMotion*> motions,
@@ -41,7 +62,9 @@ Fluoroscopy::Fluoroscopy(const FluoroscopySettings& settings, const WireModel& w
 void Fluoroscopy::Restart() {
   next_s_ = 0;
   was_down_ = false;
-  number_ = 0;
+  number_ = pulses_ = 0;
+  was_exposed_ = false;
+  air_kerma_mGy_ = pulse_mGy_ = 0;
   std::fill(offsets_.begin(), offsets_.end(), Eigen::Vector3f::Zero());
 }
 
@@ -95,10 +118,46 @@ bool Fluoroscopy::Take(const TickView& tick) {
   shot.pedal = pedal_;
   shot.time_s = tick.time_s;
   shot.controls = tick.controls;
+  shot.organs_mm = OrgansNow();
   TakeInstruments(tick.state, shot);
   TakeDye(shot);
   shots_.Publish();
   return true;
+}
+
+// Organs move as the vessel does at the isocenter.
+Vector3d Fluoroscopy::OrgansNow() const {
+  vessel::Offset offset;
+  for (const vessel::FieldMotion* motion : motions_) {
+    motion->AddOffset(settings_.arm.isocenter_mm, offset);
+  }
+  return offset.value;
+}
+
+// Counts pulses by itself: pictures are taken only where somebody looks at them.
+void Fluoroscopy::Observe(const TickView& tick) {
+  if (!tick.controls.xray) {
+    was_exposed_ = false;
+    return;
+  }
+  if (!was_exposed_) next_pulse_s_ = tick.time_s;
+  was_exposed_ = true;
+  const Controls& at = tick.controls;
+  if (pulse_mGy_ == 0 || at.lao_rad != dose_lao_rad_ || at.cra_rad != dose_cra_rad_) {
+    dose_lao_rad_ = at.lao_rad;
+    dose_cra_rad_ = at.cra_rad;
+    pulse_mGy_ = PulseKermaMGy(settings_, at.lao_rad, at.cra_rad);
+  }
+  constexpr double kEarlyS = 5e-4;  // half a tick
+  while (tick.time_s >= next_pulse_s_ - kEarlyS) {
+    next_pulse_s_ += 1 / settings_.pictures_per_s;
+    ++pulses_;
+    air_kerma_mGy_ += pulse_mGy_;
+  }
+}
+
+std::vector<Reading> Fluoroscopy::Readings() const {
+  return {{"xray_pulses", static_cast<double>(pulses_)}, {"air_kerma_mGy", air_kerma_mGy_}};
 }
 
 void Fluoroscopy::TakeInstruments(const WireState& state, Shot& shot) {
@@ -159,12 +218,19 @@ void Fluoroscopy::TakeDye(Shot& shot) {
   shot.offsets = offsets_;
 }
 
-void Fluoroscopy::FindBody(const Controls& controls) {
-  if (has_body_ && controls.lao_rad == body_lao_rad_ && controls.cra_rad == body_cra_rad_) return;
+void Fluoroscopy::FindBody(const Shot& shot) {
+  const Controls& controls = shot.controls;
+  const bool same_angles =
+      has_body_ && controls.lao_rad == body_lao_rad_ && controls.cra_rad == body_cra_rad_;
+  if (same_angles && shot.organs_mm == body_organs_mm_) return;
   const CArm& arm = settings_.arm;
   body_plane_.Clear(arm.width, arm.height);
   const Projection projection(arm, controls.lao_rad, controls.cra_rad);
-  exposure_ = FillWithBody(projection, settings_.body, body_plane_);
+  Body body = settings_.body;
+  body.organs_mm = body_organs_mm_ = shot.organs_mm;
+  const float mean = FillWithBody(projection, body, body_plane_);
+  if (same_angles) return;
+  exposure_ = mean;
   has_body_ = true;
   body_lao_rad_ = controls.lao_rad;
   body_cra_rad_ = controls.cra_rad;
@@ -194,7 +260,7 @@ void Fluoroscopy::Render(Picture& out) {
   shots_.Fetch();
   const Shot& shot = shots_.Held();
   const CArm& arm = settings_.arm;
-  FindBody(shot.controls);
+  FindBody(shot);
   const Projection projection(arm, shot.controls.lao_rad, shot.controls.cra_rad);
   devices_.Clear(arm.width, arm.height);
   for (const std::vector<WirePoint>& shadow : shot.shadows) {
@@ -218,6 +284,7 @@ void Fluoroscopy::Subtract(const Shot& shot) {
   if (!has_mask_ || (shot.pedal != mask_pedal_ && settings_.mode == Mode::kSubtraction)) {
     mask_ = devices_;
     for (std::size_t i = 0; i < mask_.value.size(); ++i) mask_.value[i] += dye_.value[i];
+    mask_body_ = body_plane_;
     densest_dye_.Clear(mask_.width, mask_.height);
     FillWithNoise(settings_.seed, kMaskPicture + static_cast<std::uint64_t>(shot.number),
                   mask_noise_.data(), mask_noise_.size());
@@ -242,23 +309,29 @@ void Fluoroscopy::Expose(Picture& out) const {
   const float* const body = body_plane_.value.data();
   const float* const devices = devices_.value.data();
   const float* const dye = dye_.value.data();
+  const auto scatter = static_cast<float>(settings_.scatter_to_primary);
   for (std::size_t i = 0; i < out.gray.size(); ++i) {
     const float thick = body[i] - exposure_;
     const float seen = thick + devices[i] + dye[i];
     // Even black metal lets a photon or two through; past that the noise would have no sense.
-    const float deviation = sigma * std::exp(0.5F * std::min(seen, 5.0F));
+    const float deviation = sigma / std::sqrt(std::exp(-std::min(seen, 5.0F)) + scatter);
     float value = 0;
     switch (mode) {
       case Mode::kPlain:
-        value = (1 - kBodyShown) * thick - seen + deviation * noise_[i];
+        value = (1 - kBodyShown) * WithScatter(thick, scatter) - WithScatter(seen, scatter) +
+                deviation * noise_[i];
         break;
       case Mode::kSubtraction:
-        value = mask_.value[i] - devices[i] - dye[i] + deviation * (noise_[i] - mask_noise_[i]);
+      case Mode::kRoadmap: {
+        const float mask_thick = mask_body_.value[i] - exposure_;
+        const float now = mode == Mode::kSubtraction ? seen : thick + devices[i];
+        value = scatter == 0
+                    ? mask_.value[i] - (now - thick) + (mask_thick - thick)
+                    : WithScatter(mask_thick + mask_.value[i], scatter) - WithScatter(now, scatter);
+        value += deviation * (noise_[i] - mask_noise_[i]);
+        if (mode == Mode::kRoadmap) value += kRoadmapDye * densest_dye_.value[i];
         break;
-      case Mode::kRoadmap:
-        value = mask_.value[i] - devices[i] + deviation * (noise_[i] - mask_noise_[i]) +
-                kRoadmapDye * densest_dye_.value[i];
-        break;
+      }
     }
     const float gray = 255 * (background + gain * value) + 0.5F;
     out.gray[i] = static_cast<std::uint8_t>(std::clamp(gray, 0.0F, 255.0F));
@@ -278,6 +351,10 @@ struct FluoroscopySpec : TableSpec {
   double detector_mm = 300;
   double pictures_per_s = 15;
   double photons = 600;
+  double scatter_to_primary = 0;
+  double tube_mA = 10;
+  double pulse_ms = 8;
+  double tube_mGy_mAs = 0.06;
   double gain = 0.4;
   double iodine_1_mm_mg_mL = 7.6e-4;
   double body_width_mm = 320;
@@ -306,7 +383,15 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
           .Number("pictures_per_s", &Spec::pictures_per_s, 1, 60, "1/s",
                   "pulses while the pedal is down")
           .Number("photons", &Spec::photons, 10, 1e7, "",
-                  "that reach a pixel behind the mean of the body")
+                  "that reach a pixel behind the mean of the body without being scattered")
+          .Number("scatter_to_primary", &Spec::scatter_to_primary, 0, 20, "",
+                  "as many scattered photons for each of those, the same in every pixel; 1 to 5 "
+                  "behind a trunk, a fifth of that behind a grid")
+          .Number("tube_mA", &Spec::tube_mA, 0.1, 2000, "mA",
+                  "current through 200 mm of tissue; it follows the body's thickness")
+          .Number("pulse_ms", &Spec::pulse_ms, 0.1, 100, "ms", "length of a pulse")
+          .Number("tube_mGy_mAs", &Spec::tube_mGy_mAs, 1e-4, 1, "mGy/(mA s)",
+                  "air kerma of the tube at 1 m, at its voltage and with its filter")
           .Number("gain", &Spec::gain, 0.01, 10, "",
                   "of the gray range, for a factor e in intensity")
           .Number("iodine_1_mm_mg_mL", &Spec::iodine_1_mm_mg_mL, 0, 0.01, "1/mm per mg/mL",
@@ -345,6 +430,10 @@ std::unique_ptr<Effect> Make(const FluoroscopySpec& spec, const EffectContext& c
   s.arm.detector_mm = spec.detector_mm;
   s.pictures_per_s = spec.pictures_per_s;
   s.photons = spec.photons;
+  s.scatter_to_primary = spec.scatter_to_primary;
+  s.tube_mA = spec.tube_mA;
+  s.pulse_ms = spec.pulse_ms;
+  s.tube_mGy_mAs = spec.tube_mGy_mAs;
   s.gain = spec.gain;
   s.iodine_1_mm_mg_mL = spec.iodine_1_mm_mg_mL;
   s.body.width_mm = spec.body_width_mm;
@@ -367,7 +456,7 @@ std::unique_ptr<Effect> Make(const FluoroscopySpec& spec, const EffectContext& c
 EffectKind FluoroscopyKind() {
   return {.name = "fluoroscopy",
           .summary = "the X-ray picture under the C-arm's angles, while the pedal is down",
-          .roles = "image",
+          .roles = "image, observer",
           .keys = Any(FluoroscopyKeys()),
           .make = MakeWith(Make)};
 }

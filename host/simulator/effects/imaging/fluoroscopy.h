@@ -17,20 +17,31 @@ namespace torquer::effects {
 struct FluoroscopySettings {
   enum class Mode {
     kPlain,
-    kSubtraction,  ///< against the first picture since the pedal went down or the C-arm moved
+    kSubtraction,  ///< against the first picture since the pedal went down or the C-arm moved;
+                   ///< organs that have moved since do not cancel
     kRoadmap       ///< subtraction that keeps the densest dye seen and shows the vessels bright
   };
   Mode mode = Mode::kPlain;
   CArm arm;
   Body body;
   double pictures_per_s = 15;
-  double photons = 600;               ///< that reach a pixel behind the mean of the body
-  double gain = 0.4;                  ///< of the whole gray range, for a factor e in intensity
+  double photons = 600;           ///< that reach a pixel behind the mean of the body, unscattered
+  double scatter_to_primary = 0;  ///< as many more that are scattered, the same in every pixel
+  double gain = 0.4;              ///< of the whole gray range, for a factor e in intensity
   double iodine_1_mm_mg_mL = 7.6e-4;  ///< attenuation per concentration
+  // Of the tube, for the dose.
+  double tube_mA = 10;         ///< through 200 mm of tissue
+  double pulse_ms = 8;         ///< of one picture
+  double tube_mGy_mAs = 0.06;  ///< air kerma at 1 m
   std::uint64_t seed = 1;
 };
 
-class Fluoroscopy final : public Effect, public ImageSource {
+/// The line integral that a detector sees behind one of `integral`, about that of the mean of the
+/// body, where the scattered photons are `scatter_to_primary` times the others there:
+/// -ln((e^-x + s) / (1 + s)), Beer and Lambert's law with an even background.
+float WithScatter(float integral, float scatter_to_primary);
+
+class Fluoroscopy final : public Effect, public ImageSource, public Observer {
  public:
   /// wire: the rod of all instruments. contrast may be null: no dye then. motions: what moves the
   /// vessel. All outlive this. instruments: at least one.
@@ -38,7 +49,10 @@ class Fluoroscopy final : public Effect, public ImageSource {
               std::vector<const vessel::FieldMotion*> motions, std::vector<Instrument> instruments);
 
   ImageSource* image() override { return this; }
+  Observer* observer() override { return this; }
   void Restart() override;
+  void Observe(const TickView& tick) override;
+  std::vector<Reading> Readings() const override;
   bool Take(const TickView& tick) override;
   void Render(Picture& out) override;
 
@@ -53,6 +67,7 @@ class Fluoroscopy final : public Effect, public ImageSource {
     std::int64_t pedal = 0;   // how often the pedal went down until then
     double time_s = 0;
     Controls controls;
+    Eigen::Vector3d organs_mm = Eigen::Vector3d::Zero();  // how far they have moved
     // Each instrument, the outermost first, and after a hollow one what its wall leaves out.
     std::vector<std::vector<WirePoint>> shadows;
     bool has_dye = false;
@@ -72,7 +87,8 @@ class Fluoroscopy final : public Effect, public ImageSource {
   void LayLumen();
   void TakeInstruments(const WireState& state, Shot& shot);
   void TakeDye(Shot& shot);
-  void FindBody(const Controls& controls);
+  Eigen::Vector3d OrgansNow() const;
+  void FindBody(const Shot& shot);
   void PaintDye(const Shot& shot, const Projection& projection);
   void Subtract(const Shot& shot);
   void Expose(Picture& out) const;
@@ -94,14 +110,21 @@ class Fluoroscopy final : public Effect, public ImageSource {
   bool was_down_ = false;
   std::int64_t pedal_ = 0;
   std::int64_t number_ = 0;
+  std::int64_t pulses_ = 0;
+  double next_pulse_s_ = 0;
+  bool was_exposed_ = false;
+  double air_kerma_mGy_ = 0;
+  double pulse_mGy_ = 0;  // of the angles below
+  double dose_lao_rad_ = 0, dose_cra_rad_ = 0;
 
   // On the thread that renders.
   LumenPainter painter_;
   std::vector<LumenPoint> painted_lumen_;
-  Plane body_plane_, devices_, dye_, scratch_, mask_, densest_dye_;
+  Plane body_plane_, devices_, dye_, scratch_, mask_, mask_body_, densest_dye_;
   std::vector<float> noise_, mask_noise_;
   bool has_body_ = false;
   double body_lao_rad_ = 0, body_cra_rad_ = 0;
+  Eigen::Vector3d body_organs_mm_ = Eigen::Vector3d::Zero();
   bool has_mask_ = false;
   std::int64_t mask_pedal_ = 0;
   float exposure_ = 0;

@@ -143,6 +143,8 @@ void LumenPainter::Begin(int width, int height) {
   pixels_.resize(size);
   counts_.assign(size, 0);
   beyond_.resize(size, 0.0F);
+  own_.resize(size);
+  has_own_.resize(size, 0);
   first_row_ = height;
   last_row_ = -1;
 }
@@ -171,6 +173,36 @@ void LumenPainter::Add(const Projection& projection, const LumenPoint* points, s
     cone.end_attenuation = b.attenuation_1_mm;
     Paint(projection, cone);
   }
+  for (const std::size_t pixel : own_pixels_) {
+    has_own_[pixel] = 0;
+    Insert(pixel, own_[pixel]);
+  }
+  own_pixels_.clear();
+}
+
+// Cones of one vessel share a pixel side by side or one behind the other: their lengths add up. A
+// vessel that is farther than `apart_mm` from itself passes there twice.
+void LumenPainter::Collect(std::size_t pixel, const Stretch& stretch, float apart_mm) {
+  Stretch& own = own_[pixel];
+  if (has_own_[pixel] == 0) {
+    has_own_[pixel] = 1;
+    own_pixels_.push_back(pixel);
+    own = stretch;
+    return;
+  }
+  if (stretch.near_mm > own.far_mm + apart_mm || stretch.far_mm < own.near_mm - apart_mm) {
+    Insert(pixel, own);
+    own = stretch;
+    return;
+  }
+  const float sum_mm = own.length_mm + stretch.length_mm;
+  const float near_mm = std::min(own.near_mm, stretch.near_mm);
+  const float far_mm = std::max(own.far_mm, stretch.far_mm);
+  // Behind each other they are no longer than all of it.
+  own = {near_mm, far_mm,
+         (own.length_mm * own.attenuation_1_mm + stretch.length_mm * stretch.attenuation_1_mm) /
+             sum_mm,
+         std::min(1.0F, own.part + stretch.part), std::min(sum_mm, far_mm - near_mm)};
 }
 
 void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
@@ -201,9 +233,22 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
   const Band band{from.column, from.row,           along_column, along_row,
                   -stick_out,  length + stick_out, half_width};
 
-  const double slope = (cone.end_radius - cone.begin_radius) / cone.length;
-  const double steep = 1 + slope * slope;
-  const double middle_mm = (from.depth_mm + to.depth_mm) / 2;
+  // Rays of a pixel, the more the thinner the lumen, on a lattice in which no two have the same
+  // row, column or diagonal; behind a wide lumen the middle one.
+  constexpr double kWidePx = 5;
+  constexpr double kRaysPerRadius = 8;
+  struct Lattice {
+    int rays, turn;
+  };
+  constexpr Lattice kLattices[] = {{5, 2}, {13, 5}, {23, 7}, {53, 23}};
+  const double radius_px = radius * projection.PixelsPerMm((from.depth_mm + to.depth_mm) / 2);
+  Lattice lattice{1, 1};
+  for (const Lattice& finer : kLattices) {
+    if (radius_px < kWidePx && (lattice.rays == 1 || lattice.rays * radius_px < kRaysPerRadius)) {
+      lattice = finer;
+    }
+  }
+  const int rays = lattice.rays;
   int first_row = 0;
   int last_row = -1;
   band.Rows(height_, first_row, last_row);
@@ -213,45 +258,73 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
     int first = 0;
     int last = -1;
     if (!band.Columns(row, width_, first, last)) continue;
-    const double up = projection.UpOf(row);
     for (int column = first; column <= last; ++column) {
-      // The ray d z, z from the middle's depth on: in the cone where a t^2 + 2 b t + c <= 0.
-      const Vector3d d(projection.RightOf(column), up, 1);
-      const Vector3d w = middle_mm * d - cone.begin;
-      const double d_axis = d.dot(cone.axis);
-      const double w_axis = w.dot(cone.axis);
-      const double a = d.squaredNorm() - steep * d_axis * d_axis;
-      const double b = w.dot(d) - steep * w_axis * d_axis - cone.begin_radius * slope * d_axis;
-      const double c = w.squaredNorm() - steep * w_axis * w_axis -
-                       2 * cone.begin_radius * slope * w_axis -
-                       cone.begin_radius * cone.begin_radius;
-      constexpr double kAlongTheAxis = 1e-6;
-      double low = -1e4;
-      double high = 1e4;
-      if (a > kAlongTheAxis) {
-        const double discriminant = b * b - a * c;
-        if (discriminant <= 0) continue;
-        const double root = std::sqrt(discriminant);
-        low = (-b - root) / a;
-        high = (-b + root) / a;
+      Stretch all{};
+      int met = 0;
+      for (int ray = 0; ray < rays; ++ray) {
+        const double x = (ray + 0.5) / rays - 0.5;
+        const double y = (ray * lattice.turn % rays + 0.5) / rays - 0.5;
+        Stretch one;
+        if (!Meet(cone, projection, column + x, row + y, one)) continue;
+        const float own = one.far_mm - one.near_mm;
+        all.near_mm = met == 0 ? one.near_mm : std::min(all.near_mm, one.near_mm);
+        all.far_mm = met == 0 ? one.far_mm : std::max(all.far_mm, one.far_mm);
+        all.attenuation_1_mm += own * one.attenuation_1_mm;
+        all.length_mm += own;
+        ++met;
       }
-      Narrow(-w.dot(cone.begin_normal), -d.dot(cone.begin_normal), low, high);
-      Narrow((w + cone.begin - cone.end).dot(cone.end_normal), d.dot(cone.end_normal), low, high);
-      if (!(low < high)) continue;
-      const double t = (low + high) / 2;
-      if (a <= kAlongTheAxis && t * (a * t + 2 * b) + c > 0) continue;
-      const double part = std::clamp((w_axis + t * d_axis) / cone.length, 0.0, 1.0);
-      const float attenuation =
-          cone.begin_attenuation +
-          static_cast<float>(part) * (cone.end_attenuation - cone.begin_attenuation);
-      Insert(
-          static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
-              static_cast<std::size_t>(column),
-          {static_cast<float>(middle_mm + low), static_cast<float>(middle_mm + high), attenuation});
+      if (met == 0) continue;
+      all.attenuation_1_mm /= all.length_mm;
+      all.length_mm /= static_cast<float>(rays);
+      all.part = static_cast<float>(met) / static_cast<float>(rays);
+      Collect(static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+                  static_cast<std::size_t>(column),
+              all, static_cast<float>(2 * radius));
     }
   }
 }
 
+// Where one ray runs in a cone; false where it does not.
+bool LumenPainter::Meet(const Cone& cone, const Projection& projection, double column, double row,
+                        Stretch& stretch) {
+  // The ray d z, z from the middle's depth on: in the cone where a t^2 + 2 b t + c <= 0.
+  const double slope = (cone.end_radius - cone.begin_radius) / cone.length;
+  const double steep = 1 + slope * slope;
+  const double middle_mm = (cone.begin[2] + cone.end[2]) / 2;
+  const Vector3d d(projection.RightOf(column), projection.UpOf(row), 1);
+  const Vector3d w = middle_mm * d - cone.begin;
+  const double d_axis = d.dot(cone.axis);
+  const double w_axis = w.dot(cone.axis);
+  const double a = d.squaredNorm() - steep * d_axis * d_axis;
+  const double b = w.dot(d) - steep * w_axis * d_axis - cone.begin_radius * slope * d_axis;
+  const double c = w.squaredNorm() - steep * w_axis * w_axis -
+                   2 * cone.begin_radius * slope * w_axis - cone.begin_radius * cone.begin_radius;
+  constexpr double kAlongTheAxis = 1e-6;
+  double low = -1e4;
+  double high = 1e4;
+  if (a > kAlongTheAxis) {
+    const double discriminant = b * b - a * c;
+    if (discriminant <= 0) return false;
+    const double root = std::sqrt(discriminant);
+    low = (-b - root) / a;
+    high = (-b + root) / a;
+  }
+  Narrow(-w.dot(cone.begin_normal), -d.dot(cone.begin_normal), low, high);
+  Narrow((w + cone.begin - cone.end).dot(cone.end_normal), d.dot(cone.end_normal), low, high);
+  if (!(low < high)) return false;
+  const double t = (low + high) / 2;
+  if (a <= kAlongTheAxis && t * (a * t + 2 * b) + c > 0) return false;
+  const double part = std::clamp((w_axis + t * d_axis) / cone.length, 0.0, 1.0);
+  const float attenuation =
+      cone.begin_attenuation +
+      static_cast<float>(part) * (cone.end_attenuation - cone.begin_attenuation);
+  stretch = {static_cast<float>(middle_mm + low), static_cast<float>(middle_mm + high), attenuation,
+             1, static_cast<float>(high - low)};
+  return stretch.far_mm > stretch.near_mm;
+}
+
+// Two vessels that touch: where both are the union counts. Their parts of a pixel are taken to meet
+// by chance, between those of a branch, which lies in its trunk, and of two ends, side by side.
 void LumenPainter::Insert(std::size_t pixel, Stretch stretch) {
   constexpr float kTouchingMm = 2e-3F;
   Stretch* const known = pixels_[pixel].stretch;
@@ -264,17 +337,24 @@ void LumenPainter::Insert(std::size_t pixel, Stretch stretch) {
       ++k;
       continue;
     }
-    const float own = stretch.far_mm - stretch.near_mm;
-    const float its = other.far_mm - other.near_mm;
-    stretch = {std::min(stretch.near_mm, other.near_mm), std::max(stretch.far_mm, other.far_mm),
-               (own * stretch.attenuation_1_mm + its * other.attenuation_1_mm) /
-                   std::max(own + its, 1e-9F)};
+    const float near_mm = std::min(stretch.near_mm, other.near_mm);
+    const float far_mm = std::max(stretch.far_mm, other.far_mm);
+    const float both = stretch.part * other.part;
+    const float own = stretch.length_mm;
+    const float its = other.length_mm;
+    stretch.length_mm =
+        own * (1 - both / stretch.part) + its * (1 - both / other.part) + both * (far_mm - near_mm);
+    stretch.attenuation_1_mm = (own * stretch.attenuation_1_mm + its * other.attenuation_1_mm) /
+                               std::max(own + its, 1e-9F);
+    stretch.part += other.part - both;
+    stretch.near_mm = near_mm;
+    stretch.far_mm = far_mm;
     known[k] = known[--count];
   }
   if (count < kStretches) {
     known[count++] = stretch;
   } else {
-    beyond_[pixel] += (stretch.far_mm - stretch.near_mm) * stretch.attenuation_1_mm;
+    beyond_[pixel] += stretch.length_mm * stretch.attenuation_1_mm;
   }
 }
 
@@ -288,7 +368,7 @@ void LumenPainter::AddTo(const Projection& projection, Plane& plane) {
       float sum = beyond_[pixel];
       for (int k = 0; k < counts_[pixel]; ++k) {
         const Stretch& s = pixels_[pixel].stretch[k];
-        sum += (s.far_mm - s.near_mm) * s.attenuation_1_mm;
+        sum += s.length_mm * s.attenuation_1_mm;
       }
       const double right = projection.RightOf(column);
       plane.value[pixel] += sum * static_cast<float>(std::sqrt(1 + right * right + up * up));
@@ -319,7 +399,9 @@ Chord EllipseChord(const Vector3d& from, const Vector3d& ray, double half_width_
   return {2 * std::sqrt(discriminant) / a * ray.norm(), from[2] - b / a * ray[2]};
 }
 
-double BodyIntegral(const Body& body, const Vector3d& from, const Vector3d& ray) {
+// `organs`: how far they have moved, in the patient's coordinates.
+double BodyIntegral(const Body& body, const Vector3d& from, const Vector3d& ray,
+                    const Vector3d& organs) {
   const Chord tissue = EllipseChord(from, ray, body.width_mm / 2, body.depth_mm / 2);
   double sum = body.tissue_1_mm * tissue.length_mm;
   // Vertebrae: a column behind, denser at every 34 mm, with softer edges by two shells.
@@ -333,25 +415,38 @@ double BodyIntegral(const Body& body, const Vector3d& from, const Vector3d& ray)
   // Organs: slow waves over the body's middle.
   const double t =
       -(from[0] * ray[0] + from[1] * ray[1]) / (ray[0] * ray[0] + ray[1] * ray[1] + 1e-12);
-  const Vector3d m = from + t * ray;
+  const Vector3d m = from + t * ray - organs;
   sum += 0.06 * body.tissue_1_mm * tissue.length_mm *
          (std::sin(m[0] / 41 + 0.7) * std::cos(m[2] / 53) + 0.6 * std::sin((m[0] + m[2]) / 27) +
           0.5 * std::cos((m[2] - 0.6 * m[0]) / 19 + 2));
   return sum;
 }
 
+Eigen::Matrix3d ToPatient(const Body& body) {
+  Eigen::Matrix3d patient;
+  patient.row(0) = body.axes.left;
+  patient.row(1) = body.axes.posterior;
+  patient.row(2) = body.axes.superior;
+  return patient;
+}
+
 }  // namespace
+
+double MiddleIntegral(const Projection& projection, const Body& body) {
+  if (body.width_mm <= 0) return 0;
+  const Eigen::Matrix3d patient = ToPatient(body);
+  return BodyIntegral(body, patient * (projection.source_mm() - body.center_mm),
+                      patient * projection.camera().row(2).transpose(), patient * body.organs_mm);
+}
 
 float FillWithBody(const Projection& projection, const Body& body, Plane& plane) {
   if (body.width_mm <= 0) return 0;
   constexpr int kGrid = 8;
   const int columns = (plane.width + kGrid - 1) / kGrid + 1;
   const int rows = (plane.height + kGrid - 1) / kGrid + 1;
-  Eigen::Matrix3d patient;
-  patient.row(0) = body.axes.left;
-  patient.row(1) = body.axes.posterior;
-  patient.row(2) = body.axes.superior;
+  const Eigen::Matrix3d patient = ToPatient(body);
   const Vector3d from = patient * (projection.source_mm() - body.center_mm);
+  const Vector3d organs = patient * body.organs_mm;
   const Eigen::Matrix3d to_patient = patient * projection.camera().transpose();
   std::vector<float> grid(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
   double mean = 0;
@@ -360,7 +455,7 @@ float FillWithBody(const Projection& projection, const Body& body, Plane& plane)
     for (int c = 0; c < columns; ++c) {
       const Vector3d ray =
           to_patient * Vector3d(projection.RightOf(c * kGrid), projection.UpOf(r * kGrid), 1);
-      const double integral = BodyIntegral(body, from, ray);
+      const double integral = BodyIntegral(body, from, ray, organs);
       grid[static_cast<std::size_t>(r * columns + c)] = static_cast<float>(integral);
       // The exposure is measured in the middle of the field, where the patient is.
       if (r < rows / 4 || r > rows * 3 / 4 || c < columns / 4 || c > columns * 3 / 4) continue;

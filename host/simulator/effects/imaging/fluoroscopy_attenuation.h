@@ -45,7 +45,8 @@ struct LumenPoint {
 };
 
 /// Lumens filled with dye: cones between the points. Where lumens overlap, as at ostia, the union
-/// counts once, with the mean of what fills them.
+/// counts once, with the mean of what fills them. Of a lumen a few pixels wide or less a pixel gets
+/// the mean over its area, by several rays.
 class LumenPainter {
  public:
   /// Forgets all; the next picture has this size.
@@ -56,9 +57,10 @@ class LumenPainter {
   void AddTo(const Projection& projection, Plane& plane);
 
  private:
-  // Depths between which a ray runs in dye.
+  // Depths between which the rays of a pixel run in dye: the part of them that does, and the mean
+  // length of all.
   struct Stretch {
-    float near_mm, far_mm, attenuation_1_mm;
+    float near_mm, far_mm, attenuation_1_mm, part, length_mm;
   };
   static constexpr int kStretches = 4;
   struct Pixel {
@@ -67,12 +69,19 @@ class LumenPainter {
   struct Cone;
 
   void Paint(const Projection& projection, const Cone& cone);
+  static bool Meet(const Cone& cone, const Projection& projection, double column, double row,
+                   Stretch& stretch);
+  void Collect(std::size_t pixel, const Stretch& stretch, float apart_mm);
   void Insert(std::size_t pixel, Stretch stretch);
 
   int width_ = 0;
   int height_ = 0;
   std::vector<Pixel> pixels_;
   std::vector<std::uint8_t> counts_;
+  // The vessel in hand: one stretch a pixel, whose cones follow each other and never overlap.
+  std::vector<Stretch> own_;
+  std::vector<std::uint8_t> has_own_;
+  std::vector<std::size_t> own_pixels_;
   std::vector<float> beyond_;  // integrals (per depth) of more stretches than a pixel has room for
   int first_row_ = 0, last_row_ = -1;
 };
@@ -85,10 +94,15 @@ struct Body {
   double depth_mm = 220;  ///< from front to back
   double tissue_1_mm = 0.018;
   double spine_1_mm = 0.01;  ///< more than tissue
+  /// How far breath and heart have moved the organs.
+  Eigen::Vector3d organs_mm = Eigen::Vector3d::Zero();
 };
 
-/// Fills the plane with the line integrals through the body. They are smooth, so they are found on
-/// a grid and interpolated. Returns the mean of the field's middle, to which an exposure is set.
+/// The line integral through the body along the middle ray.
+double MiddleIntegral(const Projection& projection, const Body& body);
+
+/// Adds the line integrals through the body to the plane. They are smooth, so they are found on a
+/// grid and interpolated. Returns the mean of the field's middle, to which an exposure is set.
 float FillWithBody(const Projection& projection, const Body& body, Plane& plane);
 
 /// Blurs by 1/4 1/2 1/4 in rows and columns, `scratch` of any size: focal spot and detector.

@@ -1,0 +1,93 @@
+#include "host/simulator/scene/device_library.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
+
+namespace torquer::scene {
+
+namespace {
+
+constexpr char kEnding[] = ".toml";
+
+void CheckSource(const DeviceSource& source, StrictTable& table) {
+  const bool modulus = source.flexural_modulus_GPa && source.outer_diameter_mm;
+  const bool bending = source.span_mm && source.force_N && source.deflection_mm;
+  const bool buckling = source.tip_load_gf && source.free_length_mm;
+  if (modulus + bending + buckling + source.measured_N_mm2.has_value() == 1) return;
+  table.Refuse("citation",
+               "a source has figures of one kind: flexural_modulus_GPa and outer_diameter_mm; "
+               "span_mm, force_N and deflection_mm; tip_load_gf and free_length_mm; or "
+               "measured_N_mm2");
+}
+
+const Keys<DeviceSource>& SourceKeys() {
+  using Spec = DeviceSource;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Required()
+          .Text("citation", &Spec::citation, "author, journal, year")
+          .Required()
+          .Text("figure", &Spec::figure, "as published, with its range")
+          .Required()
+          .Number("from_tip_mm", &Spec::from_tip_mm, 0, 5000, "mm", "place that it is about")
+          .Number("flexural_modulus_GPa", &Spec::flexural_modulus_GPa, 1e-4, 1e3, "GPa",
+                  "of the round section")
+          .Number("outer_diameter_mm", &Spec::outer_diameter_mm, 0.01, 10, "mm", "of it")
+          .Number("inner_diameter_mm", &Spec::inner_diameter_mm, 0, 10, "mm", "of it")
+          .Number("span_mm", &Spec::span_mm, 1, 1000, "mm", "of bending at three points")
+          .Number("force_N", &Spec::force_N, 1e-6, 1000, "N", "in its middle")
+          .Number("deflection_mm", &Spec::deflection_mm, 1e-4, 100, "mm", "under that force")
+          .Number("tip_load_gf", &Spec::tip_load_gf, 1e-3, 1000, "gf",
+                  "under which the free end buckles")
+          .Number("free_length_mm", &Spec::free_length_mm, 0.1, 100, "mm", "of that end")
+          .Number("measured_N_mm2", &Spec::measured_N_mm2, 1e-7, 1e6, "N mm^2",
+                  "the rigidity itself")
+          .Checked(CheckSource);
+  return keys;
+}
+
+const Keys<DeviceSpec>& DeviceKeys() {
+  using Spec = DeviceSpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Required()
+          .Choice("kind", &Spec::kind, {"guidewire", "catheter"}, "of device")
+          .Required()
+          .Text("product", &Spec::product, "its name and size")
+          .Required()
+          .Text("assumed", &Spec::assumed, "what no source says")
+          .Tables("source", &Spec::sources, SourceKeys(), 1, "published figures");
+  return keys;
+}
+
+}  // namespace
+
+std::string DeviceFolder() {
+  std::error_code none;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", none);
+  const std::filesystem::path installed =
+      program.parent_path().parent_path() / "share/torquer/devices";
+  return std::filesystem::is_directory(installed, none) ? installed.string()
+                                                        : TORQUER_DEVICE_FOLDER;
+}
+
+std::vector<std::string> DeviceNames() {
+  std::vector<std::string> names;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator(DeviceFolder(), none)) {
+    if (entry.path().extension() == kEnding) names.push_back(entry.path().stem());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+DeviceSpec ReadDevice(const std::string& name) {
+  StrictTable file = StrictTable::Read(DeviceFolder() + "/" + name + kEnding);
+  DeviceSpec device = DeviceKeys().Read(file);
+  BuildKeys().ReadInto(file.Table("instrument"), device.instrument);
+  file.RefuseUnread();
+  return device;
+}
+
+}  // namespace torquer::scene
