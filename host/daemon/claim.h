@@ -30,8 +30,14 @@ class Claim {
   int fd_ = -1;
 };
 
-/// The process that holds the claim `name`, if any.
+/// The process that holds the claim `name`, if any: by the kernel's word, not the file's. None,
+/// too, where the holder is in another process id namespace.
 std::optional<int> ClaimHolder(const std::string& name);
+
+/// Sends `signal` to the process that holds the claim `name`, and never to another one, however the
+/// claims' files may read and whoever takes a number that has become free. False where nobody holds
+/// it, or the holder may not be signaled.
+bool SignalClaimHolder(const std::string& name, int signal);
 
 /// Name of the claim on a device, made of its serial number or its path.
 std::string DeviceClaimName(const std::string& device);

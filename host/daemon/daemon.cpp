@@ -11,6 +11,7 @@
 #include "host/bus/clock.h"
 #include "host/device/device_identity.h"
 #include "host/support/error.h"
+#include "host/support/printable_text.h"
 #include "protocol/hid_reports.h"
 #include "protocol/lcm_channels.h"
 #include "torquer_lcm/device_sample_t.hpp"
@@ -29,6 +30,8 @@ constexpr std::int64_t kFlagsIntervalUs = 100000;
 // What the simulator last received and the daemon last sent may differ by a message in flight.
 constexpr double kSamePlaceMm = 1.0;
 constexpr double kSamePlaceRad = 0.1;
+// mm or rad, as the simulator has it.
+constexpr double kFarthest = 1e5;
 
 // What was received on the bus about an instrument.
 struct Heard {
@@ -58,9 +61,11 @@ Heard ListenFor(const std::string& instrument, const std::string& url) {
   return heard;
 }
 
+// Any program on the bus may have sent it: what the simulator itself would refuse is refused here.
 bool Usable(const torquer_lcm::instrument_state_t& state) {
-  return state.command_sequence >= 0 && std::isfinite(state.commanded_insertion_mm) &&
-         std::isfinite(state.inserted_at_start_mm) && std::isfinite(state.commanded_rotation_rad);
+  const auto near = [](double value) { return std::abs(value) <= kFarthest; };
+  return state.command_sequence >= 0 && near(state.commanded_insertion_mm) &&
+         near(state.inserted_at_start_mm) && near(state.commanded_rotation_rad);
 }
 
 std::string Describe(const Pose& pose) {
@@ -82,7 +87,7 @@ Daemon::Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::Rep
 void Daemon::TakeUpPosition() {
   std::optional<LastCommand> previous = instrument_claim_.previous();
   if (previous && previous->clock_id != bus::ClockId()) previous.reset();
-  if (previous) sequence_ = previous->sequence + 1;
+  if (previous) sequence_ = protocol::NextSequence(previous->sequence);
   if (previous && bus::MonotonicUs() - previous->publish_us > kTakeUpWithinS * 1000000LL) {
     previous.reset();
   }
@@ -98,7 +103,7 @@ void Daemon::TakeUpPosition() {
   std::string from = previous ? "the previous daemon" : "";
   if (heard.state && Usable(*heard.state)) {
     const torquer_lcm::instrument_state_t& state = *heard.state;
-    sequence_ = std::max(sequence_, state.command_sequence + 1);
+    sequence_ = std::max(sequence_, protocol::NextSequence(state.command_sequence));
     const double insertion_mm = state.commanded_insertion_mm - state.inserted_at_start_mm;
     const bool same = std::abs(insertion_mm - start.insertion_mm) < kSamePlaceMm &&
                       std::abs(state.commanded_rotation_rad - start.rotation_rad) < kSamePlaceRad;
@@ -192,6 +197,7 @@ void Daemon::OnConnected(const device::SourceEvent& event) {
     claimed_ = std::move(claimed);
   }
   if (serial != device_) {
+    pipeline_->ForgetMark();
     device_ = serial;
     health_.SetDevice(serial);
   }
@@ -199,6 +205,7 @@ void Daemon::OnConnected(const device::SourceEvent& event) {
   silent_ = false;
   last_report_us_ = bus::MonotonicUs();
   pipeline_->OnConnected();
+  sensor_image_.OnConnected(serial);
   ++connections_;
   Announce(
       "running",
@@ -265,10 +272,13 @@ void Daemon::OnReport(const device::SourceEvent& event) {
              fmt::format("the device's counts jumped faster than any hand; going on from {}",
                          Describe(output->hand.pose)));
   } else if (output->sample.epoch_start == device::EpochStart::kReset) {
+    sensor_image_.OnReset();
     Announce("running", fmt::format("the device was reset; going on from {}; what the hand moved "
                                     "meanwhile is not known",
                                     Describe(output->hand.pose)));
   }
+  if (output->hand.mark) AnnounceMark(*output->hand.mark);
+  sensor_image_.OnReport(output->sample.flags);
   AnnounceFlags(output->hand.flags, event.host_us);
 }
 
@@ -298,6 +308,7 @@ void Daemon::OnTick(std::int64_t now_us) {
   if ((!connected_ || silent_) && connections_ > 0 && now_us - last_hold_us_ >= kHoldIntervalUs) {
     PublishHold(now_us);
   }
+  if (connected_ && !silent_ && sensor_image_.due()) LoadSensorImage();
   if (health_.Due(now_us)) health_.Repeat(Counters());
   service_manager_.Alive(now_us);
 }
@@ -305,11 +316,40 @@ void Daemon::OnTick(std::int64_t now_us) {
 void Daemon::Announce(const std::string& state, const std::string& message) {
   health_.Change(state, message, Counters());
   service_manager_.Status(fmt::format("{}: {}", state, message));
-  const std::string line = fmt::format("torquer-daemon: {}: {}", state, message);
+  // A message may name what a device says of itself.
+  const std::string line = Printable(fmt::format("torquer-daemon: {}: {}", state, message));
   if (options_.announce) {
     options_.announce(line);
   } else {
     fmt::print(stderr, "{}\n", line);
+  }
+}
+
+// The device sends no report in some 0.1 s of it.
+void Daemon::LoadSensorImage() {
+  try {
+    const std::optional<std::string> message = sensor_image_.Load(*source_);
+    if (message) Announce(health_.state(), *message);
+  } catch (const device::DeviceGone&) {
+    return;  // the source reports it
+  }
+  last_report_us_ = bus::MonotonicUs();
+}
+
+void Daemon::AnnounceMark(const MarkPassage& mark) {
+  if (mark.first) {
+    Announce(health_.state(), "the end switch closed: from now on lost motion shows there");
+  } else if (mark.refused) {
+    Announce(health_.state(),
+             fmt::format("the end switch closed {:.1f} mm from where it did before, which is more "
+                         "than the device's travel: nothing is made up for, and its place is here "
+                         "from now on",
+                         std::abs(mark.lost_mm)));
+  } else if (mark.lost_mm != 0.0) {
+    Announce(health_.state(), fmt::format("the end switch shows that {:.1f} mm {} were lost; the "
+                                          "instrument makes up for them",
+                                          std::abs(mark.lost_mm),
+                                          mark.lost_mm > 0 ? "of pushing" : "of pulling back"));
   }
 }
 
@@ -355,7 +395,7 @@ void Daemon::PublishSample(const PipelineOutput& output) {
 void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
   torquer_lcm::instrument_command_t command;
   command.instrument = options_.instrument;
-  command.sequence = sequence_++;
+  command.sequence = std::exchange(sequence_, protocol::NextSequence(sequence_));
   command.clock_id = bus::ClockId();
   command.origin_us = origin_us;
   command.publish_us = bus::MonotonicUs();
@@ -369,6 +409,7 @@ void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
   // First, so that after a kill in between the next daemon does not start one command back.
   instrument_claim_.Remember({hand.pose, command.sequence, command.publish_us, command.clock_id});
   if (bus_.Publish(protocol::kInstrumentCommandChannel, command)) ++commands_published_;
+  if (options_.show) options_.show(hand);
 }
 
 void Daemon::PublishHold(std::int64_t now_us) {
@@ -396,6 +437,9 @@ bus::HealthCounters Daemon::Counters() const {
           {"axial_counts_held", tracker.axial_held},
           {"transverse_counts_applied", tracker.transverse_applied},
           {"transverse_counts_held", tracker.transverse_held},
+          {"marks_passed", tracker.marks_passed},
+          {"healed_um", tracker.healed_um},
+          {"sensor_images_loaded", sensor_image_.loaded()},
           {"clock_drift_ppm", std::llround(1e6 * pipeline_->clock_map().drift())},
           {"clock_restarts", pipeline_->clock_map().restarts()},
           {"report_to_command_p99_us", statistics_.QuantileUs(0.99)}};

@@ -13,6 +13,7 @@
 #include "host/bus/health_reporter.h"
 #include "host/daemon/claim.h"
 #include "host/daemon/pipeline.h"
+#include "host/daemon/sensor_image.h"
 #include "host/daemon/service_manager.h"
 #include "host/daemon/statistics.h"
 #include "host/device/report_source.h"
@@ -27,6 +28,8 @@ struct DaemonOptions {
   bool calibration_by_serial = false;
   /// Gets the output for every report, with the device's serial number; may be empty.
   std::function<void(const std::string& device, const PipelineOutput& output)> observe;
+  /// Gets each state that is published, also while there is no device; may be empty.
+  std::function<void(const HandState& hand)> show;
   /// Gets each announcement, one line; without it they go to standard error.
   std::function<void(const std::string& line)> announce;
 };
@@ -66,6 +69,8 @@ class Daemon {
   void TakeCalibrationOf(const std::string& serial);
   void CheckResolution();
   void Announce(const std::string& state, const std::string& message);
+  void AnnounceMark(const MarkPassage& mark);
+  void LoadSensorImage();
   void AnnounceFlags(std::int32_t flags, std::int64_t now_us);
   void PublishSample(const PipelineOutput& output);
   void PublishCommand(const HandState& hand, std::int64_t origin_us);
@@ -80,6 +85,7 @@ class Daemon {
   std::optional<Claim> device_claim_;
   std::string claimed_;  // address and serial number of the device that it is for
   std::optional<Pipeline> pipeline_;
+  SensorImage sensor_image_;
   std::string device_;  // serial number, once known
   bool connected_ = false;
   bool silent_ = false;

@@ -1,6 +1,7 @@
 #include "host/daemon/hand_tracker.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "protocol/lcm_channels.h"
 
@@ -31,11 +32,16 @@ HandState HandTracker::Step(const device::Sample& sample) {
   const bool held = state.flags != 0;
   Move(sample, held);
   TurnArm(sample);
+  state.mark = PassMark(sample);
+  if (!held) Heal(sample);
   last_ = sample;
   last_held_ = held;
 
   if (!calibrated_) state.flags |= protocol::kCommandUncalibrated;
   state.pose = CurrentPose();
+  state.start = start_;
+  state.joystick_x = sample.joystick_x;
+  state.joystick_y = sample.joystick_y;
   state.xray = (sample.buttons & protocol::kButtonXray) != 0;
   state.contrast = (sample.buttons & protocol::kButtonContrast) != 0;
   return state;
@@ -44,14 +50,17 @@ HandState HandTracker::Step(const device::Sample& sample) {
 HandState HandTracker::Hold() const {
   HandState state;
   state.pose = CurrentPose();
+  state.start = start_;
   state.flags = protocol::kCommandNoDevice | (calibrated_ ? 0 : protocol::kCommandUncalibrated);
   return state;
 }
 
 void HandTracker::Home() {
+  ++start_;
   base_ = {};
   axial_ = 0;
   transverse_ = 0;
+  to_heal_mm_ = 0.0;  // of a way that lies before the new start
 }
 
 std::int32_t HandTracker::Doubts(const device::Sample& sample) {
@@ -72,8 +81,15 @@ void HandTracker::Move(const device::Sample& sample, bool held) {
   if (held || last_held_) {
     counters_.axial_held += axial;
     counters_.transverse_held += transverse;
+    // With the clutch held the hand does travel; what is in doubt is lost until the next mark.
+    if (((sample.buttons | last_->buttons) & protocol::kButtonClutch) != 0) {
+      travel_axial_ += axial;
+      travel_transverse_ += transverse;
+    }
     return;
   }
+  travel_axial_ += axial;
+  travel_transverse_ += transverse;
   axial_ += axial;
   transverse_ += transverse;
   counters_.axial_applied += axial;
@@ -82,9 +98,7 @@ void HandTracker::Move(const device::Sample& sample, bool held) {
 
 void HandTracker::TurnArm(const device::Sample& sample) {
   if (!last_ || sample.epoch_start != device::EpochStart::kNone) return;
-  const std::int64_t passed_us =
-      std::clamp<std::int64_t>(sample.device_time_us - last_->device_time_us, 0, kLongestHoldUs);
-  const double passed_s = 1e-6 * static_cast<double>(passed_us);
+  const double passed_s = PassedS(sample);
   const auto turned = [&](double angle, const calibration::JoystickAxis& axis, double counts,
                           double limit) {
     return std::clamp(angle + calibration::Rate(axis, counts) * passed_s, -limit, limit);
@@ -93,10 +107,61 @@ void HandTracker::TurnArm(const device::Sample& sample) {
   base_.cra_rad = turned(base_.cra_rad, calibration_.cra, sample.joystick_y, kCraLimitRad);
 }
 
+std::optional<MarkPassage> HandTracker::PassMark(const device::Sample& sample) {
+  // What closed before an epoch began did so at a travel that is not known here.
+  if (!last_ || sample.epoch_start != device::EpochStart::kNone) return std::nullopt;
+  if ((sample.flags & protocol::kFlagReference) == 0) return std::nullopt;
+  const std::uint8_t risen = static_cast<std::uint8_t>(sample.flags & ~last_->flags);
+  const bool closed = (risen & (protocol::kFlagReference | protocol::kFlagAtReference)) != 0 ||
+                      sample.reference_counts != last_->reference_counts;
+  if (!closed) return std::nullopt;
+
+  ++counters_.marks_passed;
+  const std::int64_t since = sample.axial_counts - sample.reference_counts;
+  const double travel_mm = TravelMm(travel_axial_ - since);
+  MarkPassage passage;
+  passage.first = !mark_mm_;
+  if (mark_mm_) passage.lost_mm = *mark_mm_ - travel_mm;
+  passage.refused = std::abs(passage.lost_mm) > kLongestLossMm;
+  if (passage.first || passage.refused) {
+    mark_mm_ = travel_mm;
+  } else if (std::abs(passage.lost_mm) < kMarkToleranceMm) {
+    passage.lost_mm = 0.0;
+  } else {
+    travel_base_mm_ += passage.lost_mm;
+    to_heal_mm_ += passage.lost_mm;
+  }
+  return passage;
+}
+
+void HandTracker::Heal(const device::Sample& sample) {
+  if (to_heal_mm_ == 0.0 || !last_ || sample.epoch_start != device::EpochStart::kNone) return;
+  const double most_mm = kHealMmPerS * PassedS(sample);
+  const double step_mm = std::clamp(to_heal_mm_, -most_mm, most_mm);
+  to_heal_mm_ -= step_mm;
+  base_.insertion_mm += step_mm;
+  healed_mm_ += std::abs(step_mm);
+  counters_.healed_um = std::llround(1000.0 * healed_mm_);
+}
+
+// Since the sample before; a longer pause counts as kLongestHoldUs.
+double HandTracker::PassedS(const device::Sample& sample) const {
+  return 1e-6 * static_cast<double>(std::clamp<std::int64_t>(
+                    sample.device_time_us - last_->device_time_us, 0, kLongestHoldUs));
+}
+
+double HandTracker::TravelMm(std::int64_t axial) const {
+  return travel_base_mm_ +
+         calibration::Apply(calibration_.motion, axial, travel_transverse_).insertion_mm;
+}
+
 // Nominal gains follow the sensor's resolution; the pose so far is kept.
 void HandTracker::UseResolution(int cpi) {
   if (cpi == calibration_.motion.cpi) return;
   base_ = CurrentPose();
+  travel_base_mm_ = TravelMm(travel_axial_);
+  travel_axial_ = 0;
+  travel_transverse_ = 0;
   axial_ = 0;
   transverse_ = 0;
   calibration_ = calibration::NominalCalibration("", cpi);

@@ -4,7 +4,12 @@
 // Motion between two consecutive samples is applied unless one of them is in doubt (lift, poor
 // surface, sensor fault) or has the clutch held. Motion that is not applied is dropped: the
 // instrument stays and continues from there. The applied counts are summed as integers and
-// converted at once, so that no rounding errors accumulate. No I/O, no clock.
+// converted at once, so that no rounding errors accumulate.
+//
+// A device with an end switch shows what was lost. The hand's travel, clutched motion included, is
+// the same whenever the cylinder closes the switch, and the count is not if motion was dropped or
+// not seen since. The instrument then makes up for the difference, at kHealMmPerS and only while
+// motion is applied, so that it never jumps. No I/O, no clock.
 #pragma once
 
 #include <cstdint>
@@ -27,12 +32,23 @@ struct Pose {
 inline constexpr double kLaoLimitRad = 1.5707963267948966;
 inline constexpr double kCraLimitRad = 0.7853981633974483;
 
+/// The end switch has closed.
+struct MarkPassage {
+  bool first = false;    ///< its place is known from now on; nothing else is
+  bool refused = false;  ///< farther from its place than the device is long: not believed
+  double lost_mm = 0.0;  ///< what the count lacks since the passage before, positive distally
+};
+
 /// What the hand asks for.
 struct HandState {
   Pose pose;
   bool xray = false;
   bool contrast = false;
-  std::int32_t flags = 0;  ///< protocol::InstrumentFlag bits
+  std::int32_t flags = 0;           ///< protocol::InstrumentFlag bits
+  std::uint16_t joystick_x = 512;   ///< as in the report; at rest while there is no device
+  std::uint16_t joystick_y = 512;   ///< the same
+  int start = 0;                    ///< one more with each Home(): positions count from another one
+  std::optional<MarkPassage> mark;  ///< with the first sample after the switch has closed
 };
 
 /// Sums over all samples, counts.
@@ -41,6 +57,8 @@ struct TrackerCounters {
   std::int64_t transverse_applied = 0;
   std::int64_t axial_held = 0;  ///< moved with the clutch held or in doubt
   std::int64_t transverse_held = 0;
+  std::int64_t marks_passed = 0;
+  std::int64_t healed_um = 0;  ///< made up for at the marks, the sum of both directions' lengths
 };
 
 class HandTracker {
@@ -59,23 +77,45 @@ class HandTracker {
   /// Makes the present position of the instrument its start, and sets the C-arm upright.
   void Home();
 
+  /// Another device: where the mark is on it is not known.
+  void ForgetMark() { mark_mm_.reset(); }
+
   const TrackerCounters& counters() const { return counters_; }
+
+  /// Lost motion is made up for no faster than this.
+  static constexpr double kHealMmPerS = 20.0;
+  /// The switch closes at the same place within this, mm: a smaller difference is no loss.
+  static constexpr double kMarkToleranceMm = 0.3;
+  /// The cylinder's whole travel, mm: a greater difference is no loss either.
+  static constexpr double kLongestLossMm = 150.0;
 
  private:
   std::int32_t Doubts(const device::Sample& sample);
   void Move(const device::Sample& sample, bool held);
   void TurnArm(const device::Sample& sample);
+  std::optional<MarkPassage> PassMark(const device::Sample& sample);
+  void Heal(const device::Sample& sample);
+  double PassedS(const device::Sample& sample) const;
+  double TravelMm(std::int64_t axial) const;
   void UseResolution(int cpi);
   Pose CurrentPose() const;
 
   bool calibrated_;
   calibration::Calibration calibration_;
+  int start_ = 0;
   Pose base_;  // pose at which the applied counts below were 0
   std::int64_t axial_ = 0;
   std::int64_t transverse_ = 0;
   std::optional<device::Sample> last_;
   bool last_held_ = false;
   bool poor_surface_ = false;
+  // The hand's travel as far as it is known: counts in mm, with what the marks have shown.
+  double travel_base_mm_ = 0.0;
+  std::int64_t travel_axial_ = 0;
+  std::int64_t travel_transverse_ = 0;
+  std::optional<double> mark_mm_;  // where on it the switch closes
+  double to_heal_mm_ = 0.0;        // what the instrument has yet to make up for
+  double healed_mm_ = 0.0;
   TrackerCounters counters_;
 };
 

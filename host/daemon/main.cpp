@@ -17,6 +17,7 @@
 #include "host/daemon/daemon.h"
 #include "host/daemon/device_list.h"
 #include "host/daemon/device_monitor.h"
+#include "host/daemon/uinput_device.h"
 #include "host/device/source_choice.h"
 #include "host/support/program.h"
 #include "protocol/lcm_channels.h"
@@ -34,6 +35,7 @@ struct Arguments {
   std::string instrument = torquer::protocol::kGuidewire;
   bool json = false;
   bool monitor = false;
+  bool uinput = false;
   bool list = false;
   bool home = false;
 };
@@ -55,6 +57,9 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Group("Output");
   options.Flag("--monitor", arguments.monitor,
                "show the motion of the device as live bars in the terminal");
+  options.Flag("--uinput", arguments.uinput,
+               "be an input device of this machine too, for other software: insertion, rotation, "
+               "stick and buttons");
   options.Flag("--json", arguments.json, "print statistics as one JSON object at the end");
   options.Group("Instead of running");
   options.Flag(
@@ -114,9 +119,8 @@ void PrintStatistics(const torquer::daemon::Daemon& daemon) {
 }
 
 int SendHome(const Arguments& arguments) {
-  const auto holder = torquer::daemon::ClaimHolder(
-      torquer::daemon::InstrumentClaimName(arguments.instrument, arguments.lcm_url));
-  if (!holder || kill(*holder, SIGUSR1) != 0) {
+  if (!torquer::daemon::SignalClaimHolder(
+          torquer::daemon::InstrumentClaimName(arguments.instrument, arguments.lcm_url), SIGUSR1)) {
     throw UserError(fmt::format(
         "no torquer-daemon of yours drives the instrument '{}' on this bus; give the --instrument "
         "and --lcm-url that it was started with",
@@ -151,6 +155,11 @@ int RunDaemon(const Arguments& arguments) {
       monitor->Add(device, output);
     };
     options.announce = [&monitor](const std::string& text) { monitor->Print(text); };
+  }
+  std::optional<torquer::daemon::UinputDevice> uinput;
+  if (arguments.uinput) {
+    uinput.emplace("Torquer " + arguments.instrument);
+    options.show = [&uinput](const torquer::daemon::HandState& hand) { uinput->Show(hand); };
   }
   torquer::bus::Bus bus(arguments.lcm_url);
   torquer::daemon::Daemon daemon(std::move(options), bus, std::move(source));

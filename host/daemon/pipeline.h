@@ -40,6 +40,7 @@ class Pipeline {
 
   HandState Hold() const { return tracker_.Hold(); }
   void Home() { tracker_.Home(); }
+  void ForgetMark() { tracker_.ForgetMark(); }
 
   const device::ReportDecoder& decoder() const { return decoder_; }
   const device::ClockMap& clock_map() const { return clock_map_; }

@@ -44,6 +44,12 @@ Sample PlainFields(const protocol::InputReport& report, std::int64_t receive_us)
   return sample;
 }
 
+// The mark, as far behind the continued count as the device has it behind its own.
+void PlaceReference(const protocol::InputReport& report, Sample& sample) {
+  sample.reference_counts =
+      sample.axial_counts + SignedStep(report.reference_counts, report.axial_counts);
+}
+
 }  // namespace
 
 std::optional<Sample> ReportDecoder::Decode(std::span<const std::uint8_t> bytes,
@@ -97,6 +103,7 @@ Sample ReportDecoder::BeginEpoch(const protocol::InputReport& report, std::int64
     sample.axial_counts = last_.axial_counts;
     sample.transverse_counts = last_.transverse_counts;
   }
+  PlaceReference(report, sample);
   any_ = true;
   seen_ = 1;
   epoch_first_number_ = sample.report_number;
@@ -134,6 +141,7 @@ std::optional<Sample> ReportDecoder::Continue(const protocol::InputReport& repor
     sample.transverse_counts = last_.transverse_counts;
     sample.epoch_start = EpochStart::kJump;
   }
+  PlaceReference(report, sample);
   last_ = sample;
   last_report_ = report;
   return sample;

@@ -34,10 +34,12 @@ struct Sample {
   std::int64_t report_number = 0;      ///< counts lost reports too; continued as well
   std::int64_t axial_counts = 0;       ///< cumulative, continued as well
   std::int64_t transverse_counts = 0;  ///< cumulative, continued as well
-  std::uint16_t joystick_x = 0;        ///< 0 .. 1023
-  std::uint16_t joystick_y = 0;        ///< 0 .. 1023
-  std::uint8_t buttons = 0;            ///< protocol::Button bits
-  std::uint8_t flags = 0;              ///< protocol::ReportFlag bits
+  /// axial_counts when the end switch last closed; without meaning unless flags has kFlagReference.
+  std::int64_t reference_counts = 0;
+  std::uint16_t joystick_x = 0;  ///< 0 .. 1023
+  std::uint16_t joystick_y = 0;  ///< 0 .. 1023
+  std::uint8_t buttons = 0;      ///< protocol::Button bits
+  std::uint8_t flags = 0;        ///< protocol::ReportFlag bits
   std::uint8_t surface_quality = 0;
   std::uint16_t shutter = 0;
   std::uint16_t cpi = 0;

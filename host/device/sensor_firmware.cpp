@@ -3,10 +3,16 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <string_view>
+#include <system_error>
 
 #include "host/device/report_copy.h"
+#include "host/support/atomic_file.h"
 #include "host/support/error.h"
+#include "host/support/input_file.h"
+#include "host/support/user_paths.h"
 #include "protocol/hid_reports.h"
 
 namespace torquer::device {
@@ -26,18 +32,10 @@ protocol::DiagnosticsReport Diagnostics(FeatureReports& reports) {
 }  // namespace
 
 std::vector<std::uint8_t> ReadSromFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    throw UserError(path + ": cannot be opened (" + std::strerror(errno) +
-                    "); name the file with the sensor maker's firmware image");
-  }
+  const InputFile file(path, "name the file with the sensor maker's firmware image");
   // One byte more than an image has shows a file that is too long, and no file is read whole.
   std::vector<std::uint8_t> bytes(protocol::kSromBytes + 1);
-  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  bytes.resize(static_cast<std::size_t>(file.gcount()));
-  if (file.bad())
-    throw UserError(path +
-                    ": cannot be read; name the file with the sensor maker's firmware image");
+  bytes.resize(file.ReadAt(0, bytes.data(), bytes.size()));
   if (LooksLikeText(bytes)) {
     throw UserError(path +
                     ": is text; an image of the PMW3360 is binary. Convert it: a C array or "
@@ -81,5 +79,20 @@ int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image) {
 }
 
 int RunningSrom(FeatureReports& reports) { return Diagnostics(reports).srom_id; }
+
+std::optional<std::string> KeptSromPath(const std::string& serial) {
+  return DeviceFilePath(serial, ".srom");
+}
+
+std::optional<std::string> KeepSrom(const std::string& serial,
+                                    const std::vector<std::uint8_t>& image) {
+  const std::optional<std::string> path = KeptSromPath(serial);
+  if (!path) return std::nullopt;
+  std::error_code ignored;  // the file cannot be written then, which says more
+  std::filesystem::create_directories(std::filesystem::path(*path).parent_path(), ignored);
+  WriteFileAtomically(*path,
+                      std::string_view(reinterpret_cast<const char*>(image.data()), image.size()));
+  return path;
+}
 
 }  // namespace torquer::device

@@ -1,10 +1,12 @@
 // The firmware image (SROM) of the motion sensor's maker: from the user's file into the sensor.
 //
 // The image is the maker's property and no part of this project. The sensor works without; it
-// forgets the image with its power, so that a program loads it each time.
+// forgets the image with its power, so that a program loads it each time: from the copy that
+// torquer-flash --srom keeps for the device.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,5 +25,15 @@ int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image);
 
 /// Number of the image that the sensor runs now; 0: its ROM.
 int RunningSrom(FeatureReports& reports);
+
+/// Where the image for the device with this serial number is kept: SERIAL.srom, beside its
+/// calibration. Nothing where the user has no configuration folder.
+std::optional<std::string> KeptSromPath(const std::string& serial);
+
+/// Keeps a copy of `image` there, so that the daemon loads it whenever the sensor has lost it.
+/// Returns its path, or nothing where the user has no configuration folder. Throws UserError when
+/// it cannot be written.
+std::optional<std::string> KeepSrom(const std::string& serial,
+                                    const std::vector<std::uint8_t>& image);
 
 }  // namespace torquer::device

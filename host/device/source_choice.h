@@ -13,8 +13,8 @@ namespace torquer::device {
 
 /// What the command line says of the device.
 struct SourceChoice {
-  std::string source;                ///< "usb", "evdev" or "socket"; "": not given
-  std::vector<std::string> devices;  ///< serial number (usb), or device files (evdev)
+  std::string source;                ///< "usb", "hidraw", "evdev" or "socket"; "": not given
+  std::vector<std::string> devices;  ///< serial number (usb, hidraw), or device files (evdev)
   std::string socket = DefaultSocketPath();
 
   bool is_mouse() const { return source == "evdev"; }

@@ -106,7 +106,7 @@ int Run(Arguments& arguments) {
   torquer::tools::FlashProcedure procedure(boards, request, hooks);
   if (!arguments.srom.empty()) {
     const int id = procedure.LoadSensorImage(arguments.srom);
-    if (id != 0) fmt::print("the sensor runs image {} until it loses power or is reset\n", id);
+    if (id != 0) fmt::print("the sensor runs image {}\n", id);
     return torquer::kExitSuccess;
   }
   const auto outcome = procedure.Run();
@@ -138,7 +138,8 @@ int main(int argc, char** argv) {
   program.Note(
       "The sensor's own firmware image (SROM) is its maker's, and no part of this project: the "
       "sensor runs without it, and better with it on difficult surfaces. It forgets the image with "
-      "its power, in suspend too; the reports then say so, and --srom loads it again.");
+      "its power, in suspend too. --srom keeps a copy for the device, SERIAL.srom beside its "
+      "calibration, and torquer-daemon loads that again whenever it is lost.");
   Arguments arguments;
   FlashRequest& request = arguments.request;
   torquer::Options& options = program.options();

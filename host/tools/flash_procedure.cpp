@@ -124,7 +124,16 @@ int FlashProcedure::LoadSensorImage(const std::string& path) {
       {
         const auto link = boards_.Open(found.board);
         const auto identity = Get<IdentityReport>(*link, protocol::kIdentityReportId);
-        if (identity.self_test & kSensorGood) return device::LoadSrom(*link, image);
+        if (identity.self_test & kSensorGood) {
+          const int id = device::LoadSrom(*link, image);
+          if (const auto kept = device::KeepSrom(found.serial, image)) {
+            hooks_.say(fmt::format(
+                "kept as {}: torquer-daemon loads it when the sensor has lost it; delete that file "
+                "to do without",
+                *kept));
+          }
+          return id;
+        }
       }
       boards_.Sleep(kLookMs);
     }

@@ -65,7 +65,8 @@ class FlashProcedure {
   std::optional<FlashOutcome> Run();
 
   /// Loads the sensor maker's image in the file `path` into the sensor of the board, which must run
-  /// our firmware; returns the number that the sensor then runs, 0 after a dry run. Throws
+  /// our firmware, and keeps a copy for the daemon (device/sensor_firmware.h); returns the number
+  /// that the sensor then runs, 0 after a dry run. Throws
   /// UserError naming file or board and the remedy; the sensor then runs without an image.
   int LoadSensorImage(const std::string& path);
 

@@ -218,3 +218,143 @@ TEST_CASE("Without a calibration the gains follow the sensor's resolution, and i
   CHECK(state.pose.insertion_mm == Approx(50.8));
   CHECK(state.flags == kCommandUncalibrated);
 }
+
+namespace {
+
+// At the place of `hand` where the switch closes, and away from it again by the next step.
+HandState CloseSwitch(Hand& hand) {
+  hand.sample.flags |= kFlagReference | kFlagAtReference;
+  hand.sample.reference_counts = hand.sample.axial_counts;
+  const HandState state = hand.Step();
+  hand.sample.flags &= ~kFlagAtReference;
+  return state;
+}
+
+HandState Rest(Hand& hand, int samples) {
+  HandState state;
+  for (int i = 0; i < samples; ++i) state = hand.Step();
+  return state;
+}
+
+}  // namespace
+
+TEST_CASE("What was lost between two closings of the end switch is made up for without a jump") {
+  Hand hand;
+  hand.Step();
+  HandState state = CloseSwitch(hand);
+  REQUIRE(state.mark);
+  CHECK(state.mark->first);
+  hand.Step(5000);  // 50 mm
+  double expected_mm = 50.0;
+  double lost_mm = 0.0;
+  SECTION("nothing was lost") {
+    hand.Step(-5000);
+    expected_mm = 0.0;
+  }
+  SECTION("less than the switch is repeatable by") {
+    hand.Step(-4975);
+    expected_mm = 0.25;
+  }
+  SECTION("pushing that the sensor did not see") {
+    hand.Step(-6000);  // so 10 mm more were pushed
+    expected_mm = 0.0;
+    lost_mm = 10.0;
+  }
+  SECTION("pulling back that was in doubt, and therefore dropped") {
+    hand.sample.flags |= kFlagLift;
+    hand.Step(-1000);
+    hand.Step(-1000);
+    hand.sample.flags &= ~kFlagLift;
+    hand.Step();
+    hand.Step(-3000);
+    expected_mm = 0.0;
+    lost_mm = -20.0;
+  }
+  SECTION("the clutch was held for some of the way: that the wire stays is wanted") {
+    hand.sample.buttons = kButtonClutch;
+    hand.Step(-2000);
+    hand.sample.buttons = 0;
+    hand.Step();
+    hand.Step(-3000);
+    expected_mm = 20.0;
+  }
+  SECTION("the device was reset on the way") {
+    hand.sample.flags = 0;
+    hand.sample.reference_counts = 0;
+    hand.sample.epoch_start = EpochStart::kReset;
+    hand.Step();
+    hand.Step(-3000);  // 20 mm went by meanwhile
+    expected_mm = 0.0;
+    lost_mm = -20.0;
+  }
+  const double before_mm = hand.Step().pose.insertion_mm;
+  state = CloseSwitch(hand);
+  REQUIRE(state.mark);
+  CHECK_FALSE(state.mark->first);
+  CHECK_FALSE(state.mark->refused);
+  CHECK(state.mark->lost_mm == Approx(lost_mm));
+  double last_mm = state.pose.insertion_mm;
+  CHECK(std::abs(last_mm - before_mm) < 0.0201);
+  for (int i = 0; i < 2000; ++i) {
+    const double now_mm = hand.Step().pose.insertion_mm;
+    REQUIRE(std::abs(now_mm - last_mm) < 0.0201);
+    last_mm = now_mm;
+  }
+  CHECK(last_mm == Approx(expected_mm).margin(1e-9));
+  CHECK(hand.tracker.counters().healed_um == std::llround(1000 * std::abs(lost_mm)));
+  // All is well now: the next time nothing is missing.
+  state = CloseSwitch(hand);
+  REQUIRE(state.mark);
+  CHECK(state.mark->lost_mm == 0.0);
+}
+
+TEST_CASE("The touch counts, not the report that brings it; a mark is passed once") {
+  Hand hand;
+  hand.Step();
+  CloseSwitch(hand);
+  hand.Step(2000);
+  hand.Step(-2000);
+  hand.sample.flags |= kFlagAtReference;
+  hand.sample.reference_counts = hand.sample.axial_counts;
+  // Debounced, the cylinder is 0.5 mm further.
+  HandState state = hand.Step(-50);
+  REQUIRE(state.mark);
+  CHECK(state.mark->lost_mm == 0.0);
+  for (int i = 0; i < 5; ++i) CHECK_FALSE(hand.Step(-10).mark);
+  hand.sample.flags &= ~kFlagAtReference;
+  CHECK_FALSE(hand.Step(100).mark);
+  CHECK(hand.tracker.counters().marks_passed == 2);
+}
+
+TEST_CASE("Making up for a loss waits while the wire is held, and ends with a new start") {
+  Hand hand;
+  hand.Step();
+  CloseSwitch(hand);
+  CloseSwitch(hand);
+  hand.Step(1000);
+  hand.Step(-3000);
+  const double before_mm = hand.sample.axial_counts * 0.01;
+  hand.sample.buttons = kButtonClutch;
+  CHECK(CloseSwitch(hand).mark->lost_mm == Approx(20.0));
+  CHECK(Rest(hand, 500).pose.insertion_mm == Approx(before_mm));
+  hand.sample.buttons = 0;
+  CHECK(Rest(hand, 500).pose.insertion_mm == Approx(before_mm + 10.0));
+  hand.tracker.Home();
+  CHECK(Rest(hand, 500).pose.insertion_mm == 0.0);
+}
+
+TEST_CASE("A mark farther away than the device is long is not believed") {
+  Hand hand;
+  hand.Step();
+  CloseSwitch(hand);
+  hand.Step(16000);
+  HandState state = CloseSwitch(hand);
+  REQUIRE(state.mark);
+  CHECK(state.mark->refused);
+  CHECK(Rest(hand, 100).pose.insertion_mm == Approx(160.0));
+  // From here on it is where it was now; but another device has it elsewhere.
+  CHECK(CloseSwitch(hand).mark->lost_mm == 0.0);
+  hand.tracker.ForgetMark();
+  hand.Step(1000);
+  CHECK(CloseSwitch(hand).mark->first);
+}

@@ -294,3 +294,27 @@ TEST_CASE("Reports from before a connection are no loss and no motion") {
   CHECK(behind->axial_counts == 50);
   CHECK(feed.decoder.counters().lost == 2);
 }
+
+TEST_CASE("The end switch's count goes on with the axial count, over wraps and restarts") {
+  Feed feed;
+  InputReport report = StillReport();
+  report.axial_counts = std::numeric_limits<std::int32_t>::max() - 10;
+  feed.Settle(report);
+  const std::int64_t mark = std::numeric_limits<std::int32_t>::max() + std::int64_t{5};
+  for (int i = 0; i < 30; ++i) {
+    report = Next(report);
+    report.axial_counts =
+        static_cast<std::int32_t>(static_cast<std::uint32_t>(report.axial_counts) + 1u);
+    if (i >= 15) report.reference_counts = std::numeric_limits<std::int32_t>::min() + 4;
+    const auto sample = feed(report);
+    REQUIRE(sample);
+    if (i >= 15) CHECK(sample->reference_counts == mark);
+  }
+  // After a restart the device counts from 0, and so do we from where it was.
+  ++report.boot_id;
+  report.axial_counts = 100;
+  report.reference_counts = 70;
+  const auto sample = feed(Next(report));
+  REQUIRE(sample);
+  CHECK(sample->axial_counts - sample->reference_counts == 30);
+}

@@ -1,6 +1,9 @@
 // torquer-flash --srom: which board's sensor gets the image, and what is said when none does.
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 
+#include "host/device/sensor_firmware.h"
 #include "tests/flash/emulated_boards.h"
 #include "tests/support/emulated_bench.h"
 #include "tests/support/temporary_folder.h"
@@ -39,8 +42,19 @@ TEST_CASE("the sensor's image goes from a file into the sensor of the board") {
   CHECK(Load(boards, file.path, dry) == 0);
   CHECK(boards.device.sensor().srom().empty());
   CHECK_THAT(boards.said, Contains("running firmware") && Contains("nothing was done"));
+  setenv("XDG_CONFIG_HOME", file.folder.Path("config").c_str(), 1);
   CHECK(Load(boards, file.path) == 5);
+  unsetenv("XDG_CONFIG_HOME");
   CHECK(boards.device.sensor().srom() == TestSrom());
+  // A copy for the daemon.
+  std::vector<std::string> kept;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(file.folder.Path("config/torquer"))) {
+    kept.push_back(entry.path());
+  }
+  REQUIRE(kept.size() == 1);
+  CHECK_THAT(boards.said, Contains("kept as " + kept[0] + ": torquer-daemon loads it"));
+  CHECK(device::ReadSromFile(kept[0]) == TestSrom());
   boards.CheckRules();
 }
 

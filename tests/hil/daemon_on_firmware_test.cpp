@@ -4,12 +4,15 @@
 #include <algorithm>
 #include <atomic>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <csignal>
 
 #include "calibration/calibration_file.h"
+#include "host/device/sensor_firmware.h"
 #include "host/emulator/umockdev_front.h"
 #include "protocol/hid_reports.h"
 #include "tests/support/daemon_process.h"
+#include "tests/support/emulated_bench.h"
 #include "tests/support/paths.h"
 
 namespace {
@@ -246,4 +249,86 @@ TEST_CASE("Two devices drive two instruments, each its own, and one's fate is no
     CHECK(list.Output().substr(at, list.Output().find('\n', at) - at).find("read by process ") !=
           std::string::npos);
   }
+}
+
+TEST_CASE("The sensor's firmware image is in it again after a suspend, a reset and a re-plug") {
+  Listener listener{/*with_devices=*/true};
+  const std::vector<std::uint8_t> image = torquer::emulator::TestSrom();
+  REQUIRE(torquer::device::KeepSrom("HIL-1", image) == listener.folder.Path("torquer/HIL-1.srom"));
+  UmockdevBench device(Image(), Bench::Options("HIL-1"), [](double) { return HandState{}; });
+  const auto daemon = Bench::Daemon({"--uncalibrated"});
+  const auto runs_it = [&](std::int64_t loads) {
+    const bool loaded =
+        listener.Until([&] { return listener.counters["sensor_images_loaded"] == loads; });
+    device.Do([&](BenchDevice& bench, UsbHost&) { CHECK(bench.sensor().srom() == image); });
+    return loaded;
+  };
+  const auto sleeps = [&] {
+    bool asleep = false;
+    device.Do([&](BenchDevice& bench, UsbHost&) { asleep = bench.PartsAwake().empty(); });
+    return asleep;
+  };
+  CAPTURE(daemon->Error());
+  REQUIRE(runs_it(1));
+
+  device.Do([](BenchDevice&, UsbHost& host) { host.Suspend(); });
+  REQUIRE(listener.Until(sleeps));
+  device.Do([](BenchDevice&, UsbHost& host) { host.Resume(); });
+  REQUIRE(runs_it(2));
+
+  device.Do([](BenchDevice& bench, UsbHost&) { bench.ResetByPin(); });
+  REQUIRE(runs_it(3));
+
+  device.Unplug();
+  REQUIRE(listener.UntilHealth("waiting for device", "was unplugged"));
+  device.Plug();
+  REQUIRE(runs_it(4));
+  device.Do([](BenchDevice& bench, UsbHost&) { CHECK(bench.violation_count() == 0); });
+}
+
+TEST_CASE("Counts lost on the way are made up for when the cylinder passes the end switch") {
+  Listener listener{/*with_devices=*/true};
+  std::atomic<double> target_mm = 5.0;
+  double place_mm = 5.0;
+  double last_s = 0.0;
+  BenchOptions options = Bench::Options("HIL-1");
+  options.reference_switch_mm = 0.0;
+  options.contact_bounce_us = 3000;
+  UmockdevBench device(Image(), options, [&](double time_s) {
+    const double most_mm = 200.0 * std::max(0.0, time_s - last_s);
+    place_mm += std::clamp(target_mm - place_mm, -most_mm, most_mm);
+    last_s = std::max(last_s, time_s);
+    HandState hand;
+    hand.insertion_mm = place_mm;
+    return hand;
+  });
+  const auto daemon = Bench::Daemon({"--uncalibrated"});
+  REQUIRE(listener.UntilCommands(10));
+  const auto inserted_mm = [&] { return listener.commands.back().insertion_mm; };
+  const auto move_to = [&](double mm) {
+    target_mm = mm;
+    REQUIRE(listener.Until([&] {
+      bool there = false;
+      device.Do([&](BenchDevice&, UsbHost&) { there = place_mm == mm; });
+      return there;
+    }));
+    REQUIRE(listener.UntilCommands(listener.commands.size() + 10));
+  };
+  move_to(-1);
+  REQUIRE(listener.UntilHealth("running", "the end switch closed: from now on"));
+  move_to(30);
+  CHECK(inserted_mm() == Approx(25.0).margin(0.1));
+  device.Do([](BenchDevice& bench, UsbHost&) {
+    bench.sensor().SetFault(torquer::emulator::VirtualPmw3360::Fault::kSilent);
+  });
+  move_to(50);
+  device.Do([](BenchDevice& bench, UsbHost&) {
+    bench.sensor().SetFault(torquer::emulator::VirtualPmw3360::Fault::kNone);
+  });
+  REQUIRE(listener.Until([&] { return (listener.commands.back().flags & ~1) == 0; }));
+  CHECK(inserted_mm() == Approx(25.0).margin(0.5));
+  move_to(-1);
+  REQUIRE(listener.UntilHealth("running", "of pushing were lost; the instrument makes up"));
+  REQUIRE(listener.Until([&] { return std::abs(inserted_mm() + 6.0) < 0.3; }));
+  CHECK(listener.counters["marks_passed"] == 2);
 }

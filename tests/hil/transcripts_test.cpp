@@ -1,9 +1,13 @@
 // The conversations of transcripts.h with the real firmware, in the emulator behind a mocked usbfs.
 #include "tests/hil/transcripts.h"
 
+#include <cstdlib>
+
 #include "host/emulator/umockdev_front.h"
+#include "tests/hil/board_report.h"
 #include "tests/hil/timing_report.h"
 #include "tests/support/paths.h"
+#include "tests/support/temporary_folder.h"
 
 namespace {
 
@@ -71,4 +75,26 @@ TEST_CASE("jitter and latency are reported") {
        {"reports", "between arrivals", "between samples", "from sample to", "feature report"}) {
     CHECK(report.find(line) != std::string::npos);
   }
+}
+
+// What is in it is true of this device; of silicon it says what nobody knows yet.
+TEST_CASE("a report to send in has every part, and says why one is missing") {
+  const torquer::test::TemporaryFolder folder;
+  setenv("XDG_CONFIG_HOME", folder.Path().c_str(), 1);
+  Bench bench;
+  bench.program.Close();
+  BoardReportRequest request;
+  request.seconds = 1;
+  const std::string report = BoardReport(request);
+  unsetenv("XDG_CONFIG_HOME");
+  CAPTURE(report);
+  for (const char* line :
+       {"Torquer 0.", "USB 1209:0001, serial number ", "clock 16 MHz", "sensor: product 0x42",
+        "application good, settings good, sensor good", "## Fuses\nnot read: give --fuses",
+        "between arrivals", "feature report", "surface quality (SQUAL): median ", "flags 0x00 in ",
+        "longest_frame_us ", "sensor_faults 0,", ".toml: No such file"}) {
+    CHECK(report.find(line) != std::string::npos);
+  }
+  CHECK(report.find("\n## Camera\n") != std::string::npos);
+  CHECK(report.find("cannot be had") == std::string::npos);
 }

@@ -25,11 +25,12 @@ namespace torquer::test {
 inline const std::string kDaemonProgram = ProgramPath("torquer-daemon");
 
 /// Collects all that is published; in a private network, and with mocked devices if so desired. Its
-/// folder holds the daemons' claims, and whatever a test likes.
+/// folder holds the daemons' claims, what is kept for devices, and whatever a test likes.
 struct Listener {
   explicit Listener(bool with_devices = false) {
     with_devices ? NeedPrivateNetworkAndDevices() : NeedPrivateNetwork();
     setenv("XDG_RUNTIME_DIR", folder.Path().c_str(), 1);
+    setenv("XDG_CONFIG_HOME", folder.Path().c_str(), 1);
     unsetenv("LCM_DEFAULT_URL");
     bus.emplace("");
     bus->Subscribe<torquer_lcm::instrument_command_t>(

@@ -91,6 +91,19 @@ void SocketDevice::Answer(int fd) {
       identifies = true;
     } else if (request[1] == protocol::kConfigurationReportId) {
       answer = Packet(SocketPacket::kFeature, Bytes(configuration));
+    } else if (request[1] == protocol::kDiagnosticsReportId) {
+      protocol::DiagnosticsReport diagnostics{};
+      diagnostics.report_id = protocol::kDiagnosticsReportId;
+      diagnostics.protocol_version = protocol::kProtocolVersion;
+      diagnostics.srom_id = static_cast<std::uint8_t>(srom_id);
+      diagnostics.sensor_fault_cause = stalls_srom ? protocol::kSensorSromRefused : 0;
+      answer = Packet(SocketPacket::kFeature, Bytes(diagnostics));
+    }
+  } else if (request[0] == static_cast<std::uint8_t>(SocketPacket::kSetFeature) &&
+             size == 1 + sizeof(protocol::SromReport)) {
+    if (!stalls_srom) {
+      srom_id = 5;
+      answer = Packet(SocketPacket::kDone);
     }
   } else if (request[0] == static_cast<std::uint8_t>(SocketPacket::kSetFeature) &&
              size == 1 + sizeof configuration && !stalls_settings) {

@@ -24,6 +24,9 @@ class SocketDevice {
   protocol::ConfigurationReport configuration{};
   std::atomic<bool> stalls_identity = false;  ///< refuses to give its identity
   std::atomic<bool> stalls_settings = false;  ///< refuses new settings
+  /// Number of the sensor's firmware image; loading one makes it 5, if the sensor takes it.
+  std::atomic<int> srom_id = 0;
+  std::atomic<bool> stalls_srom = false;
 
   /// True once a host is connected and has asked who this is; waits for that, at most 30 s.
   bool WaitForHost();

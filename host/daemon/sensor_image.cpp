@@ -1,0 +1,60 @@
+#include "host/daemon/sensor_image.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "host/device/sensor_firmware.h"
+#include "host/device/source_reports.h"
+#include "host/support/error.h"
+#include "protocol/hid_reports.h"
+
+namespace torquer::daemon {
+
+void SensorImage::OnConnected(const std::string& serial) {
+  serial_ = serial;
+  lost_ = false;
+  working_ = false;
+  due_ = true;
+}
+
+void SensorImage::OnReport(std::uint8_t flags) {
+  const bool lost = (flags & protocol::kFlagSromLost) != 0;
+  if (lost && !lost_) due_ = true;
+  lost_ = lost;
+  working_ = (flags & protocol::kFlagSensorFault) == 0;
+}
+
+std::optional<std::string> SensorImage::Load(device::ReportSource& source) {
+  due_ = false;
+  const std::optional<std::string> path = device::KeptSromPath(serial_);
+  std::error_code unreadable;  // is said by ReadSromFile()
+  if (!path || (!std::filesystem::exists(*path, unreadable) && !unreadable)) {
+    if (!lost_) return std::nullopt;
+    return fmt::format(
+        "the sensor has lost its firmware image, and {} is not there: it runs without; load it "
+        "again with torquer-flash --srom FILE, which keeps a copy",
+        path.value_or("a copy of it"));
+  }
+  try {
+    device::SourceReports reports(source);
+    if (const int running = device::RunningSrom(reports); running != 0) return std::nullopt;
+    const int id = device::LoadSrom(reports, device::ReadSromFile(*path));
+    ++loaded_;
+    return fmt::format("the sensor runs firmware image {} again, from {}", id, *path);
+  } catch (const device::DeviceGone&) {
+    throw;
+  } catch (const UserError& error) {
+    return fmt::format("firmware image {} is not in the sensor, which runs without: {}", *path,
+                       error.what());
+  } catch (const device::ReportRefused& error) {
+    return fmt::format(
+        "firmware image {} is not in the sensor: the device does not say how it is "
+        "({}); {}",
+        *path, error.what(), "run torquer-flash");
+  }
+}
+
+}  // namespace torquer::daemon

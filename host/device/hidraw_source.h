@@ -1,0 +1,57 @@
+// Reports of the bench device by the kernel's own HID driver (hidraw), through hidapi: where libusb
+// cannot have the device, because another program or the system wants the kernel's driver to keep
+// it. The same reports and features as by usb_source.h; the kernel polls, and keeps the newest 64.
+#pragma once
+
+#include <hidapi.h>
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "host/device/report_source.h"
+
+namespace torquer::device {
+
+class HidrawSource : public ReportSource {
+ public:
+  /// Reads the device with this serial number; "" for the only one there is. Once connected, only
+  /// the device with that serial number is read. One a process. Throws UserError when hidapi cannot
+  /// be used.
+  explicit HidrawSource(std::string serial);
+  ~HidrawSource() override;
+  HidrawSource(const HidrawSource&) = delete;
+  HidrawSource& operator=(const HidrawSource&) = delete;
+
+  /// Also throws UserError when there are several devices and none was chosen, or when the device
+  /// may not be opened.
+  void Wait(int timeout_ms, const Sink& sink) override;
+  void Interrupt() override { interrupted_ = true; }
+  std::vector<std::uint8_t> GetFeature(std::uint8_t report_id) override;
+  void SetFeature(std::span<const std::uint8_t> report) override;
+  std::string place() const override;
+
+ private:
+  struct Found {
+    std::string path;
+    std::string serial;
+  };
+
+  std::optional<Found> Look();
+  bool Open();
+  bool Read(int timeout_ms, const Sink& sink);
+  int Checked(int result);
+
+  std::string serial_;
+  std::atomic<bool> interrupted_ = false;
+  hid_device* device_ = nullptr;  // being read
+  std::string path_;
+  std::string gone_;               // why, once the device is
+  std::int64_t looked_us_ = 0;     // when one was looked for last
+  std::int64_t forbidden_us_ = 0;  // since when one is there that may not be opened; 0: none
+  bool bootloader_seen_ = false;
+};
+
+}  // namespace torquer::device
