@@ -4,20 +4,19 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
-#include <cerrno>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
-#include <iterator>
+#include <optional>
 #include <string_view>
 
 #include "host/support/atomic_file.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
+#include "host/support/input_file.h"
 #include "host/support/strict_toml.h"
+#include "host/support/user_paths.h"
 
 namespace torquer::calibration {
 namespace {
@@ -174,13 +173,8 @@ Calibration ParseCalibration(const std::string& text, const std::string& path) {
 }
 
 Calibration ReadCalibration(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    throw UserError(fmt::format("{}: cannot be read: {}; {}, or run with --uncalibrated", path,
-                                std::strerror(errno), kRemedy));
-  }
-  const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  return ParseCalibration(text, path);
+  return ParseCalibration(
+      ReadInputFile(path, fmt::format("{}, or run with --uncalibrated", kRemedy)), path);
 }
 
 void RequireDevice(const Calibration& calibration, const std::string& path,
@@ -193,25 +187,12 @@ void RequireDevice(const Calibration& calibration, const std::string& path,
 }
 
 std::string CalibrationPath(const std::string& device) {
-  const char* config = std::getenv("XDG_CONFIG_HOME");
-  const char* home = std::getenv("HOME");
-  std::string folder;
-  if (config != nullptr && config[0] == '/') {
-    folder = config;
-  } else if (home != nullptr && home[0] == '/') {
-    folder = std::string(home) + "/.config";
-  } else {
+  const std::optional<std::string> path = DeviceFilePath(device, ".toml");
+  if (!path) {
     throw UserError(
         "neither XDG_CONFIG_HOME nor HOME names a folder for calibrations; name the file instead");
   }
-  // A slash would leave the folder, and so would a name of dots alone.
-  std::string name;
-  for (const char character : device) {
-    const bool plain = std::isalnum(static_cast<unsigned char>(character)) != 0 ||
-                       character == '-' || character == '_' || (character == '.' && !name.empty());
-    name += plain ? character : '_';
-  }
-  return folder + "/torquer/" + (name.empty() ? "_" : name) + ".toml";
+  return *path;
 }
 
 void WriteCalibration(const Calibration& calibration, const std::string& path) {

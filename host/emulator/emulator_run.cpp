@@ -5,11 +5,10 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 
 #include "host/support/atomic_file.h"
 #include "host/support/error.h"
+#include "host/support/input_file.h"
 
 namespace torquer::emulator {
 namespace {
@@ -30,17 +29,15 @@ std::int64_t MonotonicNs() {
 }
 
 std::vector<std::uint8_t> LoadEeprom(const std::string& path) {
-  if (path.empty() || !std::filesystem::exists(path)) return {};
-  std::ifstream file(path, std::ios::binary);
-  std::vector<std::uint8_t> bytes((std::istreambuf_iterator<char>(file)),
-                                  std::istreambuf_iterator<char>());
-  if (!file || bytes.size() != Atmega32u4::kEepromBytes) {
-    throw UserError(fmt::format(
-        "--eeprom '{}': {} bytes could be read, the chip has {}; give a file that this program "
-        "wrote, or a new name",
-        path, bytes.size(), Atmega32u4::kEepromBytes));
+  std::error_code error;
+  if (path.empty() || (!std::filesystem::exists(path, error) && !error)) return {};
+  constexpr char kRemedyOf[] = "give a file that this program wrote, or a new name";
+  const std::string bytes = ReadInputFile(path, kRemedyOf);
+  if (bytes.size() != Atmega32u4::kEepromBytes) {
+    throw UserError(fmt::format("--eeprom '{}': {} bytes could be read, the chip has {}; {}", path,
+                                bytes.size(), Atmega32u4::kEepromBytes, kRemedyOf));
   }
-  return bytes;
+  return {bytes.begin(), bytes.end()};
 }
 
 BenchOptions WithEeprom(BenchOptions bench, const std::string& path) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -55,6 +56,9 @@ Eigen::Matrix2d MotionPerCount(const std::vector<std::string>& files, const std:
 
 int Run(const Arguments& arguments) {
   if (arguments.log.empty()) throw torquer::UsageError("LOG is missing; name the log of a session");
+  // One that cannot be written is refused before a long log is read.
+  std::optional<torquer::AtomicFile> picture;
+  if (!arguments.picture.empty()) picture.emplace(arguments.picture);
   torquer::SessionReporter reporter;
   const torquer::SessionLogSummary summary =
       torquer::ReadSessionLog(arguments.log, reporter.Handlers());
@@ -62,11 +66,12 @@ int Run(const Arguments& arguments) {
     return MotionPerCount(arguments.calibrations, device, cpi);
   });
   report.undecodable = summary.undecodable;
-  if (!arguments.picture.empty()) {
+  report.damage = summary.damage;
+  if (picture) {
     const torquer::scene::Scene scene(arguments.scene.empty() ? report.scene_file
                                                               : arguments.scene);
-    torquer::WriteFileAtomically(arguments.picture,
-                                 torquer::DrawReport(report, Surface(scene.vessel())));
+    picture->out() << torquer::DrawReport(report, Surface(scene.vessel()));
+    picture->Finish();
   }
   fmt::print("{}", arguments.json ? torquer::FormatReportJson(report, arguments.picture)
                                   : torquer::FormatReport(report));
@@ -80,8 +85,8 @@ int main(int argc, char** argv) {
                            "Reports what a session that lcm-logger recorded has lost, and whether "
                            "each instrument went where its hand went.");
   program.Note(
-      "Exit status: 0 when no report was lost and hand and wire agree within one count of the "
-      "sensor, 1 when not, 2 when there is nothing to judge.");
+      "Exit status: 0 when no report was lost, hand and wire agree within one count of the sensor, "
+      "and the log is whole; 1 when not; 2 when there is nothing to judge.");
   Arguments arguments;
   torquer::Options& options = program.options();
   options.Operand("LOG", arguments.log, "log of the session, written by lcm-logger");

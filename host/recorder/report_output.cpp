@@ -118,6 +118,11 @@ std::string FormatReport(const SessionReport& report) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",
                         report.states_missing, report.undecodable);
   }
+  if (!report.ended) {
+    text += "  log          ends before the session; judged up to its last state\n";
+  }
+  if (report.damage.any())
+    text += fmt::format("  log          damaged: {}\n", report.damage.Describe());
   return text;
 }
 
@@ -143,16 +148,19 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"states", report.states},
                                        {"states_missing", report.states_missing},
                                        {"undecodable", report.undecodable},
+                                       {"log_ended", report.ended},
+                                       {"log_damage", report.damage.Describe()},
                                        {"readings", std::move(readings)},
                                        {"picture", picture}};
-  return json.dump() + "\n";
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 std::string DrawReport(const SessionReport& report, const PictureVessel& vessel) {
   const torquer_lcm::wire_state_t& state = report.last_state;
-  if (state.nodes_mm.size() < 2) {
+  if (state.nodes_mm.size() < 2 || state.instruments.empty()) {
     throw UserError("the last wire state has " + std::to_string(state.nodes_mm.size()) +
-                    " nodes; a picture needs 2");
+                    " nodes and " + std::to_string(state.instruments.size()) +
+                    " instruments; a picture needs 2 and 1");
   }
   PictureWire wire;
   for (const auto& node : state.nodes_mm) wire.nodes_mm.emplace_back(node[0], node[1], node[2]);

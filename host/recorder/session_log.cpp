@@ -1,23 +1,24 @@
 #include "host/recorder/session_log.h"
 
-#include <lcm/lcm-cpp.hpp>
+#include <functional>
 #include <map>
 
+#include "host/bus/message_check.h"
 #include "host/support/error.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer {
 namespace {
 
-using RawHandler = std::function<bool(const lcm::LogEvent&)>;
+using RawHandler = std::function<bool(const LogRecord&)>;
 
 template <class Message>
-void Register(std::map<std::string, RawHandler>& handlers, const char* channel,
+void Register(std::map<std::string, RawHandler, std::less<>>& handlers, const char* channel,
               const std::function<void(const Message&)>& handle) {
   if (!handle) return;
-  handlers[channel] = [&handle](const lcm::LogEvent& event) {
+  handlers[channel] = [&handle](const LogRecord& record) {
     Message message;
-    if (message.decode(event.data, 0, event.datalen) != event.datalen) return false;
+    if (!bus::DecodeMessage(record.data.data(), record.data.size(), message)) return false;
     handle(message);
     return true;
   };
@@ -26,11 +27,8 @@ void Register(std::map<std::string, RawHandler>& handlers, const char* channel,
 }  // namespace
 
 SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers& handlers) {
-  lcm::LogFile log(path, "r");
-  if (!log.good()) {
-    throw UserError(path + ": cannot be read; give the file that lcm-logger wrote");
-  }
-  std::map<std::string, RawHandler> by_channel;
+  EventLogReader log(path);
+  std::map<std::string, RawHandler, std::less<>> by_channel;
   Register(by_channel, protocol::kDeviceSampleChannel, handlers.sample);
   Register(by_channel, protocol::kInstrumentCommandChannel, handlers.command);
   Register(by_channel, protocol::kWireStateChannel, handlers.state);
@@ -40,12 +38,12 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
   Register(by_channel, protocol::kEmulatorTruthChannel, handlers.truth);
 
   SessionLogSummary summary;
-  while (const lcm::LogEvent* event = log.readNextEvent()) {
-    if (summary.messages++ == 0) summary.first_us = event->timestamp;
-    summary.last_us = event->timestamp;
-    const auto handler = by_channel.find(event->channel);
-    if (handler != by_channel.end() && !handler->second(*event)) ++summary.undecodable;
+  for (LogRecord record; log.Next(record);) {
+    ++summary.messages;
+    const auto handler = by_channel.find(record.channel);
+    if (handler != by_channel.end() && !handler->second(record)) ++summary.undecodable;
   }
+  summary.damage = log.damage();
   if (summary.messages == 0) {
     throw UserError(path + ": holds no LCM message; give the file that lcm-logger wrote");
   }

@@ -5,6 +5,7 @@
 #include <functional>
 #include <string>
 
+#include "host/support/event_log.h"
 #include "torquer_lcm/device_sample_t.hpp"
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
@@ -30,11 +31,10 @@ struct SessionHandlers {
 struct SessionLogSummary {
   std::int64_t messages = 0;     ///< all, those of other channels included
   std::int64_t undecodable = 0;  ///< on our channels, but not of the channel's type
-  std::int64_t first_us = 0;     ///< when the logger received the first message, its wall clock
-  std::int64_t last_us = 0;      ///< and the last
+  LogDamage damage;              ///< what could not be read
 };
 
-/// Reads the log at `path` to its last whole record, in recorded order, in memory that does not
+/// Reads all whole records of the log at `path`, in recorded order, in memory that does not
 /// grow with the log. Throws UserError when the file cannot be read or holds no LCM message.
 SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers& handlers);
 

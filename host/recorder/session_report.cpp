@@ -13,6 +13,14 @@
 namespace torquer {
 namespace {
 
+constexpr char kStopping[] = "stopping";      // the last word of a daemon
+constexpr std::size_t kMostRecent = 100'000;  // samples that no state has shown: minutes of them
+
+// Of numbers that may be anything.
+std::int64_t Difference(std::int64_t a, std::int64_t b) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+}
+
 constexpr std::int8_t kDoubtfulSample = protocol::kFlagLift | protocol::kFlagSensorFault;
 constexpr std::int32_t kDoubtfulCommand = protocol::kCommandLift | protocol::kCommandSensorFault;
 
@@ -62,7 +70,7 @@ bool SessionReport::Good() const {
     any = true;
     if (!instrument.Good()) return false;
   }
-  return any;
+  return any && undecodable == 0 && !damage.any();
 }
 
 SessionHandlers SessionReporter::Handlers() {
@@ -73,9 +81,7 @@ SessionHandlers SessionReporter::Handlers() {
   handlers.scene = [this](const torquer_lcm::scene_description_t& message) { scene_ = message; };
   handlers.readings = [this](const torquer_lcm::readings_t& message) { readings_ = message; };
   handlers.health = [this](const torquer_lcm::health_t& message) { Add(message); };
-  handlers.truth = [this](const torquer_lcm::hand_motion_t& message) {
-    truths_[message.device] = message;
-  };
+  handlers.truth = [this](const torquer_lcm::hand_motion_t& message) { Add(message); };
   return handlers;
 }
 
@@ -97,9 +103,10 @@ void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
     // What the hand did while the device restarted is not known.
     const bool reset = sample.boot_id != channel.last_sample->boot_id;
     channel.resets += reset ? 1 : 0;
-    const std::int64_t axial = reset ? 0 : sample.axial_counts - channel.last_sample->axial_counts;
+    const std::int64_t axial =
+        reset ? 0 : Difference(sample.axial_counts, channel.last_sample->axial_counts);
     const std::int64_t transverse =
-        reset ? 0 : sample.transverse_counts - channel.last_sample->transverse_counts;
+        reset ? 0 : Difference(sample.transverse_counts, channel.last_sample->transverse_counts);
     report.axial.sensor_counts += axial;
     report.rotation.sensor_counts += transverse;
     // Motion is held when there was a reason for it at either end.
@@ -110,6 +117,16 @@ void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
   }
   channel.last_held = held;
   channel.last_sample = sample;
+  if (channel.recent.size() == kMostRecent) channel.recent.pop_front();
+  channel.recent.push_back({sample.origin_us, report.axial, report.rotation});
+}
+
+// A state shows the motion up to the sample of the same origin.
+void SessionReporter::Show(Channel& channel, std::int64_t origin_us) {
+  while (!channel.recent.empty() && channel.recent.front().origin_us <= origin_us) {
+    channel.shown = channel.recent.front();
+    channel.recent.pop_front();
+  }
 }
 
 void SessionReporter::Add(const torquer_lcm::instrument_command_t& command) {
@@ -127,16 +144,18 @@ void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
   report_.max_penetration_um = std::max(report_.max_penetration_um, state.max_penetration_um);
   solve_us_.push_back(state.solve_us);
   if (last_state_) {
-    report_.states_missing += std::max<std::int64_t>(state.tick - last_state_->tick - 1, 0);
+    report_.states_missing +=
+        std::max<std::int64_t>(Difference(state.tick, last_state_->tick) - 1, 0);
   }
   for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
     Channel& channel = channels_[instrument.name];
     // Times of two machines' clocks cannot be subtracted.
     if (instrument.command_sequence > channel.shown_sequence &&
         state.clock_id == channel.command_clock_id) {
-      channel.latencies_ms.push_back(static_cast<double>(state.publish_us - instrument.origin_us) *
-                                     1e-3);
+      channel.latencies_ms.push_back(
+          static_cast<double>(Difference(state.publish_us, instrument.origin_us)) * 1e-3);
     }
+    Show(channel, instrument.origin_us);
     channel.shown_sequence = instrument.command_sequence;
   }
   last_state_ = state;
@@ -144,46 +163,71 @@ void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
 
 void SessionReporter::Add(const torquer_lcm::health_t& health) {
   if (health.process != "daemon") return;
+  Channel& channel = channels_[health.instrument];
   for (std::size_t i = 0; i < health.names.size(); ++i) {
-    channels_[health.instrument].daemon_counters[health.names[i]] = health.values[i];
+    channel.daemon_counters[health.names[i]] = health.values[i];
+  }
+  channel.counted_us = health.publish_us;
+  channel.ended = health.state == kStopping;
+  if (!channel.first_sample) return;
+  const auto found = truths_.find(channel.first_sample->device);
+  if (found != truths_.end()) channel.truth = found->second;
+}
+
+// One that was sent before the daemon counted may come after its counts.
+void SessionReporter::Add(const torquer_lcm::hand_motion_t& truth) {
+  truths_[truth.device] = truth;
+  for (auto& [name, channel] : channels_) {
+    if (channel.first_sample && channel.first_sample->device == truth.device &&
+        truth.publish_us <= channel.counted_us) {
+      channel.truth = truth;
+    }
   }
 }
 
-const torquer_lcm::hand_motion_t* SessionReporter::TruthOf(const Channel& channel) const {
-  if (!channel.first_sample) return nullptr;
-  const auto found = truths_.find(channel.first_sample->device);
-  return found == truths_.end() ? nullptr : &found->second;
-}
-
-void SessionReporter::CountReports(const Channel& channel, InstrumentReport& report) const {
+void SessionReporter::CountReports(const Channel& channel, InstrumentReport& report) {
   const auto counter = [&channel](const std::string& name) {
     const auto found = channel.daemon_counters.find(name);
     return found == channel.daemon_counters.end() ? -1 : found->second;
   };
   // The device numbers the frames in which it sampled, fetched by the host or not; the emulator
-  // counts what was fetched.
+  // counts what was fetched. Its count is that of the daemon's last counts or a little before,
+  // never a later one: a log that ends early must not make a loss of what the daemon had yet to
+  // count.
   const std::int64_t gaps = counter("reports_lost");
   report.reports_received = counter("reports_received");
   report.reports_lost = gaps;
-  const torquer_lcm::hand_motion_t* const truth = TruthOf(channel);
-  if (truth != nullptr && report.reports_received >= 0) {
-    const std::int64_t lost_on_the_way = truth->reports_sent - report.reports_received;
+  if (channel.truth && report.reports_received >= 0) {
+    const std::int64_t lost_on_the_way =
+        std::max<std::int64_t>(Difference(channel.truth->reports_sent, report.reports_received), 0);
     report.reports_unfetched = std::max<std::int64_t>(gaps - lost_on_the_way, 0);
-    report.reports_sent = truth->reports_sent + report.reports_unfetched;
-    report.reports_lost = report.reports_sent - report.reports_received;
+    report.reports_lost = lost_on_the_way + report.reports_unfetched;
+    report.reports_sent = report.reports_received + report.reports_lost;
   }
+}
+
+// Whether the hand of an emulator went on moving after it said this.
+bool SessionReporter::MovedOn(const torquer_lcm::hand_motion_t& truth) const {
+  const torquer_lcm::hand_motion_t& last = truths_.at(truth.device);
+  return last.axial_counts != truth.axial_counts ||
+         last.transverse_counts != truth.transverse_counts;
 }
 
 void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
                                   const Eigen::Matrix2d& per_count,
                                   InstrumentReport& report) const {
-  // Where the emulator says what its sensor produced, that counts: a report that was lost at the
-  // end would show. Its counts go on through a reset of the device, the samples' start again.
-  const torquer_lcm::hand_motion_t* const truth = TruthOf(channel);
-  if (truth != nullptr && channel.resets == 0) {
-    report.axial.sensor_counts = truth->axial_counts - channel.first_sample->axial_counts;
+  // Where the emulator says what its sensor produced, that counts at the end: a report that was
+  // lost there would show. Its counts go on through a reset of the device, the samples' start
+  // again. In a log that ends before the session, the last state shows the hand as it was in an
+  // earlier sample.
+  if (!channel.ended) {
+    report.axial = channel.shown.axial;
+    report.rotation = channel.shown.rotation;
+  } else if (channel.truth && channel.resets == 0 && !MovedOn(*channel.truth)) {
+    report.axial.sensor_counts =
+        Difference(channel.truth->axial_counts, channel.first_sample->axial_counts);
     report.rotation.sensor_counts =
-        truth->transverse_counts - channel.first_sample->transverse_counts;
+        Difference(channel.truth->transverse_counts, channel.first_sample->transverse_counts);
   }
 
   const Eigen::Vector2d moved_counts(
@@ -215,6 +259,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
   report.scene = scene_->name;
   report.scene_file = scene_->scene_file;
   report.method = scene_->method;
+  report.ended = true;
   std::int64_t first_us = std::numeric_limits<std::int64_t>::max();
   std::int64_t last_us = 0;
   for (std::size_t k = 0; k < last_state_->instruments.size(); ++k) {
@@ -228,6 +273,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
       last_us = std::max(last_us, channel.last_sample->receive_us);
       one.duration_s = 1e-6 * static_cast<double>(channel.last_sample->receive_us -
                                                   channel.first_sample->receive_us);
+      report.ended = report.ended && channel.ended;
       CountReports(channel, one);
       JudgeMotion(channel, k, motion_per_count(one.device, channel.first_sample->cpi), one);
     }

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <optional>
@@ -72,7 +73,9 @@ struct SessionReport {
 
   std::int64_t states = 0;          ///< in the log
   std::int64_t states_missing = 0;  ///< gaps in the ticks: lost by the bus or the logger
-  std::int64_t undecodable = 0;
+  std::int64_t undecodable = 0;     ///< messages that are not of their channel's type
+  LogDamage damage;                 ///< of the log
+  bool ended = false;               ///< the log holds the end of every daemon
 
   Distribution solve_us;  ///< relaxation time of each tick
   double max_penetration_um = 0;
@@ -82,7 +85,7 @@ struct SessionReport {
   torquer_lcm::wire_state_t last_state;
   torquer_lcm::readings_t readings{};  ///< the last; without names where the scene has no observer
 
-  /// Every instrument that a device drove is good, and there is one.
+  /// Every instrument that a device drove is good, there is one, and the log is whole.
   bool Good() const;
 };
 
@@ -101,11 +104,23 @@ class SessionReporter {
   SessionReport Finish(const MotionPerCount& motion_per_count) const;
 
  private:
+  // What the hand has done since the first sample, when a sample was taken.
+  struct Motion {
+    std::int64_t origin_us = 0;
+    MotionAgreement axial;
+    MotionAgreement rotation;
+  };
+
   // What was heard of one instrument.
   struct Channel {
     std::optional<torquer_lcm::device_sample_t> first_sample;
     std::optional<torquer_lcm::device_sample_t> last_sample;
     std::map<std::string, std::int64_t> daemon_counters;
+    std::optional<torquer_lcm::hand_motion_t> truth;  // when the daemon counted, or just before
+    std::int64_t counted_us = -1;                     // when that was
+    bool ended = false;                               // the daemon said that it stops
+    std::deque<Motion> recent;                        // after what the last state shows
+    Motion shown;                                     // what the last state shows
     bool last_held = false;
     std::int64_t resets = 0;
     std::int64_t command_clock_id = 0;
@@ -120,11 +135,13 @@ class SessionReporter {
   void Add(const torquer_lcm::instrument_command_t& command);
   void Add(const torquer_lcm::wire_state_t& state);
   void Add(const torquer_lcm::health_t& health);
+  void Add(const torquer_lcm::hand_motion_t& truth);
   static bool Held(const Channel& channel, const torquer_lcm::device_sample_t& sample);
-  void CountReports(const Channel& channel, InstrumentReport& report) const;
+  static void CountReports(const Channel& channel, InstrumentReport& report);
+  bool MovedOn(const torquer_lcm::hand_motion_t& truth) const;
+  static void Show(Channel& channel, std::int64_t origin_us);
   void JudgeMotion(const Channel& channel, std::size_t index, const Eigen::Matrix2d& per_count,
                    InstrumentReport& report) const;
-  const torquer_lcm::hand_motion_t* TruthOf(const Channel& channel) const;
 
   std::map<std::string, Channel> channels_;                   // by instrument
   std::map<std::string, torquer_lcm::hand_motion_t> truths_;  // by device

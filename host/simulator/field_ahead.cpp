@@ -1,6 +1,7 @@
 #include "host/simulator/field_ahead.h"
 
-#include <algorithm>
+#include <cstdio>
+#include <exception>
 
 namespace torquer::simulator {
 
@@ -14,7 +15,7 @@ constexpr double kStepMm = 3;    // the tip's way, or a centerline's, between tw
 FieldAhead::FieldAhead(const vessel::Vessel& vessel)
     : vessel_(vessel), last_tip_mm_(Eigen::Vector3d::Constant(1e9)) {
   if (vessel.surface != nullptr) {
-    thread_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });
+    thread_ = std::jthread([this](const std::stop_token& stop) { RunUntilProblem(stop); });
   }
 }
 
@@ -37,6 +38,19 @@ bool FieldAhead::NextTip(const std::stop_token& stop, bool may_wait, Eigen::Vect
   tip_mm = tip_mm_;
   tip_waits_ = false;
   return true;
+}
+
+void FieldAhead::RunUntilProblem(const std::stop_token& stop) {
+  try {
+    Run(stop);
+  } catch (const std::exception& error) {
+    // This takes no memory.
+    std::fprintf(stderr,
+                 "torquer-simulator: the field is no longer built ahead of the tip (%s); the "
+                 "session goes on, and ticks in new places take longer\n",
+                 error.what());
+    gave_up_ = true;
+  }
 }
 
 void FieldAhead::Run(const std::stop_token& stop) {

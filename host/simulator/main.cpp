@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <csignal>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -19,10 +18,9 @@
 #include "host/simulator/session_record.h"
 #include "host/simulator/simulation.h"
 #include "host/support/program.h"
+#include "host/support/stop_signal.h"
 
 namespace {
-
-std::atomic<bool> stop{false};
 
 double Quantile(std::vector<float> values, double q) {
   if (values.empty()) return 0;
@@ -47,8 +45,7 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
   torquer::simulator::Simulation simulation(scene);
   std::optional<torquer::simulator::SessionRecord> record;
   if (!record_file.empty()) record.emplace(record_file, simulation);
-  std::signal(SIGINT, [](int) { stop = true; });
-  std::signal(SIGTERM, [](int) { stop = true; });
+  const std::atomic<bool>& stop = torquer::StopOnSignal();
   fmt::print(stderr, "torquer-simulator: running {} on {}\n", scene.name(), bus.url());
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
   if (record) record->Finish(simulation);
@@ -102,7 +99,8 @@ void Declare(torquer::Options& options, Arguments& arguments) {
                ValueKind::kFolder);
   options.Group("Again from a log");
   options.Text("--replay", "LOG", arguments.log,
-               "repeat a recorded session and compare every state; status 1 if one differs",
+               "repeat a recorded session and compare every state; status 1 if one differs or the "
+               "log is damaged",
                ValueKind::kFile);
   options.Group("About scenes");
   options.Text("--explain", "FILE", arguments.explained,
@@ -135,9 +133,13 @@ int Repeat(torquer::scene::Scene& scene, const std::string& log) {
     fmt::print("{} that were not recorded were repeated from what later ones say\n",
                result.missing);
   }
-  if (result.differing == 0) return torquer::kExitSuccess;
-  fmt::print("the first at tick {}\n", result.first_difference);
-  return torquer::kExitFailure;
+  if (result.differing > 0) fmt::print("the first at tick {}\n", result.first_difference);
+  if (!result.ended) {
+    fmt::print("the log ends before the simulator did; what came after was not seen\n");
+  }
+  if (result.undecodable > 0) fmt::print("{} messages cannot be decoded\n", result.undecodable);
+  if (result.damage.any()) fmt::print("the log is damaged: {}\n", result.damage.Describe());
+  return result.Good() ? torquer::kExitSuccess : torquer::kExitFailure;
 }
 
 int Run(const Arguments& arguments) {
@@ -167,13 +169,16 @@ int Run(const Arguments& arguments) {
   }
   const KeepField keep{scene};
   if (!arguments.script.empty()) {
-    const int unconverged =
-        torquer::simulator::RunScript(scene, arguments.script, arguments.outputs);
-    if (unconverged > 0) {
+    const torquer::simulator::ScriptResult result = torquer::simulator::RunScript(
+        scene, arguments.script, arguments.outputs, torquer::StopOnSignal());
+    if (result.unconverged > 0) {
       fmt::print(stderr, "torquer-simulator: {} rows ended before equilibrium (see residual)\n",
-                 unconverged);
+                 result.unconverged);
     }
-    return torquer::kExitSuccess;
+    if (result.done == result.rows) return torquer::kExitSuccess;
+    fmt::print(stderr, "torquer-simulator: asked to stop; {} of {} rows are done and written\n",
+               result.done, result.rows);
+    return torquer::kExitFailure;
   }
   if (!arguments.log.empty()) return Repeat(scene, arguments.log);
   return Live(scene, arguments.url, arguments.outputs.record, arguments.json);

@@ -8,6 +8,7 @@
 // After <cstdio>, which it needs and does not include.
 #include <jpeglib.h>
 
+#include "host/support/atomic_file.h"
 #include "host/support/error.h"
 
 namespace torquer::simulator {
@@ -41,10 +42,14 @@ void WritePng(const std::string& path, const effects::ImageSource::Picture& pict
   image.width = static_cast<png_uint_32>(picture.width);
   image.height = static_cast<png_uint_32>(picture.height);
   image.format = PNG_FORMAT_GRAY;
-  if (png_image_write_to_file(&image, path.c_str(), 0, picture.gray.data(), 0, nullptr) == 0) {
-    throw UserError(path + ": cannot be written (" + image.message +
-                    "); check the folder, its permissions and the room on the disk");
+  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(image);
+  std::string bytes(size, '\0');
+  if (png_image_write_to_memory(&image, bytes.data(), &size, 0, picture.gray.data(), 0, nullptr) ==
+      0) {
+    throw UserError(path + ": the picture cannot be made a PNG: " + image.message);
   }
+  bytes.resize(size);
+  WriteFileAtomically(path, bytes);
 }
 
 void JpegEncoder::EncodeAt(const effects::ImageSource::Picture& picture, int quality) {

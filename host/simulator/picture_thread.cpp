@@ -1,6 +1,8 @@
 #include "host/simulator/picture_thread.h"
 
 #include <chrono>
+#include <cstdio>
+#include <exception>
 #include <torquer_lcm/picture_t.hpp>
 
 #include "host/bus/clock.h"
@@ -10,7 +12,7 @@
 namespace torquer::simulator {
 
 PictureThread::PictureThread(effects::ImageSource& source, bus::Bus& bus)
-    : source_(source), bus_(bus), thread_([this] { Run(); }) {}
+    : source_(source), bus_(bus), thread_([this] { RunUntilProblem(); }) {}
 
 PictureThread::~PictureThread() {
   {
@@ -27,6 +29,15 @@ void PictureThread::Offer() {
     offered_ = true;
   }
   wake_.notify_one();
+}
+
+void PictureThread::RunUntilProblem() {
+  try {
+    Run();
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "torquer-simulator: no more X-ray pictures (%s); the session goes on\n",
+                 error.what());
+  }
 }
 
 void PictureThread::Run() {

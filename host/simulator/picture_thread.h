@@ -31,6 +31,7 @@ class PictureThread {
   std::int64_t rendered() const { return rendered_; }
 
  private:
+  void RunUntilProblem();
   void Run();
 
   effects::ImageSource& source_;

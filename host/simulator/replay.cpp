@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <lcm/lcm-cpp.hpp>
+#include <torquer_lcm/health_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
+#include <vector>
 
+#include "host/bus/message_check.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
@@ -15,6 +17,10 @@
 namespace torquer::simulator {
 
 namespace {
+
+// What a status says of the wire itself, and not of commands or of the time that was left.
+constexpr std::int32_t kRepeatedStatus =
+    protocol::kWireConverged | protocol::kWireOutsideLumen | protocol::kWireSnapped;
 
 // Repeats the states of a log, one after the other.
 class Repeater {
@@ -38,7 +44,10 @@ class Repeater {
                                   scene_.stack().size()));
     }
     // At rest the simulator publishes its last state again.
-    if (result_.states > 0 && recorded.tick == expected_tick_ - 1) return;
+    if (result_.states > 0 && recorded.tick == expected_tick_ - 1) {
+      if (!differs_ && !IsWhereItWas(recorded)) Note(recorded.tick);
+      return;
+    }
     RepeatMissing(recorded);
     if (recorded.tick > 0) {
       InstrumentPlaces target(scene_.stack().size());
@@ -50,14 +59,38 @@ class Repeater {
     }
     ++expected_tick_;
     ++result_.states;
-    if (static_cast<std::int64_t>(simulation_.state_hash()) == recorded.state_hash) return;
-    ++result_.differing;
-    if (result_.first_difference < 0) result_.first_difference = recorded.tick;
+    differs_ = !IsWhereItWas(recorded);
+    if (differs_) Note(recorded.tick);
   }
 
+  void AddUndecodable() { ++result_.undecodable; }
+  void End() { result_.ended = true; }
   const ReplayResult& result() const { return result_; }
 
  private:
+  void Note(std::int64_t tick) {
+    differs_ = true;
+    ++result_.differing;
+    if (result_.first_difference < 0) result_.first_difference = tick;
+  }
+
+  // Whether a recorded state says, to the bit, what the simulation says that it does. What it does
+  // not know, it is given: times, and what concerns the commands' way.
+  bool IsWhereItWas(const torquer_lcm::wire_state_t& recorded) {
+    expected_ = recorded;
+    simulation_.Describe(expected_);
+    expected_.status = (expected_.status & kRepeatedStatus) | (recorded.status & ~kRepeatedStatus);
+    return Encode(expected_, expected_bytes_) == Encode(recorded, recorded_bytes_);
+  }
+
+  static const std::vector<std::uint8_t>& Encode(const torquer_lcm::wire_state_t& state,
+                                                 std::vector<std::uint8_t>& bytes) {
+    const int size = state.getEncodedSize();
+    bytes.resize(static_cast<std::size_t>(size));
+    state.encode(bytes.data(), 0, size);
+    return bytes;
+  }
+
   // What was not recorded, from what this state says of the ticks before it. The start, tick 0, is
   // the scene's and takes no work.
   void RepeatMissing(const torquer_lcm::wire_state_t& recorded) {
@@ -95,34 +128,56 @@ class Repeater {
   Simulation simulation_;
   ReplayResult result_;
   std::int64_t expected_tick_ = 0;
+  bool differs_ = false;  // the newest state
+  torquer_lcm::wire_state_t expected_;
+  std::vector<std::uint8_t> expected_bytes_, recorded_bytes_;
 };
 
-template <class Message>
-bool Decode(const lcm::LogEvent& event, Message& message) {
-  return message.decode(event.data, 0, event.datalen) == event.datalen;
+// Feeds the messages of a log to `repeater`.
+void Read(EventLogReader& log, Repeater& repeater) {
+  torquer_lcm::scene_description_t description;
+  torquer_lcm::wire_state_t state;
+  torquer_lcm::health_t health;
+  for (LogRecord record; log.Next(record);) {
+    const auto decode = [&record, &repeater](auto& message) {
+      const bool whole = bus::DecodeMessage(record.data.data(), record.data.size(), message);
+      if (!whole) repeater.AddUndecodable();
+      return whole;
+    };
+    if (record.channel == protocol::kSceneChannel) {
+      if (decode(description)) repeater.Check(description);
+    } else if (record.channel == protocol::kWireStateChannel) {
+      if (decode(state)) repeater.Add(state);
+    } else if (record.channel == protocol::kHealthChannel) {
+      if (decode(health) && health.process == "simulator" && health.state == "stopping") {
+        repeater.End();
+      }
+    }
+  }
 }
 
 }  // namespace
 
 ReplayResult Replay(scene::Scene& scene, const std::string& log) {
-  lcm::LogFile file(log, "r");
-  if (!file.good()) throw UserError(log + ": cannot be read; give a log written by lcm-logger");
+  EventLogReader reader(log);
   Repeater repeater(scene, log);
-  while (const lcm::LogEvent* event = file.readNextEvent()) {
-    torquer_lcm::scene_description_t description;
-    torquer_lcm::wire_state_t state;
-    if (event->channel == protocol::kSceneChannel && Decode(*event, description)) {
-      repeater.Check(description);
-    } else if (event->channel == protocol::kWireStateChannel && Decode(*event, state)) {
-      repeater.Add(state);
-    }
+  try {
+    Read(reader, repeater);
+  } catch (const UserError& error) {
+    if (!reader.damage().any()) throw;
+    throw UserError(fmt::format("{}; the log is damaged up to there: {}", error.what(),
+                                reader.damage().Describe()));
   }
-  if (repeater.result().states == 0) {
+  ReplayResult result = repeater.result();
+  result.damage = reader.damage();
+  if (result.states == 0) {
     throw UserError(log + ": holds no wire state (channel " +
                     std::string(protocol::kWireStateChannel) +
-                    ") of this version of the messages; record a running simulator");
+                    ") of this version of the messages; record a running simulator" +
+                    (result.damage.any() ? "; the log is damaged: " + result.damage.Describe()
+                                         : std::string()));
   }
-  return repeater.result();
+  return result;
 }
 
 }  // namespace torquer::simulator

@@ -159,8 +159,11 @@ class StatesFile {
   explicit StatesFile(const std::string& path) {
     if (!path.empty()) file_.emplace(path);
   }
+  // A disk that has failed ends the run, since no later row can be kept.
   void Write(const Simulation& simulation, double time_s, double solve_us) {
-    if (file_) file_->out() << Describe(simulation, time_s, solve_us).dump() << '\n';
+    if (!file_) return;
+    file_->out() << Describe(simulation, time_s, solve_us).dump() << '\n';
+    if (!file_->KeepSoFar()) file_->Finish();
   }
   void Finish() {
     if (file_) file_->Finish();
@@ -181,14 +184,19 @@ class PictureFolder {
     std::error_code error;
     std::filesystem::create_directories(path_, error);
     if (error) throw UserError(path_ + ": cannot be made (" + error.message() + ")");
+    AtomicFile{NameOf(1)};  // refused before the run, not in it
   }
   void Write(const Simulation& simulation) {
     if (path_.empty() || !simulation.picture_due()) return;
     simulation.image()->Render(picture_);
-    WritePng(fmt::format("{}/picture_{:06}.png", path_, ++count_), picture_);
+    WritePng(NameOf(++count_), picture_);
   }
 
  private:
+  std::string NameOf(int number) const {
+    return fmt::format("{}/picture_{:06}.png", path_, number);
+  }
+
   const std::string path_;
   effects::ImageSource::Picture picture_;
   int count_ = 0;
@@ -215,7 +223,8 @@ std::vector<Command> ReadScript(const std::string& script, const scene::Scene& s
   return ScriptReader(script, scene).Read();
 }
 
-int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs) {
+ScriptResult RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs,
+                       const std::atomic<bool>& stop) {
   const std::vector<Command> commands = ReadScript(script, scene);
   WarnOfClamping(scene, commands);
   Simulation simulation(scene);
@@ -225,16 +234,18 @@ int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutput
   if (!outputs.record.empty()) record.emplace(outputs.record, simulation);
   const double first_s = commands.empty() ? 0 : commands.front().time_s;
   const bool terminal = isatty(fileno(stderr)) != 0;
-  int unconverged = 0;
-  for (std::size_t k = 0; k < commands.size(); ++k) {
+  ScriptResult result;
+  result.rows = commands.size();
+  for (std::size_t k = 0; k < commands.size() && !stop; ++k) {
     Command command = commands[k];
     command.time_s -= first_s;
     CountedBudget budget(scene.budget_units());
     const std::int64_t start_us = bus::MonotonicUs();
-    unconverged += !simulation.Tick(command, budget).converged;
+    result.unconverged += !simulation.Tick(command, budget).converged;
     const auto solve_us = static_cast<double>(bus::MonotonicUs() - start_us);
     states.Write(simulation, commands[k].time_s, solve_us);
     pictures.Write(simulation);
+    ++result.done;
     if (terminal && (k % 64 == 0 || k + 1 == commands.size())) {
       fmt::print(stderr, "\rrow {} of {}", k + 1, commands.size());
     }
@@ -242,7 +253,7 @@ int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutput
   if (terminal) fmt::print(stderr, "\n");
   states.Finish();
   if (record) record->Finish(simulation);
-  return unconverged;
+  return result;
 }
 
 }  // namespace torquer::simulator

@@ -1,6 +1,8 @@
 // A scene driven by a file: no bus, no clock in the result.
 #pragma once
 
+#include <atomic>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -21,8 +23,20 @@ struct ScriptOutputs {
 /// contrast (0 or 1). Throws UserError naming file, line, value and remedy.
 std::vector<Command> ReadScript(const std::string& script, const scene::Scene& scene);
 
-/// Runs the rows of a script. Returns the number of rows that did not converge. Throws UserError
-/// as ReadScript, and naming an output that cannot be written.
-int RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs);
+/// A run that nobody stops.
+inline const std::atomic<bool> kNeverStop = false;
+
+struct ScriptResult {
+  std::size_t rows = 0;  ///< of the script
+  std::size_t done = 0;  ///< of these, and written
+  int unconverged = 0;   ///< of the done
+};
+
+/// Runs the rows of a script until `stop`; what is done then is written. Throws UserError as
+/// ReadScript, and naming an output that cannot be written: before the first row, or as soon as the
+/// disk fails. Then the states of the rows before are kept (AtomicFile::Finish), and the message
+/// says where.
+ScriptResult RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs,
+                       const std::atomic<bool>& stop = kNeverStop);
 
 }  // namespace torquer::simulator

@@ -1,5 +1,6 @@
 #include "host/simulator/session_record.h"
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 
 #include "host/support/error.h"
@@ -8,6 +9,8 @@
 namespace torquer::simulator {
 
 namespace {
+
+constexpr std::int64_t kRoomBytes = 65536;  // several times what a record has
 
 std::string NeedObserver(const std::string& path, const Simulation& simulation) {
   if (simulation.Readings().empty()) {
@@ -43,11 +46,14 @@ std::string FormatRecord(const Simulation& simulation) {
       {"instruments", std::move(instruments)},
       {"state_hash", Hex(simulation.state_hash())},
       {"readings", std::move(readings)}};
-  return record.dump(2) + "\n";
+  // The name of a file need not be UTF-8.
+  return record.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 SessionRecord::SessionRecord(const std::string& path, const Simulation& simulation)
-    : file_(NeedObserver(path, simulation)) {}
+    : file_(NeedObserver(path, simulation)) {
+  file_.Reserve(kRoomBytes);
+}
 
 void SessionRecord::Finish(const Simulation& simulation) {
   file_.out() << FormatRecord(simulation);

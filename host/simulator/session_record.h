@@ -15,7 +15,8 @@ inline constexpr int kRecordVersion = 2;
 /// which [effects.assessment] has the trainee's measures. Fields: host/simulator/effects/README.md.
 class SessionRecord {
  public:
-  /// Before the session runs: `path` is opened for writing, so that an hour is not lost.
+  /// Before the session runs: `path` is opened for writing, and room for it set aside, so that an
+  /// hour is not lost.
   /// Throws UserError when it cannot be, or when the scene has no observer to record.
   SessionRecord(const std::string& path, const Simulation& simulation);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "protocol/lcm_channels.h"
 
@@ -12,13 +13,22 @@ namespace {
 constexpr double kLargestTarget = 1e5;
 
 bool Usable(const InstrumentPlaces& target) {
-  return std::all_of(target.begin(), target.end(), [](const InstrumentPlace& place) {
-    return std::abs(place.insertion_mm) <= kLargestTarget &&
-           std::abs(place.rotation_rad) <= kLargestTarget;
-  });
+  return std::all_of(target.begin(), target.end(),
+                     [](const InstrumentPlace& place) { return simulator::Usable(place); });
 }
 
 }  // namespace
+
+// Each comparison is false for what is not a number.
+bool Usable(const InstrumentPlace& place) {
+  return std::abs(place.insertion_mm) <= kLargestTarget &&
+         std::abs(place.rotation_rad) <= kLargestTarget;
+}
+
+bool Usable(const effects::Controls& controls) {
+  return std::abs(controls.lao_rad) <= std::numbers::pi &&
+         std::abs(controls.cra_rad) <= std::numbers::pi;
+}
 
 Simulation::Simulation(scene::Scene& scene)
     : scene_(scene),
@@ -39,6 +49,7 @@ void Simulation::Restart() {
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(0);
   state_ = scene_.MakeStart(*relaxation_);
   target_ = scene_.start();
+  controls_ = {};
   done_.clear();
   tick_ = 0;
   updates_ = 0;
@@ -54,11 +65,11 @@ void Simulation::Restart() {
 
 const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   status_ = command.in_doubt ? protocol::kWireInDoubt : 0;
-  if (Usable(command.target)) {
-    target_ = command.target;
-  } else {
-    status_ |= protocol::kWireInputRefused;
-  }
+  const bool places = Usable(command.target);
+  const bool angles = Usable(command.controls);
+  if (places) target_ = command.target;
+  if (angles) controls_ = command.controls;
+  if (!places || !angles || command.refused) status_ |= protocol::kWireInputRefused;
   const double before_s = time_s_;
   time_s_ = command.time_s < 0 ? time_s_ + 1e-3 : std::max(time_s_, command.time_s);
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(time_s_);
@@ -69,7 +80,7 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   if (done_.size() > kMostPastInMessage + 1) done_.pop_back();
   updates_ += report_.updates;
   Observe();
-  RunEffects(time_s_ - before_s, command.controls);
+  RunEffects(time_s_ - before_s, controls_);
   return report_;
 }
 

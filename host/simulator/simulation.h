@@ -17,11 +17,17 @@ namespace torquer::simulator {
 struct Command {
   /// Of each instrument, past the entry point: the hand's motion and what lay in at the start.
   InstrumentPlaces target;
-  bool in_doubt = false;  ///< lift, sensor fault or no device
+  bool in_doubt = false;  ///< lift, sensor fault, no device, or no commands any more
+  bool refused = false;   ///< what was wanted was not usable, and this is what was before
   /// Simulated, since the start, ascending; negative: a millisecond after the tick before.
   double time_s = -1;
   effects::Controls controls;
 };
+
+/// Whether an instrument can be wanted there: finite, and within 1e5 mm and 1e5 rad.
+bool Usable(const InstrumentPlace& place);
+/// Whether the C-arm can be turned so: finite, and within half a turn.
+bool Usable(const effects::Controls& controls);
 
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.
 class Simulation {
@@ -29,8 +35,8 @@ class Simulation {
   /// `scene` must outlive the simulation.
   explicit Simulation(scene::Scene& scene);
 
-  /// One tick towards `command`. A target that is not finite, or beyond 1e5 mm or 1e5 rad, is
-  /// refused: the last good one stands, and the state says so.
+  /// One tick towards `command`. Places or angles that are not Usable are refused: the last good
+  /// ones stand, and the state says so.
   const TickReport& Tick(const Command& command, WorkBudget& budget);
   /// Appends a record of every attempt of the method from now on; null: none.
   void RecordAttempts(std::vector<AttemptRecord>* records) { relaxation_->Record(records); }
@@ -90,6 +96,7 @@ class Simulation {
   TickReport report_;
   double time_s_ = 0;
   InstrumentPlaces target_;
+  effects::Controls controls_;
   std::deque<Done> done_;  // the newest first
   std::int64_t tick_ = 0;
   std::int64_t updates_ = 0;

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "host/support/atomic_file.h"
 #include "host/support/error.h"
 #include "host/support/machine.h"
 
@@ -162,19 +162,7 @@ void RequireScene(const std::string& folder, const std::string& scene) {
 }
 
 void WriteWhole(const std::string& path, const std::string& text) {
-  const std::string unfinished = path + ".unfinished";
-  std::error_code error;
-  std::ofstream file(unfinished, std::ios::binary);
-  file << text;
-  file.close();
-  if (!file) {
-    std::filesystem::remove(unfinished, error);
-    throw UserError(path + ": cannot be written; give a folder of yours with --out");
-  }
-  std::filesystem::rename(unfinished, path, error);
-  if (!error) return;
-  std::filesystem::remove(unfinished, error);
-  throw UserError(path + ": cannot be replaced; remove it, or give another folder with --out");
+  WriteFileAtomically(path, text);
 }
 
 }  // namespace torquer::study

@@ -12,14 +12,17 @@
 #include <cstring>
 #include <filesystem>
 #include <streambuf>
+#include <vector>
 
 #include "host/support/error.h"
+#include "host/support/file_kind.h"
 
 namespace torquer {
 namespace {
 
 constexpr int kMostLinks = 40;  // as Linux follows at most
 constexpr char kRemedy[] = "name a file in a folder that exists and that you may write to";
+constexpr char kRoomRemedy[] = "free space on the disk, or name a file elsewhere";
 
 [[noreturn]] void Refuse(const std::string& path, const std::string& problem) {
   throw UserError(fmt::format("{}: cannot be written: {}", path, problem));
@@ -38,43 +41,41 @@ std::filesystem::path FollowLinks(const std::string& path) {
   Refuse(path, "its symbolic links form a loop; name an ordinary file");
 }
 
-const char* KindOf(mode_t mode) {
-  switch (mode & S_IFMT) {
-    case S_IFDIR:
-      return "a folder";
-    case S_IFCHR:
-    case S_IFBLK:
-      return "a device";
-    case S_IFIFO:
-      return "a pipe";
-    case S_IFSOCK:
-      return "a socket";
-    default:
-      return "not an ordinary file";
-  }
-}
-
 std::string FolderOf(const std::string& file) {
   const std::string folder = std::filesystem::path(file).parent_path();
   return folder.empty() ? "." : folder;
 }
 
-// Creates a new file in the same folder, since a rename cannot leave its file system. Its name is
-// short, since the target's name may be as long as names can be, and skips what a killed process
-// left. The file descriptor, or -1 with errno.
-int CreateBeside(const std::string& target, std::string& temporary) {
+// The next name for a file beside the target, since a rename cannot leave its file system. It is
+// short, since the target's name may be as long as names can be.
+std::string TemporaryName(const std::string& target) {
   static std::atomic<unsigned> count{0};
+  return fmt::format("{}/.torquer-{}-{}.tmp", FolderOf(target), getpid(), ++count);
+}
+
+std::string LinkTo(int fd) { return fmt::format("/proc/self/fd/{}", fd); }
+
+// Creates a file in the same folder: one without a name where the file system has those, so that
+// even a process that is killed leaves nothing, otherwise one with a new name. The file descriptor,
+// or -1 with errno.
+int CreateBeside(const std::string& target, std::string& temporary) {
+  int fd = open(FolderOf(target).c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, 0666);
+  if (fd >= 0 && access(LinkTo(fd).c_str(), F_OK) == 0) return fd;
+  if (fd >= 0) close(fd);
   for (;;) {
-    temporary = fmt::format("{}/.torquer-{}-{}.tmp", FolderOf(target), getpid(), ++count);
-    const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    temporary = TemporaryName(target);
+    fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd >= 0 || errno != EEXIST) return fd;
   }
 }
 
-void SyncFolder(const std::string& path, const std::string& folder) {
-  const int fd = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  // Some network file systems cannot sync a folder and need not.
-  const bool failed = fd < 0 || (fsync(fd) != 0 && errno != EINVAL && errno != ENOTSUP);
+// A folder that may be written to but not be read cannot be opened for it; its file system can be
+// synced by way of the file. Some network file systems cannot sync a folder and need not.
+void SyncFolder(const std::string& path, const std::string& file) {
+  const int folder = open(FolderOf(file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const int fd = folder >= 0 ? folder : open(file.c_str(), O_WRONLY | O_CLOEXEC);
+  const int status = folder >= 0 ? fsync(fd) : syncfs(fd);
+  const bool failed = status != 0 && errno != EINVAL && errno != ENOTSUP;
   const int reason = errno;
   if (fd >= 0) close(fd);
   if (!failed) return;
@@ -89,17 +90,41 @@ void SyncFolder(const std::string& path, const std::string& folder) {
 class AtomicFile::Buffer : public std::streambuf {
  public:
   explicit Buffer(int fd) : fd_(fd) { setp(bytes_.data(), bytes_.data() + bytes_.size()); }
-  ~Buffer() override {
-    if (fd_ >= 0) close(fd_);
-  }
+  ~Buffer() override { Close(); }
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
 
-  /// Writes and syncs everything, and closes the file. 0, or the errno of the first failure.
-  int Close() {
+  int fd() const { return fd_; }
+  std::int64_t kept() const { return kept_; }
+
+  int Reserve(std::int64_t bytes) {
+    const int error = posix_fallocate(fd_, 0, bytes);
+    if (error == 0) reserved_ = true;
+    return error;
+  }
+
+  bool KeepSoFar() {
+    if (error_ == 0) marks_.push_back(written_ + (pptr() - pbase()));
+    return error_ == 0;
+  }
+
+  /// Writes and syncs everything. 0, or the errno of the first failure.
+  int Sync() {
     sync();
+    if (error_ == 0 && reserved_ && ftruncate(fd_, written_) != 0) error_ = errno;
     if (error_ == 0 && fsync(fd_) != 0) error_ = errno;
-    if (close(fd_) != 0 && error_ == 0) error_ = errno;
+    return error_;
+  }
+
+  /// Cuts off what is not to be kept, so that the rest may be closed in good order. Whether it is
+  /// safe on the disk.
+  bool CutToKept() {
+    error_ = 0;
+    return ftruncate(fd_, kept_) == 0 && fsync(fd_) == 0;
+  }
+
+  int Close() {
+    if (fd_ >= 0 && close(fd_) != 0 && error_ == 0) error_ = errno;
     fd_ = -1;
     return error_;
   }
@@ -108,10 +133,17 @@ class AtomicFile::Buffer : public std::streambuf {
   int sync() override {
     for (const char* next = pbase(); next < pptr() && error_ == 0;) {
       const ssize_t written = write(fd_, next, static_cast<std::size_t>(pptr() - next));
-      if (written > 0) next += written;
+      if (written > 0) {
+        next += written;
+        written_ += written;
+      }
       if (written < 0 && errno != EINTR) error_ = errno;
     }
     setp(bytes_.data(), bytes_.data() + bytes_.size());
+    for (const std::int64_t mark : marks_) {
+      if (mark <= written_) kept_ = mark;
+    }
+    marks_.clear();
     return error_ == 0 ? 0 : -1;
   }
 
@@ -124,6 +156,10 @@ class AtomicFile::Buffer : public std::streambuf {
  private:
   int fd_;
   int error_ = 0;
+  bool reserved_ = false;
+  std::int64_t written_ = 0;
+  std::int64_t kept_ = 0;            // the last mark that was written
+  std::vector<std::int64_t> marks_;  // of what is still in memory
   std::array<char, 65536> bytes_{};
 };
 
@@ -134,11 +170,14 @@ AtomicFile::AtomicFile(const std::string& path)
   }
   struct stat existing {};
   const bool exists = stat(target_.c_str(), &existing) == 0;
+  if (!exists && errno != ENOENT) {
+    Refuse(path_, fmt::format("{}; {}", std::strerror(errno), kRemedy));
+  }
   if (exists && !S_ISREG(existing.st_mode)) {
     Refuse(path_,
            fmt::format("it is {}, which is not replaced; name an ordinary file or one that does "
                        "not exist",
-                       KindOf(existing.st_mode)));
+                       FileKind(existing.st_mode)));
   }
   if (exists && access(target_.c_str(), W_OK) != 0) {
     Refuse(path_, "it is write-protected; allow writing (chmod u+w), or name another file");
@@ -156,17 +195,49 @@ AtomicFile::~AtomicFile() {
   if (!temporary_.empty()) unlink(temporary_.c_str());
 }
 
-void AtomicFile::Finish() {
-  int error = buffer_->Close();
-  if (error == 0 && rename(temporary_.c_str(), target_.c_str()) != 0) error = errno;
-  if (error != 0) {
-    unlink(temporary_.c_str());
-    temporary_.clear();
-    Refuse(path_, fmt::format("{}; free space on the disk, or name a file elsewhere",
-                              std::strerror(error)));
+void AtomicFile::Reserve(std::int64_t bytes) {
+  const int error = buffer_->Reserve(bytes);
+  // What cannot be set aside on this file system is found when it is written.
+  if (error == 0 || error == EOPNOTSUPP || error == EINVAL) return;
+  Refuse(path_, fmt::format("{}; {}", std::strerror(error), kRoomRemedy));
+}
+
+bool AtomicFile::KeepSoFar() { return buffer_->KeepSoFar(); }
+
+// Gives the file a name, if need be, closes it, and renames it. The reason why not, or "".
+std::string AtomicFile::NameIt(const std::string& name) {
+  while (temporary_.empty()) {
+    const std::string link = TemporaryName(target_);
+    const int status =
+        linkat(AT_FDCWD, LinkTo(buffer_->fd()).c_str(), AT_FDCWD, link.c_str(), AT_SYMLINK_FOLLOW);
+    if (status == 0) temporary_ = link;
+    if (status != 0 && errno != EEXIST) return std::strerror(errno);
   }
+  if (const int error = buffer_->Close(); error != 0) return std::strerror(error);
+  if (rename(temporary_.c_str(), name.c_str()) != 0) return std::strerror(errno);
   temporary_.clear();
-  SyncFolder(path_, FolderOf(target_));
+  return "";
+}
+
+// Keeps what KeepSoFar() said to keep. What is to be said of it.
+std::string AtomicFile::SavePartial() {
+  if (buffer_->kept() == 0 || buffer_->fd() < 0 || !buffer_->CutToKept()) return "";
+  const std::string name = target_ + ".partial";
+  if (!NameIt(name).empty()) return "";
+  return fmt::format("its first {} bytes, which are whole, are kept in {}, and the rest is lost; ",
+                     buffer_->kept(), name);
+}
+
+void AtomicFile::Finish() {
+  const int error = buffer_->Sync();
+  const std::string reason = error != 0 ? std::strerror(error) : NameIt(target_);
+  if (!reason.empty()) {
+    const std::string partial = SavePartial();
+    if (!temporary_.empty()) unlink(temporary_.c_str());
+    temporary_.clear();
+    Refuse(path_, fmt::format("{}; {}{}", reason, partial, kRoomRemedy));
+  }
+  SyncFolder(path_, target_);
 }
 
 void WriteFileAtomically(const std::string& path, std::string_view contents) {

@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <optional>
+#include <sstream>
 
 #include "host/support/error.h"
+#include "host/support/input_file.h"
 #include "host/support/number.h"
 
 namespace torquer {
@@ -32,10 +33,7 @@ std::vector<std::string> Split(const std::string& line) {
 
 // `header`: what the first line must be; "" for anything.
 CsvTable Parse(const std::string& path, const std::string& header) {
-  std::ifstream in(path);
-  if (!in) {
-    throw UserError(fmt::format("{}: cannot be read; check the path and its permissions", path));
-  }
+  std::istringstream in(ReadInputFile(path, "check the path and its permissions"));
   CsvTable table;
   table.path = path;
   std::string line;

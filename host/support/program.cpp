@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <iostream>
@@ -14,6 +15,7 @@
 #include "host/support/nearest_name.h"
 #include "host/support/number.h"
 #include "host/support/option_table.h"
+#include "host/support/printable_text.h"
 #include "torquer_version.h"
 
 namespace torquer {
@@ -25,6 +27,17 @@ constexpr char kGeneral[] = "General";
 struct Print {
   std::string text;
 };
+
+// Of an error, which may quote what came in a file or a message; it may have several lines.
+std::string PrintableLines(std::string_view text) {
+  constexpr std::size_t kMostBytesOfLine = 10'000;
+  std::string out;
+  for (std::size_t end = 0; (end = text.find('\n')) != std::string_view::npos;) {
+    out += Printable(text.substr(0, end), kMostBytesOfLine) + "\n";
+    text.remove_prefix(end + 1);
+  }
+  return out + Printable(text, kMostBytesOfLine);
+}
 
 std::string Range(double low, double high) { return fmt::format("{:.10g} to {:.10g}", low, high); }
 
@@ -382,19 +395,22 @@ int Program::ParseAndRun(int argc, char** argv, const std::function<int()>& run)
 int Program::Main(int argc, char** argv, const std::function<int()>& run) {
   int status = kExitSuccess;
   const std::string& name = impl_->table.name;
+  // A file that may not grow is then an error of the write, as a full disk is.
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
     status = ParseAndRun(argc, argv, run);
   } catch (const Print& print) {
     std::fputs(print.text.c_str(), stdout);
   } catch (const UsageError& error) {
-    fmt::print(stderr, "{}: {}\nSee '{} --help'.\n", name, error.what(), impl_->Words());
+    fmt::print(stderr, "{}: {}\nSee '{} --help'.\n", name, PrintableLines(error.what()),
+               impl_->Words());
     status = kExitUserError;
   } catch (const UserError& error) {
-    fmt::print(stderr, "{}: {}\n", name, error.what());
+    fmt::print(stderr, "{}: {}\n", name, PrintableLines(error.what()));
     status = kExitUserError;
   } catch (const std::exception& error) {
     fmt::print(stderr, "{}: unexpected error: {}; please report it with the command line\n", name,
-               error.what());
+               PrintableLines(error.what()));
     status = kExitUnexpected;
   }
   std::cout.flush();

@@ -15,6 +15,11 @@ const std::atomic<bool>& StopOnSignal() {
   action.sa_handler = [](int) { requested = true; };
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  // nohup has it ignored, and so it stays.
+  struct sigaction present {};
+  if (sigaction(SIGHUP, nullptr, &present) != 0 || present.sa_handler != SIG_IGN) {
+    sigaction(SIGHUP, &action, nullptr);
+  }
   return requested;
 }
 

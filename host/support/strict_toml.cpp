@@ -7,11 +7,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <utility>
 
 #include "host/support/error.h"
+#include "host/support/input_file.h"
 #include "host/support/nearest_name.h"
 
 namespace torquer {
@@ -82,12 +81,7 @@ StrictTable& StrictTable::operator=(StrictTable&&) noexcept = default;
 StrictTable::~StrictTable() = default;
 
 StrictTable StrictTable::Read(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  if (!in.is_open() || in.bad()) {
-    throw UserError(fmt::format("{}: cannot be read; check the path and its permissions", path));
-  }
-  return Parse(text, path);
+  return Parse(ReadInputFile(path, "check the path and its permissions"), path);
 }
 
 StrictTable StrictTable::Parse(const std::string& text, const std::string& path) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cctype>
 #include <cstdlib>
 
 namespace torquer {
@@ -13,6 +14,27 @@ std::string DefaultSocketPath() {
     return fmt::format("{}/torquer-emulator.sock", runtime);
   }
   return fmt::format("/tmp/torquer-emulator-{}.sock", getuid());
+}
+
+std::optional<std::string> DeviceFilePath(const std::string& serial, const std::string& ending) {
+  const char* config = std::getenv("XDG_CONFIG_HOME");
+  const char* home = std::getenv("HOME");
+  std::string folder;
+  if (config != nullptr && config[0] == '/') {
+    folder = config;
+  } else if (home != nullptr && home[0] == '/') {
+    folder = std::string(home) + "/.config";
+  } else {
+    return std::nullopt;
+  }
+  // A slash would leave the folder, and so would a name of dots alone.
+  std::string name;
+  for (const char character : serial) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(character)) != 0 ||
+                       character == '-' || character == '_' || (character == '.' && !name.empty());
+    name += plain ? character : '_';
+  }
+  return folder + "/torquer/" + (name.empty() ? "_" : name) + ending;
 }
 
 }  // namespace torquer

@@ -237,6 +237,22 @@ void MakeFolderOf(const std::string& path) {
   }
 }
 
+// Without --plot beside the calibration.
+std::string PlotPath(const Arguments& arguments, const std::string& calibration) {
+  if (!arguments.plot.empty()) return arguments.plot;
+  return std::filesystem::path(calibration).replace_extension(".svg").string();
+}
+
+// Before the work, so that it is not lost: refuses paths at which nothing can be written. The
+// folder of the calibration may be made at the end.
+void CheckPaths(const Arguments& arguments, const std::string& path) {
+  for (const std::string& file : {path, PlotPath(arguments, path)}) {
+    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+    std::error_code error;
+    if (folder.empty() || std::filesystem::exists(folder, error)) torquer::AtomicFile{file};
+  }
+}
+
 int Finish(const Arguments& arguments, const ProcedureSettings& settings, const DeviceFacts& facts,
            ProcedureResult result, const std::string& path, int columns) {
   fmt::print(
@@ -249,9 +265,7 @@ int Finish(const Arguments& arguments, const ProcedureSettings& settings, const 
   result.calibration.device = facts.serial;
   result.calibration.note = Note(result, settings);
   MakeFolderOf(path);
-  const std::string plot = arguments.plot.empty()
-                               ? std::filesystem::path(path).replace_extension(".svg").string()
-                               : arguments.plot;
+  const std::string plot = PlotPath(arguments, path);
   const std::string date = result.calibration.note.substr(0, 10);
   torquer::WriteFileAtomically(
       plot, torquer::tools::ResidualPicture(
@@ -291,6 +305,7 @@ int Run(const Arguments& arguments) {
   settings.has_joystick = facts.has_joystick;
   const std::string path =
       arguments.output.empty() ? CalibrationPath(facts.serial) : arguments.output;
+  CheckPaths(arguments, path);
   fmt::print("Device {} at {} cpi{}; the calibration will be {}\n", facts.serial, facts.cpi,
              facts.ordinary_mouse ? " (assumed until it is measured)" : "", path);
   if (arguments.script.empty()) {

@@ -3,14 +3,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <iterator>
 #include <optional>
 #include <sstream>
 
 #include "host/support/error.h"
+#include "host/support/input_file.h"
 #include "host/support/number.h"
 
 namespace torquer::tools {
@@ -139,13 +137,7 @@ Script ParseScript(const std::string& text, const std::string& path) {
 }
 
 Script ReadScript(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  if (!file.is_open() || file.bad()) {
-    throw UserError(
-        fmt::format("{}: cannot be read: {}; give --script a file", path, std::strerror(errno)));
-  }
-  return ParseScript(text, path);
+  return ParseScript(ReadInputFile(path, "give --script a file"), path);
 }
 
 }  // namespace torquer::tools

@@ -5,13 +5,14 @@
 #include <algorithm>
 #include <charconv>
 #include <cstring>
-#include <fstream>
 #include <optional>
 #include <ostream>
+#include <sstream>
 #include <tuple>
 
 #include "host/support/atomic_file.h"
 #include "host/support/error.h"
+#include "host/support/input_file.h"
 
 namespace torquer::tools {
 namespace {
@@ -117,8 +118,7 @@ std::uint16_t FlashImage::PageAddress(int index) const {
 }
 
 std::vector<std::uint8_t> ReadHexFile(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw UserError(fmt::format("{}: cannot be opened; {}", path, kRemedy));
+  std::istringstream file(ReadInputFile(path, kRemedy));
   std::vector<std::uint8_t> flash;
   std::string line;
   int number = 0;

@@ -52,6 +52,7 @@ void LetTimePass(device::ReportSource& source, std::int64_t us, const std::atomi
 
 bool ShowFocus(device::ReportSource& source, const std::string& png_path,
                const std::atomic<bool>& stop) {
+  if (!png_path.empty()) AtomicFile{png_path};  // refused before the work
   WaitForDevice(source, stop);
   device::SourceReports reports(source);
   LetTimePass(source, kBetweenUs, stop);

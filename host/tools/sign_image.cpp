@@ -1,13 +1,10 @@
 // torquer-sign-image: the last step of the firmware's build.
-#include <fmt/format.h>
-
 #include <cstdint>
-#include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
 #include "host/support/atomic_file.h"
+#include "host/support/input_file.h"
 #include "host/support/program.h"
 #include "host/tools/flash_image.h"
 
@@ -20,13 +17,9 @@ struct Arguments {
 
 int Run(const Arguments& arguments) {
   if (arguments.trailer.empty()) throw torquer::UsageError("FLASH.bin and TRAILER.bin are needed");
-  std::ifstream in(arguments.flash, std::ios::binary);
-  const std::vector<std::uint8_t> flash((std::istreambuf_iterator<char>(in)),
-                                        std::istreambuf_iterator<char>());
-  if (!in) {
-    throw torquer::UserError(
-        fmt::format("{}: cannot be read; check the path and its permissions", arguments.flash));
-  }
+  const std::string contents =
+      torquer::ReadInputFile(arguments.flash, "check the path and its permissions");
+  const std::vector<std::uint8_t> flash(contents.begin(), contents.end());
   const torquer::protocol::ImageTrailer trailer = torquer::tools::SignImage(flash, arguments.flash);
   torquer::WriteFileAtomically(arguments.trailer,
                                {reinterpret_cast<const char*>(&trailer), sizeof trailer});

@@ -166,7 +166,7 @@ TEST_CASE("A session loses nothing, repeats bit for bit, and plays at another sp
   CHECK(summary["residual"].get<double>() >= 0);
   CHECK_THAT(Contents(summary["picture"]), Catch::StartsWith("<svg"));
 
-  const std::string log = folder.Path("session/session.lcmlog");
+  const std::string log = folder.Path("session/latest/session.lcmlog");
   const std::vector<double> latencies_ms = Latencies(log);
   REQUIRE(latencies_ms.size() > 100);
   CHECK(IsQuantile(guidewire["latency_ms_p50"], 0.5, latencies_ms));

@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
@@ -178,6 +179,8 @@ TEST_CASE("A path at which there can be no file is refused with the reason", "[s
   CHECK_THROWS_WITH(WriteFileAtomically(folder.Path() + "/..", "x"), Contains("a folder"));
   CHECK_THROWS_WITH(WriteFileAtomically(folder.Path(std::string(300, 'x')), "x"),
                     Contains("File name too long"));
+  // Before anything is written.
+  CHECK_THROWS_AS(AtomicFile(folder.Path(std::string(300, 'x'))), UserError);
   CHECK(FilesIn(folder) == 0);
   // The longest name that the file system takes is taken here too.
   WriteFileAtomically(folder.Path(std::string(255, 'x')), "x");
@@ -204,6 +207,61 @@ TEST_CASE("A full disk leaves the old file and nothing else", "[support]") {
   }
   CHECK(Contents(path) == "old");
   CHECK(FilesIn(folder) == 1);
+}
+
+TEST_CASE("A full disk keeps what is of use by itself, beside the old file", "[support]") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("file");
+  const std::string row(999, 'x');
+  WriteFileAtomically(path, "old");
+  for (const bool then_more : {false, true}) {
+    const SizeLimit full(100'500);
+    AtomicFile file(path);
+    int rows = 0;
+    while (rows < 300) {
+      file.out() << row << '\n';
+      ++rows;
+      if (!file.KeepSoFar() && !then_more) break;
+    }
+    CHECK((rows < 300) == !then_more);  // it is noticed while it is written
+    CHECK_THROWS_WITH(file.Finish(), Contains("File too large") &&
+                                         Contains("its first 100000 bytes") &&
+                                         Contains("file.partial"));
+    CHECK(std::filesystem::file_size(folder.Path("file.partial")) == 100'000);
+    CHECK(Contents(path) == "old");
+    CHECK(FilesIn(folder) == 2);
+  }
+  CHECK(Contents(folder.Path("file.partial")).ends_with("x\n"));
+}
+
+TEST_CASE("Room that is set aside is there when the disk is full", "[support]") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("file");
+  {
+    const SizeLimit full(1000);
+    AtomicFile file(path);
+    CHECK_THROWS_WITH(file.Reserve(2000), Contains("File too large"));
+  }
+  AtomicFile file(path);
+  file.Reserve(50'000);
+  file.out() << "short";
+  file.Finish();
+  CHECK(Contents(path) == "short");  // and not what was set aside
+}
+
+TEST_CASE("A process that is killed leaves no file", "[support]") {
+  const TemporaryFolder folder;
+  const pid_t child = fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    AtomicFile file(folder.Path("file"));
+    file.out() << "half" << std::flush;
+    kill(getpid(), SIGKILL);
+  }
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  REQUIRE(WIFSIGNALED(status));
+  CHECK(FilesIn(folder) == 0);
 }
 
 TEST_CASE("A replaced file keeps its permissions, a new one follows the umask", "[support]") {

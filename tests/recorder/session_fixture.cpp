@@ -120,14 +120,42 @@ void WriteCounts(LogWriter& log, const SessionFaults& faults, const std::string&
   health.names = {"reports_received", "reports_lost"};
   health.values = {kReports, lost_reports + unfetched_reports};
   health.count = 2;
+  health.publish_us = kStartUs + 1000 * kReports;
+  if (faults.ended) health.state = "stopping";
   log.Write(protocol::kHealthChannel, kStartUs, health);
   if (faults.without_emulator) return;
   torquer_lcm::hand_motion_t truth{};
   truth.device = device;
+  truth.publish_us = health.publish_us;
   truth.reports_sent = kReports + lost_reports;
   truth.axial_counts = axial_counts;
   truth.transverse_counts = transverse_counts;
   log.Write(protocol::kEmulatorTruthChannel, kStartUs, truth);
+}
+
+// What they say while the session goes, after report `i`.
+void WriteRunningCounts(LogWriter& log, int i, const torquer_lcm::device_sample_t& sample) {
+  if (i % 10 == 0) {
+    torquer_lcm::hand_motion_t truth{};
+    truth.device = kBox;
+    truth.publish_us = sample.receive_us;
+    truth.reports_sent = i + 1 + kReportsAhead;
+    truth.axial_counts = sample.axial_counts + 2 * kReportsAhead;
+    truth.transverse_counts = sample.transverse_counts - kReportsAhead;
+    log.Write(protocol::kEmulatorTruthChannel, sample.receive_us, truth);
+  }
+  if (i % 250 == 249) {
+    torquer_lcm::health_t health{};
+    health.process = "daemon";
+    health.device = kBox;
+    health.instrument = protocol::kGuidewire;
+    health.state = "running";
+    health.publish_us = sample.receive_us;
+    health.names = {"reports_received", "reports_lost"};
+    health.values = {i + 1, 0};
+    health.count = 2;
+    log.Write(protocol::kHealthChannel, sample.receive_us, health);
+  }
 }
 
 }  // namespace
@@ -166,6 +194,7 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     log.Write(protocol::kInstrumentCommandChannel, now_us, command);
     log.Write(protocol::kDeviceSampleChannel, now_us, sample);
     if (faults.catheter && faults.catheter_box) WriteCatheterBox(log, faults, i);
+    if (faults.running_counts) WriteRunningCounts(log, i, sample);
 
     torquer_lcm::wire_state_t state =
         State(kInsertedAtStartMm + kMmPerCount * static_cast<double>(moved_counts) +

@@ -31,6 +31,8 @@ struct SessionFaults {
   bool reset = false;            ///< of the device between reports 799 and 800
   bool catheter = false;         ///< around the guidewire, driven by a second box
   bool catheter_box = true;      ///< without it nothing drives the catheter
+  bool running_counts = false;   ///< daemon and emulator say their counts as the session goes
+  bool ended = true;             ///< the daemon says at the end that it stops
   int catheter_lost_reports = 0;
   double extra_catheter_mm = 0;
 };
@@ -41,6 +43,10 @@ struct SessionFaults {
 /// the catheter by 1 count with each report, its clutch never held. Its hand was there 2 ms before
 /// the guidewire's. Writes the log to `path`.
 void WriteSession(const std::string& path, const SessionFaults& faults);
+
+/// With running_counts the emulator says its own every 10 reports, when it has made 3 more than the
+/// daemon has received, and the daemon every 250.
+inline constexpr int kReportsAhead = 3;
 
 /// Of the above.
 inline constexpr char kBox[] = "BOX-1";

@@ -13,6 +13,7 @@
 #include "host/support/error.h"
 #include "tests/recorder/session_fixture.h"
 #include "tests/support/paths.h"
+#include "tests/support/sanitizer.h"
 #include "tests/support/temporary_folder.h"
 
 using namespace torquer;
@@ -33,6 +34,7 @@ SessionReport Report(const SessionFaults& faults) {
   const SessionLogSummary summary = ReadSessionLog(folder.Path("log"), reporter.Handlers());
   SessionReport report = reporter.Finish(Gains);
   report.undecodable = summary.undecodable;
+  report.damage = summary.damage;
   return report;
 }
 
@@ -224,13 +226,82 @@ TEST_CASE("Missing and undecodable states are counted") {
   CHECK(report.states_missing == 4 + 1);
 }
 
+TEST_CASE("A message that cannot be decoded is a fault of the log") {
+  SessionFaults faults;
+  faults.undecodable = true;
+  CHECK_FALSE(Report(faults).Good());
+  CHECK(Report({}).Good());
+}
+
+TEST_CASE("A log that is cut anywhere accuses neither the device nor the instrument") {
+  const TemporaryFolder folder;
+  SessionFaults faults;
+  faults.running_counts = true;
+  WriteSession(folder.Path("whole"), faults);
+  const auto size = std::filesystem::file_size(folder.Path("whole"));
+  constexpr int kCuts = Rounds(97, 6);
+  for (int i = 1; i <= kCuts; ++i) {
+    INFO(i);
+    std::filesystem::copy_file(folder.Path("whole"), folder.Path("log"),
+                               std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::resize_file(folder.Path("log"), size * static_cast<unsigned>(i) / (kCuts + 1));
+    SessionReporter reporter;
+    const SessionLogSummary summary = ReadSessionLog(folder.Path("log"), reporter.Handlers());
+    SessionReport report = reporter.Finish(Gains);
+    report.damage = summary.damage;
+    CHECK_FALSE(report.ended);
+    const InstrumentReport& wire = report.instruments.at(0);
+    CHECK(wire.reports_lost <= 0);  // not known before the daemon has first counted
+    CHECK(wire.axial.error_counts < 0.01);
+    CHECK(wire.rotation.error_counts < 0.01);
+    CHECK(report.Good() == (wire.reports_lost == 0 && !report.damage.cut));
+    CHECK_THAT(FormatReport(report), Catch::Contains("ends before the session"));
+    if (report.damage.cut) CHECK_THAT(FormatReport(report), Catch::Contains("damaged: cut off"));
+  }
+  // What the emulator sent and no daemon had, before it counted for the last time, is lost.
+  faults.ended = false;
+  faults.lost_reports = 5;
+  CHECK(Wire(faults).reports_lost == 5);
+}
+
+TEST_CASE("A session that is stopped while the hand moves is judged by what was shown") {
+  SessionFaults faults;
+  faults.ended = false;
+  CHECK(Wire(faults).axial.error_counts < 0.01);
+  CHECK_FALSE(Report(faults).ended);
+  CHECK(Report(faults).Good());
+  CHECK(Report({}).ended);
+  faults.extra_wire_mm = 2.5 * kMmPerCount;
+  CHECK(Wire(faults).axial.error_counts == Approx(2.5).margin(1e-3));
+}
+
 TEST_CASE("A torn log is read to its last whole record") {
   const TemporaryFolder folder;
   WriteSession(folder.Path("log"), {});
   const auto whole = ReadSessionLog(folder.Path("log"), {}).messages;
   std::filesystem::resize_file(folder.Path("log"),
                                std::filesystem::file_size(folder.Path("log")) - 10);
-  CHECK(ReadSessionLog(folder.Path("log"), {}).messages == whole - 1);
+  const SessionLogSummary torn = ReadSessionLog(folder.Path("log"), {});
+  CHECK(torn.messages == whole - 1);
+  CHECK(torn.damage.cut);
+}
+
+TEST_CASE("A damaged log is read past the damage, and is not good") {
+  const TemporaryFolder folder;
+  WriteSession(folder.Path("log"), {});
+  const auto whole = ReadSessionLog(folder.Path("log"), {}).messages;
+  std::fstream file(folder.Path("log"), std::ios::binary | std::ios::in | std::ios::out);
+  file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(folder.Path("log")) / 2));
+  file << std::string(40, '\xff');
+  file.close();
+  SessionReporter reporter;
+  const SessionLogSummary summary = ReadSessionLog(folder.Path("log"), reporter.Handlers());
+  SessionReport report = reporter.Finish(Gains);
+  CHECK(summary.messages >= whole - 2);
+  CHECK((summary.damage.any() || summary.undecodable > 0));
+  report.damage = summary.damage;
+  report.undecodable = summary.undecodable;
+  CHECK_FALSE(report.Good());
 }
 
 TEST_CASE("What is no log is refused by name") {

@@ -2,11 +2,16 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <fstream>
 #include <functional>
+#include <iterator>
 #include <random>
 
+#include "host/bus/message_check.h"
 #include "host/simulator/simulation.h"
+#include "host/support/error.h"
 #include "tests/simulator/state_log.h"
+#include "tests/support/sanitizer.h"
 #include "tests/support/scenes.h"
 
 using Catch::Matchers::Contains;
@@ -48,6 +53,30 @@ void Record(const std::string& scene_file, const std::string& log, int ticks,
 
 bool Keep(torquer_lcm::wire_state_t&) { return true; }
 
+std::vector<std::uint8_t> Encoded(const torquer_lcm::wire_state_t& state) {
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(state.getEncodedSize()));
+  state.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  return bytes;
+}
+
+// `state` with what a simulation is given and does not compute as in `given`: times of the machine,
+// and what concerns the way of commands.
+torquer_lcm::wire_state_t WithoutWhatIsGiven(torquer_lcm::wire_state_t state,
+                                             const torquer_lcm::wire_state_t& given) {
+  state.clock_id = given.clock_id;
+  state.publish_us = given.publish_us;
+  state.solve_us = given.solve_us;
+  constexpr std::int32_t kOfTheWire = torquer::protocol::kWireConverged |
+                                      torquer::protocol::kWireOutsideLumen |
+                                      torquer::protocol::kWireSnapped;
+  state.status = (state.status & kOfTheWire) | (given.status & ~kOfTheWire);
+  for (std::size_t k = 0; k < state.instruments.size() && k < given.instruments.size(); ++k) {
+    state.instruments[k].command_sequence = given.instruments[k].command_sequence;
+    state.instruments[k].origin_us = given.instruments[k].origin_us;
+  }
+  return state;
+}
+
 }  // namespace
 
 TEST_CASE("A replay repeats the work and reaches the same states to the bit", "[simulator]") {
@@ -77,6 +106,74 @@ TEST_CASE("States that were not recorded are made up for by those after them", "
   CHECK(result.missing == torquer::simulator::kMostPastInMessage + 2);
   CHECK(result.states + result.missing == 81);
   CHECK(result.differing == 0);
+}
+
+TEST_CASE("A replay finds one flipped bit in what a state says", "[simulator]") {
+  const SceneFile file;
+  constexpr std::int64_t kSpoiled = 6;
+  torquer::scene::Scene scene(file.path());
+  std::vector<std::uint8_t> plain;
+  Record(file.path(), file.Beside("log"), 8, [&plain](torquer_lcm::wire_state_t& state) {
+    if (state.tick == kSpoiled) plain = Encoded(state);
+    return true;
+  });
+  int spoiled = 0;
+  for (std::size_t at = 8; at < plain.size(); at += torquer::test::kUnderSanitizer ? 331 : 53) {
+    std::vector<std::uint8_t> bytes = plain;
+    bytes[at] = static_cast<std::uint8_t>(bytes[at] ^ (1U << (at % 8)));
+    torquer_lcm::wire_state_t other;
+    if (!torquer::bus::DecodeMessage(bytes.data(), bytes.size(), other)) continue;
+    INFO("byte " << at);
+    bool shows = true;
+    Record(file.path(), file.Beside("other"), 8, [&](torquer_lcm::wire_state_t& state) {
+      if (state.tick != kSpoiled) return true;
+      // What the simulation does not know, nobody can repeat.
+      shows = Encoded(WithoutWhatIsGiven(other, state)) != plain;
+      state = other;
+      return true;
+    });
+    if (!shows) continue;
+    ++spoiled;
+    bool good = false;
+    try {
+      good = torquer::simulator::Replay(scene, file.Beside("other")).Good();
+    } catch (const torquer::UserError&) {
+      // of another run, by its tick
+    }
+    CHECK_FALSE(good);
+  }
+  CHECK(spoiled > (torquer::test::kUnderSanitizer ? 3 : 20));
+}
+
+TEST_CASE("A replay of a damaged log goes on after the damage, and is not clean", "[simulator]") {
+  const SceneFile file;
+  Record(file.path(), file.Beside("log"), 40, Keep);
+  torquer::scene::Scene scene(file.path());
+  std::string log;
+  {
+    std::ifstream in(file.Beside("log"), std::ios::binary);
+    log.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  const auto replay = [&](const std::string& bytes) {
+    std::ofstream(file.Beside("spoiled"), std::ios::binary) << bytes;
+    return torquer::simulator::Replay(scene, file.Beside("spoiled"));
+  };
+  CHECK(replay(log).Good());
+  std::string flipped = log;
+  flipped[flipped.find("\xed\xa1\xda\x01", log.size() / 2)] ^= 1;
+  const auto result = replay(flipped);
+  CHECK(result.states == 40);
+  CHECK(result.missing == 1);
+  CHECK(result.differing == 0);
+  CHECK(result.damage.places == 1);
+  CHECK_FALSE(result.Good());
+  const auto cut = replay(log.substr(0, log.size() - 1));
+  CHECK(cut.states == 40);
+  CHECK_FALSE(cut.Good());
+  std::string undecodable = log;
+  undecodable[undecodable.find("TORQUER_WIRE_STATE", log.size() / 2) + 18] ^= 1;  // fingerprint
+  CHECK(replay(undecodable).undecodable == 1);
+  CHECK_FALSE(replay(undecodable).Good());
 }
 
 TEST_CASE("A state that was published again at rest is one state to a replay", "[simulator]") {

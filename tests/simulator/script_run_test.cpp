@@ -36,12 +36,25 @@ std::vector<nlohmann::json> Rows(const std::string& path) {
 
 }  // namespace
 
+TEST_CASE("A script that is asked to stop ends, and its rows so far are there", "[simulator]") {
+  const SceneFile file;
+  Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,0.5,0\n0.002,1.25,0.3\n");
+  torquer::scene::Scene scene(file.path());
+  const std::atomic<bool> stop = true;
+  const torquer::simulator::ScriptResult result = torquer::simulator::RunScript(
+      scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")}, stop);
+  CHECK(result.rows == 3);
+  CHECK(result.done == 0);
+  CHECK(std::filesystem::exists(file.Beside("s.jsonl")));
+  CHECK(Rows(file.Beside("s.jsonl")).empty());
+}
+
 TEST_CASE("A script gives one JSON object a row, absolute since the start", "[simulator]") {
   const SceneFile file(torquer::test::kFriction);
   Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,0.5,0\n0.002,1.25,0.3\n");
   torquer::scene::Scene scene(file.path());
-  CHECK(torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""}) ==
-        0);
+  CHECK(torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""})
+            .unconverged == 0);
   const std::vector<nlohmann::json> rows = Rows(file.Beside("s.jsonl"));
   REQUIRE(rows.size() == 3);
   CHECK(rows[2]["time_s"] == 0.002);
@@ -66,8 +79,9 @@ TEST_CASE("A script moves every instrument by its name", "[simulator]") {
         "microcatheter.insertion_mm\n"
         "0,0.0,0,0,0\n-1.5,0.1,-0.5,1,2\n");
   torquer::scene::Scene scene(file.path());
-  CHECK(torquer::simulator::RunScript(scene, file.Beside("s.csv"),
-                                      {.states = file.Beside("s.jsonl")}) == 0);
+  CHECK(
+      torquer::simulator::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")})
+          .unconverged == 0);
   const std::vector<nlohmann::json> rows = Rows(file.Beside("s.jsonl"));
   REQUIRE(rows.size() == 2);
   const auto at = [&](const char* key) { return rows[1][key].get<double>(); };

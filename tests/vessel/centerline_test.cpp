@@ -1,5 +1,7 @@
 #include "host/simulator/vessel/centerline.h"
 
+#include <sys/stat.h>
+
 #include <cmath>
 #include <fstream>
 
@@ -230,6 +232,16 @@ TEST_CASE("broken centerline files are refused by file, field, value and remedy"
           "no \"Radius\"");
   refused(R"({"markups": [{"type": "Curve", "controlPoints": [7], "measurements": []}]})",
           "controlPoints[0].position is missing");
+  // A measurement whose name is none, beside the one that is looked for, and alone.
+  std::string numbered = good;
+  const std::size_t list = numbered.find("\"measurements\"");
+  numbered.insert(numbered.find('[', list) + 1, R"({"name": 7}, {"name": null}, )");
+  CHECK(ReadSlicerCurve(MarkupsFile(numbered).path()).length_mm() > 0);
+  refused(R"({"markups": [{"type": "Curve", "controlPoints": [], "measurements": [{"name": 7}]}]})",
+          "no \"Radius\"");
+  const TemporaryFolder pipes;
+  REQUIRE(mkfifo(pipes.Path("main.mrk.json").c_str(), 0600) == 0);
+  CHECK_THROWS_WITH(ReadSlicerCurves(pipes.Path()), Contains("it is a pipe"));
   CHECK_THROWS_WITH(ReadSlicerCurve("/nowhere/x.mrk.json"), Contains("/nowhere/x.mrk.json"));
   const TemporaryFolder empty;
   CHECK_THROWS_WITH(ReadSlicerCurves(empty.Path("")), Contains("holds no .mrk.json"));

@@ -1,12 +1,19 @@
 #include "host/simulator/vessel/mesh_vessel.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <map>
 
 #include "catch2/catch.hpp"
+#include "host/simulator/vessel/cache_folder.h"
 #include "host/simulator/vessel/centerline.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
@@ -183,6 +190,121 @@ TEST_CASE("a torn or altered cache is noticed wherever it is torn, and costs onl
     CHECK(Fingerprint(vessel->field()) == expected);
   }
   CHECK(Fingerprint(reopen(std::string(whole.size(), '\0'))->field()) == expected);
+}
+
+TEST_CASE("a cache that another user may have written is not used") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("tube.obj"), cache = folder.Path("cache");
+  WriteObj(path, PlainTube());
+  const auto first = MeshVessel::Open(path, Options(cache, 2));
+  first->field().Prefetch({5, 0, 0}, 5);
+  CHECK(first->SaveCache().empty());
+  const std::string file = OnlyFileIn(cache);
+  CHECK(MeshVessel::Open(path, Options(cache, 2))->from_cache());
+  std::filesystem::permissions(file, std::filesystem::perms::group_write,
+                               std::filesystem::perm_options::add);
+  const auto refused = MeshVessel::Open(path, Options(cache, 2));
+  CHECK_FALSE(refused->from_cache());
+  REQUIRE(refused->cache_findings().size() == 1);
+  CHECK_THAT(refused->cache_findings()[0], Contains("another user"));
+}
+
+TEST_CASE("a cached surface whose triangles name no vertex is not used") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("tube.obj"), cache = folder.Path("cache");
+  WriteObj(path, PlainTube());
+  const auto first = MeshVessel::Open(path, Options(cache, 2));
+  CHECK(first->SaveCache().empty());
+  const std::string file = OnlyFileIn(cache);
+  // As a program with a fault would have written it: every checksum is right.
+  const std::string hex = std::filesystem::path(file).stem();
+  CacheKey key;
+  for (int w = 0; w < 2; ++w) {
+    key.words[w] = std::stoull(hex.substr(16 * static_cast<size_t>(w), 16), nullptr, 16);
+  }
+  std::string why;
+  const auto written = ReadFieldCache(file, key, &why);
+  REQUIRE(written);
+  uint64_t vertices = 0;
+  std::memcpy(&vertices, written->surface.data(), sizeof vertices);
+  const size_t first_index = 16 + static_cast<size_t>(vertices) * 3 * sizeof(double);
+  for (const int32_t wrong : {-1, static_cast<int32_t>(vertices)}) {
+    std::vector<char> surface = written->surface;
+    std::memcpy(&surface[first_index], &wrong, sizeof wrong);
+    REQUIRE(WriteFieldCache(file, key, surface, first->field()).empty());
+    const auto refused = MeshVessel::Open(path, Options(cache, 2));
+    CHECK_FALSE(refused->from_cache());
+    CHECK(refused->mesh().triangles == first->mesh().triangles);
+  }
+}
+
+TEST_CASE("a cache folder is kept in bounds, the field that was used least recently goes first") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("tube.obj"), cache = folder.Path("cache");
+  WriteObj(path, PlainTube());
+  const auto save = [&](double voxel_mm) {
+    const auto vessel = MeshVessel::Open(path, Options(cache, voxel_mm));
+    vessel->field().Prefetch({5, 0, 0}, 5);
+    CHECK(vessel->SaveCache().empty());
+  };
+  const auto fields = [&cache] {
+    std::map<std::filesystem::file_time_type, std::string> by_use;
+    for (const auto& entry : std::filesystem::directory_iterator(cache)) {
+      if (!entry.is_symlink() && entry.file_size() > 100) {
+        by_use[entry.last_write_time()] = entry.path();
+      }
+    }
+    return by_use;
+  };
+  // Written in this order, and each used long before the next.
+  for (const double voxel_mm : {2.0, 1.9, 1.8, 1.7}) {
+    save(voxel_mm);
+    for (const auto& [used, file] : fields()) {
+      std::filesystem::last_write_time(file, used - std::chrono::hours(1));
+    }
+  }
+  const auto all = fields();
+  REQUIRE(all.size() == 4);
+  const std::string oldest = all.begin()->second;
+  // What is not of the cache, by its name, its beginning or its kind.
+  const std::string key(32, 'a');
+  for (const std::string& name :
+       {key + ".field", std::string("notes.field"), std::string("notes"), key + ".field.mine"}) {
+    std::ofstream(cache + "/" + name) << "mine";
+  }
+  std::filesystem::create_symlink(oldest, cache + "/" + std::string(32, 'b') + ".field");
+  // One that a dead writer left, and one that is being written.
+  std::ofstream(cache + "/" + key + ".field.AbC123") << "half";
+  const std::string alive = cache + "/" + key + ".field.zYx987";
+  std::ofstream(alive) << "half";
+  const int writer = open(alive.c_str(), O_RDONLY | O_CLOEXEC);
+  REQUIRE(flock(writer, LOCK_EX) == 0);
+
+  CHECK(MeshVessel::Open(path, Options(cache, 2))->from_cache());  // the oldest, used again now
+  std::int64_t bytes = 0;
+  for (const auto& [used, file] : all) {
+    bytes += static_cast<std::int64_t>(std::filesystem::file_size(file));
+  }
+  TidyCacheFolder(cache, "", bytes - 1);
+  const auto second = std::next(all.begin())->second;
+  for (const auto& [used, file] : all) {
+    CHECK(std::filesystem::exists(file) == (file != second));
+  }
+  TidyCacheFolder(cache, second, 0);
+  for (const auto& [used, file] : all) CHECK_FALSE(std::filesystem::exists(file));
+  CHECK_FALSE(std::filesystem::exists(cache + "/" + key + ".field.AbC123"));
+  CHECK(std::filesystem::exists(alive));
+  CHECK(std::filesystem::is_symlink(cache + "/" + std::string(32, 'b') + ".field"));
+  for (const std::string& name :
+       {key + ".field", std::string("notes.field"), std::string("notes"), key + ".field.mine"}) {
+    CHECK(std::filesystem::exists(cache + "/" + name));
+  }
+  close(writer);
+  // The one that was just written stays.
+  save(2.0);
+  CHECK(fields().size() == 1);
+  TidyCacheFolder(cache, fields().rbegin()->second, 0);
+  CHECK(fields().size() == 1);
 }
 
 TEST_CASE("a cache that cannot be written is no error of the run") {

@@ -263,7 +263,7 @@ TEST_CASE("files that are no usable surface are refused by name, with the remedy
     CHECK_THROWS_AS(read(name), UserError);
     CHECK_THROWS_WITH(read(name), Contains(name) && Contains(part));
   };
-  refused("missing.stl", "no such surface file");
+  refused("missing.stl", "No such file or directory");
   std::filesystem::create_directory(folder.Path("folder.stl"));
   refused("folder.stl", "cannot be read");
   std::ofstream(folder.Path("model.step")) << "x";

@@ -51,6 +51,7 @@ void ContactPoints::Reserve(PointSet& points) const {
 
 void ContactPoints::TakeStiffness(const WireState& state) {
   if (wall_.by_place == nullptr) return;
+  stiffness_travel_mm_ = field_.TravelMm();
   const int per_segment = wall_.points_per_segment;
   std::size_t q = static_cast<std::size_t>(state.segments() * per_segment);
   for (int i = 0; i < state.segments(); ++i) {
@@ -83,6 +84,7 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
         state.insertion_mm() - state.places()[k].insertion_mm;
   }
   const double travel = field_.TravelMm();
+  if (travel != stiffness_travel_mm_) TakeStiffness(state);
   const double used_mm = travel / lipschitz_;
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {

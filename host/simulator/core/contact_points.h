@@ -44,7 +44,8 @@ class ContactPoints {
   /// Places the points of a state and finds which are near the wall and which touch it; Hessians of
   /// the near ones only where asked for.
   void Place(const WireState& state, bool with_hessian, PointSet& points);
-  /// Takes over the wall's stiffness at every point. To be called after a move.
+  /// Takes over the wall's stiffness at every point. To be called after a move; where the vessel
+  /// has moved since, Place does it by itself.
   void TakeStiffness(const WireState& state);
   /// Takes over the radii of the model where they have grown. To be called after they changed, as
   /// those of a rod of several instruments do.
@@ -74,6 +75,7 @@ class ContactPoints {
   std::vector<double> radius_mm_;  // by segment from the tip; of the look-ups
   std::vector<double>
       stiffness_N_mm2_;  // by PointSet::FromTip; empty where it is the same everywhere
+  double stiffness_travel_mm_ = 0;  // of the field, when they were taken
   std::int64_t lookups_done_ = 0;
 };
 

@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "host/simulator/vessel/centerline.h"
 #include "host/support/error.h"
+#include "host/support/input_file.h"
 
 namespace torquer::vessel {
 
@@ -42,13 +42,11 @@ double NumberAt(const std::string& path, const json& value, const std::string& w
 }  // namespace
 
 Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
-  std::ifstream file(path, std::ios::binary);
-  if (!std::filesystem::is_regular_file(path) || !file) {
-    Refuse(path, "there is no such centerline file, or it cannot be read; check the path");
-  }
+  const std::string contents =
+      ReadInputFile(path, "check the path of the centerline, and its permissions");
   json document;
   try {
-    document = json::parse(file);
+    document = json::parse(contents);
   } catch (const json::exception& e) {
     Refuse(path, std::string("not valid JSON (") + e.what() +
                      "); the file is damaged or cut short: save it again from 3D Slicer");
@@ -93,9 +91,8 @@ Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
   const json& measurements = Member(path, markup, where, "measurements");
   const json* radius = nullptr;
   for (const json& measurement : measurements) {
-    if (measurement.is_object() && measurement.value("name", "") == "Radius") {
-      radius = &measurement;
-    }
+    const auto called = measurement.is_object() ? measurement.find("name") : measurement.end();
+    if (called != measurement.end() && *called == "Radius") radius = &measurement;
   }
   if (radius == nullptr) {
     Refuse(path, "field " + where +

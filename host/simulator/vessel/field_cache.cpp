@@ -1,6 +1,7 @@
 #include "host/simulator/vessel/field_cache.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -115,7 +116,7 @@ std::string DefaultCacheFolder() {
 std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKey& key,
                                           std::string* why) {
   why->clear();
-  const Descriptor file{open(path.c_str(), O_RDONLY | O_CLOEXEC)};
+  const Descriptor file{open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
   if (file.number < 0) {
     if (errno != ENOENT) *why = path + " cannot be read (" + std::strerror(errno) + ")";
     return std::nullopt;
@@ -126,6 +127,9 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
   };
   struct stat status {};
   if (fstat(file.number, &status) != 0 || !S_ISREG(status.st_mode)) return refuse("is no file");
+  if (status.st_uid != geteuid() || (status.st_mode & 022) != 0) {
+    return refuse("may have been written by another user");
+  }
   const auto size = static_cast<size_t>(status.st_size);
   if (size < sizeof(Header)) return refuse("is cut short");
   auto mapping = std::make_shared<Mapping>();
@@ -145,6 +149,9 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
     return refuse("belongs to another surface");
   }
   if (header.file_bytes != size) return refuse("is cut short");
+  if (header.surface_bytes > size || header.brick_count > size / kBrickBytes) {
+    return refuse("is damaged");
+  }
   const size_t surface_at = Padded(sizeof header);
   const size_t directory_at = surface_at + Padded(header.surface_bytes);
   const size_t directory_bytes = header.brick_count * sizeof(DirectoryEntry);
@@ -155,6 +162,7 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
     return refuse("is damaged");
   }
 
+  futimens(file.number, nullptr);  // used now: TidyCacheFolder removes the least recent
   CachedField field;
   field.surface.assign(mapping->bytes + surface_at,
                        mapping->bytes + surface_at + header.surface_bytes);
@@ -170,6 +178,13 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
   }
   field.memory = std::move(mapping);
   return field;
+}
+
+bool IsFieldCache(const std::string& path) {
+  const Descriptor file{open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
+  char magic[sizeof kMagic] = {};
+  return file.number >= 0 && read(file.number, magic, sizeof magic) == sizeof magic &&
+         std::memcmp(magic, kMagic, sizeof kMagic) == 0;
 }
 
 std::string WriteFieldCache(const std::string& path, const CacheKey& key,
@@ -211,6 +226,7 @@ std::string WriteFieldCache(const std::string& path, const CacheKey& key,
     return what + " (" + reason + ")";
   };
   if (file.number < 0) return fail(path + " cannot be written");
+  flock(file.number, LOCK_EX | LOCK_NB);  // for as long as this lives: TidyCacheFolder
   const char padding[16] = {};
   const auto put = [&](const void* bytes, size_t size) {
     return WriteAll(file.number, bytes, size) &&

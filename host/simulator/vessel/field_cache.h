@@ -36,10 +36,13 @@ struct CachedField {
   std::shared_ptr<const void> memory;  ///< keeps the bricks' memory
 };
 
-/// Opens a file; nothing where there is none, or where it is not whole or not of this key (then
-/// `why` says so).
+/// Opens a file, and notes that it was used; nothing where there is none, or where it is not whole,
+/// not of this key, or such that another user may have written it (then `why` says so).
 std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKey& key,
                                           std::string* why);
+
+/// Whether a file begins as those that WriteFieldCache writes.
+bool IsFieldCache(const std::string& path);
 
 /// Writes a file whole or not at all, making its folder if need be. Returns why it could not, empty
 /// on success.

@@ -9,11 +9,11 @@
 #include <cctype>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <set>
 #include <sstream>
 
 #include "host/support/error.h"
+#include "host/support/input_file.h"
 
 namespace torquer::vessel {
 
@@ -143,8 +143,8 @@ void CheckObjIsWhole(const std::string& path, std::istream& file) {
 }
 
 // Assimp is content with what it finds of a text file and of a PLY.
-void CheckIsWhole(const std::string& path, const std::string& ending) {
-  std::ifstream file(path, std::ios::binary);
+void CheckIsWhole(const std::string& contents, const std::string& path, const std::string& ending) {
+  std::istringstream file(contents);
   if (ending == ".ply") CheckPlyIsWhole(path, file);
   if (ending == ".stl") CheckStlIsWhole(path, file);
   if (ending == ".obj") CheckObjIsWhole(path, file);
@@ -165,15 +165,7 @@ void CheckIndices(const std::string& path, const aiScene& scene) {
 
 }  // namespace
 
-TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit) {
-  std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status)) {
-    Refuse(path, "there is no such surface file; check the path in the scene");
-  }
-  if (!std::filesystem::is_regular_file(status) || !std::ifstream(path)) {
-    Refuse(path, "the surface file cannot be read; check that it is a file and its permissions");
-  }
+TriangleMesh ParseMesh(const std::string& contents, const std::string& path, double mm_per_unit) {
   std::string ending = std::filesystem::path(path).extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
@@ -181,11 +173,12 @@ TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit) {
     Refuse(path, "surfaces are read from .stl, .obj and .ply files, not \"" + ending +
                      "\"; convert it (MeshLab, Blender and 3D Slicer export all three)");
   }
-  CheckIsWhole(path, ending);
+  CheckIsWhole(contents, path, ending);
   Assimp::Importer importer;
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE,
                               aiPrimitiveType_POINT | aiPrimitiveType_LINE);
-  const aiScene* scene = importer.ReadFile(path, 0);
+  const aiScene* scene =
+      importer.ReadFileFromMemory(contents.data(), contents.size(), 0, ending.c_str() + 1);
   if (scene != nullptr) {
     // Assimp's own steps follow indices blindly.
     CheckIndices(path, *scene);
@@ -209,6 +202,14 @@ TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit) {
     }
   }
   return mesh;
+}
+
+std::string ReadMeshContents(const std::string& path) {
+  return ReadInputFile(path, "check the path of the surface in the scene, and its permissions");
+}
+
+TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit) {
+  return ParseMesh(ReadMeshContents(path), path, mm_per_unit);
 }
 
 }  // namespace torquer::vessel

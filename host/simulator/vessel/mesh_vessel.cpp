@@ -1,10 +1,13 @@
 #include "host/simulator/vessel/mesh_vessel.h"
 
+#include <algorithm>
 #include <cstring>
-#include <fstream>
-#include <iterator>
+#include <filesystem>
 #include <type_traits>
 #include <utility>
+
+#include "host/simulator/vessel/cache_folder.h"
+#include "host/simulator/vessel/mesh_file.h"
 
 namespace torquer::vessel {
 
@@ -87,6 +90,19 @@ void Do(Bytes& bytes, TriangleMesh& mesh, MeshReport& report) {
   for (double& width : report.width_mm) bytes.Do(width);
 }
 
+// What the field trusts blindly.
+bool IsUsable(const TriangleMesh& mesh, const MeshReport& report) {
+  const auto count = static_cast<int64_t>(mesh.vertices_mm.size());
+  const auto is_there = [count](int32_t vertex) { return vertex >= 0 && vertex < count; };
+  const Eigen::AlignedBox3d& bounds = report.bounds_mm;
+  return !mesh.triangles.empty() && !bounds.isEmpty() && bounds.min().allFinite() &&
+         bounds.max().allFinite() &&
+         std::all_of(mesh.triangles.begin(), mesh.triangles.end(),
+                     [&](const auto& t) { return std::all_of(t.begin(), t.end(), is_there); }) &&
+         std::all_of(mesh.vertices_mm.begin(), mesh.vertices_mm.end(),
+                     [](const Eigen::Vector3d& v) { return v.allFinite(); });
+}
+
 }  // namespace
 
 std::unique_ptr<MeshVessel> MeshVessel::Open(const std::string& path,
@@ -94,15 +110,14 @@ std::unique_ptr<MeshVessel> MeshVessel::Open(const std::string& path,
   std::unique_ptr<MeshVessel> vessel(new MeshVessel);
   CachedField cached;
   TriangleMesh mesh;
-  std::ifstream file(path, std::ios::binary);
-  if (!options.cache_folder.empty() && file) {
-    const std::vector<char> content((std::istreambuf_iterator<char>(file)),
-                                    std::istreambuf_iterator<char>());
+  // Read once, so that the key is that of the bytes which are parsed.
+  const std::string contents = ReadMeshContents(path);
+  if (!options.cache_folder.empty()) {
     CacheKey& key = vessel->key_;
     key.Add(kBuildVersion);
     // What is said of the file names it.
     key.Add(path.data(), path.size());
-    key.Add(content.data(), content.size());
+    key.Add(contents.data(), contents.size());
     key.Add(options.unit == MeshUnit::kMeter ? 1000 : 1);
     key.Add(options.field.voxel_mm);
     key.Add(options.field.band_mm);
@@ -113,18 +128,20 @@ std::unique_ptr<MeshVessel> MeshVessel::Open(const std::string& path,
     if (found) {
       Bytes bytes(std::move(found->surface));
       Do(bytes, mesh, vessel->report_);
-      if (bytes.whole()) {
+      if (bytes.whole() && IsUsable(mesh, vessel->report_)) {
         vessel->from_cache_ = true;
         cached = std::move(*found);
         vessel->cache_findings_.push_back("Field taken from " + vessel->cache_path_ + ".");
       } else {
+        mesh = TriangleMesh();
+        vessel->report_ = MeshReport();
         why = vessel->cache_path_ + " is damaged";
       }
     }
     if (!why.empty()) vessel->cache_findings_.push_back(why + ": building again.");
   }
   if (!vessel->from_cache_) {
-    SurfaceMesh surface = ReadSurface(path, options.unit);
+    SurfaceMesh surface = ParseSurface(contents, path, options.unit);
     mesh = std::move(surface.mesh);
     vessel->report_ = std::move(surface.report);
   }
@@ -144,7 +161,9 @@ std::string MeshVessel::SaveCache() const {
   TriangleMesh mesh = surface_->mesh();
   MeshReport report = report_;
   Do(bytes, mesh, report);
-  return WriteFieldCache(cache_path_, key_, bytes.bytes(), *field_);
+  const std::string problem = WriteFieldCache(cache_path_, key_, bytes.bytes(), *field_);
+  TidyCacheFolder(std::filesystem::path(cache_path_).parent_path().string(), cache_path_);
+  return problem;
 }
 
 }  // namespace torquer::vessel

@@ -125,7 +125,11 @@ MeshUnit MeshUnitFromText(const std::string& text) {
 }
 
 SurfaceMesh ReadSurface(const std::string& path, MeshUnit unit) {
-  return RepairSurface(ReadMeshFile(path, unit == MeshUnit::kMeter ? 1000 : 1), path);
+  return ParseSurface(ReadMeshContents(path), path, unit);
+}
+
+SurfaceMesh ParseSurface(const std::string& contents, const std::string& path, MeshUnit unit) {
+  return RepairSurface(ParseMesh(contents, path, unit == MeshUnit::kMeter ? 1000 : 1), path);
 }
 
 SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {

@@ -58,6 +58,9 @@ struct SurfaceMesh {
 /// and the remedy for what cannot be repaired.
 SurfaceMesh ReadSurface(const std::string& path, MeshUnit unit);
 
+/// The same of the file's bytes; `path` names it in messages, and its ending says the format.
+SurfaceMesh ParseSurface(const std::string& contents, const std::string& path, MeshUnit unit);
+
 /// The same from triangles in mm; `name` stands for the file in messages.
 SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name);
 

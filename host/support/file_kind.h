@@ -1,0 +1,25 @@
+// What stands at a path, in words for messages.
+#pragma once
+
+#include <sys/stat.h>
+
+namespace torquer {
+
+/// "a folder", "a device", "a pipe" and so on, of the st_mode of what is no ordinary file.
+inline const char* FileKind(mode_t mode) {
+  switch (mode & S_IFMT) {
+    case S_IFDIR:
+      return "a folder";
+    case S_IFCHR:
+    case S_IFBLK:
+      return "a device";
+    case S_IFIFO:
+      return "a pipe";
+    case S_IFSOCK:
+      return "a socket";
+    default:
+      return "not an ordinary file";
+  }
+}
+
+}  // namespace torquer

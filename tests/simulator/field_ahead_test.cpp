@@ -1,0 +1,67 @@
+// Memory that runs out in the thread that builds the field ahead: this program's operator new
+// stands in for the library's.
+#include "host/simulator/field_ahead.h"
+
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <new>
+#include <thread>
+
+#include "host/simulator/vessel/mesh_vessel.h"
+#include "tests/support/paths.h"
+#include "tests/support/sanitizer.h"
+
+namespace {
+
+std::atomic<bool> memory_is_short = false;  // for all threads but the test's
+thread_local bool is_the_tests_thread = false;
+
+}  // namespace
+
+// Sanitizers bring their own allocation functions, which must not be mixed with these.
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+void* operator new(std::size_t size) {
+  if (memory_is_short && !is_the_tests_thread) throw std::bad_alloc();
+  void* const memory = std::malloc(size == 0 ? 1 : size);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#endif
+
+TEST_CASE("A session goes on without looking ahead when the memory runs out there", "[simulator]") {
+  if (torquer::test::kUnderSanitizer) {
+    WARN("memory cannot be made short under a sanitizer: not tested");
+    return;
+  }
+  is_the_tests_thread = true;
+  torquer::vessel::MeshVesselOptions options;
+  options.field.voxel_mm = 2;
+  options.cache_folder = "";
+  torquer::vessel::Vessel vessel;
+  vessel.surface = torquer::vessel::MeshVessel::Open(
+      torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/surface.obj"), options);
+  const auto place = [&mesh = vessel.surface->mesh()](int i) {
+    return mesh.Centroid(static_cast<std::size_t>(i) % mesh.triangles.size());
+  };
+  const Eigen::Vector3d tip_mm = place(0);
+  const double expected_mm = vessel.surface->field().Clearance(tip_mm);
+  torquer::simulator::FieldAhead ahead(vessel);
+  CHECK_FALSE(ahead.gave_up());
+  memory_is_short = true;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(2);
+  for (int i = 0; !ahead.gave_up() && std::chrono::steady_clock::now() < end; ++i) {
+    ahead.Follow(place(i * 50));
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  memory_is_short = false;
+  CHECK(ahead.gave_up());
+  // Following goes on, and so do look-ups, here and elsewhere.
+  ahead.Follow(tip_mm);
+  CHECK(vessel.surface->field().Clearance(tip_mm) == expected_mm);
+  CHECK(std::isfinite(vessel.surface->field().Clearance(place(2000))));
+}
