@@ -32,6 +32,7 @@ nlohmann::json Describe(const Simulation& simulation, double time_s, double solv
   nlohmann::json line = {{"time_s", time_s},
                          {"nodes_mm", std::move(nodes)},
                          {"energy_mJ", report.energy_mJ},
+                         {"dissipated_mJ", report.dissipated_mJ},
                          {"residual", report.residual},
                          {"max_penetration_um", 1e3 * report.max_penetration_mm},
                          {"iterations", report.iterations},

@@ -2,11 +2,13 @@
 
 #include <catch2/catch.hpp>
 #include <numbers>
+#include <random>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/finite_differences.h"
 #include "tests/support/invariants.h"
+#include "tests/support/sanitizer.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -410,6 +412,57 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
   turn_to(-20);
   const double slope = std::atan2(-side * state.nodes()[50][1], -state.nodes()[50][2]);
   CHECK(slope == Approx(std::atan(mu)).epsilon(0.02));
+}
+
+TEST_CASE("Where budgets end, a motion with friction changes no bit") {
+  const int seed = GENERATE(range(0, Rounds(12, 3)));
+  CAPTURE(seed);
+  const bool twists = seed % 3 == 2;
+  const Torus torus(Side::kInside, 30, 3);
+  const WallModel wall{.stiffness_N_mm2 = 0.05};
+  std::vector<WireModel> instruments;
+  for (int k = 0; k < (twists ? 1 : 1 + seed % 3); ++k) {
+    instruments.push_back(MakeWire({.rigidity_N_mm2 = 0.01 * (k + 1),
+                                    .torsional_rigidity_N_mm2 = twists ? 0.02 : 0,
+                                    .radius_mm = 0.2 + 0.3 * k,
+                                    .tip_mm = 8,
+                                    .tip_curvature_1_per_mm = 0.08,
+                                    .max_length_mm = 50,
+                                    .sheath = {Vector3d(30, 0, 0), Vector3d::UnitY()}}));
+  }
+  // One tick for each target, or many small ones.
+  const auto run = [&](bool cut) {
+    std::mt19937 random(static_cast<unsigned>(seed));
+    std::mt19937 random_units(5);
+    InstrumentStack stack(instruments);
+    effects::EffectContext context{stack.rod(), wall};
+    context.instruments.resize(instruments.size());
+    effects::Friction friction(0.2, 0.005, context);
+    const std::vector<EnergyTerm*> terms = {&friction};
+    const auto relaxation = MakeNewtonRelaxation(stack, torus, wall, NewtonSettings(), terms);
+    WireState state(stack.rod(), stack.size());
+    relaxation->Restart(state);
+    std::vector<std::uint64_t> hashes;
+    for (int round = 0; round < 3; ++round) {
+      InstrumentPlaces target(stack.size());
+      for (InstrumentPlace& place : target) {
+        place = {std::uniform_real_distribution<double>(10, 50)(random),
+                 std::uniform_real_distribution<double>(-3, 3)(random)};
+      }
+      int done = 0;
+      TickReport report;
+      do {
+        std::uniform_int_distribution<int> units(1, 9);
+        CountedBudget budget(cut ? units(random_units) : 100000);
+        report = relaxation->Tick(target, budget, state);
+        done += report.work;
+      } while (report.budget_spent && done < 100000);
+      REQUIRE(report.arrived());
+      hashes.push_back(relaxation->Hash(HashState(state)));
+    }
+    return hashes;
+  };
+  CHECK(run(true) == run(false));
 }
 
 }  // namespace

@@ -52,10 +52,13 @@ struct TickReport {
   /// For each instrument what was asked for and is not yet done, positive where the hand is ahead.
   /// Insertions count as asked for within 0 .. the instrument's length.
   InstrumentPlaces carried;
-  double energy_mJ = 0;
-  double residual = 0;  ///< largest out-of-balance moment over the local EI/(1 mm)
+  double energy_mJ = 0;      ///< of bending, wall and effects, without what is dissipated
+  double dissipated_mJ = 0;  ///< by friction, from where its contacts last stuck
+  double residual = 0;       ///< largest out-of-balance moment over the local EI/(1 mm)
   double max_penetration_mm = 0;
 
+  /// What relaxing decreases while the hands rest.
+  double relaxed_mJ() const { return energy_mJ + dissipated_mJ; }
   /// Whether no instrument has motion left.
   bool arrived() const { return carried == InstrumentPlaces(carried.size()); }
 };
@@ -122,8 +125,9 @@ class Relaxation {
   virtual bool AtRest(WireState& state) = 0;
   /// One unit of relaxing.
   virtual void Relax(WireState& state, TickReport& report) = 0;
-  /// After all. Current() must be that of the state from here on.
-  virtual void End(const WireState& state, TickReport& report) = 0;
+  /// After all; `settled`: all instruments have arrived, and relaxing has come to its end.
+  /// Current() must be that of the state from here on.
+  virtual void End(const WireState& state, bool settled, TickReport& report) = 0;
 
   std::optional<InstrumentStack> lone_;
   InstrumentStack& stack_;

@@ -12,8 +12,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 namespace {
-// Above this residual the wire has hardly been relaxed since it was moved.
-constexpr double kUnrelaxed = 0.1;
 // A balance that is stable but for this weight counts as stable.
 constexpr double kStableWeight = 1e-6;
 // Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
@@ -67,8 +65,7 @@ void NewtonMethod<Stage>::Restart(WireState& state) {
   active_set_.Forget();
   damping_.Forget();
   prediction_.Forget();
-  attempting_ = moved_ = stalled_ = pushed_ = stable_ = false;
-  iterations_since_move_ = 0;
+  attempting_ = moved_ = stalled_ = pushed_ = stable_ = part_open_ = part_moved_ = false;
   travel_mm_ = field_.TravelMm();
   mechanics_.Expand(state, current_);
   up_to_date_ = true;
@@ -79,8 +76,9 @@ std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
   for (const EnergyTerm* term : terms_) seed = term->Hash(seed);
   seed = damping_.Hash(prediction_.Hash(seed));
   // What a tick that the budget ended hands on to the next.
-  seed = HashDouble(iterations_since_move_, seed);
-  seed = HashDouble(attempting_ ? 1 : 0, HashDouble(stable_ ? 1 : 0, seed));
+  for (const bool flag : {attempting_, stable_, stalled_, pushed_, part_open_, part_moved_}) {
+    seed = HashDouble(flag ? 1 : 0, seed);
+  }
   if (attempting_) seed = damping_.HashAttempt(seed);
   if (moved_) seed = active_set_.Hash(seed);
   return seed;
@@ -93,14 +91,29 @@ bool NewtonMethod<Stage>::Arrived(const InstrumentPlaces& goal, const WireState&
 
 template <class Stage>
 void NewtonMethod<Stage>::Begin(WireState& /*state*/) {
-  for (EnergyTerm* term : terms_) term->Begin(current_.points);
-  // What the terms took over may have changed the energy, and so does a vessel that moves.
-  up_to_date_ = up_to_date_ && terms_.empty() && field_.TravelMm() == travel_mm_;
-  travel_mm_ = field_.TravelMm();
-  stalled_ = pushed_ = false;
-  if (current_.residual <= kUnrelaxed) {
-    iterations_since_move_ = settings_.iterations_between_parts;
+  // What the budget cut short goes on as it was begun, unless the vessel has moved under it.
+  const bool still = field_.TravelMm() == travel_mm_;
+  if (!part_open_ || !still) {
+    BeginPart();
+    stalled_ = pushed_ = false;
   }
+  up_to_date_ = up_to_date_ && still;
+  travel_mm_ = field_.TravelMm();
+}
+
+template <class Stage>
+void NewtonMethod<Stage>::BeginPart() {
+  for (EnergyTerm* term : terms_) term->Begin(current_.points);
+  part_open_ = true;
+  part_moved_ = false;
+  // What the terms took over may have changed the energy.
+  up_to_date_ = up_to_date_ && terms_.empty();
+}
+
+template <class Stage>
+void NewtonMethod<Stage>::EndPart() {
+  for (EnergyTerm* term : terms_) term->End(current_.points);
+  part_open_ = false;
 }
 
 template <class Stage>
@@ -112,7 +125,7 @@ void NewtonMethod<Stage>::BringUpToDate(const WireState& state) {
 // A wire that the budget left as it was moved is relaxed before it is moved again.
 template <class Stage>
 bool NewtonMethod<Stage>::MayMove() const {
-  return iterations_since_move_ >= settings_.iterations_between_parts;
+  return current_.residual <= std::max(settings_.part_tolerance, settings_.tolerance);
 }
 
 template <class Stage>
@@ -120,6 +133,12 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
   const InstrumentPlaces here = state.places();
   const double feed_mm = std::min(settings_.max_feed_mm, model_.segment_mm() / 2);
   const InstrumentPlaces next = stack().Towards(goal, here, feed_mm, settings_.max_turn_rad);
+  // To the terms each part is a tick: what they remember does not depend on how far a tick goes.
+  if (part_moved_) {
+    EndPart();
+    BeginPart();
+  }
+  part_moved_ = true;
   active_set_.RememberPressed(current_);
   MoveTo(next, state);
 
@@ -129,9 +148,8 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
     prediction_.Forget();
   }
   damping_.Move();
-  attempting_ = stable_ = stalled_ = false;
+  attempting_ = stable_ = stalled_ = pushed_ = false;
   moved_ = true;
-  iterations_since_move_ = 0;
   mechanics_.points().TakeStiffness(state);
   mechanics_.Expand(state, current_);
   up_to_date_ = true;
@@ -272,7 +290,6 @@ void NewtonMethod<Stage>::Accept(WireState& state) {
     mechanics_.ExpandCurvedJoints(state, current_);
   }
   moved_ = attempting_ = false;
-  ++iterations_since_move_;
 }
 
 template <class Stage>
@@ -281,8 +298,6 @@ void NewtonMethod<Stage>::GiveUp(WireState& state) {
   damping_.Forget();
   stalled_ = true;
   attempting_ = false;
-  // Moving on may help.
-  iterations_since_move_ = settings_.iterations_between_parts;
 }
 
 // Whether a state in balance is a minimum: pushed head-on a straight wire is in balance too.
@@ -312,11 +327,12 @@ void NewtonMethod<Stage>::PushOff(WireState& state) {
 }
 
 template <class Stage>
-void NewtonMethod<Stage>::End(const WireState& /*state*/, TickReport& report) {
-  for (EnergyTerm* term : terms_) term->End(current_.points);
+void NewtonMethod<Stage>::End(const WireState& /*state*/, bool settled, TickReport& report) {
+  if (settled) EndPart();
   report.converged = up_to_date_ && current_.residual <= settings_.tolerance;
   report.stalled = stalled_;
-  report.energy_mJ = current_.energy_mJ;
+  report.energy_mJ = current_.energy_mJ - current_.dissipated_mJ;
+  report.dissipated_mJ = current_.dissipated_mJ;
   report.residual = current_.residual;
   report.max_penetration_mm = current_.max_penetration_mm;
 }
