@@ -24,7 +24,7 @@ namespace torquer::simulator {
 
 namespace {
 
-nlohmann::json Describe(const Simulation& simulation, double time_s, double solve_us) {
+nlohmann::json Describe(Simulation& simulation, double time_s, double solve_us) {
   const WireState& state = simulation.state();
   nlohmann::json nodes = nlohmann::json::array();
   for (const Eigen::Vector3d& x : state.nodes()) nodes.push_back({x[0], x[1], x[2]});
@@ -34,6 +34,7 @@ nlohmann::json Describe(const Simulation& simulation, double time_s, double solv
                          {"energy_mJ", report.energy_mJ},
                          {"dissipated_mJ", report.dissipated_mJ},
                          {"residual", report.residual},
+                         {"solver_error_mm", simulation.SolverErrorMm()},
                          {"max_penetration_um", 1e3 * report.max_penetration_mm},
                          {"iterations", report.iterations},
                          {"work", report.work},

@@ -5,6 +5,7 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <limits>
 
 namespace torquer {
 
@@ -82,6 +83,26 @@ std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
   if (attempting_) seed = damping_.HashAttempt(seed);
   if (moved_) seed = active_set_.Hash(seed);
   return seed;
+}
+
+template <class Stage>
+double NewtonMethod<Stage>::SolverErrorMm(const WireState& state) {
+  if (state.segments() == 0) return 0;
+  BringUpToDate(state);
+  if (attempting_) {
+    // Back from the loads of the model to those of the state.
+    active_set_.Begin(current_, false);
+    mechanics_.Model(state, active_set_.active(), current_);
+  }
+  if (!sweep_.Factor(model_, state, current_, 0)) return std::numeric_limits<double>::quiet_NaN();
+  sweep_.Step(model_, state, current_, step_, spin_step_, displacement_mm_);
+  const double last_mm = state.segments() == 1 ? state.first_segment_mm() : model_.segment_mm();
+  const Vector3d tip_mm =
+      displacement_mm_.back() + current_.frames.back() * (last_mm * step_.back());
+  double squared = tip_mm.squaredNorm();
+  for (const Vector3d& moved_mm : displacement_mm_)
+    squared = std::max(squared, moved_mm.squaredNorm());
+  return std::sqrt(squared);
 }
 
 template <class Stage>
@@ -199,6 +220,8 @@ bool NewtonMethod<Stage>::AtRest(WireState& state) {
   BringUpToDate(state);
   if (state.segments() == 0) return true;
   if (current_.residual > settings_.tolerance) return false;
+  // The step that says how far it is has a minimum to go to: the balance is stable.
+  if (settings_.tolerance_mm > 0 && SolverErrorMm(state) > settings_.tolerance_mm) return false;
   if (Stable(state)) return true;
   if (!pushed_) PushOff(state);
   pushed_ = true;

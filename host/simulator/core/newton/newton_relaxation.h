@@ -21,6 +21,8 @@ struct NewtonSettings {
   /// Out-of-balance moment over EI/(1 mm) at which a tick ends converged. 1e-2 .. 1e-9; below
   /// about 1e-10 rounding decides.
   double tolerance = 1e-6;
+  /// Largest SolverErrorMm at which a tick ends converged, in addition; 0: whatever it is.
+  double tolerance_mm = 0;
   /// Longest feed, mm, before the wire is relaxed again; longer commands are split. At most half
   /// a segment is used whatever stands here.
   double max_feed_mm = 0.25;
@@ -48,6 +50,7 @@ class NewtonMethod final : public Relaxation {
   void Restart(WireState& state) override;
   const Expansion& Current() const override { return current_; }
   std::uint64_t Hash(std::uint64_t seed) const override;
+  double SolverErrorMm(const WireState& state) override;
 
  private:
   // What the model of the energy says of its minimum.
