@@ -24,7 +24,7 @@ namespace torquer::simulator {
 
 namespace {
 
-nlohmann::json Describe(const Simulation& simulation, double time_s, double solve_us) {
+nlohmann::json Describe(Simulation& simulation, double time_s, double solve_us) {
   const WireState& state = simulation.state();
   nlohmann::json nodes = nlohmann::json::array();
   for (const Eigen::Vector3d& x : state.nodes()) nodes.push_back({x[0], x[1], x[2]});
@@ -32,7 +32,9 @@ nlohmann::json Describe(const Simulation& simulation, double time_s, double solv
   nlohmann::json line = {{"time_s", time_s},
                          {"nodes_mm", std::move(nodes)},
                          {"energy_mJ", report.energy_mJ},
+                         {"dissipated_mJ", report.dissipated_mJ},
                          {"residual", report.residual},
+                         {"solver_error_mm", simulation.SolverErrorMm()},
                          {"max_penetration_um", 1e3 * report.max_penetration_mm},
                          {"iterations", report.iterations},
                          {"work", report.work},
@@ -160,7 +162,7 @@ class StatesFile {
     if (!path.empty()) file_.emplace(path);
   }
   // A disk that has failed ends the run, since no later row can be kept.
-  void Write(const Simulation& simulation, double time_s, double solve_us) {
+  void Write(Simulation& simulation, double time_s, double solve_us) {
     if (!file_) return;
     file_->out() << Describe(simulation, time_s, solve_us).dump() << '\n';
     if (!file_->KeepSoFar()) file_->Finish();

@@ -57,7 +57,8 @@ void Simulation::Restart() {
   report_ = TickReport();
   report_.carried = InstrumentPlaces(target_.size());
   report_.residual = relaxation_->Current().residual;
-  report_.energy_mJ = relaxation_->Current().energy_mJ;
+  report_.energy_mJ = relaxation_->Current().energy_mJ - relaxation_->Current().dissipated_mJ;
+  report_.dissipated_mJ = relaxation_->Current().dissipated_mJ;
   report_.max_penetration_mm = relaxation_->Current().max_penetration_mm;
   Observe();
   RunEffects(0, effects::Controls());

@@ -46,6 +46,8 @@ class Simulation {
   const scene::Scene& scene() const { return scene_; }
   const WireState& state() const { return state_; }
   const Relaxation& relaxation() const { return *relaxation_; }
+  /// Of the present state; see Relaxation::SolverErrorMm.
+  double SolverErrorMm() { return relaxation_->SolverErrorMm(state_); }
   const TickReport& report() const { return report_; }
   /// Of all that decides the motion from here on: the wire, and what the method and the energy
   /// terms remember.

@@ -98,6 +98,49 @@ TEST_CASE("A cantilever bends like the elastica, to second order in the segment"
   }
 }
 
+// The largest distance of two wires' nodes.
+double Apart(const WireState& a, const WireState& b) {
+  double largest = 0;
+  for (std::size_t i = 0; i < a.nodes().size(); ++i) {
+    largest = std::max(largest, (a.nodes()[i] - b.nodes()[i]).norm());
+  }
+  return largest;
+}
+
+TEST_CASE("The error that a state says is its distance from the balance") {
+  const double length = GENERATE(10.0, 40.0, 250.0);
+  EndForce force(Vector3d(0, 0.7 * kRigidity / (length * length), 0));
+  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, length, &force);
+  REQUIRE(exact.Relax().converged);
+  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, length, &force);
+  double residual = 1;
+  int compared = 0;
+  while (residual > 1e-10) {
+    CountedBudget budget(1);
+    residual = beam.relaxation.Tick(beam.state.places(), budget, beam.state).residual;
+    const double error_mm = Apart(beam.state, exact.state);
+    INFO("length " << length << ", residual " << residual << ", error " << error_mm << " mm");
+    if (error_mm > 0.1 * length || error_mm < 1e-7 * length) continue;
+    ++compared;
+    CHECK(beam.relaxation.SolverErrorMm(beam.state) == Approx(error_mm).epsilon(0.3));
+  }
+  CHECK(compared >= 2);
+}
+
+TEST_CASE("A tolerance in mm holds for the position, however long the wire") {
+  const double length = GENERATE(40.0, 250.0);
+  const double tolerance_mm = GENERATE(1e-2, 1e-5);
+  EndForce force(Vector3d(0, 0.7 * kRigidity / (length * length), 0));
+  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, length, &force);
+  REQUIRE(exact.Relax().converged);
+  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, length, &force);
+  NewtonRelaxation relaxation(beam.model, beam.field, beam.wall,
+                              {.tolerance = 1, .tolerance_mm = tolerance_mm}, beam.terms);
+  relaxation.Restart(beam.state);
+  CHECK(Settle(relaxation, beam.state.places(), beam.state).converged);
+  CHECK(Apart(beam.state, exact.state) < 1.3 * tolerance_mm);
+}
+
 TEST_CASE("The closed form of the elastica has the small-load limit of beam theory") {
   const Elastica e = SolveElastica(1e-3);
   CHECK(e.across == Approx(1e-3 / 3).epsilon(1e-4));

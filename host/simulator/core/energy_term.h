@@ -109,8 +109,12 @@ class EnergyTerm {
   EnergyTerm& operator=(const EnergyTerm&) = delete;
   virtual ~EnergyTerm() = default;
 
-  /// Before a relaxation: takes over from the state whatever stays constant during it.
+  /// Before a part of the motion, and after a move of the vessel: takes over from the state
+  /// whatever stays constant while that part is relaxed. The state is in balance, or nearly.
   virtual void Begin(const PointSet& points) = 0;
+  /// Whether what Add returns is work that is lost and not stored: it counts when the wire is
+  /// relaxed, and is no part of its energy.
+  virtual bool Dissipates() const { return false; }
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
   /// The surfaces of the instruments move along the wire by `by_mm` (one an instrument, distally if
@@ -119,7 +123,7 @@ class EnergyTerm {
                              const std::array<double, kMostInstruments>& by_mm) {
     static_cast<void>(points), static_cast<void>(by_mm);
   }
-  /// After a relaxation: updates what the term remembers (anchors, for example).
+  /// After that relaxation: updates what the term remembers (anchors, for example).
   virtual void End(const PointSet& points) = 0;
   /// Forgets everything, as at the start of a session.
   virtual void Reset() = 0;

@@ -59,10 +59,11 @@ TickReport Relaxation::Tick(const InstrumentPlaces& target, WorkBudget& budget, 
       Relax(state, report);
     }
   }
-  End(state, report);
+  const bool settled = at_rest && Arrived(goal, state);
+  End(state, settled, report);
 
   report.converged = report.converged && at_rest;
-  report.budget_spent = !at_rest || !Arrived(goal, state);
+  report.budget_spent = !settled;
   report.carried = Left(goal, state.places());
   report.snapped = Snapped(tip_before, places_before, state);
   return report;

@@ -223,7 +223,7 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
   out.load_index.resize(n);
   out.distal_gradient.resize(n + 1);
   out.gradient.resize(n);
-  out.energy_mJ = 0;
+  out.energy_mJ = out.dissipated_mJ = 0;
   out.curved_joints_mJ = 0;
 
   points_.Place(state, with_hessian, out.points);
@@ -241,7 +241,11 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
     out.derivatives.used.assign(points, 0);
     out.derivatives.on_tangents.clear();
     out.derivatives.on_spins.clear();
-    for (const EnergyTerm* term : terms_) out.energy_mJ += term->Add(out.points, out.derivatives);
+    for (const EnergyTerm* term : terms_) {
+      const double added_mJ = term->Add(out.points, out.derivatives);
+      out.energy_mJ += added_mJ;
+      if (term->Dissipates()) out.dissipated_mJ += added_mJ;
+    }
     if (model_.twists()) AddSpinLoads(state, out);
   }
   SumTrueGradient(state, out);

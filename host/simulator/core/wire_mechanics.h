@@ -42,7 +42,8 @@ struct LoadTerms {
 
 /// The expansion of the whole energy at one state. Buffers are made once; no heap after that.
 struct Expansion {
-  double energy_mJ = 0;
+  double energy_mJ = 0;         ///< what relaxing decreases
+  double dissipated_mJ = 0;     ///< of this, what terms with EnergyTerm::Dissipates add
   double curved_joints_mJ = 0;  ///< of this, the joints that rest curved
   double residual = 0;  ///< largest out-of-balance moment over the local EI/(1 mm) (torque, GJ)
   double max_penetration_mm = 0;   ///< of the wire's surface; 0 without contact

@@ -156,6 +156,7 @@ void Scene::SetRelaxation() {
   const RelaxationSpec& spec = spec_.relaxation;
   if (spec.method == Method::kNewton) {
     newton_.tolerance = spec.tolerance.value_or(newton_.tolerance);
+    newton_.tolerance_mm = spec.tolerance_mm;
     wall_.points_per_segment = spec.contact_points_per_segment;
     budget_units_ = spec.budget_units.value_or(1000);
     return;

@@ -126,6 +126,8 @@ const Keys<RelaxationSpec>& RelaxationKeys() {
           .Otherwise("1e-6; 1e-3 of the paper's method")
           .Number("tolerance", &Spec::tolerance, 1e-10, 1, "1/mm",
                   "residual at which a tick ends: out-of-balance moment over the local EI")
+          .Number("tolerance_mm", &Spec::tolerance_mm, 0, 10, "mm",
+                  "solver_error_mm at which a tick may end, in addition; 0: any")
           .Number("budget_us", &Spec::budget_us, 20, 1e6, "us", "of a tick, live")
           .Otherwise("1000; 100 of the paper's method")
           .Integer("budget_units", &Spec::budget_units, 1, 1000000,
@@ -136,6 +138,11 @@ const Keys<RelaxationSpec>& RelaxationKeys() {
               if (table.Has("contact_points_per_segment")) {
                 table.Refuse("contact_points_per_segment",
                              "does not go with the paper's method, which has one; remove it");
+              }
+              if (table.Has("tolerance_mm")) {
+                table.Refuse(
+                    "tolerance_mm",
+                    "does not go with the paper's method, which knows no error; remove it");
               }
             } else if (spec.paper) {
               table.Refuse("paper", "belongs to method = \"paper\"; give that or remove this");

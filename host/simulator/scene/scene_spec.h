@@ -59,6 +59,7 @@ struct RelaxationSpec : TableSpec {
   Method method = Method::kNewton;
   int contact_points_per_segment = 2;
   std::optional<double> tolerance;
+  double tolerance_mm = 0;
   double budget_us = 700;
   std::optional<int> budget_units;
   std::optional<PaperSpec> paper;

@@ -137,14 +137,14 @@ class HardRun {
   bool Step(const InstrumentPlaces& target) {
     constexpr int kSteps = 10;
     for (int k = 0; k < kSteps && !report_.converged; ++k) {
-      const double before = report_.energy_mJ;
+      const double before = report_.relaxed_mJ();
       if (!Tick(target, 1)) return false;
       if (report_.actions != 0) continue;
-      const double rise = (report_.energy_mJ - before) / std::max(before, 1e-9);
+      const double rise = (report_.relaxed_mJ() - before) / std::max(before, 1e-9);
       outcome_.worst_rise = std::max(outcome_.worst_rise, rise);
       if (rise <= kAllowedRise) continue;
       std::ostringstream what;
-      what << "a step took the energy from " << before << " to " << report_.energy_mJ << " mJ";
+      what << "a step took the energy from " << before << " to " << report_.relaxed_mJ() << " mJ";
       return !Broken(what.str());
     }
     return true;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <limits>
 
 namespace torquer {
 
@@ -12,8 +13,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 namespace {
-// Above this residual the wire has hardly been relaxed since it was moved.
-constexpr double kUnrelaxed = 0.1;
 // A balance that is stable but for this weight counts as stable.
 constexpr double kStableWeight = 1e-6;
 // Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
@@ -67,8 +66,7 @@ void NewtonMethod<Stage>::Restart(WireState& state) {
   active_set_.Forget();
   damping_.Forget();
   prediction_.Forget();
-  attempting_ = moved_ = stalled_ = pushed_ = stable_ = false;
-  iterations_since_move_ = 0;
+  attempting_ = moved_ = stalled_ = pushed_ = stable_ = part_open_ = part_moved_ = false;
   travel_mm_ = field_.TravelMm();
   mechanics_.Expand(state, current_);
   up_to_date_ = true;
@@ -79,11 +77,32 @@ std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
   for (const EnergyTerm* term : terms_) seed = term->Hash(seed);
   seed = damping_.Hash(prediction_.Hash(seed));
   // What a tick that the budget ended hands on to the next.
-  seed = HashDouble(iterations_since_move_, seed);
-  seed = HashDouble(attempting_ ? 1 : 0, HashDouble(stable_ ? 1 : 0, seed));
+  for (const bool flag : {attempting_, stable_, stalled_, pushed_, part_open_, part_moved_}) {
+    seed = HashDouble(flag ? 1 : 0, seed);
+  }
   if (attempting_) seed = damping_.HashAttempt(seed);
   if (moved_) seed = active_set_.Hash(seed);
   return seed;
+}
+
+template <class Stage>
+double NewtonMethod<Stage>::SolverErrorMm(const WireState& state) {
+  if (state.segments() == 0) return 0;
+  BringUpToDate(state);
+  if (attempting_) {
+    // Back from the loads of the model to those of the state.
+    active_set_.Begin(current_, false);
+    mechanics_.Model(state, active_set_.active(), current_);
+  }
+  if (!sweep_.Factor(model_, state, current_, 0)) return std::numeric_limits<double>::quiet_NaN();
+  sweep_.Step(model_, state, current_, step_, spin_step_, displacement_mm_);
+  const double last_mm = state.segments() == 1 ? state.first_segment_mm() : model_.segment_mm();
+  const Vector3d tip_mm =
+      displacement_mm_.back() + current_.frames.back() * (last_mm * step_.back());
+  double squared = tip_mm.squaredNorm();
+  for (const Vector3d& moved_mm : displacement_mm_)
+    squared = std::max(squared, moved_mm.squaredNorm());
+  return std::sqrt(squared);
 }
 
 template <class Stage>
@@ -93,14 +112,29 @@ bool NewtonMethod<Stage>::Arrived(const InstrumentPlaces& goal, const WireState&
 
 template <class Stage>
 void NewtonMethod<Stage>::Begin(WireState& /*state*/) {
-  for (EnergyTerm* term : terms_) term->Begin(current_.points);
-  // What the terms took over may have changed the energy, and so does a vessel that moves.
-  up_to_date_ = up_to_date_ && terms_.empty() && field_.TravelMm() == travel_mm_;
-  travel_mm_ = field_.TravelMm();
-  stalled_ = pushed_ = false;
-  if (current_.residual <= kUnrelaxed) {
-    iterations_since_move_ = settings_.iterations_between_parts;
+  // What the budget cut short goes on as it was begun, unless the vessel has moved under it.
+  const bool still = field_.TravelMm() == travel_mm_;
+  if (!part_open_ || !still) {
+    BeginPart();
+    stalled_ = pushed_ = false;
   }
+  up_to_date_ = up_to_date_ && still;
+  travel_mm_ = field_.TravelMm();
+}
+
+template <class Stage>
+void NewtonMethod<Stage>::BeginPart() {
+  for (EnergyTerm* term : terms_) term->Begin(current_.points);
+  part_open_ = true;
+  part_moved_ = false;
+  // What the terms took over may have changed the energy.
+  up_to_date_ = up_to_date_ && terms_.empty();
+}
+
+template <class Stage>
+void NewtonMethod<Stage>::EndPart() {
+  for (EnergyTerm* term : terms_) term->End(current_.points);
+  part_open_ = false;
 }
 
 template <class Stage>
@@ -112,7 +146,7 @@ void NewtonMethod<Stage>::BringUpToDate(const WireState& state) {
 // A wire that the budget left as it was moved is relaxed before it is moved again.
 template <class Stage>
 bool NewtonMethod<Stage>::MayMove() const {
-  return iterations_since_move_ >= settings_.iterations_between_parts;
+  return current_.residual <= std::max(settings_.part_tolerance, settings_.tolerance);
 }
 
 template <class Stage>
@@ -120,6 +154,12 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
   const InstrumentPlaces here = state.places();
   const double feed_mm = std::min(settings_.max_feed_mm, model_.segment_mm() / 2);
   const InstrumentPlaces next = stack().Towards(goal, here, feed_mm, settings_.max_turn_rad);
+  // To the terms each part is a tick: what they remember does not depend on how far a tick goes.
+  if (part_moved_) {
+    EndPart();
+    BeginPart();
+  }
+  part_moved_ = true;
   active_set_.RememberPressed(current_);
   MoveTo(next, state);
 
@@ -129,9 +169,8 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
     prediction_.Forget();
   }
   damping_.Move();
-  attempting_ = stable_ = stalled_ = false;
+  attempting_ = stable_ = stalled_ = pushed_ = false;
   moved_ = true;
-  iterations_since_move_ = 0;
   mechanics_.points().TakeStiffness(state);
   mechanics_.Expand(state, current_);
   up_to_date_ = true;
@@ -181,6 +220,8 @@ bool NewtonMethod<Stage>::AtRest(WireState& state) {
   BringUpToDate(state);
   if (state.segments() == 0) return true;
   if (current_.residual > settings_.tolerance) return false;
+  // The step that says how far it is has a minimum to go to: the balance is stable.
+  if (settings_.tolerance_mm > 0 && SolverErrorMm(state) > settings_.tolerance_mm) return false;
   if (Stable(state)) return true;
   if (!pushed_) PushOff(state);
   pushed_ = true;
@@ -272,7 +313,6 @@ void NewtonMethod<Stage>::Accept(WireState& state) {
     mechanics_.ExpandCurvedJoints(state, current_);
   }
   moved_ = attempting_ = false;
-  ++iterations_since_move_;
 }
 
 template <class Stage>
@@ -281,8 +321,6 @@ void NewtonMethod<Stage>::GiveUp(WireState& state) {
   damping_.Forget();
   stalled_ = true;
   attempting_ = false;
-  // Moving on may help.
-  iterations_since_move_ = settings_.iterations_between_parts;
 }
 
 // Whether a state in balance is a minimum: pushed head-on a straight wire is in balance too.
@@ -312,11 +350,12 @@ void NewtonMethod<Stage>::PushOff(WireState& state) {
 }
 
 template <class Stage>
-void NewtonMethod<Stage>::End(const WireState& /*state*/, TickReport& report) {
-  for (EnergyTerm* term : terms_) term->End(current_.points);
+void NewtonMethod<Stage>::End(const WireState& /*state*/, bool settled, TickReport& report) {
+  if (settled) EndPart();
   report.converged = up_to_date_ && current_.residual <= settings_.tolerance;
   report.stalled = stalled_;
-  report.energy_mJ = current_.energy_mJ;
+  report.energy_mJ = current_.energy_mJ - current_.dissipated_mJ;
+  report.dissipated_mJ = current_.dissipated_mJ;
   report.residual = current_.residual;
   report.max_penetration_mm = current_.max_penetration_mm;
 }

@@ -21,15 +21,18 @@ struct NewtonSettings {
   /// Out-of-balance moment over EI/(1 mm) at which a tick ends converged. 1e-2 .. 1e-9; below
   /// about 1e-10 rounding decides.
   double tolerance = 1e-6;
+  /// Largest SolverErrorMm at which a tick ends converged, in addition; 0: whatever it is.
+  double tolerance_mm = 0;
   /// Longest feed, mm, before the wire is relaxed again; longer commands are split. At most half
   /// a segment is used whatever stands here.
-  double max_feed_mm = 0.5;
+  double max_feed_mm = 0.25;
   /// Largest rotation, rad, before the wire is relaxed again.
   double max_turn_rad = 0.2;
   /// Largest turn of one segment in one step, rad; longer steps are shortened as a whole.
   double max_step_rad = 0.5;
-  /// Iterations after each part of a split command; the last part is relaxed to the tolerance.
-  int iterations_between_parts = 3;
+  /// Residual at which the next part of a split command may follow; the last part is relaxed to the
+  /// tolerance. Parts that are relaxed less let friction lead the wire another way.
+  double part_tolerance = 1e-4;
 };
 
 /// `Stage`: whether the wire twists; it must be that of the rod. A unit of work is a part of the
@@ -47,6 +50,7 @@ class NewtonMethod final : public Relaxation {
   void Restart(WireState& state) override;
   const Expansion& Current() const override { return current_; }
   std::uint64_t Hash(std::uint64_t seed) const override;
+  double SolverErrorMm(const WireState& state) override;
 
  private:
   // What the model of the energy says of its minimum.
@@ -67,8 +71,11 @@ class NewtonMethod final : public Relaxation {
   int Move(const InstrumentPlaces& goal, WireState& state) override;
   bool AtRest(WireState& state) override;
   void Relax(WireState& state, TickReport& report) override;
-  void End(const WireState& state, TickReport& report) override;
+  void End(const WireState& state, bool settled, TickReport& report) override;
 
+  // To the terms every part of a motion is what they call a relaxation.
+  void BeginPart();
+  void EndPart();
   void MoveTo(const InstrumentPlaces& next, WireState& state);
   void SlideSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
   Solution SolveModel(const WireState& state);
@@ -95,12 +102,13 @@ class NewtonMethod final : public Relaxation {
   std::vector<double> spin_step_;  // the same about the tangents, for a wire that twists
   std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
   double travel_mm_ = 0;                          // of the vessel, in current_
-  int iterations_since_move_ = 0;
   bool up_to_date_ = true;
   bool attempting_ = false;  // an iteration has begun, and no attempt of it was taken
   bool moved_ = false;       // and no step taken since
   bool stalled_ = false;     // no step improves the wire
-  bool pushed_ = false;      // off an unstable balance, in this tick
+  bool pushed_ = false;      // off an unstable balance, in this part
+  bool part_open_ = false;   // the terms have begun it, and it is not at its end
+  bool part_moved_ = false;  // and the wire was moved since
   bool stable_ = false;  // the Hessian was positive definite where the state is, or a step before
 };
 

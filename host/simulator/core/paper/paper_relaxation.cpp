@@ -129,7 +129,7 @@ void PaperRelaxation::BringUpToDate(const WireState& state) {
   up_to_date_ = true;
 }
 
-void PaperRelaxation::End(const WireState& state, TickReport& report) {
+void PaperRelaxation::End(const WireState& state, bool /*settled*/, TickReport& report) {
   BringUpToDate(state);
   report.updates = physical_.updates() - updates_before_;
   report.converged = current_.residual <= settings_.tolerance;

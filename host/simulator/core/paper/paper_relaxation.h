@@ -60,7 +60,7 @@ class PaperRelaxation final : public Relaxation {
   int Move(const InstrumentPlaces& goal, WireState& state) override;
   bool AtRest(WireState& state) override;
   void Relax(WireState& state, TickReport& report) override;
-  void End(const WireState& state, TickReport& report) override;
+  void End(const WireState& state, bool settled, TickReport& report) override;
 
   Action NextAction(const InstrumentPlaces& goal, const WireState& state) const;
   bool RelaxSlice(WireState& state);

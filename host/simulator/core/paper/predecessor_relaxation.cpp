@@ -78,7 +78,7 @@ void PredecessorRelaxation::Relax(WireState& state, TickReport& report) {
   ++report.iterations;
 }
 
-void PredecessorRelaxation::End(const WireState& state, TickReport& report) {
+void PredecessorRelaxation::End(const WireState& state, bool /*settled*/, TickReport& report) {
   if (!up_to_date_) mechanics_.ExpandGradient(state, current_);
   up_to_date_ = true;
   report.updates = physical_.updates() - updates_before_;

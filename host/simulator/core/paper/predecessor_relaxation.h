@@ -38,7 +38,7 @@ class PredecessorRelaxation final : public Relaxation {
   int Move(const InstrumentPlaces& goal, WireState& state) override;
   bool AtRest(WireState& state) override;
   void Relax(WireState& state, TickReport& report) override;
-  void End(const WireState& state, TickReport& report) override;
+  void End(const WireState& state, bool settled, TickReport& report) override;
   void Cycle(WireState& state);
 
   const WireModel& model_;

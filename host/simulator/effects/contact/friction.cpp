@@ -180,6 +180,10 @@ std::uint64_t Friction::Hash(std::uint64_t seed) const {
   for (const Anchor& anchor : anchors_) {
     if (!anchor.holds) continue;
     for (const double component : anchor.at) seed = HashDouble(component, seed);
+    // What the budget cut short goes on with these.
+    if (anchor.limit_N == 0) continue;
+    seed = HashDouble(anchor.limit_N, seed);
+    for (const double component : anchor.normal) seed = HashDouble(component, seed);
   }
   return seed;
 }

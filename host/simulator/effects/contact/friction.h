@@ -1,11 +1,13 @@
 // Coulomb friction of the wire on the wall.
 //
 // Every contact point has an anchor on the wall. With s the displacement from it in the plane of
-// contact, N the normal force at the start of the tick, and d a small slip length, the force is
+// contact, N the normal force at the start of the part, and d a small slip length, the force is
 //   mu N (3 x - x^3) / 2,  x = |s|/d <= 1   (sticks, elastically)
 //   mu N                   beyond           (slips, at the Coulomb cone exactly)
-// which has an energy with two continuous derivatives. After the tick an anchor farther away than d
-// follows to the distance d: the force stays as it is, and nothing creeps while it sticks. Where
+// which has an energy with two continuous derivatives. After the part an anchor farther away than d
+// follows to the distance d: the force stays as it is, and nothing creeps while it sticks. A part is
+// what the relaxation moves at once (0.25 mm): the way of the wire does not depend on how far a tick
+// goes or where its budget ends. Where
 // the vessel moves, the anchors go with their places on the wall.
 #pragma once
 
@@ -31,6 +33,8 @@ class Friction final : public Effect, public EnergyTerm {
 
   EnergyTerm* energy_term() override { return this; }
 
+  bool Dissipates() const override { return true; }
+
   void Begin(const PointSet& points) override;
   double Add(const PointSet& points, PointDerivatives& out) const override;
   void SlideSurfaces(const PointSet& points,
@@ -51,17 +55,17 @@ class Friction final : public Effect, public EnergyTerm {
   struct Anchor {
     Eigen::Vector3d at = Eigen::Vector3d::Zero();
     Eigen::Vector3d at_rest = Eigen::Vector3d::Zero();  // the same of the vessel at rest
-    Eigen::Vector3d normal = Eigen::Vector3d::Zero();   // unit, of the wall, at the tick's start
-    double limit_N = 0;                                 // mu N at the tick's start
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();   // unit, of the wall, at the part's start
+    double limit_N = 0;                                 // mu N at the part's start
     bool holds = false;
   };
 
-  // Of a wire that twists: how the point's segment lay at the tick's start.
+  // Of a wire that twists: how the point's segment lay at the part's start.
   struct Lie {
     Eigen::Vector3d tangent;
     Eigen::Vector3d normal;
   };
-  // How the surface that touches has moved since the tick's start by the wire's turn about itself.
+  // How the surface that touches has moved since the part's start by the wire's turn about itself.
   struct Roll {
     double angle_rad = 0;
     Eigen::Vector3d per_rad_mm = Eigen::Vector3d::Zero();  // displacement of the surface
