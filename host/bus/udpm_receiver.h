@@ -24,7 +24,7 @@ struct UdpmPlace {
   int receive_buffer_bytes = 0;  ///< 0: the kernel's default
 };
 
-/// Receives in a thread of its own, which empties the kernel's buffer while the program computes.
+/// Receives in its own thread, which empties the kernel's buffer while the program computes.
 class UdpmReceiver {
  public:
   /// Throws std::system_error with the step that failed.

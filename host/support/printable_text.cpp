@@ -31,7 +31,7 @@ Character First(std::string_view text) {
   return {code, bytes};
 }
 
-// Neither a picture nor a place of its own, or one that changes how its neighbors are shown.
+// Has no picture and no place, or changes how its neighbors are shown.
 bool Hides(std::uint32_t code) {
   const auto within = [code](std::uint32_t first, std::uint32_t last) {
     return code >= first && code <= last;

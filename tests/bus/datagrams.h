@@ -22,7 +22,7 @@ struct FragmentHeader {
 /// `rest` is data; in the first fragment the channel and its zero before it.
 Bytes FragmentDatagram(const FragmentHeader& header, const std::string& rest);
 
-/// Sends datagrams from a port of its own to LCM's usual multicast group, or to `address`.
+/// Sends datagrams from its own port to LCM's usual multicast group, or to `address`.
 class DatagramSocket {
  public:
   DatagramSocket();

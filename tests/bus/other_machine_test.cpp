@@ -33,7 +33,7 @@ torquer::test::Bytes Command(const std::string& instrument) {
   return torquer::test::WholeDatagram("A", bytes);
 }
 
-// A process in a namespace of its own at the other end of a cable. This end has 10.77.0.1, and
+// A process in its own namespace at the other end of a cable. This end has 10.77.0.1, and
 // multicast goes through it.
 class OtherMachine {
  public:

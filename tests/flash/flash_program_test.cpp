@@ -146,12 +146,19 @@ TEST_CASE("the program loads the sensor's image, and refuses what makes no sense
   CHECK(Flash({"--fuses", "usbasp", "--srom", path}).status == 2);
 
   Bench bench(WithApplication());
+  setenv("XDG_CONFIG_HOME", folder.Path().c_str(), 1);  // where the image is kept
   const Ended loaded = Flash({"--srom", path});
+  unsetenv("XDG_CONFIG_HOME");
   CAPTURE(loaded.output, loaded.error);
   CHECK(loaded.status == 0);
   CHECK_THAT(loaded.output, Contains("the sensor runs image 5"));
   bench.device.Do([&](BenchDevice& device, UsbHost&) { CHECK(device.sensor().srom() == image); });
-  const Ended other = Flash({"--srom", "/dev/null"});
+  const std::string empty = folder.Path("empty.bin");
+  std::ofstream(empty).flush();
+  const Ended other = Flash({"--srom", empty});
   CHECK(other.status == 2);
-  CHECK_THAT(other.error, Contains("/dev/null: has 0 bytes"));
+  CHECK_THAT(other.error, Contains("empty.bin: has 0 bytes"));
+  const Ended device = Flash({"--srom", "/dev/null"});
+  CHECK(device.status == 2);
+  CHECK_THAT(device.error, Contains("/dev/null: cannot be read: it is a device"));
 }

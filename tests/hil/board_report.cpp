@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <ctime>
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <thread>
 #include <vector>
 
 #include "calibration/calibration_file.h"
@@ -109,7 +111,12 @@ std::string Heading() {
 const char* GoodOrBad(bool good) { return good ? "good" : "BAD"; }
 
 std::string Ids(device::FeatureReports& reports, std::string* serial) {
-  const auto identity = device::GetReport<IdentityReport>(reports, protocol::kIdentityReportId);
+  auto identity = device::GetReport<IdentityReport>(reports, protocol::kIdentityReportId);
+  // A sensor that just got power starts within a second.
+  for (int k = 0; k < 30 && (identity.self_test & 4) == 0; ++k) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    identity = device::GetReport<IdentityReport>(reports, protocol::kIdentityReportId);
+  }
   *serial = std::string(identity.serial, strnlen(identity.serial, sizeof identity.serial));
   return fmt::format(
       "USB {:04x}:{:04x}, serial number {}\nfirmware {}.{}.{}, clock {} MHz\n"

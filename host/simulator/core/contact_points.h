@@ -74,7 +74,7 @@ class ContactPoints {
   std::vector<Lookup> last_;       // by PointSet::FromTip
   std::vector<double> radius_mm_;  // by segment from the tip; of the look-ups
   std::vector<double>
-      stiffness_N_mm2_;  // by PointSet::FromTip; empty where it is the same everywhere
+      stiffness_N_mm2_;             // by PointSet::FromTip; empty where it is the same everywhere
   double stiffness_travel_mm_ = 0;  // of the field, when they were taken
   std::int64_t lookups_done_ = 0;
 };

@@ -109,8 +109,8 @@ Bytes Configuration(std::uint16_t cpi, std::size_t length) {
   report.protocol_version = protocol::kProtocolVersion;
   report.cpi = cpi;
   report.joystick_deadzone = 40;
-  Bytes bytes = BytesOf(report);
-  bytes.resize(length, 0xee);
+  Bytes bytes(std::max(length, sizeof report), 0xee);
+  std::memcpy(bytes.data(), &report, sizeof report);
   return bytes;
 }
 

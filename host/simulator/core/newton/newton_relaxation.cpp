@@ -67,6 +67,7 @@ void NewtonMethod<Stage>::Restart(WireState& state) {
   damping_.Forget();
   prediction_.Forget();
   attempting_ = moved_ = stalled_ = pushed_ = stable_ = part_open_ = part_moved_ = false;
+  iterations_since_move_ = 0;
   travel_mm_ = field_.TravelMm();
   mechanics_.Expand(state, current_);
   up_to_date_ = true;
@@ -77,6 +78,7 @@ std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
   for (const EnergyTerm* term : terms_) seed = term->Hash(seed);
   seed = damping_.Hash(prediction_.Hash(seed));
   // What a tick that the budget ended hands on to the next.
+  seed = HashDouble(iterations_since_move_, seed);
   for (const bool flag : {attempting_, stable_, stalled_, pushed_, part_open_, part_moved_}) {
     seed = HashDouble(flag ? 1 : 0, seed);
   }
@@ -146,7 +148,8 @@ void NewtonMethod<Stage>::BringUpToDate(const WireState& state) {
 // A wire that the budget left as it was moved is relaxed before it is moved again.
 template <class Stage>
 bool NewtonMethod<Stage>::MayMove() const {
-  return current_.residual <= std::max(settings_.part_tolerance, settings_.tolerance);
+  return current_.residual <= std::max(settings_.part_tolerance, settings_.tolerance) ||
+         iterations_since_move_ >= settings_.most_iterations_a_part;
 }
 
 template <class Stage>
@@ -171,6 +174,7 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
   damping_.Move();
   attempting_ = stable_ = stalled_ = pushed_ = false;
   moved_ = true;
+  iterations_since_move_ = 0;
   mechanics_.points().TakeStiffness(state);
   mechanics_.Expand(state, current_);
   up_to_date_ = true;
@@ -313,6 +317,7 @@ void NewtonMethod<Stage>::Accept(WireState& state) {
     mechanics_.ExpandCurvedJoints(state, current_);
   }
   moved_ = attempting_ = false;
+  ++iterations_since_move_;
 }
 
 template <class Stage>

@@ -33,6 +33,9 @@ struct NewtonSettings {
   /// Residual at which the next part of a split command may follow; the last part is relaxed to the
   /// tolerance. Parts that are relaxed less let friction lead the wire another way.
   double part_tolerance = 1e-4;
+  /// Iterations after which it follows all the same: a jammed wire that hardly comes to rest still
+  /// goes where its hands want it.
+  int most_iterations_a_part = 12;
 };
 
 /// `Stage`: whether the wire twists; it must be that of the rod. A unit of work is a part of the
@@ -102,6 +105,7 @@ class NewtonMethod final : public Relaxation {
   std::vector<double> spin_step_;  // the same about the tangents, for a wire that twists
   std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
   double travel_mm_ = 0;                          // of the vessel, in current_
+  int iterations_since_move_ = 0;
   bool up_to_date_ = true;
   bool attempting_ = false;  // an iteration has begun, and no attempt of it was taken
   bool moved_ = false;       // and no step taken since

@@ -5,10 +5,10 @@
 //   mu N (3 x - x^3) / 2,  x = |s|/d <= 1   (sticks, elastically)
 //   mu N                   beyond           (slips, at the Coulomb cone exactly)
 // which has an energy with two continuous derivatives. After the part an anchor farther away than d
-// follows to the distance d: the force stays as it is, and nothing creeps while it sticks. A part is
-// what the relaxation moves at once (0.25 mm): the way of the wire does not depend on how far a tick
-// goes or where its budget ends. Where
-// the vessel moves, the anchors go with their places on the wall.
+// follows to the distance d: the force stays as it is, and nothing creeps while it sticks. A part
+// is what the relaxation moves at once (0.25 mm): the way of the wire does not depend on how far a
+// tick goes or where its budget ends. Where the vessel moves, the anchors go with their places on
+// the wall.
 #pragma once
 
 #include <memory>
