@@ -93,7 +93,7 @@ void CacheKey::Add(const void* bytes, size_t size) {
     mix(word);
   }
   uint64_t rest = 0;
-  std::memcpy(&rest, at, size);
+  if (size > 0) std::memcpy(&rest, at, size);
   mix(rest);
 }
 

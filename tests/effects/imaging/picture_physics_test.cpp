@@ -9,7 +9,6 @@
 
 using Eigen::Vector3d;
 using torquer::effects::CArm;
-using torquer::effects::Fluoroscopy;
 using torquer::effects::ImageSource;
 using torquer::effects::LumenPainter;
 using torquer::effects::LumenPoint;
