@@ -86,7 +86,7 @@ std::optional<std::string> KeptSromPath(const std::string& serial) {
 
 std::optional<std::string> KeepSrom(const std::string& serial,
                                     const std::vector<std::uint8_t>& image) {
-  const std::optional<std::string> path = KeptSromPath(serial);
+  std::optional<std::string> path = KeptSromPath(serial);
   if (!path) return std::nullopt;
   std::error_code ignored;  // the file cannot be written then, which says more
   std::filesystem::create_directories(std::filesystem::path(*path).parent_path(), ignored);

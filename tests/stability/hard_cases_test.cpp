@@ -4,6 +4,8 @@
 #include <catch2/catch.hpp>
 #include <cstdlib>
 
+#include "tests/support/sanitizer.h"
+
 namespace torquer::study {
 namespace {
 
@@ -22,9 +24,16 @@ void Run(const HardCase& hard, Way way, unsigned seed) {
   CHECK_THAT(Objection(hard, way, outcome), Catch::Equals(""));
 }
 
+// Under a sanitizer every case and every way, but not every pair of them.
+bool Chosen(std::size_t hard, Way way) {
+  return !test::kUnderSanitizer || (hard + Seed()) % 3 == static_cast<std::size_t>(way);
+}
+
 void RunAll(Way way) {
-  for (const HardCase& hard : HardCases()) {
-    if (way != Way::kPaper || hard.for_paper) Run(hard, way, Seed());
+  const auto& cases = HardCases();
+  for (std::size_t k = 0; k < cases.size(); ++k) {
+    if (!Chosen(k, way)) continue;
+    if (way != Way::kPaper || cases[k].for_paper) Run(cases[k], way, Seed());
   }
 }
 
@@ -35,7 +44,7 @@ TEST_CASE("Hard cases stay stable: the paper's method") { RunAll(Way::kPaper); }
 TEST_CASE("Wires, walls and hands drawn at random stay stable") {
   const HardCase hard = HardCases().back();
   REQUIRE(hard.name == "anything at random");
-  for (unsigned k = 0; k < 6; ++k) {
+  for (unsigned k = 0; k < static_cast<unsigned>(test::Rounds(6, 3)); ++k) {
     for (const Way way : {Way::kNewton, Way::kNewtonWithFriction, Way::kPaper}) {
       Run(hard, way, Seed() + k);
     }
