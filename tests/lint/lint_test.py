@@ -154,6 +154,13 @@ class BugKeys(Tree):
 
     def test_what_does_not(self):
         key = self.line()
+        self.write("b.h", "// why\n#pragma once\n  // and how\n")
+        self.assertEqual(self.line(), key)
+        self.write("b.h", "// NOLINTBEGIN\n#pragma once\n")
+        self.assertNotEqual(self.line(), key)
+        self.write("b.h", "#pragma once  // why\n")
+        self.assertNotEqual(self.line(), key)
+        self.write("b.h", "#pragma once\n")
         self.write("other.h", "int other;\n")
         self.write("tests/.clang-tidy", "Checks: -*")
         # Found first beside its includer.
@@ -251,12 +258,12 @@ class Bugs(Tree):
 
     def test_a_changed_source_is_looked_at_and_a_stale_list_is_no_failure(self):
         self.run_bugs("--update")
-        self.write("s07.cpp", "// better\n")
+        self.write("s07.cpp", "int better;\n")
         status, seen, said = self.run_bugs()
         self.assertEqual(status, 0)
         self.assertIn("s07.cpp", seen)
         self.assertIn("looked at 1 that", said)
-        self.write("s07.cpp", "// BUG\n")
+        self.write("s07.cpp", "int BUG;\n")
         for _ in range(2):
             status, seen, said = self.run_bugs("--update")
             self.assertEqual(status, 1)
@@ -273,7 +280,7 @@ class Bugs(Tree):
         self.run_bugs("--update")
         # The key of one source given to another, or to another path, is no pass.
         lines = self.passed().splitlines()
-        self.write("s03.cpp", "// BUG\n")
+        self.write("s03.cpp", "int BUG;\n")
         forged = [line.replace("s04.cpp", "s03.cpp") for line in lines if not line.startswith("s03.cpp")]
         self.write("tests/lint/passed", "\n".join(forged) + "\n")
         subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
