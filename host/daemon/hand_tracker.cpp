@@ -140,7 +140,7 @@ void HandTracker::Heal(const device::Sample& sample) {
   const double step_mm = std::clamp(to_heal_mm_, -most_mm, most_mm);
   to_heal_mm_ -= step_mm;
   base_.insertion_mm += step_mm;
-  healed_mm_ += std::abs(step_mm);
+  healed_mm_ += step_mm;
   counters_.healed_um = std::llround(1000.0 * healed_mm_);
 }
 

@@ -58,7 +58,7 @@ struct TrackerCounters {
   std::int64_t axial_held = 0;  ///< moved with the clutch held or in doubt
   std::int64_t transverse_held = 0;
   std::int64_t marks_passed = 0;
-  std::int64_t healed_um = 0;  ///< made up for at the marks, the sum of both directions' lengths
+  std::int64_t healed_um = 0;  ///< motion made up for at the marks; pushing is positive
 };
 
 class HandTracker {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "host/support/error.h"
+#include "host/support/printable_text.h"
 
 namespace torquer {
 namespace {
@@ -28,7 +29,8 @@ std::string Signed(double value, int digits) {
 }
 
 std::string FormatInstrument(const InstrumentReport& report) {
-  std::string text = fmt::format("  {}, driven by device {}\n", report.name, report.device);
+  std::string text =
+      fmt::format("  {}, driven by device {}\n", Printable(report.name), Printable(report.device));
   text +=
       fmt::format("    reports    {} sent, {} received, {} lost\n", KnownCount(report.reports_sent),
                   KnownCount(report.reports_received), KnownCount(report.reports_lost));
@@ -41,12 +43,17 @@ std::string FormatInstrument(const InstrumentReport& report) {
       "    insertion  sensor {:+} counts ({:+} of them held), which is {} mm; {} {} mm: "
       "{:.2f} counts apart\n",
       report.axial.sensor_counts, report.axial.held_counts, Signed(report.axial.hand, 3),
-      report.name, Signed(report.axial.wire, 3), report.axial.error_counts);
+      Printable(report.name), Signed(report.axial.wire, 3), report.axial.error_counts);
+  if (report.healed_mm != 0) {
+    text += fmt::format(
+        "               {} mm were lost, and made up for at the end switch\n",
+        Signed(report.healed_mm, 3));
+  }
   text += fmt::format(
       "    rotation   sensor {:+} counts ({:+} of them held), which is {} deg; {} {} deg: "
       "{:.2f} counts apart\n",
       report.rotation.sensor_counts, report.rotation.held_counts,
-      Signed(report.rotation.hand * kDegreesPerRad, 2), report.name,
+      Signed(report.rotation.hand * kDegreesPerRad, 2), Printable(report.name),
       Signed(report.rotation.wire * kDegreesPerRad, 2), report.rotation.error_counts);
   text += fmt::format(
       "    latency    sensor to wire state: p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms\n",
@@ -68,6 +75,7 @@ nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
           {"reports_received", report.reports_received},
           {"reports_lost", report.reports_lost},
           {"reports_unfetched", report.reports_unfetched},
+          {"healed_mm", report.healed_mm},
           {"motion_error_counts", report.axial.error_counts},
           {"rotation_error_counts", report.rotation.error_counts},
           {"insertion_mm", report.axial.wire},
@@ -81,9 +89,9 @@ nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
 void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& caption) {
   const std::string apart = fmt::format("{:.2f} counts", report.axial.error_counts);
   if (!lone) {
-    caption.figures.emplace_back(
-        fmt::format("{} against sensor, {} lost", report.name, KnownCount(report.reports_lost)),
-        apart);
+    caption.figures.emplace_back(fmt::format("{} against sensor, {} lost", Printable(report.name),
+                                             KnownCount(report.reports_lost)),
+                                 apart);
     return;
   }
   caption.figures.insert(
@@ -99,10 +107,11 @@ void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& capti
 
 std::string FormatReport(const SessionReport& report) {
   std::string text = fmt::format("Session of {:.1f} s in {}, {} method\n", report.duration_s,
-                                 report.scene, report.method);
+                                 Printable(report.scene), Printable(report.method));
   for (const InstrumentReport& instrument : report.instruments) {
-    text += instrument.driven() ? FormatInstrument(instrument)
-                                : fmt::format("  {}, driven by no device\n", instrument.name);
+    text += instrument.driven()
+                ? FormatInstrument(instrument)
+                : fmt::format("  {}, driven by no device\n", Printable(instrument.name));
   }
   text +=
       fmt::format("  relaxation   p50 {:.0f} us, p99 {:.0f} us, max {:.0f} us a tick; {} states\n",
@@ -111,8 +120,8 @@ std::string FormatReport(const SessionReport& report) {
       fmt::format("  wire         {} nodes, residual {:.2g}, largest penetration {:.1f} um\n",
                   report.last_state.segment_count + 1, report.residual, report.max_penetration_um);
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
-    text += fmt::format("  {:<13}{} {:.6g}\n", i == 0 ? "readings" : "", report.readings.names[i],
-                        report.readings.values[i]);
+    text += fmt::format("  {:<13}{} {:.6g}\n", i == 0 ? "readings" : "",
+                        Printable(report.readings.names[i]), report.readings.values[i]);
   }
   if (report.states_missing > 0 || report.undecodable > 0) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",
@@ -174,16 +183,16 @@ std::string DrawReport(const SessionReport& report, const PictureVessel& vessel)
   const torquer_lcm::scene_description_t& scene = report.description;
   const PatientAxes axes{Vector(scene.left), Vector(scene.posterior), Vector(scene.superior)};
   PictureCaption caption;
-  caption.title = report.scene;
+  caption.title = Printable(report.scene);
   for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
-    wire.instruments.push_back({instrument.name, instrument.insertion_mm});
+    wire.instruments.push_back({Printable(instrument.name), instrument.insertion_mm});
   }
   const std::string reach =
       wire.instruments.size() > 1
           ? ""
           : fmt::format(" · {:.1f} mm past the entry", state.instruments[0].insertion_mm);
-  caption.subtitle = fmt::format("{}{} · segments of {:g} mm · {} method", scene.vessel, reach,
-                                 scene.segment_mm, report.method);
+  caption.subtitle = fmt::format("{}{} · segments of {:g} mm · {} method", Printable(scene.vessel),
+                                 reach, scene.segment_mm, Printable(report.method));
   for (const InstrumentReport& instrument : report.instruments) {
     if (instrument.driven()) AddFigures(instrument, wire.instruments.size() == 1, caption);
   }

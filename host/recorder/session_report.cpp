@@ -238,7 +238,12 @@ void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
   const Eigen::Vector2d wire(
       ArcLengthMm(*last_state_, index) + last.carried_mm - scene_->inserted_at_start_mm[index],
       last.rotation_rad + last.carried_rad);
-  const Eigen::Vector2d error_counts = per_count.inverse() * (wire - hand);
+  const auto healed_um = channel.daemon_counters.find("healed_um");
+  if (healed_um != channel.daemon_counters.end()) {
+    report.healed_mm = 1e-3 * static_cast<double>(healed_um->second);
+  }
+  const Eigen::Vector2d error_counts =
+      per_count.inverse() * (wire - hand - Eigen::Vector2d(report.healed_mm, 0));
   report.axial.hand = hand[0];
   report.axial.wire = wire[0];
   report.axial.error_counts = std::abs(error_counts[0]);

@@ -32,7 +32,7 @@ struct MotionAgreement {
   std::int64_t held_counts = 0;    ///< of these while clutch held, sensor lifted or at fault
   double hand = 0;                 ///< the rest, calibrated; mm or rad
   double wire = 0;          ///< by how far the wire moved since its start, carried rest included
-  double error_counts = 0;  ///< |wire - hand| in counts
+  double error_counts = 0;  ///< |wire - hand - healed| in counts
 };
 
 /// Counts by which wire and hand may differ: the resolution of the sensor.
@@ -50,6 +50,7 @@ struct InstrumentReport {
   std::int64_t samples = 0;   ///< in the log
   std::int64_t commands = 0;  ///< in the log
   double duration_s = 0;      ///< from its first sample to its last
+  double healed_mm = 0;       ///< lost motion that was made up for at the end switch
   MotionAgreement axial;      ///< counts, mm
   MotionAgreement rotation;   ///< counts, rad
   Distribution latency_ms;    ///< from the hand to the state that first shows it being published

@@ -301,7 +301,7 @@ TEST_CASE("What was lost between two closings of the end switch is made up for w
     last_mm = now_mm;
   }
   CHECK(last_mm == Approx(expected_mm).margin(1e-9));
-  CHECK(hand.tracker.counters().healed_um == std::llround(1000 * std::abs(lost_mm)));
+  CHECK(hand.tracker.counters().healed_um == std::llround(1000 * lost_mm));
   // All is well now: the next time nothing is missing.
   state = CloseSwitch(hand);
   REQUIRE(state.mark);

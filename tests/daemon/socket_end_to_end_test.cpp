@@ -3,26 +3,26 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <catch2/catch.hpp>
-#include <cmath>
 #include <csignal>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "calibration/calibration_file.h"
 #include "host/bus/clock.h"
-#include "tests/support/daemon_process.h"
-#include "tests/support/reports.h"
-#include "tests/support/scenes.h"
-#include "tests/support/socket_device.h"
-#include "torquer_lcm/wire_state_t.hpp"
+#include "tests/daemon/daemon_chain.h"
 
 namespace {
 
 using torquer::protocol::InputReport;
+using torquer::test::Chain;
 using torquer::test::ChildProcess;
+using torquer::test::Contains;
+using torquer::test::Ending;
+using torquer::test::EndingOf;
+using torquer::test::kMmPerCount;
 using torquer::test::Listener;
 using torquer::test::Next;
 using torquer::test::SocketDevice;
@@ -30,52 +30,6 @@ using torquer::test::SocketWords;
 using torquer::test::StillReport;
 using torquer_lcm::device_sample_t;
 using torquer_lcm::instrument_command_t;
-
-constexpr double kMmPerCount = 25.4 / 1200;
-
-// A device and the daemon that reads it.
-struct Chain {
-  explicit Chain(const std::vector<std::string>& words = {"--uncalibrated"})
-      : socket(listener.folder.Path("device")), device(socket) {
-    Start(words);
-  }
-  void Start(const std::vector<std::string>& words = {"--uncalibrated"}) {
-    daemon.reset();
-    daemon = std::make_unique<ChildProcess>(SocketWords(socket, words));
-  }
-  // Moves the hand on by so many counts in ten reports; the last command that comes of it.
-  instrument_command_t Push(int axial_counts) {
-    listener.Forget();
-    for (int i = 0; i < 10; ++i) {
-      report = Next(report);
-      report.axial_counts += axial_counts / 10;
-      device.Send(report);
-    }
-    REQUIRE(listener.UntilCommands(10));
-    return listener.commands.back();
-  }
-
-  Listener listener;
-  std::string socket;
-  SocketDevice device;
-  InputReport report = StillReport();
-  std::unique_ptr<ChildProcess> daemon;
-};
-
-// How the daemon ends that is started with these words.
-struct Ending {
-  int status;
-  std::string error;
-};
-Ending EndingOf(const std::vector<std::string>& words) {
-  ChildProcess daemon(words);
-  const int status = daemon.Wait();
-  return {status, daemon.Error()};
-}
-
-bool Contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 }  // namespace
 
@@ -228,136 +182,6 @@ TEST_CASE("Malformed reports are counted and change nothing") {
   CHECK(chain.listener.counters["reports_wrong_id"] == 1);
   CHECK(chain.listener.counters["reports_wrong_version"] == 1);
   CHECK(chain.listener.counters["reports_lost"] == 0);
-}
-
-TEST_CASE("A restarted daemon goes on from the last published position") {
-  const int signal = GENERATE(SIGKILL, SIGTERM);
-  Chain chain;
-  REQUIRE(chain.device.WaitForHost());
-  const instrument_command_t before = chain.Push(1000);
-  chain.daemon->Signal(signal);
-  chain.daemon->Wait();
-  chain.Start();
-  REQUIRE(chain.daemon->WaitForError("running: reading"));
-  const instrument_command_t after = chain.Push(100);
-  CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
-  CHECK(after.sequence > before.sequence);
-  CHECK(chain.daemon->WaitForError("taking up the position of the previous daemon: 19.05 mm"));
-}
-
-TEST_CASE("A daemon takes up what the simulator was commanded, or begins at zero with it") {
-  Chain chain;
-  REQUIRE(chain.device.WaitForHost());
-  chain.Push(1000);
-  chain.daemon->Signal(SIGTERM);
-  chain.daemon->Wait();
-
-  // Of several instruments the daemon's counts.
-  torquer_lcm::wire_state_t state{};
-  state.instruments.resize(2);
-  state.instrument_count = 2;
-  state.instruments[0].name = "microwire";
-  state.instruments[0].command_sequence = 9000;
-  state.instruments[0].commanded_insertion_mm = 77;
-  torquer_lcm::instrument_state_t& guidewire = state.instruments[1];
-  guidewire.name = "guidewire";
-  guidewire.inserted_at_start_mm = 100;
-  double expected_mm = 0.0;
-  SECTION("a simulator that was last commanded elsewhere is believed") {
-    guidewire.command_sequence = 4711;
-    guidewire.commanded_insertion_mm = 223.5;
-    guidewire.commanded_rotation_rad = -1.5;
-    expected_mm = 123.5;
-  }
-  SECTION("a simulator that was not commanded yet begins at zero") {
-    guidewire.command_sequence = -1;
-    guidewire.commanded_insertion_mm = 100;
-  }
-  std::atomic<bool> stop = false;
-  std::thread simulator([&] {
-    torquer::bus::Bus bus;
-    while (!stop) {
-      bus.Publish(torquer::protocol::kWireStateChannel, state);
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-  });
-  chain.Start();
-  const bool here = chain.daemon->WaitForError("running: reading");
-  stop = true;
-  simulator.join();
-  REQUIRE(here);
-  const instrument_command_t after = chain.Push(100);
-  CHECK(after.insertion_mm == Approx(expected_mm + 90 * kMmPerCount));
-  CHECK(after.rotation_rad == guidewire.commanded_rotation_rad);
-  CHECK(after.sequence > guidewire.command_sequence);
-}
-
-TEST_CASE("A restarted daemon does not move a wire that lay in at the start") {
-  Chain chain;
-  REQUIRE(chain.device.WaitForHost());
-  const torquer::test::SceneFile scene;
-  torquer_lcm::wire_state_t state{};
-  chain.listener.bus->Subscribe<torquer_lcm::wire_state_t>(
-      torquer::protocol::kWireStateChannel,
-      [&](const torquer_lcm::wire_state_t& newest) { state = newest; }, 0);
-  ChildProcess simulator(
-      {torquer::test::ProgramPath("torquer-simulator"), "--scene", scene.path()});
-  REQUIRE(chain.listener.Until([&] { return !state.instruments.empty(); }));
-  // Commands, and with them a state that has the newest; or a later one, which holds that place
-  // while the device is silent.
-  const auto push = [&](int axial_counts) {
-    const instrument_command_t command = chain.Push(axial_counts);
-    REQUIRE(chain.listener.Until(
-        [&] { return state.instruments[0].command_sequence >= command.sequence; }));
-    return command;
-  };
-  const instrument_command_t before = push(1000);
-  CHECK(state.instruments[0].commanded_insertion_mm == Approx(120 + before.insertion_mm));
-  chain.daemon->Signal(SIGTERM);
-  chain.daemon->Wait();
-  SECTION("that the daemon knows") {}
-  SECTION("that only the simulator knows") {
-    std::filesystem::remove_all(chain.listener.folder.Path("torquer"));
-  }
-  chain.Start();
-  REQUIRE(chain.daemon->WaitForError("running: reading"));
-  const instrument_command_t after = push(100);
-  CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
-  CHECK(state.instruments[0].commanded_insertion_mm == Approx(120 + after.insertion_mm));
-}
-
-TEST_CASE("A daemon begins at zero with a simulator that was started again") {
-  Chain chain;
-  REQUIRE(chain.device.WaitForHost());
-  chain.Push(1000);
-  chain.daemon->Signal(SIGTERM);
-  chain.daemon->Wait();
-  // Nothing moves in this scene: it is at rest before the daemon listens.
-  const torquer::test::SceneFile scene;
-  int states = 0;
-  chain.listener.bus->Subscribe<torquer_lcm::wire_state_t>(
-      torquer::protocol::kWireStateChannel, [&](const torquer_lcm::wire_state_t&) { ++states; }, 0);
-  ChildProcess simulator(
-      {torquer::test::ProgramPath("torquer-simulator"), "--scene", scene.path()});
-  REQUIRE(chain.listener.Until([&] { return states >= 3; }));
-  chain.Start();
-  REQUIRE(chain.daemon->WaitForError("running: reading"));
-  CHECK(chain.Push(100).insertion_mm == Approx(90 * kMmPerCount));
-}
-
-TEST_CASE("Home makes the present place the start") {
-  Chain chain;
-  REQUIRE(chain.device.WaitForHost());
-  chain.Push(1000);
-  const Ending home = EndingOf({torquer::test::kDaemonProgram, "--home"});
-  CHECK(home.status == 0);
-  REQUIRE(chain.listener.UntilHealth("running", "home"));
-  CHECK(chain.Push(100).insertion_mm == Approx(100 * kMmPerCount));
-
-  const Ending catheter =
-      EndingOf({torquer::test::kDaemonProgram, "--home", "--instrument", "catheter"});
-  CHECK(catheter.status == 2);
-  CHECK(Contains(catheter.error, "no torquer-daemon of yours drives the instrument 'catheter'"));
 }
 
 TEST_CASE("Two daemons for one instrument or one device are refused") {
@@ -596,109 +420,4 @@ TEST_CASE("The option --monitor shows the device's motion, and the last of it at
   std::snprintf(place, sizeof place, "%.2f mm", command.insertion_mm);
   CHECK(Contains(chain.daemon->Output(), place));
   CHECK(Contains(chain.daemon->Output(), "uncalibrated"));
-}
-
-TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost") {
-  Listener listener;
-  std::filesystem::create_directories(listener.folder.Path("torquer"));
-  const std::string kept = listener.folder.Path("torquer/SCRIPTED-1.srom");
-  const auto keep = [&](std::size_t bytes) {
-    std::ofstream(kept, std::ios::binary) << std::string(bytes, '\x81');
-  };
-  const std::string socket = listener.folder.Path("device");
-  SocketDevice device(socket);
-  InputReport still = StillReport();
-  const auto report = [&](std::uint8_t flags) {
-    still = Next(still);
-    still.flags = flags;
-    device.Send(still);
-  };
-  const auto says = [&](const std::string& text) { return listener.UntilHealth("running", text); };
-  constexpr std::uint8_t kLost = torquer::protocol::kFlagSromLost;
-
-  SECTION("at the start, and after a loss while the sensor works again") {
-    keep(torquer::protocol::kSromBytes);
-    const ChildProcess daemon(SocketWords(socket));
-    REQUIRE(device.WaitForHost());
-    report(0);
-    REQUIRE(says("the sensor runs firmware image 5 again, from " + kept));
-    listener.Forget();
-    device.srom_id = 0;
-    report(kLost | torquer::protocol::kFlagSensorFault);
-    REQUIRE(listener.UntilHealth("sensor fault", ""));
-    CHECK(device.srom_id == 0);
-    report(kLost);
-    REQUIRE(listener.Until([&] { return listener.counters["sensor_images_loaded"] == 2; }));
-    CHECK(device.srom_id == 5);
-    // A device that restarts does not know that there was an image.
-    device.srom_id = 0;
-    ++still.boot_id;
-    report(0);
-    REQUIRE(listener.Until([&] { return listener.counters["sensor_images_loaded"] == 3; }));
-  }
-  SECTION("missing: said once, with the remedy") {
-    const ChildProcess daemon(SocketWords(socket));
-    REQUIRE(device.WaitForHost());
-    report(kLost);
-    REQUIRE(says(kept + " is not there: it runs without; load it again with torquer-flash --srom"));
-    CHECK(listener.counters["sensor_images_loaded"] == 0);
-  }
-  SECTION("none was ever loaded: nothing to say") {
-    const ChildProcess daemon(SocketWords(socket));
-    REQUIRE(device.WaitForHost());
-    report(0);
-    device.Unplug();
-    REQUIRE(listener.UntilHealth("waiting for device", ""));
-    CHECK_FALSE(Contains(daemon.Error(), "firmware image"));
-  }
-  SECTION("damaged, and refused by the sensor: said with the reason, and not tried for ever") {
-    keep(100);
-    const ChildProcess daemon(SocketWords(socket));
-    REQUIRE(device.WaitForHost());
-    report(0);
-    REQUIRE(says("SCRIPTED-1.srom: has 100 bytes"));
-    keep(torquer::protocol::kSromBytes);
-    device.stalls_srom = true;
-    device.Unplug();
-    REQUIRE(device.WaitForHost());
-    for (int i = 0; i < 20; ++i) report(kLost);
-    REQUIRE(says("the sensor did not take the firmware image"));
-    REQUIRE(listener.UntilCommands(21));
-    device.Unplug();
-    REQUIRE(listener.UntilHealth("waiting for device", ""));
-    const std::string said = daemon.Error();
-    const std::size_t first = said.find("did not take");
-    CHECK(said.find("did not take", first + 1) == std::string::npos);
-  }
-}
-
-TEST_CASE("Motion lost before the end switch closes again is made up for, and said") {
-  Chain chain;
-  REQUIRE(chain.device.WaitForHost());
-  const auto close_switch = [&] {
-    chain.report.flags = torquer::protocol::kFlagReference | torquer::protocol::kFlagAtReference;
-    chain.report.reference_counts = chain.report.axial_counts;
-    chain.Push(0);
-    chain.report.flags = torquer::protocol::kFlagReference;
-  };
-  chain.Push(1000);
-  close_switch();
-  REQUIRE(chain.listener.UntilHealth("running", "the end switch closed: from now on"));
-  chain.Push(2000);
-  // 600 counts of the way back are all that is seen of 2000: 29.63 mm are missing.
-  const double before_mm = chain.Push(-600).insertion_mm;
-  close_switch();
-  REQUIRE(chain.listener.UntilHealth(
-      "running", "the end switch shows that 29.6 mm of pulling back were lost"));
-  double last_mm = chain.Push(0).insertion_mm;
-  double largest_mm = 0;
-  for (int i = 0; i < 160; ++i) {
-    const double now_mm = chain.Push(0).insertion_mm;
-    largest_mm = std::max(largest_mm, std::abs(now_mm - last_mm));
-    last_mm = now_mm;
-  }
-  CHECK(last_mm == Approx(before_mm - 1400 * kMmPerCount));
-  CHECK(largest_mm < 0.21);  // in 10 ms, at 20 mm/s
-  REQUIRE(chain.listener.Until([&] { return chain.listener.counters["healed_um"] == 29633; }));
-  CHECK(chain.listener.counters["marks_passed"] == 2);
 }

@@ -17,39 +17,62 @@ namespace {
 using effects::Compliance;
 using vessel::Region;
 
+constexpr double kWeight_N_mm = 1e-3;
+constexpr double kElsewhere_N_mm2 = 0.05;
+constexpr double kSoft_N_mm2 = 0.01;
+constexpr double kCalcified_N_mm2 = 1;
+
+// 90 mm of wire that lie along x on a floor under their weight, with parts of another stiffness.
+struct LyingWire {
+  LyingWire(const ClearanceField& field, std::vector<Compliance::Part> parts,
+            const vessel::MovingField* moving = nullptr)
+      : compliance(std::move(parts), Context(moving)),
+        relaxation(model, field, SoftWall(), {.tolerance = 1e-8}, terms),
+        state(LayStraight(model, 90)) {
+    relaxation.Restart(state);
+  }
+  bool Settles() { return Settle(relaxation, {90, 0}, state).converged; }
+  double Penetration_mm(int node) const {
+    return kRadius_mm - state.nodes()[static_cast<std::size_t>(node)][2];
+  }
+
+  static constexpr double kRadius_mm = 0.2;
+  WireModel model = MakeWire({.rigidity_N_mm2 = 1e-3,
+                              .radius_mm = kRadius_mm,
+                              .sheath = {Vector3d(0, 0, 0.19), Vector3d::UnitX()}});
+  WallModel wall{.stiffness_N_mm2 = kElsewhere_N_mm2};
+  Compliance compliance;
+  effects::Gravity gravity{{Vector3d(0, 0, -kWeight_N_mm)}};
+  std::vector<EnergyTerm*> terms{&gravity};
+  NewtonRelaxation relaxation;
+  WireState state;
+
+ private:
+  effects::EffectContext Context(const vessel::MovingField* moving) const {
+    effects::EffectContext context{model, wall};
+    context.moving = moving;
+    return context;
+  }
+  const WallModel& SoftWall() {
+    wall.by_place = compliance.wall_stiffness();
+    return wall;
+  }
+};
+
+Compliance::Part Patch(double x_mm, double stiffness_N_mm2) {
+  return {Region::Ball(Vector3d(x_mm, 0, 0), 8, 2), stiffness_N_mm2};
+}
+
 TEST_CASE("A wire lying on a wall sinks in by its weight over the stiffness of the place") {
-  constexpr double kWeight = 1e-3;  // N/mm
-  constexpr double kElsewhere = 0.05;
-  constexpr double kSoft = 0.01;
-  constexpr double kCalcified = 1;
   const HalfSpace floor(Vector3d::Zero(), Vector3d::UnitZ());
-  const WireModel model = MakeWire({.rigidity_N_mm2 = 1e-3,
-                                    .radius_mm = 0.2,
-                                    .sheath = {Vector3d(0, 0, 0.19), Vector3d::UnitX()}});
-  WallModel wall{.stiffness_N_mm2 = kElsewhere};
-  std::vector<Compliance::Part> parts;
-  parts.push_back({Region::Ball(Vector3d(25, 0, 0), 8, 2), kSoft});
-  parts.push_back({Region::Ball(Vector3d(70, 0, 0), 8, 2), kCalcified});
-  Compliance compliance(std::move(parts), {model, wall});
-  wall.by_place = compliance.wall_stiffness();
-  effects::Gravity gravity({Vector3d(0, 0, -kWeight)});
-  const std::vector<EnergyTerm*> terms{&gravity};
-  NewtonRelaxation relaxation(model, floor, wall, {.tolerance = 1e-8}, terms);
-  WireState state = LayStraight(model, 90);
-  relaxation.Restart(state);
-  REQUIRE(Settle(relaxation, {90, 0}, state).converged);
-  const auto penetration = [&](int node) {
-    return 0.2 - state.nodes()[static_cast<std::size_t>(node)][2];
-  };
-  CHECK(penetration(25) == Approx(kWeight / kSoft).epsilon(1e-3));
-  CHECK(penetration(48) == Approx(kWeight / kElsewhere).epsilon(1e-3));
-  CHECK(penetration(70) == Approx(kWeight / kCalcified).epsilon(1e-3));
+  LyingWire wire(floor, {Patch(25, kSoft_N_mm2), Patch(70, kCalcified_N_mm2)});
+  REQUIRE(wire.Settles());
+  CHECK(wire.Penetration_mm(25) == Approx(kWeight_N_mm / kSoft_N_mm2).epsilon(1e-3));
+  CHECK(wire.Penetration_mm(48) == Approx(kWeight_N_mm / kElsewhere_N_mm2).epsilon(1e-3));
+  CHECK(wire.Penetration_mm(70) == Approx(kWeight_N_mm / kCalcified_N_mm2).epsilon(1e-3));
 }
 
 TEST_CASE("A calcified part goes with the vessel under a wire that rests") {
-  constexpr double kWeight = 1e-3;  // N/mm
-  constexpr double kElsewhere = 0.05;
-  constexpr double kSoft = 0.01;
   const HalfSpace floor(Vector3d::Zero(), Vector3d::UnitZ());
   // The floor slides along the wire, 30 mm within a breath.
   effects::PeriodicMotion::Settings settings;
@@ -60,30 +83,15 @@ TEST_CASE("A calcified part goes with the vessel under a wire that rests") {
   vessel::MovingField field(floor);
   field.Add(breath);
   field.SetTime(0);
-  const WireModel model = MakeWire({.rigidity_N_mm2 = 1e-3,
-                                    .radius_mm = 0.2,
-                                    .sheath = {Vector3d(0, 0, 0.19), Vector3d::UnitX()}});
-  WallModel wall{.stiffness_N_mm2 = kElsewhere};
-  std::vector<Compliance::Part> parts;
-  parts.push_back({Region::Ball(Vector3d(25, 0, 0), 8, 2), kSoft});
-  effects::EffectContext context{model, wall};
-  context.moving = &field;
-  Compliance compliance(std::move(parts), context);
-  wall.by_place = compliance.wall_stiffness();
-  effects::Gravity gravity({Vector3d(0, 0, -kWeight)});
-  const std::vector<EnergyTerm*> terms{&gravity};
-  NewtonRelaxation relaxation(model, field, wall, {.tolerance = 1e-8}, terms);
-  WireState state = LayStraight(model, 90);
-  relaxation.Restart(state);
-  const auto penetration = [&](int node) {
-    return 0.2 - state.nodes()[static_cast<std::size_t>(node)][2];
-  };
+  LyingWire wire(field, {Patch(25, kSoft_N_mm2)}, &field);
   for (const double time_s : {0.0, 0.9, 2.0}) {
     field.SetTime(time_s);
-    REQUIRE(Settle(relaxation, {90, 0}, state).converged);
+    REQUIRE(wire.Settles());
     const bool away = time_s == 0.9;
-    CHECK(penetration(25) == Approx(kWeight / (away ? kElsewhere : kSoft)).epsilon(1e-3));
-    CHECK(penetration(55) == Approx(kWeight / (away ? kSoft : kElsewhere)).epsilon(1e-3));
+    const double here_N_mm2 = away ? kElsewhere_N_mm2 : kSoft_N_mm2;
+    const double there_N_mm2 = away ? kSoft_N_mm2 : kElsewhere_N_mm2;
+    CHECK(wire.Penetration_mm(25) == Approx(kWeight_N_mm / here_N_mm2).epsilon(1e-3));
+    CHECK(wire.Penetration_mm(55) == Approx(kWeight_N_mm / there_N_mm2).epsilon(1e-3));
   }
 }
 

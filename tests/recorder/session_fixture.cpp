@@ -117,9 +117,9 @@ void WriteCounts(LogWriter& log, const SessionFaults& faults, const std::string&
   health.process = "daemon";
   health.device = device;
   health.instrument = instrument;
-  health.names = {"reports_received", "reports_lost"};
-  health.values = {kReports, lost_reports + unfetched_reports};
-  health.count = 2;
+  health.names = {"reports_received", "reports_lost", "healed_um"};
+  health.values = {kReports, lost_reports + unfetched_reports, faults.healed_um};
+  health.count = 3;
   health.publish_us = kStartUs + 1000 * kReports;
   if (faults.ended) health.state = "stopping";
   log.Write(protocol::kHealthChannel, kStartUs, health);

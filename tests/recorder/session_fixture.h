@@ -22,6 +22,7 @@ struct SessionFaults {
   int lost_reports = 0;           ///< sent, but not received
   int unfetched_reports = 0;      ///< made by the device, but not fetched by the daemon
   double extra_wire_mm = 0;       ///< that the hand did not move
+  int healed_um = 0;              ///< as the daemon says, at the end
   bool foreign_clock = false;     ///< of the simulator, as if on another machine
   bool undecodable = false;       ///< one state cut short
   bool without_emulator = false;  ///< as with a real device

@@ -1,5 +1,6 @@
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
@@ -182,6 +183,42 @@ TEST_CASE("A wire that goes elsewhere than the hand is reported in counts") {
   CHECK_FALSE(Report(faults).Good());
   faults.extra_wire_mm = 0.5 * kMmPerCount;
   CHECK(Report(faults).Good());
+}
+
+TEST_CASE("Motion that was made up for at the end switch is no error, and is said") {
+  SessionFaults faults;
+  faults.extra_wire_mm = -1.5;
+  CHECK_FALSE(Report(faults).Good());
+  faults.healed_um = -1500;
+  const SessionReport report = Report(faults);
+  CHECK(report.Good());
+  CHECK(report.instruments.at(0).axial.error_counts < 1e-3);
+  CHECK_THAT(FormatReport(report),
+             Catch::Contains("-1.500 mm were lost, and made up for at the end switch"));
+  CHECK_THAT(FormatReport(Report({})), !Catch::Contains("end switch"));
+}
+
+TEST_CASE("What a log says cannot steer the terminal, nor leave the picture") {
+  SessionReport report = Report({});
+  const std::string hostile = "\x1b]0;x\x07<script>&\n";
+  report.scene = report.method = hostile;
+  report.description.vessel = hostile;
+  report.readings.names.at(0) = hostile;
+  report.instruments.at(0).name = report.instruments.at(0).device = hostile;
+  report.last_state.instruments.at(0).name = hostile;
+  const auto harmless = [](const std::string& text) {
+    return std::none_of(text.begin(), text.end(),
+                        [](char c) { return (c >= 0 && c < ' ' && c != '\n') || c == 0x7f; });
+  };
+  CHECK(harmless(FormatReport(report)));
+  CHECK_THAT(FormatReport(report), Catch::Contains("\\x1b]0;x\\x07<script>&\\x0a"));
+  CHECK(nlohmann::json::parse(FormatReportJson(report, "")).at("scene") == hostile);
+  const std::string picture = DrawReport(report, {});
+  CHECK(harmless(picture));
+  CHECK_THAT(picture, !Catch::Contains("<script"));
+  report.instruments[0].name.clear();
+  report.instruments[0].device.clear();
+  CHECK(harmless(FormatReport(report)));
 }
 
 TEST_CASE("Motion while the daemon doubts the surface is held") {

@@ -181,14 +181,16 @@ TEST_CASE("A record names the scene and all that its observers found", "[simulat
   CHECK(record["instruments"]["guidewire"]["rotation_rad"] == 0.3);
   const nlohmann::json& readings = record["readings"];
   // The measures by which trainees are judged, all of them.
-  for (const char* name : {"procedure_s",       "fluoroscopy_s",     "dose_proxy_mGy",
-                           "contrast_mL",       "tip_path_mm",       "tip_path_ratio",
-                           "retractions",       "retracted_mm",      "wrong_vessel_entries",
-                           "mean_speed_mm_s",   "submovements",      "log_dimensionless_jerk",
-                           "wall_force_max_mN", "wall_impulse_mNs",  "target_reached",
-                           "target_reached_s",  "safe_success",      "wall_force_largest_mN",
-                           "wall_force_sum_mN", "wall_force_tip_mN", "wall_force_events",
-                           "wall_force_above_s"}) {
+  for (const char* name : {"procedure_s",          "fluoroscopy_s",
+                           "tip_path_mm",          "tip_path_ratio",
+                           "retractions",          "retracted_mm",
+                           "wrong_vessel_entries", "mean_speed_mm_s",
+                           "submovements",         "log_dimensionless_jerk",
+                           "wall_force_max_mN",    "wall_impulse_mNs",
+                           "target_reached",       "target_reached_s",
+                           "safe_success",         "wall_force_largest_mN",
+                           "wall_force_sum_mN",    "wall_force_tip_mN",
+                           "wall_force_events",    "wall_force_above_s"}) {
     INFO(name);
     CHECK(readings[name].is_number());
   }

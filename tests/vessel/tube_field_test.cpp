@@ -5,6 +5,7 @@
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/phantoms.h"
 #include "host/support/error.h"
+#include "tests/support/sanitizer.h"
 #include "tests/vessel/field_checks.h"
 
 namespace torquer::vessel {
@@ -78,14 +79,15 @@ TEST_CASE("a tapered tube is the envelope of its spheres") {
   const Tube tube = TaperedBend();
   const TubeField field({tube}, 0);
   const Centerline curve = CenterlineOf(tube, 0.05);
+  std::vector<CenterlineSample> spheres;
+  for (const double s : Steps(0, curve.length_mm(), 0.02)) spheres.push_back(curve.At(s));
   Random random(4);
-  for (int i = 0; i < 300; ++i) {
+  for (int i = 0; i < test::Rounds(300, 5); ++i) {
     const CenterlineSample at = curve.At(random.Uniform(0, curve.length_mm()));
     const Vector3d p = at.position_mm + random.Uniform(1.5, 5) * random.Direction();
     double best = -std::numeric_limits<double>::infinity();
     double nearest = std::numeric_limits<double>::infinity();
-    for (const double s : Steps(0, curve.length_mm(), 0.02)) {
-      const CenterlineSample sphere = curve.At(s);
+    for (const CenterlineSample& sphere : spheres) {
       const double d = (p - sphere.position_mm).norm();
       best = std::max(best, sphere.radius_mm - d);
       nearest = std::min(nearest, d);

@@ -6,7 +6,7 @@
 
 #include "host/simulator/effects/imaging/fluoroscopy_noise.h"
 #include "host/simulator/simulation.h"
-#include "tests/effects/imaging/bench.h"
+#include "tests/effects/vascular_scene.h"
 
 using Catch::Matchers::Contains;
 using Eigen::Vector3d;

@@ -6,7 +6,7 @@
 #include <sstream>
 
 #include "host/simulator/simulation.h"
-#include "tests/effects/imaging/bench.h"
+#include "tests/effects/vascular_scene.h"
 #include "tests/support/paths.h"
 
 using torquer::effects::ImageSource;

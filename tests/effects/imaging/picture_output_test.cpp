@@ -18,7 +18,7 @@
 #include "host/simulator/picture_thread.h"
 #include "host/simulator/script_run.h"
 #include "protocol/lcm_channels.h"
-#include "tests/effects/imaging/bench.h"
+#include "tests/effects/vascular_scene.h"
 #include "tests/support/private_network.h"
 
 using Catch::Matchers::Contains;

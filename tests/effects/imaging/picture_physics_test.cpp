@@ -5,7 +5,7 @@
 
 #include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/simulation.h"
-#include "tests/effects/imaging/bench.h"
+#include "tests/effects/vascular_scene.h"
 
 using Eigen::Vector3d;
 using torquer::effects::CArm;

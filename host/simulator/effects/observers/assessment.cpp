@@ -20,7 +20,7 @@ constexpr double kOffRouteMm = 2;
 
 void Assessment::Restart() {
   speed_ = SpeedTrace();
-  time_s_ = xray_s_ = contrast_s_ = path_mm_ = since_look_s_ = 0;
+  time_s_ = xray_s_ = path_mm_ = since_look_s_ = 0;
   furthest_mm_ = nearest_mm_ = retracted_mm_ = insertion_mm_ = 0;
   off_route_ = retracting_ = begun_ = false;
   wrong_vessels_ = retractions_ = 0;
@@ -31,7 +31,6 @@ void Assessment::Restart() {
 void Assessment::Observe(const TickView& tick) {
   time_s_ = tick.time_s;
   if (tick.controls.xray) xray_s_ += tick.step_s;
-  if (tick.controls.contrast) contrast_s_ += tick.step_s;
   const double insertion_mm = tick.target[task_.instrument].insertion_mm;
   CountRetractions(insertion_mm);
   speed_.Add(tick.time_s, insertion_mm);
@@ -90,8 +89,6 @@ std::vector<Reading> Assessment::Readings() const {
   const double route_mm = task_.route.length_mm();
   return {{"procedure_s", time_s_},
           {"fluoroscopy_s", xray_s_},
-          {"dose_proxy_mGy", task_.dose_mGy_s * xray_s_},
-          {"contrast_mL", task_.contrast_mL_s * contrast_s_},
           {"tip_path_mm", path_mm_},
           {"tip_path_ratio", path_mm_ / route_mm},
           {"retractions", static_cast<double>(retractions_)},
@@ -114,8 +111,6 @@ struct AssessmentSpec : TableSpec {
   double target_at_mm = 0;
   double target_radius_mm = 3;
   double force_limit_mN = 0;
-  double dose_mGy_s = 0.3;
-  double contrast_mL_s = 5;
   std::optional<std::string> instrument;
 };
 
@@ -132,10 +127,6 @@ const Keys<AssessmentSpec>& AssessmentKeys() {
           .Required()
           .Number("force_limit_mN", &AssessmentSpec::force_limit_mN, 0.01, 1e5, "mN",
                   "a patch of wall_force above it makes a success unsafe")
-          .Number("dose_mGy_s", &AssessmentSpec::dose_mGy_s, 0, 10, "mGy/s",
-                  "dose proxy while the pedal is down")
-          .Number("contrast_mL_s", &AssessmentSpec::contrast_mL_s, 0, 100, "mL/s",
-                  "contrast volume while the button is held")
           .Otherwise("the innermost")
           .Text("instrument", &AssessmentSpec::instrument,
                 "whose hand is judged: speed and retractions")
@@ -163,8 +154,6 @@ std::unique_ptr<Effect> Make(const AssessmentSpec& spec, const EffectContext& co
   }()};
   task.target_radius_mm = spec.target_radius_mm;
   task.force_limit_mN = spec.force_limit_mN;
-  task.dose_mGy_s = spec.dose_mGy_s;
-  task.contrast_mL_s = spec.contrast_mL_s;
   if (spec.instrument) {
     task.instrument = context.FindInstrument(*spec.instrument, spec, "instrument");
   }
@@ -176,7 +165,7 @@ std::unique_ptr<Effect> Make(const AssessmentSpec& spec, const EffectContext& co
 
 EffectKind AssessmentKind() {
   return {.name = "assessment",
-          .summary = "clinical measures of a session: times, dose, path, speed, force, success",
+          .summary = "clinical measures of a session: times, path, speed, force, success",
           .roles = "observer",
           .keys = Any(AssessmentKeys()),
           .needs = "wall_force",

@@ -16,8 +16,6 @@ struct AssessmentTask {
   vessel::Centerline route;     ///< from the entry to the target
   double target_radius_mm = 3;  ///< reached within this distance of the route's end
   double force_limit_mN = 0;    ///< of a single contact
-  double dose_mGy_s = 0;        ///< a proxy: while the pedal is down
-  double contrast_mL_s = 0;     ///< while the button is held
   int instrument = 0;           ///< whose hand is judged
 };
 
@@ -48,7 +46,6 @@ class Assessment final : public Effect, public Observer {
   SpeedTrace speed_;
   double time_s_ = 0;
   double xray_s_ = 0;
-  double contrast_s_ = 0;
   double path_mm_ = 0;
   std::optional<Eigen::Vector3d> tip_;  // where the path was measured last
   double since_look_s_ = 0;

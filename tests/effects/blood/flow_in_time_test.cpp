@@ -5,7 +5,7 @@
 
 #include "host/simulator/effects/blood/flow.h"
 #include "host/simulator/simulation.h"
-#include "tests/effects/imaging/bench.h"
+#include "tests/effects/vascular_scene.h"
 
 using Catch::Matchers::Contains;
 using torquer::effects::AnnulusInverseFourthPower;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/effects/imaging/bench.h"
+#include "tests/effects/vascular_scene.h"
 #include "tests/support/paths.h"
 
 using Catch::Matchers::Contains;

@@ -1,0 +1,127 @@
+// What a daemon repairs: a lost firmware image of the sensor, motion that was not seen.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "tests/daemon/daemon_chain.h"
+
+namespace {
+
+using torquer::protocol::InputReport;
+using torquer::test::Chain;
+using torquer::test::ChildProcess;
+using torquer::test::Contains;
+using torquer::test::kMmPerCount;
+using torquer::test::Listener;
+using torquer::test::Next;
+using torquer::test::SocketDevice;
+using torquer::test::SocketWords;
+using torquer::test::StillReport;
+
+}  // namespace
+
+TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost") {
+  Listener listener;
+  std::filesystem::create_directories(listener.folder.Path("torquer"));
+  const std::string kept = listener.folder.Path("torquer/SCRIPTED-1.srom");
+  const auto keep = [&](std::size_t bytes) {
+    std::ofstream(kept, std::ios::binary) << std::string(bytes, '\x81');
+  };
+  const std::string socket = listener.folder.Path("device");
+  SocketDevice device(socket);
+  InputReport still = StillReport();
+  const auto report = [&](std::uint8_t flags) {
+    still = Next(still);
+    still.flags = flags;
+    device.Send(still);
+  };
+  const auto says = [&](const std::string& text) { return listener.UntilHealth("running", text); };
+  constexpr std::uint8_t kLost = torquer::protocol::kFlagSromLost;
+
+  SECTION("at the start, and after a loss while the sensor works again") {
+    keep(torquer::protocol::kSromBytes);
+    const ChildProcess daemon(SocketWords(socket));
+    REQUIRE(device.WaitForHost());
+    report(0);
+    REQUIRE(says("the sensor runs firmware image 5 again, from " + kept));
+    listener.Forget();
+    device.srom_id = 0;
+    report(kLost | torquer::protocol::kFlagSensorFault);
+    REQUIRE(listener.UntilHealth("sensor fault", ""));
+    CHECK(device.srom_id == 0);
+    report(kLost);
+    REQUIRE(listener.Until([&] { return listener.counters["sensor_images_loaded"] == 2; }));
+    CHECK(device.srom_id == 5);
+    // A device that restarts does not know that there was an image.
+    device.srom_id = 0;
+    ++still.boot_id;
+    report(0);
+    REQUIRE(listener.Until([&] { return listener.counters["sensor_images_loaded"] == 3; }));
+  }
+  SECTION("missing: said once, with the remedy") {
+    const ChildProcess daemon(SocketWords(socket));
+    REQUIRE(device.WaitForHost());
+    report(kLost);
+    REQUIRE(says(kept + " is not there: it runs without; load it again with torquer-flash --srom"));
+    CHECK(listener.counters["sensor_images_loaded"] == 0);
+  }
+  SECTION("none was ever loaded: nothing to say") {
+    const ChildProcess daemon(SocketWords(socket));
+    REQUIRE(device.WaitForHost());
+    report(0);
+    device.Unplug();
+    REQUIRE(listener.UntilHealth("waiting for device", ""));
+    CHECK_FALSE(Contains(daemon.Error(), "firmware image"));
+  }
+  SECTION("damaged, and refused by the sensor: said with the reason, and not tried for ever") {
+    keep(100);
+    const ChildProcess daemon(SocketWords(socket));
+    REQUIRE(device.WaitForHost());
+    report(0);
+    REQUIRE(says("SCRIPTED-1.srom: has 100 bytes"));
+    keep(torquer::protocol::kSromBytes);
+    device.stalls_srom = true;
+    device.Unplug();
+    REQUIRE(device.WaitForHost());
+    for (int i = 0; i < 20; ++i) report(kLost);
+    REQUIRE(says("the sensor did not take the firmware image"));
+    REQUIRE(listener.UntilCommands(21));
+    device.Unplug();
+    REQUIRE(listener.UntilHealth("waiting for device", ""));
+    const std::string said = daemon.Error();
+    const std::size_t first = said.find("did not take");
+    CHECK(said.find("did not take", first + 1) == std::string::npos);
+  }
+}
+
+TEST_CASE("Motion lost before the end switch closes again is made up for, and said") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const auto close_switch = [&] {
+    chain.report.flags = torquer::protocol::kFlagReference | torquer::protocol::kFlagAtReference;
+    chain.report.reference_counts = chain.report.axial_counts;
+    chain.Push(0);
+    chain.report.flags = torquer::protocol::kFlagReference;
+  };
+  chain.Push(1000);
+  close_switch();
+  REQUIRE(chain.listener.UntilHealth("running", "the end switch closed: from now on"));
+  chain.Push(2000);
+  // 600 counts of the way back are all that is seen of 2000: 29.63 mm are missing.
+  const double before_mm = chain.Push(-600).insertion_mm;
+  close_switch();
+  REQUIRE(chain.listener.UntilHealth(
+      "running", "the end switch shows that 29.6 mm of pulling back were lost"));
+  double last_mm = chain.Push(0).insertion_mm;
+  double largest_mm = 0;
+  for (int i = 0; i < 160; ++i) {
+    const double now_mm = chain.Push(0).insertion_mm;
+    largest_mm = std::max(largest_mm, std::abs(now_mm - last_mm));
+    last_mm = now_mm;
+  }
+  CHECK(last_mm == Approx(before_mm - 1400 * kMmPerCount));
+  CHECK(largest_mm < 0.21);  // in 10 ms, at 20 mm/s
+  REQUIRE(chain.listener.Until([&] { return chain.listener.counters["healed_um"] == -29633; }));
+  CHECK(chain.listener.counters["marks_passed"] == 2);
+}

@@ -1,0 +1,152 @@
+// Where a daemon that starts takes the position from: an earlier daemon, the simulator, or zero.
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <filesystem>
+#include <thread>
+
+#include "tests/daemon/daemon_chain.h"
+#include "tests/support/scenes.h"
+#include "torquer_lcm/wire_state_t.hpp"
+
+namespace {
+
+using torquer::test::Chain;
+using torquer::test::ChildProcess;
+using torquer::test::Contains;
+using torquer::test::Ending;
+using torquer::test::EndingOf;
+using torquer::test::kMmPerCount;
+using torquer_lcm::instrument_command_t;
+
+}  // namespace
+
+TEST_CASE("A restarted daemon goes on from the last published position") {
+  const int signal = GENERATE(SIGKILL, SIGTERM);
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const instrument_command_t before = chain.Push(1000);
+  chain.daemon->Signal(signal);
+  chain.daemon->Wait();
+  chain.Start();
+  REQUIRE(chain.daemon->WaitForError("running: reading"));
+  const instrument_command_t after = chain.Push(100);
+  CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
+  CHECK(after.sequence > before.sequence);
+  CHECK(chain.daemon->WaitForError("taking up the position of the previous daemon: 19.05 mm"));
+}
+
+TEST_CASE("A daemon takes up what the simulator was commanded, or begins at zero with it") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  chain.Push(1000);
+  chain.daemon->Signal(SIGTERM);
+  chain.daemon->Wait();
+
+  // Of several instruments the daemon's counts.
+  torquer_lcm::wire_state_t state{};
+  state.instruments.resize(2);
+  state.instrument_count = 2;
+  state.instruments[0].name = "microwire";
+  state.instruments[0].command_sequence = 9000;
+  state.instruments[0].commanded_insertion_mm = 77;
+  torquer_lcm::instrument_state_t& guidewire = state.instruments[1];
+  guidewire.name = "guidewire";
+  guidewire.inserted_at_start_mm = 100;
+  double expected_mm = 0.0;
+  SECTION("a simulator that was last commanded elsewhere is believed") {
+    guidewire.command_sequence = 4711;
+    guidewire.commanded_insertion_mm = 223.5;
+    guidewire.commanded_rotation_rad = -1.5;
+    expected_mm = 123.5;
+  }
+  SECTION("a simulator that was not commanded yet begins at zero") {
+    guidewire.command_sequence = -1;
+    guidewire.commanded_insertion_mm = 100;
+  }
+  std::atomic<bool> stop = false;
+  std::thread simulator([&] {
+    torquer::bus::Bus bus;
+    while (!stop) {
+      bus.Publish(torquer::protocol::kWireStateChannel, state);
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  });
+  chain.Start();
+  const bool here = chain.daemon->WaitForError("running: reading");
+  stop = true;
+  simulator.join();
+  REQUIRE(here);
+  const instrument_command_t after = chain.Push(100);
+  CHECK(after.insertion_mm == Approx(expected_mm + 90 * kMmPerCount));
+  CHECK(after.rotation_rad == guidewire.commanded_rotation_rad);
+  CHECK(after.sequence > guidewire.command_sequence);
+}
+
+TEST_CASE("A restarted daemon does not move a wire that lay in at the start") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const torquer::test::SceneFile scene;
+  torquer_lcm::wire_state_t state{};
+  chain.listener.bus->Subscribe<torquer_lcm::wire_state_t>(
+      torquer::protocol::kWireStateChannel,
+      [&](const torquer_lcm::wire_state_t& newest) { state = newest; }, 0);
+  ChildProcess simulator(
+      {torquer::test::ProgramPath("torquer-simulator"), "--scene", scene.path()});
+  REQUIRE(chain.listener.Until([&] { return !state.instruments.empty(); }));
+  // Commands, and with them a state that has the newest; or a later one, which holds that place
+  // while the device is silent.
+  const auto push = [&](int axial_counts) {
+    const instrument_command_t command = chain.Push(axial_counts);
+    REQUIRE(chain.listener.Until(
+        [&] { return state.instruments[0].command_sequence >= command.sequence; }));
+    return command;
+  };
+  const instrument_command_t before = push(1000);
+  CHECK(state.instruments[0].commanded_insertion_mm == Approx(120 + before.insertion_mm));
+  chain.daemon->Signal(SIGTERM);
+  chain.daemon->Wait();
+  SECTION("that the daemon knows") {}
+  SECTION("that only the simulator knows") {
+    std::filesystem::remove_all(chain.listener.folder.Path("torquer"));
+  }
+  chain.Start();
+  REQUIRE(chain.daemon->WaitForError("running: reading"));
+  const instrument_command_t after = push(100);
+  CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
+  CHECK(state.instruments[0].commanded_insertion_mm == Approx(120 + after.insertion_mm));
+}
+
+TEST_CASE("A daemon begins at zero with a simulator that was started again") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  chain.Push(1000);
+  chain.daemon->Signal(SIGTERM);
+  chain.daemon->Wait();
+  // Nothing moves in this scene: it is at rest before the daemon listens.
+  const torquer::test::SceneFile scene;
+  int states = 0;
+  chain.listener.bus->Subscribe<torquer_lcm::wire_state_t>(
+      torquer::protocol::kWireStateChannel, [&](const torquer_lcm::wire_state_t&) { ++states; }, 0);
+  ChildProcess simulator(
+      {torquer::test::ProgramPath("torquer-simulator"), "--scene", scene.path()});
+  REQUIRE(chain.listener.Until([&] { return states >= 3; }));
+  chain.Start();
+  REQUIRE(chain.daemon->WaitForError("running: reading"));
+  CHECK(chain.Push(100).insertion_mm == Approx(90 * kMmPerCount));
+}
+
+TEST_CASE("Home makes the present place the start") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  chain.Push(1000);
+  const Ending home = EndingOf({torquer::test::kDaemonProgram, "--home"});
+  CHECK(home.status == 0);
+  REQUIRE(chain.listener.UntilHealth("running", "home"));
+  CHECK(chain.Push(100).insertion_mm == Approx(100 * kMmPerCount));
+
+  const Ending catheter =
+      EndingOf({torquer::test::kDaemonProgram, "--home", "--instrument", "catheter"});
+  CHECK(catheter.status == 2);
+  CHECK(Contains(catheter.error, "no torquer-daemon of yours drives the instrument 'catheter'"));
+}
