@@ -11,6 +11,12 @@
 namespace torquer::bus {
 namespace {
 
+std::int64_t NowUs(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * 1000000 + now.tv_nsec / 1000;
+}
+
 std::int64_t MakeClockId() {
   std::ifstream file("/proc/sys/kernel/random/boot_id");
   std::string boot_id;
@@ -27,11 +33,9 @@ std::int64_t MakeClockId() {
 
 }  // namespace
 
-std::int64_t MonotonicUs() {
-  timespec now{};
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return static_cast<std::int64_t>(now.tv_sec) * 1000000 + now.tv_nsec / 1000;
-}
+std::int64_t MonotonicUs() { return NowUs(CLOCK_MONOTONIC); }
+
+std::int64_t BoottimeUs() { return NowUs(CLOCK_BOOTTIME); }
 
 std::int64_t ClockId() {
   static const std::int64_t id = MakeClockId();

@@ -49,7 +49,7 @@ std::string InstrumentClaimName(const std::string& instrument, const std::string
 struct LastCommand {
   Pose pose;
   std::int64_t sequence = -1;
-  std::int64_t publish_us = 0;
+  std::int64_t boottime_us = 0;  ///< when; goes on while the machine sleeps
   std::int64_t clock_id = 0;
 };
 

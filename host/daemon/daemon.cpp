@@ -88,7 +88,7 @@ void Daemon::TakeUpPosition() {
   std::optional<LastCommand> previous = instrument_claim_.previous();
   if (previous && previous->clock_id != bus::ClockId()) previous.reset();
   if (previous) sequence_ = protocol::NextSequence(previous->sequence);
-  if (previous && bus::MonotonicUs() - previous->publish_us > kTakeUpWithinS * 1000000LL) {
+  if (previous && bus::BoottimeUs() - previous->boottime_us > kTakeUpWithinS * 1000000LL) {
     previous.reset();
   }
 
@@ -169,10 +169,30 @@ void Daemon::OnEvent(const device::SourceEvent& event) {
     case device::SourceEvent::Kind::kDisconnected:
       OnDisconnected(event);
       break;
+    case device::SourceEvent::Kind::kTrouble:
+      OnTrouble(event.text);
+      break;
   }
 }
 
+// A device that cannot be used ends a daemon that starts; one that runs waits until it can.
 void Daemon::OnConnected(const device::SourceEvent& event) {
+  try {
+    Take(event);
+  } catch (const UserError& error) {
+    if (connections_ == 0) throw;
+    OnTrouble(error.what());
+    source_->LetGo("was let go");
+  }
+}
+
+void Daemon::OnTrouble(const std::string& text) {
+  if (text == trouble_) return;
+  trouble_ = text;
+  Announce("waiting for device", fmt::format("{}; trying again once a second", text));
+}
+
+void Daemon::Take(const device::SourceEvent& event) {
   std::string serial;
   try {
     serial = device::ReadSerial(*source_);
@@ -202,6 +222,7 @@ void Daemon::OnConnected(const device::SourceEvent& event) {
     health_.SetDevice(serial);
   }
   connected_ = true;
+  trouble_.clear();
   silent_ = false;
   last_report_us_ = bus::MonotonicUs();
   pipeline_->OnConnected();
@@ -407,7 +428,7 @@ void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
   command.contrast = hand.contrast;
   command.flags = hand.flags;
   // First, so that after a kill in between the next daemon does not start one command back.
-  instrument_claim_.Remember({hand.pose, command.sequence, command.publish_us, command.clock_id});
+  instrument_claim_.Remember({hand.pose, command.sequence, bus::BoottimeUs(), command.clock_id});
   if (bus_.Publish(protocol::kInstrumentCommandChannel, command)) ++commands_published_;
   if (options_.show) options_.show(hand);
 }

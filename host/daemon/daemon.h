@@ -60,6 +60,8 @@ class Daemon {
 
  private:
   void OnEvent(const device::SourceEvent& event);
+  void Take(const device::SourceEvent& event);
+  void OnTrouble(const std::string& text);
   void OnConnected(const device::SourceEvent& event);
   void OnReport(const device::SourceEvent& event);
   void OnDisconnected(const device::SourceEvent& event);
@@ -88,6 +90,7 @@ class Daemon {
   SensorImage sensor_image_;
   std::string device_;  // serial number, once known
   bool connected_ = false;
+  std::string trouble_;  // said last, until a device is taken
   bool silent_ = false;
   std::int64_t last_report_us_ = 0;
   std::int64_t last_hold_us_ = 0;

@@ -10,8 +10,25 @@
 
 namespace torquer::device {
 
+namespace {
+
+// A device that has just been plugged in, or a busy host, may miss one.
+constexpr int kMostTimeouts = 2;
+
+std::vector<std::uint8_t> AskForIdentity(ReportSource& source) {
+  for (int timeouts = 0;; ++timeouts) {
+    try {
+      return source.GetFeature(protocol::kIdentityReportId);
+    } catch (const FeatureTimeout&) {
+      if (timeouts == kMostTimeouts) throw;
+    }
+  }
+}
+
+}  // namespace
+
 std::string ReadSerial(ReportSource& source) {
-  const std::vector<std::uint8_t> answer = source.GetFeature(protocol::kIdentityReportId);
+  const std::vector<std::uint8_t> answer = AskForIdentity(source);
   if (answer.size() >= 2 && answer[1] != protocol::kProtocolVersion) {
     throw UserError(
         fmt::format("the device's firmware has protocol version {}, this program has {}; {}",

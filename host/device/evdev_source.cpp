@@ -227,7 +227,15 @@ bool EvdevSource::Open() {
 void EvdevSource::Close() { inputs_.clear(); }
 
 void EvdevSource::Wait(int timeout_ms, const Sink& sink) {
-  if (inputs_.empty() && Open()) {
+  const auto open = [this] {
+    try {
+      return Open();
+    } catch (...) {
+      Close();
+      throw;
+    }
+  };
+  if (inputs_.empty() && reopening_.Try(open, sink)) {
     sink({.kind = SourceEvent::Kind::kConnected,
           .host_us = bus::MonotonicUs(),
           .report = {},
@@ -264,6 +272,12 @@ void EvdevSource::Wait(int timeout_ms, const Sink& sink) {
     sink(
         {.kind = SourceEvent::Kind::kDisconnected, .host_us = now_us, .report = {}, .text = gone_});
   }
+}
+
+void EvdevSource::LetGo(const std::string& reason) {
+  if (inputs_.empty() || !gone_.empty()) return;
+  gone_ = reason;
+  reopening_.Pause();
 }
 
 void EvdevSource::ReadAll(Input& input, std::deque<protocol::InputReport>& reports) {

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "host/device/reopening.h"
 #include "host/device/report_source.h"
 #include "host/device/wake_up.h"
 #include "protocol/hid_reports.h"
@@ -46,9 +47,10 @@ class EvdevSource : public ReportSource {
   EvdevSource(const EvdevSource&) = delete;
   EvdevSource& operator=(const EvdevSource&) = delete;
 
-  /// Also throws UserError when a file may not be read, is neither mouse nor joystick, is given
-  /// twice, or is grabbed by another program.
+  /// Before a first connection it also throws UserError when a file may not be read, is neither
+  /// mouse nor joystick, is given twice, or is grabbed by another program.
   void Wait(int timeout_ms, const Sink& sink) override;
+  void LetGo(const std::string& reason) override;
   void Interrupt() override { wake_up_.Raise(); }
 
   /// Identity and configuration, as a bench device would give them.
@@ -68,6 +70,7 @@ class EvdevSource : public ReportSource {
 
   std::vector<std::string> paths_;
   WakeUp wake_up_;
+  Reopening reopening_;
   int timer_ = -1;
   std::vector<std::unique_ptr<Input>> inputs_;  // while connected; the mouse first
   std::string gone_;                            // why, once one of them is

@@ -113,7 +113,7 @@ bool HidrawSource::Open() {
 }
 
 void HidrawSource::Wait(int timeout_ms, const Sink& sink) {
-  if (device_ == nullptr && Open()) {
+  if (device_ == nullptr && reopening_.Try([this] { return Open(); }, sink)) {
     sink({.kind = SourceEvent::Kind::kConnected,
           .host_us = bus::MonotonicUs(),
           .report = {},
@@ -137,6 +137,12 @@ void HidrawSource::Wait(int timeout_ms, const Sink& sink) {
         .host_us = bus::MonotonicUs(),
         .report = {},
         .text = path_ + " " + gone_});
+}
+
+void HidrawSource::LetGo(const std::string& reason) {
+  if (device_ == nullptr || !gone_.empty()) return;
+  gone_ = reason;
+  reopening_.Pause();
 }
 
 // All that has arrived, so that a backlog needs no further polling; but a device that sends without
@@ -164,7 +170,7 @@ int HidrawSource::Checked(int result) {
     throw DeviceGone("the device is gone");
   }
   if (reason == EPIPE) throw FeatureError("the device refused the request");
-  if (reason == ETIMEDOUT) throw FeatureError("no answer in time");
+  if (reason == ETIMEDOUT) throw FeatureTimeout("no answer in time");
   throw FeatureError(std::strerror(reason));
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "host/device/reopening.h"
 #include "host/device/report_source.h"
 
 namespace torquer::device {
@@ -25,9 +26,10 @@ class HidrawSource : public ReportSource {
   HidrawSource(const HidrawSource&) = delete;
   HidrawSource& operator=(const HidrawSource&) = delete;
 
-  /// Also throws UserError when there are several devices and none was chosen, or when the device
-  /// may not be opened.
+  /// Before a first connection it also throws UserError when there are several devices and none was
+  /// chosen, or when the device may not be opened.
   void Wait(int timeout_ms, const Sink& sink) override;
+  void LetGo(const std::string& reason) override;
   void Interrupt() override { interrupted_ = true; }
   std::vector<std::uint8_t> GetFeature(std::uint8_t report_id) override;
   void SetFeature(std::span<const std::uint8_t> report) override;
@@ -48,7 +50,8 @@ class HidrawSource : public ReportSource {
   std::atomic<bool> interrupted_ = false;
   hid_device* device_ = nullptr;  // being read
   std::string path_;
-  std::string gone_;               // why, once the device is
+  std::string gone_;  // why, once the device is
+  Reopening reopening_;
   std::int64_t looked_us_ = 0;     // when one was looked for last
   std::int64_t forbidden_us_ = 0;  // since when one is there that may not be opened; 0: none
   bool bootloader_seen_ = false;

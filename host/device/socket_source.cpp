@@ -10,6 +10,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "host/bus/clock.h"
 #include "host/support/error.h"
@@ -63,13 +64,29 @@ void SocketSource::Close() {
   fd_ = -1;
 }
 
+void SocketSource::LetGo(const std::string& reason) {
+  if (fd_ < 0 || !gone_.empty()) return;
+  gone_ = reason;
+  reopening_.Pause();
+}
+
+void SocketSource::Disconnect(std::int64_t host_us, const Sink& sink) {
+  Close();
+  waiting_.clear();
+  sink({.kind = SourceEvent::Kind::kDisconnected,
+        .host_us = host_us,
+        .report = {},
+        .text = place() + " " + std::exchange(gone_, "")});
+}
+
 void SocketSource::Wait(int timeout_ms, const Sink& sink) {
-  if (fd_ < 0 && Connect()) {
+  if (fd_ < 0 && reopening_.Try([this] { return Connect(); }, sink)) {
     sink({.kind = SourceEvent::Kind::kConnected,
           .host_us = bus::MonotonicUs(),
           .report = {},
           .text = place()});
   }
+  if (!gone_.empty()) Disconnect(bus::MonotonicUs(), sink);
   const auto deliver_waiting = [&] {
     while (!waiting_.empty()) {
       const Arrival arrival = std::move(waiting_.front());
@@ -108,12 +125,8 @@ bool SocketSource::Receive(Arrival& arrival) {
 
 void SocketSource::Deliver(const Arrival& arrival, const Sink& sink) {
   if (arrival.packet.empty()) {
-    Close();
-    waiting_.clear();
-    sink({.kind = SourceEvent::Kind::kDisconnected,
-          .host_us = arrival.host_us,
-          .report = {},
-          .text = place() + " was closed by the device"});
+    gone_ = "was closed by the device";
+    Disconnect(arrival.host_us, sink);
     return;
   }
   // Answers that came too late are dropped.
@@ -149,7 +162,7 @@ std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>&
   const std::int64_t deadline_us = bus::MonotonicUs() + kAnswerUs;
   for (;;) {
     const std::int64_t left_us = deadline_us - bus::MonotonicUs();
-    if (left_us <= 0) throw FeatureError("no answer within a second");
+    if (left_us <= 0) throw FeatureTimeout("no answer within a second");
     pollfd event{fd_, POLLIN, 0};
     if (poll(&event, 1, static_cast<int>(left_us / 1000) + 1) <= 0) continue;
     Arrival arrival;

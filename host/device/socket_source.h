@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "host/device/reopening.h"
 #include "host/device/report_source.h"
 #include "host/device/wake_up.h"
 #include "protocol/socket_link.h"
@@ -19,6 +20,7 @@ class SocketSource : public ReportSource {
   ~SocketSource() override;
 
   void Wait(int timeout_ms, const Sink& sink) override;
+  void LetGo(const std::string& reason) override;
   void Interrupt() override { wake_up_.Raise(); }
   std::vector<std::uint8_t> GetFeature(std::uint8_t report_id) override;
   void SetFeature(std::span<const std::uint8_t> report) override;
@@ -32,6 +34,7 @@ class SocketSource : public ReportSource {
 
   bool Connect();
   void Close();
+  void Disconnect(std::int64_t host_us, const Sink& sink);
   bool Receive(Arrival& arrival);
   void Deliver(const Arrival& arrival, const Sink& sink);
   std::vector<std::uint8_t> Request(const std::vector<std::uint8_t>& packet,
@@ -40,6 +43,8 @@ class SocketSource : public ReportSource {
   std::string path_;
   int fd_ = -1;
   WakeUp wake_up_;
+  Reopening reopening_;
+  std::string gone_;             // why, once the device is
   std::deque<Arrival> waiting_;  // arrived during a Request()
 };
 

@@ -1,9 +1,11 @@
 #include "host/device/usb.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
+#include <fstream>
 
 #include "host/support/error.h"
 
@@ -43,6 +45,18 @@ std::string UsbText(libusb_device_handle* handle, std::uint8_t index) {
                                                                      static_cast<int>(text.size()));
   return {reinterpret_cast<const char*>(text.data()),
           static_cast<std::size_t>(std::max(length, 0))};
+}
+
+std::string UsbTextOfKernel(libusb_device* device, const std::string& name) {
+  std::array<std::uint8_t, 8> ports{};
+  const int count = libusb_get_port_numbers(device, ports.data(), static_cast<int>(ports.size()));
+  if (count <= 0) return "";
+  const std::string place = fmt::format("{}-{}", libusb_get_bus_number(device),
+                                        fmt::join(ports.begin(), ports.begin() + count, "."));
+  std::ifstream file(fmt::format("/sys/bus/usb/devices/{}/{}", place, name));
+  std::string text;
+  std::getline(file, text);
+  return text;
 }
 
 }  // namespace torquer::device

@@ -27,8 +27,10 @@ constexpr std::size_t kLargestReport = protocol::kLongestReportBytes;
 constexpr int kMostErrorsInARow = 50;
 // Permissions are granted by udev, perhaps a moment after the device is announced.
 constexpr std::int64_t kPermissionUs = 1000000;
-// A device that has just been plugged in may fail at first; one that fails for longer is ignored.
+// A device that has just been plugged in may fail at first; one that fails for longer is tried when
+// the bus is listed.
 constexpr std::int64_t kOpenUs = 3000000;
+constexpr std::int64_t kListUs = 1000000;
 
 }  // namespace
 
@@ -52,6 +54,7 @@ UsbSource::~UsbSource() {
   Stop();
   libusb_hotplug_deregister_callback(context_, hotplug_);
   for (const Candidate& candidate : candidates_) libusb_unref_device(candidate.device);
+  for (libusb_device* other : others_) libusb_unref_device(other);
   libusb_exit(context_);
 }
 
@@ -84,7 +87,7 @@ int UsbSource::OnHotplug(libusb_context* /*context*/, libusb_device* device,
     return 0;
   }
   if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = true;
-  if (descriptor.idProduct == protocol::kUsbProductId) {
+  if (descriptor.idProduct == protocol::kUsbProductId && !source.Waits(device)) {
     // Nothing may be asked of the device from here; Wait() does.
     source.candidates_.push_back({libusb_ref_device(device), bus::MonotonicUs(), false});
   }
@@ -118,8 +121,9 @@ void UsbSource::OnTransfer(libusb_transfer* transfer) {
       break;
     case LIBUSB_TRANSFER_ERROR:
     case LIBUSB_TRANSFER_TIMED_OUT:
-      if (++source.errors_in_a_row_ >= kMostErrorsInARow)
-        source.gone_ = "gives only transfer errors";
+      if (++source.errors_in_a_row_ >= kMostErrorsInARow) {
+        source.LetGo("gives only transfer errors");
+      }
       break;  // Revive() submits it again
   }
 }
@@ -150,7 +154,16 @@ void UsbSource::Revive() {
 }
 
 void UsbSource::Wait(int timeout_ms, const Sink& sink) {
-  if (handle_ == nullptr) TakeCandidates(sink);
+  const auto open = [this] {
+    ListTheBus();
+    return TakeCandidates();
+  };
+  if (handle_ == nullptr && reopening_.Try(open, sink)) {
+    sink({.kind = SourceEvent::Kind::kConnected,
+          .host_us = bus::MonotonicUs(),
+          .report = {},
+          .text = address_});
+  }
   Revive();
   timeval timeout{timeout_ms / 1000, (timeout_ms % 1000) * 1000};
   if (arrivals_.empty()) libusb_handle_events_timeout_completed(context_, &timeout, nullptr);
@@ -164,6 +177,12 @@ void UsbSource::Wait(int timeout_ms, const Sink& sink) {
         .text = reason});
 }
 
+void UsbSource::LetGo(const std::string& reason) {
+  if (handle_ == nullptr || !gone_.empty()) return;
+  gone_ = reason;
+  reopening_.Pause();
+}
+
 void UsbSource::Deliver(const Sink& sink) {
   // Asking for a feature from within the sink lets further reports arrive.
   const std::vector<Arrival> arrived = std::exchange(arrivals_, {});
@@ -175,21 +194,40 @@ void UsbSource::Deliver(const Sink& sink) {
   }
 }
 
-void UsbSource::TakeCandidates(const Sink& sink) {
+// Adds what is there and neither known as other people's nor waiting to be tried. Arrivals are
+// announced, but not every way back is one.
+void UsbSource::ListTheBus() {
+  const std::int64_t now_us = bus::MonotonicUs();
+  if (now_us - listed_us_ < kListUs) return;
+  listed_us_ = now_us;
+  libusb_device** list = nullptr;
+  const ssize_t count = libusb_get_device_list(context_, &list);
+  if (count < 0) return;
+  const std::span<libusb_device*> here(list, static_cast<std::size_t>(count));
+  const auto gone = [&](libusb_device* device) {
+    return std::find(here.begin(), here.end(), device) == here.end();
+  };
+  for (libusb_device*& other : others_) {
+    if (gone(other)) libusb_unref_device(std::exchange(other, nullptr));
+  }
+  std::erase(others_, nullptr);
+  for (libusb_device* device : here) {
+    libusb_device_descriptor descriptor{};
+    libusb_get_device_descriptor(device, &descriptor);
+    if (descriptor.idVendor != protocol::kUsbVendorId ||
+        descriptor.idProduct != protocol::kUsbProductId || Waits(device) ||
+        std::find(others_.begin(), others_.end(), device) != others_.end()) {
+      continue;
+    }
+    candidates_.push_back({libusb_ref_device(device), now_us, false});
+  }
+  libusb_free_device_list(list, 1);
+}
+
+bool UsbSource::TakeCandidates() {
   std::vector<OpenDevice> found;
   try {
-    for (std::size_t count = candidates_.size(); count > 0; --count) {
-      // Meanwhile others may be added at the back.
-      const Candidate& candidate = candidates_.front();
-      const bool settled = candidate.left || TryOpen(candidate, found);
-      if (settled) {
-        libusb_unref_device(candidate.device);
-      } else {
-        candidates_.push_back(candidate);
-      }
-      candidates_.pop_front();
-    }
-    if (found.empty()) return;
+    TryCandidates(found);
     if (found.size() > 1) {
       std::vector<std::string> serials;
       for (const OpenDevice& device : found) serials.push_back(device.serial);
@@ -197,70 +235,104 @@ void UsbSource::TakeCandidates(const Sink& sink) {
           fmt::format("several bench devices are plugged in: {}; choose one with --device",
                       fmt::join(serials, ", ")));
     }
-    Start(found.front());
+    if (!found.empty() && Start(found.front())) return true;
   } catch (...) {
     for (const OpenDevice& device : found) libusb_close(device.handle);
     throw;
   }
-  sink({.kind = SourceEvent::Kind::kConnected,
-        .host_us = bus::MonotonicUs(),
-        .report = {},
-        .text = address_});
+  for (const OpenDevice& device : found) libusb_close(device.handle);
+  return false;
 }
 
-// False when the device is to be tried again later. What is found stays open.
-bool UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& found) {
+bool UsbSource::Waits(libusb_device* device) const {
+  return std::any_of(candidates_.begin(), candidates_.end(),
+                     [&](const Candidate& one) { return one.device == device; });
+}
+
+void UsbSource::TryCandidates(std::vector<OpenDevice>& found) {
+  for (std::size_t count = candidates_.size(); count > 0; --count) {
+    // Taken out first: opening one lets others be added, and may throw.
+    const Candidate candidate = candidates_.front();
+    candidates_.pop_front();
+    const std::unique_ptr<libusb_device, void (*)(libusb_device*)> kept(candidate.device,
+                                                                        &libusb_unref_device);
+    if (candidate.left) continue;
+    const Trial trial = TryOpen(candidate, found);
+    const bool too_late = bus::MonotonicUs() - candidate.seen_us > kOpenUs;
+    if (trial == Trial::kOther) others_.push_back(libusb_ref_device(candidate.device));
+    if (trial == Trial::kNotNow && !too_late) {
+      candidates_.push_back({libusb_ref_device(candidate.device), candidate.seen_us, false});
+    }
+  }
+}
+
+// What is found stays open.
+UsbSource::Trial UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& found) {
   OpenDevice device{};
   device.address = UsbAddress(candidate.device);
   const int error = libusb_open(candidate.device, &device.handle);
-  if (error == LIBUSB_ERROR_ACCESS) {
-    if (bus::MonotonicUs() - candidate.seen_us < kPermissionUs) return false;
-    throw UserError(
-        fmt::format("{} may not be opened by this user; {}", device.address, kPermissionRemedy));
-  }
-  const bool too_late = bus::MonotonicUs() - candidate.seen_us > kOpenUs;
-  if (error != 0) return too_late;
+  if (error == LIBUSB_ERROR_ACCESS) return JudgeForbidden(candidate, device.address);
+  if (error != 0) return Trial::kNotNow;
   libusb_device_descriptor descriptor{};
   libusb_get_device_descriptor(candidate.device, &descriptor);
   device.serial = UsbText(device.handle, descriptor.iSerialNumber);
-  // Other people's prototypes use the same ids.
   const std::string product = UsbText(device.handle, descriptor.iProduct);
-  if (product == protocol::kUsbProduct && !device.serial.empty() &&
-      (serial_.empty() || device.serial == serial_)) {
+  if (IsOurs(product, device.serial)) {
     found.push_back(device);
-    return true;
+    return Trial::kOpen;
   }
   libusb_close(device.handle);
-  return too_late || (!product.empty() && !device.serial.empty());
+  return product.empty() || device.serial.empty() ? Trial::kNotNow : Trial::kOther;
 }
 
-void UsbSource::CheckEndpoint(const OpenDevice& device) const {
+// One that may not be opened: what it is can be read from sysfs all the same.
+UsbSource::Trial UsbSource::JudgeForbidden(const Candidate& candidate,
+                                           const std::string& address) const {
+  const std::string product = UsbTextOfKernel(candidate.device, "product");
+  const std::string serial = UsbTextOfKernel(candidate.device, "serial");
+  if (!product.empty() && !serial.empty() && !IsOurs(product, serial)) return Trial::kOther;
+  if (bus::MonotonicUs() - candidate.seen_us < kPermissionUs) return Trial::kNotNow;
+  throw UserError(fmt::format("{} may not be opened by this user; {}", address, kPermissionRemedy));
+}
+
+// Other people's prototypes use the same ids.
+bool UsbSource::IsOurs(const std::string& product, const std::string& serial) const {
+  return product == protocol::kUsbProduct && !serial.empty() &&
+         (serial_.empty() || serial == serial_);
+}
+
+// False when the device cannot say, which one that is being unplugged cannot.
+bool UsbSource::HasConfiguration(const OpenDevice& device) const {
   libusb_config_descriptor* configuration = nullptr;
-  bool fits = false;
-  if (libusb_get_active_config_descriptor(libusb_get_device(device.handle), &configuration) == 0) {
-    for (int i = 0; i < configuration->bNumInterfaces; ++i) {
-      const libusb_interface& interface = configuration->interface[i];
-      if (interface.num_altsetting < 1) continue;
-      const libusb_interface_descriptor& setting = interface.altsetting[0];
-      for (int k = 0; k < setting.bNumEndpoints; ++k) {
-        fits = fits || (setting.bInterfaceNumber == kInterface &&
-                        setting.endpoint[k].bEndpointAddress == kEndpoint &&
-                        setting.endpoint[k].wMaxPacketSize == sizeof(protocol::InputReport));
-      }
-    }
-    libusb_free_config_descriptor(configuration);
+  if (libusb_get_active_config_descriptor(libusb_get_device(device.handle), &configuration) != 0) {
+    return false;
   }
+  bool fits = false;
+  for (int i = 0; i < configuration->bNumInterfaces; ++i) {
+    const libusb_interface& interface = configuration->interface[i];
+    if (interface.num_altsetting < 1) continue;
+    const libusb_interface_descriptor& setting = interface.altsetting[0];
+    for (int k = 0; k < setting.bNumEndpoints; ++k) {
+      fits = fits || (setting.bInterfaceNumber == kInterface &&
+                      setting.endpoint[k].bEndpointAddress == kEndpoint &&
+                      setting.endpoint[k].wMaxPacketSize == sizeof(protocol::InputReport));
+    }
+  }
+  libusb_free_config_descriptor(configuration);
   if (!fits) {
     throw UserError(fmt::format(
         "{}: the device has no input endpoint for reports of {} bytes: it runs other firmware; {}",
         device.address, sizeof(protocol::InputReport), kFlashRemedy));
   }
+  return true;
 }
 
-void UsbSource::Start(const OpenDevice& device) {
-  CheckEndpoint(device);
+// False when the device is just leaving: it stays with the caller.
+bool UsbSource::Start(const OpenDevice& device) {
+  if (!HasConfiguration(device)) return false;
   libusb_set_auto_detach_kernel_driver(device.handle, 1);
   const int error = libusb_claim_interface(device.handle, kInterface);
+  if (error == LIBUSB_ERROR_NO_DEVICE) return false;
   if (error != 0) {
     throw UserError(
         fmt::format("{}: the device cannot be claimed ({}); stop the other program that uses it",
@@ -281,6 +353,7 @@ void UsbSource::Start(const OpenDevice& device) {
                                    transfer.get(), 0);
     transfers_.push_back(std::move(transfer));
   }
+  return true;
 }
 
 // Ends the transfers before the device is closed.
@@ -326,7 +399,7 @@ int UsbSource::Control(std::uint8_t direction, std::uint8_t request, std::uint8_
     throw DeviceGone("the device is gone");
   }
   if (result == LIBUSB_ERROR_PIPE) throw FeatureError("the device refused the request");
-  if (result == LIBUSB_ERROR_TIMEOUT) throw FeatureError("no answer within a second");
+  if (result == LIBUSB_ERROR_TIMEOUT) throw FeatureTimeout("no answer within a second");
   if (result < 0) throw FeatureError(libusb_strerror(result));
   return result;
 }

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "host/device/reopening.h"
 #include "host/device/report_source.h"
 #include "protocol/hid_reports.h"
 
@@ -25,10 +26,13 @@ class UsbSource : public ReportSource {
   UsbSource(const UsbSource&) = delete;
   UsbSource& operator=(const UsbSource&) = delete;
 
-  /// Also throws UserError when there are several devices and none was chosen, when the device may
-  /// not be opened, when another program uses it, or when its endpoints are not those of our
-  /// firmware.
+  /// Before a first connection it also throws UserError when there are several devices and none was
+  /// chosen, when the device may not be opened, when another program uses it, or when its endpoints
+  /// are not those of our firmware. While none is connected the bus is listed once a second: after
+  /// a suspend of the host, or a row of errors, a device may be there without having been plugged
+  /// in.
   void Wait(int timeout_ms, const Sink& sink) override;
+  void LetGo(const std::string& reason) override;
   void Interrupt() override;
   std::vector<std::uint8_t> GetFeature(std::uint8_t report_id) override;
   void SetFeature(std::span<const std::uint8_t> report) override;
@@ -53,6 +57,11 @@ class UsbSource : public ReportSource {
     std::int64_t seen_us;
     bool left;  // unplugged again
   };
+  enum class Trial {
+    kOpen,    // ours
+    kNotNow,  // fails so far
+    kOther,   // not ours, and never will be
+  };
   struct OpenDevice {
     libusb_device_handle* handle;
     std::string serial;
@@ -63,10 +72,15 @@ class UsbSource : public ReportSource {
                                    libusb_hotplug_event event, void* self);
   static void LIBUSB_CALL OnTransfer(libusb_transfer* transfer);
 
-  void TakeCandidates(const Sink& sink);
-  bool TryOpen(const Candidate& candidate, std::vector<OpenDevice>& found);
-  void Start(const OpenDevice& device);
-  void CheckEndpoint(const OpenDevice& device) const;
+  void ListTheBus();
+  bool TakeCandidates();
+  bool Waits(libusb_device* device) const;
+  void TryCandidates(std::vector<OpenDevice>& found);
+  Trial TryOpen(const Candidate& candidate, std::vector<OpenDevice>& found);
+  Trial JudgeForbidden(const Candidate& candidate, const std::string& address) const;
+  bool IsOurs(const std::string& product, const std::string& serial) const;
+  bool Start(const OpenDevice& device);
+  bool HasConfiguration(const OpenDevice& device) const;
   void Submit(Transfer& transfer);
   void Revive();
   void Stop();
@@ -78,6 +92,9 @@ class UsbSource : public ReportSource {
   libusb_context* context_ = nullptr;
   libusb_hotplug_callback_handle hotplug_{};
   std::deque<Candidate> candidates_;
+  std::vector<libusb_device*> others_;  // listed devices with our ids that are not ours
+  std::int64_t listed_us_ = 0;
+  Reopening reopening_;
   bool bootloader_seen_ = false;
 
   libusb_device_handle* handle_ = nullptr;  // of the device being read

@@ -144,6 +144,9 @@ void DeviceReadings::Wait(int timeout_ms, ReadingSink& sink) {
       case device::SourceEvent::Kind::kDisconnected:
         sink.Inform(event.text + "; waiting for it");
         return;
+      case device::SourceEvent::Kind::kTrouble:
+        sink.Inform(event.text + "; trying again");
+        return;
       case device::SourceEvent::Kind::kReport:
         break;
     }

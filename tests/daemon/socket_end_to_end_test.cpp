@@ -246,6 +246,22 @@ TEST_CASE("Firmware that does not fit is refused with the command that remedies 
   CHECK(Contains(ending.error, "torquer-flash"));
 }
 
+TEST_CASE("A device that returns with other firmware is waited for until it fits") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  const instrument_command_t before = chain.Push(1000);
+  chain.device.Unplug(/*stay_away=*/true);
+  REQUIRE(chain.listener.UntilHealth("waiting for device", "closed by the device"));
+  chain.device.identity.protocol_version = 2;
+  chain.device.Return();
+  REQUIRE(chain.listener.UntilHealth("waiting for device", "firmware has protocol version 2"));
+  chain.device.Unplug(/*stay_away=*/true);
+  chain.device.identity.protocol_version = torquer::protocol::kProtocolVersion;
+  chain.device.Return();
+  REQUIRE(chain.listener.UntilHealth("running", "is back"));
+  CHECK(chain.Push(100).insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
+}
+
 TEST_CASE("A calibration is tied to its device and its sensor resolution") {
   Listener listener;
   const std::string socket = listener.folder.Path("device");

@@ -12,6 +12,7 @@
 namespace {
 
 using torquer::test::Chain;
+using torquer::test::SocketWords;
 using torquer::test::ChildProcess;
 using torquer::test::Contains;
 using torquer::test::Ending;
@@ -34,6 +35,21 @@ TEST_CASE("A restarted daemon goes on from the last published position") {
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
   CHECK(after.sequence > before.sequence);
   CHECK(chain.daemon->WaitForError("taking up the position of the previous daemon: 19.05 mm"));
+}
+
+TEST_CASE("A position is as old as it is, though the machine slept most of the time") {
+  Chain chain;
+  REQUIRE(chain.device.WaitForHost());
+  chain.Push(1000);
+  chain.daemon->Signal(SIGTERM);
+  chain.daemon->Wait();
+  // Its clock that counts sleep is two days ahead, its monotonic clock is not.
+  std::vector<std::string> words{"/usr/bin/unshare", "--time",     "--fork",
+                                 "--kill-child",     "--boottime", "172800"};
+  for (const std::string& word : SocketWords(chain.socket)) words.push_back(word);
+  ChildProcess daemon(words);
+  REQUIRE(daemon.WaitForError("running: reading"));
+  CHECK(Contains(daemon.Error(), "starting at zero"));
 }
 
 TEST_CASE("A daemon takes up what the simulator was commanded, or begins at zero with it") {

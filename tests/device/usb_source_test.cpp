@@ -2,94 +2,17 @@
 
 #include <catch2/catch.hpp>
 #include <csignal>
-#include <cstring>
 #include <filesystem>
 
 #include "calibration/calibration_file.h"
-#include "protocol/hid_reports.h"
 #include "protocol/usb_ids.h"
-#include "tests/support/daemon_process.h"
+#include "tests/device/usb_chain.h"
 #include "tests/support/paths.h"
-#include "tests/support/reports.h"
-#include "tests/support/usb_testbed.h"
 
 namespace {
 
-using torquer::protocol::InputReport;
-using torquer::test::ChildProcess;
-using torquer::test::ControlAnswer;
-using torquer::test::ControlRequest;
-using torquer::test::InputStep;
-using torquer::test::Listener;
-using torquer::test::Next;
-using torquer::test::StillReport;
-using torquer::test::UsbDeviceScript;
-using torquer::test::UsbTestbed;
+using namespace torquer::test;
 using torquer_lcm::instrument_command_t;
-
-constexpr double kMmPerCount = 25.4 / 1200;
-constexpr int kAddress = 5;
-
-template <class Report>
-std::vector<std::uint8_t> Bytes(const Report& report) {
-  std::vector<std::uint8_t> bytes(sizeof report);
-  std::memcpy(bytes.data(), &report, sizeof report);
-  return bytes;
-}
-
-// A healthy bench device.
-UsbDeviceScript Bench(const std::string& serial = "BENCH-7") {
-  torquer::protocol::IdentityReport identity{};
-  identity.report_id = torquer::protocol::kIdentityReportId;
-  identity.protocol_version = torquer::protocol::kProtocolVersion;
-  serial.copy(identity.serial, sizeof identity.serial);
-  torquer::protocol::ConfigurationReport configuration{};
-  configuration.report_id = torquer::protocol::kConfigurationReportId;
-  configuration.protocol_version = torquer::protocol::kProtocolVersion;
-  configuration.cpi = 1200;
-
-  UsbDeviceScript script;
-  script.vendor_id = torquer::protocol::kUsbVendorId;
-  script.product_id = torquer::protocol::kUsbProductId;
-  script.manufacturer = torquer::protocol::kUsbManufacturer;
-  script.product = torquer::protocol::kUsbProduct;
-  script.serial = serial;
-  script.control = [=](const ControlRequest& request) -> ControlAnswer {
-    // GET_REPORT of a feature report, to the interface.
-    if (request.type == 0xa1 && request.request == 1) {
-      if (request.value == 0x0302) return {ControlAnswer::Kind::kData, Bytes(identity)};
-      if (request.value == 0x0303) return {ControlAnswer::Kind::kData, Bytes(configuration)};
-    }
-    return {ControlAnswer::Kind::kStall};
-  };
-  return script;
-}
-
-InputStep Sends(const InputReport& report) { return {InputStep::Kind::kData, Bytes(report)}; }
-
-struct UsbChain {
-  std::unique_ptr<ChildProcess> Start(const std::vector<std::string>& more = {}) {
-    std::vector<std::string> words{torquer::test::kDaemonProgram, "--source", "usb",
-                                   "--uncalibrated"};
-    words.insert(words.end(), more.begin(), more.end());
-    return std::make_unique<ChildProcess>(words);
-  }
-  // Reports that move on by so many counts each; the last command that comes of them.
-  instrument_command_t Push(int address, int reports, int counts) {
-    listener.Forget();
-    for (int i = 0; i < reports; ++i) {
-      report = Next(report);
-      report.axial_counts += counts;
-      testbed.Input(address, Sends(report));
-    }
-    REQUIRE(listener.UntilCommands(static_cast<std::size_t>(reports)));
-    return listener.commands.back();
-  }
-
-  Listener listener{/*with_devices=*/true};
-  UsbTestbed testbed;
-  InputReport report = StillReport();
-};
 
 std::string RefusalOf(UsbChain& chain, const std::vector<std::string>& more = {}) {
   const auto daemon = chain.Start(more);

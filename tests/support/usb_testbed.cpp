@@ -124,6 +124,11 @@ struct UsbTestbed::Device {
         return Complete(client, -1, ENODATA);
       case USBDEVFS_CLAIMINTERFACE:
       case USBDEVFS_DISCONNECT_CLAIM:
+        if (script.lost_claims > 0) {
+          --script.lost_claims;
+          return Complete(client, -1, ENODEV);
+        }
+        if (script.busy) return Complete(client, -1, EBUSY);
         claimed = true;
         return Complete(client, 0, 0);
       case USBDEVFS_RELEASEINTERFACE:
@@ -270,6 +275,10 @@ struct UsbTestbed::Device {
   void Vanish() {
     const std::lock_guard lock(mutex);
     gone = true;
+    EndTransfers();
+  }
+
+  void EndTransfers() {
     for (auto* waiting : {&polls, &unanswered}) {
       for (const Transfer& transfer : *waiting) {
         transfer.End(-ESHUTDOWN, 0);
@@ -327,6 +336,7 @@ void UsbTestbed::Plug(int address, const UsbDeviceScript& script) {
       "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: BUSNUM=001\nE: DEVNUM=" + padded +
       "\nE: DEVNAME=" + NodePath(address) +
       "\nE: DEVTYPE=usb_device\nA: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=" + number +
+      "\\n\nA: product=" + script.product + "\\n\nA: serial=" + script.serial +
       "\\n\nA: speed=12\\n\nH: descriptors=" + DescriptorsInHex(script) + "\n";
   GError* error = nullptr;
   // Announces it as well.
@@ -349,6 +359,12 @@ void UsbTestbed::Input(int address, const InputStep& step) {
   const std::lock_guard lock(device.mutex);
   device.steps.push_back(step);
   device.Play();
+}
+
+void UsbTestbed::Lose(int address) {
+  Device& device = At(address);
+  const std::lock_guard lock(device.mutex);
+  device.EndTransfers();
 }
 
 UsbTestbed::Device& UsbTestbed::At(int address) const { return *state_->plugged.at(address); }

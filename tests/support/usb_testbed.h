@@ -40,6 +40,8 @@ struct UsbDeviceScript {
   std::string manufacturer, product, serial;  ///< strings 1, 2, 3
   std::uint16_t input_packet_bytes = 32;      ///< of endpoint 1 IN
   int stalled_strings = 0;  ///< requests for strings that are stalled before the first answer
+  int lost_claims = 0;      ///< claims that find the device gone, before the first that succeeds
+  bool busy = false;        ///< another program has the interface
   /// Everything but the string descriptors comes here, from another thread.
   std::function<ControlAnswer(const ControlRequest&)> control;
 };
@@ -58,6 +60,10 @@ class UsbTestbed {
   void Plug(int address, const UsbDeviceScript& script);
   /// The device is gone: transfers in flight end, further requests fail; then it is announced.
   void Unplug(int address, bool announce = true);
+
+  /// As after a suspend of the host: every transfer ends as if the device were gone, but it is not,
+  /// and nothing is announced.
+  void Lose(int address);
 
   /// To be done at the next polls, in order; without any, polls wait.
   void Input(int address, const InputStep& step);

@@ -31,6 +31,7 @@ class ToldSource : public ReportSource {
   void Wait(int /*timeout_ms*/, const Sink& sink) override {
     if (next_ < waits.size()) waits[next_++](sink);
   }
+  void LetGo(const std::string& /*reason*/) override {}
   void Interrupt() override {}
   std::vector<std::uint8_t> GetFeature(std::uint8_t /*report_id*/) override {
     torquer::protocol::IdentityReport identity{};

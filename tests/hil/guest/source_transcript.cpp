@@ -78,6 +78,7 @@ class Conversation {
         decoder_.OnConnected();
         break;
       case SourceEvent::Kind::kDisconnected:
+      case SourceEvent::Kind::kTrouble:
         connected_ = false;
         break;
       case SourceEvent::Kind::kReport:
