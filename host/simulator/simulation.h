@@ -89,6 +89,7 @@ class Simulation {
 
   scene::Scene& scene_;
   std::unique_ptr<Relaxation> relaxation_;
+  std::vector<effects::Timed*> timed_;
   std::vector<effects::Evolution*> evolutions_;
   std::vector<effects::Observer*> observers_;
   effects::ImageSource* image_ = nullptr;

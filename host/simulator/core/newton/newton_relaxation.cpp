@@ -17,6 +17,20 @@ namespace {
 constexpr double kStableWeight = 1e-6;
 // Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
 constexpr double kPush = 1e-4;
+
+// How much of the way that is left one part goes, by the motion that needs the most parts.
+double ShareOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
+                  const InstrumentPlaces& goal) {
+  double share = 1;
+  const auto take = [&share](double from, double to, double end) {
+    if (end != from) share = std::min(share, (to - from) / (end - from));
+  };
+  for (int k = 0; k < here.size(); ++k) {
+    take(here[k].insertion_mm, next[k].insertion_mm, goal[k].insertion_mm);
+    take(here[k].rotation_rad, next[k].rotation_rad, goal[k].rotation_rad);
+  }
+  return share;
+}
 }  // namespace
 
 template <class Stage>
@@ -163,6 +177,10 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
     BeginPart();
   }
   part_moved_ = true;
+  if (!terms_.empty()) {
+    const double share = ShareOfWay(here, next, goal);
+    for (EnergyTerm* term : terms_) term->TakeShare(share);
+  }
   active_set_.RememberPressed(current_);
   MoveTo(next, state);
 
