@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "protocol/lcm_channels.h"
@@ -100,6 +101,12 @@ void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
   for (effects::Evolution* evolution : evolutions_) evolution->Advance(tick);
   for (effects::Observer* observer : observers_) observer->Observe(tick);
   if (image_ != nullptr) picture_due_ = image_->Take(tick);
+}
+
+double Simulation::longest_tick_s() const {
+  if (!timed_.empty()) return 1e-3;
+  if (scene_.moving_field() != nullptr || !evolutions_.empty()) return 5e-3;
+  return std::numeric_limits<double>::infinity();
 }
 
 std::vector<effects::Reading> Simulation::Readings() const {
