@@ -23,7 +23,7 @@ bool InView(const ClearanceField& field, const Eigen::AlignedBox3d& bounds_mm, d
 std::vector<LumenRun> SeeLumen(const ClearanceField& field, const Eigen::AlignedBox3d& bounds_mm,
                                double step_mm) {
   std::vector<LumenRun> runs;
-  const Eigen::Vector3d low = bounds_mm.min();
+  const Eigen::Vector3d& low = bounds_mm.min();
   const int columns = static_cast<int>(std::ceil(bounds_mm.sizes()[0] / step_mm)) + 1;
   const int lines = static_cast<int>(std::ceil(bounds_mm.sizes()[1] / step_mm));
   for (int line = 0; line <= lines; ++line) {

@@ -58,8 +58,8 @@ Inertia::Material Inertia::Before(const PointSet& points, int q) const {
   const double from_tip_mm = keeps ? points.FromTip(q) * points.spacing_mm
                                    : Inserted(points) - (q + 1) * points.weight_mm.front();
   const double in_sheath_mm = from_tip_mm - inserted_mm_;
-  const Material in_sheath{sheath_.point_mm - std::max(0.0, in_sheath_mm) * sheath_.direction,
-                           fed_mm_s_ * sheath_.direction};
+  Material in_sheath{sheath_.point_mm - std::max(0.0, in_sheath_mm) * sheath_.direction,
+                     fed_mm_s_ * sheath_.direction};
   if (in_sheath_mm >= 0 || known_ == 0) return in_sheath;
   // On the first segment as it was: straight, from its end to the sheath.
   const Material& end = material_[static_cast<std::size_t>(known_ - 1)];
