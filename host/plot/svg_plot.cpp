@@ -60,9 +60,8 @@ Scale FitScale(const Axis& axis, const Plot& plot, bool is_x) {
     for (std::size_t k = 0; k < s.x.size(); ++k) {
       const double v = is_x ? s.x[k] : s.y[k];
       if (!scale.Shows(v)) continue;
-      const double half = s.mark == Mark::kTube ? s.diameter / 2 : 0;
-      low = std::min(low, scale.Place(v - half));
-      high = std::max(high, scale.Place(v + half));
+      low = std::min(low, scale.Place(v));
+      high = std::max(high, scale.Place(v));
       if (s.mark == Mark::kBars && !is_x && !axis.logarithmic) low = std::min(low, 0.0);
     }
   }
@@ -224,11 +223,11 @@ class Drawing {
       }
       const char* color = Color(ColorOf(k));
       const bool points = s.mark == Mark::kPoints || s.mark == Mark::kLineAndPoints;
-      if (s.mark == Mark::kBars || s.mark == Mark::kTube) {
+      if (s.mark == Mark::kBars || s.mark == Mark::kArea) {
         legend_ += Print(
             "<rect x=\"%.1f\" y=\"%.1f\" width=\"18\" height=\"9\" fill=\"%s\" "
             "fill-opacity=\"%s\"/>\n",
-            x, y - 4.5, color, s.mark == Mark::kTube ? "0.16" : "0.75");
+            x, y - 4.5, color, s.mark == Mark::kArea ? "0.16" : "0.75");
       } else if (s.mark != Mark::kPoints) {
         legend_ += Print("<path d=\"M%.1f %.1fh20\" stroke=\"%s\" stroke-width=\"2.2\"%s/>\n", x, y,
                          color, s.mark == Mark::kDashed ? " stroke-dasharray=\"5 4\"" : "");
@@ -286,13 +285,15 @@ class Drawing {
         path += Print("%s%.2f %.2f", down ? "L" : "M", x_.Pixel(s.x[k]), y_.Pixel(s.y[k]));
         down = true;
       }
-      const bool tube = s.mark == Mark::kTube;
-      const double pixels = (x_.to_px - x_.from_px) / (x_.high - x_.low);
-      svg_ += "<path d=\"" + path + "\" fill=\"none\" stroke-linejoin=\"round\" stroke-linecap=\"" +
-              (tube ? "butt" : "round") +
-              Print("\" stroke=\"%s\" stroke-width=\"%.2f\"%s%s/>\n", color,
-                    tube ? s.diameter * pixels : 2.0, tube ? " stroke-opacity=\"0.16\"" : "",
-                    s.mark == Mark::kDashed ? " stroke-dasharray=\"6 4\"" : "");
+      if (s.mark == Mark::kArea) {
+        svg_ += "<path d=\"" + path + Print("\" fill=\"%s\" fill-opacity=\"0.16\"/>\n", color);
+        return;
+      }
+      svg_ += "<path d=\"" + path +
+              Print(
+                  "\" fill=\"none\" stroke-linejoin=\"round\" stroke-linecap=\"round\" "
+                  "stroke=\"%s\" stroke-width=\"2.00\"%s/>\n",
+                  color, s.mark == Mark::kDashed ? " stroke-dasharray=\"6 4\"" : "");
     }
     if (s.mark != Mark::kPoints && s.mark != Mark::kLineAndPoints) return;
     for (std::size_t k = 0; k < s.x.size(); ++k) {

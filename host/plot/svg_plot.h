@@ -1,4 +1,4 @@
-// Plots as SVG: lines, points, bars and tubes over linear or logarithmic axes.
+// Plots as SVG: lines, points, bars and areas over linear or logarithmic axes.
 #pragma once
 
 #include <optional>
@@ -15,10 +15,11 @@ struct Axis {
   std::optional<std::pair<double, double>> range = {};
 };
 
-enum class Mark { kLine, kDashed, kPoints, kLineAndPoints, kBars, kTube };
+enum class Mark { kLine, kDashed, kPoints, kLineAndPoints, kBars, kArea };
 
 struct Series {
   std::string label;  ///< in the legend; "" keeps it out
+  /// kArea: closed outlines, filled; a point that is not finite ends one and begins another.
   Mark mark = Mark::kLine;
   std::vector<double> x;
   std::vector<double> y;  ///< as many as x
@@ -26,8 +27,6 @@ struct Series {
   std::vector<std::string> notes = {};
   /// Index of the color; negative: the series' place in the plot.
   int color = -1;
-  /// kTube: its diameter in units of the axes (a vessel seen from aside).
-  double diameter = 0;
 };
 
 /// A place that the plot points out, with its name beside it.

@@ -13,6 +13,7 @@
 
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
+#include "host/simulator/script_ticks.h"
 #include "host/simulator/session_record.h"
 #include "host/simulator/simulation.h"
 #include "host/support/atomic_file.h"
@@ -24,7 +25,14 @@ namespace torquer::simulator {
 
 namespace {
 
-nlohmann::json Describe(Simulation& simulation, double time_s, double solve_us) {
+// What the ticks of a row took in all.
+struct RowCost {
+  int iterations = 0;
+  int work = 0;
+  double solve_us = 0;
+};
+
+nlohmann::json Describe(Simulation& simulation, double time_s, const RowCost& cost) {
   const WireState& state = simulation.state();
   nlohmann::json nodes = nlohmann::json::array();
   for (const Eigen::Vector3d& x : state.nodes()) nodes.push_back({x[0], x[1], x[2]});
@@ -36,9 +44,9 @@ nlohmann::json Describe(Simulation& simulation, double time_s, double solve_us) 
                          {"residual", report.residual},
                          {"solver_error_mm", simulation.SolverErrorMm()},
                          {"max_penetration_um", 1e3 * report.max_penetration_mm},
-                         {"iterations", report.iterations},
-                         {"work", report.work},
-                         {"solve_us", solve_us},
+                         {"iterations", cost.iterations},
+                         {"work", cost.work},
+                         {"solve_us", cost.solve_us},
                          {"state_hash", std::to_string(simulation.state_hash())},
                          {"status", simulation.status()}};
   for (int k = 0; k < state.places().size(); ++k) {
@@ -162,9 +170,9 @@ class StatesFile {
     if (!path.empty()) file_.emplace(path);
   }
   // A disk that has failed ends the run, since no later row can be kept.
-  void Write(Simulation& simulation, double time_s, double solve_us) {
+  void Write(Simulation& simulation, double time_s, const RowCost& cost) {
     if (!file_) return;
-    file_->out() << Describe(simulation, time_s, solve_us).dump() << '\n';
+    file_->out() << Describe(simulation, time_s, cost).dump() << '\n';
     if (!file_->KeepSoFar()) file_->Finish();
   }
   void Finish() {
@@ -238,15 +246,26 @@ ScriptResult RunScript(scene::Scene& scene, const std::string& script, const Scr
   const bool terminal = isatty(fileno(stderr)) != 0;
   ScriptResult result;
   result.rows = commands.size();
+  Command before;
+  before.target = scene.start();
+  before.time_s = 0;
   for (std::size_t k = 0; k < commands.size() && !stop; ++k) {
-    Command command = commands[k];
-    command.time_s -= first_s;
-    CountedBudget budget(scene.budget_units());
-    const std::int64_t start_us = bus::MonotonicUs();
-    result.unconverged += !simulation.Tick(command, budget).converged;
-    const auto solve_us = static_cast<double>(bus::MonotonicUs() - start_us);
-    states.Write(simulation, commands[k].time_s, solve_us);
-    pictures.Write(simulation);
+    Command row = commands[k];
+    row.time_s -= first_s;
+    ScriptTicks ticks(before, row, simulation.longest_tick_s());
+    RowCost cost;
+    for (Command tick; ticks.Next(tick);) {
+      CountedBudget budget(scene.budget_units());
+      const std::int64_t start_us = bus::MonotonicUs();
+      const TickReport& report = simulation.Tick(tick, budget);
+      cost.solve_us += static_cast<double>(bus::MonotonicUs() - start_us);
+      cost.iterations += report.iterations;
+      cost.work += report.work;
+      pictures.Write(simulation);
+    }
+    result.unconverged += !simulation.report().converged;
+    states.Write(simulation, commands[k].time_s, cost);
+    before = row;
     ++result.done;
     if (terminal && (k % 64 == 0 || k + 1 == commands.size())) {
       fmt::print(stderr, "\rrow {} of {}", k + 1, commands.size());

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "protocol/lcm_channels.h"
@@ -35,11 +36,13 @@ Simulation::Simulation(scene::Scene& scene)
       relaxation_(scene.MakeRelaxation()),
       state_(scene.rod(), scene.stack().size()) {
   for (const std::unique_ptr<effects::Effect>& effect : scene.effects()) {
+    if (effects::Timed* timed = effect->timed()) timed_.push_back(timed);
     if (effects::Evolution* evolution = effect->evolution()) evolutions_.push_back(evolution);
     if (effects::Observer* observer = effect->observer()) observers_.push_back(observer);
     if (effects::ImageSource* image = effect->image()) image_ = image;
   }
-  lives_ = scene.moving_field() != nullptr || !evolutions_.empty() || image_ != nullptr;
+  lives_ = scene.moving_field() != nullptr || !timed_.empty() || !evolutions_.empty() ||
+           image_ != nullptr;
   Restart();
 }
 
@@ -74,6 +77,7 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   const double before_s = time_s_;
   time_s_ = command.time_s < 0 ? time_s_ + 1e-3 : std::max(time_s_, command.time_s);
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(time_s_);
+  for (effects::Timed* timed : timed_) timed->Lapse(time_s_ - before_s);
   report_ = relaxation_->Tick(target_, budget, state_);
   ++tick_;
   done_.push_front({target_, time_s_, report_.work});
@@ -97,6 +101,12 @@ void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
   for (effects::Evolution* evolution : evolutions_) evolution->Advance(tick);
   for (effects::Observer* observer : observers_) observer->Observe(tick);
   if (image_ != nullptr) picture_due_ = image_->Take(tick);
+}
+
+double Simulation::longest_tick_s() const {
+  if (!timed_.empty()) return 1e-3;
+  if (scene_.moving_field() != nullptr || !evolutions_.empty()) return 5e-3;
+  return std::numeric_limits<double>::infinity();
 }
 
 std::vector<effects::Reading> Simulation::Readings() const {

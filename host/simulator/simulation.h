@@ -57,6 +57,10 @@ class Simulation {
   double time_s() const { return time_s_; }  ///< simulated, since the start
   /// Whether the scene goes on by itself, so that ticks count even where the hands rest.
   bool lives() const { return lives_; }
+  /// The longest tick, s, with which what depends on time is true: 1 ms, as live, where the wire
+  /// has inertia; 5 ms where the vessel moves or an effect evolves (within 2 um of 0.5 ms);
+  /// infinite where a long tick is the same as two short ones.
+  double longest_tick_s() const;
   /// Whether the wire is at rest where the hands want it.
   bool at_rest() const { return report_.converged && report_.arrived(); }
   /// What the observers of the scene have found.
@@ -89,6 +93,7 @@ class Simulation {
 
   scene::Scene& scene_;
   std::unique_ptr<Relaxation> relaxation_;
+  std::vector<effects::Timed*> timed_;
   std::vector<effects::Evolution*> evolutions_;
   std::vector<effects::Observer*> observers_;
   effects::ImageSource* image_ = nullptr;

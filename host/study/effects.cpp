@@ -83,6 +83,7 @@ radius_mm = 6
 factor = 20
 )"},
       {"gravity", "[effects.gravity]\n"},
+      {"inertia", "[effects.inertia]\n"},
       {"point_load", R"([effects.point_load]
 force_mN = 0.01
 force_direction = [0, 0, 1]

@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 
 #include "host/simulator/core/paper/predecessor_relaxation.h"
 #include "host/study/cpu_time.h"
+#include "host/study/lumen_view.h"
 #include "host/study/paper_bench.h"
 #include "host/study/paper_parts.h"
 
@@ -27,12 +29,21 @@ double Median(std::vector<double> values) {
   return *middle;
 }
 
-// The plane of the phantom's T, with the vessel and wires in it.
-Series Outline(const vessel::Centerline& curve, const std::string& label) {
-  Series series{label, Mark::kTube, {}, {}, {}, 7, 8};
-  for (const Eigen::Vector3d& p : curve.points_mm()) {
-    series.x.push_back(p[0]);
-    series.y.push_back(p[1]);
+// The plane of the phantom's T, with the lumen and wires in it.
+Series Lumen(const vessel::TubeVessel& phantom) {
+  constexpr double kStepMm = 0.25;
+  Series series{"lumen", Mark::kArea, {}, {}, {}, 7};
+  const auto add = [&series](double x, double y) {
+    series.x.push_back(x);
+    series.y.push_back(y);
+  };
+  for (const LumenRun& run : SeeLumen(*phantom.field, phantom.bounds_mm, kStepMm)) {
+    add(run.from_mm, run.y_mm - kStepMm / 2);
+    add(run.to_mm, run.y_mm - kStepMm / 2);
+    add(run.to_mm, run.y_mm + kStepMm / 2);
+    add(run.from_mm, run.y_mm + kStepMm / 2);
+    const double end = std::numeric_limits<double>::quiet_NaN();
+    add(end, end);
   }
   return series;
 }
@@ -341,11 +352,7 @@ void ReportShapes(PaperPart& part, const std::vector<Resolution>& resolutions) {
   plot.equal_scales = true;
   plot.width = 600;
   plot.height = 660;
-  bool named = false;
-  for (const vessel::Centerline& curve : part.phantom.centerlines.curves()) {
-    plot.series.push_back(Outline(curve, named ? "" : "lumen"));
-    named = true;
-  }
+  plot.series.push_back(Lumen(part.phantom));
   plot.series.push_back(Shape(b.inserted, "after fast insertion, n = 250", Mark::kLine, 2));
   plot.series.push_back(Shape(a.relaxed, "100 cycles, n = 100", Mark::kLine, 3));
   plot.series.push_back(Shape(b.relaxed, "100 cycles, n = 250", Mark::kLine, 0));

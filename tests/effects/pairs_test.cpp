@@ -29,6 +29,7 @@ const std::vector<Named>& All() {
        "[effects.compliance]\n[[effects.compliance.region]]\ncenterline = \"main\"\n"
        "from_mm = 60\nto_mm = 100\nradius_mm = 6\nfactor = 10\n"},
       {"gravity", "[effects.gravity]\n"},
+      {"inertia", "[effects.inertia]\n"},
       {"point_load", "[effects.point_load]\nforce_mN = 0.01\nforce_direction = [0, 0, 1]\n"},
       {"heartbeat",
        "[effects.heartbeat]\namplitude_mm = 2\ndirection = [0, 0, 1]\n"

@@ -112,8 +112,12 @@ class EnergyTerm {
   /// Before a part of the motion, and after a move of the vessel: takes over from the state
   /// whatever stays constant while that part is relaxed. The state is in balance, or nearly.
   virtual void Begin(const PointSet& points) = 0;
-  /// Whether what Add returns is work that is lost and not stored: it counts when the wire is
-  /// relaxed, and is no part of its energy.
+  /// The part that has begun goes `share`, 0 .. 1, of the way that is left to where the hands want
+  /// the instruments; where nothing is left to go this is not called, and the share is 1. Terms
+  /// that know the time of a tick give the part as much of what is left of it.
+  virtual void TakeShare(double share) { static_cast<void>(share); }
+  /// Whether what Add returns is not stored in the wire, as work that is lost or what a step of
+  /// time adds: it counts when the wire is relaxed, and is no part of its energy.
   virtual bool Dissipates() const { return false; }
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;

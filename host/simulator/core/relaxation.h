@@ -54,7 +54,7 @@ struct TickReport {
   /// Insertions count as asked for within 0 .. the instrument's length.
   InstrumentPlaces carried;
   double energy_mJ = 0;      ///< of bending, wall and effects, without what is dissipated
-  double dissipated_mJ = 0;  ///< by friction, from where its contacts last stuck
+  double dissipated_mJ = 0;  ///< of terms with EnergyTerm::Dissipates
   double residual = 0;       ///< largest out-of-balance moment over the local EI/(1 mm)
   double max_penetration_mm = 0;
 

@@ -88,6 +88,14 @@ struct Reading {
   double value = 0;
 };
 
+/// Role *timed*: knows how long the tick takes that is about to be relaxed.
+class Timed {
+ public:
+  virtual ~Timed() = default;
+  /// `step_s`: simulated since the tick before, >= 0.
+  virtual void Lapse(double step_s) = 0;
+};
+
 /// Role *evolution*: its own state, carried on once a tick.
 class Evolution {
  public:
@@ -132,6 +140,7 @@ class Effect {
   virtual EnergyTerm* energy_term() { return nullptr; }
   virtual const WallStiffness* wall_stiffness() { return nullptr; }
   virtual vessel::FieldMotion* motion() { return nullptr; }
+  virtual Timed* timed() { return nullptr; }
   virtual Evolution* evolution() { return nullptr; }
   virtual Observer* observer() { return nullptr; }
   virtual ImageSource* image() { return nullptr; }

@@ -8,6 +8,7 @@
 #include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/effects/instruments/torsion.h"
 #include "host/simulator/effects/loads/gravity.h"
+#include "host/simulator/effects/loads/inertia.h"
 #include "host/simulator/effects/loads/point_load.h"
 #include "host/simulator/effects/motion/breathing.h"
 #include "host/simulator/effects/motion/heartbeat.h"
@@ -18,9 +19,9 @@ namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   static const std::vector<EffectKind> kinds = {
-      TorsionKind(),    HeartbeatKind(), BreathingKind(), ComplianceKind(),
-      FrictionKind(),   GravityKind(),   PointLoadKind(), WallForceKind(),
-      AssessmentKind(), FlowKind(),      ContrastKind(),  FluoroscopyKind(),
+      TorsionKind(), HeartbeatKind(), BreathingKind(),   ComplianceKind(), FrictionKind(),
+      GravityKind(), InertiaKind(),   PointLoadKind(),   WallForceKind(),  AssessmentKind(),
+      FlowKind(),    ContrastKind(),  FluoroscopyKind(),
   };
   return kinds;
 }

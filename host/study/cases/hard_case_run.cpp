@@ -14,9 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A step lowers the energy with the frames frozen; bringing them up to date may raise it by the
-// third order of the step (1.5e-3 of the energy is the most that was seen, of a jammed tip that
-// whips round), and pushing a wire off an unstable balance by a little.
+// A step lowers the energy with the frames frozen; bringing them up to date may raise it by half a
+// percent, and pushing a wire off an unstable balance by a little.
 constexpr double kAllowedRise = 1e-2;
 
 WireState StartOf(const HardScene& scene) {

@@ -17,6 +17,20 @@ namespace {
 constexpr double kStableWeight = 1e-6;
 // Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
 constexpr double kPush = 1e-4;
+
+// How much of the way that is left one part goes, by the motion that needs the most parts.
+double ShareOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
+                  const InstrumentPlaces& goal) {
+  double share = 1;
+  const auto take = [&share](double from, double to, double end) {
+    if (end != from) share = std::min(share, (to - from) / (end - from));
+  };
+  for (int k = 0; k < here.size(); ++k) {
+    take(here[k].insertion_mm, next[k].insertion_mm, goal[k].insertion_mm);
+    take(here[k].rotation_rad, next[k].rotation_rad, goal[k].rotation_rad);
+  }
+  return share;
+}
 }  // namespace
 
 template <class Stage>
@@ -163,6 +177,10 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
     BeginPart();
   }
   part_moved_ = true;
+  if (!terms_.empty()) {
+    const double share = ShareOfWay(here, next, goal);
+    for (EnergyTerm* term : terms_) term->TakeShare(share);
+  }
   active_set_.RememberPressed(current_);
   MoveTo(next, state);
 
@@ -260,14 +278,17 @@ void NewtonMethod<Stage>::Relax(WireState& state, TickReport& report) {
         record.gained_mJ >= 0.1 * scale * model.expected_mJ ||
         (record.gained_mJ >= -rounding && trial_expansion_.residual < current_.residual);
   }
+  const double residual = current_.residual;
+  record.accepted = record.accepted && Take(state);
   record.lookups += mechanics_.points().lookups();
   if (records() != nullptr) records()->push_back(record);
 
   if (record.accepted) {
     stable_ = damping_.weight() == 0;
     const bool well = record.step_scale == 1 && record.gained_mJ >= 0.5 * model.expected_mJ;
-    damping_.Accept(current_.residual, well, moved_);
-    Accept(state);
+    damping_.Accept(residual, well, moved_);
+    moved_ = attempting_ = false;
+    ++iterations_since_move_;
     ++report.iterations;
   } else if (!damping_.Raise(current_.residual)) {
     GiveUp(state);
@@ -308,16 +329,23 @@ typename NewtonMethod<Stage>::Solution NewtonMethod<Stage>::SolveModel(const Wir
   }
 }
 
+// Takes the trial step, and takes it back where the frames that follow it turn the rest shape so
+// far that the wire is farther up than before: the step was good with the frames frozen, and too
+// long for that. Where shape and tip chase each other it may be up by 5 %.
 template <class Stage>
-void NewtonMethod<Stage>::Accept(WireState& state) {
+bool NewtonMethod<Stage>::Take(WireState& state) {
+  constexpr double kMostRise = 5e-3;
   state.TakeStep(trial_);
   std::swap(current_, trial_expansion_);
-  if (!Stage::kTwists) {
-    state.UpdateFrames(model_);
-    mechanics_.ExpandCurvedJoints(state, current_);
-  }
-  moved_ = attempting_ = false;
-  ++iterations_since_move_;
+  if (Stage::kTwists) return true;
+  state.UpdateFrames(model_);
+  mechanics_.ExpandCurvedJoints(state, current_);
+  const double before_mJ = trial_expansion_.energy_mJ;
+  if (current_.energy_mJ - before_mJ <= kMostRise * std::abs(before_mJ)) return true;
+  std::swap(current_, trial_expansion_);
+  state.TakeStep(trial_);
+  state.UpdateFrames(model_);
+  return false;
 }
 
 template <class Stage>

@@ -83,7 +83,7 @@ class NewtonMethod final : public Relaxation {
   void SlideSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
   Solution SolveModel(const WireState& state);
   double StepScale() const;
-  void Accept(WireState& state);
+  bool Take(WireState& state);
   void GiveUp(WireState& state);
   bool Stable(const WireState& state);
   void PushOff(WireState& state);

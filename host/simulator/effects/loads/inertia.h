@@ -1,0 +1,74 @@
+// Inertia of the instruments, and the drag of the blood: snaps take time.
+//
+// A part of a motion (0.25 mm at most, or a tick in which the hands rest) is an implicit Euler step
+// of the time dt that it takes: the energy is minimized together with
+//   m / (2 dt^2) |x - x0 - v dt|^2 + c / (2 dt) |x - x0|^2
+// at every point of the wire, x0 and v being position and velocity of the same material when the
+// part began. Its minimum is m a = -grad E - c v at the end of the step; no unknown is added.
+//
+// Position and velocity are remembered by the distance from the tip, which is what stays the same
+// of a place of the material while the wire is fed. At a fixed distance from the sheath the
+// material changes, and the acceleration would need the terms of convection. What lies in the
+// sheath is straight and moves as the hand does.
+#pragma once
+
+#include <vector>
+
+#include "host/simulator/effects/effect.h"
+
+namespace torquer::effects {
+
+class Inertia final : public Effect, public EnergyTerm, public Timed, public Observer {
+ public:
+  struct Settings {
+    /// Of each instrument, the innermost first, less what it displaces of the fluid; >= 0, g/m.
+    std::vector<double> linear_density_g_m;
+    double fluid_kg_m3 = 0;  ///< density of what surrounds and fills the instruments, >= 0
+    double drag_mPa_s = 0;   ///< force of the fluid per length and velocity, >= 0
+  };
+  Inertia(Settings settings, const EffectContext& context);
+
+  EnergyTerm* energy_term() override { return this; }
+  Timed* timed() override { return this; }
+  Observer* observer() override { return this; }
+
+  /// That of the step is neither stored nor lost: the reading kinetic_energy_mJ has what is stored.
+  bool Dissipates() const override { return true; }
+
+  void Lapse(double step_s) override { left_s_ += step_s; }
+  void Begin(const PointSet& points) override;
+  void TakeShare(double share) override { part_s_ = share * left_s_; }
+  double Add(const PointSet& points, PointDerivatives& out) const override;
+  void End(const PointSet& points) override;
+  void Reset() override;
+  std::uint64_t Hash(std::uint64_t seed) const override;
+
+  void Observe(const TickView& /*tick*/) override {}
+  std::vector<Reading> Readings() const override { return {{"kinetic_energy_mJ", kinetic_mJ_}}; }
+
+ private:
+  // Material of the wire when the part began.
+  struct Material {
+    Eigen::Vector3d at = Eigen::Vector3d::Zero();  // mm
+    Eigen::Vector3d velocity_mm_s = Eigen::Vector3d::Zero();
+  };
+
+  Material Before(const PointSet& points, int q) const;
+  double LengthAt(const PointSet& points, int q) const;
+  double DensityAt(const PointSet& points, int q) const;
+
+  const Settings settings_;
+  const Sheath sheath_;
+  std::vector<Material> material_;  // by PointSet::FromTip, of the points that keep their material
+  int known_ = 0;                   // of these
+  double inserted_mm_ = 0;          // where the part began
+  double fed_mm_s_ = 0;             // velocity of what is in the sheath
+  bool begun_ = false;              // since Reset
+  double left_s_ = 0;               // time that no part has simulated
+  double part_s_ = 0;               // what the present part takes of it
+  double kinetic_mJ_ = 0;           // when the last part ended
+};
+
+EffectKind InertiaKind();
+
+}  // namespace torquer::effects

@@ -1,0 +1,29 @@
+#include "host/simulator/script_ticks.h"
+
+#include <cmath>
+
+namespace torquer::simulator {
+
+bool ScriptTicks::Next(Command& tick) {
+  if (done_) return false;
+  tick = row_;
+  // A row that ends so close to a step, in parts of it, ends with it.
+  constexpr double kRounding = 1e-6;
+  ++count_;
+  const double until_s = (std::floor(before_.time_s / step_s_ + kRounding) + count_) * step_s_;
+  if (until_s > row_.time_s - kRounding * step_s_) {
+    done_ = true;
+    return true;
+  }
+  const double part = (until_s - before_.time_s) / (row_.time_s - before_.time_s);
+  tick.time_s = until_s;
+  for (int k = 0; k < tick.target.size(); ++k) {
+    const InstrumentPlace& from = before_.target[k];
+    const InstrumentPlace& to = row_.target[k];
+    tick.target[k] = {std::lerp(from.insertion_mm, to.insertion_mm, part),
+                      std::lerp(from.rotation_rad, to.rotation_rad, part)};
+  }
+  return true;
+}
+
+}  // namespace torquer::simulator
