@@ -36,7 +36,10 @@ Simulation::Simulation(scene::Scene& scene)
       state_(scene.rod(), scene.stack().size()) {
   for (const std::unique_ptr<effects::Effect>& effect : scene.effects()) {
     if (effects::Evolution* evolution = effect->evolution()) evolutions_.push_back(evolution);
-    if (effects::Observer* observer = effect->observer()) observers_.push_back(observer);
+    if (effects::Observer* observer = effect->observer()) {
+      observers_.push_back(observer);
+      if (observer->AlongWire() != nullptr) along_wire_ = observer;
+    }
     if (effects::ImageSource* image = effect->image()) image_ = image;
   }
   lives_ = scene.moving_field() != nullptr || !evolutions_.empty() || image_ != nullptr;
