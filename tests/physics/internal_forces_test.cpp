@@ -5,6 +5,7 @@
 
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/effects/contact/friction.h"
+#include "host/simulator/effects/loads/gravity.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/elastica.h"
 #include "tests/support/wires.h"
@@ -56,6 +57,32 @@ TEST_CASE("Along a bent cantilever tension and moment are those of the elastica"
     CHECK(forces.line_load_N_mm[i] == 0);
     CHECK(forces.twisting_mJ[i] == Approx(0).margin(1e-12));
   }
+}
+
+TEST_CASE("A hanging wire bears at each node the weight of what is below") {
+  constexpr double kLength = 39.3;
+  constexpr double kWeight = 1e-4;  // N/mm
+  const double segment_mm = GENERATE(2.0, 0.25);
+  const int points_per_segment = GENERATE(1, 2, 8);
+  const WireModel model = MakeWire({.segment_mm = segment_mm});
+  const FreeSpace field;
+  const WallModel wall{.points_per_segment = points_per_segment};
+  effects::Gravity gravity({kWeight * Vector3d::UnitX()});
+  const std::vector<EnergyTerm*> terms{&gravity};
+  NewtonRelaxation relaxation(model, field, wall, {}, terms);
+  WireState state = LayStraight(model, kLength);
+  relaxation.Restart(state);
+  REQUIRE(Settle(relaxation, {kLength, 0}, state).converged);
+  const InternalForces forces = ForcesOf(model, state, relaxation, terms);
+  const auto n = static_cast<std::size_t>(state.segments());
+  // About node 1 pieces of two lengths meet.
+  for (std::size_t i = 2; i < n; ++i) {
+    CHECK(forces.tension_N[i] == Approx(kWeight * (kLength - state.nodes()[i].x())));
+  }
+  // Half a piece hangs at the end, and the sheath bears half a piece.
+  const double piece_N = kWeight * segment_mm / points_per_segment;
+  CHECK(forces.tension_N[n] == Approx(0).margin(piece_N));
+  CHECK(forces.tension_N[0] == Approx(kWeight * kLength).margin(piece_N));
 }
 
 // A wire drawn round a post of 10 mm by a force at its end; about its lower half it lies on it.
