@@ -118,6 +118,23 @@ TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it 
   }
 }
 
+TEST_CASE("Friction between instruments is the same on any mesh, whatever steps in them") {
+  // Rest shapes and rigidities step in a bend, where the moments that they exchange are couples.
+  const auto friction_N = [](double segment_mm) {
+    Round round(Three(segment_mm), {{95.3, 0.4}, {71.2, 0.7}, {40.4, 0}});
+    Sliding sliding{.coefficient = 0.3};
+    sliding.direction[0] = {0, 1, 1, 0};
+    const double with_N = round.Hand(0, sliding).axial_N;
+    return with_N - round.Hand(0).axial_N;
+  };
+  const double fine_N = friction_N(0.25);
+  CHECK(fine_N > 1e-5);
+  for (const double segment_mm : {2.0, 1.0, 0.5}) {
+    INFO("segments of " << segment_mm << " mm");
+    CHECK(friction_N(segment_mm) == Approx(fine_N).epsilon(0.12 * segment_mm + 0.01));
+  }
+}
+
 TEST_CASE("Pushed round a bend without friction, the hand pushes as the tip does") {
   // T + M^2/2EI is the same all along, and within the straight sheath it is the tension.
   const double segment_mm = GENERATE(2.0, 1.0, 0.5, 0.25);

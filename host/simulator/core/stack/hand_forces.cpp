@@ -74,7 +74,6 @@ void HandForces::FindMoments(const InstrumentStack& stack, const WireState& stat
   const Vector3d& before = TangentBefore(rod, state, joint);
   const Vector3d& after = state.tangents()[static_cast<std::size_t>(joint)];
   Vector3d curvature = Bend(before, after) / length_mm;
-  at_tip_ = false;
   double sum_EI = 0;
   Vector3d sum_EI_rest = Vector3d::Zero();
   double compliance = 0;
@@ -85,8 +84,6 @@ void HandForces::FindMoments(const InstrumentStack& stack, const WireState& stat
     const InstrumentPlace& place = state.places()[k];
     const double beyond_mm = place.insertion_mm - s;
     part[static_cast<std::size_t>(m)] = m == 0 ? 1 : std::clamp(beyond_mm / lambda + 0.5, 0.0, 1.0);
-    // The joints at this node and at those before and after it are not all whole.
-    at_tip_ = at_tip_ || std::abs(beyond_mm - lambda) <= 1.5 * lambda;
     const WireModel::Joint own = JointAt(stack.instrument(k), beyond_mm);
     share.rigidity_N_mm2 = own.rigidity_N_mm2;
     share.rest_1_mm = RestCurvature(rod, state, joint, own, place.rotation_rad);
@@ -143,9 +140,9 @@ void HandForces::Balance(const WireState& state, int node, const Sliding& slidin
   }
 }
 
-// Each is pressed against the next one around it with what holds it and all within it. The couple
-// at a tip, which bends what lies in it otherwise, has forces that depend on the clearance: they
-// are left out.
+// Each is pressed against the next one around it by the tensions of it and of all within it. What
+// their bending moments add is left out: where a rest shape or a rigidity steps it is a couple,
+// whose forces are the larger the smaller the clearance is.
 void HandForces::FindFriction(const WireState& state, int node, const Sliding& sliding) {
   const auto i = static_cast<std::size_t>(node);
   const Vector3d& before = state.tangents()[i - 1];
@@ -164,12 +161,9 @@ void HandForces::FindFriction(const WireState& state, int node, const Sliding& s
       bears_[static_cast<std::size_t>(inner)].friction_N -= way * most_N;
       bears.friction_N += way * most_N;
     }
-    Vector3d on_N = -load_N_[static_cast<std::size_t>(k)][i];
-    if (at_tip_) {
-      on_N += bears.force_before_N.dot(before) * before - bears.force_N.dot(beyond) * beyond;
-    } else {
-      on_N += bears.force_before_N - bears.force_N;
-    }
+    const Vector3d on_N = bears.force_before_N.dot(before) * before -
+                          bears.force_N.dot(beyond) * beyond -
+                          load_N_[static_cast<std::size_t>(k)][i];
     held_N += on_N - on_N.dot(tangent) * tangent;
     inner = k;
   }

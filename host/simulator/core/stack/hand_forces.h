@@ -61,7 +61,6 @@ class HandForces {
   void FindFriction(const WireState& state, int node, const Sliding& sliding);
 
   int count_ = 0;
-  bool at_tip_ = false;  // what bends an instrument at the node is a couple at somebody's tip
   std::array<HandForce, kMostInstruments> hands_;
   std::array<Bears, kMostInstruments> bears_;
   std::array<int, kMostInstruments> order_ = {};  // the one that reaches farthest first
