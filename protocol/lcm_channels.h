@@ -11,6 +11,7 @@ inline constexpr char kInstrumentCommandChannel[] = "TORQUER_INSTRUMENT_COMMAND"
 inline constexpr char kWireStateChannel[] = "TORQUER_WIRE_STATE";
 inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
 inline constexpr char kReadingsChannel[] = "TORQUER_READINGS";
+inline constexpr char kWireForcesChannel[] = "TORQUER_WIRE_FORCES";
 inline constexpr char kPictureChannel[] = "TORQUER_PICTURE";
 inline constexpr char kHealthChannel[] = "TORQUER_HEALTH";
 inline constexpr char kHandMotionChannel[] = "TORQUER_HAND_MOTION";

@@ -5,6 +5,7 @@
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
 #include "host/simulator/field_ahead.h"
+#include "host/simulator/forces_message.h"
 #include "host/simulator/live_commands.h"
 #include "host/simulator/live_readings.h"
 #include "host/simulator/picture_thread.h"
@@ -112,6 +113,10 @@ class LiveLoop {
   void RepeatState() {
     state_.publish_us = bus::MonotonicUs();
     bus_.Publish(protocol::kWireStateChannel, state_);
+    if (simulation_.forces() == nullptr) return;
+    DescribeForces(simulation_, forces_);
+    forces_.publish_us = state_.publish_us;
+    bus_.Publish(protocol::kWireForcesChannel, forces_);
   }
 
   void Count(const TickReport& report, double solve_us) {
@@ -144,6 +149,7 @@ class LiveLoop {
   std::optional<PictureThread> pictures_;
   const std::int64_t began_us_;
   torquer_lcm::wire_state_t state_{};
+  torquer_lcm::wire_forces_t forces_{};
   LiveStatistics statistics_;
 };
 

@@ -25,6 +25,24 @@ namespace torquer::simulator {
 
 namespace {
 
+// The same as on the bus, of every node.
+void AddForces(const InternalForces& forces, nlohmann::json& line) {
+  const auto in_milli = [](const std::vector<double>& values) {
+    nlohmann::json all = nlohmann::json::array();
+    for (const double value : values) all.push_back(1e3 * value);
+    return all;
+  };
+  nlohmann::json contacts = nlohmann::json::array();
+  for (const Eigen::Vector3d& f : forces.contact_N) {
+    contacts.push_back({1e3 * f[0], 1e3 * f[1], 1e3 * f[2]});
+  }
+  line["contact_force_mN"] = std::move(contacts);
+  line["line_load_mN_mm"] = in_milli(forces.line_load_N_mm);
+  line["tension_mN"] = in_milli(forces.tension_N);
+  line["bending_mN_mm"] = in_milli(forces.bending_mJ);
+  line["twisting_mN_mm"] = in_milli(forces.twisting_mJ);
+}
+
 // What the ticks of a row took in all.
 struct RowCost {
   int iterations = 0;
@@ -57,6 +75,7 @@ nlohmann::json Describe(Simulation& simulation, double time_s, const RowCost& co
     line[name + ".carried_rad"] = report.carried[k].rotation_rad;
   }
   for (const effects::Reading& reading : simulation.Readings()) line[reading.name] = reading.value;
+  if (simulation.forces() != nullptr) AddForces(*simulation.forces(), line);
   return line;
 }
 

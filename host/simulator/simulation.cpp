@@ -38,7 +38,10 @@ Simulation::Simulation(scene::Scene& scene)
   for (const std::unique_ptr<effects::Effect>& effect : scene.effects()) {
     if (effects::Timed* timed = effect->timed()) timed_.push_back(timed);
     if (effects::Evolution* evolution = effect->evolution()) evolutions_.push_back(evolution);
-    if (effects::Observer* observer = effect->observer()) observers_.push_back(observer);
+    if (effects::Observer* observer = effect->observer()) {
+      observers_.push_back(observer);
+      if (observer->AlongWire() != nullptr) along_wire_ = observer;
+    }
     if (effects::ImageSource* image = effect->image()) image_ = image;
   }
   lives_ = scene.moving_field() != nullptr || !timed_.empty() || !evolutions_.empty() ||

@@ -1,6 +1,7 @@
 // A scene, tick by tick: no clock, no bus.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -65,6 +66,14 @@ class Simulation {
   bool at_rest() const { return report_.converged && report_.arrived(); }
   /// What the observers of the scene have found.
   std::vector<effects::Reading> Readings() const;
+  /// Along the wire, of the present state; null where no effect looks for it.
+  const InternalForces* forces() const {
+    return along_wire_ == nullptr ? nullptr : along_wire_->AlongWire();
+  }
+  /// At the hand of each instrument; null where forces() is.
+  const std::array<HandForce, kMostInstruments>* hands() const {
+    return along_wire_ == nullptr ? nullptr : along_wire_->AtHands();
+  }
   /// Makes pictures of the scene; null where no effect does.
   effects::ImageSource* image() const { return image_; }
   /// Whether the last tick took something for a picture.
@@ -96,6 +105,7 @@ class Simulation {
   std::vector<effects::Timed*> timed_;
   std::vector<effects::Evolution*> evolutions_;
   std::vector<effects::Observer*> observers_;
+  const effects::Observer* along_wire_ = nullptr;
   effects::ImageSource* image_ = nullptr;
   bool picture_due_ = false;
   bool lives_ = false;

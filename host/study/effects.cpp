@@ -103,6 +103,7 @@ center_mm = [100, 0, 0]
 radius_mm = 80
 )"},
       {"wall_force", "[effects.wall_force]\nthreshold_mN = 0.5\n"},
+      {"internal_forces", "[effects.internal_forces]\n"},
       {"assessment", R"([effects.assessment]
 target_centerline = "main"
 target_at_mm = 280

@@ -12,6 +12,7 @@
 #include "host/study/study.h"
 #include "host/study/torture.h"
 #include "host/study/trace.h"
+#include "host/study/twist.h"
 #include "host/support/program.h"
 
 namespace torquer::study {
@@ -26,6 +27,7 @@ std::vector<std::unique_ptr<Study>> AllStudies() {
   studies.push_back(MakeScalingStudy());
   studies.push_back(MakeTortureStudy());
   studies.push_back(MakeTraceStudy());
+  studies.push_back(MakeTwistStudy());
   return studies;
 }
 

@@ -12,6 +12,7 @@
 #include <torquer_lcm/picture_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/wire_forces_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 
 #include "host/bus/message_check.h"
@@ -120,7 +121,17 @@ std::vector<SampleMessage> SampleMessages() {
   readings.names = {"wall_force_mN"};
   readings.values = {2.5};
   readings.count = 1;
-  return {Sample(sample),  Sample(motion),   Sample(health),  Sample(command),
+  torquer_lcm::wire_forces_t forces{};
+  forces.instrument_count = 1;
+  forces.names = {"guidewire"};
+  forces.hand_force_mN = {1.5};
+  forces.hand_torque_mN_mm = {0.5};
+  forces.stride = 1;
+  forces.node_count = 2;
+  forces.contact_force_mN = {{0, 0, 0}, {1, 2, 3}};
+  forces.line_load_mN_mm = forces.tension_mN = forces.bending_mN_mm = {1, 2};
+  forces.twisting_mN_mm = {0, 1};
+  return {Sample(forces),  Sample(sample),   Sample(motion),  Sample(health),     Sample(command),
           Sample(picture), Sample(readings), Sample(Scene()), Sample(WireState())};
 }
 

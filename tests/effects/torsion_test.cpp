@@ -24,15 +24,16 @@ struct BentWay {
   WireState state;
   static constexpr double kLength = 100;
 
-  explicit BentWay(double torsional_rigidity)
+  explicit BentWay(double torsional_rigidity, double tip_curvature_1_per_mm = 0.12,
+                   double tolerance = 1e-6)
       : model(MakeWire({.segment_mm = 1,
                         .rigidity_N_mm2 = 1,
                         .torsional_rigidity_N_mm2 = torsional_rigidity,
                         .tip_mm = 12,
-                        .tip_curvature_1_per_mm = 0.12,
+                        .tip_curvature_1_per_mm = tip_curvature_1_per_mm,
                         .max_length_mm = 150,
                         .sheath = {Vector3d(30, 0, 0), Vector3d::UnitY()}})),
-        relaxation(MakeNewtonRelaxation(model, field, wall, {}, none)),
+        relaxation(MakeNewtonRelaxation(model, field, wall, {.tolerance = tolerance}, none)),
         state(model) {
     std::vector<Vector3d> path;
     for (double a = 0.01; a < 4; a += 0.01)
@@ -101,6 +102,39 @@ TEST_CASE("The work of the hand's torque is the energy that the wire stores") {
     last = torque();
   }
   CHECK(work == Approx(way.relaxation->Current().energy_mJ - energy).epsilon(5e-3));
+}
+
+TEST_CASE(
+    "A wire that is ever stiffer against twist goes to a limit; without twist it is near it") {
+  // Mean distance over half a turn of the hand. What is left between is the holonomy torque.
+  const auto travel = [](double torsional_rigidity) {
+    // A torque of the residual's size is small beside that of the tip, as stiff as the wire may be.
+    BentWay way(torsional_rigidity, 0.05, 1e-9);
+    std::vector<WireState> states;
+    for (int k = 1; k <= 15; ++k) {
+      REQUIRE(way.TurnTo(0.2 * k).converged);
+      states.push_back(way.state);
+    }
+    return states;
+  };
+  const std::vector<WireState> stiffest = travel(1000);
+  const auto distance_mm = [&](double torsional_rigidity) {
+    const std::vector<WireState> states = travel(torsional_rigidity);
+    double sum = 0;
+    int count = 0;
+    for (std::size_t k = 0; k < states.size(); ++k) {
+      for (std::size_t i = 0; i < states[k].nodes().size(); ++i, ++count) {
+        sum += (states[k].nodes()[i] - stiffest[k].nodes()[i]).norm();
+      }
+    }
+    return sum / count;
+  };
+  const double ten = distance_mm(10);
+  CHECK(ten / distance_mm(100) == Approx(11).epsilon(0.2));  // (1/10 - 1/1000) / (1/100 - 1/1000)
+  const double without = distance_mm(0);
+  CHECK(without < 0.2);
+  // A wire of steel is farther away: to leave twist out is the larger error.
+  CHECK(distance_mm(0.77) > 1.5 * without);
 }
 
 std::string SceneFile(const TemporaryFolder& folder, const std::string& more) {

@@ -3,6 +3,7 @@
 #include <numbers>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/stack/hand_forces.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/wires.h"
 
@@ -136,6 +137,25 @@ TEST_CASE("A rod clamped at both ends buckles at the torque 8.987 EI/L (Greenhil
   CHECK(bulge() > 1);
   rod.TurnTo(0.95 * critical);
   CHECK(bulge() < 1e-2);
+}
+
+TEST_CASE(
+    "A straight wire turned against its held end bears the torque GJ angle / L, as the hand") {
+  constexpr double kLength = 40;
+  constexpr double kGj = 0.8;
+  constexpr double kAngle = 2;
+  const double segment_mm = GENERATE(2.0, 1.0, 0.5, 0.25);
+  Held rod(segment_mm, kGj, kLength, {}, Vector3d(1, 1, 1));
+  rod.TurnTo(kAngle);
+  InternalForces forces;
+  FindInternalForces(rod.model, rod.state, rod.relaxation->Current(), rod.terms, forces);
+  HandForces hands;
+  hands.Find(InstrumentStack(rod.model), rod.state, rod.relaxation->Current().points, forces, {});
+  // The last segment is held as a whole: the wire ends in its middle.
+  const double torque = kGj * kAngle / (kLength - segment_mm / 2);
+  for (const double twisting : forces.twisting_mJ) CHECK(twisting == Approx(-torque).epsilon(1e-3));
+  CHECK(hands.hands()[0].torque_mJ == Approx(torque).epsilon(1e-3));
+  CHECK(hands.hands()[0].axial_N == Approx(0).margin(1e-9));
 }
 
 TEST_CASE("A ring leaves its plane at the twist 2 pi sqrt(3) EI/GJ (Michell)") {

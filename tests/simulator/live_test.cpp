@@ -9,6 +9,7 @@
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/wire_forces_t.hpp>
 #include <vector>
 
 #include "host/bus/clock.h"
@@ -294,6 +295,38 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
     CHECK(last.names[k] == found[k].name);
     CHECK(last.values[k] == found[k].value);
   }
+}
+
+TEST_CASE("Live, forces along the wire go with every state of a scene that asks for them",
+          "[simulator]") {
+  torquer::test::NeedPrivateNetwork();
+  const bool asked = GENERATE(true, false);
+  const SceneFile file(asked ? "[effects.internal_forces]\n" : "");
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::Simulation simulation(scene);
+  torquer::bus::Bus simulator_bus;
+  torquer::bus::Bus listener;
+  std::vector<torquer_lcm::wire_forces_t> heard;
+  std::int64_t states = 0;
+  listener.Subscribe<torquer_lcm::wire_forces_t>(
+      torquer::protocol::kWireForcesChannel,
+      [&](const torquer_lcm::wire_forces_t& forces) { heard.push_back(forces); }, 0);
+  listener.Subscribe<torquer_lcm::wire_state_t>(
+      torquer::protocol::kWireStateChannel, [&](const torquer_lcm::wire_state_t&) { ++states; }, 0);
+  std::atomic<bool> stop{false};
+  std::thread simulator([&] { torquer::simulator::RunLive(simulation, simulator_bus, stop); });
+  const bool enough = WaitFor(listener, [&] { return states >= 2 && (!asked || !heard.empty()); });
+  stop = true;
+  simulator.join();
+  REQUIRE(enough);
+  REQUIRE(heard.empty() != asked);
+  if (!asked) return;
+  const torquer_lcm::wire_forces_t& forces = heard.back();
+  CHECK(forces.names == std::vector<std::string>{"guidewire"});
+  CHECK(forces.node_count == simulation.state().segments() + 1);
+  CHECK(forces.stride == 1);
+  CHECK(forces.hand_force_mN[0] == 1e3 * (*simulation.hands())[0].axial_N);
+  CHECK(forces.tension_mN[5] == static_cast<float>(1e3 * simulation.forces()->tension_N[5]));
 }
 
 TEST_CASE("A scene without observers publishes no readings", "[simulator]") {

@@ -70,6 +70,34 @@ TEST_CASE("A script gives one JSON object a row, absolute since the start", "[si
   }
 }
 
+TEST_CASE("States tell of forces only where the scene asks for them", "[simulator]") {
+  const bool asked = GENERATE(false, true);
+  const SceneFile file(std::string(torquer::test::kMicrocatheter) +
+                       (asked ? "[effects.internal_forces]\nfriction_between = 0.1\n" : ""));
+  Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,-1,0\n0.002,0,0.3\n");
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")});
+  const nlohmann::json row = Rows(file.Beside("s.jsonl"))[2];
+  for (const char* key :
+       {"contact_force_mN", "line_load_mN_mm", "tension_mN", "bending_mN_mm", "twisting_mN_mm"}) {
+    INFO(key);
+    CHECK(row.contains(key) == asked);
+    if (asked) CHECK(row[key].size() == row["nodes_mm"].size());
+  }
+  for (const char* key : {"guidewire.hand_force_mN", "microcatheter.hand_torque_mN_mm"}) {
+    CHECK(row.contains(key) == asked);
+  }
+  if (!asked) return;
+  // Contacts and hands are in balance along the entry, where the sheath holds by bending alone: but
+  // for the bend there, which pushes the wire out.
+  const double hands_mN = row["guidewire.hand_force_mN"].get<double>() +
+                          row["microcatheter.hand_force_mN"].get<double>();
+  double contacts_mN = 0;
+  for (const nlohmann::json& force : row["contact_force_mN"]) contacts_mN += force[0].get<double>();
+  const double moment = row["bending_mN_mm"][0].get<double>();
+  CHECK(hands_mN == Approx(-contacts_mN - moment * moment / (2 * 16.35)).margin(1e-3));
+}
+
 TEST_CASE("A script moves every instrument by its name", "[simulator]") {
   const SceneFile file(std::string(torquer::test::kMicrocatheter) +
                        torquer::test::kGuidingCatheter);

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <any>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -17,7 +18,10 @@
 
 #include "host/simulator/core/energy_term.h"
 #include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/internal_forces.h"
 #include "host/simulator/core/relaxation.h"
+#include "host/simulator/core/stack/hand_forces.h"
+#include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
@@ -56,6 +60,7 @@ struct EffectContext {
   const std::vector<std::unique_ptr<Effect>>* earlier = nullptr;  ///< made before this one
   const vessel::MovingField* moving = nullptr;  ///< the vessel as it moves; null where it does not
   std::vector<Instrument> instruments = {};     ///< the innermost first
+  const InstrumentStack* stack = nullptr;       ///< of them
 
   /// The index of the instrument with a name. Refuses `key` of a table where there is none.
   int FindInstrument(const std::string& name, const TableSpec& spec, const std::string& key) const;
@@ -110,6 +115,10 @@ class Observer {
   virtual void Observe(const TickView& tick) = 0;
   /// What it has found so far.
   virtual std::vector<Reading> Readings() const = 0;
+  /// What it has found along the wire in the last tick; null where it looks for nothing there.
+  virtual const InternalForces* AlongWire() const { return nullptr; }
+  /// At the hand of each instrument, the innermost first; null where AlongWire is.
+  virtual const std::array<HandForce, kMostInstruments>* AtHands() const { return nullptr; }
 };
 
 /// Role *image*: makes pictures, in its own thread where there is one.

@@ -13,15 +13,16 @@
 #include "host/simulator/effects/motion/breathing.h"
 #include "host/simulator/effects/motion/heartbeat.h"
 #include "host/simulator/effects/observers/assessment.h"
+#include "host/simulator/effects/observers/internal_forces.h"
 #include "host/simulator/effects/observers/wall_force.h"
 
 namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   static const std::vector<EffectKind> kinds = {
-      TorsionKind(), HeartbeatKind(), BreathingKind(),   ComplianceKind(), FrictionKind(),
-      GravityKind(), InertiaKind(),   PointLoadKind(),   WallForceKind(),  AssessmentKind(),
-      FlowKind(),    ContrastKind(),  FluoroscopyKind(),
+      TorsionKind(),    HeartbeatKind(), BreathingKind(), ComplianceKind(),  FrictionKind(),
+      GravityKind(),    InertiaKind(),   PointLoadKind(), WallForceKind(),   InternalForcesKind(),
+      AssessmentKind(), FlowKind(),      ContrastKind(),  FluoroscopyKind(),
   };
   return kinds;
 }

@@ -181,7 +181,8 @@ void Scene::MakeEffect(const EffectSpec& spec) {
                                            .axes = axes_,
                                            .earlier = &effects_,
                                            .moving = moving_.get(),
-                                           .instruments = instruments_}));
+                                           .instruments = instruments_,
+                                           .stack = stack_.get()}));
   effects::Effect& effect = *effects_.back();
   EnergyTerm* const term = effect.energy_term();
   const WallStiffness* const stiffness = effect.wall_stiffness();

@@ -10,10 +10,7 @@ namespace torquer {
 
 using Eigen::Vector2d;
 
-namespace {
-
-// What an instrument is at a distance from its tip: between its joints.
-WireModel::Joint At(const WireModel& model, double from_tip_mm) {
+WireModel::Joint JointAt(const WireModel& model, double from_tip_mm) {
   const double at = std::max(0.0, from_tip_mm / model.segment_mm());
   const int k = static_cast<int>(at);
   const double t = at - k;
@@ -29,6 +26,8 @@ WireModel::Joint At(const WireModel& model, double from_tip_mm) {
   return {mix(model.rigidity_N_mm2(k), model.rigidity_N_mm2(k + 1)),
           mix(model.radius_mm(k), model.radius_mm(k + 1)), mix(a, b)};
 }
+
+namespace {
 
 Vector2d Turned(const Vector2d& v, const Vector2d& turn) {
   return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
@@ -161,7 +160,7 @@ void InstrumentStack::Combine(const InstrumentPlaces& places) {
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const double from_tip = static_cast<double>(k) * lambda;
     WireModel::Joint& joint = joints_[k];
-    joint = At(*members[0].model, from_tip);
+    joint = JointAt(*members[0].model, from_tip);
     joint.rest_rad = Turned(joint.rest_rad, members[0].turn);
     // The joint stands for the wire half a segment to either side. Along it as many instruments as
     // have their tips beyond lie side by side: there EI adds up, and along the joint, one piece
@@ -176,7 +175,7 @@ void InstrumentStack::Combine(const InstrumentPlaces& places) {
       const double beyond = (from_tip - other.behind_mm) / lambda;
       const double part = std::clamp(beyond + 0.5, 0.0, 1.0);
       if (part == 0) break;
-      WireModel::Joint added = At(*other.model, from_tip - other.behind_mm);
+      WireModel::Joint added = JointAt(*other.model, from_tip - other.behind_mm);
       added.rest_rad = Turned(added.rest_rad, other.turn);
       compliance += (covered - part) / sum_EI;
       rest += (covered - part) * (sum_EI_rest / sum_EI);

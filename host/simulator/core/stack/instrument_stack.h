@@ -57,6 +57,9 @@ class InstrumentStack {
   std::vector<WireModel::Joint> joints_;
 };
 
+/// What an instrument is at a distance from its tip, between its joints.
+WireModel::Joint JointAt(const WireModel& model, double from_tip_mm);
+
 /// The nodes of a rod as far as an instrument in it reaches, the last where its tip is. `out` is
 /// overwritten.
 void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,

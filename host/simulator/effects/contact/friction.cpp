@@ -157,9 +157,10 @@ void Friction::End(const PointSet& points) {
     const Vector3d& gradient = points.clearance[p].gradient;
     bool rolled = false;
     if (anchor.limit_N > 0 && !lies_.empty()) {
-      // From now on it is a displacement like any other.
+      // From now on it is a displacement like any other, and no turn since.
       const Roll roll = RollAt(points, q, anchor.normal);
       s += roll.angle_rad * roll.per_rad_mm;
+      lies_[points.FromTip(q)] = {points.Tangent(q), points.Normal(q)};
       rolled = true;
     }
     const Vector3d whole = s;

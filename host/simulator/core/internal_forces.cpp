@@ -1,0 +1,152 @@
+#include "host/simulator/core/internal_forces.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+
+namespace torquer {
+
+using Eigen::Vector3d;
+
+namespace {
+
+// What bends joint i: of its distal on its proximal side (README section 15).
+Vector3d BendingMoment(const WireModel& model, const WireState& state, int joint) {
+  const auto i = static_cast<std::size_t>(joint);
+  const Vector3d rest = RestDirection(model, state, joint);
+  const Vector3d& tangent = state.tangents()[i];
+  const double slope = EvaluateBending(model.law(), (tangent - rest).squaredNorm() / 2).slope;
+  return JointStiffness(model, state, joint) * slope * rest.cross(tangent);
+}
+
+void FindFriction(const PointSet& points, const std::vector<EnergyTerm*>& terms,
+                  PointDerivatives& out) {
+  const auto size = static_cast<std::size_t>(points.size());
+  out.with_hessian = false;
+  out.gradient.assign(size, Vector3d::Zero());
+  out.used.assign(size, PointDerivatives::kGradient);
+  out.hessian.resize(size);
+  out.on_tangents.clear();
+  out.on_spins.clear();
+  for (const EnergyTerm* term : terms) {
+    if (term->Dissipates()) term->Add(points, out);
+  }
+}
+
+// Shares what acts on the points between the nodes before and after each, by the lever: the same
+// force and the same moment.
+void FindContacts(const Expansion& at, InternalForces& out) {
+  const PointSet& points = at.points;
+  const auto nodes = out.contact_N.size();
+  const auto per_segment = static_cast<std::size_t>(points.per_segment);
+  std::vector<Vector3d>& force = out.contact_N;
+  std::vector<double>& length_mm = out.tension_N;  // not needed yet
+  std::fill(length_mm.begin(), length_mm.end(), 0);
+  const auto share = [&](std::size_t q, const auto& add) {
+    const std::size_t i = q / per_segment;
+    const double t = static_cast<double>(q % per_segment + 1) / static_cast<double>(per_segment);
+    add(i, 1 - t);
+    add(i + 1, t);
+  };
+  for (std::size_t q = 0; q < points.position.size(); ++q) {
+    share(q, [&](std::size_t i, double part) { length_mm[i] += part * points.weight_mm[q]; });
+  }
+  for (std::size_t k = 0; k < at.springs.size(); ++k) {
+    const WallSpring& spring = at.springs[k];
+    if (!(spring.penetration_mm > 0)) continue;
+    const auto q = static_cast<std::size_t>(points.near[k]);
+    const Vector3d normal_N =
+        spring.stiffness_N_mm * spring.penetration_mm * points.clearance[q].gradient;
+    share(q, [&](std::size_t i, double part) { force[i] += part * normal_N; });
+  }
+  for (std::size_t i = 0; i < nodes; ++i) {
+    out.line_load_N_mm[i] = length_mm[i] > 0 ? force[i].norm() / length_mm[i] : 0;
+  }
+  for (std::size_t q = 0; q < points.position.size(); ++q) {
+    share(q, [&](std::size_t i, double part) { force[i] -= part * out.friction.gradient[q]; });
+  }
+}
+
+void FindPointGradients(const Expansion& at, InternalForces& out) {
+  out.point_gradient_N.assign(at.points.position.size(), Vector3d::Zero());
+  for (std::size_t q = 0; q < at.derivatives.used.size(); ++q) {
+    if (at.derivatives.used[q] == PointDerivatives::kNothing) continue;
+    out.point_gradient_N[q] = at.derivatives.gradient[q];
+  }
+  for (std::size_t k = 0; k < at.springs.size(); ++k) {
+    const WallSpring& spring = at.springs[k];
+    if (!(spring.penetration_mm > 0)) continue;
+    const auto q = static_cast<std::size_t>(at.points.near[k]);
+    out.point_gradient_N[q] -=
+        spring.stiffness_N_mm * spring.penetration_mm * at.points.clearance[q].gradient;
+  }
+}
+
+void FindTension(const WireModel& model, const WireState& state, const Expansion& at,
+                 InternalForces& out) {
+  const auto n = static_cast<std::size_t>(state.segments());
+  const auto per_segment = static_cast<std::size_t>(at.points.per_segment);
+  const std::vector<Vector3d>& tangents = state.tangents();
+  out.tension_N[0] = -at.distal_gradient[0].dot(model.sheath().direction);
+  for (std::size_t i = 1; i <= n; ++i) {
+    // What acts at the node itself is half on either side, but at the end.
+    const Vector3d& at_node = out.point_gradient_N[per_segment * i - 1];
+    out.tension_N[i] = i == n ? -at_node.dot(tangents[i - 1])
+                              : -(at.distal_gradient[i] + at_node / 2)
+                                     .dot((tangents[i - 1] + tangents[i]).normalized());
+  }
+}
+
+void FindMoments(const WireModel& model, const WireState& state, const Expansion& at,
+                 InternalForces& out) {
+  const int n = state.segments();
+  const bool twists = model.twists();
+  Vector3d end = Vector3d::Zero();
+  for (const TangentLoad& on : at.derivatives.on_tangents) {
+    if (on.segment == n - 1) end += on.gradient.cross(state.tangents().back());
+  }
+  out.bending_mJ[static_cast<std::size_t>(n)] = end.norm();
+  double torque = 0;
+  for (int i = n - 1; i >= 0; --i) {
+    const auto k = static_cast<std::size_t>(i);
+    const Vector3d moment = BendingMoment(model, state, i);
+    const Vector3d& before = i == 0 ? model.sheath().direction : state.tangents()[k - 1];
+    out.bending_mJ[k] = moment.norm();
+    // A wire that does not twist hands on what turns its bent tip.
+    const double own = moment.dot(before);
+    torque = twists ? TwistStiffness(model, state, i) * state.twist_rad()[k] : torque + own;
+    out.twisting_mJ[k] = torque;
+    if (i > 0) continue;
+    const Vector3d& after = state.tangents().front();
+    out.clamp_moment_mJ = -moment;
+    if (twists) {
+      out.clamp_moment_mJ -= torque / (1 + before.dot(after)) * (before + after);
+    } else {
+      out.clamp_moment_mJ -= (torque - own) * before;
+    }
+  }
+  if (twists) out.twisting_mJ[static_cast<std::size_t>(n)] = out.twisting_mJ.end()[-2];
+}
+
+}  // namespace
+
+void FindInternalForces(const WireModel& model, const WireState& state, const Expansion& expansion,
+                        const std::vector<EnergyTerm*>& terms, InternalForces& out) {
+  const int n = state.segments();
+  const auto nodes = static_cast<std::size_t>(n) + 1;
+  out.contact_N.assign(nodes, Vector3d::Zero());
+  out.line_load_N_mm.assign(nodes, 0);
+  out.tension_N.assign(nodes, 0);
+  out.bending_mJ.assign(nodes, 0);
+  out.twisting_mJ.assign(nodes, 0);
+  out.clamp_force_N.setZero();
+  out.clamp_moment_mJ.setZero();
+  if (n == 0) return;
+  FindFriction(expansion.points, terms, out.friction);
+  FindContacts(expansion, out);
+  FindPointGradients(expansion, out);
+  FindTension(model, state, expansion, out);
+  FindMoments(model, state, expansion, out);
+  out.clamp_force_N = expansion.distal_gradient[0];
+}
+
+}  // namespace torquer

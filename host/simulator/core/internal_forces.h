@@ -1,0 +1,34 @@
+// What a wire in balance bears, and what the wall does to it, node by node.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/wire_mechanics.h"
+#include "host/simulator/core/wire_model.h"
+#include "host/simulator/core/wire_state.h"
+
+namespace torquer {
+
+/// One entry a node, 0 .. n; of all instruments on the curve together. Internal forces and moments
+/// are those of what is distal of the node on what is proximal.
+struct InternalForces {
+  std::vector<Eigen::Vector3d> contact_N;  ///< of the wall on the wire: normal force and friction
+  std::vector<double> line_load_N_mm;      ///< normal force per length of wire, >= 0
+  std::vector<double> tension_N;           ///< along the wire; negative where it is pushed
+  std::vector<double> bending_mJ;          ///< bending moment (N mm), >= 0
+  /// About the tangent; positive where the distal part is turned ahead, right-handed.
+  std::vector<double> twisting_mJ;
+  Eigen::Vector3d clamp_force_N = Eigen::Vector3d::Zero();    ///< on the wire, where it is clamped
+  Eigen::Vector3d clamp_moment_mJ = Eigen::Vector3d::Zero();  ///< the same, about node 0
+  PointDerivatives friction;                      ///< at the points: of the terms that dissipate
+  std::vector<Eigen::Vector3d> point_gradient_N;  ///< at the points: minus all that acts on them
+};
+
+/// Finds them at the state of which `expansion` is (README section 15). `terms`: those of the
+/// expansion. O(n); allocates only where `out` has not seen a wire as long.
+void FindInternalForces(const WireModel& model, const WireState& state, const Expansion& expansion,
+                        const std::vector<EnergyTerm*>& terms, InternalForces& out);
+
+}  // namespace torquer

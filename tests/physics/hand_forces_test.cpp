@@ -1,0 +1,217 @@
+// Forces and torques at the hand, against the work that they do and against closed forms.
+#include "host/simulator/core/stack/hand_forces.h"
+
+#include <catch2/catch.hpp>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/effects/contact/friction.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+constexpr double kRing = 30;
+
+// Instruments pushed round a bend, without friction.
+struct Round {
+  InstrumentStack stack;
+  Torus field{Side::kInside, kRing, 3};
+  WallModel wall{.stiffness_N_mm2 = 0.5};
+  std::vector<EnergyTerm*> terms;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+  InternalForces forces;
+  HandForces hands;
+
+  Round(std::vector<WireModel> instruments, const InstrumentPlaces& places)
+      : stack(std::move(instruments)),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
+        state(stack.rod(), stack.size()) {
+    std::vector<Vector3d> path;
+    for (double a = 0.01; a < 5; a += 0.01) {
+      path.emplace_back(kRing * std::cos(a), kRing * std::sin(a), 0);
+    }
+    stack.Combine(places);
+    state = WireState::Along(stack.rod(), path, places);
+    relaxation->Restart(state);
+    GoTo(places);
+  }
+  void GoTo(const InstrumentPlaces& places) {
+    REQUIRE(Settle(*relaxation, places, state, 200).converged);
+  }
+  double energy() const { return relaxation->Current().energy_mJ; }
+  const HandForce& Hand(int k, const Sliding& sliding = {}) {
+    FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
+    hands.Find(stack, state, relaxation->Current().points, forces, sliding);
+    return hands.hands()[static_cast<std::size_t>(k)];
+  }
+};
+
+WireModel Instrument(double segment_mm, double rigidity, double radius_mm, double tip_mm = 0,
+                     double curvature = 0) {
+  return MakeWire({.segment_mm = segment_mm,
+                   .rigidity_N_mm2 = rigidity,
+                   .radius_mm = radius_mm,
+                   .tip_mm = tip_mm,
+                   .tip_curvature_1_per_mm = curvature,
+                   .max_length_mm = 140,
+                   .sheath = {Vector3d(kRing, 0, 0), Vector3d::UnitY()}});
+}
+
+std::vector<WireModel> Three(double segment_mm) {
+  std::vector<WireModel> three;
+  three.push_back(Instrument(segment_mm, 1, 0.2, 12, 0.05));
+  three.push_back(Instrument(segment_mm, 2, 0.4, 6, 0.03));
+  three.push_back(Instrument(segment_mm, 3, 0.6));
+  return three;
+}
+
+TEST_CASE("The hand's force is the energy that a push takes, of each instrument") {
+  const int count = GENERATE(1, 2, 3);
+  const double segment_mm = 0.5;
+  std::vector<WireModel> instruments = Three(segment_mm);
+  instruments.erase(instruments.begin() + count, instruments.end());
+  InstrumentPlaces places(count);
+  const double inside_mm[] = {95.3, 71.2, 40.4};
+  for (int k = 0; k < count; ++k) places[k] = {inside_mm[k], 0.3 * k};
+  Round round(std::move(instruments), places);
+  for (int k = 0; k < count; ++k) {
+    const HandForce hand = round.Hand(k);
+    InstrumentPlaces there = places;
+    there[k].insertion_mm += segment_mm;
+    round.GoTo(there);
+    const double more = round.energy();
+    there[k].insertion_mm -= 2 * segment_mm;
+    round.GoTo(there);
+    const double work = (more - round.energy()) / (2 * segment_mm);
+    round.GoTo(places);
+    INFO("instrument " << k << " of " << count);
+    CHECK(hand.axial_N == Approx(work).margin(1e-5));
+  }
+}
+
+TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it lies") {
+  const int count = GENERATE(1, 3);
+  std::vector<WireModel> instruments = Three(0.5);
+  instruments.erase(instruments.begin() + count, instruments.end());
+  InstrumentPlaces places(count);
+  const double inside_mm[] = {95.3, 71.2, 40.4};
+  for (int k = 0; k < count; ++k) places[k] = {inside_mm[k], 0.4 + 0.3 * k};
+  Round round(std::move(instruments), places);
+  for (int k = 0; k < count; ++k) {
+    const double torque = round.Hand(k).torque_mJ;
+    const auto turned = [&](double by_rad) {
+      WireState there = round.state;
+      InstrumentPlaces at = places;
+      at[k].rotation_rad += by_rad;
+      there.SetPlaces(at);
+      if (count == 1) there.Rotate(at[0].rotation_rad);
+      round.relaxation->Restart(there);
+      return round.energy();
+    };
+    const double work = (turned(0.01) - turned(-0.01)) / 0.02;
+    round.relaxation->Restart(round.state);
+    INFO("instrument " << k << " of " << count);
+    CHECK(torque == Approx(work).epsilon(1e-3).margin(1e-9));
+    if (k < 2) CHECK(std::abs(work) > 1e-4);
+  }
+}
+
+TEST_CASE("Friction between instruments is the same on any mesh, whatever steps in them") {
+  // Rest shapes and rigidities step in a bend, where the moments that they exchange are couples.
+  const auto friction_N = [](double segment_mm) {
+    Round round(Three(segment_mm), {{95.3, 0.4}, {71.2, 0.7}, {40.4, 0}});
+    Sliding sliding{.coefficient = 0.3};
+    sliding.direction[0] = {0, 1, 1, 0};
+    const double with_N = round.Hand(0, sliding).axial_N;
+    return with_N - round.Hand(0).axial_N;
+  };
+  const double fine_N = friction_N(0.25);
+  CHECK(fine_N > 1e-5);
+  for (const double segment_mm : {2.0, 1.0, 0.5}) {
+    INFO("segments of " << segment_mm << " mm");
+    CHECK(friction_N(segment_mm) == Approx(fine_N).epsilon(0.12 * segment_mm + 0.01));
+  }
+}
+
+TEST_CASE("Pushed round a bend without friction, the hand pushes as the tip does") {
+  // T + M^2/2EI is the same all along, and within the straight sheath it is the tension.
+  const double segment_mm = GENERATE(2.0, 1.0, 0.5, 0.25);
+  Round round({Instrument(segment_mm, 1, 0.2)}, {95.3, 0.0});
+  const double hand_N = round.Hand(0).axial_N;
+  const double tip_N = -round.forces.tension_N.back();
+  INFO("segment " << segment_mm << " mm: hand " << hand_N << " N, tip " << tip_N << " N");
+  CHECK(tip_N > 1e-4);
+  CHECK(hand_N == Approx(tip_N).margin(1e-4 * segment_mm));
+  CHECK(-round.forces.tension_N.front() > hand_N + 1e-5);  // the bend at the sheath
+}
+
+TEST_CASE("A straight wire hands on what stops it") {
+  const double segment_mm = GENERATE(2.0, 0.25);
+  const WireModel model = MakeWire(
+      {.segment_mm = segment_mm, .rigidity_N_mm2 = 50, .radius_mm = 0.2, .max_length_mm = 100});
+  const HalfSpace stop(Vector3d(60, 0, 0), -Vector3d::UnitX());
+  const WallModel wall{.stiffness_N_mm2 = 1, .points_per_segment = 2};
+  const std::vector<EnergyTerm*> none;
+  NewtonRelaxation relaxation(model, stop, wall, {.tolerance = 1e-9}, none);
+  WireState state = LayStraight(model, 59.82);
+  relaxation.Restart(state);
+  REQUIRE(Settle(relaxation, {59.82, 0}, state).converged);
+  InternalForces forces;
+  FindInternalForces(model, state, relaxation.Current(), none, forces);
+  HandForces hands;
+  hands.Find(InstrumentStack(model), state, relaxation.Current().points, forces, {});
+  // The end is 0.02 mm deep in a wall that half a segment of wire presses on.
+  const double force_N = 0.02 * segment_mm / 2;
+  CHECK(hands.hands()[0].axial_N == Approx(force_N));
+  CHECK(hands.hands()[0].torque_mJ == Approx(0).margin(1e-12));
+  CHECK(forces.tension_N.back() == Approx(-force_N));
+  CHECK(forces.contact_N.back().x() == Approx(-force_N));
+}
+
+TEST_CASE("A wire drawn through a round catheter is held back by the capstan law") {
+  constexpr double kForce = 0.005;
+  constexpr double kStiff = 1e4;
+  const double mu = GENERATE(0.0, 0.1, 0.3);
+  const double segment_mm = GENERATE(2.0, 1.0, 0.5, 0.25);
+  const int way = GENERATE(-1, 1);
+  std::vector<WireModel> instruments;
+  instruments.push_back(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = 1e-5}));
+  // As round as it rests, whatever the wire does.
+  instruments.push_back(MakeWire({.segment_mm = segment_mm,
+                                  .rigidity_N_mm2 = kStiff,
+                                  .radius_mm = 0.5,
+                                  .tip_mm = 90,
+                                  .tip_curvature_1_per_mm = 1 / kRing}));
+  const InstrumentPlaces places{{70, 0}, {60, 0}};
+  const double angle = 60 / kRing;
+  InstrumentStack stack(std::move(instruments));
+  stack.Combine(places);
+  const Vector3d& normal = stack.rod().sheath_normal();
+  EndForce force(kForce * (std::cos(angle) * Vector3d::UnitX() + std::sin(angle) * normal));
+  const FreeSpace field;
+  const WallModel wall;
+  const std::vector<EnergyTerm*> terms{&force};
+  const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
+  WireState state = WireState::Along(stack.rod(), {}, places);
+  relaxation->Restart(state);
+  REQUIRE(Settle(*relaxation, places, state, 200).converged);
+  InternalForces forces;
+  FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
+  HandForces hands;
+  Sliding sliding{.coefficient = mu};
+  sliding.direction[0][1] = way;
+  hands.Find(stack, state, relaxation->Current().points, forces, sliding);
+  const double wire_N = hands.hands()[0].axial_N;
+  const double catheter_N = hands.hands()[1].axial_N;
+  INFO("mu " << mu << " segment " << segment_mm << " way " << way);
+  CHECK(wire_N ==
+        Approx(-kForce * std::exp(-way * mu * angle)).epsilon(1e-3 + 0.02 * mu * segment_mm));
+  // Between them it is internal: all together feel nothing of it.
+  CHECK(wire_N + catheter_N ==
+        Approx(-kForce * std::cos(angle) - kStiff / (2 * kRing * kRing)).epsilon(2e-3));
+}
+
+}  // namespace
+}  // namespace torquer::test
