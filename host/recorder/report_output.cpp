@@ -45,9 +45,8 @@ std::string FormatInstrument(const InstrumentReport& report) {
       report.axial.sensor_counts, report.axial.held_counts, Signed(report.axial.hand, 3),
       Printable(report.name), Signed(report.axial.wire, 3), report.axial.error_counts);
   if (report.healed_mm != 0) {
-    text += fmt::format(
-        "               {} mm were lost, and made up for at the end switch\n",
-        Signed(report.healed_mm, 3));
+    text += fmt::format("               {} mm were lost, and made up for at the end switch\n",
+                        Signed(report.healed_mm, 3));
   }
   text += fmt::format(
       "    rotation   sensor {:+} counts ({:+} of them held), which is {} deg; {} {} deg: "

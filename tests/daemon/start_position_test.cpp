@@ -12,12 +12,12 @@
 namespace {
 
 using torquer::test::Chain;
-using torquer::test::SocketWords;
 using torquer::test::ChildProcess;
 using torquer::test::Contains;
 using torquer::test::Ending;
 using torquer::test::EndingOf;
 using torquer::test::kMmPerCount;
+using torquer::test::SocketWords;
 using torquer_lcm::instrument_command_t;
 
 }  // namespace
