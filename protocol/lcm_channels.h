@@ -17,6 +17,12 @@ inline constexpr char kHealthChannel[] = "TORQUER_HEALTH";
 inline constexpr char kHandMotionChannel[] = "TORQUER_HAND_MOTION";
 inline constexpr char kEmulatorTruthChannel[] = "TORQUER_EMULATOR_TRUTH";
 
+/// All of them.
+inline constexpr const char* kChannels[] = {
+    kDeviceSampleChannel, kInstrumentCommandChannel, kWireStateChannel, kSceneChannel,
+    kReadingsChannel,     kWireForcesChannel,        kPictureChannel,   kHealthChannel,
+    kHandMotionChannel,   kEmulatorTruthChannel};
+
 /// Version of the message types: a change of one of them makes a new one (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 2;
 

@@ -15,6 +15,7 @@
 #include <list>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -85,6 +86,18 @@ class Bus {
           Message message;
           if (!DecodeMessage(data, size, message)) return false;
           handler(message, arrival);
+          return true;
+        });
+  }
+
+  /// The bytes of every message on `channel`, whatever they are; as many wait as fit into memory.
+  void SubscribeBytes(
+      const std::string& channel,
+      std::function<void(std::span<const std::uint8_t> data, const Arrival&)> handler) {
+    AddSubscription(
+        channel, 0,
+        [handler = std::move(handler)](const void* data, std::size_t size, const Arrival& arrival) {
+          handler({static_cast<const std::uint8_t*>(data), size}, arrival);
           return true;
         });
   }

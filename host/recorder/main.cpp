@@ -82,14 +82,14 @@ int Run(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   torquer::Program program("torquer-report",
-                           "Reports what a session that lcm-logger recorded has lost, and whether "
+                           "Reports what a recorded session has lost, and whether "
                            "each instrument went where its hand went.");
   program.Note(
       "Exit status: 0 when no report was lost, hand and wire agree within one count of the sensor, "
       "and the log is whole; 1 when not; 2 when there is nothing to judge.");
   Arguments arguments;
   torquer::Options& options = program.options();
-  options.Operand("LOG", arguments.log, "log of the session, written by lcm-logger");
+  options.Operand("LOG", arguments.log, "log of the session, written by torquer-recorder");
   options.Texts(
       "--calibration", "FILE", arguments.calibrations,
       "calibration that a daemon used, once for each device; without it nominal gains, as "

@@ -45,7 +45,7 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
   }
   summary.damage = log.damage();
   if (summary.messages == 0) {
-    throw UserError(path + ": holds no LCM message; give the file that lcm-logger wrote");
+    throw UserError(path + ": holds no LCM message; give the file that torquer-recorder wrote");
   }
   return summary;
 }

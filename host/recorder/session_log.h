@@ -1,4 +1,4 @@
-// Reads a session that lcm-logger recorded, message by message.
+// Reads a recorded session, message by message.
 #pragma once
 
 #include <cstdint>

@@ -39,7 +39,7 @@ std::string LogDamage::Describe() const {
 }
 
 EventLogReader::EventLogReader(const std::string& path)
-    : file_(path, "give a log that lcm-logger wrote") {}
+    : file_(path, "give a log that torquer-recorder wrote") {}
 
 // `size` bytes from `offset` on; null where the file has fewer.
 const std::uint8_t* EventLogReader::At(std::int64_t offset, std::size_t size) {

@@ -1,4 +1,4 @@
-// A session as lcm-logger would have recorded it, made up so that every figure is known.
+// A session as torquer-recorder would have written it, made up so that every figure is known.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// A log of wire states, as lcm-logger writes it.
+// A log of wire states, as torquer-recorder writes it.
 #pragma once
 
 #include <cstdint>

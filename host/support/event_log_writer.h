@@ -1,0 +1,46 @@
+// Writes logs of LCM messages, in the format of lcm-logger.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace torquer {
+
+class EventLogWriter {
+ public:
+  /// Makes the file `path`. Throws UserError when something has that name already, or it cannot be
+  /// made.
+  explicit EventLogWriter(std::string path);
+  /// Closes the file; what was not flushed is lost.
+  ~EventLogWriter();
+  EventLogWriter(const EventLogWriter&) = delete;
+  EventLogWriter& operator=(const EventLogWriter&) = delete;
+
+  /// Appends a record, which goes to the file in time. `time_us`: since 1970, as logs have it.
+  /// Throws UserError with what was kept when the disk refuses: the file then ends with its last
+  /// whole record.
+  void Write(std::int64_t time_us, std::string_view channel, std::span<const std::uint8_t> data);
+
+  /// Hands all records to the kernel. Throws as Write() does.
+  void Flush();
+  /// Flush(), and waits until the disk has them.
+  void Finish();
+
+  std::int64_t records() const { return next_; }  ///< written or waiting
+  std::int64_t bytes() const { return kept_bytes_ + static_cast<std::int64_t>(waiting_.size()); }
+
+ private:
+  [[noreturn]] void Fail(int reason);
+
+  std::string path_;
+  int file_ = -1;
+  std::vector<std::uint8_t> waiting_;  // whole records
+  std::int64_t kept_bytes_ = 0;        // of whole records in the file
+  std::int64_t kept_ = 0;              // records in the file
+  std::int64_t next_ = 0;
+};
+
+}  // namespace torquer

@@ -1,0 +1,103 @@
+// torquer-recorder on a bus: every message, in order, however the session is stopped.
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <filesystem>
+#include <thread>
+
+#include "host/bus/bus.h"
+#include "host/recorder/session_log.h"
+#include "protocol/lcm_channels.h"
+#include "tests/support/child_process.h"
+#include "tests/support/paths.h"
+#include "tests/support/private_network.h"
+#include "tests/support/temporary_folder.h"
+#include "torquer_lcm/instrument_command_t.hpp"
+
+using namespace torquer;
+using namespace torquer::test;
+
+namespace {
+
+struct Recorded {
+  std::vector<std::int64_t> sequences;
+  SessionLogSummary summary;
+};
+
+Recorded Read(const std::string& path) {
+  Recorded recorded;
+  SessionHandlers handlers;
+  handlers.command = [&](const torquer_lcm::instrument_command_t& command) {
+    recorded.sequences.push_back(command.sequence);
+  };
+  recorded.summary = ReadSessionLog(path, handlers);
+  return recorded;
+}
+
+// Once it is there, nothing is missed.
+void WaitForFile(const std::string& path) {
+  for (int i = 0; i < 2000 && !std::filesystem::exists(path); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  REQUIRE(std::filesystem::exists(path));
+}
+
+}  // namespace
+
+TEST_CASE("The recorder misses nothing while it stands still, and nothing at the end") {
+  NeedPrivateNetwork();
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("log");
+  ChildProcess recorder({ProgramPath("torquer-recorder"), path});
+  WaitForFile(path);
+  bus::Bus bus;
+  torquer_lcm::instrument_command_t command{};
+  command.instrument = protocol::kGuidewire;
+  // 100 messages are more than LCM's own recorder lets wait.
+  const auto burst = [&] {
+    for (int i = 0; i < 100; ++i, ++command.sequence) {
+      REQUIRE(bus.Publish(protocol::kInstrumentCommandChannel, command));
+    }
+  };
+  burst();
+  recorder.Signal(SIGSTOP);
+  burst();
+  recorder.Signal(SIGCONT);
+  burst();
+  recorder.Signal(GENERATE(SIGTERM, SIGINT));
+  CHECK(recorder.Wait() == 0);
+  CAPTURE(recorder.Output(), recorder.Error());
+  CHECK_THAT(recorder.Output(), Catch::StartsWith("300 messages, "));
+  const Recorded recorded = Read(path);
+  REQUIRE(recorded.sequences.size() == 300);
+  for (std::size_t i = 0; i < 300; ++i) REQUIRE(recorded.sequences[i] == static_cast<int>(i));
+  CHECK_FALSE(recorded.summary.damage.any());
+}
+
+TEST_CASE("What was recorded before a kill is a log") {
+  NeedPrivateNetwork();
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("log");
+  ChildProcess recorder({ProgramPath("torquer-recorder"), path});
+  WaitForFile(path);
+  bus::Bus bus;
+  torquer_lcm::instrument_command_t command{};
+  command.instrument = protocol::kGuidewire;
+  for (int i = 0; std::filesystem::file_size(path) == 0 && i < 3000; ++i, ++command.sequence) {
+    REQUIRE(bus.Publish(protocol::kInstrumentCommandChannel, command));
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  recorder.Signal(SIGKILL);
+  recorder.Wait();
+  const Recorded recorded = Read(path);
+  CHECK(recorded.sequences.size() > 10);
+  CHECK_FALSE(recorded.summary.damage.any());
+}
+
+TEST_CASE("A log that cannot be made is refused before anything is recorded") {
+  NeedPrivateNetwork();
+  ChildProcess recorder({ProgramPath("torquer-recorder"), "/none/log"});
+  CHECK(recorder.Wait() == 2);
+  CHECK_THAT(recorder.Error(), Catch::StartsWith("torquer-recorder: /none/log: cannot be made"));
+}
