@@ -1,4 +1,5 @@
-// Logs of LCM messages, as event_log_writer and lcm-logger write them: read past damage, and with an account of it.
+// Logs of LCM messages, as event_log_writer and lcm-logger write them: read past damage, and with
+// an account of it.
 //
 // A record: the word 0xEDA1DA01, its number (8 bytes), its time (8), the lengths of channel and
 // data (4 each), channel, data; all numbers in network byte order. Records follow each other
