@@ -40,9 +40,12 @@ struct Bench {
   Bench() {
     fs::create_directories(folder.Path("bin"));
     fs::create_directories(folder.Path("sessions"));
-    Write(folder.Path("bin/torquer-simulator"),
-          "#!/bin/sh\necho torquer-simulator: gone; exit 1\n");
-    chmod(folder.Path("bin/torquer-simulator").c_str(), 0755);
+    Program("torquer-recorder", "trap exit TERM; : >\"$1\"; while :; do sleep 0.1; done");
+    Program("torquer-simulator", "echo torquer-simulator: gone; exit 1");
+  }
+  void Program(const std::string& name, const std::string& does) const {
+    Write(folder.Path("bin/" + name), "#!/bin/sh\n" + does + "\n");
+    chmod(folder.Path("bin/" + name).c_str(), 0755);
   }
 
   int Run(const std::string& more = "") const {
