@@ -56,6 +56,12 @@ bool Settings::Set(uint16_t cpi, uint16_t deadzone) {
   return true;
 }
 
+bool Settings::kept() const {
+  if (step_ != 0) return false;
+  return stored_ ? record_.cpi == cpi_ && record_.deadzone == deadzone_
+                 : cpi_ == kDefaultCpi && deadzone_ == kDefaultDeadzone;
+}
+
 void Settings::BeginWrite() {
   if (writes_ != UINT16_MAX) ++writes_;
   slot_ ^= 1;
@@ -70,9 +76,7 @@ void Settings::BeginWrite() {
 
 bool Settings::Poll() {
   if (step_ == 0) {
-    const bool differs = stored_ ? record_.cpi != cpi_ || record_.deadzone != deadzone_
-                                 : cpi_ != kDefaultCpi || deadzone_ != kDefaultDeadzone;
-    if (!differs) return false;
+    if (kept()) return false;
     BeginWrite();
   }
   if (!board::EepromReady()) return false;

@@ -23,6 +23,9 @@ class Settings {
   /// there was something to do.
   bool Poll();
 
+  /// Whether the EEPROM holds the values whole.
+  bool kept() const;
+
   uint16_t cpi() const { return cpi_; }
   uint16_t deadzone() const { return deadzone_; }
   /// Times the settings were written in this device's life; saturates.

@@ -96,6 +96,24 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("settings that were taken outlive a restart that follows at once") {
+  for (const int frames : {0, 5, 20, 50, 90}) {
+    CAPTURE(frames);
+    Bench bench;
+    bench.Start();
+    for (const int cpi : {1600, 800, 1600, 1200, 2400}) {
+      REQUIRE(bench.Configure(cpi, 10) == TransferStatus::kDone);
+    }
+    bench.Run(frames * 1e-3);
+    REQUIRE(bench.Command(protocol::kCommandReset) == TransferStatus::kDone);
+    bench.Run(0.3);
+    bench.Start();
+    bench.Run(0.3);
+    CHECK(bench.last.cpi == 2400);
+    bench.CheckRules();
+  }
+}
+
 TEST_CASE("the reset button is seen too, with its own reason") {
   Bench bench;
   bench.Start();

@@ -208,6 +208,36 @@ TEST_CASE("a restart leaves the host time to see its request acknowledged") {
   }
 }
 
+TEST_CASE("a restart waits until the settings are stored, on a suspended bus too") {
+  for (const bool suspended : {false, true}) {
+    CAPTURE(suspended);
+    Bench bench;
+    bench.Start();
+    bench.FrameUntilHealthy();
+    protocol::ConfigurationReport configuration{};
+    configuration.report_id = protocol::kConfigurationReportId;
+    configuration.protocol_version = protocol::kProtocolVersion;
+    for (const std::uint16_t cpi : {1600, 800}) {  // the second arrives during the first write
+      configuration.cpi = cpi;
+      REQUIRE(bench.Set(configuration));
+      board().eeprom_busy_polls = 30;
+      bench.Frame();
+    }
+    REQUIRE(bench.Set(CommandOf(protocol::kCommandReset)));
+    board().bus_suspended = suspended;
+    const auto on = [&] {
+      for (int i = 0; i < 1000; ++i) {
+        board().now_us += 1000;
+        bench.firmware.Step();
+      }
+    };
+    CHECK_THROWS_WITH(on(), "restart");
+    Settings stored;
+    stored.Load();
+    CHECK(stored.cpi() == 800);
+  }
+}
+
 TEST_CASE("on a suspended bus the sensor is sent to sleep, and started when the bus wakes") {
   Bench bench;
   bench.Start();
