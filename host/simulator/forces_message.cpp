@@ -9,17 +9,17 @@ namespace torquer::simulator {
 namespace {
 
 // Every stride-th value and the last, in another unit.
-std::vector<float> Some(const std::vector<double>& values, std::size_t stride) {
-  std::vector<float> some;
+std::vector<float> Strided(const std::vector<double>& values, std::size_t stride) {
+  std::vector<float> strided;
   for (std::size_t i = 0; i + 1 < values.size(); i += stride) {
-    some.push_back(static_cast<float>(1e3 * values[i]));
+    strided.push_back(static_cast<float>(1e3 * values[i]));
   }
-  if (!values.empty()) some.push_back(static_cast<float>(1e3 * values.back()));
-  return some;
+  if (!values.empty()) strided.push_back(static_cast<float>(1e3 * values.back()));
+  return strided;
 }
 
 // The same of forces, of which none may be lost.
-std::vector<std::vector<float>> Sums(const std::vector<Eigen::Vector3d>& forces_N,
+std::vector<std::vector<float>> StridedSums(const std::vector<Eigen::Vector3d>& forces_N,
                                      std::size_t stride) {
   std::vector<std::vector<float>> sums;
   Eigen::Vector3d sum_mN = Eigen::Vector3d::Zero();
@@ -54,11 +54,11 @@ void DescribeForces(const Simulation& simulation, torquer_lcm::wire_forces_t& ou
   const int n = simulation.state().segments();
   out.stride = n / kMostNodesInForces + 1;
   const auto stride = static_cast<std::size_t>(out.stride);
-  out.contact_force_mN = Sums(forces.contact_N, stride);
-  out.line_load_mN_mm = Some(forces.line_load_N_mm, stride);
-  out.tension_mN = Some(forces.tension_N, stride);
-  out.bending_mN_mm = Some(forces.bending_mJ, stride);
-  out.twisting_mN_mm = Some(forces.twisting_mJ, stride);
+  out.contact_force_mN = StridedSums(forces.contact_N, stride);
+  out.line_load_mN_mm = Strided(forces.line_load_N_mm, stride);
+  out.tension_mN = Strided(forces.tension_N, stride);
+  out.bending_mN_mm = Strided(forces.bending_mJ, stride);
+  out.twisting_mN_mm = Strided(forces.twisting_mJ, stride);
   out.node_count = static_cast<std::int32_t>(out.tension_mN.size());
 }
 

@@ -273,7 +273,8 @@ ScriptResult RunScript(scene::Scene& scene, const std::string& script, const Scr
     row.time_s -= first_s;
     ScriptTicks ticks(before, row, simulation.longest_tick_s());
     RowCost cost;
-    for (Command tick; ticks.Next(tick);) {
+    // A row may be an hour of ticks; one that is left unfinished has no state.
+    for (Command tick; !stop && ticks.Next(tick);) {
       CountedBudget budget(scene.budget_units());
       const std::int64_t start_us = bus::MonotonicUs();
       const TickReport& report = simulation.Tick(tick, budget);
@@ -282,6 +283,7 @@ ScriptResult RunScript(scene::Scene& scene, const std::string& script, const Scr
       cost.work += report.work;
       pictures.Write(simulation);
     }
+    if (!ticks.done()) break;
     result.unconverged += !simulation.report().converged;
     states.Write(simulation, commands[k].time_s, cost);
     before = row;

@@ -1,6 +1,8 @@
 // A row of a script, cut into ticks.
 #pragma once
 
+#include <cstdint>
+
 #include "host/simulator/simulation.h"
 
 namespace torquer::simulator {
@@ -16,13 +18,15 @@ class ScriptTicks {
       : before_(before), row_(row), step_s_(step_s) {}
   /// The next of them; false after the one that ends with the row.
   bool Next(Command& tick);
+  /// Whether the one that ends with the row was the last.
+  bool done() const { return done_; }
 
  private:
   const Command& before_;
   const Command& row_;
   const double step_s_;
   bool done_ = false;
-  int count_ = 0;
+  std::int64_t count_ = 0;
 };
 
 }  // namespace torquer::simulator

@@ -9,6 +9,7 @@
 #include "tests/support/finite_differences.h"
 #include "tests/support/invariants.h"
 #include "tests/support/sanitizer.h"
+#include "tests/support/wire_on_post.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -200,62 +201,29 @@ TEST_CASE("A wire at rest does not creep in 1e5 ticks") {
   CHECK(LargestDistance(before, sled.state) < 1e-6);
 }
 
-// A wire drawn over a post against a weight at its end, out of the sheath or into it.
-struct Capstan {
-  static constexpr double kRadius = 10;
-  WallModel wall;
-  WireModel model;
-  Cylinder post{Side::kOutside, Vector3d::Zero(), Vector3d::UnitZ(), kRadius - 0.2};
-  effects::Friction friction;
-  EndForce force;
-  std::vector<EnergyTerm*> terms;
-  NewtonRelaxation relaxation;
-  WireState state;
-
-  Capstan(double mu, double force_N, double pull_rad, int points_per_segment)
-      : wall{.stiffness_N_mm2 = 100, .points_per_segment = points_per_segment},
-        model(MakeWire({.segment_mm = 0.5,
-                        .rigidity_N_mm2 = 6.35e-3,
-                        .radius_mm = 0.2,
-                        .sheath = {Vector3d(0, -kRadius, 0), Vector3d::UnitX()}})),
-        friction(mu, 0.005, {model, wall}),
-        force(force_N * Vector3d(std::cos(pull_rad), std::sin(pull_rad), 0)),
-        terms{&friction, &force},
-        relaxation(model, post, wall, {}, terms),
-        state(model) {
-    std::vector<Vector3d> path;
-    for (double a = 0.02; a < pull_rad; a += 0.02) {
-      path.emplace_back(kRadius * std::sin(a), -kRadius * std::cos(a), 0);
-    }
-    state = WireState::Along(model, path, {60, 0});
-    relaxation.Restart(state);
-  }
-  double Tension(double angle_rad) const {
-    const auto i = static_cast<std::size_t>(angle_rad * kRadius / model.segment_mm());
-    return -relaxation.Current().distal_gradient[i].dot(state.tangents()[i]);
-  }
-};
+double Tension(const WireOnPost& on, double angle_rad) {
+  const std::size_t i = on.NodeAt(angle_rad);
+  return -on.relaxation.Current().distal_gradient[i].dot(on.state.tangents()[i]);
+}
 
 TEST_CASE("Tension of a wire drawn over a post grows by the capstan law, whatever mesh and rows") {
   const double mu = GENERATE(0.1, 0.3);
-  const double pull = 2.5;
-  const double force_N = 0.05;
   const int points_per_segment = GENERATE(1, 2, 8);
   const double row_mm = GENERATE(0.02, 0.2, 2.0);
   for (const double direction : {-1.0, 1.0}) {
-    Capstan capstan(mu, force_N, pull, points_per_segment);
+    WireOnPost on({.mu = mu, .points_per_segment = points_per_segment});
     const int rows = static_cast<int>(std::lround(2 / row_mm));
     for (int k = 1; k <= rows; ++k) {
       const double insertion = 60 + direction * row_mm * k;
-      REQUIRE(Settle(capstan.relaxation, {insertion, 0}, capstan.state).converged);
+      REQUIRE(Settle(on.relaxation, {insertion, 0}, on.state).converged);
     }
     // Drawn towards the sheath the tension grows to it; fed, it falls.
     const double from = 2.0;
     const double to = 0.5;
-    const double ratio = capstan.Tension(to) / capstan.Tension(from);
+    const double ratio = Tension(on, to) / Tension(on, from);
     INFO("mu " << mu << " direction " << direction << " ratio " << ratio);
     CHECK(ratio == Approx(std::exp(-direction * mu * (from - to))).epsilon(0.02));
-    CHECK(std::abs(capstan.state.nodes().back()[2]) < 1e-3);
+    CHECK(std::abs(on.state.nodes().back()[2]) < 1e-3);
   }
 }
 

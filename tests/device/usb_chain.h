@@ -66,6 +66,13 @@ struct UsbChain {
     words.insert(words.end(), more.begin(), more.end());
     return std::make_unique<ChildProcess>(words);
   }
+  /// Plugs a device in and starts a daemon, which reads it.
+  std::unique_ptr<ChildProcess> Read(const UsbDeviceScript& script = Bench()) {
+    testbed.Plug(kAddress, script);
+    auto daemon = Start();
+    REQUIRE(daemon->WaitForError("reading device " + script.serial));
+    return daemon;
+  }
   /// Reports that move on by so many counts each; the last command that comes of them.
   torquer_lcm::instrument_command_t Push(int address, int reports, int counts) {
     listener.Forget();

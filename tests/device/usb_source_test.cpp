@@ -42,17 +42,13 @@ TEST_CASE("USB reports become commands; SIGTERM lets go of the device") {
 
 TEST_CASE("Several transfers are in flight, so that no poll is missed") {
   UsbChain chain;
-  chain.testbed.Plug(kAddress, Bench());
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device"));
+  const auto daemon = chain.Read();
   REQUIRE(chain.listener.Until([&] { return chain.testbed.TransfersWaiting(kAddress) == 4; }));
 }
 
 TEST_CASE("Short packets, overlong packets and transfer errors are counted and survived") {
   UsbChain chain;
-  chain.testbed.Plug(kAddress, Bench());
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device"));
+  const auto daemon = chain.Read();
   const double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
   std::vector<std::uint8_t> bytes = Bytes(Next(chain.report));
   bytes.resize(20);
@@ -69,9 +65,7 @@ TEST_CASE("Short packets, overlong packets and transfer errors are counted and s
 
 TEST_CASE("A stalled endpoint is cleared and read on") {
   UsbChain chain;
-  chain.testbed.Plug(kAddress, Bench());
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device"));
+  const auto daemon = chain.Read();
   const double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
   chain.testbed.Input(kAddress, {InputStep::Kind::kStall});
   CHECK(chain.Push(kAddress, 10, 10).insertion_mm == Approx(before_mm + 100 * kMmPerCount));
@@ -81,9 +75,7 @@ TEST_CASE("A stalled endpoint is cleared and read on") {
 TEST_CASE("A device unplugged with transfers in flight is waited for and read on") {
   // The kernel may tell by ending the transfers, by udev's event, or by both.
   UsbChain chain;
-  chain.testbed.Plug(kAddress, Bench());
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device"));
+  const auto daemon = chain.Read();
   double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
   for (int round = 0; round < 3; ++round) {
     chain.listener.Forget();
@@ -107,9 +99,7 @@ TEST_CASE("A device unplugged with transfers in flight is waited for and read on
 
 TEST_CASE("A device unplugged without a word is noticed by its transfers") {
   UsbChain chain;
-  chain.testbed.Plug(kAddress, Bench());
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device"));
+  const auto daemon = chain.Read();
   chain.Push(kAddress, 10, 10);
   chain.testbed.Unplug(kAddress, /*announce=*/false);
   REQUIRE(chain.listener.UntilHealth("waiting for device", "was unplugged"));

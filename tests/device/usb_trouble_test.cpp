@@ -35,9 +35,7 @@ int Count(const std::string& text, const std::string& part) {
 
 TEST_CASE("A device that fails and is never plugged in again is read on") {
   UsbChain chain;
-  chain.testbed.Plug(kAddress, Bench());
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device"));
+  const auto daemon = chain.Read();
   const double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
   chain.listener.Forget();
   SECTION("after transfer errors in a row") {
@@ -57,9 +55,7 @@ TEST_CASE("A device that leaves between being opened and being claimed is waited
   UsbChain chain;
   UsbDeviceScript script = Bench();
   script.lost_claims = 1;
-  chain.testbed.Plug(kAddress, script);
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device BENCH-7"));
+  const auto daemon = chain.Read(script);
 }
 
 TEST_CASE("One request for the identity may go unanswered") {
@@ -71,16 +67,12 @@ TEST_CASE("One request for the identity may go unanswered") {
     }
     return healthy(request);
   };
-  chain.testbed.Plug(kAddress, script);
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device BENCH-7"));
+  const auto daemon = chain.Read(script);
 }
 
 TEST_CASE("A device that comes back unusable does not end the daemon, which says why, once") {
   UsbChain chain;
-  chain.testbed.Plug(kAddress, Bench());
-  const auto daemon = chain.Start();
-  REQUIRE(daemon->WaitForError("reading device"));
+  const auto daemon = chain.Read();
   const double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
   chain.testbed.Unplug(kAddress);
   REQUIRE(chain.listener.UntilHealth("waiting for device", "was unplugged"));

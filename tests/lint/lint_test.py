@@ -114,6 +114,33 @@ class Includes(Tree):
         self.assertIn("is not needed any more", self.violations(excepted, low__a="", high__d="")[0])
 
 
+class Links(Tree):
+    """What is said of a link from page.md."""
+
+    def setUp(self):
+        super().setUp()
+        self.links = load("links")
+        self.write("folder/other.md", "# The *first* one, `x_y`\n\n## Twice\n\n## Twice\n\n"
+                   "```\n# no heading\n```\n### [With](a.md) a link\n")
+        self.write("page.md", "# Here\n")
+        self.write("picture.svg", "")
+
+    def objection(self, link: str) -> str:
+        return self.links.objection(os.path.join(self.root, "page.md"), link)
+
+    def test_what_leads_somewhere(self):
+        for link in ("folder/other.md", "folder", "picture.svg", "#here", "https://example.org/#x", "mailto:a@b.c",
+                     "folder/other.md#the-first-one-x_y", "folder/other.md#twice", "folder/other.md#twice-1",
+                     "folder/other.md#with-a-link"):
+            self.assertEqual(self.objection(link), "", link)
+
+    def test_what_does_not(self):
+        for link in ("other.md", "folder/none", "none.svg"):
+            self.assertIn("does not exist", self.objection(link))
+        for link in ("#there", "folder/other.md#twice-2", "folder/other.md#no-heading", "folder/other.md#First"):
+            self.assertIn("has no such heading", self.objection(link))
+
+
 class BugKeys(Tree):
     """When the verdict of clang-tidy on a source counts as known."""
 

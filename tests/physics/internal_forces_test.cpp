@@ -8,6 +8,7 @@
 #include "host/simulator/effects/loads/gravity.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/elastica.h"
+#include "tests/support/wire_on_post.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -85,60 +86,32 @@ TEST_CASE("A hanging wire bears at each node the weight of what is below") {
   CHECK(forces.tension_N[0] == Approx(kWeight * kLength).margin(piece_N));
 }
 
-// A wire drawn round a post of 10 mm by a force at its end; about its lower half it lies on it.
-struct OnPost {
-  static constexpr double kRadius = 10;
-  static constexpr double kPull = 2.5;
-  WallModel wall;
-  WireModel model;
-  Cylinder post{Side::kOutside, Vector3d::Zero(), Vector3d::UnitZ(), kRadius - 0.2};
-  effects::Friction friction;
-  EndForce force;
-  std::vector<EnergyTerm*> terms;
-  NewtonRelaxation relaxation;
-  WireState state;
-
-  OnPost(double mu, double rigidity, double segment_mm, int points_per_segment, double force_N)
-      : wall{.stiffness_N_mm2 = 100, .points_per_segment = points_per_segment},
-        model(MakeWire({.segment_mm = segment_mm,
-                        .rigidity_N_mm2 = rigidity,
-                        .radius_mm = 0.2,
-                        .sheath = {Vector3d(0, -kRadius, 0), Vector3d::UnitX()}})),
-        friction(mu, 0.005, {model, wall}),
-        force(force_N * Vector3d(std::cos(kPull), std::sin(kPull), 0)),
-        terms{&friction, &force},
-        relaxation(model, post, wall, {}, terms),
-        state(model) {
-    std::vector<Vector3d> path;
-    for (double a = 0.02; a < kPull; a += 0.02) {
-      path.emplace_back(kRadius * std::sin(a), -kRadius * std::cos(a), 0);
-    }
-    state = WireState::Along(model, path, {60, 0});
-    relaxation.Restart(state);
-    for (const double mm : {59.5, 59.0, 58.5, 58.0}) {
-      REQUIRE(Settle(relaxation, {mm, 0}, state).converged);
-    }
+// Drawn back by 2 mm, it slides everywhere.
+void DrawBack(WireOnPost& on) {
+  for (const double mm : {59.5, 59.0, 58.5, 58.0}) {
+    REQUIRE(Settle(on.relaxation, {mm, 0}, on.state).converged);
   }
-  std::size_t NodeAt(double angle_rad) const {
-    return static_cast<std::size_t>(std::lround(angle_rad * kRadius / model.segment_mm()));
-  }
-};
+}
 
 TEST_CASE("The line load of a wire on a post is tension over radius, on any mesh") {
   const double rigidity = 1;
   const double force_N = 0.05;
   const double segment_mm = GENERATE(1.0, 0.5, 0.25);
   const int points_per_segment = GENERATE(1, 2, 8);
-  OnPost on(0, rigidity, segment_mm, points_per_segment, force_N);
+  WireOnPost on({.force_N = force_N,
+                 .rigidity_N_mm2 = rigidity,
+                 .segment_mm = segment_mm,
+                 .points_per_segment = points_per_segment});
+  DrawBack(on);
   const InternalForces forces = ForcesOf(on.model, on.state, on.relaxation, on.terms);
-  const double tension_N = force_N - rigidity / (2 * OnPost::kRadius * OnPost::kRadius);
-  const double load_N_mm = tension_N / OnPost::kRadius;
+  const double tension_N = force_N - rigidity / (2 * WireOnPost::kRadius * WireOnPost::kRadius);
+  const double load_N_mm = tension_N / WireOnPost::kRadius;
   INFO("segments of " << segment_mm << " mm with " << points_per_segment << " points");
   double sum = 0;
   int count = 0;
   for (std::size_t i = on.NodeAt(0.6); i < on.NodeAt(1.6); ++i, ++count) {
     CHECK(forces.tension_N[i] == Approx(tension_N).epsilon(0.02));
-    CHECK(forces.bending_mJ[i] == Approx(rigidity / OnPost::kRadius).epsilon(0.04));
+    CHECK(forces.bending_mJ[i] == Approx(rigidity / WireOnPost::kRadius).epsilon(0.04));
     sum += forces.line_load_N_mm[i];
   }
   CHECK(sum / count == Approx(load_N_mm).epsilon(0.005 + 0.03 * segment_mm * segment_mm));
@@ -147,7 +120,8 @@ TEST_CASE("The line load of a wire on a post is tension over radius, on any mesh
 TEST_CASE("Tension that friction takes on a post follows exp(mu angle), on any mesh") {
   const double mu = GENERATE(0.1, 0.3);
   const double segment_mm = GENERATE(1.0, 0.5, 0.25);
-  OnPost on(mu, 6.35e-3, segment_mm, 2, 0.05);
+  WireOnPost on({.mu = mu, .segment_mm = segment_mm});
+  DrawBack(on);
   const InternalForces forces = ForcesOf(on.model, on.state, on.relaxation, on.terms);
   const double ratio = forces.tension_N[on.NodeAt(0.5)] / forces.tension_N[on.NodeAt(2.0)];
   CHECK(ratio == Approx(std::exp(1.5 * mu)).epsilon(0.02));

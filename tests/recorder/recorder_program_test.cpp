@@ -35,41 +35,47 @@ Recorded Read(const std::string& path) {
   return recorded;
 }
 
-// Once it is there, nothing is missed.
-void WaitForFile(const std::string& path) {
-  for (int i = 0; i < 2000 && !std::filesystem::exists(path); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+// A recorder that records, and who speaks on its bus.
+struct Session {
+  Session() {
+    command.instrument = protocol::kGuidewire;
+    // Once the log is there, nothing is missed.
+    for (int i = 0; i < 2000 && !std::filesystem::exists(path); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    REQUIRE(std::filesystem::exists(path));
   }
-  REQUIRE(std::filesystem::exists(path));
-}
+  void Publish() {
+    REQUIRE(bus.Publish(protocol::kInstrumentCommandChannel, command));
+    ++command.sequence;
+  }
+
+  TemporaryFolder folder;
+  std::string path = folder.Path("log");
+  ChildProcess recorder{{ProgramPath("torquer-recorder"), path}};
+  bus::Bus bus;
+  torquer_lcm::instrument_command_t command{};
+};
 
 }  // namespace
 
 TEST_CASE("The recorder misses nothing while it stands still, and nothing at the end") {
   NeedPrivateNetwork();
-  const TemporaryFolder folder;
-  const std::string path = folder.Path("log");
-  ChildProcess recorder({ProgramPath("torquer-recorder"), path});
-  WaitForFile(path);
-  bus::Bus bus;
-  torquer_lcm::instrument_command_t command{};
-  command.instrument = protocol::kGuidewire;
+  Session session;
   // 100 messages are more than LCM's own recorder lets wait.
   const auto burst = [&] {
-    for (int i = 0; i < 100; ++i, ++command.sequence) {
-      REQUIRE(bus.Publish(protocol::kInstrumentCommandChannel, command));
-    }
+    for (int i = 0; i < 100; ++i) session.Publish();
   };
   burst();
-  recorder.Signal(SIGSTOP);
+  session.recorder.Signal(SIGSTOP);
   burst();
-  recorder.Signal(SIGCONT);
+  session.recorder.Signal(SIGCONT);
   burst();
-  recorder.Signal(GENERATE(SIGTERM, SIGINT));
-  CHECK(recorder.Wait() == 0);
-  CAPTURE(recorder.Output(), recorder.Error());
-  CHECK_THAT(recorder.Output(), Catch::StartsWith("300 messages, "));
-  const Recorded recorded = Read(path);
+  session.recorder.Signal(GENERATE(SIGTERM, SIGINT));
+  CHECK(session.recorder.Wait() == 0);
+  CAPTURE(session.recorder.Output(), session.recorder.Error());
+  CHECK_THAT(session.recorder.Output(), Catch::StartsWith("300 messages, "));
+  const Recorded recorded = Read(session.path);
   REQUIRE(recorded.sequences.size() == 300);
   for (std::size_t i = 0; i < 300; ++i) REQUIRE(recorded.sequences[i] == static_cast<int>(i));
   CHECK_FALSE(recorded.summary.damage.any());
@@ -77,20 +83,14 @@ TEST_CASE("The recorder misses nothing while it stands still, and nothing at the
 
 TEST_CASE("What was recorded before a kill is a log") {
   NeedPrivateNetwork();
-  const TemporaryFolder folder;
-  const std::string path = folder.Path("log");
-  ChildProcess recorder({ProgramPath("torquer-recorder"), path});
-  WaitForFile(path);
-  bus::Bus bus;
-  torquer_lcm::instrument_command_t command{};
-  command.instrument = protocol::kGuidewire;
-  for (int i = 0; std::filesystem::file_size(path) == 0 && i < 3000; ++i, ++command.sequence) {
-    REQUIRE(bus.Publish(protocol::kInstrumentCommandChannel, command));
+  Session session;
+  for (int i = 0; std::filesystem::file_size(session.path) == 0 && i < 3000; ++i) {
+    session.Publish();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  recorder.Signal(SIGKILL);
-  recorder.Wait();
-  const Recorded recorded = Read(path);
+  session.recorder.Signal(SIGKILL);
+  session.recorder.Wait();
+  const Recorded recorded = Read(session.path);
   CHECK(recorded.sequences.size() > 10);
   CHECK_FALSE(recorded.summary.damage.any());
 }
