@@ -10,15 +10,15 @@
 
 namespace {
 
-struct Outcome {
+struct ShellOutcome {
   int status;
   std::string output;  // both streams
 };
 
-Outcome Shell(const std::string& command) {
+ShellOutcome RunShell(const std::string& command) {
   FILE* pipe = popen(("{ " + command + "; } 2>&1").c_str(), "r");
   REQUIRE(pipe != nullptr);
-  Outcome outcome{};
+  ShellOutcome outcome{};
   char buffer[256];
   while (fgets(buffer, sizeof buffer, pipe) != nullptr) outcome.output += buffer;
   outcome.status = WEXITSTATUS(pclose(pipe));
@@ -30,28 +30,28 @@ const std::string kScript = torquer::test::SourcePath("/host/bus/private_network
 }  // namespace
 
 TEST_CASE("private_network runs its command in a network with nothing but loopback") {
-  const Outcome links = Shell(kScript + " ip -o link");
+  const ShellOutcome links = RunShell(kScript + " ip -o link");
   CHECK(links.status == 0);
   CHECK(links.output.find("1: lo: <LOOPBACK,MULTICAST,UP") == 0);
   CHECK(links.output.find("\n2: eth") == std::string::npos);
-  const Outcome route = Shell(kScript + " ip route");
+  const ShellOutcome route = RunShell(kScript + " ip route");
   CHECK(route.output.find("224.0.0.0/4 dev lo") != std::string::npos);
 }
 
 TEST_CASE("private_network hands on words, open files and the exit status") {
-  const Outcome words = Shell(kScript + " printf '%s|' 'a b' \"c'd\" ''");
+  const ShellOutcome words = RunShell(kScript + " printf '%s|' 'a b' \"c'd\" ''");
   CHECK(words.output == "a b|c'd||");
-  CHECK(Shell("exec 7<<X\nhello\nX\n" + kScript + " cat <&7").output == "hello\n");
-  CHECK(Shell(kScript + " sh -c 'exit 37'").status == 37);
+  CHECK(RunShell("exec 7<<X\nhello\nX\n" + kScript + " cat <&7").output == "hello\n");
+  CHECK(RunShell(kScript + " sh -c 'exit 37'").status == 37);
 }
 
 TEST_CASE("private_network says what is missing") {
-  const Outcome nothing = Shell(kScript);
+  const ShellOutcome nothing = RunShell(kScript);
   CHECK(nothing.status == 2);
   CHECK(nothing.output.find("usage: private_network COMMAND") != std::string::npos);
 
   // A PATH that holds a failing unshare stands in for a kernel that forbids namespaces.
-  const Outcome forbidden = Shell(
+  const ShellOutcome forbidden = RunShell(
       "d=$(mktemp -d); printf '#!/bin/sh\\nexit 1\\n' >$d/unshare; chmod +x $d/unshare; "
       "PATH=$d:$PATH " +
       kScript + " true; s=$?; rm -r $d; exit $s");
@@ -61,9 +61,9 @@ TEST_CASE("private_network says what is missing") {
 }
 
 TEST_CASE("Without a multicast route the bus says which commands make one") {
-  const Outcome outcome =
-      Shell("unshare -rn ip route; unshare -rn " + torquer::test::ProgramPath("") +
-            "/bus_test 'Opening the default bus' --reporter compact");
+  const ShellOutcome outcome =
+      RunShell("unshare -rn ip route; unshare -rn " + torquer::test::ProgramPath("") +
+               "/bus_test 'Opening the default bus' --reporter compact");
   CHECK(outcome.output.find("ip route add 224.0.0.0/4 dev lo") != std::string::npos);
 }
 

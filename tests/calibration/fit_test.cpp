@@ -6,6 +6,7 @@
 #include <random>
 
 #include "host/support/error.h"
+#include "tests/calibration/angles.h"
 #include "tests/calibration/simulated_hand.h"
 
 namespace {
@@ -15,11 +16,11 @@ using torquer::UserError;
 using torquer::test::ExpectationOf;
 using torquer::test::GoodStrokes;
 using torquer::test::HandFaults;
+using torquer::test::kDegree_rad;
+using torquer::test::kTurn_rad;
 using torquer::test::RandomTruth;
 using torquer::test::SimulatedStrokes;
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kDegree = kPi / 180.0;
 constexpr int kPushes = 6;
 constexpr int kTurns = 5;
 
@@ -43,8 +44,8 @@ Stroke Counted(const MotionParameters& truth, double insertion_mm, double rotati
 }
 
 std::vector<Stroke> Few() {
-  return {Counted(kTruth, 150.0, 0.0), Counted(kTruth, 120.0, 0.0), Counted(kTruth, 0.0, 2 * kPi),
-          Counted(kTruth, 0.0, 4 * kPi)};
+  return {Counted(kTruth, 150.0, 0.0), Counted(kTruth, 120.0, 0.0), Counted(kTruth, 0.0, kTurn_rad),
+          Counted(kTruth, 0.0, 2 * kTurn_rad)};
 }
 
 // How often intervals held the truth.
@@ -98,7 +99,7 @@ void CheckCoverage(const HandFaults& faults) {
     radius.Add(fit.cylinder_radius_mm, truth.cylinder_radius_mm);
     skew.Add(fit.skew_rad, truth.skew_rad);
     const HandMotion pushed = ErrorOf(fit.model, truth, kFigureStrokeMm, 0.0);
-    const HandMotion turned = ErrorOf(fit.model, truth, 0.0, 2 * kPi);
+    const HandMotion turned = ErrorOf(fit.model, truth, 0.0, kTurn_rad);
     push.Add(fit.push_error_mm, pushed.insertion_mm);
     push_turns.Add(fit.push_turns_rad, pushed.rotation_rad);
     turn.Add(fit.turn_error_rad, turned.rotation_rad);
@@ -153,12 +154,12 @@ TEST_CASE("Stated 95 % intervals hold the truth in 93 to 97 % of runs") {
   SECTION("between end stops whose distance was measured once, and with a hand of habits") {
     faults.push_mm = 0.1;
     faults.common = {.push_mm = 0.5,
-                     .push_turn_rad = 0.5 * kDegree,
-                     .turn_rad = 1.0 * kDegree,
+                     .push_turn_rad = 0.5 * kDegree_rad,
+                     .turn_rad = 1.0 * kDegree_rad,
                      .turn_push_mm = 0.3};
   }
   SECTION("with a hand much worse than it is declared to be") {
-    faults.push_turn_rad = 3.0 * kDegree;
+    faults.push_turn_rad = 3.0 * kDegree_rad;
     faults.turn_push_mm = 2.0;
   }
   CheckCoverage(faults);
@@ -180,8 +181,8 @@ TEST_CASE("With exact references gain, misalignment and rotation are found close
       largest = std::max(largest, std::abs(off));
     };
     grow(gain, fit.gain_mm_per_count.value / truth.gain_mm_per_count - 1.0);
-    grow(misalignment_deg, (fit.misalignment_rad.value - truth.misalignment_rad) / kDegree);
-    grow(rotation_deg, ErrorOf(fit.model, truth, 0.0, 2 * kPi).rotation_rad / kDegree);
+    grow(misalignment_deg, (fit.misalignment_rad.value - truth.misalignment_rad) / kDegree_rad);
+    grow(rotation_deg, ErrorOf(fit.model, truth, 0.0, kTurn_rad).rotation_rad / kDegree_rad);
   }
   CHECK(gain < 0.001);
   CHECK(misalignment_deg < 0.05);
@@ -192,7 +193,7 @@ TEST_CASE("Residuals are reference less model, stroke by stroke") {
   std::vector<Stroke> strokes;
   for (int i = 0; i < 4; ++i) {
     strokes.push_back(Counted(kTruth, 100.0, 0.0));
-    strokes.push_back(Counted(kTruth, 0.0, 2 * kPi));
+    strokes.push_back(Counted(kTruth, 0.0, kTurn_rad));
   }
   strokes[2] = Counted(kTruth, 96.0, 0.0);  // one of four pushes stopped 4 mm short
   strokes[2].reference = 100.0;

@@ -3,11 +3,12 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "tests/calibration/angles.h"
+
 namespace {
 
 using namespace torquer::calibration;
-
-constexpr double kPi = 3.14159265358979323846;
+using torquer::test::kTurn_rad;
 
 }  // namespace
 
@@ -19,8 +20,8 @@ TEST_CASE("The nominal device moves an inch in as many counts as its resolution 
   CHECK(push.insertion_mm == Approx(25.4));
   CHECK(push.rotation_rad == 0.0);
   // A turn of the 5 mm cylinder is 31.4 mm of surface.
-  const HandMotion turn = Apply(nominal.motion, 0, std::lround(2 * kPi * 5.0 / 25.4 * 800));
-  CHECK(turn.rotation_rad == Approx(2 * kPi).epsilon(1e-3));
+  const HandMotion turn = Apply(nominal.motion, 0, std::lround(kTurn_rad * 5.0 / 25.4 * 800));
+  CHECK(turn.rotation_rad == Approx(kTurn_rad).epsilon(1e-3));
   CHECK(turn.insertion_mm == 0.0);
 }
 

@@ -1,11 +1,11 @@
 #include "calibration/procedure.h"
 
 #include <catch2/catch.hpp>
-#include <numbers>
 #include <random>
 #include <string>
 
 #include "host/support/error.h"
+#include "tests/calibration/angles.h"
 #include "tests/calibration/simulated_hand.h"
 
 namespace {
@@ -15,11 +15,10 @@ using Catch::Contains;
 using torquer::UserError;
 using torquer::test::HandFaults;
 using torquer::test::HandPlace;
+using torquer::test::kDegree_rad;
 using torquer::test::RandomTruth;
 using torquer::test::SimulatedHand;
 using torquer::test::SimulatedSensor;
-
-constexpr double kDegree = std::numbers::pi / 180.0;
 
 // A hand as the settings assume it to be.
 HandFaults FaultsOf(const ProcedureSettings& settings) {
@@ -114,8 +113,8 @@ class Operator {
   int strokes = 0;
 };
 
-struct Run {
-  explicit Run(ProcedureSettings settings = {}, std::uint64_t seed = 3)
+struct ProcedureRun {
+  explicit ProcedureRun(ProcedureSettings settings = {}, std::uint64_t seed = 3)
       : random(seed),
         truth(RandomTruth(random)),
         person(settings, truth, FaultsOf(settings), random) {}
@@ -160,7 +159,7 @@ TEST_CASE("Whole runs with an ordinary hand state intervals that hold the truth 
 }
 
 TEST_CASE("A run leads through all steps to a calibration") {
-  Run run;
+  ProcedureRun run;
   Operator& person = run.person;
   CHECK(person.procedure.prompt().title == "Rest");
   person.UpTo(Step::kLift);
@@ -213,7 +212,7 @@ TEST_CASE("A run leads through all steps to a calibration") {
 }
 
 TEST_CASE("A mark is taken when the hand is still, by key or by button") {
-  Run run;
+  ProcedureRun run;
   Operator& person = run.person;
   person.UpTo(Step::kPushes);
   person.GoTo({75.0, 0.0});
@@ -233,7 +232,7 @@ TEST_CASE("A mark is taken when the hand is still, by key or by button") {
 }
 
 TEST_CASE("Spoiled strokes do not count, and the run goes on") {
-  Run run;
+  ProcedureRun run;
   Operator& person = run.person;
   person.UpTo(Step::kPushes);
   person.Stroke();
@@ -294,7 +293,7 @@ TEST_CASE("Spoiled strokes do not count, and the run goes on") {
 
 TEST_CASE(
     "A count that moves at rest, and a sensor that sees nothing, are reported and not passed") {
-  Run run;
+  ProcedureRun run;
   Operator& person = run.person;
   SECTION("drift") {
     for (int i = 0; i < 400; ++i) {
@@ -319,7 +318,7 @@ TEST_CASE(
 }
 
 TEST_CASE("A sensor that counts while it is lifted is reported") {
-  Run run;
+  ProcedureRun run;
   Operator& person = run.person;
   person.UpTo(Step::kLift);
   person.reading.lifted = true;
@@ -333,7 +332,7 @@ TEST_CASE("A sensor that counts while it is lifted is reported") {
 }
 
 TEST_CASE("A joystick that was not moved to its ends is reported; it can be skipped") {
-  Run run;
+  ProcedureRun run;
   Operator& person = run.person;
   person.UpTo(Step::kJoystick);
   for (int i = 0; i < 4; ++i) {
@@ -356,7 +355,7 @@ TEST_CASE("An ordinary mouse of unknown resolution is calibrated as well") {
   settings.has_joystick = false;
   std::mt19937_64 random(4);
   const MotionParameters truth{.gain_mm_per_count = 25.4 / 1600,
-                               .misalignment_rad = 3.0 * kDegree,
+                               .misalignment_rad = 3.0 * kDegree_rad,
                                .cylinder_radius_mm = 5.5,
                                .skew_rad = 0.0};
   Operator person(settings, truth, FaultsOf(settings), random);

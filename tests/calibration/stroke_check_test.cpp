@@ -1,9 +1,9 @@
 #include "calibration/stroke_check.h"
 
 #include <catch2/catch.hpp>
-#include <numbers>
 #include <random>
 
+#include "tests/calibration/angles.h"
 #include "tests/calibration/simulated_hand.h"
 
 namespace {
@@ -12,20 +12,20 @@ using namespace torquer::calibration;
 using Catch::Contains;
 using torquer::test::ExpectationOf;
 using torquer::test::HandFaults;
+using torquer::test::kDegree_rad;
 using torquer::test::RandomTruth;
 using torquer::test::SimulatedStrokes;
 
-constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr int kPushes = 6;
-constexpr int kTurns = 5;
+constexpr int kPushCount = 6;
+constexpr int kTurnCount = 5;
 constexpr std::size_t kBadPush = 3;
-constexpr std::size_t kBadTurn = kPushes + 2;
+constexpr std::size_t kBadTurn = kPushCount + 2;
 
 // A run of which one stroke is spoiled.
-struct Run {
-  explicit Run(std::uint64_t seed) : random(seed) {
+struct StrokesRun {
+  explicit StrokesRun(std::uint64_t seed) : random(seed) {
     truth = RandomTruth(random);
-    strokes = SimulatedStrokes(truth, faults, kPushes, kTurns, random);
+    strokes = SimulatedStrokes(truth, faults, kPushCount, kTurnCount, random);
   }
 
   // Adds a motion of the cylinder to a stroke, and takes it back after it unless it stays.
@@ -65,16 +65,16 @@ TEST_CASE("Good strokes are accepted") {
   constexpr int kRuns = 500;
   int refused = 0;
   for (std::uint64_t seed = kFirstSeed; seed < kFirstSeed + kRuns; ++seed) {
-    for (const Rejection& rejection : Run(seed).Judge()) refused += rejection.has_value();
+    for (const Rejection& rejection : StrokesRun(seed).Judge()) refused += rejection.has_value();
   }
   CAPTURE(kFirstSeed);
-  CHECK(refused < 0.005 * kRuns * (kPushes + kTurns));
+  CHECK(refused < 0.005 * kRuns * (kPushCount + kTurnCount));
 }
 
 TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason") {
   const std::uint64_t seed = GENERATE(1u, 2u, 3u, 4u, 5u, 6u, 7u, 8u, 9u, 10u);
   CAPTURE(seed);
-  Run run(seed);
+  StrokesRun run(seed);
   SECTION("a push that stopped short") {
     run.Spoil(kBadPush, -8.0, 0.0);
     CHECK_THAT(run.Reason(kBadPush), Contains("shorter than the others"));
@@ -104,7 +104,7 @@ TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason"
     CHECK_THAT(run.Reason(kBadPush), Contains("the wrong way"));
   }
   SECTION("a little turned while pushing") {
-    run.Spoil(kBadPush, 0.0, 15.0 * kDegree);
+    run.Spoil(kBadPush, 0.0, 15.0 * kDegree_rad);
     CHECK_THAT(run.Reason(kBadPush), Contains("turned while pushing") && Contains("more than"));
   }
   SECTION("much turned while pushing") {
@@ -112,19 +112,19 @@ TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason"
     CHECK_THAT(run.Reason(kBadPush), Contains("turned while pushing"));
   }
   SECTION("one turn too few") {
-    run.Spoil(kBadTurn, 0.0, -360.0 * kDegree);
+    run.Spoil(kBadTurn, 0.0, -360.0 * kDegree_rad);
     CHECK_THAT(run.Reason(kBadTurn), Contains("turns") || Contains("less than the others"));
   }
   SECTION("a tenth of a turn too much") {
-    run.Spoil(kBadTurn, 0.0, 36.0 * kDegree);
+    run.Spoil(kBadTurn, 0.0, 36.0 * kDegree_rad);
     CHECK_THAT(run.Reason(kBadTurn), Contains("more than the others: miscounted"));
   }
   SECTION("turned the wrong way") {
-    run.Spoil(kBadTurn, 0.0, -1440.0 * kDegree);
+    run.Spoil(kBadTurn, 0.0, -1440.0 * kDegree_rad);
     CHECK_THAT(run.Reason(kBadTurn), Contains("the wrong way"));
   }
   SECTION("a push where a turn was asked for") {
-    run.Spoil(kBadTurn, 60.0, -720.0 * kDegree);
+    run.Spoil(kBadTurn, 60.0, -720.0 * kDegree_rad);
     CHECK_THAT(run.Reason(kBadTurn), Contains("pushed while turning"));
   }
   SECTION("a little pushed while turning") {
@@ -150,7 +150,7 @@ TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason"
 }
 
 TEST_CASE("Two outliers do not hide each other") {
-  Run run(1);
+  StrokesRun run(1);
   run.Spoil(1, -9.0, 0.0);
   run.Spoil(4, -7.0, 0.0);
   const std::vector<Rejection> rejections = run.Judge();
@@ -171,10 +171,11 @@ TEST_CASE("An unsteady hand is measured, not refused") {
     const StrokeExpectation declared = ExpectationOf(faults);
     faults.push_turn_rad *= 5.0;
     faults.turn_push_mm *= 5.0;
-    for (const Rejection& rejection : JudgeStrokes(
-             SimulatedStrokes(RandomTruth(random), faults, kPushes, kTurns, random), declared)) {
+    for (const Rejection& rejection :
+         JudgeStrokes(SimulatedStrokes(RandomTruth(random), faults, kPushCount, kTurnCount, random),
+                      declared)) {
       refused += rejection.has_value();
     }
   }
-  CHECK(refused < 0.1 * kRuns * (kPushes + kTurns));
+  CHECK(refused < 0.1 * kRuns * (kPushCount + kTurnCount));
 }

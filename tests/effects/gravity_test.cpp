@@ -9,8 +9,8 @@
 namespace torquer::test {
 namespace {
 
-constexpr double kLength = 50;
-constexpr double kRigidity = 2;
+constexpr double kHangingLength = 50;
+constexpr double kHangingRigidity = 2;
 
 // A wire out of a sheath along x, hanging under weight along -y.
 struct Hanging {
@@ -27,21 +27,21 @@ struct Hanging {
         wall{.points_per_segment = points},
         gravity({Vector3d(0, -weight_N_mm, 0)}),
         relaxation(model, field, wall, {.tolerance = 1e-9}, terms),
-        state(LayStraight(model, kLength)) {
+        state(LayStraight(model, kHangingLength)) {
     relaxation.Restart(state);
-    REQUIRE(Settle(relaxation, {kLength, 0}, state).converged);
+    REQUIRE(Settle(relaxation, {kHangingLength, 0}, state).converged);
   }
 };
 
 TEST_CASE("A cantilever sinks by w L^4 / 8 EI under its own weight") {
   const int points = GENERATE(1, 2, 4);
   const double load = 0.01;  // w L^3 / EI
-  const double weight = load * kRigidity / std::pow(kLength, 3);
+  const double weight = load * kHangingRigidity / std::pow(kHangingLength, 3);
   double error[2];
   int k = 0;
   for (const double segment_mm : {2.0, 1.0}) {
-    const Hanging wire(segment_mm, kRigidity, weight, points);
-    error[k++] = wire.state.nodes().back()[1] / (-load / 8 * kLength) - 1;
+    const Hanging wire(segment_mm, kHangingRigidity, weight, points);
+    error[k++] = wire.state.nodes().back()[1] / (-load / 8 * kHangingLength) - 1;
   }
   INFO("points " << points << " errors " << error[0] << " " << error[1]);
   CHECK(std::abs(error[1]) < 1e-3);
@@ -88,11 +88,14 @@ Eigen::Vector2d HeavyElastica(double load) {
 
 TEST_CASE("A cantilever under a large own weight is the heavy elastica") {
   for (const double load : {2.0, 10.0}) {
-    const Hanging wire(0.5, kRigidity, load * kRigidity / std::pow(kLength, 3));
+    const Hanging wire(0.5, kHangingRigidity,
+                       load * kHangingRigidity / std::pow(kHangingLength, 3));
     const Eigen::Vector2d end = HeavyElastica(load);
     INFO("load " << load << " end " << end.transpose());
-    CHECK(wire.state.nodes().back()[0] == Approx(end[0] * kLength).margin(1e-3 * kLength));
-    CHECK(wire.state.nodes().back()[1] == Approx(-end[1] * kLength).margin(1e-3 * kLength));
+    CHECK(wire.state.nodes().back()[0] ==
+          Approx(end[0] * kHangingLength).margin(1e-3 * kHangingLength));
+    CHECK(wire.state.nodes().back()[1] ==
+          Approx(-end[1] * kHangingLength).margin(1e-3 * kHangingLength));
   }
 }
 
@@ -101,10 +104,10 @@ TEST_CASE("Without stiffness the wire hangs straight down, drawn by its weight")
   const Hanging chain(0.5, 1e-3, weight);
   const double bend = std::cbrt(1e-3 / weight);  // over which it turns downwards
   const Vector3d end = chain.state.nodes().back();
-  CHECK(end[1] < -(kLength - 2 * bend));
+  CHECK(end[1] < -(kHangingLength - 2 * bend));
   // Tension at a place is the weight of what hangs below it.
   for (const int i : {20, 50, 80}) {
-    const double below = kLength - i * 0.5;
+    const double below = kHangingLength - i * 0.5;
     const double tension =
         -chain.relaxation.Current().distal_gradient[static_cast<std::size_t>(i)].dot(
             chain.state.tangents()[static_cast<std::size_t>(i)]);

@@ -23,8 +23,8 @@ constexpr char kSheath[] =
     "[[instrument]]\nname = \"sheath\"\nmax_length_mm = 100\ninserted_at_start_mm = 20\n"
     "inner_radius_mm = 0.7\nradius_mm = 0.9\nrigidity_N_mm2 = 8\n";
 
-std::string SceneFile(const TemporaryFolder& folder, const std::string& instruments,
-                      const std::string& more = "") {
+std::string WriteScene(const TemporaryFolder& folder, const std::string& instruments,
+                       const std::string& more = "") {
   std::string path = folder.Path("instruments.toml");
   std::ofstream(path) << "name = \"instruments\"\n[vessel]\nkind = \"ty_phantom\"\n"
                          "wall_stiffness_N_mm2 = 0.5\n"
@@ -44,7 +44,7 @@ void Go(Simulation& simulation, const InstrumentPlaces& target) {
 
 TEST_CASE("Each instrument of a scene starts, moves and is reported by its name") {
   const TemporaryFolder folder;
-  scene::Scene scene(SceneFile(folder, std::string(kWire) + kCatheter + kSheath));
+  scene::Scene scene(WriteScene(folder, std::string(kWire) + kCatheter + kSheath));
   REQUIRE(scene.stack().size() == 3);
   Simulation simulation(scene);
   torquer_lcm::wire_state_t state;
@@ -87,8 +87,8 @@ TEST_CASE("Dye from an instrument's tip is dye from that place of the vessel") {
   const TemporaryFolder folder;
   const std::string flow = "[effects.flow]\ninlet = \"main\"\ninlet_mL_s = 5\n";
   const auto inject = [&](const std::string& more) {
-    scene::Scene scene(SceneFile(folder, std::string(kWire) + kCatheter,
-                                 flow + "[effects.contrast]\nrate_mL_s = 2\n" + more));
+    scene::Scene scene(WriteScene(folder, std::string(kWire) + kCatheter,
+                                  flow + "[effects.contrast]\nrate_mL_s = 2\n" + more));
     Simulation simulation(scene);
     for (int k = 0; k < 100; ++k) {
       simulator::Command command;
@@ -113,9 +113,9 @@ TEST_CASE("Dye from an instrument's tip is dye from that place of the vessel") {
 // The gray values of a picture of the wire and `more`, without a body around them.
 std::vector<std::uint8_t> Picture(const TemporaryFolder& folder, const std::string& more) {
   scene::Scene scene(
-      SceneFile(folder, kWire + more,
-                "[effects.fluoroscopy]\nbody_width_mm = 0\nphotons = 1e6\ndetector_mm = 100\n"
-                "isocenter_mm = [40, 0, 0]\n"));
+      WriteScene(folder, kWire + more,
+                 "[effects.fluoroscopy]\nbody_width_mm = 0\nphotons = 1e6\ndetector_mm = 100\n"
+                 "isocenter_mm = [40, 0, 0]\n"));
   Simulation simulation(scene);
   simulator::Command command;
   command.target = simulation.target();
@@ -157,7 +157,7 @@ TEST_CASE("What an instrument cannot be is refused, with the remedy") {
   const auto refuses = [&](const std::string& instruments, const std::string& more,
                            const std::string& place, const std::string& remedy) {
     INFO(instruments << more);
-    CHECK_THROWS_WITH(scene::Scene(SceneFile(folder, kWire + instruments, more)),
+    CHECK_THROWS_WITH(scene::Scene(WriteScene(folder, kWire + instruments, more)),
                       Contains(place) && Contains(remedy));
   };
   const std::string some =
@@ -189,7 +189,7 @@ TEST_CASE("What an instrument cannot be is refused, with the remedy") {
 
 TEST_CASE("An instrument by sections is the one of its table") {
   const TemporaryFolder folder;
-  scene::Scene scene(SceneFile(
+  scene::Scene scene(WriteScene(
       folder, std::string(kWire) +
                   "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\n"
                   "inner_radius_mm = 0.3\nfrom_tip_mm = [0, 20, 60]\nrigidity_N_mm2 = [1, 5, 9]\n"

@@ -22,7 +22,7 @@ using torquer::test::TemporaryFolder;
 
 namespace {
 
-std::vector<std::uint8_t> Data(int k) {
+std::vector<std::uint8_t> BytesOf(int k) {
   return std::vector<std::uint8_t>(static_cast<std::size_t>(17 * k % 500),
                                    static_cast<std::uint8_t>(k));
 }
@@ -54,7 +54,7 @@ TEST_CASE("What was written is what LCM reads") {
   {
     EventLogWriter log(folder.Path("log"));
     for (int k = 0; k < 1000; ++k) {
-      log.Write(1'700'000'000'000'000 + k, k % 2 == 0 ? "EVEN" : "ODD", Data(k));
+      log.Write(1'700'000'000'000'000 + k, k % 2 == 0 ? "EVEN" : "ODD", BytesOf(k));
     }
     CHECK(log.records() == 1000);
     log.Finish();
@@ -69,7 +69,7 @@ TEST_CASE("What was written is what LCM reads") {
     CHECK(event->timestamp == 1'700'000'000'000'000 + k);
     CHECK(event->channel == (k % 2 == 0 ? "EVEN" : "ODD"));
     const auto* bytes = static_cast<const std::uint8_t*>(event->data);
-    CHECK(std::vector<std::uint8_t>(bytes, bytes + event->datalen) == Data(k));
+    CHECK(std::vector<std::uint8_t>(bytes, bytes + event->datalen) == BytesOf(k));
   }
   CHECK(log.readNextEvent() == nullptr);
 }
@@ -81,7 +81,7 @@ TEST_CASE("A full disk leaves the whole records, and says how many") {
   {
     const FullDisk disk(300'000);
     try {
-      for (int k = 0; k < 5000; ++k) log.Write(k, "CHANNEL", Data(k));
+      for (int k = 0; k < 5000; ++k) log.Write(k, "CHANNEL", BytesOf(k));
       log.Finish();
     } catch (const torquer::UserError& error) {
       said = error.what();

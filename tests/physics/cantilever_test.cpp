@@ -10,8 +10,6 @@
 namespace torquer::test {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 // A couple on the distal segment: the energy is -M (angle of that segment in the plane z = 0). A
 // wire that turns so by more than half would leave the plane; springs keep it there.
 class EndMoment final : public EnergyTerm {
@@ -41,7 +39,8 @@ class EndMoment final : public EnergyTerm {
       if (out.with_hessian) out.hessian[q](2, 2) += 1;
     }
     const double angle = std::atan2(d[1], d[0]);
-    return springs - moment_mJ_ * (angle_rad_ + std::remainder(angle - angle_rad_, 2 * kPi));
+    return springs -
+           moment_mJ_ * (angle_rad_ + std::remainder(angle - angle_rad_, 2 * std::numbers::pi));
   }
   void End(const PointSet&) override {}
   void Reset() override {}
@@ -72,12 +71,13 @@ struct Beam {
   }
 };
 
-constexpr double kLength = 40;
-constexpr double kRigidity = 2.5;
+constexpr double kBentLength = 40;
+constexpr double kBentRigidity = 2.5;
 
 Vector3d EndOfCantilever(int n, double load, BendingLaw law) {
-  EndForce force(Vector3d(0, load * kRigidity / (kLength * kLength), 0));
-  Beam beam({.segment_mm = kLength / n, .rigidity_N_mm2 = kRigidity, .law = law}, kLength, &force);
+  EndForce force(Vector3d(0, load * kBentRigidity / (kBentLength * kBentLength), 0));
+  Beam beam({.segment_mm = kBentLength / n, .rigidity_N_mm2 = kBentRigidity, .law = law},
+            kBentLength, &force);
   REQUIRE(beam.Relax().converged);
   return beam.state.nodes().back();
 }
@@ -86,13 +86,13 @@ TEST_CASE("A cantilever bends like the elastica, to second order in the segment"
   const BendingLaw law = GENERATE(BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2);
   for (const double load : {0.5, 2.0, 10.0}) {
     const Elastica exact = SolveElastica(load);
-    const Vector3d end(exact.along * kLength, exact.across * kLength, 0);
+    const Vector3d end(exact.along * kBentLength, exact.across * kBentLength, 0);
     double error[3];
     int k = 0;
     for (const int n : {40, 80, 160}) error[k++] = (EndOfCantilever(n, load, law) - end).norm();
     INFO("law " << static_cast<int>(law) << " load " << load << " errors " << error[0] << " "
                 << error[1] << " " << error[2]);
-    CHECK(error[2] < 2e-4 * kLength);
+    CHECK(error[2] < 2e-4 * kBentLength);
     CHECK(error[0] / error[1] == Approx(4).epsilon(0.1));
     CHECK(error[1] / error[2] == Approx(4).epsilon(0.1));
   }
@@ -109,10 +109,10 @@ double Apart(const WireState& a, const WireState& b) {
 
 TEST_CASE("The error that a state says is its distance from the balance") {
   const double length = GENERATE(10.0, 40.0, 250.0);
-  EndForce force(Vector3d(0, 0.7 * kRigidity / (length * length), 0));
-  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, length, &force);
+  EndForce force(Vector3d(0, 0.7 * kBentRigidity / (length * length), 0));
+  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, length, &force);
   REQUIRE(exact.Relax().converged);
-  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, length, &force);
+  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, length, &force);
   double residual = 1;
   int compared = 0;
   while (residual > 1e-10) {
@@ -130,10 +130,10 @@ TEST_CASE("The error that a state says is its distance from the balance") {
 TEST_CASE("A tolerance in mm holds for the position, however long the wire") {
   const double length = GENERATE(40.0, 250.0);
   const double tolerance_mm = GENERATE(1e-2, 1e-5);
-  EndForce force(Vector3d(0, 0.7 * kRigidity / (length * length), 0));
-  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, length, &force);
+  EndForce force(Vector3d(0, 0.7 * kBentRigidity / (length * length), 0));
+  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, length, &force);
   REQUIRE(exact.Relax().converged);
-  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, length, &force);
+  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, length, &force);
   NewtonRelaxation relaxation(beam.model, beam.field, beam.wall,
                               {.tolerance = 1, .tolerance_mm = tolerance_mm}, beam.terms);
   relaxation.Restart(beam.state);
@@ -151,35 +151,35 @@ TEST_CASE("A part of a segment at the sheath counts with its length") {
   // The same cantilever with a first segment of every length that occurs.
   const double load = 2;
   const Elastica exact = SolveElastica(load);
-  const Vector3d end(exact.along * kLength, exact.across * kLength, 0);
-  EndForce force(Vector3d(0, load * kRigidity / (kLength * kLength), 0));
+  const Vector3d end(exact.along * kBentLength, exact.across * kBentLength, 0);
+  EndForce force(Vector3d(0, load * kBentRigidity / (kBentLength * kBentLength), 0));
   for (double first = 0.5; first < 1.5; first += 0.099) {
-    const double lambda = kLength / (39 + first);
-    Beam beam({.segment_mm = lambda, .rigidity_N_mm2 = kRigidity}, kLength, &force);
+    const double lambda = kBentLength / (39 + first);
+    Beam beam({.segment_mm = lambda, .rigidity_N_mm2 = kBentRigidity}, kBentLength, &force);
     REQUIRE(beam.state.first_segment_mm() == Approx(first * lambda));
     REQUIRE(beam.Relax().converged);
     INFO("first segment " << first);
-    CHECK((beam.state.nodes().back() - end).norm() < 2e-4 * kLength);
+    CHECK((beam.state.nodes().back() - end).norm() < 2e-4 * kBentLength);
   }
 }
 
 TEST_CASE("An end moment of 2 pi EI/L bends the wire into a circle") {
   EndMoment moment;
-  Beam beam({.segment_mm = 0.5, .rigidity_N_mm2 = kRigidity}, kLength, &moment);
+  Beam beam({.segment_mm = 0.5, .rigidity_N_mm2 = kBentRigidity}, kBentLength, &moment);
   const int steps = 16;
   for (int k = 1; k <= steps; ++k) {
-    const double turned = 2 * kPi * k / steps;
-    moment.SetMoment(turned * kRigidity / kLength, turned);
+    const double turned = 2 * std::numbers::pi * k / steps;
+    moment.SetMoment(turned * kBentRigidity / kBentLength, turned);
     REQUIRE(beam.Relax().converged);
     if (k == steps) break;
-    const double radius = kLength / turned;
+    const double radius = kBentLength / turned;
     const Vector3d end(radius * std::sin(turned), radius * (1 - std::cos(turned)), 0);
-    CHECK((beam.state.nodes().back() - end).norm() < 1e-3 * kLength);
+    CHECK((beam.state.nodes().back() - end).norm() < 1e-3 * kBentLength);
   }
-  CHECK(beam.state.nodes().back().norm() < 1e-3 * kLength);
+  CHECK(beam.state.nodes().back().norm() < 1e-3 * kBentLength);
   // Bending energy of a circle: EI L / (2 R^2).
-  const double radius = kLength / (2 * kPi);
-  const double energy = kRigidity * kLength / (2 * radius * radius);
+  const double radius = kBentLength / (2 * std::numbers::pi);
+  const double energy = kBentRigidity * kBentLength / (2 * radius * radius);
   double bending = 0;
   Vector3d before = beam.model.sheath().direction;
   for (int i = 0; i < beam.state.segments(); ++i) {
@@ -192,7 +192,8 @@ TEST_CASE("An end moment of 2 pi EI/L bends the wire into a circle") {
 
 TEST_CASE("A wire of constant intrinsic curvature rests as a circle") {
   const double radius = 5;
-  for (const double length : {2 * kPi * radius, kPi * radius, 0.6 * radius}) {
+  for (const double length :
+       {2 * std::numbers::pi * radius, std::numbers::pi * radius, 0.6 * radius}) {
     const double lambda = length / 60.3;  // a first segment of 1.3 lambda
     Beam beam({.segment_mm = lambda, .tip_curvature_1_per_mm = 1 / radius}, length, nullptr);
     beam.Relax();
@@ -226,17 +227,17 @@ TEST_CASE("Turning the proximal end turns a free intrinsic circle by the same an
 // Largest dead force along -x under which the straight column is stable, by its Hessian.
 double BucklingForce(int n) {
   EndForce force(Vector3d::Zero());
-  const double lambda = kLength / n;
-  const WireModel model = MakeWire({.segment_mm = lambda, .rigidity_N_mm2 = kRigidity});
+  const double lambda = kBentLength / n;
+  const WireModel model = MakeWire({.segment_mm = lambda, .rigidity_N_mm2 = kBentRigidity});
   const FreeSpace field;
   const WallModel wall;
   const std::vector<EnergyTerm*> terms{&force};
   WireMechanics mechanics(model, field, wall, terms);
   Expansion expansion = mechanics.MakeExpansion();
   RiccatiSweep<BendStage> sweep(model.max_segments());
-  const WireState state = LayStraight(model, kLength);
+  const WireState state = LayStraight(model, kBentLength);
   double stable = 0;
-  double unstable = 20 * kRigidity / (kLength * kLength);
+  double unstable = 20 * kBentRigidity / (kBentLength * kBentLength);
   for (int k = 0; k < 60; ++k) {
     const double middle = (stable + unstable) / 2;
     force.SetForce(Vector3d(-middle, 0, 0));
@@ -247,7 +248,8 @@ double BucklingForce(int n) {
 }
 
 TEST_CASE("A clamped column buckles at Euler's load, to second order in the segment") {
-  const double euler = kPi * kPi * kRigidity / (4 * kLength * kLength);
+  const double euler =
+      std::numbers::pi * std::numbers::pi * kBentRigidity / (4 * kBentLength * kBentLength);
   const double coarse = BucklingForce(20) / euler - 1;
   const double fine = BucklingForce(40) / euler - 1;
   INFO("relative errors " << coarse << " " << fine);
@@ -256,10 +258,11 @@ TEST_CASE("A clamped column buckles at Euler's load, to second order in the segm
 }
 
 TEST_CASE("Below Euler's load a bent column straightens, above it stays bent") {
-  const double euler = kPi * kPi * kRigidity / (4 * kLength * kLength);
+  const double euler =
+      std::numbers::pi * std::numbers::pi * kBentRigidity / (4 * kBentLength * kBentLength);
   for (const double part : {0.9, 1.1}) {
     EndForce force(Vector3d(-part * euler, 1e-3 * euler, 0));
-    Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kRigidity}, kLength, &force);
+    Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, kBentLength, &force);
     REQUIRE(beam.Relax().converged);
     force.SetForce(Vector3d(-part * euler, 0, 0));
     REQUIRE(beam.Relax().converged);
@@ -269,7 +272,7 @@ TEST_CASE("Below Euler's load a bent column straightens, above it stays bent") {
     } else {
       // Post-buckled elastica, end angle a: P/Pcr = (2 K(sin(a/2)) / pi)^2.
       const double a = std::acos(beam.state.tangents().back()[0]);
-      const double load = std::pow(2 * std::comp_ellint_1(std::sin(a / 2)) / kPi, 2);
+      const double load = std::pow(2 * std::comp_ellint_1(std::sin(a / 2)) / std::numbers::pi, 2);
       CHECK(load == Approx(part).epsilon(2e-3));
     }
   }

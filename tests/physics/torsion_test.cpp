@@ -10,8 +10,6 @@
 namespace torquer::test {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 // Springs at the distal end: on its place along some axes, on the direction of the last segment and
 // on that segment's normal.
 class HeldEnd final : public EnergyTerm {
@@ -59,7 +57,7 @@ TEST_CASE("A torque T twists a straight wire by T L / GJ") {
   constexpr double kShaft = 40;
   constexpr double kArc = 10;
   constexpr double kGj = 0.02;
-  const double radius = kArc / (kPi / 2);
+  const double radius = kArc / (std::numbers::pi / 2);
   const WireModel model(0.5,
                         {{0, 100, 0.2, 1 / radius, 0, kGj * 1e3},
                          {kArc, 100, 0.2, 1 / radius, 0, kGj * 1e3},
@@ -161,11 +159,11 @@ TEST_CASE(
 TEST_CASE("A ring leaves its plane at the twist 2 pi sqrt(3) EI/GJ (Michell)") {
   constexpr double kLength = 60;
   constexpr double kRatio = 1.2;
-  const double critical = 2 * kPi * std::sqrt(3.0) / kRatio;
-  const double radius = kLength / (2 * kPi);
+  const double critical = 2 * std::numbers::pi * std::sqrt(3.0) / kRatio;
+  const double radius = kLength / (2 * std::numbers::pi);
   std::vector<Vector3d> circle;
   for (int k = 1; k <= 740; ++k) {
-    const double a = k * kPi / 360;
+    const double a = k * std::numbers::pi / 360;
     circle.emplace_back(radius * std::sin(a), radius * (1 - std::cos(a)), 0);
   }
   Held ring(1, kRatio, kLength, circle, Vector3d(1, 1, 1));

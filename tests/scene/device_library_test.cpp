@@ -55,7 +55,7 @@ double RigidityAt(const InstrumentSpec& spec, double from_tip_mm) {
   return last;
 }
 
-std::string Refusal(const std::string& text) {
+std::string LibraryRefusal(const std::string& text) {
   try {
     ParseScene(text, "small.toml", {});
   } catch (const torquer::UserError& error) {
@@ -64,7 +64,7 @@ std::string Refusal(const std::string& text) {
   return "";
 }
 
-const std::string kCatheter =
+const std::string kLibraryCatheter =
     "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\ndevice = \"microcatheter_2_7f\"\n";
 
 }  // namespace
@@ -101,7 +101,7 @@ TEST_CASE("The rigidity of every device follows from the figures of its sources"
 TEST_CASE("An instrument has what its device has, but for what the scene gives", "[scene]") {
   const DeviceSpec device = ReadDevice("microcatheter_2_7f");
   const auto read = [](const std::string& more) {
-    return ParseScene(torquer::test::SceneText(kCatheter + more), "small.toml", {});
+    return ParseScene(torquer::test::SceneText(kLibraryCatheter + more), "small.toml", {});
   };
   const SceneSpec plain = read("");
   CHECK(plain.instruments[1].rigidity_N_mm2 == device.instrument.rigidity_N_mm2);
@@ -129,13 +129,13 @@ TEST_CASE("A device that cannot be is refused with what there is", "[scene]") {
         "device = \"" +
         device + "\"\n");
   };
-  CHECK_THAT(Refusal(scene("microcatheter_2_7")),
+  CHECK_THAT(LibraryRefusal(scene("microcatheter_2_7")),
              Contains("small.toml:") && Contains("instrument[1].device = 'microcatheter_2_7'") &&
                  Contains("did you mean \"microcatheter_2_7f\"?") && Contains("sion_blue"));
-  CHECK_THAT(Refusal(scene("../scenes/coronary")), Contains("there is no such device"));
-  CHECK_THAT(Refusal(torquer::test::SceneText(
+  CHECK_THAT(LibraryRefusal(scene("../scenes/coronary")), Contains("there is no such device"));
+  CHECK_THAT(LibraryRefusal(torquer::test::SceneText(
                  "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\n")),
              Contains("instrument[1].rigidity_N_mm2: is missing; give it, or a device"));
-  CHECK_THAT(Refusal(torquer::test::SceneText(kCatheter + "from_tip_mm = [0, 10]\n")),
+  CHECK_THAT(LibraryRefusal(torquer::test::SceneText(kLibraryCatheter + "from_tip_mm = [0, 10]\n")),
              Contains("instrument[1].rigidity_N_mm2") && Contains("has 4 values"));
 }

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>
+#include <numbers>
 #include <sstream>
 
 #include "host/simulator/simulation.h"
@@ -16,7 +17,6 @@ using torquer::test::SceneOf;
 
 namespace {
 
-constexpr double kRadPerDeg = 3.14159265358979323846 / 180;
 constexpr int kSize = 128;
 
 // The coronary arteries 1.2 s after an injection began, nearly without noise.
@@ -34,7 +34,8 @@ std::vector<std::uint8_t> Coronary(const std::string& mode, double lao_deg, doub
   ImageSource::Picture picture;
   Command command;
   command.target = session.target();
-  command.controls = {lao_deg * kRadPerDeg, cra_deg * kRadPerDeg, true, false};
+  constexpr double kRadPerDegree = std::numbers::pi / 180;
+  command.controls = {lao_deg * kRadPerDegree, cra_deg * kRadPerDegree, true, false};
   for (int k = 1; k <= 130; ++k) {
     command.time_s = 0.01 * k;
     command.controls.contrast = k > 10;

@@ -31,7 +31,7 @@ using torquer::test::SceneOf;
 
 namespace {
 
-const std::string kXray = "[effects.fluoroscopy]\nwidth_px = 96\nheight_px = 64\n";
+const std::string kSmallXray = "[effects.fluoroscopy]\nwidth_px = 96\nheight_px = 64\n";
 constexpr char kHeader[] =
     "time_s,guidewire.insertion_mm,guidewire.rotation_rad,lao_deg,cra_deg,xray,contrast\n";
 
@@ -72,7 +72,7 @@ std::vector<std::uint8_t> DecodeJpeg(const std::vector<std::uint8_t>& bytes) {
 }  // namespace
 
 TEST_CASE("A script renders the pictures that its pedal takes", "[effects]") {
-  SceneOf scene(kFork + kXray + "pictures_per_s = 10\n");
+  SceneOf scene(kFork + kSmallXray + "pictures_per_s = 10\n");
   Write(scene.Beside("s.csv"), std::string(kHeader) +
                                    "0,0,0,0,0,0,0\n0.1,0,0,0,0,1,0\n0.2,0,0,0,0,1,0\n"
                                    "0.3,0,0,40,10,1,0\n0.4,0,0,40,10,0,0\n");
@@ -88,7 +88,7 @@ TEST_CASE("A script renders the pictures that its pedal takes", "[effects]") {
 }
 
 TEST_CASE("The columns of the C-arm are checked", "[effects]") {
-  SceneOf scene(kFork + kXray);
+  SceneOf scene(kFork + kSmallXray);
   const auto refuse = [&](const std::string& text, const std::string& said) {
     Write(scene.Beside("s.csv"), text);
     CHECK_THROWS_WITH(RunScript(*scene, scene.Beside("s.csv"), {"", scene.Beside("out")}),
@@ -137,7 +137,7 @@ TEST_CASE("A picture fits a message, whatever it shows", "[effects]") {
 
 TEST_CASE("Live, pictures are published while the pedal is down, then held", "[effects]") {
   torquer::test::NeedPrivateNetwork();
-  SceneOf scene(kFork + kXray + "pictures_per_s = 20\n");
+  SceneOf scene(kFork + kSmallXray + "pictures_per_s = 20\n");
   torquer::simulator::Simulation session(*scene);
   torquer::bus::Bus simulator_bus;
   torquer::bus::Bus hand_bus;
