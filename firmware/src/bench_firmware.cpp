@@ -131,7 +131,7 @@ void BenchFirmware::Frame() {
 void BenchFirmware::RunPendingCommand() {
   if (pending_command_ == 0) return;
   if (static_cast<int32_t>(board::NowUs() - command_at_us_) < 0) return;
-  // The host was told that its settings are kept. That takes two writes of some 40 ms at most.
+  // The host takes its settings for kept. That needs two writes of some 40 ms at most.
   if (!settings_.kept()) {
     settings_.Poll();
     return;

@@ -20,6 +20,7 @@
 #include "host/daemon/uinput_device.h"
 #include "host/device/source_choice.h"
 #include "host/support/program.h"
+#include "host/support/realtime.h"
 #include "protocol/lcm_channels.h"
 
 namespace {
@@ -36,6 +37,7 @@ struct Arguments {
   bool json = false;
   bool monitor = false;
   bool uinput = false;
+  bool realtime = false;
   bool list = false;
   bool home = false;
 };
@@ -54,6 +56,8 @@ void Declare(torquer::Options& options, Arguments& arguments) {
                "instrument of the scene that the device drives");
   options.Text("--lcm-url", "URL", arguments.lcm_url,
                "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
+  options.Flag("--realtime", arguments.realtime,
+               "before all ordinary programs, with its memory kept in RAM");
   options.Group("Output");
   options.Flag("--monitor", arguments.monitor,
                "show the motion of the device as live bars in the terminal");
@@ -161,6 +165,7 @@ int RunDaemon(const Arguments& arguments) {
     uinput.emplace("Torquer " + arguments.instrument);
     options.show = [&uinput](const torquer::daemon::HandState& hand) { uinput->Show(hand); };
   }
+  if (arguments.realtime) torquer::EnterRealtime();  // the bus's thread too
   torquer::bus::Bus bus(arguments.lcm_url);
   torquer::daemon::Daemon daemon(std::move(options), bus, std::move(source));
   const SignalThread signal_thread(daemon);

@@ -55,8 +55,10 @@ std::string FormatInstrument(const InstrumentReport& report) {
       Signed(report.rotation.hand * kDegreesPerRad, 2), Printable(report.name),
       Signed(report.rotation.wire * kDegreesPerRad, 2), report.rotation.error_counts);
   text += fmt::format(
-      "    latency    sensor to wire state: p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms\n",
-      report.latency_ms.p50, report.latency_ms.p99, report.latency_ms.max);
+      "    latency    sensor to wire state: p50 {:.2f} ms, p99 {:.2f} ms, p99.9 {:.2f} ms, max "
+      "{:.2f} "
+      "ms\n",
+      report.latency_ms.p50, report.latency_ms.p99, report.latency_ms.p999, report.latency_ms.max);
   const double expected = kReportsPerSecond * report.duration_s;
   if (report.reports_sent >= 0 && static_cast<double>(report.reports_sent) < kRealTime * expected) {
     text += fmt::format(
@@ -81,6 +83,7 @@ nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
           {"rotation_rad", report.rotation.wire},
           {"latency_ms_p50", report.latency_ms.p50},
           {"latency_ms_p99", report.latency_ms.p99},
+          {"latency_ms_p999", report.latency_ms.p999},
           {"latency_ms_max", report.latency_ms.max}};
 }
 

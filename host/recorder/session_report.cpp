@@ -37,6 +37,7 @@ Distribution Distribute(std::vector<double>& values) {
   result.count = static_cast<std::int64_t>(values.size());
   result.p50 = rank(0.50);
   result.p99 = rank(0.99);
+  result.p999 = rank(0.999);
   result.max = values.back();
   return result;
 }

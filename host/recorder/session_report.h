@@ -20,6 +20,7 @@ struct Distribution {
   std::int64_t count = 0;
   double p50 = 0;
   double p99 = 0;
+  double p999 = 0;
   double max = 0;
 };
 

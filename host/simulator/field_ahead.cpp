@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <exception>
 
+#include "host/support/realtime.h"
+
 namespace torquer::simulator {
 
 namespace {
@@ -41,6 +43,7 @@ bool FieldAhead::NextTip(const std::stop_token& stop, bool may_wait, Eigen::Vect
 }
 
 void FieldAhead::RunUntilProblem(const std::stop_token& stop) {
+  LeaveRealtime();  // bricks take longer than a tick
   try {
     Run(stop);
   } catch (const std::exception& error) {

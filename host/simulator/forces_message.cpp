@@ -20,7 +20,7 @@ std::vector<float> Strided(const std::vector<double>& values, std::size_t stride
 
 // The same of forces, of which none may be lost.
 std::vector<std::vector<float>> StridedSums(const std::vector<Eigen::Vector3d>& forces_N,
-                                     std::size_t stride) {
+                                            std::size_t stride) {
   std::vector<std::vector<float>> sums;
   Eigen::Vector3d sum_mN = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < forces_N.size(); ++i) {

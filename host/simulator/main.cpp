@@ -18,6 +18,7 @@
 #include "host/simulator/session_record.h"
 #include "host/simulator/simulation.h"
 #include "host/support/program.h"
+#include "host/support/realtime.h"
 #include "host/support/stop_signal.h"
 
 namespace {
@@ -40,7 +41,8 @@ struct KeepField {
 };
 
 int Live(torquer::scene::Scene& scene, const std::string& url, const std::string& record_file,
-         bool json) {
+         bool realtime, bool json) {
+  if (realtime) torquer::EnterRealtime();  // the bus's thread too
   torquer::bus::Bus bus(url);
   torquer::simulator::Simulation simulation(scene);
   std::optional<torquer::simulator::SessionRecord> record;
@@ -72,6 +74,7 @@ struct Arguments {
   torquer::simulator::ScriptOutputs outputs;
   std::string log;
   std::string explained;
+  bool realtime = false;
   bool json = false;
   bool list_effects = false;
   bool list_keys = false;
@@ -84,6 +87,8 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Group("Live, until Ctrl-C: follows instrument commands, publishes wire states");
   options.Text("--scene", "FILE", arguments.scene, "the scene", ValueKind::kFile);
   options.Text("--lcm-url", "URL", arguments.url, "LCM network (default: LCM_DEFAULT_URL)");
+  options.Flag("--realtime", arguments.realtime,
+               "before all ordinary programs, with its memory kept in RAM");
   options.Flag("--json", arguments.json, "at the end one line of JSON: ticks, latency, times");
   options.Text("--record", "FILE", arguments.outputs.record,
                "at the end what the observers have found, as JSON; with --script too",
@@ -114,6 +119,9 @@ void Declare(torquer::Options& options, Arguments& arguments) {
 
 void Check(const Arguments& arguments) {
   if (arguments.scene.empty()) throw torquer::UsageError("--scene is missing");
+  if (arguments.realtime && !(arguments.script.empty() && arguments.log.empty())) {
+    throw torquer::UsageError("--realtime is for live sessions, without --script and --replay");
+  }
   const bool for_script = !arguments.outputs.states.empty() || !arguments.outputs.pictures.empty();
   if (arguments.script.empty() ? for_script : !for_script && arguments.outputs.record.empty()) {
     throw torquer::UsageError("--script and --states, --render or --record go together");
@@ -181,7 +189,7 @@ int Run(const Arguments& arguments) {
     return torquer::kExitFailure;
   }
   if (!arguments.log.empty()) return Repeat(scene, arguments.log);
-  return Live(scene, arguments.url, arguments.outputs.record, arguments.json);
+  return Live(scene, arguments.url, arguments.outputs.record, arguments.realtime, arguments.json);
 }
 
 }  // namespace

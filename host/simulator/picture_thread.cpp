@@ -7,6 +7,7 @@
 
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
+#include "host/support/realtime.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
@@ -32,6 +33,7 @@ void PictureThread::Offer() {
 }
 
 void PictureThread::RunUntilProblem() {
+  LeaveRealtime();  // a picture takes longer than a tick
   try {
     Run();
   } catch (const std::exception& error) {

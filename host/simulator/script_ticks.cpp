@@ -10,7 +10,7 @@ bool ScriptTicks::Next(Command& tick) {
   // A row that ends so close to a step, in parts of it, ends with it.
   constexpr double kRounding = 1e-6;
   ++count_;
-  const double until_s = 
+  const double until_s =
       (std::floor(before_.time_s / step_s_ + kRounding) + static_cast<double>(count_)) * step_s_;
   if (until_s > row_.time_s - kRounding * step_s_) {
     done_ = true;

@@ -179,7 +179,7 @@ void WriteHexFile(const std::string& path, const FlashImage& image, int first, i
   file.Finish();
 }
 
-ImageTrailer SignImage(std::span<const std::uint8_t> flash, const std::string& name) {
+ImageTrailer MakeTrailer(std::span<const std::uint8_t> flash, const std::string& name) {
   std::optional<ImageTrailer> trailer = TrailerIn(flash);
   if (!trailer) throw UserError(fmt::format("{}: has no image trailer to fill in", name));
   std::size_t length = kImageTrailerAddress;

@@ -53,6 +53,6 @@ void WriteHexFile(const std::string& path, const FlashImage& image, int first, i
 
 /// The trailer that is compiled into `flash`, with length and CRC filled in. Throws UserError
 /// naming the file if there is none, or no application.
-protocol::ImageTrailer SignImage(std::span<const std::uint8_t> flash, const std::string& name);
+protocol::ImageTrailer MakeTrailer(std::span<const std::uint8_t> flash, const std::string& name);
 
 }  // namespace torquer::tools

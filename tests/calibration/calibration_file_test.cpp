@@ -11,6 +11,7 @@
 
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
@@ -18,6 +19,7 @@ namespace {
 
 using namespace torquer::calibration;
 using torquer::UserError;
+using torquer::test::Contents;
 using torquer::test::TemporaryFolder;
 
 Calibration Measured() {
@@ -50,11 +52,6 @@ bool Same(const Calibration& a, const Calibration& b) {
          a.motion.per_count == b.motion.per_count &&
          a.motion.standard_error == b.motion.standard_error && Same(a.lao, b.lao) &&
          Same(a.cra, b.cra);
-}
-
-std::string Contents(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
 // What is said about a text; "" when it is accepted.

@@ -20,6 +20,7 @@
 #include "host/bus/bus.h"
 #include "protocol/lcm_channels.h"
 #include "tests/support/child_process.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/paths.h"
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
@@ -34,11 +35,6 @@ namespace {
 const std::string kDemo = SourcePath("/host/demo");
 const std::string kPrograms = ProgramPath("");
 const std::string kScene = SourcePath("/host/scenes/ty_phantom.toml");
-
-std::string Contents(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
 
 int Run(const std::string& command) {
   INFO(command);
@@ -171,6 +167,7 @@ TEST_CASE("A session loses nothing, repeats bit for bit, and plays at another sp
   REQUIRE(latencies_ms.size() > 100);
   CHECK(IsQuantile(guidewire["latency_ms_p50"], 0.5, latencies_ms));
   CHECK(IsQuantile(guidewire["latency_ms_p99"], 0.99, latencies_ms));
+  CHECK(IsQuantile(guidewire["latency_ms_p999"], 0.999, latencies_ms));
   CHECK(IsQuantile(guidewire["latency_ms_max"], 1, latencies_ms));
   const wire_state_t recorded = LastState(log);
   const std::string replay = folder.Path("replay");

@@ -13,10 +13,12 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/file_contents.h"
 #include "tests/support/paths.h"
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
 
+using torquer::test::Contents;
 using torquer::test::TemporaryFolder;
 namespace fs = std::filesystem;
 
@@ -26,11 +28,6 @@ constexpr char kList[] = ".torquer-demo-files";
 
 void Write(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
-}
-
-std::string Contents(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
 // A folder of stand-ins for the programs, and one for the sessions.

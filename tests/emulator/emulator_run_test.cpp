@@ -29,7 +29,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-constexpr char kHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n";
+constexpr char kMotionHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n";
 constexpr auto kPatience = std::chrono::seconds(20);
 
 /// The emulator in its own thread, as fast as its client takes the reports.
@@ -43,7 +43,7 @@ class RunningEmulator {
     options.wait_client = true;
     if (options.motion.empty()) {
       options.motion = folder.Path("motion.csv");
-      std::ofstream(options.motion) << kHeader << "0,0,0,0,0,\n1,100,1,0,0,\n";
+      std::ofstream(options.motion) << kMotionHeader << "0,0,0,0,0,\n1,100,1,0,0,\n";
     }
     run_.emplace(options);
     thread_ = std::thread([this] { summary_ = run_->Run(stop_); });
@@ -290,7 +290,7 @@ Outcome Emulator(std::vector<std::string> words) {
 
 TEST_CASE("the program ends with its summary as JSON") {
   const test::TemporaryFolder folder;
-  std::ofstream(folder.Path("motion.csv")) << kHeader << "0,0,0,0,0,\n1,50,0,0,0,\n";
+  std::ofstream(folder.Path("motion.csv")) << kMotionHeader << "0,0,0,0,0,\n1,50,0,0,0,\n";
   const Outcome outcome =
       Emulator({"--motion", folder.Path("motion.csv"), "--socket", folder.Path("socket"),
                 "--lcm-url", "none", "--fast", "--json", "--serial", "ABC"});
@@ -309,7 +309,7 @@ const std::string kBootloader = torquer::test::FirmwarePath("torquer-bootloader.
 
 TEST_CASE("behind its bootloader the firmware runs as it does without") {
   const test::TemporaryFolder folder;
-  std::ofstream(folder.Path("motion.csv")) << kHeader << "0,0,0,0,0,\n1,50,0,0,0,\n";
+  std::ofstream(folder.Path("motion.csv")) << kMotionHeader << "0,0,0,0,0,\n1,50,0,0,0,\n";
   const Outcome outcome =
       Emulator({"--motion", folder.Path("motion.csv"), "--socket", folder.Path("socket"),
                 "--lcm-url", "none", "--fast", "--json", "--bootloader", kBootloader});

@@ -13,7 +13,7 @@ using Catch::Matchers::Contains;
 using torquer::UserError;
 namespace protocol = torquer::protocol;
 
-const std::string kHex = torquer::test::FirmwarePath("torquer-firmware.hex");
+const std::string kChosenHex = torquer::test::FirmwarePath("torquer-firmware.hex");
 
 // Firmware that answers for its identity alone.
 class IdentityLink final : public FeatureLink {
@@ -54,7 +54,7 @@ struct FakeBoards final : Boards {
     boards.push_back(board);
   }
   std::optional<FlashOutcome> Flash(FlashRequest request = {}, const FlashHooks& hooks = {}) {
-    if (request.image.empty()) request.image = kHex;
+    if (request.image.empty()) request.image = kChosenHex;
     return FlashProcedure(*this, request, hooks).Run();
   }
   std::string Refusal(const FlashRequest& request = {}) {

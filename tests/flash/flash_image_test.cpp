@@ -7,8 +7,11 @@
 #include <iterator>
 
 #include "host/support/error.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
+
+using torquer::test::Contents;
 
 namespace {
 
@@ -18,11 +21,6 @@ using torquer::tools::FlashImage;
 namespace protocol = torquer::protocol;
 
 const std::string kHex = torquer::test::FirmwarePath("torquer-firmware.hex");
-
-std::string Contents(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
 
 // What is said of a file with this text.
 std::string RefusalOf(const std::string& text) {
@@ -105,7 +103,7 @@ TEST_CASE("a file that is no whole image is refused with its line and the remedy
   CHECK(RefusalOf(plain) == "taken");
 }
 
-TEST_CASE("an image for another circuit, or with other bytes than were signed, is refused") {
+TEST_CASE("an image for another circuit, or with other bytes than its checksum is of, is refused") {
   const std::vector<std::uint8_t> good = torquer::tools::ReadHexFile(kHex);
   CHECK(RefusalOfFlash(good) == "taken");
   std::vector<std::uint8_t> flash = good;
@@ -131,11 +129,11 @@ TEST_CASE("signing fills in length and CRC, and refuses what is no image") {
   for (const std::size_t at : {4, 5, 12, 13, 14, 15}) {
     flash[protocol::kImageTrailerAddress + at] = 0;
   }
-  const protocol::ImageTrailer made = torquer::tools::SignImage(flash, "x");
+  const protocol::ImageTrailer made = torquer::tools::MakeTrailer(flash, "x");
   CHECK(made.length == trailer.length);
   CHECK(made.crc == trailer.crc);
   std::fill_n(flash.begin(), protocol::kImageTrailerAddress, std::uint8_t{0xff});
-  CHECK_THROWS_AS(torquer::tools::SignImage(flash, "x"), UserError);
+  CHECK_THROWS_AS(torquer::tools::MakeTrailer(flash, "x"), UserError);
   flash.resize(100);
-  CHECK_THROWS_AS(torquer::tools::SignImage(flash, "x"), UserError);
+  CHECK_THROWS_AS(torquer::tools::MakeTrailer(flash, "x"), UserError);
 }

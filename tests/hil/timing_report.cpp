@@ -14,7 +14,7 @@ namespace torquer::hil {
 namespace {
 
 constexpr int kFeatureReads = 100;
-constexpr std::int64_t kPatienceUs = 60000000;
+constexpr std::int64_t kTimingPatienceUs = 60000000;
 
 // One line: median, 99th percentile, smallest and largest.
 std::string Line(const char* name, std::vector<double> values) {
@@ -51,14 +51,15 @@ std::string TimingReport(const std::string& serial, double seconds) {
   const std::int64_t begin_us = bus::MonotonicUs();
   while (!connected) {
     source.Wait(50, sink);
-    if (bus::MonotonicUs() - begin_us > kPatienceUs) {
+    if (bus::MonotonicUs() - begin_us > kTimingPatienceUs) {
       throw UserError("no bench device at " + source.place() + "; is it plugged in?");
     }
   }
   const std::int64_t start_us = bus::MonotonicUs();
   while (static_cast<double>(bus::MonotonicUs() - start_us) < 1e6 * seconds || seen.size() < 20) {
     source.Wait(50, sink);
-    if (bus::MonotonicUs() - start_us > kPatienceUs + static_cast<std::int64_t>(1e6 * seconds)) {
+    if (bus::MonotonicUs() - start_us >
+        kTimingPatienceUs + static_cast<std::int64_t>(1e6 * seconds)) {
       throw UserError("the device at " + source.place() + " sends no reports");
     }
   }

@@ -16,20 +16,17 @@
 #include <iterator>
 
 #include "host/support/error.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/temporary_folder.h"
 
 using Catch::Matchers::Contains;
 using torquer::AtomicFile;
 using torquer::UserError;
 using torquer::WriteFileAtomically;
+using torquer::test::Contents;
 using torquer::test::TemporaryFolder;
 
 namespace {
-
-std::string Contents(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
 
 int FilesIn(const TemporaryFolder& folder) {
   return static_cast<int>(std::distance(std::filesystem::directory_iterator(folder.Path()), {}));

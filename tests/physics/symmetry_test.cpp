@@ -103,7 +103,7 @@ TEST_CASE("A solution is re-solved in no iterations and stays the same to the bi
 // root mean square over wires that end at other places of a segment.
 std::vector<double> TipMotions(double from_mm, int points, double finest_mm) {
   const Torus field(Side::kInside, 30, 3);
-  constexpr int kWires = 8;
+  constexpr int kWires = Rounds(8, 2);
   std::vector<Vector3d> coarser;
   std::vector<double> motions;
   for (double lambda = 2; lambda >= finest_mm; lambda /= 2) {
@@ -132,8 +132,8 @@ std::vector<double> TipMotions(double from_mm, int points, double finest_mm) {
 
 TEST_CASE("Finer segments change a wire that rests on its tip to second order") {
   const int points = GENERATE(2, 4);
-  const std::vector<double> motions = TipMotions(43, points, 0.125);
-  REQUIRE(motions.size() == 4);
+  const std::vector<double> motions = TipMotions(43, points, kUnderSanitizer ? 0.25 : 0.125);
+  REQUIRE(motions.size() == (kUnderSanitizer ? 3 : 4));
   for (std::size_t k = 1; k < motions.size(); ++k) {
     const double order = std::log2(motions[k - 1] / motions[k]);
     INFO(points << " points a segment, halving " << k << ": " << motions[k] << " mm, order "

@@ -36,20 +36,20 @@ std::vector<std::string> Programs() {
   return programs;
 }
 
-struct Outcome {
+struct ProgramOutcome {
   int status = -1;
   std::string output, error;
 };
 
 using Words = std::vector<std::string>;
 
-Outcome Run(const std::string& program, const Words& command, const Words& words) {
+ProgramOutcome RunProgram(const std::string& program, const Words& command, const Words& words) {
   // A program that does not know its command line might do its work instead, for ever.
   Words all{"/usr/bin/timeout", "30", torquer::test::ProgramPath(program)};
   all.insert(all.end(), command.begin(), command.end());
   all.insert(all.end(), words.begin(), words.end());
   ChildProcess process(all);
-  Outcome outcome;
+  ProgramOutcome outcome;
   outcome.status = process.Wait();
   outcome.output = process.Output();
   outcome.error = process.Error();
@@ -103,7 +103,7 @@ std::vector<Words> CommandsIn(const std::string& help) {
   return commands;
 }
 
-void CheckHelp(const std::string& program, const Words& command, const Outcome& help) {
+void CheckHelp(const std::string& program, const Words& command, const ProgramOutcome& help) {
   std::string called = program;
   for (const std::string& word : command) called += " " + word;
   CHECK(help.status == 0);
@@ -115,14 +115,14 @@ void CheckHelp(const std::string& program, const Words& command, const Outcome& 
     CHECK(line.size() <= 80);
     CHECK((line.empty() || line.back() != ' '));
   }
-  CHECK(Run(program, command, {"-h"}).output == help.output);
+  CHECK(RunProgram(program, command, {"-h"}).output == help.output);
 }
 
 void CheckRefusals(const std::string& program, const Words& command,
                    const std::vector<Option>& options) {
   const auto refuses = [&](const Words& words, const std::vector<std::string>& expected) {
     CAPTURE(words);
-    const Outcome outcome = Run(program, command, words);
+    const ProgramOutcome outcome = RunProgram(program, command, words);
     CHECK(outcome.status == 2);
     CHECK(outcome.output.empty());
     CHECK_THAT(outcome.error, StartsWith(program + ": "));
@@ -209,7 +209,7 @@ TEST_CASE("There are programs", "[programs]") {
   const std::vector<std::string> programs = Programs();
   for (const char* name : {"torquer-daemon", "torquer-emulator", "torquer-emulator-usbip",
                            "torquer-flash", "torquer-calibrate", "torquer-monitor",
-                           "torquer-report", "torquer-simulator", "torquer-sign-image"}) {
+                           "torquer-report", "torquer-simulator", "torquer-checksum-image"}) {
     CAPTURE(name);
     CHECK(std::count(programs.begin(), programs.end(), name) == 1);
   }
@@ -223,16 +223,16 @@ TEST_CASE("There are programs", "[programs]") {
 TEST_CASE("Every program explains itself and refuses a bad command line", "[programs]") {
   for (const std::string& program : Programs()) {
     CAPTURE(program);
-    const Outcome help = Run(program, {}, {"--help"});
+    const ProgramOutcome help = RunProgram(program, {}, {"--help"});
     if (help.status != 0) {
       FAIL_CHECK("--help is not answered; a program that is left from an earlier build: delete it");
       continue;
     }
     CheckHelp(program, {}, help);
-    const Outcome version = Run(program, {}, {"--version"});
+    const ProgramOutcome version = RunProgram(program, {}, {"--version"});
     CHECK(version.status == 0);
     CHECK(version.output == program + " " + torquer::kVersion + "\n");
-    const Outcome completion = Run(program, {}, {"--completion", "bash"});
+    const ProgramOutcome completion = RunProgram(program, {}, {"--completion", "bash"});
     CHECK(completion.status == 0);
     CHECK(completion.error.empty());
 
@@ -246,13 +246,13 @@ TEST_CASE("Every program explains itself and refuses a bad command line", "[prog
     const std::vector<Words> commands = CommandsIn(help.output);
     for (const Words& command : commands) {
       CAPTURE(command);
-      const Outcome own_help = Run(program, command, {"--help"});
+      const ProgramOutcome own_help = RunProgram(program, command, {"--help"});
       CheckHelp(program, command, own_help);
       CheckRefusals(program, command, OptionsIn(own_help.output));
       CheckCompletion(program, completion.output, command, OptionsIn(own_help.output));
       CHECK(Completions(program, completion.output, {command[0].substr(0, 2)}).count(command[0]));
     }
-    if (!commands.empty()) CHECK(Run(program, {}, {}).status == 2);
+    if (!commands.empty()) CHECK(RunProgram(program, {}, {}).status == 2);
   }
 }
 

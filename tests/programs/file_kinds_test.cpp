@@ -13,11 +13,13 @@
 #include <vector>
 
 #include "tests/support/child_process.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/paths.h"
 #include "tests/support/scenes.h"
 
 using Catch::Matchers::Contains;
 using torquer::test::ChildProcess;
+using torquer::test::Contents;
 namespace fs = std::filesystem;
 
 namespace {
@@ -98,11 +100,6 @@ void CheckRefused(const Bench& bench, const Words& words) {
   }
 }
 
-std::string Contents(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
-
 void WriteLongScript(const std::string& path) {
   std::ofstream script(path);
   script << "time_s,guidewire.insertion_mm\n";
@@ -132,7 +129,7 @@ TEST_CASE("What is no ordinary file is not read, and nobody waits for it", "[pro
       {"torquer-daemon", "--source", "socket", "--calibration", "@"},
       {"torquer-emulator", "--motion", "@"},
       {"torquer-emulator", "--eeprom", "@"},
-      {"torquer-sign-image", "@", "OUT"},
+      {"torquer-checksum-image", "@", "OUT"},
   };
   for (const Words& words : inputs) CheckRefused(bench, words);
 }

@@ -358,6 +358,7 @@ TEST_CASE("Order statistics are by nearest rank") {
   CHECK(distribution.count == 100);
   CHECK(distribution.p50 == 50);
   CHECK(distribution.p99 == 99);
+  CHECK(distribution.p999 == 100);
   CHECK(distribution.max == 100);
   std::vector<double> one{4.0};
   CHECK(Distribute(one).p99 == 4);
@@ -390,8 +391,9 @@ TEST_CASE("torquer-report judges, prints and draws") {
   REQUIRE(run(drawn + " --scene " + SourcePath("/host/scenes/ty_phantom.toml")) == 0);
   const auto json = nlohmann::json::parse(text("out"));
   REQUIRE(json["instruments"].size() == 1);
-  for (const char* key : {"name", "device", "reports_sent", "reports_received", "reports_lost",
-                          "motion_error_counts", "latency_ms_p50", "latency_ms_p99"}) {
+  for (const char* key :
+       {"name", "device", "reports_sent", "reports_received", "reports_lost", "motion_error_counts",
+        "latency_ms_p50", "latency_ms_p99", "latency_ms_p999"}) {
     CHECK(json["instruments"][0].contains(key));
   }
   for (const char* key : {"max_penetration_um", "nodes", "residual", "picture"}) {

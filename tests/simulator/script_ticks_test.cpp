@@ -1,11 +1,11 @@
 // How a row of a script becomes ticks.
+#include "host/simulator/script_ticks.h"
+
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <vector>
-
-#include "host/simulator/script_ticks.h"
 
 using namespace torquer;
 using namespace torquer::simulator;

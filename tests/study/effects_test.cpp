@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "host/simulator/effects/effect.h"
+#include "tests/study/study_program.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
@@ -17,14 +18,12 @@ namespace {
 using test::ChildProcess;
 using test::TemporaryFolder;
 
-const std::string kProgram = torquer::test::ProgramPath("torquer-study");
-
 TEST_CASE("The price list has every effect, the pairs of the scenes that it is given, and all") {
   const TemporaryFolder folder;
   // Scenes are asked for their effects' names alone.
   std::ofstream(folder.Path("pair.toml")) << "[effects.friction]\n[effects.gravity]\n";
-  ChildProcess program(std::vector<std::string>{kProgram, "effects", "--quick", "--json",
-                                                "--scenes", folder.Path(), "--out",
+  ChildProcess program(std::vector<std::string>{torquer::test::kStudyProgram, "effects", "--quick",
+                                                "--json", "--scenes", folder.Path(), "--out",
                                                 folder.Path("out")});
   REQUIRE(program.Wait() == 0);
   std::map<std::string, std::map<std::string, double>> prices;
@@ -58,8 +57,8 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
 }
 
 TEST_CASE("A folder of scenes that is not there is refused") {
-  ChildProcess program(
-      std::vector<std::string>{kProgram, "effects", "--scenes", "/nowhere/at/all"});
+  ChildProcess program(std::vector<std::string>{torquer::test::kStudyProgram, "effects", "--scenes",
+                                                "/nowhere/at/all"});
   CHECK(program.Wait() == 2);
   CHECK(program.Error().find("--scenes /nowhere/at/all: there is no such folder") !=
         std::string::npos);

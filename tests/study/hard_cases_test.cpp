@@ -11,6 +11,7 @@
 #include "host/study/cases/analytic_fields.h"
 #include "host/study/cases/simple_wire.h"
 #include "host/study/cases/wire_invariants.h"
+#include "tests/study/study_program.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
@@ -24,8 +25,6 @@ using test::ChildProcess;
 using test::LayStraight;
 using test::TemporaryFolder;
 using test::WithTangents;
-
-const std::string kProgram = torquer::test::ProgramPath("torquer-study");
 
 // At rest on the wall of a torus.
 struct AtRest {
@@ -159,8 +158,8 @@ TEST_CASE("The soak has a million actions in turn and every size") {
 TEST_CASE("torture runs what a seed decides, the same again") {
   const TemporaryFolder folder;
   const auto rows = [&] {
-    ChildProcess program({kProgram, "torture", "--seconds", "0", "--seed", "2", "--json", "--out",
-                          folder.Path("out")});
+    ChildProcess program({torquer::test::kStudyProgram, "torture", "--seconds", "0", "--seed", "2",
+                          "--json", "--out", folder.Path("out")});
     CHECK(program.Wait() == 0);
     std::vector<std::string> lines;
     std::istringstream output(program.Output());
@@ -181,7 +180,7 @@ TEST_CASE("torture refuses what it cannot do") {
                               std::vector<std::string>{"--seconds", "-1"},
                               std::vector<std::string>{"--seed", "1.5"},
                               std::vector<std::string>{"--soak", "--seconds", "5"});
-  std::vector<std::string> command = {kProgram, "torture"};
+  std::vector<std::string> command = {torquer::test::kStudyProgram, "torture"};
   command.insert(command.end(), words.begin(), words.end());
   ChildProcess program(command);
   CHECK(program.Wait() == 2);

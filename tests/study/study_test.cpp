@@ -11,6 +11,7 @@
 #include "host/simulator/script_run.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
+#include "tests/study/study_program.h"
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/scenes.h"
@@ -21,8 +22,6 @@ namespace {
 
 using test::ChildProcess;
 using test::TemporaryFolder;
-
-const std::string kProgram = torquer::test::ProgramPath("torquer-study");
 
 std::string ReadAll(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -158,7 +157,7 @@ TEST_CASE("bad arguments end the program with status 2 and say what is right") {
   const auto words = GENERATE(std::vector<std::string>{}, std::vector<std::string>{"nothing"},
                               std::vector<std::string>{"paper", "--what"},
                               std::vector<std::string>{"paper", "--out"});
-  std::vector<std::string> command = {kProgram};
+  std::vector<std::string> command = {torquer::test::kStudyProgram};
   command.insert(command.end(), words.begin(), words.end());
   ChildProcess program(command);
   CHECK(program.Wait() == 2);
@@ -191,7 +190,8 @@ TEST_CASE("A trace has every attempt of every tick, and changes none") {
       text << 0.01 * k << ',' << 120 + 0.7 * k << ',' << 0.1 * k << '\n';
     }
   }
-  ChildProcess program({kProgram, "trace", file.path(), script, "--out", file.Beside("results")});
+  ChildProcess program({torquer::test::kStudyProgram, "trace", file.path(), script, "--out",
+                        file.Beside("results")});
   REQUIRE(program.Wait() == 0);
 
   // The same motion without a record.

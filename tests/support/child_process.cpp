@@ -11,16 +11,13 @@
 #include <stdexcept>
 #include <thread>
 
+#include "tests/support/file_contents.h"
+
 namespace torquer::test {
 namespace {
 
 constexpr int kPatienceMs = 240000;
 constexpr int kStepMs = 5;
-
-std::string Contents(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
 
 void Pause() { std::this_thread::sleep_for(std::chrono::milliseconds(kStepMs)); }
 

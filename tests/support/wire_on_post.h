@@ -11,8 +11,8 @@
 
 namespace torquer::test {
 
-/// A wire, 60 mm past its sheath, that lies around a post of 10 mm and is held by a force at its end,
-/// at 2.5 rad from the sheath.
+/// A wire, 60 mm past its sheath, that lies around a post of 10 mm and is held by a force at its
+/// end, at 2.5 rad from the sheath.
 struct WireOnPost {
   static constexpr double kRadius = 10;
   static constexpr double kPull_rad = 2.5;

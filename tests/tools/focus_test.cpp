@@ -12,6 +12,7 @@
 #include "host/emulator/emulator_run.h"
 #include "host/tools/focus_picture.h"
 #include "tests/support/child_process.h"
+#include "tests/support/file_contents.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
@@ -23,6 +24,7 @@ using torquer::calibration::kFocusPixels;
 using torquer::calibration::kFocusSide;
 using torquer::emulator::RunOptions;
 using torquer::test::ChildProcess;
+using torquer::test::Contents;
 
 // Dark on the left, bright on the right, one dark pixel in the first row.
 FocusPicture Ramp() {
@@ -46,11 +48,6 @@ std::vector<std::uint8_t> ReadPng(const std::string& file, int* width) {
   *width = static_cast<int>(image.width);
   CHECK(image.height == image.width);
   return points;
-}
-
-std::string Contents(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
 class Bench {

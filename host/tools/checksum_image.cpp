@@ -1,4 +1,4 @@
-// torquer-sign-image: the last step of the firmware's build.
+// torquer-checksum-image: the last step of the firmware's build.
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -20,7 +20,8 @@ int Run(const Arguments& arguments) {
   const std::string contents =
       torquer::ReadInputFile(arguments.flash, "check the path and its permissions");
   const std::vector<std::uint8_t> flash(contents.begin(), contents.end());
-  const torquer::protocol::ImageTrailer trailer = torquer::tools::SignImage(flash, arguments.flash);
+  const torquer::protocol::ImageTrailer trailer =
+      torquer::tools::MakeTrailer(flash, arguments.flash);
   torquer::WriteFileAtomically(arguments.trailer,
                                {reinterpret_cast<const char*>(&trailer), sizeof trailer});
   return torquer::kExitSuccess;
@@ -30,7 +31,7 @@ int Run(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   torquer::Program program(
-      "torquer-sign-image",
+      "torquer-checksum-image",
       "Reads the contents of the flash, as the firmware's build left them, and writes their image "
       "trailer with length and CRC. The build calls it as its last step.");
   Arguments arguments;

@@ -1,0 +1,12 @@
+// The program that these tests run.
+#pragma once
+
+#include <string>
+
+#include "tests/support/paths.h"
+
+namespace torquer::test {
+
+inline const std::string kStudyProgram = ProgramPath("torquer-study");
+
+}  // namespace torquer::test

@@ -1,0 +1,16 @@
+// A file as a string.
+#pragma once
+
+#include <fstream>
+#include <iterator>
+#include <string>
+
+namespace torquer::test {
+
+/// All bytes of a file; none where it cannot be read.
+inline std::string Contents(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+}  // namespace torquer::test
