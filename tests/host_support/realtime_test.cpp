@@ -36,7 +36,7 @@ int PolicyInThread(const std::function<void()>& first) {
   return policy;
 }
 
-// What `work` says, in a process of its own, whose limits and scheduling end with it.
+// What `work` says, in another process: its limits and scheduling end with it.
 std::string InProcess(const std::function<std::string()>& work) {
   int ends[2];
   REQUIRE(pipe(ends) == 0);
