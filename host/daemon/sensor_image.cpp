@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "host/device/sensor_firmware.h"
 #include "host/device/source_reports.h"
@@ -17,18 +18,18 @@ void SensorImage::OnConnected(const std::string& serial) {
   serial_ = serial;
   lost_ = false;
   working_ = false;
-  due_ = true;
+  tries_left_ = kTries;
 }
 
 void SensorImage::OnReport(std::uint8_t flags) {
   const bool lost = (flags & protocol::kFlagSromLost) != 0;
-  if (lost && !lost_) due_ = true;
+  if (lost && !lost_) tries_left_ = kTries;
   lost_ = lost;
   working_ = (flags & protocol::kFlagSensorFault) == 0;
 }
 
 std::optional<std::string> SensorImage::Load(device::ReportSource& source) {
-  due_ = false;
+  const int tries_left = std::exchange(tries_left_, 0) - 1;
   const std::optional<std::string> path = device::KeptSromPath(serial_);
   std::error_code unreadable;  // is said by ReadSromFile()
   if (!path || (!std::filesystem::exists(*path, unreadable) && !unreadable)) {
@@ -40,8 +41,15 @@ std::optional<std::string> SensorImage::Load(device::ReportSource& source) {
   }
   try {
     device::SourceReports reports(source);
-    if (const int running = device::RunningSrom(reports); running != 0) return std::nullopt;
-    const int id = device::LoadSrom(reports, device::ReadSromFile(*path));
+    int id = device::RunningSrom(reports);
+    const bool first = tries_left == kTries - 1;
+    if (id != 0 && first) return std::nullopt;
+    if (id == 0) {  // else the try before has loaded it, unnoticed
+      const std::vector<std::uint8_t> image = device::ReadSromFile(*path);
+      tries_left_ = tries_left;
+      id = device::LoadSrom(reports, image);
+      tries_left_ = 0;
+    }
     ++loaded_;
     return fmt::format("the sensor runs firmware image {} again, from {}", id, *path);
   } catch (const device::DeviceGone&) {
@@ -50,6 +58,7 @@ std::optional<std::string> SensorImage::Load(device::ReportSource& source) {
     return fmt::format("firmware image {} is not in the sensor, which runs without: {}", *path,
                        error.what());
   } catch (const device::ReportRefused& error) {
+    tries_left_ = tries_left;
     return fmt::format(
         "firmware image {} is not in the sensor: the device does not say how it is "
         "({}); {}",
