@@ -53,6 +53,7 @@ function(torquer_program name)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_headers)
   endif()
   add_dependencies(torquer_programs ${name})
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 endfunction()
 
 # torquer_benchmark(NAME SOURCES main.cpp.. LINK x.. [DEPENDS target..]): a program in bin/ that
@@ -68,7 +69,8 @@ function(torquer_benchmark name)
   endif()
 endfunction()
 
-# torquer_helper(NAME SOURCES main.cpp.. LINK x..): a program in bin/helpers/ that only tests run.
+# torquer_helper(NAME SOURCES main.cpp.. LINK x..): a program in bin/helpers/ that only tests and
+# other programs run.
 function(torquer_helper name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
@@ -87,14 +89,19 @@ add_library(torquer_test_options INTERFACE)
 target_compile_options(torquer_test_options INTERFACE $<$<CONFIG:Release>:-O1>
   # GCC takes a source in a batch for a header.
   $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+if(TORQUER_SANITIZE MATCHES "undefined")
+  # A quarter less to compile in what tests consist of; the code under test has these checks. Null and
+  # stray pointers end a test by AddressSanitizer.
+  target_compile_options(torquer_test_options INTERFACE
+    -fno-sanitize=null,alignment,pointer-overflow)
+endif()
 
-# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [ENVIRONMENT K=V..] [TIMEOUT s]
-#   [THREADED] [SERIAL]):
+# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [THREADED] [SERIAL]):
 # a Catch2 program whose cases become CTest tests with that label. THREADED: its code has threads,
 # so the tsan build holds it too (target torquer_threaded_tests); that build leaves out the others.
 # SERIAL: each case has the machine to itself.
 function(torquer_test name)
-  cmake_parse_arguments(ARG "THREADED;SERIAL" "LABEL;TIMEOUT" "SOURCES;LINK;ENVIRONMENT" ${ARGN})
+  cmake_parse_arguments(ARG "THREADED;SERIAL" "LABEL;TIMEOUT" "SOURCES;LINK" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -105,9 +112,9 @@ function(torquer_test name)
     set(prefix "${name} (${sanitizers}): ")
   endif()
   add_executable(${name} ${ARG_SOURCES})
-  target_link_libraries(${name} PRIVATE torquer_build_rules torquer_test_main
-    torquer_test_options ${ARG_LINK})
-  set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+  target_link_libraries(${name} PRIVATE torquer_build_rules torquer_test_support
+    Catch2::Catch2WithMain torquer_test_options ${ARG_LINK})
+  set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 12)
   if(TORQUER_PRECOMPILE)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_test_headers)
   endif()
@@ -115,10 +122,12 @@ function(torquer_test name)
     set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
     return()
   endif()
+  if(TORQUER_SANITIZE STREQUAL "thread")
+    target_sources(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests/support/tsan_suppressions.cpp)
+  endif()
   catch_discover_tests(${name}
     TEST_PREFIX ${prefix}
-    PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "${ARG_ENVIRONMENT}"
-      RUN_SERIAL ${ARG_SERIAL})
+    PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_SERIAL})
   if(ARG_THREADED)
     add_dependencies(torquer_threaded_tests ${name})
   endif()

@@ -39,7 +39,8 @@ SocketSource::SocketSource(std::string path) : path_(std::move(path)) {
 SocketSource::~SocketSource() { Close(); }
 
 bool SocketSource::Connect() {
-  const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+  // A device that hangs accepts nobody: neither connect() nor send() may wait for it.
+  const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (fd < 0) return false;
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -157,6 +158,7 @@ std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>&
                                                 protocol::SocketPacket expected) {
   if (fd_ < 0) throw DeviceGone("no device is connected");
   if (send(fd_, packet.data(), packet.size(), MSG_NOSIGNAL) < 0) {
+    if (errno == EAGAIN) throw FeatureTimeout("it takes no requests");
     throw DeviceGone(fmt::format("the request cannot be sent: {}", std::strerror(errno)));
   }
   const std::int64_t deadline_us = bus::MonotonicUs() + kAnswerUs;

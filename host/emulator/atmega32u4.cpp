@@ -17,8 +17,10 @@
 #include <utility>
 
 #if defined(__SANITIZE_ADDRESS__)
-// libsimavr frees little of what a chip has allocated.
-extern "C" const char* __lsan_default_suppressions() { return "leak:libsimavr\n"; }
+// libsimavr frees little of what a chip has allocated. Visible: the sanitizer is a shared library.
+extern "C" [[gnu::visibility("default")]] const char* __lsan_default_suppressions() {
+  return "leak:libsimavr\n";
+}
 #endif
 
 namespace torquer::emulator {

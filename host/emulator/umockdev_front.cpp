@@ -49,7 +49,7 @@ std::shared_ptr<UMockdevTestbed> Machine() {
 class UmockdevBench::Bus {
  public:
   Bus(UsbHost& host, int port)
-      : host_(host), machine_(Machine()), testbed_(machine_.get()), port_(port) {
+      : host_(host), machine_(Machine()), testbed_(machine_.get()), files_(testbed_), port_(port) {
     if (!umockdev_in_mock_environment()) {
       throw UserError(
           "the device can be mocked only under umockdev: run the program as "
@@ -76,7 +76,7 @@ class UmockdevBench::Bus {
     std::snprintf(number, sizeof(number), "%03d", address);
     path_ = std::string("/dev/bus/usb/001/").append(number);
     node_ = std::make_shared<UsbfsNode>();
-    AttachIoctls(testbed_, path_, node_);
+    files_.Attach(path_, node_);
 
     const Enumeration& device = host_.enumeration();
     std::string descriptors;
@@ -125,7 +125,6 @@ class UmockdevBench::Bus {
     const std::string system_path = "/sys/devices/usb1/1-" + std::to_string(port_);
     umockdev_testbed_uevent(testbed_, system_path.c_str(), "remove");
     umockdev_testbed_remove_device(testbed_, system_path.c_str());
-    umockdev_testbed_detach_ioctl(testbed_, path_.c_str(), nullptr);
   }
 
   /// Null while the device is off the bus.
@@ -178,6 +177,7 @@ class UmockdevBench::Bus {
   UsbHost& host_;
   std::shared_ptr<UMockdevTestbed> machine_;
   UMockdevTestbed* testbed_;
+  AnsweredFiles files_;
   int port_;
   std::shared_ptr<UsbfsNode> node_;
   std::string path_;

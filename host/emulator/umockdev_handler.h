@@ -4,6 +4,7 @@
 #include <umockdev.h>
 
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <string>
 
@@ -34,5 +35,32 @@ void AttachIoctls(UMockdevTestbed* testbed, const std::string& path,
   g_error_free(error);
   throw std::runtime_error("umockdev: " + message);
 }
+
+/// The files of one testbed whose ioctls are answered. A device that leaves keeps its answers ("no
+/// such device"): a program whose ioctl met a closed connection would be aborted by umockdev.
+class AnsweredFiles {
+ public:
+  explicit AnsweredFiles(UMockdevTestbed* testbed) : testbed_(testbed) {}
+  AnsweredFiles(const AnsweredFiles&) = delete;
+  AnsweredFiles& operator=(const AnsweredFiles&) = delete;
+  ~AnsweredFiles() {
+    for (const std::string& path : paths_) Detach(path);
+  }
+
+  /// As AttachIoctls; a device that had this file before is forgotten.
+  template <class Device>
+  void Attach(const std::string& path, const std::shared_ptr<Device>& device) {
+    if (!paths_.insert(path).second) Detach(path);
+    AttachIoctls(testbed_, path, device);
+  }
+
+ private:
+  void Detach(const std::string& path) {
+    umockdev_testbed_detach_ioctl(testbed_, path.c_str(), nullptr);
+  }
+
+  UMockdevTestbed* testbed_;
+  std::set<std::string> paths_;
+};
 
 }  // namespace torquer::emulator

@@ -13,7 +13,7 @@
 
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
-#include "host/simulator/script_ticks.h"
+#include "host/simulator/row_run.h"
 #include "host/simulator/session_record.h"
 #include "host/simulator/simulation.h"
 #include "host/support/atomic_file.h"
@@ -43,14 +43,8 @@ void AddForces(const InternalForces& forces, nlohmann::json& line) {
   line["twisting_mN_mm"] = in_milli(forces.twisting_mJ);
 }
 
-// What the ticks of a row took in all.
-struct RowCost {
-  int iterations = 0;
-  int work = 0;
-  double solve_us = 0;
-};
-
-nlohmann::json Describe(Simulation& simulation, double time_s, const RowCost& cost) {
+nlohmann::json Describe(Simulation& simulation, double time_s, const RowRun::Cost& cost,
+                        double solve_us) {
   const WireState& state = simulation.state();
   nlohmann::json nodes = nlohmann::json::array();
   for (const Eigen::Vector3d& x : state.nodes()) nodes.push_back({x[0], x[1], x[2]});
@@ -64,7 +58,7 @@ nlohmann::json Describe(Simulation& simulation, double time_s, const RowCost& co
                          {"max_penetration_um", 1e3 * report.max_penetration_mm},
                          {"iterations", cost.iterations},
                          {"work", cost.work},
-                         {"solve_us", cost.solve_us},
+                         {"solve_us", solve_us},
                          {"state_hash", std::to_string(simulation.state_hash())},
                          {"status", simulation.status()}};
   for (int k = 0; k < state.places().size(); ++k) {
@@ -189,9 +183,9 @@ class StatesFile {
     if (!path.empty()) file_.emplace(path);
   }
   // A disk that has failed ends the run, since no later row can be kept.
-  void Write(Simulation& simulation, double time_s, const RowCost& cost) {
+  void Write(Simulation& simulation, double time_s, const RowRun::Cost& cost, double solve_us) {
     if (!file_) return;
-    file_->out() << Describe(simulation, time_s, cost).dump() << '\n';
+    file_->out() << Describe(simulation, time_s, cost, solve_us).dump() << '\n';
     if (!file_->KeepSoFar()) file_->Finish();
   }
   void Finish() {
@@ -265,28 +259,22 @@ ScriptResult RunScript(scene::Scene& scene, const std::string& script, const Scr
   const bool terminal = isatty(fileno(stderr)) != 0;
   ScriptResult result;
   result.rows = commands.size();
-  Command before;
-  before.target = scene.start();
-  before.time_s = 0;
+  RowRun rows(simulation);
   for (std::size_t k = 0; k < commands.size() && !stop; ++k) {
     Command row = commands[k];
     row.time_s -= first_s;
-    ScriptTicks ticks(before, row, simulation.longest_tick_s());
-    RowCost cost;
-    // A row may be an hour of ticks; one that is left unfinished has no state.
-    for (Command tick; !stop && ticks.Next(tick);) {
-      CountedBudget budget(scene.budget_units());
-      const std::int64_t start_us = bus::MonotonicUs();
-      const TickReport& report = simulation.Tick(tick, budget);
-      cost.solve_us += static_cast<double>(bus::MonotonicUs() - start_us);
-      cost.iterations += report.iterations;
-      cost.work += report.work;
+    double solve_us = 0;
+    std::int64_t start_us = bus::MonotonicUs();
+    const auto after_tick = [&] {
+      solve_us += static_cast<double>(bus::MonotonicUs() - start_us);
       pictures.Write(simulation);
-    }
-    if (!ticks.done()) break;
+      start_us = bus::MonotonicUs();
+      return !stop;
+    };
+    // A row may be an hour of ticks; one that is left unfinished has no state.
+    if (!rows.GoTo(row, after_tick)) break;
     result.unconverged += !simulation.report().converged;
-    states.Write(simulation, commands[k].time_s, cost);
-    before = row;
+    states.Write(simulation, commands[k].time_s, rows.cost(), solve_us);
     ++result.done;
     if (terminal && (k % 64 == 0 || k + 1 == commands.size())) {
       fmt::print(stderr, "\rrow {} of {}", k + 1, commands.size());

@@ -1,6 +1,7 @@
 #include "host/simulator/simulation.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -35,7 +36,20 @@ Simulation::Simulation(scene::Scene& scene)
     : scene_(scene),
       relaxation_(scene.MakeRelaxation()),
       state_(scene.rod(), scene.stack().size()) {
-  for (const std::unique_ptr<effects::Effect>& effect : scene.effects()) {
+  FindRoles();
+  Restart();
+}
+
+Simulation::Simulation(scene::Scene& scene, const Simulation& twin)
+    : scene_(scene),
+      relaxation_(scene.MakeRelaxation()),
+      state_(scene.rod(), scene.stack().size()) {
+  FindRoles();
+  CopyFrom(twin);
+}
+
+void Simulation::FindRoles() {
+  for (const std::unique_ptr<effects::Effect>& effect : scene_.effects()) {
     if (effects::Timed* timed = effect->timed()) timed_.push_back(timed);
     if (effects::Evolution* evolution = effect->evolution()) evolutions_.push_back(evolution);
     if (effects::Observer* observer = effect->observer()) {
@@ -44,9 +58,8 @@ Simulation::Simulation(scene::Scene& scene)
     }
     if (effects::ImageSource* image = effect->image()) image_ = image;
   }
-  lives_ = scene.moving_field() != nullptr || !timed_.empty() || !evolutions_.empty() ||
+  lives_ = scene_.moving_field() != nullptr || !timed_.empty() || !evolutions_.empty() ||
            image_ != nullptr;
-  Restart();
 }
 
 void Simulation::Restart() {
@@ -68,6 +81,25 @@ void Simulation::Restart() {
   report_.max_penetration_mm = relaxation_->Current().max_penetration_mm;
   Observe();
   RunEffects(0, effects::Controls());
+}
+
+void Simulation::CopyFrom(const Simulation& twin) {
+  assert(scene_.content_hash() == twin.scene_.content_hash());
+  for (std::size_t k = 0; k < scene_.effects().size(); ++k) {
+    scene_.effects()[k]->CopyFrom(*twin.scene_.effects()[k]);
+  }
+  state_ = twin.state_;
+  relaxation_->CopyFrom(*twin.relaxation_, state_);
+  report_ = twin.report_;
+  time_s_ = twin.time_s_;
+  target_ = twin.target_;
+  controls_ = twin.controls_;
+  done_ = twin.done_;
+  tick_ = twin.tick_;
+  updates_ = twin.updates_;
+  hash_ = twin.hash_;
+  status_ = twin.status_;
+  picture_due_ = twin.picture_due_;
 }
 
 const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {

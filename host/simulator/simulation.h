@@ -35,6 +35,8 @@ class Simulation {
  public:
   /// `scene` must outlive the simulation.
   explicit Simulation(scene::Scene& scene);
+  /// Where `twin` stands, which runs another scene of the same spec; see CopyFrom.
+  Simulation(scene::Scene& scene, const Simulation& twin);
 
   /// One tick towards `command`. Places or angles that are not Usable are refused: the last good
   /// ones stand, and the state says so.
@@ -43,6 +45,9 @@ class Simulation {
   void RecordAttempts(std::vector<AttemptRecord>* records) { relaxation_->Record(records); }
   /// Back to the start of the scene.
   void Restart();
+  /// Goes on from where `twin` stands, which runs a scene of the same spec: the same commands then
+  /// give the same states, bit for bit. Neither is in a tick.
+  void CopyFrom(const Simulation& twin);
 
   const scene::Scene& scene() const { return scene_; }
   const WireState& state() const { return state_; }
@@ -93,6 +98,7 @@ class Simulation {
     int work = 0;
   };
 
+  void FindRoles();
   void DescribeInstruments(torquer_lcm::wire_state_t& out) const;
   void DescribeShape(torquer_lcm::wire_state_t& out) const;
   void DescribeContacts(torquer_lcm::wire_state_t& out) const;

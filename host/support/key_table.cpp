@@ -70,6 +70,69 @@ std::string Key::Form() const {
   return "";
 }
 
+Key::Key() = default;
+Key::Key(const Key&) = default;
+Key::Key(Key&&) noexcept = default;
+Key& Key::operator=(const Key&) = default;
+Key& Key::operator=(Key&&) noexcept = default;
+Key::~Key() = default;
+
+struct KeyTable::Entry {
+  std::size_t key = 0;  // of keys_
+  ReadEntry read;
+  WriteEntry write;
+};
+
+KeyTable::KeyTable() = default;
+KeyTable::KeyTable(const KeyTable&) = default;
+KeyTable::~KeyTable() = default;
+
+Key& KeyTable::Add(std::string_view name, KeyKind kind, std::string_view meaning) {
+  Key& key = keys_.emplace_back();
+  key.name = name;
+  key.kind = kind;
+  key.meaning = meaning;
+  key.required = std::exchange(required_, false);
+  key.fallback = std::exchange(otherwise_, {});
+  return key;
+}
+
+Key& KeyTable::AddNumber(std::string_view name, KeyKind kind, double lowest, double highest,
+                         std::string_view unit, std::string_view meaning) {
+  Key& key = Add(name, kind, meaning);
+  key.lowest = lowest;
+  key.highest = highest;
+  key.unit = unit;
+  return key;
+}
+
+void KeyTable::SetFallback(const std::string& value) {
+  Key& key = keys_.back();
+  if (!key.required && key.fallback.empty()) key.fallback = value;
+}
+
+void KeyTable::SetEntry(ReadEntry read, WriteEntry write) {
+  entries_.push_back({keys_.size() - 1, std::move(read), std::move(write)});
+}
+
+void KeyTable::AddAllOf(const KeyTable& base, ReadEntry read, WriteEntry write) {
+  keys_.insert(keys_.end(), base.keys_.begin(), base.keys_.end());
+  SetEntry(std::move(read), std::move(write));
+}
+
+void KeyTable::ReadAll(StrictTable& table, TableSpec& spec) const {
+  for (const Entry& entry : entries_) entry.read(keys_[entry.key], table, spec);
+}
+
+void KeyTable::WriteAll(const TableSpec& spec, const TableSpec& base, TomlWriter& out) const {
+  for (const Entry& entry : entries_) entry.write(keys_[entry.key], spec, base, out);
+}
+
+void KeyTable::RefuseTooFew(const StrictTable& table, const Key& key) {
+  table.Refuse(key.name, "is missing; add " + std::string(key.fewest > 1 ? "tables" : "a table") +
+                             " [[" + table.NameOf(key.name) + "]] with " + key.meaning);
+}
+
 void TomlWriter::Value(const std::string& key, const std::string& toml) {
   values_ += key + " = " + toml + "\n";
 }
@@ -93,32 +156,31 @@ std::string TomlWriter::Text() const {
 
 namespace key_values {
 
-double Read(StrictTable& table, const Key& key, const double*) {
-  return table.Number(key.name, key.lowest, key.highest);
+void Read(StrictTable& table, const Key& key, double& value) {
+  value = table.Number(key.name, key.lowest, key.highest);
 }
-int Read(StrictTable& table, const Key& key, const int*) {
-  return table.Integer(key.name, static_cast<int>(key.lowest), static_cast<int>(key.highest), 0);
+void Read(StrictTable& table, const Key& key, int& value) {
+  value = table.Integer(key.name, static_cast<int>(key.lowest), static_cast<int>(key.highest), 0);
 }
-bool Read(StrictTable& table, const Key& key, const bool*) {
-  return table.Boolean(key.name, false);
+void Read(StrictTable& table, const Key& key, bool& value) {
+  value = table.Boolean(key.name, false);
 }
-std::string Read(StrictTable& table, const Key& key, const std::string*) {
-  return table.Text(key.name);
+void Read(StrictTable& table, const Key& key, std::string& value) { value = table.Text(key.name); }
+void Read(StrictTable& table, const Key& key, Vector3d& value) { value = table.Point(key.name); }
+void Read(StrictTable& table, const Key& key, std::vector<double>& value) {
+  value = table.Numbers(key.name, key.lowest, key.highest);
 }
-Vector3d Read(StrictTable& table, const Key& key, const Vector3d*) { return table.Point(key.name); }
-std::vector<double> Read(StrictTable& table, const Key& key, const std::vector<double>*) {
-  return table.Numbers(key.name, key.lowest, key.highest);
+void Read(StrictTable& table, const Key& key, std::vector<Vector3d>& value) {
+  value = table.Points(key.name, key.fewest);
 }
-std::vector<Vector3d> Read(StrictTable& table, const Key& key, const std::vector<Vector3d>*) {
-  return table.Points(key.name, key.fewest);
-}
-DirectionSpec Read(StrictTable& table, const Key& key, const DirectionSpec*) {
+void Read(StrictTable& table, const Key& key, DirectionSpec& value) {
   if (table.IsText(key.name)) {
-    return {key.choices[static_cast<std::size_t>(table.Choice(key.name, key.choices))], {}};
+    value = {key.choices[static_cast<std::size_t>(table.Choice(key.name, key.choices))], {}};
+    return;
   }
   const Vector3d vector = table.Point(key.name);
   if (!(vector.norm() > 1e-9)) table.Refuse(key.name, "has no length; give a direction");
-  return {"", vector};
+  value = {"", vector};
 }
 
 std::string Write(const Key& /*key*/, double value) { return fmt::format("{}", value); }
@@ -139,6 +201,15 @@ std::string Write(const Key& key, const std::vector<Vector3d>& value) {
 }
 std::string Write(const Key& key, const DirectionSpec& value) {
   return value.name.empty() ? Write(key, value.vector) : Quoted(value.name);
+}
+
+int ReadChoice(StrictTable& table, const Key& key) { return table.Choice(key.name, key.choices); }
+void WriteChoice(const Key& key, int choice, int base, TomlWriter& out) {
+  if (!key.required && choice == base) return;
+  out.Value(key.name, '"' + key.choices[static_cast<std::size_t>(choice)] + '"');
+}
+bool Wanted(const StrictTable& table, const Key& key) {
+  return key.required || table.Has(key.name);
 }
 
 }  // namespace key_values

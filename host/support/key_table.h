@@ -12,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -51,6 +52,13 @@ class KeyTable;
 
 /// One key, as it is documented.
 struct Key {
+  Key();
+  Key(const Key&);
+  Key(Key&&) noexcept;
+  Key& operator=(const Key&);
+  Key& operator=(Key&&) noexcept;
+  ~Key();
+
   std::string name;
   KeyKind kind = KeyKind::kNumber;
   std::string unit;   ///< "" for none
@@ -65,18 +73,6 @@ struct Key {
 
   /// What may be given, in words: "number from 0 to 2".
   std::string Form() const;
-};
-
-/// All keys of one table, whatever its data.
-class KeyTable {
- public:
-  const std::vector<Key>& keys() const { return keys_; }
-  /// A table as a user may write it, without its heading.
-  const std::string& example() const { return example_; }
-
- protected:
-  std::vector<Key> keys_;
-  std::string example_;
 };
 
 /// Writes TOML: keys first, then the tables inside.
@@ -97,18 +93,62 @@ class TomlWriter {
   std::vector<std::unique_ptr<TomlWriter>> tables_;
 };
 
+/// All keys of one table, whatever its data. What does not depend on the type of the data is here,
+/// compiled once: tables of keys are many, and each is compiled for its own type.
+class KeyTable {
+ public:
+  const std::vector<Key>& keys() const { return keys_; }
+  /// A table as a user may write it, without its heading.
+  const std::string& example() const { return example_; }
+
+ protected:
+  /// Reads one key into a spec; writes it where it differs from `base`.
+  using ReadEntry = std::function<void(const Key&, StrictTable&, TableSpec&)>;
+  using WriteEntry =
+      std::function<void(const Key&, const TableSpec&, const TableSpec& base, TomlWriter&)>;
+
+  KeyTable();
+  KeyTable(const KeyTable&);
+  KeyTable& operator=(const KeyTable&) = delete;
+  ~KeyTable();
+
+  void RequireNext() { required_ = true; }
+  void OtherwiseNext(std::string_view words) { otherwise_ = words; }
+  /// Appends a key, which is the one that the functions below are about.
+  Key& Add(std::string_view name, KeyKind kind, std::string_view meaning);
+  Key& AddNumber(std::string_view name, KeyKind kind, double lowest, double highest,
+                 std::string_view unit, std::string_view meaning);
+  const Key& newest() const { return keys_.back(); }
+  void SetFallback(const std::string& value);
+  void SetEntry(ReadEntry read, WriteEntry write);
+  /// Appends all keys of `base`, which `read` and `write` take together.
+  void AddAllOf(const KeyTable& base, ReadEntry read, WriteEntry write);
+  void SetExample(std::string_view toml) { example_ = toml; }
+
+  void ReadAll(StrictTable& table, TableSpec& spec) const;
+  void WriteAll(const TableSpec& spec, const TableSpec& base, TomlWriter& out) const;
+  [[noreturn]] static void RefuseTooFew(const StrictTable& table, const Key& key);
+
+ private:
+  struct Entry;
+  std::vector<Key> keys_;
+  std::vector<Entry> entries_;
+  std::string example_;
+  bool required_ = false;
+  std::string otherwise_;
+};
+
 namespace key_values {
 
 // One value each: read from a table, written as TOML.
-double Read(StrictTable& table, const Key& key, const double*);
-int Read(StrictTable& table, const Key& key, const int*);
-bool Read(StrictTable& table, const Key& key, const bool*);
-std::string Read(StrictTable& table, const Key& key, const std::string*);
-Eigen::Vector3d Read(StrictTable& table, const Key& key, const Eigen::Vector3d*);
-std::vector<double> Read(StrictTable& table, const Key& key, const std::vector<double>*);
-std::vector<Eigen::Vector3d> Read(StrictTable& table, const Key& key,
-                                  const std::vector<Eigen::Vector3d>*);
-DirectionSpec Read(StrictTable& table, const Key& key, const DirectionSpec*);
+void Read(StrictTable& table, const Key& key, double& value);
+void Read(StrictTable& table, const Key& key, int& value);
+void Read(StrictTable& table, const Key& key, bool& value);
+void Read(StrictTable& table, const Key& key, std::string& value);
+void Read(StrictTable& table, const Key& key, Eigen::Vector3d& value);
+void Read(StrictTable& table, const Key& key, std::vector<double>& value);
+void Read(StrictTable& table, const Key& key, std::vector<Eigen::Vector3d>& value);
+void Read(StrictTable& table, const Key& key, DirectionSpec& value);
 std::string Write(const Key& key, double value);
 std::string Write(const Key& key, int value);
 std::string Write(const Key& key, bool value);
@@ -117,6 +157,10 @@ std::string Write(const Key& key, const Eigen::Vector3d& value);
 std::string Write(const Key& key, const std::vector<double>& value);
 std::string Write(const Key& key, const std::vector<Eigen::Vector3d>& value);
 std::string Write(const Key& key, const DirectionSpec& value);
+int ReadChoice(StrictTable& table, const Key& key);
+void WriteChoice(const Key& key, int choice, int base, TomlWriter& out);
+/// Whether the key has to be read: it is there, or must be.
+bool Wanted(const StrictTable& table, const Key& key);
 
 template <class T>
 struct IsOptional : std::false_type {};
@@ -132,149 +176,141 @@ struct IsOptional<std::optional<T>> : std::true_type {};
 template <class Spec>
 class Keys final : public KeyTable {
  public:
-  using Check = std::function<void(const Spec&, StrictTable&)>;
+  using Check = void (*)(const Spec&, StrictTable&);
 
   /// The next key must be given.
   Keys& Required() {
-    required_ = true;
+    RequireNext();
     return *this;
   }
   /// Without the next key, which is optional, `words` say what holds.
-  Keys& Otherwise(std::string words) {
-    otherwise_ = std::move(words);
+  Keys& Otherwise(std::string_view words) {
+    OtherwiseNext(words);
     return *this;
   }
 
-  template <class Member>
-  Keys& Number(std::string name, Member member, double lowest, double highest, std::string unit,
-               std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kNumber, std::move(meaning));
-    key.unit = std::move(unit);
-    key.lowest = lowest;
-    key.highest = highest;
-    return AddValue(std::move(key), member);
+  template <class T>
+  Keys& Number(std::string_view name, T Spec::*member, double lowest, double highest,
+               std::string_view unit, std::string_view meaning) {
+    AddNumber(name, KeyKind::kNumber, lowest, highest, unit, meaning);
+    return Take(member);
   }
-  template <class Member>
-  Keys& Integer(std::string name, Member member, int lowest, int highest, std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kInteger, std::move(meaning));
-    key.lowest = lowest;
-    key.highest = highest;
-    return AddValue(std::move(key), member);
+  template <class T>
+  Keys& Integer(std::string_view name, T Spec::*member, int lowest, int highest,
+                std::string_view meaning) {
+    AddNumber(name, KeyKind::kInteger, lowest, highest, "", meaning);
+    return Take(member);
   }
-  Keys& Boolean(std::string name, bool Spec::*member, std::string meaning) {
-    return AddValue(Make(std::move(name), KeyKind::kBoolean, std::move(meaning)), member);
+  Keys& Boolean(std::string_view name, bool Spec::*member, std::string_view meaning) {
+    Add(name, KeyKind::kBoolean, meaning);
+    return Take(member);
   }
-  template <class Member>
-  Keys& Text(std::string name, Member member, std::string meaning) {
-    return AddValue(Make(std::move(name), KeyKind::kText, std::move(meaning)), member);
+  template <class T>
+  Keys& Text(std::string_view name, T Spec::*member, std::string_view meaning) {
+    Add(name, KeyKind::kText, meaning);
+    return Take(member);
   }
   /// `choices` in the order of the enumerators.
   template <class Enum>
-  Keys& Choice(std::string name, Enum Spec::*member, std::vector<std::string> choices,
-               std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kChoice, std::move(meaning));
+  Keys& Choice(std::string_view name, Enum Spec::*member, std::vector<std::string> choices,
+               std::string_view meaning) {
+    Key& key = Add(name, KeyKind::kChoice, meaning);
     key.choices = std::move(choices);
-    if (!key.required) key.fallback = key.choices[static_cast<std::size_t>(Spec().*member)];
-    entries_.push_back(
-        {[key, member](StrictTable& table, Spec& spec) {
-           if (key.required || table.Has(key.name)) {
-             spec.*member = static_cast<Enum>(table.Choice(key.name, key.choices));
-           }
-         },
-         [key, member](const Spec& spec, const Spec& base, TomlWriter& out) {
-           if (!key.required && spec.*member == base.*member) return;
-           out.Value(key.name, '"' + key.choices[static_cast<std::size_t>(spec.*member)] + '"');
-         }});
-    keys_.push_back(std::move(key));
+    if (!key.required) key.fallback = key.choices[static_cast<std::size_t>(base_.*member)];
+    SetEntry(
+        [member](const Key& at, StrictTable& table, TableSpec& spec) {
+          if (!key_values::Wanted(table, at)) return;
+          static_cast<Spec&>(spec).*member = static_cast<Enum>(key_values::ReadChoice(table, at));
+        },
+        [member](const Key& at, const TableSpec& spec, const TableSpec& base, TomlWriter& out) {
+          key_values::WriteChoice(at, static_cast<int>(static_cast<const Spec&>(spec).*member),
+                                  static_cast<int>(static_cast<const Spec&>(base).*member), out);
+        });
     return *this;
   }
-  template <class Member>
-  Keys& Point(std::string name, Member member, std::string unit, std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kPoint, std::move(meaning));
-    key.unit = std::move(unit);
-    return AddValue(std::move(key), member);
+  template <class T>
+  Keys& Point(std::string_view name, T Spec::*member, std::string_view unit,
+              std::string_view meaning) {
+    AddNumber(name, KeyKind::kPoint, 0, 0, unit, meaning);
+    return Take(member);
   }
-  template <class Member>
-  Keys& Numbers(std::string name, Member member, double lowest, double highest, std::string unit,
-                std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kNumbers, std::move(meaning));
-    key.unit = std::move(unit);
-    key.lowest = lowest;
-    key.highest = highest;
-    return AddValue(std::move(key), member);
+  template <class T>
+  Keys& Numbers(std::string_view name, T Spec::*member, double lowest, double highest,
+                std::string_view unit, std::string_view meaning) {
+    AddNumber(name, KeyKind::kNumbers, lowest, highest, unit, meaning);
+    return Take(member);
   }
-  Keys& Points(std::string name, std::vector<Eigen::Vector3d> Spec::*member, std::size_t fewest,
-               std::string unit, std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kPoints, std::move(meaning));
-    key.unit = std::move(unit);
-    key.fewest = fewest;
-    return AddValue(std::move(key), member);
+  Keys& Points(std::string_view name, std::vector<Eigen::Vector3d> Spec::*member,
+               std::size_t fewest, std::string_view unit, std::string_view meaning) {
+    AddNumber(name, KeyKind::kPoints, 0, 0, unit, meaning).fewest = fewest;
+    return Take(member);
   }
-  template <class Member>
-  Keys& Direction(std::string name, Member member, std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kDirection, std::move(meaning));
-    key.choices = PatientDirections();
-    return AddValue(std::move(key), member);
+  template <class T>
+  Keys& Direction(std::string_view name, T Spec::*member, std::string_view meaning) {
+    Add(name, KeyKind::kDirection, meaning).choices = PatientDirections();
+    return Take(member);
   }
   /// A table inside. `table` must outlive this.
   template <class Inner>
-  Keys& Table(std::string name, std::optional<Inner> Spec::*member, const Keys<Inner>& table,
-              std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kTable, std::move(meaning));
-    key.table = &table;
-    entries_.push_back({[key, member, &table](StrictTable& in, Spec& spec) {
-                          if (StrictTable* inner = in.OptionalTable(key.name)) {
-                            spec.*member = table.Read(*inner);
-                          } else if (key.required) {
-                            in.Table(key.name);
-                          }
-                        },
-                        [key, member, &table](const Spec& spec, const Spec&, TomlWriter& out) {
-                          if (spec.*member) table.Write(*(spec.*member), out.Table(key.name));
-                        }});
-    keys_.push_back(std::move(key));
+  Keys& Table(std::string_view name, std::optional<Inner> Spec::*member, const Keys<Inner>& table,
+              std::string_view meaning) {
+    Add(name, KeyKind::kTable, meaning).table = &table;
+    SetEntry(
+        [member, &table](const Key& key, StrictTable& in, TableSpec& spec) {
+          if (StrictTable* inner = in.OptionalTable(key.name)) {
+            static_cast<Spec&>(spec).*member = table.Read(*inner);
+          } else if (key.required) {
+            in.Table(key.name);
+          }
+        },
+        [member, &table](const Key& key, const TableSpec& spec, const TableSpec&, TomlWriter& out) {
+          const std::optional<Inner>& inner = static_cast<const Spec&>(spec).*member;
+          if (inner) table.Write(*inner, out.Table(key.name));
+        });
     return *this;
   }
   /// [[tables]] inside, at least `fewest`. `table` must outlive this.
   template <class Inner>
-  Keys& Tables(std::string name, std::vector<Inner> Spec::*member, const Keys<Inner>& table,
-               std::size_t fewest, std::string meaning) {
-    Key key = Make(std::move(name), KeyKind::kTables, std::move(meaning));
-    key.table = &table;
-    key.fewest = fewest;
-    key.required = fewest > 0;
-    entries_.push_back({[key, member, &table](StrictTable& in, Spec& spec) {
-                          for (StrictTable* inner : in.Tables(key.name)) {
-                            (spec.*member).push_back(table.Read(*inner));
-                          }
-                          if ((spec.*member).size() < key.fewest) RefuseTooFew(in, key);
-                        },
-                        [key, member, &table](const Spec& spec, const Spec&, TomlWriter& out) {
-                          for (const Inner& inner : spec.*member) {
-                            table.Write(inner, out.Table(key.name, true));
-                          }
-                        }});
-    keys_.push_back(std::move(key));
+  Keys& Tables(std::string_view name, std::vector<Inner> Spec::*member, const Keys<Inner>& table,
+               std::size_t fewest, std::string_view meaning) {
+    Key& added = Add(name, KeyKind::kTables, meaning);
+    added.table = &table;
+    added.fewest = fewest;
+    added.required = fewest > 0;
+    SetEntry(
+        [member, &table](const Key& key, StrictTable& in, TableSpec& spec) {
+          std::vector<Inner>& all = static_cast<Spec&>(spec).*member;
+          for (StrictTable* inner : in.Tables(key.name)) all.push_back(table.Read(*inner));
+          if (all.size() < key.fewest) RefuseTooFew(in, key);
+        },
+        [member, &table](const Key& key, const TableSpec& spec, const TableSpec&, TomlWriter& out) {
+          for (const Inner& inner : static_cast<const Spec&>(spec).*member) {
+            table.Write(inner, out.Table(key.name, true));
+          }
+        });
     return *this;
   }
   /// All keys of a base of Spec. `base` must outlive this.
   template <class Base>
   Keys& Include(const Keys<Base>& base) {
-    keys_.insert(keys_.end(), base.keys().begin(), base.keys().end());
-    entries_.push_back({[&base](StrictTable& table, Spec& spec) { base.ReadInto(table, spec); },
-                        [&base](const Spec& spec, const Spec& other, TomlWriter& out) {
-                          base.Write(spec, other, out);
-                        }});
+    AddAllOf(
+        base,
+        [&base](const Key&, StrictTable& table, TableSpec& spec) {
+          base.ReadInto(table, static_cast<Spec&>(spec));
+        },
+        [&base](const Key&, const TableSpec& spec, const TableSpec& other, TomlWriter& out) {
+          base.Write(static_cast<const Spec&>(spec), static_cast<const Spec&>(other), out);
+        });
     return *this;
   }
   /// What else must hold, after all keys are read: refuses through the table.
   Keys& Checked(Check check) {
-    check_ = std::move(check);
+    check_ = check;
     return *this;
   }
   /// A table as a user may write it.
-  Keys& Example(std::string toml) {
-    example_ = std::move(toml);
+  Keys& Example(std::string_view toml) {
+    SetExample(toml);
     return *this;
   }
 
@@ -286,78 +322,54 @@ class Keys final : public KeyTable {
     return spec;
   }
   void ReadInto(StrictTable& table, Spec& spec) const {
-    for (const Entry& entry : entries_) entry.read(table, spec);
-    if (check_) check_(spec, table);
+    ReadAll(table, spec);
+    if (check_ != nullptr) check_(spec, table);
   }
   /// Writes what differs from a new Spec, and what must be given.
-  void Write(const Spec& spec, TomlWriter& out) const { Write(spec, Spec(), out); }
+  void Write(const Spec& spec, TomlWriter& out) const { WriteAll(spec, base_, out); }
   /// The same, but what differs from `base`, into which it will be read again with ReadInto.
   void Write(const Spec& spec, const Spec& base, TomlWriter& out) const {
-    for (const Entry& entry : entries_) entry.write(spec, base, out);
+    WriteAll(spec, base, out);
   }
 
  private:
-  struct Entry {
-    std::function<void(StrictTable&, Spec&)> read;
-    std::function<void(const Spec&, const Spec& base, TomlWriter&)> write;
-  };
-
-  Key Make(std::string name, KeyKind kind, std::string meaning) {
-    Key key;
-    key.name = std::move(name);
-    key.kind = kind;
-    key.meaning = std::move(meaning);
-    key.required = std::exchange(required_, false);
-    key.fallback = std::exchange(otherwise_, {});
-    return key;
-  }
-  [[noreturn]] static void RefuseTooFew(const StrictTable& table, const Key& key) {
-    table.Refuse(key.name, "is missing; add " + std::string(key.fewest > 1 ? "tables" : "a table") +
-                               " [[" + table.NameOf(key.name) + "]] with " + key.meaning);
-  }
-
+  // The newest key is that of a value.
   template <class T>
-  Keys& AddValue(Key key, T Spec::*member) {
+  Keys& Take(T Spec::*member) {
     if constexpr (key_values::IsOptional<T>::value) {
-      using Value = typename T::value_type;
-      entries_.push_back({[key, member](StrictTable& table, Spec& spec) {
-                            if (table.Has(key.name)) {
-                              spec.*member =
-                                  key_values::Read(table, key, static_cast<const Value*>(nullptr));
-                            }
-                          },
-                          [key, member](const Spec& spec, const Spec& base, TomlWriter& out) {
-                            if (!(spec.*member)) return;
-                            const std::string value = key_values::Write(key, *(spec.*member));
-                            if (base.*member && value == key_values::Write(key, *(base.*member))) {
-                              return;
-                            }
-                            out.Value(key.name, value);
-                          }});
+      SetEntry(
+          [member](const Key& key, StrictTable& table, TableSpec& spec) {
+            if (!table.Has(key.name)) return;
+            key_values::Read(table, key, (static_cast<Spec&>(spec).*member).emplace());
+          },
+          [member](const Key& key, const TableSpec& spec, const TableSpec& base, TomlWriter& out) {
+            const T& given = static_cast<const Spec&>(spec).*member;
+            const T& other = static_cast<const Spec&>(base).*member;
+            if (!given) return;
+            const std::string value = key_values::Write(key, *given);
+            if (!other || value != key_values::Write(key, *other)) out.Value(key.name, value);
+          });
     } else {
-      const std::string by_default = key_values::Write(key, Spec().*member);
-      if (!key.required && key.fallback.empty()) key.fallback = by_default;
-      entries_.push_back({[key, member](StrictTable& table, Spec& spec) {
-                            if (key.required || table.Has(key.name)) {
-                              spec.*member =
-                                  key_values::Read(table, key, static_cast<const T*>(nullptr));
-                            }
-                          },
-                          [key, member](const Spec& spec, const Spec& base, TomlWriter& out) {
-                            const std::string value = key_values::Write(key, spec.*member);
-                            if (key.required || value != key_values::Write(key, base.*member)) {
-                              out.Value(key.name, value);
-                            }
-                          }});
+      SetFallback(key_values::Write(newest(), base_.*member));
+      SetEntry(
+          [member](const Key& key, StrictTable& table, TableSpec& spec) {
+            if (!key_values::Wanted(table, key)) return;
+            key_values::Read(table, key, static_cast<Spec&>(spec).*member);
+          },
+          [member](const Key& key, const TableSpec& spec, const TableSpec& base, TomlWriter& out) {
+            const std::string value =
+                key_values::Write(key, static_cast<const Spec&>(spec).*member);
+            if (key.required ||
+                value != key_values::Write(key, static_cast<const Spec&>(base).*member)) {
+              out.Value(key.name, value);
+            }
+          });
     }
-    keys_.push_back(std::move(key));
     return *this;
   }
 
-  std::vector<Entry> entries_;
-  Check check_;
-  bool required_ = false;
-  std::string otherwise_;
+  const Spec base_ = Spec();  // what holds where nothing is given
+  Check check_ = nullptr;
 };
 
 /// A table for those who do not know the type of its data: one of several kinds, chosen by name.

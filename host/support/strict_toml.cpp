@@ -67,6 +67,15 @@ std::string Range(const char* what, double lowest, double highest) {
 
 }  // namespace
 
+TableOrigin::TableOrigin(std::string name) : name_(std::move(name)) {}
+TableOrigin::TableOrigin(const TableOrigin&) = default;
+TableOrigin::TableOrigin(TableOrigin&&) noexcept = default;
+TableOrigin& TableOrigin::operator=(const TableOrigin&) = default;
+TableOrigin& TableOrigin::operator=(TableOrigin&&) noexcept = default;
+TableOrigin::~TableOrigin() = default;
+
+bool TableOrigin::Has(const std::string& key) const { return keys_.count(key) > 0; }
+
 void TableOrigin::Refuse(const std::string& key, const std::string& problem) const {
   const auto place = keys_.find(key);
   const bool given = place != keys_.end();

@@ -14,10 +14,15 @@ namespace torquer {
 class TableOrigin {
  public:
   /// Of a table that no file has: `name` is its full name.
-  explicit TableOrigin(std::string name = "") : name_(std::move(name)) {}
+  explicit TableOrigin(std::string name = "");
+  TableOrigin(const TableOrigin&);
+  TableOrigin(TableOrigin&&) noexcept;
+  TableOrigin& operator=(const TableOrigin&);
+  TableOrigin& operator=(TableOrigin&&) noexcept;
+  ~TableOrigin();
 
   /// Whether the table gave the key.
-  bool Has(const std::string& key) const { return keys_.count(key) > 0; }
+  bool Has(const std::string& key) const;
   /// Throws a UserError "file:line: table.key = value: problem".
   [[noreturn]] void Refuse(const std::string& key, const std::string& problem) const;
 

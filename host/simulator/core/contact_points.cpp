@@ -37,6 +37,13 @@ void ContactPoints::TakeRadii() {
   }
 }
 
+void ContactPoints::CopyFrom(const ContactPoints& twin) {
+  last_ = twin.last_;
+  radius_mm_ = twin.radius_mm_;
+  stiffness_N_mm2_ = twin.stiffness_N_mm2_;
+  stiffness_travel_mm_ = twin.stiffness_travel_mm_;
+}
+
 void ContactPoints::Reserve(PointSet& points) const {
   points.per_segment = wall_.points_per_segment;
   points.position.reserve(last_.size());

@@ -53,6 +53,8 @@ class ContactPoints {
   /// Forgets what look-ups of former states allow to skip. Needed when the state was replaced
   /// rather than moved.
   void Forget();
+  /// Skips what `twin`, the same points on the same vessel, would skip.
+  void CopyFrom(const ContactPoints& twin);
   /// Makes room in `points` for the longest wire.
   void Reserve(PointSet& points) const;
   /// The most points that a wire has.

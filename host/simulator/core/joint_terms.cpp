@@ -47,9 +47,45 @@ void ExpandJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_t
   out.hessian_cross = curvature * y_proximal * y_distal.transpose() - slope * cross;
 }
 
-void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
-                         const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
-                         double& energy_mJ, JointTerms& out) {
+namespace {
+
+// The work of a twisting moment on the twist of a joint, (27) to (29): part = 1/(1 + c), h_p, h_d,
+// and T_p' T_d by rows.
+inline void BearTorque(double torque_mJ, double part, Pair h_p, Pair h_d, const Pair (&across)[2],
+                       JointTerms& bending, TurnTerms& turn) {
+  const double weight = torque_mJ * part;
+  const Pair p = Pair{part, -part} * Swapped(h_p);
+  const Pair d = Pair{-part, part} * Swapped(h_d);
+  Store(p, turn.proximal.data());
+  Store(d, turn.distal.data());
+  Store(Load(bending.gradient_proximal.data()) - Both(torque_mJ) * p,
+        bending.gradient_proximal.data());
+  Store(Load(bending.gradient_distal.data()) - Both(torque_mJ) * d, bending.gradient_distal.data());
+
+  // g is a quarter turn of h, so that (28) has no trace.
+  const auto add = [](double scale, Pair h, Matrix2d& hessian) {
+    const double along = scale * h[0] * h[1];
+    const double cross = scale / 2 * (h[1] * h[1] - h[0] * h[0]);
+    Store(Load(hessian.data()) + Pair{along, cross}, hessian.data());
+    Store(Load(hessian.data() + 2) + Pair{cross, -along}, hessian.data() + 2);
+  };
+  add(weight * part, h_p, bending.hessian_proximal);
+  add(-weight * part, h_d, bending.hessian_distal);
+  double* const rows = bending.hessian_cross.data();
+  const Pair quarter{weight, -weight};
+  const Pair bent = Both(weight) * h_p;
+  Store(Load(rows) + quarter * Swapped(across[0]) + Firsts(bent, bent) * d, rows);
+  Store(Load(rows + 2) + quarter * Swapped(across[1]) + Seconds(bent, bent) * d, rows + 2);
+}
+
+template <bool kBearsTorque>
+[[gnu::always_inline]] inline void StraightJoint(BendingLaw law, double stiffness_mJ,
+                                                 const Vector3d& proximal_tangent,
+                                                 const Frame& proximal_frame,
+                                                 const Vector3d& tangent, const Frame& frame,
+                                                 [[maybe_unused]] double torque_mJ,
+                                                 double& energy_mJ, JointTerms& out,
+                                                 [[maybe_unused]] TurnTerms* turn) {
   // ExpandJoint with rest = proximal tangent: e1, e2 are across it, and the triple products
   // become scalar products of the normals.
   const double y = (tangent - proximal_tangent).squaredNorm() / 2;
@@ -84,6 +120,24 @@ void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& pr
         out.hessian_cross.data());
   Store(bent_distal * Seconds(proximal, proximal) - Both(slope) * cross[1],
         out.hessian_cross.data() + 2);
+  if constexpr (kBearsTorque)
+    BearTorque(torque_mJ, 1 / (2 - y), -proximal, -distal, cross, out, *turn);
+}
+
+}  // namespace
+
+void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                         const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
+                         double& energy_mJ, JointTerms& out) {
+  StraightJoint<false>(law, stiffness_mJ, proximal_tangent, proximal_frame, tangent, frame, 0,
+                       energy_mJ, out, nullptr);
+}
+
+void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                         const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
+                         double torque_mJ, double& energy_mJ, JointTerms& out, TurnTerms& turn) {
+  StraightJoint<true>(law, stiffness_mJ, proximal_tangent, proximal_frame, tangent, frame,
+                      torque_mJ, energy_mJ, out, &turn);
 }
 
 void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_tangent,
@@ -128,9 +182,25 @@ void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_ta
   out.distal_displacement.setZero();
 }
 
-void AddSpinOfRest(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
-                   const Vector3d& proximal_normal, const Vector3d& rest, const Vector3d& tangent,
-                   const Frame& frame, TwistTerms& out) {
+void AddTorque(double torque_mJ, const Vector3d& proximal_tangent, const Frame& proximal_frame,
+               const Vector3d& tangent, const Frame& frame, JointTerms& bending, TurnTerms& turn) {
+  Pair h_p = Both(0);
+  Pair h_d = Both(0);
+  Pair across[2] = {Both(0), Both(0)};
+  for (int a = 0; a < 3; ++a) {
+    const Pair p = Load(proximal_frame.data() + static_cast<std::ptrdiff_t>(2 * a));
+    const Pair d = Load(frame.data() + static_cast<std::ptrdiff_t>(2 * a));
+    h_p += p * Both(tangent[a]);
+    h_d += d * Both(proximal_tangent[a]);
+    across[0] += Firsts(p, p) * d;
+    across[1] += Seconds(p, p) * d;
+  }
+  BearTorque(torque_mJ, 1 / (1 + proximal_tangent.dot(tangent)), h_p, h_d, across, bending, turn);
+}
+
+RestSpinTerms SpinOfRest(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_tangent,
+                         const Vector3d& proximal_normal, const Vector3d& rest,
+                         const Vector3d& tangent, const Frame& frame) {
   // As in ExpandJoint, with u_p zeta added to the rotation vector of the rest direction.
   const double y = (tangent - rest).squaredNorm() / 2;
   const BendingValue v = EvaluateBending(law, y);
@@ -143,13 +213,15 @@ void AddSpinOfRest(BendingLaw law, double stiffness_mJ, const Vector3d& proximal
   const Vector2d y_proximal(-e1.dot(moment), -e2.dot(moment));
   const double y_spin = -proximal_tangent.dot(moment);
   const double cosine = tangent.dot(proximal_tangent);
-  out.gradient_proximal += slope * y_spin;
-  out.hessian_proximal +=
-      curvature * y_spin * y_spin + slope * (1 - y - cosine * proximal_tangent.dot(rest));
-  out.proximal_proximal +=
-      curvature * y_spin * y_proximal - (slope * cosine) * Vector2d(e1.dot(rest), e2.dot(rest));
-  out.proximal_distal +=
-      curvature * y_spin * y_distal - slope * (frame.transpose() * proximal_tangent.cross(rest));
+  return {
+      .gradient = slope * y_spin,
+      .hessian =
+          curvature * y_spin * y_spin + slope * (1 - y - cosine * proximal_tangent.dot(rest)),
+      .with_proximal =
+          curvature * y_spin * y_proximal - (slope * cosine) * Vector2d(e1.dot(rest), e2.dot(rest)),
+      .with_distal = curvature * y_spin * y_distal -
+                     slope * (frame.transpose() * proximal_tangent.cross(rest)),
+  };
 }
 
 }  // namespace torquer

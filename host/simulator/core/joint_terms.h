@@ -41,6 +41,23 @@ struct TwistTerms {
   Eigen::Vector3d distal_displacement;
 };
 
+/// What the spin of the proximal segment does to the bending of a joint that rests curved.
+struct RestSpinTerms {
+  double gradient = 0;                  ///< d / d zeta_{i-1}, mJ
+  double hessian = 0;                   ///< d2 / d zeta_{i-1}^2, mJ
+  Eigen::Vector2d with_proximal{0, 0};  ///< d2 / d zeta_{i-1} d xi_{i-1}, mJ
+  Eigen::Vector2d with_distal{0, 0};    ///< d2 / d zeta_{i-1} d xi_i, mJ
+};
+
+/// Joint i of a wire that does not twist: how the untwisted frames turn about their tangents,
+/// zeta_i = zeta_{i-1} + proximal . xi_{i-1} + distal . xi_i (README (36)), and what that does to
+/// the joint itself where it rests curved.
+struct TurnTerms {
+  Eigen::Vector2d proximal;
+  Eigen::Vector2d distal;
+  RestSpinTerms rest;
+};
+
 /// Second-order expansion of one joint; `rest` is the rest direction of `tangent`, carried by the
 /// proximal segment with tangent `proximal_tangent` and normal `proximal_normal`.
 /// `stiffness_mJ` = EI / (length that the joint stands for). Adds the energy to `energy_mJ`.
@@ -61,10 +78,24 @@ void AddTwist(double stiffness_mJ, double twist_rad, const Eigen::Vector3d& prox
               const Frame& proximal_frame, const Eigen::Vector3d& tangent, const Frame& frame,
               double& energy_mJ, JointTerms& bending, TwistTerms& out);
 
-/// Adds what the spin of the proximal segment does to the bending of a joint that rests curved. All
-/// as for ExpandJoint.
-void AddSpinOfRest(BendingLaw law, double stiffness_mJ, const Eigen::Vector3d& proximal_tangent,
-                   const Eigen::Vector3d& proximal_normal, const Eigen::Vector3d& rest,
-                   const Eigen::Vector3d& tangent, const Frame& frame, TwistTerms& out);
+/// The same where the twisting moment `torque_mJ` passes: adds its work on the twist of the joint,
+/// to second order in the steps of its segments, and says in `turn` how far these turn the
+/// untwisted frames. `turn.rest` stays as it is.
+void ExpandStraightJoint(BendingLaw law, double stiffness_mJ,
+                         const Eigen::Vector3d& proximal_tangent, const Frame& proximal_frame,
+                         const Eigen::Vector3d& tangent, const Frame& frame, double torque_mJ,
+                         double& energy_mJ, JointTerms& out, TurnTerms& turn);
+
+/// Adds what the twisting moment does to the expansion of a joint that rests curved.
+void AddTorque(double torque_mJ, const Eigen::Vector3d& proximal_tangent,
+               const Frame& proximal_frame, const Eigen::Vector3d& tangent, const Frame& frame,
+               JointTerms& bending, TurnTerms& turn);
+
+/// What the spin of the proximal segment does to the bending of a joint that rests curved. All as
+/// for ExpandJoint.
+RestSpinTerms SpinOfRest(BendingLaw law, double stiffness_mJ,
+                         const Eigen::Vector3d& proximal_tangent,
+                         const Eigen::Vector3d& proximal_normal, const Eigen::Vector3d& rest,
+                         const Eigen::Vector3d& tangent, const Frame& frame);
 
 }  // namespace torquer

@@ -103,6 +103,9 @@ class Relaxation {
     static_cast<void>(state);
     return std::numeric_limits<double>::quiet_NaN();
   }
+  /// Goes on from where `twin` stands, a relaxation of the same method in the same scene. `state`
+  /// is a copy of the twin's; what energy terms remember is not copied here.
+  virtual void CopyFrom(const Relaxation& twin, const WireState& state) = 0;
   /// Mixes all that the method and its energy terms remember into a hash of the state.
   virtual std::uint64_t Hash(std::uint64_t seed) const { return seed; }
   /// Appends a record of every attempt from now on; null: none. Without, nothing is gathered.

@@ -35,6 +35,8 @@ Expansion WireMechanics::MakeExpansion() const {
     e.twists.reserve(n);
     e.spin_gradient.reserve(n);
     e.derivatives.on_spins.reserve(terms_.empty() ? 0 : points);
+  } else if (model_.most_curved_joints() > 1) {
+    e.turns.reserve(n);
   }
   points_.Reserve(e.points);
   e.springs.reserve(points);
@@ -70,12 +72,12 @@ void WireMechanics::ExpandWall(bool with_hessian, Expansion& out) const {
   }
 }
 
-void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& out) const {
+void WireMechanics::ExpandJoints(const WireState& state, Expansion& out) const {
   const int n = state.segments();
   const int curved_from = n - model_.first_straight_joint() + 1;  // joints from here rest curved
   double curved = 0;
   double straight = 0;
-  for (int i = first; i < n; ++i) {
+  for (int i = 0; i < n; ++i) {
     const Vector3d& tangent_p = i == 0 ? model_.sheath().direction : state.tangents()[i - 1];
     const double stiffness = JointStiffness(model_, state, i);
     if (i < curved_from || model_.rest_direction(n - i)[2] == 1) {
@@ -89,8 +91,36 @@ void WireMechanics::ExpandJoints(const WireState& state, int first, Expansion& o
                   state.tangents()[i], state.normals()[i], curved, out.joints[i]);
     }
   }
-  out.energy_mJ += straight + curved - out.curved_joints_mJ;
-  out.curved_joints_mJ = curved;
+  out.energy_mJ += straight + curved;
+}
+
+// From the tip to the sheath: the twisting moment is what turns all curved joints beyond.
+void WireMechanics::ExpandTurningJoints(const WireState& state, Expansion& out) const {
+  const int n = state.segments();
+  const int curved_from = n - model_.first_straight_joint() + 1;
+  out.turns.resize(static_cast<std::size_t>(n));
+  double torque = 0;
+  for (int i = n - 1; i >= 0; --i) {
+    const Vector3d& tangent_p = i == 0 ? model_.sheath().direction : state.tangents()[i - 1];
+    const Frame& frame_p = i == 0 ? sheath_frame_ : out.frames[i - 1];
+    const double stiffness = JointStiffness(model_, state, i);
+    TurnTerms& turn = out.turns[i];
+    turn.rest = RestSpinTerms();
+    if (i < curved_from || model_.rest_direction(n - i)[2] == 1) {
+      ExpandStraightJoint(model_.law(), stiffness, tangent_p, frame_p, state.tangents()[i],
+                          out.frames[i], torque, out.energy_mJ, out.joints[i], turn);
+      continue;
+    }
+    const Vector3d& normal_p = i == 0 ? model_.sheath_normal() : state.normals()[i - 1];
+    const Vector3d rest = RestDirection(model_, state, i);
+    ExpandJoint(model_.law(), stiffness, tangent_p, normal_p, rest, state.tangents()[i],
+                state.normals()[i], out.energy_mJ, out.joints[i]);
+    AddTorque(torque, tangent_p, frame_p, state.tangents()[i], out.frames[i], out.joints[i], turn);
+    if (i == 0) continue;  // the sheath does not turn
+    turn.rest = SpinOfRest(model_.law(), stiffness, tangent_p, normal_p, rest, state.tangents()[i],
+                           out.frames[i]);
+    torque -= turn.rest.gradient;
+  }
 }
 
 void WireMechanics::ExpandTwists(const WireState& state, Expansion& out) const {
@@ -103,9 +133,15 @@ void WireMechanics::ExpandTwists(const WireState& state, Expansion& out) const {
              state.tangents()[i], out.frames[i], out.energy_mJ, out.joints[i], out.twists[i]);
   }
   for (int i = std::max(1, n - model_.first_straight_joint() + 1); i < n; ++i) {
-    AddSpinOfRest(model_.law(), JointStiffness(model_, state, i), state.tangents()[i - 1],
-                  state.normals()[i - 1], RestDirection(model_, state, i), state.tangents()[i],
-                  out.frames[i], out.twists[i]);
+    const RestSpinTerms rest =
+        SpinOfRest(model_.law(), JointStiffness(model_, state, i), state.tangents()[i - 1],
+                   state.normals()[i - 1], RestDirection(model_, state, i), state.tangents()[i],
+                   out.frames[i]);
+    TwistTerms& twist = out.twists[i];
+    twist.gradient_proximal += rest.gradient;
+    twist.hessian_proximal += rest.hessian;
+    twist.proximal_proximal += rest.with_proximal;
+    twist.proximal_distal += rest.with_distal;
   }
 }
 
@@ -224,13 +260,17 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
   out.distal_gradient.resize(n + 1);
   out.gradient.resize(n);
   out.energy_mJ = out.dissipated_mJ = 0;
-  out.curved_joints_mJ = 0;
 
   points_.Place(state, with_hessian, out.points);
   const std::size_t points = out.points.position.size();
   out.derivatives.with_hessian = with_hessian;
   ExpandWall(with_hessian, out);
-  ExpandJoints(state, 0, out);
+  out.turns.clear();
+  if (!model_.twists() && model_.first_straight_joint() > 1) {
+    ExpandTurningJoints(state, out);
+  } else {
+    ExpandJoints(state, out);
+  }
   if (model_.twists()) {
     out.spin_gradient.resize(n);
     ExpandTwists(state, out);
@@ -261,13 +301,6 @@ void WireMechanics::Expand(const WireState& state, Expansion& out) { ExpandAll(s
 
 void WireMechanics::ExpandGradient(const WireState& state, Expansion& out) {
   ExpandAll(state, false, out);
-}
-
-void WireMechanics::ExpandCurvedJoints(const WireState& state, Expansion& out) {
-  const int first = std::max(0, state.segments() - model_.first_straight_joint() + 1);
-  if (first >= state.segments()) return;
-  ExpandJoints(state, first, out);
-  out.residual = SumGradient(state, out);
 }
 
 }  // namespace torquer

@@ -5,6 +5,9 @@
 // so that lengths stay exact and node i + 1 moves by the sum of l_k T_k xi_k over k <= i. Joint i
 // couples xi_{i-1} and xi_i; the points of segment i feel the displacement of node i and xi_i.
 //
+// Of a wire that does not twist the untwisted frames turn with the steps: a joint that rests curved
+// feels all segments before it. What turns it goes back along the wire as a twisting moment.
+//
 // A wire that twists has normals that are fixed to its material, and one more unknown a segment:
 // its spin zeta_i, which turns the normal about the tangent.
 #pragma once
@@ -42,14 +45,14 @@ struct LoadTerms {
 
 /// The expansion of the whole energy at one state. Buffers are made once; no heap after that.
 struct Expansion {
-  double energy_mJ = 0;         ///< what relaxing decreases
-  double dissipated_mJ = 0;     ///< of this, what terms with EnergyTerm::Dissipates add
-  double curved_joints_mJ = 0;  ///< of this, the joints that rest curved
+  double energy_mJ = 0;      ///< what relaxing decreases
+  double dissipated_mJ = 0;  ///< of this, what terms with EnergyTerm::Dissipates add
   double residual = 0;  ///< largest out-of-balance moment over the local EI/(1 mm) (torque, GJ)
   double max_penetration_mm = 0;   ///< of the wire's surface; 0 without contact
   std::vector<Frame> frames;       ///< n, one a segment
   std::vector<JointTerms> joints;  ///< n, one a joint; joint 0 has no proximal unknown
   std::vector<TwistTerms> twists;  ///< the same for a wire that twists; otherwise empty
+  std::vector<TurnTerms> turns;    ///< the same for one that does not and rests curved somewhere
   std::vector<int> load_index;     ///< n, into `loads`, -1 for a segment free of load
   std::vector<LoadTerms> loads;    ///< of the loaded segments
   std::vector<Eigen::Vector3d> distal_gradient;  ///< n + 1: sum of the gradients beyond node i,
@@ -80,9 +83,6 @@ class WireMechanics {
   /// The same without Hessians (and without Hessian look-ups).
   void ExpandGradient(const WireState& state, Expansion& out);
 
-  /// Repeats the joints that rest curved after the reference twist changed, and nothing else.
-  void ExpandCurvedJoints(const WireState& state, Expansion& out);
-
   /// Where the wire may touch; see ContactPoints for what must be called after a move.
   ContactPoints& points() { return points_; }
   const ContactPoints& points() const { return points_; }
@@ -91,7 +91,9 @@ class WireMechanics {
   const WallModel& wall() const { return wall_; }
 
  private:
-  void ExpandJoints(const WireState& state, int first, Expansion& out) const;
+  void ExpandJoints(const WireState& state, Expansion& out) const;
+  void ExpandTurningJoints(const WireState& state, Expansion& out) const;
+  RestSpinTerms SpinOfRestAt(const WireState& state, int joint, const Expansion& at) const;
   void ExpandTwists(const WireState& state, Expansion& out) const;
   void AddSpinLoads(const WireState& state, Expansion& out) const;
   void ExpandWall(bool with_hessian, Expansion& out) const;

@@ -274,13 +274,14 @@ void WireState::Step(const WireModel& model, const WireState& from,
     }
   }
   PlaceNodes(model, 1);
-  if (twists) UpdateTwist(model);
+  UpdateFrames(model);
 }
 
 void WireState::TakeStep(WireState& stepped) {
   std::swap(nodes_, stepped.nodes_);
   std::swap(tangents_, stepped.tangents_);
   std::swap(normals_, stepped.normals_);
+  std::swap(reference_twist_, stepped.reference_twist_);
   std::swap(twist_rad_, stepped.twist_rad_);
 }
 

@@ -106,10 +106,11 @@ class WireState {
 
   /// Makes this the state `from` after the step `scale` times xi (one a segment, in the planes
   /// `frames`, README (4)) and, of a wire that twists, `scale` times spin (a turn about the
-  /// tangent). The reference twist stays that of `from`, as within a step it is frozen.
+  /// tangent).
   void Step(const WireModel& model, const WireState& from, const std::vector<Frame>& frames,
             const std::vector<Eigen::Vector2d>& xi, const std::vector<double>& spin, double scale);
-  /// Exchanges nodes, tangents, normals and twist with a state that Step made from this one.
+  /// Exchanges nodes, tangents, normals, reference twist and twist with a state that Step made from
+  /// this one.
   void TakeStep(WireState& stepped);
   /// Brings the reference twist, or the twist of a wire that twists, up to date with tangents and
   /// normals (README (11)). A twist is taken within half a turn of what it was.

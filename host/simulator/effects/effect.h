@@ -156,6 +156,9 @@ class Effect {
 
   /// Forgets everything, as at the start. Energy terms have their own Reset.
   virtual void Restart() {}
+  /// Remembers what `twin`, the same effect of the same scene, remembers. Neither is in a tick, and
+  /// no picture of either is being rendered.
+  virtual void CopyFrom(const Effect& twin) { static_cast<void>(twin); }
 };
 
 /// The effect of a type that was made before, or null.

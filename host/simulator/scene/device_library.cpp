@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <system_error>
 
+#include "host/support/installed.h"
+
 namespace torquer::scene {
 
 namespace {
@@ -64,12 +66,8 @@ const Keys<DeviceSpec>& DeviceKeys() {
 }  // namespace
 
 std::string DeviceFolder() {
-  std::error_code none;
-  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", none);
-  const std::filesystem::path installed =
-      program.parent_path().parent_path() / "share/torquer/devices";
-  return std::filesystem::is_directory(installed, none) ? installed.string()
-                                                        : TORQUER_DEVICE_FOLDER;
+  const std::filesystem::path installed = FindInstalled("share/torquer/devices");
+  return installed.empty() ? TORQUER_DEVICE_FOLDER : installed.string();
 }
 
 std::vector<std::string> DeviceNames() {

@@ -7,7 +7,6 @@
 #include "host/simulator/vessel/lumen_check.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
-#include "host/support/input_file.h"
 
 namespace torquer::scene {
 
@@ -38,6 +37,20 @@ Vector3d UnitVector(PatientAxesSpec::Direction direction) {
 
 Scene::Scene(SceneSpec spec) : spec_(std::move(spec)) {
   vessel_ = KindOf(spec_.vessel).build(spec_.vessel.keys, spec_.folder);
+  Build();
+  HashContent();
+}
+
+Scene::Scene(Twin twin)
+    : spec_(twin.of.spec_), vessel_(twin.of.vessel_), content_hash_(twin.of.content_hash_) {
+  Build();
+}
+
+std::unique_ptr<Scene> Scene::MakeTwin() const {
+  return std::unique_ptr<Scene>(new Scene(Twin{*this}));
+}
+
+void Scene::Build() {
   wall_.stiffness_N_mm2 = spec_.vessel.wall_stiffness_N_mm2;
   MakeAxes();
   MakeEntry();
@@ -45,7 +58,6 @@ Scene::Scene(SceneSpec spec) : spec_(std::move(spec)) {
   CheckFit();
   SetRelaxation();
   for (const EffectSpec& effect : spec_.effects) MakeEffect(effect);
-  HashContent();
 }
 
 void Scene::MakeAxes() {
@@ -210,9 +222,10 @@ void Scene::HashContent() {
     InstrumentKeys().Write(instrument, out);
     content_hash_ = Fnv1a(out.Text(), content_hash_);
   }
-  for (const std::string& path : vessel_.files) {
-    content_hash_ = Fnv1a(ReadInputFile(path, "check its permissions"), content_hash_);
+  for (const std::string& contents : vessel_.contents) {
+    content_hash_ = Fnv1a(contents, content_hash_);
   }
+  vessel_.contents = {};
 }
 
 std::vector<std::string> Scene::effect_names() const {

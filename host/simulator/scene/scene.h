@@ -29,6 +29,9 @@ class Scene {
   explicit Scene(SceneSpec spec);
   /// The same of a file.
   explicit Scene(const std::string& path) : Scene(ReadScene(path)) {}
+  /// Another scene of the same spec in the same vessel, whose field both build and use: for several
+  /// simulations of one scene, also in threads beside each other.
+  std::unique_ptr<Scene> MakeTwin() const;
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
 
@@ -54,7 +57,8 @@ class Scene {
   const std::vector<std::unique_ptr<effects::Effect>>& effects() const { return effects_; }
   /// The vessel as it moves; null where it does not.
   vessel::MovingField* moving_field() { return moving_.get(); }
-  /// FNV-1a of the spec as WriteScene writes it, and of the files that it names.
+  /// FNV-1a of the spec as WriteScene writes it, and of the bytes that were parsed of the files
+  /// that it names.
   std::uint64_t content_hash() const { return content_hash_; }
 
   /// A relaxation with this scene's method, wall and effects. One at a time: effects remember.
@@ -65,6 +69,12 @@ class Scene {
   WireState MakeStart(Relaxation& relaxation) const;
 
  private:
+  struct Twin {
+    const Scene& of;
+  };
+  explicit Scene(Twin twin);
+
+  void Build();
   WireModel MakeInstrument(const InstrumentSpec& spec, double segment_mm, BendingLaw law) const;
   void MakeAxes();
   void MakeEntry();

@@ -88,6 +88,27 @@ void NewtonMethod<Stage>::Restart(WireState& state) {
 }
 
 template <class Stage>
+void NewtonMethod<Stage>::CopyFrom(const Relaxation& twin, const WireState& state) {
+  const auto& from = dynamic_cast<const NewtonMethod&>(twin);
+  stack().Combine(state.places());
+  mechanics_.points().CopyFrom(from.mechanics_.points());
+  active_set_ = from.active_set_;
+  damping_ = from.damping_;
+  prediction_ = from.prediction_;
+  current_ = from.current_;
+  travel_mm_ = from.travel_mm_;
+  iterations_since_move_ = from.iterations_since_move_;
+  up_to_date_ = from.up_to_date_;
+  attempting_ = from.attempting_;
+  moved_ = from.moved_;
+  stalled_ = from.stalled_;
+  pushed_ = from.pushed_;
+  part_open_ = from.part_open_;
+  part_moved_ = from.part_moved_;
+  stable_ = from.stable_;
+}
+
+template <class Stage>
 std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
   for (const EnergyTerm* term : terms_) seed = term->Hash(seed);
   seed = damping_.Hash(prediction_.Hash(seed));
@@ -279,7 +300,10 @@ void NewtonMethod<Stage>::Relax(WireState& state, TickReport& report) {
         (record.gained_mJ >= -rounding && trial_expansion_.residual < current_.residual);
   }
   const double residual = current_.residual;
-  record.accepted = record.accepted && Take(state);
+  if (record.accepted) {
+    state.TakeStep(trial_);
+    std::swap(current_, trial_expansion_);
+  }
   record.lookups += mechanics_.points().lookups();
   if (records() != nullptr) records()->push_back(record);
 
@@ -329,25 +353,6 @@ typename NewtonMethod<Stage>::Solution NewtonMethod<Stage>::SolveModel(const Wir
   }
 }
 
-// Takes the trial step, and takes it back where the frames that follow it turn the rest shape so
-// far that the wire is farther up than before: the step was good with the frames frozen, and too
-// long for that. Where shape and tip chase each other it may be up by 5 %.
-template <class Stage>
-bool NewtonMethod<Stage>::Take(WireState& state) {
-  constexpr double kMostRise = 5e-3;
-  state.TakeStep(trial_);
-  std::swap(current_, trial_expansion_);
-  if (Stage::kTwists) return true;
-  state.UpdateFrames(model_);
-  mechanics_.ExpandCurvedJoints(state, current_);
-  const double before_mJ = trial_expansion_.energy_mJ;
-  if (current_.energy_mJ - before_mJ <= kMostRise * std::abs(before_mJ)) return true;
-  std::swap(current_, trial_expansion_);
-  state.TakeStep(trial_);
-  state.UpdateFrames(model_);
-  return false;
-}
-
 template <class Stage>
 void NewtonMethod<Stage>::GiveUp(WireState& state) {
   mechanics_.Expand(state, current_);
@@ -377,7 +382,6 @@ void NewtonMethod<Stage>::PushOff(WireState& state) {
   std::fill(spin_step_.begin(), spin_step_.end(), 0);
   trial_.Step(model_, state, current_.frames, step_, spin_step_, 1);
   state.TakeStep(trial_);
-  state.UpdateFrames(model_);
   moved_ = attempting_ = false;
   mechanics_.Expand(state, current_);
 }

@@ -51,6 +51,7 @@ class NewtonMethod final : public Relaxation {
                const NewtonSettings& settings, const std::vector<EnergyTerm*>& terms);
 
   void Restart(WireState& state) override;
+  void CopyFrom(const Relaxation& twin, const WireState& state) override;
   const Expansion& Current() const override { return current_; }
   std::uint64_t Hash(std::uint64_t seed) const override;
   double SolverErrorMm(const WireState& state) override;
@@ -83,7 +84,6 @@ class NewtonMethod final : public Relaxation {
   void SlideSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
   Solution SolveModel(const WireState& state);
   double StepScale() const;
-  bool Take(WireState& state);
   void GiveUp(WireState& state);
   bool Stable(const WireState& state);
   void PushOff(WireState& state);

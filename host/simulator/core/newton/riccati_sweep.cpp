@@ -100,6 +100,39 @@ bool RiccatiSweep<Stage>::EliminateSpin(const TwistTerms& twist, double weight, 
   return true;
 }
 
+// Beyond node i + 1 the cost has the turn zeta_i of segment i, which is that of the segment before
+// and what the steps of joint i turn (README (36)).
+template <class Stage>
+void RiccatiSweep<Stage>::SubstituteSpin(const TurnTerms& turn, Pair length, const Pair (&t)[3],
+                                         const CostToGo& v, StageCost& w) {
+  const double(&dx)[3] = v.spin_with_displacement;
+  const Pair p = Load(turn.proximal.data());
+  const Pair d = Load(turn.distal.data());
+  const Pair stiffness = Both(v.spin_stiffness);
+  const Pair gradient = Both(v.spin_gradient);
+  const Pair xi = v.spin_with_previous +
+                  length * (t[0] * Both(dx[0]) + t[1] * Both(dx[1]) + t[2] * Both(dx[2]));
+  const Pair with_spin = xi + stiffness * d;
+  const Pair previous = stiffness * p;
+  w.s += xi * d + d * with_spin;
+  w.cross += Both(xi[0] * d[1] + d[0] * with_spin[1]);
+  w.c += gradient * d;
+  w.m[0] += Firsts(p, p) * with_spin;
+  w.m[1] += Seconds(p, p) * with_spin;
+  w.r += p * previous;
+  w.r_cross += Both(p[0] * previous[1]);
+  w.g += gradient * p;
+  for (int a = 0; a < 3; ++a) {
+    w.f[a] += Both(dx[a]) * d;
+    w.q[a] = Both(dx[a]) * p;
+    w.spin_with_displacement[a] = dx[a];
+  }
+  w.with_spin = with_spin + Load(turn.rest.with_distal.data());
+  w.spin_with_previous = previous + Load(turn.rest.with_proximal.data());
+  w.spin_stiffness = v.spin_stiffness + turn.rest.hessian;
+  w.spin_gradient = v.spin_gradient;  // the joint's own is in the gradients of the steps
+}
+
 // The stage's cost with what it is given (dx, xi before) and its control: what lies beyond, its
 // loads and its joint. In pairs rather than small matrices, which take three times as long; the
 // sweep is a third of an iteration.
@@ -164,6 +197,7 @@ void RiccatiSweep<Stage>::Assemble(const WireModel& model, const WireState& stat
 // The control that costs least, (20), as a function of what the stage is given: S^-1 times F',
 // H_pd' and f. False where the pivot S is not positive definite.
 template <class Stage>
+template <typename RiccatiSweep<Stage>::Spin kSpin>
 bool RiccatiSweep<Stage>::Eliminate(const StageCost& w, Gain& gain) {
   const double product = w.s[0] * w.s[1];
   const double determinant = product - w.cross[0] * w.cross[0];
@@ -178,12 +212,13 @@ bool RiccatiSweep<Stage>::Eliminate(const StageCost& w, Gain& gain) {
   gain.of_previous[1] = solve(w.m[1]);
   gain.constant = solve(w.c);
   for (int a = 0; a < 3; ++a) gain.of_displacement[a] = solve(w.f[a]);
-  if constexpr (Stage::kTwists) gain.of_spin = solve(w.with_spin);
+  if constexpr (kSpin != Spin::kNone) gain.of_spin = solve(w.with_spin);
   return true;
 }
 
 // What the stage and all beyond cost at best: (21), (22), with the control (20) put back.
 template <class Stage>
+template <typename RiccatiSweep<Stage>::Spin kSpin>
 void RiccatiSweep<Stage>::Propagate(const StageCost& w, const Gain& gain, CostToGo& v) {
   const Pair k = gain.constant;
   const Pair(&l)[2] = gain.of_previous;
@@ -202,7 +237,7 @@ void RiccatiSweep<Stage>::Propagate(const StageCost& w, const Gain& gain, CostTo
   v.r_cross = w.r_cross - Summed(w.m[0] * l[1]);
   v.g = w.g - Sums(w.m[0] * k, w.m[1] * k);
   v.decrease += 0.5 * Summed(w.c * k)[0];
-  if constexpr (Stage::kTwists) {
+  if constexpr (kSpin != Spin::kNone) {
     const Pair spin = gain.of_spin;
     for (int a = 0; a < 3; ++a) {
       v.q[a] += w.q[a];
@@ -216,7 +251,22 @@ void RiccatiSweep<Stage>::Propagate(const StageCost& w, const Gain& gain, CostTo
 
 template <class Stage>
 bool RiccatiSweep<Stage>::Sweep(const WireModel& model, const WireState& state,
-                                const Expansion& expansion, double weight, int first, CostToGo v) {
+                                const Expansion& expansion, double weight, int first,
+                                const CostToGo& cost) {
+  if constexpr (Stage::kTwists) {
+    return SweepWith<Spin::kFree>(model, state, expansion, weight, first, cost);
+  } else if (expansion.turns.empty()) {
+    return SweepWith<Spin::kNone>(model, state, expansion, weight, first, cost);
+  } else {
+    return SweepWith<Spin::kFollows>(model, state, expansion, weight, first, cost);
+  }
+}
+
+template <class Stage>
+template <typename RiccatiSweep<Stage>::Spin kSpin>
+bool RiccatiSweep<Stage>::SweepWith(const WireModel& model, const WireState& state,
+                                    const Expansion& expansion, double weight, int first,
+                                    CostToGo v) {
   for (int i = first; i >= 0; --i) {
     const double* const frame = expansion.frames[i].data();
     const Pair length = Both(state.SegmentLength(model, i));
@@ -224,7 +274,7 @@ bool RiccatiSweep<Stage>::Sweep(const WireModel& model, const WireState& state,
     Gain& gain = gains_[i];
     StageCost cost;
     Assemble(model, state, expansion, weight, i, length, t, v, cost);
-    if constexpr (Stage::kTwists) {
+    if constexpr (kSpin == Spin::kFree) {
       const int n = state.segments();
       const double torsional = std::min(model.torsional_rigidity_N_mm2(n - i),
                                         model.torsional_rigidity_N_mm2(n - i - 1));
@@ -232,8 +282,11 @@ bool RiccatiSweep<Stage>::Sweep(const WireModel& model, const WireState& state,
         return false;
       }
     }
-    if (!Eliminate(cost, gain)) return false;
-    Propagate(cost, gain, v);
+    if constexpr (kSpin == Spin::kFollows) {
+      SubstituteSpin(expansion.turns[i], length, t, v, cost);
+    }
+    if (!Eliminate<kSpin>(cost, gain)) return false;
+    Propagate<kSpin>(cost, gain, v);
     if (i % kSpacing == 0) checkpoints_[static_cast<std::size_t>(i / kSpacing)] = v;
   }
   predicted_decrease_ = v.decrease;
@@ -245,10 +298,26 @@ double RiccatiSweep<Stage>::Step(const WireModel& model, const WireState& state,
                                  const Expansion& expansion, std::vector<Control>& step,
                                  std::vector<double>& spin,
                                  std::vector<Vector3d>& displacement_mm) const {
+  if constexpr (Stage::kTwists) {
+    StepWith<Spin::kFree>(model, state, expansion, step, spin, displacement_mm);
+  } else if (expansion.turns.empty()) {
+    StepWith<Spin::kNone>(model, state, expansion, step, spin, displacement_mm);
+  } else {
+    StepWith<Spin::kFollows>(model, state, expansion, step, spin, displacement_mm);
+  }
+  return predicted_decrease_;
+}
+
+template <class Stage>
+template <typename RiccatiSweep<Stage>::Spin kSpin>
+void RiccatiSweep<Stage>::StepWith(const WireModel& model, const WireState& state,
+                                   const Expansion& expansion, std::vector<Control>& step,
+                                   std::vector<double>& spin,
+                                   std::vector<Vector3d>& displacement_mm) const {
   const int n = state.segments();
   step.resize(static_cast<std::size_t>(n));
   displacement_mm.resize(static_cast<std::size_t>(n));
-  if (Stage::kTwists) spin.resize(static_cast<std::size_t>(n));
+  if constexpr (kSpin == Spin::kFree) spin.resize(static_cast<std::size_t>(n));
   double zeta = 0;
   Pair xi = Both(0);
   Pair dx[3] = {Both(0), Both(0), Both(0)};
@@ -258,13 +327,17 @@ double RiccatiSweep<Stage>::Step(const WireModel& model, const WireState& state,
     xi = -(gain.constant + gain.of_displacement[0] * dx[0] + gain.of_displacement[1] * dx[1] +
            gain.of_displacement[2] * dx[2] + gain.of_previous[0] * Firsts(xi, xi) +
            gain.of_previous[1] * Seconds(xi, xi));
-    if constexpr (Stage::kTwists) {
-      xi -= gain.of_spin * Both(zeta);
+    if constexpr (kSpin != Spin::kNone) xi -= gain.of_spin * Both(zeta);
+    if constexpr (kSpin == Spin::kFree) {
       zeta = -(gain.spin_constant + gain.spin_of_displacement[0] * dx[0][0] +
                gain.spin_of_displacement[1] * dx[1][0] + gain.spin_of_displacement[2] * dx[2][0] +
                gain.spin_of_spin * zeta +
                Summed(gain.spin_of_control * xi + gain.spin_of_previous * previous)[0]);
       spin[i] = zeta;
+    }
+    if constexpr (kSpin == Spin::kFollows) {
+      const TurnTerms& turn = expansion.turns[i];
+      zeta += Summed(Load(turn.proximal.data()) * previous + Load(turn.distal.data()) * xi)[0];
     }
     Store(xi, step[i].data());
     displacement_mm[i] = {dx[0][0], dx[1][0], dx[2][0]};
@@ -273,7 +346,6 @@ double RiccatiSweep<Stage>::Step(const WireModel& model, const WireState& state,
     for (int a = 0; a < 3; ++a)
       dx[a] += Summed(Load(frame + static_cast<std::ptrdiff_t>(2 * a)) * turned);
   }
-  return predicted_decrease_;
 }
 
 template class RiccatiSweep<BendStage>;

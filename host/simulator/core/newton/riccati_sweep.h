@@ -8,6 +8,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <type_traits>
 #include <vector>
 
@@ -17,7 +18,9 @@
 namespace torquer {
 
 /// What the stage of the sweep consists of: the control is the step in the tangent plane, the state
-/// the displacement of the node and the step of the segment before.
+/// the displacement of the node and the step of the segment before. Where the wire rests curved
+/// somewhere, the state has the turn of the segment's untwisted frame as well, which follows from
+/// the steps before (Expansion::turns).
 struct BendStage {
   static constexpr bool kTwists = false;
 };
@@ -55,7 +58,10 @@ class RiccatiSweep {
               std::vector<Eigen::Vector3d>& displacement_mm) const;
 
  private:
-  struct Nothing {};
+  /// What the turn of a segment's frame about its tangent is: nothing that matters, a consequence
+  /// of the steps, or an unknown.
+  enum class Spin : std::uint8_t { kNone, kFollows, kFree };
+
   /// What the spin of the segment before adds to the cost-to-go.
   struct SpinCost {
     double spin_with_displacement[3] = {0, 0, 0};
@@ -64,7 +70,7 @@ class RiccatiSweep {
     double spin_gradient = 0;
   };
   /// The cost-to-go. Single numbers stand in both lanes.
-  struct CostToGo : std::conditional_t<Stage::kTwists, SpinCost, Nothing> {
+  struct CostToGo : SpinCost {
     Pair p[6];      ///< P: xx, xy, xz, yy, yz, zz
     Pair q[3];      ///< rows of Q
     Pair r;         ///< diagonal of R
@@ -81,7 +87,7 @@ class RiccatiSweep {
   };
   /// The cost of a stage before its control is eliminated: what the control takes part in, and what
   /// the step before costs by itself.
-  struct StageCost : std::conditional_t<Stage::kTwists, SpinStageCost, Nothing> {
+  struct StageCost : SpinStageCost {
     Pair s;        ///< diagonal of the pivot
     Pair cross;    ///< its other element
     Pair c;        ///< gradient
@@ -99,12 +105,13 @@ class RiccatiSweep {
     Pair spin_of_previous;
     double spin_of_spin;
     double spin_constant;
-    Pair of_spin;  ///< of the control: of the spin before
   };
-  /// The control is -(of_displacement' dx + of_previous xi + constant).
+  struct Nothing {};
+  /// The control is -(of_displacement' dx + of_previous xi + of_spin zeta + constant).
   struct Gain : std::conditional_t<Stage::kTwists, SpinGain, Nothing> {
     Pair of_displacement[3];  ///< a component of dx each
     Pair of_previous[2];      ///< a component of xi each
+    Pair of_spin;             ///< of the segment before, where that counts
     Pair constant;
   };
   // Parts of the sweep's loop, apart to be read: a call for each would cost a fifth of the sweep.
@@ -115,12 +122,25 @@ class RiccatiSweep {
   /// Minimizes over the segment's spin; false where that has no minimum. Only of a TwistStage.
   static bool EliminateSpin(const TwistTerms& twist, double weight, Pair length, const Pair (&t)[3],
                             CostToGo& v, StageCost& w, Gain& gain);
+  /// Puts in the segment's turn as it follows from the steps.
+  [[gnu::always_inline]] static inline void SubstituteSpin(const TurnTerms& turn, Pair length,
+                                                           const Pair (&t)[3], const CostToGo& v,
+                                                           StageCost& w);
+  template <Spin kSpin>
   [[gnu::always_inline]] static inline bool Eliminate(const StageCost& w, Gain& gain);
+  template <Spin kSpin>
   [[gnu::always_inline]] static inline void Propagate(const StageCost& w, const Gain& gain,
                                                       CostToGo& v);
   /// From `first` towards the sheath; `cost` is that of the segments beyond it.
   bool Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
-             double weight, int first, CostToGo cost);
+             double weight, int first, const CostToGo& cost);
+  template <Spin kSpin>
+  bool SweepWith(const WireModel& model, const WireState& state, const Expansion& expansion,
+                 double weight, int first, CostToGo cost);
+  template <Spin kSpin>
+  void StepWith(const WireModel& model, const WireState& state, const Expansion& expansion,
+                std::vector<Control>& step, std::vector<double>& spin,
+                std::vector<Eigen::Vector3d>& displacement_mm) const;
 
   static constexpr int kSpacing = 16;  ///< segments from one checkpoint to the next
   std::vector<Gain> gains_;

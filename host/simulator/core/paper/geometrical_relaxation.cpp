@@ -200,6 +200,15 @@ GeometricalRelaxation::GeometricalRelaxation(const WireModel& model, const Clear
   slid_.reserve(room);
 }
 
+void GeometricalRelaxation::CopyFrom(const GeometricalRelaxation& twin) {
+  interval_ = twin.interval_;
+  sweeps_left_ = twin.sweeps_left_;
+  zeta_ = twin.zeta_;
+  near_wall_ = twin.near_wall_;
+  curve_ = twin.curve_;
+  planes_ = twin.planes_;
+}
+
 bool GeometricalRelaxation::Begin(const WireState& state) {
   Interrupt();
   const int n = state.segments();

@@ -81,6 +81,9 @@ class GeometricalRelaxation {
   GeometricalRelaxation(const WireModel& model, const ClearanceField& field,
                         const GeometricalSettings& settings);
 
+  /// Goes on from where `twin` stands.
+  void CopyFrom(const GeometricalRelaxation& twin);
+
   /// Begins a cycle: selects the interval. False when there is none.
   bool Begin(const WireState& state);
   bool active() const { return sweeps_left_ > 0; }

@@ -50,6 +50,17 @@ void PaperRelaxation::Restart(WireState& state) {
   up_to_date_ = true;
 }
 
+void PaperRelaxation::CopyFrom(const Relaxation& twin, const WireState& /*state*/) {
+  const auto& from = dynamic_cast<const PaperRelaxation&>(twin);
+  mechanics_.points().CopyFrom(from.mechanics_.points());
+  physical_.CopyFrom(from.physical_);
+  geometrical_.CopyFrom(from.geometrical_);
+  physical_done_ = from.physical_done_;
+  up_to_date_ = from.up_to_date_;
+  updates_before_ = from.updates_before_;
+  current_ = from.current_;
+}
+
 // What the next action is: whole segments only, what is less than one is carried.
 PaperRelaxation::Action PaperRelaxation::NextAction(const InstrumentPlaces& goal,
                                                     const WireState& state) const {

@@ -45,6 +45,7 @@ class PaperRelaxation final : public Relaxation {
                   const PaperSettings& settings);
 
   void Restart(WireState& state) override;
+  void CopyFrom(const Relaxation& twin, const WireState& state) override;
   const Expansion& Current() const override { return current_; }
 
   const PhysicalRelaxation& physical() const { return physical_; }

@@ -18,6 +18,17 @@ PhysicalRelaxation::PhysicalRelaxation(const WireModel& model, const ClearanceFi
   free_mm_.reserve(static_cast<std::size_t>(model.max_segments()) + 2);
 }
 
+void PhysicalRelaxation::CopyFrom(const PhysicalRelaxation& twin) {
+  free_mm_ = twin.free_mm_;
+  iteration_ = twin.iteration_;
+  next_ = twin.next_;
+  sum_squared_update_ = twin.sum_squared_update_;
+  cycle_updates_ = twin.cycle_updates_;
+  last_cycle_rms_ = twin.last_cycle_rms_;
+  updates_ = twin.updates_;
+  lookups_ = twin.lookups_;
+}
+
 void PhysicalRelaxation::Restart(WireState& state) {
   free_mm_.assign(state.nodes().size(), -1);
   state.UpdateFrames(model_);

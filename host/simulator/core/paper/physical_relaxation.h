@@ -45,6 +45,9 @@ class PhysicalRelaxation {
   /// To be called whenever the state was changed by anything but this object.
   void Restart(WireState& state);
 
+  /// Goes on from where `twin` stands.
+  void CopyFrom(const PhysicalRelaxation& twin);
+
   /// PhysicalUpdate (3.1.4) of `segment`. Returns |du|.
   double Update(int segment, WireState& state);
 

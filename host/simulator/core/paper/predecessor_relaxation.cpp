@@ -41,6 +41,16 @@ void PredecessorRelaxation::Restart(WireState& state) {
   up_to_date_ = true;
 }
 
+void PredecessorRelaxation::CopyFrom(const Relaxation& twin, const WireState& /*state*/) {
+  const auto& from = dynamic_cast<const PredecessorRelaxation&>(twin);
+  mechanics_.points().CopyFrom(from.mechanics_.points());
+  physical_.CopyFrom(from.physical_);
+  cycled_ = from.cycled_;
+  up_to_date_ = from.up_to_date_;
+  updates_before_ = from.updates_before_;
+  current_ = from.current_;
+}
+
 void PredecessorRelaxation::Cycle(WireState& state) {
   physical_.Restart(state);
   physical_.ContinueCycle(std::numeric_limits<std::int64_t>::max(), state);

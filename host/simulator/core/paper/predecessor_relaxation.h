@@ -29,6 +29,7 @@ class PredecessorRelaxation final : public Relaxation {
                         const PredecessorSettings& settings);
 
   void Restart(WireState& state) override;
+  void CopyFrom(const Relaxation& twin, const WireState& state) override;
   const Expansion& Current() const override { return current_; }
 
  private:

@@ -73,6 +73,25 @@ void Contrast::TakeAnswers() {
   }
 }
 
+void Contrast::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const Contrast&>(twin);
+  concentration_ = from.concentration_;
+  edge_mass_mg_ = from.edge_mass_mg_;
+  per_inflow_ = from.per_inflow_;
+  answers_version_ = from.answers_version_;
+  edge_mL_s_ = from.edge_mL_s_;
+  source_ = from.source_;
+  source_age_s_ = from.source_age_s_;
+  flows_ = from.flows_;
+  order_ = from.order_;
+  signs_ = from.signs_;
+  node_mass_mg_ = from.node_mass_mg_;
+  node_out_mm3_s_ = from.node_out_mm3_s_;
+  injected_mg_ = from.injected_mg_;
+  washed_out_mg_ = from.washed_out_mg_;
+  clear_ = from.clear_;
+}
+
 void Contrast::Restart() {
   concentration_.assign(volume_.size(), 0);
   edge_mass_mg_.assign(cells_.size(), 0);

@@ -34,6 +34,7 @@ class Contrast final : public Effect, public Evolution, public Observer {
   Evolution* evolution() override { return this; }
   Observer* observer() override { return this; }
   void Restart() override;
+  void CopyFrom(const Effect& twin) override;
   void Advance(const TickView& tick) override;
   void Observe(const TickView&) override {}
   std::vector<Reading> Readings() const override;

@@ -100,6 +100,27 @@ void Flow::Restart() {
   MakeStep();
 }
 
+void Flow::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const Flow&>(twin);
+  outlets_ = from.outlets_;
+  inlet_mL_s_ = from.inlet_mL_s_;
+  obstructed_ = from.obstructed_;
+  version_ = from.version_;
+  mean_ = from.mean_;
+  exchange_ = from.exchange_;
+  driven_ = from.driven_;
+  muscle_ = from.muscle_;
+  step_losses_mL_s_ = from.step_losses_mL_s_;
+  stored_mmHg_ = from.stored_mmHg_;
+  now_ = from.now_;
+  time_s_ = from.time_s_;
+  moments_ = from.moments_;
+  moment_count_ = from.moment_count_;
+  obstruction_age_s_ = from.obstruction_age_s_;
+  steady_ = std::make_unique<FlowSolution>(*from.steady_, *graph_);
+  if (stepped_) step_ = std::make_unique<FlowSolution>(*from.step_, *graph_);
+}
+
 std::vector<double> Flow::Inflow(double inlet_mL_s) const {
   std::vector<double> inflow(graph_->nodes().size(), 0);
   inflow[static_cast<std::size_t>(inlet_)] = inlet_mL_s;

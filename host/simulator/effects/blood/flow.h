@@ -52,6 +52,7 @@ class Flow final : public Effect, public Evolution {
   Evolution* evolution() override { return this; }
   void Advance(const TickView& tick) override;
   void Restart() override;
+  void CopyFrom(const Effect& twin) override;
 
   /// Carries Windkessels and stenoses on to a time.
   void AdvanceTo(double time_s);

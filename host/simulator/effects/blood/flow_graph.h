@@ -78,6 +78,13 @@ class FlowSolution {
   /// resistance: one an edge, > 0. Every node must be reached from one of the ends.
   FlowSolution(const FlowGraph& graph, std::vector<double> resistance_mmHg_s_mL,
                std::vector<FlowEnd> ends);
+  /// `twin`, on the same graph at another place.
+  FlowSolution(const FlowSolution& twin, const FlowGraph& graph)
+      : graph_(graph),
+        resistance_(twin.resistance_),
+        ends_(twin.ends_),
+        unknown_(twin.unknown_),
+        inverse_(twin.inverse_) {}
 
   struct Flows {
     std::vector<double> edge_mL_s;      ///< from a to b

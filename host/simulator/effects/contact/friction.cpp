@@ -45,6 +45,13 @@ void Friction::Place(const Vector3d& at, Anchor& anchor) const {
   if (moving_ != nullptr) anchor.at_rest = moving_->AtRest(at);
 }
 
+void Friction::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const Friction&>(twin);
+  anchors_ = from.anchors_;
+  lies_ = from.lies_;
+  anchored_ = from.anchored_;
+}
+
 void Friction::Reset() {
   for (Anchor& anchor : anchors_) anchor = Anchor();
 }

@@ -32,6 +32,7 @@ class Friction final : public Effect, public EnergyTerm {
            std::vector<Part> parts = {});
 
   EnergyTerm* energy_term() override { return this; }
+  void CopyFrom(const Effect& twin) override;
 
   bool Dissipates() const override { return true; }
 

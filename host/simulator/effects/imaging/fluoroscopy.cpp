@@ -59,7 +59,39 @@ Fluoroscopy::Fluoroscopy(const FluoroscopySettings& settings, const WireModel& w
   mask_noise_.resize(pixels);
 }
 
+void Fluoroscopy::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const Fluoroscopy&>(twin);
+  offsets_ = from.offsets_;
+  next_s_ = from.next_s_;
+  was_down_ = from.was_down_;
+  pedal_ = from.pedal_;
+  session_ = from.session_;
+  number_ = from.number_;
+  pulses_ = from.pulses_;
+  next_pulse_s_ = from.next_pulse_s_;
+  was_exposed_ = from.was_exposed_;
+  air_kerma_mGy_ = from.air_kerma_mGy_;
+  pulse_mGy_ = from.pulse_mGy_;
+  dose_lao_rad_ = from.dose_lao_rad_;
+  dose_cra_rad_ = from.dose_cra_rad_;
+  body_plane_ = from.body_plane_;
+  mask_ = from.mask_;
+  mask_body_ = from.mask_body_;
+  densest_dye_ = from.densest_dye_;
+  mask_noise_ = from.mask_noise_;
+  has_body_ = from.has_body_;
+  body_lao_rad_ = from.body_lao_rad_;
+  body_cra_rad_ = from.body_cra_rad_;
+  body_organs_mm_ = from.body_organs_mm_;
+  has_mask_ = from.has_mask_;
+  mask_pedal_ = from.mask_pedal_;
+  seen_session_ = from.seen_session_;
+  exposure_ = from.exposure_;
+  shots_.CopyFrom(from.shots_);
+}
+
 void Fluoroscopy::Restart() {
+  ++session_;
   next_s_ = 0;
   was_down_ = false;
   number_ = pulses_ = 0;
@@ -114,6 +146,7 @@ bool Fluoroscopy::Take(const TickView& tick) {
       std::max(next_s_, tick.time_s - 1 / settings_.pictures_per_s) + 1 / settings_.pictures_per_s;
 
   Shot& shot = shots_.Draft();
+  shot.session = session_;
   shot.number = number_++;
   shot.pedal = pedal_;
   shot.time_s = tick.time_s;
@@ -220,6 +253,9 @@ void Fluoroscopy::TakeDye(Shot& shot) {
 
 void Fluoroscopy::FindBody(const Shot& shot) {
   const Controls& controls = shot.controls;
+  // Pictures of an earlier session say nothing here.
+  if (shot.session != seen_session_) has_body_ = has_mask_ = false;
+  seen_session_ = shot.session;
   const bool same_angles =
       has_body_ && controls.lao_rad == body_lao_rad_ && controls.cra_rad == body_cra_rad_;
   if (same_angles && shot.organs_mm == body_organs_mm_) return;

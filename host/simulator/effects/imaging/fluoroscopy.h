@@ -51,6 +51,7 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   ImageSource* image() override { return this; }
   Observer* observer() override { return this; }
   void Restart() override;
+  void CopyFrom(const Effect& twin) override;
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
   bool Take(const TickView& tick) override;
@@ -63,8 +64,9 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
  private:
   // What a picture shows.
   struct Shot {
-    std::int64_t number = 0;  // since the start
-    std::int64_t pedal = 0;   // how often the pedal went down until then
+    std::int64_t session = 0;  // how often it was restarted until then
+    std::int64_t number = 0;   // since the start
+    std::int64_t pedal = 0;    // how often the pedal went down until then
     double time_s = 0;
     Controls controls;
     Eigen::Vector3d organs_mm = Eigen::Vector3d::Zero();  // how far they have moved
@@ -109,6 +111,7 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   double next_s_ = 0;
   bool was_down_ = false;
   std::int64_t pedal_ = 0;
+  std::int64_t session_ = 0;
   std::int64_t number_ = 0;
   std::int64_t pulses_ = 0;
   double next_pulse_s_ = 0;
@@ -127,6 +130,7 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   Eigen::Vector3d body_organs_mm_ = Eigen::Vector3d::Zero();
   bool has_mask_ = false;
   std::int64_t mask_pedal_ = 0;
+  std::int64_t seen_session_ = 0;  // of the last picture
   float exposure_ = 0;
 };
 

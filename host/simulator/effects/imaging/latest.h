@@ -22,6 +22,13 @@ class Latest {
   }
   /// What the reader took last.
   const Value& Held() const { return values_[held_]; }
+  /// Holds what `other` holds. Nobody writes or reads either meanwhile.
+  void CopyFrom(const Latest& other) {
+    values_ = other.values_;
+    draft_ = other.draft_;
+    middle_ = other.middle_.load();
+    held_ = other.held_;
+  }
 
  private:
   static constexpr unsigned kIndex = 3, kFresh = 4;

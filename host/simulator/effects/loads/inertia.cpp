@@ -69,6 +69,18 @@ Inertia::Material Inertia::Before(const PointSet& points, int q) const {
           in_sheath.velocity_mm_s + part * (end.velocity_mm_s - in_sheath.velocity_mm_s)};
 }
 
+void Inertia::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const Inertia&>(twin);
+  material_ = from.material_;
+  known_ = from.known_;
+  inserted_mm_ = from.inserted_mm_;
+  fed_mm_s_ = from.fed_mm_s_;
+  begun_ = from.begun_;
+  left_s_ = from.left_s_;
+  part_s_ = from.part_s_;
+  kinetic_mJ_ = from.kinetic_mJ_;
+}
+
 void Inertia::Begin(const PointSet& points) {
   part_s_ = left_s_;
   if (begun_) return;

@@ -29,6 +29,7 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   Inertia(Settings settings, const EffectContext& context);
 
   EnergyTerm* energy_term() override { return this; }
+  void CopyFrom(const Effect& twin) override;
   Timed* timed() override { return this; }
   Observer* observer() override { return this; }
 

@@ -27,6 +27,12 @@ double AngleAbout(const Vector3d& axis, const Vector3d& direction) {
 
 }  // namespace
 
+void PointLoad::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const PointLoad&>(twin);
+  load_ = from.load_;
+  angle_rad_ = from.angle_rad_;
+}
+
 void PointLoad::Begin(const PointSet& points) {
   if (load_.moment_mJ == 0 || points.size() == 0) return;
   const double angle = AngleAbout(load_.axis, points.Tangent(points.size() - 1));

@@ -24,6 +24,7 @@ class PointLoad final : public Effect, public EnergyTerm {
   explicit PointLoad(const EndLoad& load) : load_(load) {}
 
   EnergyTerm* energy_term() override { return this; }
+  void CopyFrom(const Effect& twin) override;
   void SetLoad(const EndLoad& load) { load_ = load; }
 
   void Begin(const PointSet& points) override;

@@ -22,6 +22,11 @@ class PeriodicMotion : public Effect, public vessel::FieldMotion {
   explicit PeriodicMotion(Settings settings);
 
   vessel::FieldMotion* motion() override { return this; }
+  void CopyFrom(const Effect& twin) override {
+    const auto& from = dynamic_cast<const PeriodicMotion&>(twin);
+    displaced_ = from.displaced_;
+    travel_mm_ = from.travel_mm_;
+  }
 
   void SetTime(double time_s) override;
   void AddOffset(const Eigen::Vector3d& point_mm, vessel::Offset& offset) const override;

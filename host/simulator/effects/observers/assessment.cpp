@@ -18,6 +18,26 @@ constexpr double kOffRouteMm = 2;
 
 }  // namespace
 
+void Assessment::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const Assessment&>(twin);
+  speed_ = from.speed_;
+  time_s_ = from.time_s_;
+  xray_s_ = from.xray_s_;
+  path_mm_ = from.path_mm_;
+  tip_ = from.tip_;
+  since_look_s_ = from.since_look_s_;
+  off_route_ = from.off_route_;
+  wrong_vessels_ = from.wrong_vessels_;
+  furthest_mm_ = from.furthest_mm_;
+  nearest_mm_ = from.nearest_mm_;
+  retracting_ = from.retracting_;
+  retractions_ = from.retractions_;
+  retracted_mm_ = from.retracted_mm_;
+  insertion_mm_ = from.insertion_mm_;
+  begun_ = from.begun_;
+  reached_s_ = from.reached_s_;
+}
+
 void Assessment::Restart() {
   speed_ = SpeedTrace();
   time_s_ = xray_s_ = path_mm_ = since_look_s_ = 0;

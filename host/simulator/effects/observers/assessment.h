@@ -29,6 +29,7 @@ class Assessment final : public Effect, public Observer {
 
   Observer* observer() override { return this; }
   void Restart() override;
+  void CopyFrom(const Effect& twin) override;
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
 

@@ -14,6 +14,14 @@ InternalForceObserver::InternalForceObserver(double friction_between, const Effe
   }
 }
 
+void InternalForceObserver::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const InternalForceObserver&>(twin);
+  sliding_ = from.sliding_;
+  insertion_mm_ = from.insertion_mm_;
+  forces_ = from.forces_;
+  hands_ = from.hands_;
+}
+
 void InternalForceObserver::Restart() {
   sliding_.direction = {};
   insertion_mm_.clear();

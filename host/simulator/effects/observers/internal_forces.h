@@ -18,6 +18,7 @@ class InternalForceObserver final : public Effect, public Observer {
 
   Observer* observer() override { return this; }
   void Restart() override;
+  void CopyFrom(const Effect& twin) override;
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
   const InternalForces* AlongWire() const override { return &forces_; }

@@ -9,6 +9,24 @@
 
 namespace torquer::effects {
 
+void WallForce::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const WallForce&>(twin);
+  largest_mN_ = from.largest_mN_;
+  sum_mN_ = from.sum_mN_;
+  tip_mN_ = from.tip_mN_;
+  pressure_kPa_ = from.pressure_kPa_;
+  tip_pressure_kPa_ = from.tip_pressure_kPa_;
+  tip_pressure_peak_kPa_ = from.tip_pressure_peak_kPa_;
+  peak_mN_ = from.peak_mN_;
+  impulse_mNs_ = from.impulse_mNs_;
+  above_ = from.above_;
+  events_ = from.events_;
+  unconverged_s_ = from.unconverged_s_;
+  seconds_above_ = from.seconds_above_;
+  event_began_s_ = from.event_began_s_;
+  event_mN_ = from.event_mN_;
+}
+
 void WallForce::Restart() {
   largest_mN_ = sum_mN_ = tip_mN_ = pressure_kPa_ = tip_pressure_kPa_ = 0;
   peak_mN_ = tip_pressure_peak_kPa_ = impulse_mNs_ = seconds_above_ = event_mN_ = 0;

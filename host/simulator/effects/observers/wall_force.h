@@ -25,6 +25,7 @@ class WallForce final : public Effect, public Observer {
 
   Observer* observer() override { return this; }
   void Restart() override;
+  void CopyFrom(const Effect& twin) override;
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
 
