@@ -17,6 +17,11 @@
 #include "host/simulator/script_run.h"
 #include "host/simulator/session_record.h"
 #include "host/simulator/simulation.h"
+#include "host/simulator/vessel/mesh_check.h"
+#include "host/simulator/vessel/mesh_import.h"
+#include "host/simulator/vessel/mesh_picture.h"
+#include "host/support/atomic_file.h"
+#include "host/support/printable_text.h"
 #include "host/support/program.h"
 #include "host/support/realtime.h"
 #include "host/support/stop_signal.h"
@@ -74,6 +79,8 @@ struct Arguments {
   torquer::simulator::ScriptOutputs outputs;
   std::string log;
   std::string explained;
+  std::string surface;
+  std::string picture;
   bool realtime = false;
   bool json = false;
   bool list_effects = false;
@@ -110,6 +117,13 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Group("About scenes");
   options.Text("--explain", "FILE", arguments.explained,
                "what a scene simulates, what is off, and what a tick takes here", ValueKind::kFile);
+  options.Text("--check-mesh", "FILE", arguments.surface,
+               "what a surface is, what is wrong with it, a picture, and the beginning of a scene; "
+               "status 1 if it does not load",
+               ValueKind::kFile);
+  options.Text("--picture", "FILE", arguments.picture,
+               "with --check-mesh: where the picture goes (default: the surface's name and .svg)",
+               ValueKind::kFile);
   options.Flag("--list-effects", arguments.list_effects,
                "all effects, and the roles that they take");
   options.Flag("--list-keys", arguments.list_keys, "all keys of a scene file");
@@ -150,6 +164,21 @@ int Repeat(torquer::scene::Scene& scene, const std::string& log) {
   return result.Good() ? torquer::kExitSuccess : torquer::kExitFailure;
 }
 
+int CheckSurface(const std::string& file, const std::string& picture) {
+  const torquer::vessel::MeshCheck check =
+      torquer::vessel::CheckMesh(torquer::vessel::ReadMeshContents(file), file);
+  fmt::print("{}", torquer::vessel::DescribeCheck(check));
+  const std::string drawing = torquer::vessel::DrawCheck(check);
+  if (!drawing.empty()) {
+    const std::string path = picture.empty() ? file + ".svg" : picture;
+    torquer::WriteFileAtomically(path, drawing);
+    fmt::print("  picture:      {}\n", torquer::Printable(path, 4096));
+  }
+  if (!check.surface) return torquer::kExitFailure;
+  fmt::print("\nA scene beside it may begin with\n\n{}", torquer::vessel::ProposeScene(check));
+  return torquer::kExitSuccess;
+}
+
 int Run(const Arguments& arguments) {
   if (arguments.list_effects) {
     fmt::print("{}", torquer::effects::DescribeEffects());
@@ -164,6 +193,8 @@ int Run(const Arguments& arguments) {
     fmt::print("{}", torquer::scene::KeysAsJsonSchema());
     return torquer::kExitSuccess;
   }
+  if (!arguments.surface.empty()) return CheckSurface(arguments.surface, arguments.picture);
+  if (!arguments.picture.empty()) throw torquer::UsageError("--picture needs --check-mesh");
   if (!arguments.explained.empty()) {
     torquer::scene::Scene scene(arguments.explained);
     const KeepField keep{scene};

@@ -104,14 +104,24 @@ class CenterlineNetwork {
   std::vector<Joint> joints_;
 };
 
-/// Reads a curve of a 3D Slicer Markups file (.mrk.json) with its "Radius" measurement.
+/// A file with a curve, as it was when it was read.
+struct CurveFile {
+  std::string path;
+  std::string contents;
+};
+
+/// Reads every .mrk.json of a folder, in the order of their names. Throws UserError naming the
+/// folder or the file where there is none, or one that cannot be read.
+std::vector<CurveFile> ReadCurveFiles(const std::string& folder);
+
+/// The curve of a 3D Slicer Markups file (.mrk.json) with its "Radius" measurement.
 ///
 /// Coordinates are taken as they stand, times mm_per_unit (the file's frame is that of the surface
 /// beside it). Throws UserError naming the file, the field, the value and the remedy.
-Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit = 1);
+Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit = 1);
 
-/// Reads every .mrk.json of a folder, in the order of their names, and joins them.
-CenterlineNetwork ReadSlicerCurves(const std::string& folder, double mm_per_unit = 1);
+/// The curves of several such files, joined.
+CenterlineNetwork ParseSlicerCurves(const std::vector<CurveFile>& files, double mm_per_unit = 1);
 
 /// A curve moved into the middle of the lumen.
 struct CenteredCurve {

@@ -30,23 +30,33 @@ const json& Member(const std::string& path, const json& object, const std::strin
   return *found;
 }
 
+// A value for a message. What is nested is not written out: a file can nest deeper than the stack.
+std::string Shown(const json& value) {
+  const auto nested = [](const json& item) { return item.is_structured(); };
+  if (value.is_structured() && std::any_of(value.begin(), value.end(), nested)) return "nested";
+  return value.dump();
+}
+
 double NumberAt(const std::string& path, const json& value, const std::string& where) {
   const double number = value.is_number() ? value.get<double>() : std::nan("");
   if (!std::isfinite(number)) {
     Refuse(path,
-           "field " + where + " is " + value.dump() + ", not a finite number; repair the file");
+           "field " + where + " is " + Shown(value) + ", not a finite number; repair the file");
   }
   return number;
 }
 
+CurveFile ReadCurveFile(const std::string& path) {
+  return {path, ReadInputFile(path, "check the path of the centerline, and its permissions")};
+}
+
 }  // namespace
 
-Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
-  const std::string contents =
-      ReadInputFile(path, "check the path of the centerline, and its permissions");
+Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit) {
+  const std::string& path = file.path;
   json document;
   try {
-    document = json::parse(contents);
+    document = json::parse(file.contents);
   } catch (const json::exception& e) {
     Refuse(path, std::string("not valid JSON (") + e.what() +
                      "); the file is damaged or cut short: save it again from 3D Slicer");
@@ -60,12 +70,12 @@ Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
   const json& markup = markups[0];
   const json& type = Member(path, markup, where, "type");
   if (type != "Curve") {
-    Refuse(path, "field " + where + "type is " + type.dump() + "; only a \"Curve\" can be used");
+    Refuse(path, "field " + where + "type is " + Shown(type) + "; only a \"Curve\" can be used");
   }
   const auto units = markup.find("coordinateUnits");
   if (units != markup.end() && *units != "mm") {
     Refuse(path,
-           "field " + where + "coordinateUnits is " + units->dump() + "; save the curve in \"mm\"");
+           "field " + where + "coordinateUnits is " + Shown(*units) + "; save the curve in \"mm\"");
   }
   const json& controls = Member(path, markup, where, "controlPoints");
   if (!controls.is_array()) Refuse(path, "field " + where + "controlPoints is no list");
@@ -78,7 +88,7 @@ Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
     if (status != controls[i].end() && *status != "defined") continue;
     const json& position = Member(path, controls[i], at, "position");
     if (!position.is_array() || position.size() != 3) {
-      Refuse(path, "field " + at + "position is " + position.dump() + "; it needs three numbers");
+      Refuse(path, "field " + at + "position is " + Shown(position) + "; it needs three numbers");
     }
     Vector3d point;
     for (int a = 0; a < 3; ++a) {
@@ -125,7 +135,7 @@ Centerline ReadSlicerCurve(const std::string& path, double mm_per_unit) {
   }
 }
 
-CenterlineNetwork ReadSlicerCurves(const std::string& folder, double mm_per_unit) {
+std::vector<CurveFile> ReadCurveFiles(const std::string& folder) {
   std::error_code error;
   std::vector<std::string> paths;
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
@@ -140,8 +150,14 @@ CenterlineNetwork ReadSlicerCurves(const std::string& folder, double mm_per_unit
                     " file; save the centerlines as Markups from 3D Slicer");
   }
   std::sort(paths.begin(), paths.end());
+  std::vector<CurveFile> files;
+  for (const std::string& path : paths) files.push_back(ReadCurveFile(path));
+  return files;
+}
+
+CenterlineNetwork ParseSlicerCurves(const std::vector<CurveFile>& files, double mm_per_unit) {
   std::vector<Centerline> curves;
-  for (const std::string& path : paths) curves.push_back(ReadSlicerCurve(path, mm_per_unit));
+  for (const CurveFile& file : files) curves.push_back(ParseSlicerCurve(file, mm_per_unit));
   return CenterlineNetwork(std::move(curves));
 }
 

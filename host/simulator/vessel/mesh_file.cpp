@@ -13,7 +13,6 @@
 #include <sstream>
 
 #include "host/support/error.h"
-#include "host/support/input_file.h"
 
 namespace torquer::vessel {
 
@@ -202,14 +201,6 @@ TriangleMesh ParseMesh(const std::string& contents, const std::string& path, dou
     }
   }
   return mesh;
-}
-
-std::string ReadMeshContents(const std::string& path) {
-  return ReadInputFile(path, "check the path of the surface in the scene, and its permissions");
-}
-
-TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit) {
-  return ParseMesh(ReadMeshContents(path), path, mm_per_unit);
 }
 
 }  // namespace torquer::vessel

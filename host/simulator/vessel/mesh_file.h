@@ -1,4 +1,6 @@
-// Triangles from STL, OBJ and PLY files.
+// Triangles from STL, OBJ and PLY files. The library that reads them is not to be trusted with
+// files from anywhere: programs call ImportMesh (mesh_import.h), which does this in another
+// process.
 #pragma once
 
 #include <string>
@@ -7,20 +9,8 @@
 
 namespace torquer::vessel {
 
-/// The triangles of a surface file as they stand, times mm_per_unit. Vertices come unwelded,
-/// polygons as fans; points and lines are left out. `contents`: the file's bytes; `path` names it
-/// in messages, and its ending says the format.
-///
-/// Throws UserError naming the file and the remedy: not .stl, .obj or .ply, broken or truncated as
-/// far as its format tells, without triangles, or with a coordinate that is not finite (naming the
-/// vertex).
+/// The triangles of a surface file, as ImportMesh gives them. Throws UserError as it does, but ends
+/// by a signal, never, or out of memory on some damaged files.
 TriangleMesh ParseMesh(const std::string& contents, const std::string& path, double mm_per_unit);
-
-/// The same of the file at `path`. Throws UserError also when it is missing, unreadable or no
-/// ordinary file.
-TriangleMesh ReadMeshFile(const std::string& path, double mm_per_unit);
-
-/// The bytes of a surface file, for ParseMesh. Throws as ReadMeshFile.
-std::string ReadMeshContents(const std::string& path);
 
 }  // namespace torquer::vessel

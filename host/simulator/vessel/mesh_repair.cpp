@@ -179,6 +179,16 @@ std::vector<int> Parts(const TriangleMesh& mesh, int* count) {
   return part;
 }
 
+EdgeFaults FindEdgeFaults(const TriangleMesh& mesh) {
+  EdgeFaults faults;
+  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+    if (uses.size() == 1) faults.open.push_back({edge.first, edge.second});
+    if (uses.size() > 2) faults.several.push_back({edge.first, edge.second});
+    if (uses.size() == 2 && uses[0].forward == uses[1].forward) ++faults.disagreeing;
+  }
+  return faults;
+}
+
 void DropFragments(TriangleMesh& mesh, MeshReport& report) {
   int count = 0;
   const std::vector<int> part = Parts(mesh, &count);

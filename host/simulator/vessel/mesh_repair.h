@@ -2,6 +2,8 @@
 // the report, or throws UserError that begins with `name`.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -35,6 +37,14 @@ void PointOutward(TriangleMesh& mesh, const std::string& name, MeshReport& repor
 
 /// Parts of a mesh: for every triangle the index of its part, joined over edges of two faces.
 std::vector<int> Parts(const TriangleMesh& mesh, int* count);
+
+/// Edges, as pairs of vertices, that a closed surface does not have.
+struct EdgeFaults {
+  std::vector<std::array<int32_t, 2>> open;     ///< of one triangle
+  std::vector<std::array<int32_t, 2>> several;  ///< of more than two
+  size_t disagreeing = 0;                       ///< of two that are oriented against each other
+};
+EdgeFaults FindEdgeFaults(const TriangleMesh& mesh);
 
 /// "(1.2, 3.4, 5.6) mm", for messages.
 std::string Place(const Eigen::Vector3d& point_mm);

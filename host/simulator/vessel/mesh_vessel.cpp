@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "host/simulator/vessel/cache_folder.h"
-#include "host/simulator/vessel/mesh_file.h"
+#include "host/simulator/vessel/mesh_import.h"
 
 namespace torquer::vessel {
 
@@ -107,11 +107,14 @@ bool IsUsable(const TriangleMesh& mesh, const MeshReport& report) {
 
 std::unique_ptr<MeshVessel> MeshVessel::Open(const std::string& path,
                                              const MeshVesselOptions& options) {
+  return Make(ReadMeshContents(path), path, options);
+}
+
+std::unique_ptr<MeshVessel> MeshVessel::Make(const std::string& contents, const std::string& path,
+                                             const MeshVesselOptions& options) {
   std::unique_ptr<MeshVessel> vessel(new MeshVessel);
   CachedField cached;
   TriangleMesh mesh;
-  // Read once, so that the key is that of the bytes which are parsed.
-  const std::string contents = ReadMeshContents(path);
   if (!options.cache_folder.empty()) {
     CacheKey& key = vessel->key_;
     key.Add(kBuildVersion);

@@ -27,6 +27,9 @@ class MeshVessel {
   /// the file.
   static std::unique_ptr<MeshVessel> Open(const std::string& path,
                                           const MeshVesselOptions& options = {});
+  /// The same of the file's bytes; `path` names it in messages, and its ending says the format.
+  static std::unique_ptr<MeshVessel> Make(const std::string& contents, const std::string& path,
+                                          const MeshVesselOptions& options = {});
 
   const BrickField& field() const { return *field_; }
   const TriangleMesh& mesh() const { return surface_->mesh(); }

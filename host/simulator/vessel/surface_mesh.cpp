@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "host/simulator/vessel/lumen_extraction.h"
-#include "host/simulator/vessel/mesh_file.h"
+#include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/mesh_repair.h"
 #include "host/simulator/vessel/triangle_bvh.h"
 #include "host/support/error.h"
@@ -23,25 +23,10 @@ namespace {
 constexpr double kWeldPerDiagonal = 2e-5;
 // No vessel worth a wire is smaller, no body larger.
 constexpr double kSmallestDiagonalMm = 5, kLargestDiagonalMm = 4000;
+// Single precision, which STL has, resolves 0.1 mm there.
+constexpr double kFarthestMm = 1e6;
 // Tube-facing share of the area above which a surface is a wall, and below which it is a lumen.
 constexpr double kWallShare = 0.25, kLumenShare = 0.1;
-
-void CheckSize(const TriangleMesh& mesh, const std::string& name) {
-  const Eigen::AlignedBox3d box = mesh.Bounds();
-  const double diagonal = box.diagonal().norm();
-  if (diagonal >= kSmallestDiagonalMm && diagonal <= kLargestDiagonalMm) return;
-  std::ostringstream text;
-  text << name << ": the surface is " << Number(box.sizes().x()) << " x " << Number(box.sizes().y())
-       << " x " << Number(box.sizes().z()) << " mm, which is no size of a vessel; ";
-  if (diagonal < kSmallestDiagonalMm && diagonal * 1000 >= kSmallestDiagonalMm) {
-    text << "if the file is in meters, declare mesh_unit = \"m\"";
-  } else if (diagonal > kLargestDiagonalMm && diagonal / 1000 <= kLargestDiagonalMm) {
-    text << "if the file is in millimeters, declare mesh_unit = \"mm\"";
-  } else {
-    text << "scale it to millimeters";
-  }
-  throw UserError(text.str());
-}
 
 void Close(TriangleMesh& mesh, const std::string& name, double tolerance_mm, MeshReport& report) {
   repair::CapLoops(mesh, name, report);
@@ -124,12 +109,50 @@ MeshUnit MeshUnitFromText(const std::string& text) {
   throw UserError("mesh_unit = \"" + text + "\" is not known; say \"mm\" or \"m\"");
 }
 
+std::optional<MeshUnit> GuessUnit(const TriangleMesh& file) {
+  const double diagonal = file.Bounds().diagonal().norm();
+  const auto is_plausible = [diagonal](double mm_per_unit) {
+    const double mm = mm_per_unit * diagonal;
+    return mm >= kSmallestDiagonalMm && mm <= kLargestDiagonalMm;
+  };
+  if (is_plausible(1)) return MeshUnit::kMillimeter;
+  if (is_plausible(1000)) return MeshUnit::kMeter;
+  return std::nullopt;
+}
+
+void CheckSize(const TriangleMesh& mesh, const std::string& name) {
+  const Eigen::AlignedBox3d box = mesh.Bounds();
+  const double far_mm = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
+  if (far_mm > kFarthestMm) {
+    throw UserError(name + ": the surface lies " + Number(far_mm) +
+                    " mm from the origin of its coordinates, where they are too coarse for a "
+                    "vessel; move it to the origin");
+  }
+  const double diagonal = box.diagonal().norm();
+  if (diagonal >= kSmallestDiagonalMm && diagonal <= kLargestDiagonalMm) return;
+  std::ostringstream text;
+  text << name << ": the surface is " << Number(box.sizes().x()) << " x " << Number(box.sizes().y())
+       << " x " << Number(box.sizes().z()) << " mm, which is no size of a vessel; ";
+  if (diagonal < kSmallestDiagonalMm && diagonal * 1000 >= kSmallestDiagonalMm) {
+    text << "if the file is in meters, declare mesh_unit = \"m\"";
+  } else if (diagonal > kLargestDiagonalMm && diagonal / 1000 <= kLargestDiagonalMm) {
+    text << "if the file is in millimeters, declare mesh_unit = \"mm\"";
+  } else {
+    text << "scale it to millimeters";
+  }
+  throw UserError(text.str());
+}
+
+double WeldToleranceMm(const TriangleMesh& mesh) {
+  return kWeldPerDiagonal * mesh.Bounds().diagonal().norm();
+}
+
 SurfaceMesh ReadSurface(const std::string& path, MeshUnit unit) {
   return ParseSurface(ReadMeshContents(path), path, unit);
 }
 
 SurfaceMesh ParseSurface(const std::string& contents, const std::string& path, MeshUnit unit) {
-  return RepairSurface(ParseMesh(contents, path, unit == MeshUnit::kMeter ? 1000 : 1), path);
+  return RepairSurface(ImportMesh(contents, path, unit == MeshUnit::kMeter ? 1000 : 1), path);
 }
 
 SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
@@ -139,7 +162,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
   report.triangles_read = mesh.triangles.size();
   if (mesh.triangles.empty()) throw UserError(name + ": the surface has no triangles");
   CheckSize(mesh, name);
-  const double tolerance_mm = kWeldPerDiagonal * mesh.Bounds().diagonal().norm();
+  const double tolerance_mm = WeldToleranceMm(mesh);
   report.findings.push_back(std::to_string(report.triangles_read) + " triangles read.");
   repair::Weld(mesh, tolerance_mm, report);
   repair::DropUseless(mesh, report);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -53,6 +54,17 @@ struct SurfaceMesh {
   TriangleMesh mesh;
   MeshReport report;
 };
+
+/// The unit by which a surface, as its file has it, is of the size of a vessel; none where neither
+/// does. For proposals: a scene declares it.
+std::optional<MeshUnit> GuessUnit(const TriangleMesh& file);
+
+/// Throws UserError that begins with `name` where a surface in mm has no size of a vessel, or lies
+/// so far from the origin that its coordinates are coarse.
+void CheckSize(const TriangleMesh& mesh, const std::string& name);
+
+/// Vertices of a surface that are nearer to one another are one, mm.
+double WeldToleranceMm(const TriangleMesh& mesh);
 
 /// Reads a surface file and makes it usable. Throws UserError naming the file, what is wrong, where
 /// and the remedy for what cannot be repaired.

@@ -27,7 +27,9 @@ struct Vessel {
   Eigen::AlignedBox3d bounds_mm;
   std::string description;            ///< one line
   std::vector<std::string> findings;  ///< what was found and repaired, one sentence each
-  std::vector<std::string> files;     ///< that it was read from
+  /// The bytes of the files that it was made of, as they were parsed, surface first: what tells
+  /// this vessel from one that a file of the same name gave before or after. Scene drops them.
+  std::vector<std::string> contents;
 };
 
 /// One row of the table of kinds.

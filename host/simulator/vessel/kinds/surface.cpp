@@ -2,9 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <thread>
+#include <utility>
 
+#include "host/simulator/vessel/mesh_import.h"
 #include "host/support/error.h"
 
 namespace torquer::vessel {
@@ -42,18 +43,13 @@ const Keys<SurfaceSpec>& SurfaceKeys() {
 }
 
 void ReadCenterlines(const SurfaceSpec& spec, const std::filesystem::path& folder, Vessel& vessel) {
-  const std::filesystem::path curves_folder = folder / *spec.centerlines;
   try {
-    vessel.centerlines = ReadSlicerCurves(curves_folder.string());
+    std::vector<CurveFile> files = ReadCurveFiles((folder / *spec.centerlines).string());
+    vessel.centerlines = ParseSlicerCurves(files);
+    for (CurveFile& file : files) vessel.contents.push_back(std::move(file.contents));
   } catch (const UserError& error) {
     spec.origin.Refuse("centerlines", error.what());
   }
-  std::vector<std::string> curves;
-  for (const auto& entry : std::filesystem::directory_iterator(curves_folder)) {
-    if (entry.is_regular_file()) curves.push_back(entry.path().string());
-  }
-  std::sort(curves.begin(), curves.end());
-  vessel.files.insert(vessel.files.end(), curves.begin(), curves.end());
   for (const OutsideStretch& stretch : FindStretchesOutside(vessel.centerlines, *vessel.field)) {
     vessel.findings.push_back(
         fmt::format("centerline {} runs outside the lumen from {:g} to {:g} mm of its length",
@@ -68,11 +64,12 @@ Vessel Build(const SurfaceSpec& spec, const std::filesystem::path& folder) {
   options.field.voxel_mm = spec.voxel_mm;
   Vessel vessel;
   try {
-    vessel.surface = MeshVessel::Open(path.string(), options);
+    std::string contents = ReadMeshContents(path.string());
+    vessel.surface = MeshVessel::Make(contents, path.string(), options);
+    vessel.contents.push_back(std::move(contents));
   } catch (const UserError& error) {
     spec.origin.Refuse("file", error.what());
   }
-  vessel.files.push_back(path.string());
   // The coarse levels serve wherever the wire never goes; the fine bricks come as it comes.
   vessel.surface->field().Build(1, static_cast<int>(std::thread::hardware_concurrency()));
   vessel.field = std::shared_ptr<const ClearanceField>(vessel.surface, &vessel.surface->field());

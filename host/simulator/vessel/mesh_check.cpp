@@ -1,0 +1,193 @@
+#include "host/simulator/vessel/mesh_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <utility>
+
+#include "host/simulator/vessel/mesh_import.h"
+#include "host/simulator/vessel/triangle_bvh.h"
+#include "host/support/error.h"
+#include "host/support/key_table.h"
+#include "host/support/printable_text.h"
+
+namespace torquer::vessel {
+
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kLeastRoomMm = 0.3;
+
+// As a scene will have it.
+Vector3d Rounded(const Vector3d& v, double per_unit) {
+  return (v * per_unit).array().round().matrix() / per_unit;
+}
+
+// Down the vessel from an open end, within a diameter: where there is most room.
+EntryProposal BehindOpening(const TriangleBvh& surface, const Opening& opening) {
+  constexpr int kSteps = 40;
+  EntryProposal best;
+  best.direction = Rounded(opening.inward, 1000);
+  for (int step = 1; step <= kSteps; ++step) {
+    const double way_mm = 2 * opening.radius_mm * step / kSteps;
+    const Vector3d at = Rounded(opening.center_mm + way_mm * opening.inward, 10);
+    const double room_mm = surface.Distance(at);
+    if (room_mm <= best.room_mm) continue;
+    best.point_mm = at;
+    best.room_mm = room_mm;
+  }
+  return best;
+}
+
+// For a surface without open ends: the middle of its widest place, and the longest way from there.
+EntryProposal WidestPlace(const TriangleBvh& surface) {
+  constexpr size_t kFaces = 500;
+  constexpr int kDirections = 200;
+  const TriangleMesh& mesh = surface.mesh();
+  EntryProposal best;
+  const size_t stride = std::max<size_t>(1, mesh.triangles.size() / kFaces);
+  for (size_t i = 0; i < mesh.triangles.size(); i += stride) {
+    const Vector3d inward = -mesh.DoubleArea(i).normalized();
+    const double width_mm = surface.CastRay(mesh.Centroid(i), inward, 1e-6);
+    if (!std::isfinite(width_mm)) continue;
+    const Vector3d at = Rounded(mesh.Centroid(i) + width_mm / 2 * inward, 10);
+    const double room_mm = surface.Distance(at);
+    if (room_mm <= best.room_mm) continue;
+    best.point_mm = at;
+    best.room_mm = room_mm;
+  }
+  if (best.room_mm <= 0) return best;
+  double longest_mm = 0;
+  const double golden = M_PI * (3 - std::sqrt(5.0));
+  for (int k = 0; k < kDirections; ++k) {
+    const double z = 1 - 2 * (k + 0.5) / kDirections, wide = std::sqrt(1 - z * z);
+    const Vector3d direction(wide * std::cos(golden * k), wide * std::sin(golden * k), z);
+    const double way_mm = surface.CastRay(best.point_mm, direction, 1e-6);
+    if (!std::isfinite(way_mm) || way_mm <= longest_mm) continue;
+    longest_mm = way_mm;
+    best.direction = Rounded(direction, 1000);
+  }
+  return best;
+}
+
+std::vector<EntryProposal> ProposeEntries(const SurfaceMesh& surface) {
+  const TriangleBvh bvh(surface.mesh);
+  std::vector<EntryProposal> entries;
+  for (const Opening& opening : surface.report.openings) {
+    entries.push_back(BehindOpening(bvh, opening));
+  }
+  if (entries.empty()) entries.push_back(WidestPlace(bvh));
+  std::erase_if(entries, [](const EntryProposal& entry) { return entry.room_mm < kLeastRoomMm; });
+  return entries;
+}
+
+const char* Text(MeshUnit unit) { return unit == MeshUnit::kMeter ? "m" : "mm"; }
+
+std::string Text(const Vector3d& v, int digits) {
+  return fmt::format("{:.{}f} x {:.{}f} x {:.{}f}", v.x(), digits, v.y(), digits, v.z(), digits);
+}
+
+// The coarsest of the usual cells of which eight fit across all but the narrowest places.
+double ProposeVoxel(const MeshReport& report) {
+  for (const double voxel_mm : {1.0, 0.5, 0.25}) {
+    if (8 * voxel_mm <= report.width_mm[0]) return voxel_mm;
+  }
+  return 0.1;
+}
+
+}  // namespace
+
+MeshCheck CheckMesh(const std::string& contents, const std::string& path) {
+  MeshCheck check;
+  check.path = path;
+  try {
+    check.raw = ImportMesh(contents, path, 1);
+    check.triangles_read = check.raw.triangles.size();
+    check.size = check.raw.Bounds().sizes();
+    check.unit = GuessUnit(check.raw);
+    if (check.unit == MeshUnit::kMeter) {
+      for (Vector3d& vertex : check.raw.vertices_mm) vertex *= 1000;
+    }
+    CheckSize(check.raw, path);
+    TriangleMesh file = check.raw;
+    MeshReport welding;
+    repair::Weld(check.raw, WeldToleranceMm(check.raw), welding);
+    repair::DropUseless(check.raw, welding);
+    check.vertices_welded = welding.vertices_welded;
+    check.edges = repair::FindEdgeFaults(check.raw);
+    repair::Parts(check.raw, &check.components);
+    check.surface = RepairSurface(std::move(file), path);
+    check.entries = ProposeEntries(*check.surface);
+  } catch (const UserError& error) {
+    check.refusal = error.what();
+  }
+  return check;
+}
+
+std::string DescribeCheck(const MeshCheck& check) {
+  std::string out = Printable(check.path, 4096) + "\n";
+  const auto line = [&out](const std::string& name, const std::string& text) {
+    out += fmt::format("  {:14}{}\n", name.empty() ? name : name + ":", text);
+  };
+  if (check.triangles_read > 0) {
+    line("triangles",
+         fmt::format("{}, {} vertices after {} that coincide were made one", check.triangles_read,
+                     check.raw.vertices_mm.size(), check.vertices_welded));
+    const Vector3d& size = check.size;
+    std::string unit =
+        fmt::format("{:.4g} x {:.4g} x {:.4g}, which is no size of a vessel in mm or m", size.x(),
+                    size.y(), size.z());
+    if (check.unit) {
+      unit =
+          fmt::format("{:.4g} x {:.4g} x {:.4g}: taken for {}; a vessel of {} mm", size.x(),
+                      size.y(), size.z(), Text(*check.unit), Text(check.raw.Bounds().sizes(), 1));
+    }
+    line("size", unit);
+  }
+  if (check.components > 0) {
+    line("components", std::to_string(check.components));
+    line("open edges", std::to_string(check.edges.open.size()));
+    line("shared edges", fmt::format("{} of more than two triangles", check.edges.several.size()));
+    line("orientation", fmt::format("{} edges where neighbors disagree", check.edges.disagreeing));
+  }
+  if (check.surface) {
+    const MeshReport& report = check.surface->report;
+    line("inside", report.was_shell    ? "the lumen within a wall with thickness"
+                   : report.was_inward ? "a lumen whose normals pointed inward"
+                                       : "a lumen whose normals point outward");
+    for (std::size_t i = 1; i < report.findings.size(); ++i) {
+      line(i == 1 ? "findings" : "", report.findings[i]);
+    }
+    line("loads", "yes");
+  } else {
+    line("loads", "no: " + check.refusal);
+  }
+  return out;
+}
+
+std::string ProposeScene(const MeshCheck& check) {
+  if (!check.surface) return "";
+  std::string out = fmt::format(
+      "[vessel]\nkind = \"surface\"\nfile = {}\nmesh_unit = \"{}\"\nvoxel_mm = {:g}\n"
+      "wall_stiffness_N_mm2 = 10\n",
+      key_values::Write(Key{}, std::filesystem::path(check.path).filename().string()),
+      Text(*check.unit), ProposeVoxel(check.surface->report));
+  for (std::size_t i = 0; i < check.entries.size(); ++i) {
+    const auto& [point_mm, direction, room_mm] = check.entries[i];
+    const char* const comment = i == 0 ? "" : "# ";
+    const std::string place =
+        check.surface->report.openings.empty() ? "the widest place" : "behind an open end";
+    out += fmt::format("\n{}[entry]  # {} in the picture: {}, {:.2f} mm from the wall\n", comment,
+                       i + 1, place, room_mm);
+    out += fmt::format("{}point_mm = [{:.1f}, {:.1f}, {:.1f}]\n", comment, point_mm.x(),
+                       point_mm.y(), point_mm.z());
+    out += fmt::format("{}direction = [{:.3f}, {:.3f}, {:.3f}]\n", comment, direction.x(),
+                       direction.y(), direction.z());
+  }
+  return out;
+}
+
+}  // namespace torquer::vessel

@@ -1,0 +1,86 @@
+// torquer-mesh-reader FILE MM_PER_UNIT MEMORY_BYTES CPU_S: reads a surface from standard input and
+// answers on standard output (mesh_answer.h). Started by ImportMesh (mesh_import.h) only.
+//
+// FILE names the surface in messages. What a damaged file does to this process, it does to no
+// other.
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <exception>
+#include <string>
+
+#include "host/simulator/vessel/mesh_answer.h"
+#include "host/simulator/vessel/mesh_file.h"
+#include "host/support/error.h"
+
+namespace {
+
+void Limit(int resource, rlim_t most, rlim_t grace = 0) {
+  const rlimit limit{most, most + grace};
+  if (setrlimit(static_cast<__rlimit_resource>(resource), &limit) != 0) std::exit(1);
+}
+
+// Before the first byte of the file is looked at.
+void EnterLimits(rlim_t memory_bytes, rlim_t cpu_s) {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  // Sanitizers reserve terabytes and open pipes; and their reports are wanted.
+  Limit(RLIMIT_AS, memory_bytes);
+  const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  if (nowhere >= 0) dup2(nowhere, STDERR_FILENO);
+  Limit(RLIMIT_NOFILE, 3);  // from here on it opens nothing
+#else
+  static_cast<void>(memory_bytes);
+#endif
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+  prctl(PR_SET_DUMPABLE, 0);
+  Limit(RLIMIT_CORE, 0);
+  Limit(RLIMIT_CPU, cpu_s, 1);  // SIGXCPU, then SIGKILL
+  Limit(RLIMIT_FSIZE, 0);       // the answer goes into a pipe
+}
+
+std::string ReadAll() {
+  std::string bytes;
+  char buffer[1 << 16];
+  for (;;) {
+    const ssize_t got = read(STDIN_FILENO, buffer, sizeof buffer);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) std::exit(1);
+    if (got == 0) return bytes;
+    bytes.append(buffer, static_cast<std::size_t>(got));
+  }
+}
+
+void WriteAll(const std::string& bytes) {
+  for (std::size_t done = 0; done < bytes.size();) {
+    const ssize_t put = write(STDOUT_FILENO, bytes.data() + done, bytes.size() - done);
+    if (put < 0 && errno == EINTR) continue;
+    if (put <= 0) std::exit(1);
+    done += static_cast<std::size_t>(put);
+  }
+}
+
+std::string Answer(const std::string& path, double mm_per_unit) {
+  try {
+    return torquer::vessel::MeshAnswer(torquer::vessel::ParseMesh(ReadAll(), path, mm_per_unit));
+  } catch (const torquer::UserError& error) {
+    return torquer::vessel::RefusalAnswer(error.what());
+  } catch (const std::exception& error) {
+    return torquer::vessel::RefusalAnswer(path + ": cannot be read as a surface (" + error.what() +
+                                          "); the file is damaged: export it again");
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 5) return 2;
+  EnterLimits(std::strtoull(argv[3], nullptr, 10), std::strtoull(argv[4], nullptr, 10));
+  WriteAll(Answer(argv[1], std::strtod(argv[2], nullptr)));
+  _exit(0);  // nothing more of a heap that the file may have damaged is touched
+}
