@@ -8,9 +8,9 @@
 
 #include "calibration/calibration_file.h"
 #include "host/recorder/report_output.h"
-#include "host/recorder/vessel_outline.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/mesh_vessel.h"
+#include "host/simulator/vessel/surface_net.h"
 #include "host/support/atomic_file.h"
 #include "host/support/program.h"
 
@@ -27,10 +27,10 @@ struct Arguments {
 };
 
 torquer::PictureVessel Surface(const torquer::vessel::Vessel& vessel) {
-  if (!vessel.surface) {
-    return torquer::OutlineInAbout(kOutlineTriangles, *vessel.field, vessel.bounds_mm);
-  }
-  const torquer::vessel::TriangleMesh& mesh = vessel.surface->mesh();
+  const torquer::vessel::TriangleMesh mesh =
+      vessel.surface
+          ? vessel.surface->mesh()
+          : torquer::vessel::SurfaceInAbout(kOutlineTriangles, *vessel.field, vessel.bounds_mm);
   torquer::PictureVessel surface;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     surface.triangles_mm.push_back({mesh.Corner(i, 0), mesh.Corner(i, 1), mesh.Corner(i, 2)});

@@ -1,0 +1,17 @@
+// The files of the page: bundled by web/build.mjs into the program. There are no others.
+#pragma once
+
+#include <span>
+#include <string_view>
+
+namespace torquer::viewer {
+
+struct PageFile {
+  std::string_view name;  ///< below the token's folder; "" is the page itself
+  std::string_view type;  ///< as in Content-Type
+  std::string_view content;
+};
+
+std::span<const PageFile> PageFiles();
+
+}  // namespace torquer::viewer

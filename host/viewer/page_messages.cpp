@@ -1,0 +1,216 @@
+#include "host/viewer/page_messages.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "host/support/fnv1a.h"
+#include "host/support/printable_text.h"
+
+namespace torquer::viewer {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "layouts are little-endian");
+
+constexpr std::size_t kLongestName = 60;
+
+class Writer {
+ public:
+  Writer(FrameKind kind, std::size_t bytes) {
+    bytes_.reserve(bytes);
+    Add(static_cast<std::uint8_t>(kind));
+    Add(kFrameVersion);
+  }
+  template <class Value>
+  void Add(Value value) {
+    Add(&value, sizeof value);
+  }
+  void Add(const void* data, std::size_t size) {
+    bytes_.append(static_cast<const char*>(data), size);
+  }
+  std::string Take() { return std::move(bytes_); }
+
+ private:
+  std::string bytes_;
+};
+
+template <class Value>
+Value ReadAt(std::span<const std::uint8_t> bytes, std::size_t offset) {
+  Value value;
+  std::memcpy(&value, bytes.data() + offset, sizeof value);
+  return value;
+}
+
+std::string Name(const std::string& text) { return Printable(text, kLongestName); }
+
+// mN at each node that the state has; NaN where nothing measures it.
+std::vector<float> ContactForces(const torquer_lcm::wire_state_t& state,
+                                 const torquer_lcm::wire_forces_t* forces) {
+  std::vector<float> magnitudes(state.nodes_mm.size(), std::numeric_limits<float>::quiet_NaN());
+  if (forces == nullptr || forces->tick != state.tick || forces->stride != state.stride ||
+      forces->contact_force_mN.size() != state.nodes_mm.size()) {
+    return magnitudes;
+  }
+  for (std::size_t i = 0; i < magnitudes.size(); ++i) {
+    const auto& force = forces->contact_force_mN[i];
+    magnitudes[i] = std::hypot(force[0], force[1], force[2]);
+  }
+  return magnitudes;
+}
+
+// um at each node that the state has; 0 without contact.
+std::vector<float> Penetrations(const torquer_lcm::wire_state_t& state) {
+  std::vector<float> depths(state.nodes_mm.size(), 0.0F);
+  if (state.stride < 1) return depths;
+  for (std::size_t i = 0; i < state.contact_nodes.size(); ++i) {
+    const std::int32_t node = state.contact_nodes[i] / state.stride;
+    if (node < 0 || static_cast<std::size_t>(node) >= depths.size()) continue;
+    float& depth = depths[static_cast<std::size_t>(node)];
+    depth = std::max(depth, state.contact_penetrations_um[i]);
+  }
+  return depths;
+}
+
+}  // namespace
+
+std::string StateFrame(const torquer_lcm::wire_state_t& state,
+                       const torquer_lcm::wire_forces_t* forces, std::int64_t clock_id) {
+  Writer out(FrameKind::kState, 64 + 64 * state.instruments.size() + 20 * state.nodes_mm.size());
+  out.Add(static_cast<std::uint16_t>(state.instruments.size()));
+  out.Add(static_cast<std::uint32_t>(state.nodes_mm.size()));
+  out.Add(state.time_s);
+  out.Add(static_cast<double>(state.tick));
+  out.Add(state.residual);
+  out.Add(state.max_penetration_um);
+  out.Add(state.solve_us);
+  out.Add(state.energy_mJ);
+  out.Add(static_cast<std::uint32_t>(state.status));
+  out.Add(static_cast<std::uint32_t>(state.contact_nodes.size()));
+  for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
+    const bool comparable = state.clock_id == clock_id && instrument.command_sequence >= 0;
+    out.Add(instrument.insertion_mm);
+    out.Add(instrument.rotation_rad);
+    out.Add(instrument.carried_mm);
+    out.Add(instrument.carried_rad);
+    out.Add(comparable ? 1e-3 * (static_cast<double>(state.publish_us) -
+                                 static_cast<double>(instrument.origin_us))
+                       : std::numeric_limits<double>::quiet_NaN());
+    out.Add(instrument.tip_mm, sizeof instrument.tip_mm);
+  }
+  for (const auto& node : state.nodes_mm) out.Add(node.data(), 3 * sizeof(float));
+  const std::vector<float> contact_mN = ContactForces(state, forces);
+  out.Add(contact_mN.data(), contact_mN.size() * sizeof(float));
+  const std::vector<float> depth_um = Penetrations(state);
+  out.Add(depth_um.data(), depth_um.size() * sizeof(float));
+  return out.Take();
+}
+
+std::string PictureFrame(const torquer_lcm::picture_t& picture) {
+  Writer out(FrameKind::kPicture, 40 + picture.data.size());
+  out.Add(static_cast<std::uint16_t>(picture.held));
+  out.Add(static_cast<std::uint32_t>(picture.data.size()));
+  out.Add(static_cast<double>(picture.number));
+  out.Add(picture.time_s);
+  out.Add(static_cast<float>(picture.lao_rad));
+  out.Add(static_cast<float>(picture.cra_rad));
+  out.Add(static_cast<std::uint32_t>(picture.width));
+  out.Add(static_cast<std::uint32_t>(picture.height));
+  out.Add(picture.data.data(), picture.data.size());
+  return out.Take();
+}
+
+std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_hash,
+                        bool vessel_moves) {
+  Writer out(FrameKind::kVessel, 32 + 12 * (mesh.vertices_mm.size() + mesh.triangles.size()));
+  out.Add(static_cast<std::uint16_t>(vessel_moves));
+  out.Add(static_cast<std::uint32_t>(mesh.vertices_mm.size()));
+  out.Add(static_cast<std::uint32_t>(mesh.triangles.size()));
+  out.Add(std::uint32_t{0});
+  const std::string hash = Hex(content_hash);
+  out.Add(hash.data(), hash.size());
+  for (const Eigen::Vector3d& vertex : mesh.vertices_mm) {
+    const Eigen::Vector3f rounded = vertex.cast<float>();
+    out.Add(rounded.data(), 3 * sizeof(float));
+  }
+  for (const auto& triangle : mesh.triangles) out.Add(triangle.data(), 3 * sizeof(std::int32_t));
+  return out.Take();
+}
+
+std::string ArmText(double field_mm, std::uint64_t content_hash) {
+  return nlohmann::json({{"kind", "arm"}, {"field_mm", field_mm}, {"hash", Hex(content_hash)}})
+      .dump();
+}
+
+std::string SceneText(const torquer_lcm::scene_description_t& scene) {
+  nlohmann::json instruments = nlohmann::json::array();
+  for (std::size_t k = 0; k < scene.instruments.size(); ++k) {
+    instruments.push_back({{"name", Name(scene.instruments[k])},
+                           {"radius_mm", scene.radius_mm[k]},
+                           {"max_length_mm", scene.max_length_mm[k]}});
+  }
+  nlohmann::json effects = nlohmann::json::array();
+  for (const std::string& effect : scene.effects) effects.push_back(Name(effect));
+  return nlohmann::json({{"kind", "scene"},
+                         {"name", Name(scene.name)},
+                         {"hash", Name(scene.content_hash)},
+                         {"vessel", Printable(scene.vessel, 200)},
+                         {"method", Name(scene.method)},
+                         {"effects", effects},
+                         {"instruments", instruments},
+                         {"min_mm", scene.bounds_min_mm},
+                         {"max_mm", scene.bounds_max_mm},
+                         {"left", scene.left},
+                         {"posterior", scene.posterior},
+                         {"superior", scene.superior}})
+      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string HealthText(const torquer_lcm::health_t& health) {
+  return nlohmann::json({{"kind", "health"},
+                         {"process", Name(health.process)},
+                         {"instrument", Name(health.instrument)},
+                         {"device", Name(health.device)},
+                         {"state", Name(health.state)},
+                         {"message", Printable(health.message, 300)}})
+      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string ReadingsText(const torquer_lcm::readings_t& readings) {
+  nlohmann::json values = nlohmann::json::object();
+  for (std::size_t i = 0; i < readings.names.size(); ++i) {
+    values[Name(readings.names[i])] = readings.values[i];
+  }
+  return nlohmann::json({{"kind", "readings"}, {"time_s", readings.time_s}, {"values", values}})
+      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
+  constexpr std::uint8_t kKnownFlags = 3;
+  if (bytes.size() != kControlsBytes) return {};
+  if (bytes[0] != static_cast<std::uint8_t>(FrameKind::kControls) || bytes[1] != kFrameVersion ||
+      (bytes[2] & ~kKnownFlags) != 0) {
+    return {};
+  }
+  Controls controls;
+  controls.xray = (bytes[2] & 1) != 0;
+  controls.contrast = (bytes[2] & 2) != 0;
+  controls.instrument = bytes[3];
+  controls.push_mm_s = ReadAt<float>(bytes, 4);
+  controls.turn_rad_s = ReadAt<float>(bytes, 8);
+  controls.lao_rad_s = ReadAt<float>(bytes, 12);
+  controls.cra_rad_s = ReadAt<float>(bytes, 16);
+  // Not a number fails each of these.
+  const bool usable = std::abs(controls.push_mm_s) <= Controls::kMostPushMmS &&
+                      std::abs(controls.turn_rad_s) <= Controls::kMostTurnRadS &&
+                      std::abs(controls.lao_rad_s) <= Controls::kMostArmRadS &&
+                      std::abs(controls.cra_rad_s) <= Controls::kMostArmRadS;
+  if (!usable) return {};
+  return controls;
+}
+
+}  // namespace torquer::viewer

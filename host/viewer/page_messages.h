@@ -1,0 +1,66 @@
+// What goes between torquer-viewer and its page: byte layouts and texts (README.md). No I/O.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <torquer_lcm/health_t.hpp>
+#include <torquer_lcm/picture_t.hpp>
+#include <torquer_lcm/readings_t.hpp>
+#include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/wire_forces_t.hpp>
+#include <torquer_lcm/wire_state_t.hpp>
+
+#include "host/simulator/vessel/triangle_mesh.h"
+
+namespace torquer::viewer {
+
+/// First byte of a binary message.
+enum class FrameKind : std::uint8_t { kState = 1, kPicture = 2, kVessel = 3, kControls = 16 };
+
+/// Second byte of a binary message: a change of a layout makes a new one.
+inline constexpr std::uint8_t kFrameVersion = 1;
+
+/// The newest state. `forces`, if there are any, are used where they belong to the same tick.
+/// Latencies are left out (NaN) where `clock_id` is another clock than the state's.
+std::string StateFrame(const torquer_lcm::wire_state_t& state,
+                       const torquer_lcm::wire_forces_t* forces, std::int64_t clock_id);
+
+std::string PictureFrame(const torquer_lcm::picture_t& picture);
+
+/// The vessel's surface, with the scene's content hash: the page shows it for that scene alone.
+std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_hash,
+                        bool vessel_moves);
+
+/// Where the tube looks: the width of the picture at the isocenter.
+std::string ArmText(double field_mm, std::uint64_t content_hash);
+
+/// Texts are one JSON object each, with a field `kind`; what came from the bus is Printable.
+std::string SceneText(const torquer_lcm::scene_description_t& scene);
+std::string HealthText(const torquer_lcm::health_t& health);
+std::string ReadingsText(const torquer_lcm::readings_t& readings);
+
+/// What the page's keys want now. Rates, not places: whoever sends no more moves nothing.
+struct Controls {
+  bool xray = false;
+  bool contrast = false;
+  int instrument = 0;     ///< that is moved, 0 the innermost
+  double push_mm_s = 0;   ///< positive distally
+  double turn_rad_s = 0;  ///< positive right-handed about the distal tangent
+  double lao_rad_s = 0;   ///< C-arm, positive towards LAO
+  double cra_rad_s = 0;   ///< the same, towards CRA
+
+  /// Largest rates that are taken.
+  static constexpr double kMostPushMmS = 200;
+  static constexpr double kMostTurnRadS = 20;
+  static constexpr double kMostArmRadS = 2;
+};
+
+/// Size of a message from the page, bytes; there is no other.
+inline constexpr std::size_t kControlsBytes = 20;
+
+/// Nothing where the bytes are not of that layout, or a rate is not finite or beyond its limit.
+std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes);
+
+}  // namespace torquer::viewer

@@ -1,0 +1,413 @@
+#include "host/viewer/page_server.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <exception>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "host/viewer/listening_socket.h"
+#include "host/viewer/page_files.h"
+
+namespace torquer::viewer {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using asio::ip::tcp;
+using boost::system::error_code;
+
+constexpr std::chrono::seconds kRequestTime{5};
+constexpr std::chrono::seconds kSilentPageTime{10};
+constexpr std::size_t kMostMessageBytes = 256;
+constexpr char kBusName[] = "bus";
+
+struct Message {
+  std::string content;
+  bool text = false;
+};
+using SharedMessage = std::shared_ptr<const Message>;
+
+// In a time that does not depend on where they differ.
+bool Equal(std::string_view a, std::string_view b) {
+  if (a.size() != b.size()) return false;
+  unsigned different = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) different |= static_cast<unsigned>(a[i] ^ b[i]);
+  return different == 0;
+}
+
+// Whom a request names, and what is below the token's folder; the reason of a refusal else.
+struct Door {
+  std::string token;
+  std::vector<std::string> hosts;  // that are this server
+
+  template <class Request>
+  std::pair<http::status, std::string> Open(const Request& request) const {
+    const auto is_host = [this](std::string_view host) {
+      return std::find(hosts.begin(), hosts.end(), host) != hosts.end();
+    };
+    if (request.count(http::field::host) != 1 || !is_host(View(request[http::field::host]))) {
+      return {http::status::misdirected_request, ""};
+    }
+    const bool upgrade = websocket::is_upgrade(request);
+    const auto origins = request.count(http::field::origin);
+    const std::string_view origin = View(request[http::field::origin]);
+    constexpr std::string_view kScheme = "http://";
+    const bool own = origins == 1 && origin.substr(0, kScheme.size()) == kScheme &&
+                     is_host(origin.substr(kScheme.size()));
+    if (!own && (upgrade || origins > 0)) return {http::status::forbidden, ""};
+    if (request.method() != http::verb::get) return {http::status::method_not_allowed, ""};
+    const std::string_view target = View(request.target());
+    const std::size_t end = token.size() + 2;
+    if (target.size() < end || target[0] != '/' || target[end - 1] != '/' ||
+        !Equal(target.substr(1, token.size()), token)) {
+      return {http::status::forbidden, ""};
+    }
+    return {http::status::ok, std::string(target.substr(end))};
+  }
+
+  static std::string_view View(boost::beast::string_view text) {
+    return {text.data(), text.size()};
+  }
+};
+
+}  // namespace
+
+class PageServer::Impl {
+ public:
+  Impl(int listening_socket, const std::string& token, Received received, Left left)
+      : received_(std::move(received)), left_(std::move(left)), acceptor_(loop_), pause_(loop_) {
+    const std::uint16_t port = PortOf(listening_socket);
+    acceptor_.assign(tcp::v4(), listening_socket);
+    door_.token = token;
+    door_.hosts = {fmt::format("127.0.0.1:{}", port), fmt::format("localhost:{}", port)};
+    url_ = fmt::format("http://127.0.0.1:{}/{}/", port, token);
+    Accept();
+  }
+  ~Impl() {
+    for (const auto& watched : watched_) watched->release();  // not ours to close
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  class Request;
+  class Page;
+
+  void Accept() {
+    acceptor_.async_accept([this](error_code error, tcp::socket socket) {
+      if (error == asio::error::operation_aborted) return;
+      if (error) return PauseAccepting();
+      if (connections_ >= kMostConnections) {
+        ++refused_;  // closed at once
+      } else {
+        Begin(std::move(socket));
+      }
+      Accept();
+    });
+  }
+
+  // For want of files, most likely, which others give back.
+  void PauseAccepting() {
+    pause_.expires_after(std::chrono::milliseconds(100));
+    pause_.async_wait([this](error_code error) {
+      if (!error) Accept();
+    });
+  }
+
+  void Begin(tcp::socket socket);
+  void Show(const std::string& topic, const SharedMessage& message);
+
+  template <class Act>
+  void Guarded(Act&& act) {
+    try {
+      act();
+    } catch (...) {
+      problem_ = std::current_exception();
+      loop_.stop();
+    }
+  }
+
+  Received received_;
+  Left left_;
+  Door door_;
+  std::string url_;
+  std::map<std::string, SharedMessage> newest_;
+  std::set<Page*> pages_;
+  PageId last_page_ = 0;
+  int connections_ = 0;
+  std::int64_t refused_ = 0;
+  std::exception_ptr problem_;
+  // Before what it holds: pages end with it, and use all of the above.
+  asio::io_context loop_{1};
+  tcp::acceptor acceptor_;
+  asio::steady_timer pause_;
+  std::vector<std::unique_ptr<asio::posix::stream_descriptor>> watched_;
+  std::vector<std::unique_ptr<asio::steady_timer>> timers_;
+};
+
+// A page that is open: at most one message on its way, and of each topic the newest that waits.
+class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
+ public:
+  Page(Impl& server, beast::tcp_stream stream)
+      : server_(server), stream_(std::move(stream)), id_(++server.last_page_) {
+    ++server_.connections_;
+    server_.pages_.insert(this);
+    waiting_ = server_.newest_;
+  }
+  ~Page() {
+    --server_.connections_;
+    server_.pages_.erase(this);
+    server_.left_(id_);
+  }
+  Page(const Page&) = delete;
+  Page& operator=(const Page&) = delete;
+
+  template <class HttpRequest>
+  void Begin(const HttpRequest& request) {
+    beast::get_lowest_layer(stream_).expires_never();
+    error_code ignored;
+    (void)beast::get_lowest_layer(stream_).socket().set_option(tcp::no_delay(true), ignored);
+    // Pings a silent page, and gives up on one that does not answer.
+    stream_.set_option(websocket::stream_base::timeout{kRequestTime, kSilentPageTime, true});
+    stream_.read_message_max(kMostMessageBytes);
+    stream_.async_accept(request, [self = this->shared_from_this()](error_code error) {
+      if (error) return;
+      self->open_ = true;
+      self->Read();
+      self->Write();
+    });
+  }
+
+  void Add(const std::string& topic, const SharedMessage& message) {
+    waiting_[topic] = message;
+    Write();
+  }
+
+ private:
+  void Read() {
+    stream_.async_read(buffer_, [self = this->shared_from_this()](error_code error, std::size_t) {
+      if (error) {
+        // A frame that is none, or too large, is Beast's to refuse.
+        const bool ended = error == websocket::error::closed || error == asio::error::eof ||
+                           error == asio::error::connection_reset ||
+                           error == asio::error::operation_aborted ||
+                           error == beast::error::timeout;
+        self->server_.refused_ += !ended;
+        return self->Close();
+      }
+      self->Take();
+    });
+  }
+
+  void Take() {
+    const auto now = std::chrono::steady_clock::now();
+    if (now - counted_since_ > std::chrono::seconds(1)) {
+      counted_since_ = now;
+      messages_ = 0;
+    }
+    const auto bytes = buffer_.cdata();
+    bool good = stream_.got_binary() && ++messages_ <= kMostMessagesPerS;
+    server_.Guarded([&] {
+      good = good &&
+             server_.received_(id_, {static_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
+    });
+    buffer_.consume(buffer_.size());
+    if (good) return Read();
+    ++server_.refused_;
+    Close();
+  }
+
+  void Write() {
+    if (!open_ || writing_ || waiting_.empty()) return;
+    // In turn, so that no topic keeps others waiting.
+    auto next = waiting_.upper_bound(last_topic_);
+    if (next == waiting_.end()) next = waiting_.begin();
+    last_topic_ = next->first;
+    sent_ = std::move(next->second);
+    waiting_.erase(next);
+    writing_ = true;
+    stream_.text(sent_->text);
+    stream_.async_write(asio::buffer(sent_->content),
+                        [self = this->shared_from_this()](error_code error, std::size_t) {
+                          self->writing_ = false;
+                          if (error) return self->Close();
+                          self->Write();
+                        });
+  }
+
+  void Close() {
+    open_ = false;
+    error_code ignored;
+    (void)beast::get_lowest_layer(stream_).socket().close(ignored);
+  }
+
+  Impl& server_;
+  websocket::stream<beast::tcp_stream> stream_;
+  const PageId id_;
+  beast::flat_static_buffer<2 * kMostMessageBytes> buffer_;
+  std::map<std::string, SharedMessage> waiting_;
+  std::string last_topic_;
+  SharedMessage sent_;
+  bool open_ = false;
+  bool writing_ = false;
+  std::chrono::steady_clock::time_point counted_since_{};
+  int messages_ = 0;
+};
+
+// A connection's one request.
+class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
+ public:
+  Request(Impl& server, tcp::socket socket) : server_(server), stream_(std::move(socket)) {
+    ++server_.connections_;
+    parser_.header_limit(kMostHeaderBytes);
+    parser_.body_limit(0);
+  }
+  ~Request() { --server_.connections_; }
+  Request(const Request&) = delete;
+  Request& operator=(const Request&) = delete;
+
+  void Begin() {
+    stream_.expires_after(kRequestTime);
+    http::async_read(stream_, buffer_, parser_,
+                     [self = this->shared_from_this()](error_code error, std::size_t) {
+                       if (error == http::error::end_of_stream) return;
+                       if (error) {
+                         ++self->server_.refused_;
+                         return;
+                       }
+                       self->Answer();
+                     });
+  }
+
+ private:
+  void Answer() {
+    const auto& request = parser_.get();
+    const auto [status, name] = server_.door_.Open(request);
+    if (status != http::status::ok) return Refuse(status);
+    if (name == kBusName) {
+      if (!websocket::is_upgrade(request)) return Refuse(http::status::upgrade_required);
+      if (static_cast<int>(server_.pages_.size()) >= kMostPages) {
+        return Refuse(http::status::service_unavailable);
+      }
+      return std::make_shared<Page>(server_, std::move(stream_))->Begin(request);
+    }
+    const auto files = PageFiles();
+    const auto file = std::find_if(files.begin(), files.end(),
+                                   [&name = name](const PageFile& f) { return f.name == name; });
+    if (file == files.end()) return Refuse(http::status::not_found);
+    answer_.set(http::field::content_type,
+                boost::beast::string_view(file->type.data(), file->type.size()));
+    answer_.body() = {file->content.data(), file->content.size()};
+    Send(http::status::ok);
+  }
+
+  void Refuse(http::status status) {
+    ++server_.refused_;
+    Send(status);
+  }
+
+  void Send(http::status status) {
+    answer_.result(status);
+    answer_.keep_alive(false);
+    answer_.set("Content-Security-Policy",
+                "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+                "connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'");
+    answer_.set(http::field::cache_control, "no-store");
+    answer_.set("Cross-Origin-Resource-Policy", "same-origin");
+    answer_.set("Referrer-Policy", "no-referrer");
+    answer_.set("X-Content-Type-Options", "nosniff");
+    answer_.prepare_payload();
+    http::async_write(stream_, answer_, [self = this->shared_from_this()](error_code, std::size_t) {
+      error_code ignored;
+      (void)self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+    });
+  }
+
+  Impl& server_;
+  beast::tcp_stream stream_;
+  beast::flat_static_buffer<kMostHeaderBytes> buffer_;
+  http::request_parser<http::empty_body> parser_;
+  http::response<http::span_body<const char>> answer_;
+};
+
+void PageServer::Impl::Begin(tcp::socket socket) {
+  std::make_shared<Request>(*this, std::move(socket))->Begin();
+}
+
+void PageServer::Impl::Show(const std::string& topic, const SharedMessage& message) {
+  if (newest_.size() >= kMostTopics && !newest_.contains(topic)) return;
+  newest_[topic] = message;
+  // A page that is gone by now leaves the set in its destructor, not here.
+  for (Page* page : pages_) page->Add(topic, message);
+}
+
+PageServer::PageServer(int listening_socket, const std::string& token, Received received, Left left)
+    : impl_(std::make_unique<Impl>(listening_socket, token, std::move(received), std::move(left))) {
+}
+
+PageServer::~PageServer() = default;
+
+const std::string& PageServer::url() const { return impl_->url_; }
+std::int64_t PageServer::refused() const { return impl_->refused_; }
+int PageServer::pages() const { return static_cast<int>(impl_->pages_.size()); }
+
+void PageServer::ShowText(const std::string& topic, std::string text) {
+  impl_->Show(topic, std::make_shared<const Message>(Message{std::move(text), true}));
+}
+
+void PageServer::ShowBytes(const std::string& topic, std::string bytes) {
+  impl_->Show(topic, std::make_shared<const Message>(Message{std::move(bytes), false}));
+}
+
+void PageServer::WhenReadable(int file_descriptor, std::function<void()> act) {
+  auto& watched = *impl_->watched_.emplace_back(
+      std::make_unique<asio::posix::stream_descriptor>(impl_->loop_, file_descriptor));
+  // A function that starts itself again, kept by its handler.
+  const auto wait = std::make_shared<std::function<void()>>();
+  *wait = [impl = impl_.get(), &watched, act = std::move(act), again = std::weak_ptr(wait)] {
+    watched.async_wait(asio::posix::stream_descriptor::wait_read,
+                       [impl, act, next = again.lock()](error_code error) {
+                         if (error) return;
+                         impl->Guarded(act);
+                         (*next)();
+                       });
+  };
+  (*wait)();
+}
+
+void PageServer::Every(std::chrono::milliseconds interval, std::function<void()> act) {
+  auto& timer = *impl_->timers_.emplace_back(std::make_unique<asio::steady_timer>(impl_->loop_));
+  const auto wait = std::make_shared<std::function<void()>>();
+  *wait = [impl = impl_.get(), &timer, interval, act = std::move(act),
+           again = std::weak_ptr(wait)] {
+    timer.expires_after(interval);
+    timer.async_wait([impl, act, next = again.lock()](error_code error) {
+      if (error) return;
+      impl->Guarded(act);
+      (*next)();
+    });
+  };
+  (*wait)();
+}
+
+void PageServer::Run() {
+  impl_->loop_.run();
+  if (impl_->problem_) std::rethrow_exception(std::exchange(impl_->problem_, nullptr));
+}
+
+void PageServer::Stop() { impl_->loop_.stop(); }
+
+}  // namespace torquer::viewer

@@ -1,0 +1,64 @@
+// Serves the page and talks with it: HTTP and WebSocket, one thread, one loop. Boost.Beast stays in
+// page_server.cpp, because it takes long to compile.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "host/viewer/page_id.h"
+
+namespace torquer::viewer {
+
+/// What a client may ask for, and who is listened to.
+///
+/// Served is `/TOKEN/` and the few files of page_files.h below it, nothing else, to requests whose
+/// Host is this machine's loopback at the server's port, and whose Origin, where there is one, is
+/// the same. A WebSocket at `/TOKEN/bus` needs an Origin. One request a connection.
+class PageServer {
+ public:
+  /// Whether the message of a page is one; a page that sends another is cut off.
+  using Received = std::function<bool(PageId page, std::span<const std::uint8_t> message)>;
+  using Left = std::function<void(PageId page)>;
+
+  /// Takes over the socket. `token` consists of letters and digits.
+  PageServer(int listening_socket, const std::string& token, Received received, Left left);
+  ~PageServer();
+  PageServer(const PageServer&) = delete;
+  PageServer& operator=(const PageServer&) = delete;
+
+  /// What pages open: "http://127.0.0.1:PORT/TOKEN/".
+  const std::string& url() const;
+
+  /// The newest of a topic, to all pages, and to those that come later. A page that is slow misses
+  /// older ones of the same topic, never the newest. Topics beyond kMostTopics are left out.
+  void ShowText(const std::string& topic, std::string text);
+  void ShowBytes(const std::string& topic, std::string bytes);
+
+  /// Calls `act` whenever `file_descriptor` is readable; as often as `interval` allows.
+  void WhenReadable(int file_descriptor, std::function<void()> act);
+  void Every(std::chrono::milliseconds interval, std::function<void()> act);
+  /// Until Stop, which is called from one of those. Their exceptions come out here.
+  void Run();
+  void Stop();
+
+  /// Requests and messages that were refused, and connections beyond the limit.
+  std::int64_t refused() const;
+  int pages() const;
+
+  static constexpr int kMostConnections = 40;  ///< requests and pages
+  static constexpr int kMostPages = 16;
+  static constexpr std::size_t kMostTopics = 64;
+  static constexpr std::size_t kMostHeaderBytes = 8192;
+  /// A page that sends more of them is cut off.
+  static constexpr int kMostMessagesPerS = 400;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace torquer::viewer

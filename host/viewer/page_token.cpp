@@ -1,0 +1,66 @@
+#include "host/viewer/page_token.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "host/support/error.h"
+
+namespace torquer::viewer {
+namespace {
+
+constexpr std::size_t kDigits = 32;
+
+[[noreturn]] void Refuse(const std::string& path, const std::string& problem) {
+  throw UserError(fmt::format("--token-file {}: {}", path, problem));
+}
+
+}  // namespace
+
+std::string RandomToken() {
+  std::array<unsigned char, kDigits / 2> bytes{};
+  if (getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
+    throw std::runtime_error("the kernel gives no random bytes");
+  }
+  std::string token;
+  for (const unsigned char byte : bytes) token += fmt::format("{:02x}", byte);
+  return token;
+}
+
+std::string KeptToken(const std::string& path) {
+  const int made = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (made >= 0) {
+    const std::string token = RandomToken();
+    const bool written = write(made, token.data(), token.size()) == static_cast<ssize_t>(kDigits);
+    close(made);
+    if (!written) Refuse(path, "cannot be written; name a file on a disk with room");
+    return token;
+  }
+  if (errno != EEXIST) {
+    Refuse(path, fmt::format("cannot be made: {}; name a file in a folder of yours",
+                             std::strerror(errno)));
+  }
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  std::array<char, kDigits + 1> text{};
+  struct stat status {};
+  const bool usable = file >= 0 && fstat(file, &status) == 0 && S_ISREG(status.st_mode);
+  const ssize_t size = usable ? read(file, text.data(), text.size()) : -1;
+  if (file >= 0) close(file);
+  if (size < 0) Refuse(path, "is there and cannot be read; name another, or remove it");
+  if (status.st_uid != geteuid() || (status.st_mode & 077) != 0) {
+    Refuse(path, "may be read by others; remove it, and a new one is made for you alone");
+  }
+  const std::string token(text.data(), static_cast<std::size_t>(size));
+  if (token.size() != kDigits || token.find_first_not_of("0123456789abcdef") != std::string::npos) {
+    Refuse(path, "holds no token of 32 hexadecimal digits; remove it");
+  }
+  return token;
+}
+
+}  // namespace torquer::viewer

@@ -1,0 +1,87 @@
+#include "host/viewer/steering.h"
+
+#include <algorithm>
+
+#include "protocol/lcm_channels.h"
+
+namespace torquer::viewer {
+
+void Steering::Add(const torquer_lcm::scene_description_t& scene) {
+  const bool same = std::equal(
+      scene.instruments.begin(), scene.instruments.end(), commands_.begin(), commands_.end(),
+      [](const auto& name, const auto& c) { return name == c.instrument; });
+  if (same) return;
+  commands_.assign(scene.instruments.size(), {});
+  reach_.assign(scene.instruments.size(), {});
+  for (std::size_t k = 0; k < commands_.size(); ++k) {
+    commands_[k].instrument = scene.instruments[k];
+    commands_[k].clock_id = clock_id_;
+    reach_[k] = {-scene.inserted_at_start_mm[k],
+                 scene.max_length_mm[k] - scene.inserted_at_start_mm[k]};
+  }
+  placed_ = false;
+}
+
+void Steering::Add(const torquer_lcm::wire_state_t& state) {
+  if (placed_ || commands_.empty() || state.instruments.size() != commands_.size()) return;
+  for (std::size_t k = 0; k < commands_.size(); ++k) {
+    const torquer_lcm::instrument_state_t& instrument = state.instruments[k];
+    commands_[k].insertion_mm = instrument.commanded_insertion_mm - instrument.inserted_at_start_mm;
+    commands_[k].rotation_rad = instrument.commanded_rotation_rad;
+    commands_[k].sequence = std::max<std::int64_t>(instrument.command_sequence, 0);
+  }
+  placed_ = true;
+}
+
+bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) {
+  if (page_ && *page_ != page) return false;
+  if (controls.instrument >= static_cast<int>(commands_.size())) return false;
+  Advance(now_us);
+  page_ = page;
+  controls_ = controls;
+  heard_us_ = now_us;
+  return true;
+}
+
+void Steering::Leave(PageId page) {
+  if (page_ != page) return;
+  page_.reset();
+  controls_ = {};
+}
+
+void Steering::Advance(std::int64_t now_us) {
+  // What a message asked for ends when it is too old, however late this is called.
+  const std::int64_t until_us = std::min(now_us, heard_us_ + kSilentUs);
+  const double passed_s =
+      1e-6 * static_cast<double>(std::max<std::int64_t>(until_us - advanced_us_, 0));
+  advanced_us_ = now_us;
+  if (page_ && placed_) {
+    const auto k = static_cast<std::size_t>(controls_.instrument);
+    torquer_lcm::instrument_command_t& command = commands_[k];
+    command.insertion_mm = std::clamp(command.insertion_mm + controls_.push_mm_s * passed_s,
+                                      reach_[k].least_mm, reach_[k].most_mm);
+    command.rotation_rad += controls_.turn_rad_s * passed_s;
+    lao_rad_ = std::clamp(lao_rad_ + controls_.lao_rad_s * passed_s, -kLaoLimitRad, kLaoLimitRad);
+    cra_rad_ = std::clamp(cra_rad_ + controls_.cra_rad_s * passed_s, -kCraLimitRad, kCraLimitRad);
+  }
+  if (now_us - heard_us_ >= kSilentUs) controls_ = {};
+  if (now_us - heard_us_ >= kReleaseUs) page_.reset();
+}
+
+const std::vector<torquer_lcm::instrument_command_t>& Steering::Commands(std::int64_t now_us) {
+  static const std::vector<torquer_lcm::instrument_command_t> kNone;
+  if (!placed_) return kNone;
+  for (torquer_lcm::instrument_command_t& command : commands_) {
+    command.sequence = protocol::NextSequence(command.sequence);
+    command.origin_us = now_us;
+    command.publish_us = now_us;
+    command.lao_rad = lao_rad_;
+    command.cra_rad = cra_rad_;
+    command.xray = static_cast<std::int8_t>(controls_.xray);
+    command.contrast = static_cast<std::int8_t>(controls_.contrast);
+    command.flags = page_ ? 0 : protocol::kCommandNoDevice;
+  }
+  return commands_;
+}
+
+}  // namespace torquer::viewer

@@ -1,0 +1,68 @@
+// The hand of who steers from the page: from rates to absolute commands for each instrument. No
+// I/O, no clock: the caller says what time it is, by bus::MonotonicUs(), ascending.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <torquer_lcm/instrument_command_t.hpp>
+#include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/wire_state_t.hpp>
+#include <vector>
+
+#include "host/viewer/page_id.h"
+#include "host/viewer/page_messages.h"
+
+namespace torquer::viewer {
+
+/// One page steers at a time: the first that sends controls, until it is gone or has been silent
+/// for kReleaseUs. Of a page that is silent for kSilentUs nothing moves any more and the pedals are
+/// up: each message of the page holds for that long alone.
+class Steering {
+ public:
+  static constexpr std::int64_t kSilentUs = 300'000;
+  static constexpr std::int64_t kReleaseUs = 1'000'000;
+  /// Travel of the C-arm, as that of a bench device.
+  static constexpr double kLaoLimitRad = 1.5707963267948966;
+  static constexpr double kCraLimitRad = 0.7853981633974483;
+
+  explicit Steering(std::int64_t clock_id) : clock_id_(clock_id) {}
+
+  /// The instruments that there are; another list starts again.
+  void Add(const torquer_lcm::scene_description_t& scene);
+  /// Before the first command the instruments are where a state says.
+  void Add(const torquer_lcm::wire_state_t& state);
+
+  /// False, and nothing is taken, while another page steers.
+  bool Take(PageId page, const Controls& controls, std::int64_t now_us);
+  void Leave(PageId page);
+
+  /// Moves on to `now_us`.
+  void Advance(std::int64_t now_us);
+  /// One for each instrument; none before a scene and a state are known.
+  const std::vector<torquer_lcm::instrument_command_t>& Commands(std::int64_t now_us);
+
+  std::optional<PageId> page() const { return page_; }
+  double lao_rad() const { return lao_rad_; }
+  double cra_rad() const { return cra_rad_; }
+  bool xray() const { return controls_.xray; }
+  bool contrast() const { return controls_.contrast; }
+
+ private:
+  struct Reach {
+    double least_mm = 0;
+    double most_mm = 0;
+  };
+
+  std::int64_t clock_id_;
+  std::vector<torquer_lcm::instrument_command_t> commands_;
+  std::vector<Reach> reach_;
+  bool placed_ = false;
+  std::optional<PageId> page_;
+  Controls controls_;
+  std::int64_t heard_us_ = 0;
+  std::int64_t advanced_us_ = 0;
+  double lao_rad_ = 0;
+  double cra_rad_ = 0;
+};
+
+}  // namespace torquer::viewer

@@ -1,0 +1,194 @@
+#include "host/viewer/viewer.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "host/bus/clock.h"
+#include "host/bus/health_reporter.h"
+#include "host/simulator/effects/imaging/fluoroscopy.h"
+#include "host/simulator/vessel/surface_net.h"
+#include "host/viewer/page_messages.h"
+#include "host/viewer/page_server.h"
+#include "host/viewer/steering.h"
+#include "protocol/lcm_channels.h"
+
+namespace torquer::viewer {
+namespace {
+
+// Commands go out as often, a page gets a state every other time: 62 a second.
+constexpr std::chrono::milliseconds kBeat{8};
+constexpr std::int64_t kSummaryUs = 100'000;
+constexpr std::size_t kSurfaceTriangles = 100000;
+// A reading of the bus: what the simulator published last, at 1 kHz.
+constexpr int kQueue = 64;
+
+std::string SurfaceFrame(scene::Scene& scene) {
+  const vessel::Vessel& vessel = scene.vessel();
+  const bool moves = scene.moving_field() != nullptr;
+  if (vessel.surface) return VesselFrame(vessel.surface->mesh(), scene.content_hash(), moves);
+  return VesselFrame(vessel::SurfaceInAbout(kSurfaceTriangles, *vessel.field, vessel.bounds_mm),
+                     scene.content_hash(), moves);
+}
+
+// As wide as the picture is at the isocenter, mm; nothing in a scene without X-ray.
+std::optional<double> FieldMm(const scene::Scene& scene) {
+  for (const auto& effect : scene.effects()) {
+    const auto* fluoroscopy = dynamic_cast<const effects::Fluoroscopy*>(effect.get());
+    if (fluoroscopy == nullptr) continue;
+    const effects::CArm& arm = fluoroscopy->settings().arm;
+    return arm.detector_mm * arm.sod_mm / arm.sid_mm;
+  }
+  return {};
+}
+
+class Viewer {
+ public:
+  Viewer(bus::Bus& bus, int listening_socket, const std::string& token, bool steer,
+         const std::atomic<bool>& stop)
+      : bus_(bus),
+        steer_(steer),
+        stop_(stop),
+        health_(bus, "viewer"),
+        steering_(bus::ClockId()),
+        server_(
+            listening_socket, token,
+            [this](PageId page, std::span<const std::uint8_t> message) {
+              return Take(page, message);
+            },
+            [this](PageId page) { steering_.Leave(page); }) {
+    Subscribe();
+    server_.WhenReadable(bus.FileDescriptor(), [this] { bus_.Handle(0); });
+    server_.Every(kBeat, [this] { Beat(); });
+  }
+
+  PageServer& server() { return server_; }
+
+  void Run() {
+    health_.Change("running", "", Counters());
+    server_.Run();
+    health_.Change("stopping", "", Counters());
+  }
+
+ private:
+  void Subscribe() {
+    bus_.Subscribe<torquer_lcm::wire_state_t>(
+        protocol::kWireStateChannel,
+        [this](const torquer_lcm::wire_state_t& state) {
+          steering_.Add(state);
+          state_ = state;
+          state_is_new_ = true;
+          ++states_;
+        },
+        kQueue);
+    bus_.Subscribe<torquer_lcm::wire_forces_t>(
+        protocol::kWireForcesChannel,
+        [this](const torquer_lcm::wire_forces_t& forces) { forces_ = forces; }, kQueue);
+    bus_.Subscribe<torquer_lcm::picture_t>(protocol::kPictureChannel,
+                                           [this](const torquer_lcm::picture_t& picture) {
+                                             server_.ShowBytes("picture", PictureFrame(picture));
+                                           });
+    bus_.Subscribe<torquer_lcm::scene_description_t>(
+        protocol::kSceneChannel, [this](const torquer_lcm::scene_description_t& scene) {
+          steering_.Add(scene);
+          server_.ShowText("scene", SceneText(scene));
+        });
+    bus_.Subscribe<torquer_lcm::readings_t>(protocol::kReadingsChannel,
+                                            [this](const torquer_lcm::readings_t& readings) {
+                                              server_.ShowText("readings", ReadingsText(readings));
+                                            });
+    bus_.Subscribe<torquer_lcm::health_t>(
+        protocol::kHealthChannel, [this](const torquer_lcm::health_t& health) {
+          if (health.process == "viewer") return;
+          server_.ShowText("health/" + health.process + "/" + health.instrument,
+                           HealthText(health));
+        });
+  }
+
+  bool Take(PageId page, std::span<const std::uint8_t> message) {
+    const std::optional<Controls> controls = ReadControls(message);
+    if (!controls) return false;
+    if (steer_) steering_.Take(page, *controls, bus::MonotonicUs());
+    return true;
+  }
+
+  void Beat() {
+    if (stop_) return server_.Stop();
+    const std::int64_t now_us = bus::MonotonicUs();
+    if (steer_) {
+      steering_.Advance(now_us);
+      for (const auto& command : steering_.Commands(now_us)) {
+        bus_.Publish(protocol::kInstrumentCommandChannel, command);
+      }
+    }
+    skip_ = !skip_;
+    if (state_is_new_ && !skip_) {
+      server_.ShowBytes("state",
+                        StateFrame(*state_, forces_ ? &*forces_ : nullptr, bus::ClockId()));
+      state_is_new_ = false;
+    }
+    if (now_us - summary_us_ >= kSummaryUs) Summarize(now_us);
+    const std::string notice = bus_.TakeNotice(now_us);
+    if (!notice.empty()) health_.Change("running", notice, Counters());
+    if (health_.Due(now_us)) health_.Repeat(Counters());
+  }
+
+  // What the viewer itself knows, for the page.
+  void Summarize(std::int64_t now_us) {
+    const double passed_s = 1e-6 * static_cast<double>(now_us - summary_us_);
+    const auto page = steering_.page();
+    server_.ShowText("viewer", nlohmann::json({{"kind", "viewer"},
+                                               {"steer", steer_},
+                                               {"steered", page.has_value()},
+                                               {"page", page.value_or(0)},
+                                               {"lao_rad", steering_.lao_rad()},
+                                               {"cra_rad", steering_.cra_rad()},
+                                               {"xray", steering_.xray()},
+                                               {"contrast", steering_.contrast()},
+                                               {"states_per_s", states_ / passed_s}})
+                                   .dump());
+    states_ = 0;
+    summary_us_ = now_us;
+  }
+
+  bus::HealthCounters Counters() const {
+    return {{"pages", server_.pages()},
+            {"refused", server_.refused()},
+            {"undecodable", bus_.undecodable()},
+            {"dropped", bus_.dropped()},
+            {"publish_failures", bus_.publish_failures()}};
+  }
+
+  bus::Bus& bus_;
+  const bool steer_;
+  const std::atomic<bool>& stop_;
+  bus::HealthReporter health_;
+  Steering steering_;
+  std::optional<torquer_lcm::wire_state_t> state_;
+  std::optional<torquer_lcm::wire_forces_t> forces_;
+  bool state_is_new_ = false;
+  bool skip_ = false;
+  int states_ = 0;
+  std::int64_t summary_us_ = 0;
+  PageServer server_;  // last: it calls what is above
+};
+
+}  // namespace
+
+void RunViewer(bus::Bus& bus, int listening_socket, const std::string& token, scene::Scene* scene,
+               bool steer, const std::atomic<bool>& stop) {
+  Viewer viewer(bus, listening_socket, token, steer, stop);
+  if (scene != nullptr) {
+    viewer.server().ShowBytes("vessel", SurfaceFrame(*scene));
+    const std::optional<double> field_mm = FieldMm(*scene);
+    if (field_mm) viewer.server().ShowText("arm", ArmText(*field_mm, scene->content_hash()));
+  }
+  fmt::print("{}\n", viewer.server().url());
+  std::fflush(stdout);
+  viewer.Run();
+}
+
+}  // namespace torquer::viewer

@@ -1,0 +1,58 @@
+// Short forms for the page's elements, and how numbers look.
+
+export function element<T extends Element>(selector: string): T {
+  const found = document.querySelector<T>(selector);
+  if (found === null) throw new Error(`the page has no ${selector}`);
+  return found;
+}
+
+export function setText(target: Element, text: string): void {
+  if (target.textContent !== text) target.textContent = text;
+}
+
+export function setData(target: HTMLElement | SVGElement, name: string, value: string): void {
+  if (target.dataset[name] !== value) target.dataset[name] = value;
+}
+
+/** With a sign in any case, as positions of a hand have. */
+export function signed(value: number, digits: number): string {
+  const text = value.toFixed(digits).replace("-", "−");
+  return value > 0 ? `+${text}` : text;
+}
+
+export function seconds(value: number): string {
+  const whole = Math.max(0, Math.floor(value));
+  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")} min`;
+}
+
+/** Three significant digits, in the unit or a thousandth of it. */
+export function short(value: number): string {
+  if (!Number.isFinite(value)) return "–";
+  if (value !== 0 && Math.abs(value) < 0.01) return value.toExponential(1).replace("-", "−");
+  return Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3);
+}
+
+/** Rows of a definition list, by term; those of before stay the same elements. */
+export class Rows {
+  private readonly values = new Map<string, HTMLElement>();
+
+  constructor(private readonly list: HTMLElement) {}
+
+  set(term: string, value: string): HTMLElement {
+    let shown = this.values.get(term);
+    if (shown === undefined) {
+      const name = document.createElement("dt");
+      name.textContent = term;
+      shown = document.createElement("dd");
+      this.list.append(name, shown);
+      this.values.set(term, shown);
+    }
+    setText(shown, value);
+    return shown;
+  }
+
+  clear(): void {
+    this.values.clear();
+    this.list.replaceChildren();
+  }
+}

@@ -1,0 +1,163 @@
+// The X-ray screen: the simulator's own picture, with window and level, and what a laboratory's
+// screen says beside it.
+
+import { element, Rows, seconds, setData, setText } from "./dom.js";
+import type { Arm, Picture, Readings } from "./frames.js";
+
+const DEG = 180 / Math.PI;
+const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
+
+/** "LAO 30°": the patient's side or end that the detector leans to. */
+function angle(rad: number, positive: string, negative: string): string {
+  const degrees = Math.round(rad * DEG);
+  return `${degrees < 0 ? negative : positive} ${Math.abs(degrees)}°`;
+}
+
+export class Fluoroscopy {
+  private readonly canvas = element<HTMLCanvasElement>("#xray-picture");
+  private readonly screen = this.canvas.getContext("2d", { willReadFrequently: true })!;
+  private readonly dose = new Rows(element("#dose"));
+  private gray = new Uint8ClampedArray();
+  private decoding = false;
+  private waiting: Picture | null = null;
+  private fieldMm = 0;
+  private level = 128; // gray that is shown as the middle
+  private width = 256; // grays from black to white
+
+  constructor() {
+    this.listen();
+    this.sayWindow();
+    new ResizeObserver(() => this.drawScale()).observe(this.canvas);
+  }
+
+  /** A picture of a decoder that is busy waits; of those that wait the newest counts. */
+  show(picture: Picture): void {
+    this.waiting = picture;
+    if (!this.decoding) void this.decode();
+  }
+
+  setArm(arm: Arm | null): void {
+    this.fieldMm = arm?.field_mm ?? 0;
+    this.drawScale();
+  }
+
+  setAngles(laoRad: number, craRad: number): void {
+    setText(element("#lao"), angle(laoRad, "LAO", "RAO"));
+    setText(element("#cra"), angle(craRad, "CRA", "CAU"));
+    // As one sees it who stands before the patient: the patient's left is on the right.
+    const spot = element<SVGCircleElement>("#arm-spot");
+    spot.setAttribute("cx", (18 * (laoRad / (Math.PI / 2))).toFixed(1));
+    spot.setAttribute("cy", (-18 * (craRad / (Math.PI / 2))).toFixed(1));
+  }
+
+  setLamp(on: boolean): void {
+    const lamp = element<HTMLElement>("#lamp");
+    setData(lamp, "on", String(on));
+    setText(lamp.lastElementChild!, on ? "X-RAY ON" : "X-RAY OFF");
+  }
+
+  setHold(text: string): void {
+    setText(element("#hold"), text);
+  }
+
+  setNotice(text: string): void {
+    setText(element("#xray-notice"), text);
+  }
+
+  setReadings(readings: Readings, injecting: boolean): void {
+    const values = readings.values;
+    const row = (term: string, name: string, shown: (value: number) => string) => {
+      const value = values[name];
+      return value === undefined ? null : this.dose.set(term, shown(value));
+    };
+    row("Procedure", "procedure_s", seconds);
+    row("X-ray", "fluoroscopy_s", seconds);
+    row("Pulses", "xray_pulses", (value) => value.toFixed(0));
+    row("Air kerma", "air_kerma_mGy", (value) => `${value.toFixed(2)} mGy`);
+    const contrast = row("Contrast", "contrast_injected_mL", (value) => `${value.toFixed(1)} mL`);
+    if (contrast !== null) setData(contrast, "on", String(injecting));
+  }
+
+  clear(): void {
+    this.dose.clear();
+    this.gray = new Uint8ClampedArray();
+    this.screen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+  }
+
+  private async decode(): Promise<void> {
+    this.decoding = true;
+    while (this.waiting !== null) {
+      const picture = this.waiting;
+      this.waiting = null;
+      try {
+        const image = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
+        this.take(image);
+        image.close();
+      } catch {
+        this.setHold("A picture could not be read");
+      }
+    }
+    this.decoding = false;
+  }
+
+  private take(image: ImageBitmap): void {
+    const resized = this.canvas.width !== image.width || this.canvas.height !== image.height;
+    if (resized) {
+      this.canvas.width = image.width;
+      this.canvas.height = image.height;
+    }
+    this.screen.drawImage(image, 0, 0);
+    const pixels = this.screen.getImageData(0, 0, image.width, image.height).data;
+    if (this.gray.length !== pixels.length / 4) this.gray = new Uint8ClampedArray(pixels.length / 4);
+    for (let i = 0; i < this.gray.length; ++i) this.gray[i] = pixels[4 * i]!;
+    if (this.level !== 128 || this.width !== 256) this.paint();
+    if (resized) this.drawScale();
+  }
+
+  private paint(): void {
+    if (this.gray.length === 0) return;
+    const shown = new Uint8ClampedArray(256);
+    for (let value = 0; value < 256; ++value) {
+      shown[value] = 128 + ((value - this.level) * 256) / this.width;
+    }
+    const image = this.screen.createImageData(this.canvas.width, this.canvas.height);
+    for (let i = 0; i < this.gray.length; ++i) {
+      const value = shown[this.gray[i]!]!;
+      image.data[4 * i] = image.data[4 * i + 1] = image.data[4 * i + 2] = value;
+      image.data[4 * i + 3] = 255;
+    }
+    this.screen.putImageData(image, 0, 0);
+  }
+
+  private listen(): void {
+    this.canvas.addEventListener("pointerdown", (event) => this.canvas.setPointerCapture(event.pointerId));
+    this.canvas.addEventListener("pointermove", (event) => {
+      if (event.buttons !== 1) return;
+      // As on a workstation: to the right more contrast's width, upwards darker.
+      this.setWindow(this.level + event.movementY, this.width + 2 * event.movementX);
+    });
+    this.canvas.addEventListener("dblclick", () => this.setWindow(128, 256));
+  }
+
+  private setWindow(level: number, width: number): void {
+    this.level = Math.min(Math.max(level, 0), 255);
+    this.width = Math.min(Math.max(width, 8), 1024);
+    this.paint();
+    this.sayWindow();
+  }
+
+  private sayWindow(): void {
+    setText(element("#window"), `window ${Math.round(this.width)}  level ${Math.round(this.level)}`);
+  }
+
+  private drawScale(): void {
+    const scale = element<HTMLElement>("#scale");
+    const shownPx = this.canvas.getBoundingClientRect().width;
+    scale.hidden = this.fieldMm === 0 || shownPx === 0;
+    if (scale.hidden) return;
+    const pxPerMm = shownPx / this.fieldMm;
+    const lengthMm = SCALE_STEPS_MM.filter((mm) => mm * pxPerMm < 160).pop() ?? 1;
+    setText(scale.firstElementChild!, `${lengthMm} mm at the isocenter`);
+    scale.querySelector("i")!.style.width = `${lengthMm * pxPerMm}px`;
+  }
+}

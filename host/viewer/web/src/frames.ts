@@ -1,0 +1,216 @@
+// What comes from torquer-viewer and goes to it: layouts of host/viewer/README.md.
+
+export const STATUS = {
+  converged: 1,
+  budgetSpent: 2,
+  outsideLumen: 4,
+  snapped: 8,
+  inputRefused: 16,
+  inDoubt: 32,
+  stalled: 64,
+} as const;
+
+export interface InstrumentState {
+  insertionMm: number;
+  rotationRad: number;
+  carriedMm: number;
+  carriedRad: number;
+  latencyMs: number; // not a number where it is unknown
+  tipMm: [number, number, number];
+}
+
+export interface WireState {
+  kind: "state";
+  timeS: number;
+  tick: number;
+  residual: number;
+  penetrationUm: number;
+  solveUs: number;
+  energyMJ: number;
+  status: number;
+  contacts: number;
+  instruments: InstrumentState[];
+  nodesMm: Float32Array; // x, y, z of each node
+  contactMN: Float32Array; // not a number where the scene does not measure it
+  depthUm: Float32Array;
+}
+
+export interface Picture {
+  kind: "picture";
+  held: boolean;
+  number: number;
+  timeS: number;
+  laoRad: number;
+  craRad: number;
+  width: number;
+  height: number;
+  jpeg: Uint8Array;
+}
+
+export interface VesselSurface {
+  kind: "vessel";
+  moves: boolean;
+  hash: string;
+  verticesMm: Float32Array;
+  triangles: Uint32Array;
+}
+
+export interface Scene {
+  kind: "scene";
+  name: string;
+  hash: string;
+  vessel: string;
+  method: string;
+  effects: string[];
+  instruments: { name: string; radius_mm: number; max_length_mm: number }[];
+  min_mm: number[];
+  max_mm: number[];
+  left: number[];
+  posterior: number[];
+  superior: number[];
+}
+
+export interface Health {
+  kind: "health";
+  process: string;
+  instrument: string;
+  device: string;
+  state: string;
+  message: string;
+}
+
+export interface Readings {
+  kind: "readings";
+  time_s: number;
+  values: Record<string, number>;
+}
+
+export interface Arm {
+  kind: "arm";
+  field_mm: number;
+  hash: string;
+}
+
+export interface Viewer {
+  kind: "viewer";
+  steer: boolean;
+  steered: boolean;
+  page: number;
+  lao_rad: number;
+  cra_rad: number;
+  xray: boolean;
+  contrast: boolean;
+  states_per_s: number;
+}
+
+export type Incoming =
+  | WireState
+  | Picture
+  | VesselSurface
+  | Scene
+  | Health
+  | Readings
+  | Arm
+  | Viewer;
+
+const VERSION = 1;
+
+function readState(view: DataView, buffer: ArrayBuffer): WireState {
+  const instrumentCount = view.getUint16(2, true);
+  const nodes = view.getUint32(4, true);
+  const number = (offset: number) => view.getFloat64(offset, true);
+  const instruments: InstrumentState[] = [];
+  for (let k = 0; k < instrumentCount; ++k) {
+    const at = 64 + 64 * k;
+    instruments.push({
+      insertionMm: number(at),
+      rotationRad: number(at + 8),
+      carriedMm: number(at + 16),
+      carriedRad: number(at + 24),
+      latencyMs: number(at + 32),
+      tipMm: [number(at + 40), number(at + 48), number(at + 56)],
+    });
+  }
+  const first = 64 + 64 * instrumentCount;
+  return {
+    kind: "state",
+    timeS: number(8),
+    tick: number(16),
+    residual: number(24),
+    penetrationUm: number(32),
+    solveUs: number(40),
+    energyMJ: number(48),
+    status: view.getUint32(56, true),
+    contacts: view.getUint32(60, true),
+    instruments,
+    nodesMm: new Float32Array(buffer, first, 3 * nodes),
+    contactMN: new Float32Array(buffer, first + 12 * nodes, nodes),
+    depthUm: new Float32Array(buffer, first + 16 * nodes, nodes),
+  };
+}
+
+function readPicture(view: DataView, buffer: ArrayBuffer): Picture {
+  return {
+    kind: "picture",
+    held: view.getUint16(2, true) !== 0,
+    number: view.getFloat64(8, true),
+    timeS: view.getFloat64(16, true),
+    laoRad: view.getFloat32(24, true),
+    craRad: view.getFloat32(28, true),
+    width: view.getUint32(32, true),
+    height: view.getUint32(36, true),
+    jpeg: new Uint8Array(buffer, 40, view.getUint32(4, true)),
+  };
+}
+
+function readVessel(view: DataView, buffer: ArrayBuffer): VesselSurface {
+  const vertices = view.getUint32(4, true);
+  const triangles = view.getUint32(8, true);
+  return {
+    kind: "vessel",
+    moves: view.getUint16(2, true) !== 0,
+    hash: String.fromCharCode(...new Uint8Array(buffer, 16, 16)),
+    verticesMm: new Float32Array(buffer, 32, 3 * vertices),
+    triangles: new Uint32Array(buffer, 32 + 12 * vertices, 3 * triangles),
+  };
+}
+
+/** What a message holds. Throws where it is of another version than this page. */
+export function read(data: string | ArrayBuffer): Incoming {
+  if (typeof data === "string") return JSON.parse(data) as Incoming;
+  const view = new DataView(data);
+  if (view.getUint8(1) !== VERSION) throw new Error("another version of torquer-viewer");
+  switch (view.getUint8(0)) {
+    case 1:
+      return readState(view, data);
+    case 2:
+      return readPicture(view, data);
+    case 3:
+      return readVessel(view, data);
+    default:
+      throw new Error("a message of an unknown kind");
+  }
+}
+
+export interface Controls {
+  xray: boolean;
+  contrast: boolean;
+  instrument: number;
+  pushMmS: number;
+  turnRadS: number;
+  laoRadS: number;
+  craRadS: number;
+}
+
+export function write(controls: Controls): ArrayBuffer {
+  const view = new DataView(new ArrayBuffer(20));
+  view.setUint8(0, 16);
+  view.setUint8(1, VERSION);
+  view.setUint8(2, (controls.xray ? 1 : 0) | (controls.contrast ? 2 : 0));
+  view.setUint8(3, controls.instrument);
+  view.setFloat32(4, controls.pushMmS, true);
+  view.setFloat32(8, controls.turnRadS, true);
+  view.setFloat32(12, controls.laoRadS, true);
+  view.setFloat32(16, controls.craRadS, true);
+  return view.buffer;
+}

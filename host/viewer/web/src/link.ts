@@ -1,0 +1,37 @@
+// The connection to torquer-viewer: opened again whenever it is lost.
+
+import { type Controls, type Incoming, read, write } from "./frames.js";
+
+const AGAIN_MS = 700;
+
+export class Link {
+  private socket: WebSocket | null = null;
+  open = false;
+
+  constructor(
+    private readonly received: (message: Incoming) => void,
+    private readonly changed: (open: boolean) => void,
+  ) {
+    this.connect();
+  }
+
+  send(controls: Controls): void {
+    if (this.open) this.socket?.send(write(controls));
+  }
+
+  private connect(): void {
+    const socket = new WebSocket(new URL("bus", location.href.replace(/^http/, "ws")));
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.open = true;
+      this.changed(true);
+    };
+    socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => this.received(read(event.data));
+    socket.onclose = () => {
+      if (this.open) this.changed(false);
+      this.open = false;
+      setTimeout(() => this.connect(), AGAIN_MS);
+    };
+    this.socket = socket;
+  }
+}

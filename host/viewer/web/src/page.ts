@@ -1,0 +1,214 @@
+// The page: what comes in is handed to the screens, what is held down goes out.
+
+import { element, setData, setText } from "./dom.js";
+import { Fluoroscopy } from "./fluoroscopy.js";
+import type { Arm, Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
+import { STATUS } from "./frames.js";
+import { Keyboard } from "./keyboard.js";
+import { Link } from "./link.js";
+import { Panel } from "./panel.js";
+import { Space } from "./space.js";
+
+const STATE_OLD_MS = 1200; // a state comes five times a second at least
+const REFRESH_MS = 250;
+
+class Page {
+  private readonly fluoroscopy = new Fluoroscopy();
+  private readonly space = new Space();
+  private readonly panel = new Panel();
+  private readonly keyboard = new Keyboard((controls) => this.link.send(controls), () => this.choose());
+  private scene: Scene | null = null;
+  private arm: Arm | null = null;
+  private state: WireState | null = null;
+  private viewer: Viewer | null = null;
+  private readings: Readings | null = null;
+  private stateMs = -Infinity;
+  private pictures = 0;
+  private hinted = "";
+  private live = false; // the newest picture was taken just now
+  private readonly link = new Link((message) => this.take(message), () => this.refresh());
+
+  constructor() {
+    element("#keys-button").addEventListener("click", () => this.showKeys());
+    addEventListener("keydown", (event) => this.shortcut(event));
+    setInterval(() => this.refresh(), REFRESH_MS);
+    const frame = () => {
+      this.space.draw();
+      requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+    this.refresh();
+    // For tests: what is drawn, and where.
+    Object.assign(window, {
+      torquer: {
+        space: this.space,
+        state: () => this.state,
+        scene: () => this.scene,
+        viewer: () => this.viewer,
+        pictures: () => this.pictures,
+      },
+    });
+  }
+
+  private take(message: Incoming): void {
+    const nowMs = performance.now();
+    switch (message.kind) {
+      case "state":
+        this.state = message;
+        this.stateMs = nowMs;
+        this.space.setState(message);
+        this.panel.setState(message);
+        break;
+      case "picture":
+        ++this.pictures;
+        this.live = !message.held;
+        this.fluoroscopy.show(message);
+        if (this.viewer?.steer !== true) this.fluoroscopy.setAngles(message.laoRad, message.craRad);
+        this.lamp();
+        break;
+      case "vessel":
+        this.space.setVessel(message);
+        break;
+      case "scene":
+        this.takeScene(message);
+        break;
+      case "arm":
+        this.arm = message;
+        this.fluoroscopy.setArm(message);
+        break;
+      case "readings":
+        this.readings = message;
+        this.fluoroscopy.setReadings(message, this.viewer?.contrast === true);
+        break;
+      case "health":
+        this.panel.setHealth(message, nowMs);
+        break;
+      case "viewer":
+        this.viewer = message;
+        this.keyboard.enabled = message.steer;
+        if (message.steer) this.fluoroscopy.setAngles(message.lao_rad, message.cra_rad);
+        this.lamp();
+        break;
+    }
+  }
+
+  private takeScene(scene: Scene): void {
+    if (this.scene !== null && this.scene.hash !== scene.hash) {
+      this.readings = null;
+      this.fluoroscopy.clear();
+      this.pictures = 0;
+    }
+    this.scene = scene;
+    this.space.setScene(scene);
+    this.panel.setScene(scene);
+    this.keyboard.setInstruments(scene.instruments.length);
+    this.fluoroscopy.setArm(this.arm?.hash === scene.hash ? this.arm : null);
+    document.body.classList.toggle("no-xray", !scene.effects.includes("fluoroscopy"));
+    setText(element("#scene-name"), scene.name.replaceAll("_", " "));
+    document.title = `${scene.name} · Torquer`;
+    this.choose();
+  }
+
+  // With the page's own pedal it is known; of a device's pedal the pictures tell.
+  private lamp(): void {
+    const on = this.fresh() && (this.viewer?.steer === true ? this.viewer.xray : this.live);
+    this.fluoroscopy.setLamp(on);
+    this.fluoroscopy.setHold(!on && this.pictures > 0 ? "Last image hold" : "");
+  }
+
+  private fresh(): boolean {
+    return this.link.open && performance.now() - this.stateMs < STATE_OLD_MS;
+  }
+
+  private choose(): void {
+    this.panel.choose(this.keyboard.chosen, this.keyboard.steers);
+  }
+
+  private refresh(): void {
+    const nowMs = performance.now();
+    this.panel.refresh(this.viewer, this.readings, this.fresh(), nowMs);
+    const [level, text, notice] = this.session(nowMs);
+    const shown = element<HTMLElement>("#state");
+    setData(shown, "level", level);
+    setText(shown, text.charAt(0).toUpperCase() + text.slice(1));
+    this.fluoroscopy.setNotice(notice !== "" ? notice : this.pictureNotice());
+    setText(element("#space-notice"), document.body.classList.contains("no-xray") ? notice : "");
+    this.showHint();
+    this.choose();
+    this.lamp();
+  }
+
+  // Level, a word for the header, and a sentence across the picture where there is nothing to see.
+  private session(nowMs: number): ["good" | "warn", string, string] {
+    if (!this.link.open) {
+      return ["warn", "No connection", "No connection to torquer-viewer. This page keeps trying; if the viewer has been started again, open its new link."];
+    }
+    if (this.state === null || this.scene === null) {
+      return ["warn", "Waiting for a simulator", "No simulator on the bus yet. Start one: torquer\u2011simulator --scene FILE"];
+    }
+    if (!this.fresh()) {
+      const silentS = Math.round((nowMs - this.stateMs) / 1000);
+      return ["warn", `Simulator silent for ${silentS} s`, "The simulator does not answer. What is shown is its last state."];
+    }
+    const missing = this.panel.missingDevice(nowMs);
+    if (missing !== "") return ["warn", missing, ""];
+    const words = Panel.words(this.state.status);
+    if ((this.state.status & STATUS.inDoubt) !== 0) {
+      const reason = this.viewer?.steer === true ? "nobody steers" : "no commands from the device";
+      return ["warn", `In doubt: ${words === "" ? reason : words}`, ""];
+    }
+    if (words !== "") return ["warn", words, ""];
+    if (this.viewer?.steer !== true && !this.panel.hasDaemon()) return ["good", "No device", ""];
+    return ["good", "Running", ""];
+  }
+
+  private pictureNotice(): string {
+    if (this.pictures > 0 || document.body.classList.contains("no-xray")) return "";
+    return this.viewer?.steer === true ? "Hold the space bar for X-ray" : "No X-ray yet: the pedal is up";
+  }
+
+  private showHint(): void {
+    let parts: [string, string][] = [["F", "follow the tip"], ["V", "whole vessel"]];
+    if (this.viewer?.steer === true) {
+      const effects = this.scene?.effects ?? [];
+      const xray: [string, string][] = [["Space", "X-ray"], ["W A S D", "C-arm"]];
+      if (effects.includes("contrast")) xray.splice(1, 0, ["C", "contrast"]);
+      parts = [
+        ["↑ ↓", "push, pull"], ["← →", "turn"], ["Shift", "fine"], ["Tab", "next instrument"],
+        ...(effects.includes("fluoroscopy") ? xray : []),
+        ...parts,
+      ];
+    } else {
+      parts.unshift(["", "The instruments are moved by their devices; this page looks on."]);
+    }
+    const hint = element("#hint");
+    const text = JSON.stringify(parts);
+    if (this.hinted === text) return;
+    this.hinted = text;
+    hint.replaceChildren();
+    for (const [keys, what] of parts) {
+      const part = document.createElement("span");
+      for (const key of keys.split(" ").filter((word) => word !== "")) {
+        const shown = document.createElement("kbd");
+        shown.textContent = key;
+        part.append(shown);
+      }
+      part.append(` ${what}`);
+      hint.append(part);
+    }
+  }
+
+  private showKeys(): void {
+    element<HTMLDialogElement>("#keys").showModal();
+  }
+
+  private shortcut(event: KeyboardEvent): void {
+    if (event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (document.querySelector("dialog[open]") !== null) return;
+    if (event.key === "?") this.showKeys();
+    if (event.code === "KeyF") this.space.follow(!this.space.follows);
+    if (event.code === "KeyV") this.space.showAll();
+  }
+}
+
+new Page();

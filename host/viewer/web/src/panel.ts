@@ -1,0 +1,118 @@
+// The panel of figures and health, and the session in a word.
+
+import { element, Rows, setData, setText, short, signed } from "./dom.js";
+import { type Health, type Readings, type Scene, STATUS, type Viewer, type WireState } from "./frames.js";
+
+const OLD_MS = 2500; // health comes once a second
+const DEG = 180 / Math.PI;
+const STATUS_WORDS: [number, string][] = [
+  [STATUS.outsideLumen, "outside the lumen"],
+  [STATUS.stalled, "solver stalled"],
+  [STATUS.inputRefused, "command refused"],
+  [STATUS.budgetSpent, "behind the hand"],
+  [STATUS.snapped, "tip snapped"],
+];
+
+export class Panel {
+  private readonly instruments = element<HTMLElement>("#instruments");
+  private readonly solver = new Rows(element("#solver"));
+  private readonly health = element<HTMLElement>("#health");
+  private readonly processes = new Map<string, { health: Health; heardMs: number }>();
+  private rows: { row: HTMLElement; insertion: Element; rotation: Element; note: Element }[] = [];
+  private scene: Scene | null = null;
+  private residual = 0;
+  private solveUs = 0;
+  private penetrationUm = 0;
+  private latencyMs = NaN;
+
+  setScene(scene: Scene): void {
+    if (this.scene?.hash === scene.hash) return;
+    this.scene = scene;
+    this.rows = scene.instruments.map((instrument) => {
+      const row = document.createElement("div");
+      row.className = "instrument";
+      const [name, insertion, rotation, note] = ["span", "b", "b", "small"].map((tag) => document.createElement(tag)) as [
+        HTMLElement, HTMLElement, HTMLElement, HTMLElement,
+      ];
+      name.textContent = instrument.name;
+      row.append(name, insertion, rotation, note);
+      return { row, insertion, rotation, note };
+    });
+    this.instruments.replaceChildren(...this.rows.map(({ row }) => row));
+    this.solver.clear();
+  }
+
+  setState(state: WireState): void {
+    for (const [k, instrument] of state.instruments.entries()) {
+      const shown = this.rows[k];
+      if (shown === undefined) continue;
+      setText(shown.insertion, `${instrument.insertionMm.toFixed(1)} mm`);
+      setText(shown.rotation, `${signed(instrument.rotationRad * DEG, 0)}°`);
+      const carried = Math.abs(instrument.carriedMm);
+      setText(shown.note, carried > 1 ? `${carried.toFixed(1)} mm behind the hand` : "");
+      if (Number.isFinite(instrument.latencyMs) && k === 0) this.latencyMs = instrument.latencyMs;
+    }
+    // The worst since the figures were shown last: a peak of one tick is what matters.
+    this.residual = Math.max(this.residual, state.residual);
+    this.solveUs = Math.max(this.solveUs, state.solveUs);
+    this.penetrationUm = Math.max(this.penetrationUm, state.penetrationUm);
+  }
+
+  setHealth(health: Health, nowMs: number): void {
+    this.processes.set(`${health.process} ${health.instrument}`, { health, heardMs: nowMs });
+  }
+
+  choose(chosen: number, steers: boolean): void {
+    for (const [k, { row }] of this.rows.entries()) setData(row, "chosen", String(steers && k === chosen));
+  }
+
+  /** Four times a second: numbers that change faster cannot be read. */
+  refresh(viewer: Viewer | null, readings: Readings | null, fresh: boolean, nowMs: number): void {
+    const figure = (term: string, value: number, unit: string, shown: (value: number) => string) =>
+      this.solver.set(term, fresh && Number.isFinite(value) ? `${shown(value)}${unit}` : "–");
+    figure("States", viewer?.states_per_s ?? NaN, " /s", (value) => value.toFixed(0));
+    figure("Hand to wire", this.latencyMs, " ms", (value) => value.toFixed(1));
+    figure("Solve time", 1e-3 * this.solveUs, " ms", short);
+    figure("Residual", this.residual, "", short);
+    figure("Into the wall", this.penetrationUm, " µm", short);
+    const force = readings?.values["wall_force_largest_mN"];
+    if (force !== undefined) figure("Wall force", force, " mN", short);
+    const events = readings?.values["wall_force_events"];
+    if (events !== undefined) this.solver.set("Force events", events.toFixed(0));
+    this.residual = this.solveUs = this.penetrationUm = 0;
+    this.showHealth(nowMs);
+  }
+
+  /** Of the daemons the first that has no device, in words; "" where none is missing. */
+  missingDevice(nowMs: number): string {
+    for (const { health, heardMs } of this.processes.values()) {
+      if (health.process !== "daemon") continue;
+      if (nowMs - heardMs > OLD_MS) return `the daemon of the ${health.instrument} is silent`;
+      if (health.state !== "running") return `${health.instrument}: ${health.state}`;
+    }
+    return "";
+  }
+
+  hasDaemon(): boolean {
+    return [...this.processes.values()].some(({ health }) => health.process === "daemon");
+  }
+
+  static words(status: number): string {
+    return STATUS_WORDS.filter(([bit]) => (status & bit) !== 0)
+      .map(([, word]) => word)
+      .join(", ");
+  }
+
+  private showHealth(nowMs: number): void {
+    const lines = [...this.processes.values()].map(({ health, heardMs }) => {
+      const line = document.createElement("li");
+      const silentS = (nowMs - heardMs) / 1000;
+      const silent = nowMs - heardMs > OLD_MS;
+      const of = health.instrument === "" ? "" : ` of the ${health.instrument}`;
+      line.textContent = `${health.process}${of}: ${silent ? `silent for ${silentS.toFixed(0)} s` : health.state}`;
+      line.dataset["level"] = silent || health.state !== "running" ? "warn" : "good";
+      return line;
+    });
+    this.health.replaceChildren(...lines);
+  }
+}

@@ -1,0 +1,327 @@
+// The 3D teaching view: vessel, wire, contact. Draws only when something has changed.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { element, setText } from "./dom.js";
+import type { Scene, VesselSurface, WireState } from "./frames.js";
+
+// From no contact to much: the viridis colors, which people with any color vision can order.
+const COLORS = ["#6fb7ff", "#4ac6a8", "#a5db36", "#fde725"].map((text) => new THREE.Color(text));
+const FORCE_MN = 50; // the end of the scale
+const DEPTH_UM = 100; // the same where the scene measures no forces
+const OUTER = ["#e8eef2", "#7fc7d9", "#c9a3ff", "#ffc98a"];
+const SIDES = 8;
+const DRAWN_RADIUS = 0.0019; // of the distance to the camera, at least: else a whole aorta hides its wire
+
+function colorAt(share: number, out: THREE.Color): THREE.Color {
+  const place = Math.min(Math.max(share, 0), 1) * (COLORS.length - 1);
+  const index = Math.min(Math.floor(place), COLORS.length - 2);
+  return out.lerpColors(COLORS[index]!, COLORS[index + 1]!, place - index);
+}
+
+/** A tube along a polyline, its sides turned along without twist. */
+class Tube {
+  readonly mesh: THREE.Mesh;
+  private readonly geometry = new THREE.BufferGeometry();
+  private capacity = 0;
+
+  constructor(material: THREE.Material) {
+    this.mesh = new THREE.Mesh(this.geometry, material);
+    this.mesh.frustumCulled = false;
+  }
+
+  set(nodesMm: Float32Array, count: number, radiusMm: number, color: (node: number, out: THREE.Color) => void): void {
+    this.mesh.visible = count > 1;
+    if (count < 2) return;
+    this.reserve(count);
+    const position = this.geometry.getAttribute("position") as THREE.BufferAttribute;
+    const normal = this.geometry.getAttribute("normal") as THREE.BufferAttribute;
+    const colors = this.geometry.getAttribute("color") as THREE.BufferAttribute;
+    const node = (i: number, out: THREE.Vector3) => out.fromArray(nodesMm, 3 * i);
+    const [before, here, after, tangent, side, up, spoke] = Array.from({ length: 7 }, () => new THREE.Vector3()) as [
+      THREE.Vector3, THREE.Vector3, THREE.Vector3, THREE.Vector3, THREE.Vector3, THREE.Vector3, THREE.Vector3,
+    ];
+    const shade = new THREE.Color();
+    for (let i = 0; i < count; ++i) {
+      node(Math.max(i - 1, 0), before);
+      node(i, here);
+      node(Math.min(i + 1, count - 1), after);
+      tangent.subVectors(after, before).normalize();
+      if (i === 0) side.set(Math.abs(tangent.x) < 0.9 ? 1 : 0, Math.abs(tangent.x) < 0.9 ? 0 : 1, 0);
+      side.addScaledVector(tangent, -side.dot(tangent)).normalize();
+      up.crossVectors(tangent, side);
+      color(i, shade);
+      for (let k = 0; k < SIDES; ++k) {
+        const turn = (2 * Math.PI * k) / SIDES;
+        spoke.copy(side).multiplyScalar(Math.cos(turn)).addScaledVector(up, Math.sin(turn));
+        const at = i * SIDES + k;
+        position.setXYZ(at, here.x + radiusMm * spoke.x, here.y + radiusMm * spoke.y, here.z + radiusMm * spoke.z);
+        normal.setXYZ(at, spoke.x, spoke.y, spoke.z);
+        colors.setXYZ(at, shade.r, shade.g, shade.b);
+      }
+    }
+    this.geometry.setDrawRange(0, (count - 1) * SIDES * 6);
+    position.needsUpdate = normal.needsUpdate = colors.needsUpdate = true;
+  }
+
+  private reserve(count: number): void {
+    if (count <= this.capacity) return;
+    this.capacity = Math.ceil(1.5 * count);
+    for (const name of ["position", "normal", "color"]) {
+      this.geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(3 * SIDES * this.capacity), 3));
+    }
+    const index: number[] = [];
+    for (let i = 0; i + 1 < this.capacity; ++i) {
+      for (let k = 0; k < SIDES; ++k) {
+        const [a, b] = [i * SIDES + k, i * SIDES + ((k + 1) % SIDES)];
+        index.push(a, b, a + SIDES, b, b + SIDES, a + SIDES);
+      }
+    }
+    this.geometry.setIndex(index);
+  }
+}
+
+export class Space {
+  private readonly canvas = element<HTMLCanvasElement>("#space");
+  private readonly renderer: THREE.WebGLRenderer | null;
+  private readonly world = new THREE.Scene();
+  private readonly patient = new THREE.Group(); // the vessel's frame, turned as the patient lies
+  private readonly camera = new THREE.PerspectiveCamera(35, 1, 1, 5000);
+  private readonly orbit: OrbitControls;
+  private readonly vesselMaterial = new THREE.MeshPhongMaterial({
+    color: "#e07a88", transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false, shininess: 40,
+  });
+  private readonly wireMaterial = new THREE.MeshPhongMaterial({ vertexColors: true, emissive: "#181818" });
+  private readonly tubes: Tube[] = [];
+  private readonly tip = new THREE.Mesh(
+    new THREE.SphereGeometry(1, 16, 12), new THREE.MeshBasicMaterial({ color: "#ffd166" }));
+  private vessel: THREE.Mesh | null = null;
+  private surface: VesselSurface | null = null;
+  private scene: Scene | null = null;
+  private state: WireState | null = null;
+  private center = new THREE.Vector3();
+  private sizeMm = 300;
+  private halfMm = new THREE.Vector3(100, 100, 100); // of the vessel's box, as it is seen
+  private legendMeasured = false;
+  private following = false;
+  private atHome = true; // nobody has turned it since it showed the whole vessel
+  private changed = true;
+  frames = 0;
+
+  constructor() {
+    this.renderer = this.makeRenderer();
+    this.world.background = new THREE.Color("#10151a");
+    this.world.add(new THREE.HemisphereLight("#ffffff", "#53606a", 1.7), this.patient);
+    const lamp = new THREE.DirectionalLight("#ffffff", 1.6);
+    lamp.position.set(-1, 1, 2);
+    this.camera.add(lamp);
+    this.world.add(this.camera);
+    this.patient.add(this.tip);
+    this.tip.visible = false;
+    this.orbit = new OrbitControls(this.camera, this.canvas);
+    this.orbit.enableDamping = false;
+    this.orbit.addEventListener("change", () => (this.changed = true));
+    this.orbit.addEventListener("start", () => (this.atHome = false));
+    new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement!);
+    element("#follow").addEventListener("click", () => this.follow(!this.following));
+    element("#home").addEventListener("click", () => this.showAll());
+    this.drawLegend(false);
+  }
+
+  setScene(scene: Scene): void {
+    if (this.scene?.hash === scene.hash) return;
+    this.scene = scene;
+    // x to the viewer's right is the patient's left, y up is the head, as seen from the front.
+    const row = (values: number[]) => new THREE.Vector3(...(values as [number, number, number]));
+    const [left, superior, anterior] = [row(scene.left), row(scene.superior), row(scene.posterior).negate()];
+    const turn = new THREE.Matrix4().makeBasis(left, superior, anterior).transpose();
+    this.patient.quaternion.setFromRotationMatrix(turn);
+    const [min, max] = [row(scene.min_mm), row(scene.max_mm)];
+    this.center = min.clone().add(max).multiplyScalar(0.5);
+    this.sizeMm = min.distanceTo(max);
+    this.patient.position.copy(this.center.clone().applyQuaternion(this.patient.quaternion).negate());
+    const size = max.clone().sub(min).multiplyScalar(0.5).applyQuaternion(this.patient.quaternion);
+    this.halfMm.set(Math.abs(size.x), Math.abs(size.y), Math.abs(size.z));
+    for (const tube of this.tubes) this.patient.remove(tube.mesh);
+    this.tubes.length = 0;
+    for (let k = 0; k < scene.instruments.length; ++k) {
+      const tube = new Tube(k === 0 ? this.wireMaterial : this.outerMaterial(k));
+      this.tubes.push(tube);
+      this.patient.add(tube.mesh);
+    }
+    this.showVessel();
+    this.showAll();
+  }
+
+  setVessel(surface: VesselSurface): void {
+    this.surface = surface;
+    this.showVessel();
+  }
+
+  setState(state: WireState): void {
+    this.state = state;
+    const measured = Space.measures(state);
+    if (measured !== this.legendMeasured) this.drawLegend(measured);
+    if (this.following) this.lookAtTip();
+    this.changed = true;
+  }
+
+  /** Where the camera puts a point of the vessel's frame, in pixels of the canvas from its top left. */
+  project(pointMm: [number, number, number]): [number, number] {
+    this.world.updateMatrixWorld();
+    const at = new THREE.Vector3(...pointMm).applyMatrix4(this.patient.matrixWorld).project(this.camera);
+    return [((at.x + 1) / 2) * this.canvas.clientWidth, ((1 - at.y) / 2) * this.canvas.clientHeight];
+  }
+
+  /** What the camera is: for who checks where points fall. */
+  cameraOf(): { position: number[]; target: number[]; fovDeg: number } {
+    return {
+      position: this.camera.position.toArray(), target: this.orbit.target.toArray(), fovDeg: this.camera.fov,
+    };
+  }
+
+  drawn(): WireState | null {
+    return this.state;
+  }
+
+  follow(on: boolean): void {
+    this.following = on;
+    if (on) this.atHome = false;
+    element("#follow").setAttribute("aria-pressed", String(on));
+    if (on) this.lookAtTip(0.25 * this.sizeMm);
+  }
+
+  get follows(): boolean {
+    return this.following;
+  }
+
+  showAll(): void {
+    this.follow(false);
+    this.atHome = true;
+    this.orbit.target.set(0, 0, 0);
+    const half = Math.tan((this.camera.fov * Math.PI) / 360);
+    const reachMm = Math.max(this.halfMm.y, this.halfMm.x / this.camera.aspect);
+    this.camera.position.set(0, 0, (1.04 * reachMm) / half + this.halfMm.z);
+    this.orbit.update();
+    this.changed = true;
+  }
+
+  draw(): void {
+    if (!this.changed || this.renderer === null) return;
+    this.changed = false;
+    this.placeInstruments();
+    this.renderer.render(this.world, this.camera);
+    ++this.frames;
+  }
+
+  private static measures(state: WireState): boolean {
+    return state.contactMN.length > 0 && !Number.isNaN(state.contactMN[0]!);
+  }
+
+  private placeInstruments(): void {
+    const [state, scene] = [this.state, this.scene];
+    if (state === null || scene === null || state.instruments.length !== this.tubes.length) return;
+    const measured = Space.measures(state);
+    const leastMm = DRAWN_RADIUS * this.camera.position.distanceTo(this.orbit.target);
+    for (const [k, tube] of this.tubes.entries()) {
+      const radius = Math.max(scene.instruments[k]!.radius_mm, leastMm * (1 + 0.5 * k));
+      const count = k === 0 ? state.nodesMm.length / 3 : this.nodesOf(state, k);
+      const share = (node: number) =>
+        measured ? state.contactMN[node]! / FORCE_MN : state.depthUm[node]! / DEPTH_UM;
+      tube.set(state.nodesMm, count, radius, (node, out) => colorAt(share(node), out));
+    }
+    this.tip.position.fromArray(state.instruments[0]!.tipMm);
+    this.tip.scale.setScalar(2.2 * Math.max(leastMm, scene.instruments[0]!.radius_mm));
+    this.tip.visible = true;
+  }
+
+  private makeRenderer(): THREE.WebGLRenderer | null {
+    try {
+      return new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true, preserveDrawingBuffer: true });
+    } catch {
+      setText(element("#space-notice"), "This browser has no WebGL: the 3D view needs it.");
+      return null;
+    }
+  }
+
+  private outerMaterial(k: number): THREE.Material {
+    return new THREE.MeshPhongMaterial({
+      color: OUTER[k % OUTER.length]!, transparent: true, opacity: 0.45, depthWrite: false,
+    });
+  }
+
+  // An instrument ends at its tip: the node that is nearest to it.
+  private nodesOf(state: WireState, k: number): number {
+    const tip = state.instruments[k]!.tipMm;
+    let [best, nearest] = [Infinity, 0];
+    for (let i = 0; i < state.nodesMm.length / 3; ++i) {
+      const d = Math.hypot(
+        state.nodesMm[3 * i]! - tip[0], state.nodesMm[3 * i + 1]! - tip[1], state.nodesMm[3 * i + 2]! - tip[2]);
+      if (d < best) [best, nearest] = [d, i];
+    }
+    return nearest + 1;
+  }
+
+  private showVessel(): void {
+    if (this.vessel !== null) {
+      this.patient.remove(this.vessel);
+      this.vessel.geometry.dispose();
+      this.vessel = null;
+    }
+    if (this.scene === null) return;
+    const note = element("#space-note");
+    if (this.surface === null || this.surface.hash !== this.scene.hash) {
+      setText(note, "the vessel is not known here: start torquer-viewer with this --scene");
+      return;
+    }
+    const notes: string[] = [];
+    if (!this.scene.effects.includes("fluoroscopy")) notes.push("this scene simulates no X-ray");
+    if (this.surface.moves) notes.push("vessel as at rest; it moves with heart or breath");
+    setText(note, notes.join("; "));
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(this.surface.verticesMm, 3));
+    geometry.setIndex(new THREE.BufferAttribute(this.surface.triangles, 1));
+    geometry.computeVertexNormals();
+    this.vessel = new THREE.Mesh(geometry, this.vesselMaterial);
+    this.vessel.renderOrder = 1;
+    this.patient.add(this.vessel);
+    this.changed = true;
+  }
+
+  private lookAtTip(distanceMm?: number): void {
+    if (this.state === null) return;
+    this.patient.updateMatrixWorld();
+    const tip = new THREE.Vector3(...this.state.instruments[0]!.tipMm).applyMatrix4(this.patient.matrixWorld);
+    const away = this.camera.position.clone().sub(this.orbit.target);
+    if (distanceMm !== undefined) away.setLength(distanceMm);
+    this.orbit.target.copy(tip);
+    this.camera.position.copy(tip).add(away);
+    this.orbit.update();
+    this.changed = true;
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
+    if (width === 0 || height === 0) return;
+    this.renderer?.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    if (this.atHome) this.showAll();
+    this.changed = true;
+  }
+
+  private drawLegend(measured: boolean): void {
+    this.legendMeasured = measured;
+    const scale = element<HTMLCanvasElement>("#legend canvas");
+    const screen = scale.getContext("2d")!;
+    const color = new THREE.Color();
+    for (let x = 0; x < scale.width; ++x) {
+      screen.fillStyle = `#${colorAt(x / (scale.width - 1), color).getHexString()}`;
+      screen.fillRect(x, 0, 1, scale.height);
+    }
+    setText(
+      element("#legend span"),
+      measured ? `contact force 0 to ${FORCE_MN} mN a node` : `pressed into the wall 0 to ${DEPTH_UM} µm`,
+    );
+  }
+}
