@@ -1,0 +1,52 @@
+// What the public classes of torquer.h hold.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "host/api/torquer/torquer.h"
+#include "host/simulator/row_run.h"
+#include "host/simulator/scene/scene.h"
+#include "host/simulator/simulation.h"
+#include "host/support/error.h"
+
+namespace torquer {
+
+struct Scene::Parts {
+  explicit Parts(scene::SceneSpec spec);
+  ~Parts();
+  Parts(const Parts&) = delete;
+  Parts& operator=(const Parts&) = delete;
+
+  /// Of which each simulation has a twin.
+  const scene::Scene scene;
+  const std::string folder;
+  std::vector<InstrumentInfo> instruments;
+};
+
+struct Simulation::Parts {
+  explicit Parts(const Scene& of);
+  Parts(const Parts& other);
+
+  Scene scene;
+  std::unique_ptr<scene::Scene> twin;
+  simulator::Simulation simulation;
+  simulator::RowRun rows;
+  Command command;
+  bool begun = false;  ///< a command was carried out since the start
+  Picture picture;
+  bool picture_due = false;  ///< one was taken that `picture` does not show
+};
+
+/// Calls what may refuse what the user gave; what it throws is an Error then.
+template <class Call>
+auto Guarded(Call call) -> decltype(call()) {
+  try {
+    return call();
+  } catch (const UserError& error) {
+    throw Error(error.what());
+  }
+}
+
+}  // namespace torquer

@@ -1,0 +1,221 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "host/api/parts.h"
+#include "protocol/lcm_channels.h"
+
+namespace torquer {
+
+namespace {
+
+constexpr double kRadPerDeg = std::numbers::pi / 180;
+
+Command StartOf(const Scene& scene) {
+  Command command;
+  for (const InstrumentInfo& instrument : scene.instruments()) {
+    command.hands.push_back(instrument.start);
+  }
+  return command;
+}
+
+void Check(const Command& command, const Scene& scene) {
+  const std::vector<InstrumentInfo>& instruments = scene.instruments();
+  if (command.hands.size() != instruments.size()) {
+    throw Error(fmt::format("hands has {} entries, and {} has {} instruments; give one each",
+                            command.hands.size(), scene.name(), instruments.size()));
+  }
+  for (std::size_t k = 0; k < instruments.size(); ++k) {
+    const Hand& hand = command.hands[k];
+    if (simulator::Usable(InstrumentPlace{hand.insertion_mm, hand.rotation_rad})) continue;
+    throw Error(fmt::format("the hand of {} is at {} mm and {} rad; give finite values within 1e5",
+                            instruments[k].name, hand.insertion_mm, hand.rotation_rad));
+  }
+  for (const double angle_deg : {command.lao_deg, command.cra_deg}) {
+    if (std::abs(angle_deg) <= 180) continue;
+    throw Error(fmt::format("an angle of the C-arm is {} degrees; give -180 to 180", angle_deg));
+  }
+}
+
+simulator::Command ToRow(const Command& command) {
+  simulator::Command row;
+  row.target = InstrumentPlaces(static_cast<int>(command.hands.size()));
+  for (int k = 0; k < row.target.size(); ++k) {
+    const Hand& hand = command.hands[static_cast<std::size_t>(k)];
+    row.target[k] = {hand.insertion_mm, hand.rotation_rad};
+  }
+  row.time_s = command.time_s;
+  row.controls = {.lao_rad = kRadPerDeg * command.lao_deg,
+                  .cra_rad = kRadPerDeg * command.cra_deg,
+                  .xray = command.xray,
+                  .contrast = command.contrast};
+  return row;
+}
+
+Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
+
+std::vector<double> InMilli(const std::vector<double>& values) {
+  std::vector<double> out;
+  for (const double value : values) out.push_back(1e3 * value);
+  return out;
+}
+
+}  // namespace
+
+Simulation::Parts::Parts(const Scene& of)
+    : scene(of),
+      twin(of.parts_->scene.MakeTwin()),
+      simulation(*twin),
+      rows(simulation),
+      command(StartOf(of)) {}
+
+Simulation::Parts::Parts(const Parts& other)
+    : scene(other.scene),
+      twin(scene.parts_->scene.MakeTwin()),
+      simulation(*twin, other.simulation),
+      rows(simulation),
+      command(other.command),
+      begun(other.begun),
+      picture(other.picture),
+      picture_due(other.picture_due) {
+  rows.CopyFrom(other.rows);
+}
+
+Simulation::Simulation(const Scene& scene) : parts_(std::make_unique<Parts>(scene)) {}
+
+Simulation::Simulation(const Simulation& other) : parts_(std::make_unique<Parts>(*other.parts_)) {}
+
+Simulation& Simulation::operator=(const Simulation& other) {
+  if (this == &other) return *this;
+  if (parts_ == nullptr || parts_->scene.parts_ != other.parts_->scene.parts_) {
+    parts_ = std::make_unique<Parts>(*other.parts_);
+    return *this;
+  }
+  parts_->simulation.CopyFrom(other.parts_->simulation);
+  parts_->rows.CopyFrom(other.parts_->rows);
+  parts_->command = other.parts_->command;
+  parts_->begun = other.parts_->begun;
+  parts_->picture = other.parts_->picture;
+  parts_->picture_due = other.parts_->picture_due;
+  return *this;
+}
+
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
+Simulation::~Simulation() = default;
+
+const Scene& Simulation::scene() const { return parts_->scene; }
+const Command& Simulation::command() const { return parts_->command; }
+
+void Simulation::Restart() {
+  parts_->simulation.Restart();
+  parts_->rows.Restart();
+  parts_->command = StartOf(parts_->scene);
+  parts_->begun = false;
+  parts_->picture = {};
+  parts_->picture_due = false;
+}
+
+StepReport Simulation::Step(const Command& command) {
+  const double before_s = parts_->command.time_s;
+  const bool after = parts_->begun ? command.time_s > before_s : command.time_s >= before_s;
+  if (!after || !std::isfinite(command.time_s)) {
+    throw Error(fmt::format("time_s is {}, not after the command before, at {}; let times ascend",
+                            command.time_s, before_s));
+  }
+  Check(command, parts_->scene);
+  parts_->rows.GoTo(ToRow(command), [this] {
+    parts_->picture_due = parts_->picture_due || parts_->simulation.picture_due();
+    return true;
+  });
+  parts_->command = command;
+  parts_->begun = true;
+  const simulator::RowRun::Cost& cost = parts_->rows.cost();
+  const TickReport& last = parts_->simulation.report();
+  return {.ticks = cost.ticks,
+          .iterations = cost.iterations,
+          .work = cost.work,
+          .converged = last.converged,
+          .budget_spent = last.budget_spent,
+          .stalled = last.stalled,
+          .snapped = cost.snapped};
+}
+
+double Simulation::time_s() const { return parts_->simulation.time_s(); }
+
+const double* Simulation::nodes_mm() const {
+  static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
+  return parts_->simulation.state().nodes().front().data();
+}
+
+std::size_t Simulation::node_count() const { return parts_->simulation.state().nodes().size(); }
+
+std::vector<InstrumentState> Simulation::instruments() const {
+  const simulator::Simulation& simulation = parts_->simulation;
+  const InstrumentPlaces& places = simulation.state().places();
+  const InstrumentPlaces& carried = simulation.report().carried;
+  std::vector<InstrumentState> all;
+  for (int k = 0; k < places.size(); ++k) {
+    const Eigen::Vector3d tip =
+        PointAt(parts_->twin->rod(), simulation.state(), places[k].insertion_mm);
+    all.push_back({.hand = {places[k].insertion_mm, places[k].rotation_rad},
+                   .carried = {carried[k].insertion_mm, carried[k].rotation_rad},
+                   .tip_mm = ToPoint(tip)});
+  }
+  return all;
+}
+
+double Simulation::energy_mJ() const { return parts_->simulation.report().energy_mJ; }
+double Simulation::residual() const { return parts_->simulation.report().residual; }
+double Simulation::SolverErrorMm() { return parts_->simulation.SolverErrorMm(); }
+double Simulation::max_penetration_mm() const {
+  return parts_->simulation.report().max_penetration_mm;
+}
+bool Simulation::outside_lumen() const {
+  return (parts_->simulation.status() & protocol::kWireOutsideLumen) != 0;
+}
+std::uint64_t Simulation::state_hash() const { return parts_->simulation.state_hash(); }
+
+std::vector<Reading> Simulation::readings() const {
+  std::vector<Reading> all;
+  for (effects::Reading& reading : parts_->simulation.Readings()) {
+    all.push_back({std::move(reading.name), reading.value});
+  }
+  return all;
+}
+
+Forces Simulation::forces() const {
+  Forces out;
+  const InternalForces* const forces = parts_->simulation.forces();
+  if (forces == nullptr) return out;
+  for (const Eigen::Vector3d& f : forces->contact_N) out.contact_mN.push_back(ToPoint(1e3 * f));
+  out.line_load_mN_mm = InMilli(forces->line_load_N_mm);
+  out.tension_mN = InMilli(forces->tension_N);
+  out.bending_mN_mm = InMilli(forces->bending_mJ);
+  out.twisting_mN_mm = InMilli(forces->twisting_mJ);
+  return out;
+}
+
+const Picture& Simulation::LastPicture() {
+  effects::ImageSource* const source = parts_->simulation.image();
+  if (source == nullptr) {
+    throw Error(parts_->scene.name() +
+                ": has no X-ray picture to render; add [effects.fluoroscopy]");
+  }
+  if (!parts_->picture_due) return parts_->picture;
+  effects::ImageSource::Picture taken;
+  source->Render(taken);
+  parts_->picture = {.width = taken.width,
+                     .height = taken.height,
+                     .time_s = taken.time_s,
+                     .lao_deg = taken.controls.lao_rad / kRadPerDeg,
+                     .cra_deg = taken.controls.cra_rad / kRadPerDeg,
+                     .gray = std::move(taken.gray)};
+  parts_->picture_due = false;
+  return parts_->picture;
+}
+
+}  // namespace torquer

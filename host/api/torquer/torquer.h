@@ -1,0 +1,209 @@
+// Torquer: guidewires and catheters in a patient's arteries, for programs.
+//
+//   torquer::Scene scene = torquer::Scene::FromFile("neuro_arch.toml");
+//   torquer::Simulation simulation(scene);
+//   torquer::Command command = simulation.command();
+//   for (int k = 1; k <= 100; ++k) {
+//     command.time_s = 0.1 * k;
+//     command.hands[0].insertion_mm += 1;
+//     simulation.Step(command);
+//   }
+//   simulation.nodes_mm();  // where the wire lies
+//
+// Lengths are in mm, angles in rad (those of the C-arm in degrees), times in s, in the frame of the
+// vessel's file. The same commands give the same states, bit for bit. One simulation belongs to one
+// thread at a time; simulations of one scene may run in threads beside each other.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#if defined(__GNUC__)
+#define TORQUER_API __attribute__((visibility("default")))
+#else
+#define TORQUER_API
+#endif
+
+namespace torquer {
+
+/// The version of the library, as "0.1.0".
+TORQUER_API const char* Version();
+
+/// Something that was given cannot be used. what() names the file, line or field, the value and the
+/// remedy. All that can fail here throws it; what throws has changed nothing.
+class TORQUER_API Error : public std::runtime_error {
+ public:
+  explicit Error(const std::string& message);
+  ~Error() override;
+};
+
+/// x, y, z, mm.
+using Point = std::array<double, 3>;
+
+/// Where a hand has brought its instrument.
+struct Hand {
+  double insertion_mm = 0;  ///< past the entry point, >= 0
+  double rotation_rad = 0;
+};
+
+/// An instrument of a scene.
+struct InstrumentInfo {
+  std::string name;
+  double max_length_mm = 0;
+  double tip_radius_mm = 0;
+  double inner_radius_mm = 0;  ///< of its lumen; 0: solid
+  Hand start;
+};
+
+/// What a scene file says, read and checked, with its vessel. Cheap to copy: copies share it.
+class TORQUER_API Scene {
+ public:
+  /// Reads a scene file and opens what it names. Takes seconds for a large surface, less when an
+  /// earlier run has cached its field.
+  static Scene FromFile(const std::string& path);
+  /// The same of the text of a scene file; paths in it are relative to `folder`.
+  static Scene FromText(const std::string& toml, const std::string& folder);
+
+  Scene(const Scene&);
+  Scene& operator=(const Scene&);
+  ~Scene();
+
+  const std::string& name() const;
+  /// All keys of the scene with their values, as a scene file: FromText makes it again, in
+  /// folder().
+  std::string text() const;
+  const std::string& folder() const;
+  /// Of the text and of the files that it names.
+  std::uint64_t content_hash() const;
+  /// The innermost first.
+  const std::vector<InstrumentInfo>& instruments() const;
+  std::vector<std::string> effects() const;
+  /// What was found in the vessel's file and repaired, one sentence each.
+  const std::vector<std::string>& findings() const;
+
+  /// Two corners of a box around the vessel.
+  std::array<Point, 2> bounds_mm() const;
+  /// Distance from the wall, mm: positive in the lumen, negative beyond; exact within about 3 mm of
+  /// the wall, a lower bound farther inside.
+  double ClearanceMm(const Point& point_mm) const;
+  /// Names of the centerlines; none where the scene has no file of them.
+  std::vector<std::string> centerlines() const;
+  /// Points along a centerline, `step_mm` (> 0) apart, its end included.
+  std::vector<Point> CenterlineMm(const std::string& name, double step_mm) const;
+  /// The same along the shortest way from the entry point to a place on a centerline, `at_mm` from
+  /// its start.
+  std::vector<Point> RouteMm(const std::string& centerline, double at_mm, double step_mm) const;
+
+ private:
+  friend class Simulation;
+  struct Parts;
+  explicit Scene(std::shared_ptr<const Parts> parts);
+
+  std::shared_ptr<const Parts> parts_;
+};
+
+/// What the hands and feet want at a time.
+struct Command {
+  double time_s = 0;        ///< since the start; ascending, the first one >= 0
+  std::vector<Hand> hands;  ///< one an instrument; |each| <= 1e5
+  double lao_deg = 0;       ///< of the C-arm, positive to the patient's left; -180 .. 180
+  double cra_deg = 0;       ///< positive towards the head; -180 .. 180
+  bool xray = false;
+  bool contrast = false;
+};
+
+/// How a step went.
+struct StepReport {
+  int ticks = 0;              ///< that it was cut into
+  int iterations = 0;         ///< of the relaxation
+  int work = 0;               ///< units of the budget
+  bool converged = false;     ///< relaxed to the scene's tolerance
+  bool budget_spent = false;  ///< the budget ended its last tick: motion is carried over
+  bool stalled = false;       ///< ended out of balance: no step came nearer to it
+  bool snapped = false;       ///< the tip went much farther than the hands, in one of its ticks
+};
+
+/// Where an instrument is.
+struct InstrumentState {
+  Hand hand;     ///< as far as it was carried out
+  Hand carried;  ///< what was asked for and is left for the next step
+  Point tip_mm;
+};
+
+struct Reading {
+  std::string name;  ///< with its unit at the end, as in force_tip_mN
+  double value = 0;
+};
+
+/// Along the wire, of every node (node 0 is at the entry point).
+struct Forces {
+  std::vector<Point> contact_mN;        ///< of the wall on the wire
+  std::vector<double> line_load_mN_mm;  ///< of the wall
+  std::vector<double> tension_mN;       ///< negative: compression
+  std::vector<double> bending_mN_mm;    ///< moment
+  std::vector<double> twisting_mN_mm;   ///< moment
+};
+
+/// An X-ray picture.
+struct Picture {
+  int width = 0;  ///< 0: none was taken yet
+  int height = 0;
+  double time_s = 0;
+  double lao_deg = 0;
+  double cra_deg = 0;
+  std::vector<std::uint8_t> gray;  ///< width * height, row by row from the top left
+};
+
+/// A scene as it goes on. Copies go on by themselves from where the original was, which is how a
+/// state is saved and restored; assignment within one scene takes no time to build.
+class TORQUER_API Simulation {
+ public:
+  /// At the start of the scene.
+  explicit Simulation(const Scene& scene);
+  Simulation(const Simulation& other);
+  Simulation& operator=(const Simulation& other);
+  Simulation(Simulation&&) noexcept;
+  Simulation& operator=(Simulation&&) noexcept;
+  ~Simulation();
+
+  const Scene& scene() const;
+  /// Back to the start.
+  void Restart();
+  /// Goes on to a command; the hands move evenly from the one before. A step is cut into ticks as a
+  /// row of a script is (torquer-simulator --script), so that both get the same states.
+  StepReport Step(const Command& command);
+  /// The last one, or that of the start.
+  const Command& command() const;
+
+  double time_s() const;
+  /// The nodes of the wire that all instruments are together, x, y, z of each, from the entry point
+  /// to the tip: node_count() * 3 values, good until the next step, restart or assignment.
+  const double* nodes_mm() const;
+  std::size_t node_count() const;
+  /// The innermost first.
+  std::vector<InstrumentState> instruments() const;
+  double energy_mJ() const;  ///< of bending, wall and effects, without what is dissipated
+  double residual() const;   ///< largest out-of-balance moment over the local EI/(1 mm)
+  /// About how far the wire is from where relaxing to the end would bring it; NaN near no minimum.
+  double SolverErrorMm();
+  double max_penetration_mm() const;  ///< of the wire's surface into the wall
+  bool outside_lumen() const;         ///< whether a part of the wire's middle line is
+  std::uint64_t state_hash() const;   ///< of all that decides how it goes on
+  /// What the observers of the scene have found; see host/simulator/effects/README.md.
+  std::vector<Reading> readings() const;
+  /// Empty where the scene has no [effects.internal_forces].
+  Forces forces() const;
+  /// The last X-ray picture, rendered when it is asked for. Needs [effects.fluoroscopy].
+  const Picture& LastPicture();
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace torquer

@@ -1,0 +1,256 @@
+// torquer._torquer: torquer.h for Python. What people import is the package around it.
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <torquer/torquer.h>
+
+#include <array>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace py = pybind11;
+using torquer::Scene;
+using torquer::Simulation;
+
+namespace {
+
+using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using NoGil = py::call_guard<py::gil_scoped_release>;
+
+py::array_t<double> ToRows(const std::vector<torquer::Point>& points) {
+  py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}});
+  if (!points.empty()) {
+    std::memcpy(out.mutable_data(), points.data(), points.size() * sizeof(points[0]));
+  }
+  return out;
+}
+
+py::array_t<double> ToColumn(const std::vector<double>& values) {
+  return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+void RequireColumns(const Rows& rows, const char* name, int columns) {
+  if (rows.ndim() == 2 && rows.shape(1) == columns) return;
+  std::string shape;
+  for (py::ssize_t k = 0; k < rows.ndim(); ++k) {
+    shape += (k == 0 ? "" : ", ") + std::to_string(rows.shape(k));
+  }
+  throw torquer::Error(std::string(name) + " has the shape (" + shape + "); give (n, " +
+                       std::to_string(columns) + ")");
+}
+
+std::vector<torquer::Hand> ToHands(const Rows& rows) {
+  RequireColumns(rows, "hands", 2);
+  std::vector<torquer::Hand> hands;
+  for (py::ssize_t k = 0; k < rows.shape(0); ++k) hands.push_back({rows.at(k, 0), rows.at(k, 1)});
+  return hands;
+}
+
+template <class Get>
+py::array_t<double> HandsOf(std::size_t count, Get get) {
+  py::array_t<double> out({static_cast<py::ssize_t>(count), py::ssize_t{2}});
+  auto rows = out.mutable_unchecked<2>();
+  for (std::size_t k = 0; k < count; ++k) {
+    const torquer::Hand hand = get(k);
+    rows(static_cast<py::ssize_t>(k), 0) = hand.insertion_mm;
+    rows(static_cast<py::ssize_t>(k), 1) = hand.rotation_rad;
+  }
+  return out;
+}
+
+py::array_t<double> Clearances(const Scene& scene, const Rows& points_mm) {
+  RequireColumns(points_mm, "points_mm", 3);
+  py::array_t<double> out(points_mm.shape(0));
+  auto values = out.mutable_unchecked<1>();
+  const auto points = points_mm.unchecked<2>();
+  const py::gil_scoped_release free;
+  for (py::ssize_t k = 0; k < points.shape(0); ++k) {
+    values(k) = scene.ClearanceMm({points(k, 0), points(k, 1), points(k, 2)});
+  }
+  return out;
+}
+
+// Where the wire lies, without a copy; nobody writes to it from here.
+py::array_t<double> Nodes(const py::object& self) {
+  const auto& simulation = self.cast<const Simulation&>();
+  py::array_t<double> out({static_cast<py::ssize_t>(simulation.node_count()), py::ssize_t{3}},
+                          simulation.nodes_mm(), self);
+  py::detail::array_proxy(out.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
+  return out;
+}
+
+py::dict ForcesOf(const Simulation& simulation) {
+  const torquer::Forces forces = simulation.forces();
+  py::dict out;
+  if (forces.contact_mN.empty()) return out;
+  out["contact_mN"] = ToRows(forces.contact_mN);
+  out["line_load_mN_mm"] = ToColumn(forces.line_load_mN_mm);
+  out["tension_mN"] = ToColumn(forces.tension_mN);
+  out["bending_mN_mm"] = ToColumn(forces.bending_mN_mm);
+  out["twisting_mN_mm"] = ToColumn(forces.twisting_mN_mm);
+  return out;
+}
+
+py::object PictureOf(Simulation& simulation) {
+  const torquer::Picture* picture = nullptr;
+  {
+    const py::gil_scoped_release free;
+    picture = &simulation.LastPicture();
+  }
+  if (picture->width == 0) return py::none();
+  return py::array_t<std::uint8_t>({picture->height, picture->width}, picture->gray.data());
+}
+
+void AddScene(py::module_& module) {
+  py::class_<torquer::InstrumentInfo>(module, "InstrumentInfo", "An instrument of a scene.")
+      .def_readonly("name", &torquer::InstrumentInfo::name)
+      .def_readonly("max_length_mm", &torquer::InstrumentInfo::max_length_mm)
+      .def_readonly("tip_radius_mm", &torquer::InstrumentInfo::tip_radius_mm)
+      .def_readonly("inner_radius_mm", &torquer::InstrumentInfo::inner_radius_mm,
+                    "Of its lumen; 0: solid.");
+  py::class_<Scene>(module, "Scene", "What a scene file says, read and checked, with its vessel.")
+      .def(py::init(&Scene::FromFile), py::arg("path"), NoGil(),
+           "Reads a scene file and opens what it names.")
+      .def_static("from_text", &Scene::FromText, py::arg("text"), py::arg("folder") = ".", NoGil(),
+                  "A scene from the text of a scene file; paths in it are relative to folder.")
+      .def_property_readonly("name", &Scene::name)
+      .def_property_readonly("text", &Scene::text, "All keys with their values, as a scene file.")
+      .def_property_readonly("folder", &Scene::folder)
+      .def_property_readonly("content_hash", &Scene::content_hash,
+                             "Of the text and of the files that it names.")
+      .def_property_readonly("instruments", &Scene::instruments, "The innermost first.")
+      .def_property_readonly("effects", &Scene::effects)
+      .def_property_readonly("findings", &Scene::findings,
+                             "What was found in the vessel's file and repaired.")
+      .def_property_readonly("centerlines", &Scene::centerlines, "Their names.")
+      .def_property_readonly(
+          "bounds_mm",
+          [](const Scene& scene) {
+            const std::array<torquer::Point, 2> box = scene.bounds_mm();
+            return ToRows({box[0], box[1]});
+          },
+          "Two corners of a box around the vessel, shape (2, 3).")
+      .def("clearance_mm", &Clearances, py::arg("points_mm"),
+           "Distance of points, shape (n, 3), from the wall: positive in the lumen. Shape (n,).")
+      .def(
+          "centerline_mm",
+          [](const Scene& scene, const std::string& name, double step_mm) {
+            return ToRows(scene.CenterlineMm(name, step_mm));
+          },
+          py::arg("name"), py::arg("step_mm") = 1.0,
+          "Points along a centerline, step_mm apart, shape (n, 3).")
+      .def(
+          "route_mm",
+          [](const Scene& scene, const std::string& centerline, double at_mm, double step_mm) {
+            return ToRows(scene.RouteMm(centerline, at_mm, step_mm));
+          },
+          py::arg("centerline"), py::arg("at_mm"), py::arg("step_mm") = 1.0,
+          "The same along the shortest way from the entry to a place on a centerline.")
+      .def(py::pickle(
+          [](const Scene& scene) { return py::make_tuple(scene.text(), scene.folder()); },
+          [](const py::tuple& state) {
+            return Scene::FromText(state[0].cast<std::string>(), state[1].cast<std::string>());
+          }));
+}
+
+void AddSimulation(py::module_& module) {
+  using torquer::StepReport;
+  py::class_<StepReport>(module, "StepReport", "How a step went.")
+      .def_readonly("ticks", &StepReport::ticks, "That it was cut into.")
+      .def_readonly("iterations", &StepReport::iterations)
+      .def_readonly("work", &StepReport::work, "Units of the budget.")
+      .def_readonly("converged", &StepReport::converged, "Relaxed to the scene's tolerance.")
+      .def_readonly("budget_spent", &StepReport::budget_spent)
+      .def_readonly("stalled", &StepReport::stalled)
+      .def_readonly("snapped", &StepReport::snapped, "The tip went much farther than the hands.");
+  py::class_<Simulation>(module, "Simulation", "A scene as it goes on.")
+      .def(py::init<const Scene&>(), py::arg("scene"), NoGil(), "At the start of the scene.")
+      .def_property_readonly("scene", &Simulation::scene)
+      .def("restart", &Simulation::Restart, NoGil(), "Back to the start.")
+      .def(
+          "copy", [](const Simulation& self) { return std::make_unique<Simulation>(self); },
+          NoGil(), "Another simulation that goes on from here by itself.")
+      .def("__copy__", [](const Simulation& self) { return std::make_unique<Simulation>(self); })
+      .def(
+          "restore", [](Simulation& self, const Simulation& saved) { self = saved; },
+          py::arg("saved"), NoGil(), "Goes on from where a copy of this simulation is.")
+      .def(
+          "step",
+          [](Simulation& self, double time_s, const Rows& hands, double lao_deg, double cra_deg,
+             bool xray, bool contrast) {
+            const torquer::Command command{.time_s = time_s,
+                                           .hands = ToHands(hands),
+                                           .lao_deg = lao_deg,
+                                           .cra_deg = cra_deg,
+                                           .xray = xray,
+                                           .contrast = contrast};
+            const py::gil_scoped_release free;
+            return self.Step(command);
+          },
+          py::arg("time_s"), py::arg("hands"), py::kw_only(), py::arg("lao_deg") = 0.0,
+          py::arg("cra_deg") = 0.0, py::arg("xray") = false, py::arg("contrast") = false,
+          "Goes on to time_s, after the step before, with the hands there: shape (instruments, 2), "
+          "insertion past the entry in mm and rotation in rad. The hands move evenly.")
+      .def_property_readonly("time_s", &Simulation::time_s)
+      .def_property_readonly("nodes_mm", &Nodes,
+                             "Where the wire lies, from the entry to the tip, shape (n, 3): a view "
+                             "that the next step overwrites; copy what is to be kept.")
+      .def_property_readonly(
+          "hands",
+          [](const Simulation& self) {
+            const auto& hands = self.command().hands;
+            return HandsOf(hands.size(), [&](std::size_t k) { return hands[k]; });
+          },
+          "Where the last step wanted the hands, shape (instruments, 2).")
+      .def_property_readonly(
+          "places",
+          [](const Simulation& self) {
+            const auto all = self.instruments();
+            return HandsOf(all.size(), [&](std::size_t k) { return all[k].hand; });
+          },
+          "How far that was carried out, shape (instruments, 2).")
+      .def_property_readonly(
+          "tips_mm",
+          [](const Simulation& self) {
+            std::vector<torquer::Point> tips;
+            for (const auto& instrument : self.instruments()) tips.push_back(instrument.tip_mm);
+            return ToRows(tips);
+          },
+          "The tip of each instrument, shape (instruments, 3).")
+      .def_property_readonly("energy_mJ", &Simulation::energy_mJ)
+      .def_property_readonly("residual", &Simulation::residual)
+      .def_property_readonly("max_penetration_mm", &Simulation::max_penetration_mm)
+      .def_property_readonly("outside_lumen", &Simulation::outside_lumen)
+      .def_property_readonly("state_hash", &Simulation::state_hash,
+                             "Of all that decides how it goes on.")
+      .def("solver_error_mm", &Simulation::SolverErrorMm, NoGil(),
+           "About how far the wire is from where relaxing to the end would bring it.")
+      .def(
+          "readings",
+          [](const Simulation& self) {
+            py::dict out;
+            for (const torquer::Reading& reading : self.readings()) {
+              out[py::str(reading.name)] = reading.value;
+            }
+            return out;
+          },
+          "What the observers of the scene have found, by name; units end the names.")
+      .def("forces", &ForcesOf,
+           "Along the wire, one entry a node; empty without [effects.internal_forces].")
+      .def("picture", &PictureOf,
+           "The last X-ray picture, shape (height, width), uint8; None before the first. Needs "
+           "[effects.fluoroscopy].");
+}
+
+}  // namespace
+
+PYBIND11_MODULE(_torquer, module) {
+  module.doc() = "Guidewires and catheters in a patient's arteries.";
+  module.attr("__version__") = torquer::Version();
+  py::register_exception<torquer::Error>(module, "Error", PyExc_ValueError);
+  AddScene(module);
+  AddSimulation(module);
+}

@@ -1,0 +1,58 @@
+"""Guidewires and catheters in a patient's arteries.
+
+    import numpy as np
+    import torquer
+
+    simulation = torquer.Simulation(torquer.Scene(torquer.scene_path("neuro_arch")))
+    hands = simulation.hands
+    for k in range(100):
+        hands[0, 0] += 1  # mm
+        simulation.step(0.1 * (k + 1), hands)
+    print(simulation.tips_mm[0])
+
+Lengths are in mm, angles in rad (those of the C-arm in degrees), times in s.
+"""
+
+import pathlib
+
+from ._torquer import (
+    Error,
+    InstrumentInfo,
+    Scene,
+    Simulation,
+    StepReport,
+    __version__,
+)
+
+__all__ = [
+    "Error",
+    "InstrumentInfo",
+    "Scene",
+    "Simulation",
+    "StepReport",
+    "__version__",
+    "scene_names",
+    "scene_path",
+]
+
+
+def _scene_folder() -> pathlib.Path:
+    package = pathlib.Path(__file__).resolve()
+    for folder in package.parents:
+        # Installed, and in the source tree.
+        for candidate in (folder / "share/torquer/scenes", folder / "host/scenes"):
+            if candidate.is_dir():
+                return candidate
+    raise Error(f"{package}: there are no scenes near the package; install share/torquer")
+
+
+def scene_names() -> list[str]:
+    """The scenes that Torquer ships."""
+    return sorted(path.stem for path in _scene_folder().glob("*.toml"))
+
+
+def scene_path(name: str) -> str:
+    """The file of a scene that Torquer ships."""
+    if name not in scene_names():
+        raise Error(f"there is no scene {name!r}; there are: {', '.join(scene_names())}")
+    return str(_scene_folder() / f"{name}.toml")
