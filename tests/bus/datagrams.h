@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "tests/bus/sample_messages.h"
+#include "tests/support/sample_messages.h"
 
 namespace torquer::test {
 

@@ -9,8 +9,8 @@
 #include <stdexcept>
 #include <torquer_lcm/readings_t.hpp>
 
-#include "tests/bus/sample_messages.h"
 #include "tests/support/paths.h"
+#include "tests/support/sample_messages.h"
 #include "tests/support/sanitizer.h"
 
 using torquer::test::Bytes;

@@ -12,8 +12,8 @@
 #include "host/bus/bus.h"
 #include "host/bus/clock.h"
 #include "tests/bus/datagrams.h"
-#include "tests/bus/sample_messages.h"
 #include "tests/support/private_network.h"
+#include "tests/support/sample_messages.h"
 #include "torquer_lcm/instrument_command_t.hpp"
 
 namespace {

@@ -1,5 +1,7 @@
 // The whole chain, as host/demo runs it: from the firmware's sensor to the recorded wire.
 
+#include <netinet/in.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 
 #include <algorithm>
@@ -14,6 +16,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <regex>
 #include <string>
 #include <vector>
 
@@ -194,6 +197,48 @@ TEST_CASE("A demo that is stopped leaves nothing running") {
     demo.Signal(SIGTERM);
     CHECK(demo.Wait() == 143);
   }
+  CHECK(ProgramsUsing(folder.Path()).empty());
+}
+
+TEST_CASE("A demo at the keyboard serves its page outside its network, and ends in good order") {
+  const TemporaryFolder folder;
+  ChildProcess demo({"/bin/bash", kDemo, "--keyboard", "--scene", "ty_phantom", "--duration", "3",
+                     "--programs", kPrograms, "--files", folder.Path("session")});
+  std::smatch link;
+  const std::regex form("http://127\\.0\\.0\\.1:([0-9]+)/[0-9a-f]{32}/");
+  std::string said;
+  for (int i = 0; i < 600 && !std::regex_search(said, link, form); ++i) {
+    usleep(50000);
+    said = demo.Output();
+  }
+  REQUIRE(link.size() == 2);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(link[1])));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  const int client = socket(AF_INET, SOCK_STREAM, 0);
+  CHECK(connect(client, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
+  close(client);
+  CHECK(demo.Wait() == 0);
+  CHECK(ProgramsUsing(folder.Path()).empty());
+}
+
+TEST_CASE("A demo on a terminal prints its page's link, and Ctrl-C ends it with its report") {
+  NeedPrivateNetwork();
+  const TemporaryFolder folder;
+  const std::string output = folder.Path("output");
+  // Ctrl-C as a key; then the writer lives as long as the terminal.
+  const std::string keys = "for i in $(seq 600); do grep -qs 'guidewire [1-9].*reports' " + output +
+                           " && break; sleep 0.1; done; sleep 1; printf '\\003'; "
+                           "while printf ' '; do sleep 0.1; done";
+  CHECK(Run("touch " + output + "; (" + keys + ") 2>/dev/null | timeout 100 script -qec 'bash " +
+            kDemo + " --scene ty_phantom --programs " + kPrograms + " --files " +
+            folder.Path("session") + "' /dev/null >" + output) == 0);
+  const std::string said = Contents(output);
+  CHECK(std::regex_search(said, std::regex("http://127\\.0\\.0\\.1:[0-9]+/[0-9a-f]{32}/")));
+  CHECK_THAT(said, Catch::Contains("Ctrl-C ends the session") && Catch::Contains("Session of ") &&
+                       Catch::Contains("0 lost"));
+  CHECK_THAT(Contents(folder.Path("session/latest/wire.svg")), Catch::StartsWith("<svg"));
   CHECK(ProgramsUsing(folder.Path()).empty());
 }
 

@@ -151,19 +151,6 @@ TEST_CASE("An expansion of the gradient alone agrees with the full one") {
   CHECK(gradient.max_penetration_mm == full.max_penetration_mm);
 }
 
-TEST_CASE("Curved joints expanded again after the frames changed give the full expansion") {
-  PressedWire wire(BendingLaw::kExact);
-  WireMechanics mechanics(wire.model, wire.field, wire.wall, wire.terms);
-  Expansion part = mechanics.MakeExpansion();
-  Expansion full = mechanics.MakeExpansion();
-  mechanics.Expand(wire.state, part);
-  wire.state.Rotate(-1.1);
-  mechanics.ExpandCurvedJoints(wire.state, part);
-  mechanics.Expand(wire.state, full);
-  CHECK(part.energy_mJ == Approx(full.energy_mJ).epsilon(1e-12));
-  CHECK(part.residual == Approx(full.residual).epsilon(1e-12));
-}
-
 TEST_CASE("The energy depends on the shape alone, not on the frames that describe it") {
   PressedWire wire(BendingLaw::kExact);
   WireMechanics mechanics(wire.model, wire.field, wire.wall, wire.terms);

@@ -33,10 +33,7 @@ inline UsbDeviceScript Bench(const std::string& serial = "BENCH-7") {
   identity.report_id = protocol::kIdentityReportId;
   identity.protocol_version = protocol::kProtocolVersion;
   serial.copy(identity.serial, sizeof identity.serial);
-  protocol::ConfigurationReport configuration{};
-  configuration.report_id = protocol::kConfigurationReportId;
-  configuration.protocol_version = protocol::kProtocolVersion;
-  configuration.cpi = 1200;
+  const protocol::ConfigurationReport configuration = ConfigurationOf(1200);
 
   UsbDeviceScript script;
   script.vendor_id = protocol::kUsbVendorId;

@@ -14,8 +14,8 @@ namespace {
 using effects::EndLoad;
 using effects::PointLoad;
 
-constexpr double kLoadedLength = 40;
-constexpr double kLoadedRigidity = 2.5;
+constexpr double kBeam_mm = 40;
+constexpr double kBeam_N_mm2 = 2.5;
 
 // Keeps a wire in the plane z = 0, from which it would sooner turn over.
 class PlaneSprings final : public EnergyTerm {
@@ -48,14 +48,14 @@ struct Beam {
   WireState state;
 
   explicit Beam(const EndLoad& end, double segment_mm = 0.5, int points = 2)
-      : model(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = kLoadedRigidity})),
+      : model(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = kBeam_N_mm2})),
         wall{.points_per_segment = points},
         load(end),
         relaxation(model, field, wall, {.tolerance = 1e-9}, terms),
-        state(LayStraight(model, kLoadedLength)) {
+        state(LayStraight(model, kBeam_mm)) {
     relaxation.Restart(state);
   }
-  TickReport Relax() { return Settle(relaxation, {kLoadedLength, 0}, state); }
+  TickReport Relax() { return Settle(relaxation, {kBeam_mm, 0}, state); }
 };
 
 EndLoad EverythingAtOnce() {
@@ -146,12 +146,12 @@ TEST_CASE("Near the moment's axis the moment fades evenly") {
 TEST_CASE("Under an end force the wire is the elastica") {
   for (const double load : {0.5, 2.0, 10.0}) {
     EndLoad end;
-    end.force_N = Vector3d(0, load * kLoadedRigidity / (kLoadedLength * kLoadedLength), 0);
+    end.force_N = Vector3d(0, load * kBeam_N_mm2 / (kBeam_mm * kBeam_mm), 0);
     Beam beam(end);
     REQUIRE(beam.Relax().converged);
     const Elastica exact = SolveElastica(load);
-    const Vector3d expected(exact.along * kLoadedLength, exact.across * kLoadedLength, 0);
-    CHECK((beam.state.nodes().back() - expected).norm() < 2e-4 * kLoadedLength);
+    const Vector3d expected(exact.along * kBeam_mm, exact.across * kBeam_mm, 0);
+    CHECK((beam.state.nodes().back() - expected).norm() < 2e-4 * kBeam_mm);
   }
 }
 
@@ -161,23 +161,23 @@ TEST_CASE("Under an end moment the wire is an arc of radius EI/M, up to a whole 
   Beam beam(end, 0.5, points);
   for (int k = 1; k <= 8; ++k) {
     const double turned = 2 * std::numbers::pi * k / 8;
-    end.moment_mJ = turned * kLoadedRigidity / kLoadedLength;
+    end.moment_mJ = turned * kBeam_N_mm2 / kBeam_mm;
     beam.load.SetLoad(end);
     REQUIRE(beam.Relax().converged);
-    const double radius = kLoadedLength / turned;
+    const double radius = kBeam_mm / turned;
     const Vector3d expected(radius * std::sin(turned), radius * (1 - std::cos(turned)), 0);
     INFO("turned " << turned << " end " << beam.state.nodes().back().transpose());
-    CHECK((beam.state.nodes().back() - expected).norm() < 2e-3 * kLoadedLength);
+    CHECK((beam.state.nodes().back() - expected).norm() < 2e-3 * kBeam_mm);
   }
 }
 
 TEST_CASE("A clamp holds the end like a spring, and a stiff one holds it fast") {
   // A cantilever's end has the stiffness 3 EI/L^3: beside a spring it shares the way.
-  const double own = 3 * kLoadedRigidity / std::pow(kLoadedLength, 3);
+  const double own = 3 * kBeam_N_mm2 / std::pow(kBeam_mm, 3);
   for (const double ratio : {0.5, 3.0}) {
     EndLoad end;
     end.hold_N_mm = ratio * own;
-    end.place_mm = Vector3d(kLoadedLength, 0.1, 0);
+    end.place_mm = Vector3d(kBeam_mm, 0.1, 0);
     Beam beam(end);
     REQUIRE(beam.Relax().converged);
     CHECK(beam.state.nodes().back()[1] == Approx(0.1 * ratio / (1 + ratio)).epsilon(2e-3));
@@ -185,7 +185,7 @@ TEST_CASE("A clamp holds the end like a spring, and a stiff one holds it fast") 
   // Held at both ends, S-shaped: the guided beam, the force 12 EI d/L^3.
   EndLoad end;
   end.hold_N_mm = 1e3;
-  end.place_mm = Vector3d(kLoadedLength, 0.5, 0);
+  end.place_mm = Vector3d(kBeam_mm, 0.5, 0);
   end.align_mJ = 1e3;
   end.direction = Vector3d::UnitX();
   Beam beam(end);

@@ -13,10 +13,10 @@
 namespace torquer::test {
 namespace {
 
-constexpr double kSwingingLength = 50;
-constexpr double kSwingingRigidity = 2;  // N mm^2
-constexpr double kDensity = 1;           // g/m
-constexpr double kMass = 1e-9;           // the same in N s^2/mm^2
+constexpr double kRod_mm = 50;
+constexpr double kRod_N_mm2 = 2;  // N mm^2
+constexpr double kDensity = 1;    // g/m
+constexpr double kMass = 1e-9;    // the same in N s^2/mm^2
 
 effects::Inertia::Settings Matter(double density_g_m, double drag_mPa_s) {
   effects::Inertia::Settings settings;
@@ -37,19 +37,19 @@ struct Swing {
   WireState state;
 
   Swing(double drag_mPa_s, double load, double segment_mm = 1)
-      : model(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = kSwingingRigidity})),
+      : model(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = kRod_N_mm2})),
         inertia(Matter(kDensity, drag_mPa_s), {model, wall}),
         relaxation(model, field, wall, {.tolerance = 1e-9}, terms),
-        state(LayStraight(model, kSwingingLength)) {
-    force.SetForce({0, load * kSwingingRigidity / (kSwingingLength * kSwingingLength), 0});
+        state(LayStraight(model, kRod_mm)) {
+    force.SetForce({0, load * kRod_N_mm2 / (kRod_mm * kRod_mm), 0});
     relaxation.Restart(state);
-    REQUIRE(Settle(relaxation, {kSwingingLength, 0}, state).converged);
+    REQUIRE(Settle(relaxation, {kRod_mm, 0}, state).converged);
     force.SetForce(Vector3d::Zero());
   }
   TickReport Tick(double step_s) {
     inertia.Lapse(step_s);
     CountedBudget budget(1000);
-    const TickReport report = relaxation.Tick({kSwingingLength, 0}, budget, state);
+    const TickReport report = relaxation.Tick({kRod_mm, 0}, budget, state);
     REQUIRE(report.converged);
     return report;
   }
@@ -98,8 +98,8 @@ Mode Measure(double drag_mPa_s, double step_s, double segment_mm = 1) {
 }
 
 // Euler and Bernoulli's cantilever.
-const double kFirst_rad_s = 1.875104 * 1.875104 / (kSwingingLength * kSwingingLength) *
-                            std::sqrt(kSwingingRigidity / kMass);
+const double kFirst_rad_s =
+    1.875104 * 1.875104 / (kRod_mm * kRod_mm) * std::sqrt(kRod_N_mm2 / kMass);
 
 TEST_CASE("A cantilever swings with the frequency of Euler and Bernoulli's beam") {
   CHECK(kFirst_rad_s / (2 * std::numbers::pi) == Approx(10.01).epsilon(1e-3));
@@ -151,8 +151,7 @@ TEST_CASE("Without a hand the energy never rises, and what the step takes goes w
   for (const double step_s : {1e-3, 5e-4}) {
     Swing swing(0, 3);
     double before = swing.relaxation.Current().energy_mJ;
-    before += 3 * kSwingingRigidity / (kSwingingLength * kSwingingLength) *
-              swing.state.tip()[1];  // that of the force
+    before += 3 * kRod_N_mm2 / (kRod_mm * kRod_mm) * swing.state.tip()[1];  // that of the force
     const double start = before;
     for (int k = 1; k * step_s < 0.1; ++k) {
       const double now = swing.Tick(step_s).energy_mJ + swing.kinetic_mJ();
@@ -168,23 +167,23 @@ TEST_CASE("Without a hand the energy never rises, and what the step takes goes w
 
 // Fed while it swings, a tick at once or in parts: `feeds` of 0.5 mm each.
 Vector3d FedSwing(double tick_s, double feed_mm, double max_feed_mm) {
-  const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = kSwingingRigidity});
+  const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = kRod_N_mm2});
   const FreeSpace field;
   const WallModel wall;
   effects::Inertia inertia(Matter(kDensity, 0), {model, wall});
-  EndForce force({0, 0.5 * kSwingingRigidity / (kSwingingLength * kSwingingLength), 0});
+  EndForce force({0, 0.5 * kRod_N_mm2 / (kRod_mm * kRod_mm), 0});
   const std::vector<EnergyTerm*> terms{&inertia, &force};
   NewtonRelaxation relaxation(
       model, field, wall, {.tolerance = 1e-9, .max_feed_mm = max_feed_mm, .part_tolerance = 1e-9},
       terms);
-  WireState state = LayStraight(model, kSwingingLength);
+  WireState state = LayStraight(model, kRod_mm);
   relaxation.Restart(state);
-  Settle(relaxation, {kSwingingLength, 0}, state);
+  Settle(relaxation, {kRod_mm, 0}, state);
   force.SetForce(Vector3d::Zero());
   for (int k = 1; k * feed_mm < 8 + 1e-9; ++k) {
     inertia.Lapse(tick_s);
     CountedBudget budget(1000);
-    const TickReport report = relaxation.Tick({kSwingingLength + k * feed_mm, 0}, budget, state);
+    const TickReport report = relaxation.Tick({kRod_mm + k * feed_mm, 0}, budget, state);
     REQUIRE(report.converged);
   }
   return state.tip();
@@ -211,7 +210,7 @@ TEST_CASE("Where a budget ends a tick, its time is not lost") {
   cut.inertia.Lapse(kStep_s);
   for (int k = 0; k < 10; ++k) {
     CountedBudget one(1);
-    if (cut.relaxation.Tick({kSwingingLength, 0}, one, cut.state).converged) break;
+    if (cut.relaxation.Tick({kRod_mm, 0}, one, cut.state).converged) break;
   }
   CHECK(HashState(cut.state) == HashState(whole.state));
   CHECK(cut.kinetic_mJ() == whole.kinetic_mJ());
@@ -221,7 +220,7 @@ TEST_CASE("Where a budget ends a tick, its time is not lost") {
 TEST_CASE("Velocities go with the material, also out of the sheath") {
   // Fed at an even speed a straight wire moves as one: no force acts on it.
   const int points = GENERATE(1, 2, 4);
-  const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = kSwingingRigidity});
+  const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = kRod_N_mm2});
   const FreeSpace field;
   const WallModel wall{.points_per_segment = points};
   effects::Inertia inertia(Matter(kDensity, 0), {model, wall});

@@ -4,6 +4,7 @@
 #include <fstream>
 
 #include "host/simulator/simulation.h"
+#include "tests/support/sanitizer.h"
 #include "tests/support/temporary_folder.h"
 
 namespace torquer::test {
@@ -84,13 +85,14 @@ TEST_CASE("A wire that starts inside stays inside with every pair of effects, an
       simulator::Simulation simulation(scene);
       const auto run = [&] {
         simulation.Restart();
-        for (int k = 1; k <= 12; ++k) {
+        constexpr int kTicks = Rounds(12, 2);
+        for (int k = 1; k <= kTicks; ++k) {
           simulator::Command command;
           command.target = scene.start();
           command.target[0].insertion_mm += 0.3 * k;
           command.target[0].rotation_rad += 0.1 * k;
-          command.controls.xray = k > 6;
-          command.controls.contrast = k > 3;
+          command.controls.xray = k > kTicks / 2;
+          command.controls.contrast = k > kTicks / 4;
           CountedBudget budget(1000);
           const TickReport& report = simulation.Tick(command, budget);
           CHECK(std::isfinite(report.energy_mJ));

@@ -18,6 +18,7 @@
 #include "protocol/firmware_image.h"
 #include "protocol/hid_reports.h"
 #include "tests/support/paths.h"
+#include "tests/support/reports.h"
 
 namespace {
 
@@ -54,11 +55,8 @@ struct Budget {
 };
 
 void Ask(UsbHost& host, long long number) {
-  protocol::ConfigurationReport configuration{};
-  configuration.report_id = protocol::kConfigurationReportId;
-  configuration.protocol_version = protocol::kProtocolVersion;
-  configuration.cpi = 1200;
-  configuration.joystick_deadzone = static_cast<std::uint16_t>(10 + number % 16);
+  const protocol::ConfigurationReport configuration =
+      test::ConfigurationOf(1200, static_cast<int>(10 + number % 16));
   const auto* bytes = reinterpret_cast<const std::uint8_t*>(&configuration);
   host.SubmitSetFeature({bytes, bytes + sizeof(configuration)}, {});
   host.SubmitGetFeature(protocol::kIdentityReportId, {});

@@ -6,9 +6,13 @@
 #include "firmware/board/board.h"
 #include "protocol/eeprom_layout.h"
 #include "tests/firmware/fake_board.h"
+#include "tests/support/reports.h"
 
 namespace torquer::firmware {
 namespace {
+
+using test::CommandOf;
+using test::ConfigurationOf;
 
 /// The whole firmware, configured by a host that polls; the sensor moves one count a frame.
 class Bench {
@@ -85,10 +89,6 @@ class Bench {
   std::size_t index_ = 0;
 };
 
-protocol::CommandReport CommandOf(protocol::Command command) {
-  return {protocol::kCommandReportId, command, protocol::kCommandKey, {}};
-}
-
 TEST_CASE("a report goes out every frame from configuration on, whatever the sensor does") {
   Bench bench;
   bench.Start();
@@ -152,11 +152,7 @@ TEST_CASE("a configuration takes effect, is stored, and is refused when it makes
   Bench bench;
   bench.Start();
   bench.FrameUntilHealthy();
-  protocol::ConfigurationReport configuration{};
-  configuration.report_id = protocol::kConfigurationReportId;
-  configuration.protocol_version = protocol::kProtocolVersion;
-  configuration.cpi = 800;
-  configuration.joystick_deadzone = 100;
+  protocol::ConfigurationReport configuration = ConfigurationOf(800, 100);
   board().joystick = {600, 700};  // moved at once: its rest is 512
   CHECK(bench.Set(configuration));
   for (int i = 0; i < 50; ++i) bench.Frame();
@@ -214,12 +210,8 @@ TEST_CASE("a restart waits until the settings are stored, on a suspended bus too
     Bench bench;
     bench.Start();
     bench.FrameUntilHealthy();
-    protocol::ConfigurationReport configuration{};
-    configuration.report_id = protocol::kConfigurationReportId;
-    configuration.protocol_version = protocol::kProtocolVersion;
-    for (const std::uint16_t cpi : {1600, 800}) {  // the second arrives during the first write
-      configuration.cpi = cpi;
-      REQUIRE(bench.Set(configuration));
+    for (const int cpi : {1600, 800}) {  // the second arrives during the first write
+      REQUIRE(bench.Set(ConfigurationOf(cpi)));
       board().eeprom_busy_polls = 30;
       bench.Frame();
     }

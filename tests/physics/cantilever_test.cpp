@@ -71,13 +71,13 @@ struct Beam {
   }
 };
 
-constexpr double kBentLength = 40;
-constexpr double kBentRigidity = 2.5;
+constexpr double kCantilever_mm = 40;
+constexpr double kCantilever_N_mm2 = 2.5;
 
 Vector3d EndOfCantilever(int n, double load, BendingLaw law) {
-  EndForce force(Vector3d(0, load * kBentRigidity / (kBentLength * kBentLength), 0));
-  Beam beam({.segment_mm = kBentLength / n, .rigidity_N_mm2 = kBentRigidity, .law = law},
-            kBentLength, &force);
+  EndForce force(Vector3d(0, load * kCantilever_N_mm2 / (kCantilever_mm * kCantilever_mm), 0));
+  Beam beam({.segment_mm = kCantilever_mm / n, .rigidity_N_mm2 = kCantilever_N_mm2, .law = law},
+            kCantilever_mm, &force);
   REQUIRE(beam.Relax().converged);
   return beam.state.nodes().back();
 }
@@ -86,13 +86,13 @@ TEST_CASE("A cantilever bends like the elastica, to second order in the segment"
   const BendingLaw law = GENERATE(BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2);
   for (const double load : {0.5, 2.0, 10.0}) {
     const Elastica exact = SolveElastica(load);
-    const Vector3d end(exact.along * kBentLength, exact.across * kBentLength, 0);
+    const Vector3d end(exact.along * kCantilever_mm, exact.across * kCantilever_mm, 0);
     double error[3];
     int k = 0;
     for (const int n : {40, 80, 160}) error[k++] = (EndOfCantilever(n, load, law) - end).norm();
     INFO("law " << static_cast<int>(law) << " load " << load << " errors " << error[0] << " "
                 << error[1] << " " << error[2]);
-    CHECK(error[2] < 2e-4 * kBentLength);
+    CHECK(error[2] < 2e-4 * kCantilever_mm);
     CHECK(error[0] / error[1] == Approx(4).epsilon(0.1));
     CHECK(error[1] / error[2] == Approx(4).epsilon(0.1));
   }
@@ -109,10 +109,10 @@ double Apart(const WireState& a, const WireState& b) {
 
 TEST_CASE("The error that a state says is its distance from the balance") {
   const double length = GENERATE(10.0, 40.0, 250.0);
-  EndForce force(Vector3d(0, 0.7 * kBentRigidity / (length * length), 0));
-  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, length, &force);
+  EndForce force(Vector3d(0, 0.7 * kCantilever_N_mm2 / (length * length), 0));
+  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kCantilever_N_mm2}, length, &force);
   REQUIRE(exact.Relax().converged);
-  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, length, &force);
+  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kCantilever_N_mm2}, length, &force);
   double residual = 1;
   int compared = 0;
   while (residual > 1e-10) {
@@ -130,10 +130,10 @@ TEST_CASE("The error that a state says is its distance from the balance") {
 TEST_CASE("A tolerance in mm holds for the position, however long the wire") {
   const double length = GENERATE(40.0, 250.0);
   const double tolerance_mm = GENERATE(1e-2, 1e-5);
-  EndForce force(Vector3d(0, 0.7 * kBentRigidity / (length * length), 0));
-  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, length, &force);
+  EndForce force(Vector3d(0, 0.7 * kCantilever_N_mm2 / (length * length), 0));
+  Beam exact({.segment_mm = 1, .rigidity_N_mm2 = kCantilever_N_mm2}, length, &force);
   REQUIRE(exact.Relax().converged);
-  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, length, &force);
+  Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kCantilever_N_mm2}, length, &force);
   NewtonRelaxation relaxation(beam.model, beam.field, beam.wall,
                               {.tolerance = 1, .tolerance_mm = tolerance_mm}, beam.terms);
   relaxation.Restart(beam.state);
@@ -151,35 +151,35 @@ TEST_CASE("A part of a segment at the sheath counts with its length") {
   // The same cantilever with a first segment of every length that occurs.
   const double load = 2;
   const Elastica exact = SolveElastica(load);
-  const Vector3d end(exact.along * kBentLength, exact.across * kBentLength, 0);
-  EndForce force(Vector3d(0, load * kBentRigidity / (kBentLength * kBentLength), 0));
+  const Vector3d end(exact.along * kCantilever_mm, exact.across * kCantilever_mm, 0);
+  EndForce force(Vector3d(0, load * kCantilever_N_mm2 / (kCantilever_mm * kCantilever_mm), 0));
   for (double first = 0.5; first < 1.5; first += 0.099) {
-    const double lambda = kBentLength / (39 + first);
-    Beam beam({.segment_mm = lambda, .rigidity_N_mm2 = kBentRigidity}, kBentLength, &force);
+    const double lambda = kCantilever_mm / (39 + first);
+    Beam beam({.segment_mm = lambda, .rigidity_N_mm2 = kCantilever_N_mm2}, kCantilever_mm, &force);
     REQUIRE(beam.state.first_segment_mm() == Approx(first * lambda));
     REQUIRE(beam.Relax().converged);
     INFO("first segment " << first);
-    CHECK((beam.state.nodes().back() - end).norm() < 2e-4 * kBentLength);
+    CHECK((beam.state.nodes().back() - end).norm() < 2e-4 * kCantilever_mm);
   }
 }
 
 TEST_CASE("An end moment of 2 pi EI/L bends the wire into a circle") {
   EndMoment moment;
-  Beam beam({.segment_mm = 0.5, .rigidity_N_mm2 = kBentRigidity}, kBentLength, &moment);
+  Beam beam({.segment_mm = 0.5, .rigidity_N_mm2 = kCantilever_N_mm2}, kCantilever_mm, &moment);
   const int steps = 16;
   for (int k = 1; k <= steps; ++k) {
     const double turned = 2 * std::numbers::pi * k / steps;
-    moment.SetMoment(turned * kBentRigidity / kBentLength, turned);
+    moment.SetMoment(turned * kCantilever_N_mm2 / kCantilever_mm, turned);
     REQUIRE(beam.Relax().converged);
     if (k == steps) break;
-    const double radius = kBentLength / turned;
+    const double radius = kCantilever_mm / turned;
     const Vector3d end(radius * std::sin(turned), radius * (1 - std::cos(turned)), 0);
-    CHECK((beam.state.nodes().back() - end).norm() < 1e-3 * kBentLength);
+    CHECK((beam.state.nodes().back() - end).norm() < 1e-3 * kCantilever_mm);
   }
-  CHECK(beam.state.nodes().back().norm() < 1e-3 * kBentLength);
+  CHECK(beam.state.nodes().back().norm() < 1e-3 * kCantilever_mm);
   // Bending energy of a circle: EI L / (2 R^2).
-  const double radius = kBentLength / (2 * std::numbers::pi);
-  const double energy = kBentRigidity * kBentLength / (2 * radius * radius);
+  const double radius = kCantilever_mm / (2 * std::numbers::pi);
+  const double energy = kCantilever_N_mm2 * kCantilever_mm / (2 * radius * radius);
   double bending = 0;
   Vector3d before = beam.model.sheath().direction;
   for (int i = 0; i < beam.state.segments(); ++i) {
@@ -227,17 +227,17 @@ TEST_CASE("Turning the proximal end turns a free intrinsic circle by the same an
 // Largest dead force along -x under which the straight column is stable, by its Hessian.
 double BucklingForce(int n) {
   EndForce force(Vector3d::Zero());
-  const double lambda = kBentLength / n;
-  const WireModel model = MakeWire({.segment_mm = lambda, .rigidity_N_mm2 = kBentRigidity});
+  const double lambda = kCantilever_mm / n;
+  const WireModel model = MakeWire({.segment_mm = lambda, .rigidity_N_mm2 = kCantilever_N_mm2});
   const FreeSpace field;
   const WallModel wall;
   const std::vector<EnergyTerm*> terms{&force};
   WireMechanics mechanics(model, field, wall, terms);
   Expansion expansion = mechanics.MakeExpansion();
   RiccatiSweep<BendStage> sweep(model.max_segments());
-  const WireState state = LayStraight(model, kBentLength);
+  const WireState state = LayStraight(model, kCantilever_mm);
   double stable = 0;
-  double unstable = 20 * kBentRigidity / (kBentLength * kBentLength);
+  double unstable = 20 * kCantilever_N_mm2 / (kCantilever_mm * kCantilever_mm);
   for (int k = 0; k < 60; ++k) {
     const double middle = (stable + unstable) / 2;
     force.SetForce(Vector3d(-middle, 0, 0));
@@ -248,8 +248,8 @@ double BucklingForce(int n) {
 }
 
 TEST_CASE("A clamped column buckles at Euler's load, to second order in the segment") {
-  const double euler =
-      std::numbers::pi * std::numbers::pi * kBentRigidity / (4 * kBentLength * kBentLength);
+  const double euler = std::numbers::pi * std::numbers::pi * kCantilever_N_mm2 /
+                       (4 * kCantilever_mm * kCantilever_mm);
   const double coarse = BucklingForce(20) / euler - 1;
   const double fine = BucklingForce(40) / euler - 1;
   INFO("relative errors " << coarse << " " << fine);
@@ -258,11 +258,11 @@ TEST_CASE("A clamped column buckles at Euler's load, to second order in the segm
 }
 
 TEST_CASE("Below Euler's load a bent column straightens, above it stays bent") {
-  const double euler =
-      std::numbers::pi * std::numbers::pi * kBentRigidity / (4 * kBentLength * kBentLength);
+  const double euler = std::numbers::pi * std::numbers::pi * kCantilever_N_mm2 /
+                       (4 * kCantilever_mm * kCantilever_mm);
   for (const double part : {0.9, 1.1}) {
     EndForce force(Vector3d(-part * euler, 1e-3 * euler, 0));
-    Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kBentRigidity}, kBentLength, &force);
+    Beam beam({.segment_mm = 1, .rigidity_N_mm2 = kCantilever_N_mm2}, kCantilever_mm, &force);
     REQUIRE(beam.Relax().converged);
     force.SetForce(Vector3d(-part * euler, 0, 0));
     REQUIRE(beam.Relax().converged);

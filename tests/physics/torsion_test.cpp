@@ -179,5 +179,43 @@ TEST_CASE("A ring leaves its plane at the twist 2 pi sqrt(3) EI/GJ (Michell)") {
   CHECK(std::abs(twist()) < 0.5 * critical);
 }
 
+// A bent tip, turned in a bend of 30 mm: where the nodes come to lie.
+std::vector<Vector3d> TurnedInBend(double segment_mm, double ratio) {
+  const WireModel model = MakeWire({.segment_mm = segment_mm,
+                                    .rigidity_N_mm2 = 1,
+                                    .torsional_rigidity_N_mm2 = ratio,
+                                    .tip_mm = 12,
+                                    .tip_curvature_1_per_mm = 0.05,
+                                    .sheath = {Vector3d(30, 0, 0), Vector3d::UnitY()}});
+  const Torus field(Side::kInside, 30, 3);
+  const WallModel wall{.stiffness_N_mm2 = 0.5};
+  const std::vector<EnergyTerm*> none;
+  const auto relaxation = MakeNewtonRelaxation(model, field, wall, {.tolerance = 1e-10}, none);
+  WireState state(model);
+  relaxation->Restart(state);
+  REQUIRE(Settle(*relaxation, {40, 0}, state).converged);
+  REQUIRE(Settle(*relaxation, {40, 1.3}, state).converged);
+  return state.nodes();
+}
+
+double LargestApart(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b) {
+  REQUIRE(a.size() == b.size());
+  double largest = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, (a[i] - b[i]).norm());
+  return largest;
+}
+
+TEST_CASE("A wire that does not twist is the limit of one that is ever stiffer against twist") {
+  // How far a wire turns about itself is as its torque over GJ; so is how far it lies from that.
+  const double segment_mm = GENERATE(2.0, 1.0);
+  const std::vector<Vector3d> limit = TurnedInBend(segment_mm, 0);
+  const double soft = LargestApart(TurnedInBend(segment_mm, 1e2), limit);
+  const double stiff = LargestApart(TurnedInBend(segment_mm, 1e3), limit);
+  const double stiffest = LargestApart(TurnedInBend(segment_mm, 1e4), limit);
+  CHECK(soft > 1e-4);
+  CHECK(stiff == Approx(soft / 10).epsilon(0.05));
+  CHECK(stiffest == Approx(stiff / 10).epsilon(0.05));
+}
+
 }  // namespace
 }  // namespace torquer::test

@@ -142,7 +142,11 @@ void CheckRefusals(const std::string& program, const Words& command,
     refuses({option.name, "--help"}, {option.name + " needs a value"});
     if (option.range.empty()) continue;
     const std::string remedy = "number from " + option.range;
-    for (const std::string text : {"", "abc", "nan", "inf", "1e999", "0x1", "1 2"}) {
+    const std::vector<std::string> no_numbers = {"", "abc", "nan", "inf", "1e999", "0x1", "1 2"};
+    for (std::size_t k = 0; k < no_numbers.size(); ++k) {
+      // Under a sanitizer every text and every option, but not every pair of them.
+      if (torquer::test::kUnderSanitizer && (k + option.name.size()) % 3 != 0) continue;
+      const std::string& text = no_numbers[k];
       refuses({option.name, text}, {option.name + " '" + text + "'", remedy});
     }
     for (const double bad : {option.low - 1.0, 2.0 * option.high + 1.0}) {

@@ -125,6 +125,7 @@ TEST_CASE("What is no ordinary file is not read, and nobody waits for it", "[pro
       {"torquer-simulator", "--scene", "SCENE", "--script", "@", "--states", "OUT"},
       {"torquer-simulator", "--scene", "SCENE", "--replay", "@"},
       {"torquer-simulator", "--explain", "surface-KIND.toml"},
+      {"torquer-simulator", "--check-mesh", "@"},
       {"torquer-report", "@"},
       {"torquer-daemon", "--source", "socket", "--calibration", "@"},
       {"torquer-emulator", "--motion", "@"},

@@ -53,8 +53,8 @@ TEST_CASE("The wall's pressure balances the bending, and only where it does") {
   CHECK(UnbalancedBend(rest.model, rest.field, other, rest.state) > 1e-4);
 }
 
-TEST_CASE("No step raises the energy of a wire that was laid in loops by more than a percent") {
-  // Seeds whose shape and tip chase each other so fast that a step did: by 2.6, 1.8 and 3.4 %.
+TEST_CASE("No step raises the energy of a wire that was laid in loops, and it comes to rest") {
+  // Without the torque of holonomy a step raised it in these, by 2.6, 1.8 and 3.4 %.
   const std::vector<HardCase> cases = HardCases();
   const auto hard = std::find_if(cases.begin(), cases.end(), [](const HardCase& one) {
     return one.name == "a start with tangents at random";
@@ -64,8 +64,8 @@ TEST_CASE("No step raises the energy of a wire that was laid in loops by more th
     INFO("seed " << seed);
     const HardOutcome outcome = RunHardCase(*hard, Way::kNewton, seed);
     CHECK_THAT(outcome.broken, Catch::Equals(""));
-    CHECK(outcome.worst_rise <= 0.01);
-    CHECK(outcome.ticks > 100);
+    CHECK(outcome.worst_rise <= 1e-9);
+    CHECK(outcome.settled);
   }
 }
 

@@ -11,6 +11,7 @@
 #include "host/emulator/usb_host.h"
 #include "protocol/hid_reports.h"
 #include "tests/support/paths.h"
+#include "tests/support/reports.h"
 
 namespace torquer::emulator {
 
@@ -74,17 +75,9 @@ struct Bench {
     return host.SetFeature(std::vector<std::uint8_t>(bytes, bytes + sizeof(report))).status;
   }
   TransferStatus Configure(int cpi, int deadzone) {
-    protocol::ConfigurationReport configuration{};
-    configuration.report_id = protocol::kConfigurationReportId;
-    configuration.protocol_version = protocol::kProtocolVersion;
-    configuration.cpi = static_cast<std::uint16_t>(cpi);
-    configuration.joystick_deadzone = static_cast<std::uint16_t>(deadzone);
-    return Set(configuration);
+    return Set(test::ConfigurationOf(cpi, deadzone));
   }
-  TransferStatus Command(protocol::Command command) {
-    return Set(
-        protocol::CommandReport{protocol::kCommandReportId, command, protocol::kCommandKey, {}});
-  }
+  TransferStatus Command(protocol::Command command) { return Set(test::CommandOf(command)); }
   void LoadSrom(const std::vector<std::uint8_t>& image) {
     std::vector<std::uint8_t> report(1 + image.size(), protocol::kSromReportId);
     std::copy(image.begin(), image.end(), report.begin() + 1);

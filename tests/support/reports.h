@@ -1,4 +1,4 @@
-// Input reports for tests.
+// HID reports for tests: what a device at rest sends, and what a correct host sets.
 #pragma once
 
 #include <array>
@@ -37,6 +37,22 @@ inline std::array<std::uint8_t, sizeof(protocol::InputReport)> BytesOf(
   std::array<std::uint8_t, sizeof report> bytes;
   std::memcpy(bytes.data(), &report, sizeof report);
   return bytes;
+}
+
+/// Settings that a device takes if `cpi` is a resolution of its sensor; `deadzone` is in counts of
+/// the joystick's converter.
+inline protocol::ConfigurationReport ConfigurationOf(int cpi, int deadzone = 0) {
+  protocol::ConfigurationReport configuration{};
+  configuration.report_id = protocol::kConfigurationReportId;
+  configuration.protocol_version = protocol::kProtocolVersion;
+  configuration.cpi = static_cast<std::uint16_t>(cpi);
+  configuration.joystick_deadzone = static_cast<std::uint16_t>(deadzone);
+  return configuration;
+}
+
+/// `command` with the key that a device wants to see.
+inline protocol::CommandReport CommandOf(protocol::Command command) {
+  return {protocol::kCommandReportId, command, protocol::kCommandKey, {}};
 }
 
 }  // namespace torquer::test

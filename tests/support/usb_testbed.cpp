@@ -301,20 +301,17 @@ struct UsbTestbed::Device {
 };
 
 struct UsbTestbed::State {
-  UMockdevTestbed* testbed = nullptr;
+  std::unique_ptr<UMockdevTestbed, decltype(&g_object_unref)> owner{umockdev_testbed_new(),
+                                                                    &g_object_unref};
+  UMockdevTestbed* testbed = owner.get();
+  emulator::AnsweredFiles files{testbed};
   std::map<int, std::shared_ptr<Device>> plugged;
 };
 
-UsbTestbed::UsbTestbed() : state_(std::make_unique<State>()) {
-  state_->testbed = umockdev_testbed_new();
-}
+UsbTestbed::UsbTestbed() : state_(std::make_unique<State>()) {}
 
 UsbTestbed::~UsbTestbed() {
-  for (const auto& [address, device] : state_->plugged) {
-    device->Vanish();
-    umockdev_testbed_detach_ioctl(state_->testbed, NodePath(address).c_str(), nullptr);
-  }
-  g_object_unref(state_->testbed);
+  for (const auto& [address, device] : state_->plugged) device->Vanish();
 }
 
 std::string UsbTestbed::Root() const {
@@ -330,7 +327,7 @@ void UsbTestbed::Plug(int address, const UsbDeviceScript& script) {
   const std::string number = std::to_string(address);
   char padded[8];
   std::snprintf(padded, sizeof padded, "%03d", address);
-  emulator::AttachIoctls(state_->testbed, NodePath(address), device);
+  state_->files.Attach(NodePath(address), device);
   const std::string description =
       "P: " + DevicePath(address) + "\nN: bus/usb/001/" + padded +
       "\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: BUSNUM=001\nE: DEVNUM=" + padded +
@@ -350,7 +347,6 @@ void UsbTestbed::Unplug(int address, bool announce) {
   const std::string path = "/sys" + DevicePath(address);
   umockdev_testbed_uevent(state_->testbed, path.c_str(), "remove");
   umockdev_testbed_remove_device(state_->testbed, path.c_str());
-  umockdev_testbed_detach_ioctl(state_->testbed, NodePath(address).c_str(), nullptr);
   state_->plugged.erase(address);
 }
 

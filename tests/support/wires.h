@@ -30,7 +30,7 @@ inline WireState LayStraight(const WireModel& model, double length_mm) {
 }
 
 /// The state after every tangent took the step xi in its tangent plane, normals carried along in
-/// time and the reference twist frozen: the motion in which WireMechanics expands the energy.
+/// time: the motion in which WireMechanics expands the energy.
 inline WireState Stepped(const WireModel& model, const WireState& from,
                          const std::vector<Vector2d>& xi) {
   std::vector<Vector3d> tangents = from.tangents();
@@ -50,6 +50,7 @@ inline WireState Stepped(const WireModel& model, const WireState& from,
   }
   WireState to = from;
   to.SetDirections(model, tangents, normals);
+  to.UpdateFrames(model);
   return to;
 }
 

@@ -94,8 +94,8 @@ TEST_CASE("curves join where an end meets another curve, and ways lead over the 
 }
 
 TEST_CASE("the neuro arch's centerlines form one network from groin to neck") {
-  const CenterlineNetwork network =
-      ReadSlicerCurves(torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/centerlines"));
+  const CenterlineNetwork network = ParseSlicerCurves(
+      ReadCurveFiles(torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/centerlines")));
   CHECK(network.curves().size() == 25);
   CHECK(network.curves()[network.Find("curve_02")].length_mm() == Approx(373).margin(2));
   for (const char* to : {"lcca", "rcca", "lva", "rva", "curve_17", "curve_23"}) {
@@ -112,7 +112,7 @@ TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or it is sai
   options.cache_folder.clear();
   options.field.voxel_mm = 1;
   const auto vessel = MeshVessel::Open(folder + "surface.obj", options);
-  const CenterlineNetwork network = ReadSlicerCurves(folder + "centerlines");
+  const CenterlineNetwork network = ParseSlicerCurves(ReadCurveFiles(folder + "centerlines"));
   double outside = 0;
   for (const OutsideStretch& stretch : FindStretchesOutside(network, vessel->field())) {
     CHECK(stretch.worst_clearance_mm <= 0);
@@ -177,14 +177,7 @@ TEST_CASE("a place is checked for a wire to begin") {
   CHECK_THAT(blocked.problem, Contains("into the wall after 0.3 mm"));
 }
 
-class MarkupsFile {
- public:
-  explicit MarkupsFile(const std::string& content) { std::ofstream(path()) << content; }
-  std::string path() const { return folder_.Path("curve.mrk.json"); }
-
- private:
-  TemporaryFolder folder_;
-};
+CurveFile MarkupsFile(const std::string& contents) { return {"curve.mrk.json", contents}; }
 
 std::string Markups(const std::string& points, const std::string& radii,
                     const std::string& extra = R"("type": "Curve",)") {
@@ -196,21 +189,35 @@ std::string Markups(const std::string& points, const std::string& radii,
 constexpr const char* kTwoPoints = R"({"position": [0, 0, 0]}, {"position": [0, 0, 9]})";
 
 TEST_CASE("a Slicer curve is read with its radii") {
-  const MarkupsFile file(
+  const CurveFile file = MarkupsFile(
       Markups(std::string(kTwoPoints) + R"(, {"position": [5,5,5], "positionStatus": "undefined"})",
               "1.5, 2.5, 0"));
-  const Centerline curve = ReadSlicerCurve(file.path(), 2);
+  const Centerline curve = ParseSlicerCurve(file, 2);
   CHECK(curve.name() == "curve");
   CHECK(curve.length_mm() == Approx(18));
   CHECK(curve.At(18).radius_mm == Approx(5));
 }
 
+TEST_CASE("a centerline file that nests deeper than the stack is refused") {
+  constexpr std::size_t kDepth = 200000;
+  const std::string deep = std::string(kDepth, '[') + std::string(kDepth, ']');
+  const auto refuses = [](const std::string& markup, const std::string& what) {
+    CHECK_THROWS_WITH(
+        ParseSlicerCurve(MarkupsFile(R"({"markups":[{)" + markup + R"(,"measurements":[]}]})")),
+        Contains(what));
+  };
+  refuses(R"("controlPoints":[],"type":)" + deep, "type is nested");
+  refuses(R"("type":"Curve","controlPoints":[],"coordinateUnits":)" + deep, "Units is nested");
+  refuses(R"("type":"Curve","controlPoints":[{"position":)" + deep + "}]", "position is nested");
+  refuses(R"("type":"Curve","controlPoints":[{"position":[1,2,)" + deep + "]}]", "is nested");
+}
+
 TEST_CASE("broken centerline files are refused by file, field, value and remedy") {
   const auto refused = [](const std::string& content, const std::string& part) {
-    const MarkupsFile file(content);
+    const CurveFile file = MarkupsFile(content);
     INFO(content);
-    CHECK_THROWS_AS(ReadSlicerCurve(file.path()), UserError);
-    CHECK_THROWS_WITH(ReadSlicerCurve(file.path()), Contains("curve.mrk.json") && Contains(part));
+    CHECK_THROWS_AS(ParseSlicerCurve(file), UserError);
+    CHECK_THROWS_WITH(ParseSlicerCurve(file), Contains("curve.mrk.json") && Contains(part));
   };
   const std::string good = Markups(kTwoPoints, "1, 2");
   refused(good.substr(0, good.size() / 2), "not valid JSON");
@@ -236,16 +243,15 @@ TEST_CASE("broken centerline files are refused by file, field, value and remedy"
   std::string numbered = good;
   const std::size_t list = numbered.find("\"measurements\"");
   numbered.insert(numbered.find('[', list) + 1, R"({"name": 7}, {"name": null}, )");
-  CHECK(ReadSlicerCurve(MarkupsFile(numbered).path()).length_mm() > 0);
+  CHECK(ParseSlicerCurve(MarkupsFile(numbered)).length_mm() > 0);
   refused(R"({"markups": [{"type": "Curve", "controlPoints": [], "measurements": [{"name": 7}]}]})",
           "no \"Radius\"");
   const TemporaryFolder pipes;
   REQUIRE(mkfifo(pipes.Path("main.mrk.json").c_str(), 0600) == 0);
-  CHECK_THROWS_WITH(ReadSlicerCurves(pipes.Path()), Contains("it is a pipe"));
-  CHECK_THROWS_WITH(ReadSlicerCurve("/nowhere/x.mrk.json"), Contains("/nowhere/x.mrk.json"));
+  CHECK_THROWS_WITH(ReadCurveFiles(pipes.Path()), Contains("it is a pipe"));
   const TemporaryFolder empty;
-  CHECK_THROWS_WITH(ReadSlicerCurves(empty.Path("")), Contains("holds no .mrk.json"));
-  CHECK_THROWS_WITH(ReadSlicerCurves("/nowhere"), Contains("cannot be read"));
+  CHECK_THROWS_WITH(ReadCurveFiles(empty.Path("")), Contains("holds no .mrk.json"));
+  CHECK_THROWS_WITH(ReadCurveFiles("/nowhere"), Contains("cannot be read"));
 }
 
 }  // namespace

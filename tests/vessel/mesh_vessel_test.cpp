@@ -15,10 +15,11 @@
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/cache_folder.h"
 #include "host/simulator/vessel/centerline.h"
+#include "tests/support/made_meshes.h"
 #include "tests/support/paths.h"
+#include "tests/support/sanitizer.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/vessel/field_checks.h"
-#include "tests/vessel/made_meshes.h"
 
 namespace torquer::vessel {
 namespace {
@@ -80,7 +81,7 @@ TEST_CASE("a field from a surface is near its distance everywhere near the wall"
     double worst = 0, steepest = 0;
     // One region: every brick costs.
     const Vector3d about = mesh.Centroid(mesh.triangles.size() / 2);
-    while (checked < 1500) {
+    while (checked < test::Rounds(1500, 3)) {
       const size_t triangle = random.Next() % mesh.triangles.size();
       if ((mesh.Centroid(triangle) - about).norm() > 40) continue;
       const Vector3d p = mesh.Centroid(triangle) + random.Uniform(0, 1) * random.Direction();
@@ -180,7 +181,7 @@ TEST_CASE("a torn or altered cache is noticed wherever it is torn, and costs onl
     CHECK(Fingerprint(vessel->field()) == expected);
   }
   Random random(33);
-  for (int i = 0; i < 24; ++i) {
+  for (int i = 0; i < test::Rounds(24, 3); ++i) {
     std::string altered = whole;
     // Half of the hits in the first bytes, where the header, the surface and the directory are.
     const size_t at = random.Next() % (i % 2 ? whole.size() : 4096);

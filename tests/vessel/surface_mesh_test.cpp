@@ -4,13 +4,13 @@
 #include <fstream>
 
 #include "catch2/catch.hpp"
-#include "host/simulator/vessel/mesh_file.h"
+#include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/triangle_bvh.h"
 #include "host/support/error.h"
+#include "tests/support/made_meshes.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/vessel/field_checks.h"
-#include "tests/vessel/made_meshes.h"
 
 namespace torquer::vessel {
 namespace {
@@ -331,7 +331,7 @@ TEST_CASE("of the abdominal aorta the lumen is found, not the wall") {
   CHECK(surface.report.openings[0].radius_mm == Approx(13.3).margin(0.5));
   CHECK(surface.report.width_mm[1] > 8);  // the wall is 2 mm thick
   const TriangleBvh lumen(surface.mesh);
-  const TriangleMesh wall = ReadMeshFile(path, 1000);
+  const TriangleMesh wall = ImportMesh(ReadMeshContents(path), path, 1000);
   // Just inside of every opening one is in the lumen, far from the wall; the wall's own material is
   // outside.
   for (const Opening& opening : surface.report.openings) {

@@ -6,8 +6,8 @@
 
 #include "catch2/catch.hpp"
 #include "host/simulator/vessel/surface_mesh.h"
+#include "tests/support/made_meshes.h"
 #include "tests/vessel/field_checks.h"
-#include "tests/vessel/made_meshes.h"
 
 namespace torquer::vessel {
 namespace {

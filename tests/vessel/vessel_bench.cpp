@@ -180,8 +180,8 @@ void Surface(const std::string& name, const std::string& file, vessel::MeshUnit 
       cached->field().Build(1, kThreads);
     });
     if (centerlines.empty()) continue;
-    const vessel::CenterlineNetwork network =
-        vessel::ReadSlicerCurves(torquer::test::SourcePath("/host/scenes/meshes/") + centerlines);
+    const vessel::CenterlineNetwork network = vessel::ParseSlicerCurves(
+        vessel::ReadCurveFiles(torquer::test::SourcePath("/host/scenes/meshes/") + centerlines));
     const vessel::Centerline way =
         network.Path(network.Place("curve_07", "start"), network.Place("rcca", "end"));
     TimeLookUps(case_name, cached->field(), way);

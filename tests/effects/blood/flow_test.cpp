@@ -117,8 +117,9 @@ TEST_CASE("By Murray's law outlets take flow as the cube of their radius", "[eff
 }
 
 TEST_CASE("Every joint of a patient's arteries conserves blood to rounding", "[effects]") {
-  const CenterlineNetwork network = torquer::vessel::ReadSlicerCurves(
-      torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/centerlines"));
+  const CenterlineNetwork network =
+      torquer::vessel::ParseSlicerCurves(torquer::vessel::ReadCurveFiles(
+          torquer::test::SourcePath("/host/scenes/meshes/neuro_arch/centerlines")));
   auto graph = std::make_unique<FlowGraph>(network);
   // 25 curves, two of which branch midway. Both vertebral arteries meet, so there is one ring. The
   // stump of the aortic root and 13 outlets are free.

@@ -40,7 +40,7 @@ Plane Painted(const CArm& arm, const Vector3d& middle, const Vector3d& axis, dou
   return plane;
 }
 
-Command Exposed(double time_s, bool xray) {
+Command WithXray(double time_s, bool xray) {
   Command command;
   command.target[0].insertion_mm = 40;
   command.time_s = time_s;
@@ -105,7 +105,7 @@ TEST_CASE("Scatter weakens shadows as Beer and Lambert's law with a background s
     Simulation session(*scene);
     ImageSource::Picture picture;
     for (const double time_s : {0.1, 4.0}) {
-      Command command = Exposed(time_s, true);
+      Command command = WithXray(time_s, true);
       command.controls.contrast = contrast;
       torquer::CountedBudget budget(1000);
       session.Tick(command, budget);
@@ -143,7 +143,7 @@ TEST_CASE("What moved since the mask does not cancel, and does when it is back",
     ImageSource::Picture picture;
     for (const double time_s : {0.001, second_s}) {
       torquer::CountedBudget budget(5000);
-      session.Tick(Exposed(time_s, true), budget);
+      session.Tick(WithXray(time_s, true), budget);
       session.image()->Render(picture);
     }
     const auto [low, high] = std::minmax_element(picture.gray.begin(), picture.gray.end());
@@ -159,7 +159,7 @@ TEST_CASE("The dose goes with pulses, current and the body's thickness", "[effec
     SceneOf scene(kStraight + "[effects.fluoroscopy]\nwidth_px = 64\nheight_px = 64\n" + more);
     Simulation session(*scene);
     for (int k = 1; k <= static_cast<int>(100 * seconds); ++k) {
-      Command command = Exposed(0.01 * k, true);
+      Command command = WithXray(0.01 * k, true);
       command.controls.lao_rad = lao_rad;
       torquer::CountedBudget budget(1000);
       session.Tick(command, budget);

@@ -1,9 +1,10 @@
+#include "host/simulator/vessel/surface_net.h"
+
 #include <catch2/catch.hpp>
 #include <numbers>
 
-#include "host/recorder/vessel_outline.h"
-
 using namespace torquer;
+using namespace torquer::vessel;
 
 namespace {
 
@@ -22,14 +23,17 @@ class Ball final : public ClearanceField {
 
 }  // namespace
 
-TEST_CASE("The outline of a ball is a closed sphere, wound outward") {
+TEST_CASE("The surface net of a ball is a closed sphere, wound outward") {
   const Ball ball;
   const double reach = GENERATE(7.0, 9.3, 40.0);
   const Eigen::AlignedBox3d bounds(Ball::kCenterMm - Eigen::Vector3d::Constant(reach),
                                    Ball::kCenterMm + Eigen::Vector3d::Constant(reach));
-  const PictureVessel outline = OutlineOf(ball, bounds, 0.5);
+  const TriangleMesh surface = SurfaceOf(ball, bounds, 0.5);
   double volume = 0;
-  for (const auto& [a, b, c] : outline.triangles_mm) {
+  for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+    const Eigen::Vector3d& a = surface.Corner(i, 0);
+    const Eigen::Vector3d& b = surface.Corner(i, 1);
+    const Eigen::Vector3d& c = surface.Corner(i, 2);
     CHECK(std::abs(ball.Clearance(a)) < 0.05);
     volume += (a - Ball::kCenterMm).dot((b - Ball::kCenterMm).cross(c - Ball::kCenterMm)) / 6;
   }
@@ -38,10 +42,10 @@ TEST_CASE("The outline of a ball is a closed sphere, wound outward") {
   CHECK(volume == Approx(exact).epsilon(0.01));
 }
 
-TEST_CASE("An outline has about as many triangles as asked for") {
+TEST_CASE("A surface net has about as many triangles as asked for") {
   const Ball ball;
   const Eigen::AlignedBox3d bounds(Ball::kCenterMm - Eigen::Vector3d::Constant(8),
                                    Ball::kCenterMm + Eigen::Vector3d::Constant(8));
-  const auto count = static_cast<double>(OutlineInAbout(3000, ball, bounds).triangles_mm.size());
+  const auto count = static_cast<double>(SurfaceInAbout(3000, ball, bounds).triangles.size());
   CHECK(count == Approx(3000).epsilon(0.1));
 }

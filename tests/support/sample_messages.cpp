@@ -1,4 +1,4 @@
-#include "tests/bus/sample_messages.h"
+#include "tests/support/sample_messages.h"
 
 #include <sys/mman.h>
 

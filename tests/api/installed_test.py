@@ -1,0 +1,149 @@
+"""What other projects get: the build installed into an empty folder, and used from outside."""
+
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+BUILD = pathlib.Path(sys.argv[1])
+
+PROGRAM = """
+#include <torquer/torquer.h>
+#include <cstdio>
+int main(int, char** argv) {
+  try {
+    torquer::Simulation simulation(torquer::Scene::FromFile(argv[1]));
+    torquer::Command command = simulation.command();
+    for (int k = 1; k <= 3; ++k) {
+      command.time_s = 0.1 * k;
+      command.hands[0].insertion_mm += 1;
+      if (!simulation.Step(command).converged) return 1;
+    }
+    std::printf("%s %.0f\\n", torquer::Version(), simulation.instruments()[0].hand.insertion_mm);
+  } catch (const torquer::Error& error) {
+    std::printf("refused: %s\\n", error.what());
+    return 2;
+  }
+}
+"""
+PROJECT = """
+cmake_minimum_required(VERSION 3.25)
+project(outside LANGUAGES CXX)
+find_package(Torquer 0.1 REQUIRED)
+add_executable(by_cmake main.cpp)
+target_link_libraries(by_cmake PRIVATE Torquer::torquer)
+"""
+
+DEVICE = '[[instrument]]\nname = "guidewire"\ndevice = "sion"\nmax_length_mm = 200\n\n'
+
+
+def run(*words, **more):
+    done = subprocess.run([str(w) for w in words], capture_output=True, text=True, **more)
+    if done.returncode != more.get("wanted", 0):
+        sys.exit(f"{words}: status {done.returncode}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def check(what, holds):
+    if not holds:
+        sys.exit(f"failed: {what}")
+
+
+def shown_symbols(library):
+    lines = run("nm", "-D", "-C", "--defined-only", library).splitlines()
+    return [line.split(" ", 2)[2] for line in lines]
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder:
+        prefix = pathlib.Path(folder) / "prefix"
+        run("cmake", "--install", BUILD, "--prefix", prefix)
+        library = next(prefix.glob("lib*/**/libtorquer.so"))
+        environment = dict(os.environ, LD_LIBRARY_PATH=str(library.parent))
+        environment.pop("PYTHONPATH", None)
+
+        symbols = shown_symbols(library)
+        check("the library shows its classes", any("Simulation::Step" in s for s in symbols))
+        strangers = [
+            s
+            for s in symbols
+            if not s.replace("typeinfo for ", "")
+            .replace("typeinfo name for ", "")
+            .replace("vtable for ", "")
+            .startswith(
+                ("torquer::Version", "torquer::Error", "torquer::Scene::", "torquer::Simulation::")
+            )
+        ]
+        check(f"the library shows nothing else: {strangers[:5]}", not strangers)
+        header = (prefix / "include/torquer/torquer.h").read_text()
+        check("the header needs the standard library alone", "Eigen" not in header)
+
+        outside = pathlib.Path(folder) / "outside"
+        outside.mkdir()
+        (outside / "main.cpp").write_text(PROGRAM)
+        (outside / "CMakeLists.txt").write_text(PROJECT)
+        scenes = prefix / "share/torquer/scenes"
+        scene = scenes / "ty_phantom.toml"
+        run("cmake", "-S", outside, "-B", outside / "build", f"-DCMAKE_PREFIX_PATH={prefix}")
+        run("cmake", "--build", outside / "build")
+        said = run(outside / "build/by_cmake", scene, env=environment)
+        version = run(BUILD / "bin/torquer-simulator", "--version").split()[-1]
+        check(f"the program runs: {said}", said.split()[0] == version)
+        pkg_config = dict(environment, PKG_CONFIG_PATH=str(library.parent / "pkgconfig"))
+        flags = run("pkg-config", "--cflags", "--libs", "torquer", env=pkg_config).split()
+        run("g++", "-std=c++20", outside / "main.cpp", *flags, "-o", outside / "by_pkg_config")
+        check("pkg-config builds the same",
+              run(outside / "by_pkg_config", scene, env=environment) == said)
+
+        packages = next(prefix.glob("lib/python3/dist-packages"))
+        steps = (
+            "import sys, torquer\n"
+            "s = torquer.Simulation(torquer.Scene(sys.argv[1]))\n"
+            "hands = s.hands\n"
+            "for k in range(3):\n"
+            "    hands[0, 0] += 1\n"
+            "    assert s.step(0.1 * (k + 1), hands).converged\n"
+            "print(torquer.__version__, round(s.places[0, 0]))\n"
+        )
+        python = dict(environment, PYTHONPATH=str(packages))
+        check("Python does the same",
+              run("/usr/bin/python3", "-B", "-c", steps, scene, env=python) == said)
+
+        # Installed programs find what they need where they are.
+        programs = prefix / "bin"
+        check("programs run from there", version in run(programs / "torquer-simulator", "--version"))
+        for scene in sorted(scenes.glob("*.toml")):
+            script = pathlib.Path(folder) / "script.csv"
+            script.write_text("time_s\n0\n0.02\n")
+            run(programs / "torquer-simulator", "--scene", scene, "--script", script, "--states",
+                pathlib.Path(folder) / "states.jsonl",
+                env=dict(environment, XDG_CACHE_HOME=os.environ.get(
+                    "XDG_CACHE_HOME", str(pathlib.Path.home() / ".cache"))))
+        # That, and not what the build tree has.
+        phantom = scenes / "ty_phantom.toml"
+        phantom.write_text(re.sub(r"\[\[instrument\]\].*?\n\n", DEVICE, phantom.read_text(),
+                                  flags=re.DOTALL))
+        cases = (
+            ("libexec/torquer/torquer-mesh-reader", "#!/bin/false\n", "neuro_arch", "surface.obj"),
+            ("share/torquer/devices", None, "ty_phantom", "sion.toml"),
+        )
+        for below, text, name, said in cases:
+            found = prefix / below
+            if text is None:
+                for device in found.glob("*.toml"):
+                    device.write_text("nonsense\n")
+            else:
+                found.write_text(text)
+                found.chmod(0o755)
+            scene = scenes / f"{name}.toml"
+            refused = subprocess.run([programs / "torquer-simulator", "--explain", scene],
+                                     capture_output=True, text=True,
+                                     env=dict(environment, XDG_CACHE_HOME=folder))
+            check(f"{below} is used: {refused.stderr}",
+                  refused.returncode == 2 and said in refused.stderr)
+    print("installed, and used from C++ (CMake, pkg-config) and Python")
+
+
+main()

@@ -1,0 +1,66 @@
+// Commands from the bus on their way to the simulator's loop: whatever they say, and whoever sends
+// them, what is wanted is finite. Each packet (target.h): sender, milliseconds since the one
+// before, and the message.
+#include <stdexcept>
+
+#include "host/bus/message_check.h"
+#include "host/simulator/live_commands.h"
+#include "tests/fuzz/target.h"
+
+namespace torquer::fuzz::commands_target {
+namespace {
+
+simulator::Simulation& TheSimulation() {
+  static scene::Scene scene(scene::ParseScene(SourceText("host/scenes/drill_tube.toml"),
+                                              "drill_tube.toml", "host/scenes"));
+  static simulator::Simulation simulation(scene);
+  return simulation;
+}
+
+std::vector<Bytes> Seeds() {
+  Bytes input;
+  for (int k = 0; k < 4; ++k) {
+    torquer_lcm::instrument_command_t command{};
+    command.instrument = "guidewire";
+    command.sequence = k;
+    command.insertion_mm = 0.1 * k;
+    Bytes packet = {static_cast<std::uint8_t>(k / 3), 1};
+    Bytes bytes(static_cast<std::size_t>(command.getEncodedSize()));
+    command.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    packet.insert(packet.end(), bytes.begin(), bytes.end());
+    AppendPacket(input, packet);
+  }
+  return {input};
+}
+
+bool Accepts(std::span<const std::uint8_t> input) {
+  simulator::LiveCommands commands(TheSimulation());
+  std::int64_t now_us = 10'000'000;
+  for (Reader packets(input); !packets.empty();) {
+    Reader packet(packets.Take(packets.Word()));
+    const bus::Sender sender{0x7f000001, packet.Byte()};
+    now_us += 1000 * packet.Byte();
+    const auto bytes = packet.Take(4096);
+    torquer_lcm::instrument_command_t message;
+    if (bus::DecodeMessage(bytes.data(), bytes.size(), message)) {
+      commands.Take(message, sender, now_us);
+    }
+    commands.Age(now_us);
+    const simulator::Command& wanted = commands.command();
+    if (!simulator::Usable(wanted.target[0]) || !simulator::Usable(wanted.controls)) {
+      throw std::logic_error("what cannot be wanted is");
+    }
+    commands.State();
+    commands.TakeNews();
+  }
+  torquer_lcm::wire_state_t state{};
+  state.instruments.resize(1);  // of the scene
+  commands.Describe(state);
+  return commands.taken() > 0;
+}
+
+const Registration kRegistration(
+    {.name = "commands", .seeds = Seeds, .accepts = Accepts, .replay_inputs = 20000});
+
+}  // namespace
+}  // namespace torquer::fuzz::commands_target

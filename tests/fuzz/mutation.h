@@ -1,0 +1,14 @@
+// Mutations for fuzz-replay: the same for the same seed, on every machine.
+#pragma once
+
+#include <random>
+
+#include "tests/fuzz/target.h"
+
+namespace torquer::fuzz {
+
+/// A copy of one of `inputs` (at least one, none empty), changed in one to six places, repaired
+/// where the target can, at most target.longest bytes.
+Bytes Mutate(const Target& target, const std::vector<Bytes>& inputs, std::mt19937& random);
+
+}  // namespace torquer::fuzz

@@ -1,0 +1,96 @@
+// A recorded session, from its bytes to the report. Mutations of odd length have records at their
+// places again, so that what is in them is reached.
+#include "host/recorder/session_log.h"
+
+#include <cstring>
+
+#include "host/recorder/session_report.h"
+#include "host/support/error.h"
+#include "protocol/lcm_channels.h"
+#include "tests/fuzz/target.h"
+#include "tests/support/sample_messages.h"
+
+namespace torquer::fuzz::session_log_target {
+namespace {
+
+constexpr std::size_t kHeaderBytes = 28;
+
+void AppendNumber(Bytes& bytes, std::uint64_t value, int size) {
+  for (int k = size - 1; k >= 0; --k) bytes.push_back(static_cast<std::uint8_t>(value >> 8 * k));
+}
+
+void AppendRecord(Bytes& log, int number, const std::string& channel, const Bytes& data) {
+  AppendNumber(log, 0xEDA1DA01, 4);
+  AppendNumber(log, static_cast<std::uint64_t>(number), 8);
+  AppendNumber(log, 1'700'000'000'000'000 + 1000 * static_cast<std::uint64_t>(number), 8);
+  AppendNumber(log, channel.size(), 4);
+  AppendNumber(log, data.size(), 4);
+  log.insert(log.end(), channel.begin(), channel.end());
+  log.insert(log.end(), data.begin(), data.end());
+}
+
+std::string ChannelOf(const std::string& type) {
+  if (type == "device_sample_t") return protocol::kDeviceSampleChannel;
+  if (type == "instrument_command_t") return protocol::kInstrumentCommandChannel;
+  if (type == "wire_state_t") return protocol::kWireStateChannel;
+  if (type == "scene_description_t") return protocol::kSceneChannel;
+  if (type == "readings_t") return protocol::kReadingsChannel;
+  if (type == "health_t") return protocol::kHealthChannel;
+  if (type == "hand_motion_t") return protocol::kEmulatorTruthChannel;
+  return "OTHER";
+}
+
+std::vector<Bytes> Seeds() {
+  Bytes once, twice;
+  int number = 0;
+  for (const auto& sample : test::SampleMessages()) {
+    AppendRecord(once, number++, ChannelOf(sample.type), sample.bytes);
+  }
+  twice = once;
+  for (const auto& sample : test::SampleMessages()) {
+    AppendRecord(twice, number++, ChannelOf(sample.type), sample.bytes);
+  }
+  return {once, twice};
+}
+
+bool Accepts(std::span<const std::uint8_t> input) {
+  SessionReporter reporter;
+  const SessionLogSummary summary = ReadSessionLog(FileWith(input), reporter.Handlers());
+  summary.damage.Describe();
+  try {
+    const auto identity = [](const std::string&, int) {
+      return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
+    };
+    reporter.Finish(identity);
+  } catch (const UserError&) {
+    // A log without some kind of message has no report.
+  }
+  return summary.undecodable == 0 && !summary.damage.any();
+}
+
+std::uint32_t NumberAt(const Bytes& bytes, std::size_t at) {
+  std::uint32_t value = 0;
+  for (std::size_t k = 0; k < 4; ++k) value = value << 8 | bytes[at + k];
+  return value;
+}
+
+// Records that follow each other, from the front as far as lengths allow.
+void Repair(Bytes& input) {
+  if (input.size() % 2 == 0) return;
+  Bytes start;
+  AppendNumber(start, 0xEDA1DA01, 4);
+  for (std::size_t at = 0; at + kHeaderBytes <= input.size();) {
+    std::copy(start.begin(), start.end(), input.begin() + static_cast<std::ptrdiff_t>(at));
+    at += kHeaderBytes + std::size_t{NumberAt(input, at + 20)} + NumberAt(input, at + 24);
+  }
+}
+
+const Registration kRegistration({.name = "session_log",
+                                  .seeds = Seeds,
+                                  .accepts = Accepts,
+                                  .repair = Repair,
+                                  .replay_inputs = 8000,
+                                  .longest = 16384});
+
+}  // namespace
+}  // namespace torquer::fuzz::session_log_target

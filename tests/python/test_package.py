@@ -1,0 +1,171 @@
+"""The Python package: what it shows is what the simulation has."""
+
+import copy
+import gc
+import pathlib
+import pickle
+import threading
+
+import numpy as np
+import pytest
+import torquer
+
+SCENES = pathlib.Path(__file__).parents[2] / "host/scenes"
+
+
+@pytest.fixture(scope="module")
+def phantom():
+    return torquer.Scene(str(SCENES / "ty_phantom.toml"))
+
+
+def push(simulation, steps, millimeters=1.0):
+    hands = simulation.hands
+    for _ in range(steps):
+        hands[0, 0] += millimeters
+        report = simulation.step(simulation.time_s + 0.1, hands)
+    return report
+
+
+def test_a_step_moves_the_wire(phantom):
+    simulation = torquer.Simulation(phantom)
+    before = simulation.tips_mm[0]
+    start = simulation.places[0, 0]
+    report = push(simulation, 5)
+    assert report.converged and not report.budget_spent and report.ticks >= 1
+    assert simulation.time_s == pytest.approx(0.5)
+    assert simulation.places[0, 0] == pytest.approx(start + 5)
+    assert np.allclose(simulation.hands, simulation.places)
+    assert 0 < np.linalg.norm(simulation.tips_mm[0] - before) < 10
+    assert simulation.residual < 1e-3 and simulation.max_penetration_mm < 0.1
+    assert simulation.solver_error_mm() < 1e-2
+    assert not simulation.outside_lumen
+
+
+def test_nodes_are_a_view_that_cannot_be_written(phantom):
+    simulation = torquer.Simulation(phantom)
+    push(simulation, 20)
+    nodes = simulation.nodes_mm
+    assert nodes.shape[1] == 3 and nodes.dtype == np.float64
+    assert np.allclose(nodes[-1], simulation.tips_mm[0])
+    lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+    assert np.allclose(lengths[1:], lengths[1])
+    assert not nodes.flags.writeable and not nodes.flags.owndata
+    with pytest.raises(ValueError):
+        nodes[0, 0] = 1
+    # It keeps the simulation alive.
+    kept = nodes.copy()
+    del simulation
+    gc.collect()
+    assert np.array_equal(nodes, kept)
+
+
+def test_copies_and_restoring(phantom):
+    simulation = torquer.Simulation(phantom)
+    push(simulation, 10)
+    saved = simulation.copy()
+    shallow = copy.copy(simulation)
+    here = simulation.state_hash
+    push(simulation, 5)
+    there = simulation.state_hash
+    assert saved.state_hash == shallow.state_hash == here != there
+    push(saved.copy(), 2, -1)
+    assert saved.state_hash == here
+    simulation.restore(saved)
+    assert simulation.state_hash == here
+    push(simulation, 5)
+    assert simulation.state_hash == there
+    simulation.restart()
+    assert simulation.state_hash == torquer.Simulation(phantom).state_hash
+
+
+def test_scenes_are_pickled_by_what_they_say(phantom):
+    again = pickle.loads(pickle.dumps(phantom))
+    assert again.content_hash == phantom.content_hash
+    assert again.text == phantom.text
+    assert torquer.Simulation(again).state_hash == torquer.Simulation(phantom).state_hash
+
+
+def test_a_scene_from_text(phantom):
+    other = phantom.text.replace('"ty_phantom"', '"renamed"', 1)
+    scene = torquer.Scene.from_text(other, phantom.folder)
+    assert scene.name == "renamed" and scene.content_hash != phantom.content_hash
+    with pytest.raises(torquer.Error, match="scene:1"):
+        torquer.Scene.from_text("nonsense")
+
+
+def test_a_scene_tells_of_its_vessel(phantom):
+    assert phantom.name == "ty_phantom"
+    assert [i.name for i in phantom.instruments] == ["guidewire"]
+    assert phantom.instruments[0].max_length_mm > 0
+    low, high = phantom.bounds_mm
+    assert (low < high).all()
+    middle = phantom.centerline_mm(phantom.centerlines[0], 0.5)
+    assert middle.shape[1] == 3
+    assert (phantom.clearance_mm(middle[2:-2]) > 0).all()
+    assert phantom.clearance_mm([low - 10]) < 0
+    route = phantom.route_mm(phantom.centerlines[0], 10.0)
+    assert np.allclose(np.linalg.norm(np.diff(route, axis=0)[:-1], axis=1), 1, atol=1e-3)
+
+
+def test_pictures_and_forces():
+    scene = torquer.Scene(str(SCENES / "everything.toml"))
+    simulation = torquer.Simulation(scene)
+    assert simulation.picture() is None
+    simulation.step(0.1, simulation.hands, xray=True)
+    picture = simulation.picture()
+    assert picture.dtype == np.uint8 and picture.ndim == 2 and picture.std() > 5
+    turned = simulation.copy()
+    turned.step(0.2, simulation.hands, lao_deg=40, xray=True)
+    assert not np.array_equal(turned.picture(), picture)
+    assert np.array_equal(simulation.picture(), picture)
+    readings = simulation.readings()
+    assert readings["xray_pulses"] >= 1
+    forces = simulation.forces()
+    if "internal_forces" in scene.effects:
+        assert forces["tension_mN"].shape == (len(simulation.nodes_mm),)
+        assert forces["contact_mN"].shape == simulation.nodes_mm.shape
+    else:
+        assert forces == {}
+
+
+@pytest.mark.parametrize(
+    "time_s, hands, said",
+    [
+        (-1.0, None, "let times ascend"),
+        (float("nan"), None, "let times ascend"),
+        (1.0, [[0, 0], [0, 0]], "2 entries"),
+        (1.0, [0, 0], r"shape \(2\)"),
+        (1.0, [[0, 0, 0]], r"shape \(1, 3\)"),
+        (1.0, [[float("inf"), 0]], "guidewire"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(phantom, time_s, hands, said):
+    simulation = torquer.Simulation(phantom)
+    here = simulation.state_hash
+    with pytest.raises(torquer.Error, match=said):
+        simulation.step(time_s, simulation.hands if hands is None else hands)
+    assert simulation.state_hash == here and simulation.time_s == 0
+
+
+def test_errors_are_value_errors_that_name_the_file():
+    with pytest.raises(ValueError, match="no/such.toml"):
+        torquer.Scene("no/such.toml")
+
+
+def test_threads_run_beside_each_other(phantom):
+    # While one steps without Python's lock, another counts; and both get what they get alone.
+    alone = torquer.Simulation(phantom)
+    push(alone, 30)
+    results = [None] * 3
+
+    def run(k):
+        simulation = torquer.Simulation(phantom)
+        push(simulation, 30)
+        results[k] = simulation.state_hash
+
+    threads = [threading.Thread(target=run, args=(k,)) for k in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert results == [alone.state_hash] * 3

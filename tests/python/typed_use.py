@@ -1,0 +1,16 @@
+"""Nothing runs this: mypy reads it as a user's program."""
+
+from typing import Dict
+
+import numpy as np
+import torquer
+
+
+def depth_mm(path: str) -> float:
+    scene = torquer.Scene(path)
+    simulation: torquer.Simulation = torquer.Simulation(scene).copy()
+    report = simulation.step(0.1, simulation.hands + np.array([[1.0, 0.0]]), xray=True)
+    readings: Dict[str, float] = simulation.readings()
+    if not report.converged or not readings:
+        raise torquer.Error("not at rest")
+    return float(scene.clearance_mm(simulation.nodes_mm).min())

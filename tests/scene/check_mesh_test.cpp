@@ -1,0 +1,86 @@
+// torquer-simulator --check-mesh: what it says, its picture, and the scene that it proposes.
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "host/simulator/scene/scene.h"
+#include "tests/support/child_process.h"
+#include "tests/support/file_contents.h"
+#include "tests/support/made_meshes.h"
+#include "tests/support/paths.h"
+#include "tests/support/temporary_folder.h"
+
+using Catch::Matchers::Contains;
+using torquer::test::ChildProcess;
+using torquer::test::Contents;
+using torquer::test::TemporaryFolder;
+
+namespace {
+
+struct Said {
+  int status;
+  std::string output, error;
+};
+
+Said CheckMesh(const std::vector<std::string>& arguments) {
+  std::vector<std::string> words = {torquer::test::ProgramPath("torquer-simulator"),
+                                    "--check-mesh"};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  ChildProcess program(words);
+  const int status = program.Wait();
+  return {status, program.Output(), program.Error()};
+}
+
+}  // namespace
+
+TEST_CASE("What --check-mesh proposes is a scene that can be simulated", "[scene]") {
+  struct Case {
+    std::string what;
+    torquer::vessel::TriangleMesh mesh;
+    double units_per_mm;
+  };
+  for (const Case& c : {Case{"open", torquer::vessel::MakeTubeMesh(), 1},
+                        Case{"open, in meters", torquer::vessel::MakeTubeMesh(), 0.001},
+                        Case{"closed", torquer::vessel::MakeClosedTube(), 1},
+                        Case{"a wall with thickness", torquer::vessel::MakeShell(), 1}}) {
+    INFO(c.what);
+    const TemporaryFolder folder;
+    const std::string surface = folder.Path("a \"b\".obj");
+    torquer::vessel::WriteObj(surface, c.mesh, c.units_per_mm);
+    const Said said = CheckMesh({surface});
+    CHECK(said.status == 0);
+    CHECK_THAT(said.output, Contains("loads:        yes"));
+    CHECK_THAT(Contents(surface + ".svg"), Contains("<svg ") && Contains("</svg>"));
+    const std::size_t begin = said.output.find("[vessel]");
+    REQUIRE(begin != std::string::npos);
+    const std::string path = folder.Path("test.toml");
+    std::ofstream(path) << "name = \"test\"\n"
+                        << said.output.substr(begin)
+                        << "\n[[instrument]]\nmax_length_mm = 30\nradius_mm = 0.5\ntip_mm = 10\n"
+                           "tip_angle_deg = 30\nrigidity_N_mm2 = 1\n";
+    const torquer::scene::Scene scene(path);
+    CHECK(scene.vessel().bounds_mm.sizes().x() == Approx(c.mesh.Bounds().sizes().x()).margin(0.1));
+  }
+}
+
+TEST_CASE("--check-mesh says why a surface does not load, and draws where", "[scene]") {
+  const TemporaryFolder folder;
+  torquer::vessel::TriangleMesh mesh = torquer::vessel::MakeTubeMesh();
+  mesh.triangles.push_back({100, 101, 300});  // a wall within the lumen
+  torquer::vessel::WriteObj(folder.Path("a.obj"), mesh);
+  const Said said = CheckMesh({folder.Path("a.obj"), "--picture", folder.Path("b.svg")});
+  CHECK(said.status == 1);
+  CHECK_THAT(said.output, Contains("loads:        no: ") && !Contains("[vessel]"));
+  CHECK_THAT(Contents(folder.Path("b.svg")), Contains("stroke='#c000c0'"));
+  CHECK_FALSE(std::filesystem::exists(folder.Path("a.obj.svg")));
+
+  std::ofstream(folder.Path("c.ply")) << "ply\nformat binary_" << '\0' << '\0';
+  const Said crashed = CheckMesh({folder.Path("c.ply")});
+  CHECK(crashed.status == 1);
+  CHECK_THAT(crashed.output, Contains("crashed") && !Contains("picture"));
+  CHECK_FALSE(std::filesystem::exists(folder.Path("c.ply.svg")));
+
+  CHECK(CheckMesh({folder.Path("none.ply")}).status == 2);
+}

@@ -1,0 +1,76 @@
+#include "host/simulator/vessel/mesh_check.h"
+
+#include <cmath>
+#include <utility>
+
+#include "catch2/catch.hpp"
+#include "host/simulator/vessel/mesh_picture.h"
+#include "host/simulator/vessel/triangle_bvh.h"
+#include "tests/support/file_contents.h"
+#include "tests/support/made_meshes.h"
+#include "tests/support/temporary_folder.h"
+
+namespace torquer::vessel {
+namespace {
+
+using Catch::Matchers::Contains;
+
+MeshCheck CheckOf(const TriangleMesh& mesh, double units_per_mm = 1) {
+  const test::TemporaryFolder folder;
+  WriteObj(folder.Path("a.obj"), mesh, units_per_mm);
+  return CheckMesh(test::Contents(folder.Path("a.obj")), "a.obj");
+}
+
+TEST_CASE("a surface's faults are counted, and its unit is guessed") {
+  const MeshCheck tube = CheckOf(MakeTubeMesh());
+  CHECK(tube.unit == MeshUnit::kMillimeter);
+  CHECK(tube.components == 1);
+  CHECK(tube.edges.open.size() == 48);  // 24 at each end
+  CHECK(tube.edges.several.empty());
+  CHECK(tube.edges.disagreeing == 0);
+  CHECK(CheckOf(MakeTubeMesh(), 0.001).unit == MeshUnit::kMeter);
+  const MeshCheck huge = CheckOf(MakeTubeMesh(), 1000);
+  CHECK_FALSE(huge.unit);
+  CHECK_THAT(huge.refusal, Contains("no size of a vessel"));
+  CHECK_THAT(DescribeCheck(huge), Contains("no size of a vessel in mm or m"));
+
+  TriangleMesh bad = MakeClosedTube();
+  std::swap(bad.triangles[100][0], bad.triangles[100][1]);
+  Append(bad, MakeTubeMesh(40, 1));
+  const MeshCheck check = CheckOf(bad);
+  CHECK(check.components == 2);
+  CHECK(check.edges.open.size() == 48);
+  CHECK(check.edges.disagreeing == 3);
+  bad.triangles.push_back({30, 31, 200});
+  CHECK(CheckOf(bad).edges.several.size() == 1);
+}
+
+TEST_CASE(
+    "an instrument is proposed to enter at each open end, in the middle and along the vessel") {
+  const MeshCheck check = CheckOf(MakeTubeMesh());
+  REQUIRE(check.entries.size() == 2);
+  for (const EntryProposal& entry : check.entries) {
+    CHECK(entry.room_mm > 2.5);
+    CHECK(std::hypot(entry.point_mm.y(), entry.point_mm.z()) < 0.3);
+    CHECK(entry.direction.x() * (20 - entry.point_mm.x()) > 0);
+    CHECK(std::abs(entry.direction.x()) == Approx(1).margin(0.01));
+  }
+  const MeshCheck closed = CheckOf(MakeClosedTube());
+  REQUIRE(closed.entries.size() == 1);
+  CHECK(closed.entries[0].room_mm > 2.5);
+  CHECK(std::abs(closed.entries[0].direction.x()) > 0.9);
+}
+
+TEST_CASE("neither a file's name nor a surface far away does harm") {
+  const MeshCheck named = CheckMesh("", "\033[2J<b>.stl");
+  CHECK_FALSE(named.surface);
+  CHECK(DescribeCheck(named).find('\033') == std::string::npos);
+  CHECK(DrawCheck(named).empty());
+  CHECK(ProposeScene(named).empty());
+  TriangleMesh off = MakeTubeMesh();
+  for (Eigen::Vector3d& vertex : off.vertices_mm) vertex.y() += 2e6;
+  CHECK_THAT(CheckOf(off).refusal, Contains("move it to the origin"));
+}
+
+}  // namespace
+}  // namespace torquer::vessel

@@ -1,0 +1,157 @@
+#include "host/simulator/vessel/mesh_import.h"
+
+#include <sys/stat.h>
+#include <sys/wait.h>
+
+#include <cerrno>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <thread>
+#include <vector>
+
+#include "catch2/catch.hpp"
+#include "host/simulator/vessel/mesh_answer.h"
+#include "host/support/error.h"
+#include "tests/support/file_contents.h"
+#include "tests/support/made_meshes.h"
+#include "tests/support/sanitizer.h"
+#include "tests/support/temporary_folder.h"
+
+namespace torquer::vessel {
+namespace {
+
+using Catch::Matchers::Contains;
+using test::TemporaryFolder;
+
+// What is said by way of refusal; "" where nothing is refused.
+template <typename Read>
+std::string Refusal(Read read) {
+  try {
+    read();
+  } catch (const UserError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string TubeAsObj() {
+  const TemporaryFolder folder;
+  WriteObj(folder.Path("a.obj"), MakeClosedTube());
+  return test::Contents(folder.Path("a.obj"));
+}
+
+MeshReader Quick() {
+  MeshReader reader = MeshReader::For(0);
+  reader.cpu_s = 1;
+  return reader;
+}
+
+// A program in place of torquer-mesh-reader, as one that a file has taken over.
+class Impostor {
+ public:
+  explicit Impostor(const std::string& script) {
+    reader.program = folder_.Path("reader");
+    std::ofstream(reader.program) << "#!/bin/bash\n" << script << '\n';
+    chmod(reader.program.c_str(), 0700);
+    reader.clock_s = 60;
+  }
+  TriangleMesh Read() const { return ImportMesh("", "a.ply", 1, reader); }
+
+  MeshReader reader = Quick();
+
+ private:
+  TemporaryFolder folder_;
+};
+
+std::string AnswerAsScript(const std::string& answer) {
+  std::string script = "printf '";
+  for (const unsigned char byte : answer) {
+    char text[8];
+    std::snprintf(text, sizeof text, "\\x%02x", byte);
+    script += text;
+  }
+  return script + "'";
+}
+
+std::ptrdiff_t OpenFiles() {
+  return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+}
+
+bool HasChildren() { return waitpid(-1, nullptr, WNOHANG) >= 0 || errno != ECHILD; }
+
+TEST_CASE("files on which the reader of surfaces crashes or hangs are refused by name") {
+  const std::ptrdiff_t open_before = OpenFiles();
+  const auto refused = [](const std::string& contents, const std::string& part) {
+    CHECK_THAT(Refusal([&] { ImportMesh(contents, "bad.ply", 1, Quick()); }),
+               Contains("bad.ply: ") && Contains(part) && Contains("export it again"));
+  };
+  using namespace std::string_literals;
+  // Of assimp 5.2.4.
+  refused("ply\nformat binary_\0\0"s, "crashed");
+  refused("ply\nformat ascii", "did not end within 1 s");
+  if (!test::kUnderSanitizer) {
+    MeshReader poor = Quick();
+    poor.memory_bytes = std::int64_t{1} << 20;
+    CHECK_FALSE(Refusal([&] { ImportMesh(TubeAsObj(), "a.obj", 1, poor); }).empty());
+  }
+  CHECK(OpenFiles() == open_before);
+  CHECK_FALSE(HasChildren());
+  CHECK(ImportMesh(TubeAsObj(), "a.obj", 1).triangles.size() == MakeClosedTube().triangles.size());
+}
+
+TEST_CASE("a reader of surfaces that has been taken over gets nowhere") {
+  const std::ptrdiff_t open_before = OpenFiles();
+  const auto refused = [](const std::string& script, const std::string& part) {
+    INFO(script);
+    const Impostor impostor(script);
+    CHECK_THAT(Refusal([&] { impostor.Read(); }), Contains(part));
+  };
+  refused("kill -SEGV $$", "crashed");
+  refused("exit 3", "crashed");
+  refused("yes", "more triangles than the file can hold");
+  refused("true", "no usable answer");
+  refused("printf M", "no usable answer");
+  refused("printf '%s' 'Ra.ply: \033[2J'; printf '\\033[2J'", "a.ply: \\x1b[2J");
+  TriangleMesh mesh;
+  mesh.vertices_mm = {{0, 0, 0}, {9, 0, 0}, {0, 9, 0}};
+  mesh.triangles = {{0, 1, 2}};
+  CHECK(Impostor(AnswerAsScript(MeshAnswer(mesh))).Read().triangles == mesh.triangles);
+  refused(AnswerAsScript(MeshAnswer(mesh)) + "; printf x", "no usable answer");
+  for (const int32_t wrong : {-1, 3}) {
+    mesh.triangles = {{0, 1, wrong}};
+    refused(AnswerAsScript(MeshAnswer(mesh)), "no usable answer");
+  }
+  mesh.triangles = {{0, 1, 2}};
+  mesh.vertices_mm[1].y() = std::nan("");
+  refused(AnswerAsScript(MeshAnswer(mesh)), "no usable answer");
+  for (const char* const script : {"sleep 100", "exec >&-; sleep 100"}) {
+    Impostor impostor(script);
+    impostor.reader.clock_s = 0.1;
+    CHECK_THAT(Refusal([&] { impostor.Read(); }), Contains("did not end"));
+  }
+  Impostor missing("");
+  missing.reader.program += "s";
+  CHECK_THAT(Refusal([&] { missing.Read(); }), Contains("cannot be started"));
+  CHECK(OpenFiles() == open_before);
+  CHECK_FALSE(HasChildren());
+}
+
+TEST_CASE("surfaces are read from several threads at once") {
+  const std::string tube = TubeAsObj();
+  std::vector<TriangleMesh> read(4);
+  {
+    std::vector<std::jthread> threads;
+    for (TriangleMesh& mesh : read) {
+      threads.emplace_back([&mesh, &tube] { mesh = ImportMesh(tube, "a.obj", 1000); });
+    }
+  }
+  for (const TriangleMesh& mesh : read) {
+    CHECK(mesh.triangles.size() == MakeClosedTube().triangles.size());
+    CHECK(mesh.Bounds().max().x() == Approx(40000));
+  }
+}
+
+}  // namespace
+}  // namespace torquer::vessel

@@ -1,0 +1,128 @@
+#include "host/viewer/page_messages.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+using namespace torquer::viewer;
+
+namespace {
+
+template <class Value>
+Value At(const std::string& frame, std::size_t offset) {
+  REQUIRE(offset + sizeof(Value) <= frame.size());
+  Value value;
+  std::memcpy(&value, frame.data() + offset, sizeof value);
+  return value;
+}
+
+torquer_lcm::wire_state_t ThreeNodes() {
+  torquer_lcm::wire_state_t state{};
+  state.tick = 7;
+  state.clock_id = 5;
+  state.publish_us = 9000;
+  state.status = 33;
+  state.stride = 2;
+  state.instrument_count = 1;
+  state.instruments.resize(1);
+  state.instruments[0].insertion_mm = 12.5;
+  state.instruments[0].command_sequence = 3;
+  state.instruments[0].origin_us = 4000;
+  state.instruments[0].tip_mm[2] = 6;
+  state.node_count = 3;
+  state.nodes_mm = {{1, 2, 3}, {4, 5, 6}, {7, 8, 9}};
+  state.contact_count = 2;
+  state.contact_nodes = {2, 3};
+  state.contact_penetrations_um = {20, 30};
+  return state;
+}
+
+std::vector<std::uint8_t> Bytes(std::uint8_t flags, float push, float turn, float lao, float cra) {
+  std::vector<std::uint8_t> bytes = {16, 1, flags, 0};
+  for (const float rate : {push, turn, lao, cra}) {
+    const auto* first = reinterpret_cast<const std::uint8_t*>(&rate);
+    bytes.insert(bytes.end(), first, first + sizeof rate);
+  }
+  return bytes;
+}
+
+}  // namespace
+
+// Offsets as host/viewer/README.md has them.
+TEST_CASE("A state's frame has the documented layout") {
+  const torquer_lcm::wire_state_t state = ThreeNodes();
+  const std::string frame = StateFrame(state, nullptr, 5);
+  REQUIRE(frame.size() == 64 + 64 + 3 * 12 + 3 * 4 + 3 * 4);
+  CHECK(frame[0] == 1);
+  CHECK(frame[1] == 1);
+  CHECK(At<std::uint16_t>(frame, 2) == 1);
+  CHECK(At<std::uint32_t>(frame, 4) == 3);
+  CHECK(At<double>(frame, 16) == 7);
+  CHECK(At<std::uint32_t>(frame, 56) == 33);
+  CHECK(At<double>(frame, 64) == 12.5);
+  CHECK(At<double>(frame, 64 + 32) == 5.0);  // ms from the hand to the state
+  CHECK(At<double>(frame, 64 + 56) == 6.0);
+  CHECK(At<float>(frame, 128 + 12) == 4.0F);
+  CHECK(std::isnan(At<float>(frame, 128 + 36)));
+  // Contacts count nodes of the whole curve, of which every second is here.
+  CHECK(At<float>(frame, 128 + 48) == 0.0F);
+  CHECK(At<float>(frame, 128 + 48 + 4) == 30.0F);
+  // By another clock a latency would mean nothing.
+  CHECK(std::isnan(At<double>(StateFrame(state, nullptr, 6), 64 + 32)));
+}
+
+TEST_CASE("Contact forces are shown with the state of their tick alone") {
+  const torquer_lcm::wire_state_t state = ThreeNodes();
+  torquer_lcm::wire_forces_t forces{};
+  forces.tick = 7;
+  forces.stride = 2;
+  forces.node_count = 3;
+  forces.contact_force_mN = {{0, 0, 0}, {3, 4, 0}, {0, 0, 2}};
+  CHECK(At<float>(StateFrame(state, &forces, 5), 128 + 36 + 4) == 5.0F);
+  forces.tick = 6;
+  CHECK(std::isnan(At<float>(StateFrame(state, &forces, 5), 128 + 36 + 4)));
+}
+
+TEST_CASE("A contact beyond the nodes that are there is left out") {
+  torquer_lcm::wire_state_t state = ThreeNodes();
+  state.contact_nodes = {-4, 2000};
+  CHECK(StateFrame(state, nullptr, 5).size() == 188);
+}
+
+TEST_CASE("Controls are taken only as the page sends them") {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const auto controls = ReadControls(Bytes(3, 40, -3, 0.5F, 0));
+  REQUIRE(controls);
+  CHECK(controls->xray);
+  CHECK(controls->contrast);
+  CHECK(controls->push_mm_s == 40);
+  CHECK(controls->turn_rad_s == -3);
+  CHECK(controls->lao_rad_s == 0.5);
+  CHECK_FALSE(ReadControls(Bytes(4, 0, 0, 0, 0)));
+  CHECK_FALSE(ReadControls(Bytes(0, 201, 0, 0, 0)));
+  CHECK_FALSE(ReadControls(Bytes(0, 0, -21, 0, 0)));
+  CHECK_FALSE(ReadControls(Bytes(0, 0, 0, nan, 0)));
+  CHECK_FALSE(ReadControls(Bytes(0, 0, 0, 0, std::numeric_limits<float>::infinity())));
+  std::vector<std::uint8_t> bytes = Bytes(0, 0, 0, 0, 0);
+  REQUIRE(ReadControls(bytes));
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
+    CHECK_FALSE(ReadControls({bytes.data(), size}));
+  }
+  bytes.push_back(0);
+  CHECK_FALSE(ReadControls(bytes));
+  bytes.pop_back();
+  bytes[1] = 2;
+  CHECK_FALSE(ReadControls(bytes));
+}
+
+TEST_CASE("Names from the bus stay within their text") {
+  torquer_lcm::health_t health{};
+  health.process = "x\", \"kind\": \"state\xff";
+  health.state = std::string(5000, 'a');
+  const auto text = nlohmann::json::parse(HealthText(health));
+  CHECK(text["kind"] == "health");
+  CHECK(text["state"].get<std::string>().size() < 100);
+}

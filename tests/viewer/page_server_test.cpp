@@ -1,0 +1,279 @@
+#include "host/viewer/page_server.h"
+
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <random>
+#include <thread>
+
+#include "host/viewer/listening_socket.h"
+#include "host/viewer/page_files.h"
+#include "tests/support/sanitizer.h"
+#include "tests/viewer/raw_client.h"
+
+using namespace torquer::viewer;
+using namespace torquer::test;
+
+namespace {
+
+const std::string kToken = "0123456789abcdef0123456789abcdef";
+
+// A server in its own thread, which takes messages of four bytes.
+class Served {
+ public:
+  explicit Served(const std::function<void(PageServer&)>& beat = {})
+      : listening_(ListeningSocket(0)),
+        port(PortOf(listening_)),
+        host("127.0.0.1:" + std::to_string(port)),
+        server_(
+            listening_, kToken,
+            [this](PageId, std::span<const std::uint8_t> message) {
+              ++received;
+              return message.size() == 4;
+            },
+            [this](PageId) { ++left; }) {
+    server_.Every(std::chrono::milliseconds(1), [this, beat] {
+      if (stop_) server_.Stop();
+      if (beat) beat(server_);
+      refused = server_.refused();
+      pages = server_.pages();
+    });
+    thread_ = std::thread([this] { server_.Run(); });
+  }
+  ~Served() {
+    stop_ = true;
+    thread_.join();
+  }
+  Served(const Served&) = delete;
+  Served& operator=(const Served&) = delete;
+
+  int Get(const std::string& target, const std::string& more = "") const {
+    const RawClient client(port);
+    client.Send("GET " + target + " HTTP/1.1\r\nHost: " + host + "\r\n" + more + "\r\n");
+    return StatusOf(client.ReadAll());
+  }
+  std::string Bus() const { return "/" + kToken + "/bus"; }
+  std::string Origin() const { return "http://" + host; }
+  template <class Condition>
+  static bool Soon(Condition condition) {
+    for (int i = 0; i < 5000 && !condition(); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return condition();
+  }
+
+ private:
+  int listening_;
+  std::atomic<bool> stop_ = false;
+
+ public:
+  std::uint16_t port;
+  std::string host;
+  std::atomic<int> received = 0;
+  std::atomic<int> left = 0;
+  std::atomic<std::int64_t> refused = 0;
+  std::atomic<int> pages = 0;
+
+ private:
+  PageServer server_;
+  std::thread thread_;
+};
+
+}  // namespace
+
+TEST_CASE("The page's files are served below the token, and nothing else") {
+  const Served served;
+  CHECK(served.Get("/" + kToken + "/") == 200);
+  for (const PageFile& file : PageFiles()) {
+    CHECK(served.Get("/" + kToken + "/" + std::string(file.name)) == 200);
+  }
+  const std::string inside = "/" + kToken + "/";
+  for (const char* path :
+       {"../page.js", "..%2fpage.js", "./page.js", "//page.js", "page.js/", "page.js?",
+        "../../../../etc/passwd", "%2e%2e/%2e%2e/etc/passwd", "PAGE.JS", "page"}) {
+    CHECK(served.Get(inside + path) == 404);
+  }
+  for (const char* path : {"/", "/page.js", "/etc/passwd", "/../etc/passwd", "*", "http://x/"}) {
+    CHECK(served.Get(path) == 403);
+  }
+  CHECK(served.Get("/" + kToken.substr(1) + "0/") == 403);
+  CHECK(served.Get("/" + kToken) == 403);
+  CHECK(served.Get(served.Bus()) == 426);
+}
+
+TEST_CASE("Another host, origin or method is refused") {
+  const Served served;
+  const std::string page = "/" + kToken + "/";
+  const auto answer = [&](const std::string& request) {
+    const RawClient client(served.port);
+    client.Send(request);
+    return StatusOf(client.ReadAll());
+  };
+  CHECK(answer("GET " + page + " HTTP/1.1\r\nHost: localhost:" + std::to_string(served.port) +
+               "\r\n\r\n") == 200);
+  // A name that some server resolves to this machine.
+  CHECK(answer("GET " + page + " HTTP/1.1\r\nHost: evil.example:" + std::to_string(served.port) +
+               "\r\n\r\n") == 421);
+  CHECK(answer("GET " + page + " HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n") == 421);
+  CHECK(answer("GET " + page + " HTTP/1.1\r\n\r\n") == 421);
+  CHECK(answer("GET " + page + " HTTP/1.1\r\nHost: " + served.host +
+               "\r\nHost: evil.example\r\n\r\n") == 421);
+  CHECK(answer("POST " + page + " HTTP/1.1\r\nHost: " + served.host + "\r\n\r\n") == 405);
+  CHECK(served.Get(page, "Origin: " + served.Origin() + "\r\n") == 200);
+  CHECK(served.Get(page, "Origin: http://evil.example\r\n") == 403);
+  CHECK(served.Get(page, "Origin: null\r\n") == 403);
+  CHECK_FALSE(RawClient(served.port).Upgrade(served.Bus(), served.host, "http://evil.example"));
+  CHECK_FALSE(RawClient(served.port).Upgrade(served.Bus(), served.host, ""));
+  CHECK_FALSE(RawClient(served.port)
+                  .Upgrade("/" + std::string(32, '0') + "/bus", served.host, served.Origin()));
+  CHECK(RawClient(served.port).Upgrade(served.Bus(), served.host, served.Origin()));
+}
+
+TEST_CASE("Requests that are none are refused, and the server lives") {
+  Served served;
+  std::mt19937 random(3);
+  const int rounds = Rounds(8000, 8);
+  const std::vector<std::string> seeds = {
+      "GET /" + kToken + "/ HTTP/1.1\r\nHost: " + served.host + "\r\n\r\n",
+      "GET " + served.Bus() + " HTTP/1.1\r\nHost: " + served.host +
+          "\r\nOrigin: " + served.Origin() +
+          "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+          "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"};
+  for (int i = 0; i < rounds; ++i) {
+    std::string request = seeds[random() % seeds.size()];
+    for (unsigned changes = 1 + random() % 4; changes > 0; --changes) {
+      request[random() % request.size()] = static_cast<char>(random());
+    }
+    if (random() % 8 == 0) request.resize(random() % request.size());
+    const RawClient client(served.port);
+    client.Send(request);
+    client.Finish();
+    client.ReadAll();
+  }
+  {
+    const RawClient large(served.port);
+    large.Send("GET /" + std::string(100'000, 'a') + " HTTP/1.1\r\n\r\n");
+    CHECK(StatusOf(large.ReadAll()) != 200);
+    const RawClient body(served.port);
+    body.Send("GET /" + kToken + "/ HTTP/1.1\r\nHost: " + served.host +
+              "\r\nContent-Length: 1000000\r\n\r\n");
+    CHECK(StatusOf(body.ReadAll()) != 200);
+  }
+  CHECK(served.refused > 0);
+  CHECK(Served::Soon([&] { return served.Get("/" + kToken + "/") == 200; }));
+}
+
+TEST_CASE("A page that sends what is no message is cut off") {
+  const Served served;
+  const auto send = [&](int opcode, const std::string& content) {
+    RawClient client(served.port);
+    REQUIRE(client.Upgrade(served.Bus(), served.host, served.Origin()));
+    client.SendFrame(opcode, content);
+    return client.Closed();
+  };
+  CHECK(send(2, "12345"));
+  CHECK(send(1, "1234"));
+  CHECK(send(2, std::string(100'000, 'x')));
+  CHECK(send(7, "1234"));  // no such kind of frame
+  {
+    RawClient unmasked(served.port);
+    REQUIRE(unmasked.Upgrade(served.Bus(), served.host, served.Origin()));
+    unmasked.Send(
+        "\x82\x04"
+        "1234");
+    CHECK(unmasked.Closed());
+    RawClient flood(served.port);
+    REQUIRE(flood.Upgrade(served.Bus(), served.host, served.Origin()));
+    for (int i = 0; i < 2 * PageServer::kMostMessagesPerS; ++i) flood.SendFrame(2, "1234");
+    CHECK(flood.Closed());
+  }
+  CHECK(Served::Soon([&] { return served.pages == 0; }));
+  CHECK(served.left == 6);
+}
+
+TEST_CASE("Pages and connections beyond the limits are refused, and those before them stay") {
+  const Served served;
+  std::vector<std::unique_ptr<RawClient>> clients;
+  for (int i = 0; i < PageServer::kMostPages; ++i) {
+    clients.push_back(std::make_unique<RawClient>(served.port));
+    REQUIRE(clients.back()->Upgrade(served.Bus(), served.host, served.Origin()));
+  }
+  CHECK_FALSE(RawClient(served.port).Upgrade(served.Bus(), served.host, served.Origin()));
+  // Clients that say nothing.
+  std::vector<std::unique_ptr<RawClient>> idle;
+  for (int i = 0; i < PageServer::kMostConnections; ++i) {
+    idle.push_back(std::make_unique<RawClient>(served.port));
+  }
+  CHECK(idle.back()->Closed());
+  clients.front()->SendFrame(2, "1234");
+  CHECK(Served::Soon([&] { return served.received == 1; }));
+  idle.clear();
+  CHECK(Served::Soon([&] { return served.Get("/" + kToken + "/") == 200; }));
+}
+
+TEST_CASE("A slow page misses old states, never the newest, and harms nobody") {
+  static constexpr int kLast = 600;
+  std::atomic<int> shown = -1;
+  const Served served([&shown](PageServer& server) {
+    if (shown >= kLast) return;
+    ++shown;
+    server.ShowBytes("state", std::to_string(shown) + " " + std::string(60'000, 'x'));
+    server.ShowText("health", "text " + std::to_string(shown));
+  });
+  RawClient slow(served.port, 4096);
+  REQUIRE(slow.Upgrade(served.Bus(), served.host, served.Origin()));
+  RawClient quick(served.port);
+  REQUIRE(quick.Upgrade(served.Bus(), served.host, served.Origin()));
+  const auto read_on = [&](RawClient& client) {
+    int states = 0;
+    int last = -1;
+    bool text = false;
+    while (last < kLast || !text) {
+      const auto message = client.Next();
+      if (!message) break;
+      if (message->opcode == 1) {
+        text = message->content == "text " + std::to_string(kLast);
+        continue;
+      }
+      const int number = std::stoi(message->content);
+      CHECK(number > last);
+      last = number;
+      ++states;
+    }
+    CHECK(last == kLast);
+    CHECK(text);
+    return states;
+  };
+  const int quick_states = read_on(quick);
+  CHECK(Served::Soon([&] { return shown == kLast; }));
+  // All that the slow one has not read is what kernels keep, and the newest.
+  CHECK(read_on(slow) < quick_states / 2);
+}
+
+TEST_CASE("A page that comes late gets what was shown last") {
+  std::atomic<bool> done = false;
+  std::atomic<bool> go_on = false;
+  const Served served([&done, &go_on](PageServer& server) {
+    if (go_on.exchange(false)) server.ShowText("scene", "third");
+    if (done.exchange(true)) return;
+    server.ShowText("scene", "first");
+    server.ShowText("scene", "second");
+    for (int i = 0; i < 1000; ++i) server.ShowText("topic " + std::to_string(i), "x");
+  });
+  REQUIRE(Served::Soon([&] { return done.load(); }));
+  RawClient client(served.port);
+  REQUIRE(client.Upgrade(served.Bus(), served.host, served.Origin()));
+  int second = 0;
+  for (std::size_t i = 0; i < PageServer::kMostTopics; ++i) {
+    const auto message = client.Next();
+    REQUIRE(message);
+    second += message->content == "second";
+    CHECK(message->content != "first");
+  }
+  CHECK(second == 1);
+  // No topic beyond the limit waits before it.
+  go_on = true;
+  const auto next = client.Next();
+  REQUIRE(next);
+  CHECK(next->content == "third");
+}

@@ -1,0 +1,136 @@
+#include "host/viewer/steering.h"
+
+#include <catch2/catch.hpp>
+
+#include "protocol/lcm_channels.h"
+
+using namespace torquer::viewer;
+
+namespace {
+
+constexpr std::int64_t kStart = 1'000'000;
+
+// A wire of 300 mm of which 100 lay inside at the start, and which has been moved since.
+Steering Placed() {
+  Steering steering(77);
+  torquer_lcm::scene_description_t scene{};
+  scene.instrument_count = 2;
+  scene.instruments = {"guidewire", "catheter"};
+  scene.max_length_mm = {300, 200};
+  scene.inserted_at_start_mm = {100, 50};
+  steering.Add(scene);
+  torquer_lcm::wire_state_t state{};
+  state.instrument_count = 2;
+  state.instruments.resize(2);
+  state.instruments[0].inserted_at_start_mm = 100;
+  state.instruments[0].commanded_insertion_mm = 130;
+  state.instruments[0].commanded_rotation_rad = 2;
+  state.instruments[0].command_sequence = 40;
+  state.instruments[1].inserted_at_start_mm = 50;
+  state.instruments[1].commanded_insertion_mm = 50;
+  state.instruments[1].command_sequence = -1;
+  steering.Add(state);
+  return steering;
+}
+
+Controls Push(double mm_s, int instrument = 0) {
+  Controls controls;
+  controls.push_mm_s = mm_s;
+  controls.instrument = instrument;
+  return controls;
+}
+
+// Keys held for a time: a message every 100 ms, the loop every 8 ms.
+void Hold(Steering& steering, PageId page, const Controls& controls, std::int64_t from_us,
+          std::int64_t to_us) {
+  for (std::int64_t now = from_us; now < to_us; now += 4000) {
+    if ((now - from_us) % 100'000 == 0) steering.Take(page, controls, now);
+    if ((now - from_us) % 8000 == 0) steering.Advance(now);
+  }
+  steering.Advance(to_us);
+}
+
+}  // namespace
+
+TEST_CASE("Steering begins where the instruments are, and before a state not at all") {
+  Steering nothing(1);
+  CHECK(nothing.Commands(kStart).empty());
+  Steering steering = Placed();
+  const auto commands = steering.Commands(kStart);
+  REQUIRE(commands.size() == 2);
+  CHECK(commands[0].insertion_mm == 30);
+  CHECK(commands[0].rotation_rad == 2);
+  CHECK(commands[0].sequence == 41);
+  CHECK(commands[0].clock_id == 77);
+  CHECK(commands[1].instrument == "catheter");
+  CHECK(commands[1].insertion_mm == 0);
+}
+
+TEST_CASE("A held key moves as long as it is held, however often the loop runs") {
+  Steering steering = Placed();
+  Controls controls = Push(20, 1);
+  controls.turn_rad_s = -2;
+  controls.lao_rad_s = 0.5;
+  Hold(steering, 1, controls, kStart, kStart + 2'000'000);
+  const auto commands = steering.Commands(kStart + 2'000'000);
+  CHECK(commands[0].insertion_mm == 30);
+  CHECK(commands[1].insertion_mm == Approx(40));
+  CHECK(commands[1].rotation_rad == Approx(-4));
+  CHECK(commands[0].lao_rad == Approx(1));
+  CHECK(commands[0].flags == 0);
+}
+
+TEST_CASE("A page that falls silent moves nothing more, and its pedals go up") {
+  Steering steering = Placed();
+  Controls controls = Push(100);
+  controls.xray = controls.contrast = true;
+  steering.Take(1, controls, kStart);
+  CHECK(steering.Commands(kStart)[0].xray);
+  // The loop may itself come late: what was asked for lasts no longer for that.
+  steering.Advance(kStart + 5'000'000);
+  const auto commands = steering.Commands(kStart + 5'000'000);
+  CHECK(commands[0].insertion_mm == Approx(30 + 100 * 0.3));
+  CHECK_FALSE(commands[0].xray);
+  CHECK_FALSE(commands[0].contrast);
+  CHECK(commands[0].flags == torquer::protocol::kCommandNoDevice);
+  CHECK_FALSE(steering.page());
+}
+
+TEST_CASE("A page that leaves lets go at once") {
+  Steering steering = Placed();
+  Controls controls;
+  controls.xray = true;
+  steering.Take(1, controls, kStart);
+  steering.Leave(2);
+  CHECK(steering.xray());
+  steering.Leave(1);
+  CHECK_FALSE(steering.Commands(kStart)[0].xray);
+  CHECK(steering.Take(2, controls, kStart));
+}
+
+TEST_CASE("One page steers at a time") {
+  Steering steering = Placed();
+  CHECK(steering.Take(1, Push(10), kStart));
+  CHECK_FALSE(steering.Take(2, Push(-10), kStart + 100'000));
+  steering.Advance(kStart + 200'000);
+  CHECK(steering.Commands(kStart + 200'000)[0].insertion_mm == Approx(32));
+  steering.Advance(kStart + 1'200'000);
+  CHECK(steering.Take(2, Push(-10), kStart + 1'200'000));
+}
+
+TEST_CASE("An instrument is not pushed beyond its length, nor the C-arm beyond its travel") {
+  Steering steering = Placed();
+  Controls controls = Push(200);
+  controls.cra_rad_s = -2;
+  Hold(steering, 1, controls, kStart, kStart + 3'000'000);
+  CHECK(steering.Commands(kStart)[0].insertion_mm == 200);
+  CHECK(steering.cra_rad() == Approx(-Steering::kCraLimitRad));
+  Hold(steering, 1, Push(-200), kStart + 3'000'000, kStart + 6'000'000);
+  CHECK(steering.Commands(kStart)[0].insertion_mm == -100);
+}
+
+TEST_CASE("An instrument that does not exist is not taken") {
+  Steering steering = Placed();
+  CHECK_FALSE(steering.Take(1, Push(1, 2), kStart));
+  CHECK_FALSE(steering.page());
+}
