@@ -201,7 +201,7 @@ TEST_CASE("A word that no operand takes is refused", "[programs]") {
   CHECK_THAT(outcome.error, StartsWith("sample: unexpected argument 'word'"));
 }
 
-TEST_CASE("--help is laid out in groups with ranges and defaults", "[programs]") {
+TEST_CASE("Help is laid out in groups with ranges and defaults", "[programs]") {
   Sample sample;
   const Outcome outcome = sample.Parse({"--flag", "--help", "--number", "3"});
   CHECK(outcome.status == 0);

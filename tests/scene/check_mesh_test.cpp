@@ -65,7 +65,7 @@ TEST_CASE("What --check-mesh proposes is a scene that can be simulated", "[scene
   }
 }
 
-TEST_CASE("--check-mesh says why a surface does not load, and draws where", "[scene]") {
+TEST_CASE("A mesh check says why a surface does not load, and draws where", "[scene]") {
   const TemporaryFolder folder;
   torquer::vessel::TriangleMesh mesh = torquer::vessel::MakeTubeMesh();
   mesh.triangles.push_back({100, 101, 300});  // a wall within the lumen
