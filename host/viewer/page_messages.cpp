@@ -76,6 +76,15 @@ std::vector<float> Penetrations(const torquer_lcm::wire_state_t& state) {
   return depths;
 }
 
+// x, y, z of one point after the other, to 0.01 mm.
+nlohmann::json Points(const vessel::Centerline& curve) {
+  nlohmann::json coordinates = nlohmann::json::array();
+  for (const Eigen::Vector3d& point : curve.points_mm()) {
+    for (const double value : point) coordinates.push_back(std::round(100 * value) / 100);
+  }
+  return coordinates;
+}
+
 }  // namespace
 
 std::string StateFrame(const torquer_lcm::wire_state_t& state,
@@ -144,6 +153,24 @@ std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_
 std::string ArmText(double field_mm, std::uint64_t content_hash) {
   return nlohmann::json({{"kind", "arm"}, {"field_mm", field_mm}, {"hash", Hex(content_hash)}})
       .dump();
+}
+
+std::string LinesText(const vessel::CenterlineNetwork& centerlines,
+                      const effects::AssessmentTask* task, std::uint64_t content_hash) {
+  nlohmann::json curves = nlohmann::json::array();
+  for (const vessel::Centerline& curve : centerlines.curves()) {
+    curves.push_back({{"name", Name(curve.name())}, {"points_mm", Points(curve)}});
+  }
+  nlohmann::json text = {
+      {"kind", "lines"}, {"hash", Hex(content_hash)}, {"curves", curves}, {"target", nullptr}};
+  if (task != nullptr) {
+    const Eigen::Vector3d end = task->route.At(task->route.length_mm()).position_mm;
+    text["target"] = {{"at_mm", {end.x(), end.y(), end.z()}},
+                      {"radius_mm", task->target_radius_mm},
+                      {"force_limit_mN", task->force_limit_mN},
+                      {"route_mm", Points(task->route)}};
+  }
+  return text.dump();
 }
 
 std::string SceneText(const torquer_lcm::scene_description_t& scene) {

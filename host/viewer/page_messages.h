@@ -12,6 +12,8 @@
 #include <torquer_lcm/wire_forces_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 
+#include "host/simulator/effects/observers/assessment.h"
+#include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/triangle_mesh.h"
 
 namespace torquer::viewer {
@@ -35,6 +37,10 @@ std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_
 
 /// Where the tube looks: the width of the picture at the isocenter.
 std::string ArmText(double field_mm, std::uint64_t content_hash);
+
+/// The vessel's centerlines, and what the trainee is to reach: `task` may be null.
+std::string LinesText(const vessel::CenterlineNetwork& centerlines,
+                      const effects::AssessmentTask* task, std::uint64_t content_hash);
 
 /// Texts are one JSON object each, with a field `kind`; what came from the bus is Printable.
 std::string SceneText(const torquer_lcm::scene_description_t& scene);

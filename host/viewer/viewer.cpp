@@ -10,6 +10,7 @@
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
 #include "host/simulator/effects/imaging/fluoroscopy.h"
+#include "host/simulator/effects/observers/assessment.h"
 #include "host/simulator/vessel/surface_net.h"
 #include "host/viewer/page_messages.h"
 #include "host/viewer/page_server.h"
@@ -34,15 +35,27 @@ std::string SurfaceFrame(scene::Scene& scene) {
                      scene.content_hash(), moves);
 }
 
-// As wide as the picture is at the isocenter, mm; nothing in a scene without X-ray.
-std::optional<double> FieldMm(const scene::Scene& scene) {
+// Null where the scene has no such effect.
+template <class Kind>
+const Kind* Find(const scene::Scene& scene) {
   for (const auto& effect : scene.effects()) {
-    const auto* fluoroscopy = dynamic_cast<const effects::Fluoroscopy*>(effect.get());
-    if (fluoroscopy == nullptr) continue;
-    const effects::CArm& arm = fluoroscopy->settings().arm;
-    return arm.detector_mm * arm.sod_mm / arm.sid_mm;
+    if (const auto* found = dynamic_cast<const Kind*>(effect.get())) return found;
   }
-  return {};
+  return nullptr;
+}
+
+// What the page knows of the scene's file alone.
+void ShowScene(scene::Scene& scene, PageServer& server) {
+  const std::uint64_t hash = scene.content_hash();
+  server.ShowBytes("vessel", SurfaceFrame(scene));
+  const auto* assessment = Find<effects::Assessment>(scene);
+  server.ShowText("lines", LinesText(scene.vessel().centerlines,
+                                     assessment == nullptr ? nullptr : &assessment->task(), hash));
+  if (const auto* fluoroscopy = Find<effects::Fluoroscopy>(scene)) {
+    // As wide as the picture is at the isocenter.
+    const effects::CArm& arm = fluoroscopy->settings().arm;
+    server.ShowText("arm", ArmText(arm.detector_mm * arm.sod_mm / arm.sid_mm, hash));
+  }
 }
 
 class Viewer {
@@ -181,11 +194,7 @@ class Viewer {
 void RunViewer(bus::Bus& bus, int listening_socket, const std::string& token, scene::Scene* scene,
                bool steer, const std::atomic<bool>& stop) {
   Viewer viewer(bus, listening_socket, token, steer, stop);
-  if (scene != nullptr) {
-    viewer.server().ShowBytes("vessel", SurfaceFrame(*scene));
-    const std::optional<double> field_mm = FieldMm(*scene);
-    if (field_mm) viewer.server().ShowText("arm", ArmText(*field_mm, scene->content_hash()));
-  }
+  if (scene != nullptr) ShowScene(*scene, viewer.server());
   fmt::print("{}\n", viewer.server().url());
   std::fflush(stdout);
   viewer.Run();

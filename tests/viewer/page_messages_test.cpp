@@ -118,6 +118,25 @@ TEST_CASE("Controls are taken only as the page sends them") {
   CHECK_FALSE(ReadControls(bytes));
 }
 
+TEST_CASE("Centerlines, route and target are given point by point") {
+  using torquer::vessel::Centerline;
+  const Centerline first("a\nb", {{0, 0, 0}, {10, 0, 0.126}}, {2, 2});
+  const Centerline second("c", {{10, 0, 0}, {10, 5, 0}}, {1, 1});
+  const torquer::vessel::CenterlineNetwork network({first, second});
+  const torquer::effects::AssessmentTask task{second, 4, 120, 0};
+  const auto text = nlohmann::json::parse(LinesText(network, &task, 0xabc));
+  CHECK(text.at("kind") == "lines");
+  CHECK(text.at("hash") == "0000000000000abc");
+  REQUIRE(text.at("curves").size() == 2);
+  CHECK(text["curves"][0].at("name").get<std::string>().find('\n') == std::string::npos);
+  CHECK(text["curves"][0].at("points_mm") == nlohmann::json({0, 0, 0, 10, 0, 0.13}));
+  CHECK(text.at("target").at("at_mm") == nlohmann::json({10, 5, 0}));
+  CHECK(text["target"].at("radius_mm") == 4);
+  CHECK(text["target"].at("force_limit_mN") == 120);
+  CHECK(text["target"].at("route_mm") == nlohmann::json({10, 0, 0, 10, 5, 0}));
+  CHECK(nlohmann::json::parse(LinesText(network, nullptr, 1)).at("target").is_null());
+}
+
 TEST_CASE("Names from the bus stay within their text") {
   torquer_lcm::health_t health{};
   health.process = "x\", \"kind\": \"state\xff";

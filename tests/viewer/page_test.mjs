@@ -138,6 +138,148 @@ test("contrast is injected while C is held", async () => {
   await hold("KeyC", "more contrast", async () => (await injected()) > start + 2);
 });
 
+test("what the pedal recorded is played again, until the next X-ray", async () => {
+  assert.match(await text("#loop-number"), /loop \d+ of \d+, [\d.]+ s/);
+  await page.keyboard.press("KeyL");
+  await until("the loop is named", async () => (await text("#hold")).includes("Recorded loop"));
+  const seen = new Set();
+  await until("its pictures differ", async () => seen.add((await grays()).mean).size >= 3);
+  await page.keyboard.press("KeyL");
+  await until("the last picture is back", async () => (await text("#hold")).includes("Last image hold"));
+  await page.keyboard.press("KeyL");
+  await hold("Space", "new pictures end the loop", async () => (await text("#lamp")).includes("ON") && !(await text("#hold")).includes("Recorded"));
+});
+
+test("the wheel magnifies the picture about the mouse, and its scale with it", async () => {
+  const bar = () => page.evaluate(() => {
+    const scale = document.querySelector("#scale");
+    return scale.querySelector("i").getBoundingClientRect().width / Number(scale.textContent.match(/(\d+) mm/)[1]);
+  });
+  const box = () => page.evaluate(() => {
+    const { left, top, width } = document.querySelector("#xray-picture").getBoundingClientRect();
+    return { left, top, width };
+  });
+  const [pxPerMm, before] = [await bar(), await box()];
+  const [x, y] = [before.left + 0.3 * before.width, before.top + 0.6 * before.width];
+  await page.mouse.move(x, y);
+  await page.mouse.wheel(0, -400);
+  await until("it is magnified", async () => (await box()).width > 1.5 * before.width);
+  const after = await box();
+  assert.ok(Math.abs((x - after.left) / after.width - 0.3) < 0.005, "the place under the mouse has moved");
+  assert.ok(Math.abs((y - after.top) / after.width - 0.6) < 0.005, "the place under the mouse has moved");
+  const shown = await bar();
+  assert.ok(Math.abs(shown / pxPerMm - after.width / before.width) < 0.05 * shown / pxPerMm, `${shown} px/mm, before ${pxPerMm}`);
+  await page.mouse.dblclick(x, y);
+  await until("it is as before", async () => Math.abs((await box()).width - before.width) < 0.5);
+});
+
+test("the pad pushes, turns and is the pedal, while it is held", async () => {
+  await page.keyboard.press("KeyP");
+  const middle = await page.evaluate(() => {
+    const { left, top, width } = document.querySelector("#stick").getBoundingClientRect();
+    return [left + width / 2, top + width / 2, width / 2];
+  });
+  const start = await state();
+  await page.mouse.move(middle[0], middle[1]);
+  await page.mouse.down();
+  await page.mouse.move(middle[0] + 0.8 * middle[2], middle[1] - 0.8 * middle[2], { steps: 3 });
+  await until("pushed and turned", async () => {
+    const now = await state();
+    return now.insertion > start.insertion + 2 && now.rotation > start.rotation + 0.2;
+  });
+  await page.mouse.up();
+  const controls = () => page.evaluate(() => window.torquer.controls());
+  assert.equal((await controls()).pushMmS, 0);
+  await page.locator("#pad-xray").hover();
+  await page.mouse.down();
+  await until("X-ray", () => page.evaluate(() => window.torquer.viewer().xray));
+  await page.mouse.up();
+  await until("no X-ray", () => page.evaluate(() => !window.torquer.viewer().xray));
+  assert.equal(await page.locator("#pad-next").isVisible(), false, "there is one instrument alone");
+  await page.keyboard.press("KeyP");
+});
+
+test("a gamepad steers like the keys", async () => {
+  const gamepad = (axes, pressed) => page.evaluate(({ axes, pressed }) => {
+    const buttons = Array.from({ length: 17 }, (_, k) => ({ pressed: pressed.includes(k), value: 0 }));
+    navigator.getGamepads = () => [null, { mapping: "standard", axes, buttons }];
+  }, { axes, pressed });
+  const start = await state();
+  await gamepad([1, 1, 0, 0], []);
+  await until("pulled and turned", async () => {
+    const now = await state();
+    return now.insertion < start.insertion - 2 && now.rotation > start.rotation + 0.2;
+  });
+  const controls = () => page.evaluate(() => window.torquer.controls());
+  await gamepad([0.1, -0.1, 0.1, 0], [0, 1]);
+  await until("both buttons", async () => (await controls()).xray && (await controls()).contrast);
+  const near = await controls();
+  assert.deepEqual([near.pushMmS, near.turnRadS, near.laoRadS], [0, 0, 0], "the dead zone moves");
+  await gamepad([0, 0, -1, -1], [4]);
+  await until("the C-arm", async () => (await controls()).laoRadS < 0 && (await controls()).craRadS > 0);
+  await gamepad([0, 0, 0, 0], []);
+  await until("nothing", async () => {
+    const { xray, contrast, laoRadS, craRadS } = await controls();
+    return !xray && !contrast && laoRadS === 0 && craRadS === 0;
+  });
+});
+
+test("each figure's last minute is plotted", async () => {
+  const plotted = await page.evaluate(() => window.torquer.plotted());
+  assert.deepEqual(Object.keys(plotted).sort(), ["force", "latency", "penetration", "rate", "residual", "solve"]);
+  for (const [name, count] of Object.entries(plotted)) assert.ok(count > 8 && count <= 240, `${name}: ${count}`);
+  const drawn = await page.evaluate(() => [...document.querySelectorAll(".history canvas")].map((canvas) => {
+    const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+    let blue = 0;
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] > 200 && pixels[i + 2] > pixels[i] + 60) ++blue;
+    return blue;
+  }));
+  assert.equal(drawn.length, 6);
+  for (const [k, blue] of drawn.entries()) assert.ok(blue > 5, `plot ${k} has no line`);
+});
+
+test("centerlines and the target are drawn, and the way to it is said", async () => {
+  const guides = await page.evaluate(() => window.torquer.space.guidesShown());
+  assert.ok(guides.lines > 20, `${guides.lines} lines`);
+  const tip = await page.evaluate(() => window.torquer.state().instruments[0].tipMm);
+  const left = Math.hypot(...guides.target.map((value, axis) => value - tip[axis]));
+  assert.match(await text("#task"), new RegExp(`Target(${Math.floor(left)}|${Math.ceil(left)}) mm from the tip`));
+});
+
+test("from inside the lumen the wall is all around, and a section opens it", async () => {
+  // Shares of the 3D view that have the background's color.
+  const background = () => page.evaluate(() => {
+    const view = document.querySelector("#space");
+    const copy = new OffscreenCanvas(60, 40).getContext("2d");
+    copy.drawImage(view, 0, 0, 60, 40);
+    const pixels = copy.getImageData(0, 0, 60, 40).data;
+    let count = 0;
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i] < 24 && pixels[i + 1] < 30) ++count;
+    return count / (pixels.length / 4);
+  });
+  const outside = await background();
+  assert.ok(outside > 0.6, `${outside} is background`);
+  await page.keyboard.press("KeyI");
+  await until("the wall fills the view", async () => (await background()) < 0.1);
+  await page.keyboard.press("KeyI");
+  await until("it is seen from outside", async () => Math.abs((await background()) - outside) < 0.02);
+  await page.keyboard.press("KeyX");
+  await until("what is in front of the tip is gone", async () => (await background()) > outside + 0.003);
+  await page.keyboard.press("KeyX");
+  await until("it is whole again", async () => Math.abs((await background()) - outside) < 0.002);
+});
+
+test("an examination shows the X-ray and a clock alone", async () => {
+  await page.keyboard.press("KeyE");
+  assert.equal(await page.locator("#teaching").isVisible(), false);
+  assert.match(await text("#clock"), /^0:0\d min$/);
+  await until("the clock goes", async () => (await text("#clock")) !== "0:00 min");
+  await until("no distance is said", async () => (await text("#task")) === "Targetnot reached");
+  await page.keyboard.press("KeyE");
+  assert.equal(await page.locator("#teaching").isVisible(), true);
+  assert.equal(await page.locator("#clock").isVisible(), false);
+});
+
 test("nodes are drawn where an independent projection has them", async () => {
   await until("the wire rests", async () => (await page.evaluate(() => window.torquer.state().status & 1)) === 1);
   await page.waitForTimeout(300);

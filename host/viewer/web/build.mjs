@@ -17,7 +17,8 @@ const bundle = await build({
 const files = [
   ["", "text/html; charset=utf-8", readFileSync("src/page.html")],
   ["page.js", "text/javascript; charset=utf-8", Buffer.from(bundle.outputFiles[0].contents)],
-  ["page.css", "text/css; charset=utf-8", readFileSync("src/page.css")],
+  ["page.css", "text/css; charset=utf-8",
+    Buffer.concat(["node_modules/uplot/dist/uPlot.min.css", "src/page.css"].map((path) => readFileSync(path)))],
   ["icon.svg", "image/svg+xml", readFileSync("src/icon.svg")],
 ];
 

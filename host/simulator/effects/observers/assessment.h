@@ -33,6 +33,7 @@ class Assessment final : public Effect, public Observer {
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
 
+  const AssessmentTask& task() const { return task_; }
   bool target_reached() const { return reached_s_.has_value(); }
   int wrong_vessels() const { return wrong_vessels_; }
   double tip_path_mm() const { return path_mm_; }

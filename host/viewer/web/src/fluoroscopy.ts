@@ -3,8 +3,10 @@
 
 import { element, Rows, seconds, setData, setText } from "./dom.js";
 import type { Arm, Picture, Readings } from "./frames.js";
+import { Loops } from "./loops.js";
 
 const DEG = 180 / Math.PI;
+const MOST_ZOOM = 4;
 const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
 
 /** "LAO 30°": the patient's side or end that the detector leans to. */
@@ -20,9 +22,14 @@ export class Fluoroscopy {
   private gray = new Uint8ClampedArray();
   private decoding = false;
   private waiting: Picture | null = null;
+  private newest: Picture | null = null; // from the simulator
   private fieldMm = 0;
   private level = 128; // gray that is shown as the middle
   private width = 256; // grays from black to white
+  private zoom = 1;
+  private centerX = 0.5; // of the picture, what is shown in the middle
+  private centerY = 0.5;
+  private readonly loops = new Loops();
 
   constructor() {
     this.listen();
@@ -30,10 +37,34 @@ export class Fluoroscopy {
     new ResizeObserver(() => this.drawScale()).observe(this.canvas);
   }
 
-  /** A picture of a decoder that is busy waits; of those that wait the newest counts. */
+  /** A picture from the simulator. What is taken now ends the playing of a loop. */
   show(picture: Picture): void {
-    this.waiting = picture;
-    if (!this.decoding) void this.decode();
+    this.newest = picture;
+    this.loops.add(picture);
+    if (!this.loops.playing) this.decodeLater(picture);
+    this.sayLoop();
+  }
+
+  /** Once a frame of the screen: the next picture of the loop that is played. */
+  advance(nowMs: number): void {
+    const picture = this.loops.due(nowMs);
+    if (picture === null) return;
+    this.decodeLater(picture);
+    this.setAngles(picture.laoRad, picture.craRad);
+  }
+
+  get playing(): boolean {
+    return this.loops.playing;
+  }
+
+  togglePlay(): void {
+    if (!this.loops.playing) {
+      this.loops.play(performance.now());
+    } else {
+      this.loops.stop();
+      if (this.newest !== null) this.decodeLater(this.newest);
+    }
+    this.sayLoop();
   }
 
   setArm(arm: Arm | null): void {
@@ -80,8 +111,17 @@ export class Fluoroscopy {
 
   clear(): void {
     this.dose.clear();
+    this.loops.clear();
+    this.newest = this.waiting = null;
+    this.sayLoop();
     this.gray = new Uint8ClampedArray();
     this.screen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+  }
+
+  // A picture waits for a decoder that is busy; of those that wait the newest counts.
+  private decodeLater(picture: Picture): void {
+    this.waiting = picture;
+    if (!this.decoding) void this.decode();
   }
 
   private async decode(): Promise<void> {
@@ -136,7 +176,56 @@ export class Fluoroscopy {
       // As on a workstation: to the right more contrast's width, upwards darker.
       this.setWindow(this.level + event.movementY, this.width + 2 * event.movementX);
     });
-    this.canvas.addEventListener("dblclick", () => this.setWindow(128, 256));
+    this.canvas.addEventListener("dblclick", () => {
+      this.setWindow(128, 256);
+      this.magnify(1 / this.zoom, 0, 0);
+    });
+    this.canvas.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        const box = this.canvas.getBoundingClientRect();
+        const share = (at: number, from: number, length: number) => (at - from) / length - 0.5;
+        this.magnify(1.0015 ** -event.deltaY, share(event.clientX, box.left, box.width), share(event.clientY, box.top, box.height));
+      },
+      { passive: false },
+    );
+    element("#loop").addEventListener("click", () => this.togglePlay());
+    element("#loop-before").addEventListener("click", () => this.chooseLoop(-1));
+    element("#loop-after").addEventListener("click", () => this.chooseLoop(1));
+  }
+
+  private chooseLoop(step: number): void {
+    this.loops.choose(step, performance.now());
+    this.sayLoop();
+  }
+
+  private sayLoop(): void {
+    element<HTMLElement>("#loops").hidden = this.loops.count === 0;
+    const button = element("#loop");
+    button.setAttribute("aria-pressed", String(this.loops.playing));
+    setText(button.firstElementChild!, this.loops.playing ? "Stop" : "Play");
+    setText(element("#loop-number"), `loop ${this.loops.number} of ${this.loops.count}, ${this.loops.seconds.toFixed(1)} s`);
+    for (const other of ["#loop-before", "#loop-after"]) element<HTMLElement>(other).hidden = this.loops.count < 2;
+  }
+
+  /** By a factor about a place, whose shares of the picture from its middle are given. */
+  private magnify(factor: number, x: number, y: number): void {
+    const before = this.zoom;
+    this.zoom = Math.min(Math.max(before * factor, 1), MOST_ZOOM);
+    if (this.zoom < 1.02) this.zoom = 1;
+    // The place stays where it is on the screen, and no edge of the picture comes into view.
+    const half = 0.5 / this.zoom;
+    const kept = before / this.zoom;
+    const moved = (center: number, place: number) =>
+      Math.min(Math.max(0.5 + place * (1 - kept) + (center - 0.5) * kept, half), 1 - half);
+    this.centerX = moved(this.centerX, x);
+    this.centerY = moved(this.centerY, y);
+    const shift = (center: number) => `${(100 * (0.5 - center)).toFixed(2)}%`;
+    this.canvas.style.transform =
+      this.zoom === 1 ? "" : `scale(${this.zoom}) translate(${shift(this.centerX)}, ${shift(this.centerY)})`;
+    this.sayWindow();
+    this.drawScale();
   }
 
   private setWindow(level: number, width: number): void {
@@ -147,7 +236,8 @@ export class Fluoroscopy {
   }
 
   private sayWindow(): void {
-    setText(element("#window"), `window ${Math.round(this.width)}  level ${Math.round(this.level)}`);
+    const magnified = this.zoom === 1 ? "" : `×${this.zoom.toFixed(1)}  `;
+    setText(element("#window"), `${magnified}window ${Math.round(this.width)}  level ${Math.round(this.level)}`);
   }
 
   private drawScale(): void {

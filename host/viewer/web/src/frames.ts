@@ -70,6 +70,13 @@ export interface Scene {
   superior: number[];
 }
 
+export interface Lines {
+  kind: "lines";
+  hash: string;
+  curves: { name: string; points_mm: number[] }[]; // x, y, z of one point after the other
+  target: { at_mm: [number, number, number]; radius_mm: number; force_limit_mN: number; route_mm: number[] } | null;
+}
+
 export interface Health {
   kind: "health";
   process: string;
@@ -107,6 +114,7 @@ export type Incoming =
   | WireState
   | Picture
   | VesselSurface
+  | Lines
   | Scene
   | Health
   | Readings

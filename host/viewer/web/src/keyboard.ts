@@ -1,72 +1,49 @@
-// The keys that steer: what is held down now, as rates. Sent ten times a second as well as at each
-// change, because torquer-viewer takes a page that is silent for gone.
+// The keys that steer.
 
-import type { Controls } from "./frames.js";
+import type { Held, Source, Steering } from "./steering.js";
 
-const PUSH_MM_S = 40;
-const TURN_RAD_S = Math.PI;
-const ARM_RAD_S = Math.PI / 6;
 const FINE = 0.15;
-const BEAT_MS = 100;
 
 const HELD = new Set([
   "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Space", "KeyC", "KeyW", "KeyA", "KeyS", "KeyD",
 ]);
 
-export class Keyboard {
+export class Keyboard implements Source {
   private readonly down = new Set<string>();
   private fine = false;
-  private instrument = 0;
-  private instruments = 1;
   private captured = true; // whether Tab chooses instruments, or goes through the page
-  enabled = false;
 
-  constructor(
-    private readonly send: (controls: Controls) => void,
-    private readonly changed: () => void,
-  ) {
+  constructor(private readonly steering: Steering) {
+    steering.add(this);
     addEventListener("keydown", (event) => this.press(event));
     addEventListener("keyup", (event) => this.lift(event));
-    addEventListener("blur", () => this.liftAll());
-    document.addEventListener("visibilitychange", () => {
-      if (document.hidden) this.liftAll();
-    });
-    setInterval(() => this.tell(), BEAT_MS);
   }
 
-  get chosen(): number {
-    return this.instrument;
-  }
   get steers(): boolean {
-    return this.enabled && this.captured;
+    return this.steering.enabled && this.captured;
   }
 
-  setInstruments(count: number): void {
-    this.instruments = Math.max(count, 1);
-    if (this.instrument >= this.instruments) this.instrument = 0;
-  }
-
-  controls(): Controls {
+  held(): Held {
     const held = (code: string) => (this.down.has(code) ? 1 : 0);
     const speed = this.fine ? FINE : 1;
     return {
       xray: held("Space") === 1,
       contrast: held("KeyC") === 1,
-      instrument: this.instrument,
-      pushMmS: speed * PUSH_MM_S * (held("ArrowUp") - held("ArrowDown")),
-      turnRadS: speed * TURN_RAD_S * (held("ArrowRight") - held("ArrowLeft")),
-      laoRadS: ARM_RAD_S * (held("KeyD") - held("KeyA")),
-      craRadS: ARM_RAD_S * (held("KeyW") - held("KeyS")),
+      push: speed * (held("ArrowUp") - held("ArrowDown")),
+      turn: speed * (held("ArrowRight") - held("ArrowLeft")),
+      lao: held("KeyD") - held("KeyA"),
+      cra: held("KeyW") - held("KeyS"),
     };
   }
 
-  private tell(): void {
-    if (this.enabled && !document.hidden) this.send(this.controls());
+  release(): void {
+    this.down.clear();
+    this.fine = false;
   }
 
   private press(event: KeyboardEvent): void {
     const dialogOpen = document.querySelector("dialog[open]") !== null;
-    if (!this.enabled || dialogOpen || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (!this.steering.enabled || dialogOpen || event.ctrlKey || event.altKey || event.metaKey) return;
     this.fine = event.shiftKey;
     if (event.code.startsWith("Arrow")) this.captured = true;
     if (event.code === "Escape") this.captured = false;
@@ -74,26 +51,19 @@ export class Keyboard {
     const onButton = event.target instanceof HTMLButtonElement && !this.captured;
     if (event.code === "Tab" && this.captured) {
       event.preventDefault();
-      this.instrument = (this.instrument + (event.shiftKey ? this.instruments - 1 : 1)) % this.instruments;
+      this.steering.next(event.shiftKey ? -1 : 1);
     } else if (HELD.has(event.code) && !onButton) {
       event.preventDefault();
       if (event.repeat) return;
       if (this.captured && document.activeElement instanceof HTMLElement) document.activeElement.blur();
       this.down.add(event.code);
     }
-    this.tell();
-    this.changed();
+    this.steering.tell();
   }
 
   private lift(event: KeyboardEvent): void {
     this.fine = event.shiftKey;
     this.down.delete(event.code);
-    this.tell();
-  }
-
-  private liftAll(): void {
-    this.down.clear();
-    this.fine = false;
-    if (this.enabled) this.send(this.controls());
+    this.steering.tell();
   }
 }

@@ -2,12 +2,16 @@
 
 import { element, setData, setText } from "./dom.js";
 import { Fluoroscopy } from "./fluoroscopy.js";
+import { Examination } from "./examination.js";
 import type { Arm, Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
 import { STATUS } from "./frames.js";
+import { GamepadSource } from "./gamepad.js";
 import { Keyboard } from "./keyboard.js";
 import { Link } from "./link.js";
+import { Pad } from "./pad.js";
 import { Panel } from "./panel.js";
 import { Space } from "./space.js";
+import { Steering } from "./steering.js";
 
 const STATE_OLD_MS = 1200; // a state comes five times a second at least
 const REFRESH_MS = 250;
@@ -16,7 +20,11 @@ class Page {
   private readonly fluoroscopy = new Fluoroscopy();
   private readonly space = new Space();
   private readonly panel = new Panel();
-  private readonly keyboard = new Keyboard((controls) => this.link.send(controls), () => this.choose());
+  private readonly steering = new Steering((controls) => this.link.send(controls), () => this.choose());
+  private readonly keyboard = new Keyboard(this.steering);
+  private readonly pad = new Pad(this.steering);
+  private readonly gamepad = new GamepadSource(this.steering);
+  private readonly examination = new Examination();
   private scene: Scene | null = null;
   private arm: Arm | null = null;
   private state: WireState | null = null;
@@ -30,9 +38,13 @@ class Page {
 
   constructor() {
     element("#keys-button").addEventListener("click", () => this.showKeys());
+    element("#pad-button").addEventListener("click", () => this.showPad(element<HTMLElement>("#pad").hidden));
+    element("#exam").addEventListener("click", () => this.examine());
     addEventListener("keydown", (event) => this.shortcut(event));
     setInterval(() => this.refresh(), REFRESH_MS);
     const frame = () => {
+      this.gamepad.poll();
+      this.fluoroscopy.advance(performance.now());
       this.space.draw();
       requestAnimationFrame(frame);
     };
@@ -46,6 +58,8 @@ class Page {
         scene: () => this.scene,
         viewer: () => this.viewer,
         pictures: () => this.pictures,
+        plotted: () => this.panel.plotted(),
+        controls: () => this.steering.controls(),
       },
     });
   }
@@ -63,11 +77,15 @@ class Page {
         ++this.pictures;
         this.live = !message.held;
         this.fluoroscopy.show(message);
-        if (this.viewer?.steer !== true) this.fluoroscopy.setAngles(message.laoRad, message.craRad);
+        if (this.viewer?.steer !== true) this.setAngles(message.laoRad, message.craRad);
         this.lamp();
         break;
       case "vessel":
         this.space.setVessel(message);
+        break;
+      case "lines":
+        this.space.setLines(message);
+        this.examination.setLines(message);
         break;
       case "scene":
         this.takeScene(message);
@@ -85,8 +103,10 @@ class Page {
         break;
       case "viewer":
         this.viewer = message;
-        this.keyboard.enabled = message.steer;
-        if (message.steer) this.fluoroscopy.setAngles(message.lao_rad, message.cra_rad);
+        if (message.steer && !this.steering.enabled) this.showPad(matchMedia("(pointer: coarse)").matches);
+        this.steering.enabled = message.steer;
+        document.body.classList.toggle("steers", message.steer);
+        if (message.steer) this.setAngles(message.lao_rad, message.cra_rad);
         this.lamp();
         break;
     }
@@ -101,7 +121,10 @@ class Page {
     this.scene = scene;
     this.space.setScene(scene);
     this.panel.setScene(scene);
-    this.keyboard.setInstruments(scene.instruments.length);
+    this.examination.setScene(scene);
+    this.steering.setInstruments(scene.instruments.length);
+    this.pad.setEffects(
+      scene.effects.includes("fluoroscopy"), scene.effects.includes("contrast"), scene.instruments.length);
     this.fluoroscopy.setArm(this.arm?.hash === scene.hash ? this.arm : null);
     document.body.classList.toggle("no-xray", !scene.effects.includes("fluoroscopy"));
     setText(element("#scene-name"), scene.name.replaceAll("_", " "));
@@ -109,11 +132,17 @@ class Page {
     this.choose();
   }
 
+  // While a loop is played the angles are the loop's.
+  private setAngles(laoRad: number, craRad: number): void {
+    if (!this.fluoroscopy.playing) this.fluoroscopy.setAngles(laoRad, craRad);
+  }
+
   // With the page's own pedal it is known; of a device's pedal the pictures tell.
   private lamp(): void {
     const on = this.fresh() && (this.viewer?.steer === true ? this.viewer.xray : this.live);
     this.fluoroscopy.setLamp(on);
-    this.fluoroscopy.setHold(!on && this.pictures > 0 ? "Last image hold" : "");
+    const held = this.fluoroscopy.playing ? "Recorded loop" : "Last image hold";
+    this.fluoroscopy.setHold(!on && this.pictures > 0 ? held : "");
   }
 
   private fresh(): boolean {
@@ -121,12 +150,13 @@ class Page {
   }
 
   private choose(): void {
-    this.panel.choose(this.keyboard.chosen, this.keyboard.steers);
+    this.panel.choose(this.steering.chosen, this.keyboard.steers);
   }
 
   private refresh(): void {
     const nowMs = performance.now();
     this.panel.refresh(this.viewer, this.readings, this.fresh(), nowMs);
+    this.examination.refresh(this.readings, this.state, nowMs);
     const [level, text, notice] = this.session(nowMs);
     const shown = element<HTMLElement>("#state");
     setData(shown, "level", level);
@@ -198,6 +228,16 @@ class Page {
     }
   }
 
+  private showPad(shown: boolean): void {
+    element<HTMLElement>("#pad").hidden = !shown;
+    element("#pad-button").setAttribute("aria-pressed", String(shown));
+  }
+
+  private examine(): void {
+    if (document.body.classList.contains("no-xray")) return;
+    this.examination.toggle(performance.now());
+  }
+
   private showKeys(): void {
     element<HTMLDialogElement>("#keys").showModal();
   }
@@ -208,6 +248,11 @@ class Page {
     if (event.key === "?") this.showKeys();
     if (event.code === "KeyF") this.space.follow(!this.space.follows);
     if (event.code === "KeyV") this.space.showAll();
+    if (event.code === "KeyI") this.space.lookFromInside(!this.space.insideLumen);
+    if (event.code === "KeyX") this.space.section(!this.space.cuts);
+    if (event.code === "KeyL") this.fluoroscopy.togglePlay();
+    if (event.code === "KeyE") this.examine();
+    if (event.code === "KeyP" && this.steering.enabled) this.showPad(element<HTMLElement>("#pad").hidden);
   }
 }
 

@@ -1,10 +1,19 @@
 // The panel of figures and health, and the session in a word.
 
-import { element, Rows, setData, setText, short, signed } from "./dom.js";
+import { element, setData, setText, short, signed } from "./dom.js";
 import { type Health, type Readings, type Scene, STATUS, type Viewer, type WireState } from "./frames.js";
+import { type Figure, History } from "./history.js";
 
 const OLD_MS = 2500; // health comes once a second
 const DEG = 180 / Math.PI;
+const FIGURES = {
+  rate: { title: "States", unit: " /s", shown: (value) => value.toFixed(0) },
+  latency: { title: "Hand to wire", unit: " ms", shown: (value) => value.toFixed(1) },
+  solve: { title: "Solve time", unit: " ms", shown: short },
+  residual: { title: "Residual", unit: "", shown: short, logarithmic: true },
+  penetration: { title: "Into the wall", unit: " µm", shown: short },
+  force: { title: "Wall force", unit: " mN", shown: short },
+} satisfies Record<string, Figure>;
 const STATUS_WORDS: [number, string][] = [
   [STATUS.outsideLumen, "outside the lumen"],
   [STATUS.stalled, "solver stalled"],
@@ -15,7 +24,7 @@ const STATUS_WORDS: [number, string][] = [
 
 export class Panel {
   private readonly instruments = element<HTMLElement>("#instruments");
-  private readonly solver = new Rows(element("#solver"));
+  private readonly histories = new Map<string, History>();
   private readonly health = element<HTMLElement>("#health");
   private readonly processes = new Map<string, { health: Health; heardMs: number }>();
   private rows: { row: HTMLElement; insertion: Element; rotation: Element; note: Element }[] = [];
@@ -39,7 +48,8 @@ export class Panel {
       return { row, insertion, rotation, note };
     });
     this.instruments.replaceChildren(...this.rows.map(({ row }) => row));
-    this.solver.clear();
+    this.histories.clear();
+    element("#histories").replaceChildren();
   }
 
   setState(state: WireState): void {
@@ -68,19 +78,33 @@ export class Panel {
 
   /** Four times a second: numbers that change faster cannot be read. */
   refresh(viewer: Viewer | null, readings: Readings | null, fresh: boolean, nowMs: number): void {
-    const figure = (term: string, value: number, unit: string, shown: (value: number) => string) =>
-      this.solver.set(term, fresh && Number.isFinite(value) ? `${shown(value)}${unit}` : "–");
-    figure("States", viewer?.states_per_s ?? NaN, " /s", (value) => value.toFixed(0));
-    figure("Hand to wire", this.latencyMs, " ms", (value) => value.toFixed(1));
-    figure("Solve time", 1e-3 * this.solveUs, " ms", short);
-    figure("Residual", this.residual, "", short);
-    figure("Into the wall", this.penetrationUm, " µm", short);
+    const figure = (name: keyof typeof FIGURES, value: number) =>
+      this.history(name).add(1e-3 * nowMs, fresh ? value : NaN);
+    figure("rate", viewer?.states_per_s ?? NaN);
+    figure("latency", this.latencyMs);
+    figure("solve", 1e-3 * this.solveUs);
+    figure("residual", this.residual);
+    figure("penetration", this.penetrationUm);
     const force = readings?.values["wall_force_largest_mN"];
-    if (force !== undefined) figure("Wall force", force, " mN", short);
-    const events = readings?.values["wall_force_events"];
-    if (events !== undefined) this.solver.set("Force events", events.toFixed(0));
+    if (force !== undefined) figure("force", force);
     this.residual = this.solveUs = this.penetrationUm = 0;
     this.showHealth(nowMs);
+  }
+
+  /** For tests: how many values each plot has. */
+  plotted(): Record<string, number> {
+    return Object.fromEntries(
+      [...this.histories].map(([name, history]) => [name, history.kept.filter((value) => value !== null).length]));
+  }
+
+  private history(name: keyof typeof FIGURES): History {
+    let history = this.histories.get(name);
+    if (history === undefined) {
+      history = new History(FIGURES[name]);
+      this.histories.set(name, history);
+      element("#histories").append(history.root);
+    }
+    return history;
   }
 
   /** Of the daemons the first that has no device, in words; "" where none is missing. */

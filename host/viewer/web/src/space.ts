@@ -3,7 +3,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setText } from "./dom.js";
-import type { Scene, VesselSurface, WireState } from "./frames.js";
+import type { Lines, Scene, VesselSurface, WireState } from "./frames.js";
 
 // From no contact to much: the viridis colors, which people with any color vision can order.
 const COLORS = ["#6fb7ff", "#4ac6a8", "#a5db36", "#fde725"].map((text) => new THREE.Color(text));
@@ -12,6 +12,12 @@ const DEPTH_UM = 100; // the same where the scene measures no forces
 const OUTER = ["#e8eef2", "#7fc7d9", "#c9a3ff", "#ffc98a"];
 const SIDES = 8;
 const DRAWN_RADIUS = 0.0019; // of the distance to the camera, at least: else a whole aorta hides its wire
+const OUTSIDE_FOV_DEG = 35;
+const INSIDE_FOV_DEG = 80;
+const BEHIND_TIP_MM = 9; // where the eye within the lumen is
+const FARTHEST_MIDDLE_MM = 30; // of a lumen from a wire within it
+const LINE_COLOR = "#62737f";
+const ROUTE_COLOR = "#8fd3ff";
 
 function colorAt(share: number, out: THREE.Color): THREE.Color {
   const place = Math.min(Math.max(share, 0), 1) * (COLORS.length - 1);
@@ -86,7 +92,7 @@ export class Space {
   private readonly renderer: THREE.WebGLRenderer | null;
   private readonly world = new THREE.Scene();
   private readonly patient = new THREE.Group(); // the vessel's frame, turned as the patient lies
-  private readonly camera = new THREE.PerspectiveCamera(35, 1, 1, 5000);
+  private readonly camera = new THREE.PerspectiveCamera(OUTSIDE_FOV_DEG, 1, 1, 5000);
   private readonly orbit: OrbitControls;
   private readonly vesselMaterial = new THREE.MeshPhongMaterial({
     color: "#e07a88", transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false, shininess: 40,
@@ -95,6 +101,14 @@ export class Space {
   private readonly tubes: Tube[] = [];
   private readonly tip = new THREE.Mesh(
     new THREE.SphereGeometry(1, 16, 12), new THREE.MeshBasicMaterial({ color: "#ffd166" }));
+  private readonly guides = new THREE.Group(); // centerlines, route and target
+  private readonly target = new THREE.Mesh(
+    new THREE.SphereGeometry(1, 24, 16),
+    new THREE.MeshBasicMaterial({ color: ROUTE_COLOR, transparent: true, opacity: 0.5, depthWrite: false }));
+  private readonly cut = new THREE.Plane();
+  private lines: Lines | null = null;
+  private inside = false;
+  private cutting = false;
   private vessel: THREE.Mesh | null = null;
   private surface: VesselSurface | null = null;
   private scene: Scene | null = null;
@@ -116,7 +130,7 @@ export class Space {
     lamp.position.set(-1, 1, 2);
     this.camera.add(lamp);
     this.world.add(this.camera);
-    this.patient.add(this.tip);
+    this.patient.add(this.tip, this.guides);
     this.tip.visible = false;
     this.orbit = new OrbitControls(this.camera, this.canvas);
     this.orbit.enableDamping = false;
@@ -125,6 +139,8 @@ export class Space {
     new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement!);
     element("#follow").addEventListener("click", () => this.follow(!this.following));
     element("#home").addEventListener("click", () => this.showAll());
+    element("#inside").addEventListener("click", () => this.lookFromInside(!this.inside));
+    element("#section").addEventListener("click", () => this.section(!this.cutting));
     this.drawLegend(false);
   }
 
@@ -150,6 +166,7 @@ export class Space {
       this.patient.add(tube.mesh);
     }
     this.showVessel();
+    this.showLines();
     this.showAll();
   }
 
@@ -158,11 +175,18 @@ export class Space {
     this.showVessel();
   }
 
+  /** Centerlines, the route and the target, of the scene that they belong to. */
+  setLines(lines: Lines): void {
+    this.lines = lines;
+    this.showLines();
+  }
+
   setState(state: WireState): void {
     this.state = state;
     const measured = Space.measures(state);
     if (measured !== this.legendMeasured) this.drawLegend(measured);
     if (this.following) this.lookAtTip();
+    if (this.inside) this.placeEye();
     this.changed = true;
   }
 
@@ -185,6 +209,7 @@ export class Space {
   }
 
   follow(on: boolean): void {
+    if (on) this.lookFromInside(false);
     this.following = on;
     if (on) this.atHome = false;
     element("#follow").setAttribute("aria-pressed", String(on));
@@ -195,7 +220,47 @@ export class Space {
     return this.following;
   }
 
+  get insideLumen(): boolean {
+    return this.inside;
+  }
+
+  get cuts(): boolean {
+    return this.cutting;
+  }
+
+  /** From behind the tip, along the wire, as an endoscope would see it. */
+  lookFromInside(on: boolean): void {
+    if (this.inside === on) return;
+    if (on) this.follow(false);
+    this.inside = on;
+    element("#inside").setAttribute("aria-pressed", String(on));
+    this.orbit.enabled = !on;
+    this.camera.fov = on ? INSIDE_FOV_DEG : OUTSIDE_FOV_DEG;
+    this.camera.near = on ? 0.1 : 1;
+    this.camera.updateProjectionMatrix();
+    this.vesselMaterial.opacity = on ? 1 : 0.3;
+    this.vesselMaterial.depthWrite = on;
+    this.vesselMaterial.needsUpdate = true;
+    if (on) {
+      this.atHome = false;
+      this.placeEye();
+    } else {
+      this.showAll();
+    }
+    this.changed = true;
+  }
+
+  /** Cuts away what of the vessel is in front of the tip. */
+  section(on: boolean): void {
+    this.cutting = on;
+    element("#section").setAttribute("aria-pressed", String(on));
+    this.vesselMaterial.clippingPlanes = on ? [this.cut] : null;
+    this.vesselMaterial.needsUpdate = true;
+    this.changed = true;
+  }
+
   showAll(): void {
+    if (this.inside) return this.lookFromInside(false); // which comes back here
     this.follow(false);
     this.atHome = true;
     this.orbit.target.set(0, 0, 0);
@@ -210,8 +275,75 @@ export class Space {
     if (!this.changed || this.renderer === null) return;
     this.changed = false;
     this.placeInstruments();
+    if (this.cutting) this.placeCut();
     this.renderer.render(this.world, this.camera);
     ++this.frames;
+  }
+
+  /** What guides the eye: for tests. */
+  guidesShown(): { lines: number; target: [number, number, number] | null } {
+    return {
+      lines: this.guides.children.filter((child) => child instanceof THREE.Line).length,
+      target: this.guides.children.includes(this.target) ? this.target.position.toArray() : null,
+    };
+  }
+
+  private showLines(): void {
+    this.guides.clear();
+    if (this.lines === null || this.scene === null || this.lines.hash !== this.scene.hash) return;
+    const line = (pointsMm: number[], color: string) => {
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(pointsMm), 3));
+      this.guides.add(new THREE.Line(geometry, new THREE.LineBasicMaterial({ color })));
+    };
+    for (const curve of this.lines.curves) line(curve.points_mm, LINE_COLOR);
+    const { target } = this.lines;
+    if (target !== null) {
+      line(target.route_mm, ROUTE_COLOR);
+      this.target.position.set(...target.at_mm);
+      this.guides.add(this.target);
+    }
+    this.changed = true;
+  }
+
+  // The eye is behind the tip, and looks at it from the middle of the lumen where that is known.
+  private placeEye(): void {
+    const { state } = this;
+    if (state === null || state.nodesMm.length < 6) return;
+    const last = state.nodesMm.length / 3 - 1;
+    const node = (i: number, out: THREE.Vector3) => out.fromArray(state.nodesMm, 3 * i);
+    const [tip, eye] = [node(last, new THREE.Vector3()), new THREE.Vector3()];
+    let behind = last;
+    while (behind > 0 && node(behind, eye).distanceTo(tip) < BEHIND_TIP_MM) --behind;
+    const middle = this.nearestOnCurves(eye);
+    if (middle !== null) eye.lerp(middle, 0.7);
+    this.patient.updateMatrixWorld();
+    this.camera.position.copy(eye).applyMatrix4(this.patient.matrixWorld);
+    this.orbit.target.copy(tip).applyMatrix4(this.patient.matrixWorld);
+    this.camera.lookAt(this.orbit.target);
+  }
+
+  // The point of the centerlines nearest to a place; null where it is in none of their vessels.
+  private nearestOnCurves(place: THREE.Vector3): THREE.Vector3 | null {
+    if (this.guides.children.length === 0 || this.lines === null) return null;
+    const [best, here] = [new THREE.Vector3(), new THREE.Vector3()];
+    let nearestMm = FARTHEST_MIDDLE_MM;
+    for (const { points_mm: points } of this.lines.curves) {
+      for (let i = 0; i < points.length; i += 3) {
+        const distanceMm = here.fromArray(points, i).distanceTo(place);
+        if (distanceMm >= nearestMm) continue;
+        nearestMm = distanceMm;
+        best.copy(here);
+      }
+    }
+    return nearestMm < FARTHEST_MIDDLE_MM ? best : null;
+  }
+
+  private placeCut(): void {
+    if (this.state === null) return;
+    this.patient.updateMatrixWorld();
+    const tip = new THREE.Vector3(...this.state.instruments[0]!.tipMm).applyMatrix4(this.patient.matrixWorld);
+    this.cut.setFromNormalAndCoplanarPoint(this.camera.getWorldDirection(new THREE.Vector3()), tip);
   }
 
   private static measures(state: WireState): boolean {
@@ -232,12 +364,16 @@ export class Space {
     }
     this.tip.position.fromArray(state.instruments[0]!.tipMm);
     this.tip.scale.setScalar(2.2 * Math.max(leastMm, scene.instruments[0]!.radius_mm));
-    this.tip.visible = true;
+    // From within it would be all that one sees.
+    this.tip.visible = !this.inside;
+    this.target.scale.setScalar(Math.max(this.lines?.target?.radius_mm ?? 0, 3 * leastMm));
   }
 
   private makeRenderer(): THREE.WebGLRenderer | null {
     try {
-      return new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true, preserveDrawingBuffer: true });
+      const renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true, preserveDrawingBuffer: true });
+      renderer.localClippingEnabled = true;
+      return renderer;
     } catch {
       setText(element("#space-notice"), "This browser has no WebGL: the 3D view needs it.");
       return null;

@@ -1,0 +1,57 @@
+// What the trainee is to reach, whether it is reached, and the examination: X-ray alone, with a clock.
+
+import { element, seconds, setData, setText } from "./dom.js";
+import type { Lines, Readings, Scene, WireState } from "./frames.js";
+
+export class Examination {
+  private readonly task = element<HTMLElement>("#task");
+  private lines: Lines | null = null;
+  private scene: Scene | null = null;
+  private beganMs = 0;
+  private tookS: number | null = null; // until the target was reached
+
+  setLines(lines: Lines): void {
+    this.lines = lines;
+  }
+
+  setScene(scene: Scene): void {
+    this.scene = scene;
+  }
+
+  toggle(nowMs: number): void {
+    const on = document.body.classList.toggle("exam");
+    element("#exam").setAttribute("aria-pressed", String(on));
+    this.beganMs = nowMs;
+    this.tookS = null;
+  }
+
+  /** Four times a second. */
+  refresh(readings: Readings | null, state: WireState | null, nowMs: number): void {
+    const reached = readings?.values["target_reached"] === 1;
+    this.showClock(reached, nowMs);
+    const target = this.lines !== null && this.lines.hash === this.scene?.hash ? this.lines.target : null;
+    this.task.hidden = target === null || state === null;
+    if (target === null || state === null) return;
+    const tip = state.instruments[0]?.tipMm ?? target.at_mm;
+    const leftMm = Math.hypot(...target.at_mm.map((value, axis) => value - tip[axis]!));
+    setText(this.task.firstElementChild!, "Target");
+    setData(this.task, "level", "");
+    // An X-ray screen knows no distances.
+    const left = document.body.classList.contains("exam") ? "not reached" : `${leftMm.toFixed(0)} mm from the tip`;
+    if (!reached) return setText(this.task.lastElementChild!, left);
+    const safe = readings.values["safe_success"] === 1;
+    const time = seconds(readings.values["target_reached_s"] ?? 0);
+    const most = readings.values["wall_force_max_mN"] ?? 0;
+    setData(this.task, "level", safe ? "good" : "warn");
+    setText(
+      this.task.lastElementChild!,
+      safe ? `reached after ${time}, safely` : `reached after ${time}; the wall bore ${most.toFixed(0)} mN, ${target.force_limit_mN} mN is the limit`,
+    );
+  }
+
+  private showClock(reached: boolean, nowMs: number): void {
+    const passedS = (nowMs - this.beganMs) / 1000;
+    if (reached && this.tookS === null) this.tookS = passedS;
+    setText(element("#clock"), seconds(this.tookS ?? passedS));
+  }
+}

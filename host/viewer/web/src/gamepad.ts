@@ -1,0 +1,49 @@
+// A gamepad with the standard layout: the left stick pushes and turns, the right one moves the
+// C-arm, A is the X-ray, B the contrast, the right shoulder the next instrument, the left one fine.
+
+import { response } from "./pad.js";
+import type { Held, Source, Steering } from "./steering.js";
+
+const FINE = 0.15;
+const [A, B, LEFT_SHOULDER, RIGHT_SHOULDER] = [0, 1, 4, 5] as const;
+const NOTHING: Held = { xray: false, contrast: false, push: 0, turn: 0, lao: 0, cra: 0 };
+
+export class GamepadSource implements Source {
+  private now: Held = NOTHING;
+  private nextDown = false;
+
+  constructor(private readonly steering: Steering) {
+    steering.add(this);
+  }
+
+  /** Browsers report gamepads to whoever asks: once a frame. */
+  poll(): void {
+    if (!this.steering.enabled || document.hidden || !document.hasFocus()) return;
+    const pad = navigator.getGamepads().find((found) => found !== null && found.mapping === "standard");
+    const before = this.now;
+    this.now = pad ? GamepadSource.read(pad) : NOTHING;
+    const nextDown = pad?.buttons[RIGHT_SHOULDER]?.pressed === true;
+    if (nextDown && !this.nextDown) this.steering.next(1);
+    this.nextDown = nextDown;
+    if (JSON.stringify(before) !== JSON.stringify(this.now)) this.steering.tell();
+  }
+
+  held(): Held {
+    return this.now;
+  }
+
+  release(): void {
+    this.now = NOTHING;
+  }
+
+  private static read(pad: Gamepad): Held {
+    const speed = pad.buttons[LEFT_SHOULDER]?.pressed === true ? FINE : 1;
+    const axis = (k: number) => response(pad.axes[k] ?? 0);
+    const pressed = (k: number) => pad.buttons[k]?.pressed === true;
+    // Upwards is negative on a stick; turned back to 0 so that -0 is no change.
+    return {
+      xray: pressed(A), contrast: pressed(B),
+      push: 0 - speed * axis(1), turn: speed * axis(0), lao: axis(2), cra: 0 - axis(3),
+    };
+  }
+}
