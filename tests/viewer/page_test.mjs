@@ -215,8 +215,10 @@ test("a gamepad steers like the keys", async () => {
   await until("both buttons", async () => (await controls()).xray && (await controls()).contrast);
   const near = await controls();
   assert.deepEqual([near.pushMmS, near.turnRadS, near.laoRadS], [0, 0, 0], "the dead zone moves");
-  await gamepad([0, 0, -1, -1], [4]);
-  await until("the C-arm", async () => (await controls()).laoRadS < 0 && (await controls()).craRadS > 0);
+  await gamepad([0, 0, -1, 0], []);
+  await until("the C-arm to RAO", async () => (await controls()).laoRadS < 0 && (await controls()).craRadS === 0);
+  await gamepad([0, 0, 0, -1], []);
+  await until("the C-arm to CRA", async () => (await controls()).laoRadS === 0 && (await controls()).craRadS > 0);
   await gamepad([0, 0, 0, 0], []);
   await until("nothing", async () => {
     const { xray, contrast, laoRadS, craRadS } = await controls();
