@@ -120,10 +120,12 @@ class UmockdevBench::Bus {
 
   void Remove() {
     const std::lock_guard lock(machine_mutex);
+    const std::string system_path = "/sys/devices/usb1/1-" + std::to_string(port_);
+    // The event before the errors: a program that ends at an error, and closes its monitor between
+    // libumockdev's connect() and sendmsg(), would have this process aborted.
+    umockdev_testbed_uevent(testbed_, system_path.c_str(), "remove");
     node_->Vanish();
     node_.reset();
-    const std::string system_path = "/sys/devices/usb1/1-" + std::to_string(port_);
-    umockdev_testbed_uevent(testbed_, system_path.c_str(), "remove");
     umockdev_testbed_remove_device(testbed_, system_path.c_str());
   }
 
