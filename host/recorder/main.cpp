@@ -1,17 +1,22 @@
-// torquer-report: the figures and the picture of a recorded session.
+// torquer-report: the figures, the picture and the page of a recorded session.
 
 #include <fmt/format.h>
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calibration/calibration_file.h"
 #include "host/recorder/report_output.h"
+#include "host/recorder/report_page.h"
+#include "host/recorder/session_limits.h"
+#include "host/recorder/session_summary.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/vessel/mesh_vessel.h"
 #include "host/simulator/vessel/surface_net.h"
 #include "host/support/atomic_file.h"
+#include "host/support/fnv1a.h"
 #include "host/support/program.h"
 
 namespace {
@@ -22,6 +27,7 @@ struct Arguments {
   std::string log;
   std::vector<std::string> calibrations;
   std::string picture;
+  std::string page;
   std::string scene;
   bool json = false;
 };
@@ -54,11 +60,37 @@ Eigen::Matrix2d MotionPerCount(const std::vector<std::string>& files, const std:
   return per_count;
 }
 
+// A page and, beside it, the summary by which later pages know the session.
+class PageFiles {
+ public:
+  explicit PageFiles(const std::string& page)
+      : path_(page), page_(page), summary_(torquer::SummaryPath(page)) {}
+
+  void Write(const torquer::SessionReport& report, torquer::PageParts parts) {
+    const torquer::SessionSummary summary = torquer::Summarize(report);
+    parts.earlier = torquer::ReadEarlierSessions(path_, summary);
+    page_.out() << torquer::FormatPage(report, parts);
+    page_.Finish();
+    summary_.out() << torquer::FormatSummary(summary);
+    summary_.Finish();
+  }
+
+ private:
+  std::string path_;
+  torquer::AtomicFile page_;
+  torquer::AtomicFile summary_;
+};
+
 int Run(const Arguments& arguments) {
   if (arguments.log.empty()) throw torquer::UsageError("LOG is missing; name the log of a session");
-  // One that cannot be written is refused before a long log is read.
+  if (!arguments.page.empty() && !arguments.page.ends_with(".html")) {
+    throw torquer::UsageError("--page " + arguments.page + ": name a file that ends in .html");
+  }
+  // What cannot be written is refused before a long log is read.
   std::optional<torquer::AtomicFile> picture;
   if (!arguments.picture.empty()) picture.emplace(arguments.picture);
+  std::optional<PageFiles> page;
+  if (!arguments.page.empty()) page.emplace(arguments.page);
   torquer::SessionReporter reporter;
   const torquer::SessionLogSummary summary =
       torquer::ReadSessionLog(arguments.log, reporter.Handlers());
@@ -67,14 +99,27 @@ int Run(const Arguments& arguments) {
   });
   report.undecodable = summary.undecodable;
   report.damage = summary.damage;
-  if (picture) {
+  report.started_us = summary.started_us;
+  if (picture || page) {
     const torquer::scene::Scene scene(arguments.scene.empty() ? report.scene_file
                                                               : arguments.scene);
-    picture->out() << torquer::DrawReport(report, Surface(scene.vessel()));
-    picture->Finish();
+    const torquer::PictureVessel surface = Surface(scene.vessel());
+    if (picture) {
+      picture->out() << torquer::DrawReport(report, surface, false);
+      picture->Finish();
+    }
+    if (page) {
+      torquer::PageParts parts;
+      parts.log = arguments.log;
+      parts.limits = torquer::ReadLimits(scene.spec());
+      parts.scene_changed = report.description.content_hash != torquer::Hex(scene.content_hash());
+      parts.picture = torquer::DrawReport(report, surface, true);
+      page->Write(report, std::move(parts));
+    }
   }
-  fmt::print("{}", arguments.json ? torquer::FormatReportJson(report, arguments.picture)
-                                  : torquer::FormatReport(report));
+  fmt::print("{}", arguments.json
+                       ? torquer::FormatReportJson(report, arguments.picture, arguments.page)
+                       : torquer::FormatReport(report));
   return report.Good() ? torquer::kExitSuccess : torquer::kExitFailure;
 }
 
@@ -97,6 +142,10 @@ int main(int argc, char** argv) {
   options.Flag("--json", arguments.json, "print one JSON object instead of text");
   options.Text("--picture", "FILE.svg", arguments.picture,
                "draw the last state of the wire in its vessel", torquer::ValueKind::kFile);
+  options.Text("--page", "FILE.html", arguments.page,
+               "write the session as a page for people, and beside it FILE.session.json, by which "
+               "pages of later sessions know this one",
+               torquer::ValueKind::kFile);
   options.Text("--scene", "FILE", arguments.scene,
                "scene with the vessel, where it is not where the simulator had it",
                torquer::ValueKind::kFile);

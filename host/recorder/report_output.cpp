@@ -137,7 +137,8 @@ std::string FormatReport(const SessionReport& report) {
   return text;
 }
 
-std::string FormatReportJson(const SessionReport& report, const std::string& picture) {
+std::string FormatReportJson(const SessionReport& report, const std::string& picture,
+                             const std::string& page) {
   nlohmann::ordered_json readings = nlohmann::ordered_json::object();
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
     readings[report.readings.names[i]] = report.readings.values[i];
@@ -162,11 +163,12 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"log_ended", report.ended},
                                        {"log_damage", report.damage.Describe()},
                                        {"readings", std::move(readings)},
-                                       {"picture", picture}};
+                                       {"picture", picture},
+                                       {"page", page}};
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
-std::string DrawReport(const SessionReport& report, const PictureVessel& vessel) {
+std::string DrawReport(const SessionReport& report, const PictureVessel& vessel, bool tip_way) {
   const torquer_lcm::wire_state_t& state = report.last_state;
   if (state.nodes_mm.size() < 2 || state.instruments.empty()) {
     throw UserError("the last wire state has " + std::to_string(state.nodes_mm.size()) +
@@ -182,6 +184,7 @@ std::string DrawReport(const SessionReport& report, const PictureVessel& vessel)
           {wire.nodes_mm[node], static_cast<double>(state.contact_penetrations_um[i])});
     }
   }
+  if (tip_way) wire.tip_way_mm = report.course.tip_way_mm();
   const torquer_lcm::scene_description_t& scene = report.description;
   const PatientAxes axes{Vector(scene.left), Vector(scene.posterior), Vector(scene.superior)};
   PictureCaption caption;

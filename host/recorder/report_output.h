@@ -11,11 +11,12 @@ namespace torquer {
 /// Some lines of text, the last one ended.
 std::string FormatReport(const SessionReport& report);
 
-/// One line: a JSON object. `picture` is the path of the picture, "" for none.
-std::string FormatReportJson(const SessionReport& report, const std::string& picture);
+/// One line: a JSON object. `picture` and `page` are the paths of what was written, "" for none.
+std::string FormatReportJson(const SessionReport& report, const std::string& picture,
+                             const std::string& page);
 
-/// The picture of the last state in `vessel`, as SVG.
+/// The picture of the last state in `vessel`, as SVG, with the way of the tip where it is wanted.
 /// Throws UserError when that state has fewer than two nodes.
-std::string DrawReport(const SessionReport& report, const PictureVessel& vessel);
+std::string DrawReport(const SessionReport& report, const PictureVessel& vessel, bool tip_way);
 
 }  // namespace torquer

@@ -39,6 +39,7 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
 
   SessionLogSummary summary;
   for (LogRecord record; log.Next(record);) {
+    if (summary.messages == 0) summary.started_us = record.time_us;
     ++summary.messages;
     const auto handler = by_channel.find(record.channel);
     if (handler != by_channel.end() && !handler->second(record)) ++summary.undecodable;

@@ -31,6 +31,7 @@ struct SessionHandlers {
 struct SessionLogSummary {
   std::int64_t messages = 0;     ///< all, those of other channels included
   std::int64_t undecodable = 0;  ///< on our channels, but not of the channel's type
+  std::int64_t started_us = 0;   ///< time of the first record, by the logger's wall clock
   LogDamage damage;              ///< what could not be read
 };
 

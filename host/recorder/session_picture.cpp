@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <utility>
+
+#include "host/recorder/svg_text.h"
 
 namespace torquer {
 namespace {
@@ -33,34 +34,8 @@ constexpr double kTipLengthMm = 10;
 constexpr std::array<const char*, 4> kInstrumentColors = {"#fff3c4", "#7be0a8", "#8fb2ff",
                                                           "#d9a3ff"};
 constexpr double kWider = 3;
-
-template <class... Values>
-void Append(std::string& out, fmt::format_string<Values...> format, Values&&... values) {
-  fmt::format_to(std::back_inserter(out), format, std::forward<Values>(values)...);
-}
-
-std::string Escape(const std::string& text) {
-  std::string escaped;
-  for (const char character : text) {
-    switch (character) {
-      case '&':
-        escaped += "&amp;";
-        break;
-      case '<':
-        escaped += "&lt;";
-        break;
-      case '>':
-        escaped += "&gt;";
-        break;
-      case '"':
-        escaped += "&quot;";
-        break;
-      default:
-        escaped += character;
-    }
-  }
-  return escaped;
-}
+// Of the line that the tip has gone, pixels.
+constexpr double kWayWidth = 1.1;
 
 struct Color {
   double red, green, blue;
@@ -151,6 +126,7 @@ std::string Polyline(const std::vector<Eigen::Vector2d>& points_mm) {
 struct SeenWire {
   std::vector<Eigen::Vector2d> nodes;
   std::vector<std::vector<Eigen::Vector2d>> parts;  // of each instrument, the innermost first
+  std::vector<Eigen::Vector2d> way;                 // of the tip
   std::size_t tip_start = 0;                        // first node of the tip
   std::size_t close_up_start = 0;                   // first node that the close-up shows
 };
@@ -180,6 +156,9 @@ SeenWire See(const PictureWire& wire, const PatientAxes& axes) {
     }
   }
   if (seen.parts.empty()) seen.parts.push_back(seen.nodes);
+  for (const Eigen::Vector3d& point : wire.tip_way_mm) {
+    seen.way.emplace_back(SeenFromTheFront(axes, point).head<2>());
+  }
   double from_tip = 0;
   for (std::size_t i = wire.nodes_mm.size(); i-- > 0;) {
     if (i + 1 < wire.nodes_mm.size()) {
@@ -209,6 +188,10 @@ void AppendWire(std::string& out, const SeenWire& seen, const PictureWire& wire,
   }
   Append(out, "<path d=\"{}\" stroke=\"#38e1ff\" stroke-width=\"{:.1f}\"/>\n", tip,
          (weight + 0.4) * unit);
+  if (!seen.way.empty()) {
+    Append(out, "<path d=\"{}\" stroke=\"#ffffff\" stroke-width=\"{:.1f}\"/>\n", Polyline(seen.way),
+           kWayWidth * unit);
+  }
   out += "</g>\n<g fill=\"#ffb000\" stroke=\"#5a2a00\" stroke-opacity=\".7\">\n";
   for (const PictureContact& contact : wire.contacts) {
     const Eigen::Vector2i point = Hundredths(SeenFromTheFront(axes, contact.point_mm).head<2>());
@@ -237,15 +220,9 @@ void AppendPanel(std::string& out, const char* name, const Panel& panel) {
          box.min().x(), box.min().y(), box.sizes().x(), box.sizes().y());
 }
 
-// The largest of 1, 2, 5 x 10^k mm that takes at most a quarter of the panel.
+// At most a quarter of the panel.
 void AppendScaleBar(std::string& out, const Panel& panel) {
-  const double most_mm = 0.25 * panel.pixels.sizes().x() / panel.pixels_per_mm;
-  double length_mm = std::pow(10.0, std::floor(std::log10(most_mm)));
-  if (5 * length_mm <= most_mm) {
-    length_mm *= 5;
-  } else if (2 * length_mm <= most_mm) {
-    length_mm *= 2;
-  }
+  const double length_mm = RoundBelow(0.25 * panel.pixels.sizes().x() / panel.pixels_per_mm);
   const double length = length_mm * panel.pixels_per_mm;
   const double x = panel.pixels.max().x() - 20 - length;
   const double y = panel.pixels.max().y() - 18;
@@ -280,7 +257,7 @@ void AppendLegend(std::string& out, const PictureWire& wire, const Panel& panel)
     Append(out, "<path d=\"M{:.1f} {:.1f}h26\" stroke=\"{}\" stroke-width=\"{:.1f}\"/>\n", x, y,
            kInstrumentColors[k % kInstrumentColors.size()], 3.4 + kWider * static_cast<double>(k));
     Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"subtitle\">{} {:.1f} mm</text>\n", x + 36,
-           y + 5, Escape(wire.instruments[k].name), wire.instruments[k].insertion_mm);
+           y + 5, EscapeMarkup(wire.instruments[k].name), wire.instruments[k].insertion_mm);
   }
 }
 
@@ -296,9 +273,9 @@ void AppendFigures(std::string& out, const PictureCaption& caption, const Box& b
     const double x = box.min().x() + static_cast<double>(column) * column_width;
     const double y = box.min().y() + static_cast<double>(row) * row_height;
     Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"value\">{}</text>\n", x, y + 22,
-           Escape(caption.figures[i].second));
+           EscapeMarkup(caption.figures[i].second));
     Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"small\">{}</text>\n", x, y + 40,
-           Escape(caption.figures[i].first));
+           EscapeMarkup(caption.figures[i].first));
   }
 }
 
@@ -340,23 +317,25 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
 
   std::string out;
   Append(out,
-         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:g} {:g}\" width=\"{:g}\" "
-         "height=\"{:g}\">\n",
+         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"session\" viewBox=\"0 0 {:g} {:g}\" "
+         "width=\"{:g}\" height=\"{:g}\">\n",
          kWidth, kHeight, kWidth, kHeight);
+  // Text of this picture alone, where it stands in a page. Shades have plain names, because what
+  // <use> repeats is no longer inside .session.
   out +=
-      "<style>text{font-family:'DejaVu Sans',Verdana,sans-serif;fill:#c9d4e8}"
-      ".title{font-size:27px;font-weight:bold;fill:#fff}.subtitle{font-size:15px}"
-      ".small{font-size:12.5px;fill:#93a3c0}.value{font-size:21px;fill:#fff}"
-      ".letter{font-size:17px;font-weight:bold;fill:#7f91b2}";
+      "<style>.session text{font-family:'DejaVu Sans',Verdana,sans-serif;fill:#c9d4e8}"
+      ".session .title{font-size:27px;font-weight:bold;fill:#fff}.session .subtitle{font-size:15px}"
+      ".session .small{font-size:12.5px;fill:#93a3c0}.session .value{font-size:21px;fill:#fff}"
+      ".session .letter{font-size:17px;font-weight:bold;fill:#7f91b2}";
   AppendShadeClasses(out, 'f', kFarRamp);
   AppendShadeClasses(out, 'n', kNearRamp);
   out += "</style>\n";
   Append(out, "<rect width=\"{:g}\" height=\"{:g}\" rx=\"16\" fill=\"#0a101d\"/>\n", kWidth,
          kHeight);
   Append(out, "<text x=\"{:g}\" y=\"58\" class=\"title\">{}</text>\n", kMargin,
-         Escape(caption.title));
+         EscapeMarkup(caption.title));
   Append(out, "<text x=\"{:g}\" y=\"88\" class=\"subtitle\">{}</text>\n", kMargin,
-         Escape(caption.subtitle));
+         EscapeMarkup(caption.subtitle));
   AppendPanel(out, "overview", overview);
   AppendPanel(out, "closeup", close_up);
 

@@ -26,6 +26,7 @@ struct PictureWire {
   std::vector<Eigen::Vector3d> nodes_mm;  ///< from the entry point to the farthest tip; at least 2
   std::vector<PictureInstrument> instruments;  ///< the innermost first; may be empty: one wire
   std::vector<PictureContact> contacts;
+  std::vector<Eigen::Vector3d> tip_way_mm = {};  ///< where the tip has been; may be empty
 };
 
 /// What stands beside the drawing.

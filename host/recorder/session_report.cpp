@@ -64,6 +64,11 @@ double ArcLengthMm(const torquer_lcm::wire_state_t& state, std::size_t instrumen
   return tip_length_mm;
 }
 
+bool SessionReport::Has(const std::string& effect) const {
+  return std::find(description.effects.begin(), description.effects.end(), effect) !=
+         description.effects.end();
+}
+
 bool SessionReport::Good() const {
   bool any = false;
   for (const InstrumentReport& instrument : instruments) {
@@ -80,7 +85,7 @@ SessionHandlers SessionReporter::Handlers() {
   handlers.command = [this](const torquer_lcm::instrument_command_t& message) { Add(message); };
   handlers.state = [this](const torquer_lcm::wire_state_t& message) { Add(message); };
   handlers.scene = [this](const torquer_lcm::scene_description_t& message) { scene_ = message; };
-  handlers.readings = [this](const torquer_lcm::readings_t& message) { readings_ = message; };
+  handlers.readings = [this](const torquer_lcm::readings_t& message) { Add(message); };
   handlers.health = [this](const torquer_lcm::health_t& message) { Add(message); };
   handlers.truth = [this](const torquer_lcm::hand_motion_t& message) { Add(message); };
   return handlers;
@@ -136,11 +141,13 @@ void SessionReporter::Add(const torquer_lcm::instrument_command_t& command) {
   channel.command_clock_id = command.clock_id;
   channel.command_origin_us = command.origin_us;
   channel.command_doubtful = (command.flags & kDoubtfulCommand) != 0;
+  course_.Add(command);
 }
 
 void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
   // At rest the simulator publishes its last state again.
   if (last_state_ && state.tick == last_state_->tick) return;
+  course_.Add(state);
   ++report_.states;
   report_.max_penetration_um = std::max(report_.max_penetration_um, state.max_penetration_um);
   solve_us_.push_back(state.solve_us);
@@ -160,6 +167,11 @@ void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
     channel.shown_sequence = instrument.command_sequence;
   }
   last_state_ = state;
+}
+
+void SessionReporter::Add(const torquer_lcm::readings_t& readings) {
+  course_.Add(readings);
+  readings_ = readings;
 }
 
 void SessionReporter::Add(const torquer_lcm::health_t& health) {
@@ -296,6 +308,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
   report.description = *scene_;
   report.last_state = *last_state_;
   report.readings = readings_;
+  report.course = course_;
   return report;
 }
 

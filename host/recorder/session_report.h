@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "host/recorder/session_course.h"
 #include "host/recorder/session_log.h"
 
 namespace torquer {
@@ -78,6 +79,7 @@ struct SessionReport {
   std::int64_t undecodable = 0;     ///< messages that are not of their channel's type
   LogDamage damage;                 ///< of the log
   bool ended = false;               ///< the log holds the end of every daemon
+  std::int64_t started_us = 0;      ///< the logger's wall clock at its first record; 0: unknown
 
   Distribution solve_us;  ///< relaxation time of each tick
   double max_penetration_um = 0;
@@ -87,6 +89,10 @@ struct SessionReport {
   torquer_lcm::wire_state_t last_state;
   torquer_lcm::readings_t readings{};  ///< the last; without names where the scene has no observer
 
+  SessionCourse course;
+
+  /// Whether the scene names this effect, such as "fluoroscopy".
+  bool Has(const std::string& effect) const;
   /// Every instrument that a device drove is good, there is one, and the log is whole.
   bool Good() const;
 };
@@ -136,6 +142,7 @@ class SessionReporter {
   void Add(const torquer_lcm::device_sample_t& sample);
   void Add(const torquer_lcm::instrument_command_t& command);
   void Add(const torquer_lcm::wire_state_t& state);
+  void Add(const torquer_lcm::readings_t& readings);
   void Add(const torquer_lcm::health_t& health);
   void Add(const torquer_lcm::hand_motion_t& truth);
   static bool Held(const Channel& channel, const torquer_lcm::device_sample_t& sample);
@@ -151,6 +158,7 @@ class SessionReporter {
   std::optional<torquer_lcm::scene_description_t> scene_;
   torquer_lcm::readings_t readings_{};
   std::vector<double> solve_us_;
+  SessionCourse course_;
   SessionReport report_;
 };
 

@@ -42,6 +42,8 @@ torquer_lcm::scene_description_t Scene(const SessionFaults& faults) {
   scene.method = "paper";
   scene.vessel = "tube <r 3>";
   scene.segment_mm = 1;
+  if (faults.course) scene.effects = {"wall_force", "assessment", "contrast", "fluoroscopy"};
+  scene.effect_count = static_cast<std::int32_t>(scene.effects.size());
   scene.instruments = {protocol::kGuidewire};
   scene.inserted_at_start_mm = {kInsertedAtStartMm};
   if (faults.catheter) {
@@ -158,6 +160,58 @@ void WriteRunningCounts(LogWriter& log, int i, const torquer_lcm::device_sample_
   }
 }
 
+void WriteEvents(LogWriter& log) {
+  torquer_lcm::readings_t readings{};
+  readings.names = {"wall_force_events", "wall_force_largest_ever_mN"};
+  readings.count = 2;
+  for (const double events : {1.0, 4.0}) {
+    readings.values = {events, 2.5 * events};
+    log.Write(protocol::kReadingsChannel, kStartUs, readings);
+  }
+}
+
+// What an assessment says at a time of the session.
+torquer_lcm::readings_t CourseReadings(double time_s) {
+  const bool peaked = time_s > 0.42;
+  const bool reached = time_s >= 0.7;
+  torquer_lcm::readings_t readings{};
+  readings.time_s = time_s;
+  readings.names = {"wall_force_largest_mN",
+                    "wall_force_largest_ever_mN",
+                    "wall_force_events",
+                    "wall_force_above_s",
+                    "wall_tip_pressure_ever_kPa",
+                    "procedure_s",
+                    "fluoroscopy_s",
+                    "contrast_injected_mL",
+                    "tip_path_mm",
+                    "retractions",
+                    "retracted_mm",
+                    "wrong_vessel_entries",
+                    "log_dimensionless_jerk",
+                    "target_reached",
+                    "target_reached_s",
+                    "safe_success"};
+  readings.values = {20,
+                     peaked ? 80.0 : 20.0,
+                     3,
+                     0.4,
+                     12.25,
+                     time_s,
+                     0.25,
+                     1.5,
+                     36,
+                     2,
+                     7.5,
+                     1,
+                     -9.5,
+                     reached ? 1.0 : 0.0,
+                     reached ? 0.7 : -1,
+                     reached ? 1.0 : 0.0};
+  readings.count = static_cast<std::int32_t>(readings.names.size());
+  return readings;
+}
+
 }  // namespace
 
 void WriteSession(const std::string& path, const SessionFaults& faults) {
@@ -190,6 +244,9 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     command.sequence = i;
     command.clock_id = kClock;
     command.origin_us = now_us;
+    command.publish_us = now_us;
+    command.xray = faults.course && ((i >= 200 && i < 400) || (i >= 600 && i < 650));
+    command.contrast = faults.course && i >= 300 && i < 350;
     command.flags = poor_surface ? protocol::kCommandLift : 0;
     log.Write(protocol::kInstrumentCommandChannel, now_us, command);
     log.Write(protocol::kDeviceSampleChannel, now_us, sample);
@@ -218,6 +275,12 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
     state.instrument_count = static_cast<std::int32_t>(state.instruments.size());
     state.max_penetration_um = i == 400 ? 12.5 : 3;
     state.solve_us = 100;
+    state.time_s = 1e-3 * i;
+    state.status = i >= 100 && i < 110 ? protocol::kWireBudgetSpent : protocol::kWireConverged;
+    state.residual = i == 500 ? 3e-7 : 1e-7;
+    if (faults.course && i % 50 == 0) {
+      log.Write(protocol::kReadingsChannel, now_us, CourseReadings(state.time_s));
+    }
     const bool cut = faults.undecodable && i == 42;
     log.Write(protocol::kWireStateChannel, now_us, state, cut ? 9 : 0);
     if (faults.repeated_states) {
@@ -225,13 +288,7 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
       log.Write(protocol::kWireStateChannel, now_us, state);
     }
   }
-  torquer_lcm::readings_t readings{};
-  readings.names = {"wall_force_events", "wall_force_largest_ever_mN"};
-  readings.count = 2;
-  for (const double events : {1.0, 4.0}) {
-    readings.values = {events, 2.5 * events};
-    log.Write(protocol::kReadingsChannel, kStartUs, readings);
-  }
+  if (!faults.course) WriteEvents(log);
   WriteCounts(log, faults, kBox, protocol::kGuidewire, faults.lost_reports,
               faults.unfetched_reports, 100 + kSensorCounts, -(kReports - 1));
   if (faults.catheter && faults.catheter_box) {

@@ -34,15 +34,19 @@ struct SessionFaults {
   bool catheter_box = true;      ///< without it nothing drives the catheter
   bool running_counts = false;   ///< daemon and emulator say their counts as the session goes
   bool ended = true;             ///< the daemon says at the end that it stops
+  bool course = false;           ///< what a page shows: see WriteSession
   int catheter_lost_reports = 0;
   double extra_catheter_mm = 0;
 };
 
 /// 1000 reports of the box kBox at 1 kHz: 2 counts each; the clutch is held from report 500 to 599.
 /// A state after each report, 1 ms later for each of the first 990, 5 ms for the others. Readings
-/// of 1, then 4 events of the wall force, the largest 2.5 mN an event. The box kCatheterBox moves
-/// the catheter by 1 count with each report, its clutch never held. Its hand was there 2 ms before
-/// the guidewire's. Writes the log to `path`.
+/// of 1, then 4 events of the wall force, the largest 2.5 mN an event. With faults.course the scene
+/// has X-ray, contrast and an assessment: X-ray is on with reports 200 to 399 and 600 to 649,
+/// contrast with 300 to 349; readings come 20 times, every 50 ms, with a wall force of 20 mN and a
+/// peak of 80 mN between two of them; the target is reached at 0.7 s; 10 ticks do not converge. The
+/// box kCatheterBox moves the catheter by 1 count with each report, its clutch never held. Its hand
+/// was there 2 ms before the guidewire's. Writes the log to `path`.
 void WriteSession(const std::string& path, const SessionFaults& faults);
 
 /// With running_counts the emulator says its own every 10 reports, when it has made 3 more than the

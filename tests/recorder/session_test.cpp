@@ -104,7 +104,7 @@ TEST_CASE("Every instrument is judged by the box that drove it") {
   const std::string text = FormatReport(report);
   CHECK_THAT(text, Catch::Contains("  guidewire, driven by device BOX-1\n") &&
                        Catch::Contains("  catheter, driven by device BOX-2\n"));
-  const auto json = nlohmann::json::parse(FormatReportJson(report, ""));
+  const auto json = nlohmann::json::parse(FormatReportJson(report, "", ""));
   REQUIRE(json["instruments"].size() == 2);
   CHECK(json["instruments"][0]["name"] == "guidewire");
   CHECK(json["instruments"][1]["name"] == "catheter");
@@ -212,8 +212,8 @@ TEST_CASE("What a log says cannot steer the terminal, nor leave the picture") {
   };
   CHECK(harmless(FormatReport(report)));
   CHECK_THAT(FormatReport(report), Catch::Contains("\\x1b]0;x\\x07<script>&\\x0a"));
-  CHECK(nlohmann::json::parse(FormatReportJson(report, "")).at("scene") == hostile);
-  const std::string picture = DrawReport(report, {});
+  CHECK(nlohmann::json::parse(FormatReportJson(report, "", "")).at("scene") == hostile);
+  const std::string picture = DrawReport(report, {}, false);
   CHECK(harmless(picture));
   CHECK_THAT(picture, !Catch::Contains("<script"));
   report.instruments[0].name.clear();

@@ -1,0 +1,156 @@
+#include "host/recorder/session_course.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "protocol/lcm_channels.h"
+
+namespace torquer {
+namespace {
+
+constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
+// At rest there are no ticks: a longer time than this between two that follow each other is rest.
+constexpr double kRestS = 0.05;
+constexpr double kTickS = 1e-3;
+// Without a command for so long the simulator takes the pedals for up (protocol/README.md).
+constexpr double kSilentS = 0.3;
+
+}  // namespace
+
+std::optional<double> FindReading(const torquer_lcm::readings_t& readings,
+                                  const std::string& name) {
+  const auto found = std::find(readings.names.begin(), readings.names.end(), name);
+  if (found == readings.names.end()) return std::nullopt;
+  const double value = readings.values[static_cast<std::size_t>(found - readings.names.begin())];
+  if (!(std::abs(value) <= Series::kMost)) return std::nullopt;
+  return value;
+}
+
+void SessionCourse::Add(const torquer_lcm::instrument_command_t& command) {
+  if (!last_ || last_->instruments.empty() || command.instrument != last_->instruments[0].name) {
+    return;
+  }
+  // A command is as much later than the newest tick as its clock says. At rest that is long.
+  double now_s = time_s_;
+  if (command.clock_id == last_->clock_id && command.publish_us > last_->publish_us) {
+    now_s +=
+        1e-6 * (static_cast<double>(command.publish_us) - static_cast<double>(last_->publish_us));
+  }
+  ReleaseSilentPedals(now_s);
+  xray_.Set(now_s, command.xray != 0);
+  contrast_.Set(now_s, command.contrast != 0);
+  command_s_ = now_s;
+}
+
+void SessionCourse::ReleaseSilentPedals(double now_s) {
+  if (!command_s_ || now_s - *command_s_ <= kSilentS) return;
+  xray_.Set(*command_s_ + kSilentS, false);
+  contrast_.Set(*command_s_ + kSilentS, false);
+}
+
+void SessionCourse::Add(const torquer_lcm::wire_state_t& state) {
+  if (!(std::abs(state.time_s) <= Series::kMost) || state.nodes_mm.empty()) return;
+  const Tick tick{state.tick, state.clock_id, state.publish_us, state.instruments,
+                  Eigen::Vector3f(state.nodes_mm.back().data()).cast<double>()};
+  if (!last_) begin_s_ = time_s_ = state.time_s;
+  // What was at rest stayed until now: without this a line would lead there slowly.
+  const bool follows = last_ && last_->number < INT64_MAX && tick.number == last_->number + 1;
+  if (follows && state.time_s - time_s_ > kRestS) AddAt(state.time_s - kTickS, *last_);
+  ReleaseSilentPedals(state.time_s);
+  AddAt(state.time_s, tick);
+  CountTick(state);
+  last_ = tick;
+}
+
+void SessionCourse::AddAt(double time_s, const Tick& tick) {
+  time_s_ = std::max(time_s_, time_s);
+  const std::size_t count = std::min(tick.instruments.size(), kMostInstruments);
+  for (std::size_t k = 0; k < count; ++k) {
+    const torquer_lcm::instrument_state_t& instrument = tick.instruments[k];
+    if (k == instruments_.size()) instruments_.emplace_back().name = instrument.name;
+    instruments_[k].insertion_mm.Add(time_s_, instrument.insertion_mm);
+    instruments_[k].rotation_deg.Add(time_s_, kDegreesPerRad * instrument.rotation_rad);
+    CountReversals(k, instrument.insertion_mm);
+  }
+  FollowTip(time_s_, tick.tip_mm);
+}
+
+void SessionCourse::FollowTip(double time_s, const Eigen::Vector3d& tip_mm) {
+  if (!tip_mm.allFinite()) return;
+  if (!path_from_mm_) {
+    path_from_mm_ = speed_from_mm_ = tip_mm;
+    speed_from_s_ = time_s;
+    KeepWay(tip_mm);
+  }
+  const double moved_mm = (tip_mm - *path_from_mm_).norm();
+  if (moved_mm >= kPathStepMm) {
+    tip_path_mm_ += moved_mm;
+    path_from_mm_ = tip_mm;
+    KeepWay(tip_mm);
+  }
+  const double window_s = time_s - speed_from_s_;
+  if (window_s < kSpeedWindowS) return;
+  const double way_mm = (tip_mm - *speed_from_mm_).norm();
+  const double speed_mm_s = way_mm / window_s;
+  tip_speed_mm_s_.Add(time_s, speed_mm_s);
+  peak_speed_mm_s_ = std::max(peak_speed_mm_s_, speed_mm_s);
+  if (speed_mm_s > kRestingMmS) {
+    moving_mm_ += way_mm;
+    moving_s_ += window_s;
+  }
+  speed_from_mm_ = tip_mm;
+  speed_from_s_ = time_s;
+}
+
+void SessionCourse::KeepWay(const Eigen::Vector3d& tip_mm) {
+  if (!tip_way_mm_.empty() && (tip_mm - tip_way_mm_.back()).norm() < way_step_mm_) return;
+  if (tip_way_mm_.size() == kMostPathPoints) {
+    way_step_mm_ *= 2;
+    for (std::size_t i = 0; i < kMostPathPoints / 2; ++i) tip_way_mm_[i] = tip_way_mm_[2 * i];
+    tip_way_mm_.resize(kMostPathPoints / 2);
+  }
+  tip_way_mm_.push_back(tip_mm);
+}
+
+void SessionCourse::CountReversals(std::size_t instrument, double insertion_mm) {
+  if (!std::isfinite(insertion_mm)) return;
+  Turn& turn = turns_[instrument];
+  if (!turn.extreme_mm) turn.extreme_mm = insertion_mm;
+  const double moved_mm = insertion_mm - *turn.extreme_mm;
+  if (turn.direction != 0 && turn.direction * moved_mm >= 0) {
+    turn.extreme_mm = insertion_mm;
+  } else if (std::abs(moved_mm) > kReversalMm) {
+    instruments_[instrument].reversals += turn.direction != 0 ? 1 : 0;
+    turn.direction = moved_mm > 0 ? 1 : -1;
+    turn.extreme_mm = insertion_mm;
+  }
+}
+
+void SessionCourse::CountTick(const torquer_lcm::wire_state_t& state) {
+  const auto has = [&state](protocol::WireStatus bit) { return (state.status & bit) != 0; };
+  const bool converged = has(protocol::kWireConverged);
+  ++solver_.ticks;
+  solver_.unconverged += converged ? 0 : 1;
+  solver_.budget_spent += !converged && has(protocol::kWireBudgetSpent) ? 1 : 0;
+  solver_.stalled += !converged && has(protocol::kWireStalled) ? 1 : 0;
+  solver_.outside += has(protocol::kWireOutsideLumen) ? 1 : 0;
+  solver_.snapped += has(protocol::kWireSnapped) ? 1 : 0;
+  solver_.in_doubt += has(protocol::kWireInDoubt) ? 1 : 0;
+  if (converged && std::isfinite(state.residual)) {
+    solver_.largest_residual = std::max(solver_.largest_residual, state.residual);
+  }
+}
+
+void SessionCourse::Add(const torquer_lcm::readings_t& readings) {
+  const std::optional<double> now = FindReading(readings, "wall_force_largest_mN");
+  if (!now) return;
+  // A peak between two messages shows in the largest force so far.
+  const double ever_mN =
+      FindReading(readings, "wall_force_largest_ever_mN").value_or(wall_force_ever_mN_);
+  wall_force_mN_.Add(readings.time_s,
+                     ever_mN > wall_force_ever_mN_ ? std::max(*now, ever_mN) : *now);
+  wall_force_ever_mN_ = std::max(wall_force_ever_mN_, ever_mN);
+}
+
+}  // namespace torquer

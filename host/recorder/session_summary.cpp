@@ -1,0 +1,208 @@
+#include "host/recorder/session_summary.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "host/support/error.h"
+#include "host/support/input_file.h"
+
+namespace torquer {
+namespace {
+
+constexpr int kSummaryVersion = 1;
+constexpr char kEnding[] = ".session.json";
+constexpr int kMostEntries = 10'000;  // of a folder that are looked at
+constexpr double kMostValue = 1e12;
+
+std::optional<bool> AsTruth(const std::optional<double>& reading) {
+  if (!reading) return std::nullopt;
+  return *reading != 0;
+}
+
+// One field after the other out of a file.
+class Fields {
+ public:
+  Fields(const std::string& path, const std::string& text)
+      : path_(path), json_(nlohmann::json::parse(text, nullptr, false)) {
+    if (!json_.is_object()) Refuse("is no JSON object");
+  }
+
+  const nlohmann::json& At(const char* name) const {
+    const auto found = json_.find(name);
+    if (found == json_.end()) Refuse(std::string(name) + " is missing");
+    return *found;
+  }
+  std::string Text(const char* name) const {
+    if (!At(name).is_string()) Refuse(std::string(name) + " is no text");
+    return At(name).get<std::string>();
+  }
+  std::optional<double> Number(const char* name) const {
+    const nlohmann::json& value = At(name);
+    if (value.is_null()) return std::nullopt;
+    if (!value.is_number()) Refuse(std::string(name) + " is no number");
+    const double number = value.get<double>();
+    if (!(number >= 0 && number <= kMostValue)) Refuse(std::string(name) + " is out of range");
+    return number;
+  }
+  double GivenNumber(const char* name) const {
+    const std::optional<double> number = Number(name);
+    if (!number) Refuse(std::string(name) + " is missing");
+    return *number;
+  }
+  std::int64_t Count(const char* name) const {
+    if (!At(name).is_number_integer() || At(name).get<std::int64_t>() < 0) {
+      Refuse(std::string(name) + " is no count");
+    }
+    return At(name).get<std::int64_t>();
+  }
+  std::optional<bool> Truth(const char* name) const {
+    if (At(name).is_null()) return std::nullopt;
+    if (!At(name).is_boolean()) Refuse(std::string(name) + " is neither true nor false");
+    return At(name).get<bool>();
+  }
+  [[noreturn]] void Refuse(const std::string& what) const {
+    throw UserError(path_ + ": is no summary of a session: " + what);
+  }
+
+ private:
+  const std::string& path_;
+  nlohmann::json json_;
+};
+
+template <class T>
+nlohmann::json OrNull(const std::optional<T>& value) {
+  return value ? nlohmann::json(*value) : nlohmann::json(nullptr);
+}
+
+bool IsOwn(const std::filesystem::path& file) {
+  struct stat status {};
+  return lstat(file.c_str(), &status) == 0 && S_ISREG(status.st_mode) && status.st_uid == geteuid();
+}
+
+// `take` gets the entries of a folder; none where it cannot be read.
+void LookThrough(const std::filesystem::path& folder,
+                 const std::function<void(const std::filesystem::directory_entry&)>& take) {
+  std::error_code error;
+  std::filesystem::directory_iterator entry(folder, error);
+  for (int i = 0; i < kMostEntries && !error && entry != std::filesystem::directory_iterator();
+       ++i) {
+    take(*entry);
+    entry.increment(error);
+  }
+}
+
+// The newest names first, because sessions are named by the time.
+std::vector<std::string> FindSummaries(const std::string& page) {
+  namespace fs = std::filesystem;
+  const fs::path own = fs::absolute(SummaryPath(page)).lexically_normal();
+  std::vector<std::string> found;
+  LookThrough(own.parent_path(), [&](const fs::directory_entry& entry) {
+    const std::string name = entry.path().filename().string();
+    if (name.ends_with(kEnding) && entry.path().filename() != own.filename()) {
+      found.push_back(entry.path().string());
+    }
+  });
+  LookThrough(own.parent_path().parent_path(), [&](const fs::directory_entry& entry) {
+    std::error_code error;
+    if (entry.path() == own.parent_path() || entry.is_symlink(error)) return;
+    const fs::path beside = entry.path() / own.filename();
+    if (IsOwn(beside)) found.push_back(beside.string());
+  });
+  std::sort(found.begin(), found.end(), std::greater<>());
+  if (found.size() > EarlierSessions::kMostFiles) found.resize(EarlierSessions::kMostFiles);
+  return found;
+}
+
+}  // namespace
+
+SessionSummary Summarize(const SessionReport& report) {
+  const auto reading = [&report](const char* name) { return FindReading(report.readings, name); };
+  const SessionCourse& course = report.course;
+  SessionSummary summary;
+  summary.scene = report.scene;
+  summary.started_us = std::max<std::int64_t>(report.started_us, 0);
+  summary.procedure_s = reading("procedure_s").value_or(course.end_s() - course.begin_s());
+  summary.target_reached = AsTruth(reading("target_reached"));
+  summary.safe = AsTruth(reading("safe_success"));
+  if (summary.target_reached == true) summary.target_s = reading("target_reached_s");
+  summary.wall_force_mN = reading("wall_force_largest_ever_mN");
+  if (report.Has("fluoroscopy")) {
+    summary.fluoroscopy_s = reading("fluoroscopy_s").value_or(course.xray().total_s());
+  }
+  summary.contrast_mL = reading("contrast_injected_mL");
+  summary.tip_path_mm = reading("tip_path_mm").value_or(course.tip_path_mm());
+  for (const InstrumentCourse& instrument : course.instruments()) {
+    summary.reversals += instrument.reversals;
+  }
+  return summary;
+}
+
+std::string FormatSummary(const SessionSummary& summary) {
+  const nlohmann::ordered_json json = {{"session_summary", kSummaryVersion},
+                                       {"scene", summary.scene},
+                                       {"started_us", summary.started_us},
+                                       {"procedure_s", summary.procedure_s},
+                                       {"target_reached", OrNull(summary.target_reached)},
+                                       {"safe", OrNull(summary.safe)},
+                                       {"target_s", OrNull(summary.target_s)},
+                                       {"wall_force_mN", OrNull(summary.wall_force_mN)},
+                                       {"fluoroscopy_s", OrNull(summary.fluoroscopy_s)},
+                                       {"contrast_mL", OrNull(summary.contrast_mL)},
+                                       {"tip_path_mm", summary.tip_path_mm},
+                                       {"reversals", summary.reversals}};
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+SessionSummary ReadSummary(const std::string& path) {
+  const Fields fields(
+      path, ReadInputFile(path, "give it back, or delete it", EarlierSessions::kMostBytes));
+  if (fields.Count("session_summary") != kSummaryVersion) fields.Refuse("it has another version");
+  SessionSummary summary;
+  summary.scene = fields.Text("scene");
+  summary.started_us = fields.Count("started_us");
+  summary.procedure_s = fields.GivenNumber("procedure_s");
+  summary.target_reached = fields.Truth("target_reached");
+  summary.safe = fields.Truth("safe");
+  summary.target_s = fields.Number("target_s");
+  summary.wall_force_mN = fields.Number("wall_force_mN");
+  summary.fluoroscopy_s = fields.Number("fluoroscopy_s");
+  summary.contrast_mL = fields.Number("contrast_mL");
+  summary.tip_path_mm = fields.GivenNumber("tip_path_mm");
+  summary.reversals = fields.Count("reversals");
+  return summary;
+}
+
+std::string SummaryPath(const std::string& page) {
+  return std::filesystem::path(page).replace_extension(kEnding).string();
+}
+
+EarlierSessions ReadEarlierSessions(const std::string& page, const SessionSummary& now) {
+  EarlierSessions earlier;
+  for (const std::string& path : FindSummaries(page)) {
+    try {
+      const SessionSummary summary = ReadSummary(path);
+      if (summary.scene == now.scene && summary.started_us < now.started_us) {
+        earlier.sessions.push_back(summary);
+      }
+    } catch (const UserError& error) {
+      if (earlier.refused.size() < EarlierSessions::kMostRefused) {
+        earlier.refused.emplace_back(error.what());
+      }
+    }
+  }
+  std::vector<SessionSummary>& sessions = earlier.sessions;
+  std::sort(sessions.begin(), sessions.end(), [](const SessionSummary& a, const SessionSummary& b) {
+    return a.started_us < b.started_us;
+  });
+  if (sessions.size() > EarlierSessions::kMost) {
+    sessions.erase(sessions.begin(), sessions.end() - EarlierSessions::kMost);
+  }
+  return earlier;
+}
+
+}  // namespace torquer

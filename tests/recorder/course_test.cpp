@@ -1,0 +1,187 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "host/recorder/session_course.h"
+#include "host/recorder/session_log.h"
+#include "host/recorder/session_report.h"
+#include "protocol/lcm_channels.h"
+#include "tests/recorder/session_fixture.h"
+#include "tests/support/temporary_folder.h"
+
+using namespace torquer;
+using namespace torquer::test;
+
+namespace {
+
+constexpr std::int64_t kClock = 5;
+
+// A tick with one instrument, whose tip lies at (tip_mm, 0, 0).
+torquer_lcm::wire_state_t Tick(std::int64_t number, double time_s, double insertion_mm,
+                               double tip_mm) {
+  torquer_lcm::wire_state_t state{};
+  state.tick = number;
+  state.time_s = time_s;
+  state.clock_id = kClock;
+  state.publish_us = std::llround(1e6 * time_s);
+  state.status = protocol::kWireConverged;
+  state.instruments.resize(1);
+  state.instruments[0].name = protocol::kGuidewire;
+  state.instruments[0].insertion_mm = insertion_mm;
+  state.instruments[0].rotation_rad = insertion_mm / 10;
+  state.nodes_mm = {{0, 0, 0}, {static_cast<float>(tip_mm), 0, 0}};
+  return state;
+}
+
+torquer_lcm::instrument_command_t Pedals(double time_s, bool xray) {
+  torquer_lcm::instrument_command_t command{};
+  command.instrument = protocol::kGuidewire;
+  command.clock_id = kClock;
+  command.publish_us = std::llround(1e6 * time_s);
+  command.xray = xray ? 1 : 0;
+  return command;
+}
+
+double Highest(const Series& series) {
+  double highest = 0;
+  for (const SeriesPoint& point : series.Points()) highest = std::max(highest, point.value);
+  return highest;
+}
+
+}  // namespace
+
+TEST_CASE("The course has way, speed and reversals of a motion that is known") {
+  // 4 s forward at 10 mm/s, 1 s back at 5 mm/s, 1 s rest with a tremor of 0.4 mm, 2 s forward at
+  // 20 mm/s.
+  const auto place_mm = [](double time_s) {
+    if (time_s < 4) return 10 * time_s;
+    if (time_s < 5) return 40 - 5 * (time_s - 4);
+    if (time_s < 6) return 35 + 0.2 * std::sin(20 * time_s);
+    return 35 + 20 * (time_s - 6);
+  };
+  SessionCourse course;
+  for (int i = 0; i <= 8000; ++i) {
+    const double time_s = 1e-3 * i;
+    course.Add(Tick(i, time_s, 100 + place_mm(time_s), place_mm(time_s)));
+  }
+  REQUIRE(course.instruments().size() == 1);
+  const InstrumentCourse& wire = course.instruments()[0];
+  CHECK(wire.name == "guidewire");
+  CHECK(wire.reversals == 2);
+  CHECK(Highest(wire.insertion_mm) == Approx(175));
+  CHECK(Highest(wire.rotation_deg) == Approx(17.5 * 180 / M_PI));
+  CHECK(course.tip_path_mm() == Approx(40 + 5 + 40).margin(0.8));
+  CHECK(course.peak_speed_mm_s() == Approx(20).epsilon(1e-3));
+  // 85 mm in the 7 s of motion; the tremor adds a little to both.
+  CHECK(course.moving_speed_mm_s() == Approx(85.0 / 7).epsilon(0.15));
+  CHECK(course.begin_s() == 0);
+  CHECK(course.end_s() == Approx(8));
+  CHECK(course.tip_way_mm().size() == Approx(85 / 0.5).margin(8));
+}
+
+TEST_CASE("A long way of the tip is kept evenly, and within bounds") {
+  SessionCourse course;
+  constexpr int kTicks = 30'000;
+  for (int i = 0; i <= kTicks; ++i) course.Add(Tick(i, 1e-3 * i, 0, 0.6 * i));
+  CHECK(course.tip_path_mm() == Approx(0.6 * kTicks));
+  REQUIRE(course.tip_way_mm().size() <= SessionCourse::kMostPathPoints);
+  CHECK(course.tip_way_mm().size() > SessionCourse::kMostPathPoints / 4);
+  CHECK(course.tip_way_mm().front().x() == 0);
+  std::vector<double> steps_mm;
+  for (std::size_t i = 1; i < course.tip_way_mm().size(); ++i) {
+    steps_mm.push_back((course.tip_way_mm()[i] - course.tip_way_mm()[i - 1]).norm());
+  }
+  const auto [least, most] = std::minmax_element(steps_mm.begin(), steps_mm.end());
+  CHECK(*most < 1.25 * *least);
+}
+
+TEST_CASE("What rests stays where it is until it moves, and no ramp leads there") {
+  SessionCourse course;
+  course.Add(Tick(0, 1, 10, 10));
+  course.Add(Tick(1, 9, 20, 20));  // the next tick: 8 s of rest
+  const std::vector<SeriesPoint> points = course.instruments()[0].insertion_mm.Points();
+  REQUIRE(points.size() == 3);
+  CHECK(points[1].time_s == Approx(9).margin(0.01));
+  CHECK(points[1].value == 10);
+  // Where ticks are missing from the log, nobody knows.
+  course.Add(Tick(7, 12, 30, 30));
+  CHECK(course.instruments()[0].insertion_mm.Points().size() == 4);
+}
+
+TEST_CASE("Pedals are those of the innermost instrument's commands, and up when they fall silent") {
+  SessionCourse course;
+  course.Add(Pedals(0, true));  // before anything is known of instruments
+  course.Add(Tick(0, 1, 10, 10));
+  torquer_lcm::instrument_command_t foreign = Pedals(1.05, true);
+  foreign.instrument = "catheter";
+  course.Add(foreign);
+  CHECK(course.xray().spans().empty());
+  for (int i = 0; i < 10; ++i) course.Add(Pedals(1.1 + 0.1 * i, i < 5));  // on until 1.6 s
+  CHECK(course.xray().total_s() == Approx(0.5));
+  course.Add(Pedals(2.1, true));
+  course.Add(Tick(1, 5, 10, 10));  // no command for 300 ms
+  REQUIRE(course.xray().spans().size() == 2);
+  CHECK(course.xray().spans()[0].begin_s == Approx(1.1));
+  CHECK(course.xray().spans()[0].end_s == Approx(1.6));
+  CHECK(course.xray().spans()[1].begin_s == Approx(2.1));
+  CHECK(course.xray().spans()[1].end_s == Approx(2.4));
+  CHECK(course.contrast().spans().empty());
+}
+
+TEST_CASE("A peak of the wall force between two readings is in the course") {
+  SessionCourse course;
+  torquer_lcm::readings_t readings{};
+  readings.names = {"wall_force_largest_mN", "wall_force_largest_ever_mN"};
+  const double values[][2] = {{3, 3}, {4, 17}, {2, 17}};
+  for (int i = 0; i < 3; ++i) {
+    readings.time_s = 0.1 * i;
+    readings.values = {values[i][0], values[i][1]};
+    course.Add(readings);
+  }
+  const std::vector<SeriesPoint> points = course.wall_force_mN().Points();
+  REQUIRE(points.size() == 3);
+  CHECK(points[0].value == 3);
+  CHECK(points[1].value == 17);
+  CHECK(points[2].value == 2);
+}
+
+TEST_CASE("The solver's health is counted over the ticks of a log") {
+  const TemporaryFolder folder;
+  SessionFaults faults;
+  faults.course = true;
+  faults.repeated_states = true;
+  WriteSession(folder.Path("log"), faults);
+  SessionReporter reporter;
+  ReadSessionLog(folder.Path("log"), reporter.Handlers());
+  const SessionReport report = reporter.Finish(
+      [](const std::string&, int) -> Eigen::Matrix2d { return Eigen::Matrix2d::Identity(); });
+  const SolverHealth& solver = report.course.solver();
+  CHECK(solver.ticks == kReports);
+  CHECK(solver.unconverged == 10);
+  CHECK(solver.budget_spent == 10);
+  CHECK(solver.stalled == 0);
+  CHECK(solver.largest_residual == 3e-7);
+  CHECK(report.course.xray().total_s() == Approx(0.25).margin(2e-3));
+  CHECK(report.course.contrast().total_s() == Approx(0.05).margin(2e-3));
+}
+
+TEST_CASE("A course takes whatever a log says") {
+  SessionCourse course;
+  torquer_lcm::wire_state_t odd = Tick(INT64_MIN, 1e300, 1e300, 1e30);
+  course.Add(odd);
+  odd.time_s = 0;
+  course.Add(odd);
+  odd.tick = INT64_MAX;
+  odd.time_s = 1e12;
+  odd.instruments.resize(100);
+  odd.instruments[0].insertion_mm = std::nan("");
+  course.Add(odd);
+  odd.nodes_mm.clear();
+  odd.instruments.clear();
+  course.Add(odd);
+  CHECK(course.instruments().size() == SessionCourse::kMostInstruments);
+  torquer_lcm::instrument_command_t command = Pedals(0, true);
+  command.publish_us = INT64_MAX;
+  course.Add(command);
+  CHECK(std::isfinite(course.xray().total_s()));
+}

@@ -1,0 +1,323 @@
+#include <sys/wait.h>
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <regex>
+
+#include "calibration/calibration_file.h"
+#include "host/recorder/panel_plot.h"
+#include "host/recorder/report_output.h"
+#include "host/recorder/report_page.h"
+#include "host/simulator/scene/scene_spec.h"
+#include "tests/recorder/session_fixture.h"
+#include "tests/support/file_contents.h"
+#include "tests/support/paths.h"
+#include "tests/support/temporary_folder.h"
+
+using namespace torquer;
+using namespace torquer::test;
+
+namespace {
+
+constexpr std::int64_t kStartedUs = 1'700'000'000'000'000;  // 2023-11-14 22:13:20 UTC
+
+SessionReport Report(bool course) {
+  const TemporaryFolder folder;
+  SessionFaults faults;
+  faults.course = course;
+  WriteSession(folder.Path("log"), faults);
+  SessionReporter reporter;
+  ReadSessionLog(folder.Path("log"), reporter.Handlers());
+  SessionReport report = reporter.Finish([](const std::string&, int) -> Eigen::Matrix2d {
+    return Eigen::Vector2d(kMmPerCount, kRadPerCount).asDiagonal();
+  });
+  report.started_us = kStartedUs;
+  return report;
+}
+
+PageParts Parts() {
+  PageParts parts;
+  parts.log = "/somewhere/session.lcmlog";
+  parts.limits.target_centerline = "lad";
+  parts.limits.target_at_mm = 95;
+  parts.limits.target_radius_mm = 3;
+  parts.limits.force_limit_mN = 100;
+  parts.limits.patch_mm = 2;
+  parts.limits.threshold_mN = 30;
+  return parts;
+}
+
+// The reading is that of the last message.
+void SetReading(SessionReport& report, const std::string& name, double value) {
+  const auto found = std::find(report.readings.names.begin(), report.readings.names.end(), name);
+  REQUIRE(found != report.readings.names.end());
+  report.readings.values[static_cast<std::size_t>(found - report.readings.names.begin())] = value;
+}
+
+bool IsXml(const std::string& text) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.Path("page")) << text;
+  const std::string command =
+      "python3 -c 'import sys, xml.dom.minidom; xml.dom.minidom.parse(sys.argv[1])' " +
+      folder.Path("page") + " 2>/dev/null";
+  return std::system(command.c_str()) == 0;
+}
+
+// Whether the table has a row that begins with these cells.
+auto Row(const std::string& name, const std::string& value) {
+  return Catch::Contains("<td>" + name + "</td><td class=\"number\">" + value + "</td>");
+}
+
+int Count(const std::string& text, const std::string& part) {
+  int count = 0;
+  for (std::size_t at = 0; (at = text.find(part, at)) != std::string::npos; ++at) ++count;
+  return count;
+}
+
+}  // namespace
+
+TEST_CASE("The page says what the assessment found, against which limits") {
+  const std::string page = FormatPage(Report(true), Parts());
+  CHECK(IsXml(page));
+  CHECK_THAT(page, Catch::Contains("Target reached safely") &&
+                       Catch::Contains("reached the target after 0.7 s") &&
+                       Catch::Contains("The largest force on the wall was 80.0 mN, within the "
+                                       "limit of 100 mN.") &&
+                       Catch::Contains("Began 2023-11-14 22:13 UTC, recorded for 1.0 s"));
+  CHECK_THAT(page, Row("Target: 95 mm along lad", "reached after 0.7 s") &&
+                       Catch::Contains("tip within 3 mm of it"));
+  CHECK_THAT(page, Row("Largest force on the wall, on any 2 mm of the instrument", "80.0 mN") &&
+                       Catch::Contains("<td>100 mN</td>") &&
+                       Catch::Contains("&#x2713; within the limit"));
+  CHECK_THAT(page, Row("Force above the scene's threshold of 30 mN", "3 times, 0.4 s in all"));
+  CHECK_THAT(page, Row("Largest pressure of the tip's end, along the wire", "12.2 kPa"));
+  CHECK_THAT(page, Row("Wrong vessels entered", "once"));
+  CHECK_THAT(page, Row("Pulled back by 2 mm or more", "2 times, 7.5 mm in all"));
+  CHECK_THAT(page, Row("Fluoroscopy time", "0.2 s") && Row("Contrast agent", "1.5 mL"));
+  CHECK_THAT(page, Row("Path length of the tip", "36 mm") && Row("Reversals, guidewire", "never"));
+  CHECK_THAT(page, Row("Smoothness of the hand", "LDLJ -9.5 (no unit)") &&
+                       Catch::Contains("Balasubramanian"));
+  CHECK_THAT(page, Row("Simulated", "1000 ticks") &&
+                       Row("Not in equilibrium at the end of a tick", "10 ticks (1.00 %)") &&
+                       Row("Deepest in the wall", "12.5 &#xb5;m") &&
+                       Row("Largest residual in equilibrium", "3.0e-07 (no unit)"));
+  CHECK_THAT(page, Row("guidewire: reports of the device lost", "0 reports"));
+  CHECK(page.find("<b>Note:</b>") == std::string::npos);
+  CHECK_THAT(page, Catch::Contains("None was found beside this report"));
+  CHECK(page.find("nan") == std::string::npos);
+}
+
+TEST_CASE("The verdict follows the readings") {
+  SessionReport report = Report(true);
+  const PageParts parts = Parts();
+  SetReading(report, "wall_force_largest_ever_mN", 130);
+  SetReading(report, "safe_success", 0);
+  std::string page = FormatPage(report, parts);
+  CHECK_THAT(page, Catch::Contains("Target reached, but not safely") &&
+                       Catch::Contains("130.0 mN, above the limit of 100 mN") &&
+                       Catch::Contains("&#x2717; above the limit") &&
+                       Catch::Contains("class=\"verdict poor\""));
+  SetReading(report, "target_reached", 0);
+  SetReading(report, "target_reached_s", -1);
+  page = FormatPage(report, parts);
+  CHECK_THAT(page, Catch::Contains("Target not reached") &&
+                       Catch::Contains("did not reach the target in 1.0 s") &&
+                       Row("Target: 95 mm along lad", "not reached"));
+  CHECK_THAT(page, !Catch::Contains("dashed: target reached"));
+}
+
+TEST_CASE("A scene without assessment has a page, which judges nobody") {
+  const std::string page = FormatPage(Report(false), PageParts());
+  CHECK(IsXml(page));
+  CHECK_THAT(page, Catch::Contains("Not assessed") && Catch::Contains("no X-ray in this scene") &&
+                       Row("Contrast agent", "none in this scene") &&
+                       Row("Path length of the tip", "36 mm"));
+  CHECK_THAT(page, !Catch::Contains("X-ray and contrast"));
+}
+
+TEST_CASE("What makes the figures doubtful is said") {
+  SessionReport report = Report(true);
+  PageParts parts = Parts();
+  parts.scene_changed = true;
+  report.instruments[0].axial.error_counts = 7;
+  report.undecodable = 3;
+  report.damage.places = 2;
+  report.damage.bytes = 91;
+  report.ended = false;
+  std::string page = FormatPage(report, parts);
+  CHECK_THAT(page, Catch::Contains("did not go where the hand went: 7.0 counts") &&
+                       Catch::Contains("3 messages of the recording cannot be read") &&
+                       Catch::Contains("damaged: 2 damaged places") &&
+                       Catch::Contains("ends before the session") &&
+                       Catch::Contains("scene file has changed"));
+  report.instruments[0].reports_lost = 4;
+  CHECK_THAT(FormatPage(report, parts), Catch::Contains("lost 4 reports"));
+}
+
+TEST_CASE("Every figure in the tables has a unit") {
+  SessionReport report = Report(true);
+  PageParts parts = Parts();
+  parts.earlier.sessions = {Summarize(report)};
+  const std::string page = FormatPage(report, parts);
+  // Words that count things are units too.
+  const std::regex unit(
+      "mN|kPa|mm|mL|mGy|deg|%|\\bs\\b|&#xb5;[ms]|\\bms\\b|ticks|times|reports|counts|pulses|"
+      "no unit|UTC");
+  const std::regex cell("<td[^>]*>([^<]*)</td>");
+  int figures = 0;
+  for (std::sregex_iterator at(page.begin(), page.end(), cell), end; at != end; ++at) {
+    const std::string text = std::regex_replace((*at)[1].str(), std::regex("&#x2[0-9a-f]+;"), "");
+    if (!std::regex_search(text, std::regex("[0-9]")) || text == "1" || text == "2") continue;
+    ++figures;
+    INFO(text);
+    CHECK(std::regex_search(text, unit));
+  }
+  CHECK(figures > 25);
+}
+
+TEST_CASE("The page has all that it shows, and text of a log is text") {
+  SessionReport report = Report(true);
+  PageParts parts = Parts();
+  const std::string hostile = "\"><script>alert(1)</script>&'\x1b\x01\xff]]>";
+  report.scene = report.method = hostile;
+  report.description.vessel = hostile;
+  report.instruments[0].name = report.instruments[0].device = hostile;
+  report.last_state.instruments[0].name = hostile;
+  parts.log = "/folder/" + hostile;
+  parts.limits.target_centerline = hostile;
+  parts.earlier.refused = {hostile};
+  SessionCourse course;
+  for (int i = 0; i < 3; ++i) {
+    torquer_lcm::wire_state_t state = report.last_state;
+    state.instruments.push_back(state.instruments[0]);
+    state.tick = i;
+    state.time_s = i;
+    course.Add(state);
+  }
+  report.course = course;
+  parts.picture = DrawReport(report, {}, true);
+  const std::string page = FormatPage(report, parts);
+  CHECK(IsXml(page));
+  CHECK(Count(page, "<script") == 0);
+  CHECK(Count(page, "&lt;script&gt;") >= 9);
+  // No request: of all that can name an address there are only places in the page itself.
+  CHECK(Count(page, "http") == Count(page, "xmlns=\"http://www.w3.org/") + 1);  // http-equiv
+  CHECK(Count(page, "src=") == 0);
+  CHECK(Count(page, "href=") == Count(page, "href=\"#"));
+  CHECK(Count(page, "url(") == Count(page, "url(#"));
+  CHECK(Count(page, "@import") == 0);
+  CHECK_THAT(page, Catch::Contains("default-src 'none'"));
+}
+
+TEST_CASE("Earlier sessions make a learning curve, and damaged ones are named") {
+  const SessionReport report = Report(true);
+  PageParts parts = Parts();
+  SessionSummary first = Summarize(report);
+  first.started_us -= 3'600'000'000;
+  first.target_reached = false;
+  first.target_s.reset();
+  first.wall_force_mN = 222.5;
+  SessionSummary second = Summarize(report);
+  second.started_us -= 1'800'000'000;
+  second.safe = false;
+  second.contrast_mL.reset();
+  parts.earlier.sessions = {first, second};
+  parts.earlier.refused = {"old.session.json: is damaged"};
+  const std::string page = FormatPage(report, parts);
+  CHECK(IsXml(page));
+  CHECK_THAT(page, Catch::Contains("<td>1</td><td>2023-11-14 21:13 UTC</td><td>&#x2717; not "
+                                   "reached</td>") &&
+                       Catch::Contains("<td>2</td><td>2023-11-14 21:43 UTC</td><td>&#x2717; "
+                                       "unsafe</td>") &&
+                       Catch::Contains("<td>3</td><td>2023-11-14 22:13 UTC</td><td>&#x2713; "
+                                       "safe</td>"));
+  CHECK_THAT(page, Catch::Contains("<td>222.5 mN</td>") && Catch::Contains("&#x2013;"));
+  CHECK_THAT(page, Catch::Contains("<b>Left out:</b> old.session.json: is damaged"));
+  // Three sessions in each panel, but for the target, which was reached twice.
+  CHECK(Count(page, "<circle") == 2 + 3 + 3 + 3);
+}
+
+TEST_CASE("Panels lie where their values are") {
+  PlotPanel panel{.title = "a <b> (mm)", .curves = {{"", {{0, 0}, {10, 4}}}}, .from_zero = true};
+  PlotPanel bars{.title = "c", .bars = {{"on", {{2, 4}}}}};
+  const PlotAxis axis{.label = "Time (s)", .begin = 0, .end = 10, .mark = 5.0, .mark_label = "m"};
+  std::string svg = DrawPanels("name & co", {panel, bars}, axis);
+  CHECK(IsXml(svg));
+  CHECK_THAT(svg, Catch::Contains(">a &lt;b&gt; (mm)<") && Catch::Contains("name &amp; co"));
+  // From 66 to 944 pixels are 10 s: 2 s are 175.6 pixels, the mark is at 505.
+  CHECK_THAT(svg, Catch::Contains("x=\"241.6\""));
+  CHECK_THAT(svg, Catch::Contains("width=\"175.6\" height=\"13.0\""));
+  CHECK(Count(svg, "M505.0 ") >= 2);
+  // 84 pixels from 28 on are 0 to 4.28 mm.
+  CHECK_THAT(svg, Catch::Contains("d=\"M66.0 112.0L944.0 33.5\""));
+  // A limit is drawn where it leaves the values room, and named in any case.
+  panel.limit = {5, "limit 5 mm"};
+  svg = DrawPanels("", {panel}, axis);
+  CHECK(Count(svg, "stroke-dasharray=\"10 3\"") == 2);
+  panel.limit = {500, "limit 500 mm"};
+  svg = DrawPanels("", {panel}, axis);
+  CHECK(Count(svg, "stroke-dasharray=\"10 3\"") == 1);
+  CHECK_THAT(svg, Catch::Contains("limit 500 mm"));
+  // Whatever the values are, there is an end.
+  panel.curves[0].points = {{1e12, 1e12}, {1e12, 1e12 + 1e-4}};
+  CHECK(DrawPanels("", {panel}, {.label = "", .begin = 1e12, .end = 1e12}).find("nan") ==
+        std::string::npos);
+  CHECK_FALSE(DrawPanels("", {}, {.label = "", .begin = 1, .end = 0}).empty());
+}
+
+TEST_CASE("Limits are those of the scene, its defaults included") {
+  const SessionLimits limits =
+      ReadLimits(scene::ReadScene(SourcePath("/host/scenes/everything.toml")));
+  CHECK(limits.target_centerline == "lad");
+  CHECK(limits.target_at_mm == 95);
+  CHECK(limits.target_radius_mm == 3);  // a default
+  CHECK(limits.force_limit_mN == 100);
+  CHECK(limits.patch_mm == 2);  // a default
+  CHECK(limits.threshold_mN == 30);
+  const SessionLimits none =
+      ReadLimits(scene::ReadScene(SourcePath("/host/scenes/ty_phantom.toml")));
+  CHECK(none.target_centerline.empty());
+  CHECK_FALSE(none.force_limit_mN);
+}
+
+TEST_CASE("torquer-report writes the page and the summary, and refuses what cannot be one") {
+  const TemporaryFolder folder;
+  calibration::Calibration calibration = calibration::NominalCalibration("made-up", 1200);
+  calibration.motion.per_count = {{{kMmPerCount, 0.0}, {0.0, kRadPerCount}}};
+  calibration::WriteCalibration(calibration, folder.Path("calibration.toml"));
+  const auto run = [&folder](const std::string& arguments) {
+    const std::string command = ProgramPath("torquer-report") + " " + folder.Path("log") +
+                                " --calibration " + folder.Path("calibration.toml") + " --scene " +
+                                SourcePath("/host/scenes/ty_phantom.toml") + " " + arguments +
+                                " >" + folder.Path("out") + " 2>" + folder.Path("err");
+    return WEXITSTATUS(std::system(command.c_str()));
+  };
+  SessionFaults faults;
+  faults.course = true;
+  WriteSession(folder.Path("log"), faults);
+  std::ofstream(folder.Path("old.session.json")) << "{";
+  REQUIRE(run("--json --page " + folder.Path("report.html")) == 0);
+  CHECK(nlohmann::json::parse(Contents(folder.Path("out"))).at("page") ==
+        folder.Path("report.html"));
+  const std::string page = Contents(folder.Path("report.html"));
+  CHECK(IsXml(page));
+  CHECK_THAT(page, Catch::Contains("<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"session\"") &&
+                       Catch::Contains("The scene file has changed") &&
+                       Catch::Contains("old.session.json: is no summary of a session"));
+  const SessionSummary summary = ReadSummary(folder.Path("report.session.json"));
+  CHECK(summary.scene == "made_up");
+  CHECK(summary.target_s == 0.7);
+  CHECK(summary.wall_force_mN == 80);
+
+  CHECK(run("--page " + folder.Path("log")) == 2);
+  CHECK_THAT(Contents(folder.Path("err")), Catch::Contains("ends in .html"));
+  CHECK(run("--page " + folder.Path("none/report.html")) == 2);
+  CHECK_THAT(Contents(folder.Path("err")), Catch::Contains("none/report.html"));
+  std::filesystem::remove(folder.Path("report.html"));
+  std::filesystem::remove(folder.Path("log"));
+  CHECK(run("--page " + folder.Path("report.html")) == 2);
+  CHECK_FALSE(std::filesystem::exists(folder.Path("report.html")));
+}

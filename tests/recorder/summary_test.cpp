@@ -1,0 +1,120 @@
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "host/recorder/session_summary.h"
+#include "host/support/error.h"
+#include "tests/support/temporary_folder.h"
+
+using namespace torquer;
+using namespace torquer::test;
+
+namespace {
+
+SessionSummary Made(std::int64_t started_us) {
+  SessionSummary summary;
+  summary.scene = "made <up>";
+  summary.started_us = started_us;
+  summary.procedure_s = 62.5;
+  summary.target_reached = true;
+  summary.safe = false;
+  summary.target_s = 41.25;
+  summary.wall_force_mN = 123.5;
+  summary.tip_path_mm = 300;
+  summary.reversals = 4;
+  return summary;
+}
+
+void WriteFile(const std::string& path, const std::string& text) {
+  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
+  std::ofstream(path) << text;
+}
+
+std::vector<std::int64_t> Starts(const EarlierSessions& earlier) {
+  std::vector<std::int64_t> starts;
+  for (const SessionSummary& summary : earlier.sessions) starts.push_back(summary.started_us);
+  return starts;
+}
+
+}  // namespace
+
+TEST_CASE("A summary is read as it was written") {
+  const TemporaryFolder folder;
+  const SessionSummary summary = Made(1'700'000'000'000'000);
+  WriteFile(folder.Path("a.session.json"), FormatSummary(summary));
+  CHECK(ReadSummary(folder.Path("a.session.json")) == summary);
+  CHECK(FormatSummary(summary).size() < EarlierSessions::kMostBytes / 10);
+  CHECK(SummaryPath("/x.y/report.html") == "/x.y/report.session.json");
+  CHECK(SummaryPath("report.html") == "report.session.json");
+}
+
+TEST_CASE("A damaged summary is refused with what is wrong") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("a.session.json");
+  const auto refuses = [&](const std::string& text, const std::string& what) {
+    WriteFile(path, text);
+    CHECK_THROWS_WITH(ReadSummary(path), Catch::StartsWith(path) && Catch::Contains(what));
+    CHECK_THROWS_AS(ReadSummary(path), UserError);
+  };
+  const auto with = [](const std::string& name, const nlohmann::json& value) {
+    nlohmann::json json = nlohmann::json::parse(FormatSummary(Made(5)));
+    json[name] = value;
+    return json.dump();
+  };
+  refuses("", "no JSON object");
+  refuses("[1]", "no JSON object");
+  refuses(FormatSummary(Made(5)).substr(0, 60), "no JSON object");
+  refuses("{}", "session_summary is missing");
+  refuses(with("session_summary", 2), "another version");
+  refuses(with("scene", 3), "scene is no text");
+  refuses(with("started_us", -1), "started_us is no count");
+  refuses(with("procedure_s", nullptr), "procedure_s is missing");
+  refuses(with("procedure_s", "1"), "procedure_s is no number");
+  refuses(with("wall_force_mN", -2), "wall_force_mN is out of range");
+  refuses(with("tip_path_mm", 1e200), "tip_path_mm is out of range");
+  refuses(with("safe", 1), "safe is neither true nor false");
+  refuses(with("scene", std::string(EarlierSessions::kMostBytes, 'x')), "bytes");
+}
+
+TEST_CASE("Earlier sessions of the scene are found beside the page and beside its folder") {
+  const TemporaryFolder folder;
+  const std::string page = folder.Path("now/report.html");
+  const SessionSummary now = Made(1000);
+  WriteFile(folder.Path("now/report.session.json"), FormatSummary(now));
+  WriteFile(folder.Path("now/copy.session.json"), FormatSummary(now));
+  WriteFile(folder.Path("now/other.session.json"), FormatSummary(Made(300)));
+  WriteFile(folder.Path("now/later.session.json"), FormatSummary(Made(1001)));
+  WriteFile(folder.Path("now/record.json"), "no summary");
+  WriteFile(folder.Path("first/report.session.json"), FormatSummary(Made(100)));
+  WriteFile(folder.Path("first/unnamed.session.json"), FormatSummary(Made(150)));
+  WriteFile(folder.Path("second/report.session.json"), FormatSummary(Made(200)));
+  SessionSummary foreign = Made(250);
+  foreign.scene = "another";
+  WriteFile(folder.Path("third/report.session.json"), FormatSummary(foreign));
+  WriteFile(folder.Path("damaged/report.session.json"), "{");
+  std::filesystem::create_symlink("first", folder.Path("latest"));
+  std::filesystem::create_directories(folder.Path("now/folder.session.json"));
+
+  const EarlierSessions earlier = ReadEarlierSessions(page, now);
+  CHECK(Starts(earlier) == std::vector<std::int64_t>{100, 200, 300});
+  REQUIRE(earlier.refused.size() == 2);
+  CHECK_THAT(earlier.refused[0], Catch::Contains("now/folder.session.json"));
+  CHECK_THAT(earlier.refused[1], Catch::Contains("damaged/report.session.json"));
+  CHECK(ReadEarlierSessions(folder.Path("none/none/report.html"), now).sessions.empty());
+}
+
+TEST_CASE(
+    "Of many earlier sessions the newest are taken, and of many damaged ones some are named") {
+  const TemporaryFolder folder;
+  constexpr int kSessions = 40;
+  for (int i = 1; i <= kSessions; ++i) {
+    WriteFile(folder.Path("a" + std::to_string(i) + ".session.json"), FormatSummary(Made(i)));
+    WriteFile(folder.Path("b" + std::to_string(i) + ".session.json"), "{");
+  }
+  const EarlierSessions earlier = ReadEarlierSessions(folder.Path("report.html"), Made(1000));
+  REQUIRE(earlier.sessions.size() == EarlierSessions::kMost);
+  CHECK(earlier.sessions.front().started_us == kSessions - EarlierSessions::kMost + 1);
+  CHECK(earlier.sessions.back().started_us == kSessions);
+  CHECK(earlier.refused.size() == EarlierSessions::kMostRefused);
+}
