@@ -9,8 +9,8 @@
 
 namespace torquer {
 
-/// A curve. Each has its own color and dashes, so that they are told apart in print and by eyes of
-/// every kind of color vision.
+/// A curve. Each has its own color and dashes, so that they can be distinguished in print and
+/// by eyes of every kind of color vision.
 struct PlotCurve {
   std::string label;  ///< "" where the panel has only one
   std::vector<SeriesPoint> points;
