@@ -1,33 +1,14 @@
 // The viewer's page in headless Chromium, with the real simulator behind it.
 // usage: node tests/viewer/page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
-import { spawn } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
-import { createRequire } from "node:module";
-import { tmpdir } from "node:os";
-import { join } from "node:path";
 import { after, before, test } from "node:test";
+import { BrowserSession, until } from "./browser_session.mjs";
 
 const [root, programs] = process.argv.slice(2);
-const { chromium } = createRequire(join(root, "host/viewer/web/package.json"))("playwright-core");
-const BROWSER = "/usr/bin/chromium";
-const PATIENCE_MS = 20000; // for a busy machine; nothing is measured by it
-
-const folder = mkdtempSync(join(tmpdir(), "torquer-page-"));
-const read = (name) => (existsSync(join(folder, name)) ? readFileSync(join(folder, name), "utf8") : "");
-let session, browser, page, url;
+let session, page;
 const problems = [];
 const requests = [];
 
-async function until(what, condition) {
-  const end = Date.now() + PATIENCE_MS;
-  while (Date.now() < end) {
-    const value = await condition();
-    if (value) return value;
-    await new Promise((done) => setTimeout(done, 50));
-  }
-  assert.fail(`not within ${PATIENCE_MS} ms: ${what}`);
-}
 const text = (selector, where = page) => where.locator(selector).textContent();
 const state = () => page.evaluate(() => {
   const now = window.torquer.state();
@@ -44,10 +25,10 @@ async function hold(key, what, condition) {
   }
 }
 async function open() {
-  const opened = await browser.newPage({ viewport: { width: 1024, height: 600 } });
+  const opened = await session.browser.newPage({ viewport: { width: 1024, height: 600 } });
   opened.on("pageerror", (error) => problems.push(error.message));
   opened.on("request", (request) => requests.push(request.url()));
-  await opened.goto(url);
+  await opened.goto(session.url);
   return opened;
 }
 // Grays of the X-ray picture: how many differ, and their mean.
@@ -64,27 +45,11 @@ const grays = () => page.evaluate(() => {
 });
 
 before(async () => {
-  assert.ok(existsSync(BROWSER), "no Chromium; install it with: host/install_packages test");
-  session = spawn(
-    "bash",
-    [join(root, "host/viewer/with_socket"), "0", "sh", join(root, "host/bus/private_network"), "bash",
-      join(root, "tests/viewer/session"), programs, join(root, "host/scenes/neuro_angio.toml"), folder],
-    { detached: true, stdio: "inherit" },
-  );
-  url = await until("the viewer prints its link", () => read("viewer.log").match(/^http:\S+\n/m)?.[0].trim());
-  browser = await chromium.launch({
-    executablePath: BROWSER,
-    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-      "--disable-component-update", "--disable-sync"],
-  });
+  session = await BrowserSession.start(root, programs, "neuro_angio.toml");
   page = await open();
 });
 
-after(async () => {
-  await browser?.close();
-  if (session?.pid) process.kill(-session.pid, "SIGKILL");
-  rmSync(folder, { recursive: true, force: true });
-});
+after(() => session?.stop());
 
 test("the page finds the session", async () => {
   await stateWord("Running");
@@ -346,7 +311,7 @@ test("the pedal goes up with the page that held it", async () => {
 test("a viewer that was killed is found again, and steers on from there", async () => {
   await stateWord("Running");
   const start = await state();
-  process.kill(Number(read("viewer.pid")), "SIGKILL");
+  process.kill(Number(session.read("viewer.pid")), "SIGKILL");
   await stateWord("No connection");
   await stateWord("Running");
   await page.waitForTimeout(300);
@@ -355,7 +320,7 @@ test("a viewer that was killed is found again, and steers on from there", async 
 });
 
 test("a simulator that is gone is named", async () => {
-  process.kill(Number(read("simulator.pid")), "SIGKILL");
+  process.kill(Number(session.read("simulator.pid")), "SIGKILL");
   await stateWord("silent");
   assert.match(await text("#xray-notice"), /does not answer/);
   assert.match(await text("#lamp"), /OFF/);
@@ -363,7 +328,7 @@ test("a simulator that is gone is named", async () => {
 
 test("no script failed, and no request left the server", () => {
   assert.deepEqual(problems, []);
-  const origin = new URL(url).origin;
+  const origin = new URL(session.url).origin;
   assert.ok(requests.length > 0);
   for (const request of requests) assert.ok(request.startsWith(origin) || request.startsWith("blob:"), request);
 });

@@ -56,6 +56,7 @@ class Page {
         space: this.space,
         state: () => this.state,
         scene: () => this.scene,
+        readings: () => this.readings,
         viewer: () => this.viewer,
         pictures: () => this.pictures,
         plotted: () => this.panel.plotted(),

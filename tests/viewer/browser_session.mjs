@@ -1,0 +1,55 @@
+// A simulator, a viewer that steers and a headless Chromium, for what looks at the page.
+import { spawn } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+
+const BROWSER = "/usr/bin/chromium";
+const PATIENCE_MS = 20000; // for a busy machine; nothing is measured by it
+
+/** What `condition` gives, once it is true; an error that says what did not come otherwise. */
+export async function until(what, condition) {
+  const end = Date.now() + PATIENCE_MS;
+  while (Date.now() < end) {
+    const value = await condition();
+    if (value) return value;
+    await new Promise((done) => setTimeout(done, 50));
+  }
+  throw new Error(`not within ${PATIENCE_MS} ms: ${what}`);
+}
+
+export class BrowserSession {
+  /** Of a scene in host/scenes. `programs`: the folder of a build's programs. */
+  static async start(root, programs, scene) {
+    const session = new BrowserSession();
+    if (!existsSync(BROWSER)) throw new Error("no Chromium; install it with: host/install_packages test");
+    session.folder = mkdtempSync(join(tmpdir(), "torquer-page-"));
+    session.processes = spawn(
+      "bash",
+      [join(root, "host/viewer/with_socket"), "0", "sh", join(root, "host/bus/private_network"), "bash",
+        join(root, "tests/viewer/session"), programs, join(root, "host/scenes", scene), session.folder],
+      { detached: true, stdio: "inherit" },
+    );
+    session.url = await until("the viewer prints its link", () => session.read("viewer.log").match(/^http:\S+\n/m)?.[0].trim());
+    const { chromium } = createRequire(join(root, "host/viewer/web/package.json"))("playwright-core");
+    session.browser = await chromium.launch({
+      executablePath: BROWSER,
+      args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+        "--disable-component-update", "--disable-sync"],
+    });
+    return session;
+  }
+
+  /** What a process of the session has printed; "" where there is nothing yet. */
+  read(name) {
+    const path = join(this.folder, name);
+    return existsSync(path) ? readFileSync(path, "utf8") : "";
+  }
+
+  async stop() {
+    await this.browser?.close();
+    if (this.processes?.pid) process.kill(-this.processes.pid, "SIGKILL");
+    rmSync(this.folder, { recursive: true, force: true });
+  }
+}
