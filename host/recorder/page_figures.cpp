@@ -1,0 +1,244 @@
+#include "host/recorder/page_figures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "host/recorder/page_text.h"
+
+namespace torquer {
+namespace {
+
+double CountsApart(const InstrumentReport& instrument) {
+  return std::max(instrument.axial.error_counts, instrument.rotation.error_counts);
+}
+
+// Of an instrument that is not good.
+std::string DoubtOf(const InstrumentReport& instrument) {
+  if (instrument.reports_lost < 0) return " may have lost reports of its device: none was counted.";
+  if (instrument.reports_lost > 0) {
+    return fmt::format(" lost {} reports of its device.", instrument.reports_lost);
+  }
+  return fmt::format(" did not go where the hand went: {:.1f} counts of its sensor apart.",
+                     CountsApart(instrument));
+}
+
+}  // namespace
+
+std::optional<double> PageFigures::Reading(const char* name) const {
+  return FindReading(report_.readings, name);
+}
+
+bool PageFigures::AboveLimit() const {
+  return now_.wall_force_mN && limits_.force_limit_mN &&
+         *now_.wall_force_mN > *limits_.force_limit_mN;
+}
+
+std::string PageFigures::Patch() const {
+  return limits_.patch_mm ? fmt::format("any {:g} mm of the instrument", *limits_.patch_mm)
+                          : "any stretch of the instrument";
+}
+
+PageVerdict PageFigures::Verdict() const {
+  if (!now_.target_reached) {
+    return {PageVerdict::Kind::kOpen, "Not assessed",
+            "This scene sets no task, so nobody was judged. What was measured is below."};
+  }
+  const bool reached = *now_.target_reached;
+  const bool safe = now_.safe.value_or(false);
+  PageVerdict verdict;
+  verdict.kind = reached && safe ? PageVerdict::Kind::kGood : PageVerdict::Kind::kPoor;
+  verdict.headline = !reached ? "&#x2717; Target not reached"
+                     : safe   ? "&#x2713; Target reached safely"
+                              : "&#x2717; Target reached, but not safely";
+  verdict.text = reached
+                     ? "The tip reached the target after " +
+                           SecondsText(now_.target_s.value_or(now_.procedure_s)) + "."
+                     : "The tip did not reach the target in " + SecondsText(now_.procedure_s) + ".";
+  if (!now_.wall_force_mN) return verdict;
+  verdict.text += " The largest force on the wall was " + ForceText(*now_.wall_force_mN);
+  if (limits_.force_limit_mN) {
+    verdict.text += std::string(AboveLimit() ? ", above" : ", within") + " the limit of " +
+                    LimitText(*limits_.force_limit_mN);
+  }
+  verdict.text += ".";
+  return verdict;
+}
+
+std::vector<std::string> PageFigures::Doubts() const {
+  std::vector<std::string> doubts;
+  for (const InstrumentReport& instrument : report_.instruments) {
+    if (!instrument.driven() || instrument.Good()) continue;
+    doubts.push_back("The " + SafeText(instrument.name) + DoubtOf(instrument));
+  }
+  if (report_.undecodable > 0) {
+    doubts.push_back(
+        fmt::format("{} messages of the recording cannot be read.", report_.undecodable));
+  }
+  if (report_.damage.any()) {
+    doubts.push_back("The recording is damaged: " + SafeText(report_.damage.Describe()) + ".");
+  }
+  if (!report_.ended) {
+    doubts.emplace_back("The recording ends before the session; it is judged up to there.");
+  }
+  if (scene_changed_) {
+    doubts.emplace_back(
+        "The scene file has changed since the session: limits and vessel are those of now.");
+  }
+  const double unsettled_s = Reading("wall_force_unconverged_s").value_or(0);
+  if (unsettled_s > 0.01 * now_.procedure_s) {
+    doubts.push_back("For " + SecondsText(unsettled_s) +
+                     " the simulation had not settled; forces of that time are not counted.");
+  }
+  return doubts;
+}
+
+std::vector<PageFinding> PageFigures::Findings() const {
+  std::vector<PageFinding> findings;
+  if (now_.target_reached) AddTarget(findings);
+  AddWall(findings);
+  if (now_.target_reached) AddWay(findings);
+  return findings;
+}
+
+void PageFigures::AddTarget(std::vector<PageFinding>& findings) const {
+  const bool reached = *now_.target_reached;
+  std::string target = "Target";
+  if (limits_.target_at_mm) {
+    target += fmt::format(": {:g} mm along {}", *limits_.target_at_mm,
+                          SafeText(limits_.target_centerline));
+  }
+  findings.push_back(
+      {target, reached ? "reached after " + SecondsText(now_.target_s.value_or(0)) : "not reached",
+       limits_.target_radius_mm ? fmt::format("tip within {:g} mm of it", *limits_.target_radius_mm)
+                                : "tip near it",
+       reached ? "&#x2713; reached" : "&#x2717; not reached"});
+}
+
+// What the scene measures of the wall, with an assessment or without.
+void PageFigures::AddWall(std::vector<PageFinding>& findings) const {
+  if (now_.wall_force_mN) {
+    const bool limited = limits_.force_limit_mN.has_value();
+    findings.push_back({"Largest force on the wall, on " + Patch(), ForceText(*now_.wall_force_mN),
+                        limited ? LimitText(*limits_.force_limit_mN) : "none set",
+                        !limited       ? ""
+                        : AboveLimit() ? "&#x2717; above the limit"
+                                       : "&#x2713; within the limit"});
+  }
+  if (const auto events = Reading("wall_force_events")) {
+    std::string above = "Force above the scene's threshold";
+    if (limits_.threshold_mN) above += " of " + LimitText(*limits_.threshold_mN);
+    findings.push_back({above,
+                        TimesText(*events) + ", " +
+                            SecondsText(Reading("wall_force_above_s").value_or(0)) + " in all",
+                        "none set", ""});
+  }
+  if (const auto pressure = Reading("wall_tip_pressure_ever_kPa")) {
+    findings.push_back({"Largest pressure of the tip's end, along the wire",
+                        fmt::format("{:.1f} kPa", *pressure), "none set", ""});
+  }
+}
+
+void PageFigures::AddWay(std::vector<PageFinding>& findings) const {
+  if (const auto entries = Reading("wrong_vessel_entries")) {
+    findings.push_back({"Wrong vessels entered", TimesText(*entries), "none set",
+                        *entries == 0 ? "stayed on the way" : "left the way to the target"});
+  }
+  if (const auto retractions = Reading("retractions")) {
+    findings.push_back({"Pulled back by 2 mm or more",
+                        TimesText(*retractions) +
+                            fmt::format(", {:.1f} mm in all", Reading("retracted_mm").value_or(0)),
+                        "none set", ""});
+  }
+  if (const auto ratio = Reading("tip_path_ratio")) {
+    findings.push_back({"Path length of the tip", fmt::format("{:.0f} mm", now_.tip_path_mm),
+                        "none set",
+                        fmt::format("{:.2f} times the length of the way to the target", *ratio)});
+  }
+}
+
+std::vector<PageRow> PageFigures::Radiation() const {
+  std::vector<PageRow> rows = {
+      {"Duration of the procedure", SecondsText(now_.procedure_s)},
+      {"Fluoroscopy time",
+       now_.fluoroscopy_s ? SecondsText(*now_.fluoroscopy_s) : "no X-ray in this scene"}};
+  if (const auto pulses = Reading("xray_pulses")) {
+    rows.push_back({"X-ray pulses", fmt::format("{:.0f} pulses", *pulses)});
+  }
+  if (const auto kerma = Reading("air_kerma_mGy")) {
+    rows.push_back({"Air kerma at the reference point", fmt::format("{:.3g} mGy", *kerma)});
+  }
+  if (now_.contrast_mL) {
+    rows.push_back({"Contrast agent", fmt::format("{:.1f} mL", *now_.contrast_mL)});
+    rows.push_back({"Time of injection", SecondsText(report_.course.contrast().total_s())});
+  } else {
+    rows.push_back({"Contrast agent", "none in this scene"});
+  }
+  return rows;
+}
+
+std::vector<PageRow> PageFigures::Motion() const {
+  const SessionCourse& course = report_.course;
+  std::vector<PageRow> rows = {
+      {"Path length of the tip", fmt::format("{:.0f} mm", now_.tip_path_mm)},
+      {"Speed of the tip while it moved",
+       fmt::format("{:.1f} mm/s mean, {:.1f} mm/s peak", course.moving_speed_mm_s(),
+                   course.peak_speed_mm_s())}};
+  for (const InstrumentCourse& instrument : course.instruments()) {
+    rows.push_back({"Reversals, " + SafeText(instrument.name),
+                    TimesText(static_cast<double>(instrument.reversals))});
+  }
+  if (const auto submovements = Reading("submovements")) {
+    rows.push_back({"Separate movements of the hand", TimesText(*submovements)});
+  }
+  if (const auto jerk = Reading("log_dimensionless_jerk")) {
+    rows.push_back({"Smoothness of the hand", fmt::format("LDLJ {:.1f} (no unit)", *jerk)});
+  }
+  return rows;
+}
+
+std::string PageFigures::Share(std::int64_t ticks) const {
+  const auto all = static_cast<double>(std::max<std::int64_t>(report_.course.solver().ticks, 1));
+  return fmt::format("{} ticks ({:.2f} %)", ticks, 100 * static_cast<double>(ticks) / all);
+}
+
+std::vector<PageRow> PageFigures::Solver() const {
+  const SolverHealth& solver = report_.course.solver();
+  return {
+      {"Simulated", fmt::format("{} ticks", solver.ticks)},
+      {"Not in equilibrium at the end of a tick", Share(solver.unconverged)},
+      {"&#x2003;for lack of time", Share(solver.budget_spent)},
+      {"&#x2003;because no step came nearer", Share(solver.stalled)},
+      {"Outside the vessel", Share(solver.outside)},
+      {"Sprang to another shape", Share(solver.snapped)},
+      {"Deepest in the wall", fmt::format("{:.1f} &#xb5;m", report_.max_penetration_um)},
+      {"Largest residual in equilibrium", fmt::format("{:.1e} (no unit)", solver.largest_residual)},
+      {"Time for a tick", fmt::format("{:.0f} &#xb5;s median, {:.0f} &#xb5;s 99th percentile",
+                                      report_.solve_us.p50, report_.solve_us.p99)}};
+}
+
+std::vector<PageRow> PageFigures::Device() const {
+  std::vector<PageRow> rows;
+  for (const InstrumentReport& instrument : report_.instruments) {
+    const std::string name = SafeText(instrument.name);
+    if (!instrument.driven()) {
+      rows.push_back({name, "driven by no device"});
+      continue;
+    }
+    rows.push_back({name + ": reports of the device lost",
+                    instrument.reports_lost < 0
+                        ? "not known"
+                        : fmt::format("{} reports", instrument.reports_lost)});
+    rows.push_back({name + ": hand against instrument",
+                    fmt::format("{:.2f} counts apart", CountsApart(instrument))});
+    rows.push_back({name + ": from hand to simulation",
+                    fmt::format("{:.1f} ms median, {:.1f} ms 99th percentile",
+                                instrument.latency_ms.p50, instrument.latency_ms.p99)});
+  }
+  rows.push_back(
+      {"Motion in doubt (sensor or commands missing)", Share(report_.course.solver().in_doubt)});
+  rows.push_back({"Missing from the recording", fmt::format("{} ticks", report_.states_missing)});
+  return rows;
+}
+
+}  // namespace torquer

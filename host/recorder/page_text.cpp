@@ -1,0 +1,40 @@
+#include "host/recorder/page_text.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <ctime>
+
+#include "host/recorder/svg_text.h"
+#include "host/support/printable_text.h"
+
+namespace torquer {
+
+std::string SafeText(std::string_view text) { return EscapeMarkup(Printable(text)); }
+
+std::string SecondsText(double seconds) {
+  if (seconds < 99.95) return fmt::format("{:.1f} s", seconds);
+  const auto whole = static_cast<std::int64_t>(std::lround(seconds));
+  return fmt::format("{} min {:02} s", whole / 60, whole % 60);
+}
+
+std::string TimesText(double count) {
+  if (count == 0) return "never";
+  return count == 1 ? "once" : fmt::format("{:.0f} times", count);
+}
+
+std::string ForceText(double force_mN) {
+  return fmt::format("{:.{}f} mN", force_mN, std::abs(force_mN) < 10 ? 2 : 1);
+}
+
+std::string LimitText(double force_mN) { return fmt::format("{:g} mN", force_mN); }
+
+std::string DateText(std::int64_t wall_clock_us) {
+  constexpr std::int64_t kYear2100Us = 4'102'444'800'000'000;
+  if (wall_clock_us <= 0 || wall_clock_us >= kYear2100Us) return "at an unknown time";
+  return fmt::format("{:%Y-%m-%d %H:%M} UTC",
+                     fmt::gmtime(static_cast<std::time_t>(wall_clock_us / 1'000'000)));
+}
+
+}  // namespace torquer
