@@ -133,8 +133,9 @@ class Repeater {
   std::vector<std::uint8_t> expected_bytes_, recorded_bytes_;
 };
 
-// Feeds the messages of a log to `repeater`.
-void Read(EventLogReader& log, Repeater& repeater) {
+// Feeds the messages of a log to `repeater`, as long as `go_on` says.
+void Read(EventLogReader& log, Repeater& repeater,
+          const std::function<bool(const ReplayResult&)>& go_on) {
   torquer_lcm::scene_description_t description;
   torquer_lcm::wire_state_t state;
   torquer_lcm::health_t health;
@@ -153,16 +154,18 @@ void Read(EventLogReader& log, Repeater& repeater) {
         repeater.End();
       }
     }
+    if (go_on && !go_on(repeater.result())) return;
   }
 }
 
 }  // namespace
 
-ReplayResult Replay(scene::Scene& scene, const std::string& log) {
+ReplayResult Replay(scene::Scene& scene, const std::string& log,
+                    const std::function<bool(const ReplayResult&)>& go_on) {
   EventLogReader reader(log);
   Repeater repeater(scene, log);
   try {
-    Read(reader, repeater);
+    Read(reader, repeater, go_on);
   } catch (const UserError& error) {
     if (!reader.damage().any()) throw;
     throw UserError(fmt::format("{}; the log is damaged up to there: {}", error.what(),

@@ -1,6 +1,7 @@
 // A recorded session repeated: the same work, not the same time.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "host/simulator/scene/scene.h"
@@ -25,7 +26,9 @@ struct ReplayResult {
 /// records, and compares their hashes and all else that follows from the commands. States that were
 /// not recorded are repeated too, as long as no more than kMostPastInMessage in a row are missing.
 /// Throws UserError when the log cannot be read, holds no state, has a longer gap, or was recorded
-/// with another scene.
-ReplayResult Replay(scene::Scene& scene, const std::string& log);
+/// with another scene. `go_on`, where there is one, gets what has been found after each record; where
+/// it answers false, the rest is left out.
+ReplayResult Replay(scene::Scene& scene, const std::string& log,
+                    const std::function<bool(const ReplayResult&)>& go_on = {});
 
 }  // namespace torquer::simulator

@@ -159,6 +159,7 @@ bool EventLogReader::Next(LogRecord& record) {
     record.time_us = header.time_us;
     record.channel = {reinterpret_cast<const char*>(bytes) + kHeaderBytes, channel_bytes};
     record.data = {bytes + kHeaderBytes + channel_bytes, data_bytes};
+    record.data_at = begin + static_cast<std::int64_t>(kHeaderBytes + channel_bytes);
     return true;
   }
   return false;

@@ -22,6 +22,7 @@ struct LogRecord {
   std::int64_t time_us = 0;  ///< when the logger received it, its wall clock
   std::string_view channel;
   std::span<const std::uint8_t> data;
+  std::int64_t data_at = 0;  ///< the place of `data` in the file
 };
 
 /// What of a log could not be read.

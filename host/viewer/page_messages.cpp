@@ -240,4 +240,25 @@ std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
   return controls;
 }
 
+std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() != kControlsBytes ||
+      bytes[0] != static_cast<std::uint8_t>(FrameKind::kReplayControls) ||
+      bytes[1] != kFrameVersion || bytes[2] > 1) {
+    return {};
+  }
+  ReplayControls controls;
+  controls.play = bytes[2] == 1;
+  controls.speed = ReadAt<float>(bytes, 4);
+  const double at_s = ReadAt<double>(bytes, 8);
+  controls.steps = ReadAt<std::int32_t>(bytes, 16);
+  // 0.1 as a float is a little more; not a number fails.
+  const bool usable = controls.speed >= ReplayControls::kLeastSpeed &&
+                      controls.speed <= ReplayControls::kMostSpeed &&
+                      controls.steps >= -ReplayControls::kMostSteps &&
+                      controls.steps <= ReplayControls::kMostSteps;
+  if (!usable || at_s < 0 || std::isinf(at_s)) return {};
+  if (!std::isnan(at_s)) controls.at_s = at_s;
+  return controls;
+}
+
 }  // namespace torquer::viewer

@@ -19,7 +19,13 @@
 namespace torquer::viewer {
 
 /// First byte of a binary message.
-enum class FrameKind : std::uint8_t { kState = 1, kPicture = 2, kVessel = 3, kControls = 16 };
+enum class FrameKind : std::uint8_t {
+  kState = 1,
+  kPicture = 2,
+  kVessel = 3,
+  kControls = 16,
+  kReplayControls = 17
+};
 
 /// Second byte of a binary message: a change of a layout makes a new one.
 inline constexpr std::uint8_t kFrameVersion = 1;
@@ -63,10 +69,25 @@ struct Controls {
   static constexpr double kMostArmRadS = 2;
 };
 
-/// Size of a message from the page, bytes; there is no other.
+/// Size of either message from the page, bytes.
 inline constexpr std::size_t kControlsBytes = 20;
 
 /// Nothing where the bytes are not of that layout, or a rate is not finite or beyond its limit.
 std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes);
+
+/// What the page wants of a replay.
+struct ReplayControls {
+  bool play = false;
+  double speed = 1;            ///< kLeastSpeed to kMostSpeed
+  std::optional<double> at_s;  ///< where to go on, from the beginning of the log; not negative
+  int steps = 0;               ///< states forward from there, negative backward
+
+  static constexpr double kLeastSpeed = 0.1;
+  static constexpr double kMostSpeed = 10;
+  static constexpr int kMostSteps = 1000;
+};
+
+/// Nothing where the bytes are not of that layout, or a value is beyond its limits.
+std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes);
 
 }  // namespace torquer::viewer

@@ -9,11 +9,9 @@
 
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
-#include "host/simulator/effects/imaging/fluoroscopy.h"
-#include "host/simulator/effects/observers/assessment.h"
-#include "host/simulator/vessel/surface_net.h"
 #include "host/viewer/page_messages.h"
 #include "host/viewer/page_server.h"
+#include "host/viewer/show_scene.h"
 #include "host/viewer/steering.h"
 #include "protocol/lcm_channels.h"
 
@@ -23,40 +21,8 @@ namespace {
 // Commands go out as often, a page gets a state every other time: 62 a second.
 constexpr std::chrono::milliseconds kBeat{8};
 constexpr std::int64_t kSummaryUs = 100'000;
-constexpr std::size_t kSurfaceTriangles = 100000;
 // A reading of the bus: what the simulator published last, at 1 kHz.
 constexpr int kQueue = 64;
-
-std::string SurfaceFrame(scene::Scene& scene) {
-  const vessel::Vessel& vessel = scene.vessel();
-  const bool moves = scene.moving_field() != nullptr;
-  if (vessel.surface) return VesselFrame(vessel.surface->mesh(), scene.content_hash(), moves);
-  return VesselFrame(vessel::SurfaceInAbout(kSurfaceTriangles, *vessel.field, vessel.bounds_mm),
-                     scene.content_hash(), moves);
-}
-
-// Null where the scene has no such effect.
-template <class Kind>
-const Kind* Find(const scene::Scene& scene) {
-  for (const auto& effect : scene.effects()) {
-    if (const auto* found = dynamic_cast<const Kind*>(effect.get())) return found;
-  }
-  return nullptr;
-}
-
-// What the page knows of the scene's file alone.
-void ShowScene(scene::Scene& scene, PageServer& server) {
-  const std::uint64_t hash = scene.content_hash();
-  server.ShowBytes("vessel", SurfaceFrame(scene));
-  const auto* assessment = Find<effects::Assessment>(scene);
-  server.ShowText("lines", LinesText(scene.vessel().centerlines,
-                                     assessment == nullptr ? nullptr : &assessment->task(), hash));
-  if (const auto* fluoroscopy = Find<effects::Fluoroscopy>(scene)) {
-    // As wide as the picture is at the isocenter.
-    const effects::CArm& arm = fluoroscopy->settings().arm;
-    server.ShowText("arm", ArmText(arm.detector_mm * arm.sod_mm / arm.sid_mm, hash));
-  }
-}
 
 class Viewer {
  public:

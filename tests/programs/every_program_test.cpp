@@ -213,7 +213,8 @@ TEST_CASE("There are programs", "[programs]") {
   const std::vector<std::string> programs = Programs();
   for (const char* name : {"torquer-daemon", "torquer-emulator", "torquer-emulator-usbip",
                            "torquer-flash", "torquer-calibrate", "torquer-monitor",
-                           "torquer-report", "torquer-simulator", "torquer-checksum-image"}) {
+                           "torquer-recorder", "torquer-replay", "torquer-report",
+                           "torquer-simulator", "torquer-viewer", "torquer-checksum-image"}) {
     CAPTURE(name);
     CHECK(std::count(programs.begin(), programs.end(), name) == 1);
   }

@@ -19,11 +19,20 @@ export async function until(what, condition) {
   throw new Error(`not within ${PATIENCE_MS} ms: ${what}`);
 }
 
+export function startBrowser(root) {
+  if (!existsSync(BROWSER)) throw new Error("no Chromium; install it with: host/install_packages test");
+  const { chromium } = createRequire(join(root, "host/viewer/web/package.json"))("playwright-core");
+  return chromium.launch({
+    executablePath: BROWSER,
+    args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+      "--disable-component-update", "--disable-sync"],
+  });
+}
+
 export class BrowserSession {
   /** Of a scene in host/scenes. `programs`: the folder of a build's programs. */
   static async start(root, programs, scene) {
     const session = new BrowserSession();
-    if (!existsSync(BROWSER)) throw new Error("no Chromium; install it with: host/install_packages test");
     session.folder = mkdtempSync(join(tmpdir(), "torquer-page-"));
     session.processes = spawn(
       "bash",
@@ -32,12 +41,7 @@ export class BrowserSession {
       { detached: true, stdio: "inherit" },
     );
     session.url = await until("the viewer prints its link", () => session.read("viewer.log").match(/^http:\S+\n/m)?.[0].trim());
-    const { chromium } = createRequire(join(root, "host/viewer/web/package.json"))("playwright-core");
-    session.browser = await chromium.launch({
-      executablePath: BROWSER,
-      args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-        "--disable-component-update", "--disable-sync"],
-    });
+    session.browser = await startBrowser(root);
     return session;
   }
 

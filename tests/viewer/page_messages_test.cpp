@@ -118,6 +118,49 @@ TEST_CASE("Controls are taken only as the page sends them") {
   CHECK_FALSE(ReadControls(bytes));
 }
 
+TEST_CASE("What a page asks of a replay is taken only as the page sends it") {
+  const auto message = [](std::uint8_t play, float speed, double at_s, std::int32_t steps) {
+    std::vector<std::uint8_t> bytes = {17, 1, play, 0};
+    const auto add = [&bytes](const auto& value) {
+      const auto* first = reinterpret_cast<const std::uint8_t*>(&value);
+      bytes.insert(bytes.end(), first, first + sizeof value);
+    };
+    add(speed);
+    add(at_s);
+    add(steps);
+    return bytes;
+  };
+  const double nowhere = std::numeric_limits<double>::quiet_NaN();
+  const auto taken = ReadReplayControls(message(1, 2.5F, 12.25, -3));
+  REQUIRE(taken);
+  CHECK(taken->play);
+  CHECK(taken->speed == 2.5);
+  CHECK(taken->at_s == 12.25);
+  CHECK(taken->steps == -3);
+  const auto staying = ReadReplayControls(message(0, 0.1F, nowhere, 0));
+  REQUIRE(staying);
+  CHECK_FALSE(staying->play);
+  CHECK_FALSE(staying->at_s);
+  const float infinite = std::numeric_limits<float>::infinity();
+  CHECK(ReadReplayControls(message(1, 10, 0, 1000)));
+  CHECK_FALSE(ReadReplayControls(message(2, 1, 0, 0)));
+  CHECK_FALSE(ReadReplayControls(message(1, 0.09F, 0, 0)));
+  CHECK_FALSE(ReadReplayControls(message(1, 11, 0, 0)));
+  CHECK_FALSE(ReadReplayControls(message(1, infinite, 0, 0)));
+  CHECK_FALSE(ReadReplayControls(message(1, std::nanf(""), 0, 0)));
+  CHECK_FALSE(ReadReplayControls(message(1, 1, -0.001, 0)));
+  CHECK_FALSE(ReadReplayControls(message(1, 1, double{infinite}, 0)));
+  CHECK_FALSE(ReadReplayControls(message(1, 1, 0, 1001)));
+  CHECK_FALSE(ReadReplayControls(message(1, 1, 0, std::numeric_limits<std::int32_t>::min())));
+  auto other = message(1, 1, 0, 0);
+  CHECK_FALSE(ReadControls(other));
+  other[1] = 2;
+  CHECK_FALSE(ReadReplayControls(other));
+  other[1] = 1;
+  other.push_back(0);
+  CHECK_FALSE(ReadReplayControls(other));
+}
+
 TEST_CASE("Centerlines, route and target are given point by point") {
   using torquer::vessel::Centerline;
   const Centerline first("a\nb", {{0, 0, 0}, {10, 0, 0.126}}, {2, 2});

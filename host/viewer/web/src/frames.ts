@@ -110,6 +110,20 @@ export interface Viewer {
   states_per_s: number;
 }
 
+/** Of torquer-replay, which has no other kind of page. */
+export interface Replay {
+  kind: "replay";
+  at_s: number;
+  length_s: number;
+  playing: boolean;
+  speed: number;
+  states: number; // in the log
+  damage: string;
+  check: {
+    states: number; missing: number; differing: number; first_difference: number; done: boolean; error: string;
+  } | null;
+}
+
 export type Incoming =
   | WireState
   | Picture
@@ -119,6 +133,7 @@ export type Incoming =
   | Health
   | Readings
   | Arm
+  | Replay
   | Viewer;
 
 const VERSION = 1;
@@ -220,5 +235,23 @@ export function write(controls: Controls): ArrayBuffer {
   view.setFloat32(8, controls.turnRadS, true);
   view.setFloat32(12, controls.laoRadS, true);
   view.setFloat32(16, controls.craRadS, true);
+  return view.buffer;
+}
+
+export interface ReplayControls {
+  play: boolean;
+  speed: number;
+  atS: number; // where to go on; not a number: from where it is
+  steps: number; // states from there
+}
+
+export function writeReplay(controls: ReplayControls): ArrayBuffer {
+  const view = new DataView(new ArrayBuffer(20));
+  view.setUint8(0, 17);
+  view.setUint8(1, VERSION);
+  view.setUint8(2, controls.play ? 1 : 0);
+  view.setFloat32(4, controls.speed, true);
+  view.setFloat64(8, controls.atS, true);
+  view.setInt32(16, controls.steps, true);
   return view.buffer;
 }

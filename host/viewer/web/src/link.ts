@@ -1,6 +1,6 @@
 // The connection to torquer-viewer: opened again whenever it is lost.
 
-import { type Controls, type Incoming, read, write } from "./frames.js";
+import { type Incoming, read } from "./frames.js";
 
 const AGAIN_MS = 700;
 
@@ -15,8 +15,8 @@ export class Link {
     this.connect();
   }
 
-  send(controls: Controls): void {
-    if (this.open) this.socket?.send(write(controls));
+  send(message: ArrayBuffer): void {
+    if (this.open) this.socket?.send(message);
   }
 
   private connect(): void {

@@ -4,12 +4,13 @@ import { element, setData, setText } from "./dom.js";
 import { Fluoroscopy } from "./fluoroscopy.js";
 import { Examination } from "./examination.js";
 import type { Arm, Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
-import { STATUS } from "./frames.js";
+import { STATUS, write, writeReplay } from "./frames.js";
 import { GamepadSource } from "./gamepad.js";
 import { Keyboard } from "./keyboard.js";
 import { Link } from "./link.js";
 import { Pad } from "./pad.js";
 import { Panel } from "./panel.js";
+import { ReplayBar } from "./replay.js";
 import { Space } from "./space.js";
 import { Steering } from "./steering.js";
 
@@ -20,11 +21,12 @@ class Page {
   private readonly fluoroscopy = new Fluoroscopy();
   private readonly space = new Space();
   private readonly panel = new Panel();
-  private readonly steering = new Steering((controls) => this.link.send(controls), () => this.choose());
+  private readonly steering = new Steering((controls) => this.link.send(write(controls)), () => this.choose());
   private readonly keyboard = new Keyboard(this.steering);
   private readonly pad = new Pad(this.steering);
   private readonly gamepad = new GamepadSource(this.steering);
   private readonly examination = new Examination();
+  private readonly replay = new ReplayBar((controls) => this.link.send(writeReplay(controls)));
   private scene: Scene | null = null;
   private arm: Arm | null = null;
   private state: WireState | null = null;
@@ -84,6 +86,11 @@ class Page {
       case "vessel":
         this.space.setVessel(message);
         break;
+      case "replay":
+        this.replay.take(message);
+        document.body.classList.add("replays");
+        this.panel.replays = true;
+        break;
       case "lines":
         this.space.setLines(message);
         this.examination.setLines(message);
@@ -140,14 +147,20 @@ class Page {
 
   // With the page's own pedal it is known; of a device's pedal the pictures tell.
   private lamp(): void {
-    const on = this.fresh() && (this.viewer?.steer === true ? this.viewer.xray : this.live);
+    const on = this.fresh() && this.xrayNow();
     this.fluoroscopy.setLamp(on);
     const held = this.fluoroscopy.playing ? "Recorded loop" : "Last image hold";
     this.fluoroscopy.setHold(!on && this.pictures > 0 ? held : "");
   }
 
+  private xrayNow(): boolean {
+    return this.viewer?.steer === true ? this.viewer.xray : this.live;
+  }
+
   private fresh(): boolean {
-    return this.link.open && performance.now() - this.stateMs < STATE_OLD_MS;
+    if (!this.link.open) return false;
+    // A recording does not age.
+    return this.replay.shown ? this.state !== null : performance.now() - this.stateMs < STATE_OLD_MS;
   }
 
   private choose(): void {
@@ -172,7 +185,7 @@ class Page {
   // Level, a word for the header, and a sentence across the picture where there is nothing to see.
   private session(nowMs: number): ["good" | "warn", string, string] {
     if (!this.link.open) {
-      return ["warn", "No connection", "No connection to torquer-viewer. This page keeps trying; if the viewer has been started again, open its new link."];
+      return ["warn", "No connection", "No connection to the program that serves this page. It keeps trying; if the program has been started again, open its new link."];
     }
     if (this.state === null || this.scene === null) {
       return ["warn", "Waiting for a simulator", "No simulator on the bus yet. Start one: torquer\u2011simulator --scene FILE"];
@@ -181,6 +194,7 @@ class Page {
       const silentS = Math.round((nowMs - this.stateMs) / 1000);
       return ["warn", `Simulator silent for ${silentS} s`, "The simulator does not answer. What is shown is its last state."];
     }
+    if (this.replay.shown) return ["good", this.replay.playing ? "Replay" : "Replay, paused", ""];
     const missing = this.panel.missingDevice(nowMs);
     if (missing !== "") return ["warn", missing, ""];
     const words = Panel.words(this.state.status);
@@ -195,6 +209,7 @@ class Page {
 
   private pictureNotice(): string {
     if (this.pictures > 0 || document.body.classList.contains("no-xray")) return "";
+    if (this.replay.shown) return "No X-ray until now";
     return this.viewer?.steer === true ? "Hold the space bar for X-ray" : "No X-ray yet: the pedal is up";
   }
 
@@ -209,6 +224,8 @@ class Page {
         ...(effects.includes("fluoroscopy") ? xray : []),
         ...parts,
       ];
+    } else if (this.replay.shown) {
+      parts.unshift(["Space", "play, pause"], ["← →", "a state back, on"], ["Shift ← →", "5 s back, on"]);
     } else {
       parts.unshift(["", "The instruments are moved by their devices; this page looks on."]);
     }

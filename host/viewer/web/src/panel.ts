@@ -33,6 +33,7 @@ export class Panel {
   private solveUs = 0;
   private penetrationUm = 0;
   private latencyMs = NaN;
+  replays = false; // a recording: nobody falls silent
 
   setScene(scene: Scene): void {
     if (this.scene?.hash === scene.hash) return;
@@ -131,7 +132,7 @@ export class Panel {
     const lines = [...this.processes.values()].map(({ health, heardMs }) => {
       const line = document.createElement("li");
       const silentS = (nowMs - heardMs) / 1000;
-      const silent = nowMs - heardMs > OLD_MS;
+      const silent = !this.replays && nowMs - heardMs > OLD_MS;
       const of = health.instrument === "" ? "" : ` of the ${health.instrument}`;
       line.textContent = `${health.process}${of}: ${silent ? `silent for ${silentS.toFixed(0)} s` : health.state}`;
       line.dataset["level"] = silent || health.state !== "running" ? "warn" : "good";

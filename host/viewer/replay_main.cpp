@@ -1,0 +1,95 @@
+// torquer-replay: a recorded session in a browser.
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <torquer_lcm/scene_description_t.hpp>
+
+#include "host/bus/message_check.h"
+#include "host/simulator/scene/scene.h"
+#include "host/support/error.h"
+#include "host/support/fnv1a.h"
+#include "host/support/printable_text.h"
+#include "host/support/program.h"
+#include "host/support/stop_signal.h"
+#include "host/viewer/hash_check.h"
+#include "host/viewer/listening_socket.h"
+#include "host/viewer/page_token.h"
+#include "host/viewer/recording.h"
+#include "host/viewer/replay.h"
+#include "protocol/lcm_channels.h"
+
+namespace {
+
+namespace viewer = torquer::viewer;
+
+struct Arguments {
+  std::string log;
+  std::string scene;
+  std::uint16_t port = 0;
+};
+
+// The scene of the recording: the one that was given, or the file that the recording names, if that
+// is still the same. Nothing, and why, where there is none.
+std::optional<torquer::scene::SceneSpec> SceneOf(const viewer::Recording& recording,
+                                                 const Arguments& arguments) {
+  if (!arguments.scene.empty()) return torquer::scene::ReadScene(arguments.scene);
+  for (const auto& topic : recording.topics()) {
+    if (topic.channel != torquer::protocol::kSceneChannel) continue;
+    torquer_lcm::scene_description_t description;
+    const auto bytes = recording.Read(topic, 0);
+    if (!torquer::bus::DecodeMessage(bytes.data(), bytes.size(), description)) continue;
+    try {
+      return torquer::scene::ReadScene(description.scene_file);
+    } catch (const torquer::UserError& error) {
+      fmt::print(stderr, "torquer-replay: no vessel is shown and nothing compared: {}\n",
+                 torquer::Printable(error.what(), 400));
+    }
+  }
+  return {};
+}
+
+int Run(const Arguments& arguments) {
+  const int listening = viewer::ListeningSocket(arguments.port);
+  const viewer::Recording recording(arguments.log);
+  if (recording.damage().any()) {
+    fmt::print(stderr, "torquer-replay: {}: {}\n", arguments.log, recording.damage().Describe());
+  }
+  const auto spec = SceneOf(recording, arguments);
+  std::optional<torquer::scene::Scene> scene;
+  if (spec) scene.emplace(*spec);
+  const viewer::HashCheck::Finding found =
+      viewer::RunReplay(recording, arguments.log, listening, viewer::RandomToken(),
+                        scene ? &*scene : nullptr, torquer::StopOnSignal());
+  if (!found.error.empty()) throw torquer::UserError(found.error);
+  if (scene) {
+    fmt::print("{} states repeated{}, {} differ\n", found.result.states,
+               found.done ? "" : " until it was stopped", found.result.differing);
+  }
+  return found.result.differing == 0 && !recording.damage().any() ? torquer::kExitSuccess
+                                                                  : torquer::kExitFailure;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  torquer::Program program(
+      "torquer-replay",
+      "Plays a session that torquer-recorder recorded, in a browser of this machine: prints the "
+      "link of the page and serves it until SIGINT or SIGTERM. Meanwhile it repeats the session "
+      "and compares every state.");
+  program.Note(
+      "Exit status: 0 when what was repeated does not differ; 1 when a state differs or the log is "
+      "damaged; 2 when the log cannot be used.");
+  Arguments arguments;
+  torquer::Options& options = program.options();
+  options.Operand("LOG", arguments.log, "what torquer-recorder wrote", torquer::ValueKind::kFile);
+  options.Text("--scene", "FILE", arguments.scene,
+               "the scene as it was (default: the file that the log names)",
+               torquer::ValueKind::kFile);
+  options.Integer("--port", "PORT", arguments.port, 0, 65535,
+                  "of 127.0.0.1, where the page is served; 0 takes a free one");
+  return program.Main(argc, argv, [&] { return Run(arguments); });
+}

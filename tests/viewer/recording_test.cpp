@@ -1,0 +1,182 @@
+#include "host/viewer/recording.h"
+
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <torquer_lcm/health_t.hpp>
+#include <torquer_lcm/scene_description_t.hpp>
+#include <torquer_lcm/wire_state_t.hpp>
+#include <vector>
+
+#include "host/bus/message_check.h"
+#include "host/simulator/scene/scene.h"
+#include "host/simulator/simulation.h"
+#include "host/support/error.h"
+#include "host/support/event_log_writer.h"
+#include "host/viewer/hash_check.h"
+#include "protocol/lcm_channels.h"
+#include "tests/support/scenes.h"
+#include "tests/support/temporary_folder.h"
+
+using Catch::Matchers::Contains;
+using torquer::EventLogWriter;
+using torquer::test::TemporaryFolder;
+using torquer::viewer::HashCheck;
+using torquer::viewer::Recording;
+
+namespace {
+
+constexpr std::int64_t kBeginUs = 1'700'000'000'000'000;
+
+template <class Message>
+void Write(EventLogWriter& log, std::int64_t at_us, const char* channel, const Message& message) {
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  log.Write(kBeginUs + at_us, channel, bytes);
+}
+
+torquer_lcm::wire_state_t State(std::int64_t tick) {
+  torquer_lcm::wire_state_t state{};
+  state.tick = tick;
+  return state;
+}
+
+torquer_lcm::health_t Health(const std::string& process) {
+  torquer_lcm::health_t health{};
+  health.process = process;
+  health.state = "running";
+  return health;
+}
+
+std::int64_t TickAt(const Recording& recording, std::int64_t at_us) {
+  const Recording::Topic& states = recording.states();
+  const auto bytes = recording.Read(states, states.CountAt(at_us) - 1);
+  torquer_lcm::wire_state_t state;
+  REQUIRE(torquer::bus::DecodeMessage(bytes.data(), bytes.size(), state));
+  return state.tick;
+}
+
+const Recording::Topic* Find(const Recording& recording, const std::string& name) {
+  for (const auto& topic : recording.topics()) {
+    if (topic.name == name) return &topic;
+  }
+  return nullptr;
+}
+
+// A session of 21 states; that of tick `spoiled` says another energy.
+void RecordSession(torquer::scene::Scene& scene, const std::string& path, int spoiled) {
+  EventLogWriter log(path);
+  torquer::simulator::Simulation simulation(scene);
+  for (int tick = 0; tick <= 20; ++tick) {
+    if (tick > 0) {
+      torquer::simulator::Command command;
+      command.target = scene.start();
+      command.target[0].insertion_mm += 0.3 * tick;
+      torquer::CountedBudget budget(30);
+      simulation.Tick(command, budget);
+    }
+    torquer_lcm::wire_state_t state;
+    simulation.Describe(state);
+    if (tick == spoiled) state.energy_mJ += 1e-9;
+    Write(log, 1000 * tick, torquer::protocol::kWireStateChannel, state);
+  }
+  log.Finish();
+}
+
+HashCheck::Finding Checked(torquer::scene::Scene& scene, const std::string& log) {
+  const HashCheck check(scene, log);
+  while (true) {
+    const HashCheck::Finding found = check.Get();
+    if (found.done || !found.error.empty()) return found;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+}
+
+}  // namespace
+
+TEST_CASE("A recording gives the newest of each topic at any moment") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("log");
+  {
+    EventLogWriter log(path);
+    Write(log, 0, torquer::protocol::kHealthChannel, Health("daemon"));
+    Write(log, 1000, torquer::protocol::kWireStateChannel, State(1));
+    log.Write(kBeginUs + 1500, "SOMETHING_ELSE", std::vector<std::uint8_t>{1, 2, 3});
+    Write(log, 2000, torquer::protocol::kHealthChannel, Health("simulator"));
+    Write(log, 3000, torquer::protocol::kWireStateChannel, State(2));
+    // The wall clock is set back.
+    Write(log, -500000, torquer::protocol::kWireStateChannel, State(3));
+    Write(log, 9000, torquer::protocol::kHealthChannel, Health("daemon"));
+    log.Write(kBeginUs + 9000, torquer::protocol::kHealthChannel, std::vector<std::uint8_t>{7});
+    log.Finish();
+  }
+  const Recording recording(path);
+  CHECK(recording.length_us() == 9000);
+  CHECK(recording.topics().size() == 3);
+  CHECK(recording.states().CountAt(999) == 0);
+  CHECK(TickAt(recording, 1000) == 1);
+  CHECK(TickAt(recording, 2999) == 1);
+  CHECK(TickAt(recording, 3000) == 3);
+  CHECK(TickAt(recording, 9000) == 3);
+  const std::string health = torquer::protocol::kHealthChannel;
+  REQUIRE(Find(recording, health + "/daemon/") != nullptr);
+  CHECK(Find(recording, health + "/daemon/")->times_us == std::vector<std::int64_t>{0, 9000});
+  REQUIRE(Find(recording, health + "/simulator/") != nullptr);
+  CHECK_FALSE(recording.damage().any());
+}
+
+TEST_CASE("A recording with many processes keeps its states") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("log");
+  {
+    EventLogWriter log(path);
+    for (int k = 0; k < 500; ++k) {
+      Write(log, k, torquer::protocol::kHealthChannel, Health("p" + std::to_string(k)));
+    }
+    Write(log, 1000, torquer::protocol::kWireStateChannel, State(1));
+    log.Finish();
+  }
+  const Recording recording(path);
+  CHECK(recording.topics().size() < 64);
+  CHECK(TickAt(recording, 1000) == 1);
+}
+
+TEST_CASE("A log without states is refused, and damage is named") {
+  const TemporaryFolder folder;
+  {
+    EventLogWriter log(folder.Path("empty"));
+    Write(log, 0, torquer::protocol::kHealthChannel, Health("daemon"));
+    log.Finish();
+    EventLogWriter whole(folder.Path("cut"));
+    for (int k = 0; k < 20; ++k) {
+      Write(whole, 1000 * k, torquer::protocol::kWireStateChannel, State(k));
+    }
+    whole.Finish();
+  }
+  CHECK_THROWS_WITH(Recording(folder.Path("empty")), Contains("holds no wire state"));
+  CHECK_THROWS_WITH(Recording(folder.Path("none")), Contains("cannot be read"));
+  std::filesystem::resize_file(folder.Path("cut"),
+                               std::filesystem::file_size(folder.Path("cut")) - 5);
+  const Recording cut(folder.Path("cut"));
+  CHECK(cut.damage().cut);
+  CHECK(TickAt(cut, cut.length_us()) == 18);
+}
+
+TEST_CASE("A replay is compared with what was recorded, state by state") {
+  const torquer::test::SceneFile file("");
+  torquer::scene::Scene scene(file.path());
+  RecordSession(scene, file.Beside("good"), -1);
+  const HashCheck::Finding good = Checked(scene, file.Beside("good"));
+  CHECK(good.error.empty());
+  CHECK(good.result.states == 21);
+  CHECK(good.result.differing == 0);
+
+  RecordSession(scene, file.Beside("bad"), 7);
+  const HashCheck::Finding bad = Checked(scene, file.Beside("bad"));
+  CHECK(bad.result.differing == 1);
+  CHECK(bad.result.first_difference == 7);
+
+  CHECK_THAT(Checked(scene, file.Beside("none")).error, Contains("cannot be read"));
+}

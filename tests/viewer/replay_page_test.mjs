@@ -1,0 +1,109 @@
+// torquer-replay's page in headless Chromium, of a session that host/demo recorded.
+// usage: node tests/viewer/replay_page_test.mjs ROOT PROGRAMS
+import assert from "node:assert/strict";
+import { spawn, spawnSync } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { startBrowser, until } from "./browser_session.mjs";
+
+const [root, programs] = process.argv.slice(2);
+const folder = mkdtempSync(join(tmpdir(), "torquer-replay-"));
+const problems = [];
+let replay, printed = "", browser, page;
+
+const text = (selector) => page.locator(selector).textContent();
+const tick = () => page.evaluate(() => window.torquer.state()?.tick ?? -1);
+const at = async () => Number((await text("#replay-time")).match(/^[\d.]+/)?.[0] ?? NaN);
+const place = (seconds) => page.locator("#replay-place").evaluate((slider, value) => {
+  slider.value = String(value);
+  slider.dispatchEvent(new Event("input"));
+  slider.dispatchEvent(new Event("change"));
+}, seconds);
+
+before(async () => {
+  const demo = spawnSync(
+    "bash", [join(root, "host/demo"), "--scene", "neuro_angio", "--duration", "5", "--files", folder, "--no-install", "--programs", programs],
+    { encoding: "utf8" });
+  assert.equal(demo.status, 0, demo.stdout + demo.stderr);
+  replay = spawn(join(programs, "torquer-replay"), [join(folder, "latest/session.lcmlog")], { stdio: ["ignore", "pipe", "inherit"] });
+  replay.stdout.on("data", (data) => (printed += data));
+  const url = await until("the link is printed", () => printed.match(/^http:\S+\n/m)?.[0].trim());
+  browser = await startBrowser(root);
+  page = await browser.newPage({ viewport: { width: 1024, height: 600 } });
+  page.on("pageerror", (error) => problems.push(error.message));
+  await page.goto(url);
+});
+
+after(async () => {
+  await browser?.close();
+  replay?.kill("SIGKILL");
+  rmSync(folder, { recursive: true, force: true });
+});
+
+test("a recording plays, with its X-ray pictures and readings", async () => {
+  await until("it plays", async () => (await text("#state")) === "Replay");
+  await until("pictures", () => page.evaluate(() => window.torquer.pictures() > 3));
+  assert.equal(await text("#scene-name"), "neuro angio");
+  assert.match(await text("#dose"), /Contrast/);
+  assert.ok(await page.evaluate(() => window.torquer.space.guidesShown().lines > 20), "no centerlines");
+});
+
+test("every state is repeated to the bit meanwhile", async () => {
+  await until("the comparison is done", async () => /^all \d+ states repeated, to the bit$/.test(await text("#replay-check")));
+});
+
+test("it pauses, steps by single states, and goes to a place", async () => {
+  await place(2);
+  await page.locator("body").press("Space");
+  await until("it pauses", async () => (await text("#state")) === "Replay, paused");
+  await place(2);
+  await until("2 s", async () => (await at()) === 2);
+  await until("a state", async () => (await tick()) > 0);
+  await page.waitForTimeout(200);
+  const start = await tick();
+  assert.ok(start > 1000 && start < 2100, `tick ${start} at 2 s`);
+  await page.keyboard.press("ArrowRight");
+  await until("the next state", async () => (await tick()) === start + 1);
+  await page.keyboard.press("ArrowLeft");
+  await page.keyboard.press("ArrowLeft");
+  await until("the state before", async () => (await tick()) === start - 1);
+  await page.keyboard.press("Shift+ArrowLeft");
+  await until("the beginning", async () => (await at()) === 0);
+  assert.equal(await text("#state"), "Replay, paused");
+});
+
+test("it plays at other speeds, and again from the end", async () => {
+  // The place in the recording after a second, from 1 s on.
+  const second = async (speed) => {
+    await page.locator("#replay-speed").selectOption(speed);
+    await place(1);
+    await until("1 s", async () => Math.abs((await at()) - 1) < 0.01);
+    await page.locator("#replay-play").click();
+    await page.waitForTimeout(1000);
+    const reached = await at();
+    await page.locator("#replay-play").click();
+    await until("it pauses", async () => (await text("#replay-play")) === "Play");
+    return reached - 1;
+  };
+  const slow = await second("0.1");
+  assert.ok(slow > 0.02 && slow < 0.4, `${slow} s at a tenth of the speed`);
+  const fast = await second("2");
+  assert.ok(fast > 1, `${fast} s at twice the speed`);
+  await page.locator("#replay-speed").selectOption("10");
+  await page.locator("#replay-play").click();
+  await until("the end", async () => (await text("#state")) === "Replay, paused");
+  await page.locator("#replay-play").click();
+  await until("it plays again", async () => (await text("#state")) === "Replay");
+});
+
+test("the keys move no instrument, and the program says at its end what it found", async () => {
+  assert.equal(await page.locator("#pad-button").isVisible(), false);
+  replay.kill("SIGTERM");
+  const status = await new Promise((done) => replay.on("exit", done));
+  assert.equal(status, 0);
+  assert.match(printed, /\d+ states repeated, 0 differ\n$/);
+  await until("the page says so", async () => (await text("#state")) === "No connection");
+  assert.deepEqual(problems, []);
+});
