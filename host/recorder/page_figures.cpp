@@ -13,6 +13,14 @@ double CountsApart(const InstrumentReport& instrument) {
   return std::max(instrument.axial.error_counts, instrument.rotation.error_counts);
 }
 
+// ", at 12.3 s"; "" of an empty series.
+std::string TimeOfPeak(const Series& series) {
+  const std::vector<SeriesPoint> points = series.Points();
+  if (points.empty()) return "";
+  const auto lower = [](const SeriesPoint& a, const SeriesPoint& b) { return a.value < b.value; };
+  return ", at " + SecondsText(std::max_element(points.begin(), points.end(), lower)->time_s);
+}
+
 // Of an instrument that is not good.
 std::string DoubtOf(const InstrumentReport& instrument) {
   if (instrument.reports_lost < 0) return " may have lost reports of its device: none was counted.";
@@ -119,7 +127,8 @@ void PageFigures::AddTarget(std::vector<PageFinding>& findings) const {
 void PageFigures::AddWall(std::vector<PageFinding>& findings) const {
   if (now_.wall_force_mN) {
     const bool limited = limits_.force_limit_mN.has_value();
-    findings.push_back({"Largest force on the wall, on " + Patch(), ForceText(*now_.wall_force_mN),
+    findings.push_back({"Largest force on the wall, on " + Patch(),
+                        ForceText(*now_.wall_force_mN) + TimeOfPeak(report_.course.wall_force_mN()),
                         limited ? LimitText(*limits_.force_limit_mN) : "none set",
                         !limited       ? ""
                         : AboveLimit() ? "&#x2717; above the limit"
@@ -151,9 +160,9 @@ void PageFigures::AddWay(std::vector<PageFinding>& findings) const {
                         "none set", ""});
   }
   if (const auto ratio = Reading("tip_path_ratio")) {
-    findings.push_back({"Path length of the tip", fmt::format("{:.0f} mm", now_.tip_path_mm),
-                        "none set",
-                        fmt::format("{:.2f} times the length of the way to the target", *ratio)});
+    findings.push_back(
+        {"Path length of the tip", fmt::format("{:.0f} mm", now_.tip_path_mm), "none set",
+         fmt::format("{:.2f} times the length of the way from the entry to the target", *ratio)});
   }
 }
 

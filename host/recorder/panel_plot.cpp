@@ -174,7 +174,7 @@ class Drawing {
   }
 
   void DrawCurves(const PlotPanel& panel, const Scale& scale) {
-    for (const double tick : Ticks(scale, 2.5, false)) {
+    for (const double tick : Ticks(scale, 2, false)) {
       const double y = scale.Pixel(tick);
       Append(out_, "<path d=\"M{:.1f} {:.1f}H{:.1f}\" stroke=\"{}\"/>\n", kLeft, y, kRight, kGrid);
       AppendText(out_, kLeft - 7, y + 4, "end", kFaint, fmt::format("{:.6g}", tick));
