@@ -26,8 +26,8 @@ struct ReplayResult {
 /// records, and compares their hashes and all else that follows from the commands. States that were
 /// not recorded are repeated too, as long as no more than kMostPastInMessage in a row are missing.
 /// Throws UserError when the log cannot be read, holds no state, has a longer gap, or was recorded
-/// with another scene. `go_on`, where there is one, gets what has been found after each record; where
-/// it answers false, the rest is left out.
+/// with another scene. `go_on`, where there is one, gets what has been found after each record;
+/// where it answers false, the rest is left out.
 ReplayResult Replay(scene::Scene& scene, const std::string& log,
                     const std::function<bool(const ReplayResult&)>& go_on = {});
 
