@@ -63,7 +63,7 @@ std::string Number(double value, int digits) {
   return text;
 }
 
-std::string EscapeMarkup(const std::string& text) {
+std::string EscapeMarkup(std::string_view text) {
   std::string out;
   for (const char c : text) {
     switch (c) {

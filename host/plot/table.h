@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace torquer::plot {
@@ -20,7 +21,8 @@ std::string FormatHtml(const Table& table);
 /// A number with `digits` significant digits, as people write it: "0.0125", "1230", "3.1e-07".
 std::string Number(double value, int digits = 3);
 
-/// Text with the characters that mean something in HTML and SVG replaced.
-std::string EscapeMarkup(const std::string& text);
+/// Text with the characters that mean something in HTML and SVG replaced: for text between tags,
+/// and for values of attributes in double quotes.
+std::string EscapeMarkup(std::string_view text);
 
 }  // namespace torquer::plot

@@ -6,12 +6,13 @@
 #include <cmath>
 #include <ctime>
 
+#include "host/plot/table.h"
 #include "host/recorder/svg_text.h"
 #include "host/support/printable_text.h"
 
 namespace torquer {
 
-std::string SafeText(std::string_view text) { return EscapeMarkup(Printable(text)); }
+std::string SafeText(std::string_view text) { return plot::EscapeMarkup(Printable(text)); }
 
 std::string SecondsText(double seconds) {
   if (seconds < 99.95) return fmt::format("{:.1f} s", seconds);

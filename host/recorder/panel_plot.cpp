@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "host/plot/table.h"
 #include "host/recorder/svg_text.h"
 
 namespace torquer {
@@ -92,7 +93,7 @@ void AppendText(std::string& out, double x, double y, const char* anchor, const 
   Append(out,
          "<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" fill=\"{}\" "
          "font-weight=\"{}\">{}</text>\n",
-         x, y, anchor, color, weight, EscapeMarkup(text));
+         x, y, anchor, color, weight, plot::EscapeMarkup(text));
 }
 
 // What a text takes, roughly.
@@ -119,7 +120,7 @@ class Drawing {
            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0f} {:.0f}\" width=\"100%\" "
            "role=\"img\" font-family=\"'DejaVu Sans', Verdana, sans-serif\" font-size=\"13\">\n"
            "<title>{}</title>\n",
-           kWidth, y + kAxisHeight, EscapeMarkup(name));
+           kWidth, y + kAxisHeight, plot::EscapeMarkup(name));
     return svg + out_ + "</svg>\n";
   }
 

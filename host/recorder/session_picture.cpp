@@ -8,6 +8,7 @@
 #include <cmath>
 #include <utility>
 
+#include "host/plot/table.h"
 #include "host/recorder/svg_text.h"
 
 namespace torquer {
@@ -257,7 +258,7 @@ void AppendLegend(std::string& out, const PictureWire& wire, const Panel& panel)
     Append(out, "<path d=\"M{:.1f} {:.1f}h26\" stroke=\"{}\" stroke-width=\"{:.1f}\"/>\n", x, y,
            kInstrumentColors[k % kInstrumentColors.size()], 3.4 + kWider * static_cast<double>(k));
     Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"subtitle\">{} {:.1f} mm</text>\n", x + 36,
-           y + 5, EscapeMarkup(wire.instruments[k].name), wire.instruments[k].insertion_mm);
+           y + 5, plot::EscapeMarkup(wire.instruments[k].name), wire.instruments[k].insertion_mm);
   }
 }
 
@@ -273,9 +274,9 @@ void AppendFigures(std::string& out, const PictureCaption& caption, const Box& b
     const double x = box.min().x() + static_cast<double>(column) * column_width;
     const double y = box.min().y() + static_cast<double>(row) * row_height;
     Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"value\">{}</text>\n", x, y + 22,
-           EscapeMarkup(caption.figures[i].second));
+           plot::EscapeMarkup(caption.figures[i].second));
     Append(out, "<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"small\">{}</text>\n", x, y + 40,
-           EscapeMarkup(caption.figures[i].first));
+           plot::EscapeMarkup(caption.figures[i].first));
   }
 }
 
@@ -333,9 +334,9 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
   Append(out, "<rect width=\"{:g}\" height=\"{:g}\" rx=\"16\" fill=\"#0a101d\"/>\n", kWidth,
          kHeight);
   Append(out, "<text x=\"{:g}\" y=\"58\" class=\"title\">{}</text>\n", kMargin,
-         EscapeMarkup(caption.title));
+         plot::EscapeMarkup(caption.title));
   Append(out, "<text x=\"{:g}\" y=\"88\" class=\"subtitle\">{}</text>\n", kMargin,
-         EscapeMarkup(caption.subtitle));
+         plot::EscapeMarkup(caption.subtitle));
   AppendPanel(out, "overview", overview);
   AppendPanel(out, "closeup", close_up);
 

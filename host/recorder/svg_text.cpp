@@ -4,29 +4,6 @@
 
 namespace torquer {
 
-std::string EscapeMarkup(std::string_view text) {
-  std::string escaped;
-  for (const char character : text) {
-    switch (character) {
-      case '&':
-        escaped += "&amp;";
-        break;
-      case '<':
-        escaped += "&lt;";
-        break;
-      case '>':
-        escaped += "&gt;";
-        break;
-      case '"':
-        escaped += "&quot;";
-        break;
-      default:
-        escaped += character;
-    }
-  }
-  return escaped;
-}
-
 double RoundBelow(double most) {
   const double decade = std::pow(10.0, std::floor(std::log10(most)));
   if (5 * decade <= most) return 5 * decade;
