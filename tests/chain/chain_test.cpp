@@ -164,6 +164,9 @@ TEST_CASE("A session loses nothing, repeats bit for bit, and plays at another sp
   CHECK(summary["nodes"].get<int>() > 20);
   CHECK(summary["residual"].get<double>() >= 0);
   CHECK_THAT(Contents(summary["picture"]), Catch::StartsWith("<svg"));
+  CHECK_THAT(Contents(summary["page"]), Catch::StartsWith("<!DOCTYPE html>") &&
+                                            Catch::Contains("Time line") &&
+                                            Catch::Contains("</html>"));
 
   const std::string log = folder.Path("session/latest/session.lcmlog");
   const std::vector<double> latencies_ms = Latencies(log);
