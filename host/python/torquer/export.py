@@ -1,0 +1,302 @@
+"""Wire shapes for other programs: ParaView, 3D Slicer, tables, meshio.
+
+    states = torquer.export.read_states("states.jsonl")
+    torquer.export.write(states, "wire.pvd")  # or .vtp, .mrk.json, .csv
+    torquer.export.to_meshio(torquer.export.State.of(simulation))
+
+A file is written under a temporary name and then renamed, so that it is whole or not there.
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import json
+import os
+import pathlib
+import shutil
+import struct
+import tempfile
+from typing import Any, Dict, Iterator, List, Sequence, Union
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import numpy.typing as npt
+
+from . import Error, Simulation
+
+Array = npt.NDArray[np.float64]
+Path = Union[str, "os.PathLike[str]"]
+
+# Fields of a line of --states with a value for each node, and how many numbers a value has.
+_NODE_FIELDS = {
+    "contact_force_mN": 3,
+    "line_load_mN_mm": 1,
+    "tension_mN": 1,
+    "bending_mN_mm": 1,
+    "twisting_mN_mm": 1,
+}
+_MOST_NODES = 100_000
+_MOST_LINE_BYTES = 64 << 20
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """The curve on which all instruments lie, from the entry to the farthest tip."""
+
+    time_s: float
+    nodes_mm: Array
+    """Shape (n, 3)."""
+    point_data: Dict[str, Array]
+    """Of each node: contact_force_mN (n, 3), tension_mN and others (n,); empty without forces."""
+
+    @staticmethod
+    def of(simulation: Simulation) -> State:
+        """A copy of where a simulation is."""
+        forces = dict(simulation.forces())
+        if "contact_mN" in forces:
+            forces["contact_force_mN"] = forces.pop("contact_mN")
+        return State(simulation.time_s, simulation.nodes_mm.copy(), forces)
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _numbers(where: str, field: str, value: Any, columns: int) -> Array:
+    shape = f"a list of {'[x, y, z]' if columns == 3 else 'numbers'}"
+    remedy = "write the file again with torquer-simulator --states"
+    rows = value if isinstance(value, list) else None
+    if rows is None:
+        raise Error(f"{where}: field {field} is {str(value)[:40]}, not {shape}; {remedy}")
+    if not 2 <= len(rows) <= _MOST_NODES:
+        raise Error(f"{where}: field {field} has {len(rows)} entries, not 2 to {_MOST_NODES}; {remedy}")
+    for k, row in enumerate(rows):
+        parts = row if columns == 3 and isinstance(row, list) else [row]
+        if len(parts) != columns or any(type(part) not in (int, float) for part in parts):
+            raise Error(f"{where}: field {field}[{k}] is {str(row)[:40]}; {field} is {shape}; {remedy}")
+    # A number that a double cannot hold becomes infinite here, or cannot be converted.
+    try:
+        out = np.array(rows, float)
+    except OverflowError:
+        out = np.array([np.inf])
+    if not np.isfinite(out).all():
+        raise Error(f"{where}: field {field} holds a number that is not finite; {remedy}")
+    return out
+
+
+def _parse_state(where: str, line: bytes) -> State:
+    try:
+        fields = json.loads(line, parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise Error(
+            f"{where}: not valid JSON ({error}); the file is damaged or cut short: write it again"
+        ) from None
+    if not isinstance(fields, dict):
+        raise Error(f"{where}: not a JSON object; give a file of torquer-simulator --states")
+    for field in ("time_s", "nodes_mm"):
+        if field not in fields:
+            raise Error(f"{where}: field {field} is missing; give a file of torquer-simulator --states")
+    time_s = fields["time_s"]
+    if type(time_s) not in (int, float) or not abs(time_s) <= 1e9:
+        raise Error(f"{where}: field time_s is {str(time_s)[:40]}, not a number up to 1e9; repair it")
+    nodes = _numbers(where, "nodes_mm", fields["nodes_mm"], 3)
+    data = {}
+    for field, columns in _NODE_FIELDS.items():
+        if field in fields:
+            data[field] = _numbers(where, field, fields[field], columns)
+            if len(data[field]) != len(nodes):
+                raise Error(
+                    f"{where}: field {field} has {len(data[field])} entries for {len(nodes)} nodes; "
+                    "write the file again with torquer-simulator --states"
+                )
+    return State(float(time_s), nodes, data)
+
+
+def _lines(path: str) -> Iterator[bytes]:
+    try:
+        with open(path, "rb") as file:
+            while line := file.readline(_MOST_LINE_BYTES + 1):
+                yield line
+    except OSError as error:
+        raise Error(f"{path}: cannot be read ({error.strerror}); check the path and permissions") from None
+
+
+def read_states(path: Path) -> List[State]:
+    """The states in a file that torquer-simulator --states wrote."""
+    path = os.fspath(path)
+    states: List[State] = []
+    for number, line in enumerate(_lines(path), 1):
+        where = f"{path}:{number}"
+        if len(line) > _MOST_LINE_BYTES:
+            raise Error(f"{where}: longer than {_MOST_LINE_BYTES} bytes; give a file of --states")
+        state = _parse_state(where, line)
+        if states and state.time_s <= states[-1].time_s:
+            raise Error(
+                f"{where}: field time_s is {state.time_s}, not after {states[-1].time_s} of the line "
+                "before; give the states of one run"
+            )
+        states.append(state)
+    if not states:
+        raise Error(f"{path}: holds no state; give a file of torquer-simulator --states")
+    return states
+
+
+def _data_array(name: str, values: npt.NDArray[Any]) -> str:
+    values = np.ascontiguousarray(values)
+    kind = "Float64" if values.dtype.kind == "f" else "Int64"
+    columns = 1 if values.ndim == 1 else values.shape[1]
+    raw = values.astype("<f8" if kind == "Float64" else "<i8").tobytes()
+    text = base64.b64encode(struct.pack("<Q", len(raw)) + raw).decode()
+    return (
+        f'<DataArray type="{kind}" Name={quoteattr(name)} NumberOfComponents="{columns}" '
+        f'format="binary">{text}</DataArray>\n'
+    )
+
+
+_VTK_FILE = (
+    '<?xml version="1.0"?>\n<VTKFile type="{}" version="1.0" byte_order="LittleEndian" '
+    'header_type="UInt64">\n'
+)
+
+
+def _vtp(state: State) -> str:
+    count = len(state.nodes_mm)
+    data = "".join(_data_array(name, values) for name, values in state.point_data.items())
+    return (
+        _VTK_FILE.format("PolyData")
+        + f'<PolyData>\n<Piece NumberOfPoints="{count}" NumberOfVerts="0" NumberOfLines="1" '
+        f'NumberOfStrips="0" NumberOfPolys="0">\n<PointData>\n{data}</PointData>\n<Points>\n'
+        + _data_array("Points", state.nodes_mm)
+        + "</Points>\n<Lines>\n"
+        + _data_array("connectivity", np.arange(count))
+        + _data_array("offsets", np.array([count]))
+        + "</Lines>\n</Piece>\n</PolyData>\n</VTKFile>\n"
+    )
+
+
+def slicer_curve(points: Array, radii: Union[Array, None] = None) -> str:
+    """Points as a curve of 3D Slicer: mm, left-posterior-superior, as surfaces of patients are."""
+    markup: Dict[str, Any] = {
+        "type": "Curve",
+        "coordinateSystem": "LPS",
+        "coordinateUnits": "mm",
+        "controlPoints": [
+            {"id": str(k + 1), "position": list(map(float, point)), "positionStatus": "defined"}
+            for k, point in enumerate(points)
+        ],
+        "measurements": [],
+    }
+    if radii is not None:
+        markup["measurements"] = [
+            {
+                "name": "Radius",
+                "enabled": True,
+                "units": "mm",
+                "controlPointValues": list(map(float, radii)),
+            }
+        ]
+    schema = (
+        "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/"
+        "Resources/Schema/markups-schema-v1.0.3.json#"
+    )
+    return json.dumps({"@schema": schema, "markups": [markup]}, indent=1) + "\n"
+
+
+def _csv(states: Sequence[State]) -> str:
+    names = list(states[0].point_data)
+    header = ["time_s", "node", "x_mm", "y_mm", "z_mm"]
+    for name in names:
+        stem, unit = name.rsplit("_", 1)
+        three = states[0].point_data[name].ndim == 2
+        header += [f"{stem}_{axis}_{unit}" for axis in "xyz"] if three else [name]
+    lines = [",".join(header)]
+    for state in states:
+        if list(state.point_data) != names:
+            raise Error(f"the state at {state.time_s} s has other data than the first; give one run")
+        table = np.column_stack([state.nodes_mm, *state.point_data.values()])
+        for node, row in enumerate(table):
+            lines.append(f"{state.time_s!r},{node}," + ",".join(map(repr, map(float, row))))
+    return "\n".join(lines) + "\n"
+
+
+def _write_text(path: pathlib.Path, text: str) -> None:
+    if path.exists() and not path.is_file():
+        raise Error(f"{path}: is not an ordinary file; give another name")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_text(text)
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise Error(f"{path}: cannot be written ({error.strerror}); check the folder and its space") from None
+
+
+def write_folder(folder: Path, files: Dict[str, str]) -> None:
+    """A new folder with these files, by their names: all of them, or none."""
+    folder = pathlib.Path(folder)
+    if folder.exists():
+        raise Error(f"{folder}: exists already; remove it, or give another name")
+    temporary = None
+    try:
+        temporary = pathlib.Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        for name, text in files.items():
+            (temporary / name).write_text(text)
+        temporary.chmod(0o755)
+        temporary.rename(folder)
+    except OSError as error:
+        if temporary:
+            shutil.rmtree(temporary, ignore_errors=True)
+        raise Error(f"{folder}: cannot be written ({error.strerror}); check the folder and its space") from None
+
+
+def _write_series(states: Sequence[State], path: pathlib.Path) -> None:
+    folder = path.with_suffix("")
+    files = {f"state_{k:06}.vtp": _vtp(state) for k, state in enumerate(states)}
+    sets = "".join(
+        f'<DataSet timestep="{state.time_s!r}" part="0" file={quoteattr(f"{folder.name}/{name}")}/>\n'
+        for state, name in zip(states, files)
+    )
+    write_folder(folder, files)
+    try:
+        _write_text(path, f"{_VTK_FILE.format('Collection')}<Collection>\n{sets}</Collection>\n</VTKFile>\n")
+    except Error:
+        shutil.rmtree(folder)
+        raise
+
+
+def write(states: Sequence[State], path: Path) -> str:
+    """Writes states as the ending of path says, and returns what was written, in words.
+
+    .pvd: a series for ParaView, with a .vtp a state in the folder of the same name, which must not
+    exist yet. .csv: a row a node. .vtp and .mrk.json, which hold one shape: the last state.
+    """
+    path = pathlib.Path(path)
+    if not states:
+        raise Error(f"{path}: there is no state to write; give one at least")
+    last = f"the state at {states[-1].time_s} s, {len(states[-1].nodes_mm)} nodes in mm"
+    every = f"{len(states)} states, {states[0].time_s} to {states[-1].time_s} s, nodes in mm"
+    if path.name.endswith(".mrk.json"):
+        _write_text(path, slicer_curve(states[-1].nodes_mm))
+        return last
+    if path.suffix == ".vtp":
+        _write_text(path, _vtp(states[-1]))
+        return last
+    if path.suffix == ".csv":
+        _write_text(path, _csv(states))
+        return every
+    if path.suffix == ".pvd":
+        _write_series(states, path)
+        return every
+    raise Error(f"{path}: no known ending; give .pvd, .vtp, .mrk.json or .csv")
+
+
+def to_meshio(state: State) -> Any:
+    """A state as a meshio.Mesh of one polyline. Needs Debian's python3-meshio."""
+    try:
+        import meshio  # type: ignore[import]
+    except ImportError:
+        raise Error("meshio is missing; install the package python3-meshio") from None
+    index = np.arange(len(state.nodes_mm))
+    cells = [("line", np.column_stack([index[:-1], index[1:]]))]
+    return meshio.Mesh(state.nodes_mm, cells, point_data=dict(state.point_data))
