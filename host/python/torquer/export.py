@@ -69,8 +69,8 @@ def _numbers(where: str, field: str, value: Any, columns: int) -> Array:
     rows = value if isinstance(value, list) else None
     if rows is None:
         raise Error(f"{where}: field {field} is {str(value)[:40]}, not {shape}; {remedy}")
-    if not 2 <= len(rows) <= _MOST_NODES:
-        raise Error(f"{where}: field {field} has {len(rows)} entries, not 2 to {_MOST_NODES}; {remedy}")
+    if not 1 <= len(rows) <= _MOST_NODES:
+        raise Error(f"{where}: field {field} has {len(rows)} entries, not 1 to {_MOST_NODES}; {remedy}")
     for k, row in enumerate(rows):
         parts = row if columns == 3 and isinstance(row, list) else [row]
         if len(parts) != columns or any(type(part) not in (int, float) for part in parts):
