@@ -8,6 +8,7 @@ namespace torquer::protocol {
 
 inline constexpr char kDeviceSampleChannel[] = "TORQUER_DEVICE_SAMPLE";
 inline constexpr char kInstrumentCommandChannel[] = "TORQUER_INSTRUMENT_COMMAND";
+inline constexpr char kImagingCommandChannel[] = "TORQUER_IMAGING_COMMAND";
 inline constexpr char kWireStateChannel[] = "TORQUER_WIRE_STATE";
 inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
 inline constexpr char kReadingsChannel[] = "TORQUER_READINGS";
@@ -19,9 +20,9 @@ inline constexpr char kEmulatorTruthChannel[] = "TORQUER_EMULATOR_TRUTH";
 
 /// All of them.
 inline constexpr const char* kChannels[] = {
-    kDeviceSampleChannel, kInstrumentCommandChannel, kWireStateChannel, kSceneChannel,
-    kReadingsChannel,     kWireForcesChannel,        kPictureChannel,   kHealthChannel,
-    kHandMotionChannel,   kEmulatorTruthChannel};
+    kDeviceSampleChannel, kInstrumentCommandChannel, kWireStateChannel,     kSceneChannel,
+    kReadingsChannel,     kWireForcesChannel,        kPictureChannel,       kHealthChannel,
+    kHandMotionChannel,   kEmulatorTruthChannel,     kImagingCommandChannel};
 
 /// Version of the message types: a change of one of them makes a new one (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 2;
@@ -42,6 +43,14 @@ enum InstrumentFlag : std::int32_t {
   kCommandSensorFault = 1 << 2,   ///< the sensor does not answer
   kCommandClutch = 1 << 3,        ///< clutch held: the hand moves, the wire stays
   kCommandNoDevice = 1 << 4,      ///< no device: the last position is held
+};
+
+/// imaging_command_t::mode.
+enum ImagingMode : std::int32_t {
+  kImagingAsScene = 0,      ///< as the scene's `mode` says
+  kImagingPlain = 1,        ///< as the detector sees it
+  kImagingSubtraction = 2,  ///< less the first picture since the pedal went down
+  kImagingRoadmap = 3,      ///< that, with the densest dye so far as a bright map
 };
 
 /// Bits of wire_state_t::status.

@@ -62,22 +62,10 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
   }
   const int k = static_cast<int>(found - all.begin());
   Source& source = sources_[static_cast<std::size_t>(k)];
-  const bool owned = Owns(source, now_us);
-  if (owned && sender != *source.owner) {
-    Refuse(source, kSender, now_us,
-           fmt::format("commands for the {} from {} are refused: it is commanded by {}",
-                       found->name, bus::Describe(sender), bus::Describe(*source.owner)));
-    return;
-  }
-  if (message.sequence < 0 || (owned && !Follows(message.sequence, source.sequence))) {
-    Refuse(source, kOrder, now_us,
-           fmt::format("a command for the {} from {} is refused: its number {} is before {}",
-                       found->name, bus::Describe(sender), message.sequence, source.sequence));
-    return;
-  }
+  if (!Accepts(source, found->name, message.sequence, sender, now_us)) return;
   const InstrumentPlace place{start_[k].insertion_mm + message.insertion_mm, message.rotation_rad};
   const effects::Controls controls{message.lao_rad, message.cra_rad, message.xray != 0,
-                                   message.contrast != 0};
+                                   message.contrast != 0, command_.controls.imaging};
   const std::string unusable = Unusable(message, place, controls);
   source.sequence = message.sequence;
   source.refused = !unusable.empty();
@@ -107,6 +95,58 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
                                       protocol::kCommandNoDevice)) != 0;
   Combine();
   ++taken_;
+}
+
+void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus::Sender& sender,
+                        std::int64_t now_us) {
+  if (!Accepts(imaging_, "X-ray system", message.sequence, sender, now_us)) return;
+  imaging_.sequence = message.sequence;
+  effects::Imaging chosen;
+  const bool known =
+      message.mode >= protocol::kImagingAsScene && message.mode <= protocol::kImagingRoadmap;
+  if (known) chosen.mode = static_cast<effects::Imaging::Mode>(message.mode);
+  chosen.pulses_per_s = message.pulses_per_s;
+  chosen.magnification = message.magnification;
+  chosen.left = message.shutters[0];
+  chosen.right = message.shutters[1];
+  chosen.top = message.shutters[2];
+  chosen.bottom = message.shutters[3];
+  if (!known || !Usable(chosen)) {
+    Refuse(imaging_, kValue, now_us,
+           fmt::format("a command for the X-ray system from {} is refused, and the last one "
+                       "stands: mode {}, pulses_per_s {:g}, magnification {:g}, shutters {:g} {:g} "
+                       "{:g} {:g}",
+                       bus::Describe(sender), message.mode, message.pulses_per_s,
+                       message.magnification, message.shutters[0], message.shutters[1],
+                       message.shutters[2], message.shutters[3]));
+    return;
+  }
+  imaging_.owner = sender;
+  imaging_.heard_us = now_us;
+  ++taken_;
+  if (chosen == command_.controls.imaging) return;
+  command_.controls.imaging = chosen;
+  fresh_ = true;
+  sent_us_ = 0;
+}
+
+// Whether a sender may command, and its command comes after those before; the refusal is named.
+bool LiveCommands::Accepts(Source& source, const std::string& what, std::int64_t sequence,
+                           const bus::Sender& sender, std::int64_t now_us) {
+  const bool owned = Owns(source, now_us);
+  if (owned && sender != *source.owner) {
+    Refuse(source, kSender, now_us,
+           fmt::format("commands for the {} from {} are refused: it is commanded by {}", what,
+                       bus::Describe(sender), bus::Describe(*source.owner)));
+    return false;
+  }
+  if (sequence < 0 || (owned && !Follows(sequence, source.sequence))) {
+    Refuse(source, kOrder, now_us,
+           fmt::format("a command for the {} from {} is refused: its number {} is before {}", what,
+                       bus::Describe(sender), sequence, source.sequence));
+    return false;
+  }
+  return true;
 }
 
 void LiveCommands::Age(std::int64_t now_us) {

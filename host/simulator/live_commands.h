@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
@@ -15,11 +16,13 @@
 namespace torquer::simulator {
 
 /// Takes instrument commands; the newest of each instrument counts. C-arm and pedals are those of
-/// the innermost instrument's box.
+/// the innermost instrument's box. Of what is chosen on the X-ray system the newest stands, whoever
+/// is silent.
 ///
-/// An instrument belongs to who commands it, until no usable command of that sender has come for
-/// kOwnedUs: commands of others are refused, and numbers that go back. Then any sender and any
-/// number is taken. No clock: the caller says what time it is, by bus::MonotonicUs().
+/// An instrument, and the X-ray system, belongs to who commands it, until no usable command of that
+/// sender has come for kOwnedUs: commands of others are refused, and numbers that go back. Then any
+/// sender and any number is taken. No clock: the caller says what time it is, by
+/// bus::MonotonicUs().
 class LiveCommands {
  public:
   /// After so long without a command its instrument stays where the last one wanted it, its pedals
@@ -31,6 +34,8 @@ class LiveCommands {
   explicit LiveCommands(const Simulation& simulation);
 
   void Take(const torquer_lcm::instrument_command_t& message, const bus::Sender& sender,
+            std::int64_t now_us);
+  void Take(const torquer_lcm::imaging_command_t& message, const bus::Sender& sender,
             std::int64_t now_us);
   /// Finds who has become silent. To be called several times in kSilentUs.
   void Age(std::int64_t now_us);
@@ -69,6 +74,8 @@ class LiveCommands {
   };
 
   bool Owns(const Source& source, std::int64_t now_us) const;
+  bool Accepts(Source& source, const std::string& what, std::int64_t sequence,
+               const bus::Sender& sender, std::int64_t now_us);
   void Refuse(Source& source, Refusal kind, std::int64_t now_us, const std::string& what);
   void Say(const std::string& what);
   void Combine();
@@ -78,6 +85,7 @@ class LiveCommands {
   const std::int64_t clock_id_;
   Command command_;
   std::vector<Source> sources_;
+  Source imaging_;
   std::int64_t taken_ = 0;
   std::int64_t unknown_ = 0;
   std::int64_t refusals_[kRefusals] = {};

@@ -52,6 +52,12 @@ class LiveLoop {
         },
         // All of them: a short queue would keep the oldest, and the newest is the one that counts.
         0);
+    bus.SubscribeWithArrival<torquer_lcm::imaging_command_t>(
+        protocol::kImagingCommandChannel,
+        [this](const torquer_lcm::imaging_command_t& message, const bus::Arrival& arrival) {
+          commands_.Take(message, arrival.sender, arrival.received_us);
+        },
+        0);
   }
 
   LiveStatistics Run(const std::atomic<bool>& stop) {

@@ -27,9 +27,21 @@ bool Usable(const InstrumentPlace& place) {
          std::abs(place.rotation_rad) <= kLargestTarget;
 }
 
+bool Usable(const effects::Imaging& imaging) {
+  using effects::Imaging;
+  // Not a number fails each of these.
+  const auto shutter = [](double share) { return share >= 0 && share <= Imaging::kMostShutter; };
+  return imaging.mode <= Imaging::Mode::kRoadmap &&
+         (imaging.pulses_per_s == 0 || (imaging.pulses_per_s >= Imaging::kLeastPulses &&
+                                        imaging.pulses_per_s <= Imaging::kMostPulses)) &&
+         imaging.magnification >= 1 && imaging.magnification <= Imaging::kMostMagnification &&
+         shutter(imaging.left) && shutter(imaging.right) && shutter(imaging.top) &&
+         shutter(imaging.bottom);
+}
+
 bool Usable(const effects::Controls& controls) {
   return std::abs(controls.lao_rad) <= std::numbers::pi &&
-         std::abs(controls.cra_rad) <= std::numbers::pi;
+         std::abs(controls.cra_rad) <= std::numbers::pi && Usable(controls.imaging);
 }
 
 Simulation::Simulation(scene::Scene& scene)

@@ -27,7 +27,9 @@ struct Command {
 
 /// Whether an instrument can be wanted there: finite, and within 1e5 mm and 1e5 rad.
 bool Usable(const InstrumentPlace& place);
-/// Whether the C-arm can be turned so: finite, and within half a turn.
+/// Whether an X-ray system can be set so: all within their ranges.
+bool Usable(const effects::Imaging& imaging);
+/// Whether the C-arm can be turned so, finite and within half a turn, and set so.
 bool Usable(const effects::Controls& controls);
 
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "host/simulator/simulation.h"
 #include "host/support/fnv1a.h"
 #include "host/support/printable_text.h"
 
@@ -150,11 +151,6 @@ std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_
   return out.Take();
 }
 
-std::string ArmText(double field_mm, std::uint64_t content_hash) {
-  return nlohmann::json({{"kind", "arm"}, {"field_mm", field_mm}, {"hash", Hex(content_hash)}})
-      .dump();
-}
-
 std::string LinesText(const vessel::CenterlineNetwork& centerlines,
                       const effects::AssessmentTask* task, std::uint64_t content_hash) {
   nlohmann::json curves = nlohmann::json::array();
@@ -238,6 +234,23 @@ std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes) {
                       std::abs(controls.cra_rad_s) <= Controls::kMostArmRadS;
   if (!usable) return {};
   return controls;
+}
+
+std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() != kControlsBytes ||
+      bytes[0] != static_cast<std::uint8_t>(FrameKind::kImaging) || bytes[1] != kFrameVersion) {
+    return {};
+  }
+  effects::Imaging imaging;
+  imaging.mode = static_cast<effects::Imaging::Mode>(bytes[2]);
+  imaging.pulses_per_s = ReadAt<float>(bytes, 4);
+  imaging.magnification = ReadAt<float>(bytes, 8);
+  imaging.left = 0.01 * bytes[12];
+  imaging.right = 0.01 * bytes[13];
+  imaging.top = 0.01 * bytes[14];
+  imaging.bottom = 0.01 * bytes[15];
+  if (!simulator::Usable(imaging)) return {};
+  return imaging;
 }
 
 std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes) {

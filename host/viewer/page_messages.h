@@ -12,6 +12,7 @@
 #include <torquer_lcm/wire_forces_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 
+#include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/observers/assessment.h"
 #include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/triangle_mesh.h"
@@ -24,7 +25,8 @@ enum class FrameKind : std::uint8_t {
   kPicture = 2,
   kVessel = 3,
   kControls = 16,
-  kReplayControls = 17
+  kReplayControls = 17,
+  kImaging = 18
 };
 
 /// Second byte of a binary message: a change of a layout makes a new one.
@@ -40,9 +42,6 @@ std::string PictureFrame(const torquer_lcm::picture_t& picture);
 /// The vessel's surface, with the scene's content hash: the page shows it for that scene alone.
 std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_hash,
                         bool vessel_moves);
-
-/// Where the tube looks: the width of the picture at the isocenter.
-std::string ArmText(double field_mm, std::uint64_t content_hash);
 
 /// The vessel's centerlines, and what the trainee is to reach: `task` may be null.
 std::string LinesText(const vessel::CenterlineNetwork& centerlines,
@@ -69,11 +68,15 @@ struct Controls {
   static constexpr double kMostArmRadS = 2;
 };
 
-/// Size of either message from the page, bytes.
+/// Size of each message from the page, bytes.
 inline constexpr std::size_t kControlsBytes = 20;
 
 /// Nothing where the bytes are not of that layout, or a rate is not finite or beyond its limit.
 std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes);
+
+/// What the page has chosen on the X-ray system. Nothing where the bytes are not of that layout, or
+/// a value is beyond its limits.
+std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes);
 
 /// What the page wants of a replay.
 struct ReplayControls {

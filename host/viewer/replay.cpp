@@ -126,6 +126,10 @@ class Replayer {
                                                {"cra_rad", 0},
                                                {"xray", false},
                                                {"contrast", false},
+                                               {"mode", 0},
+                                               {"pulses_per_s", 0},
+                                               {"magnification", 1},
+                                               {"shutters", {0, 0, 0, 0}},
                                                {"states_per_s", last_second}})
                                    .dump());
     nlohmann::json text = {{"kind", "replay"},

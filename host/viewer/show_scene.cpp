@@ -1,6 +1,5 @@
 #include "host/viewer/show_scene.h"
 
-#include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/effects/observers/assessment.h"
 #include "host/simulator/vessel/surface_net.h"
 #include "host/viewer/page_messages.h"
@@ -18,11 +17,11 @@ std::string SurfaceFrame(scene::Scene& scene) {
                      scene.content_hash(), moves);
 }
 
-// Null where the scene has no such effect.
-template <class Kind>
-const Kind* Find(const scene::Scene& scene) {
+// Null where the scene has none.
+const effects::AssessmentTask* TaskOf(const scene::Scene& scene) {
   for (const auto& effect : scene.effects()) {
-    if (const auto* found = dynamic_cast<const Kind*>(effect.get())) return found;
+    const auto* assessment = dynamic_cast<const effects::Assessment*>(effect.get());
+    if (assessment != nullptr) return &assessment->task();
   }
   return nullptr;
 }
@@ -30,16 +29,9 @@ const Kind* Find(const scene::Scene& scene) {
 }  // namespace
 
 void ShowScene(scene::Scene& scene, PageServer& server) {
-  const std::uint64_t hash = scene.content_hash();
   server.ShowBytes("vessel", SurfaceFrame(scene));
-  const auto* assessment = Find<effects::Assessment>(scene);
-  server.ShowText("lines", LinesText(scene.vessel().centerlines,
-                                     assessment == nullptr ? nullptr : &assessment->task(), hash));
-  if (const auto* fluoroscopy = Find<effects::Fluoroscopy>(scene)) {
-    // As wide as the picture is at the isocenter.
-    const effects::CArm& arm = fluoroscopy->settings().arm;
-    server.ShowText("arm", ArmText(arm.detector_mm * arm.sod_mm / arm.sid_mm, hash));
-  }
+  server.ShowText("lines",
+                  LinesText(scene.vessel().centerlines, TaskOf(scene), scene.content_hash()));
 }
 
 }  // namespace torquer::viewer

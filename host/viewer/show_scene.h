@@ -6,7 +6,7 @@
 
 namespace torquer::viewer {
 
-/// The vessel's surface, its centerlines, the target, and how wide the X-ray picture is.
+/// The vessel's surface, its centerlines and the target.
 void ShowScene(scene::Scene& scene, PageServer& server);
 
 }  // namespace torquer::viewer

@@ -1,6 +1,7 @@
 #include "host/viewer/steering.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "protocol/lcm_channels.h"
 
@@ -41,6 +42,27 @@ bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) 
   controls_ = controls;
   heard_us_ = now_us;
   return true;
+}
+
+bool Steering::Take(PageId page, const effects::Imaging& imaging) {
+  if (page_ && *page_ != page) return false;
+  imaging_ = imaging;
+  chosen_ = true;
+  return true;
+}
+
+const torquer_lcm::imaging_command_t* Steering::ImagingCommand(std::int64_t now_us) {
+  if (!chosen_) return nullptr;
+  torquer_lcm::imaging_command_t& command = imaging_command_;
+  command.sequence = protocol::NextSequence(command.sequence);
+  command.clock_id = clock_id_;
+  command.publish_us = now_us;
+  command.mode = static_cast<std::int32_t>(imaging_.mode);
+  command.pulses_per_s = imaging_.pulses_per_s;
+  command.magnification = imaging_.magnification;
+  const double shutters[] = {imaging_.left, imaging_.right, imaging_.top, imaging_.bottom};
+  std::copy(std::begin(shutters), std::end(shutters), std::begin(command.shutters));
+  return &command;
 }
 
 void Steering::Leave(PageId page) {

@@ -4,11 +4,13 @@
 
 #include <cstdint>
 #include <optional>
+#include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 #include <vector>
 
+#include "host/simulator/effects/effect.h"
 #include "host/viewer/page_id.h"
 #include "host/viewer/page_messages.h"
 
@@ -34,6 +36,8 @@ class Steering {
 
   /// False, and nothing is taken, while another page steers.
   bool Take(PageId page, const Controls& controls, std::int64_t now_us);
+  /// The same of what is chosen on the X-ray system, which stands until another choice.
+  bool Take(PageId page, const effects::Imaging& imaging);
   void Leave(PageId page);
 
   /// Moves on to `now_us`.
@@ -41,11 +45,15 @@ class Steering {
   /// One for each instrument; none before a scene and a state are known.
   const std::vector<torquer_lcm::instrument_command_t>& Commands(std::int64_t now_us);
 
+  /// Null before the first choice.
+  const torquer_lcm::imaging_command_t* ImagingCommand(std::int64_t now_us);
+
   std::optional<PageId> page() const { return page_; }
   double lao_rad() const { return lao_rad_; }
   double cra_rad() const { return cra_rad_; }
   bool xray() const { return controls_.xray; }
   bool contrast() const { return controls_.contrast; }
+  const effects::Imaging& imaging() const { return imaging_; }
 
  private:
   struct Reach {
@@ -63,6 +71,9 @@ class Steering {
   std::int64_t advanced_us_ = 0;
   double lao_rad_ = 0;
   double cra_rad_ = 0;
+  effects::Imaging imaging_;
+  bool chosen_ = false;
+  torquer_lcm::imaging_command_t imaging_command_{};
 };
 
 }  // namespace torquer::viewer

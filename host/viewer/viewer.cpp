@@ -88,6 +88,10 @@ class Viewer {
   }
 
   bool Take(PageId page, std::span<const std::uint8_t> message) {
+    if (const auto imaging = ReadImaging(message)) {
+      if (steer_ && steering_.Take(page, *imaging)) PublishImaging(bus::MonotonicUs());
+      return true;
+    }
     const std::optional<Controls> controls = ReadControls(message);
     if (!controls) return false;
     if (steer_) steering_.Take(page, *controls, bus::MonotonicUs());
@@ -115,20 +119,33 @@ class Viewer {
     if (health_.Due(now_us)) health_.Repeat(Counters());
   }
 
+  void PublishImaging(std::int64_t now_us) {
+    const torquer_lcm::imaging_command_t* const command = steering_.ImagingCommand(now_us);
+    if (command != nullptr) bus_.Publish(protocol::kImagingCommandChannel, *command);
+  }
+
   // What the viewer itself knows, for the page.
   void Summarize(std::int64_t now_us) {
+    PublishImaging(now_us);
+    const effects::Imaging& imaging = steering_.imaging();
     const double passed_s = 1e-6 * static_cast<double>(now_us - summary_us_);
     const auto page = steering_.page();
-    server_.ShowText("viewer", nlohmann::json({{"kind", "viewer"},
-                                               {"steer", steer_},
-                                               {"steered", page.has_value()},
-                                               {"page", page.value_or(0)},
-                                               {"lao_rad", steering_.lao_rad()},
-                                               {"cra_rad", steering_.cra_rad()},
-                                               {"xray", steering_.xray()},
-                                               {"contrast", steering_.contrast()},
-                                               {"states_per_s", states_ / passed_s}})
-                                   .dump());
+    server_.ShowText(
+        "viewer",
+        nlohmann::json({{"kind", "viewer"},
+                        {"steer", steer_},
+                        {"steered", page.has_value()},
+                        {"page", page.value_or(0)},
+                        {"lao_rad", steering_.lao_rad()},
+                        {"cra_rad", steering_.cra_rad()},
+                        {"xray", steering_.xray()},
+                        {"contrast", steering_.contrast()},
+                        {"mode", static_cast<int>(imaging.mode)},
+                        {"pulses_per_s", imaging.pulses_per_s},
+                        {"magnification", imaging.magnification},
+                        {"shutters", {imaging.left, imaging.right, imaging.top, imaging.bottom}},
+                        {"states_per_s", states_ / passed_s}})
+            .dump());
     states_ = 0;
     summary_us_ = now_us;
   }

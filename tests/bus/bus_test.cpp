@@ -18,6 +18,7 @@
 #include "torquer_lcm/device_sample_t.hpp"
 #include "torquer_lcm/hand_motion_t.hpp"
 #include "torquer_lcm/health_t.hpp"
+#include "torquer_lcm/imaging_command_t.hpp"
 #include "torquer_lcm/instrument_command_t.hpp"
 #include "torquer_lcm/picture_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
@@ -222,6 +223,7 @@ TEST_CASE("Mutated and random messages of every type end at the bus") {
   bus.Subscribe<torquer_lcm::device_sample_t>("device_sample_t", take, 0);
   bus.Subscribe<torquer_lcm::hand_motion_t>("hand_motion_t", take, 0);
   bus.Subscribe<health_t>("health_t", take, 0);
+  bus.Subscribe<torquer_lcm::imaging_command_t>("imaging_command_t", take, 0);
   bus.Subscribe<instrument_command_t>("instrument_command_t", take, 0);
   bus.Subscribe<torquer_lcm::picture_t>("picture_t", take, 0);
   bus.Subscribe<torquer_lcm::readings_t>("readings_t", take, 0);

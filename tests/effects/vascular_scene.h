@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host/simulator/scene/scene.h"
+#include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "tests/support/temporary_folder.h"
 
@@ -90,6 +91,14 @@ inline std::string Refusal(const std::string& text) {
     return error.what();
   }
   return "";
+}
+
+/// A reading of a session's observers; -1 where none has that name.
+inline double Reading(const simulator::Simulation& session, const std::string& name) {
+  for (const effects::Reading& reading : session.Readings()) {
+    if (reading.name == name) return reading.value;
+  }
+  return -1;
 }
 
 }  // namespace torquer::test

@@ -1,6 +1,6 @@
-// Commands from the bus on their way to the simulator's loop: whatever they say, and whoever sends
-// them, what is wanted is finite. Each packet (target.h): sender, milliseconds since the one
-// before, and the message.
+// Commands from the bus on their way to the simulator's loop, for instruments and for the X-ray
+// system: whatever they say, and whoever sends them, what is wanted is finite. Each packet
+// (target.h): sender, milliseconds since the one before, and the message.
 #include <stdexcept>
 
 #include "host/bus/message_check.h"
@@ -29,6 +29,15 @@ std::vector<Bytes> Seeds() {
     command.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
     packet.insert(packet.end(), bytes.begin(), bytes.end());
     AppendPacket(input, packet);
+    torquer_lcm::imaging_command_t imaging{};
+    imaging.sequence = k;
+    imaging.mode = k;
+    imaging.magnification = 1 + 0.5 * k;
+    packet.resize(2);
+    bytes.resize(static_cast<std::size_t>(imaging.getEncodedSize()));
+    imaging.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    packet.insert(packet.end(), bytes.begin(), bytes.end());
+    AppendPacket(input, packet);
   }
   return {input};
 }
@@ -44,6 +53,10 @@ bool Accepts(std::span<const std::uint8_t> input) {
     torquer_lcm::instrument_command_t message;
     if (bus::DecodeMessage(bytes.data(), bytes.size(), message)) {
       commands.Take(message, sender, now_us);
+    }
+    torquer_lcm::imaging_command_t imaging;
+    if (bus::DecodeMessage(bytes.data(), bytes.size(), imaging)) {
+      commands.Take(imaging, sender, now_us);
     }
     commands.Age(now_us);
     const simulator::Command& wanted = commands.command();

@@ -1,9 +1,11 @@
 // Who may command, what is refused, and what follows when nobody does; in times that the test says.
 #include "host/simulator/live_commands.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <string>
 #include <vector>
@@ -251,4 +253,82 @@ TEST_CASE("Times that cannot be are replaced by that of arrival", "[simulator]")
     CHECK(state.instruments[0].origin_us == kStartUs);
     CHECK(fixture.commands().sent_us() == 0);
   }
+}
+
+TEST_CASE("What is chosen on the X-ray system stands, whoever is silent", "[simulator]") {
+  Fixture fixture;
+  LiveCommands& commands = fixture.commands();
+  torquer_lcm::imaging_command_t chosen{};
+  chosen.sequence = 5;
+  chosen.mode = torquer::protocol::kImagingRoadmap;
+  chosen.pulses_per_s = 7.5;
+  chosen.magnification = 2;
+  const double shutters[] = {0.1, 0.2, 0.3, 0.4};
+  std::copy(std::begin(shutters), std::end(shutters), std::begin(chosen.shutters));
+  const auto imaging = [&] { return commands.command().controls.imaging; };
+
+  commands.Take(chosen, kHand, kStartUs);
+  CHECK(commands.fresh());
+  CHECK(imaging().mode == torquer::effects::Imaging::Mode::kRoadmap);
+  CHECK(imaging().pulses_per_s == 7.5);
+  CHECK(imaging().magnification == 2);
+  CHECK(imaging().left == 0.1);
+  CHECK(imaging().right == 0.2);
+  CHECK(imaging().top == 0.3);
+  CHECK(imaging().bottom == 0.4);
+  commands.Settle();
+
+  // Said again it is nothing new; an instrument's command leaves it, and so does silence.
+  ++chosen.sequence;
+  commands.Take(chosen, kHand, kStartUs + 1000);
+  CHECK_FALSE(commands.fresh());
+  commands.Take(fixture.Command(1, 3), kStranger, kStartUs + 2000);
+  CHECK(imaging().magnification == 2);
+  commands.Age(kStartUs + 10'000'000);
+  CHECK(imaging().magnification == 2);
+  CHECK_THAT(commands.State(), Catch::Contains("no commands for guidewire"));
+}
+
+TEST_CASE("The X-ray system has one sender, and what it cannot be set to is refused and named",
+          "[simulator]") {
+  Fixture fixture;
+  LiveCommands& commands = fixture.commands();
+  torquer_lcm::imaging_command_t chosen{};
+  chosen.sequence = 5;
+  chosen.magnification = 2;
+  const auto magnification = [&] { return commands.command().controls.imaging.magnification; };
+  commands.Take(chosen, kHand, kStartUs);
+  commands.TakeNews();
+
+  chosen.magnification = 3;
+  chosen.sequence = 9;
+  commands.Take(chosen, kStranger, kStartUs + 500'000);
+  CHECK(magnification() == 2);
+  CHECK(fixture.Count("refused_senders") == 1);
+  CHECK_THAT(commands.TakeNews(), Catch::Contains("X-ray system") && Catch::Contains("refused"));
+  chosen.sequence = 4;
+  commands.Take(chosen, kHand, kStartUs + 500'000);
+  CHECK(magnification() == 2);
+  CHECK(fixture.Count("refused_order") == 1);
+  commands.TakeNews();
+
+  chosen.sequence = 6;
+  const auto refused = [&](auto change) {
+    torquer_lcm::imaging_command_t bad = chosen;
+    ++chosen.sequence;
+    change(bad);
+    const std::int64_t before = fixture.Count("refused_values");
+    commands.Take(bad, kHand, kStartUs + 600'000);
+    return fixture.Count("refused_values") == before + 1 && magnification() == 2;
+  };
+  CHECK(refused([](auto& bad) { bad.mode = 4; }));
+  CHECK(refused([](auto& bad) { bad.mode = -1; }));
+  CHECK(refused([](auto& bad) { bad.magnification = 0; }));
+  CHECK(refused([](auto& bad) { bad.pulses_per_s = std::numeric_limits<double>::infinity(); }));
+  CHECK(refused([](auto& bad) { bad.shutters[3] = 0.5; }));
+  CHECK_THAT(commands.TakeNews(), Catch::Contains("mode 4"));
+
+  // Of a sender that is silent nothing is kept but its choice.
+  commands.Take(chosen, kStranger, kStartUs + 5'000'000);
+  CHECK(magnification() == 3);
 }

@@ -8,6 +8,7 @@
 #include <torquer_lcm/device_sample_t.hpp>
 #include <torquer_lcm/hand_motion_t.hpp>
 #include <torquer_lcm/health_t.hpp>
+#include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/picture_t.hpp>
 #include <torquer_lcm/readings_t.hpp>
@@ -113,6 +114,9 @@ std::vector<SampleMessage> SampleMessages() {
   health.count = 2;
   torquer_lcm::instrument_command_t command{};
   command.instrument = "guidewire";
+  torquer_lcm::imaging_command_t imaging{};
+  imaging.magnification = 1.5;
+  imaging.shutters[2] = 0.2;
   torquer_lcm::picture_t picture{};
   picture.encoding = "jpeg";
   picture.data = {1, 2, 3, 4, 5};
@@ -131,8 +135,8 @@ std::vector<SampleMessage> SampleMessages() {
   forces.contact_force_mN = {{0, 0, 0}, {1, 2, 3}};
   forces.line_load_mN_mm = forces.tension_mN = forces.bending_mN_mm = {1, 2};
   forces.twisting_mN_mm = {0, 1};
-  return {Sample(forces),  Sample(sample),   Sample(motion),  Sample(health),     Sample(command),
-          Sample(picture), Sample(readings), Sample(Scene()), Sample(WireState())};
+  return {Sample(forces),  Sample(sample),  Sample(motion),   Sample(health),  Sample(command),
+          Sample(imaging), Sample(picture), Sample(readings), Sample(Scene()), Sample(WireState())};
 }
 
 }  // namespace torquer::test

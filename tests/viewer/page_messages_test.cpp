@@ -161,6 +161,38 @@ TEST_CASE("What a page asks of a replay is taken only as the page sends it") {
   CHECK_FALSE(ReadReplayControls(other));
 }
 
+TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
+  const auto message = [](std::uint8_t mode, float pulses, float magnification, std::uint8_t left,
+                          std::uint8_t bottom) {
+    std::vector<std::uint8_t> bytes = {18, 1, mode, 0};
+    for (const float value : {pulses, magnification}) {
+      const auto* first = reinterpret_cast<const std::uint8_t*>(&value);
+      bytes.insert(bytes.end(), first, first + sizeof value);
+    }
+    bytes.insert(bytes.end(), {left, 2, 3, bottom, 0, 0, 0, 0});
+    return bytes;
+  };
+  const auto taken = ReadImaging(message(3, 7.5F, 1.5F, 10, 45));
+  REQUIRE(taken);
+  CHECK(taken->mode == torquer::effects::Imaging::Mode::kRoadmap);
+  CHECK(taken->pulses_per_s == 7.5);
+  CHECK(taken->magnification == 1.5);
+  CHECK(taken->left == Approx(0.1));
+  CHECK(taken->right == Approx(0.02));
+  CHECK(taken->top == Approx(0.03));
+  CHECK(taken->bottom == Approx(0.45));
+  CHECK(ReadImaging(message(0, 0, 1, 0, 0)));
+  CHECK_FALSE(ReadImaging(message(4, 0, 1, 0, 0)));
+  CHECK_FALSE(ReadImaging(message(0, 0.5F, 1, 0, 0)));
+  CHECK_FALSE(ReadImaging(message(0, 0, std::nanf(""), 0, 0)));
+  CHECK_FALSE(ReadImaging(message(0, 0, 5, 0, 0)));
+  CHECK_FALSE(ReadImaging(message(0, 0, 1, 46, 0)));
+  auto other = message(0, 0, 1, 0, 0);
+  CHECK_FALSE(ReadControls(other));
+  other.push_back(0);
+  CHECK_FALSE(ReadImaging(other));
+}
+
 TEST_CASE("Centerlines, route and target are given point by point") {
   using torquer::vessel::Centerline;
   const Centerline first("a\nb", {{0, 0, 0}, {10, 0, 0.126}}, {2, 2});

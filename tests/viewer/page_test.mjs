@@ -103,7 +103,29 @@ test("contrast is injected while C is held", async () => {
   await hold("KeyC", "more contrast", async () => (await injected()) > start + 2);
 });
 
+test("the X-ray system is set by keys: mode, pulses, field, shutters", async () => {
+  const said = (key) => text(`#system-${key} span`);
+  const pixel = (x, y) => page.evaluate(([column, row]) => {
+    const canvas = document.querySelector("#xray-picture");
+    return canvas.getContext("2d").getImageData(column * canvas.width, row * canvas.height, 1, 1).data[0];
+  }, [x, y]);
+  const scale = await text("#scale");
+  for (const key of ["KeyM", "KeyR", "KeyZ", "KeyZ", "KeyK"]) await page.keyboard.press(key);
+  assert.deepEqual([await said("M"), await said("R"), await said("Z"), await said("K")],
+    ["plain", "7.5 pulses/s", "field ×2", "shutters 10 %"]);
+  await hold("Space", "the shutters", async () => (await pixel(0.05, 0.5)) === 0 && (await pixel(0.5, 0.95)) === 0);
+  assert.ok((await pixel(0.5, 0.5)) > 30, "the middle is covered");
+  await until("another scale", async () => (await text("#scale")) !== scale);
+  for (const key of ["KeyM", "KeyM", "KeyM", "KeyR", "KeyR", "KeyR", "KeyZ", "KeyZ", "KeyK", "KeyK", "KeyK"]) await page.keyboard.press(key);
+  await until("all as the scene", async () =>
+    (await said("M")) === "as the scene" && (await said("Z")) === "field ×1" && (await said("K")) === "shutters open");
+  await hold("Space", "open shutters", async () => (await pixel(0.05, 0.5)) > 30);
+  await until("the scale is as before", async () => (await text("#scale")) === scale);
+});
+
 test("what the pedal recorded is played again, until the next X-ray", async () => {
+  await until("the pictures end", async () => (await text("#lamp")).includes("OFF") && (await text("#hold")).includes("Last image hold"));
+  await page.waitForTimeout(1200); // the held one has come
   assert.match(await text("#loop-number"), /loop \d+ of \d+, [\d.]+ s/);
   await page.keyboard.press("KeyL");
   await until("the loop is named", async () => (await text("#hold")).includes("Recorded loop"));

@@ -134,3 +134,36 @@ TEST_CASE("An instrument that does not exist is not taken") {
   CHECK_FALSE(steering.Take(1, Push(1, 2), kStart));
   CHECK_FALSE(steering.page());
 }
+
+TEST_CASE("What is chosen on the X-ray system goes out in any case, once it is chosen") {
+  Steering steering = Placed();
+  CHECK(steering.ImagingCommand(kStart) == nullptr);
+  torquer::effects::Imaging imaging;
+  imaging.mode = torquer::effects::Imaging::Mode::kSubtraction;
+  imaging.pulses_per_s = 7.5;
+  imaging.magnification = 1.5;
+  imaging.left = 0.1;
+  imaging.bottom = 0.3;
+  REQUIRE(steering.Take(3, imaging));
+  const auto* command = steering.ImagingCommand(kStart + 10);
+  REQUIRE(command != nullptr);
+  CHECK(command->mode == torquer::protocol::kImagingSubtraction);
+  CHECK(command->pulses_per_s == 7.5);
+  CHECK(command->magnification == 1.5);
+  CHECK(command->shutters[0] == 0.1);
+  CHECK(command->shutters[1] == 0);
+  CHECK(command->shutters[3] == 0.3);
+  CHECK(command->clock_id == 77);
+  CHECK(command->publish_us == kStart + 10);
+  const std::int64_t first = command->sequence;
+  CHECK(steering.ImagingCommand(kStart + 20)->sequence == first + 1);
+
+  // While a page steers, another chooses nothing; silence changes nothing.
+  steering.Take(3, Push(1), kStart);
+  imaging.magnification = 3;
+  CHECK_FALSE(steering.Take(4, imaging));
+  steering.Advance(kStart + 5'000'000);
+  CHECK(steering.ImagingCommand(kStart + 5'000'000)->magnification == 1.5);
+  CHECK(steering.Take(4, imaging));
+  CHECK(steering.imaging().magnification == 3);
+}

@@ -68,12 +68,28 @@ struct EffectContext {
   Eigen::Vector3d Direction(const DirectionSpec& spec) const;
 };
 
+/// What the operator has chosen on the X-ray system, besides where the C-arm stands.
+struct Imaging {
+  enum class Mode : std::uint8_t { kAsScene, kPlain, kSubtraction, kRoadmap };
+  static constexpr double kLeastPulses = 1, kMostPulses = 60;
+  static constexpr double kMostMagnification = 4;
+  static constexpr double kMostShutter = 0.45;
+
+  Mode mode = Mode::kAsScene;
+  double pulses_per_s = 0;   ///< kLeastPulses to kMostPulses; 0: as the scene has it
+  double magnification = 1;  ///< 1 to kMostMagnification: how many times narrower the field is
+  /// Share of the picture that each shutter covers, 0 to kMostShutter.
+  double left = 0, right = 0, top = 0, bottom = 0;
+  bool operator==(const Imaging&) const = default;
+};
+
 /// What the hand does besides moving the instruments.
 struct Controls {
   double lao_rad = 0;  ///< C-arm, positive LAO
   double cra_rad = 0;  ///< C-arm, positive CRA
   bool xray = false;   ///< pedal down
   bool contrast = false;
+  Imaging imaging{};
 };
 
 /// A tick after its relaxation, for the roles that go on from there.

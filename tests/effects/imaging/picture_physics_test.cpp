@@ -18,6 +18,7 @@ using torquer::effects::WithScatter;
 using torquer::simulator::Command;
 using torquer::simulator::Simulation;
 using torquer::test::kStraight;
+using torquer::test::Reading;
 using torquer::test::SceneOf;
 
 namespace {
@@ -46,13 +47,6 @@ Command WithXray(double time_s, bool xray) {
   command.time_s = time_s;
   command.controls.xray = xray;
   return command;
-}
-
-double Reading(Simulation& session, const std::string& name) {
-  for (const auto& reading : session.Readings()) {
-    if (reading.name == name) return reading.value;
-  }
-  return -1;
 }
 
 }  // namespace

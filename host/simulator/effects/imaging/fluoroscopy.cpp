@@ -21,27 +21,66 @@ constexpr float kRoadmapBackground = 0.5F;
 constexpr float kRoadmapDye = 0.6F;                 // how much weaker the map is than dye itself
 constexpr std::uint64_t kMaskPicture = 1ULL << 40;  // the mask's noise is no other picture's
 
-// Air kerma of one pulse at the interventional reference point, 150 mm before the isocenter (IEC
-// 60601-2-43). The current follows the body's thickness, so that the detector always gets the same.
-double PulseKermaMGy(const FluoroscopySettings& settings, double lao_rad, double cra_rad) {
-  constexpr double kThicknessMm = 200;
-  constexpr double kBeforeIsocenterMm = 150;
-  const Body& body = settings.body;
-  double mA = settings.tube_mA;
-  if (body.width_mm > 0) {
-    const double more = MiddleIntegral(Projection(settings.arm, lao_rad, cra_rad), body) -
-                        body.tissue_1_mm * kThicknessMm;
-    mA *= std::exp(more);
-  }
-  const double distance_m = 1e-3 * (settings.arm.sod_mm - kBeforeIsocenterMm);
-  return settings.tube_mGy_mAs * mA * 1e-3 * settings.pulse_ms / (distance_m * distance_m);
-}
+// The interventional reference point (IEC 60601-2-43).
+constexpr double kBeforeIsocenterMm = 150;
+
+double FieldMm(const CArm& arm) { return arm.detector_mm * arm.sod_mm / arm.sid_mm; }
 
 }  // namespace
 
 float WithScatter(float integral, float scatter_to_primary) {
   if (scatter_to_primary == 0) return integral;
   return -std::log((std::exp(-integral) + scatter_to_primary) / (1 + scatter_to_primary));
+}
+
+FluoroscopySettings::Mode Fluoroscopy::ModeOf(const Imaging& imaging) const {
+  switch (imaging.mode) {
+    case Imaging::Mode::kAsScene:
+      break;
+    case Imaging::Mode::kPlain:
+      return Mode::kPlain;
+    case Imaging::Mode::kSubtraction:
+      return Mode::kSubtraction;
+    case Imaging::Mode::kRoadmap:
+      return Mode::kRoadmap;
+  }
+  return settings_.mode;
+}
+
+double Fluoroscopy::PulsesPerS(const Imaging& imaging) const {
+  return imaging.pulses_per_s > 0 ? imaging.pulses_per_s : settings_.pictures_per_s;
+}
+
+CArm Fluoroscopy::ArmOf(const Imaging& imaging) const {
+  CArm arm = settings_.arm;
+  arm.detector_mm /= imaging.magnification;
+  return arm;
+}
+
+// Air kerma of one pulse at the reference point. The current follows the body's thickness and the
+// size of a pixel, so that a pixel always gets the same.
+double Fluoroscopy::PulseKermaMGy(const Controls& controls) const {
+  constexpr double kThicknessMm = 200;
+  const Body& body = settings_.body;
+  const double magnification = controls.imaging.magnification;
+  double mA = settings_.tube_mA * magnification * magnification;
+  if (body.width_mm > 0) {
+    const double more =
+        MiddleIntegral(Projection(settings_.arm, controls.lao_rad, controls.cra_rad), body) -
+        body.tissue_1_mm * kThicknessMm;
+    mA *= std::exp(more);
+  }
+  const double distance_m = 1e-3 * (settings_.arm.sod_mm - kBeforeIsocenterMm);
+  return settings_.tube_mGy_mAs * mA * 1e-3 * settings_.pulse_ms / (distance_m * distance_m);
+}
+
+// Of the beam at the reference point, between the shutters.
+double Fluoroscopy::OpenAreaCm2(const Imaging& imaging) const {
+  const CArm arm = ArmOf(imaging);
+  const double width_cm = 0.1 * arm.detector_mm * (arm.sod_mm - kBeforeIsocenterMm) / arm.sid_mm;
+  const double height_cm = width_cm * arm.height / arm.width;
+  return width_cm * (1 - imaging.left - imaging.right) * height_cm *
+         (1 - imaging.top - imaging.bottom);
 }
 
 Fluoroscopy::Fluoroscopy(const FluoroscopySettings& settings, const WireModel& wire,
@@ -51,7 +90,8 @@ Fluoroscopy::Fluoroscopy(const FluoroscopySettings& settings, const WireModel& w
       wire_(wire),
       contrast_(contrast),
       motions_(std::move(motions)),
-      instruments_(std::move(instruments)) {
+      instruments_(std::move(instruments)),
+      field_mm_(FieldMm(settings.arm)) {
   if (contrast_ != nullptr) LayLumen();
   const auto pixels =
       static_cast<std::size_t>(settings.arm.width) * static_cast<std::size_t>(settings.arm.height);
@@ -71,9 +111,12 @@ void Fluoroscopy::CopyFrom(const Effect& twin) {
   next_pulse_s_ = from.next_pulse_s_;
   was_exposed_ = from.was_exposed_;
   air_kerma_mGy_ = from.air_kerma_mGy_;
+  kerma_area_Gy_cm2_ = from.kerma_area_Gy_cm2_;
+  field_mm_ = from.field_mm_;
   pulse_mGy_ = from.pulse_mGy_;
   dose_lao_rad_ = from.dose_lao_rad_;
   dose_cra_rad_ = from.dose_cra_rad_;
+  dose_magnification_ = from.dose_magnification_;
   body_plane_ = from.body_plane_;
   mask_ = from.mask_;
   mask_body_ = from.mask_body_;
@@ -82,6 +125,7 @@ void Fluoroscopy::CopyFrom(const Effect& twin) {
   has_body_ = from.has_body_;
   body_lao_rad_ = from.body_lao_rad_;
   body_cra_rad_ = from.body_cra_rad_;
+  body_magnification_ = from.body_magnification_;
   body_organs_mm_ = from.body_organs_mm_;
   has_mask_ = from.has_mask_;
   mask_pedal_ = from.mask_pedal_;
@@ -96,7 +140,8 @@ void Fluoroscopy::Restart() {
   was_down_ = false;
   number_ = pulses_ = 0;
   was_exposed_ = false;
-  air_kerma_mGy_ = pulse_mGy_ = 0;
+  air_kerma_mGy_ = kerma_area_Gy_cm2_ = pulse_mGy_ = 0;
+  field_mm_ = FieldMm(settings_.arm);
   std::fill(offsets_.begin(), offsets_.end(), Eigen::Vector3f::Zero());
 }
 
@@ -142,8 +187,8 @@ bool Fluoroscopy::Take(const TickView& tick) {
   was_down_ = true;
   constexpr double kEarlyS = 5e-4;  // half a tick
   if (tick.time_s < next_s_ - kEarlyS) return false;
-  next_s_ =
-      std::max(next_s_, tick.time_s - 1 / settings_.pictures_per_s) + 1 / settings_.pictures_per_s;
+  const double pause_s = 1 / PulsesPerS(tick.controls.imaging);
+  next_s_ = std::max(next_s_, tick.time_s - pause_s) + pause_s;
 
   Shot& shot = shots_.Draft();
   shot.session = session_;
@@ -169,28 +214,35 @@ Vector3d Fluoroscopy::OrgansNow() const {
 
 // Counts pulses by itself: pictures are taken only where somebody looks at them.
 void Fluoroscopy::Observe(const TickView& tick) {
-  if (!tick.controls.xray) {
+  const Controls& at = tick.controls;
+  field_mm_ = FieldMm(ArmOf(at.imaging));
+  if (!at.xray) {
     was_exposed_ = false;
     return;
   }
   if (!was_exposed_) next_pulse_s_ = tick.time_s;
   was_exposed_ = true;
-  const Controls& at = tick.controls;
-  if (pulse_mGy_ == 0 || at.lao_rad != dose_lao_rad_ || at.cra_rad != dose_cra_rad_) {
+  if (pulse_mGy_ == 0 || at.lao_rad != dose_lao_rad_ || at.cra_rad != dose_cra_rad_ ||
+      at.imaging.magnification != dose_magnification_) {
     dose_lao_rad_ = at.lao_rad;
     dose_cra_rad_ = at.cra_rad;
-    pulse_mGy_ = PulseKermaMGy(settings_, at.lao_rad, at.cra_rad);
+    dose_magnification_ = at.imaging.magnification;
+    pulse_mGy_ = PulseKermaMGy(at);
   }
   constexpr double kEarlyS = 5e-4;  // half a tick
   while (tick.time_s >= next_pulse_s_ - kEarlyS) {
-    next_pulse_s_ += 1 / settings_.pictures_per_s;
+    next_pulse_s_ += 1 / PulsesPerS(at.imaging);
     ++pulses_;
     air_kerma_mGy_ += pulse_mGy_;
+    kerma_area_Gy_cm2_ += 1e-3 * pulse_mGy_ * OpenAreaCm2(at.imaging);
   }
 }
 
 std::vector<Reading> Fluoroscopy::Readings() const {
-  return {{"xray_pulses", static_cast<double>(pulses_)}, {"air_kerma_mGy", air_kerma_mGy_}};
+  return {{"xray_pulses", static_cast<double>(pulses_)},
+          {"air_kerma_mGy", air_kerma_mGy_},
+          {"kerma_area_Gy_cm2", kerma_area_Gy_cm2_},
+          {"xray_field_mm", field_mm_}};
 }
 
 void Fluoroscopy::TakeInstruments(const WireState& state, Shot& shot) {
@@ -256,21 +308,23 @@ void Fluoroscopy::FindBody(const Shot& shot) {
   // Pictures of an earlier session say nothing here.
   if (shot.session != seen_session_) has_body_ = has_mask_ = false;
   seen_session_ = shot.session;
-  const bool same_angles =
-      has_body_ && controls.lao_rad == body_lao_rad_ && controls.cra_rad == body_cra_rad_;
-  if (same_angles && shot.organs_mm == body_organs_mm_) return;
-  const CArm& arm = settings_.arm;
+  const double magnification = controls.imaging.magnification;
+  const bool same_view = has_body_ && controls.lao_rad == body_lao_rad_ &&
+                         controls.cra_rad == body_cra_rad_ && magnification == body_magnification_;
+  if (same_view && shot.organs_mm == body_organs_mm_) return;
+  const CArm arm = ArmOf(controls.imaging);
   body_plane_.Clear(arm.width, arm.height);
   const Projection projection(arm, controls.lao_rad, controls.cra_rad);
   Body body = settings_.body;
   body.organs_mm = body_organs_mm_ = shot.organs_mm;
   const float mean = FillWithBody(projection, body, body_plane_);
-  if (same_angles) return;
+  if (same_view) return;
   exposure_ = mean;
   has_body_ = true;
   body_lao_rad_ = controls.lao_rad;
   body_cra_rad_ = controls.cra_rad;
-  // What was seen from another side says nothing here.
+  body_magnification_ = magnification;
+  // What was seen from another side, or in another field, says nothing here.
   has_mask_ = false;
 }
 
@@ -295,7 +349,7 @@ void Fluoroscopy::PaintDye(const Shot& shot, const Projection& projection) {
 void Fluoroscopy::Render(Picture& out) {
   shots_.Fetch();
   const Shot& shot = shots_.Held();
-  const CArm& arm = settings_.arm;
+  const CArm arm = ArmOf(shot.controls.imaging);
   FindBody(shot);
   const Projection projection(arm, shot.controls.lao_rad, shot.controls.cra_rad);
   devices_.Clear(arm.width, arm.height);
@@ -311,13 +365,35 @@ void Fluoroscopy::Render(Picture& out) {
   out.time_s = shot.time_s;
   out.controls = shot.controls;
   out.gray.resize(noise_.size());
-  if (settings_.mode != Mode::kPlain) Subtract(shot);
-  Expose(out);
+  if (ModeOf(shot.controls.imaging) != Mode::kPlain) Subtract(shot);
+  Expose(shot, out);
+  CoverWithShutters(shot.controls.imaging, out);
+}
+
+// Lead is black.
+void Fluoroscopy::CoverWithShutters(const Imaging& imaging, Picture& out) {
+  const auto pixels = [](double share, int of) {
+    return static_cast<int>(std::lround(share * of));
+  };
+  const int left = pixels(imaging.left, out.width);
+  const int right = out.width - pixels(imaging.right, out.width);
+  const int top = pixels(imaging.top, out.height);
+  const int bottom = out.height - pixels(imaging.bottom, out.height);
+  for (int row = 0; row < out.height; ++row) {
+    const auto begin = out.gray.begin() + static_cast<std::ptrdiff_t>(row) * out.width;
+    if (row < top || row >= bottom) {
+      std::fill(begin, begin + out.width, std::uint8_t{0});
+      continue;
+    }
+    std::fill(begin, begin + left, std::uint8_t{0});
+    std::fill(begin + right, begin + out.width, std::uint8_t{0});
+  }
 }
 
 // Keeps the mask, and the densest dye for the road map.
 void Fluoroscopy::Subtract(const Shot& shot) {
-  if (!has_mask_ || (shot.pedal != mask_pedal_ && settings_.mode == Mode::kSubtraction)) {
+  const Mode mode = ModeOf(shot.controls.imaging);
+  if (!has_mask_ || (shot.pedal != mask_pedal_ && mode == Mode::kSubtraction)) {
     mask_ = devices_;
     for (std::size_t i = 0; i < mask_.value.size(); ++i) mask_.value[i] += dye_.value[i];
     mask_body_ = body_plane_;
@@ -327,7 +403,7 @@ void Fluoroscopy::Subtract(const Shot& shot) {
     has_mask_ = true;
     mask_pedal_ = shot.pedal;
   }
-  if (settings_.mode != Mode::kRoadmap) return;
+  if (mode != Mode::kRoadmap) return;
   for (std::size_t i = 0; i < dye_.value.size(); ++i) {
     densest_dye_.value[i] = std::max(densest_dye_.value[i], dye_.value[i]);
   }
@@ -335,8 +411,8 @@ void Fluoroscopy::Subtract(const Shot& shot) {
 
 // From attenuation to gray: the logarithm of the counts about their mean. N photons have the
 // standard deviation sqrt(N), their logarithm 1/sqrt(N).
-void Fluoroscopy::Expose(Picture& out) const {
-  const Mode mode = settings_.mode;
+void Fluoroscopy::Expose(const Shot& shot, Picture& out) const {
+  const Mode mode = ModeOf(shot.controls.imaging);
   const auto gain = static_cast<float>(settings_.gain) * (mode == Mode::kPlain ? 1.0F : 1.5F);
   const auto sigma = static_cast<float>(1 / std::sqrt(settings_.photons));
   const float background = mode == Mode::kPlain         ? kBackground

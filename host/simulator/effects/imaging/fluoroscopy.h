@@ -15,7 +15,7 @@
 namespace torquer::effects {
 
 struct FluoroscopySettings {
-  enum class Mode {
+  enum class Mode : std::uint8_t {
     kPlain,
     kSubtraction,  ///< against the first picture since the pedal went down or the C-arm moved;
                    ///< organs that have moved since do not cancel
@@ -62,6 +62,8 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   float exposure() const { return exposure_; }
 
  private:
+  using Mode = FluoroscopySettings::Mode;
+
   // What a picture shows.
   struct Shot {
     std::int64_t session = 0;  // how often it was restarted until then
@@ -93,7 +95,13 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   void FindBody(const Shot& shot);
   void PaintDye(const Shot& shot, const Projection& projection);
   void Subtract(const Shot& shot);
-  void Expose(Picture& out) const;
+  void Expose(const Shot& shot, Picture& out) const;
+  static void CoverWithShutters(const Imaging& imaging, Picture& out);
+  Mode ModeOf(const Imaging& imaging) const;
+  double PulsesPerS(const Imaging& imaging) const;
+  CArm ArmOf(const Imaging& imaging) const;
+  double PulseKermaMGy(const Controls& controls) const;
+  double OpenAreaCm2(const Imaging& imaging) const;
 
   const FluoroscopySettings settings_;
   const WireModel& wire_;
@@ -117,8 +125,10 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   double next_pulse_s_ = 0;
   bool was_exposed_ = false;
   double air_kerma_mGy_ = 0;
-  double pulse_mGy_ = 0;  // of the angles below
-  double dose_lao_rad_ = 0, dose_cra_rad_ = 0;
+  double kerma_area_Gy_cm2_ = 0;
+  double pulse_mGy_ = 0;  // of the angles and the field below; 0: not known
+  double dose_lao_rad_ = 0, dose_cra_rad_ = 0, dose_magnification_ = 0;
+  double field_mm_ = 0;  // width of the picture at the isocenter
 
   // On the thread that renders.
   LumenPainter painter_;
@@ -126,7 +136,7 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   Plane body_plane_, devices_, dye_, scratch_, mask_, mask_body_, densest_dye_;
   std::vector<float> noise_, mask_noise_;
   bool has_body_ = false;
-  double body_lao_rad_ = 0, body_cra_rad_ = 0;
+  double body_lao_rad_ = 0, body_cra_rad_ = 0, body_magnification_ = 0;
   Eigen::Vector3d body_organs_mm_ = Eigen::Vector3d::Zero();
   bool has_mask_ = false;
   std::int64_t mask_pedal_ = 0;

@@ -23,6 +23,7 @@ export class Examination {
     element("#exam").setAttribute("aria-pressed", String(on));
     this.beganMs = nowMs;
     this.tookS = null;
+    this.showClock(false, nowMs);
   }
 
   /** Four times a second. */

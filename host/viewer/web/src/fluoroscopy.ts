@@ -2,7 +2,7 @@
 // screen says beside it.
 
 import { element, Rows, seconds, setData, setText } from "./dom.js";
-import type { Arm, Picture, Readings } from "./frames.js";
+import type { Picture, Readings } from "./frames.js";
 import { Loops } from "./loops.js";
 
 const DEG = 180 / Math.PI;
@@ -67,11 +67,6 @@ export class Fluoroscopy {
     this.sayLoop();
   }
 
-  setArm(arm: Arm | null): void {
-    this.fieldMm = arm?.field_mm ?? 0;
-    this.drawScale();
-  }
-
   setAngles(laoRad: number, craRad: number): void {
     setText(element("#lao"), angle(laoRad, "LAO", "RAO"));
     setText(element("#cra"), angle(craRad, "CRA", "CAU"));
@@ -97,6 +92,11 @@ export class Fluoroscopy {
 
   setReadings(readings: Readings, injecting: boolean): void {
     const values = readings.values;
+    const fieldMm = values["xray_field_mm"] ?? 0;
+    if (fieldMm !== this.fieldMm) {
+      this.fieldMm = fieldMm;
+      this.drawScale();
+    }
     const row = (term: string, name: string, shown: (value: number) => string) => {
       const value = values[name];
       return value === undefined ? null : this.dose.set(term, shown(value));
@@ -105,6 +105,7 @@ export class Fluoroscopy {
     row("X-ray", "fluoroscopy_s", seconds);
     row("Pulses", "xray_pulses", (value) => value.toFixed(0));
     row("Air kerma", "air_kerma_mGy", (value) => `${value.toFixed(2)} mGy`);
+    row("Kerma × area", "kerma_area_Gy_cm2", (value) => `${value.toFixed(1)} Gy cm²`);
     const contrast = row("Contrast", "contrast_injected_mL", (value) => `${value.toFixed(1)} mL`);
     if (contrast !== null) setData(contrast, "on", String(injecting));
   }
@@ -113,6 +114,8 @@ export class Fluoroscopy {
     this.dose.clear();
     this.loops.clear();
     this.newest = this.waiting = null;
+    this.fieldMm = 0;
+    this.drawScale();
     this.sayLoop();
     this.gray = new Uint8ClampedArray();
     this.screen.clearRect(0, 0, this.canvas.width, this.canvas.height);

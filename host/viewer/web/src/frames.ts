@@ -92,13 +92,15 @@ export interface Readings {
   values: Record<string, number>;
 }
 
-export interface Arm {
-  kind: "arm";
-  field_mm: number;
-  hash: string;
+/** What is chosen on the X-ray system; 0 pulses and mode 0 are what the scene says. */
+export interface Imaging {
+  mode: number;
+  pulses_per_s: number;
+  magnification: number;
+  shutters: [number, number, number, number]; // left, right, top, bottom: shares covered
 }
 
-export interface Viewer {
+export interface Viewer extends Imaging {
   kind: "viewer";
   steer: boolean;
   steered: boolean;
@@ -132,7 +134,6 @@ export type Incoming =
   | Scene
   | Health
   | Readings
-  | Arm
   | Replay
   | Viewer;
 
@@ -235,6 +236,17 @@ export function write(controls: Controls): ArrayBuffer {
   view.setFloat32(8, controls.turnRadS, true);
   view.setFloat32(12, controls.laoRadS, true);
   view.setFloat32(16, controls.craRadS, true);
+  return view.buffer;
+}
+
+export function writeImaging(imaging: Imaging): ArrayBuffer {
+  const view = new DataView(new ArrayBuffer(20));
+  view.setUint8(0, 18);
+  view.setUint8(1, VERSION);
+  view.setUint8(2, imaging.mode);
+  view.setFloat32(4, imaging.pulses_per_s, true);
+  view.setFloat32(8, imaging.magnification, true);
+  for (const [k, share] of imaging.shutters.entries()) view.setUint8(12 + k, Math.round(100 * share));
   return view.buffer;
 }
 

@@ -3,8 +3,8 @@
 import { element, setData, setText } from "./dom.js";
 import { Fluoroscopy } from "./fluoroscopy.js";
 import { Examination } from "./examination.js";
-import type { Arm, Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
-import { STATUS, write, writeReplay } from "./frames.js";
+import type { Incoming, Readings, Scene, Viewer, WireState } from "./frames.js";
+import { STATUS, write, writeImaging, writeReplay } from "./frames.js";
 import { GamepadSource } from "./gamepad.js";
 import { Keyboard } from "./keyboard.js";
 import { Link } from "./link.js";
@@ -13,6 +13,7 @@ import { Panel } from "./panel.js";
 import { ReplayBar } from "./replay.js";
 import { Space } from "./space.js";
 import { Steering } from "./steering.js";
+import { XraySystem } from "./xray_system.js";
 
 const STATE_OLD_MS = 1200; // a state comes five times a second at least
 const REFRESH_MS = 250;
@@ -25,10 +26,10 @@ class Page {
   private readonly keyboard = new Keyboard(this.steering);
   private readonly pad = new Pad(this.steering);
   private readonly gamepad = new GamepadSource(this.steering);
+  private readonly xraySystem = new XraySystem((imaging) => this.link.send(writeImaging(imaging)));
   private readonly examination = new Examination();
   private readonly replay = new ReplayBar((controls) => this.link.send(writeReplay(controls)));
   private scene: Scene | null = null;
-  private arm: Arm | null = null;
   private state: WireState | null = null;
   private viewer: Viewer | null = null;
   private readings: Readings | null = null;
@@ -98,10 +99,6 @@ class Page {
       case "scene":
         this.takeScene(message);
         break;
-      case "arm":
-        this.arm = message;
-        this.fluoroscopy.setArm(message);
-        break;
       case "readings":
         this.readings = message;
         this.fluoroscopy.setReadings(message, this.viewer?.contrast === true);
@@ -114,6 +111,7 @@ class Page {
         if (message.steer && !this.steering.enabled) this.showPad(matchMedia("(pointer: coarse)").matches);
         this.steering.enabled = message.steer;
         document.body.classList.toggle("steers", message.steer);
+        this.xraySystem.take(message, message.steer);
         if (message.steer) this.setAngles(message.lao_rad, message.cra_rad);
         this.lamp();
         break;
@@ -133,7 +131,6 @@ class Page {
     this.steering.setInstruments(scene.instruments.length);
     this.pad.setEffects(
       scene.effects.includes("fluoroscopy"), scene.effects.includes("contrast"), scene.instruments.length);
-    this.fluoroscopy.setArm(this.arm?.hash === scene.hash ? this.arm : null);
     document.body.classList.toggle("no-xray", !scene.effects.includes("fluoroscopy"));
     setText(element("#scene-name"), scene.name.replaceAll("_", " "));
     document.title = `${scene.name} · Torquer`;
@@ -270,6 +267,7 @@ class Page {
     if (event.code === "KeyX") this.space.section(!this.space.cuts);
     if (event.code === "KeyL") this.fluoroscopy.togglePlay();
     if (event.code === "KeyE") this.examine();
+    this.xraySystem.next(event.code);
     if (event.code === "KeyP" && this.steering.enabled) this.showPad(element<HTMLElement>("#pad").hidden);
   }
 }

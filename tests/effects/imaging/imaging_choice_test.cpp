@@ -1,0 +1,223 @@
+// What an operator chooses on the X-ray system, in pictures and in dose.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "host/simulator/effects/imaging/fluoroscopy.h"
+#include "host/simulator/simulation.h"
+#include "tests/effects/vascular_scene.h"
+
+using torquer::effects::ImageSource;
+using torquer::effects::Imaging;
+using torquer::simulator::Command;
+using torquer::simulator::Simulation;
+using torquer::test::kStraight;
+using torquer::test::Reading;
+using torquer::test::SceneOf;
+
+namespace {
+
+Command Chosen(double time_s, const Imaging& imaging) {
+  Command command;
+  command.target[0].insertion_mm = 40;
+  command.time_s = time_s;
+  command.controls.xray = true;
+  command.controls.imaging = imaging;
+  return command;
+}
+
+void Tick(Simulation& session, const Command& command) {
+  torquer::CountedBudget budget(3000);
+  session.Tick(command, budget);
+}
+
+struct Dose {
+  double pulses, kerma_mGy, area_Gy_cm2, field_mm;
+};
+
+// After 2 s of X-ray, 15 pulses a second in the scene.
+Dose DoseOf(const Imaging& imaging) {
+  SceneOf scene(kStraight +
+                "[effects.fluoroscopy]\nwidth_px = 128\nheight_px = 64\nbody_width_mm = 0\n");
+  Simulation session(*scene);
+  for (int k = 1; k <= 200; ++k) Tick(session, Chosen(0.01 * k, imaging));
+  return {Reading(session, "xray_pulses"), Reading(session, "air_kerma_mGy"),
+          Reading(session, "kerma_area_Gy_cm2"), Reading(session, "xray_field_mm")};
+}
+
+const std::string kVessel =
+    "attenuation_1_mm = 3\n[effects.flow]\ninlet = \"tube\"\ninlet_mL_s = "
+    "5\n[effects.contrast]\nrate_mL_s = 5\n"
+    "[effects.fluoroscopy]\nwidth_px = 128\nheight_px = 128\nphotons = 1e6\nbody_width_mm = 0\n"
+    "isocenter_mm = [41, 0, 0]\n";
+
+int Gray(const ImageSource::Picture& picture, int column, int row) {
+  return picture.gray[static_cast<std::size_t>(row * picture.width + column)];
+}
+
+}  // namespace
+
+TEST_CASE("Pulses are as many as are chosen, and as the scene says otherwise", "[effects]") {
+  Imaging imaging;
+  CHECK(DoseOf(imaging).pulses == 30);
+  imaging.pulses_per_s = 7.5;
+  CHECK(DoseOf(imaging).pulses == 15);
+  imaging.pulses_per_s = 30;
+  CHECK(DoseOf(imaging).pulses == 60);
+}
+
+TEST_CASE("A smaller field takes more dose, and shutters take it from the area alone",
+          "[effects]") {
+  const Dose open = DoseOf({});
+  // 0.06 mGy/(mA s), 10 mA, 8 ms at 0.6 m; the beam is 300 mm at 1050, 600/1050 of that there.
+  CHECK(open.kerma_mGy == Approx(30 * 0.06 * 10 * 8e-3 / 0.36));
+  const double width_cm = 30 * 600.0 / 1050;
+  CHECK(open.area_Gy_cm2 == Approx(1e-3 * open.kerma_mGy * width_cm * width_cm / 2));
+  CHECK(open.field_mm == Approx(300 * 750.0 / 1050));
+
+  Imaging narrow;
+  narrow.magnification = 2;
+  CHECK(DoseOf(narrow).kerma_mGy == Approx(4 * open.kerma_mGy));
+  CHECK(DoseOf(narrow).area_Gy_cm2 == Approx(open.area_Gy_cm2));
+  CHECK(DoseOf(narrow).field_mm == Approx(open.field_mm / 2));
+
+  Imaging covered;
+  covered.left = 0.1;
+  covered.right = 0.3;
+  covered.top = 0.25;
+  CHECK(DoseOf(covered).kerma_mGy == Approx(open.kerma_mGy));
+  CHECK(DoseOf(covered).area_Gy_cm2 == Approx(open.area_Gy_cm2 * 0.6 * 0.75));
+  CHECK(DoseOf(covered).field_mm == Approx(open.field_mm));
+}
+
+TEST_CASE("A smaller field shows the same point so many times farther from the middle",
+          "[effects]") {
+  // The wire comes in from the patient's right and ends at the isocenter: how thick it is drawn.
+  const auto thickness = [](double magnification) {
+    SceneOf scene(kStraight + kVessel);
+    Simulation session(*scene);
+    Imaging imaging;
+    imaging.magnification = magnification;
+    ImageSource::Picture picture;
+    Tick(session, Chosen(0.001, imaging));
+    session.image()->Render(picture);
+    double darkness = 0;
+    const int background = Gray(picture, 54, 10);
+    for (int row = 40; row < 88; ++row) darkness += background - Gray(picture, 54, row);
+    return darkness;
+  };
+  const double once = thickness(1);
+  CHECK(once > 0);
+  CHECK(thickness(2) == Approx(2 * once).epsilon(0.1));
+  CHECK(thickness(3) == Approx(3 * once).epsilon(0.1));
+}
+
+TEST_CASE("Shutters are black, and cover what they are set to", "[effects]") {
+  SceneOf scene(kStraight + kVessel);
+  Simulation session(*scene);
+  Imaging imaging;
+  imaging.left = 0.125;
+  imaging.right = 0.25;
+  imaging.top = 0.375;
+  imaging.bottom = 0.0625;
+  ImageSource::Picture picture;
+  Tick(session, Chosen(0.001, imaging));
+  session.image()->Render(picture);
+  int wrong = 0;
+  for (int row = 0; row < 128; ++row) {
+    for (int column = 0; column < 128; ++column) {
+      const bool open = column >= 16 && column < 96 && row >= 48 && row < 120;
+      wrong += open != (Gray(picture, column, row) > 0) ? 1 : 0;
+    }
+  }
+  CHECK(wrong == 0);
+}
+
+TEST_CASE("The mode can be changed while the pedal is down, and back to the scene's", "[effects]") {
+  SceneOf scene(kStraight + kVessel);
+  Simulation session(*scene);
+  ImageSource::Picture picture;
+  const auto take = [&](double time_s, Imaging::Mode mode, bool contrast) {
+    Imaging imaging;
+    imaging.mode = mode;
+    Command command = Chosen(time_s, imaging);
+    command.controls.contrast = contrast;
+    Tick(session, command);
+    session.image()->Render(picture);
+  };
+  // The wire lies left of the middle, dye comes there and beyond.
+  const auto wire = [&] { return Gray(picture, 4, 4) - Gray(picture, 54, 64); };
+  const auto dye = [&] { return Gray(picture, 4, 4) - Gray(picture, 90, 64); };
+  take(0.1, Imaging::Mode::kAsScene, false);
+  CHECK(wire() > 10);
+  take(0.3, Imaging::Mode::kSubtraction, false);  // this is the mask
+  CHECK(std::abs(wire()) <= 2);
+  take(4, Imaging::Mode::kSubtraction, true);
+  CHECK(dye() > 20);
+  take(4.2, Imaging::Mode::kPlain, true);
+  CHECK(wire() > 10);
+  CHECK(dye() > 10);
+  take(4.4, Imaging::Mode::kRoadmap, true);
+  CHECK(dye() < -10);
+  take(60, Imaging::Mode::kRoadmap, false);
+  CHECK(dye() < -10);
+  take(60.2, Imaging::Mode::kAsScene, false);
+  CHECK(std::abs(dye()) <= 2);
+  CHECK(wire() > 10);
+}
+
+TEST_CASE("Another field has a mask of its own", "[effects]") {
+  SceneOf scene(kStraight + kVessel + "mode = \"subtraction\"\n");
+  Simulation session(*scene);
+  ImageSource::Picture picture;
+  for (const double magnification : {1.0, 2.0, 1.5}) {
+    Imaging imaging;
+    imaging.magnification = magnification;
+    Tick(session, Chosen(0.1 + magnification, imaging));
+    Tick(session, Chosen(3.1 + magnification, imaging));
+    session.image()->Render(picture);
+    const auto [low, high] = std::minmax_element(picture.gray.begin(), picture.gray.end());
+    CHECK(*high - *low <= 3);
+  }
+}
+
+TEST_CASE("What cannot be chosen is refused by the simulation itself", "[effects]") {
+  using torquer::simulator::Usable;
+  CHECK(Usable(Imaging{}));
+  const auto with = [](auto member, double value) {
+    Imaging imaging;
+    imaging.*member = value;
+    return Usable(imaging);
+  };
+  CHECK(with(&Imaging::pulses_per_s, 1));
+  CHECK(with(&Imaging::pulses_per_s, 60));
+  CHECK_FALSE(with(&Imaging::pulses_per_s, 0.5));
+  CHECK_FALSE(with(&Imaging::pulses_per_s, -1));
+  CHECK_FALSE(with(&Imaging::pulses_per_s, 61));
+  CHECK_FALSE(with(&Imaging::pulses_per_s, std::nan("")));
+  CHECK(with(&Imaging::magnification, 4));
+  CHECK_FALSE(with(&Imaging::magnification, 0.99));
+  CHECK_FALSE(with(&Imaging::magnification, 4.01));
+  CHECK_FALSE(with(&Imaging::magnification, std::nan("")));
+  for (const auto shutter : {&Imaging::left, &Imaging::right, &Imaging::top, &Imaging::bottom}) {
+    CHECK(with(shutter, 0.45));
+    CHECK_FALSE(with(shutter, 0.46));
+    CHECK_FALSE(with(shutter, -0.01));
+    CHECK_FALSE(with(shutter, std::nan("")));
+  }
+  Imaging unknown;
+  unknown.mode = static_cast<Imaging::Mode>(4);
+  CHECK_FALSE(Usable(unknown));
+
+  // Refused as a whole: the C-arm stays too.
+  SceneOf scene(kStraight + kVessel);
+  Simulation session(*scene);
+  Imaging imaging;
+  imaging.magnification = 0;
+  Command command = Chosen(0.1, imaging);
+  Tick(session, command);
+  CHECK(Reading(session, "xray_pulses") == 0);
+  CHECK(Reading(session, "xray_field_mm") == Approx(300 * 750.0 / 1050));
+}
