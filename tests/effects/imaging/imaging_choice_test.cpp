@@ -35,17 +35,25 @@ void Tick(Simulation& session, const Command& command) {
 
 struct Dose {
   double pulses, kerma_mGy, area_Gy_cm2, field_mm;
+  int pictures;
 };
 
-// After 2 s of X-ray, 15 pulses a second in the scene.
-Dose DoseOf(const Imaging& imaging) {
+// After 2 s of X-ray, 15 pulses a second in the scene, and what is chosen later in the second of
+// them.
+Dose DoseOf(const Imaging& imaging, const Imaging& later) {
   SceneOf scene(kStraight +
                 "[effects.fluoroscopy]\nwidth_px = 128\nheight_px = 64\nbody_width_mm = 0\n");
   Simulation session(*scene);
-  for (int k = 1; k <= 200; ++k) Tick(session, Chosen(0.01 * k, imaging));
+  int pictures = 0;
+  for (int k = 1; k <= 200; ++k) {
+    Tick(session, Chosen(0.01 * k, k > 100 ? later : imaging));
+    pictures += session.picture_due() ? 1 : 0;
+  }
   return {Reading(session, "xray_pulses"), Reading(session, "air_kerma_mGy"),
-          Reading(session, "kerma_area_Gy_cm2"), Reading(session, "xray_field_mm")};
+          Reading(session, "kerma_area_Gy_cm2"), Reading(session, "xray_field_mm"), pictures};
 }
+
+Dose DoseOf(const Imaging& imaging) { return DoseOf(imaging, imaging); }
 
 const std::string kVessel =
     "attenuation_1_mm = 3\n[effects.flow]\ninlet = \"tube\"\ninlet_mL_s = "
@@ -64,8 +72,10 @@ TEST_CASE("Pulses are as many as are chosen, and as the scene says otherwise", "
   CHECK(DoseOf(imaging).pulses == 30);
   imaging.pulses_per_s = 7.5;
   CHECK(DoseOf(imaging).pulses == 15);
+  CHECK(DoseOf(imaging).pictures == 15);
   imaging.pulses_per_s = 30;
   CHECK(DoseOf(imaging).pulses == 60);
+  CHECK(DoseOf(imaging).pictures == Approx(60).margin(1));
 }
 
 TEST_CASE("A smaller field takes more dose, and shutters take it from the area alone",
@@ -82,6 +92,7 @@ TEST_CASE("A smaller field takes more dose, and shutters take it from the area a
   CHECK(DoseOf(narrow).kerma_mGy == Approx(4 * open.kerma_mGy));
   CHECK(DoseOf(narrow).area_Gy_cm2 == Approx(open.area_Gy_cm2));
   CHECK(DoseOf(narrow).field_mm == Approx(open.field_mm / 2));
+  CHECK(DoseOf({}, narrow).kerma_mGy == Approx(2.5 * open.kerma_mGy));
 
   Imaging covered;
   covered.left = 0.1;
