@@ -179,7 +179,7 @@ TEST_CASE("The mode can be changed while the pedal is down, and back to the scen
   CHECK(wire() > 10);
 }
 
-TEST_CASE("Another field has a mask of its own", "[effects]") {
+TEST_CASE("Each field has another mask", "[effects]") {
   SceneOf scene(kStraight + kVessel + "mode = \"subtraction\"\n");
   Simulation session(*scene);
   ImageSource::Picture picture;
