@@ -70,7 +70,7 @@ class Replayer {
 
   template <class Message>
   static std::optional<Message> Decode(const std::vector<std::uint8_t>& bytes) {
-    Message message;
+    Message message{};
     if (!bus::DecodeMessage(bytes.data(), bytes.size(), message)) return {};
     return message;
   }
