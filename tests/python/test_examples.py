@@ -1,0 +1,74 @@
+"""The examples with pictures run, say what they found, and draw it."""
+
+import os
+import pathlib
+import re
+import struct
+import subprocess
+import sys
+
+import pytest
+import torquer
+
+PACKAGES = pathlib.Path(torquer.__file__).absolute().parents[1]
+EXAMPLES = pathlib.Path(__file__).parents[2] / "host/python/examples"
+
+
+def run(name, folder):
+    """The lines that an example prints; its picture is a PNG of some size with more than one color."""
+    picture = folder / f"{name}.png"
+    done = subprocess.run(
+        [sys.executable, "-B", str(EXAMPLES / f"{name}.py"), str(picture)],
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(PACKAGES), "MPLBACKEND": "Agg", "MPLCONFIGDIR": str(folder)},
+        capture_output=True, text=True, timeout=120, check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    data = picture.read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height = struct.unpack(">II", data[16:24])
+    assert width >= 800 and height >= 400 and len(data) > 20_000
+    lines = done.stdout.splitlines()
+    assert lines[-1] == f"picture: {picture}"
+    return lines
+
+
+def numbers(lines, pattern):
+    found = [match for line in lines if (match := re.search(pattern, line))]
+    return [tuple(float(value) for value in match.groups()) for match in found]
+
+
+def test_a_hand_pushes_harder_against_more_friction(tmp_path):
+    found = numbers(run("friction_sweep", tmp_path), r"coefficient +([\d.]+): +([\d.]+) mN at the end")
+    assert [coefficient for coefficient, _ in found] == [0, 0.05, 0.1, 0.2]
+    forces = [force for _, force in found]
+    assert forces == sorted(forces) and forces[-1] > 2 * forces[0] > 0
+
+
+def test_a_tip_is_farther_behind_with_more_friction(tmp_path):
+    found = numbers(run("torque_lag", tmp_path), r"the tip is +(-?\d+) degrees behind at the end, +(-?\d+) at most")
+    assert len(found) == 3
+    lags = [most for _, most in found]
+    assert lags == sorted(lags) and lags[0] < lags[-1]
+    # Whole turns of the hand without friction are whole turns of the tip.
+    assert abs(found[0][0]) <= 1
+
+
+def test_finer_segments_come_nearer(tmp_path):
+    lines = run("accuracy_against_time", tmp_path)
+    found = numbers(lines, r"segments of ([\d.]+) mm: +[\d.]+ ms for each mm, mean distance +([\d.]+) um")
+    assert len(found) == 6
+    errors = [error for _, error in found]
+    assert errors[0] > 5 * errors[-1]
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_a_surface_of_a_users_own(tmp_path):
+    found = numbers(run("own_surface", tmp_path), r"(\d+) mm in: tip at .* mm, (\d+) um into the wall")
+    assert [mm for mm, _ in found] == [50, 100, 150]
+    assert max(depth for _, depth in found) < 200
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
+def test_examples_say_how_they_are_run(name):
+    text = (EXAMPLES / f"{name}.py").read_text()
+    assert f"/usr/bin/python3 host/python/examples/{name}.py" in text.split('"""')[1]
