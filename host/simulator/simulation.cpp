@@ -41,7 +41,7 @@ bool Usable(const effects::Imaging& imaging) {
 
 bool Usable(const effects::Controls& controls) {
   return std::abs(controls.lao_rad) <= std::numbers::pi &&
-         std::abs(controls.cra_rad) <= std::numbers::pi && Usable(controls.imaging);
+         std::abs(controls.cra_rad) <= std::numbers::pi;
 }
 
 Simulation::Simulation(scene::Scene& scene)
@@ -117,10 +117,12 @@ void Simulation::CopyFrom(const Simulation& twin) {
 const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   status_ = command.in_doubt ? protocol::kWireInDoubt : 0;
   const bool places = Usable(command.target);
-  const bool angles = Usable(command.controls);
+  // Nobody asks for the X-ray system of a scene that has none.
+  const bool controls =
+      Usable(command.controls) && (image_ == nullptr || Usable(command.controls.imaging));
   if (places) target_ = command.target;
-  if (angles) controls_ = command.controls;
-  if (!places || !angles || command.refused) status_ |= protocol::kWireInputRefused;
+  if (controls) controls_ = command.controls;
+  if (!places || !controls || command.refused) status_ |= protocol::kWireInputRefused;
   const double before_s = time_s_;
   time_s_ = command.time_s < 0 ? time_s_ + 1e-3 : std::max(time_s_, command.time_s);
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(time_s_);

@@ -29,7 +29,7 @@ struct Command {
 bool Usable(const InstrumentPlace& place);
 /// Whether an X-ray system can be set so: all within their ranges.
 bool Usable(const effects::Imaging& imaging);
-/// Whether the C-arm can be turned so, finite and within half a turn, and set so.
+/// Whether the C-arm can be turned so: finite, and within half a turn. Not of `imaging`.
 bool Usable(const effects::Controls& controls);
 
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.

@@ -45,7 +45,7 @@ void Record(const std::string& scene_file, const std::string& log, int ticks,
       torquer::CountedBudget budget(static_cast<int>(1 + random() % 12));
       simulation.Tick(command, budget);
     }
-    torquer_lcm::wire_state_t state;
+    torquer_lcm::wire_state_t state{};
     simulation.Describe(state);
     if (spoil(state)) states.Write(state);
   }
@@ -121,7 +121,7 @@ TEST_CASE("A replay finds one flipped bit in what a state says", "[simulator]") 
   for (std::size_t at = 8; at < plain.size(); at += torquer::test::kUnderSanitizer ? 331 : 53) {
     std::vector<std::uint8_t> bytes = plain;
     bytes[at] = static_cast<std::uint8_t>(bytes[at] ^ (1U << (at % 8)));
-    torquer_lcm::wire_state_t other;
+    torquer_lcm::wire_state_t other{};
     if (!torquer::bus::DecodeMessage(bytes.data(), bytes.size(), other)) continue;
     INFO("byte " << at);
     bool shows = true;

@@ -53,7 +53,7 @@ torquer_lcm::health_t Health(const std::string& process) {
 std::int64_t TickAt(const Recording& recording, std::int64_t at_us) {
   const Recording::Topic& states = recording.states();
   const auto bytes = recording.Read(states, states.CountAt(at_us) - 1);
-  torquer_lcm::wire_state_t state;
+  torquer_lcm::wire_state_t state{};
   REQUIRE(torquer::bus::DecodeMessage(bytes.data(), bytes.size(), state));
   return state.tick;
 }
@@ -77,7 +77,7 @@ void RecordSession(torquer::scene::Scene& scene, const std::string& path, int sp
       torquer::CountedBudget budget(30);
       simulation.Tick(command, budget);
     }
-    torquer_lcm::wire_state_t state;
+    torquer_lcm::wire_state_t state{};
     simulation.Describe(state);
     if (tick == spoiled) state.energy_mJ += 1e-9;
     Write(log, 1000 * tick, torquer::protocol::kWireStateChannel, state);
