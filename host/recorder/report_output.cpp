@@ -113,7 +113,8 @@ std::string FormatReport(const SessionReport& report) {
   for (const InstrumentReport& instrument : report.instruments) {
     text += instrument.driven()
                 ? FormatInstrument(instrument)
-                : fmt::format("  {}, driven by no device\n", Printable(instrument.name));
+                : fmt::format("  {}, driven by no device; {} commands\n",
+                              Printable(instrument.name), instrument.commands);
   }
   text +=
       fmt::format("  relaxation   p50 {:.0f} us, p99 {:.0f} us, max {:.0f} us a tick; {} states\n",

@@ -70,13 +70,10 @@ bool SessionReport::Has(const std::string& effect) const {
 }
 
 bool SessionReport::Good() const {
-  bool any = false;
   for (const InstrumentReport& instrument : instruments) {
-    if (!instrument.driven()) continue;
-    any = true;
-    if (!instrument.Good()) return false;
+    if (instrument.driven() && !instrument.Good()) return false;
   }
-  return any && undecodable == 0 && !damage.any();
+  return undecodable == 0 && !damage.any();
 }
 
 SessionHandlers SessionReporter::Handlers() {
@@ -166,6 +163,7 @@ void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
     Show(channel, instrument.origin_us);
     channel.shown_sequence = instrument.command_sequence;
   }
+  if (!last_state_) first_state_us_ = state.publish_us;
   last_state_ = state;
 }
 
@@ -299,8 +297,15 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
     one.latency_ms = Distribute(latencies);
     report.instruments.push_back(std::move(one));
   }
-  require(last_us > 0, "device sample", "torquer-daemon");
-  report.duration_s = static_cast<double>(last_us - first_us) * 1e-6;
+  if (last_us == 0) {
+    // A page, or a program, has steered.
+    const bool steered = std::any_of(report.instruments.begin(), report.instruments.end(),
+                                     [](const InstrumentReport& one) { return one.commands > 0; });
+    require(steered, "device sample and no command", "torquer-daemon or a page that steers");
+    first_us = first_state_us_;
+    last_us = last_state_->publish_us;
+  }
+  report.duration_s = static_cast<double>(Difference(last_us, first_us)) * 1e-6;
   std::vector<double> solve = solve_us_;
   report.solve_us = Distribute(solve);
   report.residual = last_state_->residual;

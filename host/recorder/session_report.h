@@ -70,7 +70,8 @@ struct SessionReport {
   std::string scene;
   std::string scene_file;
   std::string method;
-  double duration_s = 0;  ///< from the first sample of any device to the last
+  /// From the first sample of any device to the last; without devices from state to state.
+  double duration_s = 0;
 
   std::vector<InstrumentReport> instruments;  ///< the innermost first
 
@@ -93,7 +94,7 @@ struct SessionReport {
 
   /// Whether the scene names this effect, such as "fluoroscopy".
   bool Has(const std::string& effect) const;
-  /// Every instrument that a device drove is good, there is one, and the log is whole.
+  /// Every instrument that a device drove is good, and the log is whole.
   bool Good() const;
 };
 
@@ -154,6 +155,7 @@ class SessionReporter {
 
   std::map<std::string, Channel> channels_;                   // by instrument
   std::map<std::string, torquer_lcm::hand_motion_t> truths_;  // by device
+  std::int64_t first_state_us_ = 0;
   std::optional<torquer_lcm::wire_state_t> last_state_;
   std::optional<torquer_lcm::scene_description_t> scene_;
   torquer_lcm::readings_t readings_{};

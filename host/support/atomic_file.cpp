@@ -195,6 +195,8 @@ AtomicFile::~AtomicFile() {
   if (!temporary_.empty()) unlink(temporary_.c_str());
 }
 
+int AtomicFile::descriptor() const { return buffer_->fd(); }
+
 void AtomicFile::Reserve(std::int64_t bytes) {
   const int error = buffer_->Reserve(bytes);
   // What cannot be set aside on this file system is found when it is written.

@@ -29,6 +29,9 @@ class AtomicFile {
   /// Where the contents go. It fails silently, as streams do; Finish() reports it.
   std::ostream& out() { return out_; }
 
+  /// The file, still empty, for a program that writes it in place of out().
+  int descriptor() const;
+
   /// Sets room on the disk aside, so that a file of up to `bytes` cannot fail for want of it later.
   /// Throws UserError when there is not as much.
   void Reserve(std::int64_t bytes);

@@ -211,10 +211,10 @@ void CheckCompletion(const std::string& program, const std::string& script, cons
 
 TEST_CASE("There are programs", "[programs]") {
   const std::vector<std::string> programs = Programs();
-  for (const char* name :
-       {"torquer-daemon", "torquer-emulator", "torquer-emulator-usbip", "torquer-flash",
-        "torquer-calibrate", "torquer-monitor", "torquer-recorder", "torquer-replay",
-        "torquer-report", "torquer-simulator", "torquer-viewer", "torquer-checksum-image"}) {
+  for (const char* name : {"torquer-daemon", "torquer-emulator", "torquer-emulator-usbip",
+                           "torquer-flash", "torquer-calibrate", "torquer-clip", "torquer-monitor",
+                           "torquer-recorder", "torquer-replay", "torquer-report",
+                           "torquer-simulator", "torquer-viewer", "torquer-checksum-image"}) {
     CAPTURE(name);
     CHECK(std::count(programs.begin(), programs.end(), name) == 1);
   }

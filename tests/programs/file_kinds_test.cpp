@@ -127,6 +127,7 @@ TEST_CASE("What is no ordinary file is not read, and nobody waits for it", "[pro
       {"torquer-simulator", "--explain", "surface-KIND.toml"},
       {"torquer-simulator", "--check-mesh", "@"},
       {"torquer-report", "@"},
+      {"torquer-clip", "@", "clip.mp4"},
       {"torquer-replay", "@"},
       {"torquer-daemon", "--source", "socket", "--calibration", "@"},
       {"torquer-emulator", "--motion", "@"},

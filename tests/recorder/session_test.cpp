@@ -135,7 +135,34 @@ TEST_CASE("An instrument that nothing drives is named and not judged") {
   CHECK(report.Good());
   REQUIRE(report.instruments.size() == 2);
   CHECK_FALSE(report.instruments[1].driven());
-  CHECK_THAT(FormatReport(report), Catch::Contains("  catheter, driven by no device\n"));
+  CHECK_THAT(FormatReport(report),
+             Catch::Contains("  catheter, driven by no device; 0 commands\n"));
+}
+
+TEST_CASE("A session that a page has steered is reported, one that nobody has steered is refused") {
+  const TemporaryFolder folder;
+  const std::string log = folder.Path("log");
+  WriteSession(log, {});
+  const auto report = [&log](bool commands) {
+    SessionReporter reporter;
+    SessionHandlers handlers = reporter.Handlers();
+    handlers.sample = [](const torquer_lcm::device_sample_t&) {};
+    handlers.health = [](const torquer_lcm::health_t&) {};
+    handlers.truth = [](const torquer_lcm::hand_motion_t&) {};
+    if (!commands) handlers.command = [](const torquer_lcm::instrument_command_t&) {};
+    ReadSessionLog(log, handlers);
+    return reporter.Finish([](const std::string&, int) -> Eigen::Matrix2d { throw 1; });
+  };
+  const SessionReport steered = report(true);
+  CHECK(steered.Good());
+  CHECK_FALSE(steered.instruments.at(0).driven());
+  CHECK(steered.duration_s == Approx(1).epsilon(0.01));
+  CHECK_THAT(FormatReport(steered),
+             Catch::StartsWith("Session of 1.0 s in ") &&
+                 Catch::Contains("  guidewire, driven by no device; 1000 commands\n"));
+  CHECK_THROWS_WITH(report(false),
+                    "the log holds no device sample and no command; record while "
+                    "torquer-daemon or a page that steers runs");
 }
 
 TEST_CASE("Of a machine too slow for real time it is said so") {

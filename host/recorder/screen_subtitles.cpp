@@ -1,0 +1,113 @@
+#include "host/recorder/screen_subtitles.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "host/recorder/svg_text.h"
+#include "host/support/printable_text.h"
+
+namespace torquer {
+namespace {
+
+constexpr std::size_t kLongestName = 30;
+
+std::string Angle(double rad, const char* positive, const char* negative) {
+  const long degrees = std::lround(rad * 180 / std::numbers::pi);
+  return fmt::format("{} {}°", degrees < 0 ? negative : positive, std::labs(degrees));
+}
+
+std::string Minutes(double time_s) {
+  const auto tenths = static_cast<std::int64_t>(std::floor(10 * time_s));
+  return fmt::format("{}:{:02}.{}", tenths / 600, tenths / 10 % 60, tenths % 10);
+}
+
+// Style and text of each place of the screen.
+struct Line {
+  const char* style;
+  std::string text;
+  bool operator==(const Line&) const = default;
+};
+using Lines = std::array<Line, 4>;
+
+Lines LinesAt(const ScreenCourse& course, std::int64_t time_us) {
+  const ScreenMoment moment = course.At(time_us);
+  const bool shown = moment.picture >= 0;
+  std::string dose;
+  if (moment.fluoroscopy_s >= 0) Append(dose, "\\NX-ray {}", Minutes(moment.fluoroscopy_s));
+  if (moment.air_kerma_mGy >= 0) Append(dose, "\\NAir kerma {:.2f} mGy", moment.air_kerma_mGy);
+  if (moment.contrast_mL >= 0) Append(dose, "\\NContrast {:.1f} mL", moment.contrast_mL);
+  if (!dose.empty()) dose.erase(0, 2);
+  std::string session = EscapeSubtitle(Printable(moment.scene, kLongestName));
+  if (!session.empty()) session += "\\N";
+  session += Minutes(1e-6 * static_cast<double>(time_us));
+  Lines lines = {{{"Hold", shown ? "LAST IMAGE HOLD" : ""},
+                  {"Arm", shown ? Angle(moment.lao_rad, "LAO", "RAO") + "  " +
+                                      Angle(moment.cra_rad, "CRA", "CAU")
+                                : ""},
+                  {"Session", session},
+                  {"Dose", dose}}};
+  if (moment.xray) lines[0] = {"Xray", "X-RAY ON"};
+  return lines;
+}
+
+// Halfway to the frame before, so that no rounding moves a text by a frame.
+std::string EventTime(std::int64_t frame) {
+  const std::int64_t hundredths =
+      std::max<std::int64_t>(0, (2 * frame - 1) * 100 / (2 * ClipSpan::kFramesPerS));
+  return fmt::format("{}:{:02}:{:02}.{:02}", hundredths / 360'000, hundredths / 6000 % 60,
+                     hundredths / 100 % 60, hundredths % 100);
+}
+
+}  // namespace
+
+std::string EscapeSubtitle(std::string_view text) {
+  std::string escaped;
+  for (const char character : text) {
+    if (character == '{' || character == '}') escaped += '\\';
+    escaped += character;
+    // Nothing escapes a backslash; a word joiner, which is not seen, parts it from what follows.
+    if (character == '\\') escaped += "\u2060";
+  }
+  return escaped;
+}
+
+std::string ScreenSubtitles(const ScreenCourse& course, const ClipSpan& span, int width,
+                            int height) {
+  const int size = std::max(8, height / 26);
+  std::string out = fmt::format(
+      "[Script Info]\nScriptType: v4.00+\nPlayResX: {}\nPlayResY: {}\nWrapStyle: 2\n"
+      "ScaledBorderAndShadow: yes\n\n[V4+ Styles]\n"
+      "Format: Name, Fontname, Fontsize, PrimaryColour, OutlineColour, Bold, BorderStyle, Outline, "
+      "Shadow, Alignment, MarginL, MarginR, MarginV\n",
+      width, height);
+  const auto style = [&](const char* name, const char* color, int alignment) {
+    Append(out, "Style: {},DejaVu Sans,{},{},&H00000000,0,1,{:.1f},0,{},{},{},{}\n", name, size,
+           color, 0.08 * size, alignment, size / 2, size / 2, size / 2);
+  };
+  style("Xray", "&H0030D0FF", 7);  // blue, green, red: amber
+  style("Hold", "&H00FFFFFF", 7);
+  style("Arm", "&H00FFFFFF", 9);
+  style("Session", "&H00FFFFFF", 1);
+  style("Dose", "&H00FFFFFF", 3);
+  out += "\n[Events]\nFormat: Layer, Start, End, Style, Text\n";
+
+  Lines standing = LinesAt(course, span.TimeUs(0));
+  std::array<std::int64_t, 4> since{};
+  for (std::int64_t frame = 1; frame <= span.frames; ++frame) {
+    const Lines next = frame < span.frames ? LinesAt(course, span.TimeUs(frame)) : Lines{};
+    for (std::size_t k = 0; k < next.size(); ++k) {
+      if (next[k] == standing[k] && frame < span.frames) continue;
+      if (!standing[k].text.empty()) {
+        Append(out, "Dialogue: 0,{},{},{},{}\n", EventTime(since[k]), EventTime(frame),
+               standing[k].style, standing[k].text);
+      }
+      standing[k] = next[k];
+      since[k] = frame;
+    }
+  }
+  return out;
+}
+
+}  // namespace torquer
