@@ -162,7 +162,7 @@ std::string KeysAsJsonSchema() {
   schema["required"] = Json::array({"vessel", "entry", "instrument"});
   AddKeys(KeysOf(sections, ""), schema);
   schema["properties"]["vessel"] = VesselSchema(sections);
-  for (const char* name : {"patient_axes", "entry", "relaxation"}) {
+  for (const char* name : {"case", "patient_axes", "entry", "relaxation"}) {
     schema["properties"][name] = SchemaOf(KeysOf(sections, name));
   }
   schema["properties"]["instrument"] = {{"type", "array"},

@@ -214,7 +214,9 @@ void Scene::MakeEffect(const EffectSpec& spec) {
 }
 
 void Scene::HashContent() {
-  content_hash_ = Fnv1a(WriteScene(spec_));
+  SceneSpec simulated = spec_;
+  simulated.training_case.reset();
+  content_hash_ = Fnv1a(WriteScene(simulated));
   for (const InstrumentSpec& instrument : spec_.instruments) {
     if (instrument.device.empty()) continue;
     // What the device has, too, which the scene's text does not say.

@@ -28,6 +28,23 @@ const Keys<NameSpec>& NameKeys() {
   return keys;
 }
 
+const Keys<CaseSpec>& CaseKeys() {
+  using Spec = CaseSpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Required()
+          .Text("title", &Spec::title, "that a trainee reads in the list of cases")
+          .Required()
+          .Text("task", &Spec::task, "what the trainee is to do")
+          .Required()
+          .Integer("difficulty", &Spec::difficulty, 1, 5, "from 1, for beginners, to 5")
+          .Example(
+              "title = \"Cerebral angiogram\"\n"
+              "task = \"Bring the tip into the left common carotid artery.\"\n"
+              "difficulty = 3\n");
+  return keys;
+}
+
 struct WallSpec : TableSpec {
   double wall_stiffness_N_mm2 = 0;
 };
@@ -247,6 +264,7 @@ SceneSpec Read(StrictTable file, const std::string& path, std::filesystem::path 
   spec.path = path;
   spec.folder = std::move(folder);
   spec.name = NameKeys().Read(file).name;
+  if (StrictTable* table = file.OptionalTable("case")) spec.training_case = CaseKeys().Read(*table);
   spec.vessel = ReadVessel(file.Table("vessel"));
   if (StrictTable* axes = file.OptionalTable("patient_axes")) spec.axes = AxesKeys().Read(*axes);
   spec.entry = EntryKeys().Read(file.Table("entry"));
@@ -289,6 +307,7 @@ std::string WriteScene(const SceneSpec& spec) {
   NameSpec name;
   name.name = spec.name;
   NameKeys().Write(name, out);
+  if (spec.training_case) CaseKeys().Write(*spec.training_case, out.Table("case"));
   TomlWriter& vessel = out.Table("vessel");
   for (const vessel::VesselKind& kind : vessel::AllVesselKinds()) {
     if (kind.name != spec.vessel.kind) continue;
@@ -319,6 +338,7 @@ std::string WriteScene(const SceneSpec& spec) {
 
 std::vector<Section> AllSections() {
   std::vector<Section> all = {{"", "", "the file itself", &NameKeys()},
+                              {"[case]", "case", "what the list of cases says", &CaseKeys()},
                               {"[vessel]", "vessel", "every kind of vessel", &WallKeys()}};
   for (const vessel::VesselKind& kind : vessel::AllVesselKinds()) {
     all.push_back({"[vessel]", "vessel." + kind.name,

@@ -18,6 +18,13 @@
 
 namespace torquer::scene {
 
+/// [case]: what a trainee reads who chooses a case. Changes nothing that is simulated.
+struct CaseSpec : TableSpec {
+  std::string title;
+  std::string task;
+  int difficulty = 1;  ///< 1, for beginners, to 5
+};
+
 /// [vessel]: what every vessel has, and the keys of its kind.
 struct VesselSpec : TableSpec {
   std::string kind;  ///< one of vessel::AllVesselKinds()
@@ -76,6 +83,7 @@ struct SceneSpec : TableSpec {
   std::string name;
   std::string path;              ///< of the file; for messages
   std::filesystem::path folder;  ///< that paths are relative to
+  std::optional<CaseSpec> training_case;
   VesselSpec vessel;
   PatientAxesSpec axes;
   EntrySpec entry;
