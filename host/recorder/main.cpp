@@ -131,7 +131,8 @@ int main(int argc, char** argv) {
                            "each instrument went where its hand went.");
   program.Note(
       "Exit status: 0 when no report was lost, hand and wire agree within one count of the sensor "
-      "where a device drove them, and the log is whole; 1 when not; 2 when there is nothing to judge.");
+      "where a device drove them, and the log is whole; 1 when not; 2 when there is nothing to "
+      "judge.");
   Arguments arguments;
   torquer::Options& options = program.options();
   options.Operand("LOG", arguments.log, "log of the session, written by torquer-recorder");

@@ -111,10 +111,9 @@ std::string FormatReport(const SessionReport& report) {
   std::string text = fmt::format("Session of {:.1f} s in {}, {} method\n", report.duration_s,
                                  Printable(report.scene), Printable(report.method));
   for (const InstrumentReport& instrument : report.instruments) {
-    text += instrument.driven()
-                ? FormatInstrument(instrument)
-                : fmt::format("  {}, driven by no device; {} commands\n",
-                              Printable(instrument.name), instrument.commands);
+    text += instrument.driven() ? FormatInstrument(instrument)
+                                : fmt::format("  {}, driven by no device; {} commands\n",
+                                              Printable(instrument.name), instrument.commands);
   }
   text +=
       fmt::format("  relaxation   p50 {:.0f} us, p99 {:.0f} us, max {:.0f} us a tick; {} states\n",
