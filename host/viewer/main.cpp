@@ -1,11 +1,18 @@
 // torquer-viewer: the session on the bus, in a browser.
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "host/bus/bus.h"
 #include "host/simulator/scene/scene.h"
+#include "host/support/error.h"
+#include "host/support/nearest_name.h"
 #include "host/support/program.h"
 #include "host/support/stop_signal.h"
 #include "host/viewer/listening_socket.h"
@@ -17,13 +24,51 @@ namespace {
 struct Arguments {
   std::string url;
   std::string scene;
+  std::string cases;
+  std::string start;
+  std::string sessions;
   std::string token_file;
   std::uint16_t port = 0;
   bool steer = false;
 };
 
+namespace viewer = torquer::viewer;
+
+int NumberOf(const std::vector<viewer::Case>& cases, const std::string& name) {
+  if (name.empty()) return -1;
+  std::vector<std::string> names;
+  for (const viewer::Case& one : cases) names.push_back(one.name);
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found != names.end()) return static_cast<int>(found - names.begin());
+  const std::string near = torquer::NearestName(name, names);
+  throw torquer::UserError(fmt::format("--start {}: there is no such case; {}there are: {}", name,
+                                       near.empty() ? "" : fmt::format("did you mean {}? ", near),
+                                       fmt::join(names, ", ")));
+}
+
+std::vector<viewer::Case> CasesOf(const std::string& folder) {
+  std::vector<std::string> problems;
+  std::vector<viewer::Case> cases = viewer::ReadCases(folder, problems);
+  for (const std::string& problem : problems) {
+    fmt::print(stderr, "torquer-viewer: {}\n", problem);
+  }
+  return cases;
+}
+
+void Check(const Arguments& arguments) {
+  if (!arguments.cases.empty() && !arguments.scene.empty()) {
+    throw torquer::UsageError("--cases and --scene exclude each other");
+  }
+  if (arguments.cases.empty() != arguments.sessions.empty()) {
+    throw torquer::UsageError("--cases and --sessions go together");
+  }
+  if (arguments.cases.empty() && !arguments.start.empty()) {
+    throw torquer::UsageError("--start is for --cases");
+  }
+}
+
 int Run(const Arguments& arguments) {
-  namespace viewer = torquer::viewer;
+  Check(arguments);
   // The socket first: it is all that needs nothing else.
   const int listening = viewer::ListeningSocket(arguments.port);
   const std::string token = arguments.token_file.empty() ? viewer::RandomToken()
@@ -31,8 +76,20 @@ int Run(const Arguments& arguments) {
   torquer::bus::Bus bus(arguments.url);
   std::optional<torquer::scene::Scene> scene;
   if (!arguments.scene.empty()) scene.emplace(arguments.scene);
-  viewer::RunViewer(bus, listening, token, scene ? &*scene : nullptr, arguments.steer,
-                    torquer::StopOnSignal());
+  std::optional<viewer::CaseStation> station;
+  viewer::ViewerSetup setup;
+  setup.steer = arguments.steer;
+  if (scene) setup.scene = &*scene;
+  if (!arguments.cases.empty()) {
+    std::vector<viewer::Case> cases = CasesOf(arguments.cases);
+    setup.start = NumberOf(cases, arguments.start);
+    const viewer::CaseStation::Programs programs{
+        .folder = std::filesystem::read_symlink("/proc/self/exe").parent_path(),
+        .lcm_url = arguments.url};
+    station.emplace(std::move(cases), arguments.sessions, programs);
+    setup.station = &*station;
+  }
+  viewer::RunViewer(bus, listening, token, setup, torquer::StopOnSignal());
   return torquer::kExitSuccess;
 }
 
@@ -50,6 +107,13 @@ int main(int argc, char** argv) {
   torquer::Options& options = program.options();
   options.Text("--scene", "FILE", arguments.scene, "the scene, for the vessel in the 3D view",
                torquer::ValueKind::kFile);
+  options.Text("--cases", "FOLDER", arguments.cases,
+               "in place of --scene: a folder of scenes, of which the page starts the one that is "
+               "chosen there",
+               torquer::ValueKind::kFolder);
+  options.Text("--start", "CASE", arguments.start, "with --cases: the one that starts at once");
+  options.Text("--sessions", "FOLDER", arguments.sessions,
+               "with --cases: where logs, records and reports go", torquer::ValueKind::kFolder);
   options.Flag("--steer", arguments.steer,
                "the page's keys command the instruments, in place of bench devices");
   options.Integer("--port", "PORT", arguments.port, 0, 65535,

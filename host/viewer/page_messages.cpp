@@ -274,4 +274,12 @@ std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> b
   return controls;
 }
 
+std::optional<CaseControl> ReadCaseControl(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() != kControlsBytes || bytes[0] != static_cast<std::uint8_t>(FrameKind::kCase) ||
+      bytes[1] != kFrameVersion || bytes[2] < 1 || bytes[2] > 3) {
+    return {};
+  }
+  return CaseControl{.action = static_cast<CaseControl::Action>(bytes[2]), .number = bytes[3]};
+}
+
 }  // namespace torquer::viewer

@@ -26,7 +26,8 @@ enum class FrameKind : std::uint8_t {
   kVessel = 3,
   kControls = 16,
   kReplayControls = 17,
-  kImaging = 18
+  kImaging = 18,
+  kCase = 19
 };
 
 /// Second byte of a binary message: a change of a layout makes a new one.
@@ -92,5 +93,15 @@ struct ReplayControls {
 
 /// Nothing where the bytes are not of that layout, or a value is beyond its limits.
 std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes);
+
+/// What the page wants of the cases.
+struct CaseControl {
+  enum class Action : std::uint8_t { kStart = 1, kEnd = 2, kClose = 3 };
+  Action action = Action::kStart;
+  std::size_t number = 0;  ///< of the case that is started
+};
+
+/// Nothing where the bytes are not of that layout.
+std::optional<CaseControl> ReadCaseControl(std::span<const std::uint8_t> bytes);
 
 }  // namespace torquer::viewer

@@ -15,9 +15,9 @@ namespace torquer::viewer {
 
 /// What a client may ask for, and who is listened to.
 ///
-/// Served is `/TOKEN/` and the few files of page_files.h below it, nothing else, to requests whose
-/// Host is this machine's loopback at the server's port, and whose Origin, where there is one, is
-/// the same. A WebSocket at `/TOKEN/bus` needs an Origin. One request a connection.
+/// Served is `/TOKEN/`, the few files of page_files.h and those of Serve below it, to requests
+/// whose Host is this machine's loopback at the server's port, and whose Origin, where there is
+/// one, is the same. A WebSocket at `/TOKEN/bus` needs an Origin. One request a connection.
 class PageServer {
  public:
   /// Whether the message of a page is one; a page that sends another is cut off.
@@ -37,6 +37,15 @@ class PageServer {
   /// older ones of the same topic, never the newest. Topics beyond kMostTopics are left out.
   void ShowText(const std::string& topic, std::string text);
   void ShowBytes(const std::string& topic, std::string bytes);
+
+  /// Pages that come later do not get what was shown of this topic.
+  void Forget(const std::string& topic);
+
+  /// Whether a file of Serve may only be seen (a picture), or is a whole page, which may have a
+  /// style within it and nothing else: no script, no request.
+  enum class ServedAs { kPicture, kDocument };
+  /// A file below `/TOKEN/`, in place of one of that name; an empty one ends it.
+  void Serve(const std::string& name, ServedAs as, std::string content);
 
   /// Calls `act` whenever `file_descriptor` is readable; as often as `interval` allows.
   void WhenReadable(int file_descriptor, std::function<void()> act);

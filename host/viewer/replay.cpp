@@ -168,7 +168,7 @@ HashCheck::Finding RunReplay(const Recording& recording, const std::string& log,
                              int listening_socket, const std::string& token, scene::Scene* scene,
                              const std::atomic<bool>& stop) {
   Replayer replayer(recording, listening_socket, token, stop);
-  if (scene != nullptr) ShowScene(*scene, replayer.server());
+  if (scene != nullptr) ShowFrames(FramesOf(*scene), replayer.server());
   fmt::print("{}\n", replayer.server().url());
   std::fflush(stdout);
   if (scene == nullptr) {

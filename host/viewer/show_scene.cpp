@@ -1,5 +1,7 @@
 #include "host/viewer/show_scene.h"
 
+#include <utility>
+
 #include "host/simulator/effects/observers/assessment.h"
 #include "host/simulator/vessel/surface_net.h"
 #include "host/viewer/page_messages.h"
@@ -28,10 +30,14 @@ const effects::AssessmentTask* TaskOf(const scene::Scene& scene) {
 
 }  // namespace
 
-void ShowScene(scene::Scene& scene, PageServer& server) {
-  server.ShowBytes("vessel", SurfaceFrame(scene));
-  server.ShowText("lines",
-                  LinesText(scene.vessel().centerlines, TaskOf(scene), scene.content_hash()));
+SceneFrames FramesOf(scene::Scene& scene) {
+  return {.vessel = SurfaceFrame(scene),
+          .lines = LinesText(scene.vessel().centerlines, TaskOf(scene), scene.content_hash())};
+}
+
+void ShowFrames(SceneFrames frames, PageServer& server) {
+  server.ShowBytes("vessel", std::move(frames.vessel));
+  server.ShowText("lines", std::move(frames.lines));
 }
 
 }  // namespace torquer::viewer

@@ -1,12 +1,22 @@
-// What the page shows of a scene's file, and no message on the bus has.
+// What the page shows of a scene: the vessel, its centerlines and the task.
 #pragma once
+
+#include <string>
 
 #include "host/simulator/scene/scene.h"
 #include "host/viewer/page_server.h"
 
 namespace torquer::viewer {
 
-/// The vessel's surface, its centerlines and the target.
-void ShowScene(scene::Scene& scene, PageServer& server);
+/// A scene as messages for the page (page_messages.h).
+struct SceneFrames {
+  std::string vessel;  ///< its surface
+  std::string lines;   ///< centerlines, route and target
+};
+
+/// Takes a while where the surface is made from a field.
+SceneFrames FramesOf(scene::Scene& scene);
+
+void ShowFrames(SceneFrames frames, PageServer& server);
 
 }  // namespace torquer::viewer

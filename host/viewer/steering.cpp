@@ -34,6 +34,16 @@ void Steering::Add(const torquer_lcm::wire_state_t& state) {
   placed_ = true;
 }
 
+void Steering::Restart() {
+  commands_.clear();
+  reach_.clear();
+  placed_ = false;
+  controls_ = {};
+  lao_rad_ = cra_rad_ = 0;
+  imaging_ = {};
+  chosen_ = false;
+}
+
 bool Steering::Take(PageId page, const Controls& controls, std::int64_t now_us) {
   if (page_ && *page_ != page) return false;
   if (controls.instrument >= static_cast<int>(commands_.size())) return false;

@@ -31,6 +31,9 @@ class Steering {
 
   /// The instruments that there are; another list starts again.
   void Add(const torquer_lcm::scene_description_t& scene);
+  /// Another simulator starts: the instruments are where its first state says, and the C-arm and
+  /// the X-ray system as at first. Who steers stays the same.
+  void Restart();
   /// Before the first command the instruments are where a state says.
   void Add(const torquer_lcm::wire_state_t& state);
 

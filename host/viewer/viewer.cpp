@@ -4,11 +4,15 @@
 
 #include <chrono>
 #include <cstdio>
+#include <deque>
+#include <future>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
+#include "host/support/error.h"
 #include "host/viewer/page_messages.h"
 #include "host/viewer/page_server.h"
 #include "host/viewer/show_scene.h"
@@ -26,10 +30,11 @@ constexpr int kQueue = 64;
 
 class Viewer {
  public:
-  Viewer(bus::Bus& bus, int listening_socket, const std::string& token, bool steer,
+  Viewer(bus::Bus& bus, int listening_socket, const std::string& token, const ViewerSetup& setup,
          const std::atomic<bool>& stop)
       : bus_(bus),
-        steer_(steer),
+        steer_(setup.steer),
+        station_(setup.station),
         stop_(stop),
         health_(bus, "viewer"),
         steering_(bus::ClockId()),
@@ -40,6 +45,12 @@ class Viewer {
             },
             [this](PageId page) { steering_.Leave(page); }) {
     Subscribe();
+    if (station_ != nullptr) {
+      for (const Case& one : station_->cases()) {
+        server_.Serve(PictureName(one), PageServer::ServedAs::kPicture, one.picture);
+      }
+      if (setup.start >= 0) StartCase(static_cast<std::size_t>(setup.start));
+    }
     server_.WhenReadable(bus.FileDescriptor(), [this] { bus_.Handle(0); });
     server_.Every(kBeat, [this] { Beat(); });
   }
@@ -61,6 +72,7 @@ class Viewer {
           state_ = state;
           state_is_new_ = true;
           ++states_;
+          if (station_ != nullptr) station_->SawState();
         },
         kQueue);
     bus_.Subscribe<torquer_lcm::wire_forces_t>(
@@ -89,7 +101,13 @@ class Viewer {
 
   bool Take(PageId page, std::span<const std::uint8_t> message) {
     if (const auto imaging = ReadImaging(message)) {
-      if (steer_ && steering_.Take(page, *imaging)) PublishImaging(bus::MonotonicUs());
+      if (steering_.Take(page, *imaging)) PublishImaging(bus::MonotonicUs());
+      return true;
+    }
+    if (const auto control = ReadCaseControl(message)) {
+      if (station_ == nullptr) return false;
+      // Whoever steers is not interrupted by others.
+      if (steering_.page().value_or(page) == page) Take(*control);
       return true;
     }
     const std::optional<Controls> controls = ReadControls(message);
@@ -98,9 +116,63 @@ class Viewer {
     return true;
   }
 
+  void Take(const CaseControl& control) {
+    switch (control.action) {
+      case CaseControl::Action::kStart:
+        StartCase(control.number);
+        break;
+      case CaseControl::Action::kEnd:
+        station_->End(bus::MonotonicUs());
+        break;
+      case CaseControl::Action::kClose:
+        station_->Close();
+        break;
+    }
+  }
+
+  static std::string PictureName(const Case& one) { return "cases/" + one.name + ".jpg"; }
+
+  // Nothing of the case before stays: neither for pages nor for whoever steers.
+  void StartCase(std::size_t number) {
+    if (!station_->Start(number, bus::MonotonicUs())) return;
+    steering_.Restart();
+    state_.reset();
+    forces_.reset();
+    state_is_new_ = false;
+    for (const char* topic : {"state", "picture", "readings", "scene", "vessel", "lines"}) {
+      server_.Forget(topic);
+    }
+    // A load that is not over yet goes on, and is not shown.
+    loads_.push_back(std::async(std::launch::async, [file = station_->chosen()->file] {
+      scene::Scene scene(file);
+      return FramesOf(scene);
+    }));
+  }
+
+  void AdvanceCase(std::int64_t now_us) {
+    const bool changed = station_->Advance(now_us);
+    if (changed) {
+      server_.Serve("report.html", PageServer::ServedAs::kDocument,
+                    station_->report() != nullptr ? *station_->report() : "");
+      server_.ShowText("cases", station_->Text());
+    }
+    while (!loads_.empty() &&
+           loads_.front().wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+      const bool newest = loads_.size() == 1;
+      try {
+        SceneFrames frames = loads_.front().get();
+        if (newest) ShowFrames(std::move(frames), server_);
+      } catch (const UserError&) {
+        // The simulator reads the same file, and says what is wrong with it.
+      }
+      loads_.pop_front();
+    }
+  }
+
   void Beat() {
     if (stop_) return server_.Stop();
     const std::int64_t now_us = bus::MonotonicUs();
+    if (station_ != nullptr) AdvanceCase(now_us);
     if (steer_) {
       steering_.Advance(now_us);
       for (const auto& command : steering_.Commands(now_us)) {
@@ -160,6 +232,8 @@ class Viewer {
 
   bus::Bus& bus_;
   const bool steer_;
+  CaseStation* const station_;
+  std::deque<std::future<SceneFrames>> loads_;
   const std::atomic<bool>& stop_;
   bus::HealthReporter health_;
   Steering steering_;
@@ -174,10 +248,10 @@ class Viewer {
 
 }  // namespace
 
-void RunViewer(bus::Bus& bus, int listening_socket, const std::string& token, scene::Scene* scene,
-               bool steer, const std::atomic<bool>& stop) {
-  Viewer viewer(bus, listening_socket, token, steer, stop);
-  if (scene != nullptr) ShowScene(*scene, viewer.server());
+void RunViewer(bus::Bus& bus, int listening_socket, const std::string& token,
+               const ViewerSetup& setup, const std::atomic<bool>& stop) {
+  Viewer viewer(bus, listening_socket, token, setup, stop);
+  if (setup.scene != nullptr) ShowFrames(FramesOf(*setup.scene), viewer.server());
   fmt::print("{}\n", viewer.server().url());
   std::fflush(stdout);
   viewer.Run();

@@ -1,4 +1,4 @@
-// The viewer's program: the bus on one side, pages on the other.
+// torquer-viewer: what is on the bus goes to pages, what pages want goes to the bus.
 #pragma once
 
 #include <atomic>
@@ -6,13 +6,20 @@
 
 #include "host/bus/bus.h"
 #include "host/simulator/scene/scene.h"
+#include "host/viewer/case_station.h"
 
 namespace torquer::viewer {
 
-/// Serves pages until `stop`. `scene` gives the vessel's surface; null: none is shown. With `steer`
-/// the page's keys command every instrument; without, nothing is sent to the simulator. Prints the
-/// page's URL. Throws UserError as ListeningSocket and Bus do.
-void RunViewer(bus::Bus& bus, int listening_socket, const std::string& token, scene::Scene* scene,
-               bool steer, const std::atomic<bool>& stop);
+/// What is shown besides the bus, and who steers. One of `scene` and `station`, or none.
+struct ViewerSetup {
+  scene::Scene* scene = nullptr;   ///< that the simulator was given
+  CaseStation* station = nullptr;  ///< starts simulators itself
+  int start = -1;                  ///< case that is started at once; -1: none
+  bool steer = false;              ///< pages command the instruments
+};
+
+/// Prints the page's link and serves it until `stop`.
+void RunViewer(bus::Bus& bus, int listening_socket, const std::string& token,
+               const ViewerSetup& setup, const std::atomic<bool>& stop);
 
 }  // namespace torquer::viewer

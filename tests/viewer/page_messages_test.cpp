@@ -193,6 +193,33 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
   CHECK_FALSE(ReadImaging(other));
 }
 
+TEST_CASE("What a page wants of the cases is taken only as the page sends it") {
+  const auto message = [](std::uint8_t action, std::uint8_t number) {
+    std::vector<std::uint8_t> bytes(kControlsBytes);
+    bytes[0] = 19;
+    bytes[1] = 1;
+    bytes[2] = action;
+    bytes[3] = number;
+    return bytes;
+  };
+  const auto taken = ReadCaseControl(message(1, 63));
+  REQUIRE(taken);
+  CHECK(taken->action == CaseControl::Action::kStart);
+  CHECK(taken->number == 63);
+  CHECK(ReadCaseControl(message(2, 0))->action == CaseControl::Action::kEnd);
+  CHECK(ReadCaseControl(message(3, 0))->action == CaseControl::Action::kClose);
+  CHECK_FALSE(ReadCaseControl(message(0, 0)));
+  CHECK_FALSE(ReadCaseControl(message(4, 0)));
+  auto other = message(1, 0);
+  CHECK_FALSE(ReadControls(other));
+  CHECK_FALSE(ReadImaging(other));
+  other[1] = 2;
+  CHECK_FALSE(ReadCaseControl(other));
+  other[1] = 1;
+  other.pop_back();
+  CHECK_FALSE(ReadCaseControl(other));
+}
+
 TEST_CASE("Centerlines, route and target are given point by point") {
   using torquer::vessel::Centerline;
   const Centerline first("a\nb", {{0, 0, 0}, {10, 0, 0.126}}, {2, 2});

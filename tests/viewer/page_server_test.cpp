@@ -6,80 +6,13 @@
 #include <random>
 #include <thread>
 
-#include "host/viewer/listening_socket.h"
 #include "host/viewer/page_files.h"
 #include "tests/support/sanitizer.h"
 #include "tests/viewer/raw_client.h"
+#include "tests/viewer/served_page.h"
 
 using namespace torquer::viewer;
 using namespace torquer::test;
-
-namespace {
-
-const std::string kToken = "0123456789abcdef0123456789abcdef";
-
-// A server in its own thread, which takes messages of four bytes.
-class Served {
- public:
-  explicit Served(const std::function<void(PageServer&)>& beat = {})
-      : listening_(ListeningSocket(0)),
-        port(PortOf(listening_)),
-        host("127.0.0.1:" + std::to_string(port)),
-        server_(
-            listening_, kToken,
-            [this](PageId, std::span<const std::uint8_t> message) {
-              ++received;
-              return message.size() == 4;
-            },
-            [this](PageId) { ++left; }) {
-    server_.Every(std::chrono::milliseconds(1), [this, beat] {
-      if (stop_) server_.Stop();
-      if (beat) beat(server_);
-      refused = server_.refused();
-      pages = server_.pages();
-    });
-    thread_ = std::thread([this] { server_.Run(); });
-  }
-  ~Served() {
-    stop_ = true;
-    thread_.join();
-  }
-  Served(const Served&) = delete;
-  Served& operator=(const Served&) = delete;
-
-  int Get(const std::string& target, const std::string& more = "") const {
-    const RawClient client(port);
-    client.Send("GET " + target + " HTTP/1.1\r\nHost: " + host + "\r\n" + more + "\r\n");
-    return StatusOf(client.ReadAll());
-  }
-  std::string Bus() const { return "/" + kToken + "/bus"; }
-  std::string Origin() const { return "http://" + host; }
-  template <class Condition>
-  static bool Soon(Condition condition) {
-    for (int i = 0; i < 5000 && !condition(); ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
-    return condition();
-  }
-
- private:
-  int listening_;
-  std::atomic<bool> stop_ = false;
-
- public:
-  std::uint16_t port;
-  std::string host;
-  std::atomic<int> received = 0;
-  std::atomic<int> left = 0;
-  std::atomic<std::int64_t> refused = 0;
-  std::atomic<int> pages = 0;
-
- private:
-  PageServer server_;
-  std::thread thread_;
-};
-
-}  // namespace
 
 TEST_CASE("The page's files are served below the token, and nothing else") {
   const Served served;
@@ -99,6 +32,47 @@ TEST_CASE("The page's files are served below the token, and nothing else") {
   CHECK(served.Get("/" + kToken.substr(1) + "0/") == 403);
   CHECK(served.Get("/" + kToken) == 403);
   CHECK(served.Get(served.Bus()) == 426);
+}
+
+TEST_CASE(
+    "A document from elsewhere may have a style and nothing else, and goes when it is asked to") {
+  std::atomic<int> step = 0;
+  const Served served([&step](PageServer& server) {
+    const int now = step.exchange(0);
+    if (now == 1) {
+      server.Serve("report.html", PageServer::ServedAs::kDocument, "<script>alert(1)</script>");
+      server.Serve("cases/a b.jpg", PageServer::ServedAs::kPicture, "JPEG");
+    } else if (now == 2) {
+      server.Serve("report.html", PageServer::ServedAs::kDocument, "another");
+    } else if (now == 3) {
+      server.Serve("report.html", PageServer::ServedAs::kDocument, "");
+    }
+  });
+  const auto get = [&served](const std::string& name) {
+    const RawClient client(served.port);
+    client.Send("GET /" + kToken + "/" + name + " HTTP/1.1\r\nHost: " + served.host + "\r\n\r\n");
+    return client.ReadAll();
+  };
+  const auto go = [&step](int to) {
+    step = to;
+    return Served::Soon([&step] { return step == 0; });
+  };
+  CHECK(StatusOf(get("report.html")) == 404);
+  REQUIRE(go(1));
+  const std::string document = get("report.html");
+  CHECK(StatusOf(document) == 200);
+  CHECK_THAT(document, Catch::EndsWith("\r\n\r\n<script>alert(1)</script>") &&
+                           Catch::Contains("Content-Type: text/html; charset=utf-8\r\n") &&
+                           Catch::Contains("default-src 'none'; style-src 'unsafe-inline'") &&
+                           Catch::Contains("; sandbox\r\n") && !Catch::Contains("script-src"));
+  const std::string picture = get("cases/a b.jpg");
+  CHECK(StatusOf(picture) == 0);  // a space ends the name: no request
+  CHECK(served.Get("/report.html") == 403);
+  CHECK(served.Get("/" + kToken + "/cases/") == 404);
+  REQUIRE(go(2));
+  CHECK_THAT(get("report.html"), Catch::EndsWith("\r\n\r\nanother"));
+  REQUIRE(go(3));
+  CHECK(StatusOf(get("report.html")) == 404);
 }
 
 TEST_CASE("Another host, origin or method is refused") {
@@ -253,8 +227,11 @@ TEST_CASE("A slow page misses old states, never the newest, and harms nobody") {
 TEST_CASE("A page that comes late gets what was shown last") {
   std::atomic<bool> done = false;
   std::atomic<bool> go_on = false;
-  const Served served([&done, &go_on](PageServer& server) {
+  std::atomic<bool> forget = false;
+  const Served served([&done, &go_on, &forget](PageServer& server) {
     if (go_on.exchange(false)) server.ShowText("scene", "third");
+    if (forget) server.Forget("scene");
+    forget = false;
     if (done.exchange(true)) return;
     server.ShowText("scene", "first");
     server.ShowText("scene", "second");
@@ -271,6 +248,16 @@ TEST_CASE("A page that comes late gets what was shown last") {
     CHECK(message->content != "first");
   }
   CHECK(second == 1);
+  // What is forgotten does not reach those who come later.
+  forget = true;
+  REQUIRE(Served::Soon([&] { return !forget; }));
+  RawClient later(served.port);
+  REQUIRE(later.Upgrade(served.Bus(), served.host, served.Origin()));
+  for (std::size_t i = 1; i < PageServer::kMostTopics; ++i) {
+    const auto message = later.Next();
+    REQUIRE(message);
+    CHECK(message->content != "second");
+  }
   // No topic beyond the limit waits before it.
   go_on = true;
   const auto next = client.Next();

@@ -167,3 +167,37 @@ TEST_CASE("What is chosen on the X-ray system goes out in any case, once it is c
   CHECK(steering.Take(4, imaging));
   CHECK(steering.imaging().magnification == 3);
 }
+
+TEST_CASE("Another simulator is steered from where its instruments are, by who steered before") {
+  Steering steering = Placed();
+  torquer::effects::Imaging imaging;
+  imaging.magnification = 2;
+  REQUIRE(steering.Take(3, imaging));
+  Controls controls = Push(40);
+  controls.xray = true;
+  controls.lao_rad_s = 1;
+  Hold(steering, 3, controls, kStart, kStart + 500'000);
+  REQUIRE(steering.Commands(kStart + 500'000)[0].insertion_mm > 40);
+  steering.Restart();
+  CHECK(steering.page() == 3);
+  CHECK(steering.Commands(kStart + 500'000).empty());
+  CHECK(steering.ImagingCommand(kStart + 500'000) == nullptr);
+  CHECK(steering.lao_rad() == 0);
+  CHECK_FALSE(steering.xray());
+  // The same instruments as before.
+  torquer_lcm::scene_description_t scene{};
+  scene.instrument_count = 2;
+  scene.instruments = {"guidewire", "catheter"};
+  scene.max_length_mm = {300, 200};
+  scene.inserted_at_start_mm = {100, 50};
+  torquer_lcm::wire_state_t state{};
+  state.instrument_count = 2;
+  state.instruments.resize(2);
+  state.instruments[0].inserted_at_start_mm = 100;
+  state.instruments[0].commanded_insertion_mm = 100;
+  state.instruments[1].inserted_at_start_mm = 50;
+  state.instruments[1].commanded_insertion_mm = 50;
+  steering.Add(scene);
+  steering.Add(state);
+  CHECK(steering.Commands(kStart + 500'000)[0].insertion_mm == 0);
+}

@@ -18,8 +18,13 @@ export class Examination {
     this.scene = scene;
   }
 
-  toggle(nowMs: number): void {
-    const on = document.body.classList.toggle("exam");
+  get on(): boolean {
+    return document.body.classList.contains("exam");
+  }
+
+  /** Its clock begins now. */
+  set(on: boolean, nowMs: number): void {
+    document.body.classList.toggle("exam", on);
     element("#exam").setAttribute("aria-pressed", String(on));
     this.beganMs = nowMs;
     this.tookS = null;
@@ -38,7 +43,7 @@ export class Examination {
     setText(this.task.firstElementChild!, "Target");
     setData(this.task, "level", "");
     // An X-ray screen knows no distances.
-    const left = document.body.classList.contains("exam") ? "not reached" : `${leftMm.toFixed(0)} mm from the tip`;
+    const left = this.on ? "not reached" : `${leftMm.toFixed(0)} mm from the tip`;
     if (!reached) return setText(this.task.lastElementChild!, left);
     const safe = readings.values["safe_success"] === 1;
     const time = seconds(readings.values["target_reached_s"] ?? 0);

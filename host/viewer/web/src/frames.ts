@@ -126,6 +126,29 @@ export interface Replay {
   } | null;
 }
 
+/** A scene that a trainee can choose. */
+export interface TrainingCase {
+  name: string;
+  title: string;
+  task: string;
+  difficulty: number; // 1 to 5
+  xray: boolean;
+  instruments: string[];
+  picture: boolean; // cases/NAME.jpg
+}
+
+/** Of a torquer-viewer that starts simulators itself. */
+export interface Cases {
+  kind: "cases";
+  cases: TrainingCase[];
+  phase: "choose" | "starting" | "running" | "ending" | "ended";
+  chosen: number; // -1 before the first
+  run: number;
+  problem: string;
+  report: boolean; // report.html
+  folder: string; // of the session's files
+}
+
 export type Incoming =
   | WireState
   | Picture
@@ -135,6 +158,7 @@ export type Incoming =
   | Health
   | Readings
   | Replay
+  | Cases
   | Viewer;
 
 const VERSION = 1;
@@ -265,5 +289,16 @@ export function writeReplay(controls: ReplayControls): ArrayBuffer {
   view.setFloat32(4, controls.speed, true);
   view.setFloat64(8, controls.atS, true);
   view.setInt32(16, controls.steps, true);
+  return view.buffer;
+}
+
+export type CaseAction = "start" | "end" | "close";
+
+export function writeCase(action: CaseAction, number: number): ArrayBuffer {
+  const view = new DataView(new ArrayBuffer(20));
+  view.setUint8(0, 19);
+  view.setUint8(1, VERSION);
+  view.setUint8(2, { start: 1, end: 2, close: 3 }[action]);
+  view.setUint8(3, number);
   return view.buffer;
 }

@@ -1,5 +1,6 @@
 // The page: what comes in is handed to the screens, what is held down goes out.
 
+import { CaseScreen } from "./cases.js";
 import { element, setData, setText } from "./dom.js";
 import { Fluoroscopy } from "./fluoroscopy.js";
 import { Examination } from "./examination.js";
@@ -28,6 +29,11 @@ class Page {
   private readonly gamepad = new GamepadSource(this.steering);
   private readonly xraySystem = new XraySystem((imaging) => this.link.send(writeImaging(imaging)));
   private readonly examination = new Examination();
+  private readonly cases = new CaseScreen(
+    (message) => this.link.send(message),
+    (examination) => this.examination.set(examination, performance.now()),
+    () => this.forget(),
+  );
   private readonly replay = new ReplayBar((controls) => this.link.send(writeReplay(controls)));
   private scene: Scene | null = null;
   private state: WireState | null = null;
@@ -61,6 +67,7 @@ class Page {
         scene: () => this.scene,
         readings: () => this.readings,
         viewer: () => this.viewer,
+        cases: () => this.cases.newest,
         pictures: () => this.pictures,
         plotted: () => this.panel.plotted(),
         controls: () => this.steering.controls(),
@@ -92,6 +99,10 @@ class Page {
         document.body.classList.add("replays");
         this.panel.replays = true;
         break;
+      case "cases":
+        this.cases.take(message);
+        this.enableSteering();
+        break;
       case "lines":
         this.space.setLines(message);
         this.examination.setLines(message);
@@ -108,22 +119,37 @@ class Page {
         break;
       case "viewer":
         this.viewer = message;
-        if (message.steer && !this.steering.enabled) this.showPad(matchMedia("(pointer: coarse)").matches);
-        this.steering.enabled = message.steer;
+        this.enableSteering();
         document.body.classList.toggle("steers", message.steer);
-        this.xraySystem.take(message, message.steer);
+        this.xraySystem.take(message, !this.replay.shown);
         if (message.steer) this.setAngles(message.lao_rad, message.cra_rad);
         this.lamp();
         break;
     }
   }
 
+  // Not below the list of cases, whose keys are the browser's.
+  private enableSteering(): void {
+    const enabled = this.viewer?.steer === true && !this.cases.covers;
+    if (enabled === this.steering.enabled) return;
+    this.showPad(enabled && matchMedia("(pointer: coarse)").matches);
+    this.steering.enabled = enabled;
+  }
+
+  // What another scene, or another run of the same one, has shown.
+  private forget(): void {
+    this.scene = null;
+    this.state = null;
+    this.stateMs = -Infinity;
+    this.readings = null;
+    this.pictures = 0;
+    this.fluoroscopy.clear();
+    this.panel.clear();
+    this.examination.set(false, performance.now());
+  }
+
   private takeScene(scene: Scene): void {
-    if (this.scene !== null && this.scene.hash !== scene.hash) {
-      this.readings = null;
-      this.fluoroscopy.clear();
-      this.pictures = 0;
-    }
+    if (this.scene !== null && this.scene.hash !== scene.hash) this.forget();
     this.scene = scene;
     this.space.setScene(scene);
     this.panel.setScene(scene);
@@ -166,6 +192,7 @@ class Page {
 
   private refresh(): void {
     const nowMs = performance.now();
+    this.cases.refresh();
     this.panel.refresh(this.viewer, this.readings, this.fresh(), nowMs);
     this.examination.refresh(this.readings, this.state, nowMs);
     const [level, text, notice] = this.session(nowMs);
@@ -184,6 +211,7 @@ class Page {
     if (!this.link.open) {
       return ["warn", "No connection", "No connection to the program that serves this page. It keeps trying; if the program has been started again, open its new link."];
     }
+    if (this.cases.covers) return ["good", this.cases.words, ""];
     if (this.state === null || this.scene === null) {
       return ["warn", "Waiting for a simulator", "No simulator on the bus yet. Start one: torquer\u2011simulator --scene FILE"];
     }
@@ -250,7 +278,7 @@ class Page {
 
   private examine(): void {
     if (document.body.classList.contains("no-xray")) return;
-    this.examination.toggle(performance.now());
+    this.examination.set(!this.examination.on, performance.now());
   }
 
   private showKeys(): void {
@@ -259,7 +287,7 @@ class Page {
 
   private shortcut(event: KeyboardEvent): void {
     if (event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
-    if (document.querySelector("dialog[open]") !== null) return;
+    if (this.cases.covers || document.querySelector("dialog[open]") !== null) return;
     if (event.key === "?") this.showKeys();
     if (event.code === "KeyF") this.space.follow(!this.space.follows);
     if (event.code === "KeyV") this.space.showAll();

@@ -53,6 +53,12 @@ export class Panel {
     element("#histories").replaceChildren();
   }
 
+  /** Another run begins. */
+  clear(): void {
+    this.scene = null;
+    this.processes.clear();
+  }
+
   setState(state: WireState): void {
     for (const [k, instrument] of state.instruments.entries()) {
       const shown = this.rows[k];

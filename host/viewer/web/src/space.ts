@@ -190,6 +190,10 @@ export class Space {
     this.changed = true;
   }
 
+  get showsVessel(): boolean {
+    return this.vessel !== null;
+  }
+
   /** Where the camera puts a point of the vessel's frame, in pixels of the canvas from its top left. */
   project(pointMm: [number, number, number]): [number, number] {
     this.world.updateMatrixWorld();

@@ -1,0 +1,104 @@
+// The cases that a trainee chooses from, and the one that runs: simulator and recorder as programs
+// of their own, and at its end the report.
+//
+//   choose --Start--> starting --first state--> running --End--> ending --> ended --Close--> choose
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "host/support/child_program.h"
+
+namespace torquer::viewer {
+
+/// A scene with a section [case].
+struct Case {
+  std::string name;  ///< of its file, without the ending
+  std::string file;
+  std::string title;
+  std::string task;
+  int difficulty = 1;
+  bool xray = false;
+  bool assessed = false;  ///< there is a record of what the trainee has done
+  std::vector<std::string> instruments;
+  std::string picture;  ///< JPEG; "" where there is none
+};
+
+/// The cases of a folder: of each scene that has a section [case], the easiest first; each with its
+/// picture from `pictures/NAME.jpg` in that folder. `problems` takes what is wrong with files that
+/// are left out. Throws UserError where there is no case at all.
+std::vector<Case> ReadCases(const std::filesystem::path& folder,
+                            std::vector<std::string>& problems);
+
+/// Runs one case at a time. No clock: the caller says what time it is, ascending.
+class CaseStation {
+ public:
+  enum class Phase { kChoose, kStarting, kRunning, kEnding, kEnded };
+
+  struct Programs {
+    std::filesystem::path folder;  ///< of torquer-simulator, -recorder and -report
+    std::string lcm_url;           ///< for them; "" for their default
+  };
+
+  /// Each session has its folder in `sessions`/CASE, named by the time. Throws UserError where that
+  /// cannot be made.
+  CaseStation(std::vector<Case> cases, std::filesystem::path sessions, Programs programs);
+  /// Ends what runs, in order: the simulator first, so that the log is whole.
+  ~CaseStation();
+  CaseStation(const CaseStation&) = delete;
+  CaseStation& operator=(const CaseStation&) = delete;
+
+  /// False, and nothing is done, where the phase is another one than the picture above says, or
+  /// there is no such case.
+  bool Start(std::size_t number, std::int64_t now_us);
+  bool End(std::int64_t now_us);
+  bool Close();
+
+  /// The simulator of the case has published a state.
+  void SawState();
+  /// Looks after the programs; call it often. Whether anything has changed that Text() says.
+  bool Advance(std::int64_t now_us);
+
+  Phase phase() const { return phase_; }
+  /// That was chosen last; null before.
+  const Case* chosen() const;
+  /// How often a case was started.
+  int runs() const { return runs_; }
+  /// The page that torquer-report wrote, when there is one; null otherwise.
+  const std::string* report() const { return report_ ? &*report_ : nullptr; }
+  const std::vector<Case>& cases() const { return cases_; }
+
+  /// For the page: cases, phase, and what went wrong (README.md).
+  std::string Text() const;
+
+ private:
+  void Begin(std::int64_t now_us);
+  void AdvanceRecorder(std::int64_t now_us);
+  void AdvanceSimulator(std::int64_t now_us);
+  void AdvanceEnding(std::int64_t now_us);
+  void Stop(ChildProgram& program, std::int64_t now_us) const;
+  void WriteReport(std::int64_t now_us);
+  void ReadReport();
+  void Fail(const std::string& program, ChildProgram& ended);
+
+  std::vector<Case> cases_;
+  std::filesystem::path sessions_;
+  Programs programs_;
+  Phase phase_ = Phase::kChoose;
+  std::size_t chosen_ = 0;
+  int runs_ = 0;
+  std::filesystem::path folder_;  // of the session
+  std::unique_ptr<ChildProgram> recorder_;
+  std::unique_ptr<ChildProgram> simulator_;
+  std::unique_ptr<ChildProgram> reporter_;
+  std::int64_t since_us_ = 0;  // when the phase, or what is waited for in it, began
+  std::string problem_;
+  std::optional<std::string> report_;
+  bool changed_ = true;
+};
+
+}  // namespace torquer::viewer

@@ -1,0 +1,152 @@
+// The list of cases, the case that runs, and at its end the report: over the page wherever no case
+// runs, where torquer-viewer has cases at all.
+
+import { element, setText } from "./dom.js";
+import { type CaseAction, type Cases, type TrainingCase, writeCase } from "./frames.js";
+
+const HARDEST = 5;
+
+export class CaseScreen {
+  private readonly root = element<HTMLElement>("#cases");
+  private readonly list = element<HTMLElement>("#case-list");
+  private readonly buttons = new Map<string, HTMLButtonElement>();
+  private cases: Cases | null = null;
+  private phaseMs = 0; // when the phase began
+  private examination = false; // of the case that this page started
+
+  /** `began`: a case runs that this page started, as examination or not; `cleared`: another run. */
+  constructor(
+    private readonly send: (message: ArrayBuffer) => void,
+    private readonly began: (examination: boolean) => void,
+    private readonly cleared: () => void,
+  ) {
+    this.button("#case-end", "end");
+    this.button("#case-close", "close");
+    element("#case-again").addEventListener("click", () => this.start(this.cases?.chosen ?? 0, this.examination));
+  }
+
+  take(cases: Cases): void {
+    const before = this.cases;
+    this.cases = cases;
+    if (before === null) this.fill(cases);
+    if (before?.phase !== cases.phase) this.phaseMs = performance.now();
+    if (before !== null && before.run !== cases.run) this.cleared();
+    if (before !== null && before.phase === "starting" && cases.phase === "running") this.began(this.examination);
+    const report = element<HTMLIFrameElement>("#case-report");
+    // Only once: it keeps its place while it is read.
+    if (cases.report && !before?.report) report.src = "report.html";
+    if (!cases.report && before?.report === true) report.removeAttribute("src");
+    document.body.classList.add("has-cases");
+    document.body.dataset["phase"] = cases.phase;
+    if (cases.report) document.body.dataset["report"] = "";
+    else delete document.body.dataset["report"];
+    this.refresh();
+    if (before !== null && before.phase !== cases.phase && this.covers) this.focus();
+  }
+
+  get newest(): Cases | null {
+    return this.cases;
+  }
+
+  /** Whether it lies over the page, which then takes no keys. */
+  get covers(): boolean {
+    return this.cases !== null && this.cases.phase !== "running";
+  }
+
+  /** For the header; "" where the page's own state says more. */
+  get words(): string {
+    const chosen = this.chosen()?.title ?? "";
+    switch (this.cases?.phase) {
+      case "choose":
+        return "Choose a case";
+      case "starting":
+        return `Loading: ${chosen}`;
+      case "ending":
+        return "Ending";
+      case "ended":
+        return this.cases.problem === "" ? "Case ended" : "Case ended early";
+      default:
+        return "";
+    }
+  }
+
+  /** Four times a second: what takes time says how long it has taken. */
+  refresh(): void {
+    this.root.hidden = !this.covers;
+    if (this.cases === null || !this.covers) return;
+    const { phase, problem } = this.cases;
+    const passedS = Math.floor((performance.now() - this.phaseMs) / 1000);
+    const title = this.chosen()?.title ?? "";
+    const notices: Record<string, string> = {
+      choose: "Choose a case",
+      starting: `${title}: the patient's vessels are loaded, and with a scene's first start computed and kept. ${passedS} s`,
+      ending: `${title}: the report is written. ${passedS} s`,
+      ended: title,
+      running: "",
+    };
+    setText(element("#case-title"), notices[phase] ?? "");
+    setText(element("#case-problem"), problem);
+    element<HTMLElement>("#case-problem").hidden = problem === "";
+    setText(element("#case-folder"), phase === "ended" ? `The session is kept in ${this.cases.folder}` : "");
+  }
+
+  private chosen(): TrainingCase | undefined {
+    return this.cases?.cases[this.cases.chosen];
+  }
+
+  private start(number: number, examination: boolean): void {
+    this.examination = examination;
+    this.send(writeCase("start", number));
+  }
+
+  private button(selector: string, action: CaseAction): void {
+    element(selector).addEventListener("click", () => this.send(writeCase(action, 0)));
+  }
+
+  private focus(): void {
+    const first = this.cases?.phase === "choose" ? [...this.buttons.values()][0] : element<HTMLElement>("#case-again");
+    first?.focus({ preventScroll: true });
+  }
+
+  private fill(cases: Cases): void {
+    this.list.replaceChildren(...cases.cases.map((one, number) => this.card(one, number)));
+  }
+
+  private card(one: TrainingCase, number: number): HTMLElement {
+    const card = document.createElement("li");
+    const picture = document.createElement(one.picture ? "img" : "div");
+    picture.className = "case-picture";
+    if (picture instanceof HTMLImageElement) {
+      picture.src = `cases/${encodeURIComponent(one.name)}.jpg`;
+      picture.alt = "";
+    }
+    const title = document.createElement("h2");
+    title.textContent = one.title;
+    const difficulty = document.createElement("p");
+    difficulty.className = "case-difficulty";
+    const dots = document.createElement("span");
+    dots.textContent = "●".repeat(one.difficulty) + "○".repeat(HARDEST - one.difficulty);
+    dots.setAttribute("role", "img");
+    dots.setAttribute("aria-label", `difficulty ${one.difficulty} of ${HARDEST}`);
+    const holds = [one.instruments.join(", "), one.xray ? "X-ray" : "no X-ray"].join(" · ");
+    difficulty.append(dots, holds);
+    const task = document.createElement("p");
+    task.textContent = one.task;
+    const row = document.createElement("div");
+    row.append(this.startButton(one, number, false));
+    // Without X-ray there is nothing to see in one.
+    if (one.xray) row.append(this.startButton(one, number, true));
+    card.append(picture, title, difficulty, task, row);
+    return card;
+  }
+
+  private startButton(one: TrainingCase, number: number, examination: boolean): HTMLButtonElement {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = examination ? "Examination" : "Practice";
+    button.setAttribute("aria-label", `${button.textContent}: ${one.title}`);
+    button.addEventListener("click", () => this.start(number, examination));
+    if (!examination) this.buttons.set(one.name, button);
+    return button;
+  }
+}

@@ -1,0 +1,254 @@
+#include "host/viewer/case_station.h"
+
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "host/support/error.h"
+#include "tests/support/paths.h"
+#include "tests/support/temporary_folder.h"
+
+using namespace torquer::viewer;
+using torquer::test::TemporaryFolder;
+using Phase = CaseStation::Phase;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kNow = 1'000'000;
+
+// Programs that say in which order they were called, in place of the real ones.
+class Stage {
+ public:
+  Stage() {
+    Write("torquer-recorder", "touch $1\n" + Waits("recorder"));
+    Write("torquer-simulator", Waits("simulator"));
+    Write("torquer-report", "echo '<h1>done</h1>' >$3; echo report >>" + order_);
+  }
+
+  void Write(const std::string& program, const std::string& script) const {
+    std::ofstream(folder_.Path(program)) << "#!/bin/sh\n" << script << "\n";
+    fs::permissions(folder_.Path(program), fs::perms::owner_all);
+  }
+  std::string Waits(const std::string& name) const {
+    return "trap 'echo " + name + " >>" + order_ + "; exit 0' TERM\n" + "echo $$ >" +
+           folder_.Path(name + ".pid") + "\nwhile :; do sleep 0.01; done";
+  }
+
+  CaseStation Station() const {
+    std::vector<Case> cases(2);
+    cases[0].name = "easy";
+    cases[0].file = "easy.toml";
+    cases[0].title = "An \"easy\" case";
+    cases[1].name = "hard";
+    cases[1].file = "hard.toml";
+    cases[1].assessed = true;
+    return {std::move(cases), folder_.Path("sessions"), {.folder = folder_.Path(), .lcm_url = ""}};
+  }
+
+  std::string Read(const std::string& name) const {
+    std::ifstream file(folder_.Path(name));
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  std::string Order() const { return Read("order"); }
+  std::string Path(const std::string& name) const { return folder_.Path(name); }
+
+ private:
+  TemporaryFolder folder_;
+  std::string order_ = folder_.Path("order");
+};
+
+// Looks after the station until the phase has come; 5 s at most, of which it knows nothing.
+bool Reaches(CaseStation& station, Phase phase, bool sees_states = true) {
+  for (int i = 0; i < 5000 && station.phase() != phase; ++i) {
+    station.Advance(kNow);
+    if (sees_states) station.SawState();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return station.phase() == phase;
+}
+
+nlohmann::json Said(const CaseStation& station) { return nlohmann::json::parse(station.Text()); }
+
+}  // namespace
+
+TEST_CASE("A case runs from its choice to its report, its programs one after the other") {
+  const Stage stage;
+  CaseStation station = stage.Station();
+  CHECK(Said(station)["phase"] == "choose");
+  CHECK(Said(station)["chosen"] == -1);
+  CHECK(Said(station)["cases"][0]["title"] == "An \"easy\" case");
+  CHECK(station.chosen() == nullptr);
+  CHECK(station.Advance(kNow));  // there is something to say at first
+  CHECK_FALSE(station.Advance(kNow));
+
+  REQUIRE(station.Start(1, kNow));
+  CHECK(station.phase() == Phase::kStarting);
+  CHECK(station.chosen()->name == "hard");
+  CHECK_FALSE(station.Start(0, kNow));
+  CHECK_FALSE(station.Close());
+  REQUIRE(Reaches(station, Phase::kRunning));
+  CHECK(stage.Order().empty());
+  CHECK(station.report() == nullptr);
+
+  REQUIRE(station.End(kNow));
+  CHECK_FALSE(station.End(kNow));
+  REQUIRE(Reaches(station, Phase::kEnded));
+  CHECK(stage.Order() == "simulator\nrecorder\nreport\n");
+  REQUIRE(station.report() != nullptr);
+  CHECK(*station.report() == "<h1>done</h1>\n");
+  CHECK(Said(station)["problem"] == "");
+  CHECK(Said(station)["report"] == true);
+  const std::string folder = Said(station)["folder"];
+  CHECK(fs::exists(folder + "/session.lcmlog"));
+  CHECK(folder.starts_with(stage.Path("sessions/hard/2")));
+
+  REQUIRE(station.Close());
+  CHECK(station.phase() == Phase::kChoose);
+  CHECK(station.report() == nullptr);
+  // Again within the same second: in another folder.
+  REQUIRE(station.Start(1, kNow));
+  CHECK(station.runs() == 2);
+  CHECK(Said(station)["folder"] != folder);
+}
+
+TEST_CASE("States count only once the case's own simulator runs") {
+  const Stage stage;
+  stage.Write("torquer-recorder", stage.Waits("recorder"));  // no log yet, so no simulator
+  CaseStation station = stage.Station();
+  REQUIRE(station.Start(0, kNow));
+  for (int i = 0; i < 20; ++i) {
+    station.Advance(kNow);
+    station.SawState();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  CHECK(station.phase() == Phase::kStarting);
+  REQUIRE(station.End(kNow));
+  CHECK(Reaches(station, Phase::kEnded));
+  CHECK(stage.Order() == "recorder\n");  // without a log there is no report
+}
+
+TEST_CASE("What goes wrong with a case is said, and another one can be started") {
+  const Stage stage;
+  CaseStation station = stage.Station();
+  SECTION("no such case") { CHECK_FALSE(station.Start(2, kNow)); }
+  SECTION("its simulator ends") {
+    stage.Write("torquer-simulator", "echo first; echo the scene is broken >&2; exit 2");
+    REQUIRE(station.Start(0, kNow));
+    REQUIRE(Reaches(station, Phase::kEnded, false));
+    CHECK(Said(station)["problem"] ==
+          "torquer-simulator has ended too early, with status 2: the scene is broken");
+    CHECK(station.report() != nullptr);  // of what was recorded until then
+  }
+  SECTION("its simulator is killed") {
+    stage.Write("torquer-simulator", "kill -KILL $$");
+    REQUIRE(station.Start(0, kNow));
+    REQUIRE(Reaches(station, Phase::kEnded, false));
+    CHECK(Said(station)["problem"] == "torquer-simulator has ended too early, killed by signal 9");
+  }
+  SECTION("its recorder ends") {
+    stage.Write("torquer-recorder", "echo the disk is full; exit 2");
+    REQUIRE(station.Start(0, kNow));
+    REQUIRE(Reaches(station, Phase::kEnded, false));
+    CHECK(Said(station)["problem"] ==
+          "torquer-recorder has ended too early, with status 2: the disk is full");
+    CHECK(station.report() == nullptr);
+  }
+  SECTION("there is no report") {
+    stage.Write("torquer-report", "echo nothing to judge; exit 2");
+    REQUIRE(station.Start(0, kNow));
+    REQUIRE(Reaches(station, Phase::kRunning));
+    REQUIRE(station.End(kNow));
+    REQUIRE(Reaches(station, Phase::kEnded));
+    CHECK(Said(station)["problem"] ==
+          "torquer-report has ended too early, with status 2: nothing to judge");
+    CHECK(station.report() == nullptr);
+  }
+  SECTION("a program is missing") {
+    fs::remove(stage.Path("torquer-recorder"));
+    REQUIRE(station.Start(0, kNow));
+    CHECK(station.phase() == Phase::kEnded);
+    CHECK(Said(station)["problem"].get<std::string>().find("torquer-recorder: cannot be started") !=
+          std::string::npos);
+  }
+  SECTION("its simulator does not end when it is asked") {
+    stage.Write("torquer-simulator", "trap '' TERM; while :; do sleep 0.01; done");
+    REQUIRE(station.Start(0, kNow));
+    REQUIRE(Reaches(station, Phase::kRunning));
+    REQUIRE(station.End(kNow));
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    station.Advance(kNow + 9'000'000);
+    CHECK(station.phase() == Phase::kEnding);
+    station.Advance(kNow + 11'000'000);
+    CHECK(Reaches(station, Phase::kEnded));
+    CHECK(stage.Order() == "recorder\nreport\n");
+  }
+  for (const char* name : {"torquer-recorder", "torquer-simulator", "torquer-report"}) {
+    stage.Write(name, std::string(name) == "torquer-recorder" ? "touch $1; " + stage.Waits("x")
+                                                              : stage.Waits("x"));
+  }
+  REQUIRE(station.Start(1, kNow));
+  CHECK(Reaches(station, Phase::kRunning));
+  CHECK(Said(station)["problem"] == "");
+}
+
+TEST_CASE("A station that ends takes its programs with it, the recorder last") {
+  const Stage stage;
+  {
+    CaseStation station = stage.Station();
+    REQUIRE(station.Start(0, kNow));
+    REQUIRE(Reaches(station, Phase::kRunning));
+    for (int i = 0; i < 5000 && stage.Read("simulator.pid").empty(); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+  CHECK(stage.Order() == "simulator\nrecorder\n");
+}
+
+TEST_CASE("Cases are a folder's scenes with a section [case], the easiest first") {
+  const TemporaryFolder folder;
+  const fs::path scenes = torquer::test::SourcePath("/host/scenes");
+  std::vector<std::string> problems;
+  CHECK_THROWS_WITH(ReadCases(folder.Path("none"), problems),
+                    Catch::Contains("none: cannot be read: No such file"));
+  CHECK_THROWS_WITH(ReadCases(folder.Path(), problems),
+                    Catch::Contains("has no scene with a section [case]; write one"));
+
+  const auto copy = [&](const std::string& name, const std::string& as, int difficulty,
+                        const std::string& title) {
+    std::ifstream from(scenes / (name + ".toml"));
+    std::string text{std::istreambuf_iterator<char>(from), {}};
+    const auto begin = text.find("[case]");
+    const auto end = text.find("[vessel]");
+    const std::string described =
+        "[case]\ntitle = \"" + title +
+        "\"\ntask = \"Push.\"\ndifficulty = " + std::to_string(difficulty) + "\n\n";
+    text.replace(begin, end - begin, title.empty() ? "" : described);
+    std::ofstream(folder.Path(as + ".toml")) << text;
+  };
+  copy("drill_tube", "b", 4, "Later");
+  copy("drill_tube", "a", 4, "Sooner");
+  copy("ty_phantom", "z", 1, "First");
+  copy("ty_phantom", "none", 1, "");
+  std::ofstream(folder.Path("broken.toml")) << "name = 3\n";
+  std::ofstream(folder.Path("notes.md")) << "no scene\n";
+  fs::create_directory(folder.Path("pictures"));
+  std::ofstream(folder.Path("pictures/b.jpg")) << "picture";
+  const std::vector<Case> cases = ReadCases(folder.Path(), problems);
+  REQUIRE(cases.size() == 3);
+  CHECK(cases[0].name == "z");
+  CHECK(cases[1].title == "Later");
+  CHECK(cases[1].picture == "picture");
+  CHECK(cases[2].title == "Sooner");
+  CHECK(cases[2].picture.empty());
+  CHECK(cases[2].task == "Push.");
+  CHECK(cases[2].instruments == std::vector<std::string>{"guidewire"});
+  CHECK_FALSE(cases[2].xray);
+  REQUIRE(problems.size() == 1);
+  CHECK_THAT(problems[0], Catch::Contains("broken.toml"));
+}

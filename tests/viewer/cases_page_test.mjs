@@ -1,0 +1,119 @@
+// A trainee's way through the page: a case is chosen, steered, ended and judged, started again, and
+// ends early where its simulator dies. usage: node tests/viewer/cases_page_test.mjs ROOT PROGRAMS [PICTURES]
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { existsSync, readdirSync, readFileSync } from "node:fs";
+import { join } from "node:path";
+
+import { BrowserSession, until } from "./browser_session.mjs";
+
+const [root, programs, pictures] = process.argv.slice(2);
+const session = await BrowserSession.start(root, programs, "");
+try {
+  const page = await session.browser.newPage({ viewport: { width: 1280, height: 720 } });
+  const problems = [];
+  page.on("pageerror", (error) => problems.push(String(error)));
+  const outside = [];
+  page.on("request", (request) => {
+    if (!request.url().startsWith(session.url)) outside.push(request.url());
+  });
+  await page.goto(session.url);
+  const cases = () => page.evaluate(() => window.torquer.cases());
+  const phase = (wanted) => until(wanted, async () => (await cases()).phase === wanted);
+  const look = async (name) => pictures && page.screenshot({ path: join(pictures, `${name}.png`) });
+  const start = (kind, title) => page.getByRole("button", { name: `${kind}: ${title}` }).click();
+  const insertion = () => page.evaluate(() => window.torquer.state()?.instruments[0].insertionMm ?? NaN);
+
+  // The list: every scene that has a [case], the easiest first, each with its picture.
+  const { cases: list } = await until("the cases", cases);
+  const described = readdirSync(join(root, "host/scenes")).filter(
+    (name) => name.endsWith(".toml") && /^\[case\]$/m.test(readFileSync(join(root, "host/scenes", name), "utf8")));
+  assert.deepEqual(list.map(({ name }) => `${name}.toml`).sort(), described.sort());
+  assert.deepEqual(list.map(({ difficulty }) => difficulty), list.map(({ difficulty }) => difficulty).sort());
+  await until("the pictures are loaded", () => page.evaluate(() =>
+    [...document.querySelectorAll("#case-list img")].every((image) => image.complete && image.naturalWidth === 480)));
+  assert.equal(await page.locator("#case-list img").count(), list.length);
+  await look("choose");
+  // Keys steer nothing here.
+  await page.keyboard.press("ArrowUp");
+  assert.equal(await page.evaluate(() => window.torquer.controls().pushMmS), 0);
+
+  // Practice: the scene runs, and the keys steer.
+  await start("Practice", "Cerebral angiogram");
+  await phase("starting");
+  await look("starting");
+  await phase("running");
+  await until("the vessel is drawn", () => page.evaluate(() => window.torquer.space.showsVessel));
+  assert.equal((await page.evaluate(() => window.torquer.scene().name)), "neuro_angio");
+  await until("it runs", async () => (await page.locator("#state").textContent()) === "Running");
+  const before = await insertion();
+  await page.keyboard.down("ArrowUp");
+  await page.keyboard.down("Space");
+  await until("the wire is pushed", async () => (await insertion()) > before + 20);
+  await until("a picture is taken", () => page.evaluate(() => window.torquer.pictures() > 3));
+  await page.keyboard.up("Space");
+  await page.keyboard.up("ArrowUp");
+  assert.equal(await page.locator("body.exam").count(), 0);
+  await look("running");
+  const pushed = await insertion();
+
+  // Its end: the report, read in the page.
+  await page.locator("#case-end").click();
+  await phase("ended");
+  assert.equal((await cases()).problem, "");
+  const report = page.frameLocator("#case-report");
+  await report.locator("h1").waitFor();
+  assert.match(await report.locator("body").innerText(), /neuro[_ ]angio/i);
+  const folder = (await cases()).folder;
+  assert.ok(folder.startsWith(join(session.folder, "sessions", "neuro_angio")));
+  for (const name of ["session.lcmlog", "record.json", "report.html", "report.session.json"]) {
+    assert.ok(existsSync(join(folder, name)), name);
+  }
+  await look("ended");
+  // What the program itself replays is what was recorded.
+  execFileSync(join(programs, "torquer-simulator"),
+    ["--scene", join(root, "host/scenes/neuro_angio.toml"), "--replay", join(folder, "session.lcmlog")], { stdio: "ignore" });
+  // The report has no way to this page.
+  const fetchReport = () => fetch(new URL("report.html", session.url));
+  assert.match((await fetchReport()).headers.get("content-security-policy"), /default-src 'none'.*sandbox/);
+
+  // Again, as an examination: from the beginning, without the teaching view.
+  await page.locator("#case-close").click();
+  await phase("choose");
+  assert.equal((await fetchReport()).status, 404);
+  await start("Examination", "Cerebral angiogram");
+  await phase("running");
+  await until("the examination is on", () => page.locator("body.exam").count());
+  assert.ok(!(await page.locator("#teaching").isVisible()));
+  await until("it runs", async () => (await page.locator("#state").textContent()) === "Running");
+  assert.ok(Math.abs((await insertion()) - before) < 1, `starts at ${before}, not where it was left, ${pushed}`);
+  assert.equal(await page.evaluate(() => window.torquer.readings()?.values.xray_pulses ?? 0), 0);
+  await look("examination");
+
+  // Its simulator dies: that is said, and what was recorded is judged.
+  const simulator = execFileSync("pgrep", ["-f", `torquer-simulator.*${session.folder}`]).toString().trim().split("\n");
+  assert.equal(simulator.length, 1);
+  process.kill(Number(simulator[0]), "SIGKILL");
+  await phase("ended");
+  assert.match(await page.locator("#case-problem").textContent(), /torquer-simulator has ended too early/);
+  await look("died");
+  await page.locator("#case-again").click();
+  await phase("running");
+  await until("the examination is on again", () => page.locator("body.exam").count());
+
+  // With the viewer its programs end.
+  process.kill(Number(session.read("viewer.pid")), "SIGKILL");
+  await until("no program is left", () => {
+    try {
+      execFileSync("pgrep", ["-f", `torquer-(simulator|recorder).*${session.folder}`]);
+      return false;
+    } catch {
+      return true;
+    }
+  });
+  assert.deepEqual(problems, []);
+  assert.deepEqual(outside, []);
+} finally {
+  await session.stop();
+}
+console.log("1 passed, 0 failed");
