@@ -82,7 +82,7 @@ struct Door {
     constexpr std::string_view kScheme = "http://";
     const bool own = origins == 1 && origin.substr(0, kScheme.size()) == kScheme &&
                      is_host(origin.substr(kScheme.size()));
-    if (false && (upgrade || origins > 0)) return {http::status::forbidden, ""};
+    if (!own && (upgrade || origins > 0)) return {http::status::forbidden, ""};
     if (request.method() != http::verb::get) return {http::status::method_not_allowed, ""};
     const std::string_view target = View(request.target());
     const std::size_t end = token.size() + 2;
@@ -207,7 +207,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
   }
 
   void Add(const std::string& topic, const SharedMessage& message) {
-    waiting_.emplace(topic, message);
+    waiting_[topic] = message;
     Write();
   }
 
