@@ -1,14 +1,56 @@
-# What "cmake --install" puts where, besides the programs (TorquerTargets.cmake), the library
-# (host/api) and the Python package (host/python).
+# What "cmake --install" puts where, besides the programs with their manual pages
+# (TorquerTargets.cmake), the firmware, the library (host/api), the reader of surfaces
+# (host/simulator/vessel) and the Python package (host/python). A component is what becomes a Debian package (host/packaging).
 set(data ${CMAKE_INSTALL_DATADIR}/torquer)
-install(DIRECTORY host/scenes/ DESTINATION ${data}/scenes COMPONENT programs)
-install(DIRECTORY host/devices/ DESTINATION ${data}/devices COMPONENT programs)
-install(DIRECTORY ${PROJECT_BINARY_DIR}/firmware/ DESTINATION ${data}/firmware COMPONENT programs
-  FILES_MATCHING PATTERN "*.hex" PATTERN "CMakeFiles" EXCLUDE)
+install(DIRECTORY host/scenes/ DESTINATION ${data}/scenes COMPONENT common
+  FILES_MATCHING PATTERN "*.toml" PATTERN "*.csv" PATTERN "surface.*" PATTERN "*.mrk.json"
+  PATTERN "pictures" EXCLUDE)
+install(DIRECTORY host/devices/ DESTINATION ${data}/devices COMPONENT common
+  FILES_MATCHING PATTERN "*.toml")
+install(DIRECTORY calibration/ DESTINATION ${data}/calibration COMPONENT programs
+  FILES_MATCHING PATTERN "*.toml" PATTERN "*.script")
 install(FILES hardware/udev/70-torquer.rules DESTINATION lib/udev/rules.d COMPONENT programs)
-install(FILES LICENSE README.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT programs)
-file(READ hardware/systemd/torquer-daemon@.service unit)
-string(REPLACE /usr/local/bin ${CMAKE_INSTALL_FULL_BINDIR} unit "${unit}")
-file(CONFIGURE OUTPUT torquer-daemon@.service CONTENT "${unit}" @ONLY)
+# The unit in the tree names /usr/local/bin, for who copies it by hand.
+install(CODE "
+  file(READ \"${PROJECT_SOURCE_DIR}/hardware/systemd/torquer-daemon@.service\" unit)
+  string(REPLACE /usr/local/bin \"\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_BINDIR}\" unit \"\${unit}\")
+  file(CONFIGURE OUTPUT \"${CMAKE_CURRENT_BINARY_DIR}/torquer-daemon@.service\" CONTENT \"\${unit}\" @ONLY)
+  " COMPONENT programs)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/torquer-daemon@.service DESTINATION lib/systemd/user
   COMPONENT programs)
+
+
+# The texts with the pictures that they show, under the paths by which they link to each other.
+set(documents)
+foreach(ending md svg png jpg csv scad)
+  list(APPEND documents *.${ending} calibration/*.${ending} firmware/*.${ending}
+    firmware/*/*.${ending} hardware/*.${ending} hardware/*/*.${ending} protocol/*.${ending}
+    host/*/*.${ending} host/*/*/*.${ending} host/*/*/*/*.${ending})
+endforeach()
+file(GLOB documents CONFIGURE_DEPENDS RELATIVE ${PROJECT_SOURCE_DIR} ${documents})
+list(FILTER documents EXCLUDE REGEX "^host/scenes/.*[.]csv$")
+foreach(document ${documents})
+  get_filename_component(folder ${document} DIRECTORY)
+  install(FILES ${document} DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/torquer/${folder}
+    COMPONENT documentation)
+endforeach()
+
+# Debian has these in the file "copyright" of each package.
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/torquer COMPONENT licenses)
+install(DIRECTORY host/scenes/meshes DESTINATION ${data}/scenes COMPONENT licenses
+  FILES_MATCHING PATTERN LICENSE PATTERN centerlines EXCLUDE)
+
+# The build tree is laid out as an installation, so that programs find what belongs to them in one
+# way (host/support/installed.h).
+function(torquer_lay_out target below_build)
+  set(link ${PROJECT_BINARY_DIR}/${below_build})
+  get_filename_component(folder ${link} DIRECTORY)
+  file(MAKE_DIRECTORY ${folder})
+  file(RELATIVE_PATH target ${folder} ${target})
+  file(CREATE_LINK ${target} ${link} SYMBOLIC)
+endfunction()
+torquer_lay_out(${PROJECT_SOURCE_DIR}/host/devices share/torquer/devices)
+torquer_lay_out(${PROJECT_SOURCE_DIR}/host/scenes share/torquer/scenes)
+torquer_lay_out(${PROJECT_BINARY_DIR}/firmware share/torquer/firmware)
+torquer_lay_out(${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/helpers/torquer-mesh-reader
+  libexec/torquer/torquer-mesh-reader)

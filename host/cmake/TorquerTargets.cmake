@@ -3,6 +3,9 @@
 # Everything in bin/ that a person runs: tests hold all of it to the same command line.
 add_custom_target(torquer_programs)
 
+# Everything that "cmake --install" needs, without the tests.
+add_custom_target(torquer_installed)
+
 # Headers that most sources include take a quarter of the time that a source takes to compile, so
 # they are compiled once: one set for the programs, one with Catch2 for the tests. A source includes
 # what it uses all the same; clang-tidy, which reads it without these headers, sees to that. With a
@@ -43,6 +46,21 @@ function(torquer_library name)
   endif()
 endfunction()
 
+# torquer_manual_page(NAME COMPONENT c COMMAND word.. [DEPENDS target..]): installs its manual page,
+# made of what COMMAND prints for --help.
+function(torquer_manual_page name)
+  cmake_parse_arguments(ARG "" "COMPONENT" "COMMAND;DEPENDS" ${ARGN})
+  set(page ${PROJECT_BINARY_DIR}/share/man/man1/${name}.1.gz)
+  set(maker ${PROJECT_SOURCE_DIR}/host/packaging/manual_page)
+  add_custom_command(OUTPUT ${page}
+    COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/share/man/man1
+    COMMAND ${maker} ${name} ${page} ${ARG_COMMAND}
+    DEPENDS ${maker} ${ARG_DEPENDS} COMMENT "Manual page of ${name}" VERBATIM)
+  add_custom_target(${name}_manual_page ALL DEPENDS ${page})
+  add_dependencies(torquer_installed ${name}_manual_page)
+  install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT ${ARG_COMPONENT})
+endfunction()
+
 # torquer_program(NAME SOURCES main.cpp.. LINK x..): a program in bin/, with the command line of
 # host/support/program.h.
 function(torquer_program name)
@@ -53,7 +71,23 @@ function(torquer_program name)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_headers)
   endif()
   add_dependencies(torquer_programs ${name})
+  # What has another name, or sanitizers, is for those who work on this tree.
+  if(TORQUER_SANITIZE OR NOT name MATCHES "^torquer-")
+    return()
+  endif()
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+  torquer_manual_page(${name} COMPONENT programs COMMAND $<TARGET_FILE:${name}>
+    DEPENDS ${name})
+  set(completion ${PROJECT_BINARY_DIR}/share/bash-completion/completions/${name})
+  add_custom_command(OUTPUT ${completion}
+    COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/share/bash-completion/completions
+    COMMAND ${name} --completion bash > ${completion}.part
+    COMMAND ${CMAKE_COMMAND} -E rename ${completion}.part ${completion}
+    DEPENDS ${name} COMMENT "Completion of ${name}" VERBATIM)
+  add_custom_target(${name}_completion ALL DEPENDS ${completion})
+  add_dependencies(torquer_installed ${name} ${name}_completion)
+  install(FILES ${completion} COMPONENT programs
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
 endfunction()
 
 # torquer_benchmark(NAME SOURCES main.cpp.. LINK x.. [DEPENDS target..]): a program in bin/ that

@@ -8,11 +8,11 @@
 
 #include <algorithm>
 #include <cstring>
-#include <filesystem>
 #include <memory>
 
 #include "host/emulator/atmega32u4.h"
 #include "host/support/error.h"
+#include "host/support/installed.h"
 
 namespace torquer::emulator {
 namespace {
@@ -107,8 +107,7 @@ void FirmwareImage::ReadClock() {
 }
 
 std::string FirmwareImage::OfThisBuild() {
-  const auto here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  return (here / "../firmware/torquer-firmware.elf").lexically_normal();
+  return FindInstalled("share/torquer/firmware/torquer-firmware.elf");
 }
 
 FirmwareImage FirmwareImage::Load(const std::string& application_elf,

@@ -33,11 +33,13 @@ class AccuracyStudy final : public Study {
   }
   void AddOptions(Options& options) override {
     options.Text("--scenes", "FOLDER", folder_,
-                 "folder of scenes with ty_phantom, neuro_arch and abdominal_aorta",
+                 "folder of scenes with ty_phantom, neuro_arch and abdominal_aorta; without it the "
+                 "scenes that Torquer ships",
                  ValueKind::kFolder);
   }
 
   bool Run(StudyRun& run) override {
+    folder_ = SceneFolder(folder_);
     const std::vector<PlacesOfScene> scenes = Scenes(run.quick());
     for (const PlacesOfScene& s : scenes) RequireScene(folder_, s.scene);
     const std::vector<AccuracyCase> front = FrontCases(run.quick());
@@ -94,7 +96,7 @@ class AccuracyStudy final : public Study {
     run.Record(name, "unconverged", o.unconverged, "");
   }
 
-  std::string folder_ = "host/scenes";
+  std::string folder_;
   std::map<std::string, std::vector<std::string>> left_out_;  // scenes, by case
 };
 

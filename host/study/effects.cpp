@@ -304,10 +304,13 @@ class EffectsStudy final : public Study {
   }
   void AddOptions(Options& options) override {
     options.Text("--scenes", "FOLDER", scenes_,
-                 "folder of the scenes whose pairs of effects are measured", ValueKind::kFolder);
+                 "folder of the scenes whose pairs of effects are measured; without it those that "
+                 "Torquer ships",
+                 ValueKind::kFolder);
   }
 
   bool Run(StudyRun& run) override {
+    scenes_ = SceneFolder(scenes_);
     if (!std::filesystem::is_directory(scenes_)) {
       throw UserError("--scenes " + scenes_ + ": there is no such folder; give that of the scenes");
     }
@@ -343,7 +346,7 @@ class EffectsStudy final : public Study {
   }
 
  private:
-  std::string scenes_ = "host/scenes";
+  std::string scenes_;
 };
 
 }  // namespace

@@ -201,11 +201,15 @@ class ScalingStudy final : public Study {
   }
 
   void AddOptions(Options& options) override {
-    options.Text("--scenes", "FOLDER", folder_,
-                 "folder of scenes with neuro_arch and abdominal_aorta", ValueKind::kFolder);
+    options.Text(
+        "--scenes", "FOLDER", folder_,
+        "folder of scenes with neuro_arch and abdominal_aorta; without it those that Torquer "
+        "ships",
+        ValueKind::kFolder);
   }
 
   bool Run(StudyRun& run) override {
+    folder_ = SceneFolder(folder_);
     for (const char* scene : {"neuro_arch", "abdominal_aorta"}) RequireScene(folder_, scene);
     const vessel::TubeVessel vessel = vessel::MakeTyPhantom();
     table_ = {
@@ -345,7 +349,7 @@ class ScalingStudy final : public Study {
     if (run.quick()) run.Say("Quick: 10 cycles instead of 100.");
   }
 
-  std::string folder_ = "host/scenes";
+  std::string folder_;
   Table table_;
 };
 

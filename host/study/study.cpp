@@ -11,6 +11,7 @@
 
 #include "host/support/atomic_file.h"
 #include "host/support/error.h"
+#include "host/support/installed.h"
 #include "host/support/machine.h"
 
 namespace torquer::study {
@@ -152,6 +153,10 @@ void StudyRun::Finish(const std::string& title) {
   if (!first_picture_.empty()) WriteWhole(stem + ".svg", first_picture_);
   Print("\nWritten: " + stem + ".csv, .jsonl, .html" + (first_picture_.empty() ? "" : ", .svg") +
         "\n");
+}
+
+std::string SceneFolder(const std::string& given) {
+  return given.empty() ? FindInstalled("share/torquer/scenes").string() : given;
 }
 
 void RequireScene(const std::string& folder, const std::string& scene) {

@@ -109,6 +109,9 @@ class Study {
   virtual bool Run(StudyRun& run) = 0;
 };
 
+/// The folder that --scenes names; that of the scenes that Torquer ships where it is empty.
+std::string SceneFolder(const std::string& given);
+
 /// Throws UserError that names the remedy unless <folder>/<scene>.toml is there.
 void RequireScene(const std::string& folder, const std::string& scene);
 

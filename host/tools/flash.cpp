@@ -3,9 +3,9 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <filesystem>
 #include <string>
 
+#include "host/support/installed.h"
 #include "host/support/program.h"
 #include "host/support/stop_signal.h"
 #include "host/tools/caterina.h"
@@ -82,8 +82,8 @@ int Run(Arguments& arguments) {
         "--srom loads an image into the sensor and installs no firmware; leave out IMAGE.hex, "
         "--port and --force");
   }
-  const auto here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  request.image_folder = (here / "../firmware").lexically_normal();
+  if (request.image.empty())
+    request.image_folder = torquer::FindInstalled("share/torquer/firmware");
   const std::atomic<bool>& stop = torquer::StopOnSignal();
 
   ProgressBar bar;

@@ -121,6 +121,10 @@ def main():
                 pathlib.Path(folder) / "states.jsonl",
                 env=dict(environment, XDG_CACHE_HOME=os.environ.get(
                     "XDG_CACHE_HOME", str(pathlib.Path.home() / ".cache"))))
+        # A shell that finds a program by PATH gives it no folder.
+        by_name = run("torquer-simulator", "--explain", scenes / "neuro_arch.toml", cwd="/",
+                      env=dict(environment, PATH=f"{programs}:{environment['PATH']}"))
+        check(f"a program is found by its name: {by_name}", "neuro_arch" in by_name)
         # That, and not what the build tree has.
         phantom = scenes / "ty_phantom.toml"
         phantom.write_text(re.sub(r"\[\[instrument\]\].*?\n\n", DEVICE, phantom.read_text(),

@@ -65,10 +65,7 @@ const Keys<DeviceSpec>& DeviceKeys() {
 
 }  // namespace
 
-std::string DeviceFolder() {
-  const std::filesystem::path installed = FindInstalled("share/torquer/devices");
-  return installed.empty() ? TORQUER_DEVICE_FOLDER : installed.string();
-}
+std::string DeviceFolder() { return FindInstalled("share/torquer/devices"); }
 
 std::vector<std::string> DeviceNames() {
   std::vector<std::string> names;

@@ -40,8 +40,7 @@ struct DeviceSpec : TableSpec {
   std::vector<DeviceSource> sources;
 };
 
-/// The folder of the devices: share/torquer/devices beside the folder of the program that runs, or,
-/// where that is not, host/devices of the sources it was built from.
+/// The folder of the devices, of the installation or of the sources (host/support/installed.h).
 std::string DeviceFolder();
 /// All devices of that folder by name, in order of the alphabet.
 std::vector<std::string> DeviceNames();

@@ -193,10 +193,7 @@ class Reading {
 
 }  // namespace
 
-std::string MeshReaderPath() {
-  const std::filesystem::path installed = FindInstalled("libexec/torquer/torquer-mesh-reader");
-  return installed.empty() ? TORQUER_MESH_READER : installed.string();
-}
+std::string MeshReaderPath() { return FindInstalled("libexec/torquer/torquer-mesh-reader"); }
 
 MeshReader MeshReader::For(std::size_t file_bytes) {
   const auto bytes = static_cast<std::int64_t>(file_bytes);
