@@ -86,6 +86,19 @@ nlohmann::json Points(const vessel::Centerline& curve) {
   return coordinates;
 }
 
+constexpr int kPulseSamples = 256;
+
+nlohmann::json RoundedShares(const vessel::Centerline& curve, const Motions& motions) {
+  nlohmann::json all = nlohmann::json::array();
+  for (const Shares& shares : SharesOf(motions, curve.points_mm())) {
+    nlohmann::json& rounded = all.emplace_back(nlohmann::json::array());
+    for (const float share : shares) {
+      rounded.push_back(std::round(1e4 * static_cast<double>(share)) / 1e4);
+    }
+  }
+  return all;
+}
+
 }  // namespace
 
 std::string StateFrame(const torquer_lcm::wire_state_t& state,
@@ -135,9 +148,13 @@ std::string PictureFrame(const torquer_lcm::picture_t& picture) {
 }
 
 std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_hash,
-                        bool vessel_moves) {
-  Writer out(FrameKind::kVessel, 32 + 12 * (mesh.vertices_mm.size() + mesh.triangles.size()));
-  out.Add(static_cast<std::uint16_t>(vessel_moves));
+                        const Motions& motions) {
+  const std::vector<Shares> all_shares = SharesOf(motions, mesh.vertices_mm);
+  std::size_t share_count = 0;
+  for (const Shares& shares : all_shares) share_count += shares.size();
+  Writer out(FrameKind::kVessel,
+             32 + 12 * (mesh.vertices_mm.size() + mesh.triangles.size()) + 4 * share_count);
+  out.Add(static_cast<std::uint16_t>(motions.size()));
   out.Add(static_cast<std::uint32_t>(mesh.vertices_mm.size()));
   out.Add(static_cast<std::uint32_t>(mesh.triangles.size()));
   out.Add(std::uint32_t{0});
@@ -148,23 +165,42 @@ std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_
     out.Add(rounded.data(), 3 * sizeof(float));
   }
   for (const auto& triangle : mesh.triangles) out.Add(triangle.data(), 3 * sizeof(std::int32_t));
+  for (const Shares& shares : all_shares) out.Add(shares.data(), shares.size() * sizeof(float));
   return out.Take();
 }
 
 std::string LinesText(const vessel::CenterlineNetwork& centerlines,
-                      const effects::AssessmentTask* task, std::uint64_t content_hash) {
+                      const effects::AssessmentTask* task, std::uint64_t content_hash,
+                      const Motions& motions) {
   nlohmann::json curves = nlohmann::json::array();
   for (const vessel::Centerline& curve : centerlines.curves()) {
-    curves.push_back({{"name", Name(curve.name())}, {"points_mm", Points(curve)}});
+    curves.push_back({{"name", Name(curve.name())},
+                      {"points_mm", Points(curve)},
+                      {"shares", RoundedShares(curve, motions)}});
   }
-  nlohmann::json text = {
-      {"kind", "lines"}, {"hash", Hex(content_hash)}, {"curves", curves}, {"target", nullptr}};
+  nlohmann::json text = {{"kind", "lines"},
+                         {"hash", Hex(content_hash)},
+                         {"curves", curves},
+                         {"target", nullptr},
+                         {"motions", nlohmann::json::array()}};
   if (task != nullptr) {
     const Eigen::Vector3d end = task->route.At(task->route.length_mm()).position_mm;
     text["target"] = {{"at_mm", {end.x(), end.y(), end.z()}},
                       {"radius_mm", task->target_radius_mm},
                       {"force_limit_mN", task->force_limit_mN},
-                      {"route_mm", Points(task->route)}};
+                      {"route_mm", Points(task->route)},
+                      {"route_shares", RoundedShares(task->route, motions)}};
+  }
+  for (const effects::PeriodicMotion* motion : motions) {
+    const effects::PeriodicMotion::Settings& settings = motion->settings();
+    nlohmann::json pulse = nlohmann::json::array();
+    for (int i = 0; i < kPulseSamples; ++i) {
+      pulse.push_back(motion->PulseAt(static_cast<double>(i) / kPulseSamples));
+    }
+    text["motions"].push_back({{"way_mm", settings.way_mm},
+                               {"period_s", settings.period_s},
+                               {"phase", settings.phase},
+                               {"pulse", std::move(pulse)}});
   }
   return text.dump();
 }

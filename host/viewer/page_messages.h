@@ -11,11 +11,13 @@
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_forces_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
+#include <vector>
 
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/observers/assessment.h"
 #include "host/simulator/vessel/centerline.h"
 #include "host/simulator/vessel/triangle_mesh.h"
+#include "host/viewer/vessel_motion.h"
 
 namespace torquer::viewer {
 
@@ -42,11 +44,13 @@ std::string PictureFrame(const torquer_lcm::picture_t& picture);
 
 /// The vessel's surface, with the scene's content hash: the page shows it for that scene alone.
 std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_hash,
-                        bool vessel_moves);
+                        const Motions& motions);
 
-/// The vessel's centerlines, and what the trainee is to reach: `task` may be null.
+/// The vessel's centerlines, what the trainee is to reach, and how all of it moves: `task` may be
+/// null.
 std::string LinesText(const vessel::CenterlineNetwork& centerlines,
-                      const effects::AssessmentTask* task, std::uint64_t content_hash);
+                      const effects::AssessmentTask* task, std::uint64_t content_hash,
+                      const Motions& motions);
 
 /// Texts are one JSON object each, with a field `kind`; what came from the bus is Printable.
 std::string SceneText(const torquer_lcm::scene_description_t& scene);

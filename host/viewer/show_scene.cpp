@@ -13,10 +13,10 @@ constexpr std::size_t kSurfaceTriangles = 100000;
 
 std::string SurfaceFrame(scene::Scene& scene) {
   const vessel::Vessel& vessel = scene.vessel();
-  const bool moves = scene.moving_field() != nullptr;
-  if (vessel.surface) return VesselFrame(vessel.surface->mesh(), scene.content_hash(), moves);
+  const Motions motions = MotionsOf(scene);
+  if (vessel.surface) return VesselFrame(vessel.surface->mesh(), scene.content_hash(), motions);
   return VesselFrame(vessel::SurfaceInAbout(kSurfaceTriangles, *vessel.field, vessel.bounds_mm),
-                     scene.content_hash(), moves);
+                     scene.content_hash(), motions);
 }
 
 // Null where the scene has none.
@@ -32,7 +32,8 @@ const effects::AssessmentTask* TaskOf(const scene::Scene& scene) {
 
 SceneFrames FramesOf(scene::Scene& scene) {
   return {.vessel = SurfaceFrame(scene),
-          .lines = LinesText(scene.vessel().centerlines, TaskOf(scene), scene.content_hash())};
+          .lines = LinesText(scene.vessel().centerlines, TaskOf(scene), scene.content_hash(),
+                             MotionsOf(scene))};
 }
 
 void ShowFrames(SceneFrames frames, PageServer& server) {

@@ -26,7 +26,7 @@ constexpr std::int64_t kNow = 1'000'000;
 class Stage {
  public:
   Stage() {
-    Write("torquer-recorder", "touch $1\n" + Waits("recorder"));
+    Write("torquer-recorder", Waits("recorder", "touch $1\n"));
     Write("torquer-simulator", Waits("simulator"));
     Write("torquer-report", "echo '<h1>done</h1>' >$3; echo report >>" + order_);
   }
@@ -35,8 +35,8 @@ class Stage {
     std::ofstream(folder_.Path(program)) << "#!/bin/sh\n" << script << "\n";
     fs::permissions(folder_.Path(program), fs::perms::owner_all);
   }
-  std::string Waits(const std::string& name) const {
-    return "trap 'echo " + name + " >>" + order_ + "; exit 0' TERM\n" + "echo $$ >" +
+  std::string Waits(const std::string& name, const std::string& first = "") const {
+    return "trap 'echo " + name + " >>" + order_ + "; exit 0' TERM\n" + first + "echo $$ >" +
            folder_.Path(name + ".pid") + "\nwhile :; do sleep 0.01; done";
   }
 
@@ -73,6 +73,14 @@ bool Reaches(CaseStation& station, Phase phase, bool sees_states = true) {
   return station.phase() == phase;
 }
 
+// Until a program listens to signals.
+bool Listens(const Stage& stage, const std::string& program) {
+  for (int i = 0; i < 5000 && stage.Read(program + ".pid").empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return !stage.Read(program + ".pid").empty();
+}
+
 nlohmann::json Said(const CaseStation& station) { return nlohmann::json::parse(station.Text()); }
 
 }  // namespace
@@ -96,6 +104,7 @@ TEST_CASE("A case runs from its choice to its report, its programs one after the
   CHECK(stage.Order().empty());
   CHECK(station.report() == nullptr);
 
+  REQUIRE(Listens(stage, "simulator"));
   REQUIRE(station.End(kNow));
   CHECK_FALSE(station.End(kNow));
   REQUIRE(Reaches(station, Phase::kEnded));
@@ -128,6 +137,7 @@ TEST_CASE("States count only once the case's own simulator runs") {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   CHECK(station.phase() == Phase::kStarting);
+  REQUIRE(Listens(stage, "recorder"));
   REQUIRE(station.End(kNow));
   CHECK(Reaches(station, Phase::kEnded));
   CHECK(stage.Order() == "recorder\n");  // without a log there is no report
@@ -177,9 +187,11 @@ TEST_CASE("What goes wrong with a case is said, and another one can be started")
           std::string::npos);
   }
   SECTION("its simulator does not end when it is asked") {
-    stage.Write("torquer-simulator", "trap '' TERM; while :; do sleep 0.01; done");
+    stage.Write("torquer-simulator", "trap '' TERM; echo $$ >" + stage.Path("simulator.pid") +
+                                         "; while :; do sleep 0.01; done");
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kRunning));
+    REQUIRE(Listens(stage, "simulator"));
     REQUIRE(station.End(kNow));
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     station.Advance(kNow + 9'000'000);
@@ -189,8 +201,8 @@ TEST_CASE("What goes wrong with a case is said, and another one can be started")
     CHECK(stage.Order() == "recorder\nreport\n");
   }
   for (const char* name : {"torquer-recorder", "torquer-simulator", "torquer-report"}) {
-    stage.Write(name, std::string(name) == "torquer-recorder" ? "touch $1; " + stage.Waits("x")
-                                                              : stage.Waits("x"));
+    stage.Write(name,
+                stage.Waits("x", std::string(name) == "torquer-recorder" ? "touch $1\n" : ""));
   }
   REQUIRE(station.Start(1, kNow));
   CHECK(Reaches(station, Phase::kRunning));
@@ -203,9 +215,7 @@ TEST_CASE("A station that ends takes its programs with it, the recorder last") {
     CaseStation station = stage.Station();
     REQUIRE(station.Start(0, kNow));
     REQUIRE(Reaches(station, Phase::kRunning));
-    for (int i = 0; i < 5000 && stage.Read("simulator.pid").empty(); ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
+    REQUIRE(Listens(stage, "simulator"));
   }
   CHECK(stage.Order() == "simulator\nrecorder\n");
 }

@@ -90,6 +90,41 @@ try {
   assert.equal(await page.evaluate(() => window.torquer.readings()?.values.xray_pulses ?? 0), 0);
   await look("examination");
 
+  // A vessel that moves is drawn as it moves: the way of its fastest vertex is that of the scene.
+  await page.locator("#case-end").click();
+  await phase("ended");
+  await page.locator("#case-close").click();
+  await phase("choose");
+  await start("Practice", "Arteries that move");
+  await phase("running");
+  await until("the vessel is drawn", () => page.evaluate(() => window.torquer.space.showsVessel));
+  const ways = await page.evaluate(async () => {
+    const { space, state } = window.torquer;
+    const places = new Map();
+    for (const end = performance.now() + 3000; performance.now() < end;) {
+      await new Promise(requestAnimationFrame);
+      for (let vertex = 0; vertex < space.vertices; vertex += 97) {
+        const at = space.vertexMm(vertex);
+        const box = places.get(vertex) ?? { least: [...at], most: [...at] };
+        for (const k of [0, 1, 2]) {
+          box.least[k] = Math.min(box.least[k], at[k]);
+          box.most[k] = Math.max(box.most[k], at[k]);
+        }
+        places.set(vertex, box);
+      }
+    }
+    return [...places.values()].map(({ least, most }) => Math.hypot(...most.map((value, k) => value - least[k])));
+  });
+  // A beat of 5 mm in each 0.88 s, and part of a breath of 8 mm.
+  assert.ok(Math.max(...ways) > 4 && Math.max(...ways) < 13, `the largest way is ${Math.max(...ways)} mm`);
+  assert.ok(Math.min(...ways) < 0.1, `where the vessel rests it goes ${Math.min(...ways)} mm`);
+  await page.locator("#case-end").click();
+  await phase("ended");
+  await page.locator("#case-close").click();
+  await phase("choose");
+  await start("Examination", "Cerebral angiogram");
+  await phase("running");
+
   // Its simulator dies: that is said, and what was recorded is judged.
   const simulator = execFileSync("pgrep", ["-f", `torquer-simulator.*${session.folder}`]).toString().trim().split("\n");
   assert.equal(simulator.length, 1);

@@ -226,7 +226,7 @@ TEST_CASE("Centerlines, route and target are given point by point") {
   const Centerline second("c", {{10, 0, 0}, {10, 5, 0}}, {1, 1});
   const torquer::vessel::CenterlineNetwork network({first, second});
   const torquer::effects::AssessmentTask task{second, 4, 120, 0};
-  const auto text = nlohmann::json::parse(LinesText(network, &task, 0xabc));
+  const auto text = nlohmann::json::parse(LinesText(network, &task, 0xabc, {}));
   CHECK(text.at("kind") == "lines");
   CHECK(text.at("hash") == "0000000000000abc");
   REQUIRE(text.at("curves").size() == 2);
@@ -236,7 +236,7 @@ TEST_CASE("Centerlines, route and target are given point by point") {
   CHECK(text["target"].at("radius_mm") == 4);
   CHECK(text["target"].at("force_limit_mN") == 120);
   CHECK(text["target"].at("route_mm") == nlohmann::json({10, 0, 0, 10, 5, 0}));
-  CHECK(nlohmann::json::parse(LinesText(network, nullptr, 1)).at("target").is_null());
+  CHECK(nlohmann::json::parse(LinesText(network, nullptr, 1, {})).at("target").is_null());
 }
 
 TEST_CASE("Names from the bus stay within their text") {

@@ -20,10 +20,9 @@ void PeriodicMotion::SetTime(double time_s) {
   displaced_ = now;
 }
 
-void PeriodicMotion::AddOffset(const Vector3d& point_mm, vessel::Offset& offset) const {
-  if (displaced_ == 0) return;
+// The weight of all regions together; false where none is near.
+bool PeriodicMotion::Weigh(const Vector3d& point_mm, RegionWeight& all) const {
   // 1 - weight of the union is the product of what the regions leave.
-  RegionWeight all;
   bool any = false;
   for (const vessel::Region& region : settings_.regions) {
     RegionWeight one;
@@ -39,7 +38,18 @@ void PeriodicMotion::AddOffset(const Vector3d& point_mm, vessel::Offset& offset)
     all.gradient = rest * all.gradient + (1 - all.value) * one.gradient;
     all.value = 1 - rest * (1 - all.value);
   }
-  if (!any) return;
+  return any;
+}
+
+double PeriodicMotion::WeightAt(const Vector3d& point_mm) const {
+  RegionWeight all;
+  return Weigh(point_mm, all) ? all.value : 0;
+}
+
+void PeriodicMotion::AddOffset(const Vector3d& point_mm, vessel::Offset& offset) const {
+  if (displaced_ == 0) return;
+  RegionWeight all;
+  if (!Weigh(point_mm, all)) return;
   const Vector3d way = displaced_ * settings_.way_mm;
   offset.value += all.value * way;
   if (all.value == 1) return;

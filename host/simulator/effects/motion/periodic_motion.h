@@ -33,11 +33,19 @@ class PeriodicMotion : public Effect, public vessel::FieldMotion {
   double TravelMm() const override { return travel_mm_; }
   double LargestStretch() const override;
 
+  const Settings& settings() const { return settings_; }
+  /// How far along its way the motion is at a part of its period, [0, 1): 0 to 1.
+  double PulseAt(double part) const { return Pulse(part); }
+  /// Share of the way that goes at a point of the moved vessel, 0 to 1.
+  double WeightAt(const Eigen::Vector3d& point_mm) const;
+
  protected:
   /// The pulse, 0 .. 1 with two continuous derivatives, at a part of its period, [0, 1).
   virtual double Pulse(double part) const = 0;
 
  private:
+  bool Weigh(const Eigen::Vector3d& point_mm, vessel::RegionWeight& all) const;
+
   const Settings settings_;
   double displaced_ = 0;  ///< the pulse now
   double travel_mm_ = 0;

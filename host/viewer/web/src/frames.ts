@@ -49,7 +49,7 @@ export interface Picture {
 
 export interface VesselSurface {
   kind: "vessel";
-  moves: boolean;
+  shares: Float32Array[]; // of each motion, of each vertex: one for each corner of the motions
   hash: string;
   verticesMm: Float32Array;
   triangles: Uint32Array;
@@ -73,8 +73,20 @@ export interface Scene {
 export interface Lines {
   kind: "lines";
   hash: string;
-  curves: { name: string; points_mm: number[] }[]; // x, y, z of one point after the other
-  target: { at_mm: [number, number, number]; radius_mm: number; force_limit_mN: number; route_mm: number[] } | null;
+  // x, y, z of one point after the other; shares as of the vessel's vertices.
+  curves: { name: string; points_mm: number[]; shares: number[][] }[];
+  target: {
+    at_mm: [number, number, number]; radius_mm: number; force_limit_mN: number; route_mm: number[]; route_shares: number[][];
+  } | null;
+  motions: Motion[];
+}
+
+/** How parts of the vessel go to and fro: by way_mm times pulse, which has one period. */
+export interface Motion {
+  way_mm: [number, number, number];
+  period_s: number;
+  phase: number;
+  pulse: number[];
 }
 
 export interface Health {
@@ -214,9 +226,12 @@ function readPicture(view: DataView, buffer: ArrayBuffer): Picture {
 function readVessel(view: DataView, buffer: ArrayBuffer): VesselSurface {
   const vertices = view.getUint32(4, true);
   const triangles = view.getUint32(8, true);
+  const motions = view.getUint16(2, true);
+  const perMotion = vertices * 2 ** motions;
   return {
     kind: "vessel",
-    moves: view.getUint16(2, true) !== 0,
+    shares: Array.from({ length: motions }, (_, motion) =>
+      new Float32Array(buffer, 32 + 12 * (vertices + triangles) + 4 * perMotion * motion, perMotion)),
     hash: String.fromCharCode(...new Uint8Array(buffer, 16, 16)),
     verticesMm: new Float32Array(buffer, 32, 3 * vertices),
     triangles: new Uint32Array(buffer, 32 + 12 * vertices, 3 * triangles),

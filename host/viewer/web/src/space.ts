@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setText } from "./dom.js";
 import type { Lines, Scene, VesselSurface, WireState } from "./frames.js";
+import { VesselMotion } from "./motion.js";
 
 // From no contact to much: the viridis colors, which people with any color vision can order.
 const COLORS = ["#6fb7ff", "#4ac6a8", "#a5db36", "#fde725"].map((text) => new THREE.Color(text));
@@ -23,6 +24,13 @@ function colorAt(share: number, out: THREE.Color): THREE.Color {
   const place = Math.min(Math.max(share, 0), 1) * (COLORS.length - 1);
   const index = Math.min(Math.floor(place), COLORS.length - 2);
   return out.lerpColors(COLORS[index]!, COLORS[index + 1]!, place - index);
+}
+
+/** Drawn points that go with the vessel. */
+interface Moving {
+  drawn: THREE.BufferAttribute;
+  atRestMm: ArrayLike<number>;
+  shares: readonly ArrayLike<number>[];
 }
 
 /** A tube along a polyline, its sides turned along without twist. */
@@ -107,6 +115,9 @@ export class Space {
     new THREE.MeshBasicMaterial({ color: ROUTE_COLOR, transparent: true, opacity: 0.5, depthWrite: false }));
   private readonly cut = new THREE.Plane();
   private lines: Lines | null = null;
+  private motion = new VesselMotion([]);
+  private moving: Moving[] = []; // what goes with the vessel
+  private pulses: number[] = []; // at which it was drawn
   private inside = false;
   private cutting = false;
   private vessel: THREE.Mesh | null = null;
@@ -278,6 +289,7 @@ export class Space {
   draw(): void {
     if (!this.changed || this.renderer === null) return;
     this.changed = false;
+    this.moveVessel();
     this.placeInstruments();
     if (this.cutting) this.placeCut();
     this.renderer.render(this.world, this.camera);
@@ -294,11 +306,15 @@ export class Space {
 
   private showLines(): void {
     this.guides.clear();
+    this.motion = new VesselMotion([]);
     if (this.lines === null || this.scene === null || this.lines.hash !== this.scene.hash) return;
+    this.motion = new VesselMotion(this.lines.motions);
     const line = (pointsMm: number[], color: string) => {
       const geometry = new THREE.BufferGeometry();
       geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(pointsMm), 3));
-      this.guides.add(new THREE.Line(geometry, new THREE.LineBasicMaterial({ color })));
+      const shown = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color }));
+      shown.frustumCulled = !this.motion.any;
+      this.guides.add(shown);
     };
     for (const curve of this.lines.curves) line(curve.points_mm, LINE_COLOR);
     const { target } = this.lines;
@@ -307,7 +323,49 @@ export class Space {
       this.target.position.set(...target.at_mm);
       this.guides.add(this.target);
     }
+    this.gatherMoving();
     this.changed = true;
+  }
+
+  private gatherMoving(): void {
+    this.moving = [];
+    this.pulses = [];
+    if (!this.motion.any || this.lines === null) return;
+    const positions = (drawn: THREE.Object3D) =>
+      (drawn as THREE.Mesh | THREE.Line).geometry.getAttribute("position") as THREE.BufferAttribute;
+    if (this.vessel !== null && this.surface !== null) {
+      this.moving.push({ drawn: positions(this.vessel), atRestMm: this.surface.verticesMm, shares: this.surface.shares });
+    }
+    const lines = this.guides.children.filter((child) => child instanceof THREE.Line);
+    const { curves, target } = this.lines;
+    const points = curves.map(({ points_mm: atRestMm, shares }) => ({ atRestMm, shares }));
+    if (target !== null) points.push({ atRestMm: target.route_mm, shares: target.route_shares });
+    for (const [k, line] of lines.entries()) this.moving.push({ drawn: positions(line), ...points[k]! });
+  }
+
+  // The vessel goes with the time of the state that is drawn.
+  private moveVessel(): void {
+    if (this.moving.length === 0 || this.state === null) return;
+    const pulses = this.motion.pulses(this.state.timeS);
+    if (pulses.every((pulse, k) => pulse === this.pulses[k])) return;
+    this.pulses = pulses;
+    for (const { drawn, atRestMm, shares } of this.moving) {
+      this.motion.move(atRestMm, shares, pulses, drawn.array as Float32Array);
+      drawn.needsUpdate = true;
+    }
+    const route = this.moving.at(-1)!.drawn; // its end is the target
+    if (this.lines?.target != null) this.target.position.fromBufferAttribute(route, route.count - 1);
+  }
+
+  get vertices(): number {
+    return this.vessel?.geometry.getAttribute("position").count ?? 0;
+  }
+
+  /** A vertex of the vessel as it is drawn: for tests. */
+  vertexMm(vertex: number): [number, number, number] | null {
+    if (this.vessel === null) return null;
+    const drawn = this.vessel.geometry.getAttribute("position");
+    return [drawn.getX(vertex), drawn.getY(vertex), drawn.getZ(vertex)];
   }
 
   // The eye is behind the tip, and looks at it from the middle of the lumen where that is known.
@@ -332,9 +390,11 @@ export class Space {
     if (this.guides.children.length === 0 || this.lines === null) return null;
     const [best, here] = [new THREE.Vector3(), new THREE.Vector3()];
     let nearestMm = FARTHEST_MIDDLE_MM;
-    for (const { points_mm: points } of this.lines.curves) {
-      for (let i = 0; i < points.length; i += 3) {
-        const distanceMm = here.fromArray(points, i).distanceTo(place);
+    for (const line of this.guides.children) {
+      if (!(line instanceof THREE.Line)) continue;
+      const points = line.geometry.getAttribute("position") as THREE.BufferAttribute;
+      for (let i = 0; i < points.count; ++i) {
+        const distanceMm = here.fromBufferAttribute(points, i).distanceTo(place);
         if (distanceMm >= nearestMm) continue;
         nearestMm = distanceMm;
         best.copy(here);
@@ -414,17 +474,16 @@ export class Space {
       setText(note, "the vessel is not known here: start torquer-viewer with this --scene");
       return;
     }
-    const notes: string[] = [];
-    if (!this.scene.effects.includes("fluoroscopy")) notes.push("this scene simulates no X-ray");
-    if (this.surface.moves) notes.push("vessel as at rest; it moves with heart or breath");
-    setText(note, notes.join("; "));
+    setText(note, this.scene.effects.includes("fluoroscopy") ? "" : "this scene simulates no X-ray");
     const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(this.surface.verticesMm, 3));
+    geometry.setAttribute("position", new THREE.BufferAttribute(this.surface.verticesMm.slice(), 3));
     geometry.setIndex(new THREE.BufferAttribute(this.surface.triangles, 1));
     geometry.computeVertexNormals();
     this.vessel = new THREE.Mesh(geometry, this.vesselMaterial);
     this.vessel.renderOrder = 1;
+    this.vessel.frustumCulled = this.surface.shares.length === 0;
     this.patient.add(this.vessel);
+    this.gatherMoving();
     this.changed = true;
   }
 

@@ -1,0 +1,33 @@
+// A vessel that moves, as the page draws it: how far each of its points goes with each motion.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "host/simulator/effects/motion/periodic_motion.h"
+#include "host/simulator/scene/scene.h"
+
+namespace torquer::viewer {
+
+/// The motions of a vessel, m of them.
+using Motions = std::vector<const effects::PeriodicMotion*>;
+
+/// Those of a scene; none where its vessel rests.
+Motions MotionsOf(const scene::Scene& scene);
+
+/// Shares of a motion's way that points at rest go, 2^m of one point after the other: one for each
+/// corner, where each motion is at its beginning (bit 0) or its end (bit 1), the first motion in
+/// the lowest bit. Between corners the share is multilinear: exact at the corners, which is where a
+/// heart rests and a breath is held, and wherever only one motion is under way close to it.
+using Shares = std::vector<float>;
+
+/// Of each motion.
+std::vector<Shares> SharesOf(const Motions& motions, const std::vector<Eigen::Vector3d>& points_mm);
+
+/// Where a point is while the motions are at `pulses`, 0 to 1 each. `point`: its number in
+/// `shares`.
+Eigen::Vector3d Moved(const Eigen::Vector3d& at_rest_mm, const Motions& motions,
+                      const std::vector<Shares>& shares, std::size_t point,
+                      const std::vector<double>& pulses);
+
+}  // namespace torquer::viewer
