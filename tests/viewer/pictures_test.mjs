@@ -1,0 +1,190 @@
+// What the page shows, by its pixels: against pictures that were looked at and kept (golden/), and what last image
+// hold, subtraction and road map mean. usage: node tests/viewer/pictures_test.mjs ROOT PROGRAMS [--make]
+// --make writes the kept pictures anew; look at each before it is committed.
+import assert from "node:assert/strict";
+import { readFileSync, writeFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { blockMeans, difference } from "./block_means.mjs";
+import { BrowserSession, until } from "./browser_session.mjs";
+
+const [root, programs, option] = process.argv.slice(2);
+const make = option === "--make";
+// Of 255. By their noise and by JPEG pictures differ by up to 3.5; another window is 12, a wire elsewhere 33.
+const PICTURE_TOLERANCE = 6;
+const PAGE_TOLERANCE = 8;
+let session, page, eye; // the eye is an empty page, which may load pictures
+
+const text = (selector) => page.locator(selector).textContent();
+const pictures = () => page.evaluate(() => window.torquer.pictures());
+const insertion = () => page.evaluate(() => window.torquer.state().instruments[0].insertionMm);
+const canvas = () => page.evaluate(() => document.querySelector("#xray-picture").toDataURL());
+const jpeg = (bytes) => `data:image/jpeg;base64,${bytes.toString("base64")}`;
+// Numbers and plots that no two runs share are covered.
+const wholePage = async () => jpeg(await page.screenshot({
+  type: "jpeg", quality: 85, mask: ["#figures", "#dose", "#loops", "#hint"].map((selector) => page.locator(selector)),
+}));
+async function hold(key, what, condition) {
+  await page.keyboard.down(key);
+  try {
+    return await until(what, condition);
+  } finally {
+    await page.keyboard.up(key);
+  }
+}
+async function pulses(count) {
+  const start = await pictures();
+  await hold("Space", `${count} pictures`, async () => (await pictures()) >= start + count);
+  await until("the lamp is off", async () => (await text("#lamp")).includes("OFF"));
+  await page.waitForTimeout(300); // the last one has come
+}
+async function mode(wanted) {
+  for (let k = 0; k < 4 && (await text("#system-M span")) !== wanted; ++k) {
+    await page.keyboard.press("KeyM");
+    await page.waitForTimeout(100);
+  }
+  assert.equal(await text("#system-M span"), wanted);
+}
+// Compares what is shown with what is kept; with --make keeps it.
+async function compare(name, url, tolerance) {
+  const path = join(root, "tests/viewer/golden", `${name}.jpg`);
+  if (make) {
+    const bytes = url.startsWith("data:image/jpeg")
+      ? url : await page.evaluate(() => document.querySelector("#xray-picture").toDataURL("image/jpeg", 0.9));
+    writeFileSync(path, Buffer.from(bytes.split(",")[1], "base64"));
+  }
+  return difference(await blockMeans(eye, jpeg(readFileSync(path))), await blockMeans(eye, url), tolerance);
+}
+const same = async (name, url, tolerance) => {
+  const { blocks, largest } = await compare(name, url, tolerance);
+  assert.equal(blocks, 0, `${name}: ${blocks} blocks are not as kept, by up to ${largest.toFixed(1)} of 255`);
+};
+// A kept picture tells this from what it shows.
+const differs = async (name, url, tolerance) => {
+  if (make) return;
+  const { blocks } = await compare(name, url, tolerance);
+  assert.ok(blocks > 0, `${name} does not tell`);
+};
+
+before(async () => {
+  session = await BrowserSession.start(root, programs, "neuro_angio.toml");
+  page = await session.browser.newPage({ viewport: { width: 1280, height: 720 } });
+  await page.goto(session.url);
+  eye = await session.browser.newPage();
+  await page.bringToFront();
+  await until("it runs", async () => (await text("#state")).includes("Running"));
+  await until("the vessel is drawn", () => page.evaluate(() => window.torquer.space.showsVessel && window.torquer.space.guidesShown().target));
+  await page.waitForTimeout(500);
+});
+
+after(() => session?.stop());
+
+test("the page before the first X-ray", async () => {
+  await same("start-page", await wholePage(), PAGE_TOLERANCE);
+});
+
+test("a plain picture, and the page with it", async () => {
+  await mode("plain");
+  await pulses(5);
+  await same("plain", await canvas(), PICTURE_TOLERANCE);
+  await same("plain-page", await wholePage(), PAGE_TOLERANCE);
+});
+
+test("another window is another picture", async () => {
+  const at = await page.locator("#xray-picture").boundingBox();
+  const [x, y] = [at.x + at.width / 2, at.y + at.height / 2];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x, y + 12, { steps: 3 });
+  await page.mouse.up();
+  await until("the level is said", async () => !(await text("#window")).includes("level 128"));
+  await differs("plain", await canvas(), PICTURE_TOLERANCE);
+  await differs("plain-page", await wholePage(), PAGE_TOLERANCE);
+  await page.mouse.dblclick(x, y);
+  await page.mouse.move(0, 0);
+  await same("plain", await canvas(), PICTURE_TOLERANCE);
+});
+
+test("a narrower field with shutters", async () => {
+  await page.keyboard.press("KeyZ");
+  await page.keyboard.press("KeyK");
+  await until("they are chosen", async () => (await text("#system-K span")) === "shutters 10 %");
+  await pulses(5);
+  await same("field", await canvas(), PICTURE_TOLERANCE);
+  await same("field-page", await wholePage(), PAGE_TOLERANCE);
+  for (let k = 0; k < 3; ++k) await page.keyboard.press("KeyZ");
+  for (let k = 0; k < 4 && (await text("#system-K span")) !== "shutters open"; ++k) {
+    await page.keyboard.press("KeyK");
+    await page.waitForTimeout(100);
+  }
+  for (let k = 0; k < 4 && (await text("#system-Z span")) !== "field ×1"; ++k) {
+    await page.keyboard.press("KeyZ");
+    await page.waitForTimeout(100);
+  }
+});
+
+test("subtracted, what has not moved is even", async () => {
+  await mode("subtraction");
+  await pulses(5);
+  await same("subtracted", await canvas(), PICTURE_TOLERANCE);
+  await differs("plain", await canvas(), PICTURE_TOLERANCE);
+});
+
+test("the last image is held to the bit while the wire moves", async () => {
+  await mode("plain");
+  await pulses(3);
+  const [held, start] = [await canvas(), await insertion()];
+  const around = await page.evaluate(() => document.querySelector("#space").toDataURL());
+  await hold("ArrowDown", "15 mm out", async () => (await insertion()) < start - 15);
+  await page.waitForTimeout(1500); // the held one comes once a second
+  assert.equal(await canvas(), held);
+  assert.match(await text("#hold"), /Last image hold/);
+  assert.notEqual(await page.evaluate(() => document.querySelector("#space").toDataURL()), around);
+});
+
+test("a wire that is elsewhere is another picture", async () => {
+  await pulses(5);
+  await differs("plain", await canvas(), PICTURE_TOLERANCE);
+  await differs("plain-page", await wholePage(), PAGE_TOLERANCE);
+});
+
+// Blocks that are darker or brighter than the middle of the picture's grays.
+async function marked() {
+  const { means } = await blockMeans(eye, await canvas());
+  const grays = means.filter((_, k) => k % 3 === 0);
+  const middle = [...grays].sort((a, b) => a - b)[Math.floor(grays.length / 2)];
+  const those = (is) => new Set([...grays.keys()].filter((k) => is(grays[k] - middle)));
+  return { dark: those((gray) => gray < -12), bright: those((gray) => gray > 12) };
+}
+const dye = () => page.evaluate(() => window.torquer.readings()?.values.contrast_injected_mL ?? 0);
+// The pedal is down; then contrast for 20 mL. What `seen` gives while it flows.
+async function inject(seen) {
+  const [start, taken] = [await dye(), await pictures()];
+  await page.keyboard.down("Space");
+  await until("the mask is taken", async () => (await pictures()) >= taken + 3);
+  await hold("KeyC", "20 mL", async () => (await dye()) >= start + 20);
+  const found = await seen();
+  await page.keyboard.up("Space");
+  return found;
+}
+
+test("subtracted, dye is dark and all else even; a road map keeps it bright when it is gone", async () => {
+  await mode("subtraction");
+  const filled = new Set();
+  await inject(async () => {
+    for (const end = Date.now() + 1500; Date.now() < end;) for (const block of (await marked()).dark) filled.add(block);
+  });
+  assert.ok(filled.size > 15, `${filled.size} blocks were filled`);
+  assert.ok(filled.size < 0.5 * 32 * 32, `${filled.size} blocks were filled`);
+
+  await page.waitForTimeout(6000); // it flows away
+  await mode("road map");
+  const map = await inject(async () => {
+    await page.waitForTimeout(7000);
+    return marked();
+  });
+  const within = [...map.bright].filter((block) => filled.has(block)).length;
+  assert.ok(within > 0.6 * filled.size, `of ${filled.size} blocks that were filled ${within} are bright in the map`);
+  assert.ok(within > 0.95 * map.bright.size, `${map.bright.size - within} blocks of the map were never filled`);
+  assert.ok(map.dark.size < 0.1 * filled.size, `${map.dark.size} blocks of the map are dark`);
+});
