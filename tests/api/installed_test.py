@@ -9,25 +9,7 @@ import tempfile
 
 BUILD = pathlib.Path(sys.argv[1])
 
-PROGRAM = """
-#include <torquer/torquer.h>
-#include <cstdio>
-int main(int, char** argv) {
-  try {
-    torquer::Simulation simulation(torquer::Scene::FromFile(argv[1]));
-    torquer::Command command = simulation.command();
-    for (int k = 1; k <= 3; ++k) {
-      command.time_s = 0.1 * k;
-      command.hands[0].insertion_mm += 1;
-      if (!simulation.Step(command).converged) return 1;
-    }
-    std::printf("%s %.0f\\n", torquer::Version(), simulation.instruments()[0].hand.insertion_mm);
-  } catch (const torquer::Error& error) {
-    std::printf("refused: %s\\n", error.what());
-    return 2;
-  }
-}
-"""
+PROGRAM = pathlib.Path(__file__).with_name("outside.cpp").read_text()
 PROJECT = """
 cmake_minimum_required(VERSION 3.25)
 project(outside LANGUAGES CXX)
@@ -123,7 +105,8 @@ def main():
                     "XDG_CACHE_HOME", str(pathlib.Path.home() / ".cache"))))
         # A shell that finds a program by PATH gives it no folder.
         by_name = run("torquer-simulator", "--explain", scenes / "neuro_arch.toml", cwd="/",
-                      env=dict(environment, PATH=f"{programs}:{environment['PATH']}"))
+                      env=dict(environment, PATH=f"{programs}:{environment['PATH']}",
+                               XDG_CACHE_HOME=f"{folder}/by_name"))
         check(f"a program is found by its name: {by_name}", "neuro_arch" in by_name)
         # That, and not what the build tree has.
         phantom = scenes / "ty_phantom.toml"

@@ -1,0 +1,19 @@
+// A program outside this tree, which knows only what is installed.
+#include <torquer/torquer.h>
+
+#include <cstdio>
+int main(int, char** argv) {
+  try {
+    torquer::Simulation simulation(torquer::Scene::FromFile(argv[1]));
+    torquer::Command command = simulation.command();
+    for (int k = 1; k <= 3; ++k) {
+      command.time_s = 0.1 * k;
+      command.hands[0].insertion_mm += 1;
+      if (!simulation.Step(command).converged) return 1;
+    }
+    std::printf("%s %.0f\n", torquer::Version(), simulation.instruments()[0].hand.insertion_mm);
+  } catch (const torquer::Error& error) {
+    std::printf("refused: %s\n", error.what());
+    return 2;
+  }
+}
