@@ -124,6 +124,8 @@ test("the X-ray system is set by keys: mode, pulses, field, shutters", async () 
 });
 
 test("what the pedal recorded is played again, until the next X-ray", async () => {
+  const taken = await page.evaluate(() => window.torquer.pictures());
+  await hold("Space", "six more pictures", () => page.evaluate((before) => window.torquer.pictures() >= before + 6, taken));
   await until("the pictures end", async () => (await text("#lamp")).includes("OFF") && (await text("#hold")).includes("Last image hold"));
   await page.waitForTimeout(1200); // the held one has come
   assert.match(await text("#loop-number"), /loop \d+ of \d+, [\d.]+ s/);

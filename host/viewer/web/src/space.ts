@@ -5,6 +5,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setText } from "./dom.js";
 import type { Lines, Scene, VesselSurface, WireState } from "./frames.js";
 import { VesselMotion } from "./motion.js";
+import { fewerTriangles } from "./simplify.js";
 
 // From no contact to much: the viridis colors, which people with any color vision can order.
 const COLORS = ["#6fb7ff", "#4ac6a8", "#a5db36", "#fde725"].map((text) => new THREE.Color(text));
@@ -19,6 +20,19 @@ const BEHIND_TIP_MM = 9; // where the eye within the lumen is
 const FARTHEST_MIDDLE_MM = 30; // of a lumen from a wire within it
 const LINE_COLOR = "#62737f";
 const ROUTE_COLOR = "#8fd3ff";
+// Without a graphics card: drawing takes the cores that the simulator needs.
+const SOFTWARE_TRIANGLES = 20000;
+const SOFTWARE_FRAME_MS = 20; // from frame to frame, at least
+
+/** Whether this browser draws 3D by the processor. */
+function drawsBySoftware(): boolean {
+  const probe = document.createElement("canvas").getContext("webgl2");
+  const names = probe?.getExtension("WEBGL_debug_renderer_info");
+  if (probe == null || names == null) return false;
+  const name = String(probe.getParameter(names.UNMASKED_RENDERER_WEBGL));
+  probe.getExtension("WEBGL_lose_context")?.loseContext();
+  return /SwiftShader|llvmpipe|softpipe|Basic Render/i.test(name);
+}
 
 function colorAt(share: number, out: THREE.Color): THREE.Color {
   const place = Math.min(Math.max(share, 0), 1) * (COLORS.length - 1);
@@ -97,6 +111,7 @@ class Tube {
 
 export class Space {
   private readonly canvas = element<HTMLCanvasElement>("#space");
+  private readonly bySoftware = drawsBySoftware();
   private readonly renderer: THREE.WebGLRenderer | null;
   private readonly world = new THREE.Scene();
   private readonly patient = new THREE.Group(); // the vessel's frame, turned as the patient lies
@@ -131,6 +146,7 @@ export class Space {
   private following = false;
   private atHome = true; // nobody has turned it since it showed the whole vessel
   private changed = true;
+  private drawnMs = -Infinity;
   frames = 0;
 
   constructor() {
@@ -288,6 +304,9 @@ export class Space {
 
   draw(): void {
     if (!this.changed || this.renderer === null) return;
+    const nowMs = performance.now();
+    if (this.bySoftware && nowMs - this.drawnMs < SOFTWARE_FRAME_MS) return;
+    this.drawnMs = nowMs;
     this.changed = false;
     this.moveVessel();
     this.placeInstruments();
@@ -435,7 +454,9 @@ export class Space {
 
   private makeRenderer(): THREE.WebGLRenderer | null {
     try {
-      const renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true, preserveDrawingBuffer: true });
+      const renderer = new THREE.WebGLRenderer({
+        canvas: this.canvas, antialias: !this.bySoftware, preserveDrawingBuffer: true,
+      });
       renderer.localClippingEnabled = true;
       return renderer;
     } catch {
@@ -477,7 +498,9 @@ export class Space {
     setText(note, this.scene.effects.includes("fluoroscopy") ? "" : "this scene simulates no X-ray");
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(this.surface.verticesMm.slice(), 3));
-    geometry.setIndex(new THREE.BufferAttribute(this.surface.triangles, 1));
+    const { verticesMm, triangles } = this.surface;
+    const drawn = this.bySoftware ? fewerTriangles(verticesMm, triangles, SOFTWARE_TRIANGLES) : triangles;
+    geometry.setIndex(new THREE.BufferAttribute(drawn, 1));
     geometry.computeVertexNormals();
     this.vessel = new THREE.Mesh(geometry, this.vesselMaterial);
     this.vessel.renderOrder = 1;
