@@ -14,15 +14,18 @@ inline constexpr char kSceneChannel[] = "TORQUER_SCENE";
 inline constexpr char kReadingsChannel[] = "TORQUER_READINGS";
 inline constexpr char kWireForcesChannel[] = "TORQUER_WIRE_FORCES";
 inline constexpr char kPictureChannel[] = "TORQUER_PICTURE";
+inline constexpr char kLateralPictureChannel[] = "TORQUER_PICTURE_LATERAL";
 inline constexpr char kHealthChannel[] = "TORQUER_HEALTH";
 inline constexpr char kHandMotionChannel[] = "TORQUER_HAND_MOTION";
 inline constexpr char kEmulatorTruthChannel[] = "TORQUER_EMULATOR_TRUTH";
 
 /// All of them.
-inline constexpr const char* kChannels[] = {
-    kDeviceSampleChannel, kInstrumentCommandChannel, kWireStateChannel,     kSceneChannel,
-    kReadingsChannel,     kWireForcesChannel,        kPictureChannel,       kHealthChannel,
-    kHandMotionChannel,   kEmulatorTruthChannel,     kImagingCommandChannel};
+inline constexpr const char* kChannels[] = {kDeviceSampleChannel,   kInstrumentCommandChannel,
+                                            kWireStateChannel,      kSceneChannel,
+                                            kReadingsChannel,       kWireForcesChannel,
+                                            kPictureChannel,        kHealthChannel,
+                                            kHandMotionChannel,     kEmulatorTruthChannel,
+                                            kImagingCommandChannel, kLateralPictureChannel};
 
 /// Version of the message types: a change of one of them makes a new one (protocol/README.md).
 inline constexpr std::int32_t kLcmVersion = 2;

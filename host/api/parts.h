@@ -34,9 +34,9 @@ struct Simulation::Parts {
   simulator::Simulation simulation;
   simulator::RowRun rows;
   Command command;
-  bool begun = false;  ///< a command was carried out since the start
-  Picture picture;
-  bool picture_due = false;  ///< one was taken that `picture` does not show
+  bool begun = false;              ///< a command was carried out since the start
+  std::vector<Picture> pictures;   ///< of each plane
+  std::vector<bool> pictures_due;  ///< one was taken that `pictures` does not show
 };
 
 /// Calls what may refuse what the user gave; what it throws is an Error then.

@@ -70,7 +70,9 @@ Simulation::Parts::Parts(const Scene& of)
       twin(of.parts_->scene.MakeTwin()),
       simulation(*twin),
       rows(simulation),
-      command(StartOf(of)) {}
+      command(StartOf(of)),
+      pictures(simulation.image_count()),
+      pictures_due(simulation.image_count()) {}
 
 Simulation::Parts::Parts(const Parts& other)
     : scene(other.scene),
@@ -79,8 +81,8 @@ Simulation::Parts::Parts(const Parts& other)
       rows(simulation),
       command(other.command),
       begun(other.begun),
-      picture(other.picture),
-      picture_due(other.picture_due) {
+      pictures(other.pictures),
+      pictures_due(other.pictures_due) {
   rows.CopyFrom(other.rows);
 }
 
@@ -98,8 +100,8 @@ Simulation& Simulation::operator=(const Simulation& other) {
   parts_->rows.CopyFrom(other.parts_->rows);
   parts_->command = other.parts_->command;
   parts_->begun = other.parts_->begun;
-  parts_->picture = other.parts_->picture;
-  parts_->picture_due = other.parts_->picture_due;
+  parts_->pictures = other.parts_->pictures;
+  parts_->pictures_due = other.parts_->pictures_due;
   return *this;
 }
 
@@ -115,8 +117,8 @@ void Simulation::Restart() {
   parts_->rows.Restart();
   parts_->command = StartOf(parts_->scene);
   parts_->begun = false;
-  parts_->picture = {};
-  parts_->picture_due = false;
+  parts_->pictures.assign(parts_->pictures.size(), Picture{});
+  parts_->pictures_due.assign(parts_->pictures.size(), false);
 }
 
 StepReport Simulation::Step(const Command& command) {
@@ -128,7 +130,9 @@ StepReport Simulation::Step(const Command& command) {
   }
   Check(command, parts_->scene);
   parts_->rows.GoTo(ToRow(command), [this] {
-    parts_->picture_due = parts_->picture_due || parts_->simulation.picture_due();
+    for (std::size_t k = 0; k < parts_->pictures_due.size(); ++k) {
+      if (parts_->simulation.picture_due(k)) parts_->pictures_due[k] = true;
+    }
     return true;
   });
   parts_->command = command;
@@ -199,23 +203,28 @@ Forces Simulation::forces() const {
   return out;
 }
 
-const Picture& Simulation::LastPicture() {
-  effects::ImageSource* const source = parts_->simulation.image();
-  if (source == nullptr) {
+int Simulation::picture_planes() const { return static_cast<int>(parts_->pictures.size()); }
+
+const Picture& Simulation::LastPicture(int plane) {
+  if (parts_->pictures.empty()) {
     throw Error(parts_->scene.name() +
                 ": has no X-ray picture to render; add [effects.fluoroscopy]");
   }
-  if (!parts_->picture_due) return parts_->picture;
+  if (plane < 0 || plane >= picture_planes()) {
+    throw Error(fmt::format("plane {}: there is none; give 0 to {}", plane, picture_planes() - 1));
+  }
+  const auto k = static_cast<std::size_t>(plane);
+  if (!parts_->pictures_due[k]) return parts_->pictures[k];
   effects::ImageSource::Picture taken;
-  source->Render(taken);
-  parts_->picture = {.width = taken.width,
-                     .height = taken.height,
-                     .time_s = taken.time_s,
-                     .lao_deg = taken.controls.lao_rad / kRadPerDeg,
-                     .cra_deg = taken.controls.cra_rad / kRadPerDeg,
-                     .gray = std::move(taken.gray)};
-  parts_->picture_due = false;
-  return parts_->picture;
+  parts_->simulation.image(k)->Render(taken);
+  parts_->pictures[k] = {.width = taken.width,
+                         .height = taken.height,
+                         .time_s = taken.time_s,
+                         .lao_deg = taken.controls.lao_rad / kRadPerDeg,
+                         .cra_deg = taken.controls.cra_rad / kRadPerDeg,
+                         .gray = std::move(taken.gray)};
+  parts_->pictures_due[k] = false;
+  return parts_->pictures[k];
 }
 
 }  // namespace torquer

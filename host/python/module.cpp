@@ -94,11 +94,11 @@ py::dict ForcesOf(const Simulation& simulation) {
   return out;
 }
 
-py::object PictureOf(Simulation& simulation) {
+py::object PictureOf(Simulation& simulation, int plane) {
   const torquer::Picture* picture = nullptr;
   {
     const py::gil_scoped_release free;
-    picture = &simulation.LastPicture();
+    picture = &simulation.LastPicture(plane);
   }
   if (picture->width == 0) return py::none();
   return py::array_t<std::uint8_t>({picture->height, picture->width}, picture->gray.data());
@@ -240,9 +240,11 @@ void AddSimulation(py::module_& module) {
           "What the observers of the scene have found, by name; units end the names.")
       .def("forces", &ForcesOf,
            "Along the wire, one entry a node; empty without [effects.internal_forces].")
-      .def("picture", &PictureOf,
+      .def("picture", &PictureOf, py::arg("plane") = 0,
            "The last X-ray picture, shape (height, width), uint8; None before the first. Needs "
-           "[effects.fluoroscopy].");
+           "[effects.fluoroscopy]; plane 1 is that of [effects.lateral_plane].")
+      .def_property_readonly("picture_planes", &Simulation::picture_planes,
+                             "How many planes take X-ray pictures.");
 }
 
 }  // namespace

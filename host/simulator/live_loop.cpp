@@ -1,6 +1,8 @@
 #include "host/simulator/live_loop.h"
 
-#include <optional>
+#include <cmath>
+#include <memory>
+#include <vector>
 
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
@@ -44,7 +46,11 @@ class LiveLoop {
         ahead_(simulation.scene().vessel()),
         began_us_(bus::MonotonicUs()) {
     state_.clock_id = bus::ClockId();
-    if (simulation.image() != nullptr) pictures_.emplace(*simulation.image(), bus);
+    for (std::size_t k = 0; k < simulation.image_count(); ++k) {
+      pictures_.push_back(std::make_unique<PictureThread>(
+          *simulation.image(k), bus,
+          k == 0 ? protocol::kPictureChannel : protocol::kLateralPictureChannel));
+    }
     bus.SubscribeWithArrival<torquer_lcm::instrument_command_t>(
         protocol::kInstrumentCommandChannel,
         [this](const torquer_lcm::instrument_command_t& message, const bus::Arrival& arrival) {
@@ -95,7 +101,9 @@ class LiveLoop {
     command.time_s = 1e-6 * static_cast<double>(now_us - began_us_);
     const TickReport& report = simulation_.Tick(command, budget);
     const std::int64_t end_us = bus::MonotonicUs();
-    if (simulation_.picture_due()) pictures_->Offer();
+    for (std::size_t k = 0; k < pictures_.size(); ++k) {
+      if (simulation_.picture_due(k)) pictures_[k]->Offer();
+    }
     const auto solve_us = static_cast<double>(end_us - now_us);
     PublishState(solve_us);
     ahead_.Follow(simulation_.state().tip());
@@ -135,13 +143,21 @@ class LiveLoop {
         static_cast<float>(state_.publish_us - commands_.sent_us()));
   }
 
-  bus::HealthCounters Counters() const {
+  bus::HealthCounters Counters() {
     bus::HealthCounters counters = commands_.Counters();
     counters.insert(counters.end(), {{"ticks", statistics_.ticks},
                                      {"unconverged", statistics_.unconverged},
                                      {"undecodable", bus_.undecodable()},
                                      {"dropped", bus_.dropped()},
                                      {"publish_failures", bus_.publish_failures()}});
+    if (EffectPrices* const prices = simulation_.prices()) {
+      for (const auto& [effect, us] : prices->Take()) {
+        counters.emplace_back("price_" + effect + "_ns", std::llround(1e3 * us));
+      }
+    }
+    for (std::size_t k = 0; k < pictures_.size(); ++k) {
+      counters.emplace_back(k == 0 ? "picture_us" : "picture_lateral_us", pictures_[k]->last_us());
+    }
     return counters;
   }
 
@@ -152,7 +168,7 @@ class LiveLoop {
   const torquer_lcm::scene_description_t description_;
   LiveReadings readings_;
   FieldAhead ahead_;
-  std::optional<PictureThread> pictures_;
+  std::vector<std::unique_ptr<PictureThread>> pictures_;
   const std::int64_t began_us_;
   torquer_lcm::wire_state_t state_{};
   torquer_lcm::wire_forces_t forces_{};

@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "host/bus/bus.h"
+#include "host/simulator/effect_prices.h"
 #include "host/simulator/explain.h"
 #include "host/simulator/live_loop.h"
 #include "host/simulator/replay.h"
@@ -45,11 +47,16 @@ struct KeepField {
   }
 };
 
+std::int64_t NowNs() {
+  return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
+}
+
 int Live(torquer::scene::Scene& scene, const std::string& url, const std::string& record_file,
          bool realtime, bool json) {
   if (realtime) torquer::EnterRealtime();  // the bus's thread too
   torquer::bus::Bus bus(url);
-  torquer::simulator::Simulation simulation(scene);
+  torquer::simulator::EffectPrices prices(scene.names_of_effects(), NowNs);
+  torquer::simulator::Simulation simulation(scene, &prices);
   std::optional<torquer::simulator::SessionRecord> record;
   if (!record_file.empty()) record.emplace(record_file, simulation);
   const std::atomic<bool>& stop = torquer::StopOnSignal();

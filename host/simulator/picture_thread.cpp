@@ -8,12 +8,11 @@
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
 #include "host/support/realtime.h"
-#include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
 
-PictureThread::PictureThread(effects::ImageSource& source, bus::Bus& bus)
-    : source_(source), bus_(bus), thread_([this] { RunUntilProblem(); }) {}
+PictureThread::PictureThread(effects::ImageSource& source, bus::Bus& bus, const char* channel)
+    : source_(source), bus_(bus), channel_(channel), thread_([this] { RunUntilProblem(); }) {}
 
 PictureThread::~PictureThread() {
   {
@@ -59,6 +58,7 @@ void PictureThread::Run() {
       offered_ = false;
     }
     if (fresh) {
+      const std::int64_t began_us = bus::MonotonicUs();
       source_.Render(picture);
       message.number = rendered_++;
       message.time_s = picture.time_s;
@@ -69,11 +69,12 @@ void PictureThread::Run() {
       message.height = jpeg.height;
       message.data = jpeg.bytes;
       message.byte_count = static_cast<std::int32_t>(message.data.size());
+      last_us_ = bus::MonotonicUs() - began_us;
     }
     if (rendered_ == 0) continue;
     message.held = static_cast<std::int8_t>(!fresh);
     message.publish_us = bus::MonotonicUs();
-    bus_.Publish(protocol::kPictureChannel, message);
+    bus_.Publish(channel_, message);
   }
 }
 

@@ -19,8 +19,8 @@ inline constexpr std::size_t kMostPictureBytes = 60000;
 /// newest is dropped. Repeats the last picture once a second while nothing newer is taken.
 class PictureThread {
  public:
-  /// Both outlive this.
-  PictureThread(effects::ImageSource& source, bus::Bus& bus);
+  /// All outlive this.
+  PictureThread(effects::ImageSource& source, bus::Bus& bus, const char* channel);
   ~PictureThread();
   PictureThread(const PictureThread&) = delete;
   PictureThread& operator=(const PictureThread&) = delete;
@@ -29,6 +29,8 @@ class PictureThread {
   void Offer();
 
   std::int64_t rendered() const { return rendered_; }
+  /// What the last picture took to render and compress; 0 before the first.
+  std::int64_t last_us() const { return last_us_; }
 
  private:
   void RunUntilProblem();
@@ -36,11 +38,13 @@ class PictureThread {
 
   effects::ImageSource& source_;
   bus::Bus& bus_;
+  const char* const channel_;
   std::mutex mutex_;
   std::condition_variable wake_;
   bool offered_ = false;
   bool stop_ = false;
   std::atomic<std::int64_t> rendered_ = 0;
+  std::atomic<std::int64_t> last_us_ = 0;
   std::thread thread_;
 };
 

@@ -200,7 +200,7 @@ class PictureFolder {
  public:
   PictureFolder(const std::string& path, const Simulation& simulation) : path_(path) {
     if (path_.empty()) return;
-    if (simulation.image() == nullptr) {
+    if (simulation.image_count() == 0) {
       throw UserError(simulation.scene().path() +
                       ": has no X-ray picture to render; add [effects.fluoroscopy]");
     }
@@ -210,19 +210,23 @@ class PictureFolder {
     AtomicFile{NameOf(1)};  // refused before the run, not in it
   }
   void Write(const Simulation& simulation) {
-    if (path_.empty() || !simulation.picture_due()) return;
-    simulation.image()->Render(picture_);
-    WritePng(NameOf(++count_), picture_);
+    if (path_.empty()) return;
+    counts_.resize(simulation.image_count());
+    for (std::size_t k = 0; k < counts_.size(); ++k) {
+      if (!simulation.picture_due(k)) continue;
+      simulation.image(k)->Render(picture_);
+      WritePng(NameOf(++counts_[k], k), picture_);
+    }
   }
 
  private:
-  std::string NameOf(int number) const {
-    return fmt::format("{}/picture_{:06}.png", path_, number);
+  std::string NameOf(int number, std::size_t image = 0) const {
+    return fmt::format("{}/{}_{:06}.png", path_, image == 0 ? "picture" : "lateral", number);
   }
 
   const std::string path_;
   effects::ImageSource::Picture picture_;
-  int count_ = 0;
+  std::vector<int> counts_;  // of each plane
 };
 
 void WarnOfClamping(const scene::Scene& scene, const std::vector<Command>& commands) {

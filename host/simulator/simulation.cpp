@@ -44,9 +44,12 @@ bool Usable(const effects::Controls& controls) {
          std::abs(controls.cra_rad) <= std::numbers::pi;
 }
 
-Simulation::Simulation(scene::Scene& scene)
+Simulation::Simulation(scene::Scene& scene, EffectPrices* prices)
     : scene_(scene),
-      relaxation_(scene.MakeRelaxation()),
+      relaxation_(scene.MakeRelaxation([prices](std::size_t effect, EnergyTerm* term) {
+        return prices == nullptr ? term : prices->Watch(effect, term);
+      })),
+      prices_(prices),
       state_(scene.rod(), scene.stack().size()) {
   FindRoles();
   Restart();
@@ -61,17 +64,19 @@ Simulation::Simulation(scene::Scene& scene, const Simulation& twin)
 }
 
 void Simulation::FindRoles() {
-  for (const std::unique_ptr<effects::Effect>& effect : scene_.effects()) {
-    if (effects::Timed* timed = effect->timed()) timed_.push_back(timed);
-    if (effects::Evolution* evolution = effect->evolution()) evolutions_.push_back(evolution);
-    if (effects::Observer* observer = effect->observer()) {
-      observers_.push_back(observer);
+  for (std::size_t k = 0; k < scene_.effects().size(); ++k) {
+    effects::Effect& effect = *scene_.effects()[k];
+    if (effects::Timed* timed = effect.timed()) timed_.push_back(timed);
+    if (effects::Evolution* evolution = effect.evolution()) evolutions_.push_back({evolution, k});
+    if (effects::Observer* observer = effect.observer()) {
+      observers_.push_back({observer, k});
       if (observer->AlongWire() != nullptr) along_wire_ = observer;
     }
-    if (effects::ImageSource* image = effect->image()) image_ = image;
+    if (effects::ImageSource* image = effect.image()) images_.push_back({image, k});
   }
+  pictures_due_.resize(images_.size());
   lives_ = scene_.moving_field() != nullptr || !timed_.empty() || !evolutions_.empty() ||
-           image_ != nullptr;
+           !images_.empty();
 }
 
 void Simulation::Restart() {
@@ -111,7 +116,7 @@ void Simulation::CopyFrom(const Simulation& twin) {
   updates_ = twin.updates_;
   hash_ = twin.hash_;
   status_ = twin.status_;
-  picture_due_ = twin.picture_due_;
+  pictures_due_ = twin.pictures_due_;
 }
 
 const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
@@ -119,7 +124,7 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   const bool places = Usable(command.target);
   // Nobody asks for the X-ray system of a scene that has none.
   const bool controls =
-      Usable(command.controls) && (image_ == nullptr || Usable(command.controls.imaging));
+      Usable(command.controls) && (images_.empty() || Usable(command.controls.imaging));
   if (places) target_ = command.target;
   if (controls) controls_ = command.controls;
   if (!places || !controls || command.refused) status_ |= protocol::kWireInputRefused;
@@ -127,7 +132,7 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   time_s_ = command.time_s < 0 ? time_s_ + 1e-3 : std::max(time_s_, command.time_s);
   if (scene_.moving_field() != nullptr) scene_.moving_field()->SetTime(time_s_);
   for (effects::Timed* timed : timed_) timed->Lapse(time_s_ - before_s);
-  report_ = relaxation_->Tick(target_, budget, state_);
+  Relax(budget);
   ++tick_;
   done_.push_front({target_, time_s_, report_.work});
   // One more than a message holds: the newest stands in its own fields.
@@ -138,8 +143,26 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   return report_;
 }
 
+void Simulation::Relax(WorkBudget& budget) {
+  if (prices_ != nullptr) prices_->BeginTick();
+  if (prices_ == nullptr || !prices_->measures()) {
+    report_ = relaxation_->Tick(target_, budget, state_);
+  } else {
+    report_ = prices_->MeasureSolver([&] { return relaxation_->Tick(target_, budget, state_); });
+  }
+}
+
+template <class Act>
+void Simulation::Priced(std::size_t effect, Act&& act) {
+  if (prices_ == nullptr || !prices_->measures()) {
+    act();
+  } else {
+    prices_->Measure(effect, act);
+  }
+}
+
 void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
-  if (evolutions_.empty() && observers_.empty() && image_ == nullptr) return;
+  if (evolutions_.empty() && observers_.empty() && images_.empty()) return;
   const effects::TickView tick{.time_s = time_s_,
                                .step_s = step_s,
                                .controls = controls,
@@ -147,9 +170,15 @@ void Simulation::RunEffects(double step_s, const effects::Controls& controls) {
                                .state = state_,
                                .expansion = relaxation_->Current(),
                                .report = report_};
-  for (effects::Evolution* evolution : evolutions_) evolution->Advance(tick);
-  for (effects::Observer* observer : observers_) observer->Observe(tick);
-  if (image_ != nullptr) picture_due_ = image_->Take(tick);
+  for (const auto& [evolution, effect] : evolutions_) {
+    Priced(effect, [&, role = evolution] { role->Advance(tick); });
+  }
+  for (const auto& [observer, effect] : observers_) {
+    Priced(effect, [&, role = observer] { role->Observe(tick); });
+  }
+  for (std::size_t k = 0; k < images_.size(); ++k) {
+    Priced(images_[k].effect, [&] { pictures_due_[k] = images_[k].role->Take(tick); });
+  }
 }
 
 double Simulation::longest_tick_s() const {
@@ -160,8 +189,8 @@ double Simulation::longest_tick_s() const {
 
 std::vector<effects::Reading> Simulation::Readings() const {
   std::vector<effects::Reading> all;
-  for (const effects::Observer* observer : observers_) {
-    for (effects::Reading& reading : observer->Readings()) all.push_back(std::move(reading));
+  for (const Part<effects::Observer>& observer : observers_) {
+    for (effects::Reading& reading : observer.role->Readings()) all.push_back(std::move(reading));
   }
   return all;
 }

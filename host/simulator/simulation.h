@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "host/simulator/core/relaxation.h"
+#include "host/simulator/effect_prices.h"
 #include "host/simulator/scene/scene.h"
 
 namespace torquer::simulator {
@@ -36,7 +37,9 @@ bool Usable(const effects::Controls& controls);
 class Simulation {
  public:
   /// `scene` must outlive the simulation.
-  explicit Simulation(scene::Scene& scene);
+  explicit Simulation(scene::Scene& scene) : Simulation(scene, nullptr) {}
+  /// With the price of each effect of the scene, which must outlive the simulation; null: none.
+  Simulation(scene::Scene& scene, EffectPrices* prices);
   /// Where `twin` stands, which runs another scene of the same spec; see CopyFrom.
   Simulation(scene::Scene& scene, const Simulation& twin);
 
@@ -81,10 +84,18 @@ class Simulation {
   const std::array<HandForce, kMostInstruments>* hands() const {
     return along_wire_ == nullptr ? nullptr : along_wire_->AtHands();
   }
-  /// Makes pictures of the scene; null where no effect does.
-  effects::ImageSource* image() const { return image_; }
-  /// Whether the last tick took something for a picture.
-  bool picture_due() const { return picture_due_; }
+  /// How many planes make pictures of the scene, the C-arm's being the first.
+  std::size_t image_count() const { return images_.size(); }
+  /// One of them; null where there is none.
+  effects::ImageSource* image(std::size_t plane = 0) const {
+    return plane < images_.size() ? images_[plane].role : nullptr;
+  }
+  /// Whether the last tick took something for a picture of it.
+  bool picture_due(std::size_t plane = 0) const {
+    return plane < images_.size() && pictures_due_[plane];
+  }
+  /// Null where none are looked for.
+  EffectPrices* prices() const { return prices_; }
   /// Absolute: past the entry point.
   const InstrumentPlaces& target() const { return target_; }
 
@@ -100,22 +111,33 @@ class Simulation {
     int work = 0;
   };
 
+  // A role, and the number of the effect that takes it.
+  template <class T>
+  struct Part {
+    T* role;
+    std::size_t effect;
+  };
+
   void FindRoles();
+  template <class Act>
+  void Priced(std::size_t effect, Act&& act);
   void DescribeInstruments(torquer_lcm::wire_state_t& out) const;
   void DescribeShape(torquer_lcm::wire_state_t& out) const;
   void DescribeContacts(torquer_lcm::wire_state_t& out) const;
   void DescribePast(torquer_lcm::wire_state_t& out) const;
   void Observe();
+  void Relax(WorkBudget& budget);
   void RunEffects(double step_s, const effects::Controls& controls);
 
   scene::Scene& scene_;
   std::unique_ptr<Relaxation> relaxation_;
+  EffectPrices* const prices_ = nullptr;
   std::vector<effects::Timed*> timed_;
-  std::vector<effects::Evolution*> evolutions_;
-  std::vector<effects::Observer*> observers_;
+  std::vector<Part<effects::Evolution>> evolutions_;
+  std::vector<Part<effects::Observer>> observers_;
   const effects::Observer* along_wire_ = nullptr;
-  effects::ImageSource* image_ = nullptr;
-  bool picture_due_ = false;
+  std::vector<Part<effects::ImageSource>> images_;
+  std::vector<bool> pictures_due_;
   bool lives_ = false;
   WireState state_;
   TickReport report_;

@@ -116,6 +116,7 @@ rate_per_min = 70
 )"},
       {"contrast", "[effects.contrast]\nrate_mL_s = 2\n"},
       {"fluoroscopy", "[effects.fluoroscopy]\n"},
+      {"lateral_plane", "[effects.lateral_plane]\n"},
   };
   return tables;
 }

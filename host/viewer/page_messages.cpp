@@ -133,9 +133,9 @@ std::string StateFrame(const torquer_lcm::wire_state_t& state,
   return out.Take();
 }
 
-std::string PictureFrame(const torquer_lcm::picture_t& picture) {
+std::string PictureFrame(const torquer_lcm::picture_t& picture, bool lateral) {
   Writer out(FrameKind::kPicture, 40 + picture.data.size());
-  out.Add(static_cast<std::uint16_t>(picture.held));
+  out.Add(static_cast<std::uint16_t>((picture.held != 0 ? 1 : 0) | (lateral ? 2 : 0)));
   out.Add(static_cast<std::uint32_t>(picture.data.size()));
   out.Add(static_cast<double>(picture.number));
   out.Add(picture.time_s);
@@ -214,12 +214,19 @@ std::string SceneText(const torquer_lcm::scene_description_t& scene) {
   }
   nlohmann::json effects = nlohmann::json::array();
   for (const std::string& effect : scene.effects) effects.push_back(Name(effect));
+  nlohmann::json off = nlohmann::json::array();
+  for (const effects::EffectKind& kind : effects::AllEffects()) {
+    const bool on =
+        std::find(scene.effects.begin(), scene.effects.end(), kind.name) != scene.effects.end();
+    if (!on) off.push_back(kind.name);
+  }
   return nlohmann::json({{"kind", "scene"},
                          {"name", Name(scene.name)},
                          {"hash", Name(scene.content_hash)},
                          {"vessel", Printable(scene.vessel, 200)},
                          {"method", Name(scene.method)},
                          {"effects", effects},
+                         {"off", off},
                          {"instruments", instruments},
                          {"min_mm", scene.bounds_min_mm},
                          {"max_mm", scene.bounds_max_mm},
@@ -230,12 +237,17 @@ std::string SceneText(const torquer_lcm::scene_description_t& scene) {
 }
 
 std::string HealthText(const torquer_lcm::health_t& health) {
+  nlohmann::json counters = nlohmann::json::object();
+  for (std::size_t i = 0; i < health.names.size(); ++i) {
+    counters[Name(health.names[i])] = health.values[i];
+  }
   return nlohmann::json({{"kind", "health"},
                          {"process", Name(health.process)},
                          {"instrument", Name(health.instrument)},
                          {"device", Name(health.device)},
                          {"state", Name(health.state)},
-                         {"message", Printable(health.message, 300)}})
+                         {"message", Printable(health.message, 300)},
+                         {"counters", std::move(counters)}})
       .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

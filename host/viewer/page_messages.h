@@ -40,7 +40,8 @@ inline constexpr std::uint8_t kFrameVersion = 1;
 std::string StateFrame(const torquer_lcm::wire_state_t& state,
                        const torquer_lcm::wire_forces_t* forces, std::int64_t clock_id);
 
-std::string PictureFrame(const torquer_lcm::picture_t& picture);
+/// `lateral`: of the second plane.
+std::string PictureFrame(const torquer_lcm::picture_t& picture, bool lateral = false);
 
 /// The vessel's surface, with the scene's content hash: the page shows it for that scene alone.
 std::string VesselFrame(const vessel::TriangleMesh& mesh, std::uint64_t content_hash,

@@ -86,6 +86,10 @@ class Replayer {
       if (const auto picture = Decode<picture_t>(bytes)) {
         server_.ShowBytes("picture", PictureFrame(*picture));
       }
+    } else if (topic.channel == protocol::kLateralPictureChannel) {
+      if (const auto picture = Decode<picture_t>(bytes)) {
+        server_.ShowBytes("picture/lateral", PictureFrame(*picture, true));
+      }
     } else if (topic.channel == protocol::kSceneChannel) {
       if (const auto scene = Decode<scene_description_t>(bytes)) {
         server_.ShowText("scene", SceneText(*scene));

@@ -82,6 +82,10 @@ class Viewer {
                                            [this](const torquer_lcm::picture_t& picture) {
                                              server_.ShowBytes("picture", PictureFrame(picture));
                                            });
+    bus_.Subscribe<torquer_lcm::picture_t>(
+        protocol::kLateralPictureChannel, [this](const torquer_lcm::picture_t& picture) {
+          server_.ShowBytes("picture/lateral", PictureFrame(picture, true));
+        });
     bus_.Subscribe<torquer_lcm::scene_description_t>(
         protocol::kSceneChannel, [this](const torquer_lcm::scene_description_t& scene) {
           steering_.Add(scene);
@@ -139,7 +143,8 @@ class Viewer {
     state_.reset();
     forces_.reset();
     state_is_new_ = false;
-    for (const char* topic : {"state", "picture", "readings", "scene", "vessel", "lines"}) {
+    for (const char* topic :
+         {"state", "picture", "picture/lateral", "readings", "scene", "vessel", "lines"}) {
       server_.Forget(topic);
     }
     // A load that is not over yet goes on, and is not shown.

@@ -47,6 +47,7 @@ const std::vector<Named>& All() {
       {"flow", "[effects.flow]\ninlet = \"main\"\ninlet_mL_s = 5\nrate_per_min = 70\n"},
       {"contrast", "[effects.contrast]\nrate_mL_s = 2\n", "flow"},
       {"fluoroscopy", "[effects.fluoroscopy]\nwidth_px = 64\nheight_px = 64\n"},
+      {"lateral_plane", "[effects.lateral_plane]\n", "fluoroscopy"},
   };
   return all;
 }

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -295,6 +296,32 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
     CHECK(last.names[k] == found[k].name);
     CHECK(last.values[k] == found[k].value);
   }
+}
+
+TEST_CASE("Live, health has the price of each effect", "[simulator]") {
+  torquer::test::NeedPrivateNetwork();
+  const SceneFile file("[effects.wall_force]\nthreshold_mN = 0.01\n");
+  torquer::scene::Scene scene(file.path());
+  torquer::simulator::EffectPrices prices(scene.names_of_effects(), torquer::bus::MonotonicUs);
+  torquer::simulator::Simulation simulation(scene, &prices);
+  torquer::bus::Bus simulator_bus;
+  torquer::bus::Bus listener;
+  std::vector<std::string> names;
+  listener.Subscribe<torquer_lcm::health_t>(
+      torquer::protocol::kHealthChannel,
+      [&](const torquer_lcm::health_t& health) {
+        names.insert(names.end(), health.names.begin(), health.names.end());
+      },
+      0);
+  std::atomic<bool> stop{false};
+  std::thread simulator([&] { torquer::simulator::RunLive(simulation, simulator_bus, stop); });
+  const auto named = [&](const std::string& name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  CHECK(WaitFor(listener, [&] { return named("price_solver_ns"); }));
+  stop = true;
+  simulator.join();
+  CHECK_FALSE(named("picture_us"));  // the scene has no X-ray
 }
 
 TEST_CASE("Live, forces along the wire go with every state of a scene that asks for them",

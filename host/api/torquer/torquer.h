@@ -198,8 +198,9 @@ class TORQUER_API Simulation {
   std::vector<Reading> readings() const;
   /// Empty where the scene has no [effects.internal_forces].
   Forces forces() const;
-  /// The last X-ray picture, rendered when it is asked for. Needs [effects.fluoroscopy].
-  const Picture& LastPicture();
+  int picture_planes() const;  ///< 0 without [effects.fluoroscopy], 2 with [effects.lateral_plane]
+  /// The last X-ray picture of a plane, rendered when it is asked for. Needs [effects.fluoroscopy].
+  const Picture& LastPicture(int plane = 0);
 
  private:
   struct Parts;

@@ -6,6 +6,7 @@
 #include "host/simulator/effects/contact/friction.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/imaging/fluoroscopy.h"
+#include "host/simulator/effects/imaging/lateral_plane.h"
 #include "host/simulator/effects/instruments/torsion.h"
 #include "host/simulator/effects/loads/gravity.h"
 #include "host/simulator/effects/loads/inertia.h"
@@ -22,7 +23,7 @@ const std::vector<EffectKind>& AllEffects() {
   static const std::vector<EffectKind> kinds = {
       TorsionKind(),    HeartbeatKind(), BreathingKind(), ComplianceKind(),  FrictionKind(),
       GravityKind(),    InertiaKind(),   PointLoadKind(), WallForceKind(),   InternalForcesKind(),
-      AssessmentKind(), FlowKind(),      ContrastKind(),  FluoroscopyKind(),
+      AssessmentKind(), FlowKind(),      ContrastKind(),  FluoroscopyKind(), LateralPlaneKind(),
   };
   return kinds;
 }

@@ -195,6 +195,7 @@ void Scene::MakeEffect(const EffectSpec& spec) {
                                            .moving = moving_.get(),
                                            .instruments = instruments_,
                                            .stack = stack_.get()}));
+  names_of_effects_.push_back(kind.name);
   effects::Effect& effect = *effects_.back();
   EnergyTerm* const term = effect.energy_term();
   const WallStiffness* const stiffness = effect.wall_stiffness();
@@ -205,7 +206,6 @@ void Scene::MakeEffect(const EffectSpec& spec) {
                        "changes the energy of the wire, which the paper's method does not know; "
                        "remove it or choose relaxation.method = \"newton\"");
   }
-  if (term != nullptr) terms_.push_back(term);
   if (stiffness != nullptr) wall_.by_place = stiffness;
   if (motion != nullptr) {
     if (moving_ == nullptr) moving_ = std::make_unique<vessel::MovingField>(*vessel_.field);
@@ -245,8 +245,16 @@ InstrumentPlaces Scene::start() const {
 }
 
 std::unique_ptr<Relaxation> Scene::MakeRelaxation() {
+  return MakeRelaxation([](std::size_t, EnergyTerm* term) { return term; });
+}
+
+std::unique_ptr<Relaxation> Scene::MakeRelaxation(const StandIn& stand_in) {
   if (method() == Method::kPaper) {
     return std::make_unique<PaperRelaxation>(rod(), *vessel_.field, wall_, paper_);
+  }
+  terms_.clear();
+  for (std::size_t k = 0; k < effects_.size(); ++k) {
+    if (EnergyTerm* term = effects_[k]->energy_term()) terms_.push_back(stand_in(k, term));
   }
   const ClearanceField& field = moving_ != nullptr ? *moving_ : *vessel_.field;
   return MakeNewtonRelaxation(*stack_, field, wall_, newton_, terms_);

@@ -1,7 +1,9 @@
 // A scene, built: the vessel, the instruments and just the effects that its spec calls for.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -55,6 +57,8 @@ class Scene {
   std::vector<std::string> effect_names() const;
   /// In the order in which they were made; one for every name but those that only shape the wire.
   const std::vector<std::unique_ptr<effects::Effect>>& effects() const { return effects_; }
+  /// Their names.
+  const std::vector<std::string>& names_of_effects() const { return names_of_effects_; }
   /// The vessel as it moves; null where it does not.
   vessel::MovingField* moving_field() { return moving_.get(); }
   /// FNV-1a of the spec as WriteScene writes it, and of the bytes that were parsed of the files
@@ -63,6 +67,10 @@ class Scene {
 
   /// A relaxation with this scene's method, wall and effects. One at a time: effects remember.
   std::unique_ptr<Relaxation> MakeRelaxation();
+  /// The same with what `stand_in` gives for the energy term of each effect, by its number in
+  /// effects().
+  using StandIn = std::function<EnergyTerm*(std::size_t effect, EnergyTerm* term)>;
+  std::unique_ptr<Relaxation> MakeRelaxation(const StandIn& stand_in);
   /// Where the instruments are at the start.
   InstrumentPlaces start() const;
   /// The wire at the start: nothing inserted, or laid along the path and relaxed.
@@ -96,7 +104,9 @@ class Scene {
   PaperSettings paper_;
   int budget_units_ = 0;
   std::vector<std::unique_ptr<effects::Effect>> effects_;
-  std::vector<EnergyTerm*> terms_;
+  std::vector<std::string> names_of_effects_;
+  std::vector<EnergyTerm*>
+      terms_;  // of the relaxation that was made last, which looks them up here
   std::unique_ptr<vessel::MovingField> moving_;
   std::uint64_t content_hash_ = 0;
 };

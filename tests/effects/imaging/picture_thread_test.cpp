@@ -63,7 +63,7 @@ TEST_CASE("Ticks never wait for pictures, and the newest of them is always shown
   bus.Subscribe<torquer_lcm::picture_t>(
       protocol::kPictureChannel,
       [&](const torquer_lcm::picture_t& picture) { pictures.push_back(picture); }, 0);
-  PictureThread thread(ticks.fluoroscopy(), bus);
+  PictureThread thread(ticks.fluoroscopy(), bus, protocol::kPictureChannel);
   const torquer_lcm::health_t health{};
   constexpr int kTicks = 300;
   for (int k = 0; k < kTicks; ++k) {
@@ -93,7 +93,7 @@ TEST_CASE("A picture thread ends at once, busy, offered or idle") {
   for (int k = 0; k < 20; ++k) {
     Ticks ticks;
     bus::Bus bus("memq://");
-    PictureThread thread(ticks.fluoroscopy(), bus);
+    PictureThread thread(ticks.fluoroscopy(), bus, protocol::kPictureChannel);
     if (k % 4 == 1) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     if (k % 2 == 1 && ticks.Next()) thread.Offer();
     if (k % 4 == 3) std::this_thread::sleep_for(std::chrono::milliseconds(1));

@@ -553,17 +553,22 @@ std::unique_ptr<Effect> Make(const FluoroscopySpec& spec, const EffectContext& c
   s.body.tissue_1_mm = spec.tissue_1_mm;
   s.body.spine_1_mm = spec.spine_1_mm;
   s.seed = static_cast<std::uint64_t>(spec.seed);
+  return MakeFluoroscopy(s, context);
+}
+
+}  // namespace
+
+std::unique_ptr<Fluoroscopy> MakeFluoroscopy(const FluoroscopySettings& settings,
+                                             const EffectContext& context) {
   std::vector<const vessel::FieldMotion*> motions;
   if (context.earlier != nullptr) {
     for (const std::unique_ptr<Effect>& effect : *context.earlier) {
       if (const vessel::FieldMotion* motion = effect->motion()) motions.push_back(motion);
     }
   }
-  return std::make_unique<Fluoroscopy>(s, context.wire, FindEarlier<Contrast>(context),
+  return std::make_unique<Fluoroscopy>(settings, context.wire, FindEarlier<Contrast>(context),
                                        std::move(motions), context.instruments);
 }
-
-}  // namespace
 
 EffectKind FluoroscopyKind() {
   return {.name = "fluoroscopy",

@@ -4,6 +4,7 @@
 //   tick thread: Take  --nodes, dye--> newest shot -->  Render: in its own thread
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "host/simulator/effects/blood/contrast.h"
@@ -143,6 +144,10 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   std::int64_t seen_session_ = 0;  // of the last picture
   float exposure_ = 0;
 };
+
+/// With the dye, the motions and the instruments of a scene.
+std::unique_ptr<Fluoroscopy> MakeFluoroscopy(const FluoroscopySettings& settings,
+                                             const EffectContext& context);
 
 EffectKind FluoroscopyKind();
 

@@ -4,6 +4,7 @@
 import { element, Rows, seconds, setData, setText } from "./dom.js";
 import type { Picture, Readings } from "./frames.js";
 import { Loops } from "./loops.js";
+import { PictureCanvas } from "./picture_canvas.js";
 
 const DEG = 180 / Math.PI;
 const MOST_ZOOM = 4;
@@ -17,11 +18,10 @@ function angle(rad: number, positive: string, negative: string): string {
 
 export class Fluoroscopy {
   private readonly canvas = element<HTMLCanvasElement>("#xray-picture");
-  private readonly screen = this.canvas.getContext("2d", { willReadFrequently: true })!;
+  private readonly unreadable = () => this.setHold("A picture could not be read");
+  private readonly picture = new PictureCanvas(this.canvas, () => this.drawScale(), this.unreadable);
+  private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable);
   private readonly dose = new Rows(element("#dose"));
-  private gray = new Uint8ClampedArray();
-  private decoding = false;
-  private waiting: Picture | null = null;
   private newest: Picture | null = null; // from the simulator
   private fieldMm = 0;
   private level = 128; // gray that is shown as the middle
@@ -41,15 +41,22 @@ export class Fluoroscopy {
   show(picture: Picture): void {
     this.newest = picture;
     this.loops.add(picture);
-    if (!this.loops.playing) this.decodeLater(picture);
+    if (!this.loops.playing) this.picture.show(picture);
     this.sayLoop();
+  }
+
+  /** A picture of the second plane, whose arm stands still; window and level are those of the first. */
+  showLateral(picture: Picture): void {
+    this.lateral.show(picture);
+    const [lao, cra] = [angle(picture.laoRad, "LAO", "RAO"), angle(picture.craRad, "CRA", "CAU")];
+    setText(element("#lateral-angles"), `${lao}  ${cra}`);
   }
 
   /** Once a frame of the screen: the next picture of the loop that is played. */
   advance(nowMs: number): void {
     const picture = this.loops.due(nowMs);
     if (picture === null) return;
-    this.decodeLater(picture);
+    this.picture.show(picture);
     this.setAngles(picture.laoRad, picture.craRad);
   }
 
@@ -62,7 +69,7 @@ export class Fluoroscopy {
       this.loops.play(performance.now());
     } else {
       this.loops.stop();
-      if (this.newest !== null) this.decodeLater(this.newest);
+      if (this.newest !== null) this.picture.show(this.newest);
     }
     this.sayLoop();
   }
@@ -113,63 +120,13 @@ export class Fluoroscopy {
   clear(): void {
     this.dose.clear();
     this.loops.clear();
-    this.newest = this.waiting = null;
+    this.newest = null;
     this.fieldMm = 0;
     this.drawScale();
     this.sayLoop();
-    this.gray = new Uint8ClampedArray();
-    this.screen.clearRect(0, 0, this.canvas.width, this.canvas.height);
-  }
-
-  // A picture waits for a decoder that is busy; of those that wait the newest counts.
-  private decodeLater(picture: Picture): void {
-    this.waiting = picture;
-    if (!this.decoding) void this.decode();
-  }
-
-  private async decode(): Promise<void> {
-    this.decoding = true;
-    while (this.waiting !== null) {
-      const picture = this.waiting;
-      this.waiting = null;
-      try {
-        const image = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
-        this.take(image);
-        image.close();
-      } catch {
-        this.setHold("A picture could not be read");
-      }
-    }
-    this.decoding = false;
-  }
-
-  private take(image: ImageBitmap): void {
-    const resized = this.canvas.width !== image.width || this.canvas.height !== image.height;
-    if (resized) {
-      this.canvas.width = image.width;
-      this.canvas.height = image.height;
-    }
-    this.screen.drawImage(image, 0, 0);
-    const pixels = this.screen.getImageData(0, 0, image.width, image.height).data;
-    if (this.gray.length !== pixels.length / 4) this.gray = new Uint8ClampedArray(pixels.length / 4);
-    for (let i = 0; i < this.gray.length; ++i) this.gray[i] = pixels[4 * i]!;
-    if (this.level !== 128 || this.width !== 256) this.paint();
-    if (resized) this.drawScale();
-  }
-
-  private paint(): void {
-    if (this.gray.length === 0) return;
-    const shown = new Uint8ClampedArray(256);
-    for (let value = 0; value < 256; ++value) {
-      shown[value] = 128 + ((value - this.level) * 256) / this.width;
-    }
-    const image = this.screen.createImageData(this.canvas.width, this.canvas.height);
-    for (let i = 0; i < this.gray.length; ++i) {
-      const value = shown[this.gray[i]!]!;
-      image.data[4 * i] = image.data[4 * i + 1] = image.data[4 * i + 2] = value;
-      image.data[4 * i + 3] = 255;
-    }
-    this.screen.putImageData(image, 0, 0);
+    this.picture.clear();
+    this.lateral.clear();
+    setText(element("#lateral-angles"), "");
   }
 
   private listen(): void {
@@ -234,7 +191,7 @@ export class Fluoroscopy {
   private setWindow(level: number, width: number): void {
     this.level = Math.min(Math.max(level, 0), 255);
     this.width = Math.min(Math.max(width, 8), 1024);
-    this.paint();
+    for (const canvas of [this.picture, this.lateral]) canvas.setWindow(this.level, this.width);
     this.sayWindow();
   }
 

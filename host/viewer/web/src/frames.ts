@@ -38,6 +38,7 @@ export interface WireState {
 export interface Picture {
   kind: "picture";
   held: boolean;
+  lateral: boolean; // of the second plane
   number: number;
   timeS: number;
   laoRad: number;
@@ -62,6 +63,7 @@ export interface Scene {
   vessel: string;
   method: string;
   effects: string[];
+  off: string[]; // effects that there are and that this scene does not name
   instruments: { name: string; radius_mm: number; max_length_mm: number }[];
   min_mm: number[];
   max_mm: number[];
@@ -96,6 +98,7 @@ export interface Health {
   device: string;
   state: string;
   message: string;
+  counters: Record<string, number>;
 }
 
 export interface Readings {
@@ -212,7 +215,8 @@ function readState(view: DataView, buffer: ArrayBuffer): WireState {
 function readPicture(view: DataView, buffer: ArrayBuffer): Picture {
   return {
     kind: "picture",
-    held: view.getUint16(2, true) !== 0,
+    held: (view.getUint16(2, true) & 1) !== 0,
+    lateral: (view.getUint16(2, true) & 2) !== 0,
     number: view.getFloat64(8, true),
     timeS: view.getFloat64(16, true),
     laoRad: view.getFloat32(24, true),

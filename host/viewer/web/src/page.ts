@@ -11,6 +11,7 @@ import { Keyboard } from "./keyboard.js";
 import { Link } from "./link.js";
 import { Pad } from "./pad.js";
 import { Panel } from "./panel.js";
+import { Prices } from "./prices.js";
 import { ReplayBar } from "./replay.js";
 import { Space } from "./space.js";
 import { Steering } from "./steering.js";
@@ -23,6 +24,7 @@ class Page {
   private readonly fluoroscopy = new Fluoroscopy();
   private readonly space = new Space();
   private readonly panel = new Panel();
+  private readonly prices = new Prices();
   private readonly steering = new Steering((controls) => this.link.send(write(controls)), () => this.choose());
   private readonly keyboard = new Keyboard(this.steering);
   private readonly pad = new Pad(this.steering);
@@ -85,6 +87,10 @@ class Page {
         this.panel.setState(message);
         break;
       case "picture":
+        if (message.lateral) {
+          this.fluoroscopy.showLateral(message);
+          break;
+        }
         ++this.pictures;
         this.live = !message.held;
         this.fluoroscopy.show(message);
@@ -116,6 +122,7 @@ class Page {
         break;
       case "health":
         this.panel.setHealth(message, nowMs);
+        if (message.process === "simulator") this.prices.take(message);
         break;
       case "viewer":
         this.viewer = message;
@@ -150,13 +157,16 @@ class Page {
 
   private takeScene(scene: Scene): void {
     if (this.scene !== null && this.scene.hash !== scene.hash) this.forget();
+    const another = this.scene?.hash !== scene.hash;
     this.scene = scene;
     this.space.setScene(scene);
+    if (another) this.prices.setScene(scene);
     this.panel.setScene(scene);
     this.examination.setScene(scene);
     this.steering.setInstruments(scene.instruments.length);
     this.pad.setEffects(
       scene.effects.includes("fluoroscopy"), scene.effects.includes("contrast"), scene.instruments.length);
+    document.body.classList.toggle("biplane", scene.effects.includes("lateral_plane"));
     document.body.classList.toggle("no-xray", !scene.effects.includes("fluoroscopy"));
     setText(element("#scene-name"), scene.name.replaceAll("_", " "));
     document.title = `${scene.name} · Torquer`;

@@ -1,0 +1,83 @@
+// A canvas that shows gray pictures with a window and a level.
+
+import type { Picture } from "./frames.js";
+
+export class PictureCanvas {
+  private readonly screen: CanvasRenderingContext2D;
+  private gray = new Uint8ClampedArray();
+  private decoding = false;
+  private waiting: Picture | null = null;
+  private level = 128; // gray that is shown as the middle
+  private width = 256; // grays from black to white
+
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    private readonly resized: () => void,
+    private readonly unreadable: () => void,
+  ) {
+    this.screen = canvas.getContext("2d", { willReadFrequently: true })!;
+  }
+
+  /** A picture waits for a decoder that is busy; of those that wait the newest counts. */
+  show(picture: Picture): void {
+    this.waiting = picture;
+    if (!this.decoding) void this.decode();
+  }
+
+  setWindow(level: number, width: number): void {
+    this.level = level;
+    this.width = width;
+    this.paint();
+  }
+
+  clear(): void {
+    this.waiting = null;
+    this.gray = new Uint8ClampedArray();
+    this.screen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+  }
+
+  private async decode(): Promise<void> {
+    this.decoding = true;
+    while (this.waiting !== null) {
+      const picture = this.waiting;
+      this.waiting = null;
+      try {
+        const image = await createImageBitmap(new Blob([picture.jpeg], { type: "image/jpeg" }));
+        this.take(image);
+        image.close();
+      } catch {
+        this.unreadable();
+      }
+    }
+    this.decoding = false;
+  }
+
+  private take(image: ImageBitmap): void {
+    const resized = this.canvas.width !== image.width || this.canvas.height !== image.height;
+    if (resized) {
+      this.canvas.width = image.width;
+      this.canvas.height = image.height;
+    }
+    this.screen.drawImage(image, 0, 0);
+    const pixels = this.screen.getImageData(0, 0, image.width, image.height).data;
+    if (this.gray.length !== pixels.length / 4) this.gray = new Uint8ClampedArray(pixels.length / 4);
+    for (let i = 0; i < this.gray.length; ++i) this.gray[i] = pixels[4 * i]!;
+    if (this.level !== 128 || this.width !== 256) this.paint();
+    if (resized) this.resized();
+  }
+
+  private paint(): void {
+    if (this.gray.length === 0) return;
+    const shown = new Uint8ClampedArray(256);
+    for (let value = 0; value < 256; ++value) {
+      shown[value] = 128 + ((value - this.level) * 256) / this.width;
+    }
+    const image = this.screen.createImageData(this.canvas.width, this.canvas.height);
+    for (let i = 0; i < this.gray.length; ++i) {
+      const value = shown[this.gray[i]!]!;
+      image.data[4 * i] = image.data[4 * i + 1] = image.data[4 * i + 2] = value;
+      image.data[4 * i + 3] = 255;
+    }
+    this.screen.putImageData(image, 0, 0);
+  }
+}

@@ -1,0 +1,42 @@
+// What the scene simulates, and what each effect takes of a tick, as the simulator measures it; and
+// what it does not simulate.
+
+import { element, Rows, setText, short } from "./dom.js";
+import type { Health, Scene } from "./frames.js";
+
+const PRICE = /^price_(.+)_ns$/;
+// These act where the wire looks the vessel up, or shape it: their price is within that of the solver.
+const WITHIN = new Set(["heartbeat", "breathing", "compliance", "torsion"]);
+
+export class Prices {
+  private readonly rows = new Rows(element("#prices dl"));
+  private scene: Scene | null = null;
+
+  setScene(scene: Scene): void {
+    this.scene = scene;
+    this.rows.clear();
+    setText(element("#prices-off"), scene.off.length === 0 ? "" : `not simulated: ${scene.off.map(Prices.words).join(", ")}`);
+  }
+
+  /** Of the simulator: once a second. Without a tick in that time the last prices stand. */
+  take(health: Health): void {
+    if (this.scene === null) return;
+    const prices = new Map<string, number>();
+    for (const [name, value] of Object.entries(health.counters)) {
+      const found = PRICE.exec(name);
+      if (found !== null) prices.set(found[1]!, 1e-3 * value);
+    }
+    if (prices.size === 0) return;
+    const us = (value: number | undefined) => (value === undefined ? "" : `${short(value)} µs`);
+    this.rows.set("wire and wall", us(prices.get("solver")));
+    for (const name of this.scene.effects) {
+      this.rows.set(Prices.words(name), WITHIN.has(name) ? "in wire and wall" : us(prices.get(name) ?? 0));
+    }
+    const picture = health.counters["picture_us"];
+    if (picture !== undefined && picture > 0) this.rows.set("a picture, beside the ticks", `${short(1e-3 * picture)} ms`);
+  }
+
+  private static words(name: string): string {
+    return name.replaceAll("_", " ");
+  }
+}

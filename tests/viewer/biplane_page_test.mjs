@@ -1,0 +1,78 @@
+// Two planes side by side, and what each effect takes: in the scene that has all of them.
+// usage: node tests/viewer/biplane_page_test.mjs ROOT PROGRAMS
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+
+import { BrowserSession, until } from "./browser_session.mjs";
+
+const [root, programs] = process.argv.slice(2);
+let session;
+let page;
+
+before(async () => {
+  session = await BrowserSession.start(root, programs, "everything.toml");
+  page = await session.browser.newPage({ viewport: { width: 1280, height: 720 } });
+  await page.goto(session.url);
+  await until("the scene is there", () => page.evaluate(() =>
+    window.torquer.scene() !== null && window.torquer.state() !== null && window.torquer.viewer()?.steer));
+});
+after(() => session?.stop());
+
+// Mean gray of a canvas, and of its left and right half.
+const grays = (selector) => page.evaluate((canvas) => {
+  const shown = document.querySelector(canvas);
+  const { width, height } = shown;
+  const pixels = shown.getContext("2d").getImageData(0, 0, width, height).data;
+  const sums = [0, 0];
+  for (let i = 0; i < width * height; ++i) sums[i % width < width / 2 ? 0 : 1] += pixels[4 * i];
+  return sums.map((sum) => (2 * sum) / (width * height));
+}, selector);
+
+test("both planes take pictures with the pedal, each from its side", async () => {
+  assert.deepEqual(await grays("#lateral-picture"), [0, 0]);
+  await page.keyboard.down("Space");
+  await until("both planes have a picture", async () =>
+    (await grays("#xray-picture"))[0] > 0 && (await grays("#lateral-picture"))[0] > 0);
+  assert.equal(await page.locator("#lateral-angles").textContent(), "LAO 90°  CRA 0°");
+  assert.equal(await page.locator("#lao").textContent(), "LAO 0°");
+  // From the side the body is deep: the spine is no longer in the middle, so the halves differ more.
+  const [front, side] = [await grays("#xray-picture"), await grays("#lateral-picture")];
+  assert.ok(Math.abs(side[0] - side[1]) > Math.abs(front[0] - front[1]) + 10, `${front} from the front, ${side} from the side`);
+  const [a, b] = await Promise.all(["#xray-picture", "#lateral-picture"].map((canvas) => page.locator(canvas).boundingBox()));
+  assert.ok(a.x + a.width <= b.x && Math.abs(a.y - b.y) < 1 && Math.abs(a.width - b.width) < 1, "side by side, as large");
+});
+
+test("window and level are those of both, the C-arm's angle is not", async () => {
+  const before = await grays("#lateral-picture");
+  const box = await page.locator("#xray-picture").boundingBox();
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2 + 60, { steps: 5 });
+  await page.mouse.up();
+  await until("both are darker", async () => (await grays("#lateral-picture"))[1] < before[1] - 30);
+  await page.keyboard.down("KeyD");
+  await until("the C-arm has turned", async () => Number((await page.locator("#lao").textContent()).match(/\d+/)[0]) >= 10);
+  await page.keyboard.up("KeyD");
+  assert.equal(await page.locator("#lateral-angles").textContent(), "LAO 90°  CRA 0°");
+  await page.keyboard.up("Space");
+});
+
+test("every effect of the scene has its price, and what is not simulated is named", async () => {
+  await page.keyboard.down("ArrowUp");
+  await page.locator("#prices summary").click();
+  const { effects, off } = await page.evaluate(() => window.torquer.scene());
+  const rows = () => page.evaluate(() => {
+    const [terms, values] = ["dt", "dd"].map((tag) => [...document.querySelectorAll(`#prices ${tag}`)].map((shown) => shown.textContent));
+    return Object.fromEntries(terms.map((term, k) => [term, values[k]]));
+  });
+  const priced = await until("the prices are there", async () => {
+    const shown = await rows();
+    return Object.keys(shown).length > effects.length && parseFloat(shown.friction) > 0 ? shown : null;
+  });
+  await page.keyboard.up("ArrowUp");
+  for (const effect of effects) assert.match(priced[effect.replaceAll("_", " ")] ?? "", /^([\d.e−]+ µs|in wire and wall)$/, effect);
+  assert.match(priced["wire and wall"], /^\d.* µs$/);
+  assert.match(priced["a picture, beside the ticks"], /^\d.* ms$/);
+  assert.ok(off.includes("torsion") && !off.some((name) => effects.includes(name)));
+  assert.ok((await page.locator("#prices-off").textContent()).startsWith("not simulated: "));
+});
