@@ -21,7 +21,7 @@ install(FILES ${CMAKE_CURRENT_BINARY_DIR}/torquer-daemon@.service DESTINATION li
 
 
 # The texts with the pictures that they show, under the paths by which they link to each other.
-set(documents)
+set(documents host/python/examples/*.py)
 foreach(ending md svg png jpg csv scad)
   list(APPEND documents *.${ending} calibration/*.${ending} firmware/*.${ending}
     firmware/*/*.${ending} hardware/*.${ending} hardware/*/*.${ending} protocol/*.${ending}
