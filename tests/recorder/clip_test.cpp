@@ -251,7 +251,7 @@ TEST_CASE("A clip shows each picture as long as it stood, and what the screen sa
   }
 }
 
-TEST_CASE("A clip of a span begins and ends where it is told to") {
+TEST_CASE("A clip of a span begins and ends where it is asked to") {
   const TemporaryFolder folder;
   WriteScreenLog(folder.Path("log"));
   const std::string path = folder.Path("clip.mp4");

@@ -1,6 +1,6 @@
 // What the page shows, by its pixels: against pictures that were looked at and kept (golden/), and what last image
 // hold, subtraction and road map mean. usage: node tests/viewer/pictures_test.mjs ROOT PROGRAMS [--make]
-// --make writes the kept pictures anew; look at each before it is committed.
+// --make writes the kept pictures again; look at each before it is committed.
 import assert from "node:assert/strict";
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
@@ -110,9 +110,7 @@ test("a narrower field with shutters", async () => {
   await page.keyboard.press("KeyK");
   await until("they are chosen", async () => (await text("#system-K span")) === "shutters 10 %");
   await pulses(5);
-  await same("field", await canvas(), PICTURE_TOLERANCE);
-  await same("field-page", await wholePage(), PAGE_TOLERANCE);
-  for (let k = 0; k < 3; ++k) await page.keyboard.press("KeyZ");
+  const [picture, whole] = [await canvas(), await wholePage()];
   for (let k = 0; k < 4 && (await text("#system-K span")) !== "shutters open"; ++k) {
     await page.keyboard.press("KeyK");
     await page.waitForTimeout(100);
@@ -121,6 +119,8 @@ test("a narrower field with shutters", async () => {
     await page.keyboard.press("KeyZ");
     await page.waitForTimeout(100);
   }
+  await same("field", picture, PICTURE_TOLERANCE);
+  await same("field-page", whole, PAGE_TOLERANCE);
 });
 
 test("subtracted, what has not moved is even", async () => {

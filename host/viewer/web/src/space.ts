@@ -21,7 +21,7 @@ const FARTHEST_MIDDLE_MM = 30; // of a lumen from a wire within it
 const LINE_COLOR = "#62737f";
 const ROUTE_COLOR = "#8fd3ff";
 // Without a graphics card: drawing takes the cores that the simulator needs.
-const SOFTWARE_TRIANGLES = 20000;
+const SOFTWARE_TRIANGLES = 12000;
 const SOFTWARE_FRAME_MS = 20; // from frame to frame, at least
 
 /** Whether this browser draws 3D by the processor. */
