@@ -104,6 +104,19 @@ test("a session without X-ray", async () => {
   await judge(page, "without X-ray");
 });
 
+test("a session with a second plane, and what its effects take", async () => {
+  const live = await session("everything.toml");
+  const page = await open(live.browser, live.url);
+  await until("the vessel is drawn", () => page.evaluate(() => window.torquer.space.showsVessel));
+  await page.keyboard.down("Space");
+  await until("pictures", () => page.evaluate(() => window.torquer.pictures() >= 3));
+  await page.keyboard.up("Space");
+  await judge(page, "two planes");
+  await page.locator("summary").click();
+  await until("the effects", () => page.locator("details").evaluate((details) => details.open));
+  await judge(page, "what its effects take");
+});
+
 test("cases", async () => {
   const live = await session("");
   const page = await open(live.browser, live.url);
