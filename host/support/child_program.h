@@ -15,7 +15,7 @@ namespace torquer {
 class ChildProgram {
  public:
   /// Starts `words`, the program's path first. What it prints goes to the file `output`, which is
-  /// written anew. Throws UserError naming the program or the file, and the reason.
+  /// replaced. Throws UserError naming the program or the file, and the reason.
   ChildProgram(const std::vector<std::string>& words, const std::string& output);
   /// Kills it if it still runs.
   ~ChildProgram();

@@ -1,5 +1,5 @@
-// The cases that a trainee chooses from, and the one that runs: simulator and recorder as programs
-// of their own, and at its end the report.
+// The cases that a trainee chooses from, and the one that runs: simulator and recorder as other
+// programs, and at its end the report.
 //
 //   choose --Start--> starting --first state--> running --End--> ending --> ended --Close--> choose
 #pragma once

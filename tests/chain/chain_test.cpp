@@ -230,14 +230,15 @@ TEST_CASE("A demo on a terminal prints its page's link, and Ctrl-C ends it with 
   NeedPrivateNetwork();
   const TemporaryFolder folder;
   const std::string output = folder.Path("output");
-  // Ctrl-C as a key; then the writer lives as long as the terminal. The terminal has no shell beside
-  // the demo, which Ctrl-C would end too.
+  // Ctrl-C as a key; then the writer lives as long as the terminal. The terminal has no shell
+  // beside the demo, which Ctrl-C would end too.
   const std::string keys = "for i in $(seq 600); do grep -qs 'guidewire [1-9].*reports' " + output +
                            " && break; sleep 0.1; done; sleep 1; printf '\\003'; "
                            "while printf ' '; do sleep 0.1; done";
-  CHECK(Run("touch " + output + "; (" + keys + ") 2>/dev/null | timeout 100 script -qec 'exec bash " +
-            kDemo + " --scene ty_phantom --programs " + kPrograms + " --files " +
-            folder.Path("session") + "' /dev/null >" + output) == 0);
+  CHECK(Run("touch " + output + "; (" + keys +
+            ") 2>/dev/null | timeout 100 script -qec 'exec bash " + kDemo +
+            " --scene ty_phantom --programs " + kPrograms + " --files " + folder.Path("session") +
+            "' /dev/null >" + output) == 0);
   const std::string said = Contents(output);
   CHECK(std::regex_search(said, std::regex("http://127\\.0\\.0\\.1:[0-9]+/[0-9a-f]{32}/")));
   CHECK_THAT(said, Catch::Contains("Ctrl-C ends the session") && Catch::Contains("Session of ") &&

@@ -38,7 +38,7 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
   for (const effects::EffectKind& kind : effects::AllEffects()) {
     if (kind.needs.empty()) expected.insert(kind.name);
   }
-  expected.insert({"wall_force+assessment", "flow+contrast"});
+  expected.insert({"wall_force+assessment", "flow+contrast", "fluoroscopy+lateral_plane"});
   std::set<std::string> found;
   for (const auto& [name, metrics] : prices) {
     found.insert(name);

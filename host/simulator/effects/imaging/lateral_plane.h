@@ -11,7 +11,7 @@
 namespace torquer::effects {
 
 /// Takes pictures as the fluoroscopy of the scene does, with the same pedal, system and body, from
-/// angles of its own; noise and dose are apart.
+/// its own angles; noise and dose are apart.
 class LateralPlane final : public Effect, public ImageSource, public Observer {
  public:
   /// `plane` has the settings of the first one. The angles are in rad, LAO and CRA positive.
