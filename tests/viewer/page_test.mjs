@@ -334,7 +334,11 @@ test("the pedal goes up with the page that held it", async () => {
 
 test("a viewer that was killed is found again, and steers on from there", async () => {
   await stateWord("Running");
-  const start = await state();
+  const start = await until("the wire rests where the hand is", async () => {
+    const before = await state();
+    await page.waitForTimeout(300);
+    return Math.abs((await state()).insertion - before.insertion) < 1e-6 ? before : null;
+  });
   process.kill(Number(session.read("viewer.pid")), "SIGKILL");
   await stateWord("No connection");
   await stateWord("Running");
