@@ -6,13 +6,16 @@
 #include <cstdio>
 #include <deque>
 #include <future>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
 #include "host/support/error.h"
+#include "host/support/printable_text.h"
 #include "host/viewer/page_messages.h"
 #include "host/viewer/page_server.h"
 #include "host/viewer/show_scene.h"
@@ -27,6 +30,9 @@ constexpr std::chrono::milliseconds kBeat{8};
 constexpr std::int64_t kSummaryUs = 100'000;
 // A reading of the bus: what the simulator published last, at 1 kHz.
 constexpr int kQueue = 64;
+// Instruments that are commanded; a name of any kind comes from the bus.
+constexpr std::size_t kMostHands = 16;
+constexpr std::int64_t kHandUs = 1'000'000;
 
 class Viewer {
  public:
@@ -95,6 +101,16 @@ class Viewer {
                                             [this](const torquer_lcm::readings_t& readings) {
                                               server_.ShowText("readings", ReadingsText(readings));
                                             });
+    // Of its own commands it knows all.
+    if (!steer_) {
+      bus_.Subscribe<torquer_lcm::instrument_command_t>(
+          protocol::kInstrumentCommandChannel,
+          [this](const torquer_lcm::instrument_command_t& command) {
+            hands_[command.instrument] = {command.flags, bus::MonotonicUs()};
+            if (hands_.size() > kMostHands) hands_.clear();
+          },
+          kQueue);
+    }
     bus_.Subscribe<torquer_lcm::health_t>(
         protocol::kHealthChannel, [this](const torquer_lcm::health_t& health) {
           if (health.process == "viewer") return;
@@ -201,6 +217,21 @@ class Viewer {
     if (command != nullptr) bus_.Publish(protocol::kImagingCommandChannel, *command);
   }
 
+  // What those who command now say of their hands.
+  nlohmann::json Hands(std::int64_t now_us) const {
+    nlohmann::json hands = nlohmann::json::array();
+    for (const auto& [instrument, hand] : hands_) {
+      if (now_us - hand.heard_us > kHandUs) continue;
+      const auto has = [flags = hand.flags](int flag) { return (flags & flag) != 0; };
+      hands.push_back({{"instrument", Printable(instrument, 60)},
+                       {"uncalibrated", has(protocol::kCommandUncalibrated)},
+                       {"clutch", has(protocol::kCommandClutch)},
+                       {"lift", has(protocol::kCommandLift)},
+                       {"fault", has(protocol::kCommandSensorFault)}});
+    }
+    return hands;
+  }
+
   // What the viewer itself knows, for the page.
   void Summarize(std::int64_t now_us) {
     PublishImaging(now_us);
@@ -221,8 +252,9 @@ class Viewer {
                         {"pulses_per_s", imaging.pulses_per_s},
                         {"magnification", imaging.magnification},
                         {"shutters", {imaging.left, imaging.right, imaging.top, imaging.bottom}},
+                        {"hands", Hands(now_us)},
                         {"states_per_s", states_ / passed_s}})
-            .dump());
+            .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
     states_ = 0;
     summary_us_ = now_us;
   }
@@ -244,6 +276,11 @@ class Viewer {
   Steering steering_;
   std::optional<torquer_lcm::wire_state_t> state_;
   std::optional<torquer_lcm::wire_forces_t> forces_;
+  struct Hand {
+    std::int32_t flags = 0;  // of its newest command
+    std::int64_t heard_us = 0;
+  };
+  std::map<std::string, Hand> hands_;  // by instrument
   bool state_is_new_ = false;
   bool skip_ = false;
   int states_ = 0;

@@ -30,14 +30,14 @@ export function startBrowser(root) {
 }
 
 export class BrowserSession {
-  /** Of a scene in host/scenes. `programs`: the folder of a build's programs. */
-  static async start(root, programs, scene) {
+  /** Of a scene in host/scenes; `more`: "device", as tests/viewer/session has it. `programs`: the folder of a build's programs. */
+  static async start(root, programs, scene, ...more) {
     const session = new BrowserSession();
     session.folder = mkdtempSync(join(tmpdir(), "torquer-page-"));
     session.processes = spawn(
       "bash",
       [join(root, "host/viewer/with_socket"), "0", "sh", join(root, "host/bus/private_network"), "bash",
-        join(root, "tests/viewer/session"), programs, join(root, "host/scenes", scene), session.folder],
+        join(root, "tests/viewer/session"), programs, join(root, "host/scenes", scene), session.folder, ...more],
       { detached: true, stdio: "inherit" },
     );
     session.url = await until("the viewer prints its link", () => session.read("viewer.log").match(/^http:\S+\n/m)?.[0].trim());

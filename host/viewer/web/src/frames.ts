@@ -124,7 +124,17 @@ export interface Viewer extends Imaging {
   cra_rad: number;
   xray: boolean;
   contrast: boolean;
+  hands: Hand[]; // of devices; a page that steers has none
   states_per_s: number;
+}
+
+/** What a device says of its hand. */
+export interface Hand {
+  instrument: string;
+  uncalibrated: boolean;
+  clutch: boolean; // held: the hand moves, the instrument does not
+  lift: boolean; // the sensor sees no surface: motion is held
+  fault: boolean; // the sensor does not answer
 }
 
 /** Of torquer-replay, which has no other kind of page. */

@@ -232,6 +232,8 @@ class Page {
     if (this.replay.shown) return ["good", this.replay.playing ? "Replay" : "Replay, paused", ""];
     const missing = this.panel.missingDevice(nowMs);
     if (missing !== "") return ["warn", missing, ""];
+    const hand = this.handInTrouble();
+    if (hand !== "") return ["warn", hand, ""];
     const words = Panel.words(this.state.status);
     if ((this.state.status & STATUS.inDoubt) !== 0) {
       const reason = this.viewer?.steer === true ? "nobody steers" : "no commands from the device";
@@ -239,7 +241,17 @@ class Page {
     }
     if (words !== "") return ["warn", words, ""];
     if (this.viewer?.steer !== true && !this.panel.hasDaemon()) return ["good", "No device", ""];
-    return ["good", "Running", ""];
+    return ["good", this.viewer?.hands?.some(({ clutch }) => clutch) ? "Clutch held" : "Running", ""];
+  }
+
+  // Of the devices that move instruments; "" where all is well.
+  private handInTrouble(): string {
+    for (const { instrument, fault, lift, uncalibrated } of this.viewer?.hands ?? []) {
+      if (fault) return `${instrument}: the sensor does not answer`;
+      if (lift) return `${instrument}: no wire below the sensor, motion is held`;
+      if (uncalibrated) return `${instrument}: the device is not calibrated`;
+    }
+    return "";
   }
 
   private pictureNotice(): string {
