@@ -164,10 +164,15 @@ class Viewer {
       server_.Forget(topic);
     }
     // A load that is not over yet goes on, and is not shown.
-    loads_.push_back(std::async(std::launch::async, [file = station_->chosen()->file] {
-      scene::Scene scene(file);
-      return FramesOf(scene);
-    }));
+    loads_.push_back(
+        std::async(std::launch::async, [file = station_->chosen()->file]() -> SceneFrames {
+          try {
+            scene::Scene scene(file);
+            return FramesOf(scene);
+          } catch (const UserError&) {
+            return {};  // the simulator reads the same file, and says what is wrong with it
+          }
+        }));
   }
 
   void AdvanceCase(std::int64_t now_us) {
@@ -179,13 +184,9 @@ class Viewer {
     }
     while (!loads_.empty() &&
            loads_.front().wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
-      const bool newest = loads_.size() == 1;
-      try {
-        SceneFrames frames = loads_.front().get();
-        if (newest) ShowFrames(std::move(frames), server_);
-      } catch (const UserError&) {
-        // The simulator reads the same file, and says what is wrong with it.
-      }
+      SceneFrames frames = loads_.front().get();
+      // Of several the one that was begun last.
+      if (loads_.size() == 1 && !frames.vessel.empty()) ShowFrames(std::move(frames), server_);
       loads_.pop_front();
     }
   }

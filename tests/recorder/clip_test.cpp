@@ -34,7 +34,6 @@ namespace {
 
 constexpr int kSide = 256;
 constexpr std::int64_t kStartUs = 1'700'000'000'000'000;
-constexpr double kEndS = 3;
 
 class ScreenLog {
  public:
@@ -210,7 +209,7 @@ void CheckFrame(const Video& video, int frame, int level, bool xray, bool readin
 }
 
 // Nothing is there that was not there before.
-void CheckLeft(const TemporaryFolder& folder, std::vector<std::string> names) {
+void CheckLeft(const TemporaryFolder& folder, const std::vector<std::string>& names) {
   std::vector<std::string> found;
   for (const auto& entry : std::filesystem::directory_iterator(folder.Path())) {
     found.push_back(entry.path().filename());

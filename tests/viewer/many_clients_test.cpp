@@ -84,7 +84,7 @@ class Attacker {
     Add("method", [this, page] {
       static const std::vector<std::string> methods = {"POST",  "PUT",     "DELETE", "HEAD",
                                                        "PATCH", "OPTIONS", "TRACE",  "BREW"};
-      const std::string method = methods[random_() % methods.size()];
+      const std::string& method = methods[random_() % methods.size()];
       const int status =
           Ask(method + " " + page + " HTTP/1.1\r\nHost: " + served_.host + "\r\n\r\n");
       return method == "BREW" ? status != 200 : status == 405;
