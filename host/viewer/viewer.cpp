@@ -101,7 +101,7 @@ class Viewer {
                                             [this](const torquer_lcm::readings_t& readings) {
                                               server_.ShowText("readings", ReadingsText(readings));
                                             });
-    // Of its own commands it knows all.
+    // What it commands it knows.
     if (!steer_) {
       bus_.Subscribe<torquer_lcm::instrument_command_t>(
           protocol::kInstrumentCommandChannel,

@@ -3,7 +3,7 @@ import { spawn } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { join, resolve } from "node:path";
 
 const BROWSER = "/usr/bin/chromium";
 const PATIENCE_MS = 20000; // for a busy machine; nothing is measured by it
@@ -21,7 +21,7 @@ export async function until(what, condition) {
 
 export function startBrowser(root) {
   if (!existsSync(BROWSER)) throw new Error("no Chromium; install it with: host/install_packages test");
-  const { chromium } = createRequire(join(root, "host/viewer/web/package.json"))("playwright-core");
+  const { chromium } = createRequire(resolve(root, "host/viewer/web/package.json"))("playwright-core");
   return chromium.launch({
     executablePath: BROWSER,
     args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
