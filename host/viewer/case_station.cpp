@@ -29,6 +29,7 @@ constexpr std::int64_t kMostReportBytes = std::int64_t{64} << 20;
 constexpr std::int64_t kEndUs = 10'000'000;
 constexpr std::int64_t kReportUs = 120'000'000;
 constexpr std::size_t kLastOutputBytes = 400;
+constexpr std::int64_t kLookForRoomUs = 2'000'000;
 
 std::string PictureOf(const fs::path& folder, const std::string& name) {
   const fs::path path = folder / "pictures" / (name + ".jpg");
@@ -147,14 +148,35 @@ bool CaseStation::Start(std::size_t number, std::int64_t now_us) {
   report_.reset();
   reporter_.reset();
   problem_.clear();
+  phase_ = Phase::kEnded;
+  looked_us_ = now_us;
+  if (!HasRoom()) return true;
   try {
     Begin(now_us);
     phase_ = Phase::kStarting;
   } catch (const UserError& error) {
     problem_ = error.what();
-    phase_ = Phase::kEnded;
   }
   return true;
+}
+
+bool CaseStation::HasRoom() {
+  std::int64_t free_bytes = 0;
+  if (programs_.free_bytes) {
+    free_bytes = programs_.free_bytes();
+  } else {
+    std::error_code error;
+    const fs::space_info space = fs::space(sessions_, error);
+    if (error) return true;  // what writes there will say it
+    free_bytes = static_cast<std::int64_t>(space.available);
+  }
+  if (free_bytes >= kLeastFreeBytes) return true;
+  problem_ = fmt::format(
+      "{}: {:.1f} GB are free there, and a session needs {:.0f}; remove old sessions, or give "
+      "--sessions a folder on another disk",
+      sessions_.string(), 1e-9 * static_cast<double>(free_bytes),
+      1e-9 * static_cast<double>(kLeastFreeBytes));
+  return false;
 }
 
 void CaseStation::Begin(std::int64_t now_us) {
@@ -194,6 +216,10 @@ bool CaseStation::Advance(std::int64_t now_us) {
   const Phase before = phase_;
   if (phase_ == Phase::kStarting && simulator_ == nullptr) AdvanceRecorder(now_us);
   if (phase_ == Phase::kStarting || phase_ == Phase::kRunning) AdvanceSimulator(now_us);
+  if (phase_ == Phase::kRunning && now_us - looked_us_ >= kLookForRoomUs) {
+    looked_us_ = now_us;
+    if (!HasRoom()) End(now_us);
+  }
   if (phase_ == Phase::kEnding) AdvanceEnding(now_us);
   const bool changed = changed_ || phase_ != before;
   changed_ = false;

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -42,7 +43,13 @@ class CaseStation {
   struct Programs {
     std::filesystem::path folder;  ///< of torquer-simulator, -recorder and -report
     std::string lcm_url;           ///< for them; "" for their default
+    /// Room on the disk of the sessions, bytes; none: as the file system says.
+    std::function<std::int64_t()> free_bytes = {};
   };
+
+  /// A minute of a scene that moves takes 0.4 GB. With less room no case starts, and one that runs
+  /// is ended, so that nobody fills a disk by leaving a page open.
+  static constexpr std::int64_t kLeastFreeBytes = 2'000'000'000;
 
   /// Each session has its folder in `sessions`/CASE, named by the time. Throws UserError where that
   /// cannot be made.
@@ -76,6 +83,7 @@ class CaseStation {
   std::string Text() const;
 
  private:
+  bool HasRoom();
   void Begin(std::int64_t now_us);
   void AdvanceRecorder(std::int64_t now_us);
   void AdvanceSimulator(std::int64_t now_us);
@@ -95,7 +103,8 @@ class CaseStation {
   std::unique_ptr<ChildProgram> recorder_;
   std::unique_ptr<ChildProgram> simulator_;
   std::unique_ptr<ChildProgram> reporter_;
-  std::int64_t since_us_ = 0;  // when the phase, or what is waited for in it, began
+  std::int64_t looked_us_ = 0;  // for room on the disk
+  std::int64_t since_us_ = 0;   // when the phase, or what is waited for in it, began
   std::string problem_;
   std::optional<std::string> report_;
   bool changed_ = true;

@@ -48,7 +48,9 @@ class Stage {
     cases[1].name = "hard";
     cases[1].file = "hard.toml";
     cases[1].assessed = true;
-    return {std::move(cases), folder_.Path("sessions"), {.folder = folder_.Path(), .lcm_url = ""}};
+    return {std::move(cases),
+            folder_.Path("sessions"),
+            {.folder = folder_.Path(), .lcm_url = "", .free_bytes = [this] { return free_bytes; }}};
   }
 
   std::string Read(const std::string& name) const {
@@ -57,6 +59,8 @@ class Stage {
   }
   std::string Order() const { return Read("order"); }
   std::string Path(const std::string& name) const { return folder_.Path(name); }
+
+  std::int64_t free_bytes = CaseStation::kLeastFreeBytes;
 
  private:
   TemporaryFolder folder_;
@@ -207,6 +211,34 @@ TEST_CASE("What goes wrong with a case is said, and another one can be started")
   REQUIRE(station.Start(1, kNow));
   CHECK(Reaches(station, Phase::kRunning));
   CHECK(Said(station)["problem"] == "");
+}
+
+TEST_CASE("Nobody fills a disk by leaving a case open") {
+  Stage stage;
+  CaseStation station = stage.Station();
+  const auto says_why = [&station] {
+    return Said(station)["problem"].get<std::string>().find(
+               "sessions: 2.0 GB are free there, and a session needs 2; remove old sessions") !=
+           std::string::npos;
+  };
+  REQUIRE(station.Start(0, kNow));
+  REQUIRE(Reaches(station, Phase::kRunning));
+  REQUIRE(Listens(stage, "simulator"));
+  stage.free_bytes -= 1;
+  station.Advance(kNow + 1'000'000);
+  CHECK(station.phase() == Phase::kRunning);  // looked for a moment ago
+  station.Advance(kNow + 3'000'000);
+  CHECK(station.phase() == Phase::kEnding);
+  CHECK(Reaches(station, Phase::kEnded));
+  CHECK(says_why());
+  CHECK(station.report() != nullptr);
+  CHECK(station.Start(0, kNow));
+  CHECK(station.phase() == Phase::kEnded);
+  CHECK(says_why());
+  CHECK(station.runs() == 2);
+  stage.free_bytes += 1;
+  CHECK(station.Start(0, kNow));
+  CHECK(station.phase() == Phase::kStarting);
 }
 
 TEST_CASE("A station that ends takes its programs with it, the recorder last") {
