@@ -40,8 +40,13 @@ export class BrowserSession {
         join(root, "tests/viewer/session"), programs, join(root, "host/scenes", scene), session.folder, ...more],
       { detached: true, stdio: "inherit" },
     );
-    session.url = await until("the viewer prints its link", () => session.read("viewer.log").match(/^http:\S+\n/m)?.[0].trim());
-    session.browser = await startBrowser(root);
+    try {
+      session.url = await until("the viewer prints its link", () => session.read("viewer.log").match(/^http:\S+\n/m)?.[0].trim());
+      session.browser = await startBrowser(root);
+    } catch (error) {
+      await session.stop();
+      throw error;
+    }
     return session;
   }
 
@@ -53,7 +58,11 @@ export class BrowserSession {
 
   async stop() {
     await this.browser?.close();
-    if (this.processes?.pid) process.kill(-this.processes.pid, "SIGKILL");
+    try {
+      if (this.processes?.pid) process.kill(-this.processes.pid, "SIGKILL");
+    } catch {
+      // They have ended by themselves.
+    }
     rmSync(this.folder, { recursive: true, force: true });
   }
 }
