@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <optional>
@@ -12,7 +13,8 @@
 
 #include "host/bus/bus.h"
 #include "host/bus/clock.h"
-#include "host/support/event_log_writer.h"
+#include "host/recorder/rotating_log.h"
+#include "host/recorder/shape_thinner.h"
 #include "host/support/printable_text.h"
 #include "host/support/program.h"
 #include "host/support/stop_signal.h"
@@ -34,43 +36,104 @@ std::int64_t EpochOffsetUs() {
   return duration_cast<microseconds>(now).count() - torquer::bus::MonotonicUs();
 }
 
-int Run(const std::string& path, const std::string& url) {
-  if (path.empty()) throw torquer::UsageError("LOG is missing; name the file to be written");
-  torquer::bus::Bus bus(url);
-  // After the bus: who sees the file knows that nothing is missed from now on.
-  std::optional<torquer::EventLogWriter> log;
-  const std::int64_t offset_us = EpochOffsetUs();
-  for (const char* channel : torquer::protocol::kChannels) {
-    bus.SubscribeBytes(channel, [&log, channel, offset_us](std::span<const std::uint8_t> data,
-                                                           const torquer::bus::Arrival& arrival) {
-      log->Write(arrival.received_us + offset_us, channel, data);
-    });
+struct Arguments {
+  std::string path;
+  std::string url;
+  std::optional<double> shapes_hz;
+  std::optional<double> part_mb;
+  std::optional<int> keep;
+};
+
+// Takes the messages of a bus into a log.
+class Recorder {
+ public:
+  explicit Recorder(const Arguments& arguments) : arguments_(arguments), bus_(arguments.url) {
+    if (arguments.shapes_hz) thinner_.emplace(*arguments.shapes_hz);
+    for (const char* channel : torquer::protocol::kChannels) {
+      const bool is_state = channel == torquer::protocol::kWireStateChannel;
+      bus_.SubscribeBytes(channel, [this, channel, is_state](std::span<const std::uint8_t> data,
+                                                             const torquer::bus::Arrival& arrival) {
+        newest_us_ = arrival.received_us;
+        if (is_state && thinner_) data = thinner_->Take(data, arrival.received_us);
+        log_->Write(arrival.received_us + offset_us_, channel, data);
+      });
+    }
+    // After the bus: who sees the file knows that nothing is missed from now on.
+    log_.emplace(arguments.path, std::llround(1e6 * arguments.part_mb.value_or(0)),
+                 arguments.keep.value_or(0));
   }
-  log.emplace(path);
-  const std::atomic<bool>& stop = torquer::StopOnSignal();
-  std::int64_t flushed_us = torquer::bus::MonotonicUs();
-  const auto work = [&](int wait_ms) {
-    const bool any = bus.Handle(wait_ms) > 0;
+
+  // Until `stop`, or until the disk is nearly full.
+  void Run(const std::atomic<bool>& stop) {
+    while (!stop && has_room_) Work(kWaitMs);
+    // What came before the end, but not what comes without end.
+    const std::int64_t end_us = torquer::bus::MonotonicUs() + kEndUs;
+    while (has_room_ && Work(kLastWaitMs) && torquer::bus::MonotonicUs() < end_us) {
+    }
+    if (thinner_ && !thinner_->Owed().empty()) {
+      log_->Write(newest_us_ + offset_us_, torquer::protocol::kWireStateChannel, thinner_->Owed());
+    }
+    log_->Finish();
+  }
+
+  int Report() const {
+    fmt::print("{} messages, {:.1f} MB in {}", log_->records(),
+               1e-6 * static_cast<double>(log_->bytes()), arguments_.path);
+    if (log_->parts() > 1) fmt::print(" and its parts, {} in all", log_->parts());
+    if (log_->removed() > 0) fmt::print("; the oldest {} are removed", log_->removed());
+    fmt::print("\n");
+    if (!has_room_) {
+      fmt::print(
+          stderr,
+          "torquer-recorder: {}: ends here, and is whole: its disk has less than {} MB free, "
+          "which are left to other programs; free space, record to another disk, or record "
+          "less (--shapes, --part-mb with --keep)\n",
+          arguments_.path, torquer::RotatingLog::kLeastFreeBytes / 1'000'000);
+    }
+    if (bus_.dropped() > 0) {
+      fmt::print(stderr,
+                 "torquer-recorder: {} messages are missing: they came faster than {} takes\n",
+                 bus_.dropped(), arguments_.path);
+    }
+    return has_room_ && bus_.dropped() == 0 ? torquer::kExitSuccess : torquer::kExitFailure;
+  }
+
+ private:
+  // Whether there was any.
+  bool Work(int wait_ms) {
+    const bool any = bus_.Handle(wait_ms) > 0;
     const std::int64_t now_us = torquer::bus::MonotonicUs();
-    if (now_us - flushed_us < kFlushUs) return any;
-    flushed_us = now_us;
-    log->Flush();
-    const std::string notice = bus.TakeNotice(now_us);
+    if (now_us - flushed_us_ < kFlushUs) return any;
+    flushed_us_ = now_us;
+    log_->Flush();
+    // Each part is a log by itself.
+    if (log_->Rotate() && thinner_) thinner_->WantShape();
+    has_room_ = log_->FreeBytes() >= torquer::RotatingLog::kLeastFreeBytes;
+    const std::string notice = bus_.TakeNotice(now_us);
     if (!notice.empty()) fmt::print(stderr, "torquer-recorder: {}\n", torquer::Printable(notice));
     return any;
-  };
-  while (!stop) work(kWaitMs);
-  // What came before the end, but not what comes without end.
-  const std::int64_t end_us = torquer::bus::MonotonicUs() + kEndUs;
-  while (work(kLastWaitMs) && torquer::bus::MonotonicUs() < end_us) {
   }
-  log->Finish();
-  fmt::print("{} messages, {:.1f} MB in {}\n", log->records(),
-             1e-6 * static_cast<double>(log->bytes()), path);
-  if (bus.dropped() == 0) return torquer::kExitSuccess;
-  fmt::print(stderr, "torquer-recorder: {} messages are missing: they came faster than {} takes\n",
-             bus.dropped(), path);
-  return torquer::kExitFailure;
+
+  const Arguments& arguments_;
+  torquer::bus::Bus bus_;
+  std::optional<torquer::ShapeThinner> thinner_;
+  std::optional<torquer::RotatingLog> log_;
+  const std::int64_t offset_us_ = EpochOffsetUs();
+  std::int64_t newest_us_ = 0;
+  std::int64_t flushed_us_ = torquer::bus::MonotonicUs();
+  bool has_room_ = true;
+};
+
+int Run(const Arguments& arguments) {
+  if (arguments.path.empty())
+    throw torquer::UsageError("LOG is missing; name the file to be written");
+  if (arguments.keep && !arguments.part_mb) {
+    throw torquer::UsageError("--keep is of parts; give --part-mb too");
+  }
+  const std::atomic<bool>& stop = torquer::StopOnSignal();
+  Recorder recorder(arguments);
+  recorder.Run(stop);
+  return recorder.Report();
 }
 
 }  // namespace
@@ -81,13 +144,21 @@ int main(int argc, char** argv) {
                            "torquer-report, torquer-simulator --replay and LCM's own programs "
                            "read. Ends at SIGINT or SIGTERM.");
   program.Note(
-      "Exit status: 0 when the log is complete; 1 when messages were dropped; 2 when it cannot be "
-      "written.");
-  std::string path;
-  std::string url;
+      "Exit status: 0 when the log is complete; 1 when messages were dropped, or the disk was "
+      "nearly "
+      "full; 2 when it cannot be written.");
+  Arguments arguments;
   torquer::Options& options = program.options();
-  options.Operand("LOG", path, "file to be written; it must not be there yet");
-  options.Text("--lcm-url", "URL", url,
+  options.Operand("LOG", arguments.path, "file to be written; it must not be there yet");
+  options.Text("--lcm-url", "URL", arguments.url,
                "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
-  return program.Main(argc, argv, [&] { return Run(path, url); });
+  options.Number(
+      "--shapes", "HZ", arguments.shapes_hz, 0.1, 10'000,
+      "of the wire's shapes at most so many a second; the other states without shape and "
+      "contacts");
+  options.Number("--part-mb", "MB", arguments.part_mb, 0.1, 1e6,
+                 "a part that has so much is followed by another: LOG.part002, LOG.part003, ...");
+  options.Integer("--keep", "N", arguments.keep, 1, 100'000,
+                  "of the parts only the newest N stay; the others are removed");
+  return program.Main(argc, argv, [&] { return Run(arguments); });
 }

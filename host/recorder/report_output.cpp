@@ -121,6 +121,11 @@ std::string FormatReport(const SessionReport& report) {
   text +=
       fmt::format("  wire         {} nodes, residual {:.2g}, largest penetration {:.1f} um\n",
                   report.last_state.segment_count + 1, report.residual, report.max_penetration_um);
+  if (report.shapes < report.states) {
+    text +=
+        fmt::format("  shapes       of {} of the states; of all their hashes, places and tips\n",
+                    report.shapes);
+  }
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
     text += fmt::format("  {:<13}{} {:.6g}\n", i == 0 ? "readings" : "",
                         Printable(report.readings.names[i]), report.readings.values[i]);
@@ -129,8 +134,17 @@ std::string FormatReport(const SessionReport& report) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",
                         report.states_missing, report.undecodable);
   }
+  if (report.first_tick > 0) {
+    text += fmt::format("  log          begins with tick {}; motion is judged from there\n",
+                        report.first_tick);
+  }
   if (!report.ended) {
     text += "  log          ends before the session; judged up to its last state\n";
+  }
+  if (report.ticks_after_shape > 0) {
+    text += fmt::format(
+        "  log          ends {} ticks after its last shape, by which motion is judged\n",
+        report.ticks_after_shape);
   }
   if (report.damage.any())
     text += fmt::format("  log          damaged: {}\n", report.damage.Describe());
@@ -158,6 +172,7 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"residual", report.residual},
                                        {"status", report.status},
                                        {"states", report.states},
+                                       {"states_with_shape", report.shapes},
                                        {"states_missing", report.states_missing},
                                        {"undecodable", report.undecodable},
                                        {"log_ended", report.ended},

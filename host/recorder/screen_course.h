@@ -7,7 +7,7 @@
 
 #include "host/recorder/gray_jpeg.h"
 #include "host/support/event_log.h"
-#include "host/support/input_file.h"
+#include "host/support/log_parts.h"
 
 namespace torquer {
 
@@ -78,7 +78,7 @@ class ScreenCourse {
   bool TakeReadings(const LogRecord& record, std::int64_t time_us);
   bool TakeScene(const LogRecord& record, std::int64_t time_us);
 
-  InputFile file_;
+  LogInput file_;
   std::vector<Picture> pictures_;  // these by time
   std::vector<Change> pedal_;
   std::vector<Change> live_;  // on while pictures are new

@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "host/bus/state_outline.h"
 #include "host/support/error.h"
 #include "protocol/hid_reports.h"
 #include "protocol/lcm_channels.h"
@@ -19,6 +20,13 @@ constexpr std::size_t kMostRecent = 100'000;  // samples that no state has shown
 // Of numbers that may be anything.
 std::int64_t Difference(std::int64_t a, std::int64_t b) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+}
+
+// Where an instrument is, mm and rad, with what it carries.
+Eigen::Vector2d PlaceOf(const torquer_lcm::wire_state_t& state, std::size_t index) {
+  const torquer_lcm::instrument_state_t& instrument = state.instruments[index];
+  return {ArcLengthMm(state, index) + instrument.carried_mm,
+          instrument.rotation_rad + instrument.carried_rad};
 }
 
 constexpr std::int8_t kDoubtfulSample = protocol::kFlagLift | protocol::kFlagSensorFault;
@@ -142,8 +150,11 @@ void SessionReporter::Add(const torquer_lcm::instrument_command_t& command) {
 }
 
 void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
-  // At rest the simulator publishes its last state again.
-  if (last_state_ && state.tick == last_state_->tick) return;
+  // At rest the simulator publishes its last state again; a thinned log has its shape only then.
+  if (last_state_ && state.tick == last_state_->tick) {
+    if (!last_shape_ || last_shape_->tick != state.tick) TakeShape(state);
+    return;
+  }
   course_.Add(state);
   ++report_.states;
   report_.max_penetration_um = std::max(report_.max_penetration_um, state.max_penetration_um);
@@ -163,8 +174,27 @@ void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
     Show(channel, instrument.origin_us);
     channel.shown_sequence = instrument.command_sequence;
   }
-  if (!last_state_) first_state_us_ = state.publish_us;
+  if (!last_state_) {
+    first_state_us_ = state.publish_us;
+    first_tick_ = state.tick;
+  }
   last_state_ = state;
+  TakeShape(state);
+}
+
+void SessionReporter::TakeShape(const torquer_lcm::wire_state_t& state) {
+  if (bus::IsOutline(state)) return;
+  ++report_.shapes;
+  last_shape_ = state;
+  for (std::size_t k = 0; k < state.instruments.size(); ++k) {
+    Channel& channel = channels_[state.instruments[k].name];
+    channel.shown_with_shape = channel.shown;
+    if (!channel.begin && channel.first_sample &&
+        channel.shown.origin_us == state.instruments[k].origin_us) {
+      channel.begin = channel.shown;
+      channel.begin_wire = PlaceOf(state, k);
+    }
+  }
 }
 
 void SessionReporter::Add(const torquer_lcm::readings_t& readings) {
@@ -177,6 +207,9 @@ void SessionReporter::Add(const torquer_lcm::health_t& health) {
   Channel& channel = channels_[health.instrument];
   for (std::size_t i = 0; i < health.names.size(); ++i) {
     channel.daemon_counters[health.names[i]] = health.values[i];
+    if (health.names[i] == "healed_um" && !channel.first_healed_um) {
+      channel.first_healed_um = health.values[i];
+    }
   }
   channel.counted_us = health.publish_us;
   channel.ended = health.state == kStopping;
@@ -230,10 +263,10 @@ void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
   // Where the emulator says what its sensor produced, that counts at the end: a report that was
   // lost there would show. Its counts go on through a reset of the device, the samples' start
   // again. In a log that ends before the session, the last state shows the hand as it was in an
-  // earlier sample.
-  if (!channel.ended) {
-    report.axial = channel.shown.axial;
-    report.rotation = channel.shown.rotation;
+  // earlier sample; so it does where the last states have no shape.
+  if (!channel.ended || last_shape_->tick != last_state_->tick) {
+    report.axial = channel.shown_with_shape.axial;
+    report.rotation = channel.shown_with_shape.rotation;
   } else if (channel.truth && channel.resets == 0 && !MovedOn(*channel.truth)) {
     report.axial.sensor_counts =
         Difference(channel.truth->axial_counts, channel.first_sample->axial_counts);
@@ -241,17 +274,23 @@ void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
         Difference(channel.truth->transverse_counts, channel.first_sample->transverse_counts);
   }
 
-  const Eigen::Vector2d moved_counts(
-      static_cast<double>(report.axial.sensor_counts - report.axial.held_counts),
-      static_cast<double>(report.rotation.sensor_counts - report.rotation.held_counts));
-  const Eigen::Vector2d hand = per_count * moved_counts;
-  const torquer_lcm::instrument_state_t& last = last_state_->instruments[index];
-  const Eigen::Vector2d wire(
-      ArcLengthMm(*last_state_, index) + last.carried_mm - scene_->inserted_at_start_mm[index],
-      last.rotation_rad + last.carried_rad);
+  // A log that begins in the middle of a session, as the later parts of one do, knows nothing of
+  // the motion before.
+  const bool late = first_tick_ > 0 && channel.begin;
+  const Motion begin = late ? *channel.begin : Motion();
+  const auto moved = [](const MotionAgreement& motion, const MotionAgreement& before) {
+    return static_cast<double>(motion.sensor_counts - motion.held_counts) -
+           static_cast<double>(before.sensor_counts - before.held_counts);
+  };
+  const Eigen::Vector2d hand = per_count * Eigen::Vector2d(moved(report.axial, begin.axial),
+                                                           moved(report.rotation, begin.rotation));
+  const Eigen::Vector2d wire =
+      PlaceOf(*last_shape_, index) -
+      (late ? channel.begin_wire : Eigen::Vector2d(scene_->inserted_at_start_mm[index], 0));
   const auto healed_um = channel.daemon_counters.find("healed_um");
   if (healed_um != channel.daemon_counters.end()) {
-    report.healed_mm = 1e-3 * static_cast<double>(healed_um->second);
+    report.healed_mm = 1e-3 * static_cast<double>(Difference(healed_um->second,
+                                                             late ? *channel.first_healed_um : 0));
   }
   const Eigen::Vector2d error_counts =
       per_count.inverse() * (wire - hand - Eigen::Vector2d(report.healed_mm, 0));
@@ -270,6 +309,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
   };
   require(scene_.has_value(), "scene description", "torquer-simulator");
   require(last_state_.has_value(), "wire state", "torquer-simulator");
+  require(last_shape_.has_value(), "wire state with its shape", "torquer-simulator");
 
   SessionReport report = report_;
   report.scene = scene_->name;
@@ -278,8 +318,8 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
   report.ended = true;
   std::int64_t first_us = std::numeric_limits<std::int64_t>::max();
   std::int64_t last_us = 0;
-  for (std::size_t k = 0; k < last_state_->instruments.size(); ++k) {
-    const auto found = channels_.find(last_state_->instruments[k].name);
+  for (std::size_t k = 0; k < last_shape_->instruments.size(); ++k) {
+    const auto found = channels_.find(last_shape_->instruments[k].name);
     const Channel& channel = found->second;
     InstrumentReport one = channel.report;
     one.name = found->first;
@@ -311,7 +351,10 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
   report.residual = last_state_->residual;
   report.status = last_state_->status;
   report.description = *scene_;
-  report.last_state = *last_state_;
+  report.last_state = *last_shape_;
+  report.first_tick = first_tick_;
+  report.ticks_after_shape =
+      std::max<std::int64_t>(Difference(last_state_->tick, last_shape_->tick), 0);
   report.readings = readings_;
   report.course = course_;
   return report;

@@ -76,6 +76,7 @@ struct SessionReport {
   std::vector<InstrumentReport> instruments;  ///< the innermost first
 
   std::int64_t states = 0;          ///< in the log
+  std::int64_t shapes = 0;          ///< of these with the curve, and not its ends alone
   std::int64_t states_missing = 0;  ///< gaps in the ticks: lost by the bus or the logger
   std::int64_t undecodable = 0;     ///< messages that are not of their channel's type
   LogDamage damage;                 ///< of the log
@@ -87,7 +88,10 @@ struct SessionReport {
   double residual = 0;  ///< of the last state
   int status = 0;       ///< of the last state, bits of WireStatus
   torquer_lcm::scene_description_t description;
-  torquer_lcm::wire_state_t last_state;
+  torquer_lcm::wire_state_t last_state;  ///< the last with its shape, which motion is judged by
+  std::int64_t ticks_after_shape = 0;    ///< that the log has after that
+  std::int64_t first_tick =
+      0;  ///< where the log begins; after the start motion is judged from there
   torquer_lcm::readings_t readings{};  ///< the last; without names where the scene has no observer
 
   SessionCourse course;
@@ -130,6 +134,10 @@ class SessionReporter {
     bool ended = false;                               // the daemon said that it stops
     std::deque<Motion> recent;                        // after what the last state shows
     Motion shown;                                     // what the last state shows
+    Motion shown_with_shape;                          // what the last state with its shape shows
+    std::optional<Motion> begin;  // what the first shape shows that shows a sample of the log
+    Eigen::Vector2d begin_wire = Eigen::Vector2d::Zero();  // where the wire was then, mm and rad
+    std::optional<std::int64_t> first_healed_um;           // as the daemon said first
     bool last_held = false;
     std::int64_t resets = 0;
     std::int64_t command_clock_id = 0;
@@ -150,13 +158,16 @@ class SessionReporter {
   static void CountReports(const Channel& channel, InstrumentReport& report);
   bool MovedOn(const torquer_lcm::hand_motion_t& truth) const;
   static void Show(Channel& channel, std::int64_t origin_us);
+  void TakeShape(const torquer_lcm::wire_state_t& state);
   void JudgeMotion(const Channel& channel, std::size_t index, const Eigen::Matrix2d& per_count,
                    InstrumentReport& report) const;
 
   std::map<std::string, Channel> channels_;                   // by instrument
   std::map<std::string, torquer_lcm::hand_motion_t> truths_;  // by device
   std::int64_t first_state_us_ = 0;
+  std::int64_t first_tick_ = 0;
   std::optional<torquer_lcm::wire_state_t> last_state_;
+  std::optional<torquer_lcm::wire_state_t> last_shape_;  // the last state that has one
   std::optional<torquer_lcm::scene_description_t> scene_;
   torquer_lcm::readings_t readings_{};
   std::vector<double> solve_us_;

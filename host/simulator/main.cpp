@@ -158,6 +158,10 @@ void Check(const Arguments& arguments) {
 int Repeat(torquer::scene::Scene& scene, const std::string& log) {
   const torquer::simulator::ReplayResult result = torquer::simulator::Replay(scene, log);
   fmt::print("{} states repeated, {} differ\n", result.states, result.differing);
+  if (result.outlines > 0) {
+    fmt::print("{} of them are in the log without their shape; their hashes were compared\n",
+               result.outlines);
+  }
   if (result.missing > 0) {
     fmt::print("{} that were not recorded were repeated from what later ones say\n",
                result.missing);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "host/bus/message_check.h"
+#include "host/bus/state_outline.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "host/support/fnv1a.h"
@@ -43,24 +44,28 @@ class Repeater {
                                   log_, recorded.tick, recorded.instrument_count, scene_.path(),
                                   scene_.stack().size()));
     }
-    // At rest the simulator publishes its last state again.
-    if (result_.states > 0 && recorded.tick == expected_tick_ - 1) {
-      if (!differs_ && !IsWhereItWas(recorded)) Note(recorded.tick);
+    // In a thinned log not every state says what was before it; after a gap such states wait for
+    // one that does.
+    if (!waiting_.empty() && recorded.tick < waiting_.back().tick) RefuseGap(recorded);
+    if (!Reaches(recorded)) {
+      const bool may_wait = recorded.tick > expected_tick_ && recorded.past_count == 0 &&
+                            waiting_.size() < static_cast<std::size_t>(kMostPastInMessage);
+      if (!may_wait) RefuseGap(recorded);
+      waiting_.push_back(recorded);
       return;
     }
-    RepeatMissing(recorded);
-    if (recorded.tick > 0) {
-      InstrumentPlaces target(scene_.stack().size());
-      for (int k = 0; k < target.size(); ++k) {
-        const auto& instrument = recorded.instruments[static_cast<std::size_t>(k)];
-        target[k] = {instrument.commanded_insertion_mm, instrument.commanded_rotation_rad};
-      }
-      Repeat(recorded.time_s, target, recorded.work);
+    for (const torquer_lcm::wire_state_t& state : waiting_) {
+      RepeatMissing(state.tick, recorded);
+      Take(state);
     }
-    ++expected_tick_;
-    ++result_.states;
-    differs_ = !IsWhereItWas(recorded);
-    if (differs_) Note(recorded.tick);
+    waiting_.clear();
+    RepeatMissing(recorded.tick, recorded);
+    Take(recorded);
+  }
+
+  // After the last state.
+  void Finish() const {
+    if (!waiting_.empty()) RefuseGap(waiting_.front());
   }
 
   void AddUndecodable() { ++result_.undecodable; }
@@ -74,12 +79,56 @@ class Repeater {
     if (result_.first_difference < 0) result_.first_difference = tick;
   }
 
+  // At rest the simulator publishes its last state again.
+  bool IsRepeated(const torquer_lcm::wire_state_t& recorded) const {
+    return result_.states > 0 && recorded.tick == expected_tick_ - 1;
+  }
+
+  // Whether nothing is missing before this state that it does not say itself. The start, tick 0, is
+  // the scene's and takes no work.
+  bool Reaches(const torquer_lcm::wire_state_t& recorded) const {
+    if (IsRepeated(recorded)) return true;
+    return recorded.tick >= expected_tick_ &&
+           recorded.tick - std::max<std::int64_t>(expected_tick_, 1) <= recorded.past_count;
+  }
+
+  [[noreturn]] void RefuseGap(const torquer_lcm::wire_state_t& recorded) const {
+    throw UserError(fmt::format(
+        "{}: after the state of tick {} comes that of tick {}; a replay needs the states of one "
+        "run of the simulator, and can make up for {} missing in a row; start the recording "
+        "before the simulator, and leave out none of a log's parts",
+        log_, expected_tick_ - 1, recorded.tick, kMostPastInMessage));
+  }
+
+  void Take(const torquer_lcm::wire_state_t& recorded) {
+    if (IsRepeated(recorded)) {
+      if (!differs_ && !IsWhereItWas(recorded)) Note(recorded.tick);
+      return;
+    }
+    if (recorded.tick > 0) {
+      InstrumentPlaces target(scene_.stack().size());
+      for (int k = 0; k < target.size(); ++k) {
+        const auto& instrument = recorded.instruments[static_cast<std::size_t>(k)];
+        target[k] = {instrument.commanded_insertion_mm, instrument.commanded_rotation_rad};
+      }
+      Repeat(recorded.time_s, target, recorded.work);
+    }
+    ++expected_tick_;
+    ++result_.states;
+    result_.outlines += bus::IsOutline(recorded) ? 1 : 0;
+    differs_ = !IsWhereItWas(recorded);
+    if (differs_) Note(recorded.tick);
+  }
+
   // Whether a recorded state says, to the bit, what the simulation says that it does. What it does
-  // not know, it is given: times, and what concerns the commands' way.
+  // not know, it is given: times, and what concerns the commands' way. What the recorder has left
+  // out is left out here too.
   bool IsWhereItWas(const torquer_lcm::wire_state_t& recorded) {
     expected_ = recorded;
     simulation_.Describe(expected_);
     expected_.status = (expected_.status & kRepeatedStatus) | (recorded.status & ~kRepeatedStatus);
+    if (bus::IsOutline(recorded)) bus::ReduceToOutline(expected_);
+    if (recorded.past_count == 0) bus::DropPast(expected_);
     return Encode(expected_, expected_bytes_) == Encode(recorded, recorded_bytes_);
   }
 
@@ -91,27 +140,18 @@ class Repeater {
     return bytes;
   }
 
-  // What was not recorded, from what this state says of the ticks before it. The start, tick 0, is
-  // the scene's and takes no work.
-  void RepeatMissing(const torquer_lcm::wire_state_t& recorded) {
-    if (recorded.tick < expected_tick_ ||
-        recorded.tick - std::max<std::int64_t>(expected_tick_, 1) > recorded.past_count) {
-      throw UserError(fmt::format(
-          "{}: after the state of tick {} comes that of tick {}; a replay needs the states of one "
-          "run of the simulator, and can make up for {} missing in a row; start the recording "
-          "before the simulator",
-          log_, expected_tick_ - 1, recorded.tick, kMostPastInMessage));
-    }
-    for (; expected_tick_ < recorded.tick; ++expected_tick_) {
+  // What was not recorded up to tick `end`, from what a later state says of the ticks before it.
+  void RepeatMissing(std::int64_t end, const torquer_lcm::wire_state_t& later) {
+    for (; expected_tick_ < end; ++expected_tick_) {
       ++result_.missing;
       if (expected_tick_ == 0) continue;
-      const auto past = static_cast<std::size_t>(recorded.tick - expected_tick_ - 1);
+      const auto past = static_cast<std::size_t>(later.tick - expected_tick_ - 1);
       InstrumentPlaces target(scene_.stack().size());
       for (int k = 0; k < target.size(); ++k) {
         const auto at = static_cast<std::size_t>(k);
-        target[k] = {recorded.past_insertion_mm[past][at], recorded.past_rotation_rad[past][at]};
+        target[k] = {later.past_insertion_mm[past][at], later.past_rotation_rad[past][at]};
       }
-      Repeat(recorded.past_time_s[past], target, recorded.past_work[past]);
+      Repeat(later.past_time_s[past], target, later.past_work[past]);
     }
   }
 
@@ -129,6 +169,7 @@ class Repeater {
   ReplayResult result_;
   std::int64_t expected_tick_ = 0;
   bool differs_ = false;  // the newest state
+  std::vector<torquer_lcm::wire_state_t> waiting_;
   torquer_lcm::wire_state_t expected_;
   std::vector<std::uint8_t> expected_bytes_, recorded_bytes_;
 };
@@ -156,6 +197,7 @@ void Read(EventLogReader& log, Repeater& repeater,
     }
     if (go_on && !go_on(repeater.result())) return;
   }
+  repeater.Finish();
 }
 
 }  // namespace

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "host/support/input_file.h"
+#include "host/support/log_parts.h"
 
 namespace torquer {
 
@@ -42,7 +42,8 @@ struct LogDamage {
 /// end of the file follows it, and what lies between such records is counted and skipped.
 class EventLogReader {
  public:
-  /// Throws UserError naming the file when it cannot be read.
+  /// Reads a log and its parts, as LogInput does. Throws UserError naming the file when it cannot
+  /// be read.
   explicit EventLogReader(const std::string& path);
 
   /// Reads the next whole record; false at the end of the log.
@@ -68,7 +69,7 @@ class EventLogReader {
   bool Place(Header& header);
   bool NumberFits(const Header& header);
 
-  InputFile file_;
+  LogInput file_;
   std::vector<std::uint8_t> window_;  // of the file, from window_at_ on
   std::int64_t window_at_ = 0;
   std::int64_t at_ = 0;

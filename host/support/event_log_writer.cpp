@@ -23,9 +23,11 @@ void PutBigEndian(std::vector<std::uint8_t>& bytes, std::int64_t value, int size
 
 }  // namespace
 
-EventLogWriter::EventLogWriter(std::string path)
+EventLogWriter::EventLogWriter(std::string path, std::int64_t first)
     : path_(std::move(path)),
-      file_(open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)) {
+      file_(open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)),
+      kept_(first),
+      next_(first) {
   if (file_ >= 0) return;
   const int reason = errno;
   if (reason == EEXIST) {

@@ -11,9 +11,9 @@ namespace torquer {
 
 class EventLogWriter {
  public:
-  /// Makes the file `path`. Throws UserError when something has that name already, or it cannot be
-  /// made.
-  explicit EventLogWriter(std::string path);
+  /// Makes the file `path`, whose first record gets the number `first`. Throws UserError when
+  /// something has that name already, or it cannot be made.
+  explicit EventLogWriter(std::string path, std::int64_t first = 0);
   /// Closes the file; what was not flushed is lost.
   ~EventLogWriter();
   EventLogWriter(const EventLogWriter&) = delete;
@@ -29,7 +29,7 @@ class EventLogWriter {
   /// Flush(), and waits until the disk has them.
   void Finish();
 
-  std::int64_t records() const { return next_; }  ///< written or waiting
+  std::int64_t next() const { return next_; }  ///< number of the next record
   std::int64_t bytes() const { return kept_bytes_ + static_cast<std::int64_t>(waiting_.size()); }
 
  private:

@@ -4,8 +4,10 @@
 #include <array>
 #include <string_view>
 #include <torquer_lcm/health_t.hpp>
+#include <torquer_lcm/wire_state_t.hpp>
 
 #include "host/bus/message_check.h"
+#include "host/bus/state_outline.h"
 #include "host/support/error.h"
 #include "protocol/lcm_channels.h"
 
@@ -15,6 +17,12 @@ namespace {
 constexpr const char* kRemedy = "give the file that torquer-recorder wrote";
 // Of processes that report health: as many as a page shows.
 constexpr std::size_t kMostTopics = 60;
+
+// Of a log with fewer shapes than ticks the page shows those.
+bool HasNoShape(const LogRecord& record) {
+  torquer_lcm::wire_state_t state;
+  return bus::DecodeMessage(record.data.data(), record.data.size(), state) && bus::IsOutline(state);
+}
 
 }  // namespace
 
@@ -37,6 +45,7 @@ Recording::Recording(const std::string& path) : file_(path, kRemedy) {
     // Wall clocks may be set back; what was recorded later comes later.
     length_us_ = std::max(length_us_, record.time_us - first_us);
     if (std::find(kChannels.begin(), kChannels.end(), record.channel) == kChannels.end()) continue;
+    if (record.channel == protocol::kWireStateChannel && HasNoShape(record)) continue;
     const std::string channel(record.channel);
     std::string name = channel;
     if (channel == protocol::kHealthChannel) {

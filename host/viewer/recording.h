@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "host/support/event_log.h"
-#include "host/support/input_file.h"
+#include "host/support/log_parts.h"
 
 namespace torquer::viewer {
 
@@ -33,7 +33,7 @@ class Recording {
   explicit Recording(const std::string& path);
 
   const std::vector<Topic>& topics() const { return topics_; }
-  /// The wire states; their times rise or stay, as those of all topics.
+  /// The wire states that have their shape; their times rise or stay, as those of all topics.
   const Topic& states() const;
   /// From the first record, which is at 0, to the last.
   std::int64_t length_us() const { return length_us_; }
@@ -45,7 +45,7 @@ class Recording {
  private:
   Topic* Find(const std::string& channel, const std::string& name);
 
-  InputFile file_;
+  LogInput file_;
   std::vector<Topic> topics_;
   std::int64_t length_us_ = 0;
   LogDamage damage_;

@@ -56,7 +56,7 @@ TEST_CASE("What was written is what LCM reads") {
     for (int k = 0; k < 1000; ++k) {
       log.Write(1'700'000'000'000'000 + k, k % 2 == 0 ? "EVEN" : "ODD", BytesOf(k));
     }
-    CHECK(log.records() == 1000);
+    CHECK(log.next() == 1000);
     log.Finish();
     CHECK(std::filesystem::file_size(folder.Path("log")) == static_cast<std::size_t>(log.bytes()));
   }

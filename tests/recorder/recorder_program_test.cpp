@@ -1,12 +1,17 @@
 // torquer-recorder on a bus: every message, in order, however the session is stopped.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "host/bus/bus.h"
+#include "host/bus/state_outline.h"
 #include "host/recorder/session_log.h"
 #include "protocol/lcm_channels.h"
 #include "tests/support/child_process.h"
@@ -14,6 +19,7 @@
 #include "tests/support/private_network.h"
 #include "tests/support/temporary_folder.h"
 #include "torquer_lcm/instrument_command_t.hpp"
+#include "torquer_lcm/wire_state_t.hpp"
 
 using namespace torquer;
 using namespace torquer::test;
@@ -37,7 +43,10 @@ Recorded Read(const std::string& path) {
 
 // A recorder that records, and who speaks on its bus.
 struct Session {
-  Session() {
+  explicit Session(const std::vector<std::string>& options = {}) {
+    std::vector<std::string> words{ProgramPath("torquer-recorder"), path};
+    words.insert(words.end(), options.begin(), options.end());
+    recorder.emplace(words);
     command.instrument = protocol::kGuidewire;
     // Once the log is there, nothing is missed.
     for (int i = 0; i < 2000 && !std::filesystem::exists(path); ++i) {
@@ -52,7 +61,7 @@ struct Session {
 
   TemporaryFolder folder;
   std::string path = folder.Path("log");
-  ChildProcess recorder{{ProgramPath("torquer-recorder"), path}};
+  std::optional<ChildProcess> recorder;
   bus::Bus bus;
   torquer_lcm::instrument_command_t command{};
 };
@@ -67,14 +76,14 @@ TEST_CASE("The recorder misses nothing while it stands still, and nothing at the
     for (int i = 0; i < 100; ++i) session.Publish();
   };
   burst();
-  session.recorder.Signal(SIGSTOP);
+  session.recorder->Signal(SIGSTOP);
   burst();
-  session.recorder.Signal(SIGCONT);
+  session.recorder->Signal(SIGCONT);
   burst();
-  session.recorder.Signal(GENERATE(SIGTERM, SIGINT));
-  CHECK(session.recorder.Wait() == 0);
-  CAPTURE(session.recorder.Output(), session.recorder.Error());
-  CHECK_THAT(session.recorder.Output(), Catch::StartsWith("300 messages, "));
+  session.recorder->Signal(GENERATE(SIGTERM, SIGINT));
+  CHECK(session.recorder->Wait() == 0);
+  CAPTURE(session.recorder->Output(), session.recorder->Error());
+  CHECK_THAT(session.recorder->Output(), Catch::StartsWith("300 messages, "));
   const Recorded recorded = Read(session.path);
   REQUIRE(recorded.sequences.size() == 300);
   for (std::size_t i = 0; i < 300; ++i) REQUIRE(recorded.sequences[i] == static_cast<int>(i));
@@ -88,11 +97,53 @@ TEST_CASE("What was recorded before a kill is a log") {
     session.Publish();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  session.recorder.Signal(SIGKILL);
-  session.recorder.Wait();
+  session.recorder->Signal(SIGKILL);
+  session.recorder->Wait();
   const Recorded recorded = Read(session.path);
   CHECK(recorded.sequences.size() > 10);
   CHECK_FALSE(recorded.summary.damage.any());
+}
+
+TEST_CASE("The recorder thins shapes, ends with one, and goes on in parts") {
+  NeedPrivateNetwork();
+  Session session({"--shapes", "5", "--part-mb", "0.1", "--keep", "3"});
+  torquer_lcm::wire_state_t state{};
+  state.segment_count = 500;
+  state.stride = 1;
+  state.nodes_mm.assign(501, {1, 2, 3});
+  state.node_count = 501;
+  const auto publish = [&] {
+    REQUIRE(session.bus.Publish(protocol::kWireStateChannel, state));
+    ++state.tick;
+    session.Publish();
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+  };
+  for (int k = 0; k < 30'000 && !std::filesystem::exists(session.path + ".part005"); ++k) publish();
+  for (int k = 0; k < 10; ++k) publish();
+  session.recorder->Signal(SIGTERM);
+  CHECK(session.recorder->Wait() == 0);
+  CAPTURE(session.recorder->Output(), session.recorder->Error());
+  CHECK_THAT(session.recorder->Output(), Catch::Contains("and its parts, 5 in all; the oldest 2 "));
+  CHECK_FALSE(std::filesystem::exists(session.path));
+  CHECK_FALSE(std::filesystem::exists(session.path + ".part002"));
+  std::vector<bool> outlines;
+  std::int64_t newest = -1;
+  std::int64_t missing = 0;
+  SessionHandlers handlers;
+  handlers.state = [&](const torquer_lcm::wire_state_t& recorded) {
+    outlines.push_back(bus::IsOutline(recorded));
+    if (newest >= 0 && recorded.tick != newest) missing += recorded.tick - newest - 1;
+    newest = recorded.tick;
+  };
+  const SessionLogSummary summary = ReadSessionLog(session.path, handlers);
+  CHECK_FALSE(summary.damage.any());
+  REQUIRE(outlines.size() > 100);
+  CHECK_FALSE(outlines.front());
+  CHECK_FALSE(outlines.back());
+  CHECK(missing == 0);
+  CHECK(newest == state.tick - 1);
+  CHECK(std::count(outlines.begin(), outlines.end(), false) <
+        static_cast<std::ptrdiff_t>(outlines.size() / 10));
 }
 
 TEST_CASE("A log that cannot be made is refused before anything is recorded") {
@@ -100,4 +151,7 @@ TEST_CASE("A log that cannot be made is refused before anything is recorded") {
   ChildProcess recorder({ProgramPath("torquer-recorder"), "/none/log"});
   CHECK(recorder.Wait() == 2);
   CHECK_THAT(recorder.Error(), Catch::StartsWith("torquer-recorder: /none/log: cannot be made"));
+  ChildProcess keeper({ProgramPath("torquer-recorder"), "/none/log", "--keep", "2"});
+  CHECK(keeper.Wait() == 2);
+  CHECK_THAT(keeper.Error(), Catch::Contains("--keep is of parts; give --part-mb too"));
 }

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "host/bus/message_check.h"
+#include "host/bus/state_outline.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "tests/simulator/state_log.h"
@@ -106,6 +107,53 @@ TEST_CASE("States that were not recorded are made up for by those after them", "
   CHECK(result.missing == torquer::simulator::kMostPastInMessage + 2);
   CHECK(result.states + result.missing == 81);
   CHECK(result.differing == 0);
+}
+
+TEST_CASE("A log without most shapes is repeated, over gaps too, and says so", "[simulator]") {
+  const SceneFile file(torquer::test::kMicrocatheter);
+  // As the recorder thins: a shape every 50 ticks, the past every 16.
+  const auto thin = [](torquer_lcm::wire_state_t& state) {
+    if (state.tick % 50 != 0) torquer::bus::ReduceToOutline(state);
+    if (state.tick % 16 != 0) torquer::bus::DropPast(state);
+  };
+  const auto replay = [&file](const std::function<bool(torquer_lcm::wire_state_t&)>& spoil) {
+    Record(file.path(), file.Beside("log"), 150, spoil);
+    torquer::scene::Scene scene(file.path());
+    return torquer::simulator::Replay(scene, file.Beside("log"));
+  };
+  auto result = replay([&](torquer_lcm::wire_state_t& state) {
+    thin(state);
+    return true;
+  });
+  CHECK(result.states == 151);
+  CHECK(result.outlines == 147);
+  CHECK(result.differing == 0);
+  // What is missing is in the state of tick 64, and those before that wait for it.
+  result = replay([&](torquer_lcm::wire_state_t& state) {
+    thin(state);
+    return (state.tick < 49 || state.tick > 52) && state.tick != 55;
+  });
+  CHECK(result.states == 146);
+  CHECK(result.missing == 5);
+  CHECK(result.differing == 0);
+  result = replay([&](torquer_lcm::wire_state_t& state) {
+    thin(state);
+    if (state.tick == 40) state.state_hash ^= 1;
+    if (state.tick == 41) state.nodes_mm[1][2] += 1e-3F;
+    if (state.tick == 42) state.instruments[1].tip_mm[0] += 1e-12;
+    return true;
+  });
+  CHECK(result.differing == 3);
+  CHECK(result.first_difference == 40);
+  const auto unbridged = [&](std::int64_t first_lost, std::int64_t next) {
+    return [&thin, first_lost, next](torquer_lcm::wire_state_t& state) {
+      thin(state);
+      return state.tick < first_lost || state.tick >= next;
+    };
+  };
+  CHECK_THROWS_WITH(replay(unbridged(60, 95)),
+                    Contains("after the state of tick 59 comes that of"));
+  CHECK_THROWS_WITH(replay(unbridged(145, 147)), Contains("after the state of tick 144 comes"));
 }
 
 TEST_CASE("A replay finds one flipped bit in what a state says", "[simulator]") {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "host/bus/message_check.h"
+#include "host/bus/state_outline.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
@@ -128,6 +129,27 @@ TEST_CASE("A recording gives the newest of each topic at any moment") {
   CHECK(Find(recording, health + "/daemon/")->times_us == std::vector<std::int64_t>{0, 9000});
   REQUIRE(Find(recording, health + "/simulator/") != nullptr);
   CHECK_FALSE(recording.damage().any());
+}
+
+TEST_CASE("A recording shows the states that have their shape") {
+  const TemporaryFolder folder;
+  {
+    EventLogWriter log(folder.Path("log"));
+    for (int tick = 1; tick <= 10; ++tick) {
+      torquer_lcm::wire_state_t state = State(tick);
+      state.nodes_mm.assign(5, {1, 2, 3});
+      state.node_count = 5;
+      state.segment_count = 4;
+      state.stride = 1;
+      if (tick % 4 != 0) torquer::bus::ReduceToOutline(state);
+      Write(log, 1000 * tick, torquer::protocol::kWireStateChannel, state);
+    }
+    log.Finish();
+  }
+  const Recording recording(folder.Path("log"));
+  CHECK(recording.states().times_us == std::vector<std::int64_t>{3000, 7000});
+  CHECK(recording.length_us() == 9000);
+  CHECK(TickAt(recording, 6999) == 4);
 }
 
 TEST_CASE("A recording with many processes keeps its states") {
