@@ -183,7 +183,7 @@ void CaseStation::Begin(std::int64_t now_us) {
   since_us_ = now_us;
   folder_ = NewFolder(sessions_ / cases_[chosen_].name);
   std::vector<std::string> words = {(programs_.folder / "torquer-recorder").string(),
-                                    (folder_ / "session.lcmlog").string()};
+                                    (folder_ / "session.lcmlog").string(), "--shapes", "60"};
   if (!programs_.lcm_url.empty()) words.insert(words.end(), {"--lcm-url", programs_.lcm_url});
   recorder_ = std::make_unique<ChildProgram>(words, (folder_ / "recorder.log").string());
 }

@@ -47,7 +47,7 @@ class CaseStation {
     std::function<std::int64_t()> free_bytes = {};
   };
 
-  /// A minute of a scene that moves takes 0.4 GB. With less room no case starts, and one that runs
+  /// A minute of a scene that moves takes 0.1 GB. With less room no case starts, and one that runs
   /// is ended, so that nobody fills a disk by leaving a page open.
   static constexpr std::int64_t kLeastFreeBytes = 2'000'000'000;
 
