@@ -154,7 +154,7 @@ async function marked() {
   const grays = means.filter((_, k) => k % 3 === 0);
   const middle = [...grays].sort((a, b) => a - b)[Math.floor(grays.length / 2)];
   const those = (is) => new Set([...grays.keys()].filter((k) => is(grays[k] - middle)));
-  return { dark: those((gray) => gray < -12), bright: those((gray) => gray > 12) };
+  return { dark: those((gray) => gray < -12), touched: those((gray) => gray < -5), bright: those((gray) => gray > 12) };
 }
 const dye = () => page.evaluate(() => window.torquer.readings()?.values.contrast_injected_mL ?? 0);
 // The pedal is down; then contrast for 20 mL. What `seen` gives while it flows.
@@ -168,23 +168,32 @@ async function inject(seen) {
   return found;
 }
 
+// In which the dye reaches all that it reaches.
+const DYE_MS = 7000;
+
 test("subtracted, dye is dark and all else even; a road map keeps it bright when it is gone", async () => {
   await mode("subtraction");
-  const filled = new Set();
+  // A busy page misses pulses, of which the map keeps the fullest: what it saw of these is less.
+  const [filled, touched] = [new Set(), new Set()];
   await inject(async () => {
-    for (const end = Date.now() + 1500; Date.now() < end;) for (const block of (await marked()).dark) filled.add(block);
+    for (const end = Date.now() + DYE_MS; Date.now() < end;) {
+      const seen = await marked();
+      for (const block of seen.dark) filled.add(block);
+      for (const block of seen.touched) touched.add(block);
+    }
   });
   assert.ok(filled.size > 15, `${filled.size} blocks were filled`);
-  assert.ok(filled.size < 0.5 * 32 * 32, `${filled.size} blocks were filled`);
+  assert.ok(touched.size < 0.5 * 32 * 32, `${touched.size} blocks were touched`);
 
   await page.waitForTimeout(6000); // it flows away
   await mode("road map");
   const map = await inject(async () => {
-    await page.waitForTimeout(7000);
+    await page.waitForTimeout(DYE_MS);
     return marked();
   });
   const within = [...map.bright].filter((block) => filled.has(block)).length;
   assert.ok(within > 0.6 * filled.size, `of ${filled.size} blocks that were filled ${within} are bright in the map`);
-  assert.ok(within > 0.95 * map.bright.size, `${map.bright.size - within} blocks of the map were never filled`);
+  const strange = [...map.bright].filter((block) => !touched.has(block)).length;
+  assert.ok(strange < 0.05 * map.bright.size, `${strange} of ${map.bright.size} blocks of the map had no dye`);
   assert.ok(map.dark.size < 0.1 * filled.size, `${map.dark.size} blocks of the map are dark`);
 });
