@@ -241,13 +241,18 @@ InstrumentClaim::InstrumentClaim(const std::string& instrument, const std::strin
   constexpr std::size_t kSize = kRecordOffset + sizeof(Record);
   void* memory = MAP_FAILED;
   // posix_fallocate: a full file system is found here, not by a SIGBUS at the first store.
-  if (posix_fallocate(claim_.file(), 0, kSize) == 0) {
+  int reason = 0;
+  do {
+    reason = posix_fallocate(claim_.file(), 0, kSize);
+  } while (reason == EINTR);
+  if (reason == 0) {
     memory = mmap(nullptr, kSize, PROT_READ | PROT_WRITE, MAP_SHARED, claim_.file(), 0);
+    reason = errno;
   }
   if (memory == MAP_FAILED) {
-    throw UserError(
-        fmt::format("the last position of '{}' cannot be kept: {}; free space in XDG_RUNTIME_DIR",
-                    instrument, std::strerror(errno)));
+    throw UserError(fmt::format(
+        "{}: the last position of '{}' cannot be kept: {}; free space in XDG_RUNTIME_DIR",
+        PathOf(InstrumentClaimName(instrument, lcm_url)), instrument, std::strerror(reason)));
   }
   record_ = reinterpret_cast<Record*>(static_cast<char*>(memory) + kRecordOffset);
   for (const Record::Slot& slot : record_->slots) {

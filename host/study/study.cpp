@@ -135,8 +135,7 @@ void StudyRun::EndProgress() {
 
 void StudyRun::Finish(const std::string& title) {
   EndProgress();
-  std::error_code error;
-  std::filesystem::create_directories(options_.folder, error);
+  MakeFolder(options_.folder);
   const std::string stem = options_.folder + "/" + study_;
   std::string lines;
   for (const ResultRow& row : rows_) lines += FormatJson(row) + "\n";
@@ -164,6 +163,14 @@ void RequireScene(const std::string& folder, const std::string& scene) {
   if (!std::filesystem::exists(path)) {
     throw UserError(path + ": no such scene; name the folder of scenes with --scenes");
   }
+}
+
+void MakeFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (!error) return;
+  throw UserError(path + ": the folder cannot be made: " + error.message() +
+                  "; name one with --out where you may write");
 }
 
 void WriteWhole(const std::string& path, const std::string& text) {

@@ -115,6 +115,9 @@ std::string SceneFolder(const std::string& given);
 /// Throws UserError that names the remedy unless <folder>/<scene>.toml is there.
 void RequireScene(const std::string& folder, const std::string& scene);
 
+/// Makes the folder where a study's files go. Throws UserError naming it.
+void MakeFolder(const std::string& path);
+
 /// Writes a file whole or not at all. Throws UserError naming it.
 void WriteWhole(const std::string& path, const std::string& text);
 

@@ -241,7 +241,7 @@ class TraceStudy final : public Study {
     ShowHardest(run, trace);
     run.Section("Every attempt");
     DrawAll(run, trace);
-    std::filesystem::create_directories(run.folder());
+    MakeFolder(run.folder());
     const std::string file = run.folder() + "/trace_attempts.csv";
     WriteAttempts(trace, file);
     run.Say("All figures of every attempt: " + file + ".");

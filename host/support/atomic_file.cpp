@@ -98,7 +98,10 @@ class AtomicFile::Buffer : public std::streambuf {
   std::int64_t kept() const { return kept_; }
 
   int Reserve(std::int64_t bytes) {
-    const int error = posix_fallocate(fd_, 0, bytes);
+    int error = 0;
+    do {
+      error = posix_fallocate(fd_, 0, bytes);
+    } while (error == EINTR);
     if (error == 0) reserved_ = true;
     return error;
   }

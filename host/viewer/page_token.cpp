@@ -8,8 +8,8 @@
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 
+#include "host/support/atomic_file.h"
 #include "host/support/error.h"
 
 namespace torquer::viewer {
@@ -34,19 +34,20 @@ std::string RandomToken() {
 }
 
 std::string KeptToken(const std::string& path) {
-  const int made = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (made >= 0) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  if (file < 0 && errno == ENOENT) {
+    // Nobody else may read it, from the beginning.
+    const mode_t before = umask(077);
     const std::string token = RandomToken();
-    const bool written = write(made, token.data(), token.size()) == static_cast<ssize_t>(kDigits);
-    close(made);
-    if (!written) Refuse(path, "cannot be written; name a file on a disk with room");
+    try {
+      WriteFileAtomically(path, token);
+    } catch (const UserError& error) {
+      umask(before);
+      throw UserError(std::string("--token-file ") + error.what());
+    }
+    umask(before);
     return token;
   }
-  if (errno != EEXIST) {
-    Refuse(path, fmt::format("cannot be made: {}; name a file in a folder of yours",
-                             std::strerror(errno)));
-  }
-  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   std::array<char, kDigits + 1> text{};
   struct stat status {};
   const bool usable = file >= 0 && fstat(file, &status) == 0 && S_ISREG(status.st_mode);

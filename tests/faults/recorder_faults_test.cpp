@@ -1,0 +1,128 @@
+// The recorder on a disk that fails: what it has written reads as a log.
+#include <catch2/catch.hpp>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "host/bus/bus.h"
+#include "host/support/error.h"
+#include "host/support/event_log.h"
+#include "host/support/log_parts.h"
+#include "protocol/lcm_channels.h"
+#include "tests/faults/faulty_run.h"
+#include "tests/support/paths.h"
+#include "tests/support/private_network.h"
+#include "tests/support/temporary_folder.h"
+#include "torquer_lcm/health_t.hpp"
+
+namespace torquer::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+void Pause(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms)); }
+
+bool Appears(const std::string& path, const ChildProcess& process) {
+  for (int k = 0; k < 2000 && process.Error().empty(); ++k) {
+    if (fs::exists(path)) return true;
+    Pause(1);
+  }
+  return fs::exists(path);
+}
+
+// Records of a log and its parts; -1 where there is none. Damage other than an end within a record
+// is none that a disk may do.
+std::int64_t RecordsIn(const std::string& path, bool may_be_cut) {
+  if (!fs::exists(path) && LaterLogParts(path).empty()) return -1;
+  EventLogReader log(path);
+  std::int64_t records = 0;
+  for (LogRecord record; log.Next(record);) ++records;
+  INFO(log.damage().Describe());
+  CHECK(log.damage().places == 0);
+  CHECK(log.damage().missing == 0);
+  CHECK((may_be_cut || !log.damage().cut));
+  return records;
+}
+
+}  // namespace
+
+TEST_CASE("A recording on a disk that fails ends with whole records, and says so") {
+  NeedPrivateNetwork();
+  bus::Bus bus;
+  torquer_lcm::health_t message{};
+  message.message.assign(2000, 'x');
+  const auto [kind, error] = GENERATE(std::pair("ENOSPC", ENOSPC), std::pair("EIO", EIO),
+                                      std::pair("EROFS", EROFS), std::pair("KILL", 0));
+  for (int at = 1;; ++at) {
+    const TemporaryFolder folder;
+    const TemporaryFolder notes;
+    const std::string path = folder.Path("log");
+    const Fault fault{kind, at, folder.Path(), notes.Path("steps")};
+    ChildProcess recorder(WithFault(
+        fault, {ProgramPath("torquer-recorder"), path, "--part-mb", "0.15", "--keep", "1"}));
+    if (Appears(path, recorder)) {
+      // As many parts as it takes for one to be removed, and some for the last.
+      for (int k = 0; k < 210; ++k) {
+        bus.Publish(protocol::kHealthChannel, message);
+        if (k % 100 == 99) Pause(110);
+      }
+    }
+    recorder.Signal(SIGTERM);
+    const int status = recorder.Wait();
+    const auto steps = Steps(fault);
+    const bool met = steps.size() >= static_cast<std::size_t>(at);
+    INFO(kind << " at step " << at << ": " << (met ? steps[static_cast<std::size_t>(at) - 1] : "")
+              << "\nstatus " << status << ": " << recorder.Error());
+    const std::int64_t records = RecordsIn(path, error == 0);
+    if (!met) {
+      CHECK(status == 0);
+      CHECK(at > 6);
+      CHECK(records > 0);
+      break;
+    }
+    if (error == 0) {
+      CHECK(status == 128 + SIGKILL);
+      continue;
+    }
+    CHECK(status == 2);
+    CHECK_THAT(recorder.Error(), Catch::Contains(path));
+    CHECK_THAT(recorder.Error(), Catch::Contains(std::strerror(error)));
+  }
+}
+
+TEST_CASE("A recording ends before its disk is full, and does not begin on such a disk") {
+  NeedPrivateNetwork();
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("log");
+  const std::string room = folder.Path("room");
+  const auto have = [&room](std::int64_t bytes) { std::ofstream(room) << bytes; };
+  const auto words =
+      WithSetting("TORQUER_FREE_BYTES=" + room, {ProgramPath("torquer-recorder"), path});
+  have(99'999'999);
+  {
+    ChildProcess recorder(words);
+    CHECK(recorder.Wait() == 2);
+    CHECK_THAT(recorder.Error(), Catch::Contains(path + ": its disk has 99 MB free"));
+    CHECK_FALSE(fs::exists(path));
+  }
+  have(100'000'000);
+  ChildProcess recorder(words);
+  REQUIRE(Appears(path, recorder));
+  bus::Bus bus;
+  torquer_lcm::health_t message{};
+  for (int k = 0; k < 500; ++k) bus.Publish(protocol::kHealthChannel, message);
+  Pause(50);
+  have(99'999'999);
+  CHECK(recorder.Wait() == 1);
+  CHECK_THAT(recorder.Output(), Catch::StartsWith("500 messages"));
+  CHECK_THAT(recorder.Error(), Catch::Contains(path + ": ends here, and is whole"));
+  CHECK(RecordsIn(path, false) == 500);
+}
+
+}  // namespace torquer::test
