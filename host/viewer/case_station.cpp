@@ -27,7 +27,9 @@ constexpr std::int64_t kMostReportBytes = std::int64_t{64} << 20;
 // After that a program that was asked to end is killed. A simulator keeps its field, a recorder
 // what still comes.
 constexpr std::int64_t kEndUs = 10'000'000;
-constexpr std::int64_t kReportUs = 120'000'000;
+// Where somebody waits for the program's end.
+constexpr std::int64_t kLastReportUs = 30'000'000;
+constexpr std::int64_t kStrangerUs = 300'000;
 constexpr std::size_t kLastOutputBytes = 400;
 constexpr std::int64_t kLookForRoomUs = 2'000'000;
 
@@ -127,13 +129,11 @@ CaseStation::CaseStation(std::vector<Case> cases, fs::path sessions, Programs pr
 }
 
 CaseStation::~CaseStation() {
-  for (ChildProgram* program : {simulator_.get(), recorder_.get()}) {
-    if (program == nullptr) continue;
-    program->Signal(SIGTERM);
-    for (std::int64_t waited_us = 0; waited_us < kEndUs / 2 && !program->Ended();
-         waited_us += 10'000) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
+  std::int64_t now_us = since_us_;
+  report_us_ = kLastReportUs;
+  for (End(now_us); phase_ == Phase::kEnding; now_us += 10'000) {
+    Advance(now_us);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
 }
 
@@ -150,6 +150,13 @@ bool CaseStation::Start(std::size_t number, std::int64_t now_us) {
   problem_.clear();
   phase_ = Phase::kEnded;
   looked_us_ = now_us;
+  if (stranger_us_ && now_us - *stranger_us_ < kStrangerUs) {
+    problem_ =
+        "another torquer-simulator publishes on this network, and two would steer one page; end "
+        "it, "
+        "or start the viewer with another --lcm-url";
+    return true;
+  }
   if (!HasRoom()) return true;
   try {
     Begin(now_us);
@@ -206,7 +213,8 @@ bool CaseStation::Close() {
   return true;
 }
 
-void CaseStation::SawState() {
+void CaseStation::SawState(std::int64_t now_us) {
+  if (phase_ == Phase::kChoose || phase_ == Phase::kEnded) stranger_us_ = now_us;
   if (phase_ != Phase::kStarting || simulator_ == nullptr) return;
   phase_ = Phase::kRunning;
   changed_ = true;
@@ -281,7 +289,7 @@ void CaseStation::AdvanceEnding(std::int64_t now_us) {
     if (ran) return WriteReport(now_us);
   }
   if (reporter_ != nullptr && !reporter_->Ended()) {
-    if (now_us - since_us_ > kReportUs) reporter_->Signal(SIGKILL);
+    if (now_us - since_us_ > report_us_) reporter_->Signal(SIGKILL);
     return;
   }
   if (reporter_ != nullptr) {

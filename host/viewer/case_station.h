@@ -54,7 +54,7 @@ class CaseStation {
   /// Each session has its folder in `sessions`/CASE, named by the time. Throws UserError where that
   /// cannot be made.
   CaseStation(std::vector<Case> cases, std::filesystem::path sessions, Programs programs);
-  /// Ends what runs, in order: the simulator first, so that the log is whole.
+  /// Ends what runs, in order: simulator, recorder, and the report is written.
   ~CaseStation();
   CaseStation(const CaseStation&) = delete;
   CaseStation& operator=(const CaseStation&) = delete;
@@ -65,8 +65,9 @@ class CaseStation {
   bool End(std::int64_t now_us);
   bool Close();
 
-  /// The simulator of the case has published a state.
-  void SawState();
+  /// A simulator has published a state: that of the case, or where none runs a stranger's, beside
+  /// which no case starts.
+  void SawState(std::int64_t now_us);
   /// Looks after the programs; call it often. Whether anything has changed that Text() says.
   bool Advance(std::int64_t now_us);
 
@@ -103,8 +104,10 @@ class CaseStation {
   std::unique_ptr<ChildProgram> recorder_;
   std::unique_ptr<ChildProgram> simulator_;
   std::unique_ptr<ChildProgram> reporter_;
-  std::int64_t looked_us_ = 0;  // for room on the disk
-  std::int64_t since_us_ = 0;   // when the phase, or what is waited for in it, began
+  std::int64_t looked_us_ = 0;               // for room on the disk
+  std::int64_t since_us_ = 0;                // when the phase, or what is waited for in it, began
+  std::int64_t report_us_ = 120'000'000;     // that torquer-report may take
+  std::optional<std::int64_t> stranger_us_;  // newest state that is of no case
   std::string problem_;
   std::optional<std::string> report_;
   bool changed_ = true;

@@ -55,6 +55,13 @@ constexpr char kDocumentPolicy[] =
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'; "
     "base-uri 'none'; form-action 'none'; sandbox";
 
+// Whether the other end is gone, or silent: nothing was refused.
+bool HasLeft(const error_code& error) {
+  return error == websocket::error::closed || error == asio::error::eof ||
+         error == asio::error::connection_reset || error == asio::error::operation_aborted ||
+         error == beast::error::timeout;
+}
+
 // In a time that does not depend on where they differ.
 bool Equal(std::string_view a, std::string_view b) {
   if (a.size() != b.size()) return false;
@@ -199,7 +206,11 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     stream_.set_option(websocket::stream_base::timeout{kRequestTime, kSilentPageTime, true});
     stream_.read_message_max(kMostMessageBytes);
     stream_.async_accept(request, [self = this->shared_from_this()](error_code error) {
-      if (error) return;
+      if (error) {
+        // An upgrade without its headers is Beast's to refuse.
+        self->server_.refused_ += !HasLeft(error);
+        return;
+      }
       self->open_ = true;
       self->Read();
       self->Write();
@@ -216,11 +227,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     stream_.async_read(buffer_, [self = this->shared_from_this()](error_code error, std::size_t) {
       if (error) {
         // A frame that is none, or too large, is Beast's to refuse.
-        const bool ended = error == websocket::error::closed || error == asio::error::eof ||
-                           error == asio::error::connection_reset ||
-                           error == asio::error::operation_aborted ||
-                           error == beast::error::timeout;
-        self->server_.refused_ += !ended;
+        self->server_.refused_ += !HasLeft(error);
         return self->Close();
       }
       self->Take();

@@ -78,7 +78,7 @@ class Viewer {
           state_ = state;
           state_is_new_ = true;
           ++states_;
-          if (station_ != nullptr) station_->SawState();
+          if (station_ != nullptr) station_->SawState(bus::MonotonicUs());
         },
         kQueue);
     bus_.Subscribe<torquer_lcm::wire_forces_t>(

@@ -70,8 +70,8 @@ class Stage {
 // Looks after the station until the phase has come; 5 s at most, of which it knows nothing.
 bool Reaches(CaseStation& station, Phase phase, bool sees_states = true) {
   for (int i = 0; i < 5000 && station.phase() != phase; ++i) {
+    if (sees_states) station.SawState(kNow);
     station.Advance(kNow);
-    if (sees_states) station.SawState();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   return station.phase() == phase;
@@ -137,7 +137,7 @@ TEST_CASE("States count only once the case's own simulator runs") {
   REQUIRE(station.Start(0, kNow));
   for (int i = 0; i < 20; ++i) {
     station.Advance(kNow);
-    station.SawState();
+    station.SawState(kNow);
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   CHECK(station.phase() == Phase::kStarting);
@@ -204,10 +204,9 @@ TEST_CASE("What goes wrong with a case is said, and another one can be started")
     CHECK(Reaches(station, Phase::kEnded));
     CHECK(stage.Order() == "recorder\nreport\n");
   }
-  for (const char* name : {"torquer-recorder", "torquer-simulator", "torquer-report"}) {
-    stage.Write(name,
-                stage.Waits("x", std::string(name) == "torquer-recorder" ? "touch $1\n" : ""));
-  }
+  stage.Write("torquer-recorder", stage.Waits("x", "touch $1\n"));
+  stage.Write("torquer-simulator", stage.Waits("x"));
+  stage.Write("torquer-report", "exit 2");
   REQUIRE(station.Start(1, kNow));
   CHECK(Reaches(station, Phase::kRunning));
   CHECK(Said(station)["problem"] == "");
@@ -241,7 +240,21 @@ TEST_CASE("Nobody fills a disk by leaving a case open") {
   CHECK(station.phase() == Phase::kStarting);
 }
 
-TEST_CASE("A station that ends takes its programs with it, the recorder last") {
+TEST_CASE("No case starts beside a stranger's simulator") {
+  const Stage stage;
+  CaseStation station = stage.Station();
+  station.SawState(kNow);
+  REQUIRE(station.Start(0, kNow + 200'000));
+  CHECK(station.phase() == Phase::kEnded);
+  CHECK_THAT(std::string(Said(station)["problem"]),
+             Catch::Contains("another torquer-simulator") && Catch::Contains("--lcm-url"));
+  REQUIRE(station.Close());
+  // It is gone.
+  REQUIRE(station.Start(0, kNow + 500'000));
+  CHECK(station.phase() == Phase::kStarting);
+}
+
+TEST_CASE("A station that ends takes its programs with it, and writes the report") {
   const Stage stage;
   {
     CaseStation station = stage.Station();
@@ -249,7 +262,7 @@ TEST_CASE("A station that ends takes its programs with it, the recorder last") {
     REQUIRE(Reaches(station, Phase::kRunning));
     REQUIRE(Listens(stage, "simulator"));
   }
-  CHECK(stage.Order() == "simulator\nrecorder\n");
+  CHECK(stage.Order() == "simulator\nrecorder\nreport\n");
 }
 
 TEST_CASE("Cases are a folder's scenes with a section [case], the easiest first") {

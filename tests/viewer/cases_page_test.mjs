@@ -146,6 +146,17 @@ try {
       return true;
     }
   });
+
+  // Asked to end, it writes the report first.
+  await phase("choose");
+  await start("Examination", "Cerebral angiogram");
+  await phase("running");
+  process.kill(Number(session.read("viewer.pid")), "SIGTERM");
+  const last = join(session.folder, "sessions", "neuro_angio");
+  await until("the report of the last session", () => {
+    const newest = readdirSync(last).filter((name) => name !== "latest").sort().at(-1);
+    return existsSync(join(last, newest, "report.html"));
+  });
   assert.deepEqual(problems, []);
   assert.deepEqual(outside, []);
 } finally {

@@ -108,6 +108,17 @@ class Attacker {
       RawClient client(served_.port);
       return !client.Upgrade(served_.Bus(), served_.host, random_() % 2 == 0 ? "" : Elsewhere());
     });
+    Add("upgrade without its headers", [this] {
+      static const std::vector<std::string> unusable = {
+          "", "Sec-WebSocket-Version: 13\r\n", "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n",
+          "Sec-WebSocket-Version: 12\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n",
+          "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: \r\n"};
+      const int status =
+          Get(served_.Bus(), served_.host,
+              "Origin: " + served_.Origin() + "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n" +
+                  unusable[random_() % unusable.size()]);
+      return status == 400 || status == 426;
+    });
     Add("text", [this] { return Frame(Framed(0x81, 4, Word(4))); });
     Add("not masked", [this] { return Frame("\x82\x04" + Word(4)); });
     Add("another length", [this] {
