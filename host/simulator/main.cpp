@@ -99,7 +99,8 @@ struct Arguments {
 void Declare(torquer::Options& options, Arguments& arguments) {
   using torquer::ValueKind;
   options.Group("Live, until Ctrl-C: follows instrument commands, publishes wire states");
-  options.Text("--scene", "FILE", arguments.scene, "the scene", ValueKind::kFile);
+  options.Text("--scene", "FILE", arguments.scene,
+               "the scene: a file, or the name of one that Torquer has", ValueKind::kFile);
   options.Text("--lcm-url", "URL", arguments.url, "LCM network (default: LCM_DEFAULT_URL)");
   options.Flag("--realtime", arguments.realtime,
                "before all ordinary programs, with its memory kept in RAM");

@@ -105,7 +105,8 @@ int main(int argc, char** argv) {
       "instead of --port.");
   Arguments arguments;
   torquer::Options& options = program.options();
-  options.Text("--scene", "FILE", arguments.scene, "the scene, for the vessel in the 3D view",
+  options.Text("--scene", "FILE", arguments.scene,
+               "the scene, by file or name, for the vessel in the 3D view",
                torquer::ValueKind::kFile);
   options.Text("--cases", "FOLDER", arguments.cases,
                "in place of --scene: a folder of scenes, of which the page starts the one that is "

@@ -1,4 +1,4 @@
-// A program that writes files, run in a folder of its own; and whether its files are as they were
+// A program that writes files, run in a separate folder; and whether its files are as they were
 // or whole.
 #pragma once
 

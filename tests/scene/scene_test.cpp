@@ -1,6 +1,7 @@
 #include "host/simulator/scene/scene.h"
 
 #include <catch2/catch.hpp>
+#include <filesystem>
 #include <fstream>
 #include <string>
 
@@ -162,6 +163,26 @@ TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
     for (const std::string& part : one.said) CHECK_THAT(said, Contains(part));
   }
   CHECK_THROWS_WITH(Scene("no/such.toml"), Contains("no/such.toml"));
+}
+
+TEST_CASE("Torquer's scenes are found by name, unless a file is called so") {
+  namespace fs = std::filesystem;
+  using torquer::scene::ScenePath;
+  const auto scene = torquer::scene::ReadScene("ty_phantom");
+  CHECK(scene.name == "ty_phantom");
+  CHECK_THAT(scene.path, Catch::EndsWith("/scenes/ty_phantom.toml"));
+  CHECK_THROWS_WITH(ScenePath("ty_phantoms"),
+                    Catch::StartsWith("ty_phantoms: there is no such file") &&
+                        Contains(" neuro_arch,") && Contains(" ty_phantom"));
+  CHECK(ScenePath("folder/ty_phantom") == "folder/ty_phantom");
+  CHECK(ScenePath("ty_phantom.toml") == "ty_phantom.toml");
+
+  const torquer::test::TemporaryFolder folder;
+  const fs::path before = fs::current_path();
+  fs::current_path(folder.Path());
+  std::ofstream("ty_phantom") << kGood;
+  CHECK(torquer::scene::ReadScene("ty_phantom").name == "test");
+  fs::current_path(before);
 }
 
 TEST_CASE("A wire that starts advanced lies along the centerline, at rest", "[scene]") {

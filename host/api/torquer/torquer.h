@@ -63,8 +63,8 @@ struct InstrumentInfo {
 /// What a scene file says, read and checked, with its vessel. Cheap to copy: copies share it.
 class TORQUER_API Scene {
  public:
-  /// Reads a scene file and opens what it names. Takes seconds for a large surface, less when an
-  /// earlier run has cached its field.
+  /// Reads a scene file, or the scene of that name that Torquer has, and opens what it names. Takes
+  /// seconds for a large surface, less when an earlier run has cached its field.
   static Scene FromFile(const std::string& path);
   /// The same of the text of a scene file; paths in it are relative to `folder`.
   static Scene FromText(const std::string& toml, const std::string& folder);

@@ -1,15 +1,21 @@
 #include "host/simulator/scene/scene_spec.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
+#include <filesystem>
 #include <fstream>
+#include <set>
 #include <sstream>
+#include <system_error>
 
 #include "host/simulator/core/instrument_place.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/vessel/vessel.h"
 #include "host/support/error.h"
+#include "host/support/installed.h"
 #include "host/support/nearest_name.h"
 
 namespace torquer::scene {
@@ -293,7 +299,27 @@ bool SceneSpec::Has(const std::string& effect) const {
                      [&](const EffectSpec& spec) { return spec.name == effect; });
 }
 
-SceneSpec ReadScene(const std::string& path) {
+std::string ScenePath(const std::string& given) {
+  namespace fs = std::filesystem;
+  const bool is_name = !given.empty() && std::all_of(given.begin(), given.end(), [](char letter) {
+    return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '_';
+  });
+  std::error_code error;
+  if (!is_name || fs::exists(given, error)) return given;
+  const fs::path folder = FindInstalled("share/torquer/scenes");
+  fs::path file = folder / (given + ".toml");
+  if (fs::exists(file, error)) return file.string();
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().extension() == ".toml") names.insert(entry.path().stem().string());
+  }
+  throw UserError(
+      fmt::format("{}: there is no such file, and no scene of that name; Torquer has: {}", given,
+                  fmt::join(names, ", ")));
+}
+
+SceneSpec ReadScene(const std::string& given) {
+  const std::string path = ScenePath(given);
   return Read(StrictTable::Read(path), path, std::filesystem::path(path).parent_path());
 }
 

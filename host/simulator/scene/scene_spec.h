@@ -94,8 +94,12 @@ struct SceneSpec : TableSpec {
   bool Has(const std::string& effect) const;
 };
 
-/// Reads a scene file. Throws UserError naming file, line, key, value and remedy.
-SceneSpec ReadScene(const std::string& path);
+/// The file of a scene: `given`, or where that is a name (letters, digits, _) and no file is called
+/// so, the scene of that name in share/torquer/scenes. Throws UserError naming the scenes there.
+std::string ScenePath(const std::string& given);
+
+/// Reads a scene by ScenePath(given). Throws UserError naming file, line, key, value and remedy.
+SceneSpec ReadScene(const std::string& given);
 /// The same from text: `path` for messages, paths relative to `folder`.
 SceneSpec ParseScene(const std::string& text, const std::string& path,
                      const std::filesystem::path& folder);
