@@ -111,10 +111,15 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   options.Group("From a script, without a bus");
   options.Text("--script", "FILE", arguments.script,
                "CSV with a column time_s, and as needed NAME.insertion_mm and NAME.rotation_rad "
-               "of each instrument, lao_deg, cra_deg, xray, contrast",
+               "of each instrument, lao_deg, cra_deg, xray, contrast; -: rows from standard "
+               "input, each done as it comes",
                ValueKind::kFile);
-  options.Text("--states", "FILE", arguments.outputs.states, "one JSON object for each row",
+  options.Text("--states", "FILE", arguments.outputs.states,
+               "one JSON object for each row, or binary where FILE ends in .bin; -: JSON on "
+               "standard output, each row at once",
                ValueKind::kFile);
+  options.Text("--fields", "NAME[,NAME...]", arguments.outputs.fields,
+               "of --states these fields alone");
   options.Text("--render", "FOLDER", arguments.outputs.pictures, "X-ray pictures as PNG",
                ValueKind::kFolder);
   options.Group("Again from a log");
@@ -147,6 +152,9 @@ void Check(const Arguments& arguments) {
   const bool for_script = !arguments.outputs.states.empty() || !arguments.outputs.pictures.empty();
   if (arguments.script.empty() ? for_script : !for_script && arguments.outputs.record.empty()) {
     throw torquer::UsageError("--script and --states, --render or --record go together");
+  }
+  if (!arguments.outputs.fields.empty() && arguments.outputs.states.empty()) {
+    throw torquer::UsageError("--fields needs --states");
   }
   if (!arguments.log.empty() && !arguments.outputs.record.empty()) {
     throw torquer::UsageError("--record and --replay exclude each other");
@@ -226,9 +234,11 @@ int Run(const Arguments& arguments) {
       fmt::print(stderr, "torquer-simulator: {} rows ended before equilibrium (see residual)\n",
                  result.unconverged);
     }
-    if (result.done == result.rows) return torquer::kExitSuccess;
-    fmt::print(stderr, "torquer-simulator: asked to stop; {} of {} rows are done and written\n",
-               result.done, result.rows);
+    if (result.end == torquer::simulator::ScriptEnd::kLastRow) return torquer::kExitSuccess;
+    const bool stopped = result.end == torquer::simulator::ScriptEnd::kStopped;
+    fmt::print(stderr, "torquer-simulator: {}; {} of {} rows are done and written\n",
+               stopped ? "asked to stop" : "nobody reads standard output any more", result.done,
+               result.rows);
     return torquer::kExitFailure;
   }
   if (!arguments.log.empty()) return Repeat(scene, arguments.log);

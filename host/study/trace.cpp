@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "host/simulator/script_run.h"
+#include "host/simulator/script_columns.h"
 #include "host/simulator/simulation.h"
 
 namespace torquer::study {

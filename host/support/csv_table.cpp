@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 #include <sstream>
+#include <utility>
 
 #include "host/support/error.h"
 #include "host/support/input_file.h"
@@ -31,36 +32,52 @@ std::vector<std::string> Split(const std::string& line) {
   throw UserError(fmt::format("{}:{}: {}", path, line, problem));
 }
 
-// `header`: what the first line must be; "" for anything.
+// Takes a line into the table: as its header, or as the row that is returned. `header`: what the
+// first line must be; "" for anything.
+std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
+                               const std::string& header) {
+  if (!line.empty() && line.back() == '\r') line.pop_back();
+  if (line.empty() || line[0] == '#') return std::nullopt;
+  std::vector<std::string> cells = Split(line);
+  if (table.header_line == 0) {
+    if (!header.empty() && cells != Split(header)) {
+      Refuse(table.path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
+    }
+    table.header_line = number;
+    table.columns = std::move(cells);
+    return std::nullopt;
+  }
+  if (cells.size() != table.columns.size()) {
+    Refuse(table.path, number,
+           fmt::format("{} values; the header '{}' names {}", cells.size(),
+                       fmt::join(table.columns, ","), table.columns.size()));
+  }
+  return CsvRow{number, std::move(cells)};
+}
+
+void CheckHeader(const CsvTable& table, const std::string& header) {
+  if (table.header_line == 0) {
+    Refuse(table.path, 1,
+           header.empty() ? "empty; the first line must name the columns"
+                          : fmt::format("empty; the first line must be '{}'", header));
+  }
+  for (std::size_t k = 0; k < table.columns.size(); ++k) {
+    if (table.columns[k].empty()) Refuse(table.path, table.header_line, "a column has no name");
+    if (table.Find(table.columns[k]) == k) continue;
+    Refuse(table.path, table.header_line,
+           fmt::format("the column {} stands twice", table.columns[k]));
+  }
+}
+
 CsvTable Parse(const std::string& path, const std::string& header) {
   std::istringstream in(ReadInputFile(path, "check the path and its permissions"));
   CsvTable table;
   table.path = path;
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (line.empty() || line[0] == '#') continue;
-    std::vector<std::string> cells = Split(line);
-    if (table.header_line == 0) {
-      if (!header.empty() && cells != Split(header)) {
-        Refuse(path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
-      }
-      table.header_line = number;
-      table.columns = std::move(cells);
-      continue;
-    }
-    if (cells.size() != table.columns.size()) {
-      Refuse(path, number,
-             fmt::format("{} values; the header '{}' names {}", cells.size(),
-                         fmt::join(table.columns, ","), table.columns.size()));
-    }
-    table.rows.push_back({number, std::move(cells)});
+    if (auto row = TakeLine(table, number, line, header)) table.rows.push_back(std::move(*row));
   }
-  if (table.header_line == 0) {
-    Refuse(path, 1,
-           header.empty() ? "empty; the first line must name the columns"
-                          : fmt::format("empty; the first line must be '{}'", header));
-  }
+  CheckHeader(table, header);
   return table;
 }
 
@@ -70,14 +87,28 @@ std::vector<CsvRow> ReadCsv(const std::string& path, const std::string& header) 
   return Parse(path, header).rows;
 }
 
-CsvTable ReadCsvTable(const std::string& path) {
-  CsvTable table = Parse(path, "");
-  for (std::size_t k = 0; k < table.columns.size(); ++k) {
-    if (table.columns[k].empty()) Refuse(path, table.header_line, "a column has no name");
-    if (table.Find(table.columns[k]) == k) continue;
-    Refuse(path, table.header_line, fmt::format("the column {} stands twice", table.columns[k]));
+CsvTable ReadCsvTable(const std::string& path) { return Parse(path, ""); }
+
+CsvReader::CsvReader(const std::string& name, std::function<std::optional<std::string>()> next_line)
+    : next_line_(std::move(next_line)) {
+  table_.path = name;
+}
+
+bool CsvReader::ReadHeader() {
+  while (table_.header_line == 0) {
+    std::optional<std::string> line = next_line_();
+    if (!line) return false;
+    TakeLine(table_, ++lines_, std::move(*line), "");
   }
-  return table;
+  CheckHeader(table_, "");
+  return true;
+}
+
+std::optional<CsvRow> CsvReader::Next() {
+  while (std::optional<std::string> line = next_line_()) {
+    if (auto row = TakeLine(table_, ++lines_, std::move(*line), "")) return row;
+  }
+  return std::nullopt;
 }
 
 std::optional<std::size_t> CsvTable::Find(const std::string& column) const {

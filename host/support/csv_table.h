@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -41,5 +42,26 @@ struct CsvTable {
 /// Reads a CSV file; cells, blank lines and comments as with ReadCsv. Throws UserError naming file
 /// and line where there is no header, a column stands twice or a row has another number of cells.
 CsvTable ReadCsvTable(const std::string& path);
+
+/// The same of lines that come one by one, as through a pipe.
+class CsvReader {
+ public:
+  /// `name`: in errors, in the place of a path. `next_line`: the next line without its end, or none
+  /// at the end.
+  CsvReader(const std::string& name, std::function<std::optional<std::string>()> next_line);
+
+  /// Takes lines as far as the header; call it first. False where there is none. Throws UserError
+  /// as ReadCsvTable.
+  bool ReadHeader();
+  /// The header; its rows stay empty.
+  const CsvTable& table() const { return table_; }
+  /// Takes lines as far as the next row; none at the end. Throws UserError naming line and remedy.
+  std::optional<CsvRow> Next();
+
+ private:
+  const std::function<std::optional<std::string>()> next_line_;
+  CsvTable table_;
+  int lines_ = 0;
+};
 
 }  // namespace torquer

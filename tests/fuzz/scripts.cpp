@@ -1,7 +1,7 @@
 // Scripts of the simulator, of the emulator's hand and of torquer-calibrate.
 #include "host/emulator/motion_script.h"
 #include "host/simulator/scene/scene.h"
-#include "host/simulator/script_run.h"
+#include "host/simulator/script_columns.h"
 #include "host/tools/calibrate_script.h"
 #include "tests/fuzz/target.h"
 

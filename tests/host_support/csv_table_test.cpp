@@ -2,6 +2,9 @@
 
 #include <catch2/catch.hpp>
 #include <fstream>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "tests/support/temporary_folder.h"
 
@@ -39,4 +42,33 @@ TEST_CASE("A CSV table says what is wrong and where", "[support]") {
   CHECK_THROWS_WITH(torquer::ReadCsv(ragged.path, "a,b"), Contains("t.csv:3: 1 values"));
   const Csv empty("");
   CHECK_THROWS_WITH(torquer::ReadCsv(empty.path, "a,b"), Contains("empty"));
+}
+
+TEST_CASE("Lines that come one by one are taken when a row is asked for", "[support]") {
+  std::vector<std::string> lines = {"# note", "a, b\r", "1,2", "", "3,4"};
+  std::size_t taken = 0;
+  const auto next = [&]() -> std::optional<std::string> {
+    if (taken == lines.size()) return std::nullopt;
+    return lines[taken++];
+  };
+  torquer::CsvReader reader("here", next);
+  CHECK(taken == 0);
+  REQUIRE(reader.ReadHeader());
+  CHECK(taken == 2);
+  CHECK(reader.table().columns == std::vector<std::string>{"a", "b"});
+  CHECK(reader.Next()->line == 3);
+  CHECK(taken == 3);
+  const auto row = reader.Next();
+  CHECK(row->line == 5);
+  CHECK(reader.table().Number(*row, 1) == 4);
+  CHECK_FALSE(reader.Next());
+  lines.emplace_back("5");
+  CHECK_THROWS_WITH(reader.Next(), Contains("here:6: 1 values; the header 'a,b' names 2"));
+  lines = {"# note"};
+  taken = 0;
+  CHECK_FALSE(torquer::CsvReader("here", next).ReadHeader());
+  lines = {"a,a"};
+  taken = 0;
+  CHECK_THROWS_WITH(torquer::CsvReader("here", next).ReadHeader(),
+                    Contains("here:1: the column a stands twice"));
 }

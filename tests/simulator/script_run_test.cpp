@@ -45,6 +45,7 @@ TEST_CASE("A script that is asked to stop ends, and its rows so far are there", 
       scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")}, stop);
   CHECK(result.rows == 3);
   CHECK(result.done == 0);
+  CHECK(result.end == torquer::simulator::ScriptEnd::kStopped);
   CHECK(std::filesystem::exists(file.Beside("s.jsonl")));
   CHECK(Rows(file.Beside("s.jsonl")).empty());
 }

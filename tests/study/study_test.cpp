@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "host/simulator/script_run.h"
+#include "host/simulator/script_columns.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "tests/study/study_program.h"
