@@ -23,14 +23,17 @@ from ._torquer import (
     StepReport,
     __version__,
 )
+from .states import States, read_states
 
 __all__ = [
     "Error",
     "InstrumentInfo",
     "Scene",
     "Simulation",
+    "States",
     "StepReport",
     "__version__",
+    "read_states",
     "scene_names",
     "scene_path",
 ]

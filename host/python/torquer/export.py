@@ -24,6 +24,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Simulation
+from .states import MAGIC
+from .states import read_states as read_fields
 
 Array = npt.NDArray[np.float64]
 Path = Union[str, "os.PathLike[str]"]
@@ -122,9 +124,26 @@ def _lines(path: str) -> Iterator[bytes]:
         raise Error(f"{path}: cannot be read ({error.strerror}); check the path and permissions") from None
 
 
+def _read_binary(path: str) -> List[State]:
+    fields = read_fields(path)
+    for field in ("time_s", "nodes_mm"):
+        if field not in fields:
+            raise Error(f"{path}: field {field} is missing; name it in torquer-simulator --fields")
+    names = [name for name in _NODE_FIELDS if name in fields]
+    states = [
+        State(float(fields["time_s"][k]), np.asarray(fields["nodes_mm"][k]), {n: np.asarray(fields[n][k]) for n in names})
+        for k in range(fields.rows)
+    ]
+    if not states:
+        raise Error(f"{path}: holds no state; give a file of torquer-simulator --states")
+    return states
+
+
 def read_states(path: Path) -> List[State]:
-    """The states in a file that torquer-simulator --states wrote."""
+    """The states in a file that torquer-simulator --states wrote, JSON or binary."""
     path = os.fspath(path)
+    if next(_lines(path), b"").startswith(MAGIC):
+        return _read_binary(path)
     states: List[State] = []
     for number, line in enumerate(_lines(path), 1):
         where = f"{path}:{number}"

@@ -1,0 +1,159 @@
+"""What torquer-simulator --states wrote, as arrays of numpy."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from typing import Any, Dict, Iterator, List, Mapping, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _torquer
+
+Error = _torquer.Error
+Array = npt.NDArray[Any]
+Path = Union[str, "os.PathLike[str]"]
+
+MAGIC = b"TQSTATES"
+_VERSION = 1
+_MOST_HEADER_BYTES = 1 << 20
+_MOST_NODES = 100_000
+_SHAPES = {(): 0, ("nodes",): 1, ("nodes", 3): 3}
+_AGAIN = "write the file again with torquer-simulator --states"
+
+
+class States(Mapping[str, Union[Array, List[Array]]]):
+    """The states of a run, field by field.
+
+    states["time_s"] has the shape (rows,). What the nodes of the wire have is a list with an array
+    for each row, since their number changes: states["nodes_mm"][k] has the shape (nodes, 3),
+    states["tension_mN"][k] the shape (nodes,).
+    """
+
+    def __init__(self, fields: Dict[str, Union[Array, List[Array]]], units: Dict[str, str], rows: int) -> None:
+        self._fields = fields
+        self.units = units
+        """Of each field, as "mm" or "mN/mm"; "1" where it has none. Empty for a file of JSON."""
+        self.rows = rows
+
+    def __getitem__(self, name: str) -> Union[Array, List[Array]]:
+        if name not in self._fields:
+            raise KeyError(f"there is no field {name!r}; there are: {', '.join(self._fields)}")
+        return self._fields[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._fields)
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    def __repr__(self) -> str:
+        return f"<torquer.States: {self.rows} rows of {', '.join(self._fields)}>"
+
+
+def _header(path: str, data: bytes) -> Any:
+    if len(data) < 16:
+        raise Error(f"{path}: has {len(data)} bytes, no header; {_AGAIN}")
+    version, size = struct.unpack_from("<II", data, 8)
+    if version != _VERSION:
+        raise Error(f"{path}: states of version {version}; this Torquer reads version {_VERSION}: {_AGAIN}")
+    if size % 8 or size > _MOST_HEADER_BYTES or 16 + size > len(data):
+        raise Error(f"{path}: a header of {size} bytes in a file of {len(data)}; {_AGAIN}")
+    try:
+        fields = json.loads(data[16 : 16 + size])["fields"]
+        names = [field["name"] for field in fields]
+        known = all(
+            isinstance(field["name"], str)
+            and isinstance(field["unit"], str)
+            and field["type"] in ("f8", "i8", "u8")
+            and tuple(field["shape"]) in _SHAPES
+            and (not field["shape"] or field["type"] == "f8")
+            for field in fields
+        )
+        known = known and len(set(names)) == len(names)
+    except (ValueError, KeyError, TypeError, RecursionError):
+        known = False
+    if not known:
+        raise Error(f"{path}: its header does not name fields with unit, type and shape; {_AGAIN}")
+    return 16 + size, fields
+
+
+def _read_binary(path: str, data: bytes) -> States:
+    at, fields = _header(path, data)
+    single = [field for field in fields if not field["shape"]]
+    of_nodes = [field for field in fields if field["shape"]]
+    columns = [_SHAPES[tuple(field["shape"])] for field in of_nodes]
+    words: List[Array] = []
+    arrays: Dict[str, List[Array]] = {field["name"]: [] for field in of_nodes}
+    while at < len(data):
+        left = len(data) - at
+        nodes = struct.unpack_from("<Q", data, at)[0] if left >= 8 else 0
+        if nodes > _MOST_NODES:
+            raise Error(f"{path}: row {len(words) + 1} has {nodes} nodes, not up to {_MOST_NODES}; {_AGAIN}")
+        size = 8 * (1 + len(single) + nodes * sum(columns))
+        if size > left:
+            raise Error(f"{path}: row {len(words) + 1} ends after {left} of {size} bytes; {_AGAIN}")
+        words.append(np.frombuffer(data, "<u8", len(single), at + 8))
+        begin = at + 8 * (1 + len(single))
+        for field, count in zip(of_nodes, columns):
+            values = np.frombuffer(data, "<f8", nodes * count, begin)
+            arrays[field["name"]].append(values.reshape(nodes, 3) if count == 3 else values)
+            begin += 8 * nodes * count
+        at += size
+    table = np.array(words, "<u8").reshape(len(words), len(single))
+    found: Dict[str, Union[Array, List[Array]]] = {}
+    for field in fields:
+        if field["shape"]:
+            found[field["name"]] = arrays[field["name"]]
+        else:
+            column = np.ascontiguousarray(table[:, single.index(field)])
+            found[field["name"]] = column.view("<" + field["type"])
+    return States(found, {field["name"]: field["unit"] for field in fields}, len(words))
+
+
+def _column(path: str, name: str, values: List[Any]) -> Union[Array, List[Array]]:
+    try:
+        if isinstance(values[0], list):
+            arrays = [np.array(value, float) for value in values]
+            if all(array.ndim == 1 or array.shape[1:] == (3,) for array in arrays):
+                return arrays
+        elif isinstance(values[0], str):
+            return np.array([int(value) for value in values], np.uint64)
+        elif all(type(value) is int for value in values):
+            return np.array(values, np.int64)
+        else:
+            # A number that is none is null.
+            return np.array([np.nan if value is None else value + 0.0 for value in values])
+    except (ValueError, TypeError, OverflowError):
+        pass
+    raise Error(f"{path}: field {name} does not hold the same kind of numbers in all lines; {_AGAIN}")
+
+
+def _read_json(path: str, data: bytes) -> States:
+    rows: List[Any] = []
+    for number, line in enumerate(data.splitlines(), 1):
+        try:
+            row = json.loads(line)
+        except (ValueError, RecursionError) as error:
+            raise Error(f"{path}:{number}: not valid JSON ({error}); {_AGAIN}") from None
+        if not isinstance(row, dict) or rows and row.keys() != rows[0].keys():
+            raise Error(f"{path}:{number}: not an object with the fields of the line before; {_AGAIN}")
+        rows.append(row)
+    names = list(rows[0]) if rows else []
+    return States({name: _column(path, name, [row[name] for row in rows]) for name in names}, {}, len(rows))
+
+
+def read_states(path: Path) -> States:
+    """What torquer-simulator --states wrote, JSON or binary (.bin); also a .partial of either.
+
+    Nothing of a binary file is copied but what each state has once; arrays cannot be written to.
+    """
+    path = os.fspath(path)
+    try:
+        with open(path, "rb") as file:
+            data = file.read()
+    except OSError as error:
+        raise Error(f"{path}: cannot be read ({error.strerror}); check the path and permissions") from None
+    return _read_binary(path, data) if data.startswith(MAGIC) else _read_json(path, data)

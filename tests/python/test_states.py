@@ -1,0 +1,118 @@
+"""torquer.read_states reads what the program writes, and refuses what is damaged."""
+
+import json
+import pathlib
+import random
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torquer
+import torquer.export
+
+SIMULATOR = pathlib.Path(torquer.__file__).absolute().parents[3] / "bin/torquer-simulator"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("states")
+    (folder / "s.csv").write_text(
+        "time_s,guidewire.insertion_mm\n" + "".join(f"{0.1 * k:.1f},{3 * k}\n" for k in range(6))
+    )
+    for name in ("states.bin", "states.jsonl"):
+        subprocess.run(
+            [SIMULATOR, "--scene", torquer.scene_path("ty_phantom"), "--script", folder / "s.csv",
+             "--states", folder / name],
+            check=True, capture_output=True,
+        )
+    return folder
+
+
+def test_both_formats_give_the_same_arrays(folder):
+    binary = torquer.read_states(folder / "states.bin")
+    text = torquer.read_states(folder / "states.jsonl")
+    lines = [json.loads(line) for line in (folder / "states.jsonl").read_text().splitlines()]
+    assert binary.rows == text.rows == 6
+    assert set(binary) == set(text) == set(lines[0])
+    for name in binary:
+        if name == "solve_us":
+            continue
+        if isinstance(binary[name], list):
+            assert all(np.array_equal(a, b) for a, b in zip(binary[name], text[name]))
+            assert [a.tolist() for a in binary[name]] == [line[name] for line in lines]
+        else:
+            assert binary[name].dtype == text[name].dtype and binary[name].shape == (6,)
+            assert np.array_equal(binary[name], text[name], equal_nan=binary[name].dtype.kind == "f")
+    assert binary["state_hash"].dtype == np.uint64
+    assert [str(value) for value in binary["state_hash"]] == [line["state_hash"] for line in lines]
+    assert binary["time_s"].tolist() == [0.1 * k if k != 3 else 0.3 for k in range(6)]
+    assert binary.units["energy_mJ"] == "mJ"
+    # More of the wire is in from row to row.
+    assert len(binary["nodes_mm"][5]) > len(binary["nodes_mm"][0])
+    with pytest.raises(KeyError, match="no field 'energy'.*energy_mJ"):
+        binary["energy"]
+
+
+def test_binary_states_are_exported_as_others_are(folder, tmp_path):
+    for name in ("states.bin", "states.jsonl"):
+        subprocess.run(
+            [sys.executable, "-m", "torquer", "convert", folder / name, tmp_path / f"{name}.csv"], check=True
+        )
+    assert (tmp_path / "states.bin.csv").read_text() == (tmp_path / "states.jsonl.csv").read_text()
+    few = tmp_path / "few.bin"
+    subprocess.run(
+        [SIMULATOR, "--scene", torquer.scene_path("ty_phantom"), "--script", folder / "s.csv",
+         "--states", few, "--fields", "time_s"],
+        check=True, capture_output=True,
+    )
+    assert list(torquer.read_states(few)) == ["time_s"]
+    with pytest.raises(torquer.Error, match="nodes_mm is missing; name it in torquer-simulator --fields"):
+        torquer.export.read_states(few)
+
+
+def test_a_file_that_is_cut_is_refused_where_it_ends(folder, tmp_path):
+    data = (folder / "states.bin").read_bytes()
+    path = tmp_path / "cut.bin"
+    path.write_bytes(data[:-1])
+    with pytest.raises(torquer.Error, match=r"cut.bin: row 6 ends after \d+ of \d+ bytes"):
+        torquer.read_states(path)
+    path.write_bytes(data[:12])
+    with pytest.raises(torquer.Error, match="12 bytes, no header"):
+        torquer.read_states(path)
+    path.write_bytes(data[:8] + struct.pack("<I", 2) + data[12:])
+    with pytest.raises(torquer.Error, match="version 2; this Torquer reads version 1"):
+        torquer.read_states(path)
+    with pytest.raises(torquer.Error, match="cannot be read"):
+        torquer.read_states(tmp_path / "none")
+    lines = (folder / "states.jsonl").read_text()
+    path.write_text(lines[:-10])
+    with pytest.raises(torquer.Error, match="cut.bin:6: not valid JSON"):
+        torquer.read_states(path)
+    path.write_text(lines + '{"time_s": 1}\n')
+    with pytest.raises(torquer.Error, match="cut.bin:7: not an object with the fields"):
+        torquer.read_states(path)
+    path.write_text('{"a": 1}\n{"a": [1]}\n')
+    with pytest.raises(torquer.Error, match="field a does not hold the same kind"):
+        torquer.read_states(path)
+
+
+def test_any_bytes_are_read_or_refused(folder, tmp_path):
+    data = (folder / "states.bin").read_bytes()
+    size = 16 + struct.unpack_from("<I", data, 12)[0]
+    draw = random.Random(1)
+    path = tmp_path / "any.bin"
+    refused = 0
+    for k in range(600):
+        mutant = bytearray(data)
+        # Half of them in what says how the rest is to be read.
+        for _ in range(draw.randint(1, 3)):
+            at = draw.randrange(8, size + 8) if k % 2 else draw.randrange(8, len(data))
+            mutant[at] = draw.choice([0, 255, draw.randrange(256), mutant[at] ^ 1])
+        path.write_bytes(mutant)
+        try:
+            torquer.read_states(path)
+        except torquer.Error:
+            refused += 1
+    assert 50 < refused < 550
