@@ -37,6 +37,13 @@ const Target& FindTarget(const std::string& name) {
   std::exit(2);
 }
 
+std::vector<std::string> TargetNames() {
+  std::vector<std::string> names;
+  for (const Target& target : Targets()) names.push_back(target.name);
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 bool Try(const Target& target, std::span<const std::uint8_t> input) {
   try {
     return target.accepts(input);

@@ -32,6 +32,8 @@ struct Target {
 
 /// Exits with status 2, naming all, where there is none of that name.
 const Target& FindTarget(const std::string& name);
+/// Of all targets, in alphabetical order.
+std::vector<std::string> TargetNames();
 /// Runs the target; true where the input was accepted. An exception that is no UserError ends the
 /// program with what it says.
 bool Try(const Target& target, std::span<const std::uint8_t> input);
