@@ -48,7 +48,7 @@ ScreenCourse::ScreenCourse(const std::string& path) : file_(path, kRemedy) {
     if (!begun) first_us = record.time_us;
     begun = true;
     // Wall clocks may be set back; what was recorded later comes later.
-    length_us_ = std::max(length_us_, record.time_us - first_us);
+    length_us_ = std::max(length_us_, ElapsedUs(first_us, record.time_us));
     if (!Take(record, length_us_)) ++unusable_;
   }
   damage_ = log.damage();

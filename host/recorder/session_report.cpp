@@ -17,9 +17,18 @@ namespace {
 constexpr char kStopping[] = "stopping";      // the last word of a daemon
 constexpr std::size_t kMostRecent = 100'000;  // samples that no state has shown: minutes of them
 
-// Of numbers that may be anything.
+// Of numbers that may be anything: what is beyond the range is its end.
+std::int64_t Sum(std::int64_t a, std::int64_t b) {
+  std::int64_t sum = 0;
+  if (!__builtin_add_overflow(a, b, &sum)) return sum;
+  using Limits = std::numeric_limits<std::int64_t>;
+  return b > 0 ? Limits::max() : Limits::min();
+}
 std::int64_t Difference(std::int64_t a, std::int64_t b) {
-  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+  std::int64_t difference = 0;
+  if (!__builtin_sub_overflow(a, b, &difference)) return difference;
+  using Limits = std::numeric_limits<std::int64_t>;
+  return b < 0 ? Limits::max() : Limits::min();
 }
 
 // Where an instrument is, mm and rad, with what it carries.
@@ -118,12 +127,12 @@ void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
         reset ? 0 : Difference(sample.axial_counts, channel.last_sample->axial_counts);
     const std::int64_t transverse =
         reset ? 0 : Difference(sample.transverse_counts, channel.last_sample->transverse_counts);
-    report.axial.sensor_counts += axial;
-    report.rotation.sensor_counts += transverse;
+    report.axial.sensor_counts = Sum(report.axial.sensor_counts, axial);
+    report.rotation.sensor_counts = Sum(report.rotation.sensor_counts, transverse);
     // Motion is held when there was a reason for it at either end.
     if (held || channel.last_held) {
-      report.axial.held_counts += axial;
-      report.rotation.held_counts += transverse;
+      report.axial.held_counts = Sum(report.axial.held_counts, axial);
+      report.rotation.held_counts = Sum(report.rotation.held_counts, transverse);
     }
   }
   channel.last_held = held;
@@ -160,8 +169,8 @@ void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
   report_.max_penetration_um = std::max(report_.max_penetration_um, state.max_penetration_um);
   solve_us_.push_back(state.solve_us);
   if (last_state_) {
-    report_.states_missing +=
-        std::max<std::int64_t>(Difference(state.tick, last_state_->tick) - 1, 0);
+    const std::int64_t ticks = Difference(state.tick, last_state_->tick);
+    if (ticks > 1) report_.states_missing = Sum(report_.states_missing, ticks - 1);
   }
   for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
     Channel& channel = channels_[instrument.name];
@@ -244,9 +253,9 @@ void SessionReporter::CountReports(const Channel& channel, InstrumentReport& rep
   if (channel.truth && report.reports_received >= 0) {
     const std::int64_t lost_on_the_way =
         std::max<std::int64_t>(Difference(channel.truth->reports_sent, report.reports_received), 0);
-    report.reports_unfetched = std::max<std::int64_t>(gaps - lost_on_the_way, 0);
-    report.reports_lost = lost_on_the_way + report.reports_unfetched;
-    report.reports_sent = report.reports_received + report.reports_lost;
+    report.reports_unfetched = std::max<std::int64_t>(Difference(gaps, lost_on_the_way), 0);
+    report.reports_lost = Sum(lost_on_the_way, report.reports_unfetched);
+    report.reports_sent = Sum(report.reports_received, report.reports_lost);
   }
 }
 
@@ -279,8 +288,8 @@ void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
   const bool late = first_tick_ > 0 && channel.begin;
   const Motion begin = late ? *channel.begin : Motion();
   const auto moved = [](const MotionAgreement& motion, const MotionAgreement& before) {
-    return static_cast<double>(motion.sensor_counts - motion.held_counts) -
-           static_cast<double>(before.sensor_counts - before.held_counts);
+    return static_cast<double>(Difference(motion.sensor_counts, motion.held_counts)) -
+           static_cast<double>(Difference(before.sensor_counts, before.held_counts));
   };
   const Eigen::Vector2d hand = per_count * Eigen::Vector2d(moved(report.axial, begin.axial),
                                                            moved(report.rotation, begin.rotation));
@@ -327,8 +336,8 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
       one.device = channel.first_sample->device;
       first_us = std::min(first_us, channel.first_sample->receive_us);
       last_us = std::max(last_us, channel.last_sample->receive_us);
-      one.duration_s = 1e-6 * static_cast<double>(channel.last_sample->receive_us -
-                                                  channel.first_sample->receive_us);
+      one.duration_s = 1e-6 * static_cast<double>(Difference(channel.last_sample->receive_us,
+                                                             channel.first_sample->receive_us));
       report.ended = report.ended && channel.ended;
       CountReports(channel, one);
       JudgeMotion(channel, k, motion_per_count(one.device, channel.first_sample->cpi), one);

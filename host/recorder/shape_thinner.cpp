@@ -4,6 +4,7 @@
 
 #include "host/bus/message_check.h"
 #include "host/bus/state_outline.h"
+#include "host/support/event_log.h"
 
 namespace torquer {
 
@@ -17,7 +18,7 @@ std::span<const std::uint8_t> ShapeThinner::Take(std::span<const std::uint8_t> m
   const bool follows = last_tick_ && last_tick_ < state_.tick && state_.tick - 1 == *last_tick_;
   const bool repeated = last_tick_ == state_.tick;
   last_tick_ = state_.tick;
-  if (!last_shape_us_ || time_us - *last_shape_us_ >= period_us_) {
+  if (!last_shape_us_ || ElapsedUs(*last_shape_us_, time_us) >= period_us_) {
     last_shape_us_ = time_us;
     last_past_tick_ = state_.tick;
     return message;

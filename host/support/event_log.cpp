@@ -27,6 +27,15 @@ std::string Counted(std::int64_t count, const std::string& what) {
 
 }  // namespace
 
+std::int64_t ElapsedUs(std::int64_t first_us, std::int64_t time_us) {
+  constexpr std::int64_t kYearUs = 365LL * 24 * 3600 * 1'000'000;
+  if (time_us <= first_us) return 0;
+  // In unsigned numbers a difference cannot be too large.
+  const std::uint64_t elapsed_us =
+      static_cast<std::uint64_t>(time_us) - static_cast<std::uint64_t>(first_us);
+  return elapsed_us < kYearUs ? static_cast<std::int64_t>(elapsed_us) : kYearUs;
+}
+
 std::string LogDamage::Describe() const {
   std::string text;
   const auto add = [&text](const std::string& more) { text += (text.empty() ? "" : ", ") + more; };

@@ -25,6 +25,10 @@ struct LogRecord {
   std::int64_t data_at = 0;  ///< the place of `data` in the file
 };
 
+/// From the time of a log's first record to that of another, us: 0 to a year, since times that were
+/// recorded may be anything.
+std::int64_t ElapsedUs(std::int64_t first_us, std::int64_t time_us);
+
 /// What of a log could not be read.
 struct LogDamage {
   std::int64_t places = 0;   ///< stretches that are no records, and records with a wrong number

@@ -43,7 +43,7 @@ Recording::Recording(const std::string& path) : file_(path, kRemedy) {
     if (!begun) first_us = record.time_us;
     begun = true;
     // Wall clocks may be set back; what was recorded later comes later.
-    length_us_ = std::max(length_us_, record.time_us - first_us);
+    length_us_ = std::max(length_us_, ElapsedUs(first_us, record.time_us));
     if (std::find(kChannels.begin(), kChannels.end(), record.channel) == kChannels.end()) continue;
     if (record.channel == protocol::kWireStateChannel && HasNoShape(record)) continue;
     const std::string channel(record.channel);

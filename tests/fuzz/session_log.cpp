@@ -4,7 +4,9 @@
 
 #include <cstring>
 
+#include "host/recorder/screen_course.h"
 #include "host/recorder/session_report.h"
+#include "host/recorder/shape_thinner.h"
 #include "host/support/error.h"
 #include "protocol/lcm_channels.h"
 #include "tests/fuzz/target.h"
@@ -37,6 +39,7 @@ std::string ChannelOf(const std::string& type) {
   if (type == "readings_t") return protocol::kReadingsChannel;
   if (type == "health_t") return protocol::kHealthChannel;
   if (type == "hand_motion_t") return protocol::kEmulatorTruthChannel;
+  if (type == "picture_t") return protocol::kPictureChannel;
   return "OTHER";
 }
 
@@ -68,6 +71,20 @@ bool Accepts(std::span<const std::uint8_t> input) {
   return summary.undecodable == 0 && !summary.damage.any();
 }
 
+// The same log as torquer-recorder thins it, and as torquer-clip shows it.
+bool AcceptsScreen(std::span<const std::uint8_t> input) {
+  const std::string path = FileWith(input);
+  ShapeThinner thinner(60);
+  EventLogReader log(path);
+  for (LogRecord record; log.Next(record);) thinner.Take(record.data, record.time_us);
+  const ScreenCourse course(path);
+  for (const std::int64_t time_us : {course.first_picture_us(), course.length_us()}) {
+    const ScreenMoment moment = course.At(time_us);
+    if (moment.picture >= 0) course.ReadPicture(moment.picture);
+  }
+  return course.unusable() == 0;
+}
+
 std::uint32_t NumberAt(const Bytes& bytes, std::size_t at) {
   std::uint32_t value = 0;
   for (std::size_t k = 0; k < 4; ++k) value = value << 8 | bytes[at + k];
@@ -91,6 +108,13 @@ const Registration kRegistration({.name = "session_log",
                                   .repair = Repair,
                                   .replay_inputs = 8000,
                                   .longest = 16384});
+
+const Registration kScreen({.name = "session_screen",
+                            .seeds = Seeds,
+                            .accepts = AcceptsScreen,
+                            .repair = Repair,
+                            .replay_inputs = 4000,
+                            .longest = 16384});
 
 }  // namespace
 }  // namespace torquer::fuzz::session_log_target

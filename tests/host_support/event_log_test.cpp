@@ -6,6 +6,7 @@
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <random>
 #include <string>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "tests/support/temporary_folder.h"
 
 using Catch::Matchers::Contains;
+using torquer::ElapsedUs;
 using torquer::EventLogReader;
 using torquer::LogDamage;
 using torquer::LogRecord;
@@ -80,6 +82,17 @@ std::vector<std::string> All(int from = 0, int to = kRecords, int but = -1) {
 }
 
 }  // namespace
+
+TEST_CASE("The time between two records is what it can be, whatever was recorded") {
+  using Limits = std::numeric_limits<std::int64_t>;
+  constexpr std::int64_t kYearUs = 31'536'000'000'000;
+  CHECK(ElapsedUs(1'700'000'000'000'000, 1'700'000'000'000'250) == 250);
+  CHECK(ElapsedUs(5, 4) == 0);
+  CHECK(ElapsedUs(-5, 5) == 10);
+  CHECK(ElapsedUs(Limits::min(), Limits::max()) == kYearUs);
+  CHECK(ElapsedUs(Limits::max(), Limits::min()) == 0);
+  CHECK(ElapsedUs(0, kYearUs + 1) == kYearUs);
+}
 
 TEST_CASE("A whole log is read as it is", "[support]") {
   const Outcome outcome = Read(Log());
