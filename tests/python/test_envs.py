@@ -1,6 +1,10 @@
 """The environments follow Gymnasium's interface, and say what happened."""
 
+import dataclasses
+import json
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -138,3 +142,155 @@ def test_what_cannot_be_used_is_refused():
     if torquer.envs.gymnasium is None:
         with pytest.raises(torquer.Error, match="gymnasium is not installed"):
             torquer.envs.register()
+
+
+SOME = np.random.default_rng(2).uniform(-0.4, 1, (25, 5, 2)).astype(np.float32)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_vector_gives_what_single_environments_give(threads):
+    task = torquer.envs.Task("side", 40.0, max_steps=9)
+    path = torquer.scene_path("ty_phantom")
+    many = torquer.envs.VectorEnv(path, 5, threads, task=task)
+    singles = [torquer.envs.NavigationEnv(path, task) for _ in range(5)]
+    observations, info = many.reset(seed=11)
+    assert many.observation_space.contains(observations) and many.action_space.contains(SOME[0])
+    for k, env in enumerate(singles):
+        observation, one = env.reset(seed=11 + k)
+        assert np.array_equal(observations[k], observation)
+        assert one == {name: info[name][k] for name in one}
+    ended = [False] * 5
+    resets = 0
+    for actions in SOME:
+        observations, rewards, terminated, truncated, info = many.step(actions)
+        assert info["env_id"].tolist() == [0, 1, 2, 3, 4]
+        for k, env in enumerate(singles):
+            if ended[k]:
+                # The numbers go on as in an environment that is reset without a seed.
+                observation, one = env.reset()
+                reward, ends = 0.0, (False, False)
+                resets += 1
+            else:
+                observation, reward, *ends, one = env.step(actions[k])
+            assert np.array_equal(observations[k], observation)
+            assert (rewards[k], terminated[k], truncated[k]) == (reward, *ends)
+            assert one == {name: info[name][k] for name in one}
+            ended[k] = any(ends)
+    assert resets == 10
+
+
+def test_some_are_sent_and_the_first_to_finish_received():
+    many = torquer.envs.VectorEnv("ty_phantom", 4, 2)
+    many.reset(seed=[5, 6, 7, 8])
+    other = torquer.envs.VectorEnv("ty_phantom", 4, 1)
+    other.reset(seed=5)
+    many.send(SOME[0, [2, 0]], [2, 0])
+    with pytest.raises(torquer.Error, match="at work already"):
+        many.send(SOME[0, :1], [2])
+    with pytest.raises(torquer.Error, match="at work; recv"):
+        many.reset()
+    first = many.recv(1)
+    second = many.recv()
+    assert first[0].shape == second[0].shape == (1, 30)
+    assert {int(first[4]["env_id"][0]), int(second[4]["env_id"][0])} == {0, 2}
+    many.send(SOME[0, [1, 3]], [3, 1])
+    assert many.recv()[4]["env_id"].tolist() == [1, 3]
+    expected = other.step(np.stack([SOME[0, 0], SOME[0, 3], SOME[0, 2], SOME[0, 1]]))[0]
+    many.send(SOME[1, :4])
+    assert np.array_equal(many.recv()[0], other.step(SOME[1, :4])[0])
+    assert not np.array_equal(expected[1], expected[3])
+    many.send(SOME[2, :4])
+    many.close()
+
+
+def test_without_copies_the_next_step_overwrites():
+    kept = torquer.envs.VectorEnv("ty_phantom", 2, 1)
+    shown = torquer.envs.VectorEnv("ty_phantom", 2, 1, copy=False)
+    a, b = kept.reset(seed=1)[0], shown.reset(seed=1)[0]
+    before = a.copy()
+    kept.step(SOME[0, :2])
+    again = shown.step(SOME[0, :2])[0]
+    assert np.array_equal(a, before) and again is b
+    assert not np.array_equal(b, before)
+
+
+def test_a_vector_of_pictures_of_another_size():
+    task = dataclasses.replace(torquer.envs.TASKS["coronary"], picture_px=128)
+    path = torquer.scene_path("coronary")
+    many = torquer.envs.VectorEnv(path, 2, 2, "picture", task)
+    pictures, _ = many.reset(seed=4)
+    assert pictures.shape == (2, 128, 128, 1) and many.observation_space.contains(pictures)
+    single = torquer.envs.NavigationEnv(path, task, "picture")
+    assert np.array_equal(pictures[1], single.reset(seed=5)[0])
+    pictures = many.step(SOME[0, :2])[0]
+    assert np.array_equal(pictures[1], single.step(SOME[0, 1])[0])
+    assert not np.array_equal(pictures[0], pictures[1])
+
+
+def test_training_takes_longer_segments():
+    task = torquer.envs.TASKS["ty_phantom"].for_training()
+    assert (task.tolerance, task.segment_mm, task.longest_mm) == (1e-3, 2.0, 1.0)
+    assert torquer.envs.TASKS["ty_phantom"].segment_mm is None
+    fine, coarse = (
+        torquer.envs.NavigationEnv(torquer.scene_path("ty_phantom"), dataclasses.replace(task, segment_mm=mm))
+        for mm in (1.0, 2.0)
+    )
+    shapes = []
+    for env in (fine, coarse):
+        env.reset(options={"rotation_rad": 0.0})
+        push(env, 40)
+        shapes.append(env.simulation.nodes_mm.copy())
+    assert len(shapes[0]) == pytest.approx(2 * len(shapes[1]), abs=2)
+    assert np.linalg.norm(shapes[0][-1] - shapes[1][-1]) < 0.5
+
+
+def test_a_vector_refuses_what_it_cannot_use():
+    make = torquer.envs.VectorEnv
+    with pytest.raises(torquer.Error, match="no task 'aorta'; there are: ty_phantom"):
+        make("aorta", 2)
+    with pytest.raises(torquer.Error, match="count is 0"):
+        make("ty_phantom", 0)
+    with pytest.raises(torquer.Error, match="threads 0"):
+        make("ty_phantom", 1, 0)
+    many = make("ty_phantom", 3, 1)
+    many.reset(seed=1)
+    for actions, ids, said in [
+        (np.zeros((2, 2)), None, r"shape \(2, 2\); give \(3, 2\)"),
+        (np.full((3, 2), np.nan), None, "not finite"),
+        (np.zeros((2, 2)), [0, 0], "give each once, 0 to 2"),
+        (np.zeros((1, 2)), [3], "give each once, 0 to 2"),
+    ]:
+        with pytest.raises(torquer.Error, match=said):
+            many.send(actions, ids)
+    with pytest.raises(torquer.Error, match="no environment is at work"):
+        many.recv()
+    with pytest.raises(torquer.Error, match="2 seeds; give 3"):
+        many.reset(seed=[1, 2])
+
+
+def test_what_a_thread_throws_is_raised():
+    # Nothing is sent to a hand beyond 1e5 mm.
+    task = torquer.envs.Task("side", 40.0, longest_mm=2e5)
+    many = torquer.envs.VectorEnv(torquer.scene_path("ty_phantom"), 2, 2, task=task)
+    many.reset(seed=1)
+    with pytest.raises(torquer.Error, match="within 1e5"):
+        many.step(np.array([[1, 0], [0, 0]]))
+    many.send(np.zeros((1, 2)), [1])
+    assert many.recv()[4]["env_id"].tolist() == [1]
+
+
+def test_the_benchmark_says_how_fast_and_how_accurate():
+    done = subprocess.run(
+        [sys.executable, "-m", "torquer", "benchmark", "--json", "ty_phantom"],
+        capture_output=True, text=True, check=True,
+    )
+    result = json.loads(done.stdout)
+    assert [row["accuracy"] for row in result["rows"]] == ["accurate", "default", "training"]
+    for row in result["rows"]:
+        assert row["single"]["steps_s"] > 0 and row["vector"]["steps_core_s"] > 0
+    accurate, default, training = (row["tip_error_p95_mm"] for row in result["rows"])
+    assert accurate == 0 < default < training < 2
+    done = subprocess.run(
+        [sys.executable, "-m", "torquer", "benchmark", "aorta"], capture_output=True, text=True
+    )
+    assert done.returncode == 2 and "there is no task 'aorta'" in done.stderr

@@ -3,11 +3,11 @@
 import argparse
 import sys
 
-from . import Error, __version__, centerlines, export
+from . import Error, __version__, benchmark, centerlines, envs, export
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="torquer", description="Shapes of wires and vessels in other formats.")
+    parser = argparse.ArgumentParser(prog="torquer", description="Shapes of wires and vessels in other formats; the speed of environments.")
     parser.add_argument("--version", action="version", version=f"torquer {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     convert = commands.add_parser(
@@ -17,8 +17,20 @@ def main() -> int:
     )
     convert.add_argument("source", metavar="IN")
     convert.add_argument("target", metavar="OUT")
+    speed = commands.add_parser(
+        "benchmark", help="how many steps a second the environments of torquer.envs take here, and their error"
+    )
+    speed.add_argument("--json", action="store_true", help="one line of JSON")
+    speed.add_argument("tasks", metavar="TASK", nargs="*", help=f"of {', '.join(envs.TASKS)} (default: all)")
     arguments = parser.parse_args()
     try:
+        if arguments.command == "benchmark":
+            for name in arguments.tasks:
+                if name not in envs.TASKS:
+                    raise Error(f"there is no task {name!r}; there are: {', '.join(envs.TASKS)}")
+            result = benchmark.run(arguments.tasks)
+            print(benchmark.as_json(result) if arguments.json else benchmark.as_table(result))
+            return 0
         if arguments.source.endswith(".vtp"):
             written = centerlines.convert(arguments.source, arguments.target)
         else:

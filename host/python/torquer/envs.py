@@ -6,26 +6,31 @@
     observation, info = env.reset(seed=1)
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
-Where gymnasium is installed its spaces are used, the environments are gymnasium.Env, and
-register() makes them known to gymnasium.make as "torquer/NAME-v0". It is not needed.
+    many = torquer.envs.VectorEnv("ty_phantom", 64)  # in threads
+
+Where gymnasium is installed its spaces are used, the environments are gymnasium.Env and
+gymnasium.vector.VectorEnv, and register() makes them known to gymnasium.make as "torquer/NAME-v0". It is not needed.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import re
-from typing import Any, Dict, List, Optional, Tuple, Union
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import Error, Scene, Simulation, scene_path
+from ._torquer import Navigation, NavigationPool, NavigationTask
 
 try:
     import gymnasium  # type: ignore[import]
 
     _Env: Any = gymnasium.Env
+    _VectorEnv: Any = gymnasium.vector.VectorEnv
     _Box: Any = gymnasium.spaces.Box
 except ImportError:
     gymnasium = None
@@ -62,34 +67,28 @@ except ImportError:
             )
 
     _Env = object
+    _VectorEnv = object
     _Box = _PlainBox
 
 Array = npt.NDArray[Any]
 
-# How many points of the wire, from its tip, and of the route, from the nearest on, a vector shows.
-_WIRE_POINTS = 4
-_ROUTE_POINTS = 4
 
 
-def _for_training(text: str, tolerance: float) -> str:
-    """The text of a scene with that tolerance, and with an observer of the wall's force."""
-    lines = text.splitlines()
+def _with_keys(text: str, section: str, values: Dict[str, Any]) -> str:
+    """The text of a scene with these keys of a section, which may be missing yet."""
     kept: List[str] = []
-    section = ""
-    for line in lines:
+    at = ""
+    for line in text.splitlines():
         if line.startswith("["):
-            section = line
-        if section == "[relaxation]" and re.match(r"tolerance\s*=", line):
+            at = line
+        if at == f"[{section}]" and re.match(r"(\w+)\s*=", line) and line.split("=")[0].strip() in values:
             continue
         kept.append(line)
-        if line == "[relaxation]":
-            kept.append(f"tolerance = {tolerance!r}")
-    if "[relaxation]" not in kept:
-        kept += ["", "[relaxation]", f"tolerance = {tolerance!r}"]
-    if "[effects.wall_force]" not in kept:
-        kept += ["", "[effects.wall_force]", "threshold_mN = 100.0"]
+    if f"[{section}]" not in kept:
+        kept += ["", f"[{section}]"]
+    index = kept.index(f"[{section}]") + 1
+    kept[index:index] = [f"{key} = {value!r}" for key, value in values.items()]
     return "\n".join(kept) + "\n"
-
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,6 +109,71 @@ class Task:
     max_steps: int = 400
     tolerance: float = 1e-4
     """To which a step is relaxed; a scene that is simulated for its own sake takes 1e-6."""
+    segment_mm: Optional[float] = None
+    """Of the wire; None: as the scene has it. Longer ones are faster and coarser."""
+    picture_px: Optional[int] = None
+    """Width and height of pictures, 64 to 1024; None: as the scene has them."""
+
+    def for_training(self) -> Task:
+        """The same, faster and less accurate: see the table in host/python/README.md."""
+        return dataclasses.replace(self, tolerance=1e-3, segment_mm=2.0, longest_mm=1.0)
+
+
+def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
+    """The scene as a task wants it, and with an observer of the wall's force."""
+    keys: Dict[str, Any] = {"tolerance": task.tolerance}
+    if task.segment_mm is not None:
+        keys["segment_mm"] = float(task.segment_mm)
+    text = _with_keys(scene.text, "relaxation", keys)
+    if "wall_force" not in scene.effects:
+        text = _with_keys(text, "effects.wall_force", {"threshold_mN": 100.0})
+    if sees and "fluoroscopy" not in scene.effects:
+        raise Error(f"{scene.name} makes no pictures; add [effects.fluoroscopy]")
+    if sees and task.picture_px is not None:
+        size = int(task.picture_px)
+        text = _with_keys(text, "effects.fluoroscopy", {"width_px": size, "height_px": size})
+    return Scene.from_text(text, scene.folder)
+
+
+class _Prepared:
+    """What a single environment and a vector of them have in common."""
+
+    def __init__(self, scene: Union[Scene, str], task: Task, observation: str, sees: bool) -> None:
+        if observation not in ("vector", "picture"):
+            raise Error(f"observation is {observation!r}; give 'vector' or 'picture'")
+        given = scene if isinstance(scene, Scene) else Scene(scene)
+        count = len(given.instruments)
+        if not 0 <= task.instrument < count:
+            raise Error(f"instrument is {task.instrument}; the scene has {count}")
+        sees = sees or observation == "picture"
+        self.scene = _scene_of(given, task, sees)
+        self.task = NavigationTask(
+            instrument=task.instrument,
+            within_mm=task.within_mm,
+            step_s=task.step_s,
+            longest_mm=task.longest_mm,
+            largest_turn_rad=task.largest_turn_rad,
+            force_limit_mN=task.force_limit_mN,
+            max_steps=task.max_steps,
+            pictures=sees,
+            route=self.scene.route_mm(task.centerline, task.at_mm, 1.0),
+        )
+        self.navigation = Navigation(self.scene, self.task)
+        self.action_size = 2 * count
+        self.vector_size = len(self.navigation.observe())
+
+    def observation_space(self, observation: str) -> Any:
+        if observation == "vector":
+            return _Box(-np.inf, np.inf, (self.vector_size,), np.float32)
+        height, width = self.navigation.take_picture().shape
+        return _Box(0, 255, (height, width, 1), np.uint8)
+
+
+def _rotation(random: np.random.Generator, options: Optional[Dict[str, Any]]) -> float:
+    return float((options or {}).get("rotation_rad", random.uniform(-math.pi, math.pi)))
+
+
+_INFO = ("success", "safe_success", "wall_force_mN", "path_mm", "remaining_mm", "time_s")
 
 
 class NavigationEnv(_Env):  # type: ignore[misc]
@@ -138,43 +202,22 @@ class NavigationEnv(_Env):  # type: ignore[misc]
         observation: str = "vector",
         render_mode: Optional[str] = None,
     ) -> None:
-        if observation not in ("vector", "picture"):
-            raise Error(f"observation is {observation!r}; give 'vector' or 'picture'")
         if render_mode not in (None, "rgb_array"):
             raise Error(f"render_mode is {render_mode!r}; give None or 'rgb_array'")
-        given = scene if isinstance(scene, Scene) else Scene(scene)
-        self.scene = Scene.from_text(_for_training(given.text, task.tolerance), given.folder)
-        if not 0 <= task.instrument < len(self.scene.instruments):
-            raise Error(f"instrument is {task.instrument}; the scene has {len(self.scene.instruments)}")
-        if (observation == "picture" or render_mode) and "fluoroscopy" not in self.scene.effects:
-            raise Error(f"{self.scene.name} makes no pictures; add [effects.fluoroscopy]")
+        prepared = _Prepared(scene, task, observation, render_mode is not None)
+        self.scene = prepared.scene
         self.task = task
         self.observation = observation
         self.render_mode = render_mode
-        self._route = self.scene.route_mm(task.centerline, task.at_mm, 1.0)
-        self._target = self._route[-1]
-        self._simulation = Simulation(self.scene)
-        self._start = self._simulation.copy()
+        self._navigation = prepared.navigation
         self._random = np.random.default_rng()
-        count = len(self.scene.instruments)
-        self.action_space = _Box(-1.0, 1.0, (2 * count,), np.float32)
-        if observation == "vector":
-            size = 3 * (_WIRE_POINTS + _ROUTE_POINTS + 1) + 3 * count
-            self.observation_space = _Box(-np.inf, np.inf, (size,), np.float32)
-        else:
-            height, width = self._take_picture().shape
-            self.observation_space = _Box(0, 255, (height, width, 1), np.uint8)
-        self._steps = self._nearest = 0
-        self._path_mm = self._worst_mN = self._force_mN = 0.0
-        self._remaining_mm = self._before_mm = 0.0
-        self._success = False
-        self._last_tip: Array = self._tip()
-        self._begin()
+        self.action_space = _Box(-1.0, 1.0, (prepared.action_size,), np.float32)
+        self.observation_space = prepared.observation_space(observation)
 
     @property
     def simulation(self) -> Simulation:
         """What the environment steps. Step it by the environment alone."""
-        return self._simulation
+        return self._navigation.simulation
 
     def reset(
         self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
@@ -185,120 +228,36 @@ class NavigationEnv(_Env):  # type: ignore[misc]
             if gymnasium is not None:
                 super().reset(seed=seed)
             self._random = np.random.default_rng(seed)
-        self._simulation.restore(self._start)
-        rotation = (options or {}).get("rotation_rad", self._random.uniform(-math.pi, math.pi))
-        hands = self._simulation.hands
-        hands[self.task.instrument, 1] += rotation
-        self._simulation.step(self.task.step_s, hands, xray=self._sees)
-        self._begin()
-        return self._observe(), self._info()
+        self._navigation.reset(_rotation(self._random, options))
+        return self._observe(), self._info(self._navigation.facts)
 
     def step(self, action: npt.ArrayLike) -> Tuple[Array, float, bool, bool, Dict[str, Any]]:
         """Moves the hands for Task.step_s."""
-        task = self.task
-        motion = np.clip(np.asarray(action, float).reshape(-1, 2), -1, 1)
-        hands = self._simulation.hands
-        hands[:, 0] = np.maximum(0, hands[:, 0] + task.longest_mm * motion[:, 0])
-        hands[:, 1] += task.largest_turn_rad * motion[:, 1]
-        self._simulation.step(self._simulation.time_s + task.step_s, hands, xray=self._sees)
-        self._steps += 1
-        tip = self._tip()
-        self._path_mm += float(np.linalg.norm(tip - self._last_tip))
-        self._last_tip = tip
-        self._find_on_route(tip)
-        self._force_mN = self._find_force()
-        self._worst_mN = max(self._worst_mN, self._force_mN)
-        terminated = bool(np.linalg.norm(tip - self._target) <= task.within_mm)
-        truncated = not terminated and self._steps >= task.max_steps
-        gained = self._before_mm - self._remaining_mm
-        self._before_mm = self._remaining_mm
-        reward = gained / 10 - 0.01 + (10.0 if terminated else 0.0)
-        self._success = terminated
-        return self._observe(), float(reward), terminated, truncated, self._info()
+        self._navigation.step(action)
+        facts = self._navigation.facts
+        return self._observe(), facts[0], facts[1] != 0, facts[2] != 0, self._info(facts)
 
     def render(self) -> Optional[Array]:
         """The X-ray picture as rgb, shape (height, width, 3)."""
         if self.render_mode is None:
             return None
-        return np.repeat(self._take_picture()[:, :, None], 3, axis=2)
+        return np.repeat(self._navigation.take_picture()[:, :, None], 3, axis=2)
 
     def close(self) -> None:
         """Nothing is kept open."""
 
-    @property
-    def _sees(self) -> bool:
-        return self.observation == "picture" or self.render_mode is not None
-
-    def _begin(self) -> None:
-        self._steps = 0
-        self._path_mm = 0.0
-        self._worst_mN = 0.0
-        self._force_mN = self._find_force()
-        self._success = False
-        self._nearest = 0
-        self._last_tip = self._tip()
-        self._find_on_route(self._last_tip, everywhere=True)
-        self._before_mm = self._remaining_mm
-
-    def _tip(self) -> Array:
-        tip: Array = self._simulation.tips_mm[self.task.instrument]
-        return tip
-
-    def _find_on_route(self, tip: Array, everywhere: bool = False) -> None:
-        # Near where it was: a route may pass the same place twice.
-        reach = len(self._route) if everywhere else 30
-        first = max(0, self._nearest - reach)
-        part = self._route[first : self._nearest + reach + 1]
-        squared = np.einsum("ij,ij->i", part - tip, part - tip)
-        at = int(squared.argmin())
-        self._nearest = first + at
-        self._remaining_mm = len(self._route) - 1 - self._nearest + math.sqrt(squared[at])
-
-    def _find_force(self) -> float:
-        return self._simulation.readings()["wall_force_largest_mN"]
-
-    def _take_picture(self) -> Array:
-        picture = self._simulation.picture()
-        if picture is None:
-            simulation = self._simulation.copy()
-            simulation.step(simulation.time_s + 1e-3, simulation.hands, xray=True)
-            picture = simulation.picture()
-        assert picture is not None
-        return picture
-
     def _observe(self) -> Array:
         if self.observation == "picture":
-            picture: Array = self._take_picture()[:, :, None]
+            picture: Array = self._navigation.take_picture()[:, :, None]
             return picture
-        tip = self._tip()
-        nodes = self._simulation.nodes_mm
-        # Where hardly any wire is in, its points are those at the entry.
-        segment_mm = float(np.linalg.norm(nodes[-1] - nodes[-2])) if len(nodes) > 2 else 5.0
-        every = round(5 / segment_mm)
-        back = np.maximum(0, len(nodes) - 1 - every * np.arange(1, _WIRE_POINTS + 1))
-        ahead = np.minimum(len(self._route) - 1, self._nearest + 5 * np.arange(1, _ROUTE_POINTS + 1))
-        places = self._simulation.places
-        vector: Array = np.concatenate(
-            [
-                (nodes[back] - tip).ravel(),
-                (self._route[ahead] - tip).ravel(),
-                self._target - tip,
-                places[:, 0],
-                np.cos(places[:, 1]),
-                np.sin(places[:, 1]),
-            ]
-        ).astype(np.float32)
-        return vector
+        return self._navigation.observe()
 
-    def _info(self) -> Dict[str, Any]:
-        return {
-            "success": self._success,
-            "safe_success": self._success and self._worst_mN <= self.task.force_limit_mN,
-            "wall_force_mN": self._force_mN,
-            "path_mm": self._path_mm,
-            "remaining_mm": self._remaining_mm,
-            "time_s": self._simulation.time_s,
-        }
+    @staticmethod
+    def _info(facts: List[float]) -> Dict[str, Any]:
+        info: Dict[str, Any] = dict(zip(_INFO, facts[3:]))
+        info["success"] = facts[3] != 0
+        info["safe_success"] = facts[4] != 0
+        return info
 
 
 # Tasks in the scenes that Torquer ships.
@@ -316,6 +275,152 @@ def make(
     if name not in TASKS:
         raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}")
     return NavigationEnv(scene_path(name), TASKS[name], observation, render_mode)
+
+
+class VectorEnv(_VectorEnv):  # type: ignore[misc]
+    """Many environments of one task, which step in threads; the interface is gymnasium.vector's.
+
+    Each gives what a NavigationEnv gives with the same seed and actions, bit for bit, whatever the
+    number of threads. One whose episode has ended is reset by the next step, whose action it
+    ignores and whose reward is 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays.
+
+    step() is send() and recv(), which may be called by themselves: send() actions for some of the
+    environments, and recv() those that finish first, while the others go on.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": "NextStep"}
+    render_mode = None
+    spec = None
+
+    def __init__(
+        self,
+        name: Union[str, Scene],
+        count: int,
+        threads: Optional[int] = None,
+        observation: str = "vector",
+        task: Optional[Task] = None,
+        copy: bool = True,
+    ) -> None:
+        """name: one of TASKS; or, with a task, a scene or its file. threads: one for each core by
+        default. copy: whether observations of all are copies; without, the next step overwrites
+        them."""
+        if count < 1 or threads is not None and threads < 1:
+            raise Error(f"count is {count} and threads {threads}; give 1 or more")
+        if task is None:
+            if name not in TASKS:
+                raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}; or give a task")
+            task = TASKS[str(name)]
+            name = scene_path(str(name))
+        prepared = _Prepared(name, task, observation, False)
+        self.scene = prepared.scene
+        self.task = task
+        self.num_envs = count
+        self.copy = copy
+        self.single_observation_space = prepared.observation_space(observation)
+        self.single_action_space = _Box(-1.0, 1.0, (prepared.action_size,), np.float32)
+        single = self.single_observation_space
+        self.observation_space = _Box(
+            np.broadcast_to(single.low, (count, *single.shape)),
+            np.broadcast_to(single.high, (count, *single.shape)),
+            dtype=single.dtype,
+        )
+        self.action_space = _Box(-1.0, 1.0, (count, prepared.action_size), np.float32)
+        # Since Gymnasium 1.1.
+        modes = getattr(getattr(gymnasium, "vector", None), "AutoresetMode", None)
+        if modes is not None:
+            self.metadata = {**self.metadata, "autoreset_mode": modes.NEXT_STEP}
+        self._observations = np.zeros((count, *single.shape), single.dtype)
+        self._facts = np.zeros((3 + len(_INFO), count))
+        self._ended = np.zeros(count, bool)
+        self._at_work = np.zeros(count, bool)
+        self._randoms = [np.random.default_rng() for _ in range(count)]
+        cores = len(os.sched_getaffinity(0))
+        self._pool = NavigationPool(
+            self.scene, prepared.task, count, threads or cores, self._facts, self._observations
+        )
+
+    def reset(
+        self,
+        *,
+        seed: Union[None, int, Sequence[Optional[int]]] = None,
+        options: Optional[Dict[str, Any]] = None,
+    ) -> Tuple[Array, Dict[str, Any]]:
+        """All back to the start. seed: of the first, one more for each; or one for each. options: as
+        of NavigationEnv.reset."""
+        if self._at_work.any():
+            raise Error("environments are at work; recv() them before reset()")
+        seeds: Sequence[Optional[int]]
+        if isinstance(seed, (int, np.integer)):
+            seeds = [int(seed) + k for k in range(self.num_envs)]
+        else:
+            seeds = [None] * self.num_envs if seed is None else seed
+        if len(seeds) != self.num_envs:
+            raise Error(f"there are {len(seeds)} seeds; give {self.num_envs}, or one")
+        for k, one in enumerate(seeds):
+            if one is not None:
+                self._randoms[k] = np.random.default_rng(one)
+            self._at_work[k] = True
+            self._pool.reset(k, _rotation(self._randoms[k], options))
+        observations, _, _, _, info = self.recv()
+        return observations, info
+
+    def step(self, actions: npt.ArrayLike) -> Tuple[Array, Array, Array, Array, Dict[str, Any]]:
+        """Moves the hands of all for Task.step_s."""
+        self.send(actions)
+        return self.recv()
+
+    def send(self, actions: npt.ArrayLike, ids: Optional[npt.ArrayLike] = None) -> None:
+        """Has the environments `ids`, or all of them, begin a step, and returns at once."""
+        which = np.arange(self.num_envs) if ids is None else np.asarray(ids, int).ravel()
+        rows = np.asarray(actions, float)
+        shape = (len(which), *self.single_action_space.shape)
+        if rows.shape != shape:
+            raise Error(f"actions have the shape {rows.shape}; give {shape}")
+        if not np.isfinite(rows).all():
+            raise Error("actions hold a number that is not finite; give -1 to 1")
+        if len(np.unique(which)) != len(which) or ((which < 0) | (which >= self.num_envs)).any():
+            raise Error(f"ids are {which.tolist()}; give each once, 0 to {self.num_envs - 1}")
+        if self._at_work[which].any():
+            raise Error("an environment is at work already; recv() it before the next send()")
+        self._at_work[which] = True
+        ended = self._ended[which]
+        for k in which[ended]:
+            self._pool.reset(int(k), _rotation(self._randoms[k], None))
+        self._pool.step(which[~ended], rows[~ended])
+
+    def recv(self, count: Optional[int] = None) -> Tuple[Array, Array, Array, Array, Dict[str, Any]]:
+        """What came of the `count` that finish first, or of all that are at work: observations,
+        rewards, terminated, truncated and info, in the order of info["env_id"]. Where one of them
+        cannot go on, all are waited for, and its error is raised."""
+        if not self._at_work.any():
+            raise Error("no environment is at work; send() actions first")
+        if count is not None and count < 1:
+            raise Error(f"count is {count}; give 1 or more")
+        try:
+            ids = np.sort(np.array(self._pool.wait(self.num_envs if count is None else count), int))
+        except Error:
+            self.close()
+            raise
+        self._at_work[ids] = False
+        facts = self._facts[:, ids]
+        everything = len(ids) == self.num_envs
+        observations = self._observations if everything and not self.copy else self._observations[ids]
+        info: Dict[str, Any] = dict(zip(_INFO, facts[3:]))
+        info["success"] = facts[3] != 0
+        info["safe_success"] = facts[4] != 0
+        info["env_id"] = ids
+        terminated, truncated = facts[1] != 0, facts[2] != 0
+        self._ended[ids] = terminated | truncated
+        return observations, facts[0], terminated, truncated, info
+
+    def close(self, **_: Any) -> None:
+        """Waits for those at work, whatever becomes of them."""
+        while self._pool.at_work > 0:
+            try:
+                self._pool.wait(self.num_envs)
+            except Error:
+                pass
+        self._at_work[:] = False
 
 
 def register() -> None:

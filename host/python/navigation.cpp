@@ -1,0 +1,153 @@
+#include "host/python/navigation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace torquer::python {
+
+namespace {
+
+// How many points of the wire, from its tip, and of the route, from the nearest on, a vector shows,
+// and how far apart they are.
+constexpr std::size_t kWirePoints = 4;
+constexpr std::size_t kRoutePoints = 4;
+constexpr double kApart_mm = 5;
+
+// A route may pass the same place twice, so that it is looked at near where the tip was.
+constexpr std::size_t kReach = 30;
+
+double Distance(const Point& a, const Point& b) {
+  return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+}
+
+}  // namespace
+
+Navigation::Navigation(const Scene& scene, NavigationTask task)
+    : task_(std::move(task)),
+      instruments_(scene.instruments().size()),
+      simulation_(scene),
+      start_(simulation_) {
+  Conclude();
+}
+
+std::size_t Navigation::vector_size() const {
+  return 3 * (kWirePoints + kRoutePoints + 1) + 3 * instruments_;
+}
+
+double Navigation::Force() const {
+  for (const Reading& reading : simulation_.readings()) {
+    if (reading.name == "wall_force_largest_mN") return reading.value;
+  }
+  throw Error("the scene looks for no force on the wall; add [effects.wall_force]");
+}
+
+void Navigation::FindOnRoute(std::size_t reach) {
+  const std::size_t first = nearest_ > reach ? nearest_ - reach : 0;
+  const std::size_t last = std::min(nearest_ + reach, task_.route.size() - 1);
+  double least_mm = INFINITY;
+  for (std::size_t k = first; k <= last; ++k) {
+    const double distance_mm = Distance(task_.route[k], tip_);
+    if (distance_mm >= least_mm) continue;
+    least_mm = distance_mm;
+    nearest_ = k;
+  }
+  fact(Fact::kRemaining_mm) = static_cast<double>(task_.route.size() - 1 - nearest_) + least_mm;
+}
+
+// What a reset leaves, of which a step makes more.
+void Navigation::Conclude() {
+  facts_ = {};
+  steps_ = 0;
+  nearest_ = 0;
+  tip_ = Tip();
+  FindOnRoute(task_.route.size());
+  fact(Fact::kWallForce_mN) = Force();
+  fact(Fact::kTime_s) = simulation_.time_s();
+  worst_mN_ = 0;
+}
+
+void Navigation::Reset(double rotation_rad) {
+  simulation_ = start_;
+  Command command = simulation_.command();
+  command.time_s = task_.step_s;
+  command.hands[task_.instrument].rotation_rad += rotation_rad;
+  command.xray = task_.pictures;
+  simulation_.Step(command);
+  Conclude();
+}
+
+void Navigation::Step(const double* action) {
+  Command command = simulation_.command();
+  command.time_s += task_.step_s;
+  command.xray = task_.pictures;
+  for (std::size_t k = 0; k < instruments_; ++k) {
+    Hand& hand = command.hands[k];
+    const double feed = std::clamp(action[2 * k], -1.0, 1.0);
+    hand.insertion_mm = std::max(0.0, hand.insertion_mm + task_.longest_mm * feed);
+    hand.rotation_rad += task_.largest_turn_rad * std::clamp(action[2 * k + 1], -1.0, 1.0);
+  }
+  simulation_.Step(command);
+  ++steps_;
+  const Point tip = Tip();
+  const double before_mm = fact(Fact::kRemaining_mm);
+  fact(Fact::kPath_mm) += Distance(tip, tip_);
+  tip_ = tip;
+  FindOnRoute(kReach);
+  const double force_mN = Force();
+  worst_mN_ = std::max(worst_mN_, force_mN);
+  const bool there = Distance(tip, task_.route.back()) <= task_.within_mm;
+  fact(Fact::kWallForce_mN) = force_mN;
+  fact(Fact::kTerminated) = there;
+  fact(Fact::kTruncated) = !there && steps_ >= task_.max_steps;
+  fact(Fact::kSuccess) = there;
+  fact(Fact::kSafeSuccess) = there && worst_mN_ <= task_.force_limit_mN;
+  fact(Fact::kTime_s) = simulation_.time_s();
+  fact(Fact::kReward) = (before_mm - fact(Fact::kRemaining_mm)) / 10 - 0.01 + (there ? 10 : 0);
+}
+
+void Navigation::Observe(float* out) const {
+  const auto put = [&out](const Point& point, const Point& from) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      *out++ = static_cast<float>(point[axis] - from[axis]);
+    }
+  };
+  const double* const nodes_mm = simulation_.nodes_mm();
+  const std::size_t count = simulation_.node_count();
+  const auto node = [nodes_mm](std::size_t k) {
+    return Point{nodes_mm[3 * k], nodes_mm[3 * k + 1], nodes_mm[3 * k + 2]};
+  };
+  // Where hardly any wire is in, its points are those at the entry.
+  const double segment_mm = count > 2 ? Distance(node(count - 1), node(count - 2)) : kApart_mm;
+  const auto every = static_cast<std::size_t>(std::max(1L, std::lround(kApart_mm / segment_mm)));
+  for (std::size_t k = 1; k <= kWirePoints; ++k) {
+    put(node(count - 1 > k * every ? count - 1 - k * every : 0), tip_);
+  }
+  for (std::size_t k = 1; k <= kRoutePoints; ++k) {
+    const auto ahead = k * static_cast<std::size_t>(kApart_mm);
+    put(task_.route[std::min(task_.route.size() - 1, nearest_ + ahead)], tip_);
+  }
+  put(task_.route.back(), tip_);
+  const std::vector<InstrumentState> all = simulation_.instruments();
+  for (const InstrumentState& each : all) *out++ = static_cast<float>(each.hand.insertion_mm);
+  for (const InstrumentState& each : all) {
+    *out++ = static_cast<float>(std::cos(each.hand.rotation_rad));
+  }
+  for (const InstrumentState& each : all) {
+    *out++ = static_cast<float>(std::sin(each.hand.rotation_rad));
+  }
+}
+
+const Picture& Navigation::TakePicture() {
+  const Picture& last = simulation_.LastPicture();
+  if (last.width > 0) return last;
+  Simulation later = simulation_;
+  Command command = later.command();
+  command.time_s += 1e-3;
+  command.xray = true;
+  later.Step(command);
+  first_picture_ = later.LastPicture();
+  return first_picture_;
+}
+
+}  // namespace torquer::python

@@ -1,0 +1,72 @@
+// Environments that step side by side in threads, and write where numpy reads.
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "host/python/navigation.h"
+
+namespace torquer::python {
+
+/// Where the environments write: row by row, one an environment.
+struct NavigationBuffers {
+  float* vectors = nullptr;          ///< null: pictures are observed
+  std::uint8_t* pictures = nullptr;  ///< null: vectors are observed
+  std::size_t picture_bytes = 0;
+  double* facts = nullptr;  ///< kFacts rows of a value an environment
+};
+
+class NavigationPool {
+ public:
+  /// `count` and `threads` > 0. The buffers must outlive this.
+  NavigationPool(const Scene& scene, const NavigationTask& task, std::size_t count,
+                 std::size_t threads, const NavigationBuffers& buffers);
+  ~NavigationPool();
+  NavigationPool(const NavigationPool&) = delete;
+  NavigationPool& operator=(const NavigationPool&) = delete;
+
+  std::size_t count() const { return environments_.size(); }
+  std::size_t action_size() const { return environments_.front()->action_size(); }
+
+  /// Has an environment reset itself; it is not at work.
+  void Reset(std::size_t index, double rotation_rad);
+  /// Has it step.
+  void Step(std::size_t index, std::vector<double> action);
+  /// Waits until `count` of those at work have finished, or all of them: which ones, the first to
+  /// finish first. Throws what one of them has thrown.
+  std::vector<std::size_t> Wait(std::size_t count);
+  /// How many are at work, or finished and not yet waited for.
+  std::size_t at_work() const;
+
+ private:
+  struct Job {
+    std::size_t index = 0;
+    double rotation_rad = 0;
+    std::vector<double> action;  // empty: a reset
+  };
+
+  void Add(Job job);
+  void Work();
+  void Do(const Job& job);
+
+  const NavigationBuffers buffers_;
+  std::vector<std::unique_ptr<Navigation>> environments_;
+  mutable std::mutex mutex_;
+  std::condition_variable jobs_change_;
+  std::condition_variable finished_changes_;
+  std::deque<Job> jobs_;
+  std::deque<std::size_t> finished_;
+  std::size_t at_work_ = 0;
+  std::exception_ptr failure_;
+  bool ending_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace torquer::python
