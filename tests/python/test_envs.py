@@ -201,6 +201,7 @@ def test_some_are_sent_and_the_first_to_finish_received():
     assert not np.array_equal(expected[1], expected[3])
     many.send(SOME[2, :4])
     many.close()
+    assert many.closed and not many._at_work.any()
 
 
 def test_without_copies_the_next_step_overwrites():

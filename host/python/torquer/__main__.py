@@ -7,7 +7,9 @@ from . import Error, __version__, benchmark, centerlines, envs, export
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="torquer", description="Shapes of wires and vessels in other formats; the speed of environments.")
+    parser = argparse.ArgumentParser(
+        prog="torquer", description="Shapes of wires and vessels in other formats; the speed of environments."
+    )
     parser.add_argument("--version", action="version", version=f"torquer {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     convert = commands.add_parser(

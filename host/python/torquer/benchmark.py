@@ -63,7 +63,11 @@ def run(names: Optional[List[str]] = None) -> Dict[str, Any]:
         task = dataclasses.replace(envs.TASKS[name], longest_mm=1.0, max_steps=10**6, within_mm=0.0)
         accurate = dataclasses.replace(task, tolerance=_ACCURATE)
         _, reference_mm = _single(name, accurate, "vector")
-        kinds = [("accurate", accurate, "vector"), ("default", task, "vector"), ("training", task.for_training(), "vector")]
+        kinds = [
+            ("accurate", accurate, "vector"),
+            ("default", task, "vector"),
+            ("training", task.for_training(), "vector"),
+        ]
         if "fluoroscopy" in envs.VectorEnv(name, 1, 1).scene.effects:
             small = dataclasses.replace(task.for_training(), picture_px=128)
             kinds.append(("training", small, "picture"))

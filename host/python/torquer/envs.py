@@ -399,7 +399,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         try:
             ids = np.sort(np.array(self._pool.wait(self.num_envs if count is None else count), int))
         except Error:
-            self.close()
+            self._wait_for_all()
             raise
         self._at_work[ids] = False
         facts = self._facts[:, ids]
@@ -414,7 +414,12 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         return observations, facts[0], terminated, truncated, info
 
     def close(self, **_: Any) -> None:
-        """Waits for those at work, whatever becomes of them."""
+        """Waits for those at work. Gymnasium calls it for one that could not be made too."""
+        if hasattr(self, "_pool"):
+            self._wait_for_all()
+        self.closed = True
+
+    def _wait_for_all(self) -> None:
         while self._pool.at_work > 0:
             try:
                 self._pool.wait(self.num_envs)

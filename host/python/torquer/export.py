@@ -131,7 +131,11 @@ def _read_binary(path: str) -> List[State]:
             raise Error(f"{path}: field {field} is missing; name it in torquer-simulator --fields")
     names = [name for name in _NODE_FIELDS if name in fields]
     states = [
-        State(float(fields["time_s"][k]), np.asarray(fields["nodes_mm"][k]), {n: np.asarray(fields[n][k]) for n in names})
+        State(
+            float(fields["time_s"][k]),
+            np.asarray(fields["nodes_mm"][k]),
+            {name: np.asarray(fields[name][k]) for name in names},
+        )
         for k in range(fields.rows)
     ]
     if not states:
