@@ -193,7 +193,9 @@ TEST_CASE("A joint's stiffness is EI over the length of wire it stands for") {
   CHECK(JointStiffness(model, state, 2) == Approx(2.5));
 }
 
-TEST_CASE("Contact points stand for the whole wire, at even distances along it") {
+TEST_CASE(
+    "Contact points stand for the wire, by half the pieces on either side, at even distances along "
+    "it") {
   const WireModel model = MakeWire({.segment_mm = 2});
   const FreeSpace field;
   const WallModel wall{.stiffness_N_mm2 = 1, .points_per_segment = 4};
@@ -205,7 +207,9 @@ TEST_CASE("Contact points stand for the whole wire, at even distances along it")
   REQUIRE(points.size() == 4 * state.segments());
   double sum = 0;
   for (const double w : points.weight_mm) sum += w;
-  CHECK(sum == Approx(9.1));
+  // All but half a piece, which the sheath holds.
+  CHECK(sum == Approx(9.1 - state.first_segment_mm() / 8));
+  CHECK(points.weight_mm.back() == 0.25);
   CHECK(points.position.back()[0] == Approx(9.1));
   CHECK(points.position[0][0] == Approx(state.first_segment_mm() / 4));
   CHECK(points.FromTip(points.size() - 1) == 0);

@@ -124,7 +124,7 @@ TEST_CASE("the ladder of update rules: (16), (17), (19), exact root") {
   const double pressed = GENERATE(0.01, 2.0);  // mm
   CAPTURE(pressed);
   const HalfSpace field({start.nodes()[10][0] + 0.178 - pressed, 0, 0}, {-1, 0, 0});
-  const WallModel wall{0.1, 1};
+  const WallModel wall{0.2, 1};  // 0.1 N/mm at the end, which stands for half a segment
   // B of (10') by hand: u_{n+1} is absent, p of (8) is about 1.
   const Vector3d u = start.tangents()[9];
   const Vector3d eta = start.tangents()[8] - u;

@@ -1,5 +1,6 @@
 // Contact against closed forms: a wire drawn round a post, its tip on a torus' wall.
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <numbers>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
@@ -105,6 +106,60 @@ TEST_CASE("Normal loads leave T + EI kappa^2/2 the same all along a wire in a to
     CHECK(sum == Approx(end_tension).margin(0.01 * largest_bending));
   }
   CHECK(std::abs(state.nodes().back()[2]) < 1e-6);
+}
+
+// A dead load on every mm of the wire, downwards.
+class EvenLoad final : public EnergyTerm {
+ public:
+  explicit EvenLoad(double load_N_mm) : load_N_mm_(load_N_mm) {}
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet& points, PointDerivatives& out) const override {
+    double energy = 0;
+    for (int q = 0; q < points.size(); ++q) {
+      const auto p = static_cast<std::size_t>(q);
+      out.TouchGradient(q);
+      out.gradient[p][2] += load_N_mm_ * points.weight_mm[p];
+      energy += load_N_mm_ * points.weight_mm[p] * points.position[p][2];
+    }
+    return energy;
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+ private:
+  double load_N_mm_;
+};
+
+TEST_CASE(
+    "A loaded end on a soft floor sinks as a beam on an elastic foundation, to second order") {
+  // Hetenyi: a long beam with a force P at its free end sinks there by 2 P b / k, b being
+  // (k / 4EI)^(1/4). An even load holds the whole wire on the floor, so that nothing lifts off.
+  constexpr double kDeep_mm = 0.01;
+  constexpr double kRigidity = 1;
+  constexpr double kDecay = 0.1;  // b, 1/mm
+  const double stiffness = 4 * kRigidity * std::pow(kDecay, 4);
+  const int points = GENERATE(1, 2, 8);
+  const WallModel wall{.stiffness_N_mm2 = stiffness, .points_per_segment = points};
+  const HalfSpace floor(Vector3d(0, 0, kDeep_mm - 0.2), Vector3d::UnitZ());
+  EvenLoad load(stiffness * kDeep_mm);
+  EndForce force(Vector3d(0, 0, -kDeep_mm * stiffness / (2 * kDecay)));
+  const std::vector<EnergyTerm*> terms{&load, &force};
+  double before = 0;
+  for (const double segment_mm : {2.0, 1.0, 0.5, 0.25}) {
+    const WireModel model =
+        MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = kRigidity, .radius_mm = 0.2});
+    NewtonRelaxation relaxation(model, floor, wall, {.tolerance = 1e-11}, terms);
+    WireState state = LayStraight(model, 100);
+    relaxation.Restart(state);
+    REQUIRE(Settle(relaxation, {100, 0}, state).converged);
+    const double error = -state.tip()[2] / kDeep_mm - 1;
+    INFO(points << " points, segments of " << segment_mm << " mm: " << error);
+    const double size = std::pow(kDecay * segment_mm, 2);
+    CHECK(std::abs(error) < size);
+    if (before != 0) CHECK(std::abs(error) < std::abs(before) / 3.5);
+    before = error;
+  }
 }
 
 }  // namespace

@@ -86,6 +86,7 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
   if (model_.twists()) points.normals = state.normals();
   points.instruments = state.places().size();
   points.spacing_mm = model_.segment_mm() / per_segment;
+  points.first_spacing_mm = state.first_segment_mm() / per_segment;
   for (int k = 0; k < points.instruments; ++k) {
     points.behind_mm[static_cast<std::size_t>(k)] =
         state.insertion_mm() - state.places()[k].insertion_mm;
@@ -97,14 +98,15 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
   for (int i = 0; i < n; ++i) {
     const double length = state.SegmentLength(model_, i);
     const double radius = model_.radius_mm(n - 1 - i);
-    const double weight = length / per_segment;
+    const double piece = length / per_segment;
+    const double beyond = i + 1 < n ? points.spacing_mm : 0;
     for (int k = 1; k <= per_segment; ++k, ++q) {
       const Vector3d at =
           k == per_segment
               ? state.nodes()[static_cast<std::size_t>(i) + 1]
               : Vector3d(state.nodes()[i] + (length * k / per_segment) * state.tangents()[i]);
       points.position[q] = at;
-      points.weight_mm[q] = weight;
+      points.weight_mm[q] = k == per_segment ? (piece + beyond) / 2 : piece;
       points.radius_mm[q] = radius;
       Lookup& look = last_[count - 1 - q];
       const double free = look.free_mm - used_mm;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -14,9 +15,11 @@ namespace torquer {
 /// Points of the wire at which wall and effects act: K to a segment, at fractions 1/K .. 1 of it.
 /// Point q belongs to segment q / K. All arrays have one entry a point.
 struct PointSet {
-  int per_segment = 1;                     ///< K
-  std::vector<Eigen::Vector3d> position;   ///< mm
-  std::vector<double> weight_mm;           ///< length of wire that the point stands for
+  int per_segment = 1;                    ///< K
+  std::vector<Eigen::Vector3d> position;  ///< mm
+  /// Length of wire that the point stands for: half of the piece before it and half of that beyond,
+  /// so that the last one has half a piece, and the sheath the first half.
+  std::vector<double> weight_mm;
   std::vector<double> radius_mm;           ///< of the wire there
   std::vector<std::uint8_t> touches;       ///< 1 where the wire's surface is beyond the wall
   std::vector<int> near;                   ///< the points that touch or nearly do, ascending
@@ -28,6 +31,7 @@ struct PointSet {
   int instruments = 1;                                  ///< of the stack
   std::array<double, kMostInstruments> behind_mm = {};  ///< each one's tip, behind the distal end
   double spacing_mm = 1;                                ///< of the points, lambda / K
+  double first_spacing_mm = 1;                          ///< of those of the first segment
 
   int size() const { return static_cast<int>(position.size()); }
   /// Identifies the point as material: constant while the wire moves through the sheath.
@@ -46,10 +50,16 @@ struct PointSet {
   double FromTipOf(int instrument, int q) const {
     return FromTip(q) * spacing_mm - behind_mm[static_cast<std::size_t>(instrument)];
   }
+  /// How far the point is from the distal end, mm.
+  double FromTipMm(int q) const {
+    const int in_first = std::max(0, per_segment - 1 - q);  // pieces shorter or longer than others
+    return (FromTip(q) - in_first) * spacing_mm + in_first * first_spacing_mm;
+  }
   /// The unit tangent of the segment that the point belongs to.
   Eigen::Vector3d Tangent(int q) const {
     const auto p = static_cast<std::size_t>(q);
-    return (position[p] - (q == 0 ? start : position[p - 1])) / weight_mm[p];
+    return (position[p] - (q == 0 ? start : position[p - 1])) /
+           (q < per_segment ? first_spacing_mm : spacing_mm);
   }
 };
 

@@ -149,6 +149,13 @@ inline double JointLength(const WireModel& model, const WireState& state, int jo
   return joint == 1 ? (state.first_segment_mm() + lambda) / 2 : state.first_segment_mm() / 2;
 }
 
+/// The length of wire that node i > 0 stands for, mm: half of the segments on either side of it, so
+/// half a segment at the distal end.
+inline double NodeLength(const WireModel& model, const WireState& state, int node) {
+  const double beyond_mm = node < state.segments() ? model.segment_mm() : 0;
+  return (state.SegmentLength(model, node - 1) + beyond_mm) / 2;
+}
+
 /// EI of joint i over that length, mJ (N mm).
 inline double JointStiffness(const WireModel& model, const WireState& state, int joint) {
   return model.rigidity_N_mm2(state.segments() - joint) / JointLength(model, state, joint);

@@ -256,7 +256,8 @@ double UnbalancedBend(const WireModel& model, const ClearanceField& field, const
       field.EvaluateGradient(at, sample);
       const double depth = model.radius_mm(n - 1 - i) - sample.clearance_mm;
       if (!(depth > 0)) continue;
-      const Vector3d force = wall.stiffness_N_mm2 * (length / points) * depth * sample.gradient;
+      const double stands_for = part == points ? NodeLength(model, state, i + 1) : length;
+      const Vector3d force = wall.stiffness_N_mm2 * (stands_for / points) * depth * sample.gradient;
       own += force;
       lever += t * force;
     }

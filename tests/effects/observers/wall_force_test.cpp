@@ -122,10 +122,12 @@ struct InRing {
 TEST_CASE("Wall forces are what the energy changes by when that part of the wall gives way") {
   const InRing at;
   WireState state(at.model);
-  effects::WallForce force({.threshold_mN = 1e-6, .tip_mm = InRing::kTipMm, .patch_mm = 2});
+  const double lambda = at.model.segment_mm();
+  // A point carries from the middle of one piece to that of the next; this ends in such a middle.
+  const double tip_mm = InRing::kTipMm + lambda / 4;
+  effects::WallForce force({.threshold_mN = 1e-6, .tip_mm = tip_mm, .patch_mm = 2});
   at.Rest(at.ring, state, &force);
   const int n = state.segments();
-  const double lambda = at.model.segment_mm();
   // Along the ring all points that the wire has are distinguished by their angle.
   const auto angle = [](const Vector3d& p) { return std::atan2(p[1], p[0]); };
   const auto at_length = [&](double from_tip_mm) {
@@ -149,13 +151,12 @@ TEST_CASE("Wall forces are what the energy changes by when that part of the wall
   const double all_mN = carried_mN([](const Vector3d&) { return true; });
   CHECK(all_mN > 1e-3);
   CHECK(force.sum_mN() == Approx(all_mN).epsilon(1e-4));
-  const auto carried_by_tip_mN = [&](double tip_mm) {
-    // A point carries the piece on its proximal side.
-    const double begins = angle(at_length(tip_mm - lambda / 4));
+  const auto carried_by_tip_mN = [&](double from_tip_mm) {
+    const double begins = angle(at_length(from_tip_mm));
     return carried_mN([&](const Vector3d& p) { return angle(p) > begins; });
   };
-  const double tip_mN = carried_by_tip_mN(InRing::kTipMm);
-  CHECK(tip_mN > 1.05 * carried_by_tip_mN(InRing::kTipMm / 2));
+  const double tip_mN = carried_by_tip_mN(tip_mm);
+  CHECK(tip_mN > 1.05 * carried_by_tip_mN(tip_mm / 2));
   CHECK(tip_mN < 0.95 * all_mN);
   CHECK(force.tip_mN() == Approx(tip_mN).epsilon(1e-4));
   double largest_mN = 0;
@@ -262,21 +263,23 @@ TEST_CASE("The force of a patch does not depend on how finely the wire is cut") 
 }
 
 TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") {
-  // Every point stands for 0.5 mm of wire that is pressed in by 0.05 mm: 0.1 N/mm on a round
-  // wire of 0.2 mm that is in the wall by 0.05 mm, on a width of 2 sqrt(0.05 (0.4 - 0.05)) mm.
+  // Every point stands for 0.5 mm of wire, the last for half of that, pressed in by 0.05 mm: 0.1
+  // N/mm on a round wire of 0.2 mm that is in the wall by 0.05 mm, on a width of 2 sqrt(0.05 (0.4 -
+  // 0.05)) mm.
   PointSet points;
   points.per_segment = 2;
-  points.spacing_mm = 0.5;
+  points.spacing_mm = points.first_spacing_mm = 0.5;
   points.start = Vector3d(-0.5, 0, 0);
-  for (int q = 0; q < 12; ++q) {
+  for (int q = 0; q < 13; ++q) {
     points.position.emplace_back(0.5 * q, 0, 0);
     points.near.push_back(q);
   }
-  points.weight_mm.assign(12, 0.5);
-  points.radius_mm.assign(12, 0.2);
-  points.touches.assign(12, 1);
-  points.stiffness_N_mm2.assign(12, 2);
-  points.clearance.resize(12);
+  points.weight_mm.assign(13, 0.5);
+  points.weight_mm.back() = 0.25;
+  points.radius_mm.assign(13, 0.2);
+  points.touches.assign(13, 1);
+  points.stiffness_N_mm2.assign(13, 2);
+  points.clearance.resize(13);
   for (ClearanceSample& sample : points.clearance) {
     sample.gradient = Vector3d::UnitZ();
     sample.clearance_mm = 0.15;
@@ -301,16 +304,16 @@ TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") 
                    .report = report});
   };
   observe();
-  CHECK(force.sum_mN() == Approx(600));
+  CHECK(force.sum_mN() == Approx(625));
   CHECK(force.largest_mN() == Approx(100 * patch_mm));
   CHECK(force.line_load_mN_mm() == Approx(100));
   CHECK(force.tip_mN() == Approx(125));
   CHECK(force.pressure_kPa() == Approx(100 / (2 * std::sqrt(0.05 * 0.35))));
   CHECK(force.tip_pressure_kPa() == 0);  // pressed sideways
-  // A wall ahead of the last point: on its end, of pi 0.2^2 mm^2, all of its 50 mN.
-  expansion.points.clearance[11].gradient = -Vector3d::UnitX();
+  // A wall ahead of the last point: on its end, of pi 0.2^2 mm^2, all of its 25 mN.
+  expansion.points.clearance[12].gradient = -Vector3d::UnitX();
   observe();
-  CHECK(force.tip_pressure_kPa() == Approx(50 / (3.14159265358979 * 0.04)));
+  CHECK(force.tip_pressure_kPa() == Approx(25 / (3.14159265358979 * 0.04)));
   // Ticks that did not converge are no peak and no event.
   const double peak_mN = force.largest_ever_mN();
   const int events = force.events();

@@ -47,7 +47,7 @@ Vector3d PhysicalRelaxation::WallGradient(int first_node, const WireState& state
     ++lookups_;
     free_mm_[j] = (sample.clearance_mm - radius) / lipschitz_;
     if (sample.clearance_mm >= radius) continue;
-    const double stiffness = wall_.stiffness_N_mm2 * state.SegmentLength(model_, j - 1);
+    const double stiffness = wall_.stiffness_N_mm2 * NodeLength(model_, state, j);
     sum -= (stiffness * (radius - sample.clearance_mm)) * sample.gradient;
   }
   return sum;

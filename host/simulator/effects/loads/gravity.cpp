@@ -17,9 +17,7 @@ double Gravity::Add(const PointSet& points, PointDerivatives& out) const {
   const int count = points.size();
   for (int q = 0; q < count; ++q) {
     const auto p = static_cast<std::size_t>(q);
-    // Half of the piece before the point and half of that beyond; the sheath carries the rest.
-    const double length_mm =
-        (points.weight_mm[p] + (q + 1 < count ? points.weight_mm[p + 1] : 0)) / 2;
+    const double length_mm = points.weight_mm[p];
     const Eigen::Vector3d weight_N_mm = WeightAt(points, q);
     out.TouchGradient(q);
     out.gradient[p] -= length_mm * weight_N_mm;

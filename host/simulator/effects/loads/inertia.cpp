@@ -18,7 +18,7 @@ constexpr double kNewton = 1e-9;
 
 double Inserted(const PointSet& points) {
   if (points.size() == 0) return 0;
-  return points.per_segment * points.weight_mm.front() +
+  return points.per_segment * points.first_spacing_mm +
          (points.size() - points.per_segment) * points.spacing_mm;
 }
 
@@ -29,12 +29,6 @@ Inertia::Inertia(Settings settings, const EffectContext& context)
       sheath_(context.wire.sheath()),
       material_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
                 static_cast<std::size_t>(context.wall.points_per_segment)) {}
-
-// Half of the piece before the point and half of that beyond; the sheath carries the rest.
-double Inertia::LengthAt(const PointSet& points, int q) const {
-  const auto p = static_cast<std::size_t>(q);
-  return (points.weight_mm[p] + (q + 1 < points.size() ? points.weight_mm[p + 1] : 0)) / 2;
-}
 
 // What moves across: the instruments, the fluid in them, and outside them as much as they displace,
 // which is the added mass of a cylinder. Of the fluid that is twice what the outermost displaces,
@@ -56,7 +50,7 @@ Inertia::Material Inertia::Before(const PointSet& points, int q) const {
     return material_[static_cast<std::size_t>(points.FromTip(q))];
   }
   const double from_tip_mm = keeps ? points.FromTip(q) * points.spacing_mm
-                                   : Inserted(points) - (q + 1) * points.weight_mm.front();
+                                   : Inserted(points) - (q + 1) * points.first_spacing_mm;
   const double in_sheath_mm = from_tip_mm - inserted_mm_;
   Material in_sheath{sheath_.point_mm - std::max(0.0, in_sheath_mm) * sheath_.direction,
                      fed_mm_s_ * sheath_.direction};
@@ -99,7 +93,7 @@ double Inertia::Add(const PointSet& points, PointDerivatives& out) const {
   for (int q = 0; q < points.size(); ++q) {
     const auto p = static_cast<std::size_t>(q);
     const Material before = Before(points, q);
-    const double length_mm = LengthAt(points, q);
+    const double length_mm = points.weight_mm[static_cast<std::size_t>(q)];
     const double mass = kNewton * DensityAt(points, q) * length_mm / (part_s_ * part_s_);
     const double drag = kNewton * settings_.drag_mPa_s * length_mm / part_s_;
     const Vector3d moved = points.position[p] - before.at;
@@ -119,8 +113,8 @@ void Inertia::End(const PointSet& points) {
   for (int q = 0; q < points.size(); ++q) {
     const Vector3d& at = points.position[static_cast<std::size_t>(q)];
     const Vector3d velocity_mm_s = per_s * (at - Before(points, q).at);
-    kinetic_mJ_ +=
-        kNewton * DensityAt(points, q) * LengthAt(points, q) * velocity_mm_s.squaredNorm() / 2;
+    kinetic_mJ_ += kNewton * DensityAt(points, q) * points.weight_mm[static_cast<std::size_t>(q)] *
+                   velocity_mm_s.squaredNorm() / 2;
     if (q + 1 < points.per_segment) continue;
     material_[static_cast<std::size_t>(points.FromTip(q))] = {at, velocity_mm_s};
   }

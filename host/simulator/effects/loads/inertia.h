@@ -55,7 +55,6 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   };
 
   Material Before(const PointSet& points, int q) const;
-  double LengthAt(const PointSet& points, int q) const;
   double DensityAt(const PointSet& points, int q) const;
 
   const Settings settings_;

@@ -36,7 +36,7 @@ void WallForce::Restart() {
   above_ = false;
 }
 
-// A point stands for the piece of wire on its proximal side.
+// A point stands for the wire from the middle of the piece beyond it to that of the piece before.
 void WallForce::AddContact(const PointSet& points, int q) {
   const auto p = static_cast<std::size_t>(q);
   const ClearanceSample& sample = points.clearance[p];
@@ -44,7 +44,9 @@ void WallForce::AddContact(const PointSet& points, int q) {
   const double length_mm = points.weight_mm[p];
   const double force_mN =
       1e3 * points.stiffness_N_mm2[p] * length_mm * depth_mm * sample.gradient.norm();
-  const double begin_mm = points.FromTip(q) * points.spacing_mm;
+  const double beyond_mm =
+      q + 1 < points.size() ? points.FromTipMm(q) - points.FromTipMm(q + 1) : 0;
+  const double begin_mm = points.FromTipMm(q) - beyond_mm / 2;
   force_mN_.Add(begin_mm, begin_mm + length_mm, force_mN);
   sum_mN_ += force_mN;
   depth_mm2_.Add(begin_mm, begin_mm + length_mm, depth_mm * length_mm);
