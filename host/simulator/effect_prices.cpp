@@ -20,9 +20,9 @@ class EffectPrices::WatchedTerm final : public EnergyTerm {
   double Add(const PointSet& points, PointDerivatives& out) const override {
     return Timed([&] { return term_.Add(points, out); });
   }
-  void SlideSurfaces(const PointSet& points,
-                     const std::array<double, kMostInstruments>& by_mm) override {
-    Timed([&] { term_.SlideSurfaces(points, by_mm); });
+  void MoveSurfaces(const PointSet& points,
+                    const std::array<SurfaceMove, kMostInstruments>& moves) override {
+    Timed([&] { term_.MoveSurfaces(points, moves); });
   }
   void End(const PointSet& points) override {
     Timed([&] { term_.End(points); });

@@ -270,14 +270,39 @@ TEST_CASE("A catheter that slides around the points takes their anchors along wi
   // The wire goes on by 0.5 mm, the catheter around it stays: no friction by that.
   slider.points.instruments = 2;
   slider.points.behind_mm = {0, 0};
-  slider.friction.SlideSurfaces(slider.points, {0, -0.5});
+  slider.friction.MoveSurfaces(slider.points, {{{}, {.along_mm = -0.5}}});
   slider.friction.Begin(slider.points);
   CHECK(slider.Energy(Vector3d(0.5, 0, 0)) == Approx(0).margin(1e-15));
   CHECK(slider.Energy(Vector3d::Zero()) > 1e-3);
   // Points beyond the catheter's tip keep theirs.
   slider.points.behind_mm = {0, 100};
-  slider.friction.SlideSurfaces(slider.points, {0, -0.5});
+  slider.friction.MoveSurfaces(slider.points, {{{}, {.along_mm = -0.5}}});
   CHECK(slider.Energy(Vector3d(0.5, 0, 0)) == Approx(0).margin(1e-15));
+}
+
+TEST_CASE("An instrument that is turned while it slides shares one cone between both ways") {
+  constexpr double kMu = 0.3;
+  constexpr double kPress_N = 0.1;
+  Slider slider(kMu, 0.01);
+  slider.points.start = Vector3d(-1, 0, 0);  // along x, on a wall that faces +z
+  const bool in_catheter = GENERATE(false, true);
+  if (in_catheter) slider.points.instruments = 2;
+  const double slid_mm = GENERATE(0.05, 1.0);
+  const double turned_rad = GENERATE(-0.7, 0.0, 0.2, 3.0);
+  slider.TickAt(Vector3d::Zero());
+  std::array<SurfaceMove, kMostInstruments> moves = {};
+  moves[in_catheter ? 1 : 0].turn_rad = turned_rad;
+  moves[in_catheter ? 0 : 1].turn_rad = 5;  // not on the wall
+  slider.friction.MoveSurfaces(slider.points, moves);
+  slider.friction.Begin(slider.points);
+  slider.Energy(Vector3d(slid_mm, 0, 0));
+  // The lowest point of a wire along x that turns right-handed goes to +y; friction pushes back.
+  const double round_mm = turned_rad * slider.points.radius_mm[0];
+  const double way_mm = std::hypot(slid_mm, round_mm);
+  const Vector3d on_wire_N = -slider.derivatives.gradient[0];
+  CHECK(on_wire_N[0] == Approx(-kMu * kPress_N * slid_mm / way_mm));
+  CHECK(on_wire_N[1] == Approx(-kMu * kPress_N * round_mm / way_mm).margin(1e-15));
+  CHECK(on_wire_N[2] == 0);
 }
 
 TEST_CASE("The friction of a wire that twists is that of its surface, by finite differences") {
@@ -349,10 +374,12 @@ class Weight final : public EnergyTerm {
 TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the wall, it slips") {
   constexpr double kRadius = 0.2;
   constexpr double kBore = 10;
+  // Stiff against twist, and one that does not twist.
+  const double torsional_rigidity = GENERATE(10.0, 0.0);
   const WireModel model =
       MakeWire({.segment_mm = 1,
                 .rigidity_N_mm2 = 1e-3,
-                .torsional_rigidity_N_mm2 = 10,
+                .torsional_rigidity_N_mm2 = torsional_rigidity,
                 .radius_mm = kRadius,
                 .sheath = {Vector3d(0, 0, kRadius - kBore), Vector3d::UnitX()}});
   const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), kBore);
@@ -383,6 +410,59 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
   turn_to(-20);
   const double slope = std::atan2(-side * state.nodes()[50][1], -state.nodes()[50][2]);
   CHECK(slope == Approx(std::atan(mu)).epsilon(0.02));
+}
+
+TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the way it slides") {
+  // It lies in a bore, is drawn by v and turned by w a second: its surface slides at the angle b to
+  // its axis, tan b = w r / v. Around, mu N sin b carries it up the wall to the slope f where that
+  // balances the load: tan f = mu sin b, N = load cos f. Along, there is mu N cos b.
+  constexpr double kRadius = 0.2;
+  constexpr double kBore = 10;
+  constexpr double kMu = 0.3;
+  constexpr double kLoad = 1e-3;
+  const double slides_rad = GENERATE(0.0, 0.5, 1.2);
+  const double torsional_rigidity = GENERATE(0.0, 10.0);
+  const WireModel model =
+      MakeWire({.segment_mm = 1,
+                .rigidity_N_mm2 = 1e-3,
+                .torsional_rigidity_N_mm2 = torsional_rigidity,
+                .radius_mm = kRadius,
+                .sheath = {Vector3d(0, 0, kRadius - kBore), Vector3d::UnitX()}});
+  const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), kBore);
+  const WallModel wall{.stiffness_N_mm2 = 10};
+  effects::Friction friction(kMu, 0.001, {model, wall});
+  Weight weight;
+  const std::vector<EnergyTerm*> terms{&friction, &weight};
+  const auto relaxation = MakeNewtonRelaxation(model, field, wall, {}, terms);
+  // As far as it takes to climb and more, in steps of 0.02 mm.
+  const int steps = kUnderSanitizer ? 350 : 700;
+  const double drawn_mm = 0.02 * std::cos(slides_rad);
+  const double turned_rad = 0.02 * std::sin(slides_rad) / kRadius;
+  WireState state = LayStraight(model, 60 + steps * drawn_mm);
+  relaxation->Restart(state);
+  for (int k = 1; k <= steps; ++k) {
+    const InstrumentPlaces target(60 + (steps - k) * drawn_mm, k * turned_rad);
+    REQUIRE(Settle(*relaxation, target, state).converged);
+  }
+  const PointSet& points = relaxation->Current().points;
+  PointDerivatives out;
+  out.used.assign(points.position.size(), 0);
+  out.gradient.resize(points.position.size());
+  friction.Add(points, out);
+  double along_N = 0;
+  double borne_mm = 0;
+  for (int q = 0; q < points.size(); ++q) {
+    const auto p = static_cast<std::size_t>(q);
+    if (points.position[p][0] < 30 || points.position[p][0] > 50) continue;
+    along_N -= out.gradient[p][0];
+    borne_mm += points.weight_mm[p];
+  }
+  const Vector3d& middle = state.nodes()[40];
+  const double slope = std::atan(kMu * std::sin(slides_rad));
+  INFO("slides at " << slides_rad << " rad, friction " << along_N / (kLoad * borne_mm));
+  CHECK(std::atan2(std::abs(middle[1]), -middle[2]) == Approx(slope).epsilon(0.02).margin(1e-6));
+  CHECK(along_N / (kLoad * borne_mm) ==
+        Approx(kMu * std::cos(slope) * std::cos(slides_rad)).epsilon(0.02));
 }
 
 TEST_CASE("Where budgets end, a motion with friction changes no bit") {

@@ -130,9 +130,9 @@ class SlideRecorder final : public EnergyTerm {
  public:
   void Begin(const PointSet&) override {}
   double Add(const PointSet&, PointDerivatives&) const override { return 0; }
-  void SlideSurfaces(const PointSet& points,
-                     const std::array<double, kMostInstruments>& by_mm) override {
-    for (std::size_t k = 0; k < slid_mm.size(); ++k) slid_mm[k] += by_mm[k];
+  void MoveSurfaces(const PointSet& points,
+                    const std::array<SurfaceMove, kMostInstruments>& moves) override {
+    for (std::size_t k = 0; k < slid_mm.size(); ++k) slid_mm[k] += moves[k].along_mm;
     bare_points = 0;
     for (int q = 0; q < points.size(); ++q) bare_points += points.SurfaceAt(q) == 0;
   }

@@ -108,6 +108,12 @@ struct PointDerivatives {
   }
 };
 
+/// How the surface of an instrument moves with its hand, against the points.
+struct SurfaceMove {
+  double along_mm = 0;  ///< along the wire, distally if positive
+  double turn_rad = 0;  ///< about the tangent, right-handed
+};
+
 /// Role *energy term*: an energy of the positions of the wire's points, of its tangents and, if it
 /// twists, of its normals, without terms that couple several of them but a point and its spin. It
 /// must have a continuous gradient; its Hessian may be replaced by a positive semidefinite
@@ -131,11 +137,11 @@ class EnergyTerm {
   virtual bool Dissipates() const { return false; }
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
-  /// The surfaces of the instruments move along the wire by `by_mm` (one an instrument, distally if
-  /// positive) against the points: instruments that slide within each other.
-  virtual void SlideSurfaces(const PointSet& points,
-                             const std::array<double, kMostInstruments>& by_mm) {
-    static_cast<void>(points), static_cast<void>(by_mm);
+  /// The surfaces of the instruments move against the points, before these do: instruments that
+  /// slide within each other, and instruments that are turned and do not twist.
+  virtual void MoveSurfaces(const PointSet& points,
+                            const std::array<SurfaceMove, kMostInstruments>& moves) {
+    static_cast<void>(points), static_cast<void>(moves);
   }
   /// After that relaxation: updates what the term remembers (anchors, for example).
   virtual void End(const PointSet& points) = 0;

@@ -229,8 +229,8 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
 template <class Stage>
 void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state) {
   const bool alone = next.size() == 1;
+  MoveSurfaces(state.places(), next);
   if (!alone) {
-    SlideSurfaces(state.places(), next);
     stack().Combine(next);
     mechanics_.points().TakeRadii();
     state.SetPlaces(next);
@@ -240,20 +240,21 @@ void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state)
 }
 
 // Inside another instrument it is that one's surface that touches the wall, and that goes its own
-// way.
+// way. A wire that twists takes its surface along with its normals.
 template <class Stage>
-void NewtonMethod<Stage>::SlideSurfaces(const InstrumentPlaces& here,
-                                        const InstrumentPlaces& next) {
+void NewtonMethod<Stage>::MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next) {
+  if (Stage::kTwists) return;
   const double fed_mm = next.reach_mm() - here.reach_mm();
-  std::array<double, kMostInstruments> slide_mm = {};
+  std::array<SurfaceMove, kMostInstruments> moves = {};
   bool any = false;
   for (int k = 0; k < here.size(); ++k) {
-    const double by_mm = next[k].insertion_mm - here[k].insertion_mm - fed_mm;
-    slide_mm[static_cast<std::size_t>(k)] = by_mm;
-    any = any || by_mm != 0;
+    SurfaceMove& move = moves[static_cast<std::size_t>(k)];
+    move.along_mm = next[k].insertion_mm - here[k].insertion_mm - fed_mm;
+    move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
+    any = any || move.along_mm != 0 || move.turn_rad != 0;
   }
   if (!any) return;
-  for (EnergyTerm* term : terms_) term->SlideSurfaces(current_.points, slide_mm);
+  for (EnergyTerm* term : terms_) term->MoveSurfaces(current_.points, moves);
 }
 
 template <class Stage>

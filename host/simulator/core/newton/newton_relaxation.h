@@ -81,7 +81,7 @@ class NewtonMethod final : public Relaxation {
   void BeginPart();
   void EndPart();
   void MoveTo(const InstrumentPlaces& next, WireState& state);
-  void SlideSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
+  void MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
   Solution SolveModel(const WireState& state);
   double StepScale() const;
   void GiveUp(WireState& state);

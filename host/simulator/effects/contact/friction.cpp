@@ -26,6 +26,16 @@ Friction::Friction(double coefficient, double slip_mm, const EffectContext& cont
   if (surfaces_.empty()) surfaces_.push_back({coefficient, 0, 0});
 }
 
+namespace {
+
+// How the surface that touches moves where the wire turns about its tangent, mm per rad. It touches
+// a radius away from the center, against the wall's normal.
+Vector3d SurfacePerRad(const PointSet& points, int q, const Vector3d& normal) {
+  return -points.radius_mm[static_cast<std::size_t>(q)] * points.Tangent(q).cross(normal);
+}
+
+}  // namespace
+
 double Friction::CoefficientAt(const PointSet& points, int q) const {
   constexpr double kRoundingMm = 1e-9;
   const int instrument = points.SurfaceAt(q);
@@ -80,8 +90,7 @@ Friction::Roll Friction::RollAt(const PointSet& points, int q, const Vector3d& n
   const Vector3d from = ParallelTransport(lie.normal, lie.tangent, tangent);
   const Vector3d& to = points.Normal(q);
   return {.angle_rad = std::atan2(from.cross(to).dot(tangent), from.dot(to)),
-          // The surface touches a radius away from the center, against the wall's normal.
-          .per_rad_mm = -points.radius_mm[static_cast<std::size_t>(q)] * tangent.cross(normal),
+          .per_rad_mm = SurfacePerRad(points, q, normal),
           .area = lie.tangent.cross(tangent) / (1 + lie.tangent.dot(tangent))};
 }
 
@@ -137,13 +146,17 @@ double Friction::Add(const PointSet& points, PointDerivatives& out) const {
   return energy;
 }
 
-void Friction::SlideSurfaces(const PointSet& points,
-                             const std::array<double, kMostInstruments>& by_mm) {
+void Friction::MoveSurfaces(const PointSet& points,
+                            const std::array<SurfaceMove, kMostInstruments>& moves) {
   for (int q = 0; q < points.size(); ++q) {
+    const auto p = static_cast<std::size_t>(q);
     Anchor& anchor = anchors_[points.FromTip(q)];
     if (!anchor.holds) continue;
-    const double slide = by_mm[static_cast<std::size_t>(points.SurfaceAt(q))];
-    if (slide != 0) Place(anchor.at - slide * points.Tangent(q), anchor);
+    const SurfaceMove& move = moves[static_cast<std::size_t>(points.SurfaceAt(q))];
+    if (move.along_mm != 0) Place(anchor.at - move.along_mm * points.Tangent(q), anchor);
+    if (move.turn_rad == 0 || !points.touches[p]) continue;
+    const Vector3d normal = points.clearance[p].gradient.normalized();
+    Place(anchor.at - move.turn_rad * SurfacePerRad(points, q, normal), anchor);
   }
 }
 

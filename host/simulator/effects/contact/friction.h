@@ -7,8 +7,9 @@
 // which has an energy with two continuous derivatives. After the part an anchor farther away than d
 // follows to the distance d: the force stays as it is, and nothing creeps while it sticks. A part
 // is what the relaxation moves at once (0.25 mm): the way of the wire does not depend on how far a
-// tick goes or where its budget ends. Where the vessel moves, the anchors go with their places on
-// the wall.
+// tick goes or where its budget ends. What slides is the surface: an instrument that is turned
+// moves it around as one that is fed moves it along, and both share one cone. Where the vessel
+// moves, the anchors go with their places on the wall.
 #pragma once
 
 #include <memory>
@@ -38,8 +39,8 @@ class Friction final : public Effect, public EnergyTerm {
 
   void Begin(const PointSet& points) override;
   double Add(const PointSet& points, PointDerivatives& out) const override;
-  void SlideSurfaces(const PointSet& points,
-                     const std::array<double, kMostInstruments>& by_mm) override;
+  void MoveSurfaces(const PointSet& points,
+                    const std::array<SurfaceMove, kMostInstruments>& moves) override;
   void End(const PointSet& points) override;
   void Reset() override;
   std::uint64_t Hash(std::uint64_t seed) const override;
