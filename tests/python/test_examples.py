@@ -14,11 +14,11 @@ PACKAGES = pathlib.Path(torquer.__file__).absolute().parents[1]
 EXAMPLES = pathlib.Path(__file__).parents[2] / "host/python/examples"
 
 
-def run(name, folder):
+def run(name, folder, *more):
     """The lines that an example prints; its picture is a PNG of some size with more than one color."""
     picture = folder / f"{name}.png"
     done = subprocess.run(
-        [sys.executable, "-B", str(EXAMPLES / f"{name}.py"), str(picture)],
+        [sys.executable, "-B", str(EXAMPLES / f"{name}.py"), str(picture), *more],
         cwd=folder, env={**os.environ, "PYTHONPATH": str(PACKAGES), "MPLBACKEND": "Agg", "MPLCONFIGDIR": str(folder)},
         capture_output=True, text=True, timeout=120, check=False,
     )
@@ -66,6 +66,14 @@ def test_a_surface_of_a_users_own(tmp_path):
     found = numbers(run("own_surface", tmp_path), r"(\d+) mm in: tip at .* mm, (\d+) um into the wall")
     assert [mm for mm, _ in found] == [50, 100, 150]
     assert max(depth for _, depth in found) < 200
+
+
+def test_a_policy_is_taught(tmp_path):
+    lines = run("train_ppo", tmp_path, "10")
+    steps, rate, episodes = numbers(lines, r"(\d+) steps: +(\d+) % of (\d+) episodes reach the target")[-1]
+    # Wires that are only pushed go there in a quarter of the episodes.
+    assert steps == 10 * 16 * 128 and episodes >= 10 and rate >= 50
+    assert len(numbers(lines, r"without noise: (\d+) % at the")) == 2
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
