@@ -435,7 +435,7 @@ TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the wa
   const std::vector<EnergyTerm*> terms{&friction, &weight};
   const auto relaxation = MakeNewtonRelaxation(model, field, wall, {}, terms);
   // As far as it takes to climb and more, in steps of 0.02 mm.
-  const int steps = kUnderSanitizer ? 350 : 700;
+  const int steps = 700;
   const double drawn_mm = 0.02 * std::cos(slides_rad);
   const double turned_rad = 0.02 * std::sin(slides_rad) / kRadius;
   WireState state = LayStraight(model, 60 + steps * drawn_mm);
