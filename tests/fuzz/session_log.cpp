@@ -3,10 +3,12 @@
 #include "host/recorder/session_log.h"
 
 #include <cstring>
+#include <torquer_lcm/picture_t.hpp>
 
 #include "host/recorder/screen_course.h"
 #include "host/recorder/session_report.h"
 #include "host/recorder/shape_thinner.h"
+#include "host/simulator/picture_file.h"
 #include "host/support/error.h"
 #include "protocol/lcm_channels.h"
 #include "tests/fuzz/target.h"
@@ -54,6 +56,27 @@ std::vector<Bytes> Seeds() {
     AppendRecord(twice, number++, ChannelOf(sample.type), sample.bytes);
   }
   return {once, twice};
+}
+
+// The session of the seeds above with a picture that is one.
+std::vector<Bytes> ScreenSeeds() {
+  effects::ImageSource::Picture gray;
+  gray.width = gray.height = 16;
+  gray.gray.assign(16 * 16, 100);
+  simulator::JpegEncoder encoder;
+  torquer_lcm::picture_t picture{};
+  picture.encoding = "jpeg";
+  picture.data = encoder.Encode(gray, 10'000).bytes;
+  picture.byte_count = static_cast<std::int32_t>(picture.data.size());
+  Bytes bytes(static_cast<std::size_t>(picture.getEncodedSize()));
+  picture.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  Bytes log;
+  int number = 0;
+  for (const auto& sample : test::SampleMessages()) {
+    const bool is_picture = sample.type == "picture_t";
+    AppendRecord(log, number++, ChannelOf(sample.type), is_picture ? bytes : sample.bytes);
+  }
+  return {log};
 }
 
 bool Accepts(std::span<const std::uint8_t> input) {
@@ -110,7 +133,7 @@ const Registration kRegistration({.name = "session_log",
                                   .longest = 16384});
 
 const Registration kScreen({.name = "session_screen",
-                            .seeds = Seeds,
+                            .seeds = ScreenSeeds,
                             .accepts = AcceptsScreen,
                             .repair = Repair,
                             .replay_inputs = 4000,
