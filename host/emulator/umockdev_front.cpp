@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "host/emulator/umockdev_handler.h"
+#include "host/emulator/umockdev_machine.h"
 #include "host/emulator/usbfs_node.h"
 #include "host/support/error.h"
 
@@ -36,7 +37,7 @@ std::shared_ptr<UMockdevTestbed> Machine() {
   const std::lock_guard lock(machine_mutex);
   std::shared_ptr<UMockdevTestbed> shared = machine.lock();
   if (!shared) {
-    shared.reset(umockdev_testbed_new(), [](UMockdevTestbed* testbed) { g_object_unref(testbed); });
+    shared.reset(NewMockedMachine(), [](UMockdevTestbed* testbed) { g_object_unref(testbed); });
     machine = shared;
   }
   return shared;
@@ -121,8 +122,6 @@ class UmockdevBench::Bus {
   void Remove() {
     const std::lock_guard lock(machine_mutex);
     const std::string system_path = "/sys/devices/usb1/1-" + std::to_string(port_);
-    // The event before the errors: a program that ends at an error, and closes its monitor between
-    // libumockdev's connect() and sendmsg(), would have this process aborted.
     umockdev_testbed_uevent(testbed_, system_path.c_str(), "remove");
     node_->Vanish();
     node_.reset();

@@ -2,6 +2,7 @@
 // emulated device runs. Ordered conversations, as a driver has them.
 #include <libusb.h>
 
+#include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <cstring>
@@ -187,6 +188,27 @@ TEST_CASE("libusb sees the cable pulled and put back") {
   CHECK(wait_for(hotplug.left, 1));
   bench.Plug();
   CHECK(wait_for(hotplug.arrived, 2));
+}
+
+TEST_CASE("programs begin and end to watch the bus while the cable is pulled and put back") {
+  UmockdevBench bench(Image(), {}, StillHand);
+  std::atomic<bool> stop = false;
+  std::atomic<int> watched = 0;
+  std::thread programs([&stop, &watched] {
+    while (!stop) {
+      libusb_context* context = nullptr;  // the first opens the monitor, the last closes it
+      if (libusb_init(&context) != 0) continue;
+      libusb_exit(context);
+      ++watched;
+    }
+  });
+  for (int i = 0; i < 100; ++i) {
+    bench.Unplug();
+    bench.Plug();
+  }
+  stop = true;
+  programs.join();
+  CHECK(watched > 100);
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "host/emulator/umockdev_handler.h"
+#include "host/emulator/umockdev_machine.h"
 
 namespace torquer::test {
 namespace {
@@ -149,7 +150,7 @@ struct EvdevTestbed::State {
 };
 
 EvdevTestbed::EvdevTestbed() : state_(std::make_unique<State>()) {
-  state_->testbed = umockdev_testbed_new();
+  state_->testbed = emulator::NewMockedMachine();
 }
 
 EvdevTestbed::~EvdevTestbed() {

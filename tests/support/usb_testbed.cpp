@@ -17,6 +17,7 @@
 #include <stdexcept>
 
 #include "host/emulator/umockdev_handler.h"
+#include "host/emulator/umockdev_machine.h"
 
 namespace torquer::test {
 namespace {
@@ -301,7 +302,7 @@ struct UsbTestbed::Device {
 };
 
 struct UsbTestbed::State {
-  std::unique_ptr<UMockdevTestbed, decltype(&g_object_unref)> owner{umockdev_testbed_new(),
+  std::unique_ptr<UMockdevTestbed, decltype(&g_object_unref)> owner{emulator::NewMockedMachine(),
                                                                     &g_object_unref};
   UMockdevTestbed* testbed = owner.get();
   emulator::AnsweredFiles files{testbed};
