@@ -61,6 +61,22 @@ function(torquer_manual_page name)
   install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT ${ARG_COMPONENT})
 endfunction()
 
+# torquer_completion(NAME COMPONENT c COMMAND word.. [DEPENDS target..]): installs what bash completes
+# its command line by, which COMMAND prints for --completion bash.
+function(torquer_completion name)
+  cmake_parse_arguments(ARG "" "COMPONENT" "COMMAND;DEPENDS" ${ARGN})
+  set(completion ${PROJECT_BINARY_DIR}/share/bash-completion/completions/${name})
+  add_custom_command(OUTPUT ${completion}
+    COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/share/bash-completion/completions
+    COMMAND ${ARG_COMMAND} --completion bash > ${completion}.part
+    COMMAND ${CMAKE_COMMAND} -E rename ${completion}.part ${completion}
+    DEPENDS ${ARG_DEPENDS} COMMENT "Completion of ${name}" VERBATIM)
+  add_custom_target(${name}_completion ALL DEPENDS ${completion})
+  add_dependencies(torquer_installed ${name}_completion)
+  install(FILES ${completion} COMPONENT ${ARG_COMPONENT}
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+endfunction()
+
 # torquer_program(NAME SOURCES main.cpp.. LINK x..): a program in bin/, with the command line of
 # host/support/program.h.
 function(torquer_program name)
@@ -78,16 +94,8 @@ function(torquer_program name)
   install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
   torquer_manual_page(${name} COMPONENT programs COMMAND $<TARGET_FILE:${name}>
     DEPENDS ${name})
-  set(completion ${PROJECT_BINARY_DIR}/share/bash-completion/completions/${name})
-  add_custom_command(OUTPUT ${completion}
-    COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/share/bash-completion/completions
-    COMMAND ${name} --completion bash > ${completion}.part
-    COMMAND ${CMAKE_COMMAND} -E rename ${completion}.part ${completion}
-    DEPENDS ${name} COMMENT "Completion of ${name}" VERBATIM)
-  add_custom_target(${name}_completion ALL DEPENDS ${completion})
-  add_dependencies(torquer_installed ${name} ${name}_completion)
-  install(FILES ${completion} COMPONENT programs
-    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+  torquer_completion(${name} COMPONENT programs COMMAND $<TARGET_FILE:${name}> DEPENDS ${name})
+  add_dependencies(torquer_installed ${name})
 endfunction()
 
 # torquer_benchmark(NAME SOURCES main.cpp.. LINK x.. [DEPENDS target..]): a program in bin/ that

@@ -1,0 +1,108 @@
+"""What a worker of torquer-batch does: one case from its first row to its last."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import threading
+from typing import Any, Dict, List, Tuple
+
+import numpy as np
+import numpy.typing as npt
+
+from . import Scene, Simulation
+from ._batch_study import Case
+
+_lock = threading.Lock()
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """What is kept of a case."""
+
+    readings: Dict[str, Any]
+    """One row of the table: numbers, true or false, and the hash of the last state as text."""
+    columns: List[str]
+    """Of the series: time_s, places and tips of the instruments, every reading."""
+    series: npt.NDArray[np.float64]
+    """(rows of the motion, columns)."""
+    shapes: List[npt.NDArray[np.float64]]
+    """Nodes of the wire, (nodes, 3), mm: of no row, of the last, or of each."""
+
+
+@functools.lru_cache(maxsize=4)
+def _load(text: str, folder: str) -> Scene:
+    return Scene.from_text(text, folder)
+
+
+def _scene(case: Case) -> Scene:
+    # Of threads that want the same scene one loads it.
+    with _lock:
+        return _load(case.text, case.folder)
+
+
+def run(case: Case) -> Result:
+    """Runs a case. Raises torquer.Error for what the simulator refuses."""
+    scene = _scene(case)
+    simulation = Simulation(scene)
+    names = [info.name for info in scene.instruments]
+    start = simulation.hands
+    hands = start.copy()
+    columns: List[Tuple[int, int, int]] = []
+    controls: List[Tuple[int, str]] = []
+    for index, column in enumerate(case.columns):
+        owner, _, place = column.rpartition(".")
+        if owner:
+            columns.append((index, names.index(owner), 0 if place == "insertion_mm" else 1))
+        elif column != "time_s":
+            controls.append((index, column))
+    time = case.columns.index("time_s")
+
+    moved: List[npt.NDArray[np.float64]] = []
+    readings: Dict[str, List[float]] = {}
+    shapes: List[npt.NDArray[np.float64]] = []
+    unconverged = ticks = iterations = 0
+    penetration_mm = 0.0
+    outside = False
+    for number, row in enumerate(case.rows):
+        for index, instrument, what in columns:
+            # As in a script: lengths from where the instrument starts, angles as they are.
+            hands[instrument, what] = row[index] + (start[instrument, 0] if what == 0 else 0)
+        flags: Dict[str, Any] = {
+            name: row[index] if name.endswith("_deg") else row[index] != 0 for index, name in controls
+        }
+        report = simulation.step(row[time], hands, **flags)
+        unconverged += not report.converged
+        ticks += report.ticks
+        iterations += report.iterations
+        penetration_mm = max(penetration_mm, simulation.max_penetration_mm)
+        outside = outside or simulation.outside_lumen
+        moved.append(np.concatenate([[row[time]], *np.hstack([simulation.places, simulation.tips_mm])]))
+        for name, value in simulation.readings().items():
+            readings.setdefault(name, [math.nan] * number).append(float(value))
+        if case.shapes == "rows" or (case.shapes == "last" and number + 1 == len(case.rows)):
+            shapes.append(np.array(simulation.nodes_mm))
+
+    tip = simulation.tips_mm[0]
+    table: Dict[str, Any] = {
+        "rows": len(case.rows),
+        "ticks": ticks,
+        "iterations": iterations,
+        "unconverged_rows": unconverged,
+        "solver_error_mm": simulation.solver_error_mm(),
+        "largest_penetration_mm": penetration_mm,
+        "outside_lumen": outside,
+        "energy_mJ": simulation.energy_mJ,
+        "tip_x_mm": float(tip[0]),
+        "tip_y_mm": float(tip[1]),
+        "tip_z_mm": float(tip[2]),
+        "state_hash": f"{simulation.state_hash:016x}",
+    }
+    for name, values in readings.items():
+        table[name] = values[-1]
+        table[f"largest.{name}"] = max(values)
+    of_instruments = ("insertion_mm", "rotation_rad", "tip_x_mm", "tip_y_mm", "tip_z_mm")
+    moves = ["time_s", *(f"{name}.{what}" for name in names for what in of_instruments)]
+    series = np.column_stack([np.array(moved), *(np.array(values) for values in readings.values())])
+    return Result(table, [*moves, *readings], series, shapes)

@@ -1,0 +1,393 @@
+"""Study files of torquer-batch: what they hold, and the cases that they stand for."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import difflib
+import functools
+import hashlib
+import importlib
+import itertools
+import json
+import math
+import pathlib
+import tomllib
+from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from . import Error, Scene, __version__, scene_names, scene_path
+
+SHAPES = ("last", "rows", "none")
+_STUDY_KEYS = ("axes", "motion", "random", "scenes", "seeds", "shapes")
+_MOTION_KEYS = ("duration_s", "hands", "name", "row_s", "script", "spread")
+_HAND_KEYS = ("speed_mm_s", "turn_rad_s")
+_SWITCHES = ("xray", "contrast")
+_MOST_CASES = 1_000_000
+_MOST_ROWS = 1_000_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One run: what a worker needs, and what it is called in tables."""
+
+    key: str  # of all that decides the result; 64 hexadecimal digits
+    text: str  # the scene, with its overrides
+    folder: str  # that its paths start from
+    columns: Tuple[str, ...]  # of the rows
+    rows: Tuple[Tuple[float, ...], ...]
+    shapes: str
+    labels: Dict[str, Any]  # scene, motion, seed, and the value of each axis and random key
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """A study file, read and checked."""
+
+    path: pathlib.Path
+    scenes: List[str]
+    axes: Dict[str, List[Any]]
+    random: Dict[str, Tuple[float, float]]
+    seeds: List[int]
+    motions: List[Dict[str, Any]]
+    shapes: str
+
+    def count(self) -> int:
+        """How many cases there are."""
+        combinations = math.prod(len(values) for values in self.axes.values())
+        return len(self.scenes) * combinations * len(self.motions) * len(self.seeds)
+
+
+def _toml(path: pathlib.Path) -> Dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise Error(f"{path}: {error}") from None
+
+
+def _refuse_others(where: str, table: Dict[str, Any], known: Sequence[str]) -> None:
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, 1)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise Error(f"{where}: there is no key {key}; {hint}there are: {', '.join(known)}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _number(where: str, table: Dict[str, Any], key: str, lowest: float, highest: float, default: Optional[float]) -> float:
+    value = table.get(key, default)
+    if value is None:
+        raise Error(f"{where}: {key} is missing; give a number from {lowest:g} to {highest:g}")
+    if not _is_number(value) or not lowest <= value <= highest:
+        raise Error(f"{where}: {key} is {value!r}; give a number from {lowest:g} to {highest:g}")
+    return float(value)
+
+
+def _list(where: str, value: Any, of: str) -> List[Any]:
+    if not isinstance(value, list) or not value:
+        raise Error(f"{where} is {value!r}; give a list of {of}, as [{'1, 2' if of == 'numbers' else '..'}]")
+    return value
+
+
+def _read_motion(path: pathlib.Path, index: int, motion: Any) -> Dict[str, Any]:
+    where = f"{path}: motion {index + 1}"
+    if not isinstance(motion, dict):
+        raise Error(f"{where} is {motion!r}; write it as a table, [[motion]]")
+    _refuse_others(where, motion, _MOTION_KEYS)
+    name = motion.get("name")
+    if not isinstance(name, str) or not name:
+        raise Error(f'{where}: name is {name!r}; name it, as name = "push"')
+    where = f"{path}: motion {name}"
+    if "script" in motion:
+        for key in motion:
+            if key not in ("name", "script"):
+                raise Error(f"{where}: {key} does not go with script, which says all; remove one of them")
+        if not isinstance(motion["script"], str):
+            raise Error(f"{where}: script is {motion['script']!r}; name a file of rows, as for torquer-simulator --script")
+        return {"name": name, "script": path.parent / motion["script"]}
+    hands = motion.get("hands", {})
+    if not isinstance(hands, dict) or not hands:
+        raise Error(
+            f"{where}: it has neither script nor hands; name a file, or say how an instrument moves, as "
+            "hands.guidewire = { speed_mm_s = 10 }"
+        )
+    for instrument, hand in hands.items():
+        here = f"{where}, hands.{instrument}"
+        if not isinstance(hand, dict):
+            raise Error(f"{here} is {hand!r}; give speeds, as {{ speed_mm_s = 10, turn_rad_s = 0.5 }}")
+        _refuse_others(here, hand, _HAND_KEYS)
+        for key in _HAND_KEYS:
+            _number(here, hand, key, -1000, 1000, 0)
+    duration_s = _number(where, motion, "duration_s", 1e-3, 1e5, None)
+    row_s = _number(where, motion, "row_s", 1e-3, 1e3, 0.1)
+    if duration_s / row_s > _MOST_ROWS:
+        raise Error(f"{where}: it has more than {_MOST_ROWS} rows; lower duration_s or raise row_s")
+    return {
+        "name": name,
+        "duration_s": duration_s,
+        "row_s": row_s,
+        "spread": _number(where, motion, "spread", 0, 10, 0),
+        "hands": hands,
+    }
+
+
+def read_study(path: str) -> Study:
+    """Reads a study file. Raises Error that names the file, the key, its value and the remedy."""
+    file = pathlib.Path(path)
+    table = _toml(file)
+    _refuse_others(str(file), table, _STUDY_KEYS)
+
+    scenes = []
+    for name in _list(f"{file}: scenes", table.get("scenes"), "names of scenes or of their files"):
+        if not isinstance(name, str):
+            raise Error(f"{file}: scenes has {name!r}; name scenes or their files")
+        own = file.parent / name
+        if not own.is_file() and name not in scene_names():
+            raise Error(
+                f"{file}: scenes: there is neither a file {own} nor a scene {name!r} of Torquer's; "
+                f"these are: {', '.join(scene_names())}"
+            )
+        scenes.append(str(own) if own.is_file() else scene_path(name))
+
+    axes = table.get("axes", {})
+    if not isinstance(axes, dict):
+        raise Error(f'{file}: axes is {axes!r}; write it as a table, as [axes] "effects.friction.coefficient" = [0, 0.1]')
+    for key, values in axes.items():
+        if isinstance(values, dict):
+            raise Error(f'{file}: axes.{key} is a table; put the whole key into quotes, as "{key}.{next(iter(values), "..")}"')
+        if len({json.dumps(value) for value in _list(f"{file}: axes.{key}", values, "values")}) < len(values):
+            raise Error(f"{file}: axes.{key} has a value twice; remove one")
+
+    random: Dict[str, Tuple[float, float]] = {}
+    drawn = table.get("random", {})
+    if not isinstance(drawn, dict):
+        raise Error(f"{file}: random is {drawn!r}; write it as a table of ranges")
+    for key, limits in drawn.items():
+        good = isinstance(limits, list) and len(limits) == 2 and all(map(_is_number, limits)) and limits[0] < limits[1]
+        if not good:
+            raise Error(f"{file}: random.{key} is {limits!r}; give the lowest and the highest value, as [0.02, 0.1]")
+        if key in axes:
+            raise Error(f"{file}: {key} is in axes and in random; remove it from one")
+        random[key] = (float(limits[0]), float(limits[1]))
+
+    seeds = _list(f"{file}: seeds", table.get("seeds", [1]), "numbers")
+    for seed in seeds:
+        if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+            raise Error(f"{file}: seeds has {seed!r}; give whole numbers from 0")
+    if len(set(seeds)) < len(seeds):
+        raise Error(f"{file}: seeds has a number twice; remove one")
+
+    listed = table.get("motion", [])
+    if not isinstance(listed, list) or not listed:
+        raise Error(f"{file}: there is no motion; add one as a table, [[motion]]")
+    motions = [_read_motion(file, index, motion) for index, motion in enumerate(listed)]
+    names = [motion["name"] for motion in motions]
+    if len(set(names)) < len(names):
+        raise Error(f"{file}: two motions have one name; give each its own")
+    if len(seeds) > 1 and not random and not any(motion.get("spread") for motion in motions):
+        raise Error(
+            f"{file}: seeds has {len(seeds)} numbers, but nothing is drawn by them; add a range to [random], "
+            "or spread to a motion"
+        )
+
+    shapes = table.get("shapes", "last")
+    if shapes not in SHAPES:
+        raise Error(f"{file}: shapes is {shapes!r}; give one of {', '.join(SHAPES)}")
+    study = Study(file, scenes, axes, random, seeds, motions, shapes)
+    if study.count() > _MOST_CASES:
+        raise Error(f"{file}: these are {study.count()} cases; at most {_MOST_CASES} are run")
+    return study
+
+
+def _override(table: Dict[str, Any], key: str, value: Any, where: str) -> None:
+    """Sets a key of a scene, as "effects.friction.coefficient" or "instrument.guidewire.device". A table
+    is kept or taken out by true and false."""
+    steps = key.split(".")
+    for depth, step in enumerate(steps[:-1]):
+        inner = table.setdefault(step, {})
+        if isinstance(inner, list):
+            # Of several tables the one of the name that follows.
+            wanted = steps[depth + 1] if depth + 2 < len(steps) else ""
+            named = [entry for entry in inner if entry.get("name") == wanted]
+            if not named:
+                names = ", ".join(str(entry.get("name")) for entry in inner)
+                raise Error(f'{where}: {key}: there is no {step} "{wanted}"; there are: {names}')
+            _override(named[0], ".".join(steps[depth + 2 :]), value, where)
+            return
+        if not isinstance(inner, dict):
+            raise Error(f"{where}: {key}: {step} is {inner!r} in the scene, not a table")
+        table = inner
+    last = steps[-1]
+    if isinstance(value, bool) and (steps[0] == "effects" and len(steps) == 2):
+        if value:
+            table.setdefault(last, {})
+        else:
+            table.pop(last, None)
+    else:
+        table[last] = value
+
+
+def _strings(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for inner in value.values():
+            yield from _strings(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _strings(inner)
+
+
+@functools.lru_cache(maxsize=None)
+def _file_hash(path: str) -> str:
+    return hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()
+
+
+def _hash_files(scene: Dict[str, Any], folder: pathlib.Path) -> List[str]:
+    """Of the files and folders that a scene names, in order, and of the devices that Torquer has."""
+    devices = pathlib.Path(scene_path(scene_names()[0])).parents[1] / "devices"
+    found = []
+    for text in sorted(set(_strings(scene))):
+        candidates = [devices / f"{text}.toml"]
+        if text and "\0" not in text and len(text) < 1000:
+            candidates.append(folder / text)
+        for path in candidates:
+            try:
+                files = sorted(path.rglob("*")) if path.is_dir() else [path]
+                found += [_file_hash(str(file)) for file in files if file.is_file()]
+            except OSError:
+                continue  # what cannot be read is the simulator's to refuse
+    return found
+
+
+@functools.lru_cache(maxsize=None)
+def library_hash() -> str:
+    """Of the library that simulates: another build may find another result."""
+    for line in pathlib.Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
+        path = line.split(maxsplit=5)[-1]
+        if "/libtorquer.so" in path:
+            return _file_hash(path)
+    raise Error("the library libtorquer.so is not among the files of this process")
+
+
+def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], List[Tuple[float, ...]]]:
+    """The rows of a script for torquer-simulator --script."""
+    instruments = [f"{info.name}.{what}" for info in scene.instruments for what in ("insertion_mm", "rotation_rad")]
+    known = ["time_s", *instruments, "lao_deg", "cra_deg", *_SWITCHES]
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = [(number, line) for number, line in enumerate(file, 1) if line.strip() and not line.startswith("#")]
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise Error(f"{path}: {error}") from None
+    if not lines:
+        raise Error(f"{path}: there is nothing in it; the first line names the columns")
+    rows = list(csv.reader(line for _, line in lines))
+    columns = tuple(cell.strip() for cell in rows[0])
+    for column in columns:
+        if column not in known or columns.count(column) > 1:
+            raise Error(f"{path}:{lines[0][0]}: column {column!r} is twice there or unknown; there may be: {', '.join(known)}")
+    if "time_s" not in columns:
+        raise Error(f"{path}:{lines[0][0]}: there is no column time_s; a script needs one")
+    read: List[Tuple[float, ...]] = []
+    time = columns.index("time_s")
+    for (number, _), cells in zip(lines[1:], rows[1:]):
+        if len(cells) != len(columns):
+            raise Error(f"{path}:{number}: {len(cells)} values for {len(columns)} columns")
+        try:
+            values = tuple(float(cell) for cell in cells)
+        except ValueError:
+            raise Error(f"{path}:{number}: {', '.join(cells)!r} are not all numbers") from None
+        if not all(map(math.isfinite, values)):
+            raise Error(f"{path}:{number}: {', '.join(cells)!r} are not all finite")
+        if read and values[time] <= read[-1][time]:
+            raise Error(f"{path}:{number}: time_s is {values[time]:g}, not after the row before; let times ascend")
+        read.append(values)
+    if not read:
+        raise Error(f"{path}: there is no row below the names of the columns")
+    return columns, read
+
+
+def _generated_rows(
+    where: str, motion: Dict[str, Any], scene: Scene, seed: int
+) -> Tuple[Tuple[str, ...], List[Tuple[float, ...]]]:
+    names = [info.name for info in scene.instruments]
+    columns = ["time_s"]
+    moves = []
+    count = max(1, round(motion["duration_s"] / motion["row_s"]))
+    times = motion["row_s"] * np.arange(1, count + 1)
+    for instrument, hand in sorted(motion["hands"].items()):
+        if instrument not in names:
+            raise Error(f"{where}: hands.{instrument}: the scene has no such instrument; it has: {', '.join(names)}")
+        for column, speed in (("insertion_mm", "speed_mm_s"), ("rotation_rad", "turn_rad_s")):
+            columns.append(f"{instrument}.{column}")
+            steady = np.full(count, float(hand.get(speed, 0)))
+            if motion["spread"] > 0:
+                # A hand that goes faster and slower: another factor each second.
+                generator = np.random.default_rng([seed, *columns[-1].encode()])
+                factors = generator.normal(1, motion["spread"], int(times[-1]) + 1)
+                steady = steady * factors[np.minimum(times.astype(int), len(factors) - 1)]
+            moves.append(np.cumsum(steady) * motion["row_s"])
+    rows = [tuple(map(float, row)) for row in zip(times, *moves)]
+    return tuple(columns), rows
+
+
+def cases(study: Study) -> Iterable[Case]:
+    """All cases of a study, in the order of its file. Raises Error for what its scenes do not have."""
+    writer = _writer()
+    for scene_file in study.scenes:
+        file = pathlib.Path(scene_file)
+        folder = file.parent.resolve()
+        # For the names of its instruments; what the overrides change is read where it is run.
+        plain = Scene(scene_file)
+        # A motion by its name; one that is drawn, by its seed too.
+        rows: Dict[Tuple[str, int], Tuple[Tuple[str, ...], List[Tuple[float, ...]], str]] = {}
+        combinations = itertools.product(*study.axes.values())
+        for values in combinations:
+            for seed in study.seeds:
+                table = _toml(file)
+                chosen: Dict[str, Any] = dict(zip(study.axes, values))
+                for key, (low, high) in sorted(study.random.items()):
+                    generator = np.random.default_rng([seed, *key.encode()])
+                    chosen[key] = float(generator.uniform(low, high))
+                for key, value in chosen.items():
+                    _override(table, key, value, f"{study.path}, {file.name}")
+                try:
+                    text = writer(table)
+                except TypeError as error:
+                    raise Error(f"{study.path}: axes: {error}; values are numbers, texts, lists or true and false") from None
+                files = _hash_files(table, folder)
+                for motion in study.motions:
+                    name = motion["name"]
+                    by_seed = (name, seed if motion.get("spread") else -1)
+                    if by_seed not in rows:
+                        if "script" in motion:
+                            columns, moves = _script_rows(motion["script"], plain)
+                        else:
+                            where = f"{study.path}: motion {name}"
+                            columns, moves = _generated_rows(where, motion, plain, seed)
+                        rows[by_seed] = (columns, moves, hashlib.sha256(repr((columns, moves)).encode()).hexdigest())
+                    columns, moves, moves_hash = rows[by_seed]
+                    inputs = json.dumps([__version__, library_hash(), text, files, moves_hash, study.shapes])
+                    labels = {"scene": file.stem, "motion": name, "seed": seed, **chosen}
+                    key = hashlib.sha256(inputs.encode()).hexdigest()
+                    yield Case(key, text, str(folder), columns, tuple(moves), study.shapes, labels)
+
+
+def _writer() -> Any:
+    return need("tomli_w", "python3-tomli-w").dumps
+
+
+def need(module: str, package: str) -> Any:
+    """A module of a Debian package that only torquer-batch needs."""
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise Error(f"torquer-batch needs the package {package}: apt-get install {package}") from None

@@ -1,0 +1,283 @@
+"""Many runs: scenes x parameters x motions x seeds, by Dask (torquer-batch, or python3 -m torquer.batch).
+
+    torquer.batch.run("study.toml", "results", workers=2)
+
+What is stored is neither run again nor lost, whatever is killed meanwhile; see the README of the
+package for the study file and for clusters.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import json
+import os
+import pathlib
+import sys
+import time
+from typing import Any, Callable, Dict, Iterator, List, Optional, TextIO
+
+from . import Error, __version__
+from . import _batch_case, _batch_report
+from ._batch_store import Stopped, Store
+from ._batch_study import Case, cases, library_hash, need, read_study
+
+__all__ = ["Stopped", "Summary", "main", "run"]
+
+# Beyond what runs: enough that no worker waits, few enough that the scheduler stays small.
+_AHEAD = 4
+_LEAST_AHEAD = 64
+# A scheduler that does not answer for so long is not there.
+_SCHEDULER_S = 10.0
+# A case that ended so many workers is its own fault.
+_MOST_DEATHS = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Summary:
+    """What a run has done."""
+
+    cases: int
+    stored_before: int
+    done: int
+    failures: List[Dict[str, Any]]
+    """Of each: "case", what it is called, and "message"."""
+    seconds: float
+    folder: str
+
+
+class _Progress:
+    """One line, written over where a person watches; every ten seconds a line where not."""
+
+    def __init__(self, out: Optional[TextIO], total: int) -> None:
+        self._out = out
+        self._total = total
+        self._began = self._last = time.monotonic()
+        self._terminal = out is not None and out.isatty()
+
+    def show(self, done: int, failed: int, last: bool = False) -> None:
+        now = time.monotonic()
+        if self._out is None or (not last and now - self._last < (0.2 if self._terminal else 10)):
+            return
+        self._last = now
+        text = f"{done + failed} of {self._total} cases"
+        if failed:
+            text += f", {failed} failed"
+        if 0 < done + failed < self._total:
+            left_s = (now - self._began) / (done + failed) * (self._total - done - failed)
+            text += f", {_duration(left_s)} left"
+        end = "\n" if last or not self._terminal else ""
+        self._out.write(f"\r\033[K{text}{end}" if self._terminal else f"{text}{end}")
+        self._out.flush()
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def _work(case: Case, library: str) -> Any:
+    if library_hash() != library:
+        raise Error("this worker has another build of Torquer than torquer-batch; install the same on all machines")
+    return _batch_case.run(case)
+
+
+def _connect(workers: int, scheduler: Optional[str]) -> Any:
+    """A client of Dask: of threads here, of processes here, or of a cluster."""
+    need("dask", "python3-distributed").config.set(
+        {
+            "distributed.scheduler.allowed-failures": _MOST_DEATHS,
+            "distributed.comm.timeouts.connect": f"{_SCHEDULER_S:g}s",
+            "distributed.client.heartbeat": "2s",
+        }
+    )
+    distributed = need("distributed", "python3-distributed")
+    if scheduler is not None:
+        try:
+            return distributed.Client(scheduler, timeout=_SCHEDULER_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise Error(f"--scheduler {scheduler}: {error}; give its address, as tcp://node1:8786") from None
+    if workers > 0:
+        cluster = distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        )
+        client = distributed.Client(cluster, set_as_default=False)
+        client.torquer_cluster = cluster  # closed with it
+        return client
+    threads = len(os.sched_getaffinity(0))
+    return distributed.Client(
+        processes=False, n_workers=1, threads_per_worker=threads, dashboard_address=None, set_as_default=False
+    )
+
+
+def _close(client: Any) -> None:
+    cluster = getattr(client, "torquer_cluster", None)
+    client.close(timeout=5)
+    if cluster is not None:
+        cluster.close(timeout=5)
+
+
+def _each_result(client: Any, waiting: Iterator[Case]) -> Iterator[tuple[Case, Any]]:
+    """Cases as they end, with their result or what was raised."""
+    distributed = need("distributed", "python3-distributed")
+    library = library_hash()
+    running: Dict[str, Case] = {}
+    ended = distributed.as_completed(loop=client.loop)
+    broken = (OSError, TimeoutError, distributed.client.CancelledError)
+    number = itertools.count()
+
+    def submit(case: Case) -> None:
+        # Another key each time: a cluster may remember the results of another run.
+        future = client.submit(_work, case, library, key=f"torquer-{case.key}-{os.getpid()}-{next(number)}", pure=False)
+        running[future.key] = case
+        ended.add(future)
+
+    def fill() -> None:
+        most = max(_LEAST_AHEAD, _AHEAD * sum(client.nthreads().values()))
+        for case in itertools.islice(waiting, max(0, most - len(running))):
+            submit(case)
+
+    try:
+        fill()
+        while running:
+            batch = ended.next_batch(block=False)
+            if not batch:
+                if client.status != "running":
+                    raise _lost("it does not answer")
+                time.sleep(0.005)
+            for future in batch:
+                case = running.pop(future.key)
+                try:
+                    raised = future.exception()
+                    result = future.result() if raised is None else raised
+                except broken as error:
+                    # It ended, but the worker that had its result did too.
+                    if client.status != "running":
+                        raise _lost(repr(error)) from None
+                    submit(case)
+                    continue
+                yield case, result
+                future.release()
+            if batch:
+                fill()
+    except broken as error:
+        raise _lost(repr(error)) from None
+
+
+def _lost(why: str) -> Error:
+    return Stopped(f"the scheduler is gone ({why}); what is done is stored, run the command again")
+
+
+def run(
+    study: str,
+    out: str,
+    workers: int = 0,
+    scheduler: Optional[str] = None,
+    progress: Optional[TextIO] = None,
+    on_case: Optional[Callable[[Case], None]] = None,
+) -> Summary:
+    """Runs the cases of a study file that are not stored in the folder `out` yet.
+
+    workers: processes on this machine; 0: threads of this process, one a core.
+    scheduler: the address of Dask's, as "tcp://node1:8786", in place of both.
+    progress: where a line about it goes.
+    on_case: called after each case that was stored.
+
+    Raises Error naming the file, the key, its value and the remedy; when the scheduler is lost or
+    the disk full, what was done is stored.
+    """
+    read = read_study(study)
+    began = time.monotonic()
+    with Store(pathlib.Path(out)) as store:
+        every = list(cases(read))
+        left: Dict[str, Case] = {case.key: case for case in every if case.key not in store.readings}
+        keys = {case.key for case in every}
+        before = len(keys) - len(left)
+        done = 0
+        failures: List[Dict[str, Any]] = []
+        if left:
+            line = _Progress(progress, len(left))
+            client = _connect(workers, scheduler)
+            try:
+                for case, result in _each_result(client, iter(left.values())):
+                    if isinstance(result, Exception):
+                        message = str(result) if isinstance(result, Error) else _unexpected(result)
+                        failures.append({"case": case.labels, "message": message})
+                    else:
+                        store.keep(case, result)
+                        done += 1
+                        if on_case is not None:
+                            on_case(case)
+                    line.show(done, len(failures))
+            finally:
+                _close(client)
+            line.show(done, len(failures), last=True)
+        rows = [
+            {**case.labels, **store.readings[case.key]} for case in every if case.key in store.readings
+        ]
+        page = _batch_report.page(read, rows, failures)
+        store.finish(rows, failures, page)
+    return Summary(len(keys), before, done, failures, time.monotonic() - began, out)
+
+
+def _unexpected(error: Exception) -> str:
+    if type(error).__name__ == "KilledWorker":
+        return f"ended {_MOST_DEATHS + 1} workers, one after the other; see what their machine says, as of memory"
+    return f"{type(error).__name__}: {error}"
+
+
+class _Completion(argparse.Action):
+    """Prints what bash completes by: the options and files."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        options = [option for action in parser._actions for option in action.option_strings if option.startswith("--")]
+        print(f'complete -o default -W "{" ".join(options)}" {parser.prog}')
+        parser.exit()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="torquer-batch",
+        description="Runs every case of a study: scenes x parameters x motions x seeds. What is stored is not run again.",
+    )
+    parser.add_argument("--version", action="version", version=f"torquer-batch {__version__}")
+    parser.add_argument("study", metavar="STUDY", help="the study file, TOML")
+    parser.add_argument("--out", metavar="FOLDER", help="where results are kept (default: STUDY's name and -results)")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers", metavar="N", type=int, default=0,
+        help="processes on this machine (default: threads of one process, one a core)",
+    )
+    where.add_argument("--scheduler", metavar="ADDRESS", help="that of a Dask cluster, as tcp://node1:8786")
+    parser.add_argument("--json", action="store_true", help="at the end one line of JSON")
+    parser.add_argument("--completion", choices=["bash"], action=_Completion, help="print the completion for bash")
+    arguments = parser.parse_args()
+    out = arguments.out or f"{pathlib.Path(arguments.study).stem}-results"
+    try:
+        if not 0 <= arguments.workers <= 1024:
+            raise Error(f"--workers {arguments.workers}: give 1 to 1024")
+        summary = run(arguments.study, out, arguments.workers, arguments.scheduler, sys.stderr)
+    except Error as error:
+        print(f"torquer-batch: {error}", file=sys.stderr)
+        return 1 if isinstance(error, Stopped) else 2
+    except KeyboardInterrupt:
+        print(f"\ntorquer-batch: stopped; what is done is stored in {out}, run the command again", file=sys.stderr)
+        return 130
+    if arguments.json:
+        print(json.dumps(dataclasses.asdict(summary)))
+    else:
+        print(
+            f"{summary.done} cases done, {summary.stored_before} were stored before, {len(summary.failures)} failed: "
+            f"{summary.folder}/report.html"
+        )
+    for failure in summary.failures[:10]:
+        print(f"failed: {_batch_report.name(failure['case'])}: {failure['message']}", file=sys.stderr)
+    if len(summary.failures) > 10:
+        print(f"and {len(summary.failures) - 10} more: {summary.folder}/failures.jsonl", file=sys.stderr)
+    return 1 if summary.failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,319 @@
+"""Batches: what is stored is neither lost nor run again, whatever is killed; what is refused, and what fails."""
+
+import collections
+import csv
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import torquer
+import torquer.batch
+import zarr
+
+PACKAGES = pathlib.Path(torquer.__file__).absolute().parents[1]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(PACKAGES)}
+MOTION = """
+[[motion]]
+name = "push"
+duration_s = 1
+spread = 0.5
+hands.guidewire = { speed_mm_s = 40, turn_rad_s = 1 }
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    def write(text, name="study"):
+        path = tmp_path / f"{name}.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def cases(count):
+    return f'scenes = ["ty_phantom"]\nseeds = {list(range(count))}\n{MOTION}'
+
+
+def start(study, out, *more):
+    return subprocess.Popen(
+        [sys.executable, "-B", "-m", "torquer.batch", str(study), "--out", str(out), *map(str, more)],
+        env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=out.parent,
+    )
+
+
+def finish(study, out, *more):
+    process = start(study, out, *more)
+    output, error = process.communicate(timeout=120)
+    return process.returncode, output, error
+
+
+def lines(out):
+    path = out / "readings.jsonl"
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def wait_for(process, out, count):
+    """Until as many cases are stored and the run still goes on."""
+    for _ in range(3000):
+        if lines(out) >= count:
+            break
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.01)
+    assert lines(out) >= count
+
+
+def check_whole(out, count):
+    """Each case is there once, with its shape, and all have the results of single runs."""
+    records = [json.loads(line) for line in (out / "readings.jsonl").read_text().splitlines()]
+    assert collections.Counter(record["key"] for record in records).most_common(1)[0][1] == 1
+    assert len(records) == count
+    assert {path.stem for path in (out / "shapes").iterdir()} == {record["key"] for record in records}
+    for record in records[:: max(1, count // 20)]:
+        case = zarr.open(str(out / "shapes" / f"{record['key']}.zip"), mode="r")
+        tip = [record["readings"][f"tip_{axis}_mm"] for axis in "xyz"]
+        assert np.array_equal(case["nodes_mm"][-1], tip)
+        assert np.array_equal(case["series"][-1][3:6], tip)
+    with (out / "readings.csv").open(newline="") as file:
+        assert len(list(csv.DictReader(file))) == count
+    assert "<svg" in (out / "report.html").read_text()
+
+
+def worker_processes(process):
+    """Of a run with --workers: processes that multiprocessing started."""
+    found = []
+    for folder in pathlib.Path("/proc").iterdir():
+        if not folder.name.isdigit():
+            continue
+        try:
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            command = (folder / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if parent == process.pid and b"spawn_main" in command:
+            found.append(int(folder.name))
+    return found
+
+
+def test_a_case_is_what_a_single_run_of_the_simulator_is(study, tmp_path):
+    script = tmp_path / "moves.csv"
+    script.write_text("time_s,guidewire.insertion_mm,guidewire.rotation_rad\n0.5,20,0.5\n1,45,1\n1.5,70,-1\n")
+    path = study(
+        'scenes = ["ty_phantom"]\nshapes = "rows"\n[axes]\n"effects.friction.coefficient" = [0.05, 0.2]\n'
+        f'"effects.internal_forces" = [true]\n[[motion]]\nname = "moves"\nscript = "{script.name}"\n'
+    )
+    out = tmp_path / "out"
+    summary = torquer.batch.run(str(path), str(out))
+    assert (summary.cases, summary.done, summary.failures) == (2, 2, [])
+    shipped = pathlib.Path(torquer.scene_path("ty_phantom"))
+    for record in map(json.loads, (out / "readings.jsonl").read_text().splitlines()):
+        coefficient = record["case"]["effects.friction.coefficient"]
+        text = shipped.read_text().replace("coefficient = 0.1", f"coefficient = {coefficient}")
+        scene = tmp_path / "scene.toml"
+        scene.write_text(text + "\n[effects.internal_forces]\n")
+        states = tmp_path / "states.bin"
+        subprocess.run(
+            [PACKAGES.parents[1] / "bin/torquer-simulator", "--scene", scene, "--script", script, "--states", states],
+            check=True, capture_output=True,
+        )
+        expected = torquer.read_states(states)
+        kept = zarr.open(str(out / "shapes" / f"{record['key']}.zip"), mode="r")
+        assert kept["first_node"][-1] == len(kept["nodes_mm"])
+        for row in range(3):
+            first, end = kept["first_node"][row : row + 2]
+            assert np.array_equal(kept["nodes_mm"][first:end], expected["nodes_mm"][row])
+        hand = kept.attrs["columns"].index("guidewire.hand_force_mN")
+        force = [values[hand] for values in kept["series"][:]]
+        assert record["readings"]["guidewire.hand_force_mN"] == force[-1]
+        assert record["readings"]["largest.guidewire.hand_force_mN"] == max(force)
+
+
+def test_nothing_that_is_stored_is_run_again_and_what_changed_is(study, tmp_path):
+    out = tmp_path / "out"
+    ran = []
+    first = torquer.batch.run(str(study(cases(6))), str(out), on_case=ran.append)
+    assert first.done == len(ran) == 6
+    again = torquer.batch.run(str(study(cases(9))), str(out), on_case=ran.append)
+    assert (again.stored_before, again.done) == (6, 3)
+    slower = cases(6).replace("speed_mm_s = 40", "speed_mm_s = 30")
+    assert torquer.batch.run(str(study(slower)), str(out)).stored_before == 0
+    # An own scene is known by what it says, not by its name; a file that it names too.
+    text = pathlib.Path(torquer.scene_path("drill_tube")).read_text()
+    scene = study(text, "own")
+    own = study(cases(1).replace("ty_phantom", "own.toml"))
+    assert torquer.batch.run(str(own), str(out)).done == 1
+    scene.write_text(f"# the same\n{text}")
+    assert torquer.batch.run(str(own), str(out)).done == 0
+    scene.write_text(text.replace("radii_mm = [3]", "radii_mm = [2.5]"))
+    assert torquer.batch.run(str(own), str(out)).done == 1
+
+
+def test_workers_that_are_killed_lose_nothing(study, tmp_path):
+    out = tmp_path / "out"
+    process = start(study(cases(1000)), out, "--workers", 2)
+    for stored in (50, 300):
+        wait_for(process, out, stored)
+        found = worker_processes(process)
+        assert found
+        os.kill(found[0], signal.SIGKILL)
+    output, error = process.communicate(timeout=120)
+    assert process.returncode == 0, error
+    assert output.startswith("1000 cases done, 0 were stored before, 0 failed")
+    check_whole(out, 1000)
+
+
+def test_a_run_that_is_killed_is_taken_up_again(study, tmp_path):
+    path = study(cases(300))
+    out = tmp_path / "out"
+    process = start(path, out)
+    wait_for(process, out, 40)
+    process.kill()
+    process.communicate()
+    stored = lines(out)
+    assert stored < 300
+    # A line that was cut off, and a shape without its line.
+    with (out / "readings.jsonl").open("ab") as file:
+        file.write(b'{"key": "cut')
+    (out / "shapes" / f"{'0' * 64}.zip").write_bytes(b"half")
+    (out / "shapes" / "half.part").write_bytes(b"half")
+    status, output, error = finish(path, out)
+    assert status == 0, error
+    assert output.startswith(f"{300 - stored} cases done, {stored} were stored before, 0 failed")
+    check_whole(out, 300)
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """A scheduler and a worker, as they are started on machines of a cluster."""
+    file = tmp_path / "scheduler.json"
+    log = (tmp_path / "cluster.log").open("w")
+    common = ["--scheduler-file", str(file), "--no-dashboard"]
+
+    def dask(program, *more):
+        return subprocess.Popen(
+            [sys.executable, "-B", "-m", f"distributed.cli.{program}", *common, *more],
+            env=ENVIRONMENT, cwd=tmp_path, stdout=log, stderr=log,
+        )
+
+    scheduler = dask("dask_scheduler", "--host", "127.0.0.1", "--port", "0")
+    for _ in range(1000):
+        if file.exists() and file.read_text().endswith("}"):
+            break
+        time.sleep(0.02)
+    worker = dask("dask_worker", "--host", "127.0.0.1", "--nthreads", "1", "--no-nanny", "--death-timeout", "5")
+    yield scheduler, json.loads(file.read_text())["address"]
+    for process in (worker, scheduler):
+        process.kill()
+        process.wait()
+    log.close()
+
+
+def test_a_cluster_whose_scheduler_is_lost(study, tmp_path, cluster):
+    scheduler, address = cluster
+    path = study(cases(600))
+    out = tmp_path / "out"
+    process = start(path, out, "--scheduler", address)
+    wait_for(process, out, 20)
+    scheduler.kill()
+    output, error = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert "the scheduler is gone (" in error and "what is done is stored, run the command again" in error
+    stored = lines(out)
+    assert 20 <= stored < 600
+    status, output, error = finish(path, out, "--workers", 1)
+    assert status == 0, error
+    assert output.startswith(f"{600 - stored} cases done, {stored} were stored before, 0 failed")
+    check_whole(out, 600)
+
+
+def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
+    path = study(
+        f'scenes = ["ty_phantom"]\n[axes]\n"effects.friction.coefficient" = [0.1, -1]\n{MOTION}', "partly"
+    )
+    out = tmp_path / "out"
+    status, output, error = finish(path, out)
+    assert status == 1
+    assert output.startswith("1 cases done, 0 were stored before, 1 failed")
+    assert "effects.friction.coefficient = -1" in error and "coefficient" in error.split("failed:")[1]
+    (failure,) = map(json.loads, (out / "failures.jsonl").read_text().splitlines())
+    assert failure["case"]["effects.friction.coefficient"] == -1
+    assert "Failures" in (out / "report.html").read_text()
+    # Run again, it is tried again.
+    assert finish(path, out)[1].startswith("0 cases done, 1 were stored before, 1 failed")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("scenes = [", "study.toml: "),
+        (MOTION, "scenes is None; give a list"),
+        (f'scenes = ["ty_fantom"]\n{MOTION}', "nor a scene 'ty_fantom' of Torquer's; these are: "),
+        (f'scenes = ["ty_phantom"]\nseds = [1]\n{MOTION}', "no key seds; did you mean seeds?"),
+        ('scenes = ["ty_phantom"]\n', "there is no motion; add one"),
+        (f'scenes = ["ty_phantom"]\nseeds = [1, 1]\n{MOTION}', "seeds has a number twice"),
+        (f'scenes = ["ty_phantom"]\nseeds = [-1]\n{MOTION}', "seeds has -1; give whole numbers from 0"),
+        (f'scenes = ["ty_phantom"]\nshapes = "all"\n{MOTION}', "shapes is 'all'; give one of last, rows, none"),
+        (f'scenes = ["ty_phantom"]\n{MOTION}{MOTION}', "two motions have one name"),
+        (f'scenes = ["ty_phantom"]\n{MOTION.replace("guidewire", "catheter")}', "no such instrument; it has: guidewire"),
+        (f'scenes = ["ty_phantom"]\n{MOTION.replace("duration_s = 1", "duration_s = 0")}', "duration_s is 0; give a number"),
+        (f'scenes = ["ty_phantom"]\n{MOTION.replace("spread", "spred")}', "no key spred; did you mean spread?"),
+        (f'scenes = ["ty_phantom"]\n[axes]\neffects.friction.coefficient = [1]\n{MOTION}', "put the whole key into quotes"),
+        (f'scenes = ["ty_phantom"]\n[axes]\n"instrument.wire.tip_mm" = [1]\n{MOTION}', 'no instrument "wire"; there are: guidewire'),
+        (f'scenes = ["ty_phantom"]\n[axes]\n"a" = [1, 1]\n{MOTION}', "axes.a has a value twice"),
+        (f'scenes = ["ty_phantom"]\n[random]\n"a" = [2, 1]\n{MOTION}', "random.a is [2, 1]; give the lowest and the highest"),
+        ('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "none.csv: No such file"),
+        ('scenes = ["ty_phantom"]\nseeds = [1, 2]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "nothing is drawn by them"),
+    ],
+)
+def test_a_study_that_makes_no_sense_is_refused(study, tmp_path, text, said):
+    with pytest.raises(torquer.Error) as refused:
+        torquer.batch.run(str(study(text)), str(tmp_path / "out"))
+    assert said in str(refused.value)
+    assert str(tmp_path) in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("", "there is nothing in it"),
+        ("time_s,guidewire.speed\n1,2\n", ":1: column 'guidewire.speed' is twice there or unknown"),
+        ("guidewire.insertion_mm\n1\n", ":1: there is no column time_s"),
+        ("time_s\n1\n1\n", ":3: time_s is 1, not after the row before"),
+        ("# rows\ntime_s\n1,2\n", ":3: 2 values for 1 columns"),
+        ("time_s\nx\n", ":2: 'x' are not all numbers"),
+        ("time_s\ninf\n", ":2: 'inf' are not all finite"),
+    ],
+)
+def test_a_script_that_makes_no_sense_is_refused(study, tmp_path, rows, said):
+    (tmp_path / "moves.csv").write_text(rows)
+    path = study('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "moves.csv"\n')
+    with pytest.raises(torquer.Error) as refused:
+        torquer.batch.run(str(path), str(tmp_path / "out"))
+    assert f"moves.csv{said}" in str(refused.value) or said in str(refused.value)
+
+
+def test_command_line(study, tmp_path):
+    out = tmp_path / "out"
+    path = study(cases(2))
+    status, output, _ = finish(path, out, "--json")
+    assert status == 0 and json.loads(output)["done"] == 2
+    assert finish(path, out, "--workers", "-1")[0] == 2
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged/readings.jsonl").write_text("{}\n")
+    status, _, error = finish(path, tmp_path / "damaged")
+    assert status == 2 and "readings.jsonl:1: is not a line of torquer-batch" in error
+    status, _, error = finish(study(cases(3)), out, "--scheduler", "tcp://127.0.0.1:1")
+    assert status == 2 and "--scheduler tcp://127.0.0.1:1: " in error
+    running = start(study(cases(400), "long"), out)
+    wait_for(running, out, 10)
+    status, _, error = finish(path, out)
+    assert status == 2 and "another torquer-batch writes there" in error
+    running.send_signal(signal.SIGINT)
+    _, error = running.communicate(timeout=60)
+    assert running.returncode == 130 and "run the command again" in error
