@@ -20,7 +20,7 @@ constexpr double kFeedMm = 0.1;          // an action of Newton's: 100 mm/s at 1
 constexpr double kTurnRadPerMm = 0.05;   // the hand turns while it feeds
 constexpr double kTight = 1e-9;          // tolerance of references and companions
 constexpr double kAnotherBasinMm = 0.5;  // nearer than this is an error, not another basin
-constexpr int kPlenty = 1000000;
+constexpr int kPlenty = 20000;
 
 // A tick that ends after a time of this thread. The first unit is always granted, or nothing would
 // ever move.
