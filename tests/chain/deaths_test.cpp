@@ -4,15 +4,20 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
+#include <cstring>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "host/recorder/session_log.h"
+#include "host/viewer/page_messages.h"
 #include "tests/support/daemon_process.h"
 #include "tests/support/reports.h"
 #include "tests/support/socket_device.h"
+#include "tests/viewer/raw_client.h"
+#include "torquer_lcm/picture_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 
 namespace torquer::test {
@@ -61,6 +66,7 @@ struct Session {
     StartDaemon();
     monitor = std::make_unique<ChildProcess>(std::vector{ProgramPath("torquer-monitor")});
     recorder = std::make_unique<ChildProcess>(std::vector{ProgramPath("torquer-recorder"), log});
+    viewer = std::make_unique<ChildProcess>(std::vector{ProgramPath("torquer-viewer")});
   }
   void StartSimulator() {
     simulator = std::make_unique<ChildProcess>(std::vector<std::string>{
@@ -92,7 +98,7 @@ struct Session {
   Hand hand{device};
   torquer_lcm::wire_state_t state{};
   int states = 0;
-  Program simulator, daemon, monitor, recorder;
+  Program simulator, daemon, monitor, recorder, viewer;
 };
 
 // One row of the table: who dies and how, what the others must say and do, and how all comes back.
@@ -152,6 +158,9 @@ const Row kRows[] = {
      [](Session& s) { s.simulator->Signal(SIGCONT); }},
     {"simulator: kill -9", [](Session& s) { s.simulator->Signal(SIGKILL); }, SimulatorIsMissed,
      [](Session& s) { s.StartSimulator(); }},
+    {"viewer: SIGSTOP", [](Session& s) { s.viewer->Signal(SIGSTOP); }, NobodyNotices,
+     [](Session& s) { s.viewer->Signal(SIGCONT); }},
+    {"viewer: kill -9", [](Session& s) { s.viewer->Signal(SIGKILL); }, NobodyNotices, Nothing},
     {"stranger: flood", Flood, FloodIsRefused, Nothing},
     {"monitor: kill -9", [](Session& s) { s.monitor->Signal(SIGKILL); }, NobodyNotices, Nothing},
     {"recorder: kill -9", [](Session& s) { s.recorder->Signal(SIGKILL); }, NobodyNotices, Nothing},
@@ -177,6 +186,79 @@ TEST_CASE("Whoever dies or hangs, the others say so, hold, and go on when it is 
   CHECK(recorded > 100);
   CHECK(summary.damage.places == 0);
   CHECK(summary.damage.missing == 0);
+}
+
+// A page that steers: its pedal is down and the wire is pushed, as long as it is there.
+class SteeringPage {
+ public:
+  explicit SteeringPage(const std::string& link) : link_(link) {
+    const std::size_t host = link.find("127.0.0.1:");
+    const std::size_t path = link.find('/', host);
+    const std::string name = link.substr(host, path - host);
+    client_.emplace(static_cast<std::uint16_t>(std::stoi(name.substr(name.find(':') + 1))));
+    const std::string token = link.substr(path + 1, link.find_first_of("/\n", path + 1) - path - 1);
+    REQUIRE(client_->Upgrade("/" + token + "/bus", name, "http://" + name));
+    thread_ = std::thread([this] { Run(); });
+  }
+  ~SteeringPage() {
+    stop_ = true;
+    thread_.join();
+  }
+
+ private:
+  void Run() {
+    std::string controls(viewer::kControlsBytes, '\0');
+    const float push_mm_s = 5;
+    controls[0] = static_cast<char>(viewer::FrameKind::kControls);
+    controls[1] = static_cast<char>(viewer::kFrameVersion);
+    controls[2] = 1;  // the pedal
+    std::memcpy(controls.data() + 4, &push_mm_s, sizeof push_mm_s);
+    while (!stop_ && client_->SendFrame(2, controls)) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+  }
+
+  std::string link_;
+  std::optional<RawClient> client_;
+  std::atomic<bool> stop_ = false;
+  std::thread thread_;
+};
+
+TEST_CASE("A viewer that steers dies or hangs with its pedal down: no X-ray, no motion") {
+  Listener listener;
+  torquer_lcm::wire_state_t state{};
+  std::int64_t pictures = 0;
+  listener.bus->Subscribe<torquer_lcm::wire_state_t>(
+      protocol::kWireStateChannel,
+      [&state](const torquer_lcm::wire_state_t& message) { state = message; });
+  listener.bus->Subscribe<torquer_lcm::picture_t>(
+      protocol::kPictureChannel,
+      [&pictures](const torquer_lcm::picture_t& picture) { pictures = picture.number; });
+  const ChildProcess simulator(
+      {ProgramPath("torquer-simulator"), "--scene", SourcePath("/host/scenes/coronary.toml")});
+  const int how = GENERATE(SIGSTOP, SIGKILL);
+  CAPTURE(how);
+  ChildProcess viewer({ProgramPath("torquer-viewer"), "--steer"});
+  REQUIRE(listener.Until([&] { return Contains(viewer.Output(), "http://"); }));
+  const std::string said = viewer.Output();
+  const SteeringPage page(said.substr(said.find("http://")));
+  REQUIRE(listener.Until([&] {
+    return pictures > 3 && (state.status & protocol::kWireInDoubt) == 0 && state.time_s > 0 &&
+           state.instruments[0].insertion_mm > state.instruments[0].inserted_at_start_mm + 2;
+  }));
+
+  viewer.Signal(how);
+  REQUIRE(listener.Until([&] { return (state.status & protocol::kWireInDoubt) != 0; }));
+  // What was on its way is there by now.
+  const double then_s = state.time_s;
+  REQUIRE(listener.Until([&] { return state.time_s > then_s + 0.2; }));
+  const std::int64_t taken = pictures;
+  const double held_mm = state.instruments[0].insertion_mm;
+  REQUIRE(listener.Until([&] { return state.time_s > then_s + 1.5; }));
+  CHECK(pictures == taken);
+  CHECK(state.instruments[0].insertion_mm == held_mm);
+  CHECK((state.status & protocol::kWireInDoubt) != 0);
+  if (how == SIGSTOP) viewer.Signal(SIGKILL);
 }
 
 }  // namespace
