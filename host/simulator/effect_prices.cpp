@@ -17,6 +17,7 @@ class EffectPrices::WatchedTerm final : public EnergyTerm {
     Timed([&] { term_.TakeShare(share); });
   }
   bool Dissipates() const override { return term_.Dissipates(); }
+  bool ActsOnSurface() const override { return term_.ActsOnSurface(); }
   double Add(const PointSet& points, PointDerivatives& out) const override {
     return Timed([&] { return term_.Add(points, out); });
   }

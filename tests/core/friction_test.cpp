@@ -4,7 +4,9 @@
 #include <numbers>
 #include <random>
 
+#include "host/simulator/core/internal_forces.h"
 #include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/stack/hand_forces.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/finite_differences.h"
 #include "tests/support/invariants.h"
@@ -410,6 +412,86 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
   turn_to(-20);
   const double slope = std::atan2(-side * state.nodes()[50][1], -state.nodes()[50][2]);
   CHECK(slope == Approx(std::atan(mu)).epsilon(0.02));
+  // So high up, the load turns it back by r sin f a length, whatever it is made of.
+  InternalForces forces;
+  FindInternalForces(model, state, relaxation->Current(), terms, forces);
+  HandForces hands;
+  hands.Find(InstrumentStack(model), state, relaxation->Current().points, forces, {});
+  const double torque_mJ = kRadius * std::sin(std::atan(mu)) * 60 * 1e-3;
+  CHECK(hands.hands()[0].torque_mJ == Approx(-torque_mJ).epsilon(0.03));
+  CHECK(forces.twisting_mJ[30] == Approx(torque_mJ / 2).epsilon(0.03));
+}
+
+TEST_CASE("The hand of the instrument that touches the wall feels what turns its surface") {
+  constexpr double kMu = 0.3;
+  constexpr double kBore = 10;
+  const double radii_mm[] = {0.2, 0.4};
+  std::vector<WireModel> instruments;
+  for (const double radius_mm : radii_mm) {
+    instruments.push_back(MakeWire({.segment_mm = 1,
+                                    .rigidity_N_mm2 = 5e-4,
+                                    .radius_mm = radius_mm,
+                                    .sheath = {Vector3d(0, 0, 0.4 - kBore), Vector3d::UnitX()}}));
+  }
+  InstrumentStack stack(std::move(instruments));
+  const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), kBore);
+  const WallModel wall{.stiffness_N_mm2 = 10};
+  InstrumentPlaces places(2);
+  places[0].insertion_mm = places[1].insertion_mm = 60;
+  stack.Combine(places);
+  effects::Friction friction(
+      kMu, 0.001,
+      {.wire = stack.rod(), .wall = wall, .instruments = std::vector<effects::Instrument>(2)});
+  Weight weight;
+  const std::vector<EnergyTerm*> terms{&friction, &weight};
+  const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
+  WireState state = WireState::Along(stack.rod(), {Vector3d(100, 0, 0.4 - kBore)}, places);
+  relaxation->Restart(state);
+  // Far enough for it to climb until it slips.
+  for (int k = 0; k < 700; ++k) {
+    places[0].rotation_rad = places[1].rotation_rad -= 0.02;
+    REQUIRE(Settle(*relaxation, places, state, 50).converged);
+  }
+  InternalForces forces;
+  FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
+  HandForces hands;
+  hands.Find(stack, state, relaxation->Current().points, forces, {});
+  CHECK(hands.hands()[0].torque_mJ == Approx(0).margin(1e-9));
+  CHECK(hands.hands()[1].torque_mJ ==
+        Approx(-0.4 * std::sin(std::atan(kMu)) * 60 * 1e-3).epsilon(0.03));
+}
+
+// What a step of time adds, as inertia does: a loss that has nothing to do with the wall.
+class Drag final : public EnergyTerm {
+ public:
+  void Begin(const PointSet&) override {}
+  bool Dissipates() const override { return true; }
+  double Add(const PointSet& points, PointDerivatives& out) const override {
+    for (int q = 0; q < points.size(); ++q) {
+      out.TouchGradient(q);
+      out.gradient[static_cast<std::size_t>(q)][1] += 1e-6;
+    }
+    return 0;
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+};
+
+TEST_CASE("A loss that does not act on the surface is no force of contact and no torque") {
+  const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = 1, .radius_mm = 0.2});
+  const Cylinder field(Side::kInside, Vector3d::Zero(), Vector3d::UnitX(), 10);
+  const WallModel wall{.stiffness_N_mm2 = 10};
+  Drag drag;
+  const std::vector<EnergyTerm*> terms{&drag};
+  const auto relaxation = MakeNewtonRelaxation(model, field, wall, {}, terms);
+  WireState state = LayStraight(model, 20);
+  relaxation->Restart(state);
+  Settle(*relaxation, {20, 0}, state);
+  InternalForces forces;
+  FindInternalForces(model, state, relaxation->Current(), terms, forces);
+  for (const Vector3d& contact_N : forces.contact_N) CHECK(contact_N == Vector3d::Zero());
+  CHECK(forces.twisting_mJ.front() == 0);
 }
 
 TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the way it slides") {

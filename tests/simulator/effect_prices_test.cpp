@@ -29,6 +29,7 @@ class SlowTerm final : public torquer::EnergyTerm {
   void Reset() override {}
   std::uint64_t Hash(std::uint64_t seed) const override { return seed + 7; }
   bool Dissipates() const override { return true; }
+  bool ActsOnSurface() const override { return true; }
 };
 
 std::map<std::string, double> Taken(EffectPrices& prices) {
@@ -44,6 +45,7 @@ TEST_CASE("Prices are the time of each effect, apart from the solver's", "[simul
   SlowTerm slow;
   torquer::EnergyTerm& watched = *prices.Watch(0, &slow);
   CHECK(watched.Dissipates());
+  CHECK(watched.ActsOnSurface());
   CHECK(watched.Hash(1) == 8);
   const torquer::PointSet points;
   torquer::PointDerivatives derivatives;

@@ -135,6 +135,9 @@ class EnergyTerm {
   /// Whether what Add returns is not stored in the wire, as work that is lost or what a step of
   /// time adds: it counts when the wire is relaxed, and is no part of its energy.
   virtual bool Dissipates() const { return false; }
+  /// Whether its forces act where the wire's surface touches the wall, as friction does: they turn
+  /// the wire about its axis, too, and count among the forces of contact.
+  virtual bool ActsOnSurface() const { return false; }
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
   /// The surfaces of the instruments move against the points, before these do: instruments that

@@ -28,7 +28,19 @@ void FindFriction(const PointSet& points, const std::vector<EnergyTerm*>& terms,
   out.on_tangents.clear();
   out.on_spins.clear();
   for (const EnergyTerm* term : terms) {
-    if (term->Dissipates()) term->Add(points, out);
+    if (term->ActsOnSurface()) term->Add(points, out);
+  }
+}
+
+// The surface touches the wall a radius away from the axis, against the wall's normal.
+void FindSurfaceTorques(const PointSet& points, InternalForces& out) {
+  for (const int q : points.near) {
+    const auto p = static_cast<std::size_t>(q);
+    const Vector3d& gradient_N = out.friction.gradient[p];
+    if (gradient_N == Vector3d::Zero()) continue;
+    const Vector3d normal = points.clearance[p].gradient.normalized();
+    out.surface_torque_mJ[p] =
+        points.radius_mm[p] * normal.cross(gradient_N).dot(points.Tangent(q));
   }
 }
 
@@ -100,21 +112,26 @@ void FindMoments(const WireModel& model, const WireState& state, const Expansion
                  InternalForces& out) {
   const int n = state.segments();
   const bool twists = model.twists();
+  const auto per_segment = static_cast<std::size_t>(at.points.per_segment);
   Vector3d end = Vector3d::Zero();
   for (const TangentLoad& on : at.derivatives.on_tangents) {
     if (on.segment == n - 1) end += on.gradient.cross(state.tangents().back());
   }
   out.bending_mJ[static_cast<std::size_t>(n)] = end.norm();
   double torque = 0;
+  double surface = 0;
   for (int i = n - 1; i >= 0; --i) {
     const auto k = static_cast<std::size_t>(i);
     const Vector3d moment = BendingMoment(model, state, i);
     const Vector3d& before = i == 0 ? model.sheath().direction : state.tangents()[k - 1];
     out.bending_mJ[k] = moment.norm();
-    // A wire that does not twist hands on what turns its bent tip.
+    // A wire that does not twist hands on what turns its bent tip and its surface.
     const double own = moment.dot(before);
+    for (std::size_t q = per_segment * k; q < per_segment * (k + 1); ++q) {
+      surface += out.surface_torque_mJ[q];
+    }
     torque = twists ? TwistStiffness(model, state, i) * state.twist_rad()[k] : torque + own;
-    out.twisting_mJ[k] = torque;
+    out.twisting_mJ[k] = torque + surface;
     if (i > 0) continue;
     const Vector3d& after = state.tangents().front();
     out.clamp_moment_mJ = -moment;
@@ -142,6 +159,8 @@ void FindInternalForces(const WireModel& model, const WireState& state, const Ex
   out.clamp_moment_mJ.setZero();
   if (n == 0) return;
   FindFriction(expansion.points, terms, out.friction);
+  out.surface_torque_mJ.assign(expansion.points.position.size(), 0);
+  if (!model.twists()) FindSurfaceTorques(expansion.points, out);
   FindContacts(expansion, out);
   FindPointGradients(expansion, out);
   FindTension(model, state, expansion, out);

@@ -22,7 +22,10 @@ struct InternalForces {
   std::vector<double> twisting_mJ;
   Eigen::Vector3d clamp_force_N = Eigen::Vector3d::Zero();    ///< on the wire, where it is clamped
   Eigen::Vector3d clamp_moment_mJ = Eigen::Vector3d::Zero();  ///< the same, about node 0
-  PointDerivatives friction;                      ///< at the points: of the terms that dissipate
+  PointDerivatives friction;  ///< at the points: of the terms that act on the surface
+  /// At the points of a wire that does not twist: of friction at the surface about the axis,
+  /// right-handed. The hand feels it; the wire's shape and the moment at the clamp do not.
+  std::vector<double> surface_torque_mJ;
   std::vector<Eigen::Vector3d> point_gradient_N;  ///< at the points: minus all that acts on them
 };
 

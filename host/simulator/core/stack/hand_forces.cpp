@@ -197,6 +197,10 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state, cons
   } else {
     hands_[0].torque_mJ = forces.clamp_moment_mJ.dot(entry);
   }
+  for (int q = 0; q < points.size(); ++q) {
+    hands_[static_cast<std::size_t>(points.SurfaceAt(q))].torque_mJ -=
+        forces.surface_torque_mJ[static_cast<std::size_t>(q)];
+  }
   double left_N = forces.clamp_force_N.dot(entry) - rod.rigidity_N_mm2(n) * bend.squaredNorm() / 2;
   for (std::size_t k = 0; k < static_cast<std::size_t>(count_); ++k) {
     if (k == leader) continue;

@@ -36,6 +36,7 @@ class Friction final : public Effect, public EnergyTerm {
   void CopyFrom(const Effect& twin) override;
 
   bool Dissipates() const override { return true; }
+  bool ActsOnSurface() const override { return true; }
 
   void Begin(const PointSet& points) override;
   double Add(const PointSet& points, PointDerivatives& out) const override;
