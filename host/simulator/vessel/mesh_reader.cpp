@@ -16,6 +16,7 @@
 
 #include "host/simulator/vessel/mesh_answer.h"
 #include "host/simulator/vessel/mesh_file.h"
+#include "host/simulator/vessel/reading_filter.h"
 #include "host/support/error.h"
 
 namespace {
@@ -42,6 +43,9 @@ void EnterLimits(rlim_t memory_bytes, rlim_t cpu_s) {
   Limit(RLIMIT_CORE, 0);
   Limit(RLIMIT_CPU, cpu_s, 1);  // SIGXCPU, then SIGKILL
   Limit(RLIMIT_FSIZE, 0);       // the answer goes into a pipe
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  torquer::vessel::AllowOnlyReading();  // where the kernel can; the limits hold anyway
+#endif
 }
 
 std::string ReadAll() {
