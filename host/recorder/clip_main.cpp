@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -43,7 +44,7 @@ torquer::ClipSpan SpanOf(const Arguments& arguments, const torquer::ScreenCourse
   // A frame shows what stood at its time; so the last is before the end.
   const std::int64_t length_us = to_us - span.from_us;
   span.frames = (length_us * torquer::ClipSpan::kFramesPerS + 999'999) / 1'000'000;
-  if (length_us <= 0 || course.At(span.TimeUs(span.frames - 1)).picture < 0) {
+  if (length_us <= 0 || course.At(span.TimeUs(span.frames - 1)).planes[0].picture < 0) {
     throw UserError(fmt::format(
         "{}: nothing of its pictures is in the span; they stand from {:.2f} s to {:.2f} s",
         arguments.log, 1e-6 * static_cast<double>(course.first_picture_us()),
@@ -52,24 +53,36 @@ torquer::ClipSpan SpanOf(const Arguments& arguments, const torquer::ScreenCourse
   return span;
 }
 
-// Hands on every frame, the same picture as long as it stood. The number of pictures that were
-// shown, and of those that cannot be, in whose place the one before stays.
+// Hands on every frame, the same pictures as long as they stood, those of a second plane to the
+// right of the first's. The number of pictures that were shown, and of those that cannot be, in
+// whose place the one before stays.
 struct Shown {
   std::int64_t pictures = 0;
   std::int64_t damaged = 0;
 };
 
+void Show(const torquer::GrayPicture& picture, int left, torquer::GrayPicture& frame) {
+  for (int y = 0; y < picture.height; ++y) {
+    std::copy_n(picture.pixels.begin() + std::ptrdiff_t{y} * picture.width, picture.width,
+                frame.pixels.begin() + std::ptrdiff_t{y} * frame.width + left);
+  }
+}
+
 Shown AddFrames(const torquer::ScreenCourse& course, const torquer::ClipSpan& span,
                 const torquer::VideoFormat& format, torquer::VideoEncoder& encoder) {
   Shown shown;
   torquer::GrayPicture frame = torquer::FitInto({1, 1, {0}}, format.width, format.height);
-  std::int64_t standing = -1;
+  const int width = format.width / course.planes();
+  std::array<std::int64_t, 2> standing = {-1, -1};
   for (std::int64_t k = 0; k < span.frames; ++k) {
-    const std::int64_t picture = course.At(span.TimeUs(k)).picture;
-    if (picture != standing) {
-      standing = picture;
-      const std::optional<torquer::GrayPicture> read = course.ReadPicture(picture);
-      if (read) frame = torquer::FitInto(*read, format.width, format.height);
+    const torquer::ScreenMoment moment = course.At(span.TimeUs(k));
+    for (int plane = 0; plane < course.planes(); ++plane) {
+      const auto at = static_cast<std::size_t>(plane);
+      const std::int64_t picture = moment.planes[at].picture;
+      if (picture == standing[at]) continue;
+      standing[at] = picture;
+      const std::optional<torquer::GrayPicture> read = course.ReadPicture(plane, picture);
+      if (read) Show(torquer::FitInto(*read, width, format.height), plane * width, frame);
       ++(read ? shown.pictures : shown.damaged);
     }
     if (!encoder.Add(frame.pixels)) break;
@@ -90,7 +103,7 @@ int Run(const Arguments& arguments) {
   const torquer::ScreenCourse course(arguments.log);
   const torquer::ClipSpan span = SpanOf(arguments, course);
   // Colors are of two by two pixels.
-  format.width = (course.width() + 1) / 2 * 2;
+  format.width = (course.width() + 1) / 2 * 2 * course.planes();
   format.height = (course.height() + 1) / 2 * 2;
   torquer::VideoEncoder encoder(format,
                                 torquer::ScreenSubtitles(course, span, format.width, format.height),
@@ -120,7 +133,8 @@ int Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   torquer::Program program("torquer-clip",
                            "Makes a video of the fluoroscopy screen from the log of a session: "
-                           "each picture as long as it stood there, with X-ray or last image "
+                           "each picture as long as it stood there, both planes of a biplane "
+                           "system side by side, with X-ray or last image "
                            "hold, C-arm, time, dose and contrast. Needs ffmpeg.");
   program.Note(
       "Exit status: 0 when the video is made; 1 when it is made from a log with damage; 2 when "

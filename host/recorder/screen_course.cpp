@@ -55,7 +55,7 @@ ScreenCourse::ScreenCourse(const std::string& path) : file_(path, kRemedy) {
   if (!pedal_.empty() && length_us_ - commanded_us_ > kSilentUs) {
     Note(pedal_, commanded_us_ + kSilentUs, false);
   }
-  if (pictures_.empty()) {
+  if (pictures_[0].empty()) {
     throw UserError(path + ": holds no picture (channel " + protocol::kPictureChannel +
                     "); record a session whose scene has [effects.fluoroscopy]");
   }
@@ -66,31 +66,33 @@ void ScreenCourse::Note(std::vector<Change>& changes, std::int64_t time_us, bool
 }
 
 bool ScreenCourse::Take(const LogRecord& record, std::int64_t time_us) {
-  if (record.channel == protocol::kPictureChannel) return TakePicture(record, time_us);
+  if (record.channel == protocol::kPictureChannel) return TakePicture(record, time_us, 0);
+  if (record.channel == protocol::kLateralPictureChannel) return TakePicture(record, time_us, 1);
   if (record.channel == protocol::kInstrumentCommandChannel) return TakeCommand(record, time_us);
   if (record.channel == protocol::kReadingsChannel) return TakeReadings(record, time_us);
   if (record.channel == protocol::kSceneChannel) return TakeScene(record, time_us);
   return true;
 }
 
-bool ScreenCourse::TakePicture(const LogRecord& record, std::int64_t time_us) {
+bool ScreenCourse::TakePicture(const LogRecord& record, std::int64_t time_us, int plane) {
   torquer_lcm::picture_t message;
   if (!Decode(record.data, message)) return false;
   const std::optional<GrayPicture> size = Size(message);
   if (!size) return false;
-  Note(live_, time_us, message.held == 0);
-  const bool repeated = !pictures_.empty() && pictures_.back().number == message.number &&
-                        pictures_.back().taken_s == message.time_s;
+  std::vector<Picture>& pictures = pictures_[static_cast<std::size_t>(plane)];
+  if (plane == 0) Note(live_, time_us, message.held == 0);
+  const bool repeated = !pictures.empty() && pictures.back().number == message.number &&
+                        pictures.back().taken_s == message.time_s;
   if (repeated) return true;
   width_ = std::max(width_, size->width);
   height_ = std::max(height_, size->height);
-  pictures_.push_back({.time_us = time_us,
-                       .place = record.data_at,
-                       .bytes = static_cast<std::uint32_t>(record.data.size()),
-                       .number = message.number,
-                       .taken_s = message.time_s,
-                       .lao_rad = message.lao_rad,
-                       .cra_rad = message.cra_rad});
+  pictures.push_back({.time_us = time_us,
+                      .place = record.data_at,
+                      .bytes = static_cast<std::uint32_t>(record.data.size()),
+                      .number = message.number,
+                      .taken_s = message.time_s,
+                      .lao_rad = message.lao_rad,
+                      .cra_rad = message.cra_rad});
   return true;
 }
 
@@ -134,10 +136,10 @@ bool ScreenCourse::TakeScene(const LogRecord& record, std::int64_t time_us) {
 
 ScreenMoment ScreenCourse::At(std::int64_t time_us) const {
   ScreenMoment moment;
-  if (const Picture* picture = Newest(pictures_, time_us)) {
-    moment.picture = picture - pictures_.data();
-    moment.lao_rad = picture->lao_rad;
-    moment.cra_rad = picture->cra_rad;
+  for (std::size_t k = 0; k < pictures_.size(); ++k) {
+    if (const Picture* picture = Newest(pictures_[k], time_us)) {
+      moment.planes[k] = {picture - pictures_[k].data(), picture->lao_rad, picture->cra_rad};
+    }
   }
   const Change* xray = Newest(pedal_.empty() ? live_ : pedal_, time_us);
   moment.xray = xray != nullptr && xray->on;
@@ -150,8 +152,9 @@ ScreenMoment ScreenCourse::At(std::int64_t time_us) const {
   return moment;
 }
 
-std::optional<GrayPicture> ScreenCourse::ReadPicture(std::int64_t picture) const {
-  const Picture& found = pictures_.at(static_cast<std::size_t>(picture));
+std::optional<GrayPicture> ScreenCourse::ReadPicture(int plane, std::int64_t picture) const {
+  const Picture& found =
+      pictures_.at(static_cast<std::size_t>(plane)).at(static_cast<std::size_t>(picture));
   std::vector<std::uint8_t> bytes(found.bytes);
   torquer_lcm::picture_t message;
   if (file_.ReadAt(found.place, bytes.data(), bytes.size()) != bytes.size() ||

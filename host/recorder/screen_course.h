@@ -1,7 +1,9 @@
 // What the fluoroscopy screen showed when, from the log of a session.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,13 +13,18 @@
 
 namespace torquer {
 
-/// The screen at a moment.
-struct ScreenMoment {
+/// What stands on the part of the screen that one plane has.
+struct ScreenPlane {
   std::int64_t picture = -1;  ///< which one stands there; -1: none yet
-  bool xray = false;          ///< the pedal is down
   double lao_rad = 0;         ///< of the picture
   double cra_rad = 0;
-  std::string scene;  ///< its name, as the log has it
+};
+
+/// The screen at a moment.
+struct ScreenMoment {
+  std::array<ScreenPlane, 2> planes;  ///< the second one of a biplane system alone
+  bool xray = false;                  ///< the pedal is down
+  std::string scene;                  ///< its name, as the log has it
   /// The newest readings; negative: the scene does not publish it.
   double fluoroscopy_s = -1;
   double air_kerma_mGy = -1;
@@ -34,7 +41,9 @@ class ScreenCourse {
   /// From the first record of the log, which is at 0, to the last.
   std::int64_t length_us() const { return length_us_; }
   /// When the first picture came.
-  std::int64_t first_picture_us() const { return pictures_.front().time_us; }
+  std::int64_t first_picture_us() const { return pictures_[0].front().time_us; }
+  /// 2 where the log has pictures from a second side, otherwise 1.
+  int planes() const { return pictures_[1].empty() ? 1 : 2; }
   /// The largest of each among the pictures.
   int width() const { return width_; }
   int height() const { return height_; }
@@ -45,9 +54,9 @@ class ScreenCourse {
   /// Of a log that holds no command, X-ray is on while its pictures are new.
   ScreenMoment At(std::int64_t time_us) const;
 
-  /// A picture by its number in a moment; nothing where its JPEG is damaged. Throws UserError when
-  /// the file cannot be read any more.
-  std::optional<GrayPicture> ReadPicture(std::int64_t picture) const;
+  /// A picture of a plane by its number in a moment; nothing where its JPEG is damaged. Throws
+  /// UserError when the file cannot be read any more.
+  std::optional<GrayPicture> ReadPicture(int plane, std::int64_t picture) const;
 
  private:
   struct Picture {
@@ -73,13 +82,13 @@ class ScreenCourse {
 
   static void Note(std::vector<Change>& changes, std::int64_t time_us, bool on);
   bool Take(const LogRecord& record, std::int64_t time_us);
-  bool TakePicture(const LogRecord& record, std::int64_t time_us);
+  bool TakePicture(const LogRecord& record, std::int64_t time_us, int plane);
   bool TakeCommand(const LogRecord& record, std::int64_t time_us);
   bool TakeReadings(const LogRecord& record, std::int64_t time_us);
   bool TakeScene(const LogRecord& record, std::int64_t time_us);
 
   LogInput file_;
-  std::vector<Picture> pictures_;  // these by time
+  std::array<std::vector<Picture>, 2> pictures_;  // of each plane; all of these by time
   std::vector<Change> pedal_;
   std::vector<Change> live_;  // on while pictures are new
   std::vector<Readings> readings_;

@@ -29,11 +29,16 @@ struct Line {
   std::string text;
   bool operator==(const Line&) const = default;
 };
-using Lines = std::array<Line, 4>;
+using Lines = std::array<Line, 5>;
+
+std::string Angles(const ScreenPlane& plane) {
+  if (plane.picture < 0) return "";
+  return Angle(plane.lao_rad, "LAO", "RAO") + "  " + Angle(plane.cra_rad, "CRA", "CAU");
+}
 
 Lines LinesAt(const ScreenCourse& course, std::int64_t time_us) {
   const ScreenMoment moment = course.At(time_us);
-  const bool shown = moment.picture >= 0;
+  const bool shown = moment.planes[0].picture >= 0;
   std::string dose;
   if (moment.fluoroscopy_s >= 0) Append(dose, "\\NX-ray {}", Minutes(moment.fluoroscopy_s));
   if (moment.air_kerma_mGy >= 0) Append(dose, "\\NAir kerma {:.2f} mGy", moment.air_kerma_mGy);
@@ -43,9 +48,8 @@ Lines LinesAt(const ScreenCourse& course, std::int64_t time_us) {
   if (!session.empty()) session += "\\N";
   session += Minutes(1e-6 * static_cast<double>(time_us));
   Lines lines = {{{"Hold", shown ? "LAST IMAGE HOLD" : ""},
-                  {"Arm", shown ? Angle(moment.lao_rad, "LAO", "RAO") + "  " +
-                                      Angle(moment.cra_rad, "CRA", "CAU")
-                                : ""},
+                  {"Arm", Angles(moment.planes[0])},
+                  {"Lateral", Angles(moment.planes[1])},
                   {"Session", session},
                   {"Dose", dose}}};
   if (moment.xray) lines[0] = {"Xray", "X-RAY ON"};
@@ -82,19 +86,21 @@ std::string ScreenSubtitles(const ScreenCourse& course, const ClipSpan& span, in
       "Format: Name, Fontname, Fontsize, PrimaryColour, OutlineColour, Bold, BorderStyle, Outline, "
       "Shadow, Alignment, MarginL, MarginR, MarginV\n",
       width, height);
-  const auto style = [&](const char* name, const char* color, int alignment) {
+  const int plane_width = width / course.planes();
+  const auto style = [&](const char* name, const char* color, int alignment, int right = 0) {
     Append(out, "Style: {},DejaVu Sans,{},{},&H00000000,0,1,{:.1f},0,{},{},{},{}\n", name, size,
-           color, 0.08 * size, alignment, size / 2, size / 2, size / 2);
+           color, 0.08 * size, alignment, size / 2, right + size / 2, size / 2);
   };
   style("Xray", "&H0030D0FF", 7);  // blue, green, red: amber
   style("Hold", "&H00FFFFFF", 7);
-  style("Arm", "&H00FFFFFF", 9);
+  style("Arm", "&H00FFFFFF", 9, width - plane_width);
+  style("Lateral", "&H00FFFFFF", 9);
   style("Session", "&H00FFFFFF", 1);
   style("Dose", "&H00FFFFFF", 3);
   out += "\n[Events]\nFormat: Layer, Start, End, Style, Text\n";
 
   Lines standing = LinesAt(course, span.TimeUs(0));
-  std::array<std::int64_t, 4> since{};
+  std::array<std::int64_t, std::tuple_size_v<Lines>> since{};
   for (std::int64_t frame = 1; frame <= span.frames; ++frame) {
     const Lines next = frame < span.frames ? LinesAt(course, span.TimeUs(frame)) : Lines{};
     for (std::size_t k = 0; k < next.size(); ++k) {

@@ -25,8 +25,8 @@ struct ClipSpan {
 std::string EscapeSubtitle(std::string_view text);
 
 /// The file of subtitles (Advanced SubStation Alpha) for a clip of `width` x `height` pixels. X-ray
-/// or last image hold stands at the top left, angles of the C-arm at the top right, scene and time
-/// of the session at the bottom left, dose and contrast at the bottom right.
+/// or last image hold stands at the top left, scene and time of the session at the bottom left,
+/// dose and contrast at the bottom right, the angles of each C-arm at the top right of its plane.
 std::string ScreenSubtitles(const ScreenCourse& course, const ClipSpan& span, int width,
                             int height);
 

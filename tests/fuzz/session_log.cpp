@@ -58,7 +58,7 @@ std::vector<Bytes> Seeds() {
   return {once, twice};
 }
 
-// The session of the seeds above with a picture that is one.
+// The session of the seeds above with a picture that is one, from either side.
 std::vector<Bytes> ScreenSeeds() {
   effects::ImageSource::Picture gray;
   gray.width = gray.height = 16;
@@ -76,6 +76,7 @@ std::vector<Bytes> ScreenSeeds() {
     const bool is_picture = sample.type == "picture_t";
     AppendRecord(log, number++, ChannelOf(sample.type), is_picture ? bytes : sample.bytes);
   }
+  AppendRecord(log, number++, protocol::kLateralPictureChannel, bytes);
   return {log};
 }
 
@@ -103,7 +104,10 @@ bool AcceptsScreen(std::span<const std::uint8_t> input) {
   const ScreenCourse course(path);
   for (const std::int64_t time_us : {course.first_picture_us(), course.length_us()}) {
     const ScreenMoment moment = course.At(time_us);
-    if (moment.picture >= 0) course.ReadPicture(moment.picture);
+    for (int plane = 0; plane < course.planes(); ++plane) {
+      const std::int64_t picture = moment.planes[static_cast<std::size_t>(plane)].picture;
+      if (picture >= 0) course.ReadPicture(plane, picture);
+    }
   }
   return course.unusable() == 0;
 }

@@ -56,7 +56,8 @@ class ScreenLog {
   }
   // An even picture of a brightness.
   void Picture(double time_s, std::int64_t number, std::uint8_t level, int side = kSide,
-               bool held = false, std::size_t lost_bytes = 0) {
+               bool held = false, std::size_t lost_bytes = 0,
+               const char* channel = protocol::kPictureChannel) {
     effects::ImageSource::Picture picture;
     picture.width = picture.height = side;
     picture.gray.assign(static_cast<std::size_t>(side) * static_cast<std::size_t>(side), level);
@@ -71,7 +72,7 @@ class ScreenLog {
     message.held = held;
     message.lao_rad = 30 * std::numbers::pi / 180;
     message.cra_rad = -20 * std::numbers::pi / 180;
-    Write(time_s, protocol::kPictureChannel, message);
+    Write(time_s, channel, message);
   }
   void Command(double time_s, const std::string& instrument, bool xray) {
     torquer_lcm::instrument_command_t command{};
@@ -144,7 +145,8 @@ Outcome Clip(std::vector<std::string> words) {
 // The frames of a clip as red, green, blue.
 class Video {
  public:
-  Video(const TemporaryFolder& folder, const std::string& path) {
+  Video(const TemporaryFolder& folder, const std::string& path, int width = kSide)
+      : width_(width), frame_bytes_(std::size_t{3} * kSide * static_cast<std::size_t>(width)) {
     const std::string raw = folder.Path("raw");
     const Outcome decoded = RunWords({"/usr/bin/ffmpeg", "-nostdin", "-v", "error", "-i", path,
                                       "-f", "rawvideo", "-pix_fmt", "rgb24", "-y", raw});
@@ -152,10 +154,10 @@ class Video {
     REQUIRE(decoded.status == 0);
     REQUIRE(decoded.error.empty());
     bytes_ = Contents(raw);
-    REQUIRE(bytes_.size() % kFrameBytes == 0);
+    REQUIRE(bytes_.size() % frame_bytes_ == 0);
   }
 
-  int frames() const { return static_cast<int>(bytes_.size() / kFrameBytes); }
+  int frames() const { return static_cast<int>(bytes_.size() / frame_bytes_); }
 
   // How many pixels of a rectangle are far from `level`, in one color at least.
   int Drawn(int frame, int left, int top, int right, int bottom, int level, int far = 40) const {
@@ -181,15 +183,16 @@ class Video {
   }
 
  private:
-  static constexpr std::size_t kFrameBytes = std::size_t{3} * kSide * kSide;
-
   int At(int frame, int x, int y, int color) const {
-    const std::size_t at = static_cast<std::size_t>(frame) * kFrameBytes +
-                           3 * (static_cast<std::size_t>(y) * kSide + static_cast<std::size_t>(x)) +
+    const std::size_t pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+                              static_cast<std::size_t>(x);
+    const std::size_t at = static_cast<std::size_t>(frame) * frame_bytes_ + 3 * pixel +
                            static_cast<std::size_t>(color);
     return static_cast<std::uint8_t>(bytes_[at]);
   }
 
+  int width_;
+  std::size_t frame_bytes_;
   std::string bytes_;
 };
 
@@ -247,6 +250,39 @@ TEST_CASE("A clip shows each picture as long as it stood, and what the screen sa
   for (int frame = 0; frame < 75; ++frame) {
     const int level = frame < 15 ? 60 : frame < 60 ? 200 : 120;
     CheckFrame(video, frame, level, frame < 30, frame >= 15);
+  }
+}
+
+TEST_CASE("A clip of a biplane session has both planes, each with its own pictures and angles") {
+  const TemporaryFolder folder;
+  {
+    ScreenLog log(folder.Path("log"));
+    log.Scene(0, "two_planes");
+    log.Picture(0.1, 1, 60);
+    log.Picture(0.1, 1, 200, kSide, false, 0, protocol::kLateralPictureChannel);
+    log.Picture(0.5, 2, 120);
+    log.Picture(0.7, 2, 90, kSide, false, 0, protocol::kLateralPictureChannel);
+    log.Picture(1.1, 3, 120);
+    log.Finish();
+  }
+  const std::string path = folder.Path("clip.mp4");
+  const Outcome made = Clip({folder.Path("log"), path});
+  CAPTURE(made.error);
+  REQUIRE(made.status == 0);
+  CHECK(made.output == "4 pictures in 30 frames, 1.00 s, 512 x 256 in " + path + "\n");
+  const Video video(folder, path, 2 * kSide);
+  REQUIRE(video.frames() == 30);
+  for (int frame = 0; frame < 30; ++frame) {
+    CAPTURE(frame);
+    const int left = frame < 12 ? 60 : 120;
+    const int right = frame < 18 ? 200 : 90;
+    // The codec mixes what is next to an edge.
+    CHECK(video.Drawn(frame, 0, kTop, kSide - 8, kBottom, left, 8) == 0);
+    CHECK(video.Drawn(frame, kSide + 8, kTop, 2 * kSide, kBottom, right, 8) == 0);
+    // The angles at the top right of each plane.
+    CHECK(video.Drawn(frame, kMiddle + 10, 0, kSide - 8, kTop, left) > 50);
+    CHECK(video.Drawn(frame, kSide + kMiddle + 10, 0, 2 * kSide, kTop, right) > 50);
+    CHECK(video.Drawn(frame, kSide + 8, 0, kSide + kMiddle - 10, kTop, right) == 0);
   }
 }
 
@@ -313,7 +349,7 @@ TEST_CASE("Without commands in a log X-ray is on while its pictures are new") {
   CHECK(course.At(499'999).xray);
   CHECK_FALSE(course.At(500'000).xray);
   CHECK(course.At(800'000).xray);
-  CHECK(course.At(600'000).picture == 1);
+  CHECK(course.At(600'000).planes[0].picture == 1);
 }
 
 TEST_CASE("Where commands end in a log the pedal goes up as in the simulator") {
