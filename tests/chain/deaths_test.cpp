@@ -14,9 +14,9 @@
 #include "host/recorder/session_log.h"
 #include "host/viewer/page_messages.h"
 #include "tests/support/daemon_process.h"
+#include "tests/support/raw_client.h"
 #include "tests/support/reports.h"
 #include "tests/support/socket_device.h"
-#include "tests/viewer/raw_client.h"
 #include "torquer_lcm/picture_t.hpp"
 #include "torquer_lcm/wire_state_t.hpp"
 

@@ -19,7 +19,7 @@
 namespace torquer::vessel {
 namespace {
 
-// The exit status of `body` in a process of its own behind the filter; -1 where a signal ended it.
+// The exit status of `body` in another process, behind the filter; -1 where a signal ended it.
 template <class Body>
 int Behind(Body body) {
   const pid_t child = fork();

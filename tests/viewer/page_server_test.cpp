@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "host/viewer/page_files.h"
+#include "tests/support/raw_client.h"
 #include "tests/support/sanitizer.h"
-#include "tests/viewer/raw_client.h"
 #include "tests/viewer/served_page.h"
 
 using namespace torquer::viewer;

@@ -11,7 +11,7 @@
 
 #include "host/viewer/listening_socket.h"
 #include "host/viewer/page_server.h"
-#include "tests/viewer/raw_client.h"
+#include "tests/support/raw_client.h"
 
 namespace torquer::test {
 
