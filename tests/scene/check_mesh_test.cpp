@@ -69,11 +69,20 @@ TEST_CASE("A mesh check says why a surface does not load, and draws where", "[sc
   const TemporaryFolder folder;
   torquer::vessel::TriangleMesh mesh = torquer::vessel::MakeTubeMesh();
   mesh.triangles.push_back({100, 101, 300});  // a wall within the lumen
+  torquer::vessel::WriteObj(folder.Path("wall.obj"), mesh);
+  const Said walled = CheckMesh({folder.Path("wall.obj")});
+  CHECK(walled.status == 0);
+  CHECK_THAT(walled.output, Contains("encloses nothing") && Contains("[vessel]"));
+  CHECK_THAT(Contents(folder.Path("wall.obj.svg")), Contains("orange: walls left out"));
+  std::erase_if(mesh.triangles,
+                [](const auto& t) { return t[0] > 150 && t[0] < 350 && t[0] % 24 < 12; });
   torquer::vessel::WriteObj(folder.Path("a.obj"), mesh);
   const Said said = CheckMesh({folder.Path("a.obj"), "--picture", folder.Path("b.svg")});
   CHECK(said.status == 1);
-  CHECK_THAT(said.output, Contains("loads:        no: ") && !Contains("[vessel]"));
-  CHECK_THAT(Contents(folder.Path("b.svg")), Contains("stroke='#c000c0'"));
+  CHECK_THAT(said.output, Contains("loads:        no: ") &&
+                              Contains("part of the surface is missing") && !Contains("[vessel]"));
+  CHECK_THAT(Contents(folder.Path("b.svg")),
+             Contains("stroke='#c000c0'") && Contains("stroke='#d00000'"));
   CHECK_FALSE(std::filesystem::exists(folder.Path("a.obj.svg")));
 
   std::ofstream(folder.Path("c.ply")) << "ply\nformat binary_" << '\0' << '\0';

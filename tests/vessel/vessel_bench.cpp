@@ -18,6 +18,7 @@
 #include "host/simulator/vessel/phantoms.h"
 #include "host/support/machine.h"
 #include "host/support/program.h"
+#include "tests/support/made_meshes.h"
 #include "tests/support/paths.h"
 #include "tests/support/temporary_folder.h"
 
@@ -188,6 +189,19 @@ void Surface(const std::string& name, const std::string& file, vessel::MeshUnit 
   }
 }
 
+// A fine vessel and a branch that ends in its lumen, made one.
+void Union() {
+  constexpr int kFine = 100;
+  vessel::TriangleMesh both = vessel::MakeTubeMesh(40, kFine, kFine, [](double) { return 3.0; });
+  vessel::TriangleMesh branch = vessel::MakeTubeMesh(30, kFine, kFine, [](double) { return 2.0; });
+  for (Vector3d& v : branch.vertices_mm) v = Vector3d(20.3 - v.y(), 0.2 + v.x(), v.z());
+  vessel::Append(both, branch);
+  const std::string case_name = "union/triangles=" + std::to_string(both.triangles.size());
+  vessel::SurfaceMesh joined;
+  Time(case_name, "repair", [&] { joined = vessel::RepairSurface(both, "tubes"); });
+  Record(case_name, "left_out_mm2", joined.report.left_out_mm2, "mm^2");
+}
+
 void Phantom() {
   const vessel::TubeVessel phantom = vessel::MakeTyPhantom();
   const vessel::Centerline& main = phantom.centerlines.curves()[0];
@@ -210,6 +224,7 @@ int main(int argc, char** argv) {
     std::cerr << torquer::DescribeMachine() << "\n";
     const torquer::test::TemporaryFolder scratch;
     torquer::Phantom();
+    torquer::Union();
     torquer::Surface("neuro_arch", "neuro_arch/surface.obj", torquer::vessel::MeshUnit::kMillimeter,
                      "neuro_arch/centerlines", scratch.Path());
     torquer::Surface("abdominal_aorta", "abdominal_aorta/surface.stl",

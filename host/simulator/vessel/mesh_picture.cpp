@@ -45,8 +45,21 @@ class Panel {
   double scale_, left_;
 };
 
+// How a surface is painted: by how much its faces look at the eye.
+using Paint = std::string (*)(double facing);
+
+std::string WallPaint(double facing) {
+  const int gray = 120 + static_cast<int>(110 * facing);
+  return fmt::format("fill='rgb({0},{0},{1})'", gray, std::min(255, gray + 15));
+}
+
+std::string LeftOutPaint(double facing) {
+  return fmt::format("fill='rgb(255,{},40)' fill-opacity='0.55'",
+                     110 + static_cast<int>(80 * facing));
+}
+
 // The farthest first; of a large mesh a part, evenly.
-void AddTriangles(const TriangleMesh& mesh, const Panel& panel, std::string& out) {
+void AddTriangles(const TriangleMesh& mesh, Paint paint, const Panel& panel, std::string& out) {
   std::vector<std::pair<double, std::size_t>> order;
   const std::size_t stride = mesh.triangles.size() / kMostTriangles + 1;
   for (std::size_t i = 0; i < mesh.triangles.size(); i += stride) {
@@ -55,8 +68,7 @@ void AddTriangles(const TriangleMesh& mesh, const Panel& panel, std::string& out
   std::sort(order.begin(), order.end());
   for (const auto& [height, i] : order) {
     const double facing = std::abs(panel.Facing(mesh.DoubleArea(i).normalized()));
-    const int gray = 120 + static_cast<int>(110 * (std::isfinite(facing) ? facing : 0));
-    out += fmt::format("<path fill='rgb({0},{0},{1})' d='M", gray, std::min(255, gray + 15));
+    out += fmt::format("<path {} d='M", paint(std::isfinite(facing) ? facing : 0));
     for (int corner = 0; corner < 3; ++corner) {
       const Vector2d at = panel.At(mesh.Corner(i, corner));
       out += fmt::format("{:.1f} {:.1f} ", at.x(), at.y());
@@ -109,7 +121,8 @@ std::string DrawCheck(const MeshCheck& check) {
   int number = 0;
   for (const View& view : kViews) {
     const Panel panel(view, number++, box, scale);
-    AddTriangles(mesh, panel, out);
+    AddTriangles(mesh, WallPaint, panel, out);
+    if (check.surface) AddTriangles(check.surface->left_out, LeftOutPaint, panel, out);
     AddEdges(check.raw, check.edges.open, "#d00000", panel, out);
     AddEdges(check.raw, check.edges.several, "#c000c0", panel, out);
     AddEntries(check.entries, 0.12 * largest_mm, panel, out);
@@ -118,10 +131,11 @@ std::string DrawCheck(const MeshCheck& check) {
   }
   out += fmt::format(
       "<text x='{:g}' y='{:g}'>{} {:.4g} mm wide at most; red: open edges of the file ({}); "
-      "magenta: "
-      "edges of more than two triangles ({}); blue: proposed entries</text>\n</svg>\n",
+      "magenta: edges of more than two triangles ({}); {}blue: proposed entries</text>\n</svg>\n",
       kBorder, kPanel + 32, check.surface ? "The surface as simulated," : "The file's surface,",
-      largest_mm, check.edges.open.size(), check.edges.several.size());
+      largest_mm, check.edges.open.size(), check.edges.several.size(),
+      check.surface && !check.surface->left_out.triangles.empty() ? "orange: walls left out; "
+                                                                  : "");
   return out;
 }
 

@@ -8,9 +8,10 @@
 #include <map>
 #include <numeric>
 #include <set>
-#include <unordered_map>
 #include <utility>
 
+#include "host/simulator/vessel/mesh_edges.h"
+#include "host/simulator/vessel/vertex_welder.h"
 #include "host/support/error.h"
 
 namespace torquer::vessel::repair {
@@ -19,33 +20,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Loops of a smaller radius are holes, not ends of vessels.
-constexpr double kSmallestOpeningMm = 0.4;
-// Root mean square distance of an opening's rim from its plane, as a share of its radius.
-constexpr double kLeastFlat = 0.25;
-// Square of a rim's length over that of a circle of the same area; ends cut 75 degrees off square
-// have 1.8, ragged ones up to 2.
-constexpr double kLeastRound = 2.2;
 constexpr double kNegligibleArea = 1e-3;
-
-using Edge = std::pair<int32_t, int32_t>;  // smaller vertex first
-
-struct Use {
-  int32_t triangle;
-  int corner;    // the edge runs from this corner to the next
-  bool forward;  // from its smaller vertex to its larger
-};
-
-std::map<Edge, std::vector<Use>> EdgesOf(const TriangleMesh& mesh) {
-  std::map<Edge, std::vector<Use>> edges;
-  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
-    for (int corner = 0; corner < 3; ++corner) {
-      const int32_t a = mesh.triangles[i][corner], b = mesh.triangles[i][(corner + 1) % 3];
-      edges[std::minmax(a, b)].push_back({static_cast<int32_t>(i), corner, a < b});
-    }
-  }
-  return edges;
-}
 
 void Keep(TriangleMesh& mesh, const std::vector<char>& keep) {
   size_t kept = 0;
@@ -53,6 +28,34 @@ void Keep(TriangleMesh& mesh, const std::vector<char>& keep) {
     if (keep[i]) mesh.triangles[kept++] = mesh.triangles[i];
   }
   mesh.triangles.resize(kept);
+}
+
+}  // namespace
+
+std::string Count(size_t count, const std::string& singular, const std::string& plural) {
+  return std::to_string(count) + " " + (count == 1 ? singular : plural);
+}
+
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+std::string Direction(const Vector3d& unit) {
+  std::string text;
+  for (const double component : unit) {
+    // Adding zero takes the sign from a zero that was negative.
+    text += (text.empty() ? "(" : ", ") + Number(std::round(1000 * component) / 1000 + 0.0);
+  }
+  return text + ")";
+}
+
+std::string Place(const Vector3d& point_mm) {
+  char text[96];
+  std::snprintf(text, sizeof text, "(%.1f, %.1f, %.1f) mm", point_mm.x(), point_mm.y(),
+                point_mm.z());
+  return text;
 }
 
 void DropUnusedVertices(TriangleMesh& mesh) {
@@ -70,61 +73,22 @@ void DropUnusedVertices(TriangleMesh& mesh) {
   mesh.vertices_mm = std::move(kept);
 }
 
-std::string Count(size_t count, const std::string& singular, const std::string& plural) {
-  return std::to_string(count) + " " + (count == 1 ? singular : plural);
-}
-
-}  // namespace
-
-std::string Number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
-
-std::string Place(const Vector3d& point_mm) {
-  char text[96];
-  std::snprintf(text, sizeof text, "(%.1f, %.1f, %.1f) mm", point_mm.x(), point_mm.y(),
-                point_mm.z());
-  return text;
+void Append(TriangleMesh& mesh, const TriangleMesh& other) {
+  const auto first = static_cast<int32_t>(mesh.vertices_mm.size());
+  mesh.vertices_mm.insert(mesh.vertices_mm.end(), other.vertices_mm.begin(),
+                          other.vertices_mm.end());
+  for (const auto& t : other.triangles) {
+    mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
 }
 
 void Weld(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
-  struct Hash {
-    size_t operator()(const std::array<int64_t, 3>& cell) const {
-      uint64_t hash = 0;
-      for (const int64_t c : cell) hash = (hash ^ static_cast<uint64_t>(c)) * 0x9e3779b97f4a7c15;
-      return hash ^ (hash >> 32);
-    }
-  };
-  std::unordered_map<std::array<int64_t, 3>, std::vector<int32_t>, Hash> cells;
-  std::vector<Vector3d> kept;
-  std::vector<int32_t> moved(mesh.vertices_mm.size());
-  for (size_t i = 0; i < mesh.vertices_mm.size(); ++i) {
-    const Vector3d& p = mesh.vertices_mm[i];
-    std::array<int64_t, 3> cell;
-    for (int a = 0; a < 3; ++a) cell[a] = static_cast<int64_t>(std::floor(p[a] / tolerance_mm));
-    int32_t same = -1;
-    for (int n = 0; n < 27 && same < 0; ++n) {
-      const auto near =
-          cells.find({cell[0] + n % 3 - 1, cell[1] + n / 3 % 3 - 1, cell[2] + n / 9 - 1});
-      if (near == cells.end()) continue;
-      for (const int32_t other : near->second) {
-        if ((kept[other] - p).norm() <= tolerance_mm) {
-          same = other;
-          break;
-        }
-      }
-    }
-    if (same < 0) {
-      same = static_cast<int32_t>(kept.size());
-      kept.push_back(p);
-      cells[cell].push_back(same);
-    }
-    moved[i] = same;
-  }
-  report.vertices_welded += mesh.vertices_mm.size() - kept.size();
-  mesh.vertices_mm = std::move(kept);
+  VertexWelder welder(tolerance_mm);
+  std::vector<int32_t> moved;
+  moved.reserve(mesh.vertices_mm.size());
+  for (const Vector3d& vertex : mesh.vertices_mm) moved.push_back(welder.Add(vertex));
+  report.vertices_welded += mesh.vertices_mm.size() - welder.points_mm().size();
+  mesh.vertices_mm = welder.Take();
   for (auto& triangle : mesh.triangles) {
     for (int32_t& vertex : triangle) vertex = moved[vertex];
   }
@@ -269,111 +233,6 @@ void Orient(TriangleMesh& mesh, const std::string& name, MeshReport& report) {
   }
 }
 
-namespace {
-
-// Boundary loops as vertices, each against the direction of its triangles: the way a cap runs.
-std::vector<std::vector<int32_t>> BoundaryLoops(const TriangleMesh& mesh, const std::string& name) {
-  std::multimap<int32_t, int32_t> onward;
-  for (const auto& [edge, uses] : EdgesOf(mesh)) {
-    if (uses.size() != 1) continue;
-    if (uses[0].forward) {
-      onward.emplace(edge.second, edge.first);
-    } else {
-      onward.emplace(edge.first, edge.second);
-    }
-  }
-  std::vector<std::vector<int32_t>> loops;
-  std::vector<int32_t> way;
-  while (!onward.empty() || !way.empty()) {
-    if (way.empty()) way.push_back(onward.begin()->first);
-    const auto step = onward.find(way.back());
-    if (step == onward.end()) {
-      if (way.size() > 1) {
-        throw UserError(name + ": the surface's border runs into an edge of several faces at " +
-                        Place(mesh.vertices_mm[way.back()]) + "; repair the surface there");
-      }
-      way.clear();
-      continue;
-    }
-    const int32_t to = step->second;
-    onward.erase(step);
-    const auto before = std::find(way.begin(), way.end(), to);
-    if (before == way.end()) {
-      way.push_back(to);
-      continue;
-    }
-    // A way that meets itself closes a loop and goes on from there.
-    loops.emplace_back(before, way.end());
-    way.erase(before + 1, way.end());
-  }
-  return loops;
-}
-
-}  // namespace
-
-void CapLoops(TriangleMesh& mesh, const std::string& name, MeshReport& report) {
-  struct Hole {
-    double radius_mm;
-    Vector3d center_mm;
-  };
-  std::vector<Hole> holes;
-  for (const auto& loop : BoundaryLoops(mesh, name)) {
-    const size_t count = loop.size();
-    Vector3d center = Vector3d::Zero(), area = Vector3d::Zero();
-    double length = 0;
-    for (size_t i = 0; i < count; ++i) {
-      const Vector3d &a = mesh.vertices_mm[loop[i]], &b = mesh.vertices_mm[loop[(i + 1) % count]];
-      center += (a + b) / 2 * (b - a).norm();
-      length += (b - a).norm();
-    }
-    center /= length;
-    double largest_distance = 0;
-    for (size_t i = 0; i < count; ++i) {
-      const Vector3d a = mesh.vertices_mm[loop[i]] - center;
-      area += a.cross(mesh.vertices_mm[loop[(i + 1) % count]] - center) / 2;
-      largest_distance = std::max(largest_distance, a.norm());
-    }
-    const double radius = std::sqrt(area.norm() / M_PI);
-    const Vector3d outward = area.normalized();
-    double off_plane = 0;
-    for (const int32_t vertex : loop) {
-      off_plane += std::pow(outward.dot(mesh.vertices_mm[vertex] - center), 2);
-    }
-    off_plane = std::sqrt(off_plane / static_cast<double>(count));
-    const bool is_opening = radius >= kSmallestOpeningMm;
-    // A slit between two rims has no area to speak of, but is as wrong as a hole of its length.
-    const double size = std::max(radius, largest_distance / 4);
-    const double round = length * length / (4 * M_PI * area.norm());
-    if (size >= kSmallestOpeningMm && !(off_plane <= kLeastFlat * radius && round <= kLeastRound)) {
-      throw UserError(name + ": a hole with a rim of " + std::to_string(count) + " edges, " +
-                      Number(length) + " mm long, at " + Place(center) +
-                      " is no end of a vessel (neither flat nor round: " + Number(off_plane) +
-                      " mm off a plane, " + Number(round) +
-                      " times a circle's rim squared); part of the surface is missing: fill the "
-                      "hole or cut the vessel off square");
-    }
-    if (count == 3) {
-      mesh.triangles.push_back({loop[0], loop[1], loop[2]});
-    } else {
-      const auto middle = static_cast<int32_t>(mesh.vertices_mm.size());
-      mesh.vertices_mm.push_back(center);
-      for (size_t i = 0; i < count; ++i) {
-        mesh.triangles.push_back({loop[i], loop[(i + 1) % count], middle});
-      }
-    }
-    if (is_opening) {
-      report.openings.push_back({center, outward, radius, -outward});
-    } else {
-      holes.push_back({radius, center});
-    }
-  }
-  report.holes_closed += holes.size();
-  if (!holes.empty()) {
-    report.findings.push_back(Count(holes.size(), "small hole", "small holes") +
-                              " closed, the first at " + Place(holes.front().center_mm) + ".");
-  }
-}
-
 void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
   constexpr int kPasses = 5;
   size_t repaired = 0;
@@ -397,7 +256,7 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
                     c = triangle[(longest + 2) % 3];
       const auto& uses = edges.at(std::minmax(a, b));
       if (uses.size() != 2) continue;
-      const Use& other = uses[0].triangle == static_cast<int32_t>(i) ? uses[1] : uses[0];
+      const EdgeUse& other = uses[0].triangle == static_cast<int32_t>(i) ? uses[1] : uses[0];
       if (touched[other.triangle]) continue;
       const int32_t d = mesh.triangles[other.triangle][(other.corner + 2) % 3];
       // The new edge must not be one that exists already.
@@ -417,15 +276,31 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
   }
 }
 
-void PointOutward(TriangleMesh& mesh, const std::string& name, MeshReport& report) {
+void PointOutward(TriangleMesh& mesh, MeshReport& report) {
   int count = 0;
   const std::vector<int> part = Parts(mesh, &count);
+  // The middle of an open part's border: from there its volume has the sign of the side to which
+  // it bulges. Of a closed part any point will do.
+  std::vector<Vector3d> about(count, Vector3d::Zero());
+  std::vector<double> border(count, 0);
+  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+    if (uses.size() == 2) continue;
+    const Vector3d &a = mesh.vertices_mm[edge.first], &b = mesh.vertices_mm[edge.second];
+    const double length = (b - a).norm();
+    for (const EdgeUse& use : uses) {
+      about[part[use.triangle]] += length * (a + b) / 2;
+      border[part[use.triangle]] += length;
+    }
+  }
+  for (int p = 0; p < count; ++p) {
+    about[p] = border[p] > 0 ? Vector3d(about[p] / border[p]) : mesh.Corner(0, 0);
+  }
   std::vector<double> volume(count, 0);
-  const Vector3d about = mesh.Corner(0, 0);
   for (size_t i = 0; i < part.size(); ++i) {
-    volume[part[i]] += (mesh.Corner(i, 0) - about)
-                           .dot((mesh.Corner(i, 1) - about).cross(mesh.Corner(i, 2) - about)) /
-                       6;
+    const Vector3d& from = about[part[i]];
+    volume[part[i]] +=
+        (mesh.Corner(i, 0) - from).dot((mesh.Corner(i, 1) - from).cross(mesh.Corner(i, 2) - from)) /
+        6;
   }
   size_t turned = 0;
   for (size_t i = 0; i < part.size(); ++i) {
@@ -440,18 +315,23 @@ void PointOutward(TriangleMesh& mesh, const std::string& name, MeshReport& repor
                                   : Count(turned, "triangle", "triangles") +
                                         " had inward normals: turned outward.");
   }
+  DropUnusedVertices(mesh);
+}
+
+namespace {
+
+int Balance(const std::vector<EdgeUse>& uses) {
+  int balance = 0;
+  for (const EdgeUse& use : uses) balance += use.forward ? 1 : -1;
+  return balance;
+}
+
+}  // namespace
+
+void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report) {
   size_t crossed = 0;
   for (const auto& [edge, uses] : EdgesOf(mesh)) {
-    if (uses.size() == 2) continue;
-    int balance = 0;
-    for (const Use& use : uses) balance += use.forward ? 1 : -1;
-    if (balance != 0) {
-      throw UserError(name + ": " + std::to_string(uses.size()) + " faces meet in one edge at " +
-                      Place(mesh.vertices_mm[edge.first]) +
-                      " and do not separate inside from outside there (a wall within the lumen?); "
-                      "remove the extra faces");
-    }
-    ++crossed;
+    crossed += uses.size() > 2 && Balance(uses) == 0 ? 1 : 0;
   }
   report.crossed_edges += crossed;
   if (crossed > 0) {
@@ -459,7 +339,27 @@ void PointOutward(TriangleMesh& mesh, const std::string& name, MeshReport& repor
         Count(crossed, "edge", "edges") +
         " shared by four or more faces: kept, inside and outside decided by the winding number.");
   }
-  DropUnusedVertices(mesh);
+}
+
+std::vector<int32_t> FacesAtUnbalancedEdges(const TriangleMesh& mesh) {
+  std::vector<int32_t> faces;
+  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+    if (Balance(uses) == 0) continue;
+    for (const EdgeUse& use : uses) faces.push_back(use.triangle);
+  }
+  return faces;
+}
+
+std::vector<std::array<int32_t, 2>> Neighbors(const TriangleMesh& mesh) {
+  std::vector<std::array<int32_t, 2>> pairs;
+  for (const auto& [edge, uses] : EdgesOf(mesh)) {
+    for (size_t i = 0; i < uses.size(); ++i) {
+      for (size_t k = i + 1; k < uses.size(); ++k) {
+        pairs.push_back({uses[i].triangle, uses[k].triangle});
+      }
+    }
+  }
+  return pairs;
 }
 
 }  // namespace torquer::vessel::repair

@@ -25,15 +25,28 @@ void DropFragments(TriangleMesh& mesh, MeshReport& report);
 /// Gives neighbors one orientation. Throws on a one-sided surface.
 void Orient(TriangleMesh& mesh, const std::string& name, MeshReport& report);
 
-/// Closes every boundary loop with a fan about its center; large loops are openings. Throws on a
-/// large loop that is no end of a tube (far from flat).
-void CapLoops(TriangleMesh& mesh, const std::string& name, MeshReport& report);
-
 /// Turns the longest edge of faces flatter than tolerance_mm, so that every face has a normal.
 void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report);
 
-/// Turns parts of negative volume. Throws where an edge of several faces has no two sides.
-void PointOutward(TriangleMesh& mesh, const std::string& name, MeshReport& report);
+/// Turns parts of negative volume, open ones by the cone over their border.
+void PointOutward(TriangleMesh& mesh, MeshReport& report);
+
+/// Counts and reports the edges of four or more faces that are run through as often one way as the
+/// other.
+void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report);
+
+/// Triangles at edges that are run through more often one way than the other: where a surface ends
+/// or does not separate two sides.
+std::vector<int32_t> FacesAtUnbalancedEdges(const TriangleMesh& mesh);
+
+/// Pairs of triangles that share an edge.
+std::vector<std::array<int32_t, 2>> Neighbors(const TriangleMesh& mesh);
+
+/// Takes out vertices that no triangle has.
+void DropUnusedVertices(TriangleMesh& mesh);
+
+/// Adds another surface, as parts not joined to the first.
+void Append(TriangleMesh& mesh, const TriangleMesh& other);
 
 /// Parts of a mesh: for every triangle the index of its part, joined over edges of two faces.
 std::vector<int> Parts(const TriangleMesh& mesh, int* count);
@@ -48,6 +61,10 @@ EdgeFaults FindEdgeFaults(const TriangleMesh& mesh);
 
 /// "(1.2, 3.4, 5.6) mm", for messages.
 std::string Place(const Eigen::Vector3d& point_mm);
+/// "(0.707, -0.707, 0)", for messages.
+std::string Direction(const Eigen::Vector3d& unit);
+/// "1 hole" or "2 holes", for messages.
+std::string Count(size_t count, const std::string& singular, const std::string& plural);
 /// A number with up to four digits, for messages.
 std::string Number(double value);
 

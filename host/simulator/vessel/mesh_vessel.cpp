@@ -14,7 +14,7 @@ namespace torquer::vessel {
 namespace {
 
 // Raise with every change that makes another mesh or other bricks of the same file.
-constexpr double kBuildVersion = 2;
+constexpr double kBuildVersion = 3;
 
 // The surface and its report as bytes; one function says the order for both ways.
 class Bytes {
@@ -80,6 +80,7 @@ void Do(Bytes& bytes, TriangleMesh& mesh, MeshReport& report) {
                         &report.crossed_edges, &report.intersections}) {
     bytes.Do(*count);
   }
+  bytes.Do(report.left_out_mm2);
   bytes.Do(report.was_inward);
   bytes.Do(report.was_shell);
   bytes.Do(report.tube_facing_share);

@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "host/simulator/vessel/lumen_extraction.h"
+#include "host/simulator/vessel/lumen_union.h"
+#include "host/simulator/vessel/mesh_caps.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/mesh_repair.h"
 #include "host/simulator/vessel/triangle_bvh.h"
@@ -25,13 +27,19 @@ constexpr double kWeldPerDiagonal = 2e-5;
 constexpr double kSmallestDiagonalMm = 5, kLargestDiagonalMm = 4000;
 // Single precision, which STL has, resolves 0.1 mm there.
 constexpr double kFarthestMm = 1e6;
+// Share of the area that a hole in the wall may have: one that the file has, and one that taking
+// the inner side of a wall left.
+constexpr double kFileHoleShare = 0.01, kInnerHoleShare = 0.05;
 // Tube-facing share of the area above which a surface is a wall, and below which it is a lumen.
 constexpr double kWallShare = 0.25, kLumenShare = 0.1;
 
-void Close(TriangleMesh& mesh, const std::string& name, double tolerance_mm, MeshReport& report) {
-  repair::CapLoops(mesh, name, report);
-  repair::MendSlivers(mesh, tolerance_mm, report);
-  repair::PointOutward(mesh, name, report);
+void Close(SurfaceMesh& surface, const std::string& name, double tolerance_mm,
+           double largest_hole_share) {
+  repair::CapLoops(surface.mesh, name, largest_hole_share, surface.report);
+  repair::MendSlivers(surface.mesh, tolerance_mm, surface.report);
+  repair::PointOutward(surface.mesh, surface.report);
+  repair::CountCrossedEdges(surface.mesh, surface.report);
+  Unite(surface, name);
 }
 
 // Wall-to-wall widths along inward normals; a surface that is thin everywhere is no lumen.
@@ -54,35 +62,6 @@ void MeasureWidth(const TriangleBvh& surface, MeshReport& report) {
     sum += area;
     while (next < 3 && sum >= shares[next] * total) report.width_mm[next++] = width;
   }
-}
-
-// Walls within the lumen, of parts that lie within others or overlap them: there one is inside
-// twice.
-void RefuseInnerWalls(const TriangleBvh& surface, const std::string& name) {
-  constexpr double kNegligibleShare = 0.01;
-  const TriangleMesh& mesh = surface.mesh();
-  double inner = 0, total = 0, largest = 0;
-  size_t where = 0;
-  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
-    const Vector3d twice = mesh.DoubleArea(i);
-    const double area = twice.norm();
-    total += area;
-    // On a face of a simple surface the winding number is 1/2; within another part one more.
-    if (surface.WindingNumber(mesh.Centroid(i) - 1e-4 * std::sqrt(area) * twice / area) < 1.5) {
-      continue;
-    }
-    inner += area;
-    if (area > largest) {
-      largest = area;
-      where = i;
-    }
-  }
-  if (inner <= kNegligibleShare * total) return;
-  throw UserError(name + ": " + Number(100 * inner / total) +
-                  " % of the surface lies within another part of it, for instance at " +
-                  Place(mesh.Centroid(where)) +
-                  "; a lumen has no walls inside: remove the inner part, or join overlapping "
-                  "vessels by a boolean union (Blender, MeshLab)");
 }
 
 // The direction along which the wall near an opening runs: the one that its normals avoid.
@@ -156,7 +135,7 @@ SurfaceMesh ParseSurface(const std::string& contents, const std::string& path, M
 }
 
 SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
-  SurfaceMesh surface{std::move(raw), {}};
+  SurfaceMesh surface{std::move(raw), {}, {}};
   TriangleMesh& mesh = surface.mesh;
   MeshReport& report = surface.report;
   report.triangles_read = mesh.triangles.size();
@@ -171,7 +150,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
   }
   repair::DropFragments(mesh, report);
   repair::Orient(mesh, name, report);
-  Close(mesh, name, tolerance_mm, report);
+  Close(surface, name, tolerance_mm, kFileHoleShare);
 
   {
     const TriangleBvh closed(mesh);
@@ -195,7 +174,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
       if (mesh.triangles.empty()) {
         throw UserError(name + ": the wall's inner side was not found; export the lumen's surface");
       }
-      Close(mesh, name, tolerance_mm, report);
+      Close(surface, name, tolerance_mm, kInnerHoleShare);
     }
   }
   std::sort(report.openings.begin(), report.openings.end(),
@@ -203,22 +182,10 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
   for (Opening& opening : report.openings) {
     opening.inward = InwardAxis(mesh, opening);
     report.findings.push_back("Open end of radius " + Number(opening.radius_mm) + " mm at " +
-                              Place(opening.center_mm) + ", direction into the vessel (" +
-                              Number(opening.inward.x()) + ", " + Number(opening.inward.y()) +
-                              ", " + Number(opening.inward.z()) + "): closed flat.");
+                              Place(opening.center_mm) + ", direction into the vessel " +
+                              repair::Direction(opening.inward) + ": closed flat.");
   }
   const TriangleBvh finished(mesh);
-  const auto cuts = finished.FindIntersections(mesh.triangles.size());
-  report.intersections = cuts.size();
-  int parts = 0;
-  repair::Parts(mesh, &parts);
-  if (!cuts.empty() || parts > 1) RefuseInnerWalls(finished, name);
-  if (!cuts.empty()) {
-    report.findings.push_back(std::to_string(cuts.size()) +
-                              " pairs of faces cut through one another, the first at " +
-                              Place(mesh.Centroid(cuts.front().first)) +
-                              ": kept, inside and outside decided by the winding number there.");
-  }
   MeasureWidth(finished, report);
   report.bounds_mm = mesh.Bounds();
   report.area_mm2 = mesh.Area();

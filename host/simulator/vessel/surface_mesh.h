@@ -34,10 +34,11 @@ struct MeshReport {
   size_t vertices_welded = 0;
   size_t triangles_dropped = 0;  ///< degenerate, doubled, or in fragments too small to be vessel
   size_t triangles_turned = 0;   ///< whose orientation disagreed with their neighbors'
-  size_t holes_closed = 0;       ///< too small to be ends
+  size_t holes_closed = 0;       ///< in the wall, rather than ends
   size_t slivers_repaired = 0;
   size_t crossed_edges = 0;  ///< edges of four or more faces that were kept
   size_t intersections = 0;  ///< pairs of faces that cut through one another
+  double left_out_mm2 = 0;   ///< of walls within the lumen and of sheets that enclose nothing
   bool was_inward = false;   ///< normals pointed into the lumen
   bool was_shell = false;    ///< the file held a wall with thickness; its lumen was taken
   /// Share of the surface that looks into a tube: about 0 for a lumen, about 0.4 for a shell.
@@ -53,6 +54,7 @@ struct MeshReport {
 struct SurfaceMesh {
   TriangleMesh mesh;
   MeshReport report;
+  TriangleMesh left_out;  ///< walls within the lumen and sheets, as they were
 };
 
 /// The unit by which a surface, as its file has it, is of the size of a vessel; none where neither

@@ -416,42 +416,55 @@ double TriangleBvh::WindingNumber(const Vector3d& point_mm) const {
   return sum / (4 * M_PI);
 }
 
+void TriangleBvh::FindTouching(const AlignedBox3d& box, std::vector<int32_t>& triangles) const {
+  triangles.clear();
+  int32_t stack[kStackDepth];
+  int size = 0;
+  stack[size++] = 0;
+  while (size > 0) {
+    const int32_t index = stack[--size];
+    const Node& node = nodes_[index];
+    if (!node.box.intersects(box)) continue;
+    if (node.count == 0) {
+      stack[size++] = node.first;
+      stack[size++] = index + 1;
+      continue;
+    }
+    for (int32_t n = node.first; n < node.first + node.count; ++n) {
+      const Face& face = faces_[order_[n]];
+      const Vector3d b = face.a + face.ab, c = face.a + face.ac;
+      if (box.intersects(
+              AlignedBox3d(face.a.cwiseMin(b).cwiseMin(c), face.a.cwiseMax(b).cwiseMax(c)))) {
+        triangles.push_back(order_[n]);
+      }
+    }
+  }
+}
+
 std::vector<std::pair<int32_t, int32_t>> TriangleBvh::FindIntersections(size_t limit) const {
   std::vector<std::pair<int32_t, int32_t>> found;
+  std::vector<int32_t> near;
   for (int32_t i = 0; i < static_cast<int32_t>(faces_.size()); ++i) {
     const Vector3d corners[3] = {mesh_.Corner(i, 0), mesh_.Corner(i, 1), mesh_.Corner(i, 2)};
     AlignedBox3d box;
     for (const Vector3d& corner : corners) box.extend(corner);
-    int32_t stack[kStackDepth];
-    int size = 0;
-    stack[size++] = 0;
-    while (size > 0) {
-      const int32_t index = stack[--size];
-      const Node& node = nodes_[index];
-      if (!node.box.intersects(box)) continue;
-      if (node.count == 0) {
-        stack[size++] = node.first;
-        stack[size++] = index + 1;
-        continue;
+    FindTouching(box, near);
+    for (const int32_t j : near) {
+      if (j <= i) continue;
+      const auto &one = mesh_.triangles[i], &two = mesh_.triangles[j];
+      const bool neighbors = std::any_of(one.begin(), one.end(), [&](int32_t v) {
+        return std::find(two.begin(), two.end(), v) != two.end();
+      });
+      if (neighbors) continue;
+      const Vector3d others[3] = {mesh_.Corner(j, 0), mesh_.Corner(j, 1), mesh_.Corner(j, 2)};
+      bool cut = false;
+      for (int e = 0; e < 3 && !cut; ++e) {
+        cut = Pierces(corners[e], corners[(e + 1) % 3], others[0], others[1], others[2]) ||
+              Pierces(others[e], others[(e + 1) % 3], corners[0], corners[1], corners[2]);
       }
-      for (int32_t n = node.first; n < node.first + node.count; ++n) {
-        const int32_t j = order_[n];
-        if (j <= i) continue;
-        const auto &one = mesh_.triangles[i], &two = mesh_.triangles[j];
-        const bool neighbors = std::any_of(one.begin(), one.end(), [&](int32_t v) {
-          return std::find(two.begin(), two.end(), v) != two.end();
-        });
-        if (neighbors) continue;
-        const Vector3d others[3] = {mesh_.Corner(j, 0), mesh_.Corner(j, 1), mesh_.Corner(j, 2)};
-        bool cut = false;
-        for (int e = 0; e < 3 && !cut; ++e) {
-          cut = Pierces(corners[e], corners[(e + 1) % 3], others[0], others[1], others[2]) ||
-                Pierces(others[e], others[(e + 1) % 3], corners[0], corners[1], corners[2]);
-        }
-        if (!cut) continue;
-        found.emplace_back(i, j);
-        if (found.size() >= limit) return found;
-      }
+      if (!cut) continue;
+      found.emplace_back(i, j);
+      if (found.size() >= limit) return found;
     }
   }
   return found;

@@ -47,6 +47,9 @@ class TriangleBvh final : public DistanceSource {
   /// How often the surface goes round a point: 1 inside a simple one, 0 outside.
   double WindingNumber(const Eigen::Vector3d& point_mm) const;
 
+  /// The triangles whose boxes touch a box.
+  void FindTouching(const Eigen::AlignedBox3d& box, std::vector<int32_t>& triangles) const;
+
   /// Pairs of triangles that cut through one another (neighbors that share a vertex are not looked
   /// at), at most `limit` of them.
   std::vector<std::pair<int32_t, int32_t>> FindIntersections(size_t limit) const;

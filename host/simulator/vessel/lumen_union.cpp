@@ -1,0 +1,299 @@
+#include "host/simulator/vessel/lumen_union.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "host/simulator/vessel/mesh_repair.h"
+#include "host/simulator/vessel/surface_split.h"
+#include "host/simulator/vessel/triangle_bvh.h"
+#include "host/support/error.h"
+
+namespace torquer::vessel {
+
+using Eigen::Vector3d;
+using repair::Number;
+using repair::Place;
+
+namespace {
+
+// Share of the surface that may be wrong before the whole is: numerical dirt, and nicks in a wall.
+constexpr double kNegligibleShare = 0.01;
+// Share of the surface that may enclose something the wrong way round: folds of a rough wall.
+constexpr double kMostInverted = 0.05;
+// Share of the surface that may be sheets; of a surface with more the rest would be no vessel.
+constexpr double kMostOfNothing = 0.3;
+// Of a diagonal, mm: surfaces nearer to one another lie on one another.
+constexpr double kContactPerDiagonal = 1e-7;
+// A region whose winding numbers are on average further than this from whole numbers is a sheet.
+constexpr double kSheet = 0.25;
+constexpr size_t kSamples = 64;
+// Pairs of faces that are counted for the report.
+constexpr size_t kMostCuts = 1'000'000;
+
+// The winding number on either side of a face.
+struct Sides {
+  double outer, inner;
+};
+
+Sides SidesOf(const TriangleBvh& surface, const TriangleMesh& mesh, size_t face) {
+  const Vector3d twice = mesh.DoubleArea(face);
+  const double area = twice.norm();
+  const Vector3d step = 1e-4 * std::sqrt(area) * twice / area;
+  const Vector3d at = mesh.Centroid(face);
+  return {surface.WindingNumber(at + step), surface.WindingNumber(at - step)};
+}
+
+// Faces joined over edges of two, with the largest of them, in turn, for samples.
+struct Region {
+  std::vector<int32_t> faces;
+  double area = 0;
+  bool is_bounded = false;  // by an edge that does not balance
+};
+
+double AreaOf(const TriangleMesh& mesh, size_t face) { return mesh.DoubleArea(face).norm() / 2; }
+
+std::vector<Region> RegionsOf(const TriangleMesh& mesh) {
+  int count = 0;
+  const std::vector<int> part = repair::Parts(mesh, &count);
+  std::vector<Region> regions(static_cast<size_t>(count));
+  for (size_t i = 0; i < part.size(); ++i) {
+    regions[part[i]].faces.push_back(static_cast<int32_t>(i));
+    regions[part[i]].area += AreaOf(mesh, i);
+  }
+  for (const int32_t face : repair::FacesAtUnbalancedEdges(mesh)) {
+    regions[part[face]].is_bounded = true;
+  }
+  for (Region& region : regions) {
+    std::stable_sort(region.faces.begin(), region.faces.end(),
+                     [&](int32_t a, int32_t b) { return AreaOf(mesh, a) > AreaOf(mesh, b); });
+  }
+  return regions;
+}
+
+// How far the winding numbers beside a region are from whole numbers, on average: 1/2 for a sheet
+// that encloses nothing, little for a wall.
+double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh, const Region& region) {
+  const size_t stride = region.faces.size() / kSamples + 1;
+  double sum = 0, weight = 0;
+  for (size_t i = 0; i < region.faces.size(); i += stride) {
+    const double area = AreaOf(mesh, region.faces[i]);
+    if (area == 0) continue;
+    const double outer = SidesOf(surface, mesh, region.faces[i]).outer;
+    sum += area * std::abs(outer - std::round(outer));
+    weight += area;
+  }
+  return weight > 0 ? sum / weight : 0;
+}
+
+TriangleMesh Part(const TriangleMesh& mesh, const std::vector<char>& keep, bool kept) {
+  TriangleMesh part;
+  part.vertices_mm = mesh.vertices_mm;
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if ((keep[i] != 0) == kept) part.triangles.push_back(mesh.triangles[i]);
+  }
+  repair::DropUnusedVertices(part);
+  return part;
+}
+
+// Takes sheets out, the clearest first, until every edge balances or no sheet is left; counts them.
+size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& left_out) {
+  constexpr int kRounds = 20;
+  constexpr double kAsClear = 0.8;
+  size_t dropped = 0;
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<Region> regions = RegionsOf(mesh);
+    std::erase_if(regions, [](const Region& region) { return !region.is_bounded; });
+    if (regions.empty()) break;
+    const TriangleBvh surface(mesh);
+    std::vector<double> scores;
+    for (const Region& region : regions) scores.push_back(SheetScore(surface, mesh, region));
+    const double worst = *std::max_element(scores.begin(), scores.end());
+    if (worst <= kSheet) break;
+    std::vector<char> keep(mesh.triangles.size(), 1);
+    size_t now = 0, faces = 0;
+    for (size_t r = 0; r < regions.size(); ++r) {
+      if (scores[r] < kAsClear * worst) continue;
+      for (const int32_t face : regions[r].faces) keep[face] = 0;
+      faces += regions[r].faces.size();
+      ++now;
+    }
+    if (faces == mesh.triangles.size()) break;
+    repair::Append(left_out, Part(mesh, keep, false));
+    mesh = Part(mesh, keep, true);
+    dropped += now;
+    // What a sheet held apart is one part now.
+    MeshReport again;
+    repair::Orient(mesh, name, again);
+    repair::PointOutward(mesh, again);
+  }
+  return dropped;
+}
+
+// What becomes of the faces of a surface.
+struct Verdict {
+  std::vector<char> keep;
+  // Areas: of walls on which nothing is enclosed, inside twice, wrong way round, all.
+  double nothing = 0, within = 0, inverted = 0, total = 0;
+  size_t first_within = 0, first_inverted = 0;
+};
+
+Verdict Judge(const TriangleBvh& surface) {
+  const TriangleMesh& mesh = surface.mesh();
+  Verdict verdict;
+  verdict.keep.assign(mesh.triangles.size(), 0);
+  double largest_within = 0, largest_inverted = 0;
+  const auto settle = [&](int32_t face, std::pair<long, long> sides) {
+    const double area = AreaOf(mesh, face);
+    const auto [outer, inner] = sides;
+    verdict.total += area;
+    verdict.keep[face] = static_cast<char>(outer <= 0 && inner >= 1);
+    if (outer == inner && outer <= 0) verdict.nothing += area;
+    if (outer >= 1) {
+      verdict.within += area;
+      if (area > largest_within) verdict.first_within = face;
+      largest_within = std::max(largest_within, area);
+    } else if (outer < 0) {
+      verdict.inverted += area;
+      if (area > largest_inverted) verdict.first_inverted = face;
+      largest_inverted = std::max(largest_inverted, area);
+    }
+  };
+  const auto whole = [&](int32_t face) {
+    if (AreaOf(mesh, face) == 0) return std::pair(0L, 0L);
+    const Sides sides = SidesOf(surface, mesh, face);
+    return std::pair(std::lround(sides.outer), std::lround(sides.inner));
+  };
+  for (const Region& region : RegionsOf(mesh)) {
+    // The same on both sides all over a region, unless something passes through it unnoticed.
+    const size_t samples = std::min(region.faces.size(), kSamples);
+    std::set<std::pair<long, long>> seen;
+    for (size_t i = 0; i < samples; ++i) seen.insert(whole(region.faces[i]));
+    for (const int32_t face : region.faces) {
+      settle(face, seen.size() == 1 ? *seen.begin() : whole(face));
+    }
+  }
+  return verdict;
+}
+
+// Of faces that lie on one another one is enough.
+void DropCopies(const TriangleMesh& mesh, std::vector<char>& keep) {
+  std::set<std::array<int32_t, 3>> seen;
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (!keep[i]) continue;
+    std::array<int32_t, 3> sorted = mesh.triangles[i];
+    std::sort(sorted.begin(), sorted.end());
+    keep[i] = static_cast<char>(seen.insert(sorted).second);
+  }
+}
+
+// Refuses a result that is not the wall of a lumen nearly everywhere.
+void CheckSeparates(const TriangleBvh& surface, const std::string& name) {
+  constexpr size_t kMostFaces = 4000;
+  const TriangleMesh& mesh = surface.mesh();
+  const size_t stride = mesh.triangles.size() / kMostFaces + 1;
+  double wrong = 0, total = 0, largest = 0;
+  size_t where = 0;
+  for (size_t i = 0; i < mesh.triangles.size(); i += stride) {
+    const double area = AreaOf(mesh, i);
+    if (area == 0) continue;
+    total += area;
+    const Sides sides = SidesOf(surface, mesh, i);
+    if (std::abs(sides.outer) < 0.25 && std::abs(sides.inner - 1) < 0.25) continue;
+    wrong += area;
+    if (area > largest) where = i;
+    largest = std::max(largest, area);
+  }
+  if (wrong <= kNegligibleShare * total) return;
+  throw UserError(name + ": " + Number(100 * wrong / total) +
+                  " % of the surface does not separate inside from outside, for instance at " +
+                  Place(mesh.Centroid(where)) +
+                  " (faces missing or too many); repair the surface there");
+}
+
+}  // namespace
+
+void Unite(SurfaceMesh& surface, const std::string& name) {
+  MeshReport& report = surface.report;
+  const TriangleBvh before(surface.mesh);
+  const auto cuts = before.FindIntersections(kMostCuts);
+  int parts = 0;
+  repair::Parts(before.mesh(), &parts);
+  if (cuts.empty() && parts == 1 && repair::FacesAtUnbalancedEdges(before.mesh()).empty()) return;
+  report.intersections += cuts.size();
+
+  TriangleMesh gone;
+  std::optional<TriangleMesh> split =
+      SplitAtIntersections(before, kContactPerDiagonal * before.mesh().Bounds().diagonal().norm());
+  if (!split) {
+    throw UserError(name +
+                    ": the surface's faces pass through one another nearly everywhere; it "
+                    "is no wall of a lumen: export it again");
+  }
+  const size_t sheets = DropSheets(*split, name, gone);
+  const TriangleBvh walls(std::move(*split));
+  Verdict verdict = Judge(walls);
+  if (verdict.inverted > kMostInverted * verdict.total) {
+    throw UserError(name + ": " + Number(100 * verdict.inverted / verdict.total) +
+                    " % of the surface encloses something the wrong way round, for instance at " +
+                    Place(walls.mesh().Centroid(verdict.first_inverted)) +
+                    " (the surface passes through itself and is inside out there); what is "
+                    "lumen there cannot be told: repair the surface there");
+  }
+  DropCopies(walls.mesh(), verdict.keep);
+  const double sheets_mm2 = gone.Area();
+  const double nothing = (sheets_mm2 + verdict.nothing) / (sheets_mm2 + verdict.total);
+  if (nothing > kMostOfNothing) {
+    throw UserError(name + ": " + Number(100 * nothing) +
+                    " % of the surface encloses nothing (sheets without a second side, or faces "
+                    "that do not share their vertices); export the lumen's closed surface");
+  }
+  TriangleMesh inner = Part(walls.mesh(), verdict.keep, false);
+  // Parts that only touch leave at most faces of no area.
+  constexpr double kNoShare = 1e-9;
+  if (sheets == 0 && inner.Area() <= kNoShare * verdict.total) return;
+
+  surface.mesh = Part(walls.mesh(), verdict.keep, true);
+  if (surface.mesh.triangles.empty()) {
+    throw UserError(name + ": the surface encloses no lumen; export it again");
+  }
+  CheckSeparates(TriangleBvh(surface.mesh), name);
+  if (sheets > 0) {
+    report.findings.push_back(repair::Count(sheets, "sheet that encloses", "sheets that enclose") +
+                              " nothing (the first at " + Place(gone.Centroid(0)) + "), left out.");
+  }
+  repair::Append(gone, inner);
+  if (!cuts.empty()) {
+    report.findings.push_back(repair::Count(cuts.size(), "pair", "pairs") +
+                              " of faces cut through one another, the first at " +
+                              Place(before.mesh().Centroid(cuts.front().first)) +
+                              ": divided where they meet.");
+  }
+  if (verdict.within > kNoShare * verdict.total) {
+    report.findings.push_back(
+        Number(100 * verdict.within / verdict.total) +
+        " % of the surface lay within the lumen of another part of it, for instance at " +
+        Place(walls.mesh().Centroid(verdict.first_within)) +
+        ": left out, the lumen is the union of what the parts enclose.");
+  }
+  if (verdict.inverted > kNoShare * verdict.total) {
+    report.findings.push_back(
+        Number(100 * verdict.inverted / verdict.total) +
+        " % of the surface is folded over and encloses something the wrong way round, for "
+        "instance at " +
+        Place(walls.mesh().Centroid(verdict.first_inverted)) + ": left out.");
+  }
+  report.left_out_mm2 += gone.Area();
+  repair::Append(surface.left_out, gone);
+  std::erase_if(report.openings, [&](const Opening& opening) {
+    const Vector3d step = 0.05 * opening.radius_mm * opening.outward;
+    return walls.WindingNumber(opening.center_mm + step) > 0.5 ||
+           walls.WindingNumber(opening.center_mm - step) < 0.5;
+  });
+}
+
+}  // namespace torquer::vessel

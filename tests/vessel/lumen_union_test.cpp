@@ -1,0 +1,422 @@
+#include "host/simulator/vessel/lumen_union.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "catch2/catch.hpp"
+#include "host/simulator/vessel/mesh_repair.h"
+#include "host/simulator/vessel/surface_mesh.h"
+#include "host/simulator/vessel/surface_split.h"
+#include "host/simulator/vessel/triangle_bvh.h"
+#include "host/support/error.h"
+#include "tests/support/made_meshes.h"
+#include "tests/vessel/field_checks.h"
+
+namespace torquer::vessel {
+namespace {
+
+using Catch::Matchers::Contains;
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+
+// A box whose sides are grids of n x n squares.
+TriangleMesh MakeBox(const AlignedBox3d& box, int n) {
+  TriangleMesh mesh;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const int side : {0, 1}) {
+      const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+      const auto first = static_cast<int32_t>(mesh.vertices_mm.size());
+      for (int j = 0; j <= n; ++j) {
+        for (int i = 0; i <= n; ++i) {
+          Vector3d share;
+          share[axis] = side;
+          share[u] = static_cast<double>(i) / n;
+          share[v] = static_cast<double>(j) / n;
+          mesh.vertices_mm.emplace_back(box.min() + share.cwiseProduct(box.sizes()));
+        }
+      }
+      for (int j = 0; j < n; ++j) {
+        for (int i = 0; i < n; ++i) {
+          const int32_t a = first + j * (n + 1) + i, b = a + 1, c = a + n + 1, d = c + 1;
+          if (side == 1) {
+            mesh.triangles.push_back({a, b, d});
+            mesh.triangles.push_back({a, d, c});
+          } else {
+            mesh.triangles.push_back({a, d, b});
+            mesh.triangles.push_back({a, c, d});
+          }
+        }
+      }
+    }
+  }
+  return mesh;
+}
+
+// A sphere of latitudes and longitudes about the x axis.
+TriangleMesh MakeSphere(const Vector3d& center, double radius_mm, int around) {
+  const int along = around / 2;
+  TriangleMesh mesh = MakeTubeMesh(1, along - 2, around, [](double) { return 1.0; });
+  for (int i = 0; i < along - 1; ++i) {
+    const double latitude = M_PI * (i + 1) / along;
+    for (int j = 0; j < around; ++j) {
+      Vector3d& v = mesh.vertices_mm[i * around + j];
+      v = {-std::cos(latitude), v.y() * std::sin(latitude), v.z() * std::sin(latitude)};
+    }
+  }
+  CapTubeMesh(mesh, around);
+  mesh.vertices_mm[mesh.vertices_mm.size() - 2].x() = -1;
+  mesh.vertices_mm.back().x() = 1;
+  for (Vector3d& v : mesh.vertices_mm) v = center + radius_mm * v;
+  return mesh;
+}
+
+void Move(TriangleMesh& mesh, const Eigen::Isometry3d& motion) {
+  for (Vector3d& v : mesh.vertices_mm) v = motion * v;
+}
+
+Eigen::Isometry3d RandomMotion(Random& random, double reach_mm) {
+  const Eigen::AngleAxisd turn(random.Uniform(0, 2 * M_PI), random.Direction());
+  const Vector3d reach = Vector3d::Constant(reach_mm);
+  return Eigen::Translation3d(random.InBox(-reach, reach)) * turn;
+}
+
+// Pairs of triangles that pass through one another, those that share a vertex too.
+int CountCrossings(const TriangleMesh& mesh) {
+  // Each by itself and a little smaller, so that those that only meet are apart.
+  TriangleMesh apart;
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const auto first = static_cast<int32_t>(apart.vertices_mm.size());
+    for (int c = 0; c < 3; ++c) {
+      apart.vertices_mm.emplace_back(0.9999 * mesh.Corner(i, c) + 1e-4 * mesh.Centroid(i));
+    }
+    apart.triangles.push_back({first, first + 1, first + 2});
+  }
+  // Of those in one plane the rounding alone passes through.
+  const auto passes = [&](int32_t face, int32_t other) {
+    const Vector3d normal = apart.DoubleArea(face).normalized();
+    double low = 0, high = 0;
+    for (int c = 0; c < 3; ++c) {
+      const double height = normal.dot(apart.Corner(other, c) - apart.Corner(face, 0));
+      low = std::min(low, height);
+      high = std::max(high, height);
+    }
+    return low < -1e-6 && high > 1e-6;
+  };
+  int crossings = 0;
+  for (const auto& [one, two] : TriangleBvh(apart).FindIntersections(apart.triangles.size())) {
+    crossings += passes(one, two) && passes(two, one) ? 1 : 0;
+  }
+  return crossings;
+}
+
+// Every point is inside that is inside of a part, and no other; outside, the nearest wall is the
+// nearest of any part's.
+void CheckIsUnionOf(const SurfaceMesh& surface, const std::vector<TriangleMesh>& parts,
+                    Random& random) {
+  const TriangleBvh whole(surface.mesh);
+  std::vector<TriangleBvh> single(parts.begin(), parts.end());
+  AlignedBox3d box = surface.mesh.Bounds();
+  box.extend(box.min() - Vector3d::Constant(1));
+  box.extend(box.max() + Vector3d::Constant(1));
+  int inside = 0, wrong = 0;
+  double furthest = 0;
+  for (int k = 0; k < 500; ++k) {
+    const Vector3d at = random.InBox(box.min(), box.max());
+    double most = -1e9;
+    for (const TriangleBvh& part : single) most = std::max(most, part.Distance(at));
+    if (std::abs(most) < 1e-3) continue;
+    const double distance = whole.Distance(at);
+    inside += most > 0 ? 1 : 0;
+    wrong += (distance > 0) != (most > 0) ? 1 : 0;
+    // Inside, the wall of a part may lie within another: there is more room, never less.
+    if (most < 0) furthest = std::max(furthest, std::abs(distance - most));
+    if (most > 0) furthest = std::max(furthest, most - distance);
+  }
+  CHECK(inside > 5);
+  CHECK(wrong == 0);
+  CHECK(furthest < 1e-4);
+}
+
+TEST_CASE("the union of two boxes has the volume of both less what they share") {
+  Random random(1);
+  const AlignedBox3d one(Vector3d(0, 0, 0), Vector3d(10, 6, 4));
+  const AlignedBox3d others[] = {
+      {Vector3d(4, 2, 1), Vector3d(14, 9, 8)},        // a corner within
+      {Vector3d(3, -2, 1), Vector3d(5, 9, 3)},        // through
+      {Vector3d(4, 0, 0), Vector3d(14, 6, 4)},        // four sides in common planes
+      {Vector3d(4, 0, 1), Vector3d(14, 6, 3)},        // two sides in common planes
+      {Vector3d(10, 1, 1), Vector3d(14, 5, 3)},       // touching, one side within the other's
+      {Vector3d(10, 0, 0), Vector3d(14, 6, 4)},       // touching with a whole side
+      {Vector3d(1, 1, 1), Vector3d(9, 5, 3)},         // within
+      {Vector3d(1, 1, 0), Vector3d(9, 5, 3)},         // within, touching from inside
+      {Vector3d(9.999, 1, 1), Vector3d(14, 5, 3)},    // hardly overlapping
+      {Vector3d(2, 1.7, -1), Vector3d(4, 3.1, 4.5)},  // through, off every edge
+  };
+  for (const AlignedBox3d& other : others) {
+    const AlignedBox3d common = one.intersection(other);
+    const double shared = common.isEmpty() ? 0 : common.volume();
+    for (const int n : {1, 3}) {
+      for (int turn = 0; turn < 3; ++turn) {
+        CAPTURE(other.min().transpose(), other.max().transpose(), n, turn);
+        std::vector<TriangleMesh> parts{MakeBox(one, 2), MakeBox(other, n)};
+        if (turn > 0) {
+          const Eigen::Isometry3d motion = RandomMotion(random, 30);
+          for (TriangleMesh& part : parts) Move(part, motion);
+        }
+        TriangleMesh both = parts[0];
+        Append(both, parts[1]);
+        const SurfaceMesh surface = RepairSurface(both, "x");
+        CHECK(surface.report.volume_mm3 ==
+              Approx(one.volume() + other.volume() - shared).epsilon(1e-6));
+        CheckIsUnionOf(surface, parts, random);
+      }
+    }
+  }
+}
+
+TEST_CASE("the union of two spheres has the volume of its two caps") {
+  for (const int around : {12, 24, 48}) {
+    for (const double distance_mm : {2.0, 5.0, 8.0}) {
+      CAPTURE(around, distance_mm);
+      constexpr double kRadius = 5;
+      TriangleMesh both = MakeSphere({0.1, 0.2, 0.3}, kRadius, around);
+      TriangleMesh other = MakeSphere({0, 0, 0}, kRadius, around);
+      Eigen::Isometry3d motion(Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()));
+      motion.pretranslate(Vector3d(0.1, 0.2, 0.3) + distance_mm * Vector3d(0.6, 0.64, 0.48));
+      Move(other, motion);
+      Append(both, other);
+      const SurfaceMesh surface = RepairSurface(both, "x");
+      const double ball = 4 * M_PI / 3 * std::pow(kRadius, 3);
+      const double height = kRadius - distance_mm / 2;
+      const double lens = 2 * M_PI * height * height * (3 * kRadius - height) / 3;
+      // A sphere of latitudes and longitudes has less volume in second order.
+      const double share = MakeSphere({0, 0, 0}, kRadius, around).Volume() / ball;
+      CHECK(surface.report.volume_mm3 ==
+            Approx((2 * ball - lens) * share).epsilon(0.3 * (1 - share) + 1e-3));
+      CHECK(surface.report.left_out_mm2 > 0);
+    }
+  }
+}
+
+TEST_CASE("whatever overlaps is one lumen, in any position") {
+  Random random(7);
+  for (int k = 0; k < 40; ++k) {
+    CAPTURE(k);
+    std::vector<TriangleMesh> parts;
+    TriangleMesh all;
+    const int count = 2 + k % 4;
+    for (int p = 0; p < count; ++p) {
+      TriangleMesh part;
+      if (random.Uniform(0, 1) < 0.3) {
+        part = MakeBox({Vector3d::Zero(), Vector3d(8, 5, 6)}, 1 + k % 3);
+      } else if (random.Uniform(0, 1) < 0.5) {
+        part = MakeSphere({0, 0, 0}, 3 + 3 * random.Uniform(0, 1), 16);
+      } else {
+        part =
+            MakeTubeMesh(20 + 20 * random.Uniform(0, 1), 1 + k % 7, 16, [](double) { return 3.0; });
+        CapTubeMesh(part, 16);
+      }
+      Move(part, RandomMotion(random, 5));
+      parts.push_back(part);
+      if (random.Uniform(0, 1) < 0.3) TurnInsideOut(part);
+      Append(all, part);
+    }
+    CheckIsUnionOf(RepairSurface(all, "x"), parts, random);
+  }
+}
+
+TEST_CASE("a surface is split into triangles that meet in whole edges") {
+  Random random(3);
+  int crossings = 0;
+  for (int k = 0; k < 20; ++k) {
+    CAPTURE(k);
+    TriangleMesh both = MakeClosedTube(40, 3), other = MakeClosedTube(30, 2 + 0.1 * k);
+    Move(other, RandomMotion(random, 3));
+    Append(both, other);
+    const TriangleMesh split = SplitAtIntersections(TriangleBvh(both), 1e-5).value();
+    CHECK(split.Area() == Approx(both.Area()).epsilon(1e-7));
+    CHECK(repair::FindEdgeFaults(split).open.empty());
+    CHECK(repair::FacesAtUnbalancedEdges(split).empty());
+    CHECK(CountCrossings(split) == 0);
+    crossings += CountCrossings(both);
+  }
+  CHECK(crossings > 1000);
+}
+
+TEST_CASE("faces that all pass through one another are refused") {
+  TriangleMesh soup;
+  Random random(17);
+  for (int32_t i = 0; i < 3000; i += 3) {
+    for (int c = 0; c < 3; ++c) {
+      soup.vertices_mm.push_back(random.InBox(Vector3d::Zero(), Vector3d::Constant(50)));
+    }
+    soup.triangles.push_back({i, i + 1, i + 2});
+  }
+  CHECK_FALSE(SplitAtIntersections(TriangleBvh(soup), 1e-5));
+  CHECK_THROWS_AS(RepairSurface(soup, "soup"), UserError);
+}
+
+TEST_CASE("a tube that passes through itself is the union of its turns") {
+  // A closed ring wound twice about the same axis with turns that overlap.
+  constexpr double kBend = 20, kRadius = 4;
+  constexpr int kAlong = 240, kAround = 20;
+  const auto center = [&](double t) {
+    const double bend = kBend + 3 * std::cos(t / 2);
+    return Vector3d(bend * std::cos(t), bend * std::sin(t), 3 * std::sin(t / 2));
+  };
+  TriangleMesh ring;
+  for (int i = 0; i < kAlong; ++i) {
+    const double t = 4 * M_PI * i / kAlong;
+    const Vector3d along = (center(t + 1e-4) - center(t - 1e-4)).normalized();
+    const Vector3d side = along.cross(Vector3d::UnitZ()).normalized(), up = side.cross(along);
+    for (int j = 0; j < kAround; ++j) {
+      const double angle = 2 * M_PI * j / kAround;
+      ring.vertices_mm.emplace_back(center(t) +
+                                    kRadius * (std::cos(angle) * side + std::sin(angle) * up));
+    }
+  }
+  for (int32_t i = 0; i < kAlong; ++i) {
+    for (int32_t j = 0; j < kAround; ++j) {
+      const int32_t a = i * kAround + j, b = i * kAround + (j + 1) % kAround;
+      const int32_t c = (i + 1) % kAlong * kAround + j,
+                    d = (i + 1) % kAlong * kAround + (j + 1) % kAround;
+      ring.triangles.push_back({a, b, c});
+      ring.triangles.push_back({b, d, c});
+    }
+  }
+  const SurfaceMesh surface = RepairSurface(ring, "x");
+  CHECK(surface.report.intersections > 100);
+  const TriangleBvh bvh(surface.mesh);
+  Random random(11);
+  int inside = 0;
+  for (int k = 0; k < 2000; ++k) {
+    const Vector3d at = random.InBox({-30, -30, -9}, {30, 30, 9});
+    double nearest = 1e9;
+    for (int i = 0; i < 2000; ++i) {
+      nearest = std::min(nearest, (at - center(4 * M_PI * i / 2000)).norm());
+    }
+    if (std::abs(nearest - kRadius) < 0.2) continue;
+    CHECK((bvh.Distance(at) > 0) == (nearest < kRadius));
+    inside += nearest < kRadius ? 1 : 0;
+  }
+  CHECK(inside > 200);
+}
+
+TEST_CASE("an open branch that ends in the lumen is joined, and its inner end is no entry") {
+  TriangleMesh vessel = MakeTubeMesh(40, 3), branch = MakeTubeMesh(30, 2);
+  for (Vector3d& v : branch.vertices_mm) v = Vector3d(20.3 - v.y(), 0.2 + v.x(), v.z());
+  const std::vector<TriangleMesh> parts{MakeClosedTube(40, 3), [] {
+                                          TriangleMesh closed = MakeClosedTube(30, 2);
+                                          for (Vector3d& v : closed.vertices_mm) {
+                                            v = Vector3d(20.3 - v.y(), 0.2 + v.x(), v.z());
+                                          }
+                                          return closed;
+                                        }()};
+  Append(vessel, branch);
+  const SurfaceMesh surface = RepairSurface(vessel, "x");
+  Random random(5);
+  CheckIsUnionOf(surface, parts, random);
+  REQUIRE(surface.report.openings.size() == 3);
+  for (const Opening& opening : surface.report.openings) {
+    const double far = std::max(
+        {-opening.center_mm.x(), opening.center_mm.x() - 40, opening.center_mm.y() - 30.2});
+    CHECK(far == Approx(0).margin(0.01));
+  }
+  // The branch within the vessel: from its end to the vessel's wall.
+  CHECK(surface.report.left_out_mm2 > 2 * M_PI * 2 * 1.5);
+  CHECK(surface.left_out.Area() == Approx(surface.report.left_out_mm2));
+  bool is_said = false;
+  for (const std::string& finding : surface.report.findings) {
+    is_said = is_said || finding.find("within the lumen of another part") != std::string::npos;
+  }
+  CHECK(is_said);
+}
+
+TEST_CASE("a membrane across the lumen encloses nothing and goes, a fin too") {
+  TriangleMesh tube = MakeClosedTube();
+  SECTION("membrane") {
+    // A disk across the middle: the edges of its rim have three faces.
+    const auto middle = static_cast<int32_t>(tube.vertices_mm.size());
+    tube.vertices_mm.emplace_back(20, 0, 0);
+    for (int32_t j = 0; j < 24; ++j) {
+      tube.triangles.push_back({240 + j, 240 + (j + 1) % 24, middle});
+    }
+  }
+  SECTION("fins, one inside and one outside") {
+    for (const double height : {1.5, 6.0}) {
+      const auto first = static_cast<int32_t>(tube.vertices_mm.size());
+      for (int i = 0; i <= 20; ++i) tube.vertices_mm.emplace_back(2 * i, height, 0.1);
+      for (int32_t i = 4; i < 16; ++i) {
+        tube.triangles.push_back({24 * i, 24 * (i + 1), first + i});
+        tube.triangles.push_back({24 * (i + 1), first + i + 1, first + i});
+      }
+    }
+  }
+  SECTION("a disk that hangs on nothing") {
+    const auto first = static_cast<int32_t>(tube.vertices_mm.size());
+    for (int32_t j = 0; j < 24; ++j) {
+      tube.vertices_mm.emplace_back(10 + 5 * std::cos(j * M_PI / 12), 5 * std::sin(j * M_PI / 12),
+                                    9);
+    }
+    for (int32_t j = 1; j < 23; ++j) tube.triangles.push_back({first, first + j, first + j + 1});
+  }
+  const SurfaceMesh surface = RepairSurface(tube, "x");
+  Random random(9);
+  CheckIsUnionOf(surface, {MakeClosedTube()}, random);
+  CHECK(surface.report.openings.empty());
+  CHECK(surface.report.volume_mm3 == Approx(MakeClosedTube().Volume()).epsilon(1e-6));
+}
+
+TEST_CASE("two bubbles with a common membrane are one lumen") {
+  // Two boxes that share a side, which is there once, and one far away.
+  for (const bool turned : {false, true}) {
+    const AlignedBox3d one(Vector3d(-90, 0, 0), Vector3d(10, 6, 4));
+    const AlignedBox3d two(Vector3d(10, 0, 0), Vector3d(13, 6, 4));
+    const AlignedBox3d far(Vector3d(300, 0, 0), Vector3d(310, 6, 4));
+    TriangleMesh all = MakeBox(far, 2), other = MakeBox(two, 4);
+    if (turned) TurnInsideOut(other);
+    std::erase_if(other.triangles, [&](const auto& t) {
+      return std::all_of(t.begin(), t.end(),
+                         [&](int32_t v) { return other.vertices_mm[v].x() < 10.001; });
+    });
+    Append(all, MakeBox(one, 4));
+    Append(all, other);
+    Random random(13);
+    const SurfaceMesh surface = RepairSurface(all, "x");
+    CHECK(surface.report.volume_mm3 == Approx((103 + 10) * 6 * 4).epsilon(1e-6));
+    CheckIsUnionOf(surface, {MakeBox({one.min(), two.max()}, 1), MakeBox(far, 1)}, random);
+  }
+}
+
+TEST_CASE("a surface of which most encloses nothing is refused, not taken for a small lumen") {
+  // A small closed tube with a fin that is many times larger.
+  TriangleMesh tube = MakeClosedTube(20, 1);
+  const auto first = static_cast<int32_t>(tube.vertices_mm.size());
+  for (int i = 0; i <= 20; ++i) tube.vertices_mm.emplace_back(i, 40, 0);
+  for (int32_t i = 0; i < 20; ++i) {
+    tube.triangles.push_back({24 * i, 24 * (i + 1), first + i});
+    tube.triangles.push_back({24 * (i + 1), first + i + 1, first + i});
+  }
+  CHECK_THROWS_WITH(RepairSurface(tube, "sheets.stl"),
+                    Contains("sheets.stl: ") && Contains("% of the surface encloses nothing"));
+}
+
+TEST_CASE("a surface that is inside out beyond a crossing is refused, with the place") {
+  // A tube whose section is a figure of eight, one loop larger than the other.
+  TriangleMesh eight = MakeTubeMesh(40, 20, 48, [](double) { return 1.0; });
+  for (size_t i = 0; i < eight.vertices_mm.size(); ++i) {
+    const double angle = 2 * M_PI * (static_cast<double>(i % 48) + 0.3) / 48;
+    Vector3d& v = eight.vertices_mm[i];
+    v.y() = 6 * std::sin(angle) * (1 + 0.4 * std::sin(angle));
+    v.z() = 3 * std::sin(2 * angle);
+  }
+  CapTubeMesh(eight, 48);
+  CHECK_THROWS_AS(RepairSurface(eight, "eight.stl"), UserError);
+  CHECK_THROWS_WITH(RepairSurface(eight, "eight.stl"),
+                    Contains("eight.stl: ") && Contains("wrong way round") &&
+                        Contains("for instance at (") && Contains("repair"));
+}
+
+}  // namespace
+}  // namespace torquer::vessel
