@@ -110,6 +110,9 @@ TEST_CASE("What a case allows is held against what came of it") {
   for (const Way way : kAllWays) CHECK(Objection(hard, way, outcome).empty());
   outcome.at_rest_mm = 0.11;
   CHECK_THAT(Objection(hard, Way::kNewton, outcome), Catch::Contains("0.11 mm deep"));
+  outcome.tip_stands_off_mm = 0.02;
+  CHECK(Objection(hard, Way::kNewton, outcome).empty());
+  outcome.tip_stands_off_mm = 0;
   CHECK(Objection(hard, Way::kPaper, outcome).empty());
   outcome.deepest_mm = 0.31;
   CHECK_THAT(Objection(hard, Way::kPaper, outcome), Catch::Contains("0.31 mm deep"));

@@ -73,6 +73,7 @@ class HardRun {
         checker_(scene_.model, *scene_.field, state_) {
     relaxation_->Restart(state_);
     // A wire that starts in the wall may be deeper there than any unbent one.
+    outcome_.tip_stands_off_mm = scene_.tip_stands_off_mm;
     outcome_.unbent_mm = std::max(
         UnbentDepth(scene_), checker_.DeepestPenetration(state_, scene_.wall.points_per_segment));
   }
@@ -281,7 +282,8 @@ std::string Objection(const HardCase& hard, Way way, const HardOutcome& outcome)
   const bool paper = way == Way::kPaper;
   const double depth_mm = paper ? outcome.deepest_mm : outcome.at_rest_mm;
   const double allowed_mm =
-      (paper ? hard.paper.deepest_mm : hard.deepest_mm).value_or(outcome.unbent_mm);
+      (paper ? hard.paper.deepest_mm : hard.deepest_mm).value_or(outcome.unbent_mm) +
+      outcome.tip_stands_off_mm;
   std::ostringstream what;
   // Written so that NaN is too deep.
   if (!(depth_mm <= allowed_mm)) {

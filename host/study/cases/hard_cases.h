@@ -37,6 +37,9 @@ struct HardScene {
   double start_mm = 0;    ///< laid along start_path before the script
   std::vector<Eigen::Vector3d> start_path = {};
   std::vector<Eigen::Vector3d> start_tangents = {};  ///< or with these tangents
+  /// How far a shaped tip stands off the straight wire, where the case's bound on the depth is one
+  /// for straight wires: a stiff tip in a soft wall lies so much deeper.
+  double tip_stands_off_mm = 0;
 };
 
 /// What the paper's method does with a case. Its cycles move the wire by less and less: within the
@@ -77,7 +80,8 @@ struct HardOutcome {
   /// Of a straight wire, as long as the script ever asks for, from the sheath on; at least how deep
   /// the wire lies at the start.
   double unbent_mm = 0;
-  bool settled = false;  ///< with the hand still, in the end
+  double tip_stands_off_mm = 0;  ///< HardScene's
+  bool settled = false;          ///< with the hand still, in the end
   double last_residual = 0;
   int longest_work = 0;
   double worst_rise = 0;  ///< of the energy over one of Newton's steps, as a part of the energy
