@@ -116,6 +116,10 @@ TEST_CASE("What a case allows is held against what came of it") {
   CHECK(Objection(hard, Way::kPaper, outcome).empty());
   outcome.deepest_mm = 0.31;
   CHECK_THAT(Objection(hard, Way::kPaper, outcome), Catch::Contains("0.31 mm deep"));
+  outcome.unbent_mm = 0.32;
+  CHECK_FALSE(Objection(hard, Way::kPaper, outcome).empty());
+  hard.paper.or_unbent = true;
+  CHECK(Objection(hard, Way::kPaper, outcome).empty());
   // Without its own bound: no deeper than if nothing bent it.
   hard.deepest_mm.reset();
   outcome.unbent_mm = 0.12;

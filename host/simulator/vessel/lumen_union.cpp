@@ -241,8 +241,8 @@ void Unite(SurfaceMesh& surface, const std::string& name) {
     throw UserError(name + ": " + Number(100 * verdict.inverted / verdict.total) +
                     " % of the surface encloses something the wrong way round, for instance at " +
                     Place(walls.mesh().Centroid(verdict.first_inverted)) +
-                    " (the surface passes through itself and is inside out there); what is "
-                    "lumen there cannot be told: repair the surface there");
+                    " (the surface passes through itself and is inside out there, so that the "
+                    "lumen is ambiguous); repair the surface there");
   }
   DropCopies(walls.mesh(), verdict.keep);
   const double sheets_mm2 = gone.Area();

@@ -281,9 +281,10 @@ std::string Objection(const HardCase& hard, Way way, const HardOutcome& outcome)
   if (!outcome.broken.empty()) return outcome.broken;
   const bool paper = way == Way::kPaper;
   const double depth_mm = paper ? outcome.deepest_mm : outcome.at_rest_mm;
-  const double allowed_mm =
+  double allowed_mm =
       (paper ? hard.paper.deepest_mm : hard.deepest_mm).value_or(outcome.unbent_mm) +
       outcome.tip_stands_off_mm;
+  if (paper && hard.paper.or_unbent) allowed_mm = std::max(allowed_mm, outcome.unbent_mm);
   std::ostringstream what;
   // Written so that NaN is too deep.
   if (!(depth_mm <= allowed_mm)) {

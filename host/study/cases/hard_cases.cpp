@@ -465,8 +465,9 @@ void AddPaper(std::vector<HardCase>& cases) {
       {"a start straight through the wall, 80 mm long", {.deepest_mm = {}}},
       {"a start straight through the wall, 240 mm long", {.deepest_mm = {}}},
       {"a start with tangents at random", {.deepest_mm = {}}},
-      // With two cycles a tick a wire 700 times as stiff as nominal was 26 mm deep, unbent 45.
-      {"anything at random", {.deepest_mm = {}}},
+      // As for Newton: "rigidity 10000 times nominal" is 8.6 mm deep. But with two cycles a tick a
+      // wire 700 times as stiff as nominal was 26 mm deep, unbent 45.
+      {"anything at random", {.deepest_mm = 15, .or_unbent = true}},
   };
   std::size_t used = 0;
   for (HardCase& hard : cases) {

@@ -48,7 +48,8 @@ struct HardScene {
 struct PaperExpectation {
   /// Deepest penetration in any tick. None: that of an unbent wire.
   std::optional<double> deepest_mm = 0.2;
-  bool settles = false;  ///< it comes to rest after the script all the same
+  bool settles = false;    ///< it comes to rest after the script all the same
+  bool or_unbent = false;  ///< as deep as an unbent wire, where that is deeper
 };
 
 struct HardCase {
