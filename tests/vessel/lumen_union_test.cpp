@@ -113,7 +113,7 @@ int CountCrossings(const TriangleMesh& mesh) {
 // Every point is inside that is inside of a part, and no other; outside, the nearest wall is the
 // nearest of any part's.
 void CheckIsUnionOf(const SurfaceMesh& surface, const std::vector<TriangleMesh>& parts,
-                    Random& random) {
+                    Random& random, double tolerance_mm = 1e-4) {
   const TriangleBvh whole(surface.mesh);
   std::vector<TriangleBvh> single(parts.begin(), parts.end());
   AlignedBox3d box = surface.mesh.Bounds();
@@ -125,7 +125,7 @@ void CheckIsUnionOf(const SurfaceMesh& surface, const std::vector<TriangleMesh>&
     const Vector3d at = random.InBox(box.min(), box.max());
     double most = -1e9;
     for (const TriangleBvh& part : single) most = std::max(most, part.Distance(at));
-    if (std::abs(most) < 1e-3) continue;
+    if (std::abs(most) < 2e-3) continue;
     const double distance = whole.Distance(at);
     inside += most > 0 ? 1 : 0;
     wrong += (distance > 0) != (most > 0) ? 1 : 0;
@@ -135,7 +135,7 @@ void CheckIsUnionOf(const SurfaceMesh& surface, const std::vector<TriangleMesh>&
   }
   CHECK(inside > 5);
   CHECK(wrong == 0);
-  CHECK(furthest < 1e-4);
+  CHECK(furthest < tolerance_mm);
 }
 
 TEST_CASE("the union of two boxes has the volume of both less what they share") {
@@ -224,6 +224,60 @@ TEST_CASE("whatever overlaps is one lumen, in any position") {
     }
     CheckIsUnionOf(RepairSurface(all, "x"), parts, random);
   }
+}
+
+TEST_CASE("vessels of one radius on one axis are one, whatever is rounded") {
+  // Their walls nearly lie on one another; from a file of single precision they do so roughly. The
+  // last of the seeds comes out only where parts are moved.
+  for (const uint64_t seed : {1, 85}) {
+    CAPTURE(seed);
+    Random random(seed);
+    std::vector<TriangleMesh> parts;
+    TriangleMesh all;
+    for (int p = 0; p < 2 + static_cast<int>(seed % 3); ++p) {
+      const int around = 8 + 4 * static_cast<int>(random.Uniform(0, 6));
+      const int along = 1 + static_cast<int>(random.Uniform(0, 30));
+      const double length_mm = 20 + 20 * random.Uniform(0, 1);
+      TriangleMesh part = MakeTubeMesh(length_mm, along, around, [](double) { return 3.0; });
+      const auto open_faces = static_cast<std::ptrdiff_t>(part.triangles.size());
+      CapTubeMesh(part, around);
+      Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+      motion.pretranslate(Vector3d(15 * p + random.Uniform(0, 3), 0, 0));
+      const bool is_turned = random.Uniform(0, 1) >= 0.5;
+      const double turn = is_turned ? random.Uniform(0, 6.28) : 0;
+      motion.rotate(Eigen::AngleAxisd(turn, Vector3d::UnitX()));
+      Move(part, motion);
+      for (Vector3d& v : part.vertices_mm) v = v.cast<float>().cast<double>();
+      parts.push_back(part);
+      if (seed % 5 == 0) {
+        part.triangles.erase(part.triangles.begin() + open_faces, part.triangles.end());
+      }
+      Append(all, part);
+    }
+    CheckIsUnionOf(RepairSurface(all, "x"), parts, random, 2e-3);
+  }
+}
+
+TEST_CASE("vessels that cross at small angles leave no wall within") {
+  // Of this seed the pieces do not all meet in whole edges.
+  Random random(266);
+  std::vector<TriangleMesh> parts;
+  TriangleMesh all;
+  for (int p = 0; p < 4; ++p) {
+    const int around = 8 + 4 * static_cast<int>(random.Uniform(0, 6));
+    const double radius_mm = random.Uniform(2, 4);
+    const int along = 1 + static_cast<int>(random.Uniform(0, 30));
+    const double length_mm = 20 + 20 * random.Uniform(0, 1);
+    TriangleMesh part = MakeTubeMesh(length_mm, along, around, [=](double) { return radius_mm; });
+    CapTubeMesh(part, around);
+    const Vector3d axis = random.Direction();
+    Eigen::Isometry3d motion(Eigen::AngleAxisd(random.Uniform(0, 0.3), axis));
+    motion.pretranslate(random.InBox(Vector3d::Constant(-2), Vector3d::Constant(2)));
+    Move(part, motion);
+    parts.push_back(part);
+    Append(all, part);
+  }
+  CheckIsUnionOf(RepairSurface(all, "x"), parts, random);
 }
 
 TEST_CASE("a surface is split into triangles that meet in whole edges") {

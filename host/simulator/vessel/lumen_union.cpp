@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <set>
 #include <utility>
@@ -29,6 +30,11 @@ constexpr double kMostInverted = 0.05;
 constexpr double kMostOfNothing = 0.3;
 // Of a diagonal, mm: surfaces nearer to one another lie on one another.
 constexpr double kContactPerDiagonal = 1e-7;
+// Where that does not come out, parts are moved so much, at most kAttempts times as far.
+constexpr double kMovePerDiagonal = 5e-6;
+constexpr int kAttempts = 3;
+// Share of a surface that is rounding.
+constexpr double kNoShare = 1e-9;
 // A region whose winding numbers are on average further than this from whole numbers is a sheet.
 constexpr double kSheet = 0.25;
 constexpr size_t kSamples = 64;
@@ -52,8 +58,19 @@ Sides SidesOf(const TriangleBvh& surface, const TriangleMesh& mesh, size_t face)
 struct Region {
   std::vector<int32_t> faces;
   double area = 0;
-  bool is_bounded = false;  // by an edge that does not balance
+  bool is_bounded = false;   // by an edge that does not balance
+  std::vector<int32_t> rim;  // faces where the surface meets others
 };
+
+// Whether a face is too narrow for its middle to tell one side from the other.
+bool IsNarrow(const TriangleMesh& mesh, size_t face) {
+  constexpr double kNarrow = 1e-3;
+  double longest = 0;
+  for (int c = 0; c < 3; ++c) {
+    longest = std::max(longest, (mesh.Corner(face, (c + 1) % 3) - mesh.Corner(face, c)).norm());
+  }
+  return mesh.DoubleArea(face).norm() < kNarrow * longest * longest;
+}
 
 double AreaOf(const TriangleMesh& mesh, size_t face) { return mesh.DoubleArea(face).norm() / 2; }
 
@@ -67,6 +84,18 @@ std::vector<Region> RegionsOf(const TriangleMesh& mesh) {
   }
   for (const int32_t face : repair::FacesAtUnbalancedEdges(mesh)) {
     regions[part[face]].is_bounded = true;
+  }
+  std::vector<char> meets_others(mesh.vertices_mm.size(), 0);
+  const repair::EdgeFaults edges = repair::FindEdgeFaults(mesh);
+  for (const auto* list : {&edges.open, &edges.several}) {
+    for (const auto& [from, to] : *list) meets_others[from] = meets_others[to] = 1;
+  }
+  for (size_t i = 0; i < part.size(); ++i) {
+    const auto& corners = mesh.triangles[i];
+    if (!IsNarrow(mesh, i) && std::any_of(corners.begin(), corners.end(),
+                                          [&](int32_t v) { return meets_others[v] != 0; })) {
+      regions[part[i]].rim.push_back(static_cast<int32_t>(i));
+    }
   }
   for (Region& region : regions) {
     std::stable_sort(region.faces.begin(), region.faces.end(),
@@ -169,10 +198,12 @@ Verdict Judge(const TriangleBvh& surface) {
     return std::pair(std::lround(sides.outer), std::lround(sides.inner));
   };
   for (const Region& region : RegionsOf(mesh)) {
-    // The same on both sides all over a region, unless something passes through it unnoticed.
+    // The same on both sides all over a region, unless it goes on beyond a place where something
+    // passes through it, for want of an edge there.
     const size_t samples = std::min(region.faces.size(), kSamples);
     std::set<std::pair<long, long>> seen;
     for (size_t i = 0; i < samples; ++i) seen.insert(whole(region.faces[i]));
+    for (const int32_t face : region.rim) seen.insert(whole(face));
     for (const int32_t face : region.faces) {
       settle(face, seen.size() == 1 ? *seen.begin() : whole(face));
     }
@@ -191,28 +222,130 @@ void DropCopies(const TriangleMesh& mesh, std::vector<char>& keep) {
   }
 }
 
-// Refuses a result that is not the wall of a lumen nearly everywhere.
-void CheckSeparates(const TriangleBvh& surface, const std::string& name) {
+// Where a result is not the wall of a lumen.
+struct Fault {
+  double share = 0;  // of its area
+  Vector3d where_mm = Vector3d::Zero();
+};
+
+Fault FindFault(const TriangleBvh& surface) {
   constexpr size_t kMostFaces = 4000;
   const TriangleMesh& mesh = surface.mesh();
   const size_t stride = mesh.triangles.size() / kMostFaces + 1;
-  double wrong = 0, total = 0, largest = 0;
-  size_t where = 0;
+  Fault fault;
+  double total = 0, largest = 0;
   for (size_t i = 0; i < mesh.triangles.size(); i += stride) {
     const double area = AreaOf(mesh, i);
     if (area == 0) continue;
     total += area;
     const Sides sides = SidesOf(surface, mesh, i);
     if (std::abs(sides.outer) < 0.25 && std::abs(sides.inner - 1) < 0.25) continue;
-    wrong += area;
-    if (area > largest) where = i;
+    fault.share += area;
+    if (area > largest) fault.where_mm = mesh.Centroid(i);
     largest = std::max(largest, area);
   }
-  if (wrong <= kNegligibleShare * total) return;
-  throw UserError(name + ": " + Number(100 * wrong / total) +
-                  " % of the surface does not separate inside from outside, for instance at " +
-                  Place(mesh.Centroid(where)) +
-                  " (faces missing or too many); repair the surface there");
+  fault.share /= total;
+  return fault;
+}
+
+// Parts each moved by a little, in different directions: what nearly lies on one another then
+// clearly passes through or does not.
+TriangleMesh MovedApart(TriangleMesh mesh, double by_mm) {
+  int count = 0;
+  const std::vector<int> part = repair::Parts(mesh, &count);
+  std::vector<int> of_vertex(mesh.vertices_mm.size(), 0);
+  for (size_t i = 0; i < part.size(); ++i) {
+    for (const int32_t vertex : mesh.triangles[i]) of_vertex[vertex] = part[i];
+  }
+  for (size_t i = 0; i < of_vertex.size(); ++i) {
+    const double turn = 2.4 * of_vertex[i], rise = std::cos(1.7 * of_vertex[i] + 1);
+    const double wide = std::sqrt(1 - rise * rise);
+    mesh.vertices_mm[i] += by_mm * Vector3d(wide * std::cos(turn), wide * std::sin(turn), rise);
+  }
+  return mesh;
+}
+
+// What became of a surface: the wall of its lumen, and what is not.
+struct United {
+  std::unique_ptr<TriangleBvh> walls;  // all of it, divided where it meets itself
+  TriangleMesh wall, inner, sheets;
+  size_t sheet_count = 0;
+  Verdict verdict;
+  Fault fault;
+  bool nothing_goes = false;
+};
+
+// Throws UserError where there is no lumen to speak of.
+United UniteOnce(const TriangleBvh& before, const std::string& name) {
+  United united;
+  std::optional<TriangleMesh> split =
+      SplitAtIntersections(before, kContactPerDiagonal * before.mesh().Bounds().diagonal().norm());
+  if (!split) {
+    throw UserError(name +
+                    ": the surface's faces pass through one another nearly everywhere; it "
+                    "is no wall of a lumen: export it again");
+  }
+  united.sheet_count = DropSheets(*split, name, united.sheets);
+  united.walls = std::make_unique<TriangleBvh>(std::move(*split));
+  const TriangleMesh& mesh = united.walls->mesh();
+  Verdict& verdict = united.verdict;
+  verdict = Judge(*united.walls);
+  if (verdict.inverted > kMostInverted * verdict.total) {
+    throw UserError(name + ": " + Number(100 * verdict.inverted / verdict.total) +
+                    " % of the surface encloses something the wrong way round, for instance at " +
+                    Place(mesh.Centroid(verdict.first_inverted)) +
+                    " (the surface passes through itself and is inside out there, so that the "
+                    "lumen is ambiguous); repair the surface there");
+  }
+  DropCopies(mesh, verdict.keep);
+  const double sheets_mm2 = united.sheets.Area();
+  const double nothing = (sheets_mm2 + verdict.nothing) / (sheets_mm2 + verdict.total);
+  if (nothing > kMostOfNothing) {
+    throw UserError(name + ": " + Number(100 * nothing) +
+                    " % of the surface encloses nothing (sheets without a second side, or faces "
+                    "that do not share their vertices); export the lumen's closed surface");
+  }
+  united.inner = Part(mesh, verdict.keep, false);
+  // Parts that only touch leave at most faces of no area.
+  united.nothing_goes = united.sheet_count == 0 && united.inner.Area() <= kNoShare * verdict.total;
+  if (united.nothing_goes) return united;
+  united.wall = Part(mesh, verdict.keep, true);
+  if (united.wall.triangles.empty()) {
+    throw UserError(name + ": the surface encloses no lumen; export it again");
+  }
+  united.fault = FindFault(TriangleBvh(united.wall));
+  return united;
+}
+
+void Report(const United& united, const TriangleMesh& before,
+            const std::vector<std::pair<int32_t, int32_t>>& cuts, MeshReport& report) {
+  const Verdict& verdict = united.verdict;
+  const TriangleMesh& mesh = united.walls->mesh();
+  if (united.sheet_count > 0) {
+    report.findings.push_back(
+        repair::Count(united.sheet_count, "sheet that encloses", "sheets that enclose") +
+        " nothing (the first at " + Place(united.sheets.Centroid(0)) + "), left out.");
+  }
+  if (!cuts.empty()) {
+    report.findings.push_back(repair::Count(cuts.size(), "pair", "pairs") +
+                              " of faces cut through one another, the first at " +
+                              Place(before.Centroid(cuts.front().first)) +
+                              ": divided where they meet.");
+  }
+  if (verdict.within > kNoShare * verdict.total) {
+    report.findings.push_back(
+        Number(100 * verdict.within / verdict.total) +
+        " % of the surface lay within the lumen of another part of it, for instance at " +
+        Place(mesh.Centroid(verdict.first_within)) +
+        ": left out, the lumen is the union of what the parts enclose.");
+  }
+  if (verdict.inverted > kNoShare * verdict.total) {
+    report.findings.push_back(
+        Number(100 * verdict.inverted / verdict.total) +
+        " % of the surface is folded over and encloses something the wrong way round, for "
+        "instance at " +
+        Place(mesh.Centroid(verdict.first_inverted)) + ": left out.");
+  }
 }
 
 }  // namespace
@@ -226,73 +359,27 @@ void Unite(SurfaceMesh& surface, const std::string& name) {
   if (cuts.empty() && parts == 1 && repair::FacesAtUnbalancedEdges(before.mesh()).empty()) return;
   report.intersections += cuts.size();
 
-  TriangleMesh gone;
-  std::optional<TriangleMesh> split =
-      SplitAtIntersections(before, kContactPerDiagonal * before.mesh().Bounds().diagonal().norm());
-  if (!split) {
-    throw UserError(name +
-                    ": the surface's faces pass through one another nearly everywhere; it "
-                    "is no wall of a lumen: export it again");
+  United united = UniteOnce(before, name);
+  for (int attempt = 1; attempt <= kAttempts && united.fault.share > kNegligibleShare; ++attempt) {
+    const double by_mm = attempt * kMovePerDiagonal * before.mesh().Bounds().diagonal().norm();
+    united = UniteOnce(TriangleBvh(MovedApart(before.mesh(), by_mm)), name);
   }
-  const size_t sheets = DropSheets(*split, name, gone);
-  const TriangleBvh walls(std::move(*split));
-  Verdict verdict = Judge(walls);
-  if (verdict.inverted > kMostInverted * verdict.total) {
-    throw UserError(name + ": " + Number(100 * verdict.inverted / verdict.total) +
-                    " % of the surface encloses something the wrong way round, for instance at " +
-                    Place(walls.mesh().Centroid(verdict.first_inverted)) +
-                    " (the surface passes through itself and is inside out there, so that the "
-                    "lumen is ambiguous); repair the surface there");
+  if (united.nothing_goes) return;
+  if (united.fault.share > kNegligibleShare) {
+    throw UserError(name + ": " + Number(100 * united.fault.share) +
+                    " % of the surface does not separate inside from outside, for instance at " +
+                    Place(united.fault.where_mm) +
+                    " (faces missing or too many); repair the surface there");
   }
-  DropCopies(walls.mesh(), verdict.keep);
-  const double sheets_mm2 = gone.Area();
-  const double nothing = (sheets_mm2 + verdict.nothing) / (sheets_mm2 + verdict.total);
-  if (nothing > kMostOfNothing) {
-    throw UserError(name + ": " + Number(100 * nothing) +
-                    " % of the surface encloses nothing (sheets without a second side, or faces "
-                    "that do not share their vertices); export the lumen's closed surface");
-  }
-  TriangleMesh inner = Part(walls.mesh(), verdict.keep, false);
-  // Parts that only touch leave at most faces of no area.
-  constexpr double kNoShare = 1e-9;
-  if (sheets == 0 && inner.Area() <= kNoShare * verdict.total) return;
-
-  surface.mesh = Part(walls.mesh(), verdict.keep, true);
-  if (surface.mesh.triangles.empty()) {
-    throw UserError(name + ": the surface encloses no lumen; export it again");
-  }
-  CheckSeparates(TriangleBvh(surface.mesh), name);
-  if (sheets > 0) {
-    report.findings.push_back(repair::Count(sheets, "sheet that encloses", "sheets that enclose") +
-                              " nothing (the first at " + Place(gone.Centroid(0)) + "), left out.");
-  }
-  repair::Append(gone, inner);
-  if (!cuts.empty()) {
-    report.findings.push_back(repair::Count(cuts.size(), "pair", "pairs") +
-                              " of faces cut through one another, the first at " +
-                              Place(before.mesh().Centroid(cuts.front().first)) +
-                              ": divided where they meet.");
-  }
-  if (verdict.within > kNoShare * verdict.total) {
-    report.findings.push_back(
-        Number(100 * verdict.within / verdict.total) +
-        " % of the surface lay within the lumen of another part of it, for instance at " +
-        Place(walls.mesh().Centroid(verdict.first_within)) +
-        ": left out, the lumen is the union of what the parts enclose.");
-  }
-  if (verdict.inverted > kNoShare * verdict.total) {
-    report.findings.push_back(
-        Number(100 * verdict.inverted / verdict.total) +
-        " % of the surface is folded over and encloses something the wrong way round, for "
-        "instance at " +
-        Place(walls.mesh().Centroid(verdict.first_inverted)) + ": left out.");
-  }
-  report.left_out_mm2 += gone.Area();
-  repair::Append(surface.left_out, gone);
+  Report(united, before.mesh(), cuts, report);
+  surface.mesh = std::move(united.wall);
+  report.left_out_mm2 += united.sheets.Area() + united.inner.Area();
+  repair::Append(surface.left_out, united.sheets);
+  repair::Append(surface.left_out, united.inner);
   std::erase_if(report.openings, [&](const Opening& opening) {
     const Vector3d step = 0.05 * opening.radius_mm * opening.outward;
-    return walls.WindingNumber(opening.center_mm + step) > 0.5 ||
-           walls.WindingNumber(opening.center_mm - step) < 0.5;
+    return united.walls->WindingNumber(opening.center_mm + step) > 0.5 ||
+           united.walls->WindingNumber(opening.center_mm - step) < 0.5;
   });
 }
 
