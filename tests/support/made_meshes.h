@@ -56,15 +56,6 @@ inline TriangleMesh MakeClosedTube(double length_mm = 40, double radius_mm = 3) 
   return mesh;
 }
 
-/// Adds another mesh as its own part.
-inline void Append(TriangleMesh& mesh, const TriangleMesh& other) {
-  const auto first = static_cast<int32_t>(mesh.vertices_mm.size());
-  for (const auto& vertex : other.vertices_mm) mesh.vertices_mm.push_back(vertex);
-  for (const auto& t : other.triangles) {
-    mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-  }
-}
-
 inline void TurnInsideOut(TriangleMesh& mesh) {
   for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
 }

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numeric>
 #include <utility>
 #include <vector>
 
 #include "host/simulator/vessel/arc_line_path.h"
+#include "host/simulator/vessel/mesh_edges.h"
 
 namespace torquer::vessel {
 
@@ -59,24 +59,20 @@ double TubeFacingShare(const TriangleBvh& surface) {
 TriangleMesh InnerSide(const TriangleBvh& surface) {
   const TriangleMesh& mesh = surface.mesh();
   const size_t count = mesh.triangles.size();
-  std::map<std::pair<int32_t, int32_t>, std::vector<int32_t>> edges;
+  const auto edges = EdgesOf(mesh);
   std::vector<double> area(count), vote(count);
   for (size_t i = 0; i < count; ++i) {
     area[i] = mesh.DoubleArea(i).norm() / 2;
     vote[i] = ReturningShare(surface, i, kRays);
-    for (int corner = 0; corner < 3; ++corner) {
-      edges[std::minmax(mesh.triangles[i][corner], mesh.triangles[i][(corner + 1) % 3])].push_back(
-          static_cast<int32_t>(i));
-    }
   }
   std::vector<std::vector<int32_t>> neighbors(count);
-  for (const auto& [edge, faces] : edges) {
-    if (faces.size() != 2) continue;
+  for (const auto& [edge, uses] : edges) {
+    if (uses.size() != 2) continue;
+    const int32_t one = uses[0].triangle, two = uses[1].triangle;
     // The rim of a wall is a sharp edge: votes do not pass over it.
-    const Vector3d one = mesh.DoubleArea(faces[0]).normalized();
-    if (one.dot(mesh.DoubleArea(faces[1]).normalized()) < 0.3) continue;
-    neighbors[faces[0]].push_back(faces[1]);
-    neighbors[faces[1]].push_back(faces[0]);
+    if (mesh.DoubleArea(one).normalized().dot(mesh.DoubleArea(two).normalized()) < 0.3) continue;
+    neighbors[one].push_back(two);
+    neighbors[two].push_back(one);
   }
   for (int step = 0; step < kDiffusionSteps; ++step) {
     std::vector<double> next(count);
@@ -100,11 +96,11 @@ TriangleMesh InnerSide(const TriangleBvh& surface) {
       while (parent[i] != i) i = parent[i] = parent[parent[i]];
       return i;
     };
-    for (const auto& [edge, faces] : edges) {
-      for (size_t k = 1; k < faces.size(); ++k) {
-        if (inner[faces[0]] == side && inner[faces[k]] == side) {
-          parent[root(faces[0])] = root(faces[k]);
-        }
+    for (const auto& [edge, uses] : edges) {
+      const int32_t one = uses[0].triangle;
+      for (const EdgeUse& use : uses) {
+        if (inner[one] == side && inner[use.triangle] == side)
+          parent[root(one)] = root(use.triangle);
       }
     }
     std::vector<double> part_area(count, 0);

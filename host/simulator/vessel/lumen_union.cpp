@@ -152,7 +152,7 @@ size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& lef
       ++now;
     }
     if (faces == mesh.triangles.size()) break;
-    repair::Append(left_out, Part(mesh, keep, false));
+    Append(left_out, Part(mesh, keep, false));
     mesh = Part(mesh, keep, true);
     dropped += now;
     // What a sheet held apart is one part now.
@@ -168,7 +168,7 @@ struct Verdict {
   std::vector<char> keep;
   // Areas: of walls on which nothing is enclosed, inside twice, wrong way round, all.
   double nothing = 0, within = 0, inverted = 0, total = 0;
-  size_t first_within = 0, first_inverted = 0;
+  size_t where_within = 0, where_inverted = 0;
 };
 
 Verdict Judge(const TriangleBvh& surface) {
@@ -184,11 +184,11 @@ Verdict Judge(const TriangleBvh& surface) {
     if (outer == inner && outer <= 0) verdict.nothing += area;
     if (outer >= 1) {
       verdict.within += area;
-      if (area > largest_within) verdict.first_within = face;
+      if (area > largest_within) verdict.where_within = face;
       largest_within = std::max(largest_within, area);
     } else if (outer < 0) {
       verdict.inverted += area;
-      if (area > largest_inverted) verdict.first_inverted = face;
+      if (area > largest_inverted) verdict.where_inverted = face;
       largest_inverted = std::max(largest_inverted, area);
     }
   };
@@ -249,7 +249,7 @@ Fault FindFault(const TriangleBvh& surface) {
 }
 
 // Parts each moved by a little, in different directions: what nearly lies on one another then
-// clearly passes through or does not.
+// clearly passes through or does not. A vertex of several parts goes with one of them.
 TriangleMesh MovedApart(TriangleMesh mesh, double by_mm) {
   int count = 0;
   const std::vector<int> part = repair::Parts(mesh, &count);
@@ -293,7 +293,7 @@ United UniteOnce(const TriangleBvh& before, const std::string& name) {
   if (verdict.inverted > kMostInverted * verdict.total) {
     throw UserError(name + ": " + Number(100 * verdict.inverted / verdict.total) +
                     " % of the surface encloses something the wrong way round, for instance at " +
-                    Place(mesh.Centroid(verdict.first_inverted)) +
+                    Place(mesh.Centroid(verdict.where_inverted)) +
                     " (the surface passes through itself and is inside out there, so that the "
                     "lumen is ambiguous); repair the surface there");
   }
@@ -336,7 +336,7 @@ void Report(const United& united, const TriangleMesh& before,
     report.findings.push_back(
         Number(100 * verdict.within / verdict.total) +
         " % of the surface lay within the lumen of another part of it, for instance at " +
-        Place(mesh.Centroid(verdict.first_within)) +
+        Place(mesh.Centroid(verdict.where_within)) +
         ": left out, the lumen is the union of what the parts enclose.");
   }
   if (verdict.inverted > kNoShare * verdict.total) {
@@ -344,7 +344,7 @@ void Report(const United& united, const TriangleMesh& before,
         Number(100 * verdict.inverted / verdict.total) +
         " % of the surface is folded over and encloses something the wrong way round, for "
         "instance at " +
-        Place(mesh.Centroid(verdict.first_inverted)) + ": left out.");
+        Place(mesh.Centroid(verdict.where_inverted)) + ": left out.");
   }
 }
 
@@ -374,8 +374,8 @@ void Unite(SurfaceMesh& surface, const std::string& name) {
   Report(united, before.mesh(), cuts, report);
   surface.mesh = std::move(united.wall);
   report.left_out_mm2 += united.sheets.Area() + united.inner.Area();
-  repair::Append(surface.left_out, united.sheets);
-  repair::Append(surface.left_out, united.inner);
+  Append(surface.left_out, united.sheets);
+  Append(surface.left_out, united.inner);
   std::erase_if(report.openings, [&](const Opening& opening) {
     const Vector3d step = 0.05 * opening.radius_mm * opening.outward;
     return united.walls->WindingNumber(opening.center_mm + step) > 0.5 ||

@@ -73,15 +73,6 @@ void DropUnusedVertices(TriangleMesh& mesh) {
   mesh.vertices_mm = std::move(kept);
 }
 
-void Append(TriangleMesh& mesh, const TriangleMesh& other) {
-  const auto first = static_cast<int32_t>(mesh.vertices_mm.size());
-  mesh.vertices_mm.insert(mesh.vertices_mm.end(), other.vertices_mm.begin(),
-                          other.vertices_mm.end());
-  for (const auto& t : other.triangles) {
-    mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-  }
-}
-
 void Weld(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
   VertexWelder welder(tolerance_mm);
   std::vector<int32_t> moved;

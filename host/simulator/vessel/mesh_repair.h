@@ -45,9 +45,6 @@ std::vector<std::array<int32_t, 2>> Neighbors(const TriangleMesh& mesh);
 /// Takes out vertices that no triangle has.
 void DropUnusedVertices(TriangleMesh& mesh);
 
-/// Adds another surface, as parts not joined to the first.
-void Append(TriangleMesh& mesh, const TriangleMesh& other);
-
 /// Parts of a mesh: for every triangle the index of its part, joined over edges of two faces.
 std::vector<int> Parts(const TriangleMesh& mesh, int* count);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -199,8 +200,7 @@ class Splitter {
   bool CutFaces() {
     const size_t most = kMostPieces + kMostPiecesPerFace * mesh_.triangles.size();
     size_t count = 0;
-    VertexWelder& welder = welder_;
-    for (const Vector3d& vertex : mesh_.vertices_mm) own_number_.push_back(welder.Add(vertex));
+    for (const Vector3d& vertex : mesh_.vertices_mm) own_number_.push_back(welder_.Add(vertex));
     for (int32_t face = 0; face < static_cast<int32_t>(mesh_.triangles.size()); ++face) {
       std::vector<std::vector<int32_t>>& numbered = faces_[face];
       const auto& triangle = mesh_.triangles[face];
@@ -224,7 +224,7 @@ class Splitter {
       }
       for (const Polygon& piece : pieces) {
         std::vector<int32_t> numbers;
-        for (const Vector3d& corner : piece) numbers.push_back(welder.Add(corner));
+        for (const Vector3d& corner : piece) numbers.push_back(welder_.Add(corner));
         numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
         while (numbers.size() > 1 && numbers.front() == numbers.back()) numbers.pop_back();
         if (numbers.size() >= 3) numbered.push_back(std::move(numbers));

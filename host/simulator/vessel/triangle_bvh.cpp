@@ -310,6 +310,28 @@ void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, 
   }
 }
 
+// Down the tree: into nodes that `enters` wants, and to `leaf` with each triangle there, until it
+// wants no more.
+template <typename Enters, typename Leaf>
+void TriangleBvh::Walk(Enters enters, Leaf leaf) const {
+  int32_t stack[kStackDepth];
+  int size = 0;
+  stack[size++] = 0;
+  while (size > 0) {
+    const int32_t index = stack[--size];
+    const Node& node = nodes_[index];
+    if (!enters(node)) continue;
+    if (node.count == 0) {
+      stack[size++] = node.first;
+      stack[size++] = index + 1;
+      continue;
+    }
+    for (int32_t i = node.first; i < node.first + node.count; ++i) {
+      if (!leaf(order_[i])) return;
+    }
+  }
+}
+
 // All triangles within limit_mm of a point, with the tangents of their distances. None and false
 // where there are so many that a search for each sample is quicker.
 bool TriangleBvh::Gather(const Vector3d& p, double limit_mm,
@@ -317,45 +339,27 @@ bool TriangleBvh::Gather(const Vector3d& p, double limit_mm,
   constexpr size_t kMost = 400;
   candidates.clear();
   const double limit = limit_mm * kSlack + kRoundingMm;
-  int32_t stack[kStackDepth];
-  int size = 0;
-  stack[size++] = 0;
   Hit hit;
-  while (size > 0) {
-    const int32_t index = stack[--size];
-    const Node& node = nodes_[index];
-    if (SquaredDistance(node.box, p) > limit * limit) continue;
-    if (node.count == 0) {
-      stack[size++] = node.first;
-      stack[size++] = index + 1;
-      continue;
-    }
-    for (int32_t i = node.first; i < node.first + node.count; ++i) {
-      Look(order_[i], p, hit);
-      const double distance = std::sqrt(hit.squared);
-      if (distance > limit) continue;
-      Candidate candidate{distance, Vector3d::Zero(), order_[i]};
-      if (distance > 0) candidate.gradient = hit.from / distance;
-      candidates.push_back(candidate);
-    }
-    if (candidates.size() > kMost) {
-      candidates.clear();
-      return false;
-    }
-  }
-  return true;
+  Walk([&](const Node& node) { return SquaredDistance(node.box, p) <= limit * limit; },
+       [&](int32_t triangle) {
+         Look(triangle, p, hit);
+         const double distance = std::sqrt(hit.squared);
+         if (distance > limit) return true;
+         Candidate candidate{distance, Vector3d::Zero(), triangle};
+         if (distance > 0) candidate.gradient = hit.from / distance;
+         candidates.push_back(candidate);
+         return candidates.size() <= kMost;
+       });
+  if (candidates.size() <= kMost) return true;
+  candidates.clear();
+  return false;
 }
 
 double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,
                             double least_mm) const {
   const Vector3d inverse = direction.cwiseInverse();
   double nearest = kInfinity;
-  int32_t stack[kStackDepth];
-  int size = 0;
-  stack[size++] = 0;
-  while (size > 0) {
-    const int32_t index = stack[--size];
-    const Node& node = nodes_[index];
+  const auto enters = [&](const Node& node) {
     double enter = least_mm, leave = nearest;
     for (int axis = 0; axis < 3; ++axis) {
       double t0 = (node.box.min()[axis] - from_mm[axis]) * inverse[axis];
@@ -365,80 +369,55 @@ double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,
       enter = t0 > enter ? t0 : enter;
       leave = t1 < leave ? t1 : leave;
     }
-    if (enter > leave * kSlack) continue;
-    if (node.count == 0) {
-      stack[size++] = node.first;
-      stack[size++] = index + 1;
-      continue;
-    }
-    for (int32_t i = node.first; i < node.first + node.count; ++i) {
-      // Moeller & Trumbore (1997).
-      const Face& face = faces_[order_[i]];
-      const Vector3d h = direction.cross(face.ac);
-      const double determinant = face.ab.dot(h);
-      if (determinant == 0) continue;
-      const Vector3d d = from_mm - face.a;
-      const double u = d.dot(h) / determinant;
-      if (u < 0 || u > 1) continue;
-      const Vector3d q = d.cross(face.ab);
-      const double v = direction.dot(q) / determinant;
-      if (v < 0 || u + v > 1) continue;
-      const double t = face.ac.dot(q) / determinant;
-      if (t > least_mm && t < nearest) nearest = t;
-    }
-  }
+    return !(enter > leave * kSlack);
+  };
+  Walk(enters, [&](int32_t triangle) {
+    // Moeller & Trumbore (1997).
+    const Face& face = faces_[triangle];
+    const Vector3d h = direction.cross(face.ac);
+    const double determinant = face.ab.dot(h);
+    if (determinant == 0) return true;
+    const Vector3d d = from_mm - face.a;
+    const double u = d.dot(h) / determinant;
+    if (u < 0 || u > 1) return true;
+    const Vector3d q = d.cross(face.ab);
+    const double v = direction.dot(q) / determinant;
+    if (v < 0 || u + v > 1) return true;
+    const double t = face.ac.dot(q) / determinant;
+    if (t > least_mm && t < nearest) nearest = t;
+    return true;
+  });
   return nearest;
 }
 
 double TriangleBvh::WindingNumber(const Vector3d& point_mm) const {
   double sum = 0;
-  int32_t stack[kStackDepth];
-  int size = 0;
-  stack[size++] = 0;
-  while (size > 0) {
-    const int32_t index = stack[--size];
-    const Node& node = nodes_[index];
+  const auto enters = [&](const Node& node) {
     const Vector3d d = node.place - point_mm;
     const double distance = d.norm();
-    if (distance > kDipoleRatio * node.reach) {
-      sum += node.area.dot(d) / (distance * distance * distance);
-    } else if (node.count == 0) {
-      stack[size++] = node.first;
-      stack[size++] = index + 1;
-    } else {
-      for (int32_t i = node.first; i < node.first + node.count; ++i) {
-        const Face& face = faces_[order_[i]];
-        const Vector3d a = face.a - point_mm;
-        sum += SolidAngle(a, a + face.ab, a + face.ac);
-      }
-    }
-  }
+    if (distance <= kDipoleRatio * node.reach) return true;
+    sum += node.area.dot(d) / (distance * distance * distance);
+    return false;
+  };
+  Walk(enters, [&](int32_t triangle) {
+    const Face& face = faces_[triangle];
+    const Vector3d a = face.a - point_mm;
+    sum += SolidAngle(a, a + face.ab, a + face.ac);
+    return true;
+  });
   return sum / (4 * M_PI);
 }
 
 void TriangleBvh::FindTouching(const AlignedBox3d& box, std::vector<int32_t>& triangles) const {
   triangles.clear();
-  int32_t stack[kStackDepth];
-  int size = 0;
-  stack[size++] = 0;
-  while (size > 0) {
-    const int32_t index = stack[--size];
-    const Node& node = nodes_[index];
-    if (!node.box.intersects(box)) continue;
-    if (node.count == 0) {
-      stack[size++] = node.first;
-      stack[size++] = index + 1;
-      continue;
-    }
-    for (int32_t n = node.first; n < node.first + node.count; ++n) {
-      const Face& face = faces_[order_[n]];
-      const Vector3d b = face.a + face.ab, c = face.a + face.ac;
-      if (box.intersects(
-              AlignedBox3d(face.a.cwiseMin(b).cwiseMin(c), face.a.cwiseMax(b).cwiseMax(c)))) {
-        triangles.push_back(order_[n]);
-      }
-    }
-  }
+  Walk([&](const Node& node) { return node.box.intersects(box); },
+       [&](int32_t triangle) {
+         const Face& face = faces_[triangle];
+         const Vector3d b = face.a + face.ab, c = face.a + face.ac;
+         const AlignedBox3d own(face.a.cwiseMin(b).cwiseMin(c), face.a.cwiseMax(b).cwiseMax(c));
+         if (box.intersects(own)) triangles.push_back(triangle);
+         return true;
+       });
 }
 
 std::vector<std::pair<int32_t, int32_t>> TriangleBvh::FindIntersections(size_t limit) const {

@@ -95,6 +95,8 @@ class TriangleBvh final : public DistanceSource {
                     const std::vector<Eigen::Vector3d>& centers);
   void FindNormals();
   void MarkDoubtful();
+  template <typename Enters, typename Leaf>
+  void Walk(Enters enters, Leaf leaf) const;
   inline void Look(int32_t triangle, const Eigen::Vector3d& p, Hit& hit) const;
   Hit Search(const Eigen::Vector3d& p, Hit best) const;
   Hit Search(const Eigen::Vector3d& p) const { return Search(p, Hit()); }

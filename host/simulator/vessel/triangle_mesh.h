@@ -49,4 +49,14 @@ struct TriangleMesh {
   }
 };
 
+/// Adds another surface, as parts not joined to the first.
+inline void Append(TriangleMesh& mesh, const TriangleMesh& other) {
+  const auto first = static_cast<int32_t>(mesh.vertices_mm.size());
+  mesh.vertices_mm.insert(mesh.vertices_mm.end(), other.vertices_mm.begin(),
+                          other.vertices_mm.end());
+  for (const auto& t : other.triangles) {
+    mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
+}
+
 }  // namespace torquer::vessel
