@@ -18,7 +18,6 @@ namespace torquer::simulator {
 
 namespace {
 
-constexpr std::size_t kMostSamples = 10'000'000;  // hours; then the statistics stop growing
 constexpr std::int64_t kTickUs = 1000;
 // A daemon or a screen that comes while the wire rests learns within this time where it is.
 constexpr std::int64_t kRepeatUs = 200'000;
@@ -136,11 +135,9 @@ class LiveLoop {
   void Count(const TickReport& report, double solve_us) {
     ++statistics_.ticks;
     statistics_.unconverged += !report.converged;
-    if (statistics_.solve_us.size() >= kMostSamples) return;
-    statistics_.solve_us.push_back(static_cast<float>(solve_us));
+    statistics_.solve.Add(solve_us);
     if (!commands_.fresh() || commands_.sent_us() == 0) return;
-    statistics_.command_to_state_us.push_back(
-        static_cast<float>(state_.publish_us - commands_.sent_us()));
+    statistics_.command_to_state.Add(static_cast<double>(state_.publish_us - commands_.sent_us()));
   }
 
   bus::HealthCounters Counters() {

@@ -2,11 +2,11 @@
 #pragma once
 
 #include <atomic>
-#include <string>
-#include <vector>
+#include <cstdint>
 
 #include "host/bus/bus.h"
 #include "host/simulator/simulation.h"
+#include "host/support/time_histogram.h"
 
 namespace torquer::simulator {
 
@@ -15,8 +15,8 @@ struct LiveStatistics {
   std::int64_t ticks = 0;
   std::int64_t commands = 0;
   std::int64_t unconverged = 0;
-  std::vector<float> command_to_state_us;  ///< from a command's publishing to its state's
-  std::vector<float> solve_us;
+  TimeHistogram command_to_state;  ///< from a command's publishing to its state's
+  TimeHistogram solve;
 };
 
 /// Runs until `stop`: a tick for every command (the newest of each instrument counts), and while

@@ -1,13 +1,11 @@
 // torquer-simulator: runs a scene live on the bus, from a script, or again from a log.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "host/bus/bus.h"
 #include "host/simulator/effect_prices.h"
@@ -29,13 +27,6 @@
 #include "host/support/stop_signal.h"
 
 namespace {
-
-double Quantile(std::vector<float> values, double q) {
-  if (values.empty()) return 0;
-  const auto k = static_cast<std::size_t>(q * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(k), values.end());
-  return values[k];
-}
 
 // What the run has built of the vessel's field is kept for the next one, however this one ends.
 struct KeepField {
@@ -64,16 +55,15 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
   if (record) record->Finish(simulation);
   if (json) {
-    const nlohmann::json line = {
-        {"ticks", run.ticks},
-        {"commands", run.commands},
-        {"unconverged", run.unconverged},
-        {"command_to_state_us_p50", Quantile(run.command_to_state_us, 0.5)},
-        {"command_to_state_us_p99", Quantile(run.command_to_state_us, 0.99)},
-        {"command_to_state_us_max", Quantile(run.command_to_state_us, 1)},
-        {"solve_us_p50", Quantile(run.solve_us, 0.5)},
-        {"solve_us_p99", Quantile(run.solve_us, 0.99)},
-        {"solve_us_max", Quantile(run.solve_us, 1)}};
+    const nlohmann::json line = {{"ticks", run.ticks},
+                                 {"commands", run.commands},
+                                 {"unconverged", run.unconverged},
+                                 {"command_to_state_us_p50", run.command_to_state.Quantile(0.5)},
+                                 {"command_to_state_us_p99", run.command_to_state.Quantile(0.99)},
+                                 {"command_to_state_us_max", run.command_to_state.largest_us()},
+                                 {"solve_us_p50", run.solve.Quantile(0.5)},
+                                 {"solve_us_p99", run.solve.Quantile(0.99)},
+                                 {"solve_us_max", run.solve.largest_us()}};
     fmt::print("{}\n", line.dump());
   }
   return 0;
