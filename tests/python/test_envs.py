@@ -38,6 +38,22 @@ def test_every_task_steps(name):
     assert info["time_s"] == pytest.approx(0.6)
 
 
+@pytest.mark.parametrize("name", sorted(torquer.envs.TASKS))
+def test_an_observation_is_within_finite_bounds_wherever_the_hands_go(name):
+    many = torquer.envs.VectorEnv(name, 4, task=torquer.envs.TASKS[name].for_training())
+    space = many.single_observation_space
+    assert np.isfinite(space.low).all() and np.isfinite(space.high).all() and (space.low < space.high).all()
+    random = np.random.default_rng(3)
+    observations, _ = many.reset(seed=1)
+    # One is pushed as far as it goes, one pulled out, two wander.
+    for _ in range(300):
+        actions = random.uniform(-1, 1, many.action_space.shape).astype(np.float32)
+        actions[0, ::2], actions[1, ::2] = 1, -1
+        observations, *_ = many.step(actions)
+        assert many.observation_space.contains(observations)
+        assert all(space.contains(row) for row in observations)
+
+
 def test_the_same_seed_gives_the_same_episode(env):
     def episode(seed):
         first, _ = env.reset(seed=seed)

@@ -147,6 +147,7 @@ class _Prepared:
             raise Error(f"instrument is {task.instrument}; the scene has {count}")
         sees = sees or observation == "picture"
         self.scene = _scene_of(given, task, sees)
+        self.route = self.scene.route_mm(task.centerline, task.at_mm, 1.0)
         self.task = NavigationTask(
             instrument=task.instrument,
             within_mm=task.within_mm,
@@ -156,7 +157,7 @@ class _Prepared:
             force_limit_mN=task.force_limit_mN,
             max_steps=task.max_steps,
             pictures=sees,
-            route=self.scene.route_mm(task.centerline, task.at_mm, 1.0),
+            route=self.route,
         )
         self.navigation = Navigation(self.scene, self.task)
         self.action_size = 2 * count
@@ -164,7 +165,15 @@ class _Prepared:
 
     def observation_space(self, observation: str) -> Any:
         if observation == "vector":
-            return _Box(-np.inf, np.inf, (self.vector_size,), np.float32)
+            # No point of a wire is farther from the entry than the wire is long.
+            longest_mm = [one.max_length_mm for one in self.scene.instruments]
+            steps_mm = np.diff(self.route, axis=0, prepend=self.navigation.simulation.nodes_mm[:1])
+            far_mm = 2 * max(longest_mm) + np.linalg.norm(steps_mm, axis=1).sum()
+            turns = [1.0] * 2 * len(longest_mm)
+            points = [far_mm] * (self.vector_size - len(longest_mm) - len(turns))
+            high = np.array([*points, *longest_mm, *turns], np.float32)
+            low = np.array([*np.negative(points), *np.zeros(len(longest_mm)), *np.negative(turns)], np.float32)
+            return _Box(low, high, dtype=np.float32)
         height, width = self.navigation.take_picture().shape
         return _Box(0, 255, (height, width, 1), np.uint8)
 
@@ -186,7 +195,7 @@ class NavigationEnv(_Env):  # type: ignore[misc]
     last points of the wire about 5 mm apart, the next points of the route about 5 mm apart and the
     target, all from the tip on; then of each instrument its insertion and the cosine and sine of
     its rotation. "picture": the X-ray of the scene's [effects.fluoroscopy], shape (height, width,
-    1), uint8.
+    1), uint8. Bounds of the space are finite and hold wherever the hands go.
 
     Reward: the way gained along the route in mm / 10, -0.01 a step, +10 at the target. `info` keeps
     apart "success" (the target was reached) and "safe_success" (and no force was above the limit),
