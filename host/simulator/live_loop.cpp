@@ -90,7 +90,7 @@ class LiveLoop {
     readings_.Publish();
     health_.Change("stopping", "", Counters());
     statistics_.commands = commands_.taken();
-    return std::move(statistics_);
+    return statistics_;
   }
 
  private:

@@ -203,17 +203,18 @@ std::vector<Names> ShippedPairs(const std::string& scenes) {
   return {pairs.begin(), pairs.end()};
 }
 
-// No effect, more instruments, each effect, the pairs that shipped scenes have, and all but
-// torsion, which several instruments exclude.
+// No effect, more instruments, without and with torsion, each effect, the pairs that shipped scenes
+// have, and all.
 std::vector<Case> Cases(const std::string& scenes) {
   std::vector<Case> cases = {{}};
   for (std::size_t k = 0; k < std::size(kAround); ++k) {
     cases.push_back({{}, static_cast<int>(k) + 2});
+    cases.push_back({{"torsion"}, static_cast<int>(k) + 2});
   }
   Case all{{}, 2};
   for (const effects::EffectKind& kind : effects::AllEffects()) {
     cases.push_back({WithNeeds({kind.name})});
-    if (kind.shape == nullptr) all.effects.push_back(kind.name);
+    all.effects.push_back(kind.name);
   }
   for (const Names& pair : ShippedPairs(scenes)) {
     Case whole{WithNeeds(pair)};

@@ -178,6 +178,20 @@ TEST_CASE("Blood behind Windkessels is copied with what they store", "[api]") {
   CHECK(Show(copy) == Show(simulation));
 }
 
+TEST_CASE("Instruments that twist within each other are copied within a tick", "[api]") {
+  const Scene scene = ShippedWith("triaxial", "[effects.gravity]\n",
+                                  "[effects.torsion]\n[relaxation]\nbudget_units = 3\n");
+  Simulation simulation(scene);
+  Wanderer hands(7);
+  for (int k = 0; k < (kUnderSanitizer ? 3 : 20); ++k) {
+    Simulation copy = simulation;
+    Wanderer same = hands;
+    Wander(simulation, hands, 1 + k % 3);
+    Wander(copy, same, 1 + k % 3);
+    REQUIRE(Show(copy) == Show(simulation));
+  }
+}
+
 TEST_CASE("The paper's method is copied within its cycles", "[api]") {
   const torquer::test::SceneFile file(std::string(torquer::test::kPaperMethod) +
                                       "budget_units = 3\n");

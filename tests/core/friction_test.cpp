@@ -425,11 +425,13 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
 TEST_CASE("The hand of the instrument that touches the wall feels what turns its surface") {
   constexpr double kMu = 0.3;
   constexpr double kBore = 10;
+  const double torsional_rigidity = GENERATE(0.0, 10.0);
   const double radii_mm[] = {0.2, 0.4};
   std::vector<WireModel> instruments;
   for (const double radius_mm : radii_mm) {
     instruments.push_back(MakeWire({.segment_mm = 1,
                                     .rigidity_N_mm2 = 5e-4,
+                                    .torsional_rigidity_N_mm2 = torsional_rigidity,
                                     .radius_mm = radius_mm,
                                     .sheath = {Vector3d(0, 0, 0.4 - kBore), Vector3d::UnitX()}}));
   }
@@ -550,11 +552,11 @@ TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the wa
 TEST_CASE("Where budgets end, a motion with friction changes no bit") {
   const int seed = GENERATE(range(0, Rounds(12, 3)));
   CAPTURE(seed);
-  const bool twists = seed % 3 == 2;
+  const bool twists = seed % 2 == 1;
   const Torus torus(Side::kInside, 30, 3);
   const WallModel wall{.stiffness_N_mm2 = 0.05};
   std::vector<WireModel> instruments;
-  for (int k = 0; k < (twists ? 1 : 1 + seed % 3); ++k) {
+  for (int k = 0; k < 1 + seed % 3; ++k) {
     instruments.push_back(MakeWire({.rigidity_N_mm2 = 0.01 * (k + 1),
                                     .torsional_rigidity_N_mm2 = twists ? 0.02 : 0,
                                     .radius_mm = 0.2 + 0.3 * k,

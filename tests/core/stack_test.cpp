@@ -3,6 +3,7 @@
 
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/stack/instrument_stack.h"
+#include "tests/support/allocation_counter.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/wires.h"
 
@@ -13,8 +14,9 @@ constexpr double kSegment = 0.5;
 constexpr double kRightAngle = 1.5707963267948966;
 
 // An instrument that rests as an arc.
-WireModel Arc(double rigidity, double curvature, double radius) {
-  return WireModel(kSegment, {{0, rigidity, radius, curvature, 0}}, 0, 80, BendingLaw::kExact, {});
+WireModel Arc(double rigidity, double curvature, double radius, double torsional_N_mm2 = 0) {
+  return WireModel(kSegment, {{0, rigidity, radius, curvature, 0, torsional_N_mm2}}, 0, 80,
+                   BendingLaw::kExact, {});
 }
 
 // Arcs in free space, the innermost first.
@@ -179,18 +181,26 @@ TEST_CASE("A bend of the catheter comes to joints that were straight, and turns 
   CHECK(std::abs(both.CurvatureAt(20).normalized().dot(bend.normalized())) < 0.3);
 }
 
-TEST_CASE("Any budget leaves a whole rod, and the same work gives the same bits") {
-  Arcs a({Arc(2, 0.04, 0.2), Arc(3, 0.01, 0.6)});
-  Arcs b({Arc(2, 0.04, 0.2), Arc(3, 0.01, 0.6)});
+TEST_CASE("Any budget leaves a whole rod and no heap, and the same work gives the same bits") {
+  const double torsional_N_mm2 = GENERATE(0.0, 1.5);
+  const auto make = [&] {
+    return std::vector<WireModel>{Arc(2, 0.04, 0.2, torsional_N_mm2),
+                                  Arc(3, 0.01, 0.6, 2 * torsional_N_mm2)};
+  };
+  Arcs a(make());
+  Arcs b(make());
   std::vector<int> work;
+  work.reserve(150);
+  const std::size_t allocated = AllocationCount();
   const auto target = [](int k) {
     return InstrumentPlaces{{0.3 * k, 0.02 * k}, {0.2 * k, -0.01 * k}};
   };
   for (int k = 1; k <= 150; ++k) {
     CountedBudget budget(k % 4);
     work.push_back(a.relaxation->Tick(target(k), budget, a.state).work);
-    CHECK(work.back() <= k % 4);
+    if (work.back() > k % 4) FAIL("work beyond its budget");
   }
+  CHECK(AllocationCount() == allocated);
   for (int k = 1; k <= 150; ++k) {
     CountedBudget budget(work[static_cast<std::size_t>(k - 1)]);
     b.relaxation->Tick(target(k), budget, b.state);

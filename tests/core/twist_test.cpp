@@ -6,6 +6,7 @@
 #include "host/simulator/core/newton/riccati_sweep.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/finite_differences.h"
+#include "tests/support/roll_spring.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
@@ -13,43 +14,6 @@ namespace {
 
 constexpr double kRigidity = 6.35e-3;
 constexpr double kRatio = 0.7;  // GJ / EI
-
-// A spring from a point and the spin of its segment together: k (b.(x - x_0) + phi)^2 / 2, phi the
-// turn about itself since the start.
-class RollSpring final : public EnergyTerm {
- public:
-  explicit RollSpring(int point) : point_(point) {}
-  void Begin(const PointSet& points) override {
-    place_ = points.position[static_cast<std::size_t>(point_)];
-    tangent_ = points.Tangent(point_);
-    normal_ = points.Normal(point_);
-  }
-  double Add(const PointSet& points, PointDerivatives& out) const override {
-    if (normal_.isZero(0)) return 0;
-    const auto p = static_cast<std::size_t>(point_);
-    const Vector3d u = points.Tangent(point_);
-    const Vector3d from = ParallelTransport(normal_, tangent_, u);
-    const Vector3d& to = points.Normal(point_);
-    const double phi = std::atan2(from.cross(to).dot(u), from.dot(to));
-    const double stretch = kPull.dot(points.position[p] - place_) + phi - 0.3;
-    out.Touch(point_);
-    out.gradient[p] += kStiffness * stretch * kPull;
-    if (out.with_hessian) out.hessian[p] += kStiffness * kPull * kPull.transpose();
-    out.on_spins.push_back({point_, kStiffness * stretch, kStiffness, kStiffness * kPull});
-    return kStiffness * stretch * stretch / 2;
-  }
-  void End(const PointSet&) override {}
-  void Reset() override {}
-  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
-
- private:
-  static inline const Vector3d kPull{0.3, -0.2, 0.5};
-  static constexpr double kStiffness = 4e-3;
-  int point_;
-  Vector3d place_ = Vector3d::Zero();
-  Vector3d tangent_ = Vector3d::Zero();
-  Vector3d normal_ = Vector3d::Zero();
-};
 
 // A twisted, bent wire with a curved tip, pressed into the wall of a torus, with a dead end force.
 struct TwistedWire {

@@ -173,7 +173,6 @@ TEST_CASE("What an instrument cannot be is refused, with the remedy") {
       "[[instrument]]\nmax_length_mm = 150\nrigidity_N_mm2 = 3\nradius_mm = 0.5\n"
       "inner_radius_mm = 0.3\n",
       "", "name", "another instrument of this scene has this name");
-  refuses(kCatheter, "[effects.torsion]\n", "effects.torsion", "one instrument");
   refuses(kCatheter, "[relaxation]\nmethod = \"paper\"\n", "method", "newton");
   refuses("",
           "[effects.flow]\ninlet = \"main\"\ninlet_mL_s = 5\n[effects.contrast]\n"

@@ -16,6 +16,14 @@ constexpr char kScene[] =
     "[[instrument]]\nmax_length_mm = 150\nradius_mm = 0.2\nrigidity_N_mm2 = 0.01\n"
     "tip_mm = 10\ntip_angle_deg = 30\ninserted_at_start_mm = 110\nlinear_density_g_m = 0.7\n";
 
+// Around it, two more.
+constexpr char kTwoMore[] =
+    "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 140\nradius_mm = 0.5\n"
+    "inner_radius_mm = 0.3\nrigidity_N_mm2 = 0.03\ntip_mm = 8\ntip_angle_deg = 20\n"
+    "inserted_at_start_mm = 95\n"
+    "[[instrument]]\nname = \"sheath\"\nmax_length_mm = 130\nradius_mm = 0.9\n"
+    "inner_radius_mm = 0.7\nrigidity_N_mm2 = 0.06\ninserted_at_start_mm = 50\n";
+
 struct Named {
   std::string name;
   std::string text;
@@ -53,8 +61,9 @@ const std::vector<Named>& All() {
 }
 
 // The tables of some effects and of what they need, each once.
-std::string Text(std::vector<std::string> names) {
+std::string Text(std::vector<std::string> names, bool alone) {
   std::string text = kScene;
+  if (!alone) text += kTwoMore;
   for (const Named& effect : All()) {
     for (const std::string& name : std::vector<std::string>(names)) {
       if (name == effect.name && !effect.needs.empty()) names.push_back(effect.needs);
@@ -74,14 +83,15 @@ TEST_CASE("Every effect is in a pair here") {
   }
 }
 
-TEST_CASE("A wire that starts inside stays inside with every pair of effects, and repeats") {
+TEST_CASE("What starts inside stays inside with every pair of effects, and repeats") {
+  const bool alone = GENERATE(true, false);
   const std::vector<Named>& all = All();
   const TemporaryFolder folder;
   const std::string path = folder.Path("pair.toml");
   for (std::size_t a = 0; a < all.size(); ++a) {
     for (std::size_t b = a; b < all.size(); ++b) {
-      INFO(all[a].name << " and " << all[b].name);
-      std::ofstream(path) << Text({all[a].name, all[b].name});
+      INFO(all[a].name << " and " << all[b].name << (alone ? "" : ", three instruments"));
+      std::ofstream(path) << Text({all[a].name, all[b].name}, alone);
       scene::Scene scene(path);
       simulator::Simulation simulation(scene);
       const auto run = [&] {
@@ -92,6 +102,11 @@ TEST_CASE("A wire that starts inside stays inside with every pair of effects, an
           command.target = scene.start();
           command.target[0].insertion_mm += 0.3 * k;
           command.target[0].rotation_rad += 0.1 * k;
+          if (!alone) {
+            command.target[1].insertion_mm += 0.2 * k;
+            command.target[1].rotation_rad -= 0.05 * k;
+            command.target[2].rotation_rad += 0.2 * k;
+          }
           command.controls.xray = k > kTicks / 2;
           command.controls.contrast = k > kTicks / 4;
           CountedBudget budget(1000);

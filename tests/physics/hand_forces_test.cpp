@@ -48,10 +48,12 @@ struct Round {
   }
 };
 
+// Does not twist with a ratio of 0.
 WireModel Instrument(double segment_mm, double rigidity, double radius_mm, double tip_mm = 0,
-                     double curvature = 0) {
+                     double curvature = 0, double torsional_ratio = 0) {
   return MakeWire({.segment_mm = segment_mm,
                    .rigidity_N_mm2 = rigidity,
+                   .torsional_rigidity_N_mm2 = torsional_ratio * rigidity,
                    .radius_mm = radius_mm,
                    .tip_mm = tip_mm,
                    .tip_curvature_1_per_mm = curvature,
@@ -59,18 +61,19 @@ WireModel Instrument(double segment_mm, double rigidity, double radius_mm, doubl
                    .sheath = {Vector3d(kRing, 0, 0), Vector3d::UnitY()}});
 }
 
-std::vector<WireModel> Three(double segment_mm) {
+std::vector<WireModel> Three(double segment_mm, double torsional_ratio = 0) {
   std::vector<WireModel> three;
-  three.push_back(Instrument(segment_mm, 1, 0.2, 12, 0.05));
-  three.push_back(Instrument(segment_mm, 2, 0.4, 6, 0.03));
-  three.push_back(Instrument(segment_mm, 3, 0.6));
+  three.push_back(Instrument(segment_mm, 1, 0.2, 12, 0.05, torsional_ratio));
+  three.push_back(Instrument(segment_mm, 2, 0.4, 6, 0.03, torsional_ratio));
+  three.push_back(Instrument(segment_mm, 3, 0.6, 0, 0, torsional_ratio));
   return three;
 }
 
 TEST_CASE("The hand's force is the energy that a push takes, of each instrument") {
   const int count = GENERATE(1, 2, 3);
+  const double torsional_ratio = GENERATE(0.0, 0.1);
   const double segment_mm = 0.5;
-  std::vector<WireModel> instruments = Three(segment_mm);
+  std::vector<WireModel> instruments = Three(segment_mm, torsional_ratio);
   instruments.erase(instruments.begin() + count, instruments.end());
   InstrumentPlaces places(count);
   const double inside_mm[] = {95.3, 71.2, 40.4};
@@ -86,7 +89,7 @@ TEST_CASE("The hand's force is the energy that a push takes, of each instrument"
     round.GoTo(there);
     const double work = (more - round.energy()) / (2 * segment_mm);
     round.GoTo(places);
-    INFO("instrument " << k << " of " << count);
+    INFO("instrument " << k << " of " << count << ", GJ/EI " << torsional_ratio);
     CHECK(hand.axial_N == Approx(work).margin(1e-5));
   }
 }
@@ -114,6 +117,30 @@ TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it 
     round.relaxation->Restart(round.state);
     INFO("instrument " << k << " of " << count);
     CHECK(torque == Approx(work).epsilon(1e-3).margin(1e-9));
+    if (k < 2) CHECK(std::abs(work) > 1e-4);
+  }
+}
+
+TEST_CASE("Of what twists the hand's torque is the energy that a turn takes") {
+  const int count = GENERATE(1, 2, 3);
+  std::vector<WireModel> instruments = Three(0.5, 0.1);
+  instruments.erase(instruments.begin() + count, instruments.end());
+  InstrumentPlaces places(count);
+  const double inside_mm[] = {95.3, 71.2, 40.4};
+  for (int k = 0; k < count; ++k) places[k] = {inside_mm[k], 0.4 + 0.3 * k};
+  Round round(std::move(instruments), places);
+  for (int k = 0; k < count; ++k) {
+    const double torque = round.Hand(k).torque_mJ;
+    const auto turned = [&](double by_rad) {
+      InstrumentPlaces there = places;
+      there[k].rotation_rad += by_rad;
+      round.GoTo(there);
+      return round.energy();
+    };
+    const double work = (turned(0.01) - turned(-0.01)) / 0.02;
+    round.GoTo(places);
+    INFO("instrument " << k << " of " << count);
+    CHECK(torque == Approx(work).epsilon(1e-3).margin(1e-7));
     if (k < 2) CHECK(std::abs(work) > 1e-4);
   }
 }

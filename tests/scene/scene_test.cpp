@@ -152,8 +152,6 @@ TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
        {"instrument[1].inner_radius_mm", "more than the radius of guidewire"}},
       {kGood + WithIn(kCatheter, "radius_mm = 0.5", "radius_mm = [0.5, 0.3]\nfrom_tip_mm = [0, 9]"),
        {":21: instrument[1].inner_radius_mm = 0.3", "less than the outer radius, 0.3 mm"}},
-      {kGood + kCatheter + "[effects.torsion]\n",
-       {"effects.torsion", "do not twist", "keep one instrument"}},
       {kGood + kCatheter + "[relaxation]\nmethod = \"paper\"\n",
        {":19: instrument[1].name", "lone wire", "newton"}},
   };

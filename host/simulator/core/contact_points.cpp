@@ -53,7 +53,9 @@ void ContactPoints::Reserve(PointSet& points) const {
   points.clearance.reserve(last_.size());
   points.stiffness_N_mm2.reserve(last_.size());
   points.near.reserve(last_.size());
-  if (model_.twists()) points.normals.reserve(static_cast<std::size_t>(model_.max_segments()) + 1);
+  const auto segments = static_cast<std::size_t>(model_.max_segments()) + 1;
+  if (model_.spins() > 0) points.normals.reserve(segments);
+  if (model_.spins() > 1) points.turns_rad.reserve(segments);
 }
 
 void ContactPoints::TakeStiffness(const WireState& state) {
@@ -83,7 +85,8 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
   points.stiffness_N_mm2.resize(count);
   points.near.clear();
   points.start = state.nodes().front();
-  if (model_.twists()) points.normals = state.normals();
+  if (model_.spins() > 0) points.normals = state.normals();
+  points.turns_rad = state.turns_rad();
   points.instruments = state.places().size();
   points.spacing_mm = model_.segment_mm() / per_segment;
   points.first_spacing_mm = state.first_segment_mm() / per_segment;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
+#include "host/simulator/core/frames.h"
 #include "host/simulator/core/instrument_place.h"
 
 namespace torquer {
@@ -26,8 +27,11 @@ struct PointSet {
   std::vector<ClearanceSample> clearance;  ///< valid only at `near` points
   std::vector<double> stiffness_N_mm2;     ///< of the wall; valid only at `near` points
   Eigen::Vector3d start = Eigen::Vector3d::Zero();  ///< mm; where the piece of point 0 begins
-  /// Of a wire that twists, one a segment: unit, across it, fixed to its material. Otherwise empty.
+  /// Of what twists, one a segment: unit, across it; of a lone wire fixed to its material.
+  /// Otherwise empty.
   std::vector<Eigen::Vector3d> normals;
+  /// Of a stack that twists, one a segment: how far each instrument is turned against that.
+  std::vector<std::array<double, kMostInstruments>> turns_rad;
   int instruments = 1;                                  ///< of the stack
   std::array<double, kMostInstruments> behind_mm = {};  ///< each one's tip, behind the distal end
   double spacing_mm = 1;                                ///< of the points, lambda / K
@@ -36,9 +40,12 @@ struct PointSet {
   int size() const { return static_cast<int>(position.size()); }
   /// Identifies the point as material: constant while the wire moves through the sheath.
   int FromTip(int q) const { return size() - 1 - q; }
-  /// The normal, fixed to the material, of the segment that the point belongs to.
-  const Eigen::Vector3d& Normal(int q) const {
-    return normals[static_cast<std::size_t>(q / per_segment)];
+  /// The normal, fixed to the material of the surface, of the segment that the point belongs to.
+  Eigen::Vector3d Normal(int q) const {
+    const auto i = static_cast<std::size_t>(q / per_segment);
+    if (turns_rad.empty()) return normals[i];
+    return TurnedAbout(Tangent(q), normals[i],
+                       turns_rad[i][static_cast<std::size_t>(SurfaceAt(q))]);
   }
   /// The instrument, counted from the innermost, whose surface touches the wall at the point.
   int SurfaceAt(int q) const {

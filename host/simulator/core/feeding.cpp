@@ -20,6 +20,16 @@ void WireState::SplitTwist() {
   twist_rad_[0] -= back;
   if (tangents_.size() > 2) twist_rad_[1] -= on;
   twist_rad_.insert(twist_rad_.begin() + 1, back + on);
+  if (turns_rad_.empty()) return;
+  // What instruments are twisted against the frames that were turned just now.
+  turns_rad_.insert(turns_rad_.begin(), turns_rad_.front());
+  for (int k = 0; k < places_.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const double before = turns_rad_[1][at] - places_[k].rotation_rad;
+    const double beyond = turns_rad_.size() > 2 ? turns_rad_[2][at] - turns_rad_[1][at] : 0;
+    turns_rad_[0][at] -= before * (2.0 / 3);
+    turns_rad_[1][at] += beyond * (1.0 / 5);
+  }
 }
 
 // Segments 0 and 1 are about to become one, whose middle is `part` of the way from that of segment
@@ -30,6 +40,36 @@ void WireState::JoinTwist(double part) {
   twist_rad_[0] += twist_rad_[1] - back;
   if (twist_rad_.size() > 2) twist_rad_[2] += back;
   twist_rad_.erase(twist_rad_.begin() + 1);
+  if (turns_rad_.empty()) return;
+  for (std::size_t k = 0; k < turns_rad_[0].size(); ++k) {
+    turns_rad_[1][k] -= (turns_rad_[1][k] - turns_rad_[0][k]) * part;
+  }
+  turns_rad_.erase(turns_rad_.begin());
+}
+
+void WireState::MoveInstruments(const WireModel& model, const InstrumentPlaces& places) {
+  const double fed_mm = places.reach_mm() - places_.reach_mm();
+  const int n = segments();
+  for (int k = 0; k < places_.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const double slid_mm = places[k].insertion_mm - places_[k].insertion_mm - fed_mm;
+    const auto part = [&](int joint) {
+      return std::min(1.0, std::abs(slid_mm) / JointLength(model, *this, joint));
+    };
+    // What was at a place is farther on now, or less far.
+    if (slid_mm > 0) {
+      for (int i = n - 1; i >= 0; --i) {
+        turns_rad_[static_cast<std::size_t>(i)][at] -= part(i) * TwistOf(i, k);
+      }
+    } else if (slid_mm < 0) {
+      for (int i = 0; i + 1 < n; ++i) {
+        turns_rad_[static_cast<std::size_t>(i)][at] += part(i + 1) * TwistOf(i + 1, k);
+      }
+    }
+    const double turned_rad = places[k].rotation_rad - places_[k].rotation_rad;
+    for (OfInstruments& turns : turns_rad_) turns[at] += turned_rad;
+  }
+  places_ = places;
 }
 
 // Fits segment 0 to insertion_mm_, which has changed by at most lambda/2: splits it in two or joins
@@ -42,7 +82,8 @@ void WireState::FitFirstSegment(const WireModel& model) {
     if (insertion_mm_ >= shortest) {
       tangents_.push_back(model.sheath().direction);
       normals_.assign(1, ProximalNormal(model));
-      if (model.twists()) twist_rad_.assign(1, 0);
+      if (model.spins() > 0) twist_rad_.assign(1, 0);
+      if (model.spins() > 1) turns_rad_.assign(1, Rotations());
     }
     return;
   }
@@ -52,17 +93,18 @@ void WireState::FitFirstSegment(const WireModel& model) {
     first_segment_mm_ -= lambda;
     tangents_.insert(tangents_.begin(), tangents_.front());
     normals_.insert(normals_.begin(), normals_.front());
-    if (model.twists()) SplitTwist();
+    if (model.spins() > 0) SplitTwist();
   } else if (first_segment_mm_ < shortest) {
     if (segments() == 1) {
       tangents_.clear();
       normals_.clear();
       twist_rad_.clear();
+      turns_rad_.clear();
       first_segment_mm_ = insertion_mm_;
       return;
     }
     const Vector3d joined = first_segment_mm_ * tangents_[0] + lambda * tangents_[1];
-    if (model.twists()) JoinTwist(first_segment_mm_ / (first_segment_mm_ + lambda));
+    if (model.spins() > 0) JoinTwist(first_segment_mm_ / (first_segment_mm_ + lambda));
     tangents_.erase(tangents_.begin());
     normals_.erase(normals_.begin());
     // The two could be opposite only if the wire were folded at the sheath.

@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "host/simulator/core/stack/stack_terms.h"
+
 namespace torquer {
 
 using Eigen::Vector3d;
@@ -108,10 +110,22 @@ void FindTension(const WireModel& model, const WireState& state, const Expansion
   }
 }
 
+// What joint i bears of what twists, all instruments together.
+double TwistingMoment(const WireModel& model, const WireState& state, int joint) {
+  if (model.twists()) {
+    return TwistStiffness(model, state, joint) * state.twist_rad()[static_cast<std::size_t>(joint)];
+  }
+  double torque = 0;
+  for (int k = 0; k < model.spins(); ++k) {
+    torque += TwistStiffnessOf(model, state, joint, k) * state.TwistOf(joint, k);
+  }
+  return torque;
+}
+
 void FindMoments(const WireModel& model, const WireState& state, const Expansion& at,
                  InternalForces& out) {
   const int n = state.segments();
-  const bool twists = model.twists();
+  const bool twists = model.spins() > 0;
   const auto per_segment = static_cast<std::size_t>(at.points.per_segment);
   Vector3d end = Vector3d::Zero();
   for (const TangentLoad& on : at.derivatives.on_tangents) {
@@ -130,7 +144,7 @@ void FindMoments(const WireModel& model, const WireState& state, const Expansion
     for (std::size_t q = per_segment * k; q < per_segment * (k + 1); ++q) {
       surface += out.surface_torque_mJ[q];
     }
-    torque = twists ? TwistStiffness(model, state, i) * state.twist_rad()[k] : torque + own;
+    torque = twists ? TwistingMoment(model, state, i) : torque + own;
     out.twisting_mJ[k] = torque + surface;
     if (i > 0) continue;
     const Vector3d& after = state.tangents().front();
@@ -160,7 +174,7 @@ void FindInternalForces(const WireModel& model, const WireState& state, const Ex
   if (n == 0) return;
   FindFriction(expansion.points, terms, out.friction);
   out.surface_torque_mJ.assign(expansion.points.position.size(), 0);
-  if (!model.twists()) FindSurfaceTorques(expansion.points, out);
+  if (model.spins() == 0) FindSurfaceTorques(expansion.points, out);
   FindContacts(expansion, out);
   FindPointGradients(expansion, out);
   FindTension(model, state, expansion, out);

@@ -140,6 +140,41 @@ void ExpandStraightJoint(BendingLaw law, double stiffness_mJ, const Vector3d& pr
                       torque_mJ, energy_mJ, out, &turn);
 }
 
+TwistGeometry::TwistGeometry(const Vector3d& proximal_tangent, const Frame& proximal_frame,
+                             const Vector3d& tangent, const Frame& frame)
+    : h_p(proximal_frame.transpose() * tangent),
+      h_d(frame.transpose() * proximal_tangent),
+      across(proximal_frame.transpose() * frame),
+      part(1 / (1 + proximal_tangent.dot(tangent))) {
+  g_p = part * Vector2d(-h_p[1], h_p[0]);
+  g_d = part * Vector2d(h_d[1], -h_d[0]);
+}
+
+void BearTwist(double stiffness_mJ, double torque_mJ, const TwistGeometry& geometry,
+               JointTerms& bending) {
+  const Vector2d& g_p = geometry.g_p;
+  const Vector2d& g_d = geometry.g_d;
+  bending.gradient_proximal += torque_mJ * g_p;
+  bending.gradient_distal += torque_mJ * g_d;
+  // The areas of triangles, to second order.
+  const double half = torque_mJ * geometry.part / 2;
+  const auto symmetric = [](const Vector2d& a, const Vector2d& b) {
+    Matrix2d m;
+    m << 2 * a[0] * b[0], a[0] * b[1] + a[1] * b[0], 0, 2 * a[1] * b[1];
+    m(1, 0) = m(0, 1);
+    return m;
+  };
+  bending.hessian_proximal +=
+      stiffness_mJ * g_p * g_p.transpose() - half * symmetric(g_p, geometry.h_p);
+  bending.hessian_distal +=
+      stiffness_mJ * g_d * g_d.transpose() - half * symmetric(g_d, geometry.h_d);
+  const Matrix2d& across = geometry.across;
+  Matrix2d turned;  // the columns of `across`, a quarter turn on
+  turned << across(0, 1), -across(0, 0), across(1, 1), -across(1, 0);
+  bending.hessian_cross += stiffness_mJ * g_p * g_d.transpose() +
+                           (torque_mJ * geometry.part) * (turned - geometry.h_p * g_d.transpose());
+}
+
 void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_tangent,
               const Frame& proximal_frame, const Vector3d& tangent, const Frame& frame,
               double& energy_mJ, JointTerms& bending, TwistTerms& out) {
@@ -148,37 +183,17 @@ void AddTwist(double stiffness_mJ, double twist_rad, const Vector3d& proximal_ta
   const double k = stiffness_mJ;
   const double torque = k * twist_rad;
   energy_mJ += torque * twist_rad / 2;
-  const double part = 1 / (1 + proximal_tangent.dot(tangent));
-  const Vector2d h_p = proximal_frame.transpose() * tangent;
-  const Vector2d h_d = frame.transpose() * proximal_tangent;
-  const Vector2d g_p = part * Vector2d(-h_p[1], h_p[0]);
-  const Vector2d g_d = part * Vector2d(h_d[1], -h_d[0]);
-  bending.gradient_proximal += torque * g_p;
-  bending.gradient_distal += torque * g_d;
-  // The areas of triangles, to second order.
-  const double half = torque * part / 2;
-  const auto symmetric = [](const Vector2d& a, const Vector2d& b) {
-    Matrix2d m;
-    m << 2 * a[0] * b[0], a[0] * b[1] + a[1] * b[0], 0, 2 * a[1] * b[1];
-    m(1, 0) = m(0, 1);
-    return m;
-  };
-  bending.hessian_proximal += k * g_p * g_p.transpose() - half * symmetric(g_p, h_p);
-  bending.hessian_distal += k * g_d * g_d.transpose() - half * symmetric(g_d, h_d);
-  const Matrix2d across = proximal_frame.transpose() * frame;
-  Matrix2d turned;  // the columns of `across`, a quarter turn on
-  turned << across(0, 1), -across(0, 0), across(1, 1), -across(1, 0);
-  bending.hessian_cross +=
-      k * g_p * g_d.transpose() + (torque * part) * (turned - h_p * g_d.transpose());
+  const TwistGeometry geometry(proximal_tangent, proximal_frame, tangent, frame);
+  BearTwist(k, torque, geometry, bending);
   out.gradient_proximal = -torque;
   out.gradient_distal = torque;
   out.hessian_proximal = k;
   out.hessian_distal = k;
   out.hessian_cross = -k;
-  out.proximal_proximal = -k * g_p;
-  out.proximal_distal = -k * g_d;
-  out.distal_proximal = k * g_p;
-  out.distal_distal = k * g_d;
+  out.proximal_proximal = -k * geometry.g_p;
+  out.proximal_distal = -k * geometry.g_d;
+  out.distal_proximal = k * geometry.g_p;
+  out.distal_distal = k * geometry.g_d;
   out.distal_displacement.setZero();
 }
 

@@ -72,6 +72,23 @@ void ExpandStraightJoint(BendingLaw law, double stiffness_mJ,
                          const Eigen::Vector3d& tangent, const Frame& frame, double& energy_mJ,
                          JointTerms& out);
 
+/// How a joint's twist grows with the steps of its segments, xi: by g_p.xi_{i-1} + g_d.xi_i, (27).
+struct TwistGeometry {
+  TwistGeometry(const Eigen::Vector3d& proximal_tangent, const Frame& proximal_frame,
+                const Eigen::Vector3d& tangent, const Frame& frame);
+  Eigen::Vector2d g_p;
+  Eigen::Vector2d g_d;
+  Eigen::Vector2d h_p;
+  Eigen::Vector2d h_d;
+  Eigen::Matrix2d across;
+  double part;
+};
+
+/// Adds what a joint's twist, of this stiffness and with this torque, adds to the expansion of its
+/// bending, (28), (29); without the energy.
+void BearTwist(double stiffness_mJ, double torque_mJ, const TwistGeometry& geometry,
+               JointTerms& bending);
+
 /// Adds the energy `stiffness_mJ` twist_rad^2 / 2 of a twisted joint, stiffness_mJ = GJ / (length
 /// that the joint stands for), to the expansion of the same joint's bending.
 void AddTwist(double stiffness_mJ, double twist_rad, const Eigen::Vector3d& proximal_tangent,

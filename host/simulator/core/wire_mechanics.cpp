@@ -31,9 +31,9 @@ Expansion WireMechanics::MakeExpansion() const {
   e.loads.reserve(n);
   e.distal_gradient.reserve(n + 1);
   e.gradient.reserve(n);
-  if (model_.twists()) {
-    e.twists.reserve(n);
-    e.spin_gradient.reserve(n);
+  if (model_.spins() > 0) {
+    (model_.twists() ? e.twists.reserve(n) : e.stack.reserve(n));
+    e.spin_gradient.reserve(n * static_cast<std::size_t>(model_.spins()));
     e.derivatives.on_spins.reserve(terms_.empty() ? 0 : points);
   } else if (model_.most_curved_joints() > 1) {
     e.turns.reserve(n);
@@ -43,7 +43,7 @@ Expansion WireMechanics::MakeExpansion() const {
   e.derivatives.used.reserve(points);
   e.derivatives.gradient.reserve(points);
   e.derivatives.hessian.reserve(points);
-  if (!terms_.empty()) e.derivatives.on_tangents.reserve(8 + (model_.twists() ? points : 0));
+  if (!terms_.empty()) e.derivatives.on_tangents.reserve(8 + (model_.spins() > 0 ? points : 0));
   return e;
 }
 
@@ -145,16 +145,35 @@ void WireMechanics::ExpandTwists(const WireState& state, Expansion& out) const {
   }
 }
 
+void WireMechanics::ExpandStack(const WireState& state, Expansion& out) const {
+  const int n = state.segments();
+  out.stack.resize(static_cast<std::size_t>(n));
+  for (int i = 0; i < n; ++i) {
+    ExpandStackJoint(model_, state, i, i == 0 ? sheath_frame_ : out.frames[i - 1], out.frames[i],
+                     out.energy_mJ, out.joints[i], out.stack[i]);
+  }
+}
+
 void WireMechanics::AddSpinLoads(const WireState& state, Expansion& out) const {
   const int per_segment = out.points.per_segment;
   for (const SpinLoad& on : out.derivatives.on_spins) {
     const int i = on.point / per_segment;
     const double t = state.SegmentLength(model_, i) * (on.point % per_segment + 1) / per_segment;
+    const Vector2d with_step = t * (out.frames[i].transpose() * on.with_position);
+    if (!model_.twists()) {
+      const int k = out.points.SurfaceAt(on.point);
+      StackTerms& stack = out.stack[i];
+      stack.gradient_distal[k] += on.gradient;
+      stack.hessian_distal[k] += on.hessian;
+      stack.distal_displacement.row(k) += on.with_position.transpose();
+      stack.distal_distal.row(k) += with_step.transpose();
+      continue;
+    }
     TwistTerms& twist = out.twists[i];
     twist.gradient_distal += on.gradient;
     twist.hessian_distal += on.hessian;
     twist.distal_displacement += on.with_position;
-    twist.distal_distal += t * (out.frames[i].transpose() * on.with_position);
+    twist.distal_distal += with_step;
   }
 }
 
@@ -217,6 +236,35 @@ void WireMechanics::Model(const WireState& state, const std::vector<std::uint8_t
       state, [&active](std::size_t k) { return active[k] != 0; }, out);
 }
 
+// The gradient by the spins of a segment; the largest of their squares, over the local GJ/(1 mm).
+double WireMechanics::SumSpins(const WireState& state, int segment, Expansion& out) const {
+  const int n = state.segments();
+  const auto i = static_cast<std::size_t>(segment);
+  const auto take = [&](std::size_t at, double spin, double before, double beyond) {
+    out.spin_gradient[at] = spin;
+    const double torsional = std::min(before, beyond);
+    return spin * spin / (torsional * torsional);
+  };
+  const bool last = segment + 1 == n;
+  if (model_.twists()) {
+    return take(i, out.twists[i].gradient_distal + (last ? 0 : out.twists[i + 1].gradient_proximal),
+                model_.torsional_rigidity_N_mm2(n - segment),
+                model_.torsional_rigidity_N_mm2(n - segment - 1));
+  }
+  const auto count = static_cast<std::size_t>(model_.spins());
+  double largest = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto row = static_cast<Eigen::Index>(k);
+    const double spin =
+        out.stack[i].gradient_distal[row] + (last ? 0 : out.stack[i + 1].gradient_proximal[row]);
+    largest = std::max(
+        largest,
+        take(i * count + k, spin, model_.twisting_joint(n - segment).of[k].torsional_rigidity_N_mm2,
+             model_.twisting_joint(n - segment - 1).of[k].torsional_rigidity_N_mm2));
+  }
+  return largest;
+}
+
 double WireMechanics::SumGradient(const WireState& state, Expansion& out) const {
   const int n = state.segments();
   double residual = 0;
@@ -239,13 +287,7 @@ double WireMechanics::SumGradient(const WireState& state, Expansion& out) const 
     const double rigidity =
         std::min(model_.rigidity_N_mm2(n - i), model_.rigidity_N_mm2(n - i - 1));
     residual = std::max(residual, Summed(g * g)[0] / (rigidity * rigidity));
-    if (out.twists.empty()) continue;
-    double spin = out.twists[i].gradient_distal;
-    if (i + 1 < n) spin += out.twists[i + 1].gradient_proximal;
-    out.spin_gradient[i] = spin;
-    const double torsional = std::min(model_.torsional_rigidity_N_mm2(n - i),
-                                      model_.torsional_rigidity_N_mm2(n - i - 1));
-    residual = std::max(residual, spin * spin / (torsional * torsional));
+    if (model_.spins() > 0) residual = std::max(residual, SumSpins(state, i, out));
   }
   return std::sqrt(residual);
 }
@@ -266,15 +308,15 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
   out.derivatives.with_hessian = with_hessian;
   ExpandWall(with_hessian, out);
   out.turns.clear();
-  if (!model_.twists() && model_.first_straight_joint() > 1) {
+  if (model_.spins() > 1) {
+    ExpandStack(state, out);
+  } else if (!model_.twists() && model_.first_straight_joint() > 1) {
     ExpandTurningJoints(state, out);
   } else {
     ExpandJoints(state, out);
   }
-  if (model_.twists()) {
-    out.spin_gradient.resize(n);
-    ExpandTwists(state, out);
-  }
+  out.spin_gradient.resize(n * static_cast<std::size_t>(model_.spins()));
+  if (model_.twists()) ExpandTwists(state, out);
   if (!terms_.empty()) {
     out.derivatives.gradient.resize(points);
     out.derivatives.hessian.resize(points);
@@ -286,7 +328,7 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
       out.energy_mJ += added_mJ;
       if (term->Dissipates()) out.dissipated_mJ += added_mJ;
     }
-    if (model_.twists()) AddSpinLoads(state, out);
+    if (model_.spins() > 0) AddSpinLoads(state, out);
   }
   SumTrueGradient(state, out);
 }

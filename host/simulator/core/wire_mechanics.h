@@ -9,7 +9,8 @@
 // feels all segments before it. What turns it goes back along the wire as a twisting moment.
 //
 // A wire that twists has normals that are fixed to its material, and one more unknown a segment:
-// its spin zeta_i, which turns the normal about the tangent.
+// its spin zeta_i, which turns the normal about the tangent. Of a stack that twists each instrument
+// has a spin, which turns it against the normal.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,6 +20,7 @@
 #include "host/simulator/core/contact_points.h"
 #include "host/simulator/core/energy_term.h"
 #include "host/simulator/core/joint_terms.h"
+#include "host/simulator/core/stack/stack_terms.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
 
@@ -53,12 +55,13 @@ struct Expansion {
   std::vector<JointTerms> joints;  ///< n, one a joint; joint 0 has no proximal unknown
   std::vector<TwistTerms> twists;  ///< the same for a wire that twists; otherwise empty
   std::vector<TurnTerms> turns;    ///< the same for one that does not and rests curved somewhere
+  std::vector<StackTerms> stack;   ///< the same for a stack that twists
   std::vector<int> load_index;     ///< n, into `loads`, -1 for a segment free of load
   std::vector<LoadTerms> loads;    ///< of the loaded segments
   std::vector<Eigen::Vector3d> distal_gradient;  ///< n + 1: sum of the gradients beyond node i,
                                                  ///< minus the internal force there; N
   std::vector<Eigen::Vector2d> gradient;         ///< n: d energy / d xi_i
-  std::vector<double> spin_gradient;             ///< n: d energy / d zeta_i, for a wire that twists
+  std::vector<double> spin_gradient;             ///< n times the model's spins: d energy / d zeta_i
   PointSet points;
   std::vector<WallSpring> springs;  ///< one for each of points.near
   PointDerivatives derivatives;     ///< of the terms, without the wall
@@ -95,6 +98,8 @@ class WireMechanics {
   void ExpandTurningJoints(const WireState& state, Expansion& out) const;
   RestSpinTerms SpinOfRestAt(const WireState& state, int joint, const Expansion& at) const;
   void ExpandTwists(const WireState& state, Expansion& out) const;
+  void ExpandStack(const WireState& state, Expansion& out) const;
+  double SumSpins(const WireState& state, int segment, Expansion& out) const;
   void AddSpinLoads(const WireState& state, Expansion& out) const;
   void ExpandWall(bool with_hessian, Expansion& out) const;
   void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,

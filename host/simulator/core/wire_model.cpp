@@ -17,14 +17,6 @@ void CheckPositive(const std::string& field, double value) {
   if (!(value > 0) || !std::isfinite(value)) Refuse(field, value, "a positive number");
 }
 
-// Where a segment rests whose joint is bent by an angle towards the first and second normal.
-Eigen::Vector3d Direction(const Eigen::Vector2d& rest_rad) {
-  const double angle = rest_rad.norm();
-  if (!(angle > 0)) return {0, 0, 1};
-  const Eigen::Vector2d across = rest_rad * (std::sin(angle) / angle);
-  return {across[0], across[1], std::cos(angle)};
-}
-
 WireSection Interpolate(const std::vector<WireSection>& sections, double from_tip_mm) {
   if (from_tip_mm <= sections.front().from_tip_mm) return sections.front();
   if (from_tip_mm >= sections.back().from_tip_mm) return sections.back();
@@ -42,6 +34,13 @@ WireSection Interpolate(const std::vector<WireSection>& sections, double from_ti
 }
 
 }  // namespace
+
+Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad) {
+  const double angle = angle_rad.norm();
+  if (!(angle > 0)) return {0, 0, 1};
+  const Eigen::Vector2d across = angle_rad * (std::sin(angle) / angle);
+  return {across[0], across[1], std::cos(angle)};
+}
 
 WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, double tip_mm,
                      double max_length_mm, BendingLaw law, const Sheath& sheath)
@@ -87,7 +86,7 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
     const Eigen::Vector2d rest =
         segment_mm * Eigen::Vector2d(s.curvature_1_per_mm, s.curvature_2_per_mm);
     if (!rest.isZero(0)) first_straight_ = k + 1;
-    rest_direction_.push_back(Direction(rest));
+    rest_direction_.push_back(BentBy(rest));
   }
   // A wire whose last section is curved is curved to its proximal end.
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
@@ -110,11 +109,28 @@ void WireModel::ReplaceJoints(const std::vector<Joint>& joints, int tip_segments
   for (std::size_t k = 0; k < count; ++k) {
     rigidity_[k] = joints[k].rigidity_N_mm2;
     radius_[k] = joints[k].radius_mm;
-    rest_direction_[k] = Direction(joints[k].rest_rad);
+    rest_direction_[k] = BentBy(joints[k].rest_rad);
     if (!joints[k].rest_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
   }
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
   tip_segments_ = tip_segments;
+}
+
+void WireModel::ReplaceJoints(const std::vector<Joint>& joints,
+                              const std::vector<TwistingJoint>& twisting, int count,
+                              int tip_segments) {
+  assert(count >= 2 && joints.size() == twisting.size());
+  ReplaceJoints(joints, tip_segments);
+  twisting_ = twisting;
+  stack_spins_ = count;
+  // What cancels out as the hands are now need not when they turn.
+  first_straight_ = 0;
+  for (std::size_t k = 0; k < twisting.size(); ++k) {
+    for (const TwistingJoint::Share& share : twisting[k].of) {
+      if (share.weight > 0 && !share.rest_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
+    }
+  }
+  if (first_straight_ == static_cast<int>(twisting.size())) first_straight_ = max_segments_ + 1;
 }
 
 }  // namespace torquer

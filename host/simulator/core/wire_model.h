@@ -2,9 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "host/simulator/core/bending.h"
+#include "host/simulator/core/instrument_place.h"
 
 namespace torquer {
 
@@ -25,6 +27,10 @@ struct Sheath {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit
 };
 
+/// The unit direction, in the frame (first normal, second normal, tangent), of a segment whose
+/// joint is bent by an angle towards the first and second normal, rad.
+Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad);
+
 /// A wire cut into segments. Everything is indexed by the number of segments between a node (or
 /// the joint at it) and the distal end, because that is what stays the same when the wire moves.
 class WireModel {
@@ -42,10 +48,29 @@ class WireModel {
     Eigen::Vector2d rest_rad;  ///< angle by which it rests bent, towards first and second normal
   };
   /// Replaces all joints: for instruments that slide within each other, whose sum is not the same
-  /// as before when they have moved (coaxial/coaxial_pair.h). Joint k is `from_tip` k; the last
+  /// as before when they have moved (stack/instrument_stack.h). Joint k is `from_tip` k; the last
   /// goes on proximally. `tip_segments`: as tip_mm says it. Only of a wire that does not twist. No
   /// heap.
   void ReplaceJoints(const std::vector<Joint>& joints, int tip_segments);
+
+  /// What instruments that twist, each by itself, are at a joint of the rod that they make
+  /// together. The joint rests at the sum of weight times rest_rad, each turned with its own
+  /// instrument (README (30)).
+  struct TwistingJoint {
+    struct Share {
+      Eigen::Vector2d rest_rad = Eigen::Vector2d::Zero();  ///< as Joint::rest_rad, by itself
+      double weight = 0;                                   ///< of its rest in that of the rod, 0..1
+      /// GJ, > 0. Goes on beyond its tip, where nothing turns it.
+      double torsional_rigidity_N_mm2 = 0;
+    };
+    std::array<Share, kMostInstruments> of;
+    /// [a][b], a < b: EI with which two that rest differently hold each other bent, N mm^2
+    /// (README (38)).
+    std::array<std::array<double, kMostInstruments>, kMostInstruments> mutual_N_mm2 = {};
+  };
+  /// The same of `count` >= 2 instruments that twist; one for each of `joints`.
+  void ReplaceJoints(const std::vector<Joint>& joints, const std::vector<TwistingJoint>& twisting,
+                     int count, int tip_segments);
 
   double segment_mm() const { return segment_mm_; }        ///< lambda
   int tip_segments() const { return tip_segments_; }       ///< M of the paper
@@ -61,6 +86,11 @@ class WireModel {
   double radius_mm(int from_tip) const { return radius_[Clamp(from_tip)]; }
   /// Whether the wire twists under a torque. Otherwise its distal end turns as the proximal one.
   bool twists() const { return !torsional_rigidity_.empty(); }
+  /// How many spins a segment has: 0 where nothing twists, 1 of a lone wire that does, and one for
+  /// each instrument of a stack of those.
+  int spins() const { return twists() ? 1 : stack_spins_; }
+  /// Of a rod with two spins or more.
+  const TwistingJoint& twisting_joint(int from_tip) const { return twisting_[Clamp(from_tip)]; }
   /// GJ of the joint, N mm^2. Only of a wire that twists.
   double torsional_rigidity_N_mm2(int from_tip) const {
     return torsional_rigidity_[Clamp(from_tip)];
@@ -94,6 +124,8 @@ class WireModel {
   std::vector<double> rigidity_;
   std::vector<double> radius_;
   std::vector<double> torsional_rigidity_;  // empty for a wire that does not twist
+  std::vector<TwistingJoint> twisting_;     // of a stack that twists
+  int stack_spins_ = 0;
   std::vector<Eigen::Vector3d> rest_direction_;
 };
 

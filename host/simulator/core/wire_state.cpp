@@ -36,8 +36,9 @@ WireState::WireState(const WireModel& model, int instruments) : places_(instrume
   nodes_.reserve(room);
   tangents_.reserve(room);
   normals_.reserve(room);
-  if (model.twists()) {
+  if (model.spins() > 0) {
     twist_rad_.reserve(room);
+    if (model.spins() > 1) turns_rad_.reserve(room);
   } else {
     reference_twist_.assign(static_cast<std::size_t>(model.most_curved_joints()) + 1,
                             Vector2d(1, 0));
@@ -119,7 +120,8 @@ void WireState::UntwistFrames(const WireModel& model) {
     normals_[i] = normal;
   }
   std::fill(reference_twist_.begin(), reference_twist_.end(), Vector2d(1, 0));
-  if (model.twists()) twist_rad_.assign(static_cast<std::size_t>(n), 0);
+  if (model.spins() > 0) twist_rad_.assign(static_cast<std::size_t>(n), 0);
+  if (model.spins() > 1) turns_rad_.assign(static_cast<std::size_t>(n), Rotations());
 }
 
 void WireState::PlaceAgain(const WireModel& model) {
@@ -159,8 +161,16 @@ void WireState::UpdateTwist(const WireModel& model) {
   }
 }
 
+OfInstruments WireState::Rotations() const {
+  OfInstruments rotations = {};
+  for (int k = 0; k < places_.size(); ++k) {
+    rotations[static_cast<std::size_t>(k)] = places_[k].rotation_rad;
+  }
+  return rotations;
+}
+
 void WireState::UpdateFrames(const WireModel& model) {
-  if (model.twists()) {
+  if (model.spins() > 0) {
     UpdateTwist(model);
     return;
   }
@@ -184,7 +194,7 @@ void WireState::UpdateFrames(const WireModel& model) {
 }
 
 void WireState::Rotate(double rotation_rad) {
-  if (!twist_rad_.empty()) {
+  if (!twist_rad_.empty() && turns_rad_.empty()) {
     const double c = std::cos(rotation_rad - rotation_rad_);
     const double s = std::sin(rotation_rad - rotation_rad_);
     for (std::size_t i = 0; i < normals_.size(); ++i) {
@@ -247,7 +257,7 @@ void WireState::Step(const WireModel& model, const WireState& from,
                      const std::vector<Frame>& frames, const std::vector<Vector2d>& xi_of,
                      const std::vector<double>& spin, double scale) {
   const auto n = from.tangents_.size();
-  const bool twists = model.twists();
+  const auto spins = static_cast<std::size_t>(model.spins());
   tangents_.resize(n);
   normals_.resize(n);
   first_segment_mm_ = from.first_segment_mm_;
@@ -257,6 +267,7 @@ void WireState::Step(const WireModel& model, const WireState& from,
   places_ = from.places_;
   reference_twist_ = from.reference_twist_;
   twist_rad_ = from.twist_rad_;
+  turns_rad_ = from.turns_rad_;
   for (std::size_t i = 0; i < n; ++i) {
     const Vector3d& u = from.tangents_[i];
     const Vector2d xi = scale * xi_of[i];
@@ -268,9 +279,11 @@ void WireState::Step(const WireModel& model, const WireState& from,
     const Vector3d normal = carried - carried.dot(tangent) * tangent;
     tangents_[i] = tangent;
     normals_[i] = normal * (1.5 - 0.5 * normal.squaredNorm());
-    if (twists) {
+    if (spins == 1) {
       const Vector3d spun = normals_[i] + (scale * spin[i]) * tangent.cross(normals_[i]);
       normals_[i] = spun / spun.norm();
+    } else {
+      for (std::size_t k = 0; k < spins; ++k) turns_rad_[i][k] += scale * spin[i * spins + k];
     }
   }
   PlaceNodes(model, 1);
@@ -283,6 +296,7 @@ void WireState::TakeStep(WireState& stepped) {
   std::swap(normals_, stepped.normals_);
   std::swap(reference_twist_, stepped.reference_twist_);
   std::swap(twist_rad_, stepped.twist_rad_);
+  std::swap(turns_rad_, stepped.turns_rad_);
 }
 
 namespace {
@@ -298,12 +312,28 @@ Vector3d PartOfRest(const Vector3d& rest, double part) {
 
 }  // namespace
 
+Vector2d TwistedRest(const WireModel& model, const WireState& state, int joint) {
+  const WireModel::TwistingJoint& twisting = model.twisting_joint(state.segments() - joint);
+  Vector2d rest = Vector2d::Zero();
+  for (int k = 0; k < model.spins(); ++k) {
+    const auto& share = twisting.of[static_cast<std::size_t>(k)];
+    if (share.weight == 0 || share.rest_rad.isZero(0)) continue;
+    const double turn = state.TurnBefore(joint, k);
+    rest += share.weight * Times({std::cos(turn), std::sin(turn)}, share.rest_rad);
+  }
+  return JointLength(model, state, joint) / model.segment_mm() * rest;
+}
+
 Vector3d RestDirection(const WireModel& model, const WireState& state, int joint) {
   const Vector3d& tangent = joint == 0 ? model.sheath().direction : state.tangents()[joint - 1];
   const int from_tip = state.segments() - joint;
   if (from_tip >= model.first_straight_joint()) return tangent;
   const Vector3d first = joint == 0 ? state.ProximalNormal(model) : state.normals()[joint - 1];
   const Vector3d second = tangent.cross(first);
+  if (model.spins() > 1) {
+    const Vector3d rest = BentBy(TwistedRest(model, state, joint));
+    return rest[2] * tangent + rest[0] * first + rest[1] * second;
+  }
   double c = 1;
   double s = 0;
   if (!model.twists()) {
@@ -330,6 +360,9 @@ std::uint64_t HashState(const WireState& state) {
     hash = HashDouble(twist[1], HashDouble(twist[0], hash));
   }
   for (const double twist : state.twist_rad()) hash = HashDouble(twist, hash);
+  for (const OfInstruments& turns : state.turns_rad()) {
+    for (const double turn : turns) hash = HashDouble(turn, hash);
+  }
   hash = HashDouble(state.first_segment_mm(), hash);
   hash = HashDouble(state.insertion_mm(), hash);
   hash = HashDouble(state.rotation_rad(), hash);

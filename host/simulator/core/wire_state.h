@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -10,6 +11,9 @@
 #include "host/simulator/core/wire_model.h"
 
 namespace torquer {
+
+/// A number for each instrument of a stack.
+using OfInstruments = std::array<double, kMostInstruments>;
 
 /// The tangent plane of a segment: its normal and second normal (tangent x normal) as columns.
 using Frame = Eigen::Matrix<double, 3, 2, Eigen::RowMajor>;
@@ -48,10 +52,25 @@ class WireState {
   /// sheath's carried along the wire by parallel transport. A wire that does not twist has its rest
   /// shape fixed to the untwisted normals, turned by rotation_rad().
   const std::vector<Eigen::Vector2d>& reference_twist() const { return reference_twist_; }
-  /// For a wire that twists: n, by joint, the angle about the tangent from the normal carried on
-  /// from the proximal segment (or from the sheath, where it turns with the hand) to that of the
-  /// distal one. Empty otherwise.
+  /// For a wire or a stack that twists: n, by joint, the angle about the tangent from the normal
+  /// carried on from the proximal segment (or from the sheath, where it turns with the hand of a
+  /// lone wire) to that of the distal one. Empty otherwise.
   const std::vector<double>& twist_rad() const { return twist_rad_; }
+  /// For a stack that twists: n, the angle about the tangent from the normal of the segment to the
+  /// first normal of each instrument, which is fixed to its material. Empty otherwise.
+  const std::vector<OfInstruments>& turns_rad() const { return turns_rad_; }
+  /// The same in the segment before joint i, or in the sheath.
+  double TurnBefore(int joint, int instrument) const {
+    return joint == 0 ? places_[instrument].rotation_rad
+                      : turns_rad_[static_cast<std::size_t>(joint) - 1]
+                                  [static_cast<std::size_t>(instrument)];
+  }
+  /// Of a stack that twists: how an instrument is twisted at joint i.
+  double TwistOf(int joint, int instrument) const {
+    const auto i = static_cast<std::size_t>(joint);
+    return twist_rad_[i] + turns_rad_[i][static_cast<std::size_t>(instrument)] -
+           TurnBefore(joint, instrument);
+  }
   double first_segment_mm() const { return first_segment_mm_; }
   double SegmentLength(const WireModel& model, int i) const {
     return i == 0 ? first_segment_mm_ : model.segment_mm();
@@ -73,6 +92,9 @@ class WireState {
 
   /// The instruments are here now. Feed must follow where that changes how far they reach.
   void SetPlaces(const InstrumentPlaces& places) { places_ = places; }
+  /// The same of a stack that twists: each instrument slides along the wire, which is to be fed,
+  /// and turns as a whole, which is where it comes to rest if nothing holds it.
+  void MoveInstruments(const WireModel& model, const InstrumentPlaces& places);
   /// Feeds the wire to where `to_mm` of it are inside (0 .. model.max_length_mm(), at most lambda/2
   /// from where it is): it slides along itself, its tip goes on straight (README (23)).
   void Feed(const WireModel& model, double to_mm);
@@ -105,8 +127,8 @@ class WireState {
   void RemoveSegment(const WireModel& model, int at);
 
   /// Makes this the state `from` after the step `scale` times xi (one a segment, in the planes
-  /// `frames`, README (4)) and, of a wire that twists, `scale` times spin (a turn about the
-  /// tangent).
+  /// `frames`, README (4)) and, where something twists, `scale` times spin (turns about the
+  /// tangent, model.spins() a segment).
   void Step(const WireModel& model, const WireState& from, const std::vector<Frame>& frames,
             const std::vector<Eigen::Vector2d>& xi, const std::vector<double>& spin, double scale);
   /// Exchanges nodes, tangents, normals, reference twist and twist with a state that Step made from
@@ -121,6 +143,7 @@ class WireState {
   void FitFirstSegment(const WireModel& model);
   void SplitTwist();
   void JoinTwist(double part);
+  OfInstruments Rotations() const;
   void UpdateTwist(const WireModel& model);
   void TurnReference(const WireModel& model, int segment, const Eigen::Vector3d& old_tangent,
                      const Eigen::Vector3d& old_normal);
@@ -130,6 +153,7 @@ class WireState {
   std::vector<Eigen::Vector3d> normals_;
   std::vector<Eigen::Vector2d> reference_twist_;
   std::vector<double> twist_rad_;
+  std::vector<OfInstruments> turns_rad_;
   double first_segment_mm_ = 0;
   double insertion_mm_ = 0;
   double rotation_rad_ = 0;
@@ -140,6 +164,10 @@ class WireState {
 /// Direction, unit, in which the distal segment of joint i (between segments i - 1 and i, or the
 /// sheath and segment 0) rests.
 Eigen::Vector3d RestDirection(const WireModel& model, const WireState& state, int joint);
+
+/// Of a stack that twists: the angle by which joint i rests bent, towards the first and second
+/// normal before it, rad.
+Eigen::Vector2d TwistedRest(const WireModel& model, const WireState& state, int joint);
 
 /// The length of wire that joint i stands for, mm: half a segment at the sheath, which clamps the
 /// wire there, and the mean of its two segments elsewhere (README (2)).
@@ -161,7 +189,7 @@ inline double JointStiffness(const WireModel& model, const WireState& state, int
   return model.rigidity_N_mm2(state.segments() - joint) / JointLength(model, state, joint);
 }
 
-/// GJ of joint i of a wire that twists over that length, mJ.
+/// GJ of joint i of a lone wire that twists over that length, mJ.
 inline double TwistStiffness(const WireModel& model, const WireState& state, int joint) {
   return model.torsional_rigidity_N_mm2(state.segments() - joint) /
          JointLength(model, state, joint);

@@ -202,8 +202,7 @@ const effects::EffectKind& FindEffect(const StrictTable& table, const std::strin
                         near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
 }
 
-std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& relaxation,
-                                    std::size_t instruments) {
+std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& relaxation) {
   for (const std::string& name : table.Keys()) FindEffect(table, name);
   std::vector<EffectSpec> specs;
   for (const effects::EffectKind& kind : effects::AllEffects()) {
@@ -217,11 +216,6 @@ std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& re
       table.Refuse(kind.name,
                    "is not known to the paper's method, whose wire does not twist; remove it or "
                    "choose relaxation.method = \"newton\"");
-    }
-    if (kind.shape != nullptr && instruments > 1) {
-      table.Refuse(kind.name,
-                   "instruments within each other do not twist here; remove it or keep one "
-                   "instrument");
     }
     specs.push_back({kind.name, kind.keys.read(*keys), table.Origin()});
   }
@@ -285,7 +279,7 @@ SceneSpec Read(StrictTable file, const std::string& path, std::filesystem::path 
     spec.relaxation = RelaxationKeys().Read(*table);
   }
   if (StrictTable* table = file.OptionalTable("effects")) {
-    spec.effects = ReadEffects(*table, spec.relaxation, spec.instruments.size());
+    spec.effects = ReadEffects(*table, spec.relaxation);
   }
   file.RefuseUnread();
   CheckInstruments(spec);

@@ -63,11 +63,13 @@ NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
       current_(mechanics_.MakeExpansion()),
       trial_expansion_(mechanics_.MakeExpansion()),
       trial_(model_, stack().size()) {
-  assert(Stage::kTwists == model_.twists());
+  assert((std::is_same_v<Stage, BendStage>    ? 0
+          : std::is_same_v<Stage, TwistStage> ? 1
+                                              : 2) == std::min(2, model_.spins()));
   const auto room = static_cast<std::size_t>(model_.max_segments()) + 1;
   step_.reserve(room);
   displacement_mm_.reserve(room);
-  if (Stage::kTwists) spin_step_.reserve(room);
+  spin_step_.reserve(room * static_cast<std::size_t>(model_.spins()));
 }
 
 template <class Stage>
@@ -233,7 +235,11 @@ void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state)
   if (!alone) {
     stack().Combine(next);
     mechanics_.points().TakeRadii();
-    state.SetPlaces(next);
+    if (std::is_same_v<Stage, StackTwistStage>) {
+      state.MoveInstruments(model_, next);
+    } else {
+      state.SetPlaces(next);
+    }
   }
   prediction_.Feed(model_, next.reach_mm(), state);
   if (alone) state.Rotate(next[0].rotation_rad);
@@ -243,14 +249,16 @@ void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state)
 // way. A wire that twists takes its surface along with its normals.
 template <class Stage>
 void NewtonMethod<Stage>::MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next) {
-  if (Stage::kTwists) return;
+  if (std::is_same_v<Stage, TwistStage>) return;
   const double fed_mm = next.reach_mm() - here.reach_mm();
   std::array<SurfaceMove, kMostInstruments> moves = {};
   bool any = false;
   for (int k = 0; k < here.size(); ++k) {
     SurfaceMove& move = moves[static_cast<std::size_t>(k)];
     move.along_mm = next[k].insertion_mm - here[k].insertion_mm - fed_mm;
-    move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
+    if (std::is_same_v<Stage, BendStage>) {
+      move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
+    }
     any = any || move.along_mm != 0 || move.turn_rad != 0;
   }
   if (!any) return;
@@ -380,7 +388,7 @@ void NewtonMethod<Stage>::PushOff(WireState& state) {
       component = kPush * (random / 2147483648.0 - 1);
     }
   }
-  std::fill(spin_step_.begin(), spin_step_.end(), 0);
+  spin_step_.assign(step_.size() * static_cast<std::size_t>(model_.spins()), 0);
   trial_.Step(model_, state, current_.frames, step_, spin_step_, 1);
   state.TakeStep(trial_);
   moved_ = attempting_ = false;
@@ -400,15 +408,22 @@ void NewtonMethod<Stage>::End(const WireState& /*state*/, bool settled, TickRepo
 
 template class NewtonMethod<BendStage>;
 template class NewtonMethod<TwistStage>;
+template class NewtonMethod<StackTwistStage>;
 
 namespace {
 
 template <class Wires>
-std::unique_ptr<Relaxation> Make(Wires& wires, bool twists, const ClearanceField& field,
+std::unique_ptr<Relaxation> Make(Wires& wires, int spins, const ClearanceField& field,
                                  const WallModel& wall, const NewtonSettings& settings,
                                  const std::vector<EnergyTerm*>& terms) {
-  if (twists) {
+  if (spins == 1) {
     return std::make_unique<NewtonMethod<TwistStage>>(wires, field, wall, settings, terms);
+  }
+  // A lone wire has one spin at most.
+  if constexpr (std::is_same_v<Wires, InstrumentStack>) {
+    if (spins > 1) {
+      return std::make_unique<NewtonMethod<StackTwistStage>>(wires, field, wall, settings, terms);
+    }
   }
   return std::make_unique<NewtonRelaxation>(wires, field, wall, settings, terms);
 }
@@ -419,14 +434,14 @@ std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& wire, const Cl
                                                  const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms) {
-  return Make(wire, wire.twists(), field, wall, settings, terms);
+  return Make(wire, wire.spins(), field, wall, settings, terms);
 }
 
 std::unique_ptr<Relaxation> MakeNewtonRelaxation(InstrumentStack& stack,
                                                  const ClearanceField& field, const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms) {
-  return Make(stack, stack.rod().twists(), field, wall, settings, terms);
+  return Make(stack, stack.rod().spins(), field, wall, settings, terms);
 }
 
 }  // namespace torquer

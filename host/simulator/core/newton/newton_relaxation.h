@@ -38,8 +38,8 @@ struct NewtonSettings {
   int most_iterations_a_part = 12;
 };
 
-/// `Stage`: whether the wire twists; it must be that of the rod. A unit of work is a part of the
-/// motion, or an attempt at a step.
+/// `Stage`: whether and how the wire twists; it must be that of the rod. A unit of work is a part
+/// of the motion, or an attempt at a step.
 template <class Stage>
 class NewtonMethod final : public Relaxation {
  public:
@@ -102,7 +102,7 @@ class NewtonMethod final : public Relaxation {
   Expansion trial_expansion_;
   WireState trial_;
   std::vector<Eigen::Vector2d> step_;
-  std::vector<double> spin_step_;  // the same about the tangents, for a wire that twists
+  std::vector<double> spin_step_;  // the same about the tangents, the model's spins a segment
   std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
   double travel_mm_ = 0;                          // of the vessel, in current_
   int iterations_since_move_ = 0;
@@ -118,6 +118,7 @@ class NewtonMethod final : public Relaxation {
 
 extern template class NewtonMethod<BendStage>;
 extern template class NewtonMethod<TwistStage>;
+extern template class NewtonMethod<StackTwistStage>;
 
 /// The method for a wire that does not twist.
 using NewtonRelaxation = NewtonMethod<BendStage>;

@@ -12,6 +12,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "host/simulator/core/instrument_place.h"
 #include "host/simulator/core/pair.h"
 #include "host/simulator/core/wire_mechanics.h"
 
@@ -29,6 +30,9 @@ struct BendStage {
 struct TwistStage {
   static constexpr bool kTwists = true;
 };
+
+/// The same of a stack that twists, with a spin for each instrument.
+struct StackTwistStage {};
 
 template <class Stage>
 class RiccatiSweep {
@@ -51,8 +55,8 @@ class RiccatiSweep {
 
   /// The step of the last successful Factor or Refactor, one control a segment, and the
   /// displacement of every segment's proximal node by it, mm, to first order; `spin`, rad, only of
-  /// a wire that twists. Returns the decrease of energy that the quadratic model predicts for it,
-  /// mJ (positive).
+  /// what twists, model.spins() a segment. Returns the decrease of energy that the quadratic model
+  /// predicts for it, mJ (positive).
   double Step(const WireModel& model, const WireState& state, const Expansion& expansion,
               std::vector<Control>& step, std::vector<double>& spin,
               std::vector<Eigen::Vector3d>& displacement_mm) const;
@@ -145,6 +149,54 @@ class RiccatiSweep {
   static constexpr int kSpacing = 16;  ///< segments from one checkpoint to the next
   std::vector<Gain> gains_;
   std::vector<CostToGo> checkpoints_;  ///< k: of all segments from k kSpacing on
+  double predicted_decrease_ = 0;
+};
+
+/// In small matrices: four times the work of a lone wire's pairs, with two instruments.
+template <>
+class RiccatiSweep<StackTwistStage> {
+ public:
+  using Control = Eigen::Vector2d;
+
+  /// All as above.
+  explicit RiccatiSweep(int max_segments);
+  bool Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
+              double weight);
+  bool Refactor(const WireModel& model, const WireState& state, const Expansion& expansion,
+                double weight, int last_changed);
+  double Step(const WireModel& model, const WireState& state, const Expansion& expansion,
+              std::vector<Control>& step, std::vector<double>& spin,
+              std::vector<Eigen::Vector3d>& displacement_mm) const;
+
+ private:
+  static constexpr int kMostGiven = 5 + kMostInstruments;
+  static constexpr int kMostControl = 2 + kMostInstruments;
+  static constexpr int kSpacing = 16;  ///< segments from one checkpoint to the next
+
+  /// The cost-to-go of dx, the step before and the spins before.
+  struct CostToGo {
+    Eigen::Matrix<double, kMostGiven, kMostGiven> p =
+        Eigen::Matrix<double, kMostGiven, kMostGiven>::Zero();
+    Eigen::Matrix<double, kMostGiven, 1> g = Eigen::Matrix<double, kMostGiven, 1>::Zero();
+    Eigen::Vector3d force_N = Eigen::Vector3d::Zero();  ///< of the loads beyond
+    double decrease = 0;
+  };
+  /// The control is -(of_given z + constant). Zero for what there is not.
+  struct Gain {
+    Eigen::Matrix<double, kMostControl, kMostGiven> of_given =
+        Eigen::Matrix<double, kMostControl, kMostGiven>::Zero();
+    Eigen::Matrix<double, kMostControl, 1> constant =
+        Eigen::Matrix<double, kMostControl, 1>::Zero();
+  };
+
+  bool Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
+             double weight, int first, const CostToGo& cost);
+  template <int kSpins>
+  bool SweepWith(const WireModel& model, const WireState& state, const Expansion& expansion,
+                 double weight, int first, const CostToGo& cost);
+
+  std::vector<Gain> gains_;
+  std::vector<CostToGo> checkpoints_;
   double predicted_decrease_ = 0;
 };
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host/simulator/core/stack/stack_terms.h"
+
 namespace torquer {
 
 using Eigen::Vector2d;
@@ -25,6 +27,17 @@ Vector2d Turned(const Vector2d& v, const Vector2d& turn) {
   return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
 }
 
+// What a straight sheath that lets an instrument through, but holds it against a turn, takes of the
+// push: the energy of its twist per length, (34).
+double TorsionalThrust(const WireModel& rod, const WireState& state, int instrument) {
+  if (rod.spins() == 0) return 0;
+  const bool alone = rod.spins() == 1;
+  const double stiffness_mJ =
+      alone ? TwistStiffness(rod, state, 0) : TwistStiffnessOf(rod, state, 0, instrument);
+  const double twist_rad = alone ? state.twist_rad()[0] : state.TwistOf(0, instrument);
+  return stiffness_mJ * twist_rad * twist_rad / (2 * JointLength(rod, state, 0));
+}
+
 // The bend of a joint, as a rotation vector.
 Vector3d Bend(const Vector3d& before, const Vector3d& after) {
   const Vector3d axis = before.cross(after);
@@ -34,15 +47,19 @@ Vector3d Bend(const Vector3d& before, const Vector3d& after) {
 
 // The curvature, as a rotation vector over a length, at which an instrument rests.
 Vector3d RestCurvature(const WireModel& rod, const WireState& state, int joint,
-                       const WireModel::Joint& own, double rotation_rad) {
+                       const WireModel::Joint& own, int instrument) {
   if (own.rest_rad == Vector2d::Zero()) return Vector3d::Zero();
   const Vector3d& tangent = TangentBefore(rod, state, joint);
   const Vector3d& first =
       joint == 0 ? rod.sheath_normal() : state.normals()[static_cast<std::size_t>(joint) - 1];
-  const Vector2d hand(std::cos(rotation_rad), std::sin(rotation_rad));
-  const Vector2d& untwisted =
-      state.reference_twist()[static_cast<std::size_t>(state.segments() - joint)];
-  const Vector2d rest = Turned(Turned(own.rest_rad, hand), untwisted);
+  const bool twists = rod.spins() > 0;
+  const double turn_rad =
+      twists ? state.TurnBefore(joint, instrument) : state.places()[instrument].rotation_rad;
+  Vector2d rest = Turned(own.rest_rad, Vector2d(std::cos(turn_rad), std::sin(turn_rad)));
+  if (!twists) {
+    rest =
+        Turned(rest, state.reference_twist()[static_cast<std::size_t>(state.segments() - joint)]);
+  }
   return tangent.cross(rest[0] * first + rest[1] * tangent.cross(first)) / rod.segment_mm();
 }
 
@@ -86,7 +103,7 @@ void HandForces::FindMoments(const InstrumentStack& stack, const WireState& stat
     part[static_cast<std::size_t>(m)] = m == 0 ? 1 : std::clamp(beyond_mm / lambda + 0.5, 0.0, 1.0);
     const WireModel::Joint own = JointAt(stack.instrument(k), beyond_mm);
     share.rigidity_N_mm2 = own.rigidity_N_mm2;
-    share.rest_1_mm = RestCurvature(rod, state, joint, own, place.rotation_rad);
+    share.rest_1_mm = RestCurvature(rod, state, joint, own, k);
   }
   for (int m = 0; m < count_; ++m) {
     const auto at = static_cast<std::size_t>(m);
@@ -191,6 +208,14 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state, cons
         bears.moment_mJ = bears.moment_before_mJ;
         bears.force_N = bears.force_before_N;
       }
+      // What turns an instrument that twists comes to its hand as its own torsion; the rest shape
+      // at the clamp is turned by the hand itself.
+      if (i == 1 && rod.spins() > 0) {
+        for (int k = 0; k < count_; ++k) {
+          hands_[static_cast<std::size_t>(k)].torque_mJ =
+              -TwistStiffnessOf(rod, state, 0, k) * state.TwistOf(0, k);
+        }
+      }
       FindMoments(stack, state, i - 1);
       Balance(state, i, sliding);
     }
@@ -203,13 +228,15 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state, cons
   }
   double left_N = forces.clamp_force_N.dot(entry) - rod.rigidity_N_mm2(n) * bend.squaredNorm() / 2;
   for (std::size_t k = 0; k < static_cast<std::size_t>(count_); ++k) {
+    const double twisted_N = TorsionalThrust(rod, state, static_cast<int>(k));
+    left_N -= twisted_N;
     if (k == leader) continue;
     const double inside_mm = state.places()[static_cast<int>(k)].insertion_mm;
     if (inside_mm <= 0) continue;
     const double rigidity =
         JointAt(stack.instrument(static_cast<int>(k)), inside_mm).rigidity_N_mm2;
     hands_[k].axial_N = -(bears_[k].force_before_N + load_N_[k].front()).dot(entry) -
-                        rigidity * bend.squaredNorm() / 2;
+                        rigidity * bend.squaredNorm() / 2 - twisted_N;
     left_N -= hands_[k].axial_N;
   }
   hands_[leader].axial_N = left_N;  // so that the sum is that of all together

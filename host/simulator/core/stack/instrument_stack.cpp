@@ -29,6 +29,13 @@ WireModel::Joint JointAt(const WireModel& model, double from_tip_mm) {
 
 namespace {
 
+double TorsionalRigidityAt(const WireModel& model, double from_tip_mm) {
+  const double at = std::max(0.0, from_tip_mm / model.segment_mm());
+  const int k = static_cast<int>(at);
+  const double a = model.torsional_rigidity_N_mm2(k);
+  return a + (at - k) * (model.torsional_rigidity_N_mm2(k + 1) - a);
+}
+
 Vector2d Turned(const Vector2d& v, const Vector2d& turn) {
   return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
 }
@@ -46,8 +53,8 @@ void CheckTogether(const std::vector<WireModel>& instruments) {
         model.sheath().direction != first.sheath().direction) {
       throw std::invalid_argument("instruments of a stack need the same segments, law and sheath");
     }
-    if (model.twists()) {
-      throw std::invalid_argument("instruments within each other cannot twist here");
+    if (model.twists() != first.twists()) {
+      throw std::invalid_argument("of instruments within each other all twist, or none");
     }
   }
 }
@@ -78,6 +85,7 @@ InstrumentStack::InstrumentStack(std::vector<WireModel> instruments)
   combined_ = EmptyRod(owned_);
   rod_ = combined_.get();
   joints_.resize(static_cast<std::size_t>(rod_->max_segments()) + 1);
+  if (instrument(0).twists()) twisting_.resize(joints_.size());
   Combine(InstrumentPlaces(size()));
 }
 
@@ -140,6 +148,7 @@ void InstrumentStack::Combine(const InstrumentPlaces& places) {
   // reach as far the innermost.
   struct Member {
     const WireModel* model = nullptr;
+    std::size_t instrument = 0;
     double behind_mm = 0;
     Vector2d turn = {1, 0};
   };
@@ -148,6 +157,7 @@ void InstrumentStack::Combine(const InstrumentPlaces& places) {
     Member& member = members[static_cast<std::size_t>(k)];
     const double rotation = places[k].rotation_rad;
     member.model = &instrument(k);
+    member.instrument = static_cast<std::size_t>(k);
     member.behind_mm = places[leader].insertion_mm - places[k].insertion_mm;
     member.turn << std::cos(rotation), std::sin(rotation);
   }
@@ -189,7 +199,43 @@ void InstrumentStack::Combine(const InstrumentPlaces& places) {
     joint.rest_rad = rest + covered * (sum_EI_rest / sum_EI);
     joint.rigidity_N_mm2 = 1 / (compliance + covered / sum_EI);
   }
-  combined_->ReplaceJoints(joints_, members[0].model->tip_segments());
+  const int tip_segments = members[0].model->tip_segments();
+  if (twisting_.empty()) {
+    combined_->ReplaceJoints(joints_, tip_segments);
+    return;
+  }
+  for (std::size_t k = 0; k < twisting_.size(); ++k) {
+    const double from_tip = static_cast<double>(k) * lambda;
+    WireModel::TwistingJoint& joint = twisting_[k];
+    joint = WireModel::TwistingJoint();
+    std::array<double, kMostInstruments + 1> part = {};  // of the joint, beside the first so many
+    std::array<double, kMostInstruments> rigidity = {};
+    for (int m = 0; m < size(); ++m) {
+      const auto at = static_cast<std::size_t>(m);
+      const Member& member = members[at];
+      const double own_mm = from_tip - member.behind_mm;
+      const WireModel::Joint own = JointAt(*member.model, own_mm);
+      part[at] = m == 0 ? 1 : std::clamp(own_mm / lambda + 0.5, 0.0, 1.0);
+      rigidity[at] = own.rigidity_N_mm2;
+      joint.of[member.instrument].rest_rad = own.rest_rad;
+      joint.of[member.instrument].torsional_rigidity_N_mm2 =
+          TorsionalRigidityAt(*member.model, own_mm);
+    }
+    double sum_EI = 0;
+    for (std::size_t p = 0; p < static_cast<std::size_t>(size()); ++p) {
+      sum_EI += rigidity[p];
+      const double piece = part[p] - part[p + 1];
+      if (piece == 0) continue;
+      for (std::size_t a = 0; a <= p; ++a) {
+        joint.of[members[a].instrument].weight += piece * rigidity[a] / sum_EI;
+        for (std::size_t b = 0; b < a; ++b) {
+          const auto [first, second] = std::minmax(members[a].instrument, members[b].instrument);
+          joint.mutual_N_mm2[first][second] += piece * rigidity[a] * rigidity[b] / sum_EI;
+        }
+      }
+    }
+  }
+  combined_->ReplaceJoints(joints_, twisting_, size(), tip_segments);
 }
 
 namespace {

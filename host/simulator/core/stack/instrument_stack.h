@@ -6,11 +6,12 @@
 //
 // All lie on one curve. Where several are, rigidities add up, and the rod rests at
 //   kappa = sum(EI_k kappa_k) / sum(EI_k)                                        (README (30)),
-// every rest curvature turned with its own instrument. The one that reaches farthest leads: the
-// segments of the rod are its material. An instrument that slides in the others changes what the
-// rod is, not where it lies; the joint into which a tip falls is partly with and partly without it.
-// Where a tip passes that of the leader they coincide, and so do the segments of either as the
-// leading one. A lone wire is a stack of one: it is the rod.
+// every rest curvature turned with its own instrument: as its hand, or where instruments twist, as
+// it is turned there (core/README.md section 17). The one that reaches farthest leads: the segments
+// of the rod are its material. An instrument that slides in the others changes what the rod is, not
+// where it lies; the joint into which a tip falls is partly with and partly without it. Where a tip
+// passes that of the leader they coincide, and so do the segments of either as the leading one. A
+// lone wire is a stack of one: it is the rod.
 #pragma once
 
 #include <memory>
@@ -26,8 +27,8 @@ class InstrumentStack {
  public:
   /// A lone wire, which must outlive this.
   explicit InstrumentStack(const WireModel& wire);
-  /// 1 .. kMostInstruments, the innermost first, all with the same segments, law and sheath; of
-  /// several none may twist. Throws std::invalid_argument where that is not so.
+  /// 1 .. kMostInstruments, the innermost first, all with the same segments, law and sheath; all
+  /// of them twist, or none. Throws std::invalid_argument where that is not so.
   explicit InstrumentStack(std::vector<WireModel> instruments);
   InstrumentStack(const InstrumentStack&) = delete;
   InstrumentStack& operator=(const InstrumentStack&) = delete;
@@ -55,6 +56,7 @@ class InstrumentStack {
   std::unique_ptr<WireModel> combined_;  ///< null for a lone wire
   const WireModel* rod_;
   std::vector<WireModel::Joint> joints_;
+  std::vector<WireModel::TwistingJoint> twisting_;  // empty where none twists
 };
 
 /// What an instrument is at a distance from its tip, between its joints.

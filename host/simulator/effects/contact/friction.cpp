@@ -18,7 +18,7 @@ Friction::Friction(double coefficient, double slip_mm, const EffectContext& cont
       moving_(context.moving),
       anchors_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
                static_cast<std::size_t>(context.wall.points_per_segment)),
-      lies_(context.wire.twists() ? anchors_.size() : 0) {
+      lies_(context.wire.spins() > 0 ? anchors_.size() : 0) {
   for (const Instrument& instrument : context.instruments) {
     surfaces_.push_back({instrument.friction_coefficient.value_or(coefficient),
                          instrument.coating_mm, instrument.coating_coefficient});
@@ -78,17 +78,22 @@ void Friction::Begin(const PointSet& points) {
     const double slope = sample.gradient.norm();
     if (!(slope > 1e-6)) continue;
     anchor.normal = sample.gradient / slope;
-    if (!lies_.empty()) lies_[points.FromTip(q)] = {points.Tangent(q), points.Normal(q)};
+    if (!lies_.empty()) lies_[points.FromTip(q)] = LieOf(points, q);
     anchor.limit_N = CoefficientAt(points, q) * points.stiffness_N_mm2[p] * points.weight_mm[p] *
                      (points.radius_mm[p] - sample.clearance_mm) * slope;
   }
 }
 
+Friction::Lie Friction::LieOf(const PointSet& points, int q) {
+  return {points.Tangent(q), points.Normal(q), points.SurfaceAt(q)};
+}
+
 Friction::Roll Friction::RollAt(const PointSet& points, int q, const Vector3d& normal) const {
   const Lie& lie = lies_[static_cast<std::size_t>(points.FromTip(q))];
+  if (lie.instrument != points.SurfaceAt(q)) return {};  // another's surface has come there
   const Vector3d tangent = points.Tangent(q);
   const Vector3d from = ParallelTransport(lie.normal, lie.tangent, tangent);
-  const Vector3d& to = points.Normal(q);
+  const Vector3d to = points.Normal(q);
   return {.angle_rad = std::atan2(from.cross(to).dot(tangent), from.dot(to)),
           .per_rad_mm = SurfacePerRad(points, q, normal),
           .area = lie.tangent.cross(tangent) / (1 + lie.tangent.dot(tangent))};
@@ -180,7 +185,7 @@ void Friction::End(const PointSet& points) {
       // From now on it is a displacement like any other, and no turn since.
       const Roll roll = RollAt(points, q, anchor.normal);
       s += roll.angle_rad * roll.per_rad_mm;
-      lies_[points.FromTip(q)] = {points.Tangent(q), points.Normal(q)};
+      lies_[points.FromTip(q)] = LieOf(points, q);
       rolled = true;
     }
     const Vector3d whole = s;

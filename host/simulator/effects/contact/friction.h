@@ -63,10 +63,11 @@ class Friction final : public Effect, public EnergyTerm {
     bool holds = false;
   };
 
-  // Of a wire that twists: how the point's segment lay at the part's start.
+  // Of what twists: how the point's segment lay at the part's start.
   struct Lie {
     Eigen::Vector3d tangent;
     Eigen::Vector3d normal;
+    int instrument;  // whose surface it is
   };
   // How the surface that touches has moved since the part's start by the wire's turn about itself.
   struct Roll {
@@ -76,6 +77,7 @@ class Friction final : public Effect, public EnergyTerm {
     Eigen::Vector3d area = Eigen::Vector3d::Zero();
   };
 
+  static Lie LieOf(const PointSet& points, int q);
   Roll RollAt(const PointSet& points, int q, const Eigen::Vector3d& normal) const;
   double CoefficientAt(const PointSet& points, int q) const;
   void Place(const Eigen::Vector3d& at, Anchor& anchor) const;
@@ -85,7 +87,7 @@ class Friction final : public Effect, public EnergyTerm {
   const std::vector<Part> parts_;
   const vessel::MovingField* const moving_;  ///< null where the vessel rests
   std::vector<Anchor> anchors_;
-  std::vector<Lie> lies_;  ///< the same; empty for a wire that does not twist
+  std::vector<Lie> lies_;  ///< the same; empty where nothing twists
   int anchored_ = 0;       ///< anchors beyond this many are blank
 };
 

@@ -1,0 +1,231 @@
+#include "host/simulator/core/stack/stack_terms.h"
+
+#include <cmath>
+
+namespace torquer {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+
+using Share = WireModel::TwistingJoint::Share;
+
+bool RestsCurved(const Share& share) { return !share.rest_rad.isZero(0) && share.weight > 0; }
+
+Vector2d QuarterTurn(const Vector2d& a) { return {-a[1], a[0]}; }
+
+// The rests of the instruments at a joint, each as it is turned there, over the joint's length.
+struct Rests {
+  Rests(const WireModel& model, const WireState& state, int joint)
+      : twisting(model.twisting_joint(state.segments() - joint)), count(model.spins()) {
+    const double part = JointLength(model, state, joint) / model.segment_mm();
+    for (int k = 0; k < count; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      const Share& share = twisting.of[at];
+      own[at].setZero();
+      if (!RestsCurved(share)) continue;
+      const double turn = state.TurnBefore(joint, k);
+      const Vector2d rest = part * share.rest_rad;
+      own[at] = std::cos(turn) * rest + std::sin(turn) * QuarterTurn(rest);
+      together += share.weight * own[at];
+      curved = true;
+    }
+  }
+
+  const WireModel::TwistingJoint& twisting;
+  const int count;
+  std::array<Vector2d, kMostInstruments> own;
+  Vector2d together = Vector2d::Zero();
+  bool curved = false;
+};
+
+// Calls `each` with two instruments that hold each other and how stiffly, mJ.
+template <class Each>
+void ForPairs(const Rests& rests, double length_mm, const Each& each) {
+  for (int a = 0; a < rests.count; ++a) {
+    for (int b = a + 1; b < rests.count; ++b) {
+      const double mutual =
+          rests.twisting.mutual_N_mm2[static_cast<std::size_t>(a)][static_cast<std::size_t>(b)];
+      if (mutual > 0) each(a, b, mutual / length_mm);
+    }
+  }
+}
+
+double Mutual(const Rests& rests, double length_mm) {
+  double energy_mJ = 0;
+  ForPairs(rests, length_mm, [&](int a, int b, double stiffness) {
+    energy_mJ += stiffness *
+                 (rests.own[static_cast<std::size_t>(a)] - rests.own[static_cast<std::size_t>(b)])
+                     .squaredNorm() /
+                 2;
+  });
+  return energy_mJ;
+}
+
+// BentBy with its derivatives, in the frame (first normal, second normal, tangent).
+struct BentTwice {
+  explicit BentTwice(const Vector2d& angle) {
+    // cos and sin(x)/x as functions of x^2, with two derivatives.
+    const double q = angle.squaredNorm();
+    double c = 0;
+    double s = 0;
+    double s1 = 0;
+    double s2 = 0;
+    if (q < 1e-2) {
+      c = 1 - q / 2 * (1 - q / 12 * (1 - q / 30 * (1 - q / 56)));
+      s = 1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72)));
+      s1 = -1.0 / 6 * (1 - q / 10 * (1 - q / 28 * (1 - q / 54)));
+      s2 = 1.0 / 60 * (1 - q / 14 * (1 - q / 36 * (1 - q / 66)));
+    } else {
+      const double x = std::sqrt(q);
+      c = std::cos(x);
+      s = std::sin(x) / x;
+      s1 = (c - s) / (2 * q);
+      s2 = (-s / 2 - 3 * s1) / (2 * q);
+    }
+    const double c1 = -s / 2;
+    const double c2 = -s1 / 2;
+    direction << s * angle, c;
+    for (int a = 0; a < 2; ++a) {
+      first[a] << 2 * angle[a] * s1 * angle, 2 * angle[a] * c1;
+      first[a][a] += s;
+    }
+    for (int a = 0; a < 2; ++a) {
+      for (int b = 0; b < 2; ++b) {
+        const double same = a == b ? 2 : 0;
+        const double both = 4 * angle[a] * angle[b];
+        second[a][b] << (same * s1 + both * s2) * angle, same * c1 + both * c2;
+        second[a][b][b] += 2 * angle[a] * s1;
+        second[a][b][a] += 2 * angle[b] * s1;
+      }
+    }
+  }
+  Vector3d direction;
+  Vector3d first[2];
+  Vector3d second[2][2];
+};
+
+}  // namespace
+
+double TwistStiffnessOf(const WireModel& model, const WireState& state, int joint, int instrument) {
+  return model.twisting_joint(state.segments() - joint)
+             .of[static_cast<std::size_t>(instrument)]
+             .torsional_rigidity_N_mm2 /
+         JointLength(model, state, joint);
+}
+
+void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
+                      const Frame& proximal_frame, const Frame& frame, double& energy_mJ,
+                      JointTerms& bending, StackTerms& out) {
+  const auto i = static_cast<std::size_t>(joint);
+  const Vector3d& proximal = joint == 0 ? model.sheath().direction : state.tangents()[i - 1];
+  const Vector3d& tangent = state.tangents()[i];
+  const double length_mm = JointLength(model, state, joint);
+  const double stiffness = JointStiffness(model, state, joint);
+  out.gradient_proximal.setZero();
+  out.hessian_proximal.setZero();
+  out.proximal_proximal.setZero();
+  out.proximal_distal.setZero();
+  out.gradient_distal.setZero();
+  out.hessian_distal.setZero();
+  out.hessian_cross.setZero();
+  out.distal_proximal.setZero();
+  out.distal_distal.setZero();
+  out.distal_displacement.setZero();
+
+  const Rests rests(model, state, joint);
+  if (!rests.curved) {
+    ExpandStraightJoint(model.law(), stiffness, proximal, proximal_frame, tangent, frame, energy_mJ,
+                        bending);
+  } else {
+    const BentTwice bent(rests.together);
+    Eigen::Matrix3d axes;
+    axes << proximal_frame, proximal;
+    const Vector3d rest = axes * bent.direction;
+    ExpandJoint(model.law(), stiffness, proximal, proximal_frame.col(0), rest, tangent,
+                frame.col(0), energy_mJ, bending);
+    energy_mJ += Mutual(rests, length_mm);
+
+    // y = 1 - u.r by the spins, through the angle of rest: as in ExpandJoint, where the rest turns
+    // with the proximal segment by e_1 xi_1 + e_2 xi_2.
+    const double y = (tangent - rest).squaredNorm() / 2;
+    const BendingValue v = EvaluateBending(model.law(), y);
+    const double slope = stiffness * v.slope;
+    const double curvature = stiffness * v.curvature;
+    const Vector3d e1 = proximal_frame.col(1);
+    const Vector3d e2 = -proximal_frame.col(0);
+    const Vector3d moment = rest.cross(tangent);
+    const Vector2d y_distal = -frame.transpose() * rest;
+    const Vector2d y_proximal(-e1.dot(moment), -e2.dot(moment));
+    Vector2d y_rest;
+    Matrix2d y_rest_rest;
+    Matrix2d rest_proximal;  // rows: the components of the angle of rest
+    Matrix2d rest_distal;
+    for (int a = 0; a < 2; ++a) {
+      const Vector3d r = axes * bent.first[a];
+      const Vector3d across = r.cross(tangent);
+      y_rest[a] = -r.dot(tangent);
+      rest_proximal.row(a) << -e1.dot(across), -e2.dot(across);
+      rest_distal.row(a) = -r.transpose() * frame;
+      for (int b = 0; b < 2; ++b) y_rest_rest(a, b) = -tangent.dot(axes * bent.second[a][b]);
+    }
+    for (int k = 0; k < rests.count; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      if (!RestsCurved(rests.twisting.of[at])) continue;
+      const Vector2d own = rests.twisting.of[at].weight * rests.own[at];
+      const Vector2d turned = QuarterTurn(own);
+      const double y_k = y_rest.dot(turned);
+      out.gradient_proximal[k] += slope * y_k;
+      out.hessian_proximal(k, k) -= slope * y_rest.dot(own);
+      out.proximal_proximal.row(k) +=
+          curvature * y_k * y_proximal.transpose() + slope * turned.transpose() * rest_proximal;
+      out.proximal_distal.row(k) +=
+          curvature * y_k * y_distal.transpose() + slope * turned.transpose() * rest_distal;
+      for (int m = 0; m < rests.count; ++m) {
+        const auto other = static_cast<std::size_t>(m);
+        const Vector2d with = QuarterTurn(rests.twisting.of[other].weight * rests.own[other]);
+        out.hessian_proximal(k, m) +=
+            curvature * y_k * y_rest.dot(with) + slope * turned.dot(y_rest_rest * with);
+      }
+    }
+    ForPairs(rests, length_mm, [&](int a, int b, double pair_stiffness) {
+      const Vector2d& rest_a = rests.own[static_cast<std::size_t>(a)];
+      const Vector2d& rest_b = rests.own[static_cast<std::size_t>(b)];
+      const double along = pair_stiffness * rest_a.dot(rest_b);
+      const double across = pair_stiffness * QuarterTurn(rest_a).dot(rest_b);
+      out.gradient_proximal[a] -= across;
+      out.gradient_proximal[b] += across;
+      out.hessian_proximal(a, a) += along;
+      out.hessian_proximal(b, b) += along;
+      out.hessian_proximal(a, b) -= along;
+      out.hessian_proximal(b, a) -= along;
+    });
+  }
+
+  const TwistGeometry geometry(proximal, proximal_frame, tangent, frame);
+  double sum_stiffness = 0;
+  double sum_torque = 0;
+  for (int k = 0; k < rests.count; ++k) {
+    const double own =
+        rests.twisting.of[static_cast<std::size_t>(k)].torsional_rigidity_N_mm2 / length_mm;
+    const double twist = state.TwistOf(joint, k);
+    const double torque = own * twist;
+    energy_mJ += torque * twist / 2;
+    sum_stiffness += own;
+    sum_torque += torque;
+    out.gradient_proximal[k] -= torque;
+    out.gradient_distal[k] += torque;
+    out.hessian_proximal(k, k) += own;
+    out.hessian_distal[k] += own;
+    out.hessian_cross[k] -= own;
+    out.proximal_proximal.row(k) -= own * geometry.g_p.transpose();
+    out.proximal_distal.row(k) -= own * geometry.g_d.transpose();
+    out.distal_proximal.row(k) += own * geometry.g_p.transpose();
+    out.distal_distal.row(k) += own * geometry.g_d.transpose();
+  }
+  BearTwist(sum_stiffness, sum_torque, geometry, bending);
+}
+
+}  // namespace torquer

@@ -1,0 +1,40 @@
+// Second-order expansion of a joint of instruments that twist, each by itself (README, section 17).
+#pragma once
+
+#include <Eigen/Core>
+
+#include "host/simulator/core/joint_terms.h"
+#include "host/simulator/core/wire_model.h"
+#include "host/simulator/core/wire_state.h"
+
+namespace torquer {
+
+/// What the spins of the segments of joint i, one an instrument, add to its expansion: TwistTerms
+/// of each, and what couples them. Rows beyond the number of instruments are zero. mJ.
+struct StackTerms {
+  using Spins = Eigen::Matrix<double, kMostInstruments, 1>;
+  using SpinsWithStep = Eigen::Matrix<double, kMostInstruments, 2>;
+
+  Spins gradient_proximal;
+  Spins gradient_distal;
+  Eigen::Matrix<double, kMostInstruments, kMostInstruments> hessian_proximal;
+  Spins hessian_distal;  ///< diagonal
+  Spins hessian_cross;   ///< diagonal
+  SpinsWithStep proximal_proximal;
+  SpinsWithStep proximal_distal;
+  SpinsWithStep distal_proximal;
+  SpinsWithStep distal_distal;
+  Eigen::Matrix<double, kMostInstruments, 3> distal_displacement;  ///< N
+};
+
+/// Expands joint i: its bending, its twists, and what instruments that rest differently hold each
+/// other with, (38). `proximal_frame` and `frame` are the
+/// tangent planes of its segments. Adds the energy to `energy_mJ`.
+void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
+                      const Frame& proximal_frame, const Frame& frame, double& energy_mJ,
+                      JointTerms& bending, StackTerms& out);
+
+/// GJ of an instrument at joint i over the length that the joint stands for, mJ.
+double TwistStiffnessOf(const WireModel& model, const WireState& state, int joint, int instrument);
+
+}  // namespace torquer

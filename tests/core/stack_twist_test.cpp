@@ -1,0 +1,313 @@
+// Instruments within each other that twist, each by itself: expansion, sweep, frames, and what they
+// come to.
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+#include <numbers>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/newton/riccati_sweep.h"
+#include "host/simulator/core/stack/instrument_stack.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
+#include "tests/support/twisted_stack.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+TEST_CASE("Gradient of a stack that twists is that of finite differences") {
+  TwistedStack stack(GENERATE(2, 3, 4), 3);
+  CAPTURE(stack.each);
+  REQUIRE(stack.at.max_penetration_mm > 0.05);
+  const Eigen::VectorXd gradient =
+      GradientOf([&](const Eigen::VectorXd& x) { return stack.Energy(x); },
+                 Eigen::VectorXd::Zero(stack.unknowns()), 1e-4);
+  CHECK((gradient - stack.Gradient()).norm() < 1e-7 * gradient.norm());
+}
+
+TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
+  const double weight = GENERATE(0.1, 10.0);
+  TwistedStack stack(GENERATE(2, 3, 4), 5);
+  CAPTURE(stack.each, weight);
+  Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return stack.Energy(x); },
+                                      Eigen::VectorXd::Zero(stack.unknowns()), 3e-3);
+  // What a weight of one adds, as the sweep does: the softer of a segment's two joints.
+  Eigen::VectorXd unit(stack.unknowns());
+  const int n = stack.state.segments();
+  for (int i = 0; i < n; ++i) {
+    unit.segment<2>(stack.each * i)
+        .setConstant(
+            std::min(stack.model.rigidity_N_mm2(n - i), stack.model.rigidity_N_mm2(n - i - 1)));
+    for (int k = 0; k < stack.model.spins(); ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      unit[stack.each * i + 2 + k] =
+          std::min(stack.model.twisting_joint(n - i).of[at].torsional_rigidity_N_mm2,
+                   stack.model.twisting_joint(n - i - 1).of[at].torsional_rigidity_N_mm2);
+    }
+  }
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      hessian, Eigen::MatrixXd(unit.asDiagonal()));
+  const double lift = -eigen.eigenvalues()[0];
+  RiccatiSweep<StackTwistStage> sweep(stack.model.max_segments());
+  CHECK_FALSE(sweep.Factor(stack.model, stack.state, stack.at, lift - 1e-3));
+  CHECK(sweep.Factor(stack.model, stack.state, stack.at, lift + 1e-3));
+
+  hessian.diagonal() += (lift + weight) * unit;
+  const Eigen::VectorXd gradient = stack.Gradient();
+  const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
+  REQUIRE(sweep.Factor(stack.model, stack.state, stack.at, lift + weight));
+  std::vector<Vector2d> step;
+  std::vector<double> spin;
+  std::vector<Vector3d> displacement;
+  const double predicted = sweep.Step(stack.model, stack.state, stack.at, step, spin, displacement);
+  Eigen::VectorXd swept(stack.unknowns());
+  const Eigen::Index spins = stack.model.spins();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    swept.segment<2>(stack.each * i) = step[static_cast<std::size_t>(i)];
+    for (Eigen::Index k = 0; k < spins; ++k) {
+      swept[stack.each * i + 2 + k] = spin[static_cast<std::size_t>(i * spins + k)];
+    }
+  }
+  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
+  CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
+}
+
+// A stack in free space.
+struct Free {
+  InstrumentStack stack;
+  FreeSpace field;
+  WallModel wall;
+  std::vector<EnergyTerm*> none;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  explicit Free(std::vector<WireModel> instruments)
+      : stack(std::move(instruments)),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
+        state(stack.rod(), stack.size()) {
+    relaxation->Restart(state);
+  }
+  void MoveTo(const InstrumentPlaces& target) {
+    const TickReport report = Settle(*relaxation, target, state, 400);
+    REQUIRE(report.converged);
+    REQUIRE(report.arrived());
+  }
+};
+
+// An arc that twists, or with a ratio of 0 does not.
+WireModel TwistingArc(double rigidity, double curvature, double ratio, double segment_mm = 0.5) {
+  return WireModel(segment_mm, {{0, rigidity, 0.2, curvature, 0, ratio * rigidity}}, 0, 80,
+                   BendingLaw::kExact, {});
+}
+
+TEST_CASE("Ever stiffer against twist, a stack comes to one that does not twist") {
+  const InstrumentPlaces places{{60, 0.3}, {35, 1.5}, {20, -1}};
+  const auto make = [](double ratio) {
+    return std::vector<WireModel>{TwistingArc(2, 0.03, ratio), TwistingArc(3, 0.01, ratio),
+                                  TwistingArc(5, -0.02, ratio)};
+  };
+  Free rigid(make(0));
+  rigid.MoveTo(places);
+  double before = 0;
+  for (const double ratio : {10.0, 100.0, 1000.0}) {
+    Free twisting(make(ratio));
+    twisting.MoveTo(places);
+    const double apart = LargestDistance(twisting.state, rigid.state);
+    CAPTURE(ratio, apart);
+    // As 1/GJ.
+    if (before > 0) CHECK(apart == Approx(before / 10).epsilon(0.1));
+    before = apart;
+  }
+  CHECK(before < 0.05);
+}
+
+TEST_CASE("Beside a straight one, a wire twists as alone") {
+  const double ratio = 0.2;
+  const auto bent = [&] { return Bent(2, ratio, 12, 0.05, 0, 0.2, {}, 0.5); };
+  // Hardly any stiffness, and straight.
+  Free both({bent(), TwistingArc(1e-9, 0, 1)});
+  both.MoveTo({{40, 2.5}, {30, -1}});
+  const WireModel alone = bent();
+  const FreeSpace field;
+  const WallModel wall;
+  const std::vector<EnergyTerm*> none;
+  const auto relaxation = MakeNewtonRelaxation(alone, field, wall, {.tolerance = 1e-9}, none);
+  WireState state(alone);
+  relaxation->Restart(state);
+  REQUIRE(Settle(*relaxation, {40, 2.5}, state).converged);
+  CHECK(LargestDistance(both.state, state) < 1e-5);
+}
+
+// Two arcs that rest the same in each other, their hands turned against each other: with a the
+// angle between them, EI k^2 sin(a) / 2 per length turns each back, so that
+//   a'' = 2 (EI / GJ) k^2 / 2 sin(a) = c^2 sin(a),  a(0) = that of the hands,  a'(L) = 0,
+// a pendulum, here by its own integration. Opposite (a = pi) is stable while c L < pi/2
+// (Dupont et al. 2010, concentric tubes). The curve that they take does not count: both twist
+// against the same frames.
+double FreeEnd(double hands, double c, double length) {
+  // Shooting from the free end, where a' = 0.
+  const auto at_hands = [&](double end) {
+    double a = end;
+    double rate = 0;
+    const int steps = 20000;
+    const double h = length / steps;
+    for (int k = 0; k < steps; ++k) {  // towards the hands; midpoint
+      const double mid = a + h / 2 * rate;
+      const double mid_rate = rate + h / 2 * c * c * std::sin(a);
+      a += h * mid_rate;
+      rate += h * c * c * std::sin(mid);
+    }
+    return a;
+  };
+  double low = 0;
+  double high = hands;
+  for (int k = 0; k < 60; ++k) {
+    const double mid = (low + high) / 2;
+    (at_hands(mid) < hands ? low : high) = mid;
+  }
+  return low;
+}
+
+double Between(const Free& both) {
+  const OfInstruments& turns = both.state.turns_rad().back();
+  return turns[1] - turns[0];
+}
+
+TEST_CASE("Two arcs turned against each other twist as the pendulum equation has it") {
+  constexpr double kCurvature = 0.02;
+  constexpr double kRatio = 0.5;
+  constexpr double kLength = 40;
+  const double c = kCurvature / std::sqrt(kRatio);
+  REQUIRE(c * kLength < kPi / 2);
+  double before = 0;
+  for (const double segment_mm : {2.0, 1.0, 0.5}) {
+    double worst = 0;
+    for (const double hands : {0.5, 1.5, 2.5, 3.0}) {
+      Free both({TwistingArc(3, kCurvature, kRatio, segment_mm),
+                 TwistingArc(3, kCurvature, kRatio, segment_mm)});
+      both.MoveTo({{kLength, 0}, {kLength, 0}});
+      both.MoveTo({{kLength, 0}, {kLength, hands}});
+      worst = std::max(worst, std::abs(Between(both) - FreeEnd(hands, c, kLength)));
+    }
+    CAPTURE(segment_mm, worst);
+    if (before > 0) CHECK(worst < 0.6 * before);
+    before = worst;
+  }
+  CHECK(before < 0.02);
+}
+
+TEST_CASE(
+    "Opposite arcs snap round where they are longer than pi/2 over c, and not where shorter") {
+  constexpr double kCurvature = 0.05;
+  constexpr double kRatio = 0.5;
+  const double c = kCurvature / std::sqrt(kRatio);
+  const double critical = kPi / 2 / c;
+  const double part = GENERATE(0.9, 1.1);
+  const double length = part * critical;
+  Free both({TwistingArc(3, kCurvature, kRatio), TwistingArc(3, kCurvature, kRatio)});
+  both.MoveTo({{length, 0}, {length, 0}});
+  // Beyond half a turn, a tip that followed steadily is beyond it too; one that lagged is not.
+  both.MoveTo({{length, 0}, {length, kPi - 0.02}});
+  const double behind = kPi - 0.02 - Between(both);
+  if (part < 1) {
+    CHECK(behind < 0.4);
+  } else {
+    CHECK(behind > 0.8);
+  }
+}
+
+TEST_CASE("A stack that is fed, pulled and turned takes the shape of one that was laid there") {
+  const auto make = [] {
+    return std::vector<WireModel>{TwistingArc(2, 0.03, 0.8), TwistingArc(3, 0.01, 0.5),
+                                  TwistingArc(5, -0.02, 0.9)};
+  };
+  const InstrumentPlaces places{{43.2, 0.7}, {31.9, -0.4}, {17.3, 1.1}};
+  Free moved(make());
+  moved.MoveTo({{20, 0}, {25, 1}, {5, 0}});
+  moved.MoveTo({{60, -1}, {25.3, 1}, {22, 2}});
+  moved.MoveTo(places);
+  Free straight(make());
+  straight.MoveTo(places);
+  CHECK(LargestDistance(moved.state, straight.state) < 1e-4);
+  // Beyond its tip nothing turns an instrument.
+  const int n = moved.state.segments();
+  for (int joint = n - 10; joint < n; ++joint) {
+    CHECK(std::abs(moved.state.TwistOf(joint, 2)) < 1e-6);
+  }
+}
+
+TEST_CASE("What an instrument is turned by is part of a state's hash") {
+  TwistedStack stack(2, 7);
+  const Eigen::VectorXd nothing = Eigen::VectorXd::Zero(stack.unknowns());
+  const std::uint64_t same = HashState(StackStep(stack.model, stack.state, nothing));
+  CHECK(HashState(StackStep(stack.model, stack.state, nothing)) == same);
+  for (int k = 0; k < 2; ++k) {
+    Eigen::VectorXd x = nothing;
+    x[stack.each * 3 + 2 + k] = 1e-9;
+    CHECK(HashState(StackStep(stack.model, stack.state, x)) != same);
+  }
+}
+
+TEST_CASE("Feeding keeps the twist of each instrument, whichever segments split and join") {
+  const auto make = [](double ratio) { return TwistingArc(2, 0, ratio, 1); };
+  InstrumentStack stack({make(1), make(0.5)});
+  const WireModel& model = stack.rod();
+  const InstrumentPlaces places{{12.3, 0}, {12.3, 0}};
+  stack.Combine(places);
+  WireState state = WireState::Along(model, {}, places);
+  const double rate[2] = {0.05, -0.03};  // rad/mm
+  Eigen::VectorXd x(4 * state.segments());
+  double along_mm = 0;
+  for (int i = 0; i < state.segments(); ++i) {
+    along_mm += JointLength(model, state, i);
+    x.segment<4>(4 * i) << 0, 0, rate[0] * along_mm, rate[1] * along_mm;
+  }
+  state = StackStep(model, state, x);
+  const OfInstruments at_tip = state.turns_rad().back();
+  for (const double feed : {0.1, -0.1, 0.3, -0.35}) {
+    for (int k = 0; k < 20; ++k) {
+      state.Feed(model, state.insertion_mm() + feed);
+      REQUIRE(static_cast<int>(state.turns_rad().size()) == state.segments());
+      for (int m = 0; m < 2; ++m) {
+        const auto instrument = static_cast<std::size_t>(m);
+        CHECK(state.turns_rad().back()[instrument] == Approx(at_tip[instrument]).epsilon(1e-12));
+        // What comes out of the sheath is not twisted yet, and nothing twists it the other way.
+        for (int i = 0; i + 1 < state.segments(); ++i) {
+          const double twisted = state.TwistOf(i, m) / JointLength(model, state, i) / rate[m];
+          CHECK(twisted > -1e-12);
+          if (feed == 0.1) CHECK(twisted < 1.35);  // before any has gone back into the sheath
+          if (i >= 8) CHECK(twisted == Approx(1).epsilon(1e-12));
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE(
+    "Where an instrument slides in another, its twist goes with it and is neither more nor less") {
+  TwistedStack stack(3, 9);
+  const WireState& before = stack.state;
+  const int n = before.segments();
+  const double slid_mm = GENERATE(-0.4, 0.4);
+  for (int k = 1; k < 3; ++k) {
+    InstrumentPlaces places = before.places();
+    places[k].insertion_mm += slid_mm;
+    WireState after = before;
+    after.MoveInstruments(stack.model, places);
+    // By joint: what was there, and what comes from the joint that it slides away from.
+    const int from = slid_mm > 0 ? -1 : 1;
+    for (int i = 1; i + 1 < n; ++i) {
+      CAPTURE(k, slid_mm, i);
+      const double stays = 1 - 0.4 / JointLength(stack.model, before, i);
+      const double comes = 0.4 / JointLength(stack.model, before, i + from);
+      CHECK(after.TwistOf(i, k) ==
+            Approx(stays * before.TwistOf(i, k) + comes * before.TwistOf(i + from, k)));
+      CHECK(after.TwistOf(i, 0) == Approx(before.TwistOf(i, 0)));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace torquer::test
