@@ -74,6 +74,7 @@ const std::map<std::string, std::string>& Tables() {
   static const std::map<std::string, std::string> tables = {
       {"torsion", "[effects.torsion]\n"},
       {"friction", "[effects.friction]\ncoefficient = 0.1\n"},
+      {"friction_between", "[effects.friction_between]\ncoefficient = 0.1\n"},
       {"compliance", R"([effects.compliance]
 [[effects.compliance.region]]
 centerline = "main"
@@ -213,7 +214,11 @@ std::vector<Case> Cases(const std::string& scenes) {
   }
   Case all{{}, 2};
   for (const effects::EffectKind& kind : effects::AllEffects()) {
-    cases.push_back({WithNeeds({kind.name})});
+    if (kind.name == "friction_between") {
+      cases.push_back({{"torsion", kind.name}, 2});
+    } else {
+      cases.push_back({WithNeeds({kind.name})});
+    }
     all.effects.push_back(kind.name);
   }
   for (const Names& pair : ShippedPairs(scenes)) {

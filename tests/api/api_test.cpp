@@ -180,7 +180,8 @@ TEST_CASE("Blood behind Windkessels is copied with what they store", "[api]") {
 
 TEST_CASE("Instruments that twist within each other are copied within a tick", "[api]") {
   const Scene scene = ShippedWith("triaxial", "[effects.gravity]\n",
-                                  "[effects.torsion]\n[relaxation]\nbudget_units = 3\n");
+                                  "[effects.torsion]\n[effects.friction_between]\ncoefficient = "
+                                  "0.1\n[relaxation]\nbudget_units = 3\n");
   Simulation simulation(scene);
   Wanderer hands(7);
   for (int k = 0; k < (kUnderSanitizer ? 3 : 20); ++k) {

@@ -7,6 +7,8 @@
 #include "host/simulator/core/internal_forces.h"
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/stack/hand_forces.h"
+#include "host/simulator/effects/contact/friction_between.h"
+#include "tests/support/allocation_counter.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/finite_differences.h"
 #include "tests/support/invariants.h"
@@ -549,7 +551,7 @@ TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the wa
         Approx(kMu * std::cos(slope) * std::cos(slides_rad)).epsilon(0.02));
 }
 
-TEST_CASE("Where budgets end, a motion with friction changes no bit") {
+TEST_CASE("Where budgets end, a motion with friction changes no bit, and takes no heap") {
   const int seed = GENERATE(range(0, Rounds(12, 3)));
   CAPTURE(seed);
   const bool twists = seed % 2 == 1;
@@ -572,12 +574,16 @@ TEST_CASE("Where budgets end, a motion with friction changes no bit") {
     InstrumentStack stack(instruments);
     effects::EffectContext context{stack.rod(), wall};
     context.instruments.resize(instruments.size());
+    context.stack = &stack;
     effects::Friction friction(0.2, 0.005, context);
-    const std::vector<EnergyTerm*> terms = {&friction};
+    effects::FrictionBetween between(0.1, 0.005, context);
+    const std::vector<EnergyTerm*> terms = {&friction, &between};
     const auto relaxation = MakeNewtonRelaxation(stack, torus, wall, NewtonSettings(), terms);
     WireState state(stack.rod(), stack.size());
     relaxation->Restart(state);
     std::vector<std::uint64_t> hashes;
+    hashes.reserve(3);
+    const std::size_t allocated = AllocationCount();
     for (int round = 0; round < 3; ++round) {
       InstrumentPlaces target(stack.size());
       for (InstrumentPlace& place : target) {
@@ -592,9 +598,10 @@ TEST_CASE("Where budgets end, a motion with friction changes no bit") {
         report = relaxation->Tick(target, budget, state);
         done += report.work;
       } while (report.budget_spent && done < 100000);
-      REQUIRE(report.arrived());
+      if (!report.arrived()) FAIL("did not arrive");
       hashes.push_back(relaxation->Hash(HashState(state)));
     }
+    CHECK(AllocationCount() == allocated);
     return hashes;
   };
   CHECK(run(true) == run(false));

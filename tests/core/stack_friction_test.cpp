@@ -1,7 +1,11 @@
 // Friction where instruments lie within each other and twist.
 #include <catch2/catch.hpp>
+#include <cmath>
 
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/stack/stack_terms.h"
 #include "host/simulator/effects/contact/friction.h"
+#include "host/simulator/effects/contact/friction_between.h"
 #include "tests/support/twisted_stack.h"
 
 namespace torquer::test {
@@ -29,6 +33,200 @@ TEST_CASE("A surface that comes to a point of another's has not rolled there") {
   points.behind_mm[1] = stack.at.points.behind_mm[1];
   for (auto& turns : points.turns_rad) turns[1] += 0.1;
   CHECK(energy_mJ() > 1e-6);
+}
+
+// A wire that is pulled at its tip, in a catheter that is as round as it rests.
+struct Pulled {
+  static constexpr double kRing = 30;
+  static constexpr double kForce = 0.05;
+  static constexpr double kRadius = 0.2;
+  static constexpr double kGj = 0.4;
+  static constexpr double kMu = 0.2;
+  static constexpr double kInside = 60;
+
+  InstrumentStack stack;
+  FreeSpace field;
+  WallModel wall;
+  InstrumentPlaces places{{kInside + 10, 0}, {kInside, 0}};
+  EndForce force{Vector3d::Zero()};
+  effects::FrictionBetween friction;
+  std::vector<EnergyTerm*> terms{&force, &friction};
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  static std::vector<WireModel> Both(double segment_mm) {
+    std::vector<WireModel> both;
+    both.push_back(MakeWire({.segment_mm = segment_mm,
+                             .rigidity_N_mm2 = 1e-3,
+                             .torsional_rigidity_N_mm2 = kGj,
+                             .radius_mm = kRadius}));
+    both.push_back(MakeWire({.segment_mm = segment_mm,
+                             .rigidity_N_mm2 = 2e4,
+                             .torsional_rigidity_N_mm2 = 2e4,
+                             .radius_mm = 0.5,
+                             .tip_mm = 90,
+                             .tip_curvature_1_per_mm = 1 / kRing}));
+    return both;
+  }
+  effects::EffectContext Context() const {
+    effects::EffectContext context{stack.rod(), wall};
+    context.instruments.resize(2);
+    context.stack = &stack;
+    return context;
+  }
+  // `slip_mm`: far less than what is turned.
+  explicit Pulled(double segment_mm, double mu = kMu, int points = 2)
+      : stack(Both(segment_mm)),
+        wall{.points_per_segment = points},
+        friction(mu, 1e-4, Context()),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {}, terms)),
+        state(stack.rod(), 2) {
+    stack.Combine(places);
+    const double angle = kInside / kRing;
+    force.SetForce(kForce * (std::cos(angle) * Vector3d::UnitX() +
+                             std::sin(angle) * stack.rod().sheath_normal()));
+    state = WireState::Along(stack.rod(), {}, places);
+    relaxation->Restart(state);
+    Go(0, 0);
+    Go(0, 0);  // now it is known what presses them on each other
+  }
+  void Go(double drawn_mm, double turned_rad, int steps = 1) {
+    const InstrumentPlace from = places[0];
+    for (int k = 1; k <= steps; ++k) {
+      places[0] = {from.insertion_mm + k * drawn_mm / steps,
+                   from.rotation_rad + k * turned_rad / steps};
+      REQUIRE(Settle(*relaxation, places, state, 300).converged);
+    }
+  }
+  double HandTorque() const {
+    return -TwistStiffnessOf(stack.rod(), state, 0, 0) * state.TwistOf(0, 0);
+  }
+  // How far the wire's tip is turned in the catheter.
+  double TipTurn() const {
+    const OfInstruments& turns = state.turns_rad().back();
+    return turns[0] - turns[1];
+  }
+};
+
+// Drawn round the bend with the force F the wire presses with F/R a length: turned slowly, friction
+// holds it with t = mu F r / R a length. Its twist goes down along it with the rate t/GJ, to where
+// it sticks: turned by a it is twisted over sqrt(2 GJ a / t), and the hand feels sqrt(2 GJ t a).
+// Turned farther than t L^2 / 2 GJ it slips all along, the hand feels t L, and the tip is behind by
+// that.
+TEST_CASE(
+    "Turned in a catheter against its friction, a wire follows the closed form of a torque lag") {
+  const double segment_mm = GENERATE(2.0, 1.0, 0.5);
+  const int points = GENERATE(1, 4);
+  CAPTURE(segment_mm, points);
+  Pulled wire(segment_mm, Pulled::kMu, points);
+  const double held = Pulled::kMu * Pulled::kForce * Pulled::kRadius / Pulled::kRing;
+  const double lag = held * Pulled::kInside * Pulled::kInside / (2 * Pulled::kGj);
+  const double bound = 0.01 + 0.03 * segment_mm;
+  const auto torque = [&](double turned) { return std::sqrt(2 * Pulled::kGj * held * turned); };
+
+  wire.Go(0, 0.4 * lag, 8);
+  CHECK(wire.HandTorque() == Approx(torque(0.4 * lag)).epsilon(bound));
+  CHECK(std::abs(wire.TipTurn()) < 0.01 * lag);
+  wire.Go(0, 2 * lag, 20);
+  CHECK(wire.HandTorque() == Approx(held * Pulled::kInside).epsilon(bound));
+  CHECK(wire.TipTurn() == Approx(1.4 * lag).epsilon(bound));
+  // Back: twice the torque over half the way (Masing), from where it slipped all along.
+  const double tip = wire.TipTurn();
+  wire.Go(0, -0.8 * lag, 8);
+  CHECK(wire.HandTorque() ==
+        Approx(held * Pulled::kInside - 2 * torque(0.4 * lag)).margin(2 * bound * torque(lag)));
+  CHECK(wire.TipTurn() == Approx(tip).epsilon(0.01));
+}
+
+TEST_CASE("Friction that is held stays, tick after tick, and sticks where the wire is left") {
+  Pulled wire(1);
+  wire.Go(0, 0.3, 3);
+  const double torque = wire.HandTorque();
+  REQUIRE(torque > 1e-4);
+  for (int k = 0; k < 2000; ++k) wire.Go(0, 0);
+  CHECK(wire.HandTorque() == Approx(torque).epsilon(1e-3));
+}
+
+TEST_CASE("Drawn along, a twisted wire is let go: friction has one cone for both ways") {
+  Pulled wire(1);
+  wire.Go(0, 1, 5);
+  const double torque = wire.HandTorque();
+  REQUIRE(torque > 1e-3);
+  // Far more than the surface has to go around.
+  wire.Go(-2, 0, 20);
+  CHECK(std::abs(wire.HandTorque()) < 0.02 * torque);
+  // While it is turned and drawn its surface goes round by r a over s: the torque has that share.
+  const double held =
+      Pulled::kMu * Pulled::kForce * Pulled::kRadius / Pulled::kRing * Pulled::kInside;
+  const double turned_a_mm = 5;
+  wire.Go(-1, turned_a_mm, 50);
+  const double around = Pulled::kRadius * turned_a_mm;
+  // Tension grows along the way that it is drawn, by the capstan law.
+  const double angle = Pulled::kInside / Pulled::kRing;
+  const double mean = (std::exp(Pulled::kMu * angle) - 1) / (Pulled::kMu * angle);
+  CHECK(wire.HandTorque() == Approx(mean * held * around / std::hypot(1, around)).epsilon(0.05));
+}
+
+TEST_CASE("Without a coefficient nothing between instruments changes a shape") {
+  const auto turned = [](double mu) {
+    Pulled wire(1, mu);
+    wire.Go(-1, 2, 10);
+    return wire.state;
+  };
+  const WireState none = turned(0);
+  CHECK(std::abs(none.TwistOf(0, 0)) < 1e-9);
+  CHECK(std::abs(turned(0.2).TwistOf(0, 0)) > 1e-4);
+}
+
+TEST_CASE("A torque between instruments has the derivatives of its energy") {
+  TwistedStack stack(3, 13);
+  effects::EffectContext context{stack.model, stack.wall};
+  context.instruments.resize(3);
+  context.stack = &stack.stack;
+  const double slip_mm = GENERATE(0.01, 1.0);  // slipping, sticking
+  effects::FrictionBetween friction(0.3, slip_mm, context);
+  PointSet points = stack.at.points;
+  points.pressed_N.assign(static_cast<std::size_t>(points.segments()), {1e-3, 2e-3, 3e-3, 0});
+  friction.Begin(points);
+  std::array<SurfaceMove, kMostInstruments> moves = {};
+  moves[1].along_mm = 0.004;
+  friction.MoveSurfaces(points, moves);
+  const auto energy_mJ = [&](std::size_t segment, double inner, double outer) {
+    PointSet there = points;
+    there.turns_rad[segment][0] += 0.1 + inner;
+    there.turns_rad[segment][1] += 0.03 + outer;
+    PointDerivatives out;
+    out.with_hessian = true;
+    const double energy = friction.Add(there, out);
+    return std::pair(energy, out.between);
+  };
+  // In the first segments all three are, in the last only the wire.
+  for (const BetweenLoad& load : energy_mJ(1, 0, 0).second) {
+    CHECK(load.segment * stack.model.segment_mm() < 11.3);
+  }
+  const double step = 1e-5;
+  const auto load_of = [&](double inner) {
+    for (const BetweenLoad& load : energy_mJ(1, inner, 0).second) {
+      if (load.segment == 1 && load.inner == 0) return load;
+    }
+    FAIL("no load");
+    return BetweenLoad{};
+  };
+  const BetweenLoad at = load_of(0);
+  CHECK(at.outer == 1);
+  const auto slope = [&](double inner, double outer) {
+    return (energy_mJ(1, inner, outer).first - energy_mJ(1, -inner, -outer).first) / (2 * step);
+  };
+  CHECK(at.gradient == Approx(slope(step, 0)).epsilon(1e-6));
+  // What lies in the middle is held from within and from without.
+  double middle = 0;
+  for (const BetweenLoad& load : energy_mJ(1, 0, 0).second) {
+    if (load.segment != 1) continue;
+    middle += (load.inner == 1 ? load.gradient : 0) - (load.outer == 1 ? load.gradient : 0);
+  }
+  CHECK(middle == Approx(slope(0, step)).epsilon(1e-6));
+  CHECK(at.hessian ==
+        Approx((load_of(step).gradient - load_of(-step).gradient) / (2 * step)).epsilon(1e-4));
 }
 
 }  // namespace

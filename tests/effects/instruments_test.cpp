@@ -42,6 +42,17 @@ void Go(Simulation& simulation, const InstrumentPlaces& target) {
   }
 }
 
+TEST_CASE("Friction between instruments is refused where there is one") {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("alone.toml");
+  std::ofstream(path) << "name = \"alone\"\n[vessel]\nkind = \"ty_phantom\"\n"
+                         "wall_stiffness_N_mm2 = 0.05\n[entry]\ncenterline = \"main\"\nat_mm = 1\n"
+                         "[[instrument]]\nmax_length_mm = 150\nradius_mm = 0.2\n"
+                         "rigidity_N_mm2 = 0.01\n[effects.friction_between]\ncoefficient = 0.1\n";
+  CHECK_THROWS_WITH(scene::Scene(path), Catch::Contains("effects.friction_between.coefficient") &&
+                                            Catch::Contains("one instrument"));
+}
+
 TEST_CASE("Each instrument of a scene starts, moves and is reported by its name") {
   const TemporaryFolder folder;
   scene::Scene scene(WriteScene(folder, std::string(kWire) + kCatheter + kSheath));

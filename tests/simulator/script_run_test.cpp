@@ -74,7 +74,7 @@ TEST_CASE("A script gives one JSON object a row, absolute since the start", "[si
 TEST_CASE("States tell of forces only where the scene asks for them", "[simulator]") {
   const bool asked = GENERATE(false, true);
   const SceneFile file(std::string(torquer::test::kMicrocatheter) +
-                       (asked ? "[effects.internal_forces]\nfriction_between = 0.1\n" : ""));
+                       (asked ? "[effects.internal_forces]\n" : ""));
   Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,-1,0\n0.002,0,0.3\n");
   torquer::scene::Scene scene(file.path());
   torquer::simulator::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")});

@@ -32,12 +32,17 @@ struct PointSet {
   std::vector<Eigen::Vector3d> normals;
   /// Of a stack that twists, one a segment: how far each instrument is turned against that.
   std::vector<std::array<double, kMostInstruments>> turns_rad;
+  /// Of a stack that twists, one a segment, where a term asks for it (EnergyTerm::Between) and when
+  /// it begins a part: the force with which each instrument is pressed against the next one around
+  /// it, N.
+  std::vector<std::array<double, kMostInstruments>> pressed_N;
   int instruments = 1;                                  ///< of the stack
   std::array<double, kMostInstruments> behind_mm = {};  ///< each one's tip, behind the distal end
   double spacing_mm = 1;                                ///< of the points, lambda / K
   double first_spacing_mm = 1;                          ///< of those of the first segment
 
   int size() const { return static_cast<int>(position.size()); }
+  int segments() const { return size() / per_segment; }
   /// Identifies the point as material: constant while the wire moves through the sheath.
   int FromTip(int q) const { return size() - 1 - q; }
   /// The normal, fixed to the material of the surface, of the segment that the point belongs to.
@@ -86,6 +91,16 @@ struct SpinLoad {
   Eigen::Vector3d with_position;  ///< N, d2 / (d spin, d position of the point)
 };
 
+/// Derivatives with respect to how far an instrument is turned in another, at a segment: a torque
+/// between them. Only of a stack that twists.
+struct BetweenLoad {
+  int segment;
+  int inner;
+  int outer;
+  double gradient;  ///< mJ: minus the torque on the inner one, and the torque on the outer one
+  double hessian;   ///< mJ
+};
+
 /// Where the terms put their derivatives with respect to the points' positions, to the tangents of
 /// the few segments that bear a moment, and to spins.
 struct PointDerivatives {
@@ -97,6 +112,7 @@ struct PointDerivatives {
   std::vector<Eigen::Matrix3d> hessian;   ///< N/mm, symmetric
   std::vector<TangentLoad> on_tangents;   ///< in any order; they add up
   std::vector<SpinLoad> on_spins;         ///< the same; room for one a point
+  std::vector<BetweenLoad> between;       ///< the same; room for one a segment and instrument
 
   /// Makes point q used, starting from zero. Call before adding to it.
   void Touch(int q) {
@@ -120,6 +136,8 @@ struct SurfaceMove {
   double along_mm = 0;  ///< along the wire, distally if positive
   double turn_rad = 0;  ///< about the tangent, right-handed
 };
+
+struct Sliding;
 
 /// Role *energy term*: an energy of the positions of the wire's points, of its tangents and, if it
 /// twists, of its normals, without terms that couple several of them but a point and its spin. It
@@ -145,6 +163,9 @@ class EnergyTerm {
   /// Whether its forces act where the wire's surface touches the wall, as friction does: they turn
   /// the wire about its axis, too, and count among the forces of contact.
   virtual bool ActsOnSurface() const { return false; }
+  /// How instruments slide in each other, of a term that acts between them and needs
+  /// PointSet::pressed_N; null of all others.
+  virtual const Sliding* Between() const { return nullptr; }
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
   /// The surfaces of the instruments move against the points, before these do: instruments that

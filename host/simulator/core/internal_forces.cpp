@@ -29,6 +29,7 @@ void FindFriction(const PointSet& points, const std::vector<EnergyTerm*>& terms,
   out.hessian.resize(size);
   out.on_tangents.clear();
   out.on_spins.clear();
+  out.between.clear();
   for (const EnergyTerm* term : terms) {
     if (term->ActsOnSurface()) term->Add(points, out);
   }
@@ -77,21 +78,6 @@ void FindContacts(const Expansion& at, InternalForces& out) {
   }
   for (std::size_t q = 0; q < points.position.size(); ++q) {
     share(q, [&](std::size_t i, double part) { force[i] -= part * out.friction.gradient[q]; });
-  }
-}
-
-void FindPointGradients(const Expansion& at, InternalForces& out) {
-  out.point_gradient_N.assign(at.points.position.size(), Vector3d::Zero());
-  for (std::size_t q = 0; q < at.derivatives.used.size(); ++q) {
-    if (at.derivatives.used[q] == PointDerivatives::kNothing) continue;
-    out.point_gradient_N[q] = at.derivatives.gradient[q];
-  }
-  for (std::size_t k = 0; k < at.springs.size(); ++k) {
-    const WallSpring& spring = at.springs[k];
-    if (!(spring.penetration_mm > 0)) continue;
-    const auto q = static_cast<std::size_t>(at.points.near[k]);
-    out.point_gradient_N[q] -=
-        spring.stiffness_N_mm * spring.penetration_mm * at.points.clearance[q].gradient;
   }
 }
 
@@ -160,6 +146,20 @@ void FindMoments(const WireModel& model, const WireState& state, const Expansion
 
 }  // namespace
 
+void FindPointGradients(const Expansion& at, std::vector<Vector3d>& out) {
+  out.assign(at.points.position.size(), Vector3d::Zero());
+  for (std::size_t q = 0; q < at.derivatives.used.size(); ++q) {
+    if (at.derivatives.used[q] == PointDerivatives::kNothing) continue;
+    out[q] = at.derivatives.gradient[q];
+  }
+  for (std::size_t k = 0; k < at.springs.size(); ++k) {
+    const WallSpring& spring = at.springs[k];
+    if (!(spring.penetration_mm > 0)) continue;
+    const auto q = static_cast<std::size_t>(at.points.near[k]);
+    out[q] -= spring.stiffness_N_mm * spring.penetration_mm * at.points.clearance[q].gradient;
+  }
+}
+
 void FindInternalForces(const WireModel& model, const WireState& state, const Expansion& expansion,
                         const std::vector<EnergyTerm*>& terms, InternalForces& out) {
   const int n = state.segments();
@@ -176,7 +176,7 @@ void FindInternalForces(const WireModel& model, const WireState& state, const Ex
   out.surface_torque_mJ.assign(expansion.points.position.size(), 0);
   if (model.spins() == 0) FindSurfaceTorques(expansion.points, out);
   FindContacts(expansion, out);
-  FindPointGradients(expansion, out);
+  FindPointGradients(expansion, out.point_gradient_N);
   FindTension(model, state, expansion, out);
   FindMoments(model, state, expansion, out);
   out.clamp_force_N = expansion.distal_gradient[0];

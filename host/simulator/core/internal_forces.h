@@ -29,6 +29,10 @@ struct InternalForces {
   std::vector<Eigen::Vector3d> point_gradient_N;  ///< at the points: minus all that acts on them
 };
 
+/// Minus all that acts on each point, N. O(points); allocates only where `out` has not seen as
+/// many.
+void FindPointGradients(const Expansion& expansion, std::vector<Eigen::Vector3d>& out);
+
 /// Finds them at the state of which `expansion` is (README section 15). `terms`: those of the
 /// expansion. O(n); allocates only where `out` has not seen a wire as long.
 void FindInternalForces(const WireModel& model, const WireState& state, const Expansion& expansion,

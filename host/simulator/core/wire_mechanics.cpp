@@ -35,6 +35,10 @@ Expansion WireMechanics::MakeExpansion() const {
     (model_.twists() ? e.twists.reserve(n) : e.stack.reserve(n));
     e.spin_gradient.reserve(n * static_cast<std::size_t>(model_.spins()));
     e.derivatives.on_spins.reserve(terms_.empty() ? 0 : points);
+    if (model_.spins() > 1 && !terms_.empty()) {
+      e.derivatives.between.reserve(n * static_cast<std::size_t>(model_.spins()));
+      e.points.pressed_N.reserve(n);
+    }
   } else if (model_.most_curved_joints() > 1) {
     e.turns.reserve(n);
   }
@@ -164,7 +168,7 @@ void WireMechanics::AddSpinLoads(const WireState& state, Expansion& out) const {
       const int k = out.points.SurfaceAt(on.point);
       StackTerms& stack = out.stack[i];
       stack.gradient_distal[k] += on.gradient;
-      stack.hessian_distal[k] += on.hessian;
+      stack.hessian_distal(k, k) += on.hessian;
       stack.distal_displacement.row(k) += on.with_position.transpose();
       stack.distal_distal.row(k) += with_step.transpose();
       continue;
@@ -174,6 +178,18 @@ void WireMechanics::AddSpinLoads(const WireState& state, Expansion& out) const {
     twist.hessian_distal += on.hessian;
     twist.distal_displacement += on.with_position;
     twist.distal_distal += with_step;
+  }
+}
+
+void WireMechanics::AddBetweenLoads(Expansion& out) {
+  for (const BetweenLoad& on : out.derivatives.between) {
+    StackTerms& stack = out.stack[static_cast<std::size_t>(on.segment)];
+    stack.gradient_distal[on.inner] += on.gradient;
+    stack.gradient_distal[on.outer] -= on.gradient;
+    stack.hessian_distal(on.inner, on.inner) += on.hessian;
+    stack.hessian_distal(on.outer, on.outer) += on.hessian;
+    stack.hessian_distal(on.inner, on.outer) -= on.hessian;
+    stack.hessian_distal(on.outer, on.inner) -= on.hessian;
   }
 }
 
@@ -323,12 +339,14 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
     out.derivatives.used.assign(points, 0);
     out.derivatives.on_tangents.clear();
     out.derivatives.on_spins.clear();
+    out.derivatives.between.clear();
     for (const EnergyTerm* term : terms_) {
       const double added_mJ = term->Add(out.points, out.derivatives);
       out.energy_mJ += added_mJ;
       if (term->Dissipates()) out.dissipated_mJ += added_mJ;
     }
     if (model_.spins() > 0) AddSpinLoads(state, out);
+    if (model_.spins() > 1) AddBetweenLoads(out);
   }
   SumTrueGradient(state, out);
 }

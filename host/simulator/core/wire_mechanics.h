@@ -101,6 +101,7 @@ class WireMechanics {
   void ExpandStack(const WireState& state, Expansion& out) const;
   double SumSpins(const WireState& state, int segment, Expansion& out) const;
   void AddSpinLoads(const WireState& state, Expansion& out) const;
+  static void AddBetweenLoads(Expansion& out);
   void ExpandWall(bool with_hessian, Expansion& out) const;
   void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,
                const Eigen::Matrix3d* hessian, Expansion& out) const;

@@ -4,6 +4,7 @@
 #include "host/simulator/effects/blood/flow.h"
 #include "host/simulator/effects/contact/compliance.h"
 #include "host/simulator/effects/contact/friction.h"
+#include "host/simulator/effects/contact/friction_between.h"
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/effects/imaging/lateral_plane.h"
@@ -21,9 +22,10 @@ namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   static const std::vector<EffectKind> kinds = {
-      TorsionKind(),    HeartbeatKind(), BreathingKind(), ComplianceKind(),  FrictionKind(),
-      GravityKind(),    InertiaKind(),   PointLoadKind(), WallForceKind(),   InternalForcesKind(),
-      AssessmentKind(), FlowKind(),      ContrastKind(),  FluoroscopyKind(), LateralPlaneKind(),
+      TorsionKind(),   HeartbeatKind(),       BreathingKind(),      ComplianceKind(),
+      FrictionKind(),  FrictionBetweenKind(), GravityKind(),        InertiaKind(),
+      PointLoadKind(), WallForceKind(),       InternalForcesKind(), AssessmentKind(),
+      FlowKind(),      ContrastKind(),        FluoroscopyKind(),    LateralPlaneKind(),
   };
   return kinds;
 }

@@ -70,6 +70,10 @@ NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
   step_.reserve(room);
   displacement_mm_.reserve(room);
   spin_step_.reserve(room * static_cast<std::size_t>(model_.spins()));
+  if (std::is_same_v<Stage, StackTwistStage> && !terms.empty()) {
+    balance_.Reserve(model_.max_segments());
+    point_gradient_N_.reserve(room * static_cast<std::size_t>(wall.points_per_segment));
+  }
 }
 
 template <class Stage>
@@ -150,19 +154,34 @@ bool NewtonMethod<Stage>::Arrived(const InstrumentPlaces& goal, const WireState&
 }
 
 template <class Stage>
-void NewtonMethod<Stage>::Begin(WireState& /*state*/) {
+void NewtonMethod<Stage>::Begin(WireState& state) {
   // What the budget cut short goes on as it was begun, unless the vessel has moved under it.
   const bool still = field_.TravelMm() == travel_mm_;
   if (!part_open_ || !still) {
-    BeginPart();
+    BeginPart(state);
     stalled_ = pushed_ = false;
   }
   up_to_date_ = up_to_date_ && still;
   travel_mm_ = field_.TravelMm();
 }
 
+// What is not in balance says nothing of what its parts press each other with: then none is given.
 template <class Stage>
-void NewtonMethod<Stage>::BeginPart() {
+void NewtonMethod<Stage>::FindPressed(const WireState& state) {
+  const auto between = std::find_if(terms_.begin(), terms_.end(), [](const EnergyTerm* term) {
+    return term->Between() != nullptr;
+  });
+  if (between == terms_.end()) return;
+  current_.points.pressed_N.clear();
+  if (current_.residual > std::max(settings_.part_tolerance, settings_.tolerance)) return;
+  FindPointGradients(current_, point_gradient_N_);
+  balance_.FindPressed(stack(), state, current_.points, point_gradient_N_, *(*between)->Between(),
+                       current_.points.pressed_N);
+}
+
+template <class Stage>
+void NewtonMethod<Stage>::BeginPart(const WireState& state) {
+  if (std::is_same_v<Stage, StackTwistStage>) FindPressed(state);
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
   part_open_ = true;
   part_moved_ = false;
@@ -197,7 +216,7 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
   // To the terms each part is a tick: what they remember does not depend on how far a tick goes.
   if (part_moved_) {
     EndPart();
-    BeginPart();
+    BeginPart(state);
   }
   part_moved_ = true;
   if (!terms_.empty()) {

@@ -14,6 +14,7 @@
 #include "host/simulator/core/newton/feed_prediction.h"
 #include "host/simulator/core/newton/riccati_sweep.h"
 #include "host/simulator/core/relaxation.h"
+#include "host/simulator/core/stack/hand_forces.h"
 
 namespace torquer {
 
@@ -78,8 +79,9 @@ class NewtonMethod final : public Relaxation {
   void End(const WireState& state, bool settled, TickReport& report) override;
 
   // To the terms every part of a motion is what they call a relaxation.
-  void BeginPart();
+  void BeginPart(const WireState& state);
   void EndPart();
+  void FindPressed(const WireState& state);
   void MoveTo(const InstrumentPlaces& next, WireState& state);
   void MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
   Solution SolveModel(const WireState& state);
@@ -104,7 +106,9 @@ class NewtonMethod final : public Relaxation {
   std::vector<Eigen::Vector2d> step_;
   std::vector<double> spin_step_;  // the same about the tangents, the model's spins a segment
   std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
-  double travel_mm_ = 0;                          // of the vessel, in current_
+  HandForces balance_;  // of each instrument, for terms that act between them
+  std::vector<Eigen::Vector3d> point_gradient_N_;
+  double travel_mm_ = 0;  // of the vessel, in current_
   int iterations_since_move_ = 0;
   bool up_to_date_ = true;
   bool attempting_ = false;  // an iteration has begun, and no attempt of it was taken

@@ -1,6 +1,6 @@
 // The sweep of a stack that twists: the state of a stage has the spins of all instruments in the
-// segment before, its control those of its own. In small matrices, of the size that the number of
-// instruments asks for.
+// segment before, its control those of the segment itself. In small matrices, of the size that the
+// number of instruments asks for.
 #include <Eigen/Cholesky>
 
 #include "host/simulator/core/newton/riccati_sweep.h"
@@ -112,7 +112,7 @@ bool StackSweep::SweepWith(const WireModel& model, const WireState& state,
           std::min(model.twisting_joint(n - i).of[instrument].torsional_rigidity_N_mm2,
                    model.twisting_joint(n - i - 1).of[instrument].torsional_rigidity_N_mm2);
       const auto proximal_proximal = stack.proximal_proximal.row(k);
-      pivot(2 + k, 2 + k) += stack.hessian_distal[k] + weight * torsional;
+      pivot(2 + k, 2 + k) += weight * torsional;
       pivot.template block<1, 2>(2 + k, 0) += stack.distal_distal.row(k);
       pivot.template block<2, 1>(0, 2 + k) += stack.distal_distal.row(k).transpose();
       with.template block<1, 3>(2 + k, 0) += stack.distal_displacement.row(k);
@@ -124,6 +124,8 @@ bool StackSweep::SweepWith(const WireModel& model, const WireState& state,
       c[2 + k] += stack.gradient_distal[k];
       own[5 + k] += stack.gradient_proximal[k];
     }
+    pivot.template bottomRightCorner<kSpins, kSpins>() +=
+        stack.hessian_distal.template topLeftCorner<kSpins, kSpins>();
     given.template bottomRightCorner<kSpins, kSpins>() +=
         stack.hessian_proximal.template topLeftCorner<kSpins, kSpins>();
 

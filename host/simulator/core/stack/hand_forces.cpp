@@ -66,13 +66,13 @@ Vector3d RestCurvature(const WireModel& rod, const WireState& state, int joint,
 }  // namespace
 
 // By the lever, as the contacts: an instrument that touches the wall bears what acts there.
-void HandForces::ShareLoads(const PointSet& points, const InternalForces& forces,
+void HandForces::ShareLoads(const PointSet& points, const std::vector<Vector3d>& point_gradient_N,
                             std::size_t nodes) {
   for (int k = 0; k < count_; ++k) {
     load_N_[static_cast<std::size_t>(k)].assign(nodes, Vector3d::Zero());
   }
   for (int q = 0; q < points.size(); ++q) {
-    const Vector3d load_N = -forces.point_gradient_N[static_cast<std::size_t>(q)];
+    const Vector3d load_N = -point_gradient_N[static_cast<std::size_t>(q)];
     const auto i = static_cast<std::size_t>(q / points.per_segment);
     const double t = static_cast<double>(q % points.per_segment + 1) / points.per_segment;
     std::vector<Vector3d>& on = load_N_[static_cast<std::size_t>(points.SurfaceAt(q))];
@@ -172,7 +172,9 @@ void HandForces::FindFriction(const WireState& state, int node, const Sliding& s
     Bears& bears = bears_[static_cast<std::size_t>(k)];
     if (!bears.inside) continue;
     if (inner >= 0) {
-      const double most_N = sliding.coefficient * held_N.norm();
+      const double pressed_N = held_N.norm();
+      const double most_N = sliding.coefficient * pressed_N;
+      pressed_N_[i][static_cast<std::size_t>(inner)] = pressed_N;
       const int way =
           sliding.direction[static_cast<std::size_t>(inner)][static_cast<std::size_t>(k)];
       bears_[static_cast<std::size_t>(inner)].friction_N -= way * most_N;
@@ -183,6 +185,63 @@ void HandForces::FindFriction(const WireState& state, int node, const Sliding& s
                           load_N_[static_cast<std::size_t>(k)][i];
     held_N += on_N - on_N.dot(tangent) * tangent;
     inner = k;
+  }
+}
+
+void HandForces::Reserve(int segments) {
+  const auto nodes = static_cast<std::size_t>(segments) + 1;
+  for (std::vector<Vector3d>& load_N : load_N_) load_N.reserve(nodes);
+  pressed_N_.reserve(nodes);
+}
+
+// From the tip to the sheath.
+void HandForces::BalanceAll(const InstrumentStack& stack, const WireState& state,
+                            const PointSet& points, const std::vector<Vector3d>& point_gradient_N,
+                            const Sliding& sliding) {
+  const int n = state.segments();
+  const WireModel& rod = stack.rod();
+  for (int k = 0; k < count_; ++k) order_[static_cast<std::size_t>(k)] = k;
+  std::sort(order_.begin(), order_.begin() + count_, [&state](int a, int b) {
+    return state.places()[a].insertion_mm > state.places()[b].insertion_mm;
+  });
+  const auto nodes = static_cast<std::size_t>(n) + 1;
+  ShareLoads(points, point_gradient_N, nodes);
+  pressed_N_.assign(nodes, {});
+  for (int i = n; i > 0; --i) {
+    for (Bears& bears : bears_) {
+      bears.moment_mJ = bears.moment_before_mJ;
+      bears.force_N = bears.force_before_N;
+    }
+    // What turns an instrument that twists comes to its hand as its own torsion; the rest shape
+    // at the clamp is turned by the hand itself.
+    if (i == 1 && rod.spins() > 0) {
+      for (int k = 0; k < count_; ++k) {
+        hands_[static_cast<std::size_t>(k)].torque_mJ =
+            -TwistStiffnessOf(rod, state, 0, k) * state.TwistOf(0, k);
+      }
+    }
+    FindMoments(stack, state, i - 1);
+    Balance(state, i, sliding);
+  }
+}
+
+void HandForces::FindPressed(const InstrumentStack& stack, const WireState& state,
+                             const PointSet& points, const std::vector<Vector3d>& point_gradient_N,
+                             const Sliding& sliding,
+                             std::vector<std::array<double, kMostInstruments>>& out) {
+  const auto n = static_cast<std::size_t>(state.segments());
+  count_ = stack.size();
+  hands_ = {};
+  bears_ = {};
+  out.assign(n, {});
+  if (n == 0) return;
+  BalanceAll(stack, state, points, point_gradient_N, sliding);
+  // A node's is half that of each segment beside it, the last one's all of the last.
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < out[i].size(); ++k) {
+      out[i][k] = (i == 0 ? 0 : pressed_N_[i][k] / 2) +
+                  (i + 1 == n ? pressed_N_[n][k] : pressed_N_[i + 1][k] / 2);
+    }
   }
 }
 
@@ -198,27 +257,7 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state, cons
   const Vector3d bend = Bend(entry, state.tangents().front()) / JointLength(rod, state, 0);
   const auto leader = static_cast<std::size_t>(state.places().Leader());
   if (count_ > 1) {
-    for (int k = 0; k < count_; ++k) order_[static_cast<std::size_t>(k)] = k;
-    std::sort(order_.begin(), order_.begin() + count_, [&state](int a, int b) {
-      return state.places()[a].insertion_mm > state.places()[b].insertion_mm;
-    });
-    ShareLoads(points, forces, static_cast<std::size_t>(n) + 1);
-    for (int i = n; i > 0; --i) {
-      for (Bears& bears : bears_) {
-        bears.moment_mJ = bears.moment_before_mJ;
-        bears.force_N = bears.force_before_N;
-      }
-      // What turns an instrument that twists comes to its hand as its own torsion; the rest shape
-      // at the clamp is turned by the hand itself.
-      if (i == 1 && rod.spins() > 0) {
-        for (int k = 0; k < count_; ++k) {
-          hands_[static_cast<std::size_t>(k)].torque_mJ =
-              -TwistStiffnessOf(rod, state, 0, k) * state.TwistOf(0, k);
-        }
-      }
-      FindMoments(stack, state, i - 1);
-      Balance(state, i, sliding);
-    }
+    BalanceAll(stack, state, points, forces.point_gradient_N, sliding);
   } else {
     hands_[0].torque_mJ = forces.clamp_moment_mJ.dot(entry);
   }

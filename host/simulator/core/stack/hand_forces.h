@@ -32,6 +32,14 @@ class HandForces {
   /// `forces`: what FindInternalForces found at the state of which `points` are. O(n).
   void Find(const InstrumentStack& stack, const WireState& state, const PointSet& points,
             const InternalForces& forces, const Sliding& sliding);
+  /// Finds alone what presses each instrument against the next one around it, by segment, as
+  /// PointSet::pressed_N has it. `point_gradient_N`: that of FindPointGradients. A coefficient of 0
+  /// finds nothing. O(n); no heap after Reserve.
+  void FindPressed(const InstrumentStack& stack, const WireState& state, const PointSet& points,
+                   const std::vector<Eigen::Vector3d>& point_gradient_N, const Sliding& sliding,
+                   std::vector<std::array<double, kMostInstruments>>& out);
+  /// Makes room for rods of so many segments.
+  void Reserve(int segments);
   /// Of each instrument, the innermost first; nothing for one that is not inside.
   const std::array<HandForce, kMostInstruments>& hands() const { return hands_; }
 
@@ -55,7 +63,10 @@ class HandForces {
     Eigen::Vector3d sum_EI_rest = Eigen::Vector3d::Zero();
   };
 
-  void ShareLoads(const PointSet& points, const InternalForces& forces, std::size_t nodes);
+  void BalanceAll(const InstrumentStack& stack, const WireState& state, const PointSet& points,
+                  const std::vector<Eigen::Vector3d>& point_gradient_N, const Sliding& sliding);
+  void ShareLoads(const PointSet& points, const std::vector<Eigen::Vector3d>& point_gradient_N,
+                  std::size_t nodes);
   void FindMoments(const InstrumentStack& stack, const WireState& state, int joint);
   void Balance(const WireState& state, int node, const Sliding& sliding);
   void FindFriction(const WireState& state, int node, const Sliding& sliding);
@@ -67,6 +78,8 @@ class HandForces {
   std::array<Share, kMostInstruments> shares_;    // in that order
   // On each instrument, one a node.
   std::array<std::vector<Eigen::Vector3d>, kMostInstruments> load_N_;
+  // Of each instrument against the next one around it, one a node.
+  std::vector<std::array<double, kMostInstruments>> pressed_N_;
 };
 
 }  // namespace torquer

@@ -218,7 +218,7 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
     out.gradient_proximal[k] -= torque;
     out.gradient_distal[k] += torque;
     out.hessian_proximal(k, k) += own;
-    out.hessian_distal[k] += own;
+    out.hessian_distal(k, k) += own;
     out.hessian_cross[k] -= own;
     out.proximal_proximal.row(k) -= own * geometry.g_p.transpose();
     out.proximal_distal.row(k) -= own * geometry.g_d.transpose();

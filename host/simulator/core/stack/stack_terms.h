@@ -18,8 +18,8 @@ struct StackTerms {
   Spins gradient_proximal;
   Spins gradient_distal;
   Eigen::Matrix<double, kMostInstruments, kMostInstruments> hessian_proximal;
-  Spins hessian_distal;  ///< diagonal
-  Spins hessian_cross;   ///< diagonal
+  Eigen::Matrix<double, kMostInstruments, kMostInstruments> hessian_distal;
+  Spins hessian_cross;  ///< diagonal
   SpinsWithStep proximal_proximal;
   SpinsWithStep proximal_distal;
   SpinsWithStep distal_proximal;

@@ -12,9 +12,9 @@ namespace torquer::effects {
 
 class InternalForceObserver final : public Effect, public Observer {
  public:
-  /// The friction between instruments, of this coefficient, acts against the way in which each slid
-  /// last in those around it. `context` needs its stack and instruments.
-  InternalForceObserver(double friction_between, const EffectContext& context);
+  /// `context` needs its stack and instruments. Instruments slide in each other with the friction
+  /// that was made before this, or with none.
+  explicit InternalForceObserver(const EffectContext& context);
 
   Observer* observer() override { return this; }
   void Restart() override;
@@ -27,13 +27,10 @@ class InternalForceObserver final : public Effect, public Observer {
   }
 
  private:
-  void FollowSliding(const InstrumentPlaces& places);
-
   const InstrumentStack& stack_;
   std::vector<std::string> names_;
   std::vector<EnergyTerm*> terms_;
-  Sliding sliding_;
-  std::vector<double> insertion_mm_;  ///< at the tick before; empty at the start
+  const Sliding* sliding_ = nullptr;  ///< null where there is no friction between instruments
   InternalForces forces_;
   HandForces hands_;
 };

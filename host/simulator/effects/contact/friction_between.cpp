@@ -1,0 +1,212 @@
+#include "host/simulator/effects/contact/friction_between.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "host/simulator/core/hash.h"
+
+namespace torquer::effects {
+
+namespace {
+
+// Of an instrument in another, at a segment.
+double TurnIn(const PointSet& points, int segment, int inner, int outer) {
+  const OfInstruments& turns = points.turns_rad[static_cast<std::size_t>(segment)];
+  return turns[static_cast<std::size_t>(inner)] - turns[static_cast<std::size_t>(outer)];
+}
+
+}  // namespace
+
+FrictionBetween::FrictionBetween(double coefficient, double slip_mm, const EffectContext& context)
+    : slip_mm_(slip_mm), stack_(*context.stack) {
+  sliding_.coefficient = coefficient;
+  if (context.wire.spins() > 1) {
+    anchors_.resize(static_cast<std::size_t>(context.wire.max_segments()) + 1);
+  }
+}
+
+void FrictionBetween::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const FrictionBetween&>(twin);
+  sliding_ = from.sliding_;
+  anchors_ = from.anchors_;
+  anchored_ = from.anchored_;
+}
+
+void FrictionBetween::Reset() {
+  sliding_.direction = {};
+  anchors_.assign(anchors_.size(), Anchors());
+  anchored_ = 0;
+}
+
+void FrictionBetween::Begin(const PointSet& points) {
+  if (anchors_.empty()) return;
+  const int segments = points.segments();
+  const bool known = !points.pressed_N.empty();  // otherwise what was found last stays
+  for (int i = 0; i < segments; ++i) {
+    const int last = (i + 1) * points.per_segment - 1;
+    const double from_tip_mm = points.FromTipMm(last);
+    Anchors& anchors = AnchorsAt(points, i);
+    int inner = -1;
+    for (int k = 0; k < stack_.size(); ++k) {
+      const double behind_mm = points.behind_mm[static_cast<std::size_t>(k)];
+      Anchor& own = anchors[static_cast<std::size_t>(k)];
+      if (from_tip_mm < behind_mm) {
+        own = Anchor();
+        continue;
+      }
+      if (inner >= 0) {
+        Anchor& anchor = anchors[static_cast<std::size_t>(inner)];
+        if (anchor.outer != k) {
+          anchor = Anchor();
+          anchor.outer = k;
+          anchor.turn_rad = TurnIn(points, i, inner, k);
+        }
+        if (known) {
+          anchor.limit_N =
+              sliding_.coefficient *
+              points.pressed_N[static_cast<std::size_t>(i)][static_cast<std::size_t>(inner)];
+        }
+        anchor.radius_mm = JointAt(stack_.instrument(inner),
+                                   from_tip_mm - points.behind_mm[static_cast<std::size_t>(inner)])
+                               .radius_mm;
+      }
+      inner = k;
+    }
+    if (inner >= 0) anchors[static_cast<std::size_t>(inner)] = Anchor();  // the outermost
+  }
+  anchored_ = segments;
+}
+
+double FrictionBetween::Add(const PointSet& points, PointDerivatives& out) const {
+  if (anchors_.empty()) return 0;
+  double energy_mJ = 0;
+  for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
+    const Anchors& anchors = AnchorsAt(points, i);
+    for (int k = 0; k < stack_.size(); ++k) {
+      const Anchor& anchor = anchors[static_cast<std::size_t>(k)];
+      if (anchor.outer < 0 || anchor.limit_N == 0) continue;
+      const double r = anchor.radius_mm;
+      const double around_mm = r * (TurnIn(points, i, k, anchor.outer) - anchor.turn_rad);
+      const double squared = anchor.along_mm * anchor.along_mm + around_mm * around_mm;
+      const double x2 = squared / (slip_mm_ * slip_mm_);
+      BetweenLoad load{i, k, anchor.outer, 0, 0};
+      if (x2 < 1) {
+        const double stiffness = 1.5 * anchor.limit_N / slip_mm_;
+        energy_mJ += stiffness * squared * (0.5 - x2 / 12);
+        load.gradient = r * stiffness * (1 - x2 / 3) * around_mm;
+        load.hessian = r * r * stiffness *
+                       (1 - x2 / 3 - 2.0 / 3 * around_mm * around_mm / (slip_mm_ * slip_mm_));
+      } else {
+        const double distance = std::sqrt(squared);
+        energy_mJ += anchor.limit_N * (distance - 0.375 * slip_mm_);
+        load.gradient = r * anchor.limit_N * around_mm / distance;
+        load.hessian = r * r * anchor.limit_N / distance * (1 - around_mm * around_mm / squared);
+      }
+      out.between.push_back(load);
+    }
+  }
+  return energy_mJ;
+}
+
+void FrictionBetween::MoveSurfaces(const PointSet& points,
+                                   const std::array<SurfaceMove, kMostInstruments>& moves) {
+  constexpr double kStillMm = 1e-9;
+  const auto slid_mm = [&moves](std::size_t inner, std::size_t outer) {
+    return moves[inner].along_mm - moves[outer].along_mm;
+  };
+  const auto count = static_cast<std::size_t>(stack_.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t m = k + 1; m < count; ++m) {
+      if (std::abs(slid_mm(k, m)) > kStillMm) sliding_.direction[k][m] = slid_mm(k, m) > 0 ? 1 : -1;
+    }
+  }
+  if (anchors_.empty()) return;
+  // Twists that slide along are turns, too: of r times a rate of twist, far less than the way
+  // along.
+  for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
+    Anchors& anchors = AnchorsAt(points, i);
+    for (std::size_t k = 0; k < count; ++k) {
+      if (anchors[k].outer < 0) continue;
+      anchors[k].along_mm += slid_mm(k, static_cast<std::size_t>(anchors[k].outer));
+    }
+  }
+}
+
+void FrictionBetween::End(const PointSet& points) {
+  if (anchors_.empty()) return;
+  for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
+    Anchors& anchors = AnchorsAt(points, i);
+    for (int k = 0; k < stack_.size(); ++k) {
+      Anchor& anchor = anchors[static_cast<std::size_t>(k)];
+      if (anchor.outer < 0) continue;
+      const double turn_rad = TurnIn(points, i, k, anchor.outer);
+      const double around_mm = anchor.radius_mm * (turn_rad - anchor.turn_rad);
+      const double distance = std::hypot(anchor.along_mm, around_mm);
+      if (distance <= slip_mm_) continue;
+      anchor.along_mm *= slip_mm_ / distance;
+      anchor.turn_rad = turn_rad - slip_mm_ / distance * around_mm / anchor.radius_mm;
+    }
+  }
+  // What left through the sheath will lie differently when it comes back.
+  for (int k = points.segments(); k < anchored_; ++k) {
+    anchors_[static_cast<std::size_t>(k)] = Anchors();
+  }
+  anchored_ = std::min(anchored_, points.segments());
+}
+
+std::uint64_t FrictionBetween::Hash(std::uint64_t seed) const {
+  for (const auto& ways : sliding_.direction) {
+    for (const int way : ways) seed = HashDouble(way, seed);
+  }
+  for (int i = 0; i < anchored_; ++i) {
+    for (const Anchor& anchor : anchors_[static_cast<std::size_t>(i)]) {
+      if (anchor.outer < 0) continue;
+      for (const double value : {anchor.along_mm, anchor.turn_rad, anchor.limit_N}) {
+        seed = HashDouble(value, seed);
+      }
+    }
+  }
+  return seed;
+}
+
+namespace {
+
+struct FrictionBetweenSpec : TableSpec {
+  double coefficient = 0;
+  double slip_mm = 0.005;
+};
+
+const Keys<FrictionBetweenSpec>& FrictionBetweenKeys() {
+  static const Keys<FrictionBetweenSpec> keys =
+      Keys<FrictionBetweenSpec>()
+          .Required()
+          .Number("coefficient", &FrictionBetweenSpec::coefficient, 0, 2, "",
+                  "of Coulomb's law, mu, between instruments within each other")
+          .Number("slip_mm", &FrictionBetweenSpec::slip_mm, 1e-5, 0.1, "mm",
+                  "displacement at which what sticks begins to slip")
+          .Example("coefficient = 0.05\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> Make(const FrictionBetweenSpec& spec, const EffectContext& context) {
+  if (context.instruments.size() < 2) {
+    spec.origin.Refuse("coefficient",
+                       "there is one instrument, and nothing that it lies in; take the table out, "
+                       "or give a second [[instrument]]");
+  }
+  return std::make_unique<FrictionBetween>(spec.coefficient, spec.slip_mm, context);
+}
+
+}  // namespace
+
+EffectKind FrictionBetweenKind() {
+  return {.name = "friction_between",
+          .summary =
+              "Coulomb friction of instruments on each other, with stick and slip: hands "
+              "feel it, and with torsion one may hold another's turn",
+          .roles = "energy term",
+          .keys = Any(FrictionBetweenKeys()),
+          .make = MakeWith(Make)};
+}
+
+}  // namespace torquer::effects
