@@ -178,6 +178,61 @@ TEST_CASE("Without a coefficient nothing between instruments changes a shape") {
   CHECK(std::abs(turned(0.2).TwistOf(0, 0)) > 1e-4);
 }
 
+// What a friction between the instruments of a twisted stack takes up, moved by hand.
+struct Held {
+  TwistedStack stack{3, 13};
+  PointSet points = stack.at.points;
+  effects::FrictionBetween friction{0.3, 0.01, Context()};
+
+  Held() {
+    points.pressed_N.assign(static_cast<std::size_t>(points.segments()), {1e-3, 2e-3, 3e-3, 0});
+  }
+  effects::EffectContext Context() const {
+    effects::EffectContext context{stack.model, stack.wall};
+    context.instruments.resize(3);
+    context.stack = &stack.stack;
+    return context;
+  }
+  double Energy() const {
+    PointDerivatives out;
+    return friction.Add(points, out);
+  }
+};
+
+TEST_CASE("Instruments that come back out of the sheath hold each other as they lie then") {
+  Held held;
+  held.friction.Begin(held.points);
+  held.friction.End(held.points);
+  const PointSet whole = held.points;
+  constexpr int kBack = 5;  // segments
+  held.points.position.erase(held.points.position.begin(),
+                             held.points.position.begin() + kBack * whole.per_segment);
+  held.points.turns_rad.erase(held.points.turns_rad.begin(), held.points.turns_rad.begin() + kBack);
+  held.friction.End(held.points);
+  held.points = whole;
+  for (int i = 0; i < kBack; ++i) held.points.turns_rad[static_cast<std::size_t>(i)][0] += 0.5;
+  held.friction.Begin(held.points);
+  CHECK(held.Energy() == 0);
+  // Those that stayed are held where they were.
+  held.points.turns_rad[kBack][0] += 0.5;
+  CHECK(held.Energy() > 1e-7);
+}
+
+TEST_CASE("Which way instruments slid is part of their friction's hash") {
+  Held held;
+  const std::uint64_t before = held.friction.Hash(1);
+  std::array<SurfaceMove, kMostInstruments> moves = {};
+  moves[2].along_mm = 0.1;
+  held.friction.MoveSurfaces(held.points, moves);
+  const std::uint64_t forth = held.friction.Hash(1);
+  CHECK(forth != before);
+  moves[2].along_mm = -0.1;
+  held.friction.MoveSurfaces(held.points, moves);
+  CHECK(held.friction.Hash(1) != forth);
+  held.friction.Reset();
+  CHECK(held.friction.Hash(1) == before);
+}
+
 TEST_CASE("A torque between instruments has the derivatives of its energy") {
   TwistedStack stack(3, 13);
   effects::EffectContext context{stack.model, stack.wall};

@@ -1,8 +1,10 @@
 #include "host/simulator/core/wire_state.h"
 
+#include <bit>
 #include <catch2/catch.hpp>
 #include <numbers>
 
+#include "host/simulator/core/hash.h"
 #include "tests/support/invariants.h"
 #include "tests/support/wires.h"
 
@@ -245,6 +247,40 @@ TEST_CASE("The hash tells states apart and equal ones not") {
   b = a;
   b.SetPlaces({10, 1});
   CHECK(HashState(a) != HashState(b));
+}
+
+TEST_CASE("A hash sees any two bits that differ, signs too, and what is mirrored") {
+  const double numbers[] = {1.25, -3e-7, 17};
+  const auto hash_of = [&](std::uint64_t first, std::uint64_t second) {
+    const std::uint64_t flips[] = {first, second, 0};
+    std::uint64_t hash = kHashSeed;
+    for (int k = 0; k < 3; ++k) {
+      hash = HashDouble(std::bit_cast<double>(std::bit_cast<std::uint64_t>(numbers[k]) ^ flips[k]),
+                        hash);
+    }
+    return hash;
+  };
+  const std::uint64_t whole = hash_of(0, 0);
+  int unseen = 0;
+  for (int a = 0; a < 64; ++a) {
+    for (int b = 0; b < 64; ++b) {
+      unseen += hash_of(std::uint64_t{1} << a, std::uint64_t{1} << b) == whole ? 1 : 0;
+    }
+  }
+  CHECK(unseen == 0);
+  // A bend to the left and one to the right: two numbers of each node and tangent change their
+  // sign.
+  const auto bent = [](double towards) {
+    std::vector<Vector3d> path;
+    for (double a = 0.1; a < 1; a += 0.1) {
+      path.emplace_back(20 * std::sin(a), towards * 20 * (1 - std::cos(a)),
+                        towards * 5 * (1 - std::cos(a)));
+    }
+    const WireModel model = MakeWire({.segment_mm = 1});
+    const WireState state = WireState::Along(model, path, {10, 0});
+    return HashVectors(state.nodes(), HashVectors(state.tangents(), kHashSeed));
+  };
+  CHECK(bent(1) != bent(-1));
 }
 
 }  // namespace

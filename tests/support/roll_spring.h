@@ -1,4 +1,4 @@
-// A made energy of a point and a spin together.
+// Made energies of spins: of one and a point together, and of two.
 #pragma once
 
 #include <cmath>
@@ -44,6 +44,26 @@ class RollSpring final : public EnergyTerm {
   Vector3d place_ = Vector3d::Zero();
   Vector3d tangent_ = Vector3d::Zero();
   Vector3d normal_ = Vector3d::Zero();
+};
+
+/// A spring that holds the innermost instrument against the turn of the next one around it.
+class BetweenSpring final : public EnergyTerm {
+ public:
+  explicit BetweenSpring(int segment) : segment_(segment) {}
+  void Begin(const PointSet&) override {}
+  double Add(const PointSet& points, PointDerivatives& out) const override {
+    const auto& turns = points.turns_rad[static_cast<std::size_t>(segment_)];
+    const double stretch = turns[0] - turns[1] - 0.3;
+    out.between.push_back({segment_, 0, 1, kStiffness * stretch, kStiffness});
+    return kStiffness * stretch * stretch / 2;
+  }
+  void End(const PointSet&) override {}
+  void Reset() override {}
+  std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
+
+ private:
+  static constexpr double kStiffness = 6e-3;
+  int segment_;
 };
 
 }  // namespace torquer::test

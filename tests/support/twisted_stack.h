@@ -55,7 +55,8 @@ struct TwistedStack {
   WallModel wall{.stiffness_N_mm2 = 2e-3};
   EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
   RollSpring roll{8};
-  std::vector<EnergyTerm*> terms{&force, &roll};
+  BetweenSpring between{4};
+  std::vector<EnergyTerm*> terms{&force, &roll, &between};
   WireState state{model, stack.size()};
   WireMechanics mechanics{model, field, wall, terms};
   Expansion at = mechanics.MakeExpansion();

@@ -73,7 +73,7 @@ std::uint64_t ActiveSet::Hash(std::uint64_t seed) const {
   for (std::size_t k = 0; k < pressed_.size(); ++k) {
     word = word << 1 | pressed_[k];
     if (k % 64 == 63 || k + 1 == pressed_.size()) {
-      seed = (seed ^ word) * 0x100000001b3ULL;
+      seed = HashWord(word, seed);
       word = 0;
     }
   }
