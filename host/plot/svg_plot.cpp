@@ -257,7 +257,7 @@ class Drawing {
       svg_ += Print("<path d=\"M%.1f %.1fV%.1f\" stroke=\"%s\"/>\n", x, top_, bottom_, kGrid);
       Text(x, bottom_ + 18, "middle", kFaint, tick.label);
     }
-    for (const Tick& tick : Ticks(y_, 44)) {
+    for (const Tick& tick : plot_.y.is_list ? std::vector<Tick>() : Ticks(y_, 44)) {
       const double y = y_.Pixel(tick.value);
       svg_ += Print("<path d=\"M%.1f %.1fH%.1f\" stroke=\"%s\"/>\n", left_, y, right_, kGrid);
       Text(left_ - 8, y + 4, "end", kFaint, tick.label);

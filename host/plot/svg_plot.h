@@ -13,6 +13,7 @@ struct Axis {
   bool logarithmic = false;
   /// Ends of the axis; without, what the data need. Positive where logarithmic.
   std::optional<std::pair<double, double>> range = {};
+  bool is_list = false;  ///< its numbers only keep places apart: none is drawn
 };
 
 enum class Mark { kLine, kDashed, kPoints, kLineAndPoints, kBars, kArea };

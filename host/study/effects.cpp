@@ -66,7 +66,10 @@ constexpr int kCountedQuick = 15;
 struct Case {
   Names effects;
   int instruments = 1;
-  bool operator==(const Case&) const = default;
+  bool is_pair = false;  // of effects that shipped scenes have together
+  bool operator==(const Case& other) const {
+    return effects == other.effects && instruments == other.instruments;
+  }
 };
 
 // What a scene would say to have the effect, as it does here. Friction's is the paper's vessel.
@@ -224,6 +227,7 @@ std::vector<Case> Cases(const std::string& scenes) {
   for (const Names& pair : ShippedPairs(scenes)) {
     Case whole{WithNeeds(pair)};
     if (std::find(cases.begin(), cases.end(), whole) == cases.end()) {
+      whole.is_pair = true;
       cases.push_back(std::move(whole));
     }
   }
@@ -288,12 +292,13 @@ Table PriceTable(const std::vector<Case>& cases, const std::vector<Price>& price
 // One row a case; the effects alone suffice to see.
 Plot PricePlot(const std::vector<Case>& cases, const std::vector<Price>& prices) {
   Plot plot{"A tick by effects",
-            {"median of a tick, us", true},
-            {"", false},
+            {.label = "median of a tick, us", .logarithmic = true},
+            {.label = "", .is_list = true},
             {Series{"", Mark::kPoints, {}, {}}}};
+  plot.width = 900;
   plot.height = 560;
   for (std::size_t k = 0; k < cases.size(); ++k) {
-    if (k > effects::AllEffects().size() + std::size(kAround) && k + 1 < cases.size()) continue;
+    if (cases[k].is_pair) continue;
     const double row = -static_cast<double>(plot.callouts.size());
     plot.series[0].x.push_back(1e3 * prices[k].tick_ms_p50);
     plot.series[0].y.push_back(row);

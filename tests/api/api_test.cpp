@@ -115,6 +115,19 @@ Scene ShippedWith(const std::string& name, const std::string& heading, const std
   return Scene::FromText(text, kScenes);
 }
 
+/// Copies a simulation again and again on its way; both go on alike.
+void CheckCopiesOnTheWay(const Scene& scene, int copies) {
+  Simulation simulation(scene);
+  Wanderer hands(5);
+  for (int k = 0; k < copies; ++k) {
+    Simulation copy = simulation;
+    Wanderer same = hands;
+    Wander(simulation, hands, 1 + k % 3);
+    Wander(copy, same, 1 + k % 3);
+    REQUIRE(Show(copy) == Show(simulation));
+  }
+}
+
 }  // namespace
 
 TEST_CASE("A copy goes on as the original does, to the bit, in every shipped scene", "[api]") {
@@ -155,15 +168,7 @@ TEST_CASE("A copy within a tick that the budget cut goes on with it", "[api]") {
       std::string("linear_density_g_m = 5\n[relaxation]\nbudget_units = 3\n") +
       "[effects.friction]\ncoefficient = 0.1\n[effects.inertia]\n[effects.torsion]\n");
   const Scene scene = Scene::FromFile(file.path());
-  Simulation simulation(scene);
-  Wanderer hands(5);
-  for (int k = 0; k < (kUnderSanitizer ? 10 : 60); ++k) {
-    Simulation copy = simulation;
-    Wanderer same = hands;
-    Wander(simulation, hands, 1 + k % 3);
-    Wander(copy, same, 1 + k % 3);
-    REQUIRE(Show(copy) == Show(simulation));
-  }
+  CheckCopiesOnTheWay(scene, kUnderSanitizer ? 10 : 60);
 }
 
 TEST_CASE("Blood behind Windkessels is copied with what they store", "[api]") {
@@ -182,15 +187,7 @@ TEST_CASE("Instruments that twist within each other are copied within a tick", "
   const Scene scene = ShippedWith("triaxial", "[effects.gravity]\n",
                                   "[effects.torsion]\n[effects.friction_between]\ncoefficient = "
                                   "0.1\n[relaxation]\nbudget_units = 3\n");
-  Simulation simulation(scene);
-  Wanderer hands(7);
-  for (int k = 0; k < (kUnderSanitizer ? 3 : 20); ++k) {
-    Simulation copy = simulation;
-    Wanderer same = hands;
-    Wander(simulation, hands, 1 + k % 3);
-    Wander(copy, same, 1 + k % 3);
-    REQUIRE(Show(copy) == Show(simulation));
-  }
+  CheckCopiesOnTheWay(scene, kUnderSanitizer ? 3 : 20);
 }
 
 TEST_CASE("The paper's method is copied within its cycles", "[api]") {

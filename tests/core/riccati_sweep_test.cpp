@@ -5,6 +5,7 @@
 #include <catch2/catch.hpp>
 
 #include "tests/support/analytic_fields.h"
+#include "tests/support/dense_newton.h"
 #include "tests/support/finite_differences.h"
 #include "tests/support/sanitizer.h"
 #include "tests/support/wires.h"
@@ -40,12 +41,6 @@ struct Chain {
     mechanics.points().Forget();
     mechanics.ExpandGradient(Stepped(model, state, Steps(xi)), there);
     return there.energy_mJ;
-  }
-
-  Eigen::VectorXd Gradient() const {
-    Eigen::VectorXd g(unknowns());
-    for (int i = 0; i < state.segments(); ++i) g.segment<2>(2 * i) = expansion.gradient[i];
-    return g;
   }
 
   Eigen::MatrixXd DenseHessian() {
@@ -87,23 +82,8 @@ TEST_CASE("The sweep's step solves the dense Newton system") {
   REQUIRE(chain.expansion.max_penetration_mm > 0.1);
   REQUIRE(chain.expansion.max_penetration_mm < 0.9);
 
-  // The weight at which the Hessian stops being positive definite is its smallest eigenvalue.
-  Eigen::MatrixXd hessian = chain.DenseHessian();
-  const double rigidity = 6.35e-3;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(hessian);
-  const double lift = -eigen.eigenvalues()[0] / rigidity;
-  CHECK_FALSE(chain.sweep.Factor(chain.model, chain.state, chain.expansion, lift - 1e-3));
-  CHECK(chain.sweep.Factor(chain.model, chain.state, chain.expansion, lift + 1e-3));
-
-  const double proximal = lift + weight;
-  hessian.diagonal().array() += proximal * rigidity;
-  const Eigen::VectorXd gradient = chain.Gradient();
-  const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
-  REQUIRE(chain.sweep.Factor(chain.model, chain.state, chain.expansion, proximal));
-  double predicted = 0;
-  const Eigen::VectorXd swept = chain.SweptStep(predicted);
-  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
-  CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
+  CheckSweepIsDense<BendStage>(chain.model, chain.state, chain.expansion, chain.DenseHessian(),
+                               Eigen::VectorXd::Constant(chain.unknowns(), 6.35e-3), weight);
 }
 
 TEST_CASE("The sweep takes a Hessian for positive definite exactly where it is") {

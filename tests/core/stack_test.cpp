@@ -5,49 +5,24 @@
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "tests/support/allocation_counter.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/free_stack.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
 namespace {
 
-constexpr double kSegment = 0.5;
 constexpr double kRightAngle = 1.5707963267948966;
 
-// An instrument that rests as an arc.
-WireModel Arc(double rigidity, double curvature, double radius, double torsional_N_mm2 = 0) {
-  return WireModel(kSegment, {{0, rigidity, radius, curvature, 0, torsional_N_mm2}}, 0, 80,
-                   BendingLaw::kExact, {});
-}
-
-// Arcs in free space, the innermost first.
-struct Arcs {
-  InstrumentStack stack;
-  FreeSpace field;
-  WallModel wall;
-  std::vector<EnergyTerm*> none;
-  std::unique_ptr<Relaxation> relaxation;
-  WireState state;
-
-  explicit Arcs(std::vector<WireModel> instruments)
-      : stack(std::move(instruments)),
-        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
-        state(stack.rod(), stack.size()) {
-    relaxation->Restart(state);
-  }
-  void MoveTo(const InstrumentPlaces& target) {
-    const TickReport report = Settle(*relaxation, target, state, 400);
-    REQUIRE(report.converged);
-    REQUIRE(report.arrived());
-    REQUIRE_FALSE(report.budget_spent);
-  }
+struct Arcs : FreeStack {
+  using FreeStack::FreeStack;
   /// Bend per length between two segments about half a segment either side of an arc length, as a
   /// vector across.
   Vector3d CurvatureAt(double s_mm) const {
     const int n = state.segments();
     const int joint =
-        n - static_cast<int>(std::lround((state.ArcLength(stack.rod()) - s_mm) / kSegment));
+        n - static_cast<int>(std::lround((state.ArcLength(stack.rod()) - s_mm) / kArcSegmentMm));
     const auto k = static_cast<std::size_t>(joint);
-    return (state.tangents()[k] - state.tangents()[k - 1]) / kSegment;
+    return (state.tangents()[k] - state.tangents()[k - 1]) / kArcSegmentMm;
   }
 };
 

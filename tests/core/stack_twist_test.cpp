@@ -8,7 +8,9 @@
 #include "host/simulator/core/newton/riccati_sweep.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/dense_newton.h"
 #include "tests/support/finite_differences.h"
+#include "tests/support/free_stack.h"
 #include "tests/support/twisted_stack.h"
 #include "tests/support/wires.h"
 
@@ -24,15 +26,17 @@ TEST_CASE("Gradient of a stack that twists is that of finite differences") {
   const Eigen::VectorXd gradient =
       GradientOf([&](const Eigen::VectorXd& x) { return stack.Energy(x); },
                  Eigen::VectorXd::Zero(stack.unknowns()), 1e-4);
-  CHECK((gradient - stack.Gradient()).norm() < 1e-7 * gradient.norm());
+  CHECK((gradient - DenseGradient(stack.model, stack.state, stack.at)).norm() <
+        1e-7 * gradient.norm());
 }
 
 TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
   const double weight = GENERATE(0.1, 10.0);
   TwistedStack stack(GENERATE(2, 3, 4), 5);
   CAPTURE(stack.each, weight);
-  Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return stack.Energy(x); },
-                                      Eigen::VectorXd::Zero(stack.unknowns()), 3e-3);
+  const Eigen::MatrixXd hessian =
+      HessianOf([&](const Eigen::VectorXd& x) { return stack.Energy(x); },
+                Eigen::VectorXd::Zero(stack.unknowns()), 3e-3);
   // What a weight of one adds, as the sweep does: the softer of a segment's two joints.
   Eigen::VectorXd unit(stack.unknowns());
   const int n = stack.state.segments();
@@ -47,59 +51,13 @@ TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
                    stack.model.twisting_joint(n - i - 1).of[at].torsional_rigidity_N_mm2);
     }
   }
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      hessian, Eigen::MatrixXd(unit.asDiagonal()));
-  const double lift = -eigen.eigenvalues()[0];
-  RiccatiSweep<StackTwistStage> sweep(stack.model.max_segments());
-  CHECK_FALSE(sweep.Factor(stack.model, stack.state, stack.at, lift - 1e-3));
-  CHECK(sweep.Factor(stack.model, stack.state, stack.at, lift + 1e-3));
-
-  hessian.diagonal() += (lift + weight) * unit;
-  const Eigen::VectorXd gradient = stack.Gradient();
-  const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
-  REQUIRE(sweep.Factor(stack.model, stack.state, stack.at, lift + weight));
-  std::vector<Vector2d> step;
-  std::vector<double> spin;
-  std::vector<Vector3d> displacement;
-  const double predicted = sweep.Step(stack.model, stack.state, stack.at, step, spin, displacement);
-  Eigen::VectorXd swept(stack.unknowns());
-  const Eigen::Index spins = stack.model.spins();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    swept.segment<2>(stack.each * i) = step[static_cast<std::size_t>(i)];
-    for (Eigen::Index k = 0; k < spins; ++k) {
-      swept[stack.each * i + 2 + k] = spin[static_cast<std::size_t>(i * spins + k)];
-    }
-  }
-  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
-  CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
+  CheckSweepIsDense<StackTwistStage>(stack.model, stack.state, stack.at, hessian, unit, weight);
 }
 
-// A stack in free space.
-struct Free {
-  InstrumentStack stack;
-  FreeSpace field;
-  WallModel wall;
-  std::vector<EnergyTerm*> none;
-  std::unique_ptr<Relaxation> relaxation;
-  WireState state;
-
-  explicit Free(std::vector<WireModel> instruments)
-      : stack(std::move(instruments)),
-        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
-        state(stack.rod(), stack.size()) {
-    relaxation->Restart(state);
-  }
-  void MoveTo(const InstrumentPlaces& target) {
-    const TickReport report = Settle(*relaxation, target, state, 400);
-    REQUIRE(report.converged);
-    REQUIRE(report.arrived());
-  }
-};
-
 // An arc that twists, or with a ratio of 0 does not.
-WireModel TwistingArc(double rigidity, double curvature, double ratio, double segment_mm = 0.5) {
-  return WireModel(segment_mm, {{0, rigidity, 0.2, curvature, 0, ratio * rigidity}}, 0, 80,
-                   BendingLaw::kExact, {});
+WireModel TwistingArc(double rigidity, double curvature, double ratio,
+                      double segment_mm = kArcSegmentMm) {
+  return Arc(rigidity, curvature, 0.2, ratio * rigidity, segment_mm);
 }
 
 TEST_CASE("Ever stiffer against twist, a stack comes to one that does not twist") {
@@ -108,11 +66,11 @@ TEST_CASE("Ever stiffer against twist, a stack comes to one that does not twist"
     return std::vector<WireModel>{TwistingArc(2, 0.03, ratio), TwistingArc(3, 0.01, ratio),
                                   TwistingArc(5, -0.02, ratio)};
   };
-  Free rigid(make(0));
+  FreeStack rigid(make(0));
   rigid.MoveTo(places);
   double before = 0;
   for (const double ratio : {10.0, 100.0, 1000.0}) {
-    Free twisting(make(ratio));
+    FreeStack twisting(make(ratio));
     twisting.MoveTo(places);
     const double apart = LargestDistance(twisting.state, rigid.state);
     CAPTURE(ratio, apart);
@@ -127,7 +85,7 @@ TEST_CASE("Beside a straight one, a wire twists as alone") {
   const double ratio = 0.2;
   const auto bent = [&] { return Bent(2, ratio, 12, 0.05, 0, 0.2, {}, 0.5); };
   // Hardly any stiffness, and straight.
-  Free both({bent(), TwistingArc(1e-9, 0, 1)});
+  FreeStack both({bent(), TwistingArc(1e-9, 0, 1)});
   both.MoveTo({{40, 2.5}, {30, -1}});
   const WireModel alone = bent();
   const FreeSpace field;
@@ -170,7 +128,7 @@ double FreeEnd(double hands, double c, double length) {
   return low;
 }
 
-double Between(const Free& both) {
+double Between(const FreeStack& both) {
   const OfInstruments& turns = both.state.turns_rad().back();
   return turns[1] - turns[0];
 }
@@ -185,8 +143,8 @@ TEST_CASE("Two arcs turned against each other twist as the pendulum equation has
   for (const double segment_mm : {2.0, 1.0, 0.5}) {
     double worst = 0;
     for (const double hands : {0.5, 1.5, 2.5, 3.0}) {
-      Free both({TwistingArc(3, kCurvature, kRatio, segment_mm),
-                 TwistingArc(3, kCurvature, kRatio, segment_mm)});
+      FreeStack both({TwistingArc(3, kCurvature, kRatio, segment_mm),
+                      TwistingArc(3, kCurvature, kRatio, segment_mm)});
       both.MoveTo({{kLength, 0}, {kLength, 0}});
       both.MoveTo({{kLength, 0}, {kLength, hands}});
       worst = std::max(worst, std::abs(Between(both) - FreeEnd(hands, c, kLength)));
@@ -206,7 +164,7 @@ TEST_CASE(
   const double critical = kPi / 2 / c;
   const double part = GENERATE(0.9, 1.1);
   const double length = part * critical;
-  Free both({TwistingArc(3, kCurvature, kRatio), TwistingArc(3, kCurvature, kRatio)});
+  FreeStack both({TwistingArc(3, kCurvature, kRatio), TwistingArc(3, kCurvature, kRatio)});
   both.MoveTo({{length, 0}, {length, 0}});
   // Beyond half a turn, a tip that followed steadily is beyond it too; one that lagged is not.
   both.MoveTo({{length, 0}, {length, kPi - 0.02}});
@@ -224,11 +182,11 @@ TEST_CASE("A stack that is fed, pulled and turned takes the shape of one that wa
                                   TwistingArc(5, -0.02, 0.9)};
   };
   const InstrumentPlaces places{{43.2, 0.7}, {31.9, -0.4}, {17.3, 1.1}};
-  Free moved(make());
+  FreeStack moved(make());
   moved.MoveTo({{20, 0}, {25, 1}, {5, 0}});
   moved.MoveTo({{60, -1}, {25.3, 1}, {22, 2}});
   moved.MoveTo(places);
-  Free straight(make());
+  FreeStack straight(make());
   straight.MoveTo(places);
   CHECK(LargestDistance(moved.state, straight.state) < 1e-4);
   // Beyond its tip nothing turns an instrument.

@@ -5,6 +5,7 @@
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/newton/riccati_sweep.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/dense_newton.h"
 #include "tests/support/finite_differences.h"
 #include "tests/support/roll_spring.h"
 #include "tests/support/wires.h"
@@ -56,14 +57,7 @@ struct TwistedWire {
     mechanics.ExpandGradient(StepAndSpin(model, state, x), there);
     return there.energy_mJ;
   }
-  Eigen::VectorXd Gradient() const {
-    Eigen::VectorXd g(3 * state.segments());
-    for (int i = 0; i < state.segments(); ++i) {
-      g.segment<2>(3 * i) = at.gradient[i];
-      g[3 * i + 2] = at.spin_gradient[i];
-    }
-    return g;
-  }
+  Eigen::VectorXd Gradient() const { return DenseGradient(model, state, at); }
 };
 
 TEST_CASE("Gradient and residual of a wire that twists are those of finite differences") {
@@ -87,30 +81,12 @@ TEST_CASE("The sweep of a wire that twists solves the dense Newton system") {
   const double weight = GENERATE(0.1, 10.0);
   TwistedWire wire(5);
   const Eigen::Index unknowns = 3 * wire.state.segments();
-  Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return wire.Energy(x); },
-                                      Eigen::VectorXd::Zero(unknowns), 3e-3);
+  const Eigen::MatrixXd hessian =
+      HessianOf([&](const Eigen::VectorXd& x) { return wire.Energy(x); },
+                Eigen::VectorXd::Zero(unknowns), 3e-3);
   Eigen::VectorXd unit = Eigen::VectorXd::Constant(unknowns, kRigidity);
   for (Eigen::Index i = 2; i < unknowns; i += 3) unit[i] *= kRatio;
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      hessian, Eigen::MatrixXd(unit.asDiagonal()));
-  const double lift = -eigen.eigenvalues()[0];
-  RiccatiSweep<TwistStage> sweep(wire.model.max_segments());
-  // The weight at which the Hessian stops being positive definite is its smallest eigenvalue.
-  CHECK_FALSE(sweep.Factor(wire.model, wire.state, wire.at, lift - 1e-3));
-  CHECK(sweep.Factor(wire.model, wire.state, wire.at, lift + 1e-3));
-
-  hessian.diagonal() += (lift + weight) * unit;
-  const Eigen::VectorXd gradient = wire.Gradient();
-  const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
-  REQUIRE(sweep.Factor(wire.model, wire.state, wire.at, lift + weight));
-  std::vector<Vector2d> step;
-  std::vector<double> spin;
-  std::vector<Vector3d> displacement;
-  const double predicted = sweep.Step(wire.model, wire.state, wire.at, step, spin, displacement);
-  Eigen::VectorXd swept(unknowns);
-  for (int i = 0; i < wire.state.segments(); ++i) swept.segment<3>(3 * i) << step[i], spin[i];
-  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
-  CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
+  CheckSweepIsDense<TwistStage>(wire.model, wire.state, wire.at, hessian, unit, weight);
 }
 
 TEST_CASE("Twist is the turn of the material against the untwisted frame, and counts whole turns") {

@@ -61,24 +61,29 @@ WireModel Instrument(double segment_mm, double rigidity, double radius_mm, doubl
                    .sheath = {Vector3d(kRing, 0, 0), Vector3d::UnitY()}});
 }
 
-std::vector<WireModel> Three(double segment_mm, double torsional_ratio = 0) {
+// The innermost `count` of three.
+std::vector<WireModel> Bent(int count, double segment_mm, double torsional_ratio = 0) {
   std::vector<WireModel> three;
   three.push_back(Instrument(segment_mm, 1, 0.2, 12, 0.05, torsional_ratio));
   three.push_back(Instrument(segment_mm, 2, 0.4, 6, 0.03, torsional_ratio));
   three.push_back(Instrument(segment_mm, 3, 0.6, 0, 0, torsional_ratio));
+  three.erase(three.begin() + count, three.end());
   return three;
+}
+
+InstrumentPlaces Inside(int count, double turned_rad) {
+  const double inside_mm[] = {95.3, 71.2, 40.4};
+  InstrumentPlaces places(count);
+  for (int k = 0; k < count; ++k) places[k] = {inside_mm[k], turned_rad + 0.3 * k};
+  return places;
 }
 
 TEST_CASE("The hand's force is the energy that a push takes, of each instrument") {
   const int count = GENERATE(1, 2, 3);
   const double torsional_ratio = GENERATE(0.0, 0.1);
   const double segment_mm = 0.5;
-  std::vector<WireModel> instruments = Three(segment_mm, torsional_ratio);
-  instruments.erase(instruments.begin() + count, instruments.end());
-  InstrumentPlaces places(count);
-  const double inside_mm[] = {95.3, 71.2, 40.4};
-  for (int k = 0; k < count; ++k) places[k] = {inside_mm[k], 0.3 * k};
-  Round round(std::move(instruments), places);
+  const InstrumentPlaces places = Inside(count, 0);
+  Round round(Bent(count, segment_mm, torsional_ratio), places);
   for (int k = 0; k < count; ++k) {
     const HandForce hand = round.Hand(k);
     InstrumentPlaces there = places;
@@ -96,12 +101,8 @@ TEST_CASE("The hand's force is the energy that a push takes, of each instrument"
 
 TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it lies") {
   const int count = GENERATE(1, 3);
-  std::vector<WireModel> instruments = Three(0.5);
-  instruments.erase(instruments.begin() + count, instruments.end());
-  InstrumentPlaces places(count);
-  const double inside_mm[] = {95.3, 71.2, 40.4};
-  for (int k = 0; k < count; ++k) places[k] = {inside_mm[k], 0.4 + 0.3 * k};
-  Round round(std::move(instruments), places);
+  const InstrumentPlaces places = Inside(count, 0.4);
+  Round round(Bent(count, 0.5), places);
   for (int k = 0; k < count; ++k) {
     const double torque = round.Hand(k).torque_mJ;
     const auto turned = [&](double by_rad) {
@@ -123,12 +124,8 @@ TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it 
 
 TEST_CASE("Of what twists the hand's torque is the energy that a turn takes") {
   const int count = GENERATE(1, 2, 3);
-  std::vector<WireModel> instruments = Three(0.5, 0.1);
-  instruments.erase(instruments.begin() + count, instruments.end());
-  InstrumentPlaces places(count);
-  const double inside_mm[] = {95.3, 71.2, 40.4};
-  for (int k = 0; k < count; ++k) places[k] = {inside_mm[k], 0.4 + 0.3 * k};
-  Round round(std::move(instruments), places);
+  const InstrumentPlaces places = Inside(count, 0.4);
+  Round round(Bent(count, 0.5, 0.1), places);
   for (int k = 0; k < count; ++k) {
     const double torque = round.Hand(k).torque_mJ;
     const auto turned = [&](double by_rad) {
@@ -148,7 +145,7 @@ TEST_CASE("Of what twists the hand's torque is the energy that a turn takes") {
 TEST_CASE("Friction between instruments is the same on any mesh, whatever steps in them") {
   // Rest shapes and rigidities step in a bend, where the moments that they exchange are couples.
   const auto friction_N = [](double segment_mm) {
-    Round round(Three(segment_mm), {{95.3, 0.4}, {71.2, 0.7}, {40.4, 0}});
+    Round round(Bent(3, segment_mm), {{95.3, 0.4}, {71.2, 0.7}, {40.4, 0}});
     Sliding sliding{.coefficient = 0.3};
     sliding.direction[0] = {0, 1, 1, 0};
     const double with_N = round.Hand(0, sliding).axial_N;

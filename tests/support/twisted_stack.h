@@ -107,17 +107,6 @@ struct TwistedStack {
     mechanics.ExpandGradient(StackStep(model, state, x), there);
     return there.energy_mJ;
   }
-  Eigen::VectorXd Gradient() const {
-    Eigen::VectorXd g(unknowns());
-    const Eigen::Index spins = each - 2;
-    for (Eigen::Index i = 0; i < state.segments(); ++i) {
-      g.segment<2>(each * i) = at.gradient[static_cast<std::size_t>(i)];
-      for (Eigen::Index k = 0; k < spins; ++k) {
-        g[each * i + 2 + k] = at.spin_gradient[static_cast<std::size_t>(i * spins + k)];
-      }
-    }
-    return g;
-  }
 };
 
 }  // namespace torquer::test

@@ -32,9 +32,9 @@ struct PointSet {
   std::vector<Eigen::Vector3d> normals;
   /// Of a stack that twists, one a segment: how far each instrument is turned against that.
   std::vector<std::array<double, kMostInstruments>> turns_rad;
-  /// Of a stack that twists, one a segment, where a term asks for it (EnergyTerm::Between) and when
-  /// it begins a part: the force with which each instrument is pressed against the next one around
-  /// it, N.
+  /// Of a stack that twists, one a segment, where a term asks for it (EnergyTerm::SlidingBetween)
+  /// and when it begins a part: the force with which each instrument is pressed against the next
+  /// one around it, N.
   std::vector<std::array<double, kMostInstruments>> pressed_N;
   int instruments = 1;                                  ///< of the stack
   std::array<double, kMostInstruments> behind_mm = {};  ///< each one's tip, behind the distal end
@@ -165,7 +165,7 @@ class EnergyTerm {
   virtual bool ActsOnSurface() const { return false; }
   /// How instruments slide in each other, of a term that acts between them and needs
   /// PointSet::pressed_N; null of all others.
-  virtual const Sliding* Between() const { return nullptr; }
+  virtual const Sliding* SlidingBetween() const { return nullptr; }
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
   /// The surfaces of the instruments move against the points, before these do: instruments that

@@ -98,9 +98,6 @@ void FindTension(const WireModel& model, const WireState& state, const Expansion
 
 // What joint i bears of what twists, all instruments together.
 double TwistingMoment(const WireModel& model, const WireState& state, int joint) {
-  if (model.twists()) {
-    return TwistStiffness(model, state, joint) * state.twist_rad()[static_cast<std::size_t>(joint)];
-  }
   double torque = 0;
   for (int k = 0; k < model.spins(); ++k) {
     torque += TwistStiffnessOf(model, state, joint, k) * state.TwistOf(joint, k);

@@ -65,9 +65,10 @@ class WireState {
                       : turns_rad_[static_cast<std::size_t>(joint) - 1]
                                   [static_cast<std::size_t>(instrument)];
   }
-  /// Of a stack that twists: how an instrument is twisted at joint i.
+  /// How an instrument that twists is twisted at joint i.
   double TwistOf(int joint, int instrument) const {
     const auto i = static_cast<std::size_t>(joint);
+    if (turns_rad_.empty()) return twist_rad_[i];
     return twist_rad_[i] + turns_rad_[i][static_cast<std::size_t>(instrument)] -
            TurnBefore(joint, instrument);
   }

@@ -63,14 +63,12 @@ NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
       current_(mechanics_.MakeExpansion()),
       trial_expansion_(mechanics_.MakeExpansion()),
       trial_(model_, stack().size()) {
-  assert((std::is_same_v<Stage, BendStage>    ? 0
-          : std::is_same_v<Stage, TwistStage> ? 1
-                                              : 2) == std::min(2, model_.spins()));
+  assert(Stage::kTwists == (model_.spins() > 0) && Stage::kStack == (model_.spins() > 1));
   const auto room = static_cast<std::size_t>(model_.max_segments()) + 1;
   step_.reserve(room);
   displacement_mm_.reserve(room);
   spin_step_.reserve(room * static_cast<std::size_t>(model_.spins()));
-  if (std::is_same_v<Stage, StackTwistStage> && !terms.empty()) {
+  if (Stage::kStack && !terms.empty()) {
     balance_.Reserve(model_.max_segments());
     point_gradient_N_.reserve(room * static_cast<std::size_t>(wall.points_per_segment));
   }
@@ -169,19 +167,19 @@ void NewtonMethod<Stage>::Begin(WireState& state) {
 template <class Stage>
 void NewtonMethod<Stage>::FindPressed(const WireState& state) {
   const auto between = std::find_if(terms_.begin(), terms_.end(), [](const EnergyTerm* term) {
-    return term->Between() != nullptr;
+    return term->SlidingBetween() != nullptr;
   });
   if (between == terms_.end()) return;
   current_.points.pressed_N.clear();
   if (current_.residual > std::max(settings_.part_tolerance, settings_.tolerance)) return;
   FindPointGradients(current_, point_gradient_N_);
-  balance_.FindPressed(stack(), state, current_.points, point_gradient_N_, *(*between)->Between(),
-                       current_.points.pressed_N);
+  balance_.FindPressed(stack(), state, current_.points, point_gradient_N_,
+                       *(*between)->SlidingBetween(), current_.points.pressed_N);
 }
 
 template <class Stage>
 void NewtonMethod<Stage>::BeginPart(const WireState& state) {
-  if (std::is_same_v<Stage, StackTwistStage>) FindPressed(state);
+  if (Stage::kStack) FindPressed(state);
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
   part_open_ = true;
   part_moved_ = false;
@@ -254,7 +252,7 @@ void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state)
   if (!alone) {
     stack().Combine(next);
     mechanics_.points().TakeRadii();
-    if (std::is_same_v<Stage, StackTwistStage>) {
+    if (Stage::kStack) {
       state.MoveInstruments(model_, next);
     } else {
       state.SetPlaces(next);
@@ -268,16 +266,14 @@ void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state)
 // way. A wire that twists takes its surface along with its normals.
 template <class Stage>
 void NewtonMethod<Stage>::MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next) {
-  if (std::is_same_v<Stage, TwistStage>) return;
+  if (Stage::kTwists && !Stage::kStack) return;
   const double fed_mm = next.reach_mm() - here.reach_mm();
   std::array<SurfaceMove, kMostInstruments> moves = {};
   bool any = false;
   for (int k = 0; k < here.size(); ++k) {
     SurfaceMove& move = moves[static_cast<std::size_t>(k)];
     move.along_mm = next[k].insertion_mm - here[k].insertion_mm - fed_mm;
-    if (std::is_same_v<Stage, BendStage>) {
-      move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
-    }
+    if (!Stage::kTwists) move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
     any = any || move.along_mm != 0 || move.turn_rad != 0;
   }
   if (!any) return;

@@ -24,15 +24,20 @@ namespace torquer {
 /// the steps before (Expansion::turns).
 struct BendStage {
   static constexpr bool kTwists = false;
+  static constexpr bool kStack = false;
 };
 /// A stage of a wire that twists: control and state have the segment's spin as well. It is
 /// eliminated first, with its own pivot.
 struct TwistStage {
   static constexpr bool kTwists = true;
+  static constexpr bool kStack = false;
 };
-
-/// The same of a stack that twists, with a spin for each instrument.
-struct StackTwistStage {};
+/// The same of a stack that twists, with a spin for each instrument: in small matrices, four times
+/// the work of a lone wire's pairs with two instruments.
+struct StackTwistStage {
+  static constexpr bool kTwists = true;
+  static constexpr bool kStack = true;
+};
 
 template <class Stage>
 class RiccatiSweep {
@@ -74,7 +79,7 @@ class RiccatiSweep {
     double spin_gradient = 0;
   };
   /// The cost-to-go. Single numbers stand in both lanes.
-  struct CostToGo : SpinCost {
+  struct PairCostToGo : SpinCost {
     Pair p[6];      ///< P: xx, xy, xz, yy, yz, zz
     Pair q[3];      ///< rows of Q
     Pair r;         ///< diagonal of R
@@ -112,12 +117,31 @@ class RiccatiSweep {
   };
   struct Nothing {};
   /// The control is -(of_displacement' dx + of_previous xi + of_spin zeta + constant).
-  struct Gain : std::conditional_t<Stage::kTwists, SpinGain, Nothing> {
+  struct PairGain : std::conditional_t<Stage::kTwists, SpinGain, Nothing> {
     Pair of_displacement[3];  ///< a component of dx each
     Pair of_previous[2];      ///< a component of xi each
     Pair of_spin;             ///< of the segment before, where that counts
     Pair constant;
   };
+  static constexpr int kMostGiven = 5 + kMostInstruments;
+  static constexpr int kMostControl = 2 + kMostInstruments;
+  /// The cost-to-go of z: dx, the step before and the spins before.
+  struct StackCostToGo {
+    Eigen::Matrix<double, kMostGiven, kMostGiven> p =
+        Eigen::Matrix<double, kMostGiven, kMostGiven>::Zero();
+    Eigen::Matrix<double, kMostGiven, 1> g = Eigen::Matrix<double, kMostGiven, 1>::Zero();
+    Eigen::Vector3d force_N = Eigen::Vector3d::Zero();  ///< of the loads beyond
+    double decrease = 0;
+  };
+  /// The control is -(of_given z + constant). Zero for what there is not.
+  struct StackGain {
+    Eigen::Matrix<double, kMostControl, kMostGiven> of_given =
+        Eigen::Matrix<double, kMostControl, kMostGiven>::Zero();
+    Eigen::Matrix<double, kMostControl, 1> constant =
+        Eigen::Matrix<double, kMostControl, 1>::Zero();
+  };
+  using CostToGo = std::conditional_t<Stage::kStack, StackCostToGo, PairCostToGo>;
+  using Gain = std::conditional_t<Stage::kStack, StackGain, PairGain>;
   // Parts of the sweep's loop, apart to be read: a call for each would cost a fifth of the sweep.
   [[gnu::always_inline]] static inline void Assemble(const WireModel& model, const WireState& state,
                                                      const Expansion& expansion, double weight,
@@ -141,6 +165,10 @@ class RiccatiSweep {
   template <Spin kSpin>
   bool SweepWith(const WireModel& model, const WireState& state, const Expansion& expansion,
                  double weight, int first, CostToGo cost);
+  /// The same of a stack of so many instruments.
+  template <int kSpins>
+  bool SweepStack(const WireModel& model, const WireState& state, const Expansion& expansion,
+                  double weight, int first, const CostToGo& cost);
   template <Spin kSpin>
   void StepWith(const WireModel& model, const WireState& state, const Expansion& expansion,
                 std::vector<Control>& step, std::vector<double>& spin,
@@ -152,55 +180,26 @@ class RiccatiSweep {
   double predicted_decrease_ = 0;
 };
 
-/// In small matrices: four times the work of a lone wire's pairs, with two instruments.
-template <>
-class RiccatiSweep<StackTwistStage> {
- public:
-  using Control = Eigen::Vector2d;
-
-  /// All as above.
-  explicit RiccatiSweep(int max_segments);
-  bool Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
-              double weight);
-  bool Refactor(const WireModel& model, const WireState& state, const Expansion& expansion,
-                double weight, int last_changed);
-  double Step(const WireModel& model, const WireState& state, const Expansion& expansion,
-              std::vector<Control>& step, std::vector<double>& spin,
-              std::vector<Eigen::Vector3d>& displacement_mm) const;
-
- private:
-  static constexpr int kMostGiven = 5 + kMostInstruments;
-  static constexpr int kMostControl = 2 + kMostInstruments;
-  static constexpr int kSpacing = 16;  ///< segments from one checkpoint to the next
-
-  /// The cost-to-go of dx, the step before and the spins before.
-  struct CostToGo {
-    Eigen::Matrix<double, kMostGiven, kMostGiven> p =
-        Eigen::Matrix<double, kMostGiven, kMostGiven>::Zero();
-    Eigen::Matrix<double, kMostGiven, 1> g = Eigen::Matrix<double, kMostGiven, 1>::Zero();
-    Eigen::Vector3d force_N = Eigen::Vector3d::Zero();  ///< of the loads beyond
-    double decrease = 0;
-  };
-  /// The control is -(of_given z + constant). Zero for what there is not.
-  struct Gain {
-    Eigen::Matrix<double, kMostControl, kMostGiven> of_given =
-        Eigen::Matrix<double, kMostControl, kMostGiven>::Zero();
-    Eigen::Matrix<double, kMostControl, 1> constant =
-        Eigen::Matrix<double, kMostControl, 1>::Zero();
-  };
-
-  bool Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
-             double weight, int first, const CostToGo& cost);
-  template <int kSpins>
-  bool SweepWith(const WireModel& model, const WireState& state, const Expansion& expansion,
-                 double weight, int first, const CostToGo& cost);
-
-  std::vector<Gain> gains_;
-  std::vector<CostToGo> checkpoints_;
-  double predicted_decrease_ = 0;
-};
-
 extern template class RiccatiSweep<BendStage>;
 extern template class RiccatiSweep<TwistStage>;
+// Of a stack these are in stack_sweep.cpp, the rest is as of a lone wire.
+template <>
+bool RiccatiSweep<StackTwistStage>::Sweep(const WireModel& model, const WireState& state,
+                                          const Expansion& expansion, double weight, int first,
+                                          const CostToGo& cost);
+template <>
+double RiccatiSweep<StackTwistStage>::Step(const WireModel& model, const WireState& state,
+                                           const Expansion& expansion, std::vector<Control>& step,
+                                           std::vector<double>& spin,
+                                           std::vector<Eigen::Vector3d>& displacement_mm) const;
+extern template RiccatiSweep<StackTwistStage>::RiccatiSweep(int max_segments);
+extern template bool RiccatiSweep<StackTwistStage>::Factor(const WireModel& model,
+                                                           const WireState& state,
+                                                           const Expansion& expansion,
+                                                           double weight);
+extern template bool RiccatiSweep<StackTwistStage>::Refactor(const WireModel& model,
+                                                             const WireState& state,
+                                                             const Expansion& expansion,
+                                                             double weight, int last_changed);
 
 }  // namespace torquer

@@ -11,44 +11,11 @@ using Eigen::Matrix;
 using Eigen::Vector3d;
 using StackSweep = RiccatiSweep<StackTwistStage>;
 
-StackSweep::RiccatiSweep(int max_segments) {
-  const auto n = static_cast<std::size_t>(max_segments) + 1;
-  gains_.reserve(n);
-  checkpoints_.reserve(n / kSpacing + 1);
-}
-
-bool StackSweep::Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
-                        double weight) {
-  const auto n = state.tangents().size();
-  gains_.resize(n);
-  checkpoints_.resize(n / kSpacing + 1);
-  return Sweep(model, state, expansion, weight, state.segments() - 1, CostToGo());
-}
-
-bool StackSweep::Refactor(const WireModel& model, const WireState& state,
-                          const Expansion& expansion, double weight, int last_changed) {
-  const int checkpoint = last_changed / kSpacing + 1;
-  if (checkpoint * kSpacing >= state.segments()) return Factor(model, state, expansion, weight);
-  return Sweep(model, state, expansion, weight, checkpoint * kSpacing - 1,
-               checkpoints_[static_cast<std::size_t>(checkpoint)]);
-}
-
-bool StackSweep::Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
-                       double weight, int first, const CostToGo& cost) {
-  switch (model.spins()) {
-    case 2:
-      return SweepWith<2>(model, state, expansion, weight, first, cost);
-    case 3:
-      return SweepWith<3>(model, state, expansion, weight, first, cost);
-    default:
-      return SweepWith<kMostInstruments>(model, state, expansion, weight, first, cost);
-  }
-}
-
+template <>
 template <int kSpins>
-bool StackSweep::SweepWith(const WireModel& model, const WireState& state,
-                           const Expansion& expansion, double weight, int first,
-                           const CostToGo& cost) {
+bool StackSweep::SweepStack(const WireModel& model, const WireState& state,
+                            const Expansion& expansion, double weight, int first,
+                            const CostToGo& cost) {
   constexpr int kGiven = 5 + kSpins;    // dx, the step before, the spins before
   constexpr int kControl = 2 + kSpins;  // the step, the spins
   const int n = state.segments();
@@ -156,6 +123,20 @@ bool StackSweep::SweepWith(const WireModel& model, const WireState& state,
   return true;
 }
 
+template <>
+bool StackSweep::Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
+                       double weight, int first, const CostToGo& cost) {
+  switch (model.spins()) {
+    case 2:
+      return SweepStack<2>(model, state, expansion, weight, first, cost);
+    case 3:
+      return SweepStack<3>(model, state, expansion, weight, first, cost);
+    default:
+      return SweepStack<kMostInstruments>(model, state, expansion, weight, first, cost);
+  }
+}
+
+template <>
 double StackSweep::Step(const WireModel& model, const WireState& state, const Expansion& expansion,
                         std::vector<Control>& step, std::vector<double>& spin,
                         std::vector<Vector3d>& displacement_mm) const {

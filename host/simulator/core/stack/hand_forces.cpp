@@ -31,11 +31,9 @@ Vector2d Turned(const Vector2d& v, const Vector2d& turn) {
 // push: the energy of its twist per length, (34).
 double TorsionalThrust(const WireModel& rod, const WireState& state, int instrument) {
   if (rod.spins() == 0) return 0;
-  const bool alone = rod.spins() == 1;
-  const double stiffness_mJ =
-      alone ? TwistStiffness(rod, state, 0) : TwistStiffnessOf(rod, state, 0, instrument);
-  const double twist_rad = alone ? state.twist_rad()[0] : state.TwistOf(0, instrument);
-  return stiffness_mJ * twist_rad * twist_rad / (2 * JointLength(rod, state, 0));
+  const double twist_rad = state.TwistOf(0, instrument);
+  return TwistStiffnessOf(rod, state, 0, instrument) * twist_rad * twist_rad /
+         (2 * JointLength(rod, state, 0));
 }
 
 // The bend of a joint, as a rotation vector.

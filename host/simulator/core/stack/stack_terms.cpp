@@ -110,6 +110,7 @@ struct BentTwice {
 }  // namespace
 
 double TwistStiffnessOf(const WireModel& model, const WireState& state, int joint, int instrument) {
+  if (model.twists()) return TwistStiffness(model, state, joint);
   return model.twisting_joint(state.segments() - joint)
              .of[static_cast<std::size_t>(instrument)]
              .torsional_rigidity_N_mm2 /

@@ -34,7 +34,8 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
                       const Frame& proximal_frame, const Frame& frame, double& energy_mJ,
                       JointTerms& bending, StackTerms& out);
 
-/// GJ of an instrument at joint i over the length that the joint stands for, mJ.
+/// GJ of an instrument that twists, lone or in a stack, at joint i over the length that the joint
+/// stands for, mJ.
 double TwistStiffnessOf(const WireModel& model, const WireState& state, int joint, int instrument);
 
 }  // namespace torquer

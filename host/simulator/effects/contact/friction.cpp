@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "host/simulator/core/hash.h"
+#include "host/simulator/effects/contact/stick_slip.h"
 #include "host/simulator/effects/region_spec.h"
 
 namespace torquer::effects {
@@ -112,26 +113,14 @@ double Friction::Add(const PointSet& points, PointDerivatives& out) const {
       roll = RollAt(points, q, anchor.normal);
       s += roll.angle_rad * roll.per_rad_mm;
     }
-    const double squared = s.squaredNorm();
-    const double x2 = squared / (slip_mm_ * slip_mm_);
-    const Matrix3d across = Matrix3d::Identity() - anchor.normal * anchor.normal.transpose();
-    Vector3d gradient;
+    const StickSlip law(anchor.limit_N, slip_mm_, s.squaredNorm());
+    energy += law.energy_mJ;
+    const Vector3d gradient = law.secant_N_mm * s;
     Matrix3d hessian;
-    if (x2 < 1) {
-      const double stiffness = 1.5 * anchor.limit_N / slip_mm_;
-      energy += stiffness * squared * (0.5 - x2 / 12);
-      gradient = (stiffness * (1 - x2 / 3)) * s;
-      if (out.with_hessian) {
-        hessian = (stiffness * (1 - x2 / 3)) * across -
-                  (stiffness * 2 / (3 * slip_mm_ * slip_mm_)) * s * s.transpose();
-      }
-    } else {
-      const double distance = std::sqrt(squared);
-      energy += anchor.limit_N * (distance - 0.375 * slip_mm_);
-      gradient = (anchor.limit_N / distance) * s;
-      if (out.with_hessian) {
-        hessian = (anchor.limit_N / distance) * (across - s * s.transpose() / squared);
-      }
+    if (out.with_hessian) {
+      hessian =
+          law.secant_N_mm * (Matrix3d::Identity() - anchor.normal * anchor.normal.transpose()) -
+          law.softening_N_mm3 * s * s.transpose();
     }
     out.Touch(q);
     out.gradient[p] += gradient;

@@ -1,10 +1,8 @@
 // Coulomb friction of the wire on the wall.
 //
 // Every contact point has an anchor on the wall. With s the displacement from it in the plane of
-// contact, N the normal force at the start of the part, and d a small slip length, the force is
-//   mu N (3 x - x^3) / 2,  x = |s|/d <= 1   (sticks, elastically)
-//   mu N                   beyond           (slips, at the Coulomb cone exactly)
-// which has an energy with two continuous derivatives. After the part an anchor farther away than d
+// contact and N the normal force at the start of the part, the force is that of StickSlip with the
+// limit mu N. After the part an anchor farther away than the slip length d
 // follows to the distance d: the force stays as it is, and nothing creeps while it sticks. A part
 // is what the relaxation moves at once (0.25 mm): the way of the wire does not depend on how far a
 // tick goes or where its budget ends. What slides is the surface: an instrument that is turned

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "host/simulator/core/hash.h"
+#include "host/simulator/effects/contact/stick_slip.h"
 
 namespace torquer::effects {
 
@@ -87,22 +88,15 @@ double FrictionBetween::Add(const PointSet& points, PointDerivatives& out) const
       if (anchor.outer < 0 || anchor.limit_N == 0) continue;
       const double r = anchor.radius_mm;
       const double around_mm = r * (TurnIn(points, i, k, anchor.outer) - anchor.turn_rad);
-      const double squared = anchor.along_mm * anchor.along_mm + around_mm * around_mm;
-      const double x2 = squared / (slip_mm_ * slip_mm_);
-      BetweenLoad load{i, k, anchor.outer, 0, 0};
-      if (x2 < 1) {
-        const double stiffness = 1.5 * anchor.limit_N / slip_mm_;
-        energy_mJ += stiffness * squared * (0.5 - x2 / 12);
-        load.gradient = r * stiffness * (1 - x2 / 3) * around_mm;
-        load.hessian = r * r * stiffness *
-                       (1 - x2 / 3 - 2.0 / 3 * around_mm * around_mm / (slip_mm_ * slip_mm_));
-      } else {
-        const double distance = std::sqrt(squared);
-        energy_mJ += anchor.limit_N * (distance - 0.375 * slip_mm_);
-        load.gradient = r * anchor.limit_N * around_mm / distance;
-        load.hessian = r * r * anchor.limit_N / distance * (1 - around_mm * around_mm / squared);
-      }
-      out.between.push_back(load);
+      const StickSlip law(anchor.limit_N, slip_mm_,
+                          anchor.along_mm * anchor.along_mm + around_mm * around_mm);
+      energy_mJ += law.energy_mJ;
+      out.between.push_back(
+          {.segment = i,
+           .inner = k,
+           .outer = anchor.outer,
+           .gradient = r * law.secant_N_mm * around_mm,
+           .hessian = r * r * (law.secant_N_mm - law.softening_N_mm3 * around_mm * around_mm)});
     }
   }
   return energy_mJ;

@@ -5,8 +5,8 @@
 // each other. At a segment, with N the force that presses an instrument against the next one around
 // it, r its radius and
 //   s = (way along it, r times turn)
-// how far both have moved against each other since an anchor, its energy is that of friction on the
-// wall (friction.h): both share one cone. What slides along is therefore easily turned.
+// how far both have moved against each other since an anchor, its energy is that of StickSlip with
+// the limit mu N: both ways share one cone. What slides along is therefore easily turned.
 #pragma once
 
 #include <array>
@@ -26,7 +26,7 @@ class FrictionBetween final : public Effect, public EnergyTerm {
   void CopyFrom(const Effect& twin) override;
 
   bool Dissipates() const override { return true; }
-  const Sliding* Between() const override { return &sliding_; }
+  const Sliding* SlidingBetween() const override { return &sliding_; }
   void Begin(const PointSet& points) override;
   double Add(const PointSet& points, PointDerivatives& out) const override;
   void MoveSurfaces(const PointSet& points,

@@ -11,7 +11,8 @@ InternalForceObserver::InternalForceObserver(const EffectContext& context)
   for (const std::unique_ptr<Effect>& effect : *context.earlier) {
     if (EnergyTerm* const term = effect->energy_term()) terms_.push_back(term);
   }
-  if (const auto* friction = FindEarlier<FrictionBetween>(context)) sliding_ = friction->Between();
+  if (const auto* friction = FindEarlier<FrictionBetween>(context))
+    sliding_ = friction->SlidingBetween();
 }
 
 void InternalForceObserver::CopyFrom(const Effect& twin) {

@@ -1,0 +1,63 @@
+// The sweep's step against the dense Newton system.
+#pragma once
+
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+#include <vector>
+
+#include "host/simulator/core/newton/riccati_sweep.h"
+#include "host/simulator/core/wire_mechanics.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+
+/// The gradient by all unknowns: of each segment its step, then its spins.
+inline Eigen::VectorXd DenseGradient(const WireModel& model, const WireState& state,
+                                     const Expansion& at) {
+  const Eigen::Index spins = model.spins();
+  const Eigen::Index each = 2 + spins;
+  Eigen::VectorXd gradient(each * state.segments());
+  for (Eigen::Index i = 0; i < state.segments(); ++i) {
+    gradient.segment<2>(each * i) = at.gradient[static_cast<std::size_t>(i)];
+    for (Eigen::Index k = 0; k < spins; ++k) {
+      gradient[each * i + 2 + k] = at.spin_gradient[static_cast<std::size_t>(i * spins + k)];
+    }
+  }
+  return gradient;
+}
+
+/// Checks that the sweep is positive definite where `hessian`, of all unknowns, with its weight is,
+/// and that its step solves the system with a weight more. `unit`: what a weight of one adds.
+template <class Stage>
+void CheckSweepIsDense(const WireModel& model, const WireState& state, const Expansion& at,
+                       Eigen::MatrixXd hessian, const Eigen::VectorXd& unit, double weight) {
+  // The weight at which the Hessian stops being positive definite is its smallest eigenvalue.
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      hessian, Eigen::MatrixXd(unit.asDiagonal()));
+  const double lift = -eigen.eigenvalues()[0];
+  RiccatiSweep<Stage> sweep(model.max_segments());
+  CHECK_FALSE(sweep.Factor(model, state, at, lift - 1e-3));
+  CHECK(sweep.Factor(model, state, at, lift + 1e-3));
+
+  hessian.diagonal() += (lift + weight) * unit;
+  const Eigen::VectorXd gradient = DenseGradient(model, state, at);
+  const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
+  REQUIRE(sweep.Factor(model, state, at, lift + weight));
+  std::vector<Vector2d> step;
+  std::vector<double> spin;
+  std::vector<Vector3d> displacement;
+  const double predicted = sweep.Step(model, state, at, step, spin, displacement);
+  Eigen::VectorXd swept(gradient.size());
+  const Eigen::Index spins = model.spins();
+  const Eigen::Index each = 2 + spins;
+  for (Eigen::Index i = 0; i < state.segments(); ++i) {
+    swept.segment<2>(each * i) = step[static_cast<std::size_t>(i)];
+    for (Eigen::Index k = 0; k < spins; ++k) {
+      swept[each * i + 2 + k] = spin[static_cast<std::size_t>(i * spins + k)];
+    }
+  }
+  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
+  CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
+}
+
+}  // namespace torquer::test

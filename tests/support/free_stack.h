@@ -1,0 +1,48 @@
+// Instruments within each other in free space.
+#pragma once
+
+#include <catch2/catch.hpp>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/stack/instrument_stack.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+
+inline constexpr double kArcSegmentMm = 0.5;
+
+/// An instrument that rests as an arc; it does not twist with a torsional rigidity of 0.
+inline WireModel Arc(double rigidity, double curvature, double radius, double torsional_N_mm2 = 0,
+                     double segment_mm = kArcSegmentMm) {
+  return WireModel(segment_mm, {{0, rigidity, radius, curvature, 0, torsional_N_mm2}}, 0, 80,
+                   BendingLaw::kExact, {});
+}
+
+/// The innermost first.
+struct FreeStack {
+  InstrumentStack stack;
+  FreeSpace field;
+  WallModel wall;
+  std::vector<EnergyTerm*> none;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  explicit FreeStack(std::vector<WireModel> instruments)
+      : stack(std::move(instruments)),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
+        state(stack.rod(), stack.size()) {
+    relaxation->Restart(state);
+  }
+  void MoveTo(const InstrumentPlaces& target) {
+    const TickReport report = Settle(*relaxation, target, state, 400);
+    REQUIRE(report.converged);
+    REQUIRE(report.arrived());
+    REQUIRE_FALSE(report.budget_spent);
+  }
+};
+
+}  // namespace torquer::test
