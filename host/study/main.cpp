@@ -7,6 +7,7 @@
 
 #include "host/study/accuracy.h"
 #include "host/study/effects.h"
+#include "host/study/experiments.h"
 #include "host/study/paper.h"
 #include "host/study/scaling.h"
 #include "host/study/study.h"
@@ -23,6 +24,7 @@ std::vector<std::unique_ptr<Study>> AllStudies() {
   std::vector<std::unique_ptr<Study>> studies;
   studies.push_back(MakeAccuracyStudy());
   studies.push_back(MakeEffectsStudy());
+  studies.push_back(MakeExperimentsStudy());
   studies.push_back(MakePaperStudy());
   studies.push_back(MakeScalingStudy());
   studies.push_back(MakeTortureStudy());

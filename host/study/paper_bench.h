@@ -21,7 +21,7 @@ struct PaperCycle {
   double residual = 0;
 };
 
-/// A wire of 250 mm, EI 6.35e-9 N m^2, radius 0.178 mm, its last 5 mm the tip; wall 0.01 N/mm^2.
+/// A wire of 250 mm, its last 5 mm the tip; the rest as set up.
 class PaperBench {
  public:
   struct Setup {
@@ -30,6 +30,7 @@ class PaperBench {
     BendingLaw law = BendingLaw::kG1;
     PhysicalSettings physical = {};
     double rigidity_N_mm2 = 6.35e-3;
+    double radius_mm = 0.178;
     double wall_N_mm2 = 0.01;
   };
   static constexpr double kLengthMm = 250;

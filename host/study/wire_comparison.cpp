@@ -43,19 +43,25 @@ WireState Recut(const WireModel& model, const WireState& from) {
   return WireState::Along(model, path, {from.insertion_mm(), from.rotation_rad()});
 }
 
+std::vector<double> Distances(const WireModel& model_a, const WireState& a,
+                              const WireModel& model_b, const WireState& b) {
+  constexpr double kStepMm = 0.5;
+  std::vector<double> distances;
+  if (a.segments() == 0 || b.segments() == 0) return distances;
+  for (double s = 0; s <= std::min(a.insertion_mm(), b.insertion_mm()); s += kStepMm) {
+    distances.push_back((PointFromTip(model_a, a, s) - PointFromTip(model_b, b, s)).norm());
+  }
+  return distances;
+}
+
 WireDistance Compare(const WireModel& model_a, const WireState& a, const WireModel& model_b,
                      const WireState& b) {
-  constexpr double kStepMm = 0.5;
   WireDistance distance;
-  if (a.segments() == 0 || b.segments() == 0) return distance;
-  int points = 0;
-  for (double s = 0; s <= std::min(a.insertion_mm(), b.insertion_mm()); s += kStepMm) {
-    const double d = (PointFromTip(model_a, a, s) - PointFromTip(model_b, b, s)).norm();
-    distance.mean_mm += d;
+  const std::vector<double> distances = Distances(model_a, a, model_b, b);
+  for (const double d : distances) {
+    distance.mean_mm += d / static_cast<double>(distances.size());
     distance.max_mm = std::max(distance.max_mm, d);
-    ++points;
   }
-  distance.mean_mm /= points;
   return distance;
 }
 

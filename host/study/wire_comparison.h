@@ -14,13 +14,17 @@ namespace torquer::study {
 /// insertion the same.
 WireState Recut(const WireModel& model, const WireState& from);
 
+/// Distance of the same material points of two wires (the same distance from the tip), mm: at the
+/// tip first, then every 0.5 mm, over what both have inserted.
+std::vector<double> Distances(const WireModel& model_a, const WireState& a,
+                              const WireModel& model_b, const WireState& b);
+
 struct WireDistance {
   double mean_mm = 0;
   double max_mm = 0;
 };
 
-/// Distance of the same material points of two wires (the same distance from the tip), every
-/// 0.5 mm, over what both have inserted.
+/// Mean and largest of Distances; 0 where there are none.
 WireDistance Compare(const WireModel& model_a, const WireState& a, const WireModel& model_b,
                      const WireState& b);
 

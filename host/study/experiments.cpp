@@ -1,0 +1,417 @@
+#include "host/study/experiments.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "host/simulator/vessel/phantoms.h"
+#include "host/study/experiment_data.h"
+#include "host/study/experiment_rods.h"
+#include "host/study/paper_bench.h"
+#include "host/study/wire_comparison.h"
+
+namespace torquer::study {
+namespace {
+
+constexpr double kNotStated = std::numeric_limits<double>::quiet_NaN();
+
+// A figure, and by how much it may be wrong: one standard deviation, or kNotStated.
+struct Estimate {
+  double value = 0;
+  double error = kNotStated;
+};
+
+std::string Text(const Estimate& e) {
+  return Number(e.value, 4) + (std::isnan(e.error) ? "" : " +- " + Number(e.error, 2));
+}
+
+// How far two figures are apart, in units of what both may be wrong by.
+double Apart(const Estimate& ours, const Estimate& theirs) {
+  const double stated = std::isnan(theirs.error) ? 0 : theirs.error;
+  return (ours.value - theirs.value) / std::hypot(ours.error, stated);
+}
+
+// `at`: what a model gives with segments of a length. The error is what halving them changes.
+template <class Model>
+Estimate Refined(double segment_mm, const Model& at) {
+  const double fine = at(segment_mm / 2);
+  return {fine, std::abs(fine - at(segment_mm))};
+}
+
+double Mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double v : values) sum += v;
+  return sum / static_cast<double>(values.size());
+}
+
+// Of a sample: with one degree of freedom less than there are values.
+double Deviation(const std::vector<double>& values) {
+  const double mean = Mean(values);
+  double sum = 0;
+  for (const double v : values) sum += (v - mean) * (v - mean);
+  return std::sqrt(sum / (static_cast<double>(values.size()) - 1));
+}
+
+class Comparison {
+ public:
+  explicit Comparison(StudyRun& run) : run_(run) {}
+
+  void Add(const std::string& experiment, const std::string& quantity, const Estimate& theirs,
+           const Estimate& ours, const std::string& unit) {
+    Put(experiment, quantity, theirs, ours, unit);
+    const double apart = Apart(ours, theirs);
+    run_.Record(experiment + "/" + quantity, "apart", apart, "");
+    table_.rows.back().push_back(Number(apart, 2));
+  }
+  // Of figures that mean different things: only their sizes can be compared.
+  void AddSize(const std::string& experiment, const std::string& quantity, const Estimate& theirs,
+               const Estimate& ours, const std::string& unit) {
+    Put(experiment, quantity, theirs, ours, unit);
+    table_.rows.back().emplace_back("sizes only");
+  }
+  const Table& table() const { return table_; }
+
+ private:
+  void Put(const std::string& experiment, const std::string& quantity, const Estimate& theirs,
+           const Estimate& ours, const std::string& unit) {
+    const std::string name = experiment + "/" + quantity;
+    run_.Record(name, "theirs", theirs.value, unit);
+    run_.Record(name, "theirs_error", theirs.error, unit);
+    run_.Record(name, "ours", ours.value, unit);
+    run_.Record(name, "ours_error", ours.error, unit);
+    table_.rows.push_back({experiment + ": " + quantity, Text(theirs), Text(ours), unit});
+  }
+
+  StudyRun& run_;
+  Table table_{"Published experiments and ours",
+               {"experiment: quantity", "published", "ours", "unit", "apart, in errors"},
+               {}};
+};
+
+struct Part {
+  StudyRun& run;
+  Comparison& comparison;
+};
+
+// Points with an error in x or y: the points, and a line through each.
+std::array<Series, 2> WithErrors(const std::string& label, const std::vector<double>& x,
+                                 const std::vector<double>& y, const std::vector<double>& x_error,
+                                 const std::vector<double>& y_error, int color) {
+  Series bars{"", Mark::kLine, {}, {}, {}, color};
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    bars.x.insert(bars.x.end(), {x[k] - x_error[k], x[k] + x_error[k], kNotStated});
+    bars.y.insert(bars.y.end(), {y[k] - y_error[k], y[k] + y_error[k], kNotStated});
+  }
+  return {bars, Series{label, Mark::kPoints, x, y, {}, color}};
+}
+
+void BendStrip(Part& part) {
+  part.run.Section("A steel strip under weights (Belendez, Neipp and Belendez 2003)");
+  part.run.Say(
+      "A strip of 400 x 25 x 0.4 mm, clamped level, its end bent down by up to 0.7 of its length. "
+      "Assumed: readings and length good to 1 mm, as no error is stated; E = 194.3 GPa as the "
+      "authors got it from this same strip, so the height of the curve is theirs and its shape is "
+      "the test. Our error: halved segments, and the length longer and shorter by 1 mm.");
+  constexpr double kRigidity = 1e3 * strip::kYoungGPa * strip::kWidthMm * strip::kThicknessMm *
+                               strip::kThicknessMm * strip::kThicknessMm / 12;
+  constexpr double kCutMm = 2;
+  const auto tip_mm = [&](double force_N, double length_mm, double cut_mm) {
+    return Bend({length_mm, kRigidity, strip::kWeightN / strip::kLengthMm, force_N}, cut_mm)
+        .deflection_mm;
+  };
+  std::vector<double> force, measured, error, none;
+  for (const strip::Reading& reading : strip::kReadings) {
+    part.run.Progress("strip", 0.1 * reading.force_N / strip::kReadings.back().force_N);
+    Estimate ours = Refined(
+        kCutMm, [&](double cut_mm) { return tip_mm(reading.force_N, strip::kLengthMm, cut_mm); });
+    // As many segments, each a little longer or shorter.
+    const auto by_length = [&](double change_mm) {
+      const double length_mm = strip::kLengthMm + change_mm;
+      return tip_mm(reading.force_N, length_mm, kCutMm * length_mm / strip::kLengthMm);
+    };
+    ours.error =
+        std::hypot(ours.error, (by_length(strip::kReadingMm) - by_length(-strip::kReadingMm)) / 2);
+    part.comparison.Add("strip", "end down, " + Number(reading.force_N) + " N",
+                        {reading.measured_mm, strip::kReadingMm}, ours, "mm");
+    force.push_back(reading.force_N);
+    measured.push_back(reading.measured_mm);
+    error.push_back(strip::kReadingMm);
+    none.push_back(0);
+  }
+  Plot plot;
+  plot.title = "A steel strip under weights";
+  plot.x.label = "force on its end, N";
+  plot.y.label = "end below the clamp, mm";
+  Series line{"ours", Mark::kLine, {}, {}, {}, 0};
+  for (int k = 0; k <= 24; ++k) {
+    const double force_N = strip::kReadings.back().force_N * k / 24;
+    line.x.push_back(force_N);
+    line.y.push_back(tip_mm(force_N, strip::kLengthMm, kCutMm));
+  }
+  plot.series.push_back(line);
+  for (Series& s : WithErrors("measured", force, measured, none, error, 1)) {
+    plot.series.push_back(std::move(s));
+  }
+  part.run.Draw(plot, "Error bars of 1 mm are smaller than the points.");
+}
+
+// What a sensor reads across the bend, where nothing should be, root mean square.
+double SensorNoise(std::size_t sensor) {
+  double sum = 0;
+  for (const needle::Insertion& insertion : needle::kInsertions) {
+    sum += std::pow(insertion.out_of_plane_1_per_mm[sensor], 2);
+  }
+  return std::sqrt(sum / static_cast<double>(needle::kInsertions.size()));
+}
+
+void BendNeedle(Part& part) {
+  part.run.Section("A needle bent in a phantom (J. S. Kim)");
+  part.run.Say(
+      "A needle of steel, 0.9 mm thick, 90 mm deep in a phantom that bends it to one side. The "
+      "curvature at the first sensor, 20 mm from the entry, sets the load; how far the tip is "
+      "off, and the curvature at 64 mm, follow. Assumed: clamped at the entry, an even load across "
+      "it (as in the model there), nothing else. E = 200 GPa cancels out. Our error: halved "
+      "segments, and what the sensor reads across the bend, where it should read nothing. Theirs "
+      "of the tip is not stated.");
+  const double rigidity =
+      1e3 * needle::kYoungGPa * std::numbers::pi * std::pow(needle::kDiameterMm, 4) / 64;
+  constexpr double kCutMm = 1;
+  const ClampedRod rod{.length_mm = needle::kLengthMm, .rigidity_N_mm2 = rigidity};
+  const std::array<double, 2> noise = {SensorNoise(0), SensorNoise(1)};
+  std::vector<double> seen, tip, seen_error, none, far, ours_far, ratio;
+  for (const needle::Insertion& insertion : needle::kInsertions) {
+    const double curvature = insertion.in_plane_1_per_mm[0];
+    const auto tip_mm = [&](double k, double cut_mm) {
+      return BendTo(rod, k, needle::kSensorsMm[0], cut_mm).rod.deflection_mm;
+    };
+    Estimate ours = Refined(kCutMm, [&](double cut_mm) { return tip_mm(curvature, cut_mm); });
+    ours.error =
+        std::hypot(ours.error, tip_mm(curvature + noise[0], kCutMm) - tip_mm(curvature, kCutMm));
+    part.comparison.Add("needle", "tip off, insertion " + std::to_string(seen.size() + 1),
+                        {insertion.tip_mm, kNotStated}, ours, "mm");
+    seen.push_back(1e3 * curvature);
+    seen_error.push_back(1e3 * noise[0]);
+    tip.push_back(insertion.tip_mm);
+    none.push_back(0);
+    far.push_back(1e3 * insertion.in_plane_1_per_mm[1]);
+    ours_far.push_back(1e3 * BendTo(rod, curvature, needle::kSensorsMm[0], kCutMm)
+                                 .rod.CurvatureAt(needle::kSensorsMm[1]));
+    ratio.push_back(ours.value / insertion.tip_mm);
+  }
+  // The load is even: an error of the first sensor is passed on in proportion.
+  const double passed_on = 1e3 * noise[0] * Mean(ours_far) / Mean(seen);
+  part.comparison.Add("needle", "curvature at 64 mm, mean", {Mean(far), 1e3 * noise[1]},
+                      {Mean(ours_far), passed_on}, "1/m");
+  part.run.Record("needle", "tip_ratio_mean", Mean(ratio), "");
+  part.run.Record("needle", "tip_ratio_deviation", Deviation(ratio), "");
+  part.run.Say("Ours over theirs, of the tip: " + Number(Mean(ratio)) + " +- " +
+               Number(Deviation(ratio), 2) +
+               ". That is one shortfall seven times, not seven errors.");
+  Plot plot;
+  plot.title = "A needle bent in a phantom";
+  plot.x.label = "curvature 20 mm from the entry, 1/m";
+  plot.y.label = "tip off, mm";
+  Series line{"ours", Mark::kLine, {}, {}, {}, 0};
+  for (const double k : {1.0e-3, 1.2e-3, 1.4e-3, 1.6e-3}) {
+    line.x.push_back(1e3 * k);
+    line.y.push_back(BendTo(rod, k, needle::kSensorsMm[0], kCutMm).rod.deflection_mm);
+  }
+  plot.series.push_back(line);
+  for (Series& s : WithErrors("measured", seen, tip, seen_error, none, 1)) {
+    plot.series.push_back(std::move(s));
+  }
+  part.run.Draw(plot, "Error bars: what the sensor reads where it should read nothing.");
+}
+
+double PeakStress(const columns::Bar& bar, double slenderness, int segments) {
+  const double length_mm = slenderness * std::sqrt(bar.second_moment_mm4 / bar.area_mm2);
+  const double rigidity = 1e3 * bar.young_GPa * bar.second_moment_mm4;
+  return BucklingForce(length_mm, rigidity, segments) / bar.area_mm2;
+}
+
+void PressColumns(Part& part) {
+  part.run.Section("Bars pressed between clamps (A. Claux)");
+  part.run.Say(
+      "Round bars of 6 mm, 240 to 500 mm long. Assumed: ends that neither turn nor move across, "
+      "straight bars, nominal moduli, no yielding; compared are only those whose computed stress "
+      "is below half of what the shortest bar of the metal bore. No error is stated and each bar "
+      "was pressed once, so theirs is the scatter of the six about their common ratio to ours. "
+      "Ours: halved segments.");
+  constexpr int kSegments = 100;
+  struct Pair {
+    const columns::Specimen* specimen;
+    Estimate ours;
+  };
+  std::vector<Pair> pairs;
+  std::vector<double> ratios;
+  for (const columns::Specimen& specimen : columns::kSpecimens) {
+    part.run.Progress("columns", 0.4 + 0.02 * static_cast<double>(pairs.size()));
+    const double coarse = PeakStress(specimen.bar, specimen.slenderness, kSegments);
+    const double fine = PeakStress(specimen.bar, specimen.slenderness, 2 * kSegments);
+    pairs.push_back({&specimen, {fine, std::abs(fine - coarse)}});
+    ratios.push_back(specimen.peak_MPa / fine);
+  }
+  const double scatter = Deviation(ratios);
+  part.run.Record("columns", "theirs_over_ours_mean", Mean(ratios), "");
+  part.run.Record("columns", "theirs_over_ours_deviation", scatter, "");
+  part.run.Say("Theirs over ours: " + Number(Mean(ratios)) + " +- " + Number(scatter, 2) + ".");
+  Plot plot;
+  plot.title = "Bars pressed between clamps";
+  plot.x = {"length over radius of gyration", true, {}};
+  plot.y = {"peak stress, MPa", true, {}};
+  int color = 0;
+  for (const columns::Bar* bar : {&columns::kAluminum, &columns::kSteel}) {
+    Series line{std::string("ours, ") + bar->metal, Mark::kLine, {}, {}, {}, color};
+    std::vector<double> x, y, y_error, none;
+    for (const Pair& pair : pairs) {
+      const columns::Specimen& specimen = *pair.specimen;
+      if (&specimen.bar != bar) continue;
+      const double error = scatter * specimen.peak_MPa;
+      part.comparison.Add("columns",
+                          std::string(bar->metal) + ", slenderness " + Number(specimen.slenderness),
+                          {specimen.peak_MPa, error}, pair.ours, "MPa");
+      line.x.push_back(specimen.slenderness);
+      line.y.push_back(pair.ours.value);
+      x.push_back(specimen.slenderness);
+      y.push_back(specimen.peak_MPa);
+      y_error.push_back(error);
+      none.push_back(0);
+    }
+    plot.series.push_back(line);
+    for (Series& s :
+         WithErrors(std::string("measured, ") + bar->metal, x, y, none, y_error, color)) {
+      plot.series.push_back(std::move(s));
+    }
+    ++color;
+  }
+  part.run.Draw(plot, "Error bars: the scatter of the six about their common ratio to ours.");
+}
+
+// The paper's wire in our phantom at rest, in segments of a length, near a given shape.
+struct Resting {
+  PaperBench bench;
+  WireState state;
+  bool converged = false;
+
+  Resting(const vessel::TubeVessel& vessel, const PaperBench::Setup& setup, const WireState& near)
+      : bench(vessel, setup), state(bench.model()) {
+    bench.SetShape(Recut(bench.model(), near));
+    state = bench.Equilibrium(&converged);
+  }
+};
+
+bool LayInPhantom(Part& part) {
+  part.run.Section("A guidewire in a phantom (Baier et al. 2016, Fig. 12)");
+  part.run.Say(
+      "The paper lays a wire of 250 mm into a stiff phantom with a T and a Y, and finds it "
+      "0.262 +- 0.227 mm (standard deviation along the wire) from the simulated one. Its artery is "
+      "published as a picture only, so that wire cannot be laid again. What can be said is how "
+      "much of this the method itself may be wrong by: the paper's wire and method in our phantom "
+      "of the same parts (lumen 8 mm), beside the same wire in balance and in fine segments. "
+      "Assumed: a straight wire, no friction, a wall of 0.01 N/mm^2, which the paper does not "
+      "give.");
+  const bool quick = part.run.quick();
+  const vessel::TubeVessel vessel = vessel::MakeTyPhantom();
+  PaperBench theirs(vessel, {.segment_mm = phantom::kSegmentMm});
+  theirs.InsertFast();
+  for (int k = 0; k < phantom::kCycles; ++k) {
+    part.run.Progress("phantom", 0.6 + 0.2 * k / phantom::kCycles);
+    theirs.Cycle(true);
+  }
+  const double fine_mm = quick ? 0.5 : 0.2;
+  const PaperBench::Setup fine_setup{.segment_mm = fine_mm, .law = BendingLaw::kExact};
+  const Resting fine(vessel, fine_setup, theirs.state());
+  const auto changed = [&](const auto& change) {
+    PaperBench::Setup setup = fine_setup;
+    change(setup);
+    return Resting(vessel, setup, fine.state);
+  };
+  const Resting coarse = changed([](PaperBench::Setup& s) { s.segment_mm = phantom::kSegmentMm; });
+  const Resting stiffer = changed([](PaperBench::Setup& s) { s.rigidity_N_mm2 *= 1.1; });
+  const Resting harder = changed([](PaperBench::Setup& s) { s.wall_N_mm2 *= 10; });
+  // To the wire a lumen is wider by what the wire is thinner.
+  const Resting wider = changed([](PaperBench::Setup& s) { s.radius_mm -= 0.1; });
+  const auto from_fine = [&](const PaperBench& bench, const WireState& state) {
+    return Distances(bench.model(), state, fine.bench.model(), fine.state);
+  };
+  struct Case {
+    std::string name;
+    std::string metric;
+    std::vector<double> mm;
+  };
+  const Case cases[] = {
+      {"the paper's method, " + std::to_string(phantom::kCycles) + " cycles, 1 mm", "paper_method",
+       from_fine(theirs, theirs.state())},
+      {"ours, in balance, 1 mm", "ours", from_fine(coarse.bench, coarse.state)},
+      {"a wire a tenth stiffer", "stiffer_wire", from_fine(stiffer.bench, stiffer.state)},
+      {"a wall ten times as hard", "harder_wall", from_fine(harder.bench, harder.state)},
+      {"a lumen 0.1 mm wider all round", "wider_lumen", from_fine(wider.bench, wider.state)}};
+  Table table{"Distance from a wire in balance with segments of " + Number(fine_mm) + " mm, mm",
+              {"wire", "mean", "deviation", "largest"},
+              {}};
+  for (const Case& c : cases) {
+    const double largest = *std::max_element(c.mm.begin(), c.mm.end());
+    part.run.Record("phantom/" + c.metric, "mean", Mean(c.mm), "mm");
+    part.run.Record("phantom/" + c.metric, "deviation", Deviation(c.mm), "mm");
+    part.run.Record("phantom/" + c.metric, "largest", largest, "mm");
+    table.rows.push_back({c.name, Number(Mean(c.mm)), Number(Deviation(c.mm)), Number(largest)});
+  }
+  part.run.Show(table);
+  part.comparison.AddSize("phantom", "real wire; the paper's method",
+                          {phantom::kMeanMm, phantom::kDeviationMm},
+                          {Mean(cases[0].mm), Deviation(cases[0].mm)}, "mm");
+  part.comparison.AddSize("phantom", "real wire; ours, 1 mm",
+                          {phantom::kMeanMm, phantom::kDeviationMm},
+                          {Mean(cases[1].mm), Deviation(cases[1].mm)}, "mm");
+  Plot plot;
+  plot.title = "A guidewire in a phantom";
+  plot.x.label = "distance from the tip, mm";
+  plot.y.label = "distance from the wire in balance, mm";
+  int color = 0;
+  for (const Case& c : cases) {
+    Series line{c.name, Mark::kLine, {}, c.mm, {}, color++};
+    for (std::size_t k = 0; k < c.mm.size(); ++k) line.x.push_back(0.5 * static_cast<double>(k));
+    plot.series.push_back(line);
+  }
+  plot.series.push_back({"the paper's real wire, mean",
+                         Mark::kDashed,
+                         {0, PaperBench::kLengthMm},
+                         {phantom::kMeanMm, phantom::kMeanMm},
+                         {},
+                         color});
+  part.run.Draw(plot, "What lies well below the dashed line is too small to explain it.");
+  return fine.converged && coarse.converged && stiffer.converged && harder.converged &&
+         wider.converged;
+}
+
+class ExperimentsStudy final : public Study {
+ public:
+  std::string name() const override { return "experiments"; }
+  std::string title() const override { return "Published experiments, ours beside theirs"; }
+  std::string summary() const override {
+    return "experiments of others on wires and rods, beside what the simulator gives for them";
+  }
+  bool Run(StudyRun& run) override {
+    run.Say(
+        "Errors are standard deviations. The last column is ours minus theirs over the root of the "
+        "sum of both errors' squares; an error that is not stated counts as none.");
+    Comparison comparison(run);
+    Part part{run, comparison};
+    BendStrip(part);
+    BendNeedle(part);
+    PressColumns(part);
+    const bool rests = LayInPhantom(part);
+    run.ShowFirst(comparison.table());
+    return rests;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Study> MakeExperimentsStudy() { return std::make_unique<ExperimentsStudy>(); }
+
+}  // namespace torquer::study
