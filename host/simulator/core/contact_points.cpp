@@ -7,8 +7,9 @@ namespace torquer {
 using Eigen::Vector3d;
 
 ContactPoints::ContactPoints(const WireModel& model, const ClearanceField& field,
-                             const WallModel& wall)
+                             const WallModel& wall, const InstrumentStack* stack)
     : model_(model),
+      stack_(stack),
       field_(field),
       wall_(wall),
       lipschitz_(field.LipschitzBound()),
@@ -25,6 +26,10 @@ void ContactPoints::Forget() {
 }
 
 void ContactPoints::TakeRadii() {
+  if (stack_ != nullptr) {
+    Forget();  // who touches the wall at a point has changed, too
+    return;
+  }
   const auto per_segment = static_cast<std::size_t>(wall_.points_per_segment);
   for (std::size_t j = 0; j < radius_mm_.size(); ++j) {
     const double radius_mm = model_.radius_mm(static_cast<int>(j));
@@ -56,6 +61,20 @@ void ContactPoints::Reserve(PointSet& points) const {
   const auto segments = static_cast<std::size_t>(model_.max_segments()) + 1;
   if (model_.spins() > 0) points.normals.reserve(segments);
   if (model_.spins() > 1) points.turns_rad.reserve(segments);
+  if (stack_ != nullptr) {
+    points.on_second.reserve(last_.size());
+    points.tangent.reserve(last_.size());
+  }
+}
+
+// Where both curves are it is the outer one that touches the wall.
+const WireState& ContactPoints::CurveAt(const WireState& state, int q) const {
+  if (stack_ == nullptr || state.outer_leads()) return state;
+  const int per_segment = wall_.points_per_segment;
+  if (q / per_segment >= state.second()->segments()) return state;
+  const double behind_mm = state.insertion_mm() - stack_->SecondReach(state.places());
+  const int from_tip = state.segments() * per_segment - 1 - q;
+  return from_tip * model_.segment_mm() >= behind_mm * per_segment ? *state.second() : state;
 }
 
 void ContactPoints::TakeStiffness(const WireState& state) {
@@ -66,8 +85,9 @@ void ContactPoints::TakeStiffness(const WireState& state) {
   for (int i = 0; i < state.segments(); ++i) {
     const double length = state.SegmentLength(model_, i);
     for (int k = 1; k <= per_segment; ++k) {
+      const WireState& curve = CurveAt(state, i * per_segment + k - 1);
       stiffness_N_mm2_[--q] =
-          wall_.by_place->At(state.nodes()[i] + (length * k / per_segment) * state.tangents()[i]);
+          wall_.by_place->At(curve.nodes()[i] + (length * k / per_segment) * curve.tangents()[i]);
     }
   }
 }
@@ -97,17 +117,29 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
   const double travel = field_.TravelMm();
   if (travel != stiffness_travel_mm_) TakeStiffness(state);
   const double used_mm = travel / lipschitz_;
+  if (stack_ != nullptr) {
+    points.on_second.resize(count);
+    points.tangent.resize(count);
+  }
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {
     const double length = state.SegmentLength(model_, i);
-    const double radius = model_.radius_mm(n - 1 - i);
+    double radius = model_.radius_mm(n - 1 - i);
     const double piece = length / per_segment;
     const double beyond = i + 1 < n ? points.spacing_mm : 0;
     for (int k = 1; k <= per_segment; ++k, ++q) {
+      const WireState& curve = CurveAt(state, static_cast<int>(q));
       const Vector3d at =
           k == per_segment
-              ? state.nodes()[static_cast<std::size_t>(i) + 1]
-              : Vector3d(state.nodes()[i] + (length * k / per_segment) * state.tangents()[i]);
+              ? curve.nodes()[static_cast<std::size_t>(i) + 1]
+              : Vector3d(curve.nodes()[i] + (length * k / per_segment) * curve.tangents()[i]);
+      if (stack_ != nullptr) {
+        const bool second = &curve != &state;
+        points.on_second[q] = second;
+        points.tangent[q] = curve.tangents()[i];
+        radius = second ? stack_->second_rod()->radius_mm(curve.segments() - 1 - i)
+                        : model_.radius_mm(n - 1 - i);
+      }
       points.position[q] = at;
       points.weight_mm[q] = k == per_segment ? (piece + beyond) / 2 : piece;
       points.radius_mm[q] = radius;

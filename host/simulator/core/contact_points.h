@@ -7,6 +7,7 @@
 
 #include "host/simulator/core/clearance_field.h"
 #include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
 
@@ -38,8 +39,10 @@ struct WallModel {
 /// is not looked up. Nothing changes by that, to the bit.
 class ContactPoints {
  public:
-  /// Keeps references to all three.
-  ContactPoints(const WireModel& model, const ClearanceField& field, const WallModel& wall);
+  /// Keeps references to all. `stack`: of instruments on two curves, the outer of which touch the
+  /// wall where both are; null where there is one curve.
+  ContactPoints(const WireModel& model, const ClearanceField& field, const WallModel& wall,
+                const InstrumentStack* stack);
 
   /// Places the points of a state and finds which are near the wall and which touch it; Hessians of
   /// the near ones only where asked for.
@@ -69,7 +72,10 @@ class ContactPoints {
     double free_mm;
   };
 
+  const WireState& CurveAt(const WireState& state, int q) const;
+
   const WireModel& model_;
+  const InstrumentStack* stack_;
   const ClearanceField& field_;
   const WallModel& wall_;
   double lipschitz_;

@@ -36,6 +36,10 @@ struct PointSet {
   /// and when it begins a part: the force with which each instrument is pressed against the next
   /// one around it, N.
   std::vector<std::array<double, kMostInstruments>> pressed_N;
+  /// Where instruments lie on two curves: 1 at a point of the second one, and the unit tangent of
+  /// the curve at each point. Otherwise empty.
+  std::vector<std::uint8_t> on_second;
+  std::vector<Eigen::Vector3d> tangent;
   int instruments = 1;                                  ///< of the stack
   std::array<double, kMostInstruments> behind_mm = {};  ///< each one's tip, behind the distal end
   double spacing_mm = 1;                                ///< of the points, lambda / K
@@ -62,6 +66,10 @@ struct PointSet {
   double FromTipOf(int instrument, int q) const {
     return FromTip(q) * spacing_mm - behind_mm[static_cast<std::size_t>(instrument)];
   }
+  /// Whether the point is one of the second curve.
+  bool OnSecond(int q) const {
+    return !on_second.empty() && on_second[static_cast<std::size_t>(q)] != 0;
+  }
   /// How far the point is from the distal end, mm.
   double FromTipMm(int q) const {
     const int in_first = std::max(0, per_segment - 1 - q);  // pieces shorter or longer than others
@@ -70,6 +78,7 @@ struct PointSet {
   /// The unit tangent of the segment that the point belongs to.
   Eigen::Vector3d Tangent(int q) const {
     const auto p = static_cast<std::size_t>(q);
+    if (!tangent.empty()) return tangent[p];
     return (position[p] - (q == 0 ? start : position[p - 1])) /
            (q < per_segment ? first_spacing_mm : spacing_mm);
   }

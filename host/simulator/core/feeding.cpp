@@ -90,10 +90,7 @@ void WireState::FitFirstSegment(const WireModel& model) {
   // From the insertion rather than by adding up: no drift, however often it is fed.
   first_segment_mm_ = insertion_mm_ - (segments() - 1) * lambda;
   if (first_segment_mm_ >= 1.5 * lambda) {
-    first_segment_mm_ -= lambda;
-    tangents_.insert(tangents_.begin(), tangents_.front());
-    normals_.insert(normals_.begin(), normals_.front());
-    if (model.spins() > 0) SplitTwist();
+    SplitFirst(model);
   } else if (first_segment_mm_ < shortest) {
     if (segments() == 1) {
       tangents_.clear();
@@ -103,30 +100,38 @@ void WireState::FitFirstSegment(const WireModel& model) {
       first_segment_mm_ = insertion_mm_;
       return;
     }
-    const Vector3d joined = first_segment_mm_ * tangents_[0] + lambda * tangents_[1];
-    if (model.spins() > 0) JoinTwist(first_segment_mm_ / (first_segment_mm_ + lambda));
-    tangents_.erase(tangents_.begin());
-    normals_.erase(normals_.begin());
-    // The two could be opposite only if the wire were folded at the sheath.
-    if (joined.norm() > 1e-9 * lambda) {
-      const Vector3d tangent = joined.normalized();
-      normals_[0] = ParallelTransport(normals_[0], tangents_[0], tangent);
-      tangents_[0] = tangent;
-    }
-    first_segment_mm_ += lambda;
+    JoinFirst(model);
   }
 }
 
-void WireState::Feed(const WireModel& model, double to_mm) {
-  const double lambda = model.segment_mm();
-  const double target = insertion_mm_ + (to_mm - insertion_mm_);
-  const double fed = target - insertion_mm_;
-  assert(to_mm >= 0 && to_mm <= model.max_length_mm() && std::abs(fed) <= lambda / 2 * (1 + 1e-9));
+void WireState::SplitFirst(const WireModel& model) {
+  first_segment_mm_ -= model.segment_mm();
+  tangents_.insert(tangents_.begin(), tangents_.front());
+  normals_.insert(normals_.begin(), normals_.front());
+  if (model.spins() > 0) SplitTwist();
+}
 
-  // (23): node i slides by `fed` along the polyline, so each chord turns towards the next (or, when
-  // retracting, the former) segment. The tip keeps its directions: it has its own rest shape.
+// Of two segments or more.
+void WireState::JoinFirst(const WireModel& model) {
+  const double lambda = model.segment_mm();
+  const Vector3d joined = first_segment_mm_ * tangents_[0] + lambda * tangents_[1];
+  if (model.spins() > 0) JoinTwist(first_segment_mm_ / (first_segment_mm_ + lambda));
+  tangents_.erase(tangents_.begin());
+  normals_.erase(normals_.begin());
+  // The two could be opposite only if the wire were folded at the sheath.
+  if (joined.norm() > 1e-9 * lambda) {
+    const Vector3d tangent = joined.normalized();
+    normals_[0] = ParallelTransport(normals_[0], tangents_[0], tangent);
+    tangents_[0] = tangent;
+  }
+  first_segment_mm_ += lambda;
+}
+
+void WireState::Slide(const WireModel& model, double fed_mm) {
+  // (23): node i slides by `fed_mm` along the polyline, so each chord turns towards the next (or,
+  // when retracting, the former) segment. The tip keeps its directions: it has its own rest shape.
   const int shaft = segments() - model.tip_segments();
-  const double part = std::abs(fed) / lambda;
+  const double part = std::abs(fed_mm) / model.segment_mm();
   Vector3d* const tangents = tangents_.data();
   Vector3d* const normals = normals_.data();
   const auto turn_towards = [tangents, normals, part](int i, int neighbor) {
@@ -137,11 +142,20 @@ void WireState::Feed(const WireModel& model, double to_mm) {
     normals[i] = ParallelTransport(normals[i], tangents[i], tangent);
     tangents[i] = tangent;
   };
-  if (fed > 0) {
+  if (fed_mm > 0) {
     for (int i = 0; i + 1 < shaft; ++i) turn_towards(i, i + 1);
   } else {
     for (int i = shaft - 1; i > 0; --i) turn_towards(i, i - 1);
   }
+}
+
+void WireState::Feed(const WireModel& model, double to_mm) {
+  const double target = insertion_mm_ + (to_mm - insertion_mm_);
+  const double fed = target - insertion_mm_;
+  assert(to_mm >= 0 && to_mm <= model.max_length_mm() &&
+         std::abs(fed) <= model.segment_mm() / 2 * (1 + 1e-9));
+
+  Slide(model, fed);
   insertion_mm_ = target;
   FitFirstSegment(model);
   insertion_mm_ = to_mm;

@@ -14,12 +14,18 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field,
-                             const WallModel& wall, const std::vector<EnergyTerm*>& terms)
+                             const WallModel& wall, const std::vector<EnergyTerm*>& terms,
+                             const InstrumentStack* stack)
     : model_(model),
       wall_(wall),
       terms_(terms),
+      stack_(stack),
       sheath_frame_(TangentFrame(model.sheath().direction, model.sheath_normal())),
-      points_(model, field, wall) {}
+      points_(model, field, wall, stack) {
+  static const std::vector<EnergyTerm*> kNoTerms;
+  if (stack == nullptr) return;
+  second_ = std::make_unique<WireMechanics>(*stack->second_rod(), field, wall, kNoTerms);
+}
 
 Expansion WireMechanics::MakeExpansion() const {
   const auto n = static_cast<std::size_t>(model_.max_segments()) + 1;
@@ -48,6 +54,11 @@ Expansion WireMechanics::MakeExpansion() const {
   e.derivatives.gradient.reserve(points);
   e.derivatives.hessian.reserve(points);
   if (!terms_.empty()) e.derivatives.on_tangents.reserve(8 + (model_.spins() > 0 ? points : 0));
+  if (second_ != nullptr) {
+    e.second.push_back(second_->MakeExpansion());
+    e.second.front().softer_N_mm2.reserve(n);
+    e.between.Reserve(model_.max_segments(), wall_.points_per_segment);
+  }
   return e;
 }
 
@@ -204,7 +215,8 @@ LoadTerms& WireMechanics::LoadsOf(int segment, Expansion& out) const {
 
 void WireMechanics::AddLoad(int point, double length_mm, const Vector3d& gradient,
                             const Matrix3d* hessian, Expansion& out) const {
-  LoadTerms& load = LoadsOf(point / out.points.per_segment, out);
+  LoadTerms& load = LoadsOf(point / out.points.per_segment,
+                            out.points.OnSecond(point) ? out.second.front() : out);
   const double t = length_mm * (point % out.points.per_segment + 1) / out.points.per_segment;
   load.g0 += gradient;
   load.g1 += t * gradient;
@@ -220,6 +232,11 @@ void WireMechanics::SumLoads(const WireState& state, IsActive is_active, Expansi
   const bool with_hessian = out.derivatives.with_hessian;
   out.loads.clear();
   std::fill(out.load_index.begin(), out.load_index.end(), -1);
+  if (second_ != nullptr) {
+    Expansion& second = out.second.front();
+    second.loads.clear();
+    std::fill(second.load_index.begin(), second.load_index.end(), -1);
+  }
   for (std::size_t k = 0; k < out.springs.size(); ++k) {
     if (!is_active(k)) continue;
     const WallSpring& spring = out.springs[k];
@@ -282,6 +299,12 @@ double WireMechanics::SumSpins(const WireState& state, int segment, Expansion& o
 }
 
 double WireMechanics::SumGradient(const WireState& state, Expansion& out) const {
+  return SumGradient(state, nullptr, 0, out);
+}
+
+// `between`: what presses two curves on each other, of which this one has the entries from `at` on.
+double WireMechanics::SumGradient(const WireState& state, const BetweenCurves* between,
+                                  Eigen::Index part, Expansion& out) const {
   const int n = state.segments();
   double residual = 0;
   Vector3d beyond = Vector3d::Zero();
@@ -293,22 +316,32 @@ double WireMechanics::SumGradient(const WireState& state, Expansion& out) const 
       lever += out.loads[at].g1;
       beyond += out.loads[at].g0;
     }
+    Vector2d pressed = Vector2d::Zero();
+    if (between != nullptr && static_cast<std::size_t>(i) < between->terms.size()) {
+      const BetweenCurves::Terms& terms = between->terms[static_cast<std::size_t>(i)];
+      if (terms.any) {
+        pressed = terms.gradient.segment<2>(part + 3);
+        beyond += terms.gradient.segment<3>(part);
+      }
+    }
     out.distal_gradient[i] = beyond;
     const double* frame = out.frames[i].data();
     Pair g = Load(frame) * Both(lever[0]) + Load(frame + 2) * Both(lever[1]) +
              Load(frame + 4) * Both(lever[2]) + Load(out.joints[i].gradient_distal.data());
     if (i + 1 < n) g += Load(out.joints[i + 1].gradient_proximal.data());
+    if (between != nullptr) g += Load(pressed.data());
     Store(g, out.gradient[i].data());
     // The softer of the segment's two joints: what an out-of-balance moment bends most.
     const double rigidity =
         std::min(model_.rigidity_N_mm2(n - i), model_.rigidity_N_mm2(n - i - 1));
     residual = std::max(residual, Summed(g * g)[0] / (rigidity * rigidity));
+    if (part > 0) out.softer_N_mm2[static_cast<std::size_t>(i)] = rigidity;
     if (model_.spins() > 0) residual = std::max(residual, SumSpins(state, i, out));
   }
   return std::sqrt(residual);
 }
 
-void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansion& out) {
+void WireMechanics::PrepareSegments(const WireState& state, Expansion& out) const {
   const auto n = static_cast<std::size_t>(state.segments());
   out.frames.resize(n);
   for (std::size_t i = 0; i < n; ++i)
@@ -317,12 +350,9 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
   out.load_index.resize(n);
   out.distal_gradient.resize(n + 1);
   out.gradient.resize(n);
-  out.energy_mJ = out.dissipated_mJ = 0;
+}
 
-  points_.Place(state, with_hessian, out.points);
-  const std::size_t points = out.points.position.size();
-  out.derivatives.with_hessian = with_hessian;
-  ExpandWall(with_hessian, out);
+void WireMechanics::ExpandBending(const WireState& state, Expansion& out) const {
   out.turns.clear();
   if (model_.spins() > 1) {
     ExpandStack(state, out);
@@ -331,6 +361,30 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
   } else {
     ExpandJoints(state, out);
   }
+}
+
+void WireMechanics::ExpandSecond(const WireState& state, Expansion& out) const {
+  const WireState& curve = *state.second();
+  Expansion& second = out.second.front();
+  second.energy_mJ = 0;
+  second.softer_N_mm2.resize(static_cast<std::size_t>(curve.segments()));
+  second_->PrepareSegments(curve, second);
+  second_->ExpandBending(curve, second);
+  out.between.Place(*stack_, state, wall_.points_per_segment, out.frames, second.frames);
+  out.energy_mJ += second.energy_mJ + out.between.energy_mJ;
+}
+
+void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansion& out) {
+  const auto n = static_cast<std::size_t>(state.segments());
+  PrepareSegments(state, out);
+  out.energy_mJ = out.dissipated_mJ = 0;
+
+  points_.Place(state, with_hessian, out.points);
+  const std::size_t points = out.points.position.size();
+  out.derivatives.with_hessian = with_hessian;
+  ExpandWall(with_hessian, out);
+  ExpandBending(state, out);
+  if (second_ != nullptr) ExpandSecond(state, out);
   out.spin_gradient.resize(n * static_cast<std::size_t>(model_.spins()));
   if (model_.twists()) ExpandTwists(state, out);
   if (!terms_.empty()) {
@@ -354,7 +408,14 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
 void WireMechanics::SumTrueGradient(const WireState& state, Expansion& out) const {
   SumLoads(
       state, [&out](std::size_t k) { return out.springs[k].penetration_mm > 0; }, out);
-  out.residual = SumGradient(state, out);
+  if (second_ == nullptr) {
+    out.residual = SumGradient(state, out);
+    return;
+  }
+  out.between.SumTouching();
+  out.residual =
+      std::max(SumGradient(state, &out.between, 0, out),
+               second_->SumGradient(*state.second(), &out.between, 5, out.second.front()));
 }
 
 void WireMechanics::Expand(const WireState& state, Expansion& out) { ExpandAll(state, true, out); }

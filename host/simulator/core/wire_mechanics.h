@@ -14,12 +14,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
 #include "host/simulator/core/contact_points.h"
 #include "host/simulator/core/energy_term.h"
 #include "host/simulator/core/joint_terms.h"
+#include "host/simulator/core/stack/between_curves.h"
 #include "host/simulator/core/stack/stack_terms.h"
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
@@ -46,6 +48,8 @@ struct LoadTerms {
 };
 
 /// The expansion of the whole energy at one state. Buffers are made once; no heap after that.
+/// Of two curves the arrays of segments, joints and loads are those of the first; the second has
+/// its own, in an Expansion without points, and between them is what holds them together.
 struct Expansion {
   double energy_mJ = 0;      ///< what relaxing decreases
   double dissipated_mJ = 0;  ///< of this, what terms with EnergyTerm::Dissipates add
@@ -63,16 +67,20 @@ struct Expansion {
   std::vector<Eigen::Vector2d> gradient;         ///< n: d energy / d xi_i
   std::vector<double> spin_gradient;             ///< n times the model's spins: d energy / d zeta_i
   PointSet points;
-  std::vector<WallSpring> springs;  ///< one for each of points.near
-  PointDerivatives derivatives;     ///< of the terms, without the wall
+  std::vector<WallSpring> springs;   ///< one for each of points.near
+  PointDerivatives derivatives;      ///< of the terms, without the wall
+  std::vector<double> softer_N_mm2;  ///< of a second curve, n: the smaller EI of a segment's joints
+  std::vector<Expansion> second;     ///< none, or that of the second curve
+  BetweenCurves between;             ///< of two curves
 };
 
 /// Evaluates expansions. One per simulated wire; not for several threads at once.
 class WireMechanics {
  public:
-  /// Keeps references to all three; `terms` may grow only before the first evaluation.
+  /// Keeps references to all; `terms` may grow only before the first evaluation. `stack`: of
+  /// instruments on two curves, of which `model` is the first rod; null where there is one.
   WireMechanics(const WireModel& model, const ClearanceField& field, const WallModel& wall,
-                const std::vector<EnergyTerm*>& terms);
+                const std::vector<EnergyTerm*>& terms, const InstrumentStack* stack = nullptr);
 
   /// An expansion with room for the longest wire.
   Expansion MakeExpansion() const;
@@ -82,6 +90,11 @@ class WireMechanics {
   /// Makes the loads those of the model in which exactly the near points with `active` (one a near
   /// point) feel the wall. Everything else stays that of the state.
   void Model(const WireState& state, const std::vector<std::uint8_t>& active, Expansion& out) const;
+  /// The same of the places where two curves are near each other, one of Expansion::between.springs
+  /// each.
+  static void ModelBetween(const std::vector<std::uint8_t>& active, Expansion& out) {
+    out.between.Sum([&active](std::size_t k) { return active[k] != 0; });
+  }
 
   /// The same without Hessians (and without Hessian look-ups).
   void ExpandGradient(const WireState& state, Expansion& out);
@@ -94,6 +107,8 @@ class WireMechanics {
   const WallModel& wall() const { return wall_; }
 
  private:
+  void PrepareSegments(const WireState& state, Expansion& out) const;
+  void ExpandBending(const WireState& state, Expansion& out) const;
   void ExpandJoints(const WireState& state, Expansion& out) const;
   void ExpandTurningJoints(const WireState& state, Expansion& out) const;
   RestSpinTerms SpinOfRestAt(const WireState& state, int joint, const Expansion& at) const;
@@ -108,15 +123,20 @@ class WireMechanics {
   LoadTerms& LoadsOf(int segment, Expansion& out) const;
   template <class IsActive>
   void SumLoads(const WireState& state, IsActive is_active, Expansion& out) const;
+  void ExpandSecond(const WireState& state, Expansion& out) const;
   double SumGradient(const WireState& state, Expansion& out) const;
+  double SumGradient(const WireState& state, const BetweenCurves* between, Eigen::Index part,
+                     Expansion& out) const;
   void SumTrueGradient(const WireState& state, Expansion& out) const;
   void ExpandAll(const WireState& state, bool with_hessian, Expansion& out);
 
   const WireModel& model_;
   const WallModel& wall_;
   const std::vector<EnergyTerm*>& terms_;
+  const InstrumentStack* stack_;
   const Frame sheath_frame_;
   ContactPoints points_;
+  std::unique_ptr<WireMechanics> second_;  // of the second rod
 };
 
 }  // namespace torquer

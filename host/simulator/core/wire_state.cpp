@@ -297,6 +297,7 @@ void WireState::TakeStep(WireState& stepped) {
   std::swap(reference_twist_, stepped.reference_twist_);
   std::swap(twist_rad_, stepped.twist_rad_);
   std::swap(turns_rad_, stepped.turns_rad_);
+  if (!second_.empty()) second_.front().TakeStep(stepped.second_.front());
 }
 
 namespace {
@@ -368,6 +369,9 @@ std::uint64_t HashState(const WireState& state) {
   hash = HashDouble(state.rotation_rad(), hash);
   for (const InstrumentPlace& place : state.places()) {
     hash = HashDouble(place.rotation_rad, HashDouble(place.insertion_mm, hash));
+  }
+  if (const WireState* const second = state.second()) {
+    hash = HashWord(HashState(*second), HashDouble(state.outer_leads() ? 1 : 0, hash));
   }
   return hash;
 }

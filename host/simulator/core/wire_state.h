@@ -88,6 +88,12 @@ class WireState {
   const Eigen::Vector2d& turn() const { return turn_; }  ///< cosine and sine of rotation_rad()
   /// The first normal of the wire in the sheath.
   Eigen::Vector3d ProximalNormal(const WireModel& model) const;
+  /// Of a stack that lies on two curves (stack/instrument_stack.h): the other curve, cut at the
+  /// same lengths from the sheath. It has the segments into which its instruments reach; the last
+  /// of them goes on to the length at which that of this curve ends. Null of all others.
+  const WireState* second() const { return second_.empty() ? nullptr : &second_.front(); }
+  /// Whether this curve is that of the outer instruments, and second() that of the inner ones.
+  bool outer_leads() const { return outer_leads_; }
 
   // How it moves.
 
@@ -139,9 +145,30 @@ class WireState {
   /// normals (README (11)). A twist is taken within half a turn of what it was.
   void UpdateFrames(const WireModel& model);
 
+  // A second curve. `second`: the rod on it; `reach_mm`: how far its instruments reach.
+
+  /// Lays a second curve on this one.
+  void LaySecond(const WireModel& second, double reach_mm, bool outer_leads);
+  /// After Feed, with as many segments before it, by `fed_mm`: the second curve slides along itself
+  /// by as much and is cut as this one, as far as its instruments reach. What is new at its end
+  /// goes on straight.
+  void FeedSecond(const WireModel& second, int segments_before, double fed_mm, double reach_mm);
+  /// The second curve becomes this one, and this one the second. Both have as many segments. Frames
+  /// must be brought up to date by UpdateCurves.
+  void ExchangeCurves();
+  /// UpdateFrames of both.
+  void UpdateCurves(const WireModel& model, const WireModel& second);
+  /// As Step, of the second curve.
+  void StepSecond(const WireModel& second, const WireState& from, const std::vector<Frame>& frames,
+                  const std::vector<Eigen::Vector2d>& xi, double scale);
+
  private:
   void PlaceNodes(const WireModel& model, int first);
+  void Slide(const WireModel& model, double fed_mm);
   void FitFirstSegment(const WireModel& model);
+  void SplitFirst(const WireModel& model);
+  void JoinFirst(const WireModel& model);
+  void FitEnd(const WireModel& model, int most, double reach_mm);
   void SplitTwist();
   void JoinTwist(double part);
   OfInstruments Rotations() const;
@@ -160,6 +187,8 @@ class WireState {
   double rotation_rad_ = 0;
   Eigen::Vector2d turn_{1, 0};
   InstrumentPlaces places_;
+  std::vector<WireState> second_;  // none or one
+  bool outer_leads_ = false;
 };
 
 /// Direction, unit, in which the distal segment of joint i (between segments i - 1 and i, or the

@@ -33,9 +33,8 @@ void ActiveSet::Begin(const Expansion& expansion, bool moved) {
   }
 }
 
-int ActiveSet::Update(const WireState& state, const Expansion& expansion,
-                      const std::vector<Eigen::Vector2d>& step,
-                      const std::vector<Vector3d>& displacement_mm) {
+template <class MovedBy>
+int ActiveSet::UpdateBy(const WireState& state, const Expansion& expansion, MovedBy moved_by) {
   int last_changed = -1;
   const int per_segment = expansion.points.per_segment;
   const double lambda_mm = expansion.points.spacing_mm * per_segment;
@@ -44,7 +43,7 @@ int ActiveSet::Update(const WireState& state, const Expansion& expansion,
     const int i = q / per_segment;
     const double length = i == 0 ? state.first_segment_mm() : lambda_mm;
     const double t = length * (q % per_segment + 1) / per_segment;
-    const Vector3d moved = displacement_mm[i] + expansion.frames[i] * (t * step[i]);
+    const Vector3d moved = moved_by(q, i, t);
     const double penetration =
         expansion.springs[k].penetration_mm -
         expansion.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
@@ -56,16 +55,68 @@ int ActiveSet::Update(const WireState& state, const Expansion& expansion,
   return last_changed;
 }
 
-double ActiveSet::EnergyAtRest(const Expansion& expansion) const {
+int ActiveSet::Update(const WireState& state, const Expansion& expansion, const CurveStep& step) {
+  return UpdateBy(state, expansion, [&](int /*q*/, int i, double t) -> Vector3d {
+    return step.displacement_mm[i] + expansion.frames[i] * (t * step.xi[i]);
+  });
+}
+
+int ActiveSet::Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
+                      const CurveStep& second) {
+  return UpdateBy(state, expansion, [&](int q, int i, double t) -> Vector3d {
+    const bool on_second = expansion.points.OnSecond(q);
+    const CurveStep& own = on_second ? second : step;
+    const Expansion& of = on_second ? expansion.second.front() : expansion;
+    return own.displacement_mm[i] + of.frames[i] * (t * own.xi[i]);
+  });
+}
+
+namespace {
+
+template <class Spring>
+double AtRest(const std::vector<Spring>& springs, const std::vector<std::uint8_t>& active) {
   double sum = 0;
-  for (std::size_t k = 0; k < active_.size(); ++k) {
-    const WallSpring& spring = expansion.springs[k];
+  for (std::size_t k = 0; k < active.size(); ++k) {
+    const Spring& spring = springs[k];
     const double energy =
         spring.stiffness_N_mm * spring.penetration_mm * spring.penetration_mm / 2;  // (12)
-    if (active_[k] && spring.penetration_mm <= 0) sum += energy;
-    if (!active_[k] && spring.penetration_mm > 0) sum -= energy;
+    if (active[k] && spring.penetration_mm <= 0) sum += energy;
+    if (!active[k] && spring.penetration_mm > 0) sum -= energy;
   }
   return sum;
+}
+
+}  // namespace
+
+double ActiveSet::EnergyAtRest(const Expansion& expansion) const {
+  return AtRest(expansion.springs, active_);
+}
+
+void BetweenSet::Begin(const BetweenCurves& between) {
+  active_.resize(between.springs.size());
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    active_[k] = between.springs[k].penetration_mm > 0;
+  }
+}
+
+int BetweenSet::Update(const BetweenCurves& between, const CurveStep& step,
+                       const CurveStep& second) {
+  int last_changed = -1;
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    const BetweenCurves::Spring& spring = between.springs[k];
+    const auto i = static_cast<std::size_t>(spring.segment);
+    BetweenCurves::Vector moved;
+    moved << step.displacement_mm[i], step.xi[i], second.displacement_mm[i], second.xi[i];
+    const std::uint8_t presses = spring.penetration_mm + spring.approach.dot(moved) > 0;
+    if (presses == active_[k]) continue;
+    active_[k] = presses;
+    last_changed = spring.segment;
+  }
+  return last_changed;
+}
+
+double BetweenSet::EnergyAtRest(const BetweenCurves& between) const {
+  return AtRest(between.springs, active_);
 }
 
 std::uint64_t ActiveSet::Hash(std::uint64_t seed) const {

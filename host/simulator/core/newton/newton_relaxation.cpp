@@ -31,6 +31,24 @@ double ShareOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
   }
   return share;
 }
+
+// How many segments the second curve has less.
+int ShortBy(const WireState& state) {
+  return state.second() == nullptr ? 0 : state.segments() - state.second()->segments();
+}
+
+// The largest displacement of a node by a step.
+double LongestMm(const WireModel& model, const WireState& curve, const Expansion& at,
+                 const CurveStep& step) {
+  if (curve.segments() == 0) return 0;
+  const double last_mm = curve.SegmentLength(model, curve.segments() - 1);
+  const Vector3d tip_mm =
+      step.displacement_mm.back() + at.frames.back() * (last_mm * step.xi.back());
+  double squared = tip_mm.squaredNorm();
+  for (const Vector3d& moved_mm : step.displacement_mm)
+    squared = std::max(squared, moved_mm.squaredNorm());
+  return std::sqrt(squared);
+}
 }  // namespace
 
 template <class Stage>
@@ -56,15 +74,21 @@ NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
       field_(field),
       settings_(settings),
       terms_(terms),
-      mechanics_(model_, field, wall, terms),
+      mechanics_(model_, field, wall, terms, Stage::kTwoCurves ? &stack() : nullptr),
       sweep_(model_.max_segments()),
       active_set_(mechanics_.points().capacity()),
+      between_set_(Stage::kTwoCurves ? mechanics_.points().capacity() + 1 : 0),
       prediction_(model_),
       current_(mechanics_.MakeExpansion()),
       trial_expansion_(mechanics_.MakeExpansion()),
       trial_(model_, stack().size()) {
   assert(Stage::kTwists == (model_.spins() > 0) && Stage::kStack == (model_.spins() > 1));
+  assert(Stage::kTwoCurves == (stack().second_rod() != nullptr));
   const auto room = static_cast<std::size_t>(model_.max_segments()) + 1;
+  if constexpr (Stage::kTwoCurves) {
+    trial_.LaySecond(*stack().second_rod(), 0, false);
+    second_push_.reserve(room);
+  }
   step_.reserve(room);
   displacement_mm_.reserve(room);
   spin_step_.reserve(room * static_cast<std::size_t>(model_.spins()));
@@ -76,7 +100,11 @@ NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
 
 template <class Stage>
 void NewtonMethod<Stage>::Restart(WireState& state) {
-  stack().Combine(state.places());
+  if constexpr (Stage::kTwoCurves) {
+    state.LaySecond(*stack().second_rod(), stack().SecondReach(state.places()),
+                    stack().OuterLeads(state.places()));
+  }
+  stack().Combine(state.places(), ShortBy(state));
   mechanics_.points().TakeRadii();
   mechanics_.points().Forget();
   mechanics_.points().TakeStiffness(state);
@@ -94,7 +122,7 @@ void NewtonMethod<Stage>::Restart(WireState& state) {
 template <class Stage>
 void NewtonMethod<Stage>::CopyFrom(const Relaxation& twin, const WireState& state) {
   const auto& from = dynamic_cast<const NewtonMethod&>(twin);
-  stack().Combine(state.places());
+  stack().Combine(state.places(), ShortBy(state));
   mechanics_.points().CopyFrom(from.mechanics_.points());
   active_set_ = from.active_set_;
   damping_ = from.damping_;
@@ -132,18 +160,17 @@ double NewtonMethod<Stage>::SolverErrorMm(const WireState& state) {
   BringUpToDate(state);
   if (attempting_) {
     // Back from the loads of the model to those of the state.
-    active_set_.Begin(current_, false);
-    mechanics_.Model(state, active_set_.active(), current_);
+    BeginModel(state, false);
   }
   if (!sweep_.Factor(model_, state, current_, 0)) return std::numeric_limits<double>::quiet_NaN();
   sweep_.Step(model_, state, current_, step_, spin_step_, displacement_mm_);
-  const double last_mm = state.segments() == 1 ? state.first_segment_mm() : model_.segment_mm();
-  const Vector3d tip_mm =
-      displacement_mm_.back() + current_.frames.back() * (last_mm * step_.back());
-  double squared = tip_mm.squaredNorm();
-  for (const Vector3d& moved_mm : displacement_mm_)
-    squared = std::max(squared, moved_mm.squaredNorm());
-  return std::sqrt(squared);
+  double longest_mm = LongestMm(model_, state, current_, {step_, displacement_mm_});
+  if constexpr (Stage::kTwoCurves) {
+    longest_mm = std::max(longest_mm,
+                          LongestMm(*stack().second_rod(), *state.second(), current_.second.front(),
+                                    {sweep_.second_step(), sweep_.second_displacement_mm()}));
+  }
+  return longest_mm;
 }
 
 template <class Stage>
@@ -249,6 +276,10 @@ template <class Stage>
 void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state) {
   const bool alone = next.size() == 1;
   MoveSurfaces(state.places(), next);
+  if constexpr (Stage::kTwoCurves) {
+    MoveBothTo(next, state);
+    return;
+  }
   if (!alone) {
     stack().Combine(next);
     mechanics_.points().TakeRadii();
@@ -260,6 +291,40 @@ void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state)
   }
   prediction_.Feed(model_, next.reach_mm(), state);
   if (alone) state.Rotate(next[0].rotation_rad);
+}
+
+// Where the other curve is to lead, both reach as far before or after the move (Towards).
+template <class Stage>
+void NewtonMethod<Stage>::MoveBothTo(const InstrumentPlaces& next, WireState& state) {
+  if constexpr (Stage::kTwoCurves) {
+    const WireModel& second = *stack().second_rod();
+    const auto exchange_when_equal = [&] {
+      if (stack().OuterLeads(next) == state.outer_leads()) return;
+      if (state.segments() != state.second()->segments()) return;
+      state.ExchangeCurves();
+      prediction_.Forget();
+    };
+    const double fed_mm = next.reach_mm() - state.insertion_mm();
+    const int segments = state.segments();
+    const bool equal = stack().SecondReach(state.places()) == state.insertion_mm();
+    if (equal) exchange_when_equal();
+    state.SetPlaces(next);
+    prediction_.Feed(model_, next.reach_mm(), state);
+    // Of the curve that is the second now.
+    const InstrumentPlaces& places = state.places();
+    const int first_outer = stack().clearance().first_outer;
+    double reach_mm = 0;
+    for (int k = 0; k < places.size(); ++k) {
+      if ((k >= first_outer) != state.outer_leads()) {
+        reach_mm = std::max(reach_mm, places[k].insertion_mm);
+      }
+    }
+    state.FeedSecond(second, segments, fed_mm, reach_mm);
+    if (!equal) exchange_when_equal();
+    stack().Combine(next, ShortBy(state));
+    mechanics_.points().TakeRadii();
+    state.UpdateCurves(model_, second);
+  }
 }
 
 // Inside another instrument it is that one's surface that touches the wall, and that goes its own
@@ -310,7 +375,7 @@ void NewtonMethod<Stage>::Relax(WireState& state, TickReport& report) {
   record.active_set_rounds = model.rounds;
   if (model.expected_mJ >= 0) {
     const double scale = StepScale();
-    trial_.Step(model_, state, current_.frames, step_, spin_step_, scale);
+    StepTrial(state, scale);
     mechanics_.Expand(trial_, trial_expansion_);
     report.updates += state.segments();
     record.step_scale = scale;
@@ -345,12 +410,60 @@ void NewtonMethod<Stage>::Relax(WireState& state, TickReport& report) {
 }
 
 template <class Stage>
+void NewtonMethod<Stage>::StepTrial(const WireState& state, double scale) {
+  trial_.Step(model_, state, current_.frames, step_, spin_step_, scale);
+  if constexpr (Stage::kTwoCurves) {
+    trial_.StepSecond(*stack().second_rod(), state, current_.second.front().frames,
+                      sweep_.second_step(), scale);
+  }
+}
+
+template <class Stage>
 double NewtonMethod<Stage>::StepScale() const {
   double longest = 0;
+  if constexpr (Stage::kTwoCurves) {
+    for (const Vector2d& xi : sweep_.second_step()) longest = std::max(longest, xi.squaredNorm());
+  }
   for (const Vector2d& xi : step_) longest = std::max(longest, xi.squaredNorm());
   for (const double zeta : spin_step_) longest = std::max(longest, zeta * zeta);
   longest = std::sqrt(longest);
   return longest > settings_.max_step_rad ? settings_.max_step_rad / longest : 1;
+}
+
+// The model with the springs that act in the sets.
+template <class Stage>
+void NewtonMethod<Stage>::ModelLoads(const WireState& state) {
+  mechanics_.Model(state, active_set_.active(), current_);
+  if constexpr (Stage::kTwoCurves) {
+    WireMechanics::ModelBetween(between_set_.active(), current_);
+  }
+}
+
+template <class Stage>
+void NewtonMethod<Stage>::BeginModel(const WireState& state, bool moved) {
+  active_set_.Begin(current_, moved);
+  if constexpr (Stage::kTwoCurves) between_set_.Begin(current_.between);
+  ModelLoads(state);
+}
+
+// The most distal segment with a change of the sets by the step, or -1.
+template <class Stage>
+int NewtonMethod<Stage>::UpdateModel(const WireState& state) {
+  const CurveStep step{step_, displacement_mm_};
+  if constexpr (Stage::kTwoCurves) {
+    const CurveStep second{sweep_.second_step(), sweep_.second_displacement_mm()};
+    const int last = active_set_.Update(state, current_, step, second);
+    return std::max(last, between_set_.Update(current_.between, step, second));
+  } else {
+    return active_set_.Update(state, current_, step);
+  }
+}
+
+template <class Stage>
+double NewtonMethod<Stage>::EnergyAtRest() const {
+  double sum = active_set_.EnergyAtRest(current_);
+  if constexpr (Stage::kTwoCurves) sum += between_set_.EnergyAtRest(current_.between);
+  return sum;
 }
 
 // Minimizes the model in which every near point has a one-sided spring, by Newton's method on its
@@ -358,8 +471,7 @@ double NewtonMethod<Stage>::StepScale() const {
 template <class Stage>
 typename NewtonMethod<Stage>::Solution NewtonMethod<Stage>::SolveModel(const WireState& state) {
   constexpr int kRounds = 6;
-  active_set_.Begin(current_, moved_);
-  mechanics_.Model(state, active_set_.active(), current_);
+  BeginModel(state, moved_);
   int last_changed = state.segments() - 1;
   for (int round = 1;; ++round) {
     if (!sweep_.Refactor(model_, state, current_, damping_.weight(), last_changed)) {
@@ -368,12 +480,12 @@ typename NewtonMethod<Stage>::Solution NewtonMethod<Stage>::SolveModel(const Wir
     const double decrease =
         sweep_.Step(model_, state, current_, step_, spin_step_, displacement_mm_);
     if (!std::isfinite(decrease)) return {.rounds = round};
-    const double at_rest = active_set_.EnergyAtRest(current_);
-    last_changed = active_set_.Update(state, current_, step_, displacement_mm_);
+    const double at_rest = EnergyAtRest();
+    last_changed = UpdateModel(state);
     if (last_changed < 0 || round == kRounds) {
       return {.expected_mJ = decrease - at_rest, .rounds = round};
     }
-    mechanics_.Model(state, active_set_.active(), current_);
+    ModelLoads(state);
   }
 }
 
@@ -405,6 +517,12 @@ void NewtonMethod<Stage>::PushOff(WireState& state) {
   }
   spin_step_.assign(step_.size() * static_cast<std::size_t>(model_.spins()), 0);
   trial_.Step(model_, state, current_.frames, step_, spin_step_, 1);
+  if constexpr (Stage::kTwoCurves) {
+    // Both alike: what lies in a lumen goes along.
+    second_push_.assign(step_.begin(), step_.begin() + state.second()->segments());
+    trial_.StepSecond(*stack().second_rod(), state, current_.second.front().frames, second_push_,
+                      1);
+  }
   state.TakeStep(trial_);
   moved_ = attempting_ = false;
   mechanics_.Expand(state, current_);
@@ -424,6 +542,7 @@ void NewtonMethod<Stage>::End(const WireState& /*state*/, bool settled, TickRepo
 template class NewtonMethod<BendStage>;
 template class NewtonMethod<TwistStage>;
 template class NewtonMethod<StackTwistStage>;
+template class NewtonMethod<TwoCurveStage>;
 
 namespace {
 
@@ -438,6 +557,9 @@ std::unique_ptr<Relaxation> Make(Wires& wires, int spins, const ClearanceField& 
   if constexpr (std::is_same_v<Wires, InstrumentStack>) {
     if (spins > 1) {
       return std::make_unique<NewtonMethod<StackTwistStage>>(wires, field, wall, settings, terms);
+    }
+    if (wires.second_rod() != nullptr) {
+      return std::make_unique<NewtonMethod<TwoCurveStage>>(wires, field, wall, settings, terms);
     }
   }
   return std::make_unique<NewtonRelaxation>(wires, field, wall, settings, terms);

@@ -13,6 +13,7 @@
 #include "host/simulator/core/newton/damping.h"
 #include "host/simulator/core/newton/feed_prediction.h"
 #include "host/simulator/core/newton/riccati_sweep.h"
+#include "host/simulator/core/newton/two_curve_sweep.h"
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/core/stack/hand_forces.h"
 
@@ -83,8 +84,14 @@ class NewtonMethod final : public Relaxation {
   void EndPart();
   void FindPressed(const WireState& state);
   void MoveTo(const InstrumentPlaces& next, WireState& state);
+  void MoveBothTo(const InstrumentPlaces& next, WireState& state);
   void MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
   Solution SolveModel(const WireState& state);
+  void BeginModel(const WireState& state, bool moved);
+  int UpdateModel(const WireState& state);
+  void ModelLoads(const WireState& state);
+  double EnergyAtRest() const;
+  void StepTrial(const WireState& state, double scale);
   double StepScale() const;
   void GiveUp(WireState& state);
   bool Stable(const WireState& state);
@@ -98,6 +105,7 @@ class NewtonMethod final : public Relaxation {
   WireMechanics mechanics_;
   RiccatiSweep<Stage> sweep_;
   ActiveSet active_set_;
+  BetweenSet between_set_;
   Damping damping_;
   FeedPrediction prediction_;
   Expansion current_;  // of the state, where up_to_date_
@@ -106,6 +114,7 @@ class NewtonMethod final : public Relaxation {
   std::vector<Eigen::Vector2d> step_;
   std::vector<double> spin_step_;  // the same about the tangents, the model's spins a segment
   std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
+  std::vector<Eigen::Vector2d> second_push_;      // of the second curve, off an unstable balance
   HandForces balance_;  // of each instrument, for terms that act between them
   std::vector<Eigen::Vector3d> point_gradient_N_;
   double travel_mm_ = 0;  // of the vessel, in current_
@@ -123,6 +132,7 @@ class NewtonMethod final : public Relaxation {
 extern template class NewtonMethod<BendStage>;
 extern template class NewtonMethod<TwistStage>;
 extern template class NewtonMethod<StackTwistStage>;
+extern template class NewtonMethod<TwoCurveStage>;
 
 /// The method for a wire that does not twist.
 using NewtonRelaxation = NewtonMethod<BendStage>;

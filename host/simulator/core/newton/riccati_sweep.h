@@ -25,18 +25,21 @@ namespace torquer {
 struct BendStage {
   static constexpr bool kTwists = false;
   static constexpr bool kStack = false;
+  static constexpr bool kTwoCurves = false;
 };
 /// A stage of a wire that twists: control and state have the segment's spin as well. It is
 /// eliminated first, with its own pivot.
 struct TwistStage {
   static constexpr bool kTwists = true;
   static constexpr bool kStack = false;
+  static constexpr bool kTwoCurves = false;
 };
 /// The same of a stack that twists, with a spin for each instrument: in small matrices, four times
 /// the work of a lone wire's pairs with two instruments.
 struct StackTwistStage {
   static constexpr bool kTwists = true;
   static constexpr bool kStack = true;
+  static constexpr bool kTwoCurves = false;
 };
 
 template <class Stage>

@@ -59,6 +59,32 @@ void CheckTogether(const std::vector<WireModel>& instruments) {
   }
 }
 
+void CheckRoom(const std::vector<WireModel>& instruments, const Clearance& clearance) {
+  if (clearance.first_outer == 0) return;
+  const auto count = static_cast<int>(instruments.size());
+  if (clearance.first_outer < 1 || clearance.first_outer >= count) {
+    throw std::invalid_argument("there is no instrument in the lumen that is to have room");
+  }
+  if (instruments.front().twists()) {
+    throw std::invalid_argument("instruments that twist lie on one curve, without room");
+  }
+  if (!(clearance.stiffness_N_mm2 > 0)) {
+    throw std::invalid_argument("the lumen's stiffness must be above 0");
+  }
+  double inner_mm = 0;
+  for (int k = 0; k < clearance.first_outer; ++k) {
+    const WireModel& model = instruments[static_cast<std::size_t>(k)];
+    for (int j = 0; j <= model.max_segments(); ++j)
+      inner_mm = std::max(inner_mm, model.radius_mm(j));
+  }
+  for (int k = clearance.first_outer; k < count; ++k) {
+    const double lumen_mm = clearance.lumen_radius_mm[static_cast<std::size_t>(k)];
+    if (lumen_mm > inner_mm) continue;
+    throw std::invalid_argument("what is inside has a radius of " + std::to_string(inner_mm) +
+                                " mm, and the lumen one of " + std::to_string(lumen_mm));
+  }
+}
+
 // A rod with room for all; Combine fills it.
 std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments) {
   const WireModel& first = instruments.front();
@@ -76,14 +102,16 @@ std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments) {
 
 InstrumentStack::InstrumentStack(const WireModel& wire) : instruments_{&wire}, rod_(&wire) {}
 
-InstrumentStack::InstrumentStack(std::vector<WireModel> instruments)
-    : owned_(std::move(instruments)) {
+InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clearance& clearance)
+    : owned_(std::move(instruments)), clearance_(clearance) {
   CheckTogether(owned_);
+  CheckRoom(owned_, clearance);
   for (const WireModel& model : owned_) instruments_.push_back(&model);
   rod_ = instruments_.front();
   if (size() == 1) return;
   combined_ = EmptyRod(owned_);
   rod_ = combined_.get();
+  if (clearance.first_outer > 0) second_ = EmptyRod(owned_);
   joints_.resize(static_cast<std::size_t>(rod_->max_segments()) + 1);
   if (instrument(0).twists()) twisting_.resize(joints_.size());
   Combine(InstrumentPlaces(size()));
@@ -140,37 +168,71 @@ InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
   return next;
 }
 
-void InstrumentStack::Combine(const InstrumentPlaces& places) {
-  if (combined_ == nullptr) return;
-  const double lambda = rod_->segment_mm();
-  const int leader = places.Leader();
-  // By how far their tips are behind that of the leader: the leader first, and of several that
-  // reach as far the innermost.
-  struct Member {
-    const WireModel* model = nullptr;
-    std::size_t instrument = 0;
-    double behind_mm = 0;
-    Vector2d turn = {1, 0};
-  };
-  std::array<Member, kMostInstruments> members;
-  for (int k = 0; k < size(); ++k) {
-    Member& member = members[static_cast<std::size_t>(k)];
+double InstrumentStack::SecondReach(const InstrumentPlaces& places) const {
+  const bool outer_leads = OuterLeads(places);
+  const int first = outer_leads ? 0 : clearance_.first_outer;
+  const int last = outer_leads ? clearance_.first_outer : size();
+  double reach_mm = 0;
+  for (int k = first; k < last; ++k) reach_mm = std::max(reach_mm, places[k].insertion_mm);
+  return reach_mm;
+}
+
+double InstrumentStack::LumenRadius(const InstrumentPlaces& places, double arc_mm) const {
+  double radius_mm = 0;
+  for (int k = size() - 1; k >= clearance_.first_outer; --k) {
+    const double own_mm = clearance_.lumen_radius_mm[static_cast<std::size_t>(k)];
+    if (radius_mm == 0 || places[k].insertion_mm >= arc_mm) radius_mm = own_mm;
+  }
+  return radius_mm;
+}
+
+// Instruments `first` .. `last` - 1 in a rod that ends at `end_mm`: the one that reaches farthest
+// first, and of several that reach as far the innermost. Returns how many.
+int InstrumentStack::Gather(const InstrumentPlaces& places, int first, int last, double end_mm,
+                            Members& members) const {
+  for (int k = first; k < last; ++k) {
+    Member& member = members[static_cast<std::size_t>(k - first)];
     const double rotation = places[k].rotation_rad;
     member.model = &instrument(k);
     member.instrument = static_cast<std::size_t>(k);
-    member.behind_mm = places[leader].insertion_mm - places[k].insertion_mm;
+    member.behind_mm = end_mm - places[k].insertion_mm;
     member.turn << std::cos(rotation), std::sin(rotation);
   }
-  for (int k = 1; k < size(); ++k) {
+  const int count = last - first;
+  for (int k = 1; k < count; ++k) {
     for (auto m = static_cast<std::size_t>(k);
          m > 0 && members[m].behind_mm < members[m - 1].behind_mm; --m) {
       std::swap(members[m], members[m - 1]);
     }
   }
+  return count;
+}
+
+void InstrumentStack::Combine(const InstrumentPlaces& places, int short_by) {
+  if (combined_ == nullptr) return;
+  const double reach_mm = places.reach_mm();
+  Members members;
+  if (second_ == nullptr) {
+    CombineJoints(members, Gather(places, 0, size(), reach_mm, members), *combined_);
+    if (!twisting_.empty()) CombineTwists(members, members[0].model->tip_segments());
+    return;
+  }
+  const int first = clearance_.first_outer;
+  const bool outer_leads = OuterLeads(places);
+  const double second_end_mm = reach_mm - short_by * rod_->segment_mm();
+  CombineJoints(members, Gather(places, 0, first, outer_leads ? second_end_mm : reach_mm, members),
+                outer_leads ? *second_ : *combined_);
+  CombineJoints(members,
+                Gather(places, first, size(), outer_leads ? reach_mm : second_end_mm, members),
+                outer_leads ? *combined_ : *second_);
+}
+
+void InstrumentStack::CombineJoints(const Members& members, int count, WireModel& rod) {
+  const double lambda = rod.segment_mm();
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const double from_tip = static_cast<double>(k) * lambda;
     WireModel::Joint& joint = joints_[k];
-    joint = JointAt(*members[0].model, from_tip);
+    joint = JointAt(*members[0].model, from_tip - members[0].behind_mm);
     joint.rest_rad = Turned(joint.rest_rad, members[0].turn);
     // The joint stands for the wire half a segment to either side. Along it as many instruments as
     // have their tips beyond lie side by side: there EI adds up, and along the joint, one piece
@@ -180,7 +242,7 @@ void InstrumentStack::Combine(const InstrumentPlaces& places) {
     double covered = 1;
     double compliance = 0;
     Vector2d rest = Vector2d::Zero();
-    for (int m = 1; m < size(); ++m) {
+    for (int m = 1; m < count; ++m) {
       const Member& other = members[static_cast<std::size_t>(m)];
       const double beyond = (from_tip - other.behind_mm) / lambda;
       const double part = std::clamp(beyond + 0.5, 0.0, 1.0);
@@ -199,11 +261,11 @@ void InstrumentStack::Combine(const InstrumentPlaces& places) {
     joint.rest_rad = rest + covered * (sum_EI_rest / sum_EI);
     joint.rigidity_N_mm2 = 1 / (compliance + covered / sum_EI);
   }
-  const int tip_segments = members[0].model->tip_segments();
-  if (twisting_.empty()) {
-    combined_->ReplaceJoints(joints_, tip_segments);
-    return;
-  }
+  rod.ReplaceJoints(joints_, members[0].model->tip_segments());
+}
+
+void InstrumentStack::CombineTwists(const Members& members, int tip_segments) {
+  const double lambda = rod_->segment_mm();
   for (std::size_t k = 0; k < twisting_.size(); ++k) {
     const double from_tip = static_cast<double>(k) * lambda;
     WireModel::TwistingJoint& joint = twisting_[k];
@@ -267,6 +329,13 @@ void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
   const Stretch at = Find(rod, state, insertion_mm);
   out.assign(state.nodes().begin(), state.nodes().begin() + at.node + 1);
   if (at.beyond_mm > 0) out.push_back(PointAt(rod, state, insertion_mm));
+}
+
+const WireState& CurveOf(const InstrumentStack& stack, const WireState& state, int instrument) {
+  const WireState* const second = state.second();
+  if (second == nullptr) return state;
+  const bool outer = instrument >= stack.clearance().first_outer;
+  return outer == state.outer_leads() ? state : *second;
 }
 
 }  // namespace torquer

@@ -1,0 +1,161 @@
+// Instruments on two curves, the inner ones with room in the lumen of the outer ones: expansion,
+// sweep, feeding, and how they come to rest.
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/newton/two_curve_sweep.h"
+#include "host/simulator/core/stack/instrument_stack.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
+#include "tests/support/twisted_stack.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+// A bent wire in a bent catheter that leaves it room, both shaken, in the wall of a torus. Tips
+// fall anywhere within a segment.
+struct TwoCurves {
+  static constexpr double kSoftest = 6.35e-3;  // N mm^2
+  Sheath sheath{Vector3d(21.8, 0, 0), Vector3d::UnitY()};
+  InstrumentStack stack;
+  const WireModel& model = stack.rod();
+  const WireModel& second = *stack.second_rod();
+  Torus field{Side::kInside, 20, 2};
+  WallModel wall;
+  EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
+  std::vector<EnergyTerm*> terms{&force};
+  WireState state{model, 2};
+  WireMechanics mechanics;
+  Expansion at;
+
+  static std::vector<WireModel> Instruments(const Sheath& sheath) {
+    std::vector<WireModel> all;
+    all.push_back(Bent(kSoftest, 0, 5.2, 0.1, 0, 0.2, sheath));
+    all.push_back(Bent(2 * kSoftest, 0, 4.1, 0.02, -0.03, 0.5, sheath));
+    return all;
+  }
+
+  TwoCurves(const InstrumentPlaces& places, int points_per_segment, unsigned seed)
+      : stack(Instruments(sheath),
+              {.first_outer = 1, .lumen_radius_mm = {0, 0.28}, .stiffness_N_mm2 = 2e-3}),
+        wall{.stiffness_N_mm2 = 2e-3, .points_per_segment = points_per_segment},
+        mechanics(model, field, wall, terms, &stack),
+        at(mechanics.MakeExpansion()) {
+    std::mt19937 random(seed);
+    std::vector<Vector3d> arc;
+    for (double a = 0.02; a < 1; a += 0.02) {
+      arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
+    }
+    state = WireState::Along(model, arc, places);
+    Shake(model, 0.03, random, state);
+    state.LaySecond(second, stack.SecondReach(places), stack.OuterLeads(places));
+    stack.Combine(places, state.segments() - state.second()->segments());
+    mechanics.points().TakeRadii();
+    std::uniform_real_distribution<double> turn(-0.04, 0.04);
+    Eigen::VectorXd x(unknowns());
+    for (double& component : x) component = turn(random);
+    state = Stepped(x);
+    mechanics.Expand(state, at);
+  }
+
+  Eigen::Index unknowns() const { return 2 * (state.segments() + state.second()->segments()); }
+  // After the steps x of the first curve, then of the second.
+  WireState Stepped(const Eigen::VectorXd& x) const {
+    const auto frames = [](const WireState& curve) {
+      std::vector<Frame> all;
+      for (std::size_t i = 0; i < curve.tangents().size(); ++i) {
+        all.push_back(TangentFrame(curve.tangents()[i], curve.normals()[i]));
+      }
+      return all;
+    };
+    const Eigen::Index first = 2 * state.segments();
+    WireState to = state;
+    to.Step(model, state, frames(state), Steps(x.head(first)), {}, 1);
+    to.StepSecond(second, state, frames(*state.second()), Steps(x.tail(x.size() - first)), 1);
+    return to;
+  }
+  double Energy(const Eigen::VectorXd& x) {
+    Expansion there = mechanics.MakeExpansion();
+    mechanics.points().Forget();
+    mechanics.ExpandGradient(Stepped(x), there);
+    return there.energy_mJ;
+  }
+  Eigen::VectorXd Gradient() const {
+    Eigen::VectorXd gradient(unknowns());
+    Eigen::Index k = 0;
+    for (const Vector2d& g : at.gradient) gradient.segment<2>(2 * k++) = g;
+    for (const Vector2d& g : at.second.front().gradient) gradient.segment<2>(2 * k++) = g;
+    return gradient;
+  }
+};
+
+const InstrumentPlaces kWireLeads{{15.1, 0.4}, {10.7, -0.8}};
+const InstrumentPlaces kCatheterLeads{{9.9, 0.4}, {14.3, -0.8}};
+
+TEST_CASE("Gradient of two curves is that of finite differences") {
+  const InstrumentPlaces places = GENERATE(kWireLeads, kCatheterLeads);
+  TwoCurves curves(places, GENERATE(1, 2, 4), 3);
+  CAPTURE(curves.at.between.pressed_N, curves.at.between.end_pressed_N);
+  REQUIRE(curves.at.max_penetration_mm > 0.05);
+  REQUIRE(curves.at.between.pressed_N > 0);
+  const Eigen::VectorXd gradient =
+      GradientOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
+                 Eigen::VectorXd::Zero(curves.unknowns()), 1e-4);
+  CHECK((gradient - curves.Gradient()).norm() < 1e-7 * gradient.norm());
+}
+
+TEST_CASE("The sweep of two curves solves the dense Newton system") {
+  const InstrumentPlaces places = GENERATE(kWireLeads, kCatheterLeads);
+  const double weight = GENERATE(0.1, 10.0);
+  TwoCurves curves(places, GENERATE(1, 2), 5);
+  CAPTURE(weight);
+  REQUIRE(curves.at.between.pressed_N > 0);
+  Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
+                                      Eigen::VectorXd::Zero(curves.unknowns()), 1e-3);
+  const int n = curves.state.segments();
+  const int m = curves.state.second()->segments();
+  // What a weight of one adds: the softer of a segment's two joints.
+  Eigen::VectorXd unit(curves.unknowns());
+  const auto softer = [](const WireModel& model, int from_tip) {
+    return std::min(model.rigidity_N_mm2(from_tip), model.rigidity_N_mm2(from_tip - 1));
+  };
+  for (int i = 0; i < n; ++i) unit.segment<2>(2 * i).setConstant(softer(curves.model, n - i));
+  for (int i = 0; i < m; ++i) {
+    unit.segment<2>(2 * (n + i)).setConstant(softer(curves.second, m - i));
+  }
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      hessian, Eigen::MatrixXd(unit.asDiagonal()));
+  const double lift = -eigen.eigenvalues()[0];
+  RiccatiSweep<TwoCurveStage> sweep(curves.model.max_segments());
+  CHECK_FALSE(sweep.Factor(curves.model, curves.state, curves.at, lift - 1e-3));
+  CHECK(sweep.Factor(curves.model, curves.state, curves.at, lift + 1e-3));
+
+  hessian.diagonal() += (lift + weight) * unit;
+  const Eigen::VectorXd dense = -hessian.llt().solve(curves.Gradient());
+  REQUIRE(sweep.Factor(curves.model, curves.state, curves.at, lift + weight));
+  std::vector<Vector2d> step;
+  std::vector<double> spin;
+  std::vector<Vector3d> displacement;
+  const double predicted =
+      sweep.Step(curves.model, curves.state, curves.at, step, spin, displacement);
+  Eigen::VectorXd swept(curves.unknowns());
+  for (int i = 0; i < n; ++i) swept.segment<2>(2 * i) = step[static_cast<std::size_t>(i)];
+  for (int i = 0; i < m; ++i) {
+    swept.segment<2>(2 * (n + i)) = sweep.second_step()[static_cast<std::size_t>(i)];
+  }
+  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
+  CHECK(predicted == Approx(-curves.Gradient().dot(dense) / 2).epsilon(1e-5));
+  // Taken up again from the middle it is the same, to the bit.
+  const std::vector<Vector2d> second = sweep.second_step();
+  REQUIRE(sweep.Refactor(curves.model, curves.state, curves.at, lift + weight, 2));
+  std::vector<Vector2d> again;
+  sweep.Step(curves.model, curves.state, curves.at, again, spin, displacement);
+  CHECK(again == step);
+  CHECK(sweep.second_step() == second);
+}
+
+}  // namespace
+}  // namespace torquer::test
