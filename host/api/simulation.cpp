@@ -164,7 +164,7 @@ std::vector<InstrumentState> Simulation::instruments() const {
   std::vector<InstrumentState> all;
   for (int k = 0; k < places.size(); ++k) {
     const Eigen::Vector3d tip =
-        PointAt(parts_->twin->rod(), simulation.state(), places[k].insertion_mm);
+        PointAt(parts_->twin->rod(), simulation.state().CurveOf(k), places[k].insertion_mm);
     all.push_back({.hand = {places[k].insertion_mm, places[k].rotation_rad},
                    .carried = {carried[k].insertion_mm, carried[k].rotation_rad},
                    .tip_mm = ToPoint(tip)});

@@ -245,7 +245,7 @@ void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
     instrument.rotation_rad = places[k].rotation_rad;
     instrument.carried_mm = target_[k].insertion_mm - (any ? places[k].insertion_mm : 0);
     instrument.carried_rad = target_[k].rotation_rad - places[k].rotation_rad;
-    const Eigen::Vector3d tip = PointAt(scene_.rod(), state_, places[k].insertion_mm);
+    const Eigen::Vector3d tip = PointAt(scene_.rod(), state_.CurveOf(k), places[k].insertion_mm);
     for (int axis = 0; axis < 3; ++axis) instrument.tip_mm[axis] = tip[axis];
   }
 }

@@ -77,6 +77,7 @@ const std::map<std::string, std::string>& Tables() {
   static const std::map<std::string, std::string> tables = {
       {"torsion", "[effects.torsion]\n"},
       {"friction", "[effects.friction]\ncoefficient = 0.1\n"},
+      {"clearance", "[effects.clearance]\n"},
       {"friction_between", "[effects.friction_between]\ncoefficient = 0.1\n"},
       {"compliance", R"([effects.compliance]
 [[effects.compliance.region]]
@@ -219,10 +220,12 @@ std::vector<Case> Cases(const std::string& scenes) {
   for (const effects::EffectKind& kind : effects::AllEffects()) {
     if (kind.name == "friction_between") {
       cases.push_back({{"torsion", kind.name}, 2});
+    } else if (kind.name == "clearance") {
+      cases.push_back({{kind.name}, 2});
     } else {
       cases.push_back({WithNeeds({kind.name})});
     }
-    all.effects.push_back(kind.name);
+    if (kind.excludes.empty()) all.effects.push_back(kind.name);
   }
   for (const Names& pair : ShippedPairs(scenes)) {
     Case whole{WithNeeds(pair)};

@@ -51,7 +51,7 @@ struct TwoCurves {
     }
     state = WireState::Along(model, arc, places);
     Shake(model, 0.03, random, state);
-    state.LaySecond(second, stack.SecondReach(places), stack.OuterLeads(places));
+    state.LaySecond(second, stack.SecondReach(places), 1, stack.OuterLeads(places));
     stack.Combine(places, state.segments() - state.second()->segments());
     mechanics.points().TakeRadii();
     std::uniform_real_distribution<double> turn(-0.04, 0.04);

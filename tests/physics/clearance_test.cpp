@@ -30,12 +30,13 @@ struct Loose {
   WireState state;
 
   Loose(std::vector<WireModel> instruments, double lumen_radius_mm, const Vector3d& force_N,
-        int points_per_segment, double stiffness_N_mm2)
-      : stack(std::move(instruments), {.first_outer = 1, .lumen_radius_mm = {0, lumen_radius_mm},
+        int points_per_segment, double stiffness_N_mm2, double tolerance = 1e-9)
+      : stack(std::move(instruments), {.first_outer = 1,
+                                       .lumen_radius_mm = {0, lumen_radius_mm},
                                        .stiffness_N_mm2 = stiffness_N_mm2}),
         wall{.points_per_segment = points_per_segment},
         force(force_N),
-        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = tolerance}, terms)),
         state(stack.rod(), 2) {
     relaxation->Restart(state);
   }
@@ -48,6 +49,7 @@ struct Loose {
       iterations += report.iterations;
       if (report.converged && report.arrived()) break;
     }
+    CAPTURE(report.residual, report.stalled, iterations);
     REQUIRE(report.converged);
     return iterations;
   }
@@ -87,6 +89,86 @@ TEST_CASE("Pushed across beyond a stiff catheter's mouth a wire turns in its roo
   const double room_less = F * b * b * b / (3 * kWire_N_mm2);
   CAPTURE(segment_mm, points, iterations, expected, room_less);
   CHECK(loose.state.tip()[2] == Approx(expected).epsilon(0.01));
+}
+
+// Both curves at rest at these places with ever less room.
+double ApartWithRoom(double room_mm, const InstrumentPlaces& places) {
+  const auto bent = [](double rigidity_N_mm2, double radius_mm, double curvature) {
+    return WireModel(1, {{0, rigidity_N_mm2, radius_mm, curvature}}, 0, 120, BendingLaw::kExact,
+                     {});
+  };
+  const std::vector<WireModel> instruments = {bent(kWire_N_mm2, kWireRadius_mm, 0.02),
+                                              bent(2 * kWire_N_mm2, 0.5, -0.01)};
+  Loose loose(instruments, kWireRadius_mm + room_mm, {1e-6, 0, 3e-6}, 2, 1000);
+  loose.MoveTo(places);
+  InstrumentStack stack(instruments);
+  const FreeSpace field;
+  const WallModel wall;
+  EndForce force({1e-6, 0, 3e-6});
+  const std::vector<EnergyTerm*> terms{&force};
+  const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms);
+  WireState state(stack.rod(), 2);
+  relaxation->Restart(state);
+  REQUIRE(Settle(*relaxation, places, state, 400).converged);
+  return LargestDistance(loose.state, state);
+}
+
+TEST_CASE("With ever less room two curves come to the one of instruments without") {
+  const InstrumentPlaces places =
+      GENERATE(InstrumentPlaces{{50, 0.4}, {37.3, -1}}, InstrumentPlaces{{31.6, 0.4}, {50, -1}});
+  const double wide_mm = ApartWithRoom(0.2, places);
+  const double half_mm = ApartWithRoom(0.1, places);
+  const double narrow_mm = ApartWithRoom(0.01, places);
+  CAPTURE(wide_mm, half_mm, narrow_mm);
+  // As the root of the room: couples where tips end turn over a length that is as the root, too.
+  CHECK(half_mm == Approx(wide_mm / std::sqrt(2)).epsilon(0.1));
+  CHECK(narrow_mm == Approx(half_mm / std::sqrt(10)).epsilon(0.1));
+}
+
+// Pulled by T round an evenly bent, stiff lumen of the radius R, with the room c, a soft wire goes
+// straight from the clamp to the inner side, which it reaches where the lumen has turned by
+// sqrt(2 c / R), and lies there from then on: it presses T / R per length.
+TEST_CASE("Pulled round a bend a wire lies at the inner side of the lumen") {
+  constexpr double kBend_mm = 40;
+  constexpr double kRoom_mm = 0.3;
+  const double segment_mm = GENERATE(1.0, 0.5);
+  const double pull_N = 0.02;
+  const WireModel wire(segment_mm, {{0, 1e-4, kWireRadius_mm}}, 0, 120, BendingLaw::kExact, {});
+  // Curved towards its first normal; stiff, so that the wire does not bend it.
+  const WireModel catheter(segment_mm, {{0, 1e4, 0.8, 1 / kBend_mm}}, 0, 120, BendingLaw::kExact,
+                           {});
+  const double angle = 1;
+  const double inside_mm = kBend_mm * angle;
+  const Vector3d normal = catheter.sheath_normal();
+  const Vector3d pull = pull_N * (std::cos(angle) * Vector3d::UnitX() + std::sin(angle) * normal);
+  Loose loose({wire, catheter}, kWireRadius_mm + kRoom_mm, pull, 2, 100, 1e-7);
+  loose.MoveTo({{inside_mm + 5, 0}, {inside_mm, 0}});
+  const BetweenCurves& between = loose.relaxation->Current().between;
+  CAPTURE(segment_mm, between.pressed_N, between.end_pressed_N, between.largest_offset_mm);
+  const double pressed_N = pull_N * (angle - std::sqrt(2 * kRoom_mm / kBend_mm));
+  CHECK(between.pressed_N == Approx(pressed_N).epsilon(0.015));
+  CHECK(between.largest_offset_mm == Approx(kRoom_mm).epsilon(0.01));
+  const Vector3d center = kBend_mm * normal;
+  const auto& nodes = loose.state.nodes();
+  const Vector3d& middle = nodes[nodes.size() / 2];
+  CHECK((middle - center).norm() == Approx(kBend_mm - kRoom_mm).margin(0.02));
+}
+
+TEST_CASE("A force across on the catheter alone is borne by both") {
+  // A soft catheter around a stiff wire that is as long: with no room to speak of the stiffness is
+  // the sum, with room the catheter bends alone until it touches.
+  const double segment_mm = 1;
+  Loose loose({Straight(100 * kWire_N_mm2, kWireRadius_mm, segment_mm),
+               Straight(kWire_N_mm2, 0.5, segment_mm)},
+              kWireRadius_mm + 0.3, {0, 0, 1e-6}, 2, 100);
+  // The outer one leads: the force is on its end.
+  loose.MoveTo({{30, 0}, {40, 0}});
+  const double b = 40;
+  const double alone_mm = 1e-6 * b * b * b / (3 * kWire_N_mm2);
+  const double held_mm = 1e-6 * 1000.0 / (3 * kWire_N_mm2);
+  CAPTURE(alone_mm, held_mm);
+  CHECK(loose.state.tip()[2] < alone_mm);
+  CHECK(loose.state.tip()[2] > held_mm);
 }
 
 }  // namespace

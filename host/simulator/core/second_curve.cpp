@@ -9,8 +9,10 @@ namespace torquer {
 
 using Eigen::Vector3d;
 
-void WireState::LaySecond(const WireModel& second, double reach_mm, bool outer_leads) {
+void WireState::LaySecond(const WireModel& second, double reach_mm, int first_outer,
+                          bool outer_leads) {
   second_.assign(1, WireState(second, places_.size()));
+  first_outer_ = first_outer;
   outer_leads_ = outer_leads;
   WireState& other = second_.front();
   other.tangents_ = tangents_;

@@ -94,6 +94,11 @@ class WireState {
   const WireState* second() const { return second_.empty() ? nullptr : &second_.front(); }
   /// Whether this curve is that of the outer instruments, and second() that of the inner ones.
   bool outer_leads() const { return outer_leads_; }
+  /// The curve on which an instrument lies.
+  const WireState& CurveOf(int instrument) const {
+    if (second_.empty()) return *this;
+    return (instrument >= first_outer_) == outer_leads_ ? *this : second_.front();
+  }
 
   // How it moves.
 
@@ -147,8 +152,8 @@ class WireState {
 
   // A second curve. `second`: the rod on it; `reach_mm`: how far its instruments reach.
 
-  /// Lays a second curve on this one.
-  void LaySecond(const WireModel& second, double reach_mm, bool outer_leads);
+  /// Lays a second curve on this one. `first_outer`: the innermost instrument on the outer curve.
+  void LaySecond(const WireModel& second, double reach_mm, int first_outer, bool outer_leads);
   /// After Feed, with as many segments before it, by `fed_mm`: the second curve slides along itself
   /// by as much and is cut as this one, as far as its instruments reach. What is new at its end
   /// goes on straight.
@@ -188,6 +193,7 @@ class WireState {
   Eigen::Vector2d turn_{1, 0};
   InstrumentPlaces places_;
   std::vector<WireState> second_;  // none or one
+  int first_outer_ = 0;
   bool outer_leads_ = false;
 };
 

@@ -48,6 +48,10 @@ struct Instrument {
   double marker_1_mm = 0;                           ///< attenuation there
 };
 
+/// The index of the instrument with a name. Refuses `key` of a table where there is none.
+int FindInstrument(const std::vector<Instrument>& instruments, const std::string& name,
+                   const TableSpec& spec, const std::string& key);
+
 /// What effects may look at while they are made. All outlive the effect. What a bench without a
 /// scene lacks is null or empty.
 struct EffectContext {
@@ -63,7 +67,9 @@ struct EffectContext {
   const InstrumentStack* stack = nullptr;       ///< of them
 
   /// The index of the instrument with a name. Refuses `key` of a table where there is none.
-  int FindInstrument(const std::string& name, const TableSpec& spec, const std::string& key) const;
+  int FindInstrument(const std::string& name, const TableSpec& spec, const std::string& key) const {
+    return effects::FindInstrument(instruments, name, spec, key);
+  }
   /// A unit direction of the vessel's frame.
   Eigen::Vector3d Direction(const DirectionSpec& spec) const;
 };
@@ -191,17 +197,24 @@ T* FindEarlier(const EffectContext& context) {
 /// `torsional_ratio`: GJ / EI of the instrument.
 using ShapeChange = void (*)(std::vector<WireSection>& sections, double torsional_ratio);
 
+/// Role *stage* of several instruments: the room that an effect gives them. `instruments`: the
+/// innermost first, without their models. Throws UserError naming file, key, value and remedy.
+using MakeRoom =
+    std::function<Clearance(const std::any& spec, const std::vector<Instrument>& instruments)>;
+
 /// One row of the table of effects.
 struct EffectKind {
   std::string name;     ///< as in [effects.NAME]
   std::string summary;  ///< one line for people
   std::string roles;
   AnyKeys keys;
-  std::string needs = {};  ///< the effect that must be named too; "" for none
+  std::string needs = {};                  ///< the effect that must be named too; "" for none
+  std::vector<std::string> excludes = {};  ///< effects that cannot be named too
   /// Makes the effect. Throws UserError naming file, key, value and remedy. Null where the effect
   /// is nothing but a stage.
   std::function<std::unique_ptr<Effect>(const std::any& spec, const EffectContext& context)> make;
   ShapeChange shape = nullptr;
+  MakeRoom room = nullptr;
 };
 
 /// The function of an EffectKind for keys of type Keys<Spec>.

@@ -8,6 +8,7 @@
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/imaging/fluoroscopy.h"
 #include "host/simulator/effects/imaging/lateral_plane.h"
+#include "host/simulator/effects/instruments/clearance.h"
 #include "host/simulator/effects/instruments/torsion.h"
 #include "host/simulator/effects/loads/gravity.h"
 #include "host/simulator/effects/loads/inertia.h"
@@ -22,16 +23,16 @@ namespace torquer::effects {
 
 const std::vector<EffectKind>& AllEffects() {
   static const std::vector<EffectKind> kinds = {
-      TorsionKind(),   HeartbeatKind(),       BreathingKind(),      ComplianceKind(),
-      FrictionKind(),  FrictionBetweenKind(), GravityKind(),        InertiaKind(),
-      PointLoadKind(), WallForceKind(),       InternalForcesKind(), AssessmentKind(),
-      FlowKind(),      ContrastKind(),        FluoroscopyKind(),    LateralPlaneKind(),
+      TorsionKind(),     ClearanceKind(),       HeartbeatKind(),  BreathingKind(), ComplianceKind(),
+      FrictionKind(),    FrictionBetweenKind(), GravityKind(),    InertiaKind(),   PointLoadKind(),
+      WallForceKind(),   InternalForcesKind(),  AssessmentKind(), FlowKind(),      ContrastKind(),
+      FluoroscopyKind(), LateralPlaneKind(),
   };
   return kinds;
 }
 
-int EffectContext::FindInstrument(const std::string& name, const TableSpec& spec,
-                                  const std::string& key) const {
+int FindInstrument(const std::vector<Instrument>& instruments, const std::string& name,
+                   const TableSpec& spec, const std::string& key) {
   std::string known;
   for (std::size_t k = 0; k < instruments.size(); ++k) {
     if (instruments[k].name == name) return static_cast<int>(k);
@@ -55,6 +56,7 @@ std::string DescribeEffects() {
   for (const EffectKind& kind : AllEffects()) {
     out += fmt::format("{}: {}\n    role: {}", kind.name, kind.summary, kind.roles);
     if (!kind.needs.empty()) out += fmt::format("; needs [effects.{}]", kind.needs);
+    if (!kind.excludes.empty()) out += fmt::format("; not with {}", fmt::join(kind.excludes, ", "));
     out += "\n";
   }
   return out;

@@ -140,8 +140,16 @@ void Scene::MakeStack() {
       spec.origin.Refuse("name", error.what());
     }
   }
+  Clearance clearance;
+  std::vector<effects::Instrument> bare;
+  for (std::size_t k = 0; k < models.size(); ++k) {
+    bare.push_back(Describe(spec_.instruments[k], models[k]));
+  }
+  for (const EffectSpec& effect : spec_.effects) {
+    if (const effects::MakeRoom& room = KindOf(effect).room) clearance = room(effect.keys, bare);
+  }
   try {
-    stack_ = std::make_unique<InstrumentStack>(std::move(models));
+    stack_ = std::make_unique<InstrumentStack>(std::move(models), clearance);
   } catch (const std::invalid_argument& error) {
     spec_.instruments.back().origin.Refuse("name", error.what());
   }

@@ -86,7 +86,7 @@ NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
   assert(Stage::kTwoCurves == (stack().second_rod() != nullptr));
   const auto room = static_cast<std::size_t>(model_.max_segments()) + 1;
   if constexpr (Stage::kTwoCurves) {
-    trial_.LaySecond(*stack().second_rod(), 0, false);
+    trial_.LaySecond(*stack().second_rod(), 0, stack().clearance().first_outer, false);
     second_push_.reserve(room);
   }
   step_.reserve(room);
@@ -102,7 +102,7 @@ template <class Stage>
 void NewtonMethod<Stage>::Restart(WireState& state) {
   if constexpr (Stage::kTwoCurves) {
     state.LaySecond(*stack().second_rod(), stack().SecondReach(state.places()),
-                    stack().OuterLeads(state.places()));
+                    stack().clearance().first_outer, stack().OuterLeads(state.places()));
   }
   stack().Combine(state.places(), ShortBy(state));
   mechanics_.points().TakeRadii();
@@ -310,14 +310,9 @@ void NewtonMethod<Stage>::MoveBothTo(const InstrumentPlaces& next, WireState& st
     if (equal) exchange_when_equal();
     state.SetPlaces(next);
     prediction_.Feed(model_, next.reach_mm(), state);
-    // Of the curve that is the second now.
-    const InstrumentPlaces& places = state.places();
-    const int first_outer = stack().clearance().first_outer;
-    double reach_mm = 0;
-    for (int k = 0; k < places.size(); ++k) {
-      if ((k >= first_outer) != state.outer_leads()) {
-        reach_mm = std::max(reach_mm, places[k].insertion_mm);
-      }
+    double reach_mm = 0;  // of the curve that is the second now
+    for (int k = 0; k < next.size(); ++k) {
+      if (&state.CurveOf(k) == state.second()) reach_mm = std::max(reach_mm, next[k].insertion_mm);
     }
     state.FeedSecond(second, segments, fed_mm, reach_mm);
     if (!equal) exchange_when_equal();

@@ -331,11 +331,4 @@ void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
   if (at.beyond_mm > 0) out.push_back(PointAt(rod, state, insertion_mm));
 }
 
-const WireState& CurveOf(const InstrumentStack& stack, const WireState& state, int instrument) {
-  const WireState* const second = state.second();
-  if (second == nullptr) return state;
-  const bool outer = instrument >= stack.clearance().first_outer;
-  return outer == state.outer_leads() ? state : *second;
-}
-
 }  // namespace torquer

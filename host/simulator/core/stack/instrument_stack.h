@@ -116,7 +116,5 @@ void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
               std::vector<Eigen::Vector3d>& out);
 /// Where that tip is.
 Eigen::Vector3d PointAt(const WireModel& rod, const WireState& state, double insertion_mm);
-/// The curve on which an instrument of a stack lies.
-const WireState& CurveOf(const InstrumentStack& stack, const WireState& state, int instrument);
 
 }  // namespace torquer

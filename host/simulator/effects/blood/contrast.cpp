@@ -138,7 +138,7 @@ std::vector<Reading> Contrast::Readings() const {
 void Contrast::Advance(const TickView& tick) {
   const double insertion_mm = tick.state.places()[settings_.instrument].insertion_mm;
   Advance(tick.time_s, tick.step_s, tick.controls.contrast,
-          PointAt(wire_, tick.state, insertion_mm));
+          PointAt(wire_, tick.state.CurveOf(settings_.instrument), insertion_mm));
 }
 
 void Contrast::Advance(double time_s, double step_s, bool injecting,

@@ -249,13 +249,13 @@ void Flow::Advance(const TickView& tick) {
     obstruction_age_s_ += tick.step_s;
     if (obstruction_age_s_ >= kObstructionS) {
       obstruction_age_s_ = 0;
-      Obstruct(tick.state);
+      Obstruct(tick.state, tick.expansion.points);
     }
   }
   AdvanceTo(tick.time_s);
 }
 
-void Flow::Obstruct(const WireState& state) {
+void Flow::Obstruct(const WireState& state, const PointSet& points) {
   const WireModel& wire = *obstruction_.wire;
   const vessel::CenterlineNetwork& network = graph_->network();
   std::vector<double> more(obstructed_.size(), 0);
@@ -273,7 +273,10 @@ void Flow::Obstruct(const WireState& state) {
     const vessel::CenterlinePlace place = network.NearestTo(middle, &distance_mm);
     const double tube_mm = network.At(place).radius_mm;
     if (distance_mm > tube_mm) continue;
-    const double core_mm = std::min(kMostFilled * tube_mm, wire.radius_mm(n - 1 - i));
+    const double core_mm = std::min(
+        kMostFilled * tube_mm,
+        points
+            .radius_mm[static_cast<std::size_t>(i) * static_cast<std::size_t>(points.per_segment)]);
     more[static_cast<std::size_t>(graph_->EdgeAt(place))] +=
         mmHg_s_per_mL_mm3_ * length_mm *
         (AnnulusInverseFourthPower(tube_mm, core_mm) - AnnulusInverseFourthPower(tube_mm, 0));

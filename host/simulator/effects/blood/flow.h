@@ -57,7 +57,7 @@ class Flow final : public Effect, public Evolution {
   /// Carries Windkessels and stenoses on to a time.
   void AdvanceTo(double time_s);
   /// The devices lie like this from now on.
-  void Obstruct(const WireState& state);
+  void Obstruct(const WireState& state, const PointSet& points);
 
   const FlowGraph& graph() const { return *graph_; }
   /// The steady network: as it answers to more inflow.

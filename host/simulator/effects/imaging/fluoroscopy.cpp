@@ -255,7 +255,8 @@ void Fluoroscopy::TakeInstruments(const WireState& state, Shot& shot) {
   for (std::size_t k = instruments_.size(); k-- > 0;) {
     const Instrument& instrument = instruments_[k];
     // Along one polyline, by the distance of each node from the instrument's tip.
-    TakePart(wire_, state, state.places()[static_cast<int>(k)].insertion_mm, nodes_);
+    const int number = static_cast<int>(k);
+    TakePart(wire_, state.CurveOf(number), state.places()[number].insertion_mm, nodes_);
     std::vector<WirePoint>& body = next();
     body.resize(nodes_.size());
     double from_tip_mm = 0;

@@ -1,0 +1,85 @@
+#include "host/simulator/effects/instruments/clearance.h"
+
+namespace torquer::effects {
+
+void ClearanceObserver::Restart() { pressed_N_ = end_pressed_N_ = offset_mm_ = 0; }
+
+void ClearanceObserver::CopyFrom(const Effect& twin) {
+  const auto& from = dynamic_cast<const ClearanceObserver&>(twin);
+  pressed_N_ = from.pressed_N_;
+  end_pressed_N_ = from.end_pressed_N_;
+  offset_mm_ = from.offset_mm_;
+}
+
+void ClearanceObserver::Observe(const TickView& tick) {
+  const BetweenCurves& between = tick.expansion.between;
+  pressed_N_ = between.pressed_N;
+  end_pressed_N_ = between.end_pressed_N;
+  offset_mm_ = between.largest_offset_mm;
+}
+
+std::vector<Reading> ClearanceObserver::Readings() const {
+  return {{"lumen_force_sum_mN", 1e3 * pressed_N_},
+          {"lumen_force_end_mN", 1e3 * end_pressed_N_},
+          {"lumen_offset_mm", offset_mm_}};
+}
+
+namespace {
+
+struct ClearanceSpec : TableSpec {
+  std::string around;
+  double stiffness_N_mm2 = 10;
+};
+
+const Keys<ClearanceSpec>& ClearanceKeys() {
+  static const Keys<ClearanceSpec> keys =
+      Keys<ClearanceSpec>()
+          .Text("around", &ClearanceSpec::around,
+                "the instrument in whose lumen there is room; without it the one around the "
+                "innermost")
+          .Number("stiffness_N_mm2", &ClearanceSpec::stiffness_N_mm2, 1e-3, 1e3, "N/mm^2",
+                  "of the lumen's wall, per length of wire")
+          .Example("around = \"catheter\"\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> Make(const ClearanceSpec& /*spec*/, const EffectContext& /*context*/) {
+  return std::make_unique<ClearanceObserver>();
+}
+
+Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instruments) {
+  if (instruments.size() < 2) {
+    spec.origin.Refuse("around",
+                       "there is one instrument, and nothing that it lies in; take the table out, "
+                       "or give a second [[instrument]]");
+  }
+  Clearance clearance{.first_outer = 1, .stiffness_N_mm2 = spec.stiffness_N_mm2};
+  if (!spec.around.empty()) {
+    clearance.first_outer = FindInstrument(instruments, spec.around, spec, "around");
+    if (clearance.first_outer == 0) {
+      spec.origin.Refuse("around",
+                         "this is the innermost instrument, in which nothing lies; name "
+                         "one around it");
+    }
+  }
+  for (std::size_t k = 0; k < instruments.size(); ++k) {
+    clearance.lumen_radius_mm[k] = instruments[k].inner_radius_mm;
+  }
+  return clearance;
+}
+
+}  // namespace
+
+EffectKind ClearanceKind() {
+  return {.name = "clearance",
+          .summary = "what lies in a lumen has room there: two curves in contact",
+          .roles = "stage, observer",
+          .keys = Any(ClearanceKeys()),
+          .excludes = {"torsion", "friction_between", "inertia", "internal_forces"},
+          .make = MakeWith(Make),
+          .room = [](const std::any& spec, const std::vector<Instrument>& instruments) {
+            return RoomOf(std::any_cast<const ClearanceSpec&>(spec), instruments);
+          }};
+}
+
+}  // namespace torquer::effects

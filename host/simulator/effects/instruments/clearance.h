@@ -1,0 +1,26 @@
+// Room between instruments: those inside a lumen lie on a curve of their own.
+#pragma once
+
+#include "host/simulator/effects/effect.h"
+
+namespace torquer::effects {
+
+/// Readings of what lies in the lumen. The curves and what holds them together are the core's
+/// (core/README.md section 18).
+class ClearanceObserver final : public Effect, public Observer {
+ public:
+  Observer* observer() override { return this; }
+  void Restart() override;
+  void CopyFrom(const Effect& twin) override;
+  void Observe(const TickView& tick) override;
+  std::vector<Reading> Readings() const override;
+
+ private:
+  double pressed_N_ = 0;
+  double end_pressed_N_ = 0;
+  double offset_mm_ = 0;
+};
+
+EffectKind ClearanceKind();
+
+}  // namespace torquer::effects
