@@ -1,0 +1,130 @@
+// Instruments with room in a lumen under hands that do anything: push, draw out, pass each other,
+// turn, with walls and lumens from soft to hard.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdlib>
+#include <random>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/stack/instrument_stack.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/invariants.h"
+#include "tests/support/sanitizer.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+double Between(std::mt19937& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+double Evenly(std::mt19937& random, double low, double high) {
+  return std::exp(Between(random, std::log(low), std::log(high)));
+}
+
+// Two or three instruments in the bend of a vessel; rigidities and springs are drawn from decades.
+struct Drawn {
+  static constexpr double kLumen_mm[3] = {0, 0.3, 0.9};
+  Torus field{Side::kInside, 20, 4};
+  WallModel wall;
+  InstrumentStack stack;
+  std::vector<EnergyTerm*> none;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  static std::vector<WireModel> Instruments(const Sheath& sheath, std::mt19937& random) {
+    const int count = random() % 2 == 0 ? 2 : 3;
+    const double radius_mm[3] = {Between(random, 0.1, 0.28), 0.5, 1.2};
+    const double segment_mm = Between(random, 0.6, 2);
+    std::vector<WireModel> all;
+    for (int k = 0; k < count; ++k) {
+      const double rigidity = Evenly(random, 1e-4, 10);
+      all.push_back(WireModel(segment_mm,
+                              {{0, rigidity, radius_mm[k], Between(random, -0.1, 0.1), 0},
+                               {8, rigidity, radius_mm[k], Between(random, -0.1, 0.1), 0},
+                               {8.01, 2 * rigidity, radius_mm[k], 0, 0}},
+                              8, 90, BendingLaw::kExact, sheath));
+    }
+    return all;
+  }
+  // A lumen as hard as what lies in it is stiff, and harder.
+  static Clearance Room(const std::vector<WireModel>& instruments, std::mt19937& random) {
+    double stiffest = 0;
+    for (const WireModel& model : instruments) {
+      stiffest = std::max(stiffest, model.rigidity_N_mm2(model.max_segments()));
+    }
+    return {.first_outer = 1,
+            .lumen_radius_mm = {kLumen_mm[0], kLumen_mm[1], kLumen_mm[2]},
+            .stiffness_N_mm2 = Evenly(random, 3, 100) * stiffest};
+  }
+
+  explicit Drawn(std::mt19937& random)
+      : Drawn(random, Instruments({Vector3d(20, 0, 0), Vector3d::UnitY()}, random)) {}
+  Drawn(std::mt19937& random, const std::vector<WireModel>& instruments)
+      : wall{.stiffness_N_mm2 = Evenly(random, 0.01, 100),
+             .points_per_segment = static_cast<int>(1 + random() % 4)},
+        stack(instruments, Room(instruments, random)),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {}, none)),
+        state(stack.rod(), stack.size()) {
+    relaxation->Restart(state);
+  }
+};
+
+void CheckCurves(const Drawn& drawn) {
+  const WireState& first = drawn.state;
+  const WireState& second = *first.second();
+  CHECK_THAT(BrokenGeometry(drawn.stack.rod(), first), Catch::Equals(""));
+  REQUIRE(second.segments() <= first.segments());
+  // As far as its instruments reach, and no segment more.
+  const double reach_mm = drawn.stack.SecondReach(first.places());
+  CHECK(second.first_segment_mm() == first.first_segment_mm());
+  if (first.segments() > 0) {
+    CHECK(second.ArcLength(*drawn.stack.second_rod()) >= reach_mm - 1e-9);
+    CHECK(second.ArcLength(*drawn.stack.second_rod()) <
+          reach_mm + std::max(first.first_segment_mm(), drawn.stack.rod().segment_mm()) + 1e-9);
+  }
+  for (std::size_t i = 0; i < second.tangents().size(); ++i) {
+    CHECK(second.tangents()[i].norm() == Approx(1).epsilon(1e-9));
+    CHECK(std::abs(second.tangents()[i].dot(second.normals()[i])) < 1e-9);
+  }
+  CHECK(std::isfinite(drawn.relaxation->Current().energy_mJ));
+}
+
+TEST_CASE("Whatever hands do with instruments that have room, both curves stay whole") {
+  const char* text = std::getenv("TORQUER_SEED");
+  const unsigned first =
+      text == nullptr ? 1 : static_cast<unsigned>(std::strtoul(text, nullptr, 10));
+  for (unsigned seed = first; seed < first + static_cast<unsigned>(Rounds(12, 2)); ++seed) {
+    INFO("TORQUER_SEED=" << seed);
+    std::mt19937 random(seed);
+    Drawn drawn(random);
+    const int count = drawn.stack.size();
+    InstrumentPlaces goal(count);
+    // Where the second is drawn back the wire lies in the third.
+    const double room_mm = Drawn::kLumen_mm[count - 1] - drawn.stack.instrument(0).radius_mm(0);
+    double offset_mm = 0;
+    for (int move = 0; move < 40; ++move) {
+      for (int k = 0; k < count; ++k) {
+        goal[k].insertion_mm = std::max(0.0, goal[k].insertion_mm + Between(random, -6, 9));
+        goal[k].rotation_rad += Between(random, -1, 1);
+      }
+      if (move == 20) goal = InstrumentPlaces(count);  // all out, and in again
+      CountedBudget budget(static_cast<int>(20 + random() % 400));
+      const TickReport report = drawn.relaxation->Tick(goal, budget, drawn.state);
+      if (report.converged) {
+        offset_mm = std::max(offset_mm, drawn.relaxation->Current().between.largest_offset_mm);
+      }
+      CheckCurves(drawn);
+    }
+    // In the end all come to rest, and what is inside lies in the lumen.
+    const TickReport report = Settle(*drawn.relaxation, drawn.stack.Bounded(goal), drawn.state, 60);
+    CAPTURE(room_mm, offset_mm, report.residual, report.stalled);
+    CHECK(report.arrived());
+    CHECK(report.converged);
+    CHECK(offset_mm < room_mm + 0.1);
+  }
+}
+
+}  // namespace
+}  // namespace torquer::test
