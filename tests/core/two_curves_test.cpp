@@ -7,8 +7,10 @@
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/newton/two_curve_sweep.h"
 #include "host/simulator/core/stack/instrument_stack.h"
+#include "tests/support/allocation_counter.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/finite_differences.h"
+#include "tests/support/free_stack.h"
 #include "tests/support/twisted_stack.h"
 #include "tests/support/wires.h"
 
@@ -155,6 +157,131 @@ TEST_CASE("The sweep of two curves solves the dense Newton system") {
   sweep.Step(curves.model, curves.state, curves.at, again, spin, displacement);
   CHECK(again == step);
   CHECK(sweep.second_step() == second);
+}
+
+// A bent wire in a bent catheter, in free space.
+struct LooseArcs {
+  InstrumentStack stack;
+  FreeSpace field;
+  WallModel wall;
+  std::vector<EnergyTerm*> none;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  LooseArcs()
+      : stack({Arc(2, 0.04, 0.2), Arc(3, -0.01, 0.6)},
+              {.first_outer = 1, .lumen_radius_mm = {0, 0.35}, .stiffness_N_mm2 = 200}),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
+        state(stack.rod(), 2) {
+    relaxation->Restart(state);
+  }
+};
+
+// Either leads for a while, then both are out, and in again.
+InstrumentPlaces Pass(int k) {
+  if (k < 100) return {{0.3 * k, 0.02 * k}, {0.2 * k, -0.01 * k}};
+  if (k < 160) return {{30 - 0.1 * (k - 100), 2}, {20 + 0.3 * (k - 100), -1}};
+  if (k < 180) return {{0, 0}, {0, 0}};
+  return {{0.2 * (k - 180), 0}, {0.25 * (k - 180), 0}};
+}
+
+TEST_CASE("Any budget leaves both curves whole and no heap, and the same work the same bits") {
+  LooseArcs a;
+  LooseArcs b;
+  constexpr int kTicks = 220;
+  std::vector<int> work;
+  work.reserve(kTicks);
+  const std::size_t allocated = AllocationCount();
+  for (int k = 1; k <= kTicks; ++k) {
+    CountedBudget budget(k % 7);
+    work.push_back(a.relaxation->Tick(Pass(k), budget, a.state).work);
+  }
+  CHECK(AllocationCount() == allocated);
+  for (int k = 1; k <= kTicks; ++k) {
+    CountedBudget budget(work[static_cast<std::size_t>(k) - 1]);
+    b.relaxation->Tick(Pass(k), budget, b.state);
+  }
+  CHECK(HashState(a.state) == HashState(b.state));
+  CHECK(a.relaxation->Hash(0) == b.relaxation->Hash(0));
+  // The hash sees the second curve as well.
+  CHECK(a.state.second()->segments() > 0);
+  WireState other = a.state;
+  std::vector<Frame> frames;
+  for (std::size_t i = 0; i < a.state.second()->tangents().size(); ++i) {
+    frames.push_back(TangentFrame(a.state.second()->tangents()[i], a.state.second()->normals()[i]));
+  }
+  other.StepSecond(*a.stack.second_rod(), a.state, frames,
+                   std::vector<Vector2d>(frames.size(), Vector2d(1e-12, 0)), 1);
+  CHECK(HashState(other) != HashState(a.state));
+}
+
+TEST_CASE("A copy of two curves goes on as the original") {
+  LooseArcs a;
+  const int copied = GENERATE(37, 130, 190);  // either leads
+  for (int k = 1; k <= copied; ++k) {
+    CountedBudget budget(5);
+    a.relaxation->Tick(Pass(k), budget, a.state);
+  }
+  LooseArcs b;
+  b.state = a.state;
+  b.relaxation->CopyFrom(*a.relaxation, b.state);
+  for (int k = copied + 1; k <= 220; ++k) {
+    CountedBudget budgets[2] = {CountedBudget(5), CountedBudget(5)};
+    a.relaxation->Tick(Pass(k), budgets[0], a.state);
+    b.relaxation->Tick(Pass(k), budgets[1], b.state);
+    REQUIRE(HashState(a.state) == HashState(b.state));
+  }
+}
+
+TEST_CASE("Instruments that pass each other in free space lie as if they had not") {
+  const InstrumentPlaces wire_leads{{30, 0.5}, {22, -1}};
+  const InstrumentPlaces catheter_leads{{22.4, 0.5}, {31, -1}};
+  LooseArcs straight;
+  REQUIRE(Settle(*straight.relaxation, wire_leads, straight.state, 400).converged);
+  LooseArcs passed;
+  REQUIRE(Settle(*passed.relaxation, catheter_leads, passed.state, 400).converged);
+  CHECK(passed.state.outer_leads());
+  REQUIRE(Settle(*passed.relaxation, wire_leads, passed.state, 400).converged);
+  CHECK_FALSE(passed.state.outer_leads());
+  REQUIRE(passed.state.segments() == straight.state.segments());
+  CHECK(LargestDistance(passed.state, straight.state) < 1e-6);
+  CHECK(LargestDistance(*passed.state.second(), *straight.state.second()) < 1e-6);
+}
+
+TEST_CASE("The error that the solver gives for two curves is that of the next step") {
+  LooseArcs arcs;
+  REQUIRE(Settle(*arcs.relaxation, {{30, 0.5}, {22, -1}}, arcs.state, 400).converged);
+  CHECK(arcs.relaxation->SolverErrorMm(arcs.state) < 1e-5);
+  // Cut off by its budget, it is about as far off as it says, on either curve.
+  CountedBudget few(4);
+  arcs.relaxation->Tick({{30, 0.6}, {22, -1.3}}, few, arcs.state);
+  const double said_mm = arcs.relaxation->SolverErrorMm(arcs.state);
+  const WireState before = arcs.state;
+  REQUIRE(Settle(*arcs.relaxation, arcs.state.places(), arcs.state, 400).converged);
+  const double true_mm = std::max(LargestDistance(before, arcs.state),
+                                  LargestDistance(*before.second(), *arcs.state.second()));
+  CAPTURE(said_mm, true_mm);
+  CHECK(true_mm > 1e-4);
+  CHECK(said_mm == Approx(true_mm).epsilon(0.2));
+}
+
+TEST_CASE("Room that cannot be is refused") {
+  const auto make = [](const Clearance& clearance, double torsional_N_mm2) {
+    return InstrumentStack({Arc(2, 0, 0.2, torsional_N_mm2), Arc(3, 0, 0.6, torsional_N_mm2)},
+                           clearance);
+  };
+  const Clearance good{.first_outer = 1, .lumen_radius_mm = {0, 0.35}, .stiffness_N_mm2 = 1};
+  CHECK_NOTHROW(make(good, 0));
+  CHECK_THROWS_AS(make(good, 1), std::invalid_argument);
+  Clearance bad = good;
+  bad.lumen_radius_mm[1] = 0.2;
+  CHECK_THROWS_WITH(make(bad, 0), Catch::Contains("0.2"));
+  bad = good;
+  bad.stiffness_N_mm2 = 0;
+  CHECK_THROWS_AS(make(bad, 0), std::invalid_argument);
+  bad = good;
+  bad.first_outer = 2;
+  CHECK_THROWS_AS(make(bad, 0), std::invalid_argument);
 }
 
 }  // namespace

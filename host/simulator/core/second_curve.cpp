@@ -11,14 +11,14 @@ using Eigen::Vector3d;
 
 void WireState::LaySecond(const WireModel& second, double reach_mm, int first_outer,
                           bool outer_leads) {
-  second_.assign(1, WireState(second, places_.size()));
+  second_.clear();
+  second_.reserve(1);
+  second_.emplace_back(second, places_.size());
   first_outer_ = first_outer;
   outer_leads_ = outer_leads;
   WireState& other = second_.front();
   other.tangents_ = tangents_;
   other.normals_ = normals_;
-  other.tangents_.reserve(other.nodes_.capacity());
-  other.normals_.reserve(other.nodes_.capacity());
   other.first_segment_mm_ = first_segment_mm_;
   other.FitEnd(second, segments(), reach_mm);
 }
