@@ -270,18 +270,52 @@ TEST_CASE("Friction's memory is part of its hash, and Reset clears it") {
 TEST_CASE("A catheter that slides around the points takes their anchors along with its surface") {
   Slider slider(0.3, 0.01);
   slider.points.start = Vector3d(-1, 0, 0);  // the wire lies along x
-  slider.TickAt(Vector3d::Zero());
-  // The wire goes on by 0.5 mm, the catheter around it stays: no friction by that.
   slider.points.instruments = 2;
-  slider.points.behind_mm = {0, 0};
-  slider.friction.MoveSurfaces(slider.points, {{{}, {.along_mm = -0.5}}});
+  slider.TickAt(Vector3d::Zero());
+  // The wire goes on by 0.4 mm, the catheter around it stays: no friction by that.
+  const auto at = [&](double tip_mm, double catheter_mm) {
+    slider.points.behind_mm = {0, tip_mm - catheter_mm};
+    slider.points.start = Vector3d(tip_mm - 1, 0, 0);
+    return slider.Energy(Vector3d(tip_mm, 0, 0));
+  };
   slider.friction.Begin(slider.points);
-  CHECK(slider.Energy(Vector3d(0.5, 0, 0)) == Approx(0).margin(1e-15));
-  CHECK(slider.Energy(Vector3d::Zero()) > 1e-3);
-  // Points beyond the catheter's tip keep theirs.
-  slider.points.behind_mm = {0, 100};
-  slider.friction.MoveSurfaces(slider.points, {{{}, {.along_mm = -0.5}}});
-  CHECK(slider.Energy(Vector3d(0.5, 0, 0)) == Approx(0).margin(1e-15));
+  CHECK(at(0.4, 0) == Approx(0).margin(1e-15));
+  // The catheter goes, and the wire with it or not.
+  const double slid_mJ = 0.3 * 0.1 * (0.4 - 0.375 * 0.01);
+  CHECK(at(0.4, 0.4) == Approx(slid_mJ));
+  CHECK(at(0.7, 0.4) == Approx(slid_mJ));
+}
+
+TEST_CASE("What presses a point between two of a catheter's places is shared by the lever") {
+  Slider slider(0.3, 0.01);
+  PointSet& points = slider.points;
+  // The point at 1 mm of a wire of 3 mm presses, 0.3 mm behind a place of the catheter's surface.
+  points.position = {Vector3d(1, 0, 0), Vector3d(2, 0, 0), Vector3d(3, 0, 0)};
+  points.weight_mm = {1, 1, 0.5};
+  points.radius_mm = {0.2, 0.2, 0.2};
+  points.touches = {1, 0, 0};
+  points.clearance.resize(3, points.clearance[0]);
+  points.stiffness_N_mm2.resize(3, points.stiffness_N_mm2[0]);
+  points.instruments = 2;
+  points.behind_mm = {0, 0.7};
+  slider.friction.Begin(points);
+  slider.friction.End(points);
+  slider.friction.Begin(points);
+  // All of it is pushed on by 1 mm: the places at 0.3 and 1.3 mm bear 0.3 and 0.7 of mu N.
+  PointSet pushed = points;
+  for (Vector3d& at : pushed.position) at[0] += 1;
+  pushed.start[0] += 1;
+  PointDerivatives out;
+  out.with_hessian = true;
+  out.used.assign(3, PointDerivatives::kNothing);
+  out.gradient.resize(3);
+  out.hessian.resize(3);
+  slider.friction.Add(pushed, out);
+  const double limit_N = 0.3 * 0.1;
+  // The place at 0.3 mm is on the piece from the sheath, that at 1.3 mm on the one beyond.
+  CHECK(out.gradient[0][0] == Approx(limit_N * (0.3 * 0.3 + 0.7 * 0.7)));
+  CHECK(out.gradient[1][0] == Approx(limit_N * 0.7 * 0.3));
+  CHECK(out.used[2] == PointDerivatives::kNothing);
 }
 
 TEST_CASE("An instrument that is turned while it slides shares one cone between both ways") {

@@ -30,7 +30,8 @@ class RollSpring final : public EnergyTerm {
     out.Touch(point_);
     out.gradient[p] += kStiffness * stretch * kPull;
     if (out.with_hessian) out.hessian[p] += kStiffness * kPull * kPull.transpose();
-    out.on_spins.push_back({point_, kStiffness * stretch, kStiffness, kStiffness * kPull});
+    out.on_spins.push_back({point_, kStiffness * stretch, kStiffness, kStiffness * kPull, 0,
+                            points.SurfaceAt(point_)});
     return kStiffness * stretch * stretch / 2;
   }
   void End(const PointSet&) override {}

@@ -49,13 +49,14 @@ struct PointSet {
   int segments() const { return size() / per_segment; }
   /// Identifies the point as material: constant while the wire moves through the sheath.
   int FromTip(int q) const { return size() - 1 - q; }
-  /// The normal, fixed to the material of the surface, of the segment that the point belongs to.
-  Eigen::Vector3d Normal(int q) const {
+  /// The normal, fixed to the material of an instrument, of the segment that the point belongs to.
+  Eigen::Vector3d NormalOf(int instrument, int q) const {
     const auto i = static_cast<std::size_t>(q / per_segment);
     if (turns_rad.empty()) return normals[i];
-    return TurnedAbout(Tangent(q), normals[i],
-                       turns_rad[i][static_cast<std::size_t>(SurfaceAt(q))]);
+    return TurnedAbout(Tangent(q), normals[i], turns_rad[i][static_cast<std::size_t>(instrument)]);
   }
+  /// The same of the surface that is there.
+  Eigen::Vector3d Normal(int q) const { return NormalOf(SurfaceAt(q), q); }
   /// The instrument, counted from the innermost, whose surface touches the wall at the point.
   int SurfaceAt(int q) const {
     int k = instruments - 1;
@@ -75,12 +76,38 @@ struct PointSet {
     const int in_first = std::max(0, per_segment - 1 - q);  // pieces shorter or longer than others
     return (FromTip(q) - in_first) * spacing_mm + in_first * first_spacing_mm;
   }
+  /// The length of the piece that ends in the point, mm.
+  double PieceMm(int q) const { return q < per_segment ? first_spacing_mm : spacing_mm; }
   /// The unit tangent of the segment that the point belongs to.
   Eigen::Vector3d Tangent(int q) const {
     const auto p = static_cast<std::size_t>(q);
     if (!tangent.empty()) return tangent[p];
-    return (position[p] - (q == 0 ? start : position[p - 1])) /
-           (q < per_segment ? first_spacing_mm : spacing_mm);
+    return (position[p] - (q == 0 ? start : position[p - 1])) / PieceMm(q);
+  }
+
+  /// A place between points: on the piece that ends in `point`, so far before it.
+  struct Place {
+    int point;         ///< negative: past the sheath
+    double before_mm;  ///< negative: beyond the point, on the line of its piece
+  };
+  /// The place so far from the distal end, >= 0. What is within rounding of a point is at it.
+  Place PlaceAt(double from_tip_mm) const {
+    const double in_first_mm = from_tip_mm - (size() - per_segment) * spacing_mm;
+    return in_first_mm > kRoundingMm ? PlaceOn(per_segment - 1, in_first_mm, first_spacing_mm)
+                                     : PlaceOn(size() - 1, from_tip_mm, spacing_mm);
+  }
+  Eigen::Vector3d PositionAt(const Place& place) const {
+    const Eigen::Vector3d& end = position[static_cast<std::size_t>(place.point)];
+    if (place.before_mm == 0) return end;
+    return end - place.before_mm * Tangent(place.point);
+  }
+
+ private:
+  static constexpr double kRoundingMm = 1e-9;
+  static Place PlaceOn(int last_point, double before_mm, double piece_mm) {
+    const int pieces = static_cast<int>((before_mm + kRoundingMm) / piece_mm);
+    const double rest_mm = before_mm - pieces * piece_mm;
+    return {last_point - pieces, rest_mm > kRoundingMm ? rest_mm : 0};
   }
 };
 
@@ -89,6 +116,7 @@ struct TangentLoad {
   int segment;
   Eigen::Vector3d gradient;  ///< mJ
   Eigen::Matrix3d hessian;   ///< mJ, symmetric; only where it is asked for
+  bool on_second = false;    ///< of two curves: whether the segment is one of the second
 };
 
 /// Derivatives with respect to a spin: a turn of the wire about its tangent at a point. Only of a
@@ -97,7 +125,9 @@ struct SpinLoad {
   int point;
   double gradient;                ///< mJ: minus the torque on the wire
   double hessian;                 ///< mJ
-  Eigen::Vector3d with_position;  ///< N, d2 / (d spin, d position of the point)
+  Eigen::Vector3d with_position;  ///< N, d2 / (d spin, d position where it acts)
+  double before_mm = 0;           ///< where it acts is so far before the point, on its segment
+  int instrument = 0;             ///< of a stack: which one it turns
 };
 
 /// Derivatives with respect to how far an instrument is turned in another, at a segment: a torque

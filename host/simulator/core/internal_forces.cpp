@@ -35,15 +35,26 @@ void FindFriction(const PointSet& points, const std::vector<EnergyTerm*>& terms,
   }
 }
 
-// The surface touches the wall a radius away from the axis, against the wall's normal.
+// The surface touches the wall a radius away from the axis, against the wall's normal. What acts
+// between points and is shared by them has the normal of the one that is near the wall.
 void FindSurfaceTorques(const PointSet& points, InternalForces& out) {
-  for (const int q : points.near) {
+  int done = -1;
+  const auto take = [&](int q, int near) {
+    if (q <= done || q >= points.size()) return;
+    done = q;
     const auto p = static_cast<std::size_t>(q);
     const Vector3d& gradient_N = out.friction.gradient[p];
-    if (gradient_N == Vector3d::Zero()) continue;
-    const Vector3d normal = points.clearance[p].gradient.normalized();
+    if (gradient_N == Vector3d::Zero()) return;
+    const Vector3d normal = points.clearance[static_cast<std::size_t>(near)].gradient.normalized();
     out.surface_torque_mJ[p] =
         points.radius_mm[p] * normal.cross(gradient_N).dot(points.Tangent(q));
+  };
+  for (std::size_t k = 0; k < points.near.size(); ++k) {
+    const int q = points.near[k];
+    const bool next_is_near = k + 1 < points.near.size() && points.near[k + 1] == q + 1;
+    take(q - 1, q);
+    take(q, q);
+    if (!next_is_near) take(q + 1, q);
   }
 }
 

@@ -27,6 +27,11 @@ WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field
   second_ = std::make_unique<WireMechanics>(*stack->second_rod(), field, wall, kNoTerms);
 }
 
+// Terms that act between points have a few more places than there are points.
+namespace {
+constexpr std::size_t kMostMoments = 16;
+}  // namespace
+
 Expansion WireMechanics::MakeExpansion() const {
   const auto n = static_cast<std::size_t>(model_.max_segments()) + 1;
   const std::size_t points = n * static_cast<std::size_t>(wall_.points_per_segment);
@@ -40,7 +45,7 @@ Expansion WireMechanics::MakeExpansion() const {
   if (model_.spins() > 0) {
     (model_.twists() ? e.twists.reserve(n) : e.stack.reserve(n));
     e.spin_gradient.reserve(n * static_cast<std::size_t>(model_.spins()));
-    e.derivatives.on_spins.reserve(terms_.empty() ? 0 : points);
+    e.derivatives.on_spins.reserve(terms_.empty() ? 0 : kMostMoments + points);
     if (model_.spins() > 1 && !terms_.empty()) {
       e.derivatives.between.reserve(n * static_cast<std::size_t>(model_.spins()));
       e.points.pressed_N.reserve(n);
@@ -53,7 +58,7 @@ Expansion WireMechanics::MakeExpansion() const {
   e.derivatives.used.reserve(points);
   e.derivatives.gradient.reserve(points);
   e.derivatives.hessian.reserve(points);
-  if (!terms_.empty()) e.derivatives.on_tangents.reserve(8 + (model_.spins() > 0 ? points : 0));
+  if (!terms_.empty()) e.derivatives.on_tangents.reserve(kMostMoments + points);
   if (second_ != nullptr) {
     e.second.push_back(second_->MakeExpansion());
     e.second.front().softer_N_mm2.reserve(n);
@@ -173,10 +178,11 @@ void WireMechanics::AddSpinLoads(const WireState& state, Expansion& out) const {
   const int per_segment = out.points.per_segment;
   for (const SpinLoad& on : out.derivatives.on_spins) {
     const int i = on.point / per_segment;
-    const double t = state.SegmentLength(model_, i) * (on.point % per_segment + 1) / per_segment;
+    const double t =
+        state.SegmentLength(model_, i) * (on.point % per_segment + 1) / per_segment - on.before_mm;
     const Vector2d with_step = t * (out.frames[i].transpose() * on.with_position);
     if (!model_.twists()) {
-      const int k = out.points.SurfaceAt(on.point);
+      const int k = on.instrument;
       StackTerms& stack = out.stack[i];
       stack.gradient_distal[k] += on.gradient;
       stack.hessian_distal(k, k) += on.hessian;
@@ -257,7 +263,7 @@ void WireMechanics::SumLoads(const WireState& state, IsActive is_active, Expansi
             out);
   }
   for (const TangentLoad& on : out.derivatives.on_tangents) {
-    LoadTerms& load = LoadsOf(on.segment, out);
+    LoadTerms& load = LoadsOf(on.segment, on.on_second ? out.second.front() : out);
     load.g1 += on.gradient;
     if (with_hessian) load.h2 += on.hessian;
   }

@@ -17,14 +17,18 @@ Friction::Friction(double coefficient, double slip_mm, const EffectContext& cont
     : slip_mm_(slip_mm),
       parts_(std::move(parts)),
       moving_(context.moving),
-      anchors_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
-               static_cast<std::size_t>(context.wall.points_per_segment)),
-      lies_(context.wire.spins() > 0 ? anchors_.size() : 0) {
+      stride_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
+              static_cast<std::size_t>(context.wall.points_per_segment)) {
   for (const Instrument& instrument : context.instruments) {
     surfaces_.push_back({instrument.friction_coefficient.value_or(coefficient),
                          instrument.coating_mm, instrument.coating_coefficient});
   }
   if (surfaces_.empty()) surfaces_.push_back({coefficient, 0, 0});
+  const std::size_t spots = stride_ * surfaces_.size();
+  anchors_.resize(spots);
+  presses_.resize(spots);
+  if (context.wire.spins() > 0) lies_.resize(spots);
+  for (std::vector<std::size_t>* some : {&pressed_, &holding_, &acting_}) some->reserve(spots);
 }
 
 namespace {
@@ -56,144 +60,254 @@ void Friction::Place(const Vector3d& at, Anchor& anchor) const {
   if (moving_ != nullptr) anchor.at_rest = moving_->AtRest(at);
 }
 
+PointSet::Place Friction::PlaceOf(const PointSet& points, std::size_t spot) const {
+  const std::size_t instrument = spot / stride_;
+  const PointSet::Place place =
+      points.PlaceAt(static_cast<double>(spot - instrument * stride_) * points.spacing_mm +
+                     points.behind_mm[instrument]);
+  // Of two curves a point beyond the tip is one of the other, which goes its own way.
+  const int q = place.point;
+  if (place.before_mm > 0 && q > 0 && points.OnSecond(q) != points.OnSecond(q - 1) &&
+      points.SurfaceAt(q) < static_cast<int>(instrument)) {
+    return {q - 1, place.before_mm - points.PieceMm(q)};
+  }
+  return place;
+}
+
+// Shares what presses each point between the spots on either side of it, by the lever.
+void Friction::FindPresses(const PointSet& points) {
+  for (const std::size_t spot : pressed_) presses_[spot] = Press();
+  pressed_.clear();
+  if (points.near.empty()) return;
+  constexpr double kRounding = 1e-9;
+  const double spacing_mm = points.spacing_mm;
+  const double inserted_mm = points.FromTipMm(0) + points.first_spacing_mm;
+  for (const int q : points.near) {
+    const auto p = static_cast<std::size_t>(q);
+    if (!points.touches[p]) continue;
+    const auto instrument = static_cast<std::size_t>(points.SurfaceAt(q));
+    const double behind_mm = points.behind_mm[instrument];
+    const double at = std::max(0.0, (points.FromTipMm(q) - behind_mm) / spacing_mm);
+    const auto first = static_cast<std::size_t>(at + kRounding);
+    double part = std::max(0.0, at - static_cast<double>(first));
+    const double next_mm = static_cast<double>(first + 1) * spacing_mm + behind_mm;
+    if (part < kRounding || next_mm > inserted_mm) part = 0;
+    const ClearanceSample& sample = points.clearance[p];
+    const Vector3d normal_N = (points.stiffness_N_mm2[p] * points.weight_mm[p] *
+                               (points.radius_mm[p] - sample.clearance_mm)) *
+                              sample.gradient;
+    const double limit_N = CoefficientAt(points, q) * normal_N.norm();
+    const auto press = [&](std::size_t from_tip, double share) {
+      const std::size_t spot = instrument * stride_ + from_tip;
+      Press& here = presses_[spot];
+      if (!here.touches) pressed_.push_back(spot);
+      here.touches = true;
+      here.normal_N += share * normal_N;
+      here.limit_N += share * limit_N;
+    };
+    press(first, 1 - part);
+    if (part > 0) press(first + 1, part);
+  }
+}
+
 void Friction::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const Friction&>(twin);
   anchors_ = from.anchors_;
   lies_ = from.lies_;
-  anchored_ = from.anchored_;
+  presses_ = from.presses_;
+  pressed_ = from.pressed_;
+  holding_ = from.holding_;
+  acting_ = from.acting_;
 }
 
 void Friction::Reset() {
-  for (Anchor& anchor : anchors_) anchor = Anchor();
+  for (const auto* spots : {&holding_, &acting_}) {
+    for (const std::size_t spot : *spots) anchors_[spot] = Anchor();
+  }
+  holding_.clear();
+  acting_.clear();
 }
 
 void Friction::Begin(const PointSet& points) {
-  for (int q = 0; q < points.size(); ++q) {
-    const auto p = static_cast<std::size_t>(q);
-    Anchor& anchor = anchors_[points.FromTip(q)];
-    anchor.limit_N = 0;
-    if (!anchor.holds) continue;
-    if (moving_ != nullptr) anchor.at = moving_->Moved(anchor.at_rest, anchor.at);
-    if (!points.touches[p]) continue;
-    const ClearanceSample& sample = points.clearance[p];
-    const double slope = sample.gradient.norm();
-    if (!(slope > 1e-6)) continue;
-    anchor.normal = sample.gradient / slope;
-    if (!lies_.empty()) lies_[points.FromTip(q)] = LieOf(points, q);
-    anchor.limit_N = CoefficientAt(points, q) * points.stiffness_N_mm2[p] * points.weight_mm[p] *
-                     (points.radius_mm[p] - sample.clearance_mm) * slope;
+  for (const std::size_t spot : acting_) anchors_[spot].limit_N = 0;
+  acting_.clear();
+  if (moving_ != nullptr) {
+    for (const std::size_t spot : holding_) {
+      Anchor& anchor = anchors_[spot];
+      anchor.at = moving_->Moved(anchor.at_rest, anchor.at);
+    }
+  }
+  FindPresses(points);
+  for (const std::size_t spot : pressed_) {
+    Anchor& anchor = anchors_[spot];
+    const Press& press = presses_[spot];
+    const double force_N = press.normal_N.norm();
+    const PointSet::Place place = PlaceOf(points, spot);
+    if (!anchor.holds || place.point < 0 || !(force_N > 0)) continue;
+    anchor.normal = press.normal_N / force_N;
+    anchor.limit_N = press.limit_N;
+    if (anchor.limit_N > 0) acting_.push_back(spot);
+    if (!lies_.empty()) lies_[spot] = LieOf(points, spot, place.point);
   }
 }
 
-Friction::Lie Friction::LieOf(const PointSet& points, int q) {
-  return {points.Tangent(q), points.Normal(q), points.SurfaceAt(q)};
+Friction::Lie Friction::LieOf(const PointSet& points, std::size_t spot, int point) const {
+  return {points.Tangent(point), points.NormalOf(InstrumentOf(spot), point)};
 }
 
-Friction::Roll Friction::RollAt(const PointSet& points, int q, const Vector3d& normal) const {
-  const Lie& lie = lies_[static_cast<std::size_t>(points.FromTip(q))];
-  if (lie.instrument != points.SurfaceAt(q)) return {};  // another's surface has come there
-  const Vector3d tangent = points.Tangent(q);
+Friction::Roll Friction::RollAt(const PointSet& points, std::size_t spot, int point,
+                                const Vector3d& normal) const {
+  const Lie& lie = lies_[spot];
+  const Vector3d tangent = points.Tangent(point);
   const Vector3d from = ParallelTransport(lie.normal, lie.tangent, tangent);
-  const Vector3d to = points.Normal(q);
+  const Vector3d to = points.NormalOf(InstrumentOf(spot), point);
   return {.angle_rad = std::atan2(from.cross(to).dot(tangent), from.dot(to)),
-          .per_rad_mm = SurfacePerRad(points, q, normal),
+          .per_rad_mm = SurfacePerRad(points, point, normal),
           .area = lie.tangent.cross(tangent) / (1 + lie.tangent.dot(tangent))};
 }
 
+namespace {
+
+// Shares a load between the points on either side of its place, by the lever: the same force and
+// moment. Both of them moved are stiffer than the place between them by what `moment` takes off.
+void Share(const PointSet& points, const PointSet::Place& place, const Vector3d& gradient,
+           const Matrix3d& hessian, TangentLoad& moment, PointDerivatives& out) {
+  const auto add = [&](int q, double part) {
+    const auto p = static_cast<std::size_t>(q);
+    out.Touch(q);
+    out.gradient[p] += part * gradient;
+    if (out.with_hessian) out.hessian[p] += part * hessian;
+  };
+  const double piece_mm = points.PieceMm(place.point);
+  const double before = place.before_mm / piece_mm;
+  // Beyond its curve, or with the point before on another one: by the moment about the point.
+  const bool shared = before >= 0 && (place.point == 0 || points.OnSecond(place.point) ==
+                                                              points.OnSecond(place.point - 1));
+  if (!shared) {
+    add(place.point, 1);
+    moment.gradient -= place.before_mm * gradient;
+    moment.hessian += place.before_mm * place.before_mm * hessian;
+    return;
+  }
+  add(place.point, 1 - before);
+  if (before == 0) return;
+  if (place.point > 0) add(place.point - 1, before);
+  moment.hessian -= before * (1 - before) * piece_mm * piece_mm * hessian;
+}
+
+}  // namespace
+
 double Friction::Add(const PointSet& points, PointDerivatives& out) const {
   double energy = 0;
-  for (int q = 0; q < points.size(); ++q) {
-    const Anchor& anchor = anchors_[points.FromTip(q)];
-    if (anchor.limit_N == 0) continue;
-    const auto p = static_cast<std::size_t>(q);
-    Vector3d s = points.position[p] - anchor.at;
+  for (const std::size_t spot : acting_) {
+    const Anchor& anchor = anchors_[spot];
+    const PointSet::Place place = PlaceOf(points, spot);
+    const int q = place.point;
+    if (q < 0 || anchor.limit_N == 0) continue;
+    Vector3d s = points.PositionAt(place) - anchor.at;
     s -= s.dot(anchor.normal) * anchor.normal;
     Roll roll;
     if (!lies_.empty()) {
-      roll = RollAt(points, q, anchor.normal);
+      roll = RollAt(points, spot, q, anchor.normal);
       s += roll.angle_rad * roll.per_rad_mm;
     }
     const StickSlip law(anchor.limit_N, slip_mm_, s.squaredNorm());
     energy += law.energy_mJ;
     const Vector3d gradient = law.secant_N_mm * s;
-    Matrix3d hessian;
+    Matrix3d hessian = Matrix3d::Zero();
     if (out.with_hessian) {
       hessian =
           law.secant_N_mm * (Matrix3d::Identity() - anchor.normal * anchor.normal.transpose()) -
           law.softening_N_mm3 * s * s.transpose();
     }
-    out.Touch(q);
-    out.gradient[p] += gradient;
-    if (out.with_hessian) out.hessian[p] += hessian;
-    if (lies_.empty()) continue;
-    SpinLoad spin{q, gradient.dot(roll.per_rad_mm), 0, Vector3d::Zero()};
-    if (out.with_hessian) {
-      spin.with_position = hessian * roll.per_rad_mm;
-      spin.hessian = roll.per_rad_mm.dot(spin.with_position);
+    TangentLoad moment{q / points.per_segment, Vector3d::Zero(), Matrix3d::Zero(),
+                       points.OnSecond(q)};
+    Share(points, place, gradient, hessian, moment, out);
+    if (!lies_.empty()) {
+      SpinLoad spin{.point = q,
+                    .gradient = gradient.dot(roll.per_rad_mm),
+                    .hessian = 0,
+                    .with_position = Vector3d::Zero(),
+                    .before_mm = place.before_mm,
+                    .instrument = InstrumentOf(spot)};
+      if (out.with_hessian) {
+        spin.with_position = hessian * roll.per_rad_mm;
+        spin.hessian = roll.per_rad_mm.dot(spin.with_position);
+      }
+      out.on_spins.push_back(spin);
+      moment.gradient += spin.gradient * roll.area -
+                         (points.radius_mm[static_cast<std::size_t>(q)] * roll.angle_rad) *
+                             anchor.normal.cross(gradient);
+    } else if (moment.gradient.isZero(0) && (place.before_mm == 0 || !out.with_hessian)) {
+      continue;
     }
-    out.on_spins.push_back(spin);
-    out.on_tangents.push_back({q / points.per_segment,
-                               spin.gradient * roll.area - (points.radius_mm[p] * roll.angle_rad) *
-                                                               anchor.normal.cross(gradient),
-                               Matrix3d::Zero()});
+    out.on_tangents.push_back(moment);
   }
   return energy;
 }
 
 void Friction::MoveSurfaces(const PointSet& points,
                             const std::array<SurfaceMove, kMostInstruments>& moves) {
-  for (int q = 0; q < points.size(); ++q) {
-    const auto p = static_cast<std::size_t>(q);
-    Anchor& anchor = anchors_[points.FromTip(q)];
-    if (!anchor.holds) continue;
-    const SurfaceMove& move = moves[static_cast<std::size_t>(points.SurfaceAt(q))];
-    if (move.along_mm != 0) Place(anchor.at - move.along_mm * points.Tangent(q), anchor);
-    if (move.turn_rad == 0 || !points.touches[p]) continue;
-    const Vector3d normal = points.clearance[p].gradient.normalized();
-    Place(anchor.at - move.turn_rad * SurfacePerRad(points, q, normal), anchor);
+  // Along the wire spots go with their instruments.
+  if (std::all_of(moves.begin(), moves.end(),
+                  [](const SurfaceMove& move) { return move.turn_rad == 0; })) {
+    return;
+  }
+  FindPresses(points);
+  for (const std::size_t spot : pressed_) {
+    Anchor& anchor = anchors_[spot];
+    const PointSet::Place place = PlaceOf(points, spot);
+    if (!anchor.holds || place.point < 0) continue;
+    const double turn_rad = moves[static_cast<std::size_t>(InstrumentOf(spot))].turn_rad;
+    const Vector3d normal = presses_[spot].normal_N.normalized();
+    Place(anchor.at - turn_rad * SurfacePerRad(points, place.point, normal), anchor);
   }
 }
 
 void Friction::End(const PointSet& points) {
-  for (int q = 0; q < points.size(); ++q) {
-    const auto p = static_cast<std::size_t>(q);
-    Anchor& anchor = anchors_[points.FromTip(q)];
-    if (!points.touches[p]) {
-      anchor.holds = false;
+  for (const std::size_t spot : acting_) {
+    if (lies_.empty()) break;
+    // From now on it is a displacement like any other, and no turn since.
+    const PointSet::Place place = PlaceOf(points, spot);
+    Anchor& anchor = anchors_[spot];
+    if (place.point < 0 || anchor.limit_N == 0) continue;
+    const Roll roll = RollAt(points, spot, place.point, anchor.normal);
+    Place(anchor.at - roll.angle_rad * roll.per_rad_mm, anchor);
+    lies_[spot] = LieOf(points, spot, place.point);
+  }
+  FindPresses(points);
+  // What lifted off, came to lie within another or left through the sheath forgets its anchor.
+  for (const std::size_t spot : holding_) {
+    if (!presses_[spot].touches) anchors_[spot].holds = false;
+  }
+  holding_.clear();
+  for (const std::size_t spot : pressed_) {
+    const PointSet::Place place = PlaceOf(points, spot);
+    if (place.point < 0) {
+      anchors_[spot].holds = false;
       continue;
     }
+    holding_.push_back(spot);
+    Anchor& anchor = anchors_[spot];
+    const Vector3d at = points.PositionAt(place);
     if (!anchor.holds) {
       anchor.holds = true;
-      Place(points.position[p], anchor);
+      Place(at, anchor);
       continue;
     }
-    Vector3d s = points.position[p] - anchor.at;
-    const Vector3d& gradient = points.clearance[p].gradient;
-    bool rolled = false;
-    if (anchor.limit_N > 0 && !lies_.empty()) {
-      // From now on it is a displacement like any other, and no turn since.
-      const Roll roll = RollAt(points, q, anchor.normal);
-      s += roll.angle_rad * roll.per_rad_mm;
-      lies_[points.FromTip(q)] = LieOf(points, q);
-      rolled = true;
-    }
-    const Vector3d whole = s;
-    s -= (s.dot(gradient) / std::max(gradient.squaredNorm(), 1e-12)) * gradient;
+    Vector3d s = at - anchor.at;
+    // In the plane of the part, where there is one: the force stays as it is.
+    const Vector3d normal =
+        anchor.limit_N > 0 ? anchor.normal : presses_[spot].normal_N.normalized();
+    s -= s.dot(normal) * normal;
     const double distance = s.norm();
-    if (distance > slip_mm_) {
-      Place(points.position[p] - (slip_mm_ / distance) * s, anchor);
-    } else if (rolled) {
-      Place(points.position[p] - whole, anchor);
-    }
+    if (distance > slip_mm_) Place(at - (slip_mm_ / distance) * s, anchor);
   }
-  // What left through the sheath will touch somewhere else when it comes back.
-  for (int k = points.size(); k < anchored_; ++k) anchors_[static_cast<std::size_t>(k)] = Anchor();
-  anchored_ = points.size();
 }
 
 std::uint64_t Friction::Hash(std::uint64_t seed) const {
-  for (const Anchor& anchor : anchors_) {
-    if (!anchor.holds) continue;
+  for (const std::size_t spot : holding_) {
+    const Anchor& anchor = anchors_[spot];
     for (const double component : anchor.at) seed = HashDouble(component, seed);
     // What the budget cut short goes on with these.
     if (anchor.limit_N == 0) continue;

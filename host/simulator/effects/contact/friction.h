@@ -1,13 +1,21 @@
 // Coulomb friction of the wire on the wall.
 //
-// Every contact point has an anchor on the wall. With s the displacement from it in the plane of
+// Spots of each instrument's surface, as far apart as the contact points and fixed to its material,
+// have anchors on the wall. With s the displacement of a spot from its anchor in the plane of
 // contact and N the normal force at the start of the part, the force is that of StickSlip with the
-// limit mu N. After the part an anchor farther away than the slip length d
-// follows to the distance d: the force stays as it is, and nothing creeps while it sticks. A part
-// is what the relaxation moves at once (0.25 mm): the way of the wire does not depend on how far a
-// tick goes or where its budget ends. What slides is the surface: an instrument that is turned
+// limit mu N. After the part an anchor farther away than the slip length d follows to the distance
+// d: the force stays as it is, and nothing creeps while it sticks. A part is what the relaxation
+// moves at once (0.25 mm): the way of the wire does not depend on how far a tick goes or where its
+// budget ends. What slides is the surface: an instrument that is turned
 // moves it around as one that is fed moves it along, and both share one cone. Where the vessel
 // moves, the anchors go with their places on the wall.
+//
+// The points of contact are those of the rod. Of the instrument that leads they are the spots.
+// Those of another lie between them, and take their shares of what presses the points on either
+// side.
+//
+//   points of contact, going with the leader    |------o------|------o------|--->
+//   spots of a catheter at rest around it           x------x------x------x
 #pragma once
 
 #include <memory>
@@ -52,7 +60,6 @@ class Friction final : public Effect, public EnergyTerm {
     double coating_coefficient = 0;
   };
 
-  // By PointSet::FromTip, so that it stays with the material.
   struct Anchor {
     Eigen::Vector3d at = Eigen::Vector3d::Zero();
     Eigen::Vector3d at_rest = Eigen::Vector3d::Zero();  // the same of the vessel at rest
@@ -61,13 +68,19 @@ class Friction final : public Effect, public EnergyTerm {
     bool holds = false;
   };
 
-  // Of what twists: how the point's segment lay at the part's start.
+  // What presses a spot onto the wall.
+  struct Press {
+    Eigen::Vector3d normal_N = Eigen::Vector3d::Zero();  // along the wall's normal
+    double limit_N = 0;                                  // mu times that
+    bool touches = false;
+  };
+
+  // Of what twists: how the spot's segment lay at the part's start.
   struct Lie {
     Eigen::Vector3d tangent;
     Eigen::Vector3d normal;
-    int instrument;  // whose surface it is
   };
-  // How the surface that touches has moved since the part's start by the wire's turn about itself.
+  // How the surface has moved since the part's start by the instrument's turn about itself.
   struct Roll {
     double angle_rad = 0;
     Eigen::Vector3d per_rad_mm = Eigen::Vector3d::Zero();  // displacement of the surface
@@ -75,8 +88,13 @@ class Friction final : public Effect, public EnergyTerm {
     Eigen::Vector3d area = Eigen::Vector3d::Zero();
   };
 
-  static Lie LieOf(const PointSet& points, int q);
-  Roll RollAt(const PointSet& points, int q, const Eigen::Vector3d& normal) const;
+  // Spots are numbered from the tip of the innermost instrument, then from that of the next.
+  int InstrumentOf(std::size_t spot) const { return static_cast<int>(spot / stride_); }
+  PointSet::Place PlaceOf(const PointSet& points, std::size_t spot) const;
+  void FindPresses(const PointSet& points);
+  Lie LieOf(const PointSet& points, std::size_t spot, int point) const;
+  Roll RollAt(const PointSet& points, std::size_t spot, int point,
+              const Eigen::Vector3d& normal) const;
   double CoefficientAt(const PointSet& points, int q) const;
   void Place(const Eigen::Vector3d& at, Anchor& anchor) const;
 
@@ -84,9 +102,13 @@ class Friction final : public Effect, public EnergyTerm {
   std::vector<Surface> surfaces_;  ///< of each instrument
   const std::vector<Part> parts_;
   const vessel::MovingField* const moving_;  ///< null where the vessel rests
+  std::size_t stride_;                       ///< spots of an instrument
   std::vector<Anchor> anchors_;
-  std::vector<Lie> lies_;  ///< the same; empty where nothing twists
-  int anchored_ = 0;       ///< anchors beyond this many are blank
+  std::vector<Lie> lies_;             ///< the same; empty where nothing twists
+  std::vector<Press> presses_;        ///< the same; found by FindPresses
+  std::vector<std::size_t> pressed_;  ///< the spots that have one
+  std::vector<std::size_t> holding_;  ///< the spots whose anchors hold
+  std::vector<std::size_t> acting_;   ///< those of them that have a limit in this part
 };
 
 EffectKind FrictionKind();
