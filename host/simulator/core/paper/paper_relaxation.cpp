@@ -90,11 +90,14 @@ int PaperRelaxation::Move(const InstrumentPlaces& goal, WireState& state) {
     case Action::kRetract:
       RetractSegment(model_, state);
       break;
-    default:
-      state.Rotate(
-          stack()
-              .Towards(goal, state.places(), model_.segment_mm(), settings_.max_turn_rad)[0]
-              .rotation_rad);
+    default: {
+      // One after the other: what there is to feed waits.
+      const InstrumentPlaces here = state.places();
+      const InstrumentPlaces turned(here[0].insertion_mm, goal[0].rotation_rad);
+      const InstrumentPlaces next =
+          stack().Towards(turned, here, model_.segment_mm(), settings_.max_turn_rad);
+      state.Rotate(next[0].rotation_rad);
+    }
   }
   InterruptCycles(state);
   physical_.RelaxTip(state);

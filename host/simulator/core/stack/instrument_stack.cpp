@@ -129,19 +129,15 @@ InstrumentPlaces InstrumentStack::Bounded(const InstrumentPlaces& places) const 
 InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
                                           const InstrumentPlaces& here, double feed_mm,
                                           double turn_rad) const {
-  InstrumentPlaces next = here;
-  for (int k = 0; k < size(); ++k) {
-    const double left = goal[k].rotation_rad - here[k].rotation_rad;
-    next[k].rotation_rad = std::abs(left) <= turn_rad
-                               ? goal[k].rotation_rad
-                               : here[k].rotation_rad + std::copysign(turn_rad, left);
-  }
-
   double longest_mm = 0;
+  double most_rad = 0;
   for (int k = 0; k < size(); ++k) {
     longest_mm = std::max(longest_mm, std::abs(goal[k].insertion_mm - here[k].insertion_mm));
+    most_rad = std::max(most_rad, std::abs(goal[k].rotation_rad - here[k].rotation_rad));
   }
-  double part = longest_mm > feed_mm ? feed_mm / longest_mm : 1;
+  const double feed_part = longest_mm > feed_mm ? feed_mm / longest_mm : 1;
+  const double turn_part = most_rad > turn_rad ? turn_rad / most_rad : 1;
+  double part = std::min(feed_part, turn_part);
   // Who passes the leader first, on this part of the way.
   const int leader = here.Leader();
   int passing = -1;
@@ -154,15 +150,16 @@ InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
     part = lead_mm / gain_mm;
     passing = k;
   }
+  if (part == 1) return goal;
+  InstrumentPlaces next = here;
   for (int k = 0; k < size(); ++k) {
-    const double left = goal[k].insertion_mm - here[k].insertion_mm;
-    if (part == 1) {
-      next[k].insertion_mm = goal[k].insertion_mm;
-    } else if (passing < 0 && std::abs(left) == longest_mm) {
-      next[k].insertion_mm = here[k].insertion_mm + std::copysign(feed_mm, left);
-    } else {
-      next[k].insertion_mm = here[k].insertion_mm + part * left;
-    }
+    const double feed = goal[k].insertion_mm - here[k].insertion_mm;
+    const double turn = goal[k].rotation_rad - here[k].rotation_rad;
+    // The longest goes as far as it may, without rounding.
+    const bool whole_feed = part == feed_part && std::abs(feed) == longest_mm;
+    const bool whole_turn = part == turn_part && std::abs(turn) == most_rad;
+    next[k].insertion_mm += whole_feed ? std::copysign(feed_mm, feed) : part * feed;
+    next[k].rotation_rad += whole_turn ? std::copysign(turn_rad, turn) : part * turn;
   }
   if (passing >= 0) next[passing].insertion_mm = next[leader].insertion_mm;
   return next;

@@ -72,10 +72,10 @@ class InstrumentStack {
 
   /// Insertions within 0 .. the length of each.
   InstrumentPlaces Bounded(const InstrumentPlaces& places) const;
-  /// The next places on the way from `here` to `goal`: no insertion changes by more than `feed_mm`,
-  /// no rotation by more than `turn_rad`. Insertions keep their proportion, so that all arrive
-  /// together; where another instrument is about to lead, it stops beside the leader. The last step
-  /// ends at `goal` exactly.
+  /// The next places on the straight way from `here` to `goal`: no insertion changes by more than
+  /// `feed_mm`, no rotation by more than `turn_rad`, but for rounding. All feeds and turns keep
+  /// their proportion and arrive together; where another instrument is about to lead, it stops
+  /// beside the leader. The last step ends at `goal` exactly.
   InstrumentPlaces Towards(const InstrumentPlaces& goal, const InstrumentPlaces& here,
                            double feed_mm, double turn_rad) const;
   /// Makes the rod what the instruments are at these places. O(segments), no heap; nothing to do

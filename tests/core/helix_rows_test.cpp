@@ -1,0 +1,109 @@
+// Hands that feed and turn at once: the way does not depend on how it is cut into rows.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/effects/contact/friction.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/wires.h"
+
+namespace torquer::test {
+namespace {
+
+// A wire with a bent tip, alone or in a catheter, with friction in a vessel that goes round.
+struct Screwed {
+  Torus field{Side::kInside, 30, 4};
+  WallModel wall{.stiffness_N_mm2 = 0.1};
+  InstrumentStack stack;
+  effects::Friction friction;
+  std::vector<EnergyTerm*> terms{&friction};
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  static std::vector<WireModel> Instruments(int count) {
+    const Sheath sheath{Vector3d(30, 0, 0), Vector3d::UnitY()};
+    std::vector<WireModel> instruments;
+    instruments.push_back(MakeWire(
+        {.radius_mm = 0.2, .tip_mm = 12, .tip_curvature_1_per_mm = 0.08, .sheath = sheath}));
+    if (count > 1) {
+      instruments.push_back(MakeWire({.rigidity_N_mm2 = 0.02,
+                                      .radius_mm = 0.5,
+                                      .tip_mm = 8,
+                                      .tip_curvature_1_per_mm = 0.03,
+                                      .sheath = sheath}));
+    }
+    return instruments;
+  }
+  effects::EffectContext Context() const {
+    effects::EffectContext context{stack.rod(), wall};
+    context.instruments.resize(static_cast<std::size_t>(stack.size()));
+    return context;
+  }
+  explicit Screwed(int count)
+      : stack(Instruments(count)),
+        friction(0.2, 0.005, Context()),
+        relaxation(MakeNewtonRelaxation(stack, field, wall, {}, terms)),
+        state(stack.rod(), count) {
+    relaxation->Restart(state);
+    InstrumentPlaces start(count);
+    for (int k = 0; k < count; ++k) start[k].insertion_mm = 20 - 5.0 * k;
+    REQUIRE(Settle(*relaxation, start, state, 300).converged);
+  }
+  void Go(double feed_mm, double turn_rad, int rows) {
+    const InstrumentPlaces start = state.places();
+    for (int row = 1; row <= rows; ++row) {
+      InstrumentPlaces target = start;
+      for (int k = 0; k < stack.size(); ++k) {
+        // The catheter follows more slowly, and turns the other way.
+        const double part = (k == 0 ? 1.0 : 0.6) * row / rows;
+        target[k].insertion_mm += part * feed_mm;
+        target[k].rotation_rad += (k == 0 ? 1 : -1) * part * turn_rad;
+      }
+      REQUIRE(Settle(*relaxation, target, state, 300).converged);
+    }
+  }
+};
+
+TEST_CASE("Fed and turned at once, a wire goes the same way in one row and in many") {
+  const int count = GENERATE(1, 2);
+  struct Way {
+    double feed_mm;
+    double turn_rad;
+    int rows;  // each about a part
+  };
+  const Way way = GENERATE(Way{30, 6, 120}, Way{6, 7, 35}, Way{-10, 5, 40}, Way{0.5, -9, 45});
+  CAPTURE(count, way.feed_mm, way.turn_rad);
+  Screwed many(count);
+  many.Go(way.feed_mm, way.turn_rad, way.rows);
+  for (const int rows : {1, 5}) {
+    Screwed few(count);
+    few.Go(way.feed_mm, way.turn_rad, rows);
+    CHECK(LargestDistance(few.state, many.state) < 0.02);
+  }
+}
+
+TEST_CASE("Feeds and turns of all instruments arrive together, and stop where the lead changes") {
+  const InstrumentStack stack(Screwed::Instruments(2));
+  const InstrumentPlaces here{{20, 0.5}, {15, -1}};
+  const InstrumentPlaces turning = stack.Towards({{21, 4.5}, {14.5, -2}}, here, 0.25, 0.2);
+  CHECK(turning[0].rotation_rad == 0.7);  // a twentieth of the way
+  CHECK(turning[0].insertion_mm == Approx(20.05));
+  CHECK(turning[1].insertion_mm == Approx(14.975));
+  CHECK(turning[1].rotation_rad == Approx(-1.05));
+  const InstrumentPlaces feeding = stack.Towards({{25, 0.6}, {15, -1}}, here, 0.25, 0.2);
+  CHECK(feeding[0].insertion_mm == 20.25);
+  CHECK(feeding[0].rotation_rad == Approx(0.505));
+  CHECK(feeding[1] == here[1]);
+  // The catheter passes the wire half of the way.
+  const InstrumentPlaces near{{15.1, 0}, {15, 0}};
+  const InstrumentPlaces beside = stack.Towards({{15.1, 0}, {15.2, 0.1}}, near, 0.25, 0.2);
+  CHECK(beside[1].insertion_mm == beside[0].insertion_mm);
+  CHECK(beside[1].rotation_rad == Approx(0.05));
+  const InstrumentPlaces goal{{15.2, 0.1}, {15.1, -0.2}};
+  CHECK(stack.Towards(goal, near, 0.25, 0.2) == goal);
+}
+
+}  // namespace
+}  // namespace torquer::test
