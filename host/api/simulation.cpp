@@ -175,6 +175,7 @@ std::vector<InstrumentState> Simulation::instruments() const {
 double Simulation::energy_mJ() const { return parts_->simulation.report().energy_mJ; }
 double Simulation::residual() const { return parts_->simulation.report().residual; }
 double Simulation::SolverErrorMm() { return parts_->simulation.SolverErrorMm(); }
+double Simulation::DiscretizationErrorMm() { return parts_->simulation.DiscretizationErrorMm(); }
 double Simulation::max_penetration_mm() const {
   return parts_->simulation.report().max_penetration_mm;
 }

@@ -235,6 +235,9 @@ void AddSimulation(py::module_& module) {
                              "Of all that decides how it goes on.")
       .def("solver_error_mm", &Simulation::SolverErrorMm, NoGil(),
            "About how far the wire is from where relaxing to the end would bring it.")
+      .def("discretization_error_mm", &Simulation::DiscretizationErrorMm, NoGil(),
+           "About how far it is from where it would be with ever finer segments; nan where it "
+           "touches the wall, twists or has friction or inertia.")
       .def(
           "readings",
           [](const Simulation& self) {

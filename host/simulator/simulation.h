@@ -59,6 +59,8 @@ class Simulation {
   const Relaxation& relaxation() const { return *relaxation_; }
   /// Of the present state; see Relaxation::SolverErrorMm.
   double SolverErrorMm() { return relaxation_->SolverErrorMm(state_); }
+  /// The same; see Relaxation::DiscretizationErrorMm.
+  double DiscretizationErrorMm() { return relaxation_->DiscretizationErrorMm(state_); }
   const TickReport& report() const { return report_; }
   /// Of all that decides the motion from here on: the wire, and what the method and the energy
   /// terms remember.

@@ -108,6 +108,8 @@ std::vector<StateField> AllFields(const Simulation& simulation) {
   list.Add("energy_mJ", [](Row row) { return row.simulation.report().energy_mJ; });
   list.Add("dissipated_mJ", [](Row row) { return row.simulation.report().dissipated_mJ; });
   list.Add("residual", [](Row row) { return row.simulation.report().residual; });
+  list.Add("discretization_error_mm",
+           [](Row row) { return row.simulation.DiscretizationErrorMm(); });
   list.Add("solver_error_mm", [](Row row) { return row.simulation.SolverErrorMm(); });
   list.Add("max_penetration_um",
            [](Row row) { return 1e3 * row.simulation.report().max_penetration_mm; });

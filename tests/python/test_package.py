@@ -38,6 +38,8 @@ def test_a_step_moves_the_wire(phantom):
     assert 0 < np.linalg.norm(simulation.tips_mm[0] - before) < 10
     assert simulation.residual < 1e-3 and simulation.max_penetration_mm < 0.1
     assert simulation.solver_error_mm() < 1e-2
+    error_mm = simulation.discretization_error_mm()
+    assert np.isnan(error_mm) or 0 <= error_mm < 1
     assert not simulation.outside_lumen
 
 

@@ -191,6 +191,9 @@ class TORQUER_API Simulation {
   double residual() const;   ///< largest out-of-balance moment over the local EI/(1 mm)
   /// About how far the wire is from where relaxing to the end would bring it; NaN near no minimum.
   double SolverErrorMm();
+  /// About how far it is from where it would be with ever finer segments; NaN where it touches the
+  /// wall, twists, or has friction, inertia or room in a lumen.
+  double DiscretizationErrorMm();
   double max_penetration_mm() const;  ///< of the wire's surface into the wall
   bool outside_lumen() const;         ///< whether a part of the wire's middle line is
   std::uint64_t state_hash() const;   ///< of all that decides how it goes on

@@ -37,16 +37,23 @@ int ShortBy(const WireState& state) {
   return state.second() == nullptr ? 0 : state.segments() - state.second()->segments();
 }
 
-// The largest displacement of a node by a step.
+// The largest displacement of a node by a step, and by `shift_mm` of each where that is given.
 double LongestMm(const WireModel& model, const WireState& curve, const Expansion& at,
-                 const CurveStep& step) {
-  if (curve.segments() == 0) return 0;
-  const double last_mm = curve.SegmentLength(model, curve.segments() - 1);
-  const Vector3d tip_mm =
-      step.displacement_mm.back() + at.frames.back() * (last_mm * step.xi.back());
-  double squared = tip_mm.squaredNorm();
-  for (const Vector3d& moved_mm : step.displacement_mm)
+                 const CurveStep& step, const std::vector<Vector3d>* shift_mm = nullptr) {
+  const auto n = static_cast<std::size_t>(curve.segments());
+  if (n == 0) return 0;
+  double squared = 0;
+  for (std::size_t i = 0; i <= n; ++i) {
+    Vector3d moved_mm;
+    if (i < n) {
+      moved_mm = step.displacement_mm[i];
+    } else {
+      const double last_mm = curve.SegmentLength(model, curve.segments() - 1);
+      moved_mm = step.displacement_mm.back() + at.frames.back() * (last_mm * step.xi.back());
+    }
+    if (shift_mm != nullptr) moved_mm += (*shift_mm)[i];
     squared = std::max(squared, moved_mm.squaredNorm());
+  }
   return std::sqrt(squared);
 }
 }  // namespace
@@ -91,6 +98,7 @@ NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
   }
   step_.reserve(room);
   displacement_mm_.reserve(room);
+  if (!Stage::kTwists && !Stage::kTwoCurves) defect_.Reserve(model_.max_segments());
   spin_step_.reserve(room * static_cast<std::size_t>(model_.spins()));
   if (Stage::kStack && !terms.empty()) {
     balance_.Reserve(model_.max_segments());
@@ -155,13 +163,17 @@ std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
 }
 
 template <class Stage>
+void NewtonMethod<Stage>::ExpandTrueLoads(const WireState& state) {
+  BringUpToDate(state);
+  if (!attempting_) return;
+  // Back from the loads of the model to those of the state.
+  BeginModel(state, false);
+}
+
+template <class Stage>
 double NewtonMethod<Stage>::SolverErrorMm(const WireState& state) {
   if (state.segments() == 0) return 0;
-  BringUpToDate(state);
-  if (attempting_) {
-    // Back from the loads of the model to those of the state.
-    BeginModel(state, false);
-  }
+  ExpandTrueLoads(state);
   if (!sweep_.Factor(model_, state, current_, 0)) return std::numeric_limits<double>::quiet_NaN();
   sweep_.Step(model_, state, current_, step_, spin_step_, displacement_mm_);
   double longest_mm = LongestMm(model_, state, current_, {step_, displacement_mm_});
@@ -171,6 +183,24 @@ double NewtonMethod<Stage>::SolverErrorMm(const WireState& state) {
                                     {sweep_.second_step(), sweep_.second_displacement_mm()}));
   }
   return longest_mm;
+}
+
+template <class Stage>
+double NewtonMethod<Stage>::DiscretizationErrorMm(const WireState& state) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  // Of forces that remember, the way counts as well as the place.
+  const bool remembers = std::any_of(terms_.begin(), terms_.end(),
+                                     [](const EnergyTerm* term) { return term->Dissipates(); });
+  if (Stage::kTwists || Stage::kTwoCurves || remembers) return kUnknown;
+  if (state.segments() == 0) return 0;
+  ExpandTrueLoads(state);
+  // Which points touch, and where a tip sinks in, is no smooth function of the mesh.
+  if (current_.max_penetration_mm > 0) return kUnknown;
+  trial_expansion_ = current_;
+  defect_.Put(model_, state, trial_expansion_);
+  if (!sweep_.Factor(model_, state, trial_expansion_, 0)) return kUnknown;
+  sweep_.Step(model_, state, trial_expansion_, step_, spin_step_, displacement_mm_);
+  return LongestMm(model_, state, current_, {step_, displacement_mm_}, &defect_.shift_mm());
 }
 
 template <class Stage>

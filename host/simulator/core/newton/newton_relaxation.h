@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "host/simulator/core/discretization_error.h"
 #include "host/simulator/core/newton/active_set.h"
 #include "host/simulator/core/newton/damping.h"
 #include "host/simulator/core/newton/feed_prediction.h"
@@ -57,6 +58,7 @@ class NewtonMethod final : public Relaxation {
   const Expansion& Current() const override { return current_; }
   std::uint64_t Hash(std::uint64_t seed) const override;
   double SolverErrorMm(const WireState& state) override;
+  double DiscretizationErrorMm(const WireState& state) override;
 
  private:
   // What the model of the energy says of its minimum.
@@ -97,6 +99,7 @@ class NewtonMethod final : public Relaxation {
   bool Stable(const WireState& state);
   void PushOff(WireState& state);
   void BringUpToDate(const WireState& state);
+  void ExpandTrueLoads(const WireState& state);
 
   const WireModel& model_;
   const ClearanceField& field_;
@@ -115,6 +118,7 @@ class NewtonMethod final : public Relaxation {
   std::vector<double> spin_step_;  // the same about the tangents, the model's spins a segment
   std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
   std::vector<Eigen::Vector2d> second_push_;      // of the second curve, off an unstable balance
+  DiscretizationDefect defect_;
   HandForces balance_;  // of each instrument, for terms that act between them
   std::vector<Eigen::Vector3d> point_gradient_N_;
   double travel_mm_ = 0;  // of the vessel, in current_

@@ -1,0 +1,47 @@
+// Friction on the wall of instruments on two curves.
+#include <catch2/catch.hpp>
+
+#include "host/simulator/effects/contact/friction.h"
+#include "tests/support/finite_differences.h"
+#include "tests/support/two_curves.h"
+
+namespace torquer::test {
+namespace {
+
+TEST_CASE("Friction of two curves on the wall has the gradient of finite differences") {
+  const InstrumentPlaces places = GENERATE(kWireLeads, kCatheterLeads);
+  const int points_per_segment = GENERATE(1, 2, 3);
+  TwoCurves curves(places, points_per_segment, 3);
+  effects::EffectContext context{curves.model, curves.wall};
+  context.instruments.resize(2);
+  effects::Friction friction(0.5, 0.05, context);
+  curves.terms.push_back(&friction);
+  curves.at = curves.mechanics.MakeExpansion();
+  const auto expand = [&] {
+    curves.mechanics.points().Forget();
+    curves.mechanics.Expand(curves.state, curves.at);
+  };
+  // Anchors where it lies, and then moved away from them by less than slips.
+  expand();
+  friction.Begin(curves.at.points);
+  friction.End(curves.at.points);
+  friction.Begin(curves.at.points);
+  const double before_mJ = friction.Add(curves.at.points, curves.at.derivatives);
+  Eigen::VectorXd x = Eigen::VectorXd::Constant(curves.unknowns(), 8e-4);
+  for (Eigen::Index k = 0; k < x.size(); k += 3) x[k] = -5e-4;
+  curves.state = curves.Stepped(x);
+  expand();
+  CHECK(curves.at.energy_mJ > before_mJ);
+  const Eigen::VectorXd with = curves.Gradient();
+  const Eigen::VectorXd gradient =
+      GradientOf([&](const Eigen::VectorXd& step) { return curves.Energy(step); },
+                 Eigen::VectorXd::Zero(curves.unknowns()), 1e-4);
+  CHECK((gradient - with).norm() < 1e-6 * gradient.norm());
+  // The part of friction in it is no small one.
+  friction.Reset();
+  expand();
+  CHECK((curves.Gradient() - with).norm() > 1e-3 * with.norm());
+}
+
+}  // namespace
+}  // namespace torquer::test
