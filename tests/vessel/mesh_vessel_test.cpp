@@ -140,6 +140,12 @@ TEST_CASE("a partly built field is kept and grows from run to run") {
   first->field().Prefetch({5, 0, 0}, 5);
   const size_t built = first->field().Statistics().bricks_built;
   CHECK(first->SaveCache().empty());
+  const std::string kept = OnlyFileIn(cache);
+  // What has not grown is not written again.
+  std::filesystem::rename(kept, folder.Path("kept"));
+  CHECK(first->SaveCache().empty());
+  CHECK_FALSE(std::filesystem::exists(kept));
+  std::filesystem::rename(folder.Path("kept"), kept);
   const auto second = MeshVessel::Open(path, Options(cache, 1));
   CHECK(second->from_cache());
   second->field().Prefetch({5, 0, 0}, 5);

@@ -154,13 +154,15 @@ std::unique_ptr<MeshVessel> MeshVessel::Make(const std::string& contents, const 
       std::make_unique<BrickField>(vessel->surface_, vessel->report_.bounds_mm, options.field);
   if (vessel->from_cache_) {
     vessel->field_->Adopt(cached.bricks, cached.complete_levels, cached.memory);
+    vessel->bricks_kept_ = 0;
   }
   return vessel;
 }
 
 std::string MeshVessel::SaveCache() const {
   if (cache_path_.empty()) return "";
-  if (from_cache_ && field_->Statistics().bricks_built == 0) return "";
+  const auto built = static_cast<std::int64_t>(field_->Statistics().bricks_built);
+  if (bricks_kept_.exchange(built) == built) return "";
   Bytes bytes;
   TriangleMesh mesh = surface_->mesh();
   MeshReport report = report_;

@@ -2,6 +2,8 @@
 // built.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -39,7 +41,8 @@ class MeshVessel {
   const std::vector<std::string>& cache_findings() const { return cache_findings_; }
   bool from_cache() const { return from_cache_; }
 
-  /// Keeps what is built for the next run; does nothing where there is nothing new or no folder.
+  /// Keeps what is built for the next run; does nothing where there is no folder, or nothing new
+  /// since this was opened or tried last.
   /// Safe beside look-ups. Returns why it could not, empty otherwise: a run without a cache is
   /// slower to start, not wrong.
   std::string SaveCache() const;
@@ -54,6 +57,8 @@ class MeshVessel {
   std::string cache_path_;
   std::vector<std::string> cache_findings_;
   bool from_cache_ = false;
+  mutable std::atomic<std::int64_t> bricks_kept_ =
+      -1;  // of those built here; -1: not even the mesh
 };
 
 }  // namespace torquer::vessel
