@@ -1,6 +1,7 @@
 // What the public classes of torquer.h hold.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,8 +20,15 @@ struct Scene::Parts {
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
-  /// Of which each simulation has a twin.
-  const scene::Scene scene;
+  /// As Scene::KeepField.
+  std::string KeepField() const;
+
+  /// A scene for a simulation alone, whose effects remember: this one, or a twin where another
+  /// simulation has this one. These parts must outlive it.
+  std::shared_ptr<scene::Scene> Lend() const;
+
+  const std::unique_ptr<scene::Scene> scene;
+  mutable std::atomic<bool> lent = false;
   const std::string folder;
   std::vector<InstrumentInfo> instruments;
 };
@@ -30,11 +38,9 @@ struct Simulation::Parts {
   Parts(const Parts& other);
 
   Scene scene;
-  std::unique_ptr<scene::Scene> twin;
+  std::shared_ptr<scene::Scene> lent;
   simulator::Simulation simulation;
   simulator::RowRun rows;
-  Command command;
-  bool begun = false;              ///< a command was carried out since the start
   std::vector<Picture> pictures;   ///< of each plane
   std::vector<bool> pictures_due;  ///< one was taken that `pictures` does not show
 };

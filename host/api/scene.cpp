@@ -12,20 +12,6 @@ namespace {
 
 Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
 
-std::vector<InstrumentInfo> Describe(const scene::Scene& scene) {
-  const InstrumentPlaces start = scene.start();
-  std::vector<InstrumentInfo> all;
-  for (const effects::Instrument& instrument : scene.instruments()) {
-    const InstrumentPlace& place = start[static_cast<int>(all.size())];
-    all.push_back({.name = instrument.name,
-                   .max_length_mm = instrument.model->max_length_mm(),
-                   .tip_radius_mm = instrument.model->radius_mm(0),
-                   .inner_radius_mm = instrument.inner_radius_mm,
-                   .start = {place.insertion_mm, place.rotation_rad}});
-  }
-  return all;
-}
-
 std::vector<Point> Walk(const vessel::Centerline& curve, double step_mm) {
   if (!(step_mm > 0)) {
     throw Error("step_mm is " + std::to_string(step_mm) + "; give a distance above 0");
@@ -47,14 +33,20 @@ Error::Error(const std::string& message) : std::runtime_error(message) {}
 Error::~Error() = default;
 
 Scene::Parts::Parts(scene::SceneSpec spec)
-    : scene(std::move(spec)),
-      folder(std::filesystem::absolute(scene.spec().folder).lexically_normal().string()),
-      instruments(Describe(scene)) {}
+    : scene(std::make_unique<scene::Scene>(std::move(spec))),
+      folder(std::filesystem::absolute(scene->spec().folder).lexically_normal().string()),
+      instruments(simulator::InstrumentsOf(*scene)) {}
 
-// What was built of the vessel's field is kept for the next program that opens the scene; that it
-// cannot be kept is no error here: the next one is slower to start.
-Scene::Parts::~Parts() {
-  if (scene.vessel().surface != nullptr) scene.vessel().surface->SaveCache();
+Scene::Parts::~Parts() { KeepField(); }
+
+std::string Scene::Parts::KeepField() const {
+  const auto& surface = scene->vessel().surface;
+  return surface == nullptr ? "" : surface->SaveCache();
+}
+
+std::shared_ptr<scene::Scene> Scene::Parts::Lend() const {
+  if (lent.exchange(true)) return scene->MakeTwin();
+  return {scene.get(), [this](scene::Scene*) { lent = false; }};
 }
 
 Scene::Scene(std::shared_ptr<const Parts> parts) : parts_(std::move(parts)) {}
@@ -72,26 +64,28 @@ Scene Scene::FromText(const std::string& toml, const std::string& folder) {
   });
 }
 
-const std::string& Scene::name() const { return parts_->scene.name(); }
-std::string Scene::text() const { return scene::WriteScene(parts_->scene.spec()); }
+std::string Scene::KeepField() const { return parts_->KeepField(); }
+const std::string& Scene::name() const { return parts_->scene->name(); }
+const std::string& Scene::path() const { return parts_->scene->path(); }
+std::string Scene::text() const { return scene::WriteScene(parts_->scene->spec()); }
 const std::string& Scene::folder() const { return parts_->folder; }
-std::uint64_t Scene::content_hash() const { return parts_->scene.content_hash(); }
+std::uint64_t Scene::content_hash() const { return parts_->scene->content_hash(); }
 const std::vector<InstrumentInfo>& Scene::instruments() const { return parts_->instruments; }
-std::vector<std::string> Scene::effects() const { return parts_->scene.effect_names(); }
-const std::vector<std::string>& Scene::findings() const { return parts_->scene.vessel().findings; }
+std::vector<std::string> Scene::effects() const { return parts_->scene->effect_names(); }
+const std::vector<std::string>& Scene::findings() const { return parts_->scene->vessel().findings; }
 
 std::array<Point, 2> Scene::bounds_mm() const {
-  const Eigen::AlignedBox3d& box = parts_->scene.vessel().bounds_mm;
+  const Eigen::AlignedBox3d& box = parts_->scene->vessel().bounds_mm;
   return {ToPoint(box.min()), ToPoint(box.max())};
 }
 
 double Scene::ClearanceMm(const Point& point_mm) const {
-  return parts_->scene.vessel().field->Clearance({point_mm[0], point_mm[1], point_mm[2]});
+  return parts_->scene->vessel().field->Clearance({point_mm[0], point_mm[1], point_mm[2]});
 }
 
 std::vector<std::string> Scene::centerlines() const {
   std::vector<std::string> names;
-  for (const vessel::Centerline& curve : parts_->scene.vessel().centerlines.curves()) {
+  for (const vessel::Centerline& curve : parts_->scene->vessel().centerlines.curves()) {
     names.push_back(curve.name());
   }
   return names;
@@ -99,7 +93,7 @@ std::vector<std::string> Scene::centerlines() const {
 
 std::vector<Point> Scene::CenterlineMm(const std::string& name, double step_mm) const {
   return Guarded([&] {
-    const vessel::CenterlineNetwork& network = parts_->scene.vessel().centerlines;
+    const vessel::CenterlineNetwork& network = parts_->scene->vessel().centerlines;
     return Walk(network.curves()[network.Find(name)], step_mm);
   });
 }
@@ -107,8 +101,8 @@ std::vector<Point> Scene::CenterlineMm(const std::string& name, double step_mm) 
 std::vector<Point> Scene::RouteMm(const std::string& centerline, double at_mm,
                                   double step_mm) const {
   return Guarded([&] {
-    const vessel::CenterlineNetwork& network = parts_->scene.vessel().centerlines;
-    const vessel::CenterlinePlace from = network.NearestTo(parts_->scene.rod().sheath().point_mm);
+    const vessel::CenterlineNetwork& network = parts_->scene->vessel().centerlines;
+    const vessel::CenterlinePlace from = network.NearestTo(parts_->scene->rod().sheath().point_mm);
     return Walk(network.Path(from, network.Place(centerline, at_mm)), step_mm);
   });
 }

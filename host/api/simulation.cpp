@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "host/api/parts.h"
+#include "host/simulator/session_record.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer {
@@ -13,14 +14,6 @@ namespace torquer {
 namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180;
-
-Command StartOf(const Scene& scene) {
-  Command command;
-  for (const InstrumentInfo& instrument : scene.instruments()) {
-    command.hands.push_back(instrument.start);
-  }
-  return command;
-}
 
 void Check(const Command& command, const Scene& scene) {
   const std::vector<InstrumentInfo>& instruments = scene.instruments();
@@ -38,21 +31,14 @@ void Check(const Command& command, const Scene& scene) {
     if (std::abs(angle_deg) <= 180) continue;
     throw Error(fmt::format("an angle of the C-arm is {} degrees; give -180 to 180", angle_deg));
   }
-}
-
-simulator::Command ToRow(const Command& command) {
-  simulator::Command row;
-  row.target = InstrumentPlaces(static_cast<int>(command.hands.size()));
-  for (int k = 0; k < row.target.size(); ++k) {
-    const Hand& hand = command.hands[static_cast<std::size_t>(k)];
-    row.target[k] = {hand.insertion_mm, hand.rotation_rad};
-  }
-  row.time_s = command.time_s;
-  row.controls = {.lao_rad = kRadPerDeg * command.lao_deg,
-                  .cra_rad = kRadPerDeg * command.cra_deg,
-                  .xray = command.xray,
-                  .contrast = command.contrast};
-  return row;
+  const Imaging& imaging = command.imaging;
+  if (simulator::Usable(simulator::ToEffects(imaging))) return;
+  throw Error(fmt::format(
+      "imaging has mode {}, pulses_per_s {}, magnification {}, shutters left {}, right {}, top {}, "
+      "bottom {}; give a mode that there is, 1 to 60 pulses or 0, magnification 1 to 4, shutters 0 "
+      "to 0.45",
+      static_cast<int>(imaging.mode), imaging.pulses_per_s, imaging.magnification, imaging.left,
+      imaging.right, imaging.top, imaging.bottom));
 }
 
 Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
@@ -67,20 +53,17 @@ std::vector<double> InMilli(const std::vector<double>& values) {
 
 Simulation::Parts::Parts(const Scene& of)
     : scene(of),
-      twin(of.parts_->scene.MakeTwin()),
-      simulation(*twin),
+      lent(of.parts_->Lend()),
+      simulation(*lent),
       rows(simulation),
-      command(StartOf(of)),
       pictures(simulation.image_count()),
       pictures_due(simulation.image_count()) {}
 
 Simulation::Parts::Parts(const Parts& other)
     : scene(other.scene),
-      twin(scene.parts_->scene.MakeTwin()),
-      simulation(*twin, other.simulation),
+      lent(scene.parts_->Lend()),
+      simulation(*lent, other.simulation),
       rows(simulation),
-      command(other.command),
-      begun(other.begun),
       pictures(other.pictures),
       pictures_due(other.pictures_due) {
   rows.CopyFrom(other.rows);
@@ -98,8 +81,6 @@ Simulation& Simulation::operator=(const Simulation& other) {
   }
   parts_->simulation.CopyFrom(other.parts_->simulation);
   parts_->rows.CopyFrom(other.parts_->rows);
-  parts_->command = other.parts_->command;
-  parts_->begun = other.parts_->begun;
   parts_->pictures = other.parts_->pictures;
   parts_->pictures_due = other.parts_->pictures_due;
   return *this;
@@ -110,42 +91,32 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Simulation::~Simulation() = default;
 
 const Scene& Simulation::scene() const { return parts_->scene; }
-const Command& Simulation::command() const { return parts_->command; }
+const Command& Simulation::command() const { return parts_->rows.command(); }
 
 void Simulation::Restart() {
   parts_->simulation.Restart();
   parts_->rows.Restart();
-  parts_->command = StartOf(parts_->scene);
-  parts_->begun = false;
   parts_->pictures.assign(parts_->pictures.size(), Picture{});
   parts_->pictures_due.assign(parts_->pictures.size(), false);
 }
 
-StepReport Simulation::Step(const Command& command) {
-  const double before_s = parts_->command.time_s;
-  const bool after = parts_->begun ? command.time_s > before_s : command.time_s >= before_s;
+StepReport Simulation::Step(const Command& command) { return Step(command, {}); }
+
+StepReport Simulation::Step(const Command& command,
+                            const std::function<bool(const StepReport& tick)>& after_tick) {
+  const double before_s = parts_->rows.command().time_s;
+  const bool after = parts_->rows.begun() ? command.time_s > before_s : command.time_s >= before_s;
   if (!after || !std::isfinite(command.time_s)) {
     throw Error(fmt::format("time_s is {}, not after the command before, at {}; let times ascend",
                             command.time_s, before_s));
   }
   Check(command, parts_->scene);
-  parts_->rows.GoTo(ToRow(command), [this] {
+  return parts_->rows.GoTo(command, [&](const StepReport& tick) {
     for (std::size_t k = 0; k < parts_->pictures_due.size(); ++k) {
       if (parts_->simulation.picture_due(k)) parts_->pictures_due[k] = true;
     }
-    return true;
+    return !after_tick || after_tick(tick);
   });
-  parts_->command = command;
-  parts_->begun = true;
-  const simulator::RowRun::Cost& cost = parts_->rows.cost();
-  const TickReport& last = parts_->simulation.report();
-  return {.ticks = cost.ticks,
-          .iterations = cost.iterations,
-          .work = cost.work,
-          .converged = last.converged,
-          .budget_spent = last.budget_spent,
-          .stalled = last.stalled,
-          .snapped = cost.snapped};
 }
 
 double Simulation::time_s() const { return parts_->simulation.time_s(); }
@@ -164,7 +135,7 @@ std::vector<InstrumentState> Simulation::instruments() const {
   std::vector<InstrumentState> all;
   for (int k = 0; k < places.size(); ++k) {
     const Eigen::Vector3d tip =
-        PointAt(parts_->twin->rod(), simulation.state().CurveOf(k), places[k].insertion_mm);
+        PointAt(parts_->lent->rod(), simulation.state().CurveOf(k), places[k].insertion_mm);
     all.push_back({.hand = {places[k].insertion_mm, places[k].rotation_rad},
                    .carried = {carried[k].insertion_mm, carried[k].rotation_rad},
                    .tip_mm = ToPoint(tip)});
@@ -173,6 +144,7 @@ std::vector<InstrumentState> Simulation::instruments() const {
 }
 
 double Simulation::energy_mJ() const { return parts_->simulation.report().energy_mJ; }
+double Simulation::dissipated_mJ() const { return parts_->simulation.report().dissipated_mJ; }
 double Simulation::residual() const { return parts_->simulation.report().residual; }
 double Simulation::SolverErrorMm() { return parts_->simulation.SolverErrorMm(); }
 double Simulation::DiscretizationErrorMm() { return parts_->simulation.DiscretizationErrorMm(); }
@@ -182,6 +154,15 @@ double Simulation::max_penetration_mm() const {
 bool Simulation::outside_lumen() const {
   return (parts_->simulation.status() & protocol::kWireOutsideLumen) != 0;
 }
+
+std::vector<Contact> Simulation::contacts() const {
+  std::vector<Contact> all;
+  for (const simulator::Simulation::Contact& contact : parts_->simulation.Contacts()) {
+    all.push_back({static_cast<std::size_t>(contact.node), contact.penetration_mm});
+  }
+  return all;
+}
+
 std::uint64_t Simulation::state_hash() const { return parts_->simulation.state_hash(); }
 
 std::vector<Reading> Simulation::readings() const {
@@ -191,6 +172,8 @@ std::vector<Reading> Simulation::readings() const {
   }
   return all;
 }
+
+std::string Simulation::Record() const { return simulator::FormatRecord(parts_->simulation); }
 
 Forces Simulation::forces() const {
   Forces out;
@@ -205,6 +188,11 @@ Forces Simulation::forces() const {
 }
 
 int Simulation::picture_planes() const { return static_cast<int>(parts_->pictures.size()); }
+
+bool Simulation::picture_due(int plane) const {
+  return plane >= 0 && plane < picture_planes() &&
+         parts_->pictures_due[static_cast<std::size_t>(plane)];
+}
 
 const Picture& Simulation::LastPicture(int plane) {
   if (parts_->pictures.empty()) {

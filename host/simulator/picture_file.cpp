@@ -36,7 +36,7 @@ Picture Halved(const Picture& picture) {
 
 }  // namespace
 
-void WritePng(const std::string& path, const effects::ImageSource::Picture& picture) {
+void WritePng(const std::string& path, const torquer::Picture& picture) {
   png_image image{};
   image.version = PNG_IMAGE_VERSION;
   image.width = static_cast<png_uint_32>(picture.width);

@@ -6,12 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "host/api/torquer/torquer.h"
 #include "host/simulator/effects/effect.h"
 
 namespace torquer::simulator {
 
 /// Writes a gray PNG. Throws UserError naming the path.
-void WritePng(const std::string& path, const effects::ImageSource::Picture& picture);
+void WritePng(const std::string& path, const torquer::Picture& picture);
 
 struct Jpeg {
   int width = 0;

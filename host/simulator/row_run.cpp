@@ -1,31 +1,101 @@
 #include "host/simulator/row_run.h"
 
+#include <numbers>
+
 #include "host/simulator/script_ticks.h"
 
 namespace torquer::simulator {
 
+namespace {
+
+Command ToTick(const torquer::Command& row) {
+  constexpr double kRadPerDeg = std::numbers::pi / 180;
+  Command tick;
+  tick.target = InstrumentPlaces(static_cast<int>(row.hands.size()));
+  for (int k = 0; k < tick.target.size(); ++k) {
+    const Hand& hand = row.hands[static_cast<std::size_t>(k)];
+    tick.target[k] = {hand.insertion_mm, hand.rotation_rad};
+  }
+  tick.time_s = row.time_s;
+  tick.controls = {.lao_rad = kRadPerDeg * row.lao_deg,
+                   .cra_rad = kRadPerDeg * row.cra_deg,
+                   .xray = row.xray,
+                   .contrast = row.contrast,
+                   .imaging = ToEffects(row.imaging)};
+  return tick;
+}
+
+}  // namespace
+
+effects::Imaging ToEffects(const Imaging& imaging) {
+  using Mode = effects::Imaging::Mode;
+  static_assert(static_cast<int>(Mode::kPlain) == static_cast<int>(Imaging::Mode::kPlain));
+  static_assert(static_cast<int>(Mode::kRoadmap) == static_cast<int>(Imaging::Mode::kRoadmap));
+  return {.mode = static_cast<Mode>(imaging.mode),
+          .pulses_per_s = imaging.pulses_per_s,
+          .magnification = imaging.magnification,
+          .left = imaging.left,
+          .right = imaging.right,
+          .top = imaging.top,
+          .bottom = imaging.bottom};
+}
+
+std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene) {
+  const InstrumentPlaces start = scene.start();
+  std::vector<InstrumentInfo> all;
+  for (const effects::Instrument& instrument : scene.instruments()) {
+    const InstrumentPlace& place = start[static_cast<int>(all.size())];
+    all.push_back({.name = instrument.name,
+                   .max_length_mm = instrument.model->max_length_mm(),
+                   .tip_radius_mm = instrument.model->radius_mm(0),
+                   .inner_radius_mm = instrument.inner_radius_mm,
+                   .start = {place.insertion_mm, place.rotation_rad}});
+  }
+  return all;
+}
+
 RowRun::RowRun(Simulation& simulation) : simulation_(simulation) { Restart(); }
 
 void RowRun::Restart() {
-  before_ = Command();
-  before_.target = simulation_.scene().start();
-  before_.time_s = 0;
+  command_ = {};
+  for (const InstrumentInfo& instrument : InstrumentsOf(simulation_.scene())) {
+    command_.hands.push_back(instrument.start);
+  }
+  begun_ = false;
 }
 
-bool RowRun::GoTo(const Command& row, const std::function<bool()>& after_tick) {
-  cost_ = {};
-  ScriptTicks ticks(before_, row, simulation_.longest_tick_s());
-  for (Command tick; ticks.Next(tick);) {
+void RowRun::CopyFrom(const RowRun& twin) {
+  command_ = twin.command_;
+  begun_ = twin.begun_;
+}
+
+StepReport RowRun::GoTo(const torquer::Command& row,
+                        const std::function<bool(const StepReport& tick)>& after_tick) {
+  const torquer::Command before = command_;
+  ScriptTicks ticks(before, row, simulation_.longest_tick_s());
+  StepReport step;
+  for (torquer::Command tick; step.finished && ticks.Next(tick);) {
     CountedBudget budget(simulation_.scene().budget_units());
-    const TickReport& report = simulation_.Tick(tick, budget);
-    ++cost_.ticks;
-    cost_.iterations += report.iterations;
-    cost_.work += report.work;
-    cost_.snapped = cost_.snapped || report.snapped;
-    if (!after_tick() && !ticks.done()) return false;
+    const TickReport& report = simulation_.Tick(ToTick(tick), budget);
+    command_ = tick;
+    begun_ = true;
+    const StepReport one = {.ticks = 1,
+                            .iterations = report.iterations,
+                            .work = report.work,
+                            .converged = report.converged,
+                            .budget_spent = report.budget_spent,
+                            .stalled = report.stalled,
+                            .snapped = report.snapped};
+    step = {.ticks = step.ticks + one.ticks,
+            .iterations = step.iterations + one.iterations,
+            .work = step.work + one.work,
+            .converged = one.converged,
+            .budget_spent = one.budget_spent,
+            .stalled = one.stalled,
+            .snapped = step.snapped || one.snapped};
+    if (after_tick && !after_tick(one)) step.finished = ticks.done();
   }
-  before_ = row;
-  return true;
+  return step;
 }
 
 }  // namespace torquer::simulator

@@ -3,15 +3,17 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <numbers>
+#include <utility>
 
+#include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "host/support/nearest_name.h"
 
 namespace torquer::simulator {
 
-ScriptColumns::ScriptColumns(const CsvTable& table, const scene::Scene& scene)
-    : table_(table), scene_(scene) {
+ScriptColumns::ScriptColumns(const CsvTable& table, std::string scene,
+                             std::vector<InstrumentInfo> instruments)
+    : table_(table), scene_(std::move(scene)), instruments_(std::move(instruments)) {
   if (!table_.Find("time_s")) {
     throw UserError(fmt::format("{}:{}: there is no column time_s; a script needs one", table_.path,
                                 table_.header_line));
@@ -20,53 +22,52 @@ ScriptColumns::ScriptColumns(const CsvTable& table, const scene::Scene& scene)
 }
 
 void ScriptColumns::TakeColumn(std::size_t index) {
-  constexpr double kRadPerDeg = std::numbers::pi / 180;
   constexpr double kAny = 1e300;
   const std::string& name = table_.columns[index];
   std::vector<std::string> known = {"time_s", "lao_deg", "cra_deg", "xray", "contrast"};
-  const auto add = [&](int instrument, double lowest, double highest, bool whole, auto take) {
+  using Row = torquer::Command&;
+  const auto add = [&](std::size_t instrument, double lowest, double highest, bool whole,
+                       auto take) {
     columns_.push_back({index, instrument, lowest, highest, whole, take});
   };
   if (name == "time_s") {
-    return add(-1, -kAny, kAny, false, [](int, double v, Command& c) { c.time_s = v; });
+    return add(0, -kAny, kAny, false, [](std::size_t, double v, Row row) { row.time_s = v; });
   }
   if (name == "lao_deg") {
-    return add(-1, -180, 180, false,
-               [](int, double v, Command& c) { c.controls.lao_rad = kRadPerDeg * v; });
+    return add(0, -180, 180, false, [](std::size_t, double v, Row row) { row.lao_deg = v; });
   }
   if (name == "cra_deg") {
-    return add(-1, -180, 180, false,
-               [](int, double v, Command& c) { c.controls.cra_rad = kRadPerDeg * v; });
+    return add(0, -180, 180, false, [](std::size_t, double v, Row row) { row.cra_deg = v; });
   }
   if (name == "xray") {
-    return add(-1, 0, 1, true, [](int, double v, Command& c) { c.controls.xray = v == 1; });
+    return add(0, 0, 1, true, [](std::size_t, double v, Row row) { row.xray = v == 1; });
   }
   if (name == "contrast") {
-    return add(-1, 0, 1, true, [](int, double v, Command& c) { c.controls.contrast = v == 1; });
+    return add(0, 0, 1, true, [](std::size_t, double v, Row row) { row.contrast = v == 1; });
   }
-  for (std::size_t k = 0; k < scene_.instruments().size(); ++k) {
-    const std::string& instrument = scene_.instruments()[k].name;
+  for (std::size_t k = 0; k < instruments_.size(); ++k) {
+    const std::string& instrument = instruments_[k].name;
     if (name == instrument + ".insertion_mm") {
-      return add(static_cast<int>(k), -kAny, kAny, false,
-                 [](int i, double v, Command& c) { c.target[i].insertion_mm += v; });
+      const double start_mm = instruments_[k].start.insertion_mm;
+      return add(k, -kFarthestPlace - start_mm, kFarthestPlace - start_mm, false,
+                 [](std::size_t i, double v, Row row) { row.hands[i].insertion_mm += v; });
     }
     if (name == instrument + ".rotation_rad") {
-      return add(static_cast<int>(k), -kAny, kAny, false,
-                 [](int i, double v, Command& c) { c.target[i].rotation_rad = v; });
+      return add(k, -kFarthestPlace, kFarthestPlace, false,
+                 [](std::size_t i, double v, Row row) { row.hands[i].rotation_rad = v; });
     }
     known.push_back(instrument + ".insertion_mm");
     known.push_back(instrument + ".rotation_rad");
   }
   const std::string near = NearestName(name, known);
-  throw UserError(fmt::format("{}:{}: a script of {} has no column {}; {}it may have: {}",
-                              table_.path, table_.header_line, scene_.path(), name,
-                              near.empty() ? "" : "did you mean " + near + "? ",
-                              fmt::join(known, ", ")));
+  throw UserError(fmt::format(
+      "{}:{}: a script of {} has no column {}; {}it may have: {}", table_.path, table_.header_line,
+      scene_, name, near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
 }
 
-Command ScriptColumns::Read(const CsvRow& row) {
-  Command command;
-  command.target = scene_.start();
+torquer::Command ScriptColumns::Read(const CsvRow& row) {
+  torquer::Command command;
+  for (const InstrumentInfo& instrument : instruments_) command.hands.push_back(instrument.start);
   for (const Column& column : columns_) {
     const double value = table_.Number(row, column.index);
     const bool in_range = value >= column.lowest && value <= column.highest;
@@ -86,10 +87,11 @@ Command ScriptColumns::Read(const CsvRow& row) {
   return command;
 }
 
-std::vector<Command> ReadScript(const std::string& script, const scene::Scene& scene) {
+std::vector<torquer::Command> ReadScript(const std::string& script, const std::string& scene,
+                                         const std::vector<InstrumentInfo>& instruments) {
   const CsvTable table = ReadCsvTable(script);
-  ScriptColumns columns(table, scene);
-  std::vector<Command> commands;
+  ScriptColumns columns(table, scene, instruments);
+  std::vector<torquer::Command> commands;
   for (const CsvRow& row : table.rows) commands.push_back(columns.Read(row));
   return commands;
 }

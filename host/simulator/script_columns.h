@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "host/simulator/scene/scene.h"
-#include "host/simulator/simulation.h"
+#include "host/api/torquer/torquer.h"
 #include "host/support/csv_table.h"
 
 namespace torquer::simulator {
@@ -17,31 +16,34 @@ namespace torquer::simulator {
 /// contrast (0 or 1). Errors are UserError naming file, line, value and remedy.
 class ScriptColumns {
  public:
-  /// Looks at the header alone. Both must outlive this.
-  ScriptColumns(const CsvTable& table, const scene::Scene& scene);
+  /// Looks at the header alone. `scene`: what messages call the scene that has these instruments.
+  /// `table` must outlive this.
+  ScriptColumns(const CsvTable& table, std::string scene, std::vector<InstrumentInfo> instruments);
 
   /// The next row; it is after the row before.
-  Command Read(const CsvRow& row);
+  torquer::Command Read(const CsvRow& row);
 
  private:
   struct Column {
     std::size_t index;
-    int instrument;  // -1: none's
+    std::size_t instrument;  // of those that have one
     double lowest;
     double highest;
     bool whole;
-    void (*take)(int instrument, double value, Command& command);
+    void (*take)(std::size_t instrument, double value, torquer::Command& command);
   };
 
   void TakeColumn(std::size_t index);
 
   const CsvTable& table_;
-  const scene::Scene& scene_;
+  const std::string scene_;
+  const std::vector<InstrumentInfo> instruments_;
   std::vector<Column> columns_;
   std::optional<double> before_s_;
 };
 
 /// The rows of a script file.
-std::vector<Command> ReadScript(const std::string& script, const scene::Scene& scene);
+std::vector<torquer::Command> ReadScript(const std::string& script, const std::string& scene,
+                                         const std::vector<InstrumentInfo>& instruments);
 
 }  // namespace torquer::simulator

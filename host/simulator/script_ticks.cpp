@@ -4,7 +4,7 @@
 
 namespace torquer::simulator {
 
-bool ScriptTicks::Next(Command& tick) {
+bool ScriptTicks::Next(torquer::Command& tick) {
   if (done_) return false;
   tick = row_;
   // A row that ends so close to a step, in parts of it, ends with it.
@@ -18,11 +18,11 @@ bool ScriptTicks::Next(Command& tick) {
   }
   const double part = (until_s - before_.time_s) / (row_.time_s - before_.time_s);
   tick.time_s = until_s;
-  for (int k = 0; k < tick.target.size(); ++k) {
-    const InstrumentPlace& from = before_.target[k];
-    const InstrumentPlace& to = row_.target[k];
-    tick.target[k] = {std::lerp(from.insertion_mm, to.insertion_mm, part),
-                      std::lerp(from.rotation_rad, to.rotation_rad, part)};
+  for (std::size_t k = 0; k < tick.hands.size(); ++k) {
+    const Hand& from = before_.hands[k];
+    const Hand& to = row_.hands[k];
+    tick.hands[k] = {std::lerp(from.insertion_mm, to.insertion_mm, part),
+                     std::lerp(from.rotation_rad, to.rotation_rad, part)};
   }
   return true;
 }

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "host/simulator/simulation.h"
+#include "host/api/torquer/torquer.h"
 
 namespace torquer::simulator {
 
@@ -14,16 +14,16 @@ class ScriptTicks {
  public:
   /// `row` is after `before`, times since the start, and has the same instruments. `step_s` > 0;
   /// infinite: the row is one tick.
-  ScriptTicks(const Command& before, const Command& row, double step_s)
+  ScriptTicks(const torquer::Command& before, const torquer::Command& row, double step_s)
       : before_(before), row_(row), step_s_(step_s) {}
   /// The next of them; false after the one that ends with the row.
-  bool Next(Command& tick);
+  bool Next(torquer::Command& tick);
   /// Whether the one that ends with the row was the last.
   bool done() const { return done_; }
 
  private:
-  const Command& before_;
-  const Command& row_;
+  const torquer::Command& before_;
+  const torquer::Command& row_;
   const double step_s_;
   bool done_ = false;
   std::int64_t count_ = 0;

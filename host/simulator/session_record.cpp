@@ -12,12 +12,10 @@ namespace {
 
 constexpr std::int64_t kRoomBytes = 65536;  // several times what a record has
 
-std::string NeedObserver(const std::string& path, const Simulation& simulation) {
-  if (simulation.Readings().empty()) {
-    throw UserError(simulation.scene().path() +
-                    ": has nothing to record; add [effects.assessment] or [effects.wall_force]");
-  }
-  return path;
+std::string NeedObserver(const std::string& path, const std::string& scene, bool observed) {
+  if (observed) return path;
+  throw UserError(scene +
+                  ": has nothing to record; add [effects.assessment] or [effects.wall_force]");
 }
 
 }  // namespace
@@ -30,7 +28,7 @@ std::string FormatRecord(const Simulation& simulation) {
     instruments[scene.instruments()[k].name] = {{"insertion_mm", place.insertion_mm},
                                                 {"rotation_rad", place.rotation_rad}};
   }
-  nlohmann::ordered_json readings;
+  nlohmann::ordered_json readings = nlohmann::ordered_json::object();
   for (const effects::Reading& reading : simulation.Readings()) {
     readings[reading.name] = reading.value;
   }
@@ -50,13 +48,13 @@ std::string FormatRecord(const Simulation& simulation) {
   return record.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
-SessionRecord::SessionRecord(const std::string& path, const Simulation& simulation)
-    : file_(NeedObserver(path, simulation)) {
+SessionRecord::SessionRecord(const std::string& path, const std::string& scene, bool observed)
+    : file_(NeedObserver(path, scene, observed)) {
   file_.Reserve(kRoomBytes);
 }
 
-void SessionRecord::Finish(const Simulation& simulation) {
-  file_.out() << FormatRecord(simulation);
+void SessionRecord::Finish(const std::string& record) {
+  file_.out() << record;
   file_.Finish();
 }
 

@@ -16,18 +16,18 @@ inline constexpr int kRecordVersion = 2;
 class SessionRecord {
  public:
   /// Before the session runs: `path` is opened for writing, and room for it set aside, so that an
-  /// hour is not lost.
+  /// hour is not lost. `observed`: whether `scene`, a file, has an observer.
   /// Throws UserError when it cannot be, or when the scene has no observer to record.
-  SessionRecord(const std::string& path, const Simulation& simulation);
+  SessionRecord(const std::string& path, const std::string& scene, bool observed);
 
-  /// Writes the record whole. Throws UserError when that fails.
-  void Finish(const Simulation& simulation);
+  /// Writes the record, which is whole then. Throws UserError when that fails.
+  void Finish(const std::string& record);
 
  private:
   AtomicFile file_;
 };
 
-/// The same as text, with its line end.
+/// A record as text, with its line end.
 std::string FormatRecord(const Simulation& simulation);
 
 }  // namespace torquer::simulator

@@ -12,8 +12,6 @@ namespace torquer::simulator {
 
 namespace {
 
-constexpr double kLargestTarget = 1e5;
-
 bool Usable(const InstrumentPlaces& target) {
   return std::all_of(target.begin(), target.end(),
                      [](const InstrumentPlace& place) { return simulator::Usable(place); });
@@ -23,8 +21,8 @@ bool Usable(const InstrumentPlaces& target) {
 
 // Each comparison is false for what is not a number.
 bool Usable(const InstrumentPlace& place) {
-  return std::abs(place.insertion_mm) <= kLargestTarget &&
-         std::abs(place.rotation_rad) <= kLargestTarget;
+  return std::abs(place.insertion_mm) <= kFarthestPlace &&
+         std::abs(place.rotation_rad) <= kFarthestPlace;
 }
 
 bool Usable(const effects::Imaging& imaging) {
@@ -265,11 +263,9 @@ void Simulation::DescribeShape(torquer_lcm::wire_state_t& out) const {
   out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
 }
 
-// A contact a segment at most, with the deepest of its points.
-void Simulation::DescribeContacts(torquer_lcm::wire_state_t& out) const {
+std::vector<Simulation::Contact> Simulation::Contacts() const {
   const PointSet& points = relaxation_->Current().points;
-  out.contact_nodes.clear();
-  out.contact_penetrations_um.clear();
+  std::vector<Contact> all;
   for (int i = 0; i < state_.segments(); ++i) {
     double deepest_mm = 0;
     for (int k = 0; k < points.per_segment; ++k) {
@@ -277,9 +273,17 @@ void Simulation::DescribeContacts(torquer_lcm::wire_state_t& out) const {
       if (q >= points.touches.size() || !points.touches[q]) continue;
       deepest_mm = std::max(deepest_mm, points.radius_mm[q] - points.clearance[q].clearance_mm);
     }
-    if (deepest_mm <= 0) continue;
-    out.contact_nodes.push_back(i + 1);
-    out.contact_penetrations_um.push_back(static_cast<float>(1e3 * deepest_mm));
+    if (deepest_mm > 0) all.push_back({i + 1, deepest_mm});
+  }
+  return all;
+}
+
+void Simulation::DescribeContacts(torquer_lcm::wire_state_t& out) const {
+  out.contact_nodes.clear();
+  out.contact_penetrations_um.clear();
+  for (const Contact& contact : Contacts()) {
+    out.contact_nodes.push_back(contact.node);
+    out.contact_penetrations_um.push_back(static_cast<float>(1e3 * contact.penetration_mm));
   }
   out.contact_count = static_cast<std::int32_t>(out.contact_nodes.size());
 }

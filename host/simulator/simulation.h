@@ -26,7 +26,9 @@ struct Command {
   effects::Controls controls;
 };
 
-/// Whether an instrument can be wanted there: finite, and within 1e5 mm and 1e5 rad.
+/// The farthest that an instrument can be wanted, mm or rad, either way.
+inline constexpr double kFarthestPlace = 1e5;
+/// Whether it can be wanted there: finite, and within kFarthestPlace.
 bool Usable(const InstrumentPlace& place);
 /// Whether an X-ray system can be set so: all within their ranges.
 bool Usable(const effects::Imaging& imaging);
@@ -76,6 +78,12 @@ class Simulation {
   double longest_tick_s() const;
   /// Whether the wire is at rest where the hands want it.
   bool at_rest() const { return report_.converged && report_.arrived(); }
+  /// Where the wire touches the wall: one a segment at most, with the deepest of its points.
+  struct Contact {
+    int node = 0;  ///< the distal one of the segment
+    double penetration_mm = 0;
+  };
+  std::vector<Contact> Contacts() const;
   /// What the observers of the scene have found.
   std::vector<effects::Reading> Readings() const;
   /// Along the wire, of the present state; null where no effect looks for it.

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "host/simulator/row_run.h"
 #include "host/simulator/script_columns.h"
 #include "host/simulator/simulation.h"
 
@@ -27,22 +28,27 @@ struct Trace {
 };
 
 Trace Run(StudyRun& run, scene::Scene& scene, const std::string& script) {
-  const std::vector<simulator::Command> commands = simulator::ReadScript(script, scene);
+  const auto rows = simulator::ReadScript(script, scene.path(), simulator::InstrumentsOf(scene));
   simulator::Simulation simulation(scene);
+  simulator::RowRun motion(simulation);
   Trace trace;
   simulation.RecordAttempts(&trace.attempts);
-  const double first_s = commands.empty() ? 0 : commands.front().time_s;
-  for (simulator::Command command : commands) {
-    run.Progress(fmt::format("{:.2f} s", command.time_s),
-                 static_cast<double>(trace.ticks.size()) / static_cast<double>(commands.size()));
+  const double first_s = rows.empty() ? 0 : rows.front().time_s;
+  const auto take_tick = [&](const auto&) {
     TracedTick tick;
-    tick.time_s = command.time_s;
-    tick.first = trace.attempts.size();
-    command.time_s -= first_s;
-    CountedBudget budget(scene.budget_units());
-    tick.report = simulation.Tick(command, budget);
+    tick.time_s = first_s + simulation.time_s();
+    if (!trace.ticks.empty()) tick.first = trace.ticks.back().first + trace.ticks.back().count;
     tick.count = trace.attempts.size() - tick.first;
+    tick.report = simulation.report();
     trace.ticks.push_back(tick);
+    return true;
+  };
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    auto row = rows[k];
+    run.Progress(fmt::format("{:.2f} s", row.time_s),
+                 static_cast<double>(k) / static_cast<double>(rows.size()));
+    row.time_s -= first_s;
+    motion.GoTo(row, take_tick);
   }
   return trace;
 }

@@ -1,5 +1,6 @@
 // Scripts of the simulator, of the emulator's hand and of torquer-calibrate.
 #include "host/emulator/motion_script.h"
+#include "host/simulator/row_run.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/script_columns.h"
 #include "host/tools/calibrate_script.h"
@@ -19,7 +20,8 @@ Bytes Head(const std::string& path, int lines) {
 bool AcceptsScript(std::span<const std::uint8_t> input) {
   static const scene::Scene scene(scene::ParseScene(SourceText("host/scenes/drill_tube.toml"),
                                                     "drill_tube.toml", "host/scenes"));
-  return !simulator::ReadScript(FileWith(input), scene).empty();
+  return !simulator::ReadScript(FileWith(input), scene.path(), simulator::InstrumentsOf(scene))
+              .empty();
 }
 
 bool AcceptsHand(std::span<const std::uint8_t> input) {

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "host/simulator/script_run.h"
+#include "host/simulator/program/script_run.h"
 #include "host/simulator/simulation.h"
 #include "tests/support/paths.h"
 #include "tests/support/sanitizer.h"
@@ -63,8 +63,7 @@ std::vector<nlohmann::json> Script(const torquer::test::SceneFile& file, double 
       out << slower * t << "," << 45 * part << "," << 1.2 * part << "\n";
     }
   }
-  torquer::scene::Scene scene(file.path());
-  torquer::simulator::RunScript(scene, script, {.states = states});
+  torquer::program::RunScript(torquer::Scene::FromFile(file.path()), script, {.states = states});
   std::vector<nlohmann::json> seconds;
   std::ifstream in(states);
   for (std::string line; std::getline(in, line);) {

@@ -1,4 +1,4 @@
-#include "host/simulator/script_run.h"
+#include "host/simulator/program/script_run.h"
 
 #include <catch2/catch.hpp>
 #include <csignal>
@@ -39,13 +39,13 @@ std::vector<nlohmann::json> Rows(const std::string& path) {
 TEST_CASE("A script that is asked to stop ends, and its rows so far are there", "[simulator]") {
   const SceneFile file;
   Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,0.5,0\n0.002,1.25,0.3\n");
-  torquer::scene::Scene scene(file.path());
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
   const std::atomic<bool> stop = true;
-  const torquer::simulator::ScriptResult result = torquer::simulator::RunScript(
+  const torquer::program::ScriptResult result = torquer::program::RunScript(
       scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")}, stop);
   CHECK(result.rows == 3);
   CHECK(result.done == 0);
-  CHECK(result.end == torquer::simulator::ScriptEnd::kStopped);
+  CHECK(result.end == torquer::program::ScriptEnd::kStopped);
   CHECK(std::filesystem::exists(file.Beside("s.jsonl")));
   CHECK(Rows(file.Beside("s.jsonl")).empty());
 }
@@ -53,8 +53,8 @@ TEST_CASE("A script that is asked to stop ends, and its rows so far are there", 
 TEST_CASE("A script gives one JSON object a row, absolute since the start", "[simulator]") {
   const SceneFile file(torquer::test::kFriction);
   Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,0.5,0\n0.002,1.25,0.3\n");
-  torquer::scene::Scene scene(file.path());
-  CHECK(torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""})
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
+  CHECK(torquer::program::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""})
             .unconverged == 0);
   const std::vector<nlohmann::json> rows = Rows(file.Beside("s.jsonl"));
   REQUIRE(rows.size() == 3);
@@ -76,8 +76,8 @@ TEST_CASE("States tell of forces only where the scene asks for them", "[simulato
   const SceneFile file(std::string(torquer::test::kMicrocatheter) +
                        (asked ? "[effects.internal_forces]\n" : ""));
   Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,-1,0\n0.002,0,0.3\n");
-  torquer::scene::Scene scene(file.path());
-  torquer::simulator::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")});
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
+  torquer::program::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")});
   const nlohmann::json row = Rows(file.Beside("s.jsonl"))[2];
   for (const char* key :
        {"contact_force_mN", "line_load_mN_mm", "tension_mN", "bending_mN_mm", "twisting_mN_mm"}) {
@@ -107,10 +107,9 @@ TEST_CASE("A script moves every instrument by its name", "[simulator]") {
         "guide.insertion_mm,time_s,microcatheter.rotation_rad,guidewire.insertion_mm,"
         "microcatheter.insertion_mm\n"
         "0,0.0,0,0,0\n-1.5,0.1,-0.5,1,2\n");
-  torquer::scene::Scene scene(file.path());
-  CHECK(
-      torquer::simulator::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")})
-          .unconverged == 0);
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
+  CHECK(torquer::program::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")})
+            .unconverged == 0);
   const std::vector<nlohmann::json> rows = Rows(file.Beside("s.jsonl"));
   REQUIRE(rows.size() == 2);
   const auto at = [&](const char* key) { return rows[1][key].get<double>(); };
@@ -129,11 +128,11 @@ TEST_CASE("A script moves every instrument by its name", "[simulator]") {
 TEST_CASE("A column of an instrument that a scene does not have is refused by name",
           "[simulator]") {
   const SceneFile file(torquer::test::kMicrocatheter);
-  torquer::scene::Scene scene(file.path());
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
   const auto refuse = [&](const std::string& column, const std::vector<std::string>& said) {
     Write(file.Beside("s.csv"), "# a comment\ntime_s," + column + "\n0,0\n");
     for (const std::string& part : said) {
-      CHECK_THROWS_WITH(torquer::simulator::RunScript(scene, file.Beside("s.csv"), {}),
+      CHECK_THROWS_WITH(torquer::program::RunScript(scene, file.Beside("s.csv"), {}),
                         Contains("s.csv:2: ") && Contains("small.toml") &&
                             Contains("no column " + column) && Contains(part));
     }
@@ -169,11 +168,11 @@ TEST_CASE("A command beyond an instrument's length is said to be clamped, and is
 
 TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
   const SceneFile file;
-  torquer::scene::Scene scene(file.path());
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
   const auto refuse = [&](const std::string& text, const std::string& said) {
     Write(file.Beside("s.csv"), text);
     CHECK_THROWS_WITH(
-        torquer::simulator::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""}),
+        torquer::program::RunScript(scene, file.Beside("s.csv"), {file.Beside("s.jsonl"), ""}),
         Contains(said));
     CHECK_FALSE(std::filesystem::exists(file.Beside("s.jsonl")));
     CHECK_FALSE(std::filesystem::exists(file.Beside("s.jsonl.part")));
@@ -183,6 +182,10 @@ TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
   refuse("time_s,xray\n0,0.5\n", "s.csv:2: xray is '0.5'; give 0 or 1");
   refuse("time_s,lao_deg\n0,0\n1,200\n", "s.csv:3: lao_deg is '200'; give -180 to 180");
   refuse(std::string(kHeader) + "0,0,0\n1,nan,0\n", "s.csv:3: guidewire.insertion_mm is 'nan'");
+  refuse(std::string(kHeader) + "0,0,0\n1,1e6,0\n",
+         "s.csv:3: guidewire.insertion_mm is '1e6'; give -100120 to 99880");
+  refuse(std::string(kHeader) + "0,0,-2e5\n",
+         "s.csv:2: guidewire.rotation_rad is '-2e5'; give -100000 to 100000");
   refuse(std::string(kHeader) + "1,0,0\n1,0,0\n",
          "s.csv:3: time_s is '1', not after the row before");
 }
@@ -192,8 +195,8 @@ TEST_CASE("A record names the scene and all that its observers found", "[simulat
   Write(file.Beside("s.csv"),
         std::string(kHeader) + "0,0,0\n1,5,0\n2,20,0.3\n3,15,0.3\n4,15,0.3\n");
   Write(file.Beside("r.json"), "of an earlier session");
-  torquer::scene::Scene scene(file.path());
-  torquer::simulator::RunScript(scene, file.Beside("s.csv"), {.record = file.Beside("r.json")});
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
+  torquer::program::RunScript(scene, file.Beside("s.csv"), {.record = file.Beside("r.json")});
   CHECK_FALSE(std::filesystem::exists(file.Beside("r.json.part")));
   std::ifstream in(file.Beside("r.json"));
   const nlohmann::json record = nlohmann::json::parse(in);
@@ -231,19 +234,19 @@ TEST_CASE("A record names the scene and all that its observers found", "[simulat
 TEST_CASE("A record that cannot be is refused before the session", "[simulator]") {
   const SceneFile assessed(kAssessed);
   Write(assessed.Beside("s.csv"), std::string(kHeader) + "0,0,0\n1,5,0\n");
-  torquer::scene::Scene scene(assessed.path());
-  const auto refuse = [&](torquer::scene::Scene& of, const std::string& record,
+  const torquer::Scene scene = torquer::Scene::FromFile(assessed.path());
+  const auto refuse = [&](const torquer::Scene& of, const std::string& record,
                           const std::string& said) {
     CHECK_THROWS_WITH(
-        torquer::simulator::RunScript(of, assessed.Beside("s.csv"),
-                                      {.states = assessed.Beside("s.jsonl"), .record = record}),
+        torquer::program::RunScript(of, assessed.Beside("s.csv"),
+                                    {.states = assessed.Beside("s.jsonl"), .record = record}),
         Contains(said));
     CHECK_FALSE(std::filesystem::exists(assessed.Beside("s.jsonl")));
   };
   refuse(scene, assessed.Beside("no/such/r.json"), "no/such/r.json: cannot be written");
   refuse(scene, assessed.Beside(""), ": cannot be written");
   const SceneFile plain;
-  torquer::scene::Scene without(plain.path());
+  const torquer::Scene without = torquer::Scene::FromFile(plain.path());
   refuse(without, assessed.Beside("r.json"), "small.toml: has nothing to record; add [effects.");
   CHECK_FALSE(std::filesystem::exists(assessed.Beside("r.json")));
   CHECK_FALSE(std::filesystem::exists(assessed.Beside("r.json.part")));

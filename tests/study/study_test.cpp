@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "host/simulator/row_run.h"
 #include "host/simulator/script_columns.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
@@ -197,10 +198,14 @@ TEST_CASE("A trace has every attempt of every tick, and changes none") {
   // The same motion without a record.
   scene::Scene scene(file.path());
   simulator::Simulation simulation(scene);
+  simulator::RowRun motion(simulation);
   std::vector<TickReport> ticks;
-  for (simulator::Command command : simulator::ReadScript(script, scene)) {
-    CountedBudget budget(scene.budget_units());
-    ticks.push_back(simulation.Tick(command, budget));
+  for (const Command& row :
+       simulator::ReadScript(script, scene.path(), simulator::InstrumentsOf(scene))) {
+    motion.GoTo(row, [&](const StepReport&) {
+      ticks.push_back(simulation.report());
+      return true;
+    });
   }
 
   enum Column { kTick, kTime, kAttempt, kAccepted, kResidual, kEnergy };

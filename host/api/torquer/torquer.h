@@ -18,6 +18,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -74,6 +75,8 @@ class TORQUER_API Scene {
   ~Scene();
 
   const std::string& name() const;
+  /// Of its file; "scene" where it was made of a text.
+  const std::string& path() const;
   /// All keys of the scene with their values, as a scene file: FromText makes it again, in
   /// folder().
   std::string text() const;
@@ -85,6 +88,11 @@ class TORQUER_API Scene {
   std::vector<std::string> effects() const;
   /// What was found in the vessel's file and repaired, one sentence each.
   const std::vector<std::string>& findings() const;
+
+  /// What was built of the vessel's field is kept for the next program that opens the scene, when
+  /// the last copy of this one goes. This keeps it now, and returns why it cannot be kept: empty
+  /// where it is, or where there is nothing new.
+  std::string KeepField() const;
 
   /// Two corners of a box around the vessel.
   std::array<Point, 2> bounds_mm() const;
@@ -107,6 +115,24 @@ class TORQUER_API Scene {
   std::shared_ptr<const Parts> parts_;
 };
 
+/// What is chosen on the X-ray system. Needs [effects.fluoroscopy] to be seen.
+struct Imaging {
+  enum class Mode : std::uint8_t {
+    kAsScene,      ///< as its `mode` says
+    kPlain,        ///< as the detector sees it
+    kSubtraction,  ///< less the first picture since the pedal went down
+    kRoadmap,      ///< that, with the densest dye so far as a bright map
+  };
+  Mode mode = Mode::kAsScene;
+  double pulses_per_s = 0;   ///< 1 to 60; 0: as the scene has it
+  double magnification = 1;  ///< 1 to 4: how many times narrower the field is
+  /// Share of the picture that each shutter covers, 0 to 0.45.
+  double left = 0;
+  double right = 0;
+  double top = 0;
+  double bottom = 0;
+};
+
 /// What the hands and feet want at a time.
 struct Command {
   double time_s = 0;        ///< since the start; ascending, the first one >= 0
@@ -115,17 +141,19 @@ struct Command {
   double cra_deg = 0;       ///< positive towards the head; -180 .. 180
   bool xray = false;
   bool contrast = false;
+  Imaging imaging = {};
 };
 
-/// How a step went.
+/// How a step went, or a tick of it.
 struct StepReport {
-  int ticks = 0;              ///< that it was cut into
+  int ticks = 0;              ///< that it was cut into; of a tick: 1
   int iterations = 0;         ///< of the relaxation
   int work = 0;               ///< units of the budget
   bool converged = false;     ///< relaxed to the scene's tolerance
   bool budget_spent = false;  ///< the budget ended its last tick: motion is carried over
   bool stalled = false;       ///< ended out of balance: no step came nearer to it
   bool snapped = false;       ///< the tip went much farther than the hands, in one of its ticks
+  bool finished = true;       ///< false: `after_tick` ended it before its time
 };
 
 /// Where an instrument is.
@@ -133,6 +161,12 @@ struct InstrumentState {
   Hand hand;     ///< as far as it was carried out
   Hand carried;  ///< what was asked for and is left for the next step
   Point tip_mm;
+};
+
+/// Where the wire is pressed against the wall: in a segment, with the deepest of its points.
+struct Contact {
+  std::size_t node = 0;       ///< the one at the segment's end, towards the tip
+  double penetration_mm = 0;  ///< of the wire's surface into the wall, > 0
 };
 
 struct Reading {
@@ -177,6 +211,12 @@ class TORQUER_API Simulation {
   /// Goes on to a command; the hands move evenly from the one before. A step is cut into ticks as a
   /// row of a script is (torquer-simulator --script), so that both get the same states.
   StepReport Step(const Command& command);
+  /// The same, and calls `after_tick` when a tick has been, with how it went: to take each picture,
+  /// to show how far a long step is, to end it. It may look at this simulation, and take pictures
+  /// of it, but not move it. Where it returns false, or throws, the step ends there: command() is
+  /// then where the hands have come, and the next step goes on from there.
+  StepReport Step(const Command& command,
+                  const std::function<bool(const StepReport& tick)>& after_tick);
   /// The last one, or that of the start.
   const Command& command() const;
 
@@ -187,8 +227,9 @@ class TORQUER_API Simulation {
   std::size_t node_count() const;
   /// The innermost first.
   std::vector<InstrumentState> instruments() const;
-  double energy_mJ() const;  ///< of bending, wall and effects, without what is dissipated
-  double residual() const;   ///< largest out-of-balance moment over the local EI/(1 mm)
+  double energy_mJ() const;      ///< of bending, wall and effects, without what is dissipated
+  double dissipated_mJ() const;  ///< by friction since contacts stuck, and by steps of inertia
+  double residual() const;       ///< largest out-of-balance moment over the local EI/(1 mm)
   /// About how far the wire is from where relaxing to the end would bring it; NaN near no minimum.
   double SolverErrorMm();
   /// About how far it is from where it would be with ever finer segments; NaN where it touches the
@@ -196,12 +237,19 @@ class TORQUER_API Simulation {
   double DiscretizationErrorMm();
   double max_penetration_mm() const;  ///< of the wire's surface into the wall
   bool outside_lumen() const;         ///< whether a part of the wire's middle line is
-  std::uint64_t state_hash() const;   ///< of all that decides how it goes on
+  /// From the entry point to the tip, one a segment at most.
+  std::vector<Contact> contacts() const;
+  std::uint64_t state_hash() const;  ///< of all that decides how it goes on
   /// What the observers of the scene have found; see host/simulator/effects/README.md.
   std::vector<Reading> readings() const;
+  /// The record of the session, as torquer-simulator --record writes it: JSON, with the readings.
+  std::string Record() const;
   /// Empty where the scene has no [effects.internal_forces].
   Forces forces() const;
   int picture_planes() const;  ///< 0 without [effects.fluoroscopy], 2 with [effects.lateral_plane]
+  /// Whether a picture was taken in a plane that LastPicture has not given yet. A step may take
+  /// several, of which the last is given: see `after_tick`.
+  bool picture_due(int plane = 0) const;
   /// The last X-ray picture of a plane, rendered when it is asked for. Needs [effects.fluoroscopy].
   const Picture& LastPicture(int plane = 0);
 

@@ -16,7 +16,7 @@
 #include "host/simulator/live_loop.h"
 #include "host/simulator/picture_file.h"
 #include "host/simulator/picture_thread.h"
-#include "host/simulator/script_run.h"
+#include "host/simulator/program/script_run.h"
 #include "protocol/lcm_channels.h"
 #include "tests/effects/vascular_scene.h"
 #include "tests/support/private_network.h"
@@ -25,7 +25,6 @@ using Catch::Matchers::Contains;
 using torquer::effects::ImageSource;
 using torquer::simulator::JpegEncoder;
 using torquer::simulator::kMostPictureBytes;
-using torquer::simulator::RunScript;
 using torquer::test::kFork;
 using torquer::test::SceneOf;
 
@@ -36,6 +35,12 @@ constexpr char kHeader[] =
     "time_s,guidewire.insertion_mm,guidewire.rotation_rad,lao_deg,cra_deg,xray,contrast\n";
 
 void Write(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
+
+// The script beside a scene, its pictures in a folder beside it.
+torquer::program::ScriptResult Render(const SceneOf& scene) {
+  return torquer::program::RunScript(torquer::Scene::FromFile(scene.Beside("test.toml")),
+                                     scene.Beside("s.csv"), {.pictures = scene.Beside("out")});
+}
 
 std::vector<std::uint8_t> ReadPng(const std::string& path, int& width, int& height) {
   png_image image{};
@@ -76,7 +81,7 @@ TEST_CASE("A script renders the pictures that its pedal takes", "[effects]") {
   Write(scene.Beside("s.csv"), std::string(kHeader) +
                                    "0,0,0,0,0,0,0\n0.1,0,0,0,0,1,0\n0.2,0,0,0,0,1,0\n"
                                    "0.3,0,0,40,10,1,0\n0.4,0,0,40,10,0,0\n");
-  CHECK(RunScript(*scene, scene.Beside("s.csv"), {"", scene.Beside("out")}).unconverged == 0);
+  CHECK(Render(scene).unconverged == 0);
   int width = 0;
   int height = 0;
   const auto first = ReadPng(scene.Beside("out/picture_000001.png"), width, height);
@@ -91,8 +96,7 @@ TEST_CASE("The columns of the C-arm are checked", "[effects]") {
   SceneOf scene(kFork + kSmallXray);
   const auto refuse = [&](const std::string& text, const std::string& said) {
     Write(scene.Beside("s.csv"), text);
-    CHECK_THROWS_WITH(RunScript(*scene, scene.Beside("s.csv"), {"", scene.Beside("out")}),
-                      Contains(said));
+    CHECK_THROWS_WITH(Render(scene), Contains(said));
     CHECK_FALSE(std::filesystem::exists(scene.Beside("out")));
   };
   refuse(std::string(kHeader) + "0,0,0,200,0,1,0\n", "s.csv:2: lao_deg is '200'");
@@ -105,8 +109,7 @@ TEST_CASE("The columns of the C-arm are checked", "[effects]") {
 TEST_CASE("Without fluoroscopy there is nothing to render", "[effects]") {
   SceneOf scene(kFork);
   Write(scene.Beside("s.csv"), "time_s,guidewire.insertion_mm,guidewire.rotation_rad\n0,0,0\n");
-  CHECK_THROWS_WITH(RunScript(*scene, scene.Beside("s.csv"), {"", scene.Beside("out")}),
-                    Contains("[effects.fluoroscopy]"));
+  CHECK_THROWS_WITH(Render(scene), Contains("[effects.fluoroscopy]"));
 }
 
 TEST_CASE("A picture fits a message, whatever it shows", "[effects]") {

@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "host/simulator/state_fields.h"
+#include "host/simulator/program/state_fields.h"
 #include "host/support/atomic_file.h"
 #include "host/support/standard_streams.h"
 
-namespace torquer::simulator {
+namespace torquer::program {
 
 /// Of binary states (host/simulator/README.md); a change of the layout changes it.
 inline constexpr int kStatesVersion = 1;
@@ -35,4 +35,4 @@ class StatesOutput {
   std::optional<AtomicFile> file_;
 };
 
-}  // namespace torquer::simulator
+}  // namespace torquer::program

@@ -5,10 +5,10 @@
 #include <cstddef>
 #include <string>
 
-#include "host/simulator/scene/scene.h"
+#include "host/api/torquer/torquer.h"
 #include "host/support/standard_streams.h"
 
-namespace torquer::simulator {
+namespace torquer::program {
 
 /// What comes of a script; empty: not wanted.
 struct ScriptOutputs {
@@ -40,7 +40,7 @@ struct ScriptResult {
 /// are done one by one as they come. Throws UserError as ScriptColumns, and naming an output that
 /// cannot be written: before the first row, or as soon as the disk fails. Then the states of the
 /// rows before are kept (AtomicFile::Finish), and the message says where.
-ScriptResult RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs,
+ScriptResult RunScript(const Scene& scene, const std::string& script, const ScriptOutputs& outputs,
                        const std::atomic<bool>& stop = kNeverStop);
 
-}  // namespace torquer::simulator
+}  // namespace torquer::program

@@ -1,10 +1,9 @@
-#include "host/simulator/script_run.h"
+#include "host/simulator/program/script_run.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <optional>
@@ -12,25 +11,27 @@
 
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
-#include "host/simulator/row_run.h"
+#include "host/simulator/program/states_output.h"
 #include "host/simulator/script_columns.h"
 #include "host/simulator/session_record.h"
-#include "host/simulator/simulation.h"
-#include "host/simulator/states_output.h"
 #include "host/support/atomic_file.h"
 #include "host/support/csv_table.h"
 #include "host/support/error.h"
 #include "host/support/standard_streams.h"
 
-namespace torquer::simulator {
+namespace torquer::program {
 
 namespace {
+
+using simulator::ReadScript;
+using simulator::ScriptColumns;
+using simulator::SessionRecord;
 
 class PictureFolder {
  public:
   PictureFolder(const std::string& path, const Simulation& simulation) : path_(path) {
     if (path_.empty()) return;
-    if (simulation.image_count() == 0) {
+    if (simulation.picture_planes() == 0) {
       throw UserError(simulation.scene().path() +
                       ": has no X-ray picture to render; add [effects.fluoroscopy]");
     }
@@ -39,65 +40,64 @@ class PictureFolder {
     if (error) throw UserError(path_ + ": cannot be made (" + error.message() + ")");
     AtomicFile{NameOf(1)};  // refused before the run, not in it
   }
-  void Write(const Simulation& simulation) {
+  void Write(Simulation& simulation) {
     if (path_.empty()) return;
-    counts_.resize(simulation.image_count());
-    for (std::size_t k = 0; k < counts_.size(); ++k) {
-      if (!simulation.picture_due(k)) continue;
-      simulation.image(k)->Render(picture_);
-      WritePng(NameOf(++counts_[k], k), picture_);
+    counts_.resize(static_cast<std::size_t>(simulation.picture_planes()));
+    for (int plane = 0; plane < simulation.picture_planes(); ++plane) {
+      if (!simulation.picture_due(plane)) continue;
+      const int number = ++counts_[static_cast<std::size_t>(plane)];
+      simulator::WritePng(NameOf(number, plane), simulation.LastPicture(plane));
     }
   }
 
  private:
-  std::string NameOf(int number, std::size_t image = 0) const {
-    return fmt::format("{}/{}_{:06}.png", path_, image == 0 ? "picture" : "lateral", number);
+  std::string NameOf(int number, int plane = 0) const {
+    return fmt::format("{}/{}_{:06}.png", path_, plane == 0 ? "picture" : "lateral", number);
   }
 
   const std::string path_;
-  effects::ImageSource::Picture picture_;
   std::vector<int> counts_;  // of each plane
 };
 
 // Says once of each instrument how far it is commanded beyond its length.
 class ClampingWarning {
  public:
-  explicit ClampingWarning(const scene::Scene& scene) : scene_(scene) {}
+  explicit ClampingWarning(const Scene& scene)
+      : instruments_(scene.instruments()), said_(instruments_.size()) {}
   void Look(const std::vector<Command>& commands) {
-    for (int k = 0; k < scene_.stack().size(); ++k) {
-      const double longest_mm = scene_.stack().instrument(k).max_length_mm();
+    for (std::size_t k = 0; k < instruments_.size(); ++k) {
+      const double longest_mm = instruments_[k].max_length_mm;
       double most_mm = 0;
       for (const Command& command : commands) {
-        most_mm = std::max(most_mm, command.target[k].insertion_mm);
+        most_mm = std::max(most_mm, command.hands[k].insertion_mm);
       }
-      bool& said = said_[static_cast<std::size_t>(k)];
-      if (said || most_mm <= longest_mm) continue;
-      said = true;
+      if (said_[k] || most_mm <= longest_mm) continue;
+      said_[k] = true;
       fmt::print(stderr,
                  "torquer-simulator: {} is commanded to {:g} mm past the entry point and is "
                  "clamped to its max_length_mm, {:g}\n",
-                 scene_.instruments()[static_cast<std::size_t>(k)].name, most_mm, longest_mm);
+                 instruments_[k].name, most_mm, longest_mm);
     }
   }
 
  private:
-  const scene::Scene& scene_;
-  std::array<bool, kMostInstruments> said_{};
+  const std::vector<InstrumentInfo> instruments_;
+  std::vector<bool> said_;
 };
 
 // Where rows come from: a file, all of which is checked first, or standard input, row by row.
 class ScriptRows {
  public:
-  ScriptRows(const std::string& script, const scene::Scene& scene, StandardStreams& streams)
+  ScriptRows(const std::string& script, const Scene& scene, StandardStreams& streams)
       : warning_(scene) {
     if (script != kStandardStream) {
-      file_ = ReadScript(script, scene);
+      file_ = ReadScript(script, scene.path(), scene.instruments());
       warning_.Look(file_);
       return;
     }
     reader_.emplace("standard input", [&streams] { return streams.NextLine(); });
     if (reader_->ReadHeader()) {
-      columns_.emplace(reader_->table(), scene);
+      columns_.emplace(reader_->table(), scene.path(), scene.instruments());
     } else if (!streams.interrupted()) {
       throw UserError("standard input:1: empty; the first line must name the columns");
     }
@@ -111,7 +111,7 @@ class ScriptRows {
     const std::optional<CsvRow> row = columns_ ? reader_->Next() : std::nullopt;
     if (!row) return std::nullopt;
     ++given_;
-    const Command command = columns_->Read(*row);
+    Command command = columns_->Read(*row);
     warning_.Look({command});
     return command;
   }
@@ -130,7 +130,7 @@ class ScriptRows {
 
 }  // namespace
 
-ScriptResult RunScript(scene::Scene& scene, const std::string& script, const ScriptOutputs& outputs,
+ScriptResult RunScript(const Scene& scene, const std::string& script, const ScriptOutputs& outputs,
                        const std::atomic<bool>& stop) {
   StandardStreams streams(stop, outputs.states == kStandardStream);
   ScriptRows rows(script, scene, streams);
@@ -141,11 +141,12 @@ ScriptResult RunScript(scene::Scene& scene, const std::string& script, const Scr
     states.emplace(outputs.states, StateFields(simulation, outputs.fields), streams);
   }
   std::optional<SessionRecord> record;
-  if (!outputs.record.empty()) record.emplace(outputs.record, simulation);
+  if (!outputs.record.empty()) {
+    record.emplace(outputs.record, scene.path(), !simulation.readings().empty());
+  }
   const bool shows_progress = rows.from_file() && isatty(fileno(stderr)) != 0;
   std::optional<double> first_s;
   ScriptResult result;
-  RowRun run(simulation);
   while (!stop) {
     const std::optional<Command> next = rows.Next();
     if (!next) {
@@ -155,18 +156,20 @@ ScriptResult RunScript(scene::Scene& scene, const std::string& script, const Scr
     Command row = *next;
     if (!first_s) first_s = row.time_s;
     row.time_s -= *first_s;
-    double solve_us = 0;
+    RowCost cost;
     std::int64_t start_us = bus::MonotonicUs();
-    const auto after_tick = [&] {
-      solve_us += static_cast<double>(bus::MonotonicUs() - start_us);
+    const auto after_tick = [&](const StepReport& tick) {
+      cost.solve_us += static_cast<double>(bus::MonotonicUs() - start_us);
+      cost.last_tick = tick;
       pictures.Write(simulation);
       start_us = bus::MonotonicUs();
       return !stop;
     };
     // A row may be an hour of ticks; one that is left unfinished has no state.
-    if (!run.GoTo(row, after_tick)) break;
-    result.unconverged += !simulation.report().converged;
-    if (states && !states->Write({simulation, next->time_s, run.cost(), solve_us})) break;
+    cost.row = simulation.Step(row, after_tick);
+    if (!cost.row.finished) break;
+    result.unconverged += !cost.row.converged;
+    if (states && !states->Write({simulation, next->time_s, cost})) break;
     ++result.done;
     if (shows_progress && (result.done % 64 == 1 || result.done == rows.count())) {
       fmt::print(stderr, "\rrow {} of {}", result.done, rows.count());
@@ -178,8 +181,8 @@ ScriptResult RunScript(scene::Scene& scene, const std::string& script, const Scr
   if (streams.reader_gone()) result.end = ScriptEnd::kReaderGone;
   if (shows_progress) fmt::print(stderr, "\n");
   if (states) states->Finish();
-  if (record) record->Finish(simulation);
+  if (record) record->Finish(simulation.Record());
   return result;
 }
 
-}  // namespace torquer::simulator
+}  // namespace torquer::program

@@ -1,4 +1,4 @@
-#include "host/simulator/states_output.h"
+#include "host/simulator/program/states_output.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <type_traits>
 #include <utility>
 
-namespace torquer::simulator {
+namespace torquer::program {
 
 namespace {
 
@@ -92,7 +92,7 @@ std::string StatesOutput::AsJson(const StateRow& row) const {
 
 std::string StatesOutput::AsBytes(const StateRow& row) const {
   std::string bytes;
-  Append(bytes, static_cast<std::uint64_t>(row.simulation.state().nodes().size()));
+  Append(bytes, static_cast<std::uint64_t>(row.simulation().node_count()));
   std::string nodes;
   for (const StateField& field : fields_) {
     const StateValue value = field.get(row);
@@ -109,4 +109,4 @@ std::string StatesOutput::AsBytes(const StateRow& row) const {
   return bytes + nodes;
 }
 
-}  // namespace torquer::simulator
+}  // namespace torquer::program

@@ -6,21 +6,24 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "host/api/torquer/torquer.h"
 #include "host/bus/bus.h"
 #include "host/simulator/effect_prices.h"
 #include "host/simulator/explain.h"
 #include "host/simulator/live_loop.h"
+#include "host/simulator/program/script_run.h"
 #include "host/simulator/replay.h"
 #include "host/simulator/scene/key_reference.h"
 #include "host/simulator/scene/scene.h"
-#include "host/simulator/script_run.h"
 #include "host/simulator/session_record.h"
 #include "host/simulator/simulation.h"
 #include "host/simulator/vessel/mesh_check.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/mesh_picture.h"
 #include "host/support/atomic_file.h"
+#include "host/support/error.h"
 #include "host/support/printable_text.h"
 #include "host/support/program.h"
 #include "host/support/realtime.h"
@@ -29,14 +32,33 @@
 namespace {
 
 // What the run has built of the vessel's field is kept for the next one, however this one ends.
-struct KeepField {
-  const torquer::scene::Scene& scene;
-  ~KeepField() {
-    const auto& surface = scene.vessel().surface;
-    const std::string problem = surface == nullptr ? "" : surface->SaveCache();
+template <class Keep>
+class AtTheEnd {
+ public:
+  explicit AtTheEnd(Keep keep) : keep_(keep) {}
+  AtTheEnd(const AtTheEnd&) = delete;
+  AtTheEnd& operator=(const AtTheEnd&) = delete;
+  ~AtTheEnd() {
+    const std::string problem = keep_();
     if (!problem.empty()) fmt::print(stderr, "torquer-simulator: {}\n", problem);
   }
+
+ private:
+  const Keep keep_;
 };
+
+auto KeepField(const torquer::scene::Scene& scene) {
+  return AtTheEnd([&scene] {
+    const auto& surface = scene.vessel().surface;
+    return surface == nullptr ? std::string() : surface->SaveCache();
+  });
+}
+
+void Say(const std::vector<std::string>& findings) {
+  for (const std::string& finding : findings) {
+    fmt::print(stderr, "torquer-simulator: {}\n", finding);
+  }
+}
 
 std::int64_t NowNs() {
   return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
@@ -49,11 +71,13 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
   torquer::simulator::EffectPrices prices(scene.names_of_effects(), NowNs);
   torquer::simulator::Simulation simulation(scene, &prices);
   std::optional<torquer::simulator::SessionRecord> record;
-  if (!record_file.empty()) record.emplace(record_file, simulation);
+  if (!record_file.empty()) {
+    record.emplace(record_file, scene.path(), !simulation.Readings().empty());
+  }
   const std::atomic<bool>& stop = torquer::StopOnSignal();
   fmt::print(stderr, "torquer-simulator: running {} on {}\n", scene.name(), bus.url());
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
-  if (record) record->Finish(simulation);
+  if (record) record->Finish(torquer::simulator::FormatRecord(simulation));
   if (json) {
     const nlohmann::json line = {{"ticks", run.ticks},
                                  {"commands", run.commands},
@@ -73,7 +97,7 @@ struct Arguments {
   std::string scene;
   std::string url;
   std::string script;
-  torquer::simulator::ScriptOutputs outputs;
+  torquer::program::ScriptOutputs outputs;
   std::string log;
   std::string explained;
   std::string surface;
@@ -154,6 +178,33 @@ void Check(const Arguments& arguments) {
   }
 }
 
+// As any program can, by torquer.h alone.
+int RunByScript(const Arguments& arguments) {
+  const torquer::Scene scene = torquer::Scene::FromFile(arguments.scene);
+  Say(scene.findings());
+  const AtTheEnd keep([&scene] { return scene.KeepField(); });
+  const torquer::program::ScriptResult result = torquer::program::RunScript(
+      scene, arguments.script, arguments.outputs, torquer::StopOnSignal());
+  if (result.unconverged > 0) {
+    fmt::print(stderr, "torquer-simulator: {} rows ended before equilibrium (see residual)\n",
+               result.unconverged);
+  }
+  if (result.end == torquer::program::ScriptEnd::kLastRow) return torquer::kExitSuccess;
+  const bool stopped = result.end == torquer::program::ScriptEnd::kStopped;
+  fmt::print(stderr, "torquer-simulator: {}; {} of {} rows are done and written\n",
+             stopped ? "asked to stop" : "nobody reads standard output any more", result.done,
+             result.rows);
+  return torquer::kExitFailure;
+}
+
+int FollowScript(const Arguments& arguments) {
+  try {
+    return RunByScript(arguments);
+  } catch (const torquer::Error& error) {
+    throw torquer::UserError(error.what());
+  }
+}
+
 int Repeat(torquer::scene::Scene& scene, const std::string& log) {
   const torquer::simulator::ReplayResult result = torquer::simulator::Replay(scene, log);
   fmt::print("{} states repeated, {} differ\n", result.states, result.differing);
@@ -207,30 +258,15 @@ int Run(const Arguments& arguments) {
   if (!arguments.picture.empty()) throw torquer::UsageError("--picture needs --check-mesh");
   if (!arguments.explained.empty()) {
     torquer::scene::Scene scene(arguments.explained);
-    const KeepField keep{scene};
+    const auto keep = KeepField(scene);
     fmt::print("{}", torquer::simulator::Explain(scene));
     return torquer::kExitSuccess;
   }
   Check(arguments);
+  if (!arguments.script.empty()) return FollowScript(arguments);
   torquer::scene::Scene scene(arguments.scene);
-  for (const std::string& finding : scene.vessel().findings) {
-    fmt::print(stderr, "torquer-simulator: {}\n", finding);
-  }
-  const KeepField keep{scene};
-  if (!arguments.script.empty()) {
-    const torquer::simulator::ScriptResult result = torquer::simulator::RunScript(
-        scene, arguments.script, arguments.outputs, torquer::StopOnSignal());
-    if (result.unconverged > 0) {
-      fmt::print(stderr, "torquer-simulator: {} rows ended before equilibrium (see residual)\n",
-                 result.unconverged);
-    }
-    if (result.end == torquer::simulator::ScriptEnd::kLastRow) return torquer::kExitSuccess;
-    const bool stopped = result.end == torquer::simulator::ScriptEnd::kStopped;
-    fmt::print(stderr, "torquer-simulator: {}; {} of {} rows are done and written\n",
-               stopped ? "asked to stop" : "nobody reads standard output any more", result.done,
-               result.rows);
-    return torquer::kExitFailure;
-  }
+  Say(scene.vessel().findings);
+  const auto keep = KeepField(scene);
   if (!arguments.log.empty()) return Repeat(scene, arguments.log);
   return Live(scene, arguments.url, arguments.outputs.record, arguments.realtime, arguments.json);
 }
