@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <functional>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <utility>
@@ -111,6 +113,26 @@ py::object PictureOf(Simulation& simulation, int plane) {
   return py::array_t<std::uint8_t>({picture->height, picture->width}, picture->gray.data());
 }
 
+// What Python calls the modes, in their order.
+constexpr const char* kModes[] = {"as_scene", "plain", "subtraction", "roadmap"};
+
+torquer::Imaging::Mode ModeOf(const std::string& name) {
+  const auto* const found = std::find(std::begin(kModes), std::end(kModes), name);
+  if (found != std::end(kModes)) {
+    return static_cast<torquer::Imaging::Mode>(found - std::begin(kModes));
+  }
+  throw torquer::Error("mode is '" + name + "'; give as_scene, plain, subtraction or roadmap");
+}
+
+// Only False ends a step: what returns nothing goes on.
+std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& call) {
+  if (call.is_none()) return {};
+  return [&call](const torquer::StepReport& tick) {
+    const py::gil_scoped_acquire locked;
+    return call(tick).ptr() != Py_False;
+  };
+}
+
 void AddScene(py::module_& module) {
   py::class_<torquer::InstrumentInfo>(module, "InstrumentInfo", "An instrument of a scene.")
       .def_readonly("name", &torquer::InstrumentInfo::name)
@@ -124,6 +146,7 @@ void AddScene(py::module_& module) {
       .def_static("from_text", &Scene::FromText, py::arg("text"), py::arg("folder") = ".", NoGil(),
                   "A scene from the text of a scene file; paths in it are relative to folder.")
       .def_property_readonly("name", &Scene::name)
+      .def_property_readonly("path", &Scene::path, "Of its file; 'scene' where it is of a text.")
       .def_property_readonly("text", &Scene::text, "All keys with their values, as a scene file.")
       .def_property_readonly("folder", &Scene::folder)
       .def_property_readonly("content_hash", &Scene::content_hash,
@@ -140,6 +163,9 @@ void AddScene(py::module_& module) {
             return ToRows({box[0], box[1]});
           },
           "Two corners of a box around the vessel, shape (2, 3).")
+      .def("keep_field", &Scene::KeepField, NoGil(),
+           "Keeps what was built of the vessel's field for the next program now, in place of when "
+           "the scene goes; returns why it cannot, else an empty text.")
       .def("clearance_mm", &Clearances, py::arg("points_mm"),
            "Distance of points, shape (n, 3), from the wall: positive in the lumen. Shape (n,).")
       .def(
@@ -164,6 +190,7 @@ void AddScene(py::module_& module) {
 }
 
 void AddSimulation(py::module_& module) {
+  using torquer::Imaging;
   using torquer::StepReport;
   py::class_<StepReport>(module, "StepReport", "How a step went.")
       .def_readonly("ticks", &StepReport::ticks, "That it was cut into.")
@@ -172,7 +199,27 @@ void AddSimulation(py::module_& module) {
       .def_readonly("converged", &StepReport::converged, "Relaxed to the scene's tolerance.")
       .def_readonly("budget_spent", &StepReport::budget_spent)
       .def_readonly("stalled", &StepReport::stalled)
-      .def_readonly("snapped", &StepReport::snapped, "The tip went much farther than the hands.");
+      .def_readonly("snapped", &StepReport::snapped, "The tip went much farther than the hands.")
+      .def_readonly("finished", &StepReport::finished, "False where after_tick ended it.");
+  py::class_<Imaging>(module, "Imaging", "What is chosen on the X-ray system.")
+      .def(
+          py::init([](const std::string& mode, double pulses_per_s, double magnification,
+                      double left, double right, double top, double bottom) {
+            return Imaging{ModeOf(mode), pulses_per_s, magnification, left, right, top, bottom};
+          }),
+          py::arg("mode") = kModes[0], py::kw_only(), py::arg("pulses_per_s") = 0.0,
+          py::arg("magnification") = 1.0, py::arg("left") = 0.0, py::arg("right") = 0.0,
+          py::arg("top") = 0.0, py::arg("bottom") = 0.0,
+          "mode: as_scene, plain, subtraction or roadmap. pulses_per_s: 1 to 60, 0 as the scene "
+          "has it. magnification: 1 to 4. Of the picture each shutter covers a share of 0 to 0.45.")
+      .def_property_readonly(
+          "mode", [](const Imaging& self) { return kModes[static_cast<int>(self.mode)]; })
+      .def_readonly("pulses_per_s", &Imaging::pulses_per_s)
+      .def_readonly("magnification", &Imaging::magnification)
+      .def_readonly("left", &Imaging::left)
+      .def_readonly("right", &Imaging::right)
+      .def_readonly("top", &Imaging::top)
+      .def_readonly("bottom", &Imaging::bottom);
   py::class_<Simulation>(module, "Simulation", "A scene as it goes on.")
       .def(py::init<const Scene&>(), py::arg("scene"), NoGil(), "At the start of the scene.")
       .def_property_readonly("scene", &Simulation::scene)
@@ -187,20 +234,25 @@ void AddSimulation(py::module_& module) {
       .def(
           "step",
           [](Simulation& self, double time_s, const Rows& hands, double lao_deg, double cra_deg,
-             bool xray, bool contrast) {
+             bool xray, bool contrast, const Imaging& imaging, const py::object& after_tick) {
             const torquer::Command command{.time_s = time_s,
                                            .hands = ToHands(hands),
                                            .lao_deg = lao_deg,
                                            .cra_deg = cra_deg,
                                            .xray = xray,
-                                           .contrast = contrast};
+                                           .contrast = contrast,
+                                           .imaging = imaging};
+            const auto call = ToAfterTick(after_tick);
             const py::gil_scoped_release free;
-            return self.Step(command);
+            return self.Step(command, call);
           },
           py::arg("time_s"), py::arg("hands"), py::kw_only(), py::arg("lao_deg") = 0.0,
           py::arg("cra_deg") = 0.0, py::arg("xray") = false, py::arg("contrast") = false,
+          py::arg("imaging") = Imaging(), py::arg("after_tick") = py::none(),
           "Goes on to time_s, after the step before, with the hands there: shape (instruments, 2), "
-          "insertion past the entry in mm and rotation in rad. The hands move evenly.")
+          "insertion past the entry in mm and rotation in rad. The hands move evenly. after_tick "
+          "is called with the report of each tick; where it returns False or raises, the step ends "
+          "there, and the next one goes on from there.")
       .def_property_readonly("time_s", &Simulation::time_s)
       .def_property_readonly("nodes_mm", &Nodes,
                              "Where the wire lies, from the entry to the tip, shape (n, 3): a view "
@@ -228,6 +280,7 @@ void AddSimulation(py::module_& module) {
           },
           "The tip of each instrument, shape (instruments, 3).")
       .def_property_readonly("energy_mJ", &Simulation::energy_mJ)
+      .def_property_readonly("dissipated_mJ", &Simulation::dissipated_mJ, "No part of energy_mJ.")
       .def_property_readonly("residual", &Simulation::residual)
       .def_property_readonly("max_penetration_mm", &Simulation::max_penetration_mm)
       .def_property_readonly("outside_lumen", &Simulation::outside_lumen)
@@ -248,8 +301,23 @@ void AddSimulation(py::module_& module) {
             return out;
           },
           "What the observers of the scene have found, by name; units end the names.")
+      .def("record", &Simulation::Record,
+           "The record of the session, JSON, as torquer-simulator --record writes it.")
+      .def(
+          "contacts",
+          [](const Simulation& self) {
+            py::dict out;
+            for (const torquer::Contact& contact : self.contacts()) {
+              out[py::int_(contact.node)] = contact.penetration_mm;
+            }
+            return out;
+          },
+          "Where the wire is pressed against the wall: how deep, mm, by the node at the end of the "
+          "segment.")
       .def("forces", &ForcesOf,
            "Along the wire, one entry a node; empty without [effects.internal_forces].")
+      .def("picture_due", &Simulation::picture_due, py::arg("plane") = 0,
+           "Whether a picture was taken that picture() has not given yet.")
       .def("picture", &PictureOf, py::arg("plane") = 0,
            "The last X-ray picture, shape (height, width), uint8; None before the first. Needs "
            "[effects.fluoroscopy]; plane 1 is that of [effects.lateral_plane].")

@@ -2,6 +2,7 @@
 
 import copy
 import gc
+import json
 import pathlib
 import pickle
 import threading
@@ -128,6 +129,73 @@ def test_pictures_and_forces():
         assert forces["contact_mN"].shape == simulation.nodes_mm.shape
     else:
         assert forces == {}
+
+
+@pytest.fixture(scope="module")
+def beating():
+    return torquer.Scene(str(SCENES / "coronary.toml"))
+
+
+def test_a_step_tells_of_its_ticks(beating):
+    simulation = torquer.Simulation(beating)
+    pictures = []
+
+    def look(tick):
+        assert tick.ticks == 1
+        if simulation.picture_due():
+            pictures.append(simulation.picture())
+            assert not simulation.picture_due()
+
+    report = simulation.step(0.5, simulation.hands, xray=True, after_tick=look)
+    assert report.finished and report.ticks == 100  # of 5 ms
+    assert len(pictures) == simulation.readings()["xray_pulses"] > 1
+    assert not np.array_equal(pictures[0], pictures[-1])
+
+
+def test_a_step_is_ended_by_false_or_an_exception(beating):
+    simulation = torquer.Simulation(beating)
+    report = simulation.step(0.1, simulation.hands, after_tick=lambda tick: simulation.time_s < 0.012)
+    assert not report.finished and report.ticks == 3
+    assert simulation.time_s == pytest.approx(0.015)
+
+    def fail(tick):
+        raise KeyError("enough")
+
+    with pytest.raises(KeyError, match="enough"):
+        simulation.step(0.1, simulation.hands, after_tick=fail)
+    assert simulation.time_s == pytest.approx(0.02)
+    assert simulation.step(0.1, simulation.hands).ticks == 16
+
+
+def test_what_is_chosen_on_the_x_ray_system(beating):
+    imaging = torquer.Imaging("plain", left=0.25, bottom=0.125, magnification=2)
+    assert (imaging.mode, imaging.left, imaging.magnification) == ("plain", 0.25, 2)
+    simulation = torquer.Simulation(beating)
+    simulation.step(0.1, simulation.hands, xray=True, imaging=imaging)
+    picture = simulation.picture()
+    height, width = picture.shape
+    assert (picture[:, : width // 4] == 0).all() and (picture[-(height // 8) :] == 0).all()
+    assert np.median(picture[: height // 2, width // 2 :]) > 0
+    with pytest.raises(torquer.Error, match="'fancy'; give as_scene, plain"):
+        torquer.Imaging("fancy")
+    with pytest.raises(torquer.Error, match="magnification 9"):
+        simulation.step(0.2, simulation.hands, imaging=torquer.Imaging(magnification=9))
+
+
+def test_record_and_contacts(beating):
+    simulation = torquer.Simulation(beating)
+    hands = simulation.hands
+    for k in range(10):
+        hands[0, 0] += 1
+        simulation.step(0.1 * (k + 1), hands)
+    record = json.loads(simulation.record())
+    assert record["scene_file"] == beating.path == str(SCENES / "coronary.toml")
+    assert record["readings"] == simulation.readings()
+    contacts = simulation.contacts()
+    assert max(contacts.values()) == pytest.approx(simulation.max_penetration_mm)
+    assert all(0 < node < len(simulation.nodes_mm) for node in contacts)
+    assert simulation.dissipated_mJ >= 0
+    assert beating.keep_field() == ""  # tubes
 
 
 @pytest.mark.parametrize(

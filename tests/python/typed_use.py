@@ -9,7 +9,14 @@ import torquer
 def depth_mm(path: str) -> float:
     scene = torquer.Scene(path)
     simulation: torquer.Simulation = torquer.Simulation(scene).copy()
-    report = simulation.step(0.1, simulation.hands + np.array([[1.0, 0.0]]), xray=True)
+    imaging = torquer.Imaging("plain", magnification=2)
+    report = simulation.step(
+        0.1,
+        simulation.hands + np.array([[1.0, 0.0]]),
+        xray=True,
+        imaging=imaging,
+        after_tick=lambda tick: tick.converged and not simulation.picture_due(),
+    )
     readings: Dict[str, float] = simulation.readings()
     if not report.converged or not readings:
         raise torquer.Error("not at rest")

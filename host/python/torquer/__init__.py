@@ -17,6 +17,7 @@ import pathlib
 
 from ._torquer import (
     Error,
+    Imaging,
     InstrumentInfo,
     Scene,
     Simulation,
@@ -27,6 +28,7 @@ from .states import States, read_states
 
 __all__ = [
     "Error",
+    "Imaging",
     "InstrumentInfo",
     "Scene",
     "Simulation",
