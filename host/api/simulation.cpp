@@ -128,6 +128,22 @@ const double* Simulation::nodes_mm() const {
 
 std::size_t Simulation::node_count() const { return parts_->simulation.state().nodes().size(); }
 
+std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
+  const WireState& state = parts_->simulation.state();
+  const auto count = static_cast<std::size_t>(state.places().size());
+  if (instrument >= count) {
+    throw Error(fmt::format("there is no instrument {}; the scene has {}, from 0 on", instrument,
+                            count));
+  }
+  const int k = static_cast<int>(instrument);
+  std::vector<Eigen::Vector3d> part;
+  TakePart(parts_->lent->rod(), state.CurveOf(k), state.places()[k].insertion_mm, part);
+  std::vector<Point> nodes;
+  nodes.reserve(part.size());
+  for (const Eigen::Vector3d& node : part) nodes.push_back(ToPoint(node));
+  return nodes;
+}
+
 std::vector<InstrumentState> Simulation::instruments() const {
   const simulator::Simulation& simulation = parts_->simulation;
   const InstrumentPlaces& places = simulation.state().places();

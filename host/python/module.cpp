@@ -257,6 +257,14 @@ void AddSimulation(py::module_& module) {
       .def_property_readonly("nodes_mm", &Nodes,
                              "Where the wire lies, from the entry to the tip, shape (n, 3): a view "
                              "that the next step overwrites; copy what is to be kept.")
+      .def(
+          "instrument_nodes_mm",
+          [](const Simulation& self, std::size_t instrument) {
+            return ToRows(self.InstrumentNodesMm(instrument));
+          },
+          py::arg("instrument"),
+          "Along an instrument, the innermost being number 0, from the entry to its tip, shape "
+          "(n, 3). With [effects.clearance] instruments lie on two curves, else on one.")
       .def_property_readonly(
           "hands",
           [](const Simulation& self) {
@@ -290,7 +298,7 @@ void AddSimulation(py::module_& module) {
            "About how far the wire is from where relaxing to the end would bring it.")
       .def("discretization_error_mm", &Simulation::DiscretizationErrorMm, NoGil(),
            "About how far it is from where it would be with ever finer segments; nan where it "
-           "touches the wall, twists or has friction or inertia.")
+           "touches the wall, twists, or has friction, inertia or room in a lumen.")
       .def(
           "readings",
           [](const Simulation& self) {

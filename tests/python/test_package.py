@@ -44,6 +44,42 @@ def test_a_step_moves_the_wire(phantom):
     assert not simulation.outside_lumen
 
 
+def test_instruments_with_room_have_curves_of_their_own():
+    scene = torquer.Scene.from_text(
+        """name = "room"
+[vessel]
+kind = "ty_phantom"
+[entry]
+centerline = "main"
+at_mm = 1
+[[instrument]]
+max_length_mm = 200
+radius_mm = 0.2
+rigidity_N_mm2 = 0.02
+inserted_at_start_mm = 60
+[[instrument]]
+name = "catheter"
+max_length_mm = 150
+inserted_at_start_mm = 40
+inner_radius_mm = 0.6
+radius_mm = 0.8
+rigidity_N_mm2 = 0.05
+[effects.clearance]
+"""
+    )
+    simulation = torquer.Simulation(scene)
+    wire, catheter = (simulation.instrument_nodes_mm(k) for k in range(2))
+    assert np.allclose(wire, simulation.nodes_mm)
+    for k, nodes in enumerate((wire, catheter)):
+        assert np.allclose(nodes[-1], simulation.tips_mm[k])
+        along = np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()
+        assert along == pytest.approx(simulation.places[k, 0])
+    apart = np.linalg.norm(wire[: len(catheter) - 1] - catheter[:-1], axis=1)
+    assert 0.1 < apart.max() < 0.5
+    with pytest.raises(torquer.Error, match="no instrument 2"):
+        simulation.instrument_nodes_mm(2)
+
+
 def test_nodes_are_a_view_that_cannot_be_written(phantom):
     simulation = torquer.Simulation(phantom)
     push(simulation, 20)

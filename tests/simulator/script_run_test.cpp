@@ -1,6 +1,7 @@
 #include "host/simulator/program/script_run.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
@@ -97,6 +98,28 @@ TEST_CASE("States tell of forces only where the scene asks for them", "[simulato
   for (const nlohmann::json& force : row["contact_force_mN"]) contacts_mN += force[0].get<double>();
   const double moment = row["bending_mN_mm"][0].get<double>();
   CHECK(hands_mN == Approx(-contacts_mN - moment * moment / (2 * 16.35)).margin(1e-3));
+}
+
+TEST_CASE("With room in a lumen states have the nodes of every instrument", "[simulator]") {
+  const bool room = GENERATE(false, true);
+  const SceneFile file(std::string(torquer::test::kMicrocatheter) +
+                       (room ? "[effects.clearance]\n" : ""));
+  Write(file.Beside("s.csv"), std::string(kHeader) + "0,0,0\n0.001,-1,0\n0.002,0,0.3\n");
+  const torquer::Scene scene = torquer::Scene::FromFile(file.path());
+  torquer::program::RunScript(scene, file.Beside("s.csv"), {.states = file.Beside("s.jsonl")});
+  const nlohmann::json row = Rows(file.Beside("s.jsonl"))[2];
+  CHECK(row.contains("guidewire.nodes_mm") == room);
+  CHECK(row.contains("lumen_offset_mm") == room);
+  if (!room) return;
+  CHECK(row["guidewire.nodes_mm"] == row["nodes_mm"]);
+  double along_mm = 0;
+  const nlohmann::json& nodes = row["microcatheter.nodes_mm"];
+  for (std::size_t k = 1; k < nodes.size(); ++k) {
+    along_mm += std::hypot(nodes[k][0].get<double>() - nodes[k - 1][0].get<double>(),
+                           nodes[k][1].get<double>() - nodes[k - 1][1].get<double>(),
+                           nodes[k][2].get<double>() - nodes[k - 1][2].get<double>());
+  }
+  CHECK(along_mm == Approx(row["microcatheter.insertion_mm"].get<double>()));
 }
 
 TEST_CASE("A script moves every instrument by its name", "[simulator]") {

@@ -225,6 +225,9 @@ class TORQUER_API Simulation {
   /// to the tip: node_count() * 3 values, good until the next step, restart or assignment.
   const double* nodes_mm() const;
   std::size_t node_count() const;
+  /// Along an instrument, the innermost being number 0, from the entry point to its tip. All lie on
+  /// the curve of nodes_mm() but with [effects.clearance], which gives them two.
+  std::vector<Point> InstrumentNodesMm(std::size_t instrument) const;
   /// The innermost first.
   std::vector<InstrumentState> instruments() const;
   double energy_mJ() const;      ///< of bending, wall and effects, without what is dissipated

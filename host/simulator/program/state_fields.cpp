@@ -90,6 +90,15 @@ void AddForces(List& list) {
   add("twisting_mN_mm", &Forces::twisting_mN_mm);
 }
 
+// Along each instrument, where they do not lie on one curve.
+std::vector<double> NodesAlong(const StateRow& row, std::size_t instrument) {
+  std::vector<double> values;
+  for (const Point& node : row.simulation().InstrumentNodesMm(instrument)) {
+    values.insert(values.end(), node.begin(), node.end());
+  }
+  return values;
+}
+
 void AddInstrument(List& list, const std::string& name, std::size_t k) {
   const auto add = [&](const std::string& what, Hand InstrumentState::*hand, double Hand::*value) {
     list.Add(name + what, [=](const StateRow& row) { return row.instruments()[k].*hand.*value; });
@@ -128,7 +137,14 @@ std::vector<StateField> AllFields(const Simulation& simulation) {
   list.Add("state_hash", [](Row row) { return row.simulation().state_hash(); });
   list.Add("status", StatusOf);
   const std::vector<InstrumentInfo>& instruments = simulation.scene().instruments();
-  for (std::size_t k = 0; k < instruments.size(); ++k) AddInstrument(list, instruments[k].name, k);
+  const std::vector<std::string> effects = simulation.scene().effects();
+  const bool curves = std::find(effects.begin(), effects.end(), "clearance") != effects.end();
+  for (std::size_t k = 0; k < instruments.size(); ++k) {
+    AddInstrument(list, instruments[k].name, k);
+    if (!curves) continue;
+    list.AddNodes(instruments[k].name + ".nodes_mm", 3,
+                  [k](const StateRow& row) { return NodesAlong(row, k); });
+  }
   const std::vector<Reading> readings = simulation.readings();
   for (std::size_t k = 0; k < readings.size(); ++k) {
     list.Add(readings[k].name, [k](Row row) { return row.readings()[k].value; });
