@@ -196,7 +196,8 @@ TEST_CASE("Each picture can be taken when it is due", "[api]") {
 }
 
 TEST_CASE("What is chosen on the X-ray system is seen in pictures and dose", "[api]") {
-  const SceneFile file(kXray);
+  const SceneFile file("attenuation_1_mm = 3\n" + std::string(kXray) +
+                       "isocenter_mm = [80, 0, 0]\n");
   const Scene scene = Scene::FromFile(file.path());
   const auto run = [&](const Imaging& imaging) {
     Simulation simulation(scene);
