@@ -26,12 +26,10 @@ TEST_CASE("Friction of two curves on the wall has the gradient of finite differe
   friction.Begin(curves.at.points);
   friction.End(curves.at.points);
   friction.Begin(curves.at.points);
-  const double before_mJ = friction.Add(curves.at.points, curves.at.derivatives);
   Eigen::VectorXd x = Eigen::VectorXd::Constant(curves.unknowns(), 8e-4);
   for (Eigen::Index k = 0; k < x.size(); k += 3) x[k] = -5e-4;
   curves.state = curves.Stepped(x);
   expand();
-  CHECK(curves.at.energy_mJ > before_mJ);
   const Eigen::VectorXd with = curves.Gradient();
   const Eigen::VectorXd gradient =
       GradientOf([&](const Eigen::VectorXd& step) { return curves.Energy(step); },

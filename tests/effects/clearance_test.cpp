@@ -14,9 +14,9 @@ constexpr char kRoomScene[] =
     "name = \"room\"\n[vessel]\nkind = \"ty_phantom\"\nwall_stiffness_N_mm2 = 0.5\n"
     "[entry]\ncenterline = \"main\"\nat_mm = 1\n"
     "[[instrument]]\nmax_length_mm = 200\nradius_mm = 0.2\nrigidity_N_mm2 = 0.02\n"
-    "tip_mm = 10\ntip_angle_deg = 30\ninserted_at_start_mm = 60\n";
+    "tip_mm = 10\ntip_angle_deg = 30\ninserted_at_start_mm = 110\n";
 constexpr char kWideCatheter[] =
-    "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\ninserted_at_start_mm = 40\n"
+    "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\ninserted_at_start_mm = 90\n"
     "inner_radius_mm = 0.6\nradius_mm = 0.8\nrigidity_N_mm2 = 0.05\n";
 constexpr char kRoom[] = "[effects.clearance]\n";
 
