@@ -18,16 +18,21 @@ constexpr double kStableWeight = 1e-6;
 // Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
 constexpr double kPush = 1e-4;
 
-// How much of the way that is left one part goes, by the motion that needs the most parts.
+// How much of the way that is left one part goes. All motions go in proportion: by the longest, in
+// parts of `feed_mm` and `turn_rad`, since of a tiny one rounding is all that there is.
 double ShareOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
-                  const InstrumentPlaces& goal) {
+                  const InstrumentPlaces& goal, double feed_mm, double turn_rad) {
+  double longest = 0;
   double share = 1;
-  const auto take = [&share](double from, double to, double end) {
-    if (end != from) share = std::min(share, (to - from) / (end - from));
+  const auto take = [&](double from, double to, double end, double part) {
+    const double parts = std::abs(end - from) / part;
+    if (parts <= longest) return;
+    longest = parts;
+    share = (to - from) / (end - from);
   };
   for (int k = 0; k < here.size(); ++k) {
-    take(here[k].insertion_mm, next[k].insertion_mm, goal[k].insertion_mm);
-    take(here[k].rotation_rad, next[k].rotation_rad, goal[k].rotation_rad);
+    take(here[k].insertion_mm, next[k].insertion_mm, goal[k].insertion_mm, feed_mm);
+    take(here[k].rotation_rad, next[k].rotation_rad, goal[k].rotation_rad, turn_rad);
   }
   return share;
 }
@@ -275,7 +280,7 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
   }
   part_moved_ = true;
   if (!terms_.empty()) {
-    const double share = ShareOfWay(here, next, goal);
+    const double share = ShareOfWay(here, next, goal, feed_mm, settings_.max_turn_rad);
     for (EnergyTerm* term : terms_) term->TakeShare(share);
   }
   active_set_.RememberPressed(current_);
