@@ -25,6 +25,11 @@ std::vector<Point> Walk(const vessel::Centerline& curve, double step_mm) {
   return points;
 }
 
+// A file that is named without a folder is in the working one.
+std::string Absolute(const std::filesystem::path& folder) {
+  return std::filesystem::absolute(folder.empty() ? "." : folder).lexically_normal().string();
+}
+
 }  // namespace
 
 const char* Version() { return kVersion; }
@@ -34,7 +39,7 @@ Error::~Error() = default;
 
 Scene::Parts::Parts(scene::SceneSpec spec)
     : scene(std::make_unique<scene::Scene>(std::move(spec))),
-      folder(std::filesystem::absolute(scene->spec().folder).lexically_normal().string()),
+      folder(Absolute(scene->spec().folder)),
       instruments(simulator::InstrumentsOf(*scene)) {}
 
 Scene::Parts::~Parts() { KeepField(); }

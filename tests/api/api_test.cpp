@@ -133,6 +133,19 @@ void CheckCopiesOnTheWay(const Scene& scene, int copies) {
 
 }  // namespace
 
+TEST_CASE("A scene of the working folder is named by its file alone", "[api]") {
+  const torquer::test::SceneFile file;
+  const std::filesystem::path path = file.path();
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(path.parent_path());
+  const Scene of_file = Scene::FromFile(path.filename().string());
+  const Scene of_text = Scene::FromText(of_file.text(), "");
+  std::filesystem::current_path(before);
+  CHECK(std::filesystem::equivalent(of_file.folder(), path.parent_path()));
+  CHECK(of_text.folder() == of_file.folder());
+  CHECK(Simulation(Scene::FromText(of_file.text(), of_file.folder())).node_count() > 0);
+}
+
 TEST_CASE("A copy goes on as the original does, to the bit, in every shipped scene", "[api]") {
   const int steps = kUnderSanitizer ? 3 : 12;
   for (const std::string& file : SceneFiles()) {
