@@ -198,9 +198,9 @@ T* FindEarlier(const EffectContext& context) {
 using ShapeChange = void (*)(std::vector<WireSection>& sections, double torsional_ratio);
 
 /// Role *stage* of several instruments: the room that an effect gives them. `instruments`: the
-/// innermost first, without their models. Throws UserError naming file, key, value and remedy.
-using MakeRoom =
-    std::function<Clearance(const std::any& spec, const std::vector<Instrument>& instruments)>;
+/// innermost first; `wall`: the vessel's. Throws UserError naming file, key, value and remedy.
+using MakeRoom = std::function<Clearance(
+    const std::any& spec, const std::vector<Instrument>& instruments, const WallModel& wall)>;
 
 /// One row of the table of effects.
 struct EffectKind {

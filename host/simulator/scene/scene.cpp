@@ -146,7 +146,9 @@ void Scene::MakeStack() {
     bare.push_back(Describe(spec_.instruments[k], models[k]));
   }
   for (const EffectSpec& effect : spec_.effects) {
-    if (const effects::MakeRoom& room = KindOf(effect).room) clearance = room(effect.keys, bare);
+    if (const effects::MakeRoom& room = KindOf(effect).room) {
+      clearance = room(effect.keys, bare, wall_);
+    }
   }
   try {
     stack_ = std::make_unique<InstrumentStack>(std::move(models), clearance);

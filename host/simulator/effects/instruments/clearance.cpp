@@ -1,5 +1,7 @@
 #include "host/simulator/effects/instruments/clearance.h"
 
+#include <optional>
+
 namespace torquer::effects {
 
 void ClearanceObserver::Restart() { pressed_N_ = end_pressed_N_ = offset_mm_ = 0; }
@@ -28,17 +30,18 @@ namespace {
 
 struct ClearanceSpec : TableSpec {
   std::string around;
-  double stiffness_N_mm2 = 10;
+  std::optional<double> stiffness_N_mm2;
 };
 
 const Keys<ClearanceSpec>& ClearanceKeys() {
   static const Keys<ClearanceSpec> keys =
       Keys<ClearanceSpec>()
-          .Text("around", &ClearanceSpec::around,
-                "the instrument in whose lumen there is room; without it the one around the "
-                "innermost")
+          .Otherwise("the one around the innermost")
+          .Text("around", &ClearanceSpec::around, "the instrument in whose lumen there is room")
+          .Otherwise("that of the vessel's wall")
           .Number("stiffness_N_mm2", &ClearanceSpec::stiffness_N_mm2, 1e-3, 1e3, "N/mm^2",
-                  "of the lumen's wall, per length of wire")
+                  "of the lumen's wall, per length of wire; one that is much harder than its "
+                  "instruments are stiff takes several times as long")
           .Example("around = \"catheter\"\n");
   return keys;
 }
@@ -47,13 +50,15 @@ std::unique_ptr<Effect> Make(const ClearanceSpec& /*spec*/, const EffectContext&
   return std::make_unique<ClearanceObserver>();
 }
 
-Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instruments) {
+Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instruments,
+                 const WallModel& wall) {
   if (instruments.size() < 2) {
     spec.origin.Refuse("around",
                        "there is one instrument, and nothing that it lies in; take the table out, "
                        "or give a second [[instrument]]");
   }
-  Clearance clearance{.first_outer = 1, .stiffness_N_mm2 = spec.stiffness_N_mm2};
+  Clearance clearance{.first_outer = 1,
+                      .stiffness_N_mm2 = spec.stiffness_N_mm2.value_or(wall.stiffness_N_mm2)};
   if (!spec.around.empty()) {
     clearance.first_outer = FindInstrument(instruments, spec.around, spec, "around");
     if (clearance.first_outer == 0) {
@@ -77,8 +82,9 @@ EffectKind ClearanceKind() {
           .keys = Any(ClearanceKeys()),
           .excludes = {"torsion", "friction_between", "inertia", "internal_forces"},
           .make = MakeWith(Make),
-          .room = [](const std::any& spec, const std::vector<Instrument>& instruments) {
-            return RoomOf(std::any_cast<const ClearanceSpec&>(spec), instruments);
+          .room = [](const std::any& spec, const std::vector<Instrument>& instruments,
+                     const WallModel& wall) {
+            return RoomOf(std::any_cast<const ClearanceSpec&>(spec), instruments, wall);
           }};
 }
 
