@@ -132,8 +132,8 @@ std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
   const WireState& state = parts_->simulation.state();
   const auto count = static_cast<std::size_t>(state.places().size());
   if (instrument >= count) {
-    throw Error(fmt::format("there is no instrument {}; the scene has {}, from 0 on", instrument,
-                            count));
+    throw Error(
+        fmt::format("there is no instrument {}; the scene has {}, from 0 on", instrument, count));
   }
   const int k = static_cast<int>(instrument);
   std::vector<Eigen::Vector3d> part;

@@ -1,4 +1,4 @@
-// Room between instruments: those inside a lumen lie on a curve of their own.
+// Room between instruments: those inside a lumen lie on another curve than those around them.
 #pragma once
 
 #include "host/simulator/effects/effect.h"
