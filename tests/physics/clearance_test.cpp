@@ -139,7 +139,7 @@ TEST_CASE("Pulled round a bend a wire lies at the inner side of the lumen") {
                            {});
   const double angle = 1;
   const double inside_mm = kBend_mm * angle;
-  const Vector3d normal = catheter.sheath_normal();
+  const Vector3d& normal = catheter.sheath_normal();
   const Vector3d pull = pull_N * (std::cos(angle) * Vector3d::UnitX() + std::sin(angle) * normal);
   Loose loose({wire, catheter}, kWireRadius_mm + kRoom_mm, pull, 2, 100, 1e-7);
   loose.MoveTo({{inside_mm + 5, 0}, {inside_mm, 0}});

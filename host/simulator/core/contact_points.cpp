@@ -67,15 +67,18 @@ void ContactPoints::Reserve(PointSet& points) const {
   }
 }
 
-// Where both curves are it is the outer one that touches the wall.
+// Where both curves are it is the outer one that touches the wall. The state outlives what it
+// gives. NOLINTBEGIN(bugprone-return-const-ref-from-parameter)
 const WireState& ContactPoints::CurveAt(const WireState& state, int q) const {
-  if (stack_ == nullptr || state.outer_leads()) return state;
+  const WireState* const second = state.second();
+  if (stack_ == nullptr || second == nullptr || state.outer_leads()) return state;
   const int per_segment = wall_.points_per_segment;
-  if (q / per_segment >= state.second()->segments()) return state;
+  if (q / per_segment >= second->segments()) return state;
   const double behind_mm = state.insertion_mm() - stack_->SecondReach(state.places());
   const int from_tip = state.segments() * per_segment - 1 - q;
-  return from_tip * model_.segment_mm() >= behind_mm * per_segment ? *state.second() : state;
+  return from_tip * model_.segment_mm() >= behind_mm * per_segment ? *second : state;
 }
+// NOLINTEND(bugprone-return-const-ref-from-parameter)
 
 void ContactPoints::TakeStiffness(const WireState& state) {
   if (wall_.by_place == nullptr) return;
