@@ -55,8 +55,8 @@ void WireState::FitEnd(const WireModel& model, int most, double reach_mm) {
     normals_.pop_back();
   }
   while (segments() > 0 && segments() < most && begin_mm(segments()) < reach_mm) {
-    tangents_.push_back(Vector3d(tangents_.back()));
-    normals_.push_back(Vector3d(normals_.back()));
+    tangents_.emplace_back(tangents_.back());
+    normals_.emplace_back(normals_.back());
   }
   insertion_mm_ = segments() == 0 ? 0 : begin_mm(segments());
   PlaceAgain(model);
