@@ -49,6 +49,7 @@ def test_instruments_with_room_have_curves_of_their_own():
         """name = "room"
 [vessel]
 kind = "ty_phantom"
+wall_stiffness_N_mm2 = 0.5
 [entry]
 centerline = "main"
 at_mm = 1
@@ -56,11 +57,11 @@ at_mm = 1
 max_length_mm = 200
 radius_mm = 0.2
 rigidity_N_mm2 = 0.02
-inserted_at_start_mm = 60
+inserted_at_start_mm = 110
 [[instrument]]
 name = "catheter"
 max_length_mm = 150
-inserted_at_start_mm = 40
+inserted_at_start_mm = 90
 inner_radius_mm = 0.6
 radius_mm = 0.8
 rigidity_N_mm2 = 0.05
