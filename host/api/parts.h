@@ -1,6 +1,7 @@
 // What the public classes of torquer.h hold.
 #pragma once
 
+#include <Eigen/Core>
 #include <atomic>
 #include <memory>
 #include <string>
@@ -13,6 +14,8 @@
 #include "host/support/error.h"
 
 namespace torquer {
+
+inline Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
 
 struct Scene::Parts {
   explicit Parts(scene::SceneSpec spec);

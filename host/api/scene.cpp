@@ -10,8 +10,6 @@ namespace torquer {
 
 namespace {
 
-Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
-
 std::vector<Point> Walk(const vessel::Centerline& curve, double step_mm) {
   if (!(step_mm > 0)) {
     throw Error("step_mm is " + std::to_string(step_mm) + "; give a distance above 0");

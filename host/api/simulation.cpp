@@ -41,8 +41,6 @@ void Check(const Command& command, const Scene& scene) {
       imaging.right, imaging.top, imaging.bottom));
 }
 
-Point ToPoint(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
-
 std::vector<double> InMilli(const std::vector<double>& values) {
   std::vector<double> out;
   for (const double value : values) out.push_back(1e3 * value);

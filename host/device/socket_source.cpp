@@ -18,8 +18,8 @@
 namespace torquer::device {
 namespace {
 
-constexpr int kReconnectMs = 50;
-constexpr int kBurst = 64;
+constexpr int kSocketReconnectMs = 50;
+constexpr int kSocketBurst = 64;
 constexpr std::int64_t kAnswerUs = 1000000;
 
 using protocol::SocketPacket;
@@ -97,7 +97,7 @@ void SocketSource::Wait(int timeout_ms, const Sink& sink) {
   };
   deliver_waiting();
 
-  if (fd_ < 0) timeout_ms = std::min(timeout_ms, kReconnectMs);
+  if (fd_ < 0) timeout_ms = std::min(timeout_ms, kSocketReconnectMs);
   std::array<pollfd, 2> events{{{wake_up_.fd(), POLLIN, 0}, {fd_, POLLIN, 0}}};
   if (poll(events.data(), events.size(), timeout_ms) <= 0) return;
   if (events[0].revents != 0) wake_up_.Clear();
@@ -105,7 +105,7 @@ void SocketSource::Wait(int timeout_ms, const Sink& sink) {
   // All that has arrived, so that a backlog needs no further polling; but a device that sends
   // without pause must not hold the caller for ever.
   Arrival arrival;
-  for (int i = 0; i < kBurst && fd_ >= 0 && Receive(arrival); ++i) {
+  for (int i = 0; i < kSocketBurst && fd_ >= 0 && Receive(arrival); ++i) {
     Deliver(arrival, sink);
     deliver_waiting();
   }

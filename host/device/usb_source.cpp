@@ -26,7 +26,7 @@ constexpr std::size_t kLargestReport = protocol::kLongestReportBytes;
 // A device that is unplugged gives transfer errors first; so many in a row mean that it is gone.
 constexpr int kMostErrorsInARow = 50;
 // Permissions are granted by udev, perhaps a moment after the device is announced.
-constexpr std::int64_t kPermissionUs = 1000000;
+constexpr std::int64_t kUsbPermissionUs = 1000000;
 // A device that has just been plugged in may fail at first; one that fails for longer is tried when
 // the bus is listed.
 constexpr std::int64_t kOpenUs = 3000000;
@@ -291,7 +291,7 @@ UsbSource::Trial UsbSource::JudgeForbidden(const Candidate& candidate,
   const std::string product = UsbTextOfKernel(candidate.device, "product");
   const std::string serial = UsbTextOfKernel(candidate.device, "serial");
   if (!product.empty() && !serial.empty() && !IsOurs(product, serial)) return Trial::kOther;
-  if (bus::MonotonicUs() - candidate.seen_us < kPermissionUs) return Trial::kNotNow;
+  if (bus::MonotonicUs() - candidate.seen_us < kUsbPermissionUs) return Trial::kNotNow;
   throw UserError(fmt::format("{} may not be opened by this user; {}", address, kPermissionRemedy));
 }
 

@@ -12,7 +12,7 @@
 namespace torquer::emulator {
 namespace {
 
-constexpr int kSpmcsr = 0x57, kEecr = 0x3f;
+constexpr int kSpmcsr = 0x57, kEepromControl = 0x3f;
 constexpr std::uint8_t kSpmen = 0x01, kPgers = 0x02, kPgwrt = 0x04, kRwwsre = 0x10, kSigrd = 0x20,
                        kRwwsb = 0x40;
 constexpr std::uint8_t kCommand = 0x3f;
@@ -70,7 +70,7 @@ FlashMemory::FlashMemory(avr_t* avr, double clock_mhz, std::uint32_t boot_start,
 
 void FlashMemory::WriteControl(std::uint8_t value) {
   if (operation_ != Operation::kNone) return;  // as silicon: not while SPMEN is up
-  if ((value & kSpmen) && (avr_->data[kEecr] & kEepromBusy)) {
+  if ((value & kSpmen) && (avr_->data[kEepromControl] & kEepromBusy)) {
     violation_("SPMCSR written while the EEPROM is: it is ignored");
     return;
   }

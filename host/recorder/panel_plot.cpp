@@ -12,9 +12,9 @@ namespace torquer {
 namespace {
 
 // Pixels of the drawing, which is scaled to the page.
-constexpr double kWidth = 960;
+constexpr double kPanelWidth = 960;
 constexpr double kLeft = 66;
-constexpr double kRight = kWidth - 16;
+constexpr double kRight = kPanelWidth - 16;
 constexpr double kTitleHeight = 28;
 constexpr double kGap = 8;
 constexpr double kCurvesHeight = 84;
@@ -120,7 +120,7 @@ class Drawing {
            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0f} {:.0f}\" width=\"100%\" "
            "role=\"img\" font-family=\"'DejaVu Sans', Verdana, sans-serif\" font-size=\"13\">\n"
            "<title>{}</title>\n",
-           kWidth, y + kAxisHeight, plot::EscapeMarkup(name));
+           kPanelWidth, y + kAxisHeight, plot::EscapeMarkup(name));
     return svg + out_ + "</svg>\n";
   }
 

@@ -5,16 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <utility>
 
+#include "host/support/angle.h"
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
 
 namespace torquer {
 namespace {
 
-constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
 constexpr double kReportsPerSecond = 1000;  // a device's
 constexpr double kRealTime = 0.97;          // of them that an emulator must make to be in real time
 

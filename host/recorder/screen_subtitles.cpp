@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "host/recorder/svg_text.h"
+#include "host/support/angle.h"
 #include "host/support/printable_text.h"
 
 namespace torquer {
@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kLongestName = 30;
 
 std::string Angle(double rad, const char* positive, const char* negative) {
-  const long degrees = std::lround(rad * 180 / std::numbers::pi);
+  const long degrees = std::lround(rad * kDegreesPerRad);
   return fmt::format("{} {}°", degrees < 0 ? negative : positive, std::labs(degrees));
 }
 

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "host/support/angle.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer {
 namespace {
 
-constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
 // At rest there are no ticks: a longer time than this between two that follow each other is rest.
 constexpr double kRestS = 0.05;
 constexpr double kTickS = 1e-3;

@@ -22,7 +22,7 @@
 namespace torquer {
 namespace {
 
-constexpr char kRemedy[] = "install it (host/install_packages build)";
+constexpr char kInstallFfmpeg[] = "install it (host/install_packages build)";
 constexpr std::size_t kMostMessageBytes = 4096;
 // In ffmpeg; above them, so that none is overwritten before it is copied, lie the originals.
 constexpr int kOutputInChild = 3;
@@ -135,7 +135,7 @@ VideoEncoder::VideoEncoder(const VideoFormat& format, const std::string& subtitl
   if (error != 0) {
     process_ = -1;
     throw UserError(
-        fmt::format("ffmpeg: cannot be started: {}; {}", std::strerror(error), kRemedy));
+        fmt::format("ffmpeg: cannot be started: {}; {}", std::strerror(error), kInstallFfmpeg));
   }
   frames_ = frames.Release();
   messages_ = messages.Release();

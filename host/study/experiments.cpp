@@ -338,12 +338,12 @@ bool LayInPhantom(Part& part) {
   const auto from_fine = [&](const PaperBench& bench, const WireState& state) {
     return Distances(bench.model(), state, fine.bench.model(), fine.state);
   };
-  struct Case {
+  struct Wire {
     std::string name;
     std::string metric;
     std::vector<double> mm;
   };
-  const Case cases[] = {
+  const Wire cases[] = {
       {"the paper's method, " + std::to_string(phantom::kCycles) + " cycles, 1 mm", "paper_method",
        from_fine(theirs, theirs.state())},
       {"ours, in balance, 1 mm", "ours", from_fine(coarse.bench, coarse.state)},
@@ -353,7 +353,7 @@ bool LayInPhantom(Part& part) {
   Table table{"Distance from a wire in balance with segments of " + Number(fine_mm) + " mm, mm",
               {"wire", "mean", "deviation", "largest"},
               {}};
-  for (const Case& c : cases) {
+  for (const Wire& c : cases) {
     const double largest = *std::max_element(c.mm.begin(), c.mm.end());
     part.run.Record("phantom/" + c.metric, "mean", Mean(c.mm), "mm");
     part.run.Record("phantom/" + c.metric, "deviation", Deviation(c.mm), "mm");
@@ -372,7 +372,7 @@ bool LayInPhantom(Part& part) {
   plot.x.label = "distance from the tip, mm";
   plot.y.label = "distance from the wire in balance, mm";
   int color = 0;
-  for (const Case& c : cases) {
+  for (const Wire& c : cases) {
     Series line{c.name, Mark::kLine, {}, c.mm, {}, color++};
     for (std::size_t k = 0; k < c.mm.size(); ++k) line.x.push_back(0.5 * static_cast<double>(k));
     plot.series.push_back(line);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <numbers>
 #include <vector>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
@@ -11,6 +12,9 @@
 #include "host/simulator/vessel/phantoms.h"
 
 namespace torquer::study {
+
+/// The angle of the paper's curved tip.
+inline constexpr double kPaperTipRad = std::numbers::pi / 4;
 
 /// One GR cycle and the PR cycle before it.
 struct PaperCycle {

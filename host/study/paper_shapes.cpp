@@ -10,8 +10,6 @@
 namespace torquer::study {
 namespace {
 
-constexpr double kAngledTip = std::numbers::pi / 4;
-
 // Fig. 16: contacts at each stiffness of the wall; those of the first, the phantom's, are drawn.
 PaperBench::Bouncing MeasureWalls(PaperPart& part, int settle) {
   // How the updates grow with the wall's stiffness shows where they come from.
@@ -22,7 +20,7 @@ PaperBench::Bouncing MeasureWalls(PaperPart& part, int settle) {
               {}};
   for (const double wall : kWalls) {
     PaperBench bench(part.phantom,
-                     {.segment_mm = 1, .tip_angle_rad = kAngledTip, .wall_N_mm2 = wall});
+                     {.segment_mm = 1, .tip_angle_rad = kPaperTipRad, .wall_N_mm2 = wall});
     bench.InsertFast();
     for (int k = 0; k < settle; ++k) {
       part.run.Progress("contacts", 0.85 + 0.02 * wall + 0.0005 * k);
@@ -166,11 +164,11 @@ LawComparison CompareLaws(PaperPart& part, double lambda, double progress) {
   PhysicalSettings signed_unbounded;
   signed_unbounded.rule = UpdateRule::kSigned;
   signed_unbounded.max_update = std::numeric_limits<double>::infinity();
-  PaperBench ours(part.phantom, {.segment_mm = lambda, .tip_angle_rad = kAngledTip});
-  PaperBench other_law(part.phantom,
-                       {.segment_mm = lambda, .tip_angle_rad = kAngledTip, .law = BendingLaw::kG2});
+  PaperBench ours(part.phantom, {.segment_mm = lambda, .tip_angle_rad = kPaperTipRad});
+  PaperBench other_law(
+      part.phantom, {.segment_mm = lambda, .tip_angle_rad = kPaperTipRad, .law = BendingLaw::kG2});
   PaperBench theirs(part.phantom, {.segment_mm = lambda,
-                                   .tip_angle_rad = kAngledTip,
+                                   .tip_angle_rad = kPaperTipRad,
                                    .law = BendingLaw::kG2,
                                    .physical = signed_unbounded});
   ours.InsertFast();

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 
 #include "host/simulator/core/paper/predecessor_relaxation.h"
 #include "host/study/cpu_time.h"
@@ -14,7 +13,6 @@
 namespace torquer::study {
 namespace {
 
-constexpr double kAngledTip = std::numbers::pi / 4;
 constexpr int kCycles = 100;  // of Table 1
 
 // What the paper prints: Table 1, (33).
@@ -63,7 +61,7 @@ void MeasureInsertion(PaperPart& part) {
               {"lambda, mm", "tip", "time, s", "speed, m/s", "deepest penetration, mm"},
               {}};
   for (const double lambda : kPaperSegmentsMm) {
-    for (const double angle : {0.0, kAngledTip}) {
+    for (const double angle : {0.0, kPaperTipRad}) {
       const std::string tip = angle == 0 ? "straight" : "45 deg";
       const std::string name =
           "insertion/" + CaseOf(lambda) + (angle == 0 ? "/straight" : "/angled");
@@ -89,7 +87,7 @@ void MeasureInsertion(PaperPart& part) {
   part.run.Show(table);
 
   PaperBench stiff(part.phantom,
-                   {.segment_mm = 1, .tip_angle_rad = kAngledTip, .rigidity_N_mm2 = 6.35e1});
+                   {.segment_mm = 1, .tip_angle_rad = kPaperTipRad, .rigidity_N_mm2 = 6.35e1});
   stiff.InsertFast();
   part.run.Record("insertion/n=250/EI=1e4x", "deepest_penetration", stiff.deepest_mm(), "mm");
   part.run.Say("With a rigidity 10,000 times larger the same insertion leaves the lumen by up to " +
@@ -140,7 +138,7 @@ struct Resolution {
 
 // 100 cycles from the fast insertion; fewer where that would take minutes, scaled.
 Resolution Relax(PaperPart& part, double lambda, double progress) {
-  const PaperBench::Setup setup{.segment_mm = lambda, .tip_angle_rad = kAngledTip};
+  const PaperBench::Setup setup{.segment_mm = lambda, .tip_angle_rad = kPaperTipRad};
   PaperBench bench(part.phantom, setup);
   bench.InsertFast();
   Resolution r{.lambda = lambda,

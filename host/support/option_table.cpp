@@ -67,7 +67,7 @@ std::string UsageOf(const OptionTable& table, const std::string& words) {
 }
 
 // A bash word that no character of `text` has a meaning in.
-std::string Quoted(const std::string& text) {
+std::string ShellQuoted(const std::string& text) {
   std::string quoted = "'";
   for (const char character : text) {
     quoted += character == '\'' ? std::string("'\\''") : std::string(1, character);
@@ -76,7 +76,7 @@ std::string Quoted(const std::string& text) {
 }
 
 std::string Words(const std::vector<std::string>& words) {
-  return Quoted(fmt::format("{}", fmt::join(words, " ")));
+  return ShellQuoted(fmt::format("{}", fmt::join(words, " ")));
 }
 
 // The command that prints what a value can be; empty when nothing can be said.

@@ -9,7 +9,6 @@
 #include <ctime>
 #include <filesystem>
 #include <memory>
-#include <numbers>
 #include <optional>
 #include <string>
 #include <utility>
@@ -17,6 +16,7 @@
 #include "calibration/calibration_file.h"
 #include "calibration/procedure.h"
 #include "host/device/source_choice.h"
+#include "host/support/angle.h"
 #include "host/support/atomic_file.h"
 #include "host/support/number.h"
 #include "host/support/program.h"
@@ -196,7 +196,7 @@ class GuidedRun : public ReadingSink {
     terminal_.Change(fmt::format(
         "     {}{:+8.2f} mm {:+7.1f} deg | counts {} axial, {} transverse | quality {}{}",
         procedure_.prompt().marking ? "hold still .. " : "", moved.insertion_mm,
-        moved.rotation_rad * 180.0 / std::numbers::pi, last_.axial_counts, last_.transverse_counts,
+        moved.rotation_rad * torquer::kDegreesPerRad, last_.axial_counts, last_.transverse_counts,
         last_.surface_quality, trouble));
   }
 

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 #include "calibration/fit.h"
 #include "host/plot/svg_plot.h"
 #include "host/plot/table.h"
+#include "host/support/angle.h"
 
 namespace torquer::tools {
 namespace {
@@ -21,8 +21,6 @@ using calibration::MotionFit;
 using calibration::MotionKind;
 using calibration::ProcedureResult;
 using calibration::ProcedureSettings;
-
-constexpr double kDegreesPerRad = 180.0 / std::numbers::pi;
 
 // Used strokes of one kind: their number in the run, and what is left of them.
 struct Residuals {

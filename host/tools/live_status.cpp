@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
+#include "host/support/angle.h"
 #include "host/support/printable_text.h"
 #include "protocol/lcm_channels.h"
 
@@ -133,7 +133,7 @@ std::string LiveStatus::Instruments(std::int64_t now_us) const {
   std::string text;
   for (const torquer_lcm::instrument_state_t& instrument : state_->instruments) {
     text += fmt::format(" | {} {:.2f} mm, {:+.0f} deg", Name(instrument.name),
-                        instrument.insertion_mm, instrument.rotation_rad * 180 / std::numbers::pi);
+                        instrument.insertion_mm, instrument.rotation_rad * kDegreesPerRad);
   }
   return text + " | " +
          (now_us - state_heard_us_ < kStateOldUs

@@ -35,6 +35,9 @@ enum class FrameKind : std::uint8_t {
 /// Second byte of a binary message: a change of a layout makes a new one.
 inline constexpr std::uint8_t kFrameVersion = 1;
 
+/// Time between two summaries of a session.
+inline constexpr std::int64_t kSummaryUs = 100'000;
+
 /// The newest state. `forces`, if there are any, are used where they belong to the same tick.
 /// Latencies are left out (NaN) where `clock_id` is another clock than the state's.
 std::string StateFrame(const torquer_lcm::wire_state_t& state,

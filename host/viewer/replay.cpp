@@ -22,8 +22,7 @@
 namespace torquer::viewer {
 namespace {
 
-constexpr std::chrono::milliseconds kBeat{16};
-constexpr std::int64_t kSummaryUs = 100'000;
+constexpr std::chrono::milliseconds kReplayBeat{16};
 
 class Replayer {
  public:
@@ -41,7 +40,7 @@ class Replayer {
               return controls.has_value();
             },
             [](PageId) {}) {
-    server_.Every(kBeat, [this] { Beat(); });
+    server_.Every(kReplayBeat, [this] { Beat(); });
   }
 
   PageServer& server() { return server_; }

@@ -26,8 +26,7 @@ namespace torquer::viewer {
 namespace {
 
 // Commands go out as often, a page gets a state every other time: 62 a second.
-constexpr std::chrono::milliseconds kBeat{8};
-constexpr std::int64_t kSummaryUs = 100'000;
+constexpr std::chrono::milliseconds kLiveBeat{8};
 // A reading of the bus: what the simulator published last, at 1 kHz.
 constexpr int kQueue = 64;
 // Instruments that are commanded; a name of any kind comes from the bus.
@@ -58,7 +57,7 @@ class Viewer {
       if (setup.start >= 0) StartCase(static_cast<std::size_t>(setup.start));
     }
     server_.WhenReadable(bus.FileDescriptor(), [this] { bus_.Handle(0); });
-    server_.Every(kBeat, [this] { Beat(); });
+    server_.Every(kLiveBeat, [this] { Beat(); });
   }
 
   PageServer& server() { return server_; }

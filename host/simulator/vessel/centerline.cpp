@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kSamePointMm = 1e-6;
 
-[[noreturn]] void Refuse(const std::string& name, const std::string& what) {
+[[noreturn]] void RefuseCurve(const std::string& name, const std::string& what) {
   throw UserError("centerline \"" + name + "\": " + what);
 }
 
@@ -60,15 +60,15 @@ Centerline::Centerline(std::string name, const std::vector<Vector3d>& points_mm,
                        const std::vector<Vector3d>& tangents, const std::vector<double>& radii_mm)
     : name_(std::move(name)) {
   if (radii_mm.size() != points_mm.size()) {
-    Refuse(name_, std::to_string(points_mm.size()) + " points but " +
-                      std::to_string(radii_mm.size()) + " radii; give one radius a point");
+    RefuseCurve(name_, std::to_string(points_mm.size()) + " points but " +
+                           std::to_string(radii_mm.size()) + " radii; give one radius a point");
   }
   for (size_t i = 0; i < points_mm.size(); ++i) {
     if (!points_mm[i].allFinite() || !std::isfinite(radii_mm[i]) || radii_mm[i] < 0) {
       std::ostringstream text;
       text << "point " << i << " (" << points_mm[i].transpose() << ", radius " << radii_mm[i]
            << ") is not usable; coordinates must be finite and the radius 0 or more";
-      Refuse(name_, text.str());
+      RefuseCurve(name_, text.str());
     }
     if (!points_mm_.empty() && (points_mm[i] - points_mm_.back()).norm() < kSamePointMm) continue;
     points_mm_.push_back(points_mm[i]);
@@ -76,7 +76,7 @@ Centerline::Centerline(std::string name, const std::vector<Vector3d>& points_mm,
     if (!tangents.empty()) tangents_.push_back(tangents[i].normalized());
   }
   if (points_mm_.size() < 2) {
-    Refuse(name_, std::to_string(points_mm_.size()) + " distinct point(s); a curve needs two");
+    RefuseCurve(name_, std::to_string(points_mm_.size()) + " distinct point(s); a curve needs two");
   }
   Measure();
 }

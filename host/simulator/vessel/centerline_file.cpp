@@ -14,9 +14,9 @@ using nlohmann::json;
 
 namespace {
 
-constexpr const char* kEnding = ".mrk.json";
+constexpr const char* kMarkupsEnding = ".mrk.json";
 
-[[noreturn]] void Refuse(const std::string& path, const std::string& what) {
+[[noreturn]] void RefuseFile(const std::string& path, const std::string& what) {
   throw UserError(path + ": " + what);
 }
 
@@ -25,7 +25,8 @@ const json& Member(const std::string& path, const json& object, const std::strin
                    const char* name) {
   const auto found = object.is_object() ? object.find(name) : object.end();
   if (!object.is_object() || found == object.end()) {
-    Refuse(path, "field " + where + name + " is missing; save the curve as Markups from 3D Slicer");
+    RefuseFile(path,
+               "field " + where + name + " is missing; save the curve as Markups from 3D Slicer");
   }
   return *found;
 }
@@ -40,8 +41,8 @@ std::string Shown(const json& value) {
 double NumberAt(const std::string& path, const json& value, const std::string& where) {
   const double number = value.is_number() ? value.get<double>() : std::nan("");
   if (!std::isfinite(number)) {
-    Refuse(path,
-           "field " + where + " is " + Shown(value) + ", not a finite number; repair the file");
+    RefuseFile(path,
+               "field " + where + " is " + Shown(value) + ", not a finite number; repair the file");
   }
   return number;
 }
@@ -58,27 +59,29 @@ Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit) {
   try {
     document = json::parse(file.contents);
   } catch (const json::exception& e) {
-    Refuse(path, std::string("not valid JSON (") + e.what() +
-                     "); the file is damaged or cut short: save it again from 3D Slicer");
+    RefuseFile(path, std::string("not valid JSON (") + e.what() +
+                         "); the file is damaged or cut short: save it again from 3D Slicer");
   }
   const json& markups = Member(path, document, "", "markups");
   if (!markups.is_array() || markups.size() != 1) {
-    Refuse(path, "field markups holds " + std::to_string(markups.is_array() ? markups.size() : 0) +
-                     " curves; save one curve a file");
+    RefuseFile(path, "field markups holds " +
+                         std::to_string(markups.is_array() ? markups.size() : 0) +
+                         " curves; save one curve a file");
   }
   const std::string where = "markups[0].";
   const json& markup = markups[0];
   const json& type = Member(path, markup, where, "type");
   if (type != "Curve") {
-    Refuse(path, "field " + where + "type is " + Shown(type) + "; only a \"Curve\" can be used");
+    RefuseFile(path,
+               "field " + where + "type is " + Shown(type) + "; only a \"Curve\" can be used");
   }
   const auto units = markup.find("coordinateUnits");
   if (units != markup.end() && *units != "mm") {
-    Refuse(path,
-           "field " + where + "coordinateUnits is " + Shown(*units) + "; save the curve in \"mm\"");
+    RefuseFile(path, "field " + where + "coordinateUnits is " + Shown(*units) +
+                         "; save the curve in \"mm\"");
   }
   const json& controls = Member(path, markup, where, "controlPoints");
-  if (!controls.is_array()) Refuse(path, "field " + where + "controlPoints is no list");
+  if (!controls.is_array()) RefuseFile(path, "field " + where + "controlPoints is no list");
   std::vector<Vector3d> points;
   std::vector<size_t> used;
   for (size_t i = 0; i < controls.size(); ++i) {
@@ -88,7 +91,8 @@ Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit) {
     if (status != controls[i].end() && *status != "defined") continue;
     const json& position = Member(path, controls[i], at, "position");
     if (!position.is_array() || position.size() != 3) {
-      Refuse(path, "field " + at + "position is " + Shown(position) + "; it needs three numbers");
+      RefuseFile(path,
+                 "field " + at + "position is " + Shown(position) + "; it needs three numbers");
     }
     Vector3d point;
     for (int a = 0; a < 3; ++a) {
@@ -105,33 +109,34 @@ Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit) {
     if (called != measurement.end() && *called == "Radius") radius = &measurement;
   }
   if (radius == nullptr) {
-    Refuse(path, "field " + where +
-                     "measurements has no \"Radius\"; compute the curve with radii (Extract "
-                     "Centerline in 3D Slicer does)");
+    RefuseFile(path, "field " + where +
+                         "measurements has no \"Radius\"; compute the curve with radii (Extract "
+                         "Centerline in 3D Slicer does)");
   }
   const std::string values_at = where + "measurements[\"Radius\"].";
   const json& values = Member(path, *radius, values_at, "controlPointValues");
   if (!values.is_array() || values.size() != controls.size()) {
-    Refuse(path, "field " + values_at + "controlPointValues has " + std::to_string(values.size()) +
-                     " entries for " + std::to_string(controls.size()) +
-                     " control points; compute the radii again");
+    RefuseFile(path, "field " + values_at + "controlPointValues has " +
+                         std::to_string(values.size()) + " entries for " +
+                         std::to_string(controls.size()) +
+                         " control points; compute the radii again");
   }
   std::vector<double> radii;
   for (const size_t i : used) {
     const std::string at = values_at + "controlPointValues[" + std::to_string(i) + "]";
     const double value = mm_per_unit * NumberAt(path, values[i], at);
     if (value < 0)
-      Refuse(path, "field " + at + " is " + values[i].dump() + "; a radius is not negative");
+      RefuseFile(path, "field " + at + " is " + values[i].dump() + "; a radius is not negative");
     radii.push_back(value);
   }
   std::string name = std::filesystem::path(path).filename().string();
-  if (name.size() > std::string(kEnding).size() && name.ends_with(kEnding)) {
-    name.resize(name.size() - std::string(kEnding).size());
+  if (name.size() > std::string(kMarkupsEnding).size() && name.ends_with(kMarkupsEnding)) {
+    name.resize(name.size() - std::string(kMarkupsEnding).size());
   }
   try {
     return Centerline(name, points, radii);
   } catch (const UserError& e) {
-    Refuse(path, e.what());
+    RefuseFile(path, e.what());
   }
 }
 
@@ -139,14 +144,15 @@ std::vector<CurveFile> ReadCurveFiles(const std::string& folder) {
   std::error_code error;
   std::vector<std::string> paths;
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    if (entry.path().filename().string().ends_with(kEnding)) paths.push_back(entry.path().string());
+    if (entry.path().filename().string().ends_with(kMarkupsEnding))
+      paths.push_back(entry.path().string());
   }
   if (error) {
     throw UserError(folder + ": the folder of centerlines cannot be read (" + error.message() +
                     "); check the path");
   }
   if (paths.empty()) {
-    throw UserError(folder + ": the folder holds no " + kEnding +
+    throw UserError(folder + ": the folder holds no " + kMarkupsEnding +
                     " file; save the centerlines as Markups from 3D Slicer");
   }
   std::sort(paths.begin(), paths.end());

@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-std::string Number(double value) {
+std::string Millimeters(double value) {
   std::ostringstream text;
   text << value;
   return text.str();
@@ -108,8 +108,9 @@ CenterlinePlace CenterlineNetwork::Place(const std::string& curve, const std::st
 CenterlinePlace CenterlineNetwork::Place(const std::string& curve, double s_mm) const {
   const size_t index = Find(curve);
   if (!(s_mm >= 0 && s_mm <= curves_[index].length_mm())) {
-    throw UserError("centerline \"" + curves_[index].name() + "\" has no place at " + Number(s_mm) +
-                    " mm; give 0 to " + Number(curves_[index].length_mm()));
+    throw UserError("centerline \"" + curves_[index].name() + "\" has no place at " +
+                    Millimeters(s_mm) + " mm; give 0 to " +
+                    Millimeters(curves_[index].length_mm()));
   }
   return {index, s_mm};
 }
@@ -174,7 +175,7 @@ Centerline CenterlineNetwork::Path(const CenterlinePlace& from, const Centerline
     }
   }
   const auto describe = [&](const CenterlinePlace& place) {
-    return "\"" + curves_[place.curve].name() + "\" at " + Number(place.s_mm) + " mm";
+    return "\"" + curves_[place.curve].name() + "\" at " + Millimeters(place.s_mm) + " mm";
   };
   if (distance[1] == kFar) {
     throw UserError("no way along the centerlines from " + describe(from) + " to " + describe(to) +

@@ -55,7 +55,7 @@ Sides SidesOf(const TriangleBvh& surface, const TriangleMesh& mesh, size_t face)
 }
 
 // Faces joined over edges of two, with the largest of them, in turn, for samples.
-struct Region {
+struct SurfaceRegion {
   std::vector<int32_t> faces;
   double area = 0;
   bool is_bounded = false;   // by an edge that does not balance
@@ -74,10 +74,10 @@ bool IsNarrow(const TriangleMesh& mesh, size_t face) {
 
 double AreaOf(const TriangleMesh& mesh, size_t face) { return mesh.DoubleArea(face).norm() / 2; }
 
-std::vector<Region> RegionsOf(const TriangleMesh& mesh) {
+std::vector<SurfaceRegion> RegionsOf(const TriangleMesh& mesh) {
   int count = 0;
   const std::vector<int> part = repair::Parts(mesh, &count);
-  std::vector<Region> regions(static_cast<size_t>(count));
+  std::vector<SurfaceRegion> regions(static_cast<size_t>(count));
   for (size_t i = 0; i < part.size(); ++i) {
     regions[part[i]].faces.push_back(static_cast<int32_t>(i));
     regions[part[i]].area += AreaOf(mesh, i);
@@ -97,7 +97,7 @@ std::vector<Region> RegionsOf(const TriangleMesh& mesh) {
       regions[part[i]].rim.push_back(static_cast<int32_t>(i));
     }
   }
-  for (Region& region : regions) {
+  for (SurfaceRegion& region : regions) {
     std::stable_sort(region.faces.begin(), region.faces.end(),
                      [&](int32_t a, int32_t b) { return AreaOf(mesh, a) > AreaOf(mesh, b); });
   }
@@ -106,7 +106,8 @@ std::vector<Region> RegionsOf(const TriangleMesh& mesh) {
 
 // How far the winding numbers beside a region are from whole numbers, on average: 1/2 for a sheet
 // that encloses nothing, little for a wall.
-double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh, const Region& region) {
+double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh,
+                  const SurfaceRegion& region) {
   const size_t stride = region.faces.size() / kSamples + 1;
   double sum = 0, weight = 0;
   for (size_t i = 0; i < region.faces.size(); i += stride) {
@@ -135,12 +136,12 @@ size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& lef
   constexpr double kAsClear = 0.8;
   size_t dropped = 0;
   for (int round = 0; round < kRounds; ++round) {
-    std::vector<Region> regions = RegionsOf(mesh);
-    std::erase_if(regions, [](const Region& region) { return !region.is_bounded; });
+    std::vector<SurfaceRegion> regions = RegionsOf(mesh);
+    std::erase_if(regions, [](const SurfaceRegion& region) { return !region.is_bounded; });
     if (regions.empty()) break;
     const TriangleBvh surface(mesh);
     std::vector<double> scores;
-    for (const Region& region : regions) scores.push_back(SheetScore(surface, mesh, region));
+    for (const SurfaceRegion& region : regions) scores.push_back(SheetScore(surface, mesh, region));
     const double worst = *std::max_element(scores.begin(), scores.end());
     if (worst <= kSheet) break;
     std::vector<char> keep(mesh.triangles.size(), 1);
@@ -197,7 +198,7 @@ Verdict Judge(const TriangleBvh& surface) {
     const Sides sides = SidesOf(surface, mesh, face);
     return std::pair(std::lround(sides.outer), std::lround(sides.inner));
   };
-  for (const Region& region : RegionsOf(mesh)) {
+  for (const SurfaceRegion& region : RegionsOf(mesh)) {
     // The same on both sides all over a region, unless it goes on beyond a place where something
     // passes through it, for want of an edge there.
     const size_t samples = std::min(region.faces.size(), kSamples);

@@ -18,7 +18,7 @@ namespace torquer::vessel {
 
 namespace {
 
-[[noreturn]] void Refuse(const std::string& path, const std::string& what) {
+[[noreturn]] void RefuseMesh(const std::string& path, const std::string& what) {
   throw UserError(path + ": " + what);
 }
 
@@ -87,8 +87,8 @@ void CheckPlyIsWhole(const std::string& path, std::istream& file) {
       if (whole && line.find_first_not_of(" \t\r") != std::string::npos) ++lines;
     }
     if (lines < elements) {
-      Refuse(path, "the header announces " + std::to_string(elements) + " elements, but " +
-                       std::to_string(lines) + " are there" + kCutShort);
+      RefuseMesh(path, "the header announces " + std::to_string(elements) + " elements, but " +
+                           std::to_string(lines) + " are there" + kCutShort);
     }
     return;
   }
@@ -96,8 +96,8 @@ void CheckPlyIsWhole(const std::string& path, std::istream& file) {
   file.seekg(0, std::ios::end);
   const auto bytes = static_cast<size_t>(file.tellg() - begin);
   if (bytes < least_bytes) {
-    Refuse(path, "the header announces at least " + std::to_string(least_bytes) + " bytes, but " +
-                     std::to_string(bytes) + " are there" + kCutShort);
+    RefuseMesh(path, "the header announces at least " + std::to_string(least_bytes) +
+                         " bytes, but " + std::to_string(bytes) + " are there" + kCutShort);
   }
 }
 
@@ -111,7 +111,7 @@ void CheckStlIsWhole(const std::string& path, std::istream& file) {
     if (line.find_first_not_of(" \t\r") != std::string::npos) last = line;
   }
   if (last.find("endsolid") == std::string::npos) {
-    Refuse(path, std::string("the file does not end with \"endsolid\"") + kCutShort);
+    RefuseMesh(path, std::string("the file does not end with \"endsolid\"") + kCutShort);
   }
 }
 
@@ -135,9 +135,9 @@ void CheckObjIsWhole(const std::string& path, std::istream& file) {
     }
   }
   if (static_cast<long long>(used.size()) < vertices) {
-    Refuse(path, "the last line does not end, and " +
-                     std::to_string(vertices - static_cast<long long>(used.size())) +
-                     " vertices belong to no face" + kCutShort);
+    RefuseMesh(path, "the last line does not end, and " +
+                         std::to_string(vertices - static_cast<long long>(used.size())) +
+                         " vertices belong to no face" + kCutShort);
   }
 }
 
@@ -155,8 +155,8 @@ void CheckIndices(const std::string& path, const aiScene& scene) {
     for (unsigned f = 0; f < part.mNumFaces; ++f) {
       for (unsigned i = 0; i < part.mFaces[f].mNumIndices; ++i) {
         if (part.mFaces[f].mIndices[i] < part.mNumVertices) continue;
-        Refuse(path,
-               "face " + std::to_string(f + 1) + " names a vertex that is not there" + kCutShort);
+        RefuseMesh(path, "face " + std::to_string(f + 1) + " names a vertex that is not there" +
+                             kCutShort);
       }
     }
   }
@@ -169,8 +169,8 @@ TriangleMesh ParseMesh(const std::string& contents, const std::string& path, dou
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (ending != ".stl" && ending != ".obj" && ending != ".ply") {
-    Refuse(path, "surfaces are read from .stl, .obj and .ply files, not \"" + ending +
-                     "\"; convert it (MeshLab, Blender and 3D Slicer export all three)");
+    RefuseMesh(path, "surfaces are read from .stl, .obj and .ply files, not \"" + ending +
+                         "\"; convert it (MeshLab, Blender and 3D Slicer export all three)");
   }
   CheckIsWhole(contents, path, ending);
   Assimp::Importer importer;
@@ -184,19 +184,20 @@ TriangleMesh ParseMesh(const std::string& contents, const std::string& path, dou
     scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType);
   }
   if (scene == nullptr || scene->mRootNode == nullptr) {
-    Refuse(path,
-           std::string("not a readable surface (") + importer.GetErrorString() + ")" + kCutShort);
+    RefuseMesh(path, std::string("not a readable surface (") + importer.GetErrorString() + ")" +
+                         kCutShort);
   }
   TriangleMesh mesh;
   AddMeshes(*scene, *scene->mRootNode, aiMatrix4x4(), mm_per_unit, mesh);
   if (mesh.triangles.empty()) {
-    Refuse(path, "the file holds no triangles; export the vessel as a surface mesh");
+    RefuseMesh(path, "the file holds no triangles; export the vessel as a surface mesh");
   }
   for (const auto& triangle : mesh.triangles) {
     for (const int32_t vertex : triangle) {
       if (!mesh.vertices_mm[vertex].allFinite()) {
-        Refuse(path, "vertex " + std::to_string(vertex + 1) +
-                         " has a coordinate that is not a finite number; repair or export again");
+        RefuseMesh(path,
+                   "vertex " + std::to_string(vertex + 1) +
+                       " has a coordinate that is not a finite number; repair or export again");
       }
     }
   }

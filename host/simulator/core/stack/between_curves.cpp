@@ -12,7 +12,7 @@ using Vector = BetweenCurves::Vector;
 namespace {
 
 // Within this of the lumen's wall a place takes part in the model of a step.
-constexpr double kNearMm = 0.05;
+constexpr double kNearLumenMm = 0.05;
 
 // A place on both curves, `t` beyond the proximal node of their segment.
 struct Across {
@@ -80,7 +80,7 @@ void BetweenCurves::Place(const InstrumentStack& stack, const WireState& state,
       const double lumen_mm = stack.LumenRadius(state.places(), begin_mm + t);
       largest_offset_mm = std::max(largest_offset_mm, offset_mm);
       const double penetration_mm = offset_mm - (lumen_mm - radius_mm);
-      if (penetration_mm < -kNearMm || !(offset_mm > 1e-9)) return;
+      if (penetration_mm < -kNearLumenMm || !(offset_mm > 1e-9)) return;
       Spring& spring = springs.emplace_back();
       spring.segment = i;
       spring.stiffness_N_mm = stack.clearance().stiffness_N_mm2 * weight_mm;

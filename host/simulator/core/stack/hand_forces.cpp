@@ -23,10 +23,6 @@ const Vector3d& TangentBefore(const WireModel& rod, const WireState& state, int 
                     : state.tangents()[static_cast<std::size_t>(joint) - 1];
 }
 
-Vector2d Turned(const Vector2d& v, const Vector2d& turn) {
-  return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
-}
-
 // What a straight sheath that lets an instrument through, but holds it against a turn, takes of the
 // push: the energy of its twist per length, (34).
 double TorsionalThrust(const WireModel& rod, const WireState& state, int instrument) {

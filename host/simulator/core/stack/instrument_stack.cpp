@@ -36,10 +36,6 @@ double TorsionalRigidityAt(const WireModel& model, double from_tip_mm) {
   return a + (at - k) * (model.torsional_rigidity_N_mm2(k + 1) - a);
 }
 
-Vector2d Turned(const Vector2d& v, const Vector2d& turn) {
-  return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
-}
-
 void CheckTogether(const std::vector<WireModel>& instruments) {
   if (instruments.empty() || instruments.size() > static_cast<std::size_t>(kMostInstruments)) {
     throw std::invalid_argument("a stack has " + std::to_string(instruments.size()) +

@@ -18,6 +18,7 @@
 // leader is the rod; the other is the second rod, on the same grid.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <memory>
 #include <utility>
@@ -36,6 +37,11 @@ struct Clearance {
   /// Spring of the lumen's wall, per length of wire, N/mm^2, > 0.
   double stiffness_N_mm2 = 0;
 };
+
+/// `v` turned by the angle whose cosine and sine are `turn`.
+inline Eigen::Vector2d Turned(const Eigen::Vector2d& v, const Eigen::Vector2d& turn) {
+  return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
+}
 
 class InstrumentStack {
  public:

@@ -385,7 +385,7 @@ const Keys<ContrastSpec>& ContrastKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const ContrastSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeContrast(const ContrastSpec& spec, const EffectContext& context) {
   const Flow& flow = *FindEarlier<Flow>(context);
   ContrastSettings settings;
   settings.site = spec.at;
@@ -414,7 +414,7 @@ EffectKind ContrastKind() {
           .roles = "evolution, observer",
           .keys = Any(ContrastKeys()),
           .needs = "flow",
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeContrast)};
 }
 
 }  // namespace torquer::effects

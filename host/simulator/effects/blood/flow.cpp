@@ -556,7 +556,7 @@ StenosisLoss MakeStenosis(const StenosisSpec& spec, const FlowGraph& graph) {
           .loss_mmHg_s2_mL2 = StenosisLossMmHg(area(wide_mm), area(throat_mm))};
 }
 
-std::unique_ptr<Effect> Make(const FlowSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeFlow(const FlowSpec& spec, const EffectContext& context) {
   if (context.centerlines == nullptr || context.centerlines->empty()) {
     spec.origin.Refuse("inlet",
                        "this vessel has no centerlines, along which blood could flow; give "
@@ -597,7 +597,7 @@ EffectKind FlowKind() {
           .summary = "blood flow in the centerline network, steady or pulsatile, with Windkessels",
           .roles = "evolution",
           .keys = Any(FlowKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeFlow)};
 }
 
 }  // namespace torquer::effects

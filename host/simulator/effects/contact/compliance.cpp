@@ -37,7 +37,7 @@ struct ComplianceSpec : TableSpec {
   std::vector<CompliancePartSpec> regions;
 };
 
-const Keys<CompliancePartSpec>& PartKeys() {
+const Keys<CompliancePartSpec>& CompliancePartKeys() {
   static const Keys<CompliancePartSpec> keys =
       Keys<CompliancePartSpec>()
           .Include(RegionKeys())
@@ -57,7 +57,7 @@ const Keys<CompliancePartSpec>& PartKeys() {
 const Keys<ComplianceSpec>& ComplianceKeys() {
   static const Keys<ComplianceSpec> keys =
       Keys<ComplianceSpec>()
-          .Tables("region", &ComplianceSpec::regions, PartKeys(), 1,
+          .Tables("region", &ComplianceSpec::regions, CompliancePartKeys(), 1,
                   "the parts of the vessel; later ones lie over earlier ones")
           .Example(
               "[[effects.compliance.region]]\n"
@@ -69,7 +69,7 @@ const Keys<ComplianceSpec>& ComplianceKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const ComplianceSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeCompliance(const ComplianceSpec& spec, const EffectContext& context) {
   std::vector<Compliance::Part> parts;
   for (const CompliancePartSpec& part : spec.regions) {
     const double stiffness =
@@ -87,7 +87,7 @@ EffectKind ComplianceKind() {
       .summary = "walls that are softer or harder, as calcified ones are, in parts of the vessel",
       .roles = "wall stiffness",
       .keys = Any(ComplianceKeys()),
-      .make = MakeWith(Make)};
+      .make = MakeWith(MakeCompliance)};
 }
 
 }  // namespace torquer::effects

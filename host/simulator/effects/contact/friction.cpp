@@ -329,7 +329,7 @@ struct FrictionSpec : TableSpec {
   std::vector<FrictionPartSpec> regions;
 };
 
-const Keys<FrictionPartSpec>& PartKeys() {
+const Keys<FrictionPartSpec>& FrictionPartKeys() {
   static const Keys<FrictionPartSpec> keys = Keys<FrictionPartSpec>()
                                                  .Include(RegionKeys())
                                                  .Required()
@@ -346,13 +346,13 @@ const Keys<FrictionSpec>& FrictionKeys() {
                   "of Coulomb's law, mu; an instrument may have another (friction_coefficient)")
           .Number("slip_mm", &FrictionSpec::slip_mm, 1e-5, 0.1, "mm",
                   "displacement at which a sticking contact begins to slip")
-          .Tables("region", &FrictionSpec::regions, PartKeys(), 0,
+          .Tables("region", &FrictionSpec::regions, FrictionPartKeys(), 0,
                   "parts of the vessel with another friction; later ones lie over earlier ones")
           .Example("coefficient = 0.08\n");
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const FrictionSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeFriction(const FrictionSpec& spec, const EffectContext& context) {
   std::vector<Friction::Part> parts;
   for (const FrictionPartSpec& part : spec.regions) {
     parts.push_back({MakeRegion(part, context), part.factor});
@@ -367,7 +367,7 @@ EffectKind FrictionKind() {
           .summary = "Coulomb friction of the instruments on the wall, with stick and slip",
           .roles = "energy term",
           .keys = Any(FrictionKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeFriction)};
 }
 
 }  // namespace torquer::effects

@@ -182,7 +182,8 @@ const Keys<FrictionBetweenSpec>& FrictionBetweenKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const FrictionBetweenSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeFrictionBetween(const FrictionBetweenSpec& spec,
+                                            const EffectContext& context) {
   if (context.instruments.size() < 2) {
     spec.origin.Refuse("coefficient",
                        "there is one instrument, and nothing that it lies in; take the table out, "
@@ -200,7 +201,7 @@ EffectKind FrictionBetweenKind() {
               "feel it, and with torsion one may hold another's turn",
           .roles = "energy term",
           .keys = Any(FrictionBetweenKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeFrictionBetween)};
 }
 
 }  // namespace torquer::effects

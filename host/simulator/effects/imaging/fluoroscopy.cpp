@@ -530,7 +530,7 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const FluoroscopySpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeFluoroscopy(const FluoroscopySpec& spec, const EffectContext& context) {
   FluoroscopySettings s;
   s.mode = spec.mode;
   s.arm.axes = s.body.axes = context.axes;
@@ -576,7 +576,7 @@ EffectKind FluoroscopyKind() {
           .summary = "the X-ray picture under the C-arm's angles, while the pedal is down",
           .roles = "image, observer",
           .keys = Any(FluoroscopyKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeFluoroscopy)};
 }
 
 }  // namespace torquer::effects

@@ -69,7 +69,8 @@ const Keys<LateralPlaneSpec>& LateralPlaneKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const LateralPlaneSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeLateralPlane(const LateralPlaneSpec& spec,
+                                         const EffectContext& context) {
   constexpr double kRadPerDeg = std::numbers::pi / 180;
   const auto* first = FindEarlier<Fluoroscopy>(context);
   FluoroscopySettings settings = first->settings();
@@ -86,7 +87,7 @@ EffectKind LateralPlaneKind() {
           .roles = "image, observer",
           .keys = Any(LateralPlaneKeys()),
           .needs = "fluoroscopy",
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeLateralPlane)};
 }
 
 }  // namespace torquer::effects

@@ -46,7 +46,8 @@ const Keys<ClearanceSpec>& ClearanceKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const ClearanceSpec& /*spec*/, const EffectContext& /*context*/) {
+std::unique_ptr<Effect> MakeClearance(const ClearanceSpec& /*spec*/,
+                                      const EffectContext& /*context*/) {
   return std::make_unique<ClearanceObserver>();
 }
 
@@ -81,7 +82,7 @@ EffectKind ClearanceKind() {
           .roles = "stage, observer",
           .keys = Any(ClearanceKeys()),
           .excludes = {"torsion", "friction_between", "inertia", "internal_forces"},
-          .make = MakeWith(Make),
+          .make = MakeWith(MakeClearance),
           .room = [](const std::any& spec, const std::vector<Instrument>& instruments,
                      const WallModel& wall) {
             return RoomOf(std::any_cast<const ClearanceSpec&>(spec), instruments, wall);

@@ -44,7 +44,7 @@ const Keys<GravitySpec>& GravityKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const GravitySpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeGravity(const GravitySpec& spec, const EffectContext& context) {
   const Eigen::Vector3d acceleration = spec.acceleration_m_s2 * context.Direction(spec.direction);
   std::vector<Eigen::Vector3d> weights;
   bool any = false;
@@ -68,7 +68,7 @@ EffectKind GravityKind() {
           .summary = "the weight of the instruments (their linear_density_g_m)",
           .roles = "energy term",
           .keys = Any(GravityKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeGravity)};
 }
 
 }  // namespace torquer::effects

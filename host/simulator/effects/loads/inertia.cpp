@@ -161,7 +161,7 @@ const Keys<InertiaSpec>& InertiaKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const InertiaSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeInertia(const InertiaSpec& spec, const EffectContext& context) {
   constexpr double kBloodKgM3 = 1060;
   Inertia::Settings settings;
   settings.fluid_kg_m3 = kBloodKgM3;
@@ -188,7 +188,7 @@ EffectKind InertiaKind() {
               "blood: snaps take time",
           .roles = "energy term, timed, observer",
           .keys = Any(InertiaKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeInertia)};
 }
 
 }  // namespace torquer::effects

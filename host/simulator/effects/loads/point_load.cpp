@@ -147,7 +147,7 @@ const Keys<PointLoadSpec>& PointLoadKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const PointLoadSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakePointLoad(const PointLoadSpec& spec, const EffectContext& context) {
   EndLoad load;
   if (spec.force_direction) {
     load.force_N = 1e-3 * spec.force_mN * context.Direction(*spec.force_direction);
@@ -168,7 +168,7 @@ EffectKind PointLoadKind() {
           .summary = "a force, a moment or a clamp at the distal end",
           .roles = "energy term",
           .keys = Any(PointLoadKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakePointLoad)};
 }
 
 }  // namespace torquer::effects

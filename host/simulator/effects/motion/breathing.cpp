@@ -41,7 +41,7 @@ const Keys<BreathingSpec>& BreathingKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const BreathingSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeBreathing(const BreathingSpec& spec, const EffectContext& context) {
   return std::make_unique<Breathing>(MakeMotion(spec, context, 60 / spec.rate_per_min), spec.inhale,
                                      spec.hold, spec.exhale);
 }
@@ -53,7 +53,7 @@ EffectKind BreathingKind() {
           .summary = "parts of the vessel that move with the breath",
           .roles = "vessel motion",
           .keys = Any(BreathingKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeBreathing)};
 }
 
 }  // namespace torquer::effects

@@ -41,7 +41,7 @@ const Keys<HeartbeatSpec>& HeartbeatKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const HeartbeatSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeHeartbeat(const HeartbeatSpec& spec, const EffectContext& context) {
   return std::make_unique<Heartbeat>(MakeMotion(spec, context, 60 / spec.rate_per_min),
                                      spec.systole);
 }
@@ -53,7 +53,7 @@ EffectKind HeartbeatKind() {
           .summary = "parts of the vessel that move with the heart",
           .roles = "vessel motion",
           .keys = Any(HeartbeatKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeHeartbeat)};
 }
 
 }  // namespace torquer::effects

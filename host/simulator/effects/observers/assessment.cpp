@@ -157,7 +157,7 @@ const Keys<AssessmentSpec>& AssessmentKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const AssessmentSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeAssessment(const AssessmentSpec& spec, const EffectContext& context) {
   if (context.centerlines == nullptr || context.centerlines->empty()) {
     spec.origin.Refuse("target_centerline",
                        "this vessel has no centerlines; name some in [vessel], or remove "
@@ -189,7 +189,7 @@ EffectKind AssessmentKind() {
           .roles = "observer",
           .keys = Any(AssessmentKeys()),
           .needs = "wall_force",
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeAssessment)};
 }
 
 }  // namespace torquer::effects

@@ -50,7 +50,8 @@ const Keys<InternalForcesSpec>& InternalForcesKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const InternalForcesSpec& /*spec*/, const EffectContext& context) {
+std::unique_ptr<Effect> MakeInternalForces(const InternalForcesSpec& /*spec*/,
+                                           const EffectContext& context) {
   return std::make_unique<InternalForceObserver>(context);
 }
 
@@ -63,7 +64,7 @@ EffectKind InternalForcesKind() {
               "the hand of each instrument",
           .roles = "observer",
           .keys = Any(InternalForcesKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeInternalForces)};
 }
 
 }  // namespace torquer::effects

@@ -144,7 +144,7 @@ const Keys<WallForceSpec>& WallForceKeys() {
   return keys;
 }
 
-std::unique_ptr<Effect> Make(const WallForceSpec& spec, const EffectContext& context) {
+std::unique_ptr<Effect> MakeWallForce(const WallForceSpec& spec, const EffectContext& context) {
   if (spec.patch_mm < context.wire.segment_mm()) {
     spec.origin.Refuse(
         "patch_mm", fmt::format("must be at least a segment, {:g} mm", context.wire.segment_mm()));
@@ -162,7 +162,7 @@ EffectKind WallForceKind() {
               "threshold",
           .roles = "observer",
           .keys = Any(WallForceKeys()),
-          .make = MakeWith(Make)};
+          .make = MakeWith(MakeWallForce)};
 }
 
 }  // namespace torquer::effects
