@@ -18,13 +18,20 @@ set(torquer_common_headers
   <Eigen/Core> <Eigen/Geometry> <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <fstream>
   <functional> <map> <memory> <numbers> <optional> <random> <span> <sstream> <string> <thread> <vector>)
 
-# torquer_precompiled(NAME LINK x.. HEADERS <a>..): a set of precompiled headers.
+# Sources of a target are compiled in batches: most of a source's time goes into what all of them
+# include, and half of it is saved. Names must therefore differ within a target, those in unnamed
+# namespaces too.
+set(CMAKE_UNITY_BUILD ON)
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 12)
+
+# torquer_precompiled(NAME [LINK x..] [OPTIONS -f..] HEADERS <a>..): a set of precompiled headers.
 function(torquer_precompiled name)
-  cmake_parse_arguments(ARG "" "" "LINK;HEADERS" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "LINK;OPTIONS;HEADERS" ${ARGN})
   set(source ${CMAKE_CURRENT_BINARY_DIR}/${name}.cpp)
   file(CONFIGURE OUTPUT ${source} CONTENT "// Compiled because a target must have a source.\n")
   add_library(${name} OBJECT ${source})
   target_link_libraries(${name} PRIVATE torquer_build_rules Eigen3::Eigen ${ARG_LINK})
+  target_compile_options(${name} PRIVATE ${ARG_OPTIONS})
   target_precompile_headers(${name} PRIVATE ${ARG_HEADERS})
 endfunction()
 
@@ -43,6 +50,15 @@ function(torquer_library name)
   target_link_libraries(${name} PUBLIC torquer_build_rules ${ARG_LINK})
   if(TORQUER_PRECOMPILE)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_headers)
+  endif()
+endfunction()
+
+# torquer_numeric(NAME): a library of arithmetic on Eigen's types. Checks for null, stray and unaligned
+# pointers in each of their members take a quarter of the time to compile it under
+# UndefinedBehaviorSanitizer; such a pointer ends a test by AddressSanitizer.
+function(torquer_numeric name)
+  if(TORQUER_SANITIZE MATCHES "undefined")
+    target_compile_options(${name} PRIVATE -fno-sanitize=null,alignment,pointer-overflow)
   endif()
 endfunction()
 
@@ -124,13 +140,9 @@ function(torquer_helper name)
   endif()
 endfunction()
 
-# Tests call optimized code, and need not be it: a quarter less to compile. The sources of a test
-# program are compiled in batches, since most of the time goes into what they all include: nearly
-# half less. So names must differ within a test program, unnamed namespaces or not.
+# Tests call optimized code, and need not be it: a quarter less to compile.
 add_library(torquer_test_options INTERFACE)
-target_compile_options(torquer_test_options INTERFACE $<$<CONFIG:Release>:-O1>
-  # GCC takes a source in a batch for a header.
-  $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+target_compile_options(torquer_test_options INTERFACE $<$<CONFIG:Release>:-O1>)
 if(TORQUER_SANITIZE MATCHES "undefined")
   # A quarter less to compile in what tests consist of; the code under test has these checks. Null and
   # stray pointers end a test by AddressSanitizer.
@@ -138,39 +150,92 @@ if(TORQUER_SANITIZE MATCHES "undefined")
     -fno-sanitize=null,alignment,pointer-overflow)
 endif()
 
-# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [THREADED] [SERIAL]):
-# a Catch2 program whose cases become CTest tests with that label. THREADED: its code has threads,
-# so the tsan build holds it too (target torquer_threaded_tests); that build leaves out the others.
-# SERIAL: each case has the machine to itself.
-function(torquer_test name)
-  cmake_parse_arguments(ARG "THREADED;SERIAL" "LABEL;TIMEOUT" "SOURCES;LINK" ${ARGN})
+# Notes the processor time of a test's command.
+set(TORQUER_MEASURED ${PROJECT_SOURCE_DIR}/tests/measured)
+# The tests that a sanitizer build adds something to; of the others only --soak has all.
+add_custom_target(torquer_sanitizer_tests)
+
+# torquer_test_name(OUT NAME): NAME, and the sanitizers, since one run of CTest can hold several builds.
+function(torquer_test_name out name)
+  if(TORQUER_SANITIZE)
+    string(REPLACE "," "+" sanitizers ${TORQUER_SANITIZE})
+    string(APPEND name " (${sanitizers})")
+  endif()
+  set(${out} ${name} PARENT_SCOPE)
+endfunction()
+
+# torquer_check(NAME LABEL l COMMAND word.. [TIMEOUT s] [COST s] [PROPERTIES name value..]): a test of
+# CTest that is no Catch2 program. PROPERTIES are CTest's. COST: about how long it takes; the longest
+# tests begin first, so that none of them is left over at the end.
+function(torquer_check name)
+  cmake_parse_arguments(PARSE_ARGV 1 ARG "" "LABEL;TIMEOUT;COST" "COMMAND;PROPERTIES")
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
-  # One CTest run can hold the tests of several builds; the prefix tells them apart.
-  set(prefix "${name}: ")
-  if(TORQUER_SANITIZE)
-    string(REPLACE "," "+" sanitizers ${TORQUER_SANITIZE})
-    set(prefix "${name} (${sanitizers}): ")
+  torquer_test_name(full_name ${name})
+  add_test(NAME ${full_name} COMMAND ${TORQUER_MEASURED} ${ARG_COMMAND})
+  set_tests_properties(${full_name} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
+    ${ARG_PROPERTIES})
+  if(ARG_COST)
+    set_tests_properties(${full_name} PROPERTIES COST ${ARG_COST})
   endif()
+endfunction()
+
+# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [COST s] [WHOLE] [PRELOAD library]
+# [LOCK resource] [THREADED] [SANITIZED_BY_SOAK]): a Catch2 program whose cases become CTest tests
+# with that label. COST: of each case, as above. WHOLE: the program is one test, since its cases take
+# less time than its start.
+# PRELOAD: runs under that library. LOCK: no two tests with that lock run side by side.
+# THREADED: its code has threads, so the tsan build holds it too; that build leaves out the others.
+# SANITIZED_BY_SOAK: sanitizer builds run it by --soak alone.
+function(torquer_test name)
+  cmake_parse_arguments(ARG "WHOLE;THREADED;SANITIZED_BY_SOAK" "LABEL;TIMEOUT;COST;PRELOAD;LOCK" "SOURCES;LINK" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  set(runner ${TORQUER_MEASURED})
+  if(ARG_PRELOAD)
+    if(TORQUER_SANITIZE MATCHES "address")
+      # AddressSanitizer insists on being the first library of all.
+      execute_process(COMMAND ${CMAKE_CXX_COMPILER} -print-file-name=libasan.so
+        OUTPUT_VARIABLE asan_library OUTPUT_STRIP_TRAILING_WHITESPACE)
+      string(PREPEND ARG_PRELOAD ${asan_library}:)
+    endif()
+    list(APPEND runner env LD_PRELOAD=${ARG_PRELOAD})
+  endif()
+  set(CMAKE_CROSSCOMPILING_EMULATOR ${runner})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE torquer_build_rules torquer_test_support
     Catch2::Catch2WithMain torquer_test_options ${ARG_LINK})
-  set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 12)
   if(TORQUER_PRECOMPILE)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_test_headers)
   endif()
-  if(TORQUER_SANITIZE STREQUAL "thread" AND NOT ARG_THREADED)
-    set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
-    return()
-  endif()
   if(TORQUER_SANITIZE STREQUAL "thread")
+    if(NOT ARG_THREADED)
+      set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+      return()
+    endif()
     target_sources(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests/support/tsan_suppressions.cpp)
   endif()
-  catch_discover_tests(${name}
-    TEST_PREFIX ${prefix}
-    PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${ARG_SERIAL})
-  if(ARG_THREADED)
-    add_dependencies(torquer_threaded_tests ${name})
+  torquer_test_name(full_name ${name})
+  set(properties LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT})
+  if(ARG_COST)
+    list(APPEND properties COST ${ARG_COST})
+  endif()
+  if(ARG_LOCK)
+    list(APPEND properties RESOURCE_LOCK ${ARG_LOCK})
+  endif()
+  if(TORQUER_SANITIZE AND ARG_SANITIZED_BY_SOAK)
+    # One test, so that CTest knows it whether it was built or not.
+    add_test(NAME "${full_name}" COMMAND ${name})
+    set_tests_properties("${full_name}" PROPERTIES LABELS soak TIMEOUT 1800)
+    return()
+  endif()
+  add_dependencies(torquer_sanitizer_tests ${name})
+  if(ARG_WHOLE)
+    add_test(NAME "${full_name}" COMMAND ${name})
+    set_tests_properties("${full_name}" PROPERTIES ${properties})
+  else()
+    catch_discover_tests(${name} TEST_PREFIX "${full_name}: " PROPERTIES ${properties})
   endif()
 endfunction()

@@ -11,8 +11,10 @@
 #include <thread>
 
 #include "host/simulator/vessel/mesh_vessel.h"
+#include "tests/support/made_meshes.h"
 #include "tests/support/paths.h"
 #include "tests/support/sanitizer.h"
+#include "tests/support/temporary_folder.h"
 
 namespace {
 
@@ -35,7 +37,7 @@ void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 TEST_CASE("A session goes on without looking ahead when the memory runs out there", "[simulator]") {
   if (torquer::test::kUnderSanitizer) {
-    WARN("memory cannot be made short under a sanitizer: not tested");
+    WARN("skipped: memory cannot be made short under a sanitizer");
     return;
   }
   is_the_tests_thread = true;
@@ -64,4 +66,29 @@ TEST_CASE("A session goes on without looking ahead when the memory runs out ther
   ahead.Follow(tip_mm);
   CHECK(vessel.surface->field().Clearance(tip_mm) == expected_mm);
   CHECK(std::isfinite(vessel.surface->field().Clearance(place(2000))));
+}
+
+TEST_CASE("A field has the same values while a thread builds it ahead of the tip") {
+  const torquer::test::TemporaryFolder folder;
+  torquer::vessel::TriangleMesh tube = torquer::vessel::MakeTubeMesh();
+  torquer::vessel::CapTubeMesh(tube);
+  torquer::vessel::WriteObj(folder.Path("tube.obj"), tube);
+  torquer::vessel::MeshVesselOptions options;
+  options.field.voxel_mm = 1;
+  options.cache_folder = "";
+  const auto open = [&] {
+    return torquer::vessel::MeshVessel::Open(folder.Path("tube.obj"), options);
+  };
+  torquer::vessel::Vessel vessel;
+  vessel.surface = open();
+  const auto alone = open();
+  torquer::simulator::FieldAhead ahead(vessel);
+  for (int i = 0; i <= 200; ++i) {
+    // There and back, near the axis and near the wall.
+    const Eigen::Vector3d tip_mm(20 + 18 * std::sin(0.05 * i), 0, 2.5 * std::cos(0.7 * i));
+    ahead.Follow(tip_mm);
+    INFO("place " << i);
+    CHECK(vessel.surface->field().Clearance(tip_mm) == alone->field().Clearance(tip_mm));
+  }
+  CHECK_FALSE(ahead.gave_up());
 }

@@ -1,10 +1,7 @@
 #include "host/viewer/recording.h"
 
 #include <catch2/catch.hpp>
-#include <chrono>
-#include <fstream>
 #include <string>
-#include <thread>
 #include <torquer_lcm/health_t.hpp>
 #include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
@@ -12,31 +9,19 @@
 
 #include "host/bus/message_check.h"
 #include "host/bus/state_outline.h"
-#include "host/simulator/scene/scene.h"
-#include "host/simulator/simulation.h"
-#include "host/support/error.h"
 #include "host/support/event_log_writer.h"
-#include "host/viewer/hash_check.h"
 #include "protocol/lcm_channels.h"
-#include "tests/support/scenes.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/viewer/recorded_message.h"
 
 using Catch::Matchers::Contains;
 using torquer::EventLogWriter;
+using torquer::test::kBeginUs;
 using torquer::test::TemporaryFolder;
-using torquer::viewer::HashCheck;
+using torquer::test::Write;
 using torquer::viewer::Recording;
 
 namespace {
-
-constexpr std::int64_t kBeginUs = 1'700'000'000'000'000;
-
-template <class Message>
-void Write(EventLogWriter& log, std::int64_t at_us, const char* channel, const Message& message) {
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
-  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-  log.Write(kBeginUs + at_us, channel, bytes);
-}
 
 torquer_lcm::wire_state_t State(std::int64_t tick) {
   torquer_lcm::wire_state_t state{};
@@ -64,37 +49,6 @@ const Recording::Topic* Find(const Recording& recording, const std::string& name
     if (topic.name == name) return &topic;
   }
   return nullptr;
-}
-
-// A session of 21 states; that of tick `spoiled` says another energy.
-void RecordSession(torquer::scene::Scene& scene, const std::string& path, int spoiled) {
-  EventLogWriter log(path);
-  torquer::simulator::Simulation simulation(scene);
-  for (int tick = 0; tick <= 20; ++tick) {
-    if (tick > 0) {
-      torquer::simulator::Command command;
-      command.target = scene.start();
-      command.target[0].insertion_mm += 0.3 * tick;
-      torquer::CountedBudget budget(30);
-      simulation.Tick(command, budget);
-    }
-    torquer_lcm::wire_state_t state{};
-    simulation.Describe(state);
-    if (tick == spoiled) state.energy_mJ += 1e-9;
-    Write(log, 1000 * tick, torquer::protocol::kWireStateChannel, state);
-  }
-  log.Finish();
-}
-
-HashCheck::Finding Checked(torquer::scene::Scene& scene, const std::string& log) {
-  const HashCheck check(scene, log);
-  for (int k = 0; k < 10000; ++k) {
-    const HashCheck::Finding found = check.Get();
-    if (found.done || !found.error.empty()) return found;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  FAIL("the comparison does not end");
-  return {};
 }
 
 }  // namespace
@@ -187,21 +141,4 @@ TEST_CASE("A log without states is refused, and damage is named") {
   const Recording cut(folder.Path("cut"));
   CHECK(cut.damage().cut);
   CHECK(TickAt(cut, cut.length_us()) == 18);
-}
-
-TEST_CASE("A replay is compared with what was recorded, state by state") {
-  const torquer::test::SceneFile file("");
-  torquer::scene::Scene scene(file.path());
-  RecordSession(scene, file.Beside("good"), -1);
-  const HashCheck::Finding good = Checked(scene, file.Beside("good"));
-  CHECK(good.error.empty());
-  CHECK(good.result.states == 21);
-  CHECK(good.result.differing == 0);
-
-  RecordSession(scene, file.Beside("bad"), 7);
-  const HashCheck::Finding bad = Checked(scene, file.Beside("bad"));
-  CHECK(bad.result.differing == 1);
-  CHECK(bad.result.first_difference == 7);
-
-  CHECK_THAT(Checked(scene, file.Beside("none")).error, Contains("cannot be read"));
 }
