@@ -7,18 +7,23 @@
 
 namespace torquer::study {
 
-/// Feeds a wire of some 250 mm by 0.02 to 0.1 mm a tick, pedal and contrast button held, a tick a
-/// millisecond.
+/// Length of the wire at the end of the feeds, mm. The quick one is for tests.
+inline constexpr double kDrivenMm = 250;
+inline constexpr double kDrivenQuickMm = 100;
+
+/// Feeds a wire of up to `length_mm` by 0.02 to 0.1 mm a tick, pedal and contrast button held, a
+/// tick a millisecond.
 class EffectDrive {
  public:
-  explicit EffectDrive(scene::Scene& scene) : scene_(scene), session_(scene) {
+  EffectDrive(scene::Scene& scene, double length_mm)
+      : scene_(scene), session_(scene), length_mm_(length_mm) {
     command_.controls = {.xray = true, .contrast = true};
     command_.target = session_.target();
   }
 
-  /// Fast, to where `ticks` feeds end at 250 mm.
+  /// Fast, to where `ticks` feeds end at that length.
   void Insert(int ticks) {
-    while (command_.target[0].insertion_mm < kLengthMm - ticks * 0.17 / 3) {
+    while (command_.target[0].insertion_mm < length_mm_ - ticks * 0.17 / 3) {
       command_.target[0].insertion_mm += 0.5;
       Tick();
     }
@@ -31,8 +36,6 @@ class EffectDrive {
   }
 
  private:
-  static constexpr double kLengthMm = 250;
-
   TickReport Tick() {
     CountedBudget budget(scene_.budget_units());
     return session_.Tick(command_, budget);
@@ -41,6 +44,7 @@ class EffectDrive {
   scene::Scene& scene_;
   simulator::Simulation session_;
   simulator::Command command_;
+  double length_mm_;
   int feeds_ = 0;
 };
 

@@ -20,6 +20,7 @@ namespace {
 
 struct Arguments {
   std::string feeds;
+  bool quick = false;
   std::vector<std::string> scenes;
 };
 
@@ -32,7 +33,8 @@ int Run(const Arguments& arguments) {
   }
   for (const std::string& path : arguments.scenes) {
     torquer::scene::Scene scene(path);
-    torquer::study::EffectDrive drive(scene);
+    torquer::study::EffectDrive drive(
+        scene, arguments.quick ? torquer::study::kDrivenQuickMm : torquer::study::kDrivenMm);
     drive.Insert(static_cast<int>(feeds));
     CALLGRIND_START_INSTRUMENTATION;
     for (int feed = 0; feed < static_cast<int>(feeds); ++feed) drive.Feed();
@@ -49,6 +51,7 @@ int main(int argc, char** argv) {
                            "Runs the ticks whose instructions 'torquer-study effects' counts under "
                            "callgrind.");
   Arguments arguments;
+  program.options().Flag("--quick", arguments.quick, "a wire of 100 mm, not of 250 mm");
   program.options().Operand("FEEDS", arguments.feeds, "feeds to count in each scene, 1 to 1000000",
                             torquer::ValueKind::kText);
   program.options().Operands("SCENE", arguments.scenes, "scene files");

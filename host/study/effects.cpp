@@ -171,10 +171,10 @@ double HeapBytes() {
   return static_cast<double>(info.uordblks + info.hblkhd);
 }
 
-Price Measure(const std::string& scene_file, int ticks) {
+Price Measure(const std::string& scene_file, int ticks, bool quick) {
   const double before = HeapBytes();
   scene::Scene scene(scene_file);
-  EffectDrive drive(scene);
+  EffectDrive drive(scene, quick ? kDrivenQuickMm : kDrivenMm);
   Price price;
   price.heap_bytes = HeapBytes() - before;
   drive.Insert(ticks);
@@ -254,11 +254,11 @@ std::vector<std::string> WriteScenes(const std::vector<Case>& cases, const std::
 std::vector<Price> MeasureAll(StudyRun& run, const std::vector<Case>& cases,
                               const std::vector<std::string>& files) {
   // The first run builds what the library builds once.
-  Measure(files[0], 50);
+  Measure(files[0], 50, run.quick());
   std::vector<Price> prices;
   for (std::size_t k = 0; k < files.size(); ++k) {
     run.Progress(CaseName(cases, k), static_cast<double>(k) / static_cast<double>(files.size()));
-    prices.push_back(Measure(files[k], run.quick() ? 100 : 1000));
+    prices.push_back(Measure(files[k], run.quick() ? 100 : 1000, run.quick()));
   }
   return prices;
 }
@@ -338,7 +338,7 @@ class EffectsStudy final : public Study {
     const std::vector<std::string> files = WriteScenes(cases, folder);
     run.Progress("instructions", 0);
     const InstructionCounts counts =
-        CountInstructions(files, run.quick() ? kCountedQuick : kCounted, folder);
+        CountInstructions(files, run.quick() ? kCountedQuick : kCounted, run.quick(), folder);
     const std::vector<Price> prices = MeasureAll(run, cases, files);
     std::filesystem::remove_all(folder);
     for (std::size_t k = 0; k < cases.size(); ++k) {

@@ -56,7 +56,7 @@ InstructionCounts Problem(const std::string& text) { return {{}, text}; }
 
 }  // namespace
 
-InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int feeds,
+InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int feeds, bool quick,
                                     const std::string& folder) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   return Problem("valgrind runs no build with sanitizers");
@@ -71,6 +71,7 @@ InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int 
   std::vector<std::string> words = {"valgrind",           "--tool=callgrind",
                                     "--instr-atstart=no", "--callgrind-out-file=" + profile,
                                     program.string(),     std::to_string(feeds)};
+  if (quick) words.push_back("--quick");
   words.insert(words.end(), scenes.begin(), scenes.end());
   const int status = Run(words, log);
   if (status == 127) return Problem("valgrind is not installed (Debian: apt install valgrind)");

@@ -12,8 +12,8 @@ struct InstructionCounts {
 };
 
 /// Runs torquer-effect-ticks, which stands beside this program, under valgrind: `feeds` ticks of
-/// EffectDrive in each scene. `folder` takes what the two write.
-InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int feeds,
+/// EffectDrive in each scene, of a wire of 100 mm when `quick`. `folder` takes what the two write.
+InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int feeds, bool quick,
                                     const std::string& folder);
 
 }  // namespace torquer::study
