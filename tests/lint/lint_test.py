@@ -260,7 +260,7 @@ class Bugs(Tree):
         os.makedirs(lint)
         for name in ("bugs", "include_graph.py"):
             subprocess.run(["cp", os.path.join(HERE, name), lint], check=True)
-        self.names = [f"s{index:02}.cpp" for index in range(20)]
+        self.names = [f"s{index:02}.cpp" for index in range(40)]
         for name in self.names:
             self.write(name, "// good\n")
         self.write("build/release/compile_commands.json", json.dumps(
@@ -286,16 +286,16 @@ class Bugs(Tree):
     def test_a_fresh_clone_profits_from_the_list(self):
         status, seen, _ = self.run_bugs("--update")
         self.assertEqual((status, seen), (0, set(self.names)))
-        self.assertEqual(len(self.passed().splitlines()), 21)
+        self.assertEqual(len(self.passed().splitlines()), 41)
         subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
         status, seen, said = self.run_bugs()
-        self.assertEqual((status, len(seen)), (0, self.bugs_sample()))
-        self.assertIn("looked at 0 that are not in tests/lint/passed", said)
+        self.assertEqual((status, len(seen)), (0, self.rotation()))
+        self.assertIn("looked at 0 with a text that is not in tests/lint/passed", said)
         # Not so for --fresh.
         self.assertEqual(self.run_bugs("--fresh")[1], set(self.names))
 
-    def bugs_sample(self) -> int:
-        return load("bugs").SAMPLE
+    def rotation(self) -> int:
+        return load("bugs").ROTATION
 
     def test_a_changed_source_is_looked_at_and_a_stale_list_is_no_failure(self):
         self.run_bugs("--update")
@@ -303,13 +303,34 @@ class Bugs(Tree):
         status, seen, said = self.run_bugs()
         self.assertEqual(status, 0)
         self.assertIn("s07.cpp", seen)
-        self.assertIn("looked at 1 that", said)
+        self.assertIn("looked at 1 with", said)
         self.write("s07.cpp", "int BUG;\n")
         for _ in range(2):
             status, seen, said = self.run_bugs("--update")
             self.assertEqual(status, 1)
             self.assertIn("s07.cpp: error: a bug", said)
             self.assertNotIn("s07.cpp", self.passed())
+
+    def test_a_header_that_changes_sends_for_one_source_and_the_rotation_is_bounded(self):
+        self.write("s05.h", "int a();\n")
+        for name in self.names:
+            self.write(name, '#include "s05.h"\n')
+        self.run_bugs("--update")
+        self.write("s05.h", "int b();\n")
+        status, seen, said = self.run_bugs("--update")
+        self.assertEqual(status, 0)
+        self.assertIn("s05.cpp", seen)
+        self.assertEqual(len(seen), 1 + self.rotation())
+        # The sources that this run left out come next.
+        _, then, said = self.run_bugs()
+        self.assertIn("looked at 0 with", said)
+        self.assertEqual(then | seen, set(self.names))
+        # A header is not listed while its source is objected to.
+        self.write("s05.h", "int c();\n")
+        self.write("s05.cpp", '#include "s05.h"\nint BUG;\n')
+        self.assertEqual(self.run_bugs("--update")[0], 1)
+        self.write("s05.cpp", '#include "s05.h"\n')
+        self.assertIn("s05.cpp", self.run_bugs()[1])
 
     def test_a_build_of_another_checkout_is_refused(self):
         self.write("build/release/compile_commands.json", '[{"file": "/x/a.cpp", "command": "c++ -c a.cpp"}]')
