@@ -391,5 +391,77 @@ class Recipes(unittest.TestCase):
             self.recipes.with_lines("int main();\n", ["  C(),"], "r")
 
 
+class Times(Tree):
+    """The verdict of tests/times on what CTest itself wrote, and where it says that the time went."""
+
+    SUITE = """
+add_test("a: good" {measured} sh -c "echo fine")
+set_tests_properties("a: good" PROPERTIES LABELS a WORKING_DIRECTORY {root}/release/tests)
+add_test("a: busy" {measured} python3 -c "for _ in range(3000000): pass")
+set_tests_properties("a: busy" PROPERTIES LABELS a WORKING_DIRECTORY {root}/release/tests)
+add_test("b: no guest" sh -c "echo x: SKIPPED: no guest here; exit 77")
+set_tests_properties("b: no guest" PROPERTIES LABELS b SKIP_RETURN_CODE 77 WORKING_DIRECTORY {root}/asan)
+add_test("b: partly" sh -c "echo '  skipped: no device'")
+set_tests_properties("b: partly" PROPERTIES LABELS b WORKING_DIRECTORY {root}/asan)
+"""
+    LATE = 'add_test("{name}" sh -c "test -e {root}/{name} || { touch {root}/{name}; exit 1; }")\n'
+
+    def run_suite(self, more: str = "") -> tuple[int, str, dict]:
+        """Exit status, table and JSON."""
+        for name in ("release/tests/x", "asan/x"):
+            self.write(name, "")
+        text = (self.SUITE + more).replace("{root}", self.root)
+        self.write("suite/CTestTestfile.cmake", text.replace("{measured}", os.path.join(os.path.dirname(HERE), "measured")))
+        suite = os.path.join(self.root, "suite")
+        self.write("suite/phases", "install,1.5,0.2,0.1\nbuild release,20.0,30.0,5.0\ntest,7.0,6.0,0.5\n")
+        environment = dict(os.environ, TORQUER_TEST_TIMES=os.path.join(suite, "processor"))
+
+        def ctest(*words: str) -> subprocess.CompletedProcess:
+            return subprocess.run(["ctest", "--test-dir", suite, *words], env=environment, capture_output=True, text=True, check=False)
+
+        self.write("suite/tests.json", ctest("--show-only=json-v1").stdout)
+        if ctest("--output-junit", os.path.join(suite, "first.xml")).returncode:
+            ctest("--rerun-failed", "--output-junit", os.path.join(suite, "again.xml"))
+        times = [os.path.join(os.path.dirname(HERE), "times"), suite]
+        told = subprocess.run(times, capture_output=True, text=True, check=False)
+        found = subprocess.run([*times, "--json"], capture_output=True, text=True, check=False)
+        self.assertEqual(found.returncode, told.returncode)
+        return told.returncode, told.stdout, json.loads(found.stdout)
+
+    def test_a_good_run(self):
+        status, said, found = self.run_suite()
+        self.assertEqual((status, found["passed"]), (0, True))
+        self.assertIn("100% tests passed, 0 tests failed out of 4", said)
+        self.assertIn("2 tests were skipped:\n  b: no guest: no guest here\n  b: partly: no device", said)
+        rows = {(row["phase"], row["build"], row["label"]): row for row in found["times"]}
+        self.assertEqual(rows["build", "release", ""]["processor_s"], 35)
+        self.assertEqual(rows["total", "", ""]["wall_s"], 28.5)
+        self.assertEqual(rows["label", "release", "a"]["tests"], 2)
+        self.assertEqual(rows["label", "asan", "b"]["tests"], 2)
+        self.assertGreater(rows["label", "release", "a"]["processor_s"], 0.03)
+        with open(os.path.join(self.root, "suite/times.csv"), encoding="utf-8") as file:
+            self.assertEqual(len(file.readlines()), 1 + len(rows))
+
+    def test_two_late_tests_are_named_and_three_fail_the_run(self):
+        two = "".join(self.LATE.replace("{name}", name) for name in ("late1", "late2"))
+        status, said, found = self.run_suite(two)
+        self.assertEqual(status, 0)
+        self.assertIn("FLAKY: late1", said)
+        self.assertIn("100% tests passed, 0 tests failed out of 6", said)
+        self.assertEqual([test["name"] for test in found["tests"] if test["flaky"]], ["late1", "late2"])
+        for name in ("late1", "late2", "suite/again.xml"):
+            os.remove(os.path.join(self.root, name))
+        status, said, found = self.run_suite(two + self.LATE.replace("{name}", "late3"))
+        self.assertEqual((status, found["passed"]), (8, False))
+        self.assertIn("3 flaky tests are more than the 2 that are allowed", said)
+
+    def test_what_fails_twice_or_cannot_start_fails_the_run(self):
+        for bad in ('add_test(bad sh -c "exit 1")\n', 'add_test(bad "/no/such/program")\n'):
+            status, said, _ = self.run_suite(bad)
+            self.assertEqual(status, 8)
+            self.assertIn("1 tests failed out of 5", said)
+            self.assertIn("FAILED:\n\tbad", said)
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -70,6 +70,20 @@ def test_a_surface_of_a_users_own(tmp_path):
     assert max(depth for _, depth in found) < 200
 
 
+def test_a_policy_takes_its_first_update(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path))
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    example = importlib.import_module("torquer.examples.train_ppo")
+    monkeypatch.setattr(example, "HELD_OUT", 2)
+    picture = tmp_path / "curve.png"
+    example.main(str(picture), 1)
+    lines = capsys.readouterr().out.splitlines()
+    assert numbers(lines, r"(\d+) steps: ") == [(16 * 128,)]
+    assert len(numbers(lines, r"(\d+) of 2 reach the target, (\d+) safely; (\d+) mN at most")) == 4
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.skipif("TORQUER_SOAK" not in os.environ, reason="teaching takes a minute: tests/run --soak")
 def test_a_policy_is_taught(tmp_path):
     lines = run("train_ppo", tmp_path, "10")
     steps, rate, episodes, safely = numbers(
