@@ -164,17 +164,27 @@ function(torquer_test_name out name)
   set(${out} ${name} PARENT_SCOPE)
 endfunction()
 
+# torquer_timeout(OUT SECONDS): when CTest ends a test, by default after 5 minutes: late enough for a
+# machine with other work, and for sanitizers.
+function(torquer_timeout out seconds)
+  if(NOT seconds)
+    set(seconds 300)
+  endif()
+  if(TORQUER_SANITIZE)
+    math(EXPR seconds "3 * ${seconds}")
+  endif()
+  set(${out} ${seconds} PARENT_SCOPE)
+endfunction()
+
 # torquer_check(NAME LABEL l COMMAND word.. [TIMEOUT s] [COST s] [PROPERTIES name value..]): a test of
 # CTest that is no Catch2 program. PROPERTIES are CTest's. COST: about how long it takes; the longest
 # tests begin first, so that none of them is left over at the end.
 function(torquer_check name)
   cmake_parse_arguments(PARSE_ARGV 1 ARG "" "LABEL;TIMEOUT;COST" "COMMAND;PROPERTIES")
-  if(NOT ARG_TIMEOUT)
-    set(ARG_TIMEOUT 120)
-  endif()
+  torquer_timeout(timeout "${ARG_TIMEOUT}")
   torquer_test_name(full_name ${name})
   add_test(NAME ${full_name} COMMAND ${TORQUER_MEASURED} ${ARG_COMMAND})
-  set_tests_properties(${full_name} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
+  set_tests_properties(${full_name} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${timeout}
     ${ARG_PROPERTIES})
   if(ARG_COST)
     set_tests_properties(${full_name} PROPERTIES COST ${ARG_COST})
@@ -182,17 +192,17 @@ function(torquer_check name)
 endfunction()
 
 # torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [COST s] [WHOLE] [PRELOAD library]
-# [LOCK resource] [THREADED] [SANITIZED_BY_SOAK]): a Catch2 program whose cases become CTest tests
+# [LOCK resource] [THREADED | THREADED_CASES spec] [SANITIZED_BY_SOAK]): a Catch2 program whose cases become CTest tests
 # with that label. COST: of each case, as above. WHOLE: the program is one test, since its cases take
 # less time than its start.
 # PRELOAD: runs under that library. LOCK: no two tests with that lock run side by side.
-# THREADED: its code has threads, so the tsan build holds it too; that build leaves out the others.
+# THREADED: its code has threads, so the tsan build has it too, or of it the cases that Catch2's `spec`
+# names; that build leaves out the others.
 # SANITIZED_BY_SOAK: sanitizer builds run it by --soak alone.
 function(torquer_test name)
-  cmake_parse_arguments(ARG "WHOLE;THREADED;SANITIZED_BY_SOAK" "LABEL;TIMEOUT;COST;PRELOAD;LOCK" "SOURCES;LINK" ${ARGN})
-  if(NOT ARG_TIMEOUT)
-    set(ARG_TIMEOUT 120)
-  endif()
+  cmake_parse_arguments(ARG "WHOLE;THREADED;SANITIZED_BY_SOAK" "LABEL;TIMEOUT;COST;PRELOAD;LOCK;THREADED_CASES" "SOURCES;LINK" ${ARGN})
+  torquer_timeout(timeout "${ARG_TIMEOUT}")
+  set(cases)
   set(runner ${TORQUER_MEASURED})
   if(ARG_PRELOAD)
     if(TORQUER_SANITIZE MATCHES "address")
@@ -211,14 +221,15 @@ function(torquer_test name)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_test_headers)
   endif()
   if(TORQUER_SANITIZE STREQUAL "thread")
-    if(NOT ARG_THREADED)
+    if(NOT ARG_THREADED AND NOT ARG_THREADED_CASES)
       set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
       return()
     endif()
     target_sources(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests/support/tsan_suppressions.cpp)
+    set(cases TEST_SPEC ${ARG_THREADED_CASES})
   endif()
   torquer_test_name(full_name ${name})
-  set(properties LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT})
+  set(properties LABELS ${ARG_LABEL} TIMEOUT ${timeout})
   if(ARG_COST)
     list(APPEND properties COST ${ARG_COST})
   endif()
@@ -236,6 +247,6 @@ function(torquer_test name)
     add_test(NAME "${full_name}" COMMAND ${name})
     set_tests_properties("${full_name}" PROPERTIES ${properties})
   else()
-    catch_discover_tests(${name} TEST_PREFIX "${full_name}: " PROPERTIES ${properties})
+    catch_discover_tests(${name} ${cases} TEST_PREFIX "${full_name}: " PROPERTIES ${properties})
   endif()
 endfunction()

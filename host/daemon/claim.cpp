@@ -180,9 +180,10 @@ Claim::Claim(const std::string& name, const std::string& what) {
   }
   struct flock lock = OwnersLock();
   const bool locked = fcntl(fd_, F_SETLK, &lock) == 0;
-  char holder[kRecordOffset] = {};
-  fmt::format_to_n(holder, sizeof holder, "{}\n", getpid());
-  if (!locked || pwrite(fd_, holder, sizeof holder, 0) != static_cast<ssize_t>(sizeof holder)) {
+  std::string holder = fmt::format("{}\n", getpid());
+  holder.resize(kRecordOffset);
+  if (!locked ||
+      pwrite(fd_, holder.data(), holder.size(), 0) != static_cast<ssize_t>(holder.size())) {
     close(fd_);
     throw UserError(fmt::format("{}: cannot be written: {}; free space in XDG_RUNTIME_DIR", path,
                                 std::strerror(errno)));

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <iterator>
 #include <string>
 #include <utility>
 
@@ -12,7 +11,8 @@ namespace torquer {
 /// Formats to the end of `out`.
 template <class... Values>
 void Append(std::string& out, fmt::format_string<Values...> format, Values&&... values) {
-  fmt::format_to(std::back_inserter(out), format, std::forward<Values>(values)...);
+  // Not format_to, which compiles all of {fmt} into each source that uses it.
+  out += fmt::format(format, std::forward<Values>(values)...);
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above `most`, which is finite and

@@ -203,7 +203,7 @@ uint64_t Fingerprint(const BrickField& field, bool backward) {
   return hash;
 }
 
-TEST_CASE("a value depends neither on the order of building nor on threads") {
+TEST_CASE("a value depends neither on the order of building nor on threads", "[threads]") {
   const auto make = [] { return BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5)); };
   const auto forward = make();
   const uint64_t expected = Fingerprint(*forward, false);
@@ -228,7 +228,8 @@ TEST_CASE("a value depends neither on the order of building nor on threads") {
   for (const uint64_t hash : seen) CHECK(hash == expected);
 }
 
-TEST_CASE("only what is looked at is built, and looking again builds and allocates nothing") {
+TEST_CASE("only what is looked at is built, and looking again builds and allocates nothing",
+          "[threads]") {
   const auto field = BrickField::FromFunction(Cylinder{}, Cube(100), Voxel(0.25));
   CHECK(field->Statistics().bricks_built == 0);
   ClearanceSample sample;
@@ -252,7 +253,7 @@ TEST_CASE("only what is looked at is built, and looking again builds and allocat
   CHECK(field->Statistics().bricks_built == statistics.bricks_built);
 }
 
-TEST_CASE("what was prefetched need not be built by a look-up") {
+TEST_CASE("what was prefetched need not be built by a look-up", "[threads]") {
   const auto field = BrickField::FromFunction(Cylinder{}, Cube(100), Voxel(0.5));
   field->Prefetch({5, 5, 5}, 6);
   const size_t built = field->Statistics().bricks_built;
@@ -264,7 +265,7 @@ TEST_CASE("what was prefetched need not be built by a look-up") {
   CHECK(field->Statistics().bricks_built == built);
 }
 
-TEST_CASE("a build can be stopped and taken up again") {
+TEST_CASE("a build can be stopped and taken up again", "[threads]") {
   const auto field = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
   std::stop_source stop;
   stop.request_stop();

@@ -138,7 +138,7 @@ TEST_CASE("a reader of surfaces that has been taken over gets nowhere") {
   CHECK_FALSE(HasChildren());
 }
 
-TEST_CASE("surfaces are read from several threads at once") {
+TEST_CASE("surfaces are read from several threads at once", "[threads]") {
   const std::string tube = TubeAsObj();
   std::vector<TriangleMesh> read(4);
   {

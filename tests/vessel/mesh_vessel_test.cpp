@@ -132,7 +132,7 @@ TEST_CASE("an opened cache gives the same vessel and the same field to the bit")
   CHECK_FALSE(MeshVessel::Open(path, Options(cache, 1))->from_cache());
 }
 
-TEST_CASE("a partly built field is kept and grows from run to run") {
+TEST_CASE("a partly built field is kept and grows from run to run", "[threads]") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("tube.obj"), cache = folder.Path("cache");
   WriteObj(path, PlainTube());
