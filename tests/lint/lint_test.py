@@ -423,10 +423,10 @@ set_tests_properties("b: partly" PROPERTIES LABELS b WORKING_DIRECTORY {root}/as
         if ctest("--output-junit", os.path.join(suite, "first.xml")).returncode:
             ctest("--rerun-failed", "--output-junit", os.path.join(suite, "again.xml"))
         times = [os.path.join(os.path.dirname(HERE), "times"), suite]
-        told = subprocess.run(times, capture_output=True, text=True, check=False)
+        shown = subprocess.run(times, capture_output=True, text=True, check=False)
         found = subprocess.run([*times, "--json"], capture_output=True, text=True, check=False)
-        self.assertEqual(found.returncode, told.returncode)
-        return told.returncode, told.stdout, json.loads(found.stdout)
+        self.assertEqual(found.returncode, shown.returncode)
+        return shown.returncode, shown.stdout, json.loads(found.stdout)
 
     def test_a_good_run(self):
         status, said, found = self.run_suite()
