@@ -191,16 +191,14 @@ function(torquer_check name)
   endif()
 endfunction()
 
-# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [COST s] [WHOLE] [PRELOAD library]
-# [LOCK resource] [THREADED | THREADED_CASES spec] [SANITIZED_BY_SOAK]): a Catch2 program whose cases become CTest tests
-# with that label. COST: of each case, as above. WHOLE: the program is one test, since its cases take
-# less time than its start.
-# PRELOAD: runs under that library. LOCK: no two tests with that lock run side by side.
+# torquer_test(NAME LABEL l SOURCES a_test.cpp.. LINK x.. [TIMEOUT s] [COST s] [PRELOAD library]
+# [THREADED | THREADED_CASES spec] [REAL_TIME] [SANITIZED_BY_SOAK]): a Catch2 program whose cases become
+# CTest tests with that label. COST: of each case, as above. PRELOAD: runs under that library.
 # THREADED: its code has threads, so the tsan build has it too, or of it the cases that Catch2's `spec`
-# names; that build leaves out the others.
-# SANITIZED_BY_SOAK: sanitizer builds run it by --soak alone.
+# names; that build leaves out the others. REAL_TIME: it counts what a chain of programs loses, so
+# nothing runs beside it. SANITIZED_BY_SOAK: sanitizer builds run it by --soak alone.
 function(torquer_test name)
-  cmake_parse_arguments(ARG "WHOLE;THREADED;SANITIZED_BY_SOAK" "LABEL;TIMEOUT;COST;PRELOAD;LOCK;THREADED_CASES" "SOURCES;LINK" ${ARGN})
+  cmake_parse_arguments(ARG "THREADED;REAL_TIME;SANITIZED_BY_SOAK" "LABEL;TIMEOUT;COST;PRELOAD;THREADED_CASES" "SOURCES;LINK" ${ARGN})
   torquer_timeout(timeout "${ARG_TIMEOUT}")
   set(cases)
   set(runner ${TORQUER_MEASURED})
@@ -233,8 +231,8 @@ function(torquer_test name)
   if(ARG_COST)
     list(APPEND properties COST ${ARG_COST})
   endif()
-  if(ARG_LOCK)
-    list(APPEND properties RESOURCE_LOCK ${ARG_LOCK})
+  if(ARG_REAL_TIME)
+    list(APPEND properties RUN_SERIAL ON)
   endif()
   if(TORQUER_SANITIZE AND ARG_SANITIZED_BY_SOAK)
     # One test, so that CTest knows it whether it was built or not.
@@ -243,10 +241,5 @@ function(torquer_test name)
     return()
   endif()
   add_dependencies(torquer_sanitizer_tests ${name})
-  if(ARG_WHOLE)
-    add_test(NAME "${full_name}" COMMAND ${name})
-    set_tests_properties("${full_name}" PROPERTIES ${properties})
-  else()
-    catch_discover_tests(${name} ${cases} TEST_PREFIX "${full_name}: " PROPERTIES ${properties})
-  endif()
+  catch_discover_tests(${name} ${cases} TEST_PREFIX "${full_name}: " PROPERTIES ${properties})
 endfunction()

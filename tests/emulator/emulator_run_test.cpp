@@ -30,7 +30,7 @@ namespace {
 using Bytes = std::vector<std::uint8_t>;
 
 constexpr char kMotionHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n";
-constexpr auto kPatience = std::chrono::seconds(20);
+constexpr auto kPatience = std::chrono::seconds(120);
 
 /// The emulator in its own thread, as fast as its client takes the reports.
 class RunningEmulator {

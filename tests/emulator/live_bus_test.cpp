@@ -54,7 +54,7 @@ TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes bac
   hand_motion_t hand{};
   hand.joystick_x = 0.5;
   hand.buttons = protocol::kButtonClutch;
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(120);
   const auto wait_until = [&](auto reached) {
     while (!reached() && std::chrono::steady_clock::now() < deadline) {
       bus.Publish(protocol::kHandMotionChannel, hand);

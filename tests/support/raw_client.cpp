@@ -50,7 +50,7 @@ std::string RawClient::ReadAll() const {
 }
 
 bool RawClient::Closed() const {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(3);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   std::array<char, 65536> part{};
   while (std::chrono::steady_clock::now() < end) {
     pollfd readable{socket_, POLLIN, 0};

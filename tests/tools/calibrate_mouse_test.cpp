@@ -24,7 +24,7 @@ using torquer::test::TemporaryFolder;
 
 const std::string kProgram = torquer::test::ProgramPath("torquer-calibrate");
 constexpr int kMouse = 5;
-constexpr auto kPatience = std::chrono::seconds(30);
+constexpr auto kPatience = std::chrono::seconds(120);
 
 EvdevScript Mouse() {
   EvdevScript script;

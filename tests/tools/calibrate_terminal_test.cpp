@@ -24,7 +24,7 @@ using torquer::test::SocketDevice;
 using torquer::test::StillReport;
 using torquer::test::TemporaryFolder;
 
-constexpr auto kPatience = std::chrono::seconds(60);
+constexpr auto kPatience = std::chrono::seconds(120);
 
 // A program in its own terminal, and the device that it reads.
 class Desk {
