@@ -71,7 +71,7 @@ InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int 
   std::vector<std::string> words = {"valgrind",           "--tool=callgrind",
                                     "--instr-atstart=no", "--callgrind-out-file=" + profile,
                                     program.string(),     std::to_string(feeds)};
-  if (quick) words.push_back("--quick");
+  if (quick) words.emplace_back("--quick");
   words.insert(words.end(), scenes.begin(), scenes.end());
   const int status = Run(words, log);
   if (status == 127) return Problem("valgrind is not installed (Debian: apt install valgrind)");
