@@ -18,9 +18,8 @@ set(torquer_common_headers
   <Eigen/Core> <Eigen/Geometry> <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <fstream>
   <functional> <map> <memory> <numbers> <optional> <random> <span> <sstream> <string> <thread> <vector>)
 
-# Sources of a target are compiled in batches: most of a source's time goes into what all of them
-# include, and half of it is saved. Names must therefore differ within a target, those in unnamed
-# namespaces too.
+# Sources of a target are compiled in batches, which share what all of them include: a sixth of the
+# release build is saved. Names must therefore differ within a target, those in unnamed namespaces too.
 set(CMAKE_UNITY_BUILD ON)
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 12)
 
@@ -50,15 +49,6 @@ function(torquer_library name)
   target_link_libraries(${name} PUBLIC torquer_build_rules ${ARG_LINK})
   if(TORQUER_PRECOMPILE)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_headers)
-  endif()
-endfunction()
-
-# torquer_numeric(NAME): a library of arithmetic on Eigen's types. Checks for null, stray and unaligned
-# pointers in each of their members take a quarter of the time to compile it under
-# UndefinedBehaviorSanitizer; such a pointer ends a test by AddressSanitizer.
-function(torquer_numeric name)
-  if(TORQUER_SANITIZE MATCHES "undefined")
-    target_compile_options(${name} PRIVATE -fno-sanitize=null,alignment,pointer-overflow)
   endif()
 endfunction()
 
