@@ -82,7 +82,8 @@ TEST_CASE("The sweep's step solves the dense Newton system") {
   REQUIRE(chain.expansion.max_penetration_mm > 0.1);
   REQUIRE(chain.expansion.max_penetration_mm < 0.9);
 
-  CheckSweepIsDense<BendStage>(chain.model, chain.state, chain.expansion, chain.DenseHessian(),
+  RiccatiSweep<BendStage> sweep(chain.model.max_segments());
+  CheckSweepIsDense(sweep, chain.model, chain.state, chain.expansion, chain.DenseHessian(),
                                Eigen::VectorXd::Constant(chain.unknowns(), 6.35e-3), weight);
 }
 

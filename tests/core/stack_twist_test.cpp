@@ -4,8 +4,8 @@
 #include <catch2/catch.hpp>
 #include <numbers>
 
+#include "host/simulator/core/newton/front_sweep.h"
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "host/simulator/core/newton/riccati_sweep.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/dense_newton.h"
@@ -52,7 +52,8 @@ TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
                    stack.model.twisting_joint(n - i - 1).of[at].torsional_rigidity_N_mm2);
     }
   }
-  CheckSweepIsDense<StackTwistStage>(stack.model, stack.state, stack.at, hessian, unit, weight);
+  FrontSweep sweep(stack.model.max_segments(), nullptr);
+  CheckSweepIsDense(sweep, stack.model, stack.state, stack.at, hessian, unit, weight);
 }
 
 // An arc that twists, or with a ratio of 0 does not.

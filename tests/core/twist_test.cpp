@@ -86,7 +86,8 @@ TEST_CASE("The sweep of a wire that twists solves the dense Newton system") {
                 Eigen::VectorXd::Zero(unknowns), 3e-3);
   Eigen::VectorXd unit = Eigen::VectorXd::Constant(unknowns, kRigidity);
   for (Eigen::Index i = 2; i < unknowns; i += 3) unit[i] *= kRatio;
-  CheckSweepIsDense<TwistStage>(wire.model, wire.state, wire.at, hessian, unit, weight);
+  RiccatiSweep<TwistStage> sweep(wire.model.max_segments());
+  CheckSweepIsDense(sweep, wire.model, wire.state, wire.at, hessian, unit, weight);
 }
 
 TEST_CASE("Twist is the turn of the material against the untwisted frame, and counts whole turns") {

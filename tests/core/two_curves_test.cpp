@@ -5,8 +5,8 @@
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 
+#include "host/simulator/core/newton/front_sweep.h"
 #include "host/simulator/core/newton/newton_relaxation.h"
-#include "host/simulator/core/newton/two_curve_sweep.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "tests/support/allocation_counter.h"
 #include "tests/support/finite_differences.h"
@@ -51,7 +51,7 @@ TEST_CASE("The sweep of two curves solves the dense Newton system") {
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       hessian, Eigen::MatrixXd(unit.asDiagonal()));
   const double lift = -eigen.eigenvalues()[0];
-  RiccatiSweep<TwoCurveStage> sweep(curves.model.max_segments());
+  FrontSweep sweep(curves.model.max_segments(), curves.stack.second_rod());
   CHECK_FALSE(sweep.Factor(curves.model, curves.state, curves.at, lift - 1e-3));
   CHECK(sweep.Factor(curves.model, curves.state, curves.at, lift + 1e-3));
 

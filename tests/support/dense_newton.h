@@ -5,7 +5,6 @@
 #include <catch2/catch.hpp>
 #include <vector>
 
-#include "host/simulator/core/newton/riccati_sweep.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "tests/support/wires.h"
 
@@ -28,14 +27,14 @@ inline Eigen::VectorXd DenseGradient(const WireModel& model, const WireState& st
 
 /// Checks that the sweep is positive definite where `hessian`, of all unknowns, with its weight is,
 /// and that its step solves the system with a weight more. `unit`: what a weight of one adds.
-template <class Stage>
-void CheckSweepIsDense(const WireModel& model, const WireState& state, const Expansion& at,
-                       Eigen::MatrixXd hessian, const Eigen::VectorXd& unit, double weight) {
+template <class Sweep>
+void CheckSweepIsDense(Sweep& sweep, const WireModel& model, const WireState& state,
+                       const Expansion& at, Eigen::MatrixXd hessian, const Eigen::VectorXd& unit,
+                       double weight) {
   // The weight at which the Hessian stops being positive definite is its smallest eigenvalue.
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       hessian, Eigen::MatrixXd(unit.asDiagonal()));
   const double lift = -eigen.eigenvalues()[0];
-  RiccatiSweep<Stage> sweep(model.max_segments());
   CHECK_FALSE(sweep.Factor(model, state, at, lift - 1e-3));
   CHECK(sweep.Factor(model, state, at, lift + 1e-3));
 

@@ -61,7 +61,6 @@ Expansion WireMechanics::MakeExpansion() const {
   if (!terms_.empty()) e.derivatives.on_tangents.reserve(kMostMoments + points);
   if (second_ != nullptr) {
     e.second.push_back(second_->MakeExpansion());
-    e.second.front().softer_N_mm2.reserve(n);
     e.between.Reserve(model_.max_segments(), wall_.points_per_segment);
   }
   return e;
@@ -316,12 +315,6 @@ double WireMechanics::SumGradient(const WireState& state, const BetweenCurves* b
   Vector3d beyond = Vector3d::Zero();
   out.distal_gradient[static_cast<std::size_t>(n)] = beyond;
   for (int i = n - 1; i >= 0; --i) {
-    Vector3d lever = state.SegmentLength(model_, i) * beyond;
-    const int at = out.load_index[i];
-    if (at >= 0) {
-      lever += out.loads[at].g1;
-      beyond += out.loads[at].g0;
-    }
     Vector2d pressed = Vector2d::Zero();
     if (between != nullptr && static_cast<std::size_t>(i) < between->terms.size()) {
       const BetweenCurves::Terms& terms = between->terms[static_cast<std::size_t>(i)];
@@ -329,6 +322,12 @@ double WireMechanics::SumGradient(const WireState& state, const BetweenCurves* b
         pressed = terms.gradient.segment<2>(part + 3);
         beyond += terms.gradient.segment<3>(part);
       }
+    }
+    Vector3d lever = state.SegmentLength(model_, i) * beyond;
+    const int at = out.load_index[i];
+    if (at >= 0) {
+      lever += out.loads[at].g1;
+      beyond += out.loads[at].g0;
     }
     out.distal_gradient[i] = beyond;
     const double* frame = out.frames[i].data();
@@ -341,7 +340,6 @@ double WireMechanics::SumGradient(const WireState& state, const BetweenCurves* b
     const double rigidity =
         std::min(model_.rigidity_N_mm2(n - i), model_.rigidity_N_mm2(n - i - 1));
     residual = std::max(residual, Summed(g * g)[0] / (rigidity * rigidity));
-    if (part > 0) out.softer_N_mm2[static_cast<std::size_t>(i)] = rigidity;
     if (model_.spins() > 0) residual = std::max(residual, SumSpins(state, i, out));
   }
   return std::sqrt(residual);
@@ -373,7 +371,6 @@ void WireMechanics::ExpandSecond(const WireState& state, Expansion& out) const {
   const WireState& curve = *state.second();
   Expansion& second = out.second.front();
   second.energy_mJ = 0;
-  second.softer_N_mm2.resize(static_cast<std::size_t>(curve.segments()));
   second_->PrepareSegments(curve, second);
   second_->ExpandBending(curve, second);
   out.between.Place(*stack_, state, wall_.points_per_segment, out.frames, second.frames);

@@ -67,11 +67,10 @@ struct Expansion {
   std::vector<Eigen::Vector2d> gradient;         ///< n: d energy / d xi_i
   std::vector<double> spin_gradient;             ///< n times the model's spins: d energy / d zeta_i
   PointSet points;
-  std::vector<WallSpring> springs;   ///< one for each of points.near
-  PointDerivatives derivatives;      ///< of the terms, without the wall
-  std::vector<double> softer_N_mm2;  ///< of a second curve, n: the smaller EI of a segment's joints
-  std::vector<Expansion> second;     ///< none, or that of the second curve
-  BetweenCurves between;             ///< of two curves
+  std::vector<WallSpring> springs;  ///< one for each of points.near
+  PointDerivatives derivatives;     ///< of the terms, without the wall
+  std::vector<Expansion> second;    ///< none, or that of the second curve
+  BetweenCurves between;            ///< of two curves
 };
 
 /// Evaluates expansions. One per simulated wire; not for several threads at once.

@@ -99,14 +99,20 @@ void BetweenSet::Begin(const BetweenCurves& between) {
   }
 }
 
-int BetweenSet::Update(const BetweenCurves& between, const CurveStep& step,
+int BetweenSet::Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
                        const CurveStep& second) {
+  const double lambda_mm = expansion.points.spacing_mm * expansion.points.per_segment;
   int last_changed = -1;
   for (std::size_t k = 0; k < active_.size(); ++k) {
-    const BetweenCurves::Spring& spring = between.springs[k];
+    const BetweenCurves::Spring& spring = expansion.between.springs[k];
     const auto i = static_cast<std::size_t>(spring.segment);
+    const double length_mm = i == 0 ? state.first_segment_mm() : lambda_mm;
+    const auto node_beyond = [&](const Expansion& of, const CurveStep& own) -> Vector3d {
+      return own.displacement_mm[i] + of.frames[i] * (length_mm * own.xi[i]);
+    };
     BetweenCurves::Vector moved;
-    moved << step.displacement_mm[i], step.xi[i], second.displacement_mm[i], second.xi[i];
+    moved << node_beyond(expansion, step), step.xi[i],
+        node_beyond(expansion.second.front(), second), second.xi[i];
     const std::uint8_t presses = spring.penetration_mm + spring.approach.dot(moved) > 0;
     if (presses == active_[k]) continue;
     active_[k] = presses;

@@ -60,7 +60,8 @@ class BetweenSet {
   /// Those that touch.
   void Begin(const BetweenCurves& between);
   /// The set after a step, as ActiveSet::Update.
-  int Update(const BetweenCurves& between, const CurveStep& step, const CurveStep& second);
+  int Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
+             const CurveStep& second);
   /// As ActiveSet::EnergyAtRest.
   double EnergyAtRest(const BetweenCurves& between) const;
 

@@ -63,21 +63,21 @@ double LongestMm(const WireModel& model, const WireState& curve, const Expansion
 }
 }  // namespace
 
-template <class Stage>
-NewtonMethod<Stage>::NewtonMethod(const WireModel& wire, const ClearanceField& field,
+template <class Sweep>
+NewtonMethod<Sweep>::NewtonMethod(const WireModel& wire, const ClearanceField& field,
                                   const WallModel& wall, const NewtonSettings& settings,
                                   const std::vector<EnergyTerm*>& terms)
     : NewtonMethod(std::in_place, wire, field, wall, settings, terms) {}
 
-template <class Stage>
-NewtonMethod<Stage>::NewtonMethod(InstrumentStack& stack, const ClearanceField& field,
+template <class Sweep>
+NewtonMethod<Sweep>::NewtonMethod(InstrumentStack& stack, const ClearanceField& field,
                                   const WallModel& wall, const NewtonSettings& settings,
                                   const std::vector<EnergyTerm*>& terms)
     : NewtonMethod(std::in_place, stack, field, wall, settings, terms) {}
 
-template <class Stage>
+template <class Sweep>
 template <class Wires>
-NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
+NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
                                   const ClearanceField& field, const WallModel& wall,
                                   const NewtonSettings& settings,
                                   const std::vector<EnergyTerm*>& terms)
@@ -86,34 +86,35 @@ NewtonMethod<Stage>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
       field_(field),
       settings_(settings),
       terms_(terms),
-      mechanics_(model_, field, wall, terms, Stage::kTwoCurves ? &stack() : nullptr),
-      sweep_(model_.max_segments()),
+      two_curves_(stack().second_rod() != nullptr),
+      mechanics_(model_, field, wall, terms, two_curves_ ? &stack() : nullptr),
+      sweep_(MakeSweep(model_.max_segments(), stack().second_rod())),
       active_set_(mechanics_.points().capacity()),
-      between_set_(Stage::kTwoCurves ? mechanics_.points().capacity() + 1 : 0),
+      between_set_(two_curves_ ? mechanics_.points().capacity() + 1 : 0),
       prediction_(model_),
       current_(mechanics_.MakeExpansion()),
       trial_expansion_(mechanics_.MakeExpansion()),
       trial_(model_, stack().size()) {
-  assert(Stage::kTwists == (model_.spins() > 0) && Stage::kStack == (model_.spins() > 1));
-  assert(Stage::kTwoCurves == (stack().second_rod() != nullptr));
+  assert(kFront == (two_curves_ || model_.spins() > 1));
+  assert(kFront || kTwists == model_.twists());
   const auto room = static_cast<std::size_t>(model_.max_segments()) + 1;
-  if constexpr (Stage::kTwoCurves) {
+  if (two_curves_) {
     trial_.LaySecond(*stack().second_rod(), 0, stack().clearance().first_outer, false);
     second_push_.reserve(room);
   }
   step_.reserve(room);
   displacement_mm_.reserve(room);
-  if (!Stage::kTwists && !Stage::kTwoCurves) defect_.Reserve(model_.max_segments());
+  if (!kTwists && !kFront) defect_.Reserve(model_.max_segments());
   spin_step_.reserve(room * static_cast<std::size_t>(model_.spins()));
-  if (Stage::kStack && !terms.empty()) {
+  if (kFront && model_.spins() > 0 && !terms.empty()) {
     balance_.Reserve(model_.max_segments());
     point_gradient_N_.reserve(room * static_cast<std::size_t>(wall.points_per_segment));
   }
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::Restart(WireState& state) {
-  if constexpr (Stage::kTwoCurves) {
+template <class Sweep>
+void NewtonMethod<Sweep>::Restart(WireState& state) {
+  if (kFront && two_curves_) {
     state.LaySecond(*stack().second_rod(), stack().SecondReach(state.places()),
                     stack().clearance().first_outer, stack().OuterLeads(state.places()));
   }
@@ -132,8 +133,8 @@ void NewtonMethod<Stage>::Restart(WireState& state) {
   up_to_date_ = true;
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::CopyFrom(const Relaxation& twin, const WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::CopyFrom(const Relaxation& twin, const WireState& state) {
   const auto& from = dynamic_cast<const NewtonMethod&>(twin);
   stack().Combine(state.places(), ShortBy(state));
   mechanics_.points().CopyFrom(from.mechanics_.points());
@@ -153,8 +154,8 @@ void NewtonMethod<Stage>::CopyFrom(const Relaxation& twin, const WireState& stat
   stable_ = from.stable_;
 }
 
-template <class Stage>
-std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
+template <class Sweep>
+std::uint64_t NewtonMethod<Sweep>::Hash(std::uint64_t seed) const {
   for (const EnergyTerm* term : terms_) seed = term->Hash(seed);
   seed = damping_.Hash(prediction_.Hash(seed));
   // What a tick that the budget ended hands on to the next.
@@ -167,36 +168,38 @@ std::uint64_t NewtonMethod<Stage>::Hash(std::uint64_t seed) const {
   return seed;
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::ExpandTrueLoads(const WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::ExpandTrueLoads(const WireState& state) {
   BringUpToDate(state);
   if (!attempting_) return;
   // Back from the loads of the model to those of the state.
   BeginModel(state, false);
 }
 
-template <class Stage>
-double NewtonMethod<Stage>::SolverErrorMm(const WireState& state) {
+template <class Sweep>
+double NewtonMethod<Sweep>::SolverErrorMm(const WireState& state) {
   if (state.segments() == 0) return 0;
   ExpandTrueLoads(state);
   if (!sweep_.Factor(model_, state, current_, 0)) return std::numeric_limits<double>::quiet_NaN();
   sweep_.Step(model_, state, current_, step_, spin_step_, displacement_mm_);
   double longest_mm = LongestMm(model_, state, current_, {step_, displacement_mm_});
-  if constexpr (Stage::kTwoCurves) {
-    longest_mm = std::max(longest_mm,
-                          LongestMm(*stack().second_rod(), *state.second(), current_.second.front(),
-                                    {sweep_.second_step(), sweep_.second_displacement_mm()}));
+  if constexpr (kFront) {
+    if (two_curves_) {
+      longest_mm = std::max(
+          longest_mm, LongestMm(*stack().second_rod(), *state.second(), current_.second.front(),
+                                {sweep_.second_step(), sweep_.second_displacement_mm()}));
+    }
   }
   return longest_mm;
 }
 
-template <class Stage>
-double NewtonMethod<Stage>::DiscretizationErrorMm(const WireState& state) {
+template <class Sweep>
+double NewtonMethod<Sweep>::DiscretizationErrorMm(const WireState& state) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   // Of forces that remember, the way counts as well as the place.
   const bool remembers = std::any_of(terms_.begin(), terms_.end(),
                                      [](const EnergyTerm* term) { return term->Dissipates(); });
-  if (Stage::kTwists || Stage::kTwoCurves || remembers) return kUnknown;
+  if (kTwists || kFront || remembers) return kUnknown;
   if (state.segments() == 0) return 0;
   ExpandTrueLoads(state);
   // Which points touch, and where a tip sinks in, is no smooth function of the mesh.
@@ -208,13 +211,13 @@ double NewtonMethod<Stage>::DiscretizationErrorMm(const WireState& state) {
   return LongestMm(model_, state, current_, {step_, displacement_mm_}, &defect_.shift_mm());
 }
 
-template <class Stage>
-bool NewtonMethod<Stage>::Arrived(const InstrumentPlaces& goal, const WireState& state) const {
+template <class Sweep>
+bool NewtonMethod<Sweep>::Arrived(const InstrumentPlaces& goal, const WireState& state) const {
   return state.places() == goal;
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::Begin(WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::Begin(WireState& state) {
   // What the budget cut short goes on as it was begun, unless the vessel has moved under it.
   const bool still = field_.TravelMm() == travel_mm_;
   if (!part_open_ || !still) {
@@ -226,8 +229,8 @@ void NewtonMethod<Stage>::Begin(WireState& state) {
 }
 
 // What is not in balance says nothing of what its parts press each other with: then none is given.
-template <class Stage>
-void NewtonMethod<Stage>::FindPressed(const WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
   const auto between = std::find_if(terms_.begin(), terms_.end(), [](const EnergyTerm* term) {
     return term->SlidingBetween() != nullptr;
   });
@@ -239,9 +242,9 @@ void NewtonMethod<Stage>::FindPressed(const WireState& state) {
                        *(*between)->SlidingBetween(), current_.points.pressed_N);
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::BeginPart(const WireState& state) {
-  if (Stage::kStack) FindPressed(state);
+template <class Sweep>
+void NewtonMethod<Sweep>::BeginPart(const WireState& state) {
+  if (kFront && !two_curves_) FindPressed(state);
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
   part_open_ = true;
   part_moved_ = false;
@@ -249,27 +252,27 @@ void NewtonMethod<Stage>::BeginPart(const WireState& state) {
   up_to_date_ = up_to_date_ && terms_.empty();
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::EndPart() {
+template <class Sweep>
+void NewtonMethod<Sweep>::EndPart() {
   for (EnergyTerm* term : terms_) term->End(current_.points);
   part_open_ = false;
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::BringUpToDate(const WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::BringUpToDate(const WireState& state) {
   if (!up_to_date_) mechanics_.Expand(state, current_);
   up_to_date_ = true;
 }
 
 // A wire that the budget left as it was moved is relaxed before it is moved again.
-template <class Stage>
-bool NewtonMethod<Stage>::MayMove() const {
+template <class Sweep>
+bool NewtonMethod<Sweep>::MayMove() const {
   return current_.residual <= std::max(settings_.part_tolerance, settings_.tolerance) ||
          iterations_since_move_ >= settings_.most_iterations_a_part;
 }
 
-template <class Stage>
-int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
+template <class Sweep>
+int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
   const InstrumentPlaces here = state.places();
   const double feed_mm = std::min(settings_.max_feed_mm, model_.segment_mm() / 2);
   const InstrumentPlaces next = stack().Towards(goal, here, feed_mm, settings_.max_turn_rad);
@@ -307,18 +310,18 @@ int NewtonMethod<Stage>::Move(const InstrumentPlaces& goal, WireState& state) {
   return actions;
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::MoveTo(const InstrumentPlaces& next, WireState& state) {
   const bool alone = next.size() == 1;
   MoveSurfaces(state.places(), next);
-  if constexpr (Stage::kTwoCurves) {
+  if (kFront && two_curves_) {
     MoveBothTo(next, state);
     return;
   }
   if (!alone) {
     stack().Combine(next);
     mechanics_.points().TakeRadii();
-    if (Stage::kStack) {
+    if (kFront) {
       state.MoveInstruments(model_, next);
     } else {
       state.SetPlaces(next);
@@ -329,54 +332,52 @@ void NewtonMethod<Stage>::MoveTo(const InstrumentPlaces& next, WireState& state)
 }
 
 // Where the other curve is to lead, both reach as far before or after the move (Towards).
-template <class Stage>
-void NewtonMethod<Stage>::MoveBothTo(const InstrumentPlaces& next, WireState& state) {
-  if constexpr (Stage::kTwoCurves) {
-    const WireModel& second = *stack().second_rod();
-    const auto exchange_when_equal = [&] {
-      if (stack().OuterLeads(next) == state.outer_leads()) return;
-      if (state.segments() != state.second()->segments()) return;
-      state.ExchangeCurves();
-      prediction_.Forget();
-    };
-    const double fed_mm = next.reach_mm() - state.insertion_mm();
-    const int segments = state.segments();
-    const bool equal = stack().SecondReach(state.places()) == state.insertion_mm();
-    if (equal) exchange_when_equal();
-    state.SetPlaces(next);
-    prediction_.Feed(model_, next.reach_mm(), state);
-    double reach_mm = 0;  // of the curve that is the second now
-    for (int k = 0; k < next.size(); ++k) {
-      if (&state.CurveOf(k) == state.second()) reach_mm = std::max(reach_mm, next[k].insertion_mm);
-    }
-    state.FeedSecond(second, segments, fed_mm, reach_mm);
-    if (!equal) exchange_when_equal();
-    stack().Combine(next, ShortBy(state));
-    mechanics_.points().TakeRadii();
-    state.UpdateCurves(model_, second);
+template <class Sweep>
+void NewtonMethod<Sweep>::MoveBothTo(const InstrumentPlaces& next, WireState& state) {
+  const WireModel& second = *stack().second_rod();
+  const auto exchange_when_equal = [&] {
+    if (stack().OuterLeads(next) == state.outer_leads()) return;
+    if (state.segments() != state.second()->segments()) return;
+    state.ExchangeCurves();
+    prediction_.Forget();
+  };
+  const double fed_mm = next.reach_mm() - state.insertion_mm();
+  const int segments = state.segments();
+  const bool equal = stack().SecondReach(state.places()) == state.insertion_mm();
+  if (equal) exchange_when_equal();
+  state.SetPlaces(next);
+  prediction_.Feed(model_, next.reach_mm(), state);
+  double reach_mm = 0;  // of the curve that is the second now
+  for (int k = 0; k < next.size(); ++k) {
+    if (&state.CurveOf(k) == state.second()) reach_mm = std::max(reach_mm, next[k].insertion_mm);
   }
+  state.FeedSecond(second, segments, fed_mm, reach_mm);
+  if (!equal) exchange_when_equal();
+  stack().Combine(next, ShortBy(state));
+  mechanics_.points().TakeRadii();
+  state.UpdateCurves(model_, second);
 }
 
 // Inside another instrument it is that one's surface that touches the wall, and that goes its own
 // way. A wire that twists takes its surface along with its normals.
-template <class Stage>
-void NewtonMethod<Stage>::MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next) {
-  if (Stage::kTwists && !Stage::kStack) return;
+template <class Sweep>
+void NewtonMethod<Sweep>::MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next) {
+  if (kTwists) return;
   const double fed_mm = next.reach_mm() - here.reach_mm();
   std::array<SurfaceMove, kMostInstruments> moves = {};
   bool any = false;
   for (int k = 0; k < here.size(); ++k) {
     SurfaceMove& move = moves[static_cast<std::size_t>(k)];
     move.along_mm = next[k].insertion_mm - here[k].insertion_mm - fed_mm;
-    if (!Stage::kTwists) move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
+    if (!kFront || model_.spins() == 0) move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
     any = any || move.along_mm != 0 || move.turn_rad != 0;
   }
   if (!any) return;
   for (EnergyTerm* term : terms_) term->MoveSurfaces(current_.points, moves);
 }
 
-template <class Stage>
-bool NewtonMethod<Stage>::AtRest(WireState& state) {
+template <class Sweep>
+bool NewtonMethod<Sweep>::AtRest(WireState& state) {
   if (stalled_) return true;
   if (attempting_) return false;  // current_ holds the loads of the model then
   BringUpToDate(state);
@@ -390,8 +391,8 @@ bool NewtonMethod<Stage>::AtRest(WireState& state) {
   return false;
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::Relax(WireState& state, TickReport& report) {
+template <class Sweep>
+void NewtonMethod<Sweep>::Relax(WireState& state, TickReport& report) {
   BringUpToDate(state);
   if (!attempting_) damping_.Begin(current_.residual);
   attempting_ = true;
@@ -439,19 +440,20 @@ void NewtonMethod<Stage>::Relax(WireState& state, TickReport& report) {
   }
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::StepTrial(const WireState& state, double scale) {
+template <class Sweep>
+void NewtonMethod<Sweep>::StepTrial(const WireState& state, double scale) {
   trial_.Step(model_, state, current_.frames, step_, spin_step_, scale);
-  if constexpr (Stage::kTwoCurves) {
+  if constexpr (kFront) {
+    if (!two_curves_) return;
     trial_.StepSecond(*stack().second_rod(), state, current_.second.front().frames,
                       sweep_.second_step(), scale);
   }
 }
 
-template <class Stage>
-double NewtonMethod<Stage>::StepScale() const {
+template <class Sweep>
+double NewtonMethod<Sweep>::StepScale() const {
   double longest = 0;
-  if constexpr (Stage::kTwoCurves) {
+  if constexpr (kFront) {
     for (const Vector2d& xi : sweep_.second_step()) longest = std::max(longest, xi.squaredNorm());
   }
   for (const Vector2d& xi : step_) longest = std::max(longest, xi.squaredNorm());
@@ -461,45 +463,44 @@ double NewtonMethod<Stage>::StepScale() const {
 }
 
 // The model with the springs that act in the sets.
-template <class Stage>
-void NewtonMethod<Stage>::ModelLoads(const WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::ModelLoads(const WireState& state) {
   mechanics_.Model(state, active_set_.active(), current_);
-  if constexpr (Stage::kTwoCurves) {
-    WireMechanics::ModelBetween(between_set_.active(), current_);
-  }
+  if (kFront && two_curves_) WireMechanics::ModelBetween(between_set_.active(), current_);
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::BeginModel(const WireState& state, bool moved) {
+template <class Sweep>
+void NewtonMethod<Sweep>::BeginModel(const WireState& state, bool moved) {
   active_set_.Begin(current_, moved);
-  if constexpr (Stage::kTwoCurves) between_set_.Begin(current_.between);
+  if (kFront && two_curves_) between_set_.Begin(current_.between);
   ModelLoads(state);
 }
 
 // The most distal segment with a change of the sets by the step, or -1.
-template <class Stage>
-int NewtonMethod<Stage>::UpdateModel(const WireState& state) {
+template <class Sweep>
+int NewtonMethod<Sweep>::UpdateModel(const WireState& state) {
   const CurveStep step{step_, displacement_mm_};
-  if constexpr (Stage::kTwoCurves) {
-    const CurveStep second{sweep_.second_step(), sweep_.second_displacement_mm()};
-    const int last = active_set_.Update(state, current_, step, second);
-    return std::max(last, between_set_.Update(current_.between, step, second));
-  } else {
-    return active_set_.Update(state, current_, step);
+  if constexpr (kFront) {
+    if (two_curves_) {
+      const CurveStep second{sweep_.second_step(), sweep_.second_displacement_mm()};
+      const int last = active_set_.Update(state, current_, step, second);
+      return std::max(last, between_set_.Update(state, current_, step, second));
+    }
   }
+  return active_set_.Update(state, current_, step);
 }
 
-template <class Stage>
-double NewtonMethod<Stage>::EnergyAtRest() const {
+template <class Sweep>
+double NewtonMethod<Sweep>::EnergyAtRest() const {
   double sum = active_set_.EnergyAtRest(current_);
-  if constexpr (Stage::kTwoCurves) sum += between_set_.EnergyAtRest(current_.between);
+  if (kFront && two_curves_) sum += between_set_.EnergyAtRest(current_.between);
   return sum;
 }
 
 // Minimizes the model in which every near point has a one-sided spring, by Newton's method on its
 // piecewise quadratic.
-template <class Stage>
-typename NewtonMethod<Stage>::Solution NewtonMethod<Stage>::SolveModel(const WireState& state) {
+template <class Sweep>
+typename NewtonMethod<Sweep>::Solution NewtonMethod<Sweep>::SolveModel(const WireState& state) {
   constexpr int kRounds = 6;
   BeginModel(state, moved_);
   int last_changed = state.segments() - 1;
@@ -519,8 +520,8 @@ typename NewtonMethod<Stage>::Solution NewtonMethod<Stage>::SolveModel(const Wir
   }
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::GiveUp(WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::GiveUp(WireState& state) {
   mechanics_.Expand(state, current_);
   damping_.Forget();
   stalled_ = true;
@@ -528,14 +529,14 @@ void NewtonMethod<Stage>::GiveUp(WireState& state) {
 }
 
 // Whether a state in balance is a minimum: pushed head-on a straight wire is in balance too.
-template <class Stage>
-bool NewtonMethod<Stage>::Stable(const WireState& state) {
+template <class Sweep>
+bool NewtonMethod<Sweep>::Stable(const WireState& state) {
   if (!stable_) stable_ = sweep_.Factor(model_, state, current_, kStableWeight);
   return stable_;
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::PushOff(WireState& state) {
+template <class Sweep>
+void NewtonMethod<Sweep>::PushOff(WireState& state) {
   // Every shape gets its part; which way is arbitrary, and always the same.
   step_.resize(state.tangents().size());
   std::uint32_t random = 1;
@@ -547,7 +548,7 @@ void NewtonMethod<Stage>::PushOff(WireState& state) {
   }
   spin_step_.assign(step_.size() * static_cast<std::size_t>(model_.spins()), 0);
   trial_.Step(model_, state, current_.frames, step_, spin_step_, 1);
-  if constexpr (Stage::kTwoCurves) {
+  if (kFront && two_curves_) {
     // Both alike: what lies in a lumen goes along.
     second_push_.assign(step_.begin(), step_.begin() + state.second()->segments());
     trial_.StepSecond(*stack().second_rod(), state, current_.second.front().frames, second_push_,
@@ -558,8 +559,8 @@ void NewtonMethod<Stage>::PushOff(WireState& state) {
   mechanics_.Expand(state, current_);
 }
 
-template <class Stage>
-void NewtonMethod<Stage>::End(const WireState& /*state*/, bool settled, TickReport& report) {
+template <class Sweep>
+void NewtonMethod<Sweep>::End(const WireState& /*state*/, bool settled, TickReport& report) {
   if (settled) EndPart();
   report.converged = up_to_date_ && current_.residual <= settings_.tolerance;
   report.stalled = stalled_;
@@ -569,28 +570,19 @@ void NewtonMethod<Stage>::End(const WireState& /*state*/, bool settled, TickRepo
   report.max_penetration_mm = current_.max_penetration_mm;
 }
 
-template class NewtonMethod<BendStage>;
-template class NewtonMethod<TwistStage>;
-template class NewtonMethod<StackTwistStage>;
-template class NewtonMethod<TwoCurveStage>;
+template class NewtonMethod<RiccatiSweep<BendStage>>;
+template class NewtonMethod<RiccatiSweep<TwistStage>>;
+template class NewtonMethod<FrontSweep>;
 
 namespace {
 
 template <class Wires>
-std::unique_ptr<Relaxation> Make(Wires& wires, int spins, const ClearanceField& field,
-                                 const WallModel& wall, const NewtonSettings& settings,
-                                 const std::vector<EnergyTerm*>& terms) {
-  if (spins == 1) {
-    return std::make_unique<NewtonMethod<TwistStage>>(wires, field, wall, settings, terms);
-  }
-  // A lone wire has one spin at most.
-  if constexpr (std::is_same_v<Wires, InstrumentStack>) {
-    if (spins > 1) {
-      return std::make_unique<NewtonMethod<StackTwistStage>>(wires, field, wall, settings, terms);
-    }
-    if (wires.second_rod() != nullptr) {
-      return std::make_unique<NewtonMethod<TwoCurveStage>>(wires, field, wall, settings, terms);
-    }
+std::unique_ptr<Relaxation> MakeLone(Wires& wires, bool twists, const ClearanceField& field,
+                                     const WallModel& wall, const NewtonSettings& settings,
+                                     const std::vector<EnergyTerm*>& terms) {
+  if (twists) {
+    return std::make_unique<NewtonMethod<RiccatiSweep<TwistStage>>>(wires, field, wall, settings,
+                                                                    terms);
   }
   return std::make_unique<NewtonRelaxation>(wires, field, wall, settings, terms);
 }
@@ -601,14 +593,17 @@ std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& wire, const Cl
                                                  const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms) {
-  return Make(wire, wire.spins(), field, wall, settings, terms);
+  return MakeLone(wire, wire.twists(), field, wall, settings, terms);
 }
 
 std::unique_ptr<Relaxation> MakeNewtonRelaxation(InstrumentStack& stack,
                                                  const ClearanceField& field, const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms) {
-  return Make(stack, stack.rod().spins(), field, wall, settings, terms);
+  if (stack.second_rod() != nullptr || stack.rod().spins() > 1) {
+    return std::make_unique<NewtonMethod<FrontSweep>>(stack, field, wall, settings, terms);
+  }
+  return MakeLone(stack, stack.rod().twists(), field, wall, settings, terms);
 }
 
 }  // namespace torquer

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -13,8 +14,8 @@
 #include "host/simulator/core/newton/active_set.h"
 #include "host/simulator/core/newton/damping.h"
 #include "host/simulator/core/newton/feed_prediction.h"
+#include "host/simulator/core/newton/front_sweep.h"
 #include "host/simulator/core/newton/riccati_sweep.h"
-#include "host/simulator/core/newton/two_curve_sweep.h"
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/core/stack/hand_forces.h"
 
@@ -41,9 +42,10 @@ struct NewtonSettings {
   int most_iterations_a_part = 12;
 };
 
-/// `Stage`: whether and how the wire twists; it must be that of the rod. A unit of work is a part
-/// of the motion, or an attempt at a step.
-template <class Stage>
+/// `Sweep`: what finds its steps; RiccatiSweep of a lone wire and of instruments on one curve that
+/// do not twist, FrontSweep of all others. A unit of work is a part of the motion, or an attempt at
+/// a step.
+template <class Sweep>
 class NewtonMethod final : public Relaxation {
  public:
   /// A lone wire. Keeps references to all but the settings.
@@ -66,6 +68,18 @@ class NewtonMethod final : public Relaxation {
     double expected_mJ = -1;  // decrease; negative: there is no minimum, or none was found
     int rounds = 0;
   };
+
+  static constexpr bool kFront = std::is_same_v<Sweep, FrontSweep>;
+  static constexpr bool kTwists = std::is_same_v<Sweep, RiccatiSweep<TwistStage>>;
+
+  static Sweep MakeSweep(int max_segments, const WireModel* second) {
+    if constexpr (kFront) {
+      return FrontSweep(max_segments, second);
+    } else {
+      static_cast<void>(second);
+      return Sweep(max_segments);
+    }
+  }
 
   // What both public constructors do.
   template <class Wires>
@@ -105,8 +119,9 @@ class NewtonMethod final : public Relaxation {
   const ClearanceField& field_;
   const NewtonSettings settings_;
   const std::vector<EnergyTerm*>& terms_;
+  const bool two_curves_;
   WireMechanics mechanics_;
-  RiccatiSweep<Stage> sweep_;
+  Sweep sweep_;
   ActiveSet active_set_;
   BetweenSet between_set_;
   Damping damping_;
@@ -133,13 +148,12 @@ class NewtonMethod final : public Relaxation {
   bool stable_ = false;  // the Hessian was positive definite where the state is, or a step before
 };
 
-extern template class NewtonMethod<BendStage>;
-extern template class NewtonMethod<TwistStage>;
-extern template class NewtonMethod<StackTwistStage>;
-extern template class NewtonMethod<TwoCurveStage>;
+extern template class NewtonMethod<RiccatiSweep<BendStage>>;
+extern template class NewtonMethod<RiccatiSweep<TwistStage>>;
+extern template class NewtonMethod<FrontSweep>;
 
 /// The method for a wire that does not twist.
-using NewtonRelaxation = NewtonMethod<BendStage>;
+using NewtonRelaxation = NewtonMethod<RiccatiSweep<BendStage>>;
 
 /// The method for a lone wire or a stack, with or without twist.
 std::unique_ptr<Relaxation> MakeNewtonRelaxation(const WireModel& wire, const ClearanceField& field,

@@ -350,12 +350,5 @@ void RiccatiSweep<Stage>::StepWith(const WireModel& model, const WireState& stat
 
 template class RiccatiSweep<BendStage>;
 template class RiccatiSweep<TwistStage>;
-template RiccatiSweep<StackTwistStage>::RiccatiSweep(int max_segments);
-template bool RiccatiSweep<StackTwistStage>::Factor(const WireModel& model, const WireState& state,
-                                                    const Expansion& expansion, double weight);
-template bool RiccatiSweep<StackTwistStage>::Refactor(const WireModel& model,
-                                                      const WireState& state,
-                                                      const Expansion& expansion, double weight,
-                                                      int last_changed);
 
 }  // namespace torquer

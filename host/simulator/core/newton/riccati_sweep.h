@@ -12,7 +12,6 @@
 #include <type_traits>
 #include <vector>
 
-#include "host/simulator/core/instrument_place.h"
 #include "host/simulator/core/pair.h"
 #include "host/simulator/core/wire_mechanics.h"
 
@@ -24,22 +23,11 @@ namespace torquer {
 /// the steps before (Expansion::turns).
 struct BendStage {
   static constexpr bool kTwists = false;
-  static constexpr bool kStack = false;
-  static constexpr bool kTwoCurves = false;
 };
 /// A stage of a wire that twists: control and state have the segment's spin as well. It is
 /// eliminated first, with its own pivot.
 struct TwistStage {
   static constexpr bool kTwists = true;
-  static constexpr bool kStack = false;
-  static constexpr bool kTwoCurves = false;
-};
-/// The same of a stack that twists, with a spin for each instrument: in small matrices, four times
-/// the work of a lone wire's pairs with two instruments.
-struct StackTwistStage {
-  static constexpr bool kTwists = true;
-  static constexpr bool kStack = true;
-  static constexpr bool kTwoCurves = false;
 };
 
 template <class Stage>
@@ -82,7 +70,7 @@ class RiccatiSweep {
     double spin_gradient = 0;
   };
   /// The cost-to-go. Single numbers stand in both lanes.
-  struct PairCostToGo : SpinCost {
+  struct CostToGo : SpinCost {
     Pair p[6];      ///< P: xx, xy, xz, yy, yz, zz
     Pair q[3];      ///< rows of Q
     Pair r;         ///< diagonal of R
@@ -120,31 +108,12 @@ class RiccatiSweep {
   };
   struct Nothing {};
   /// The control is -(of_displacement' dx + of_previous xi + of_spin zeta + constant).
-  struct PairGain : std::conditional_t<Stage::kTwists, SpinGain, Nothing> {
+  struct Gain : std::conditional_t<Stage::kTwists, SpinGain, Nothing> {
     Pair of_displacement[3];  ///< a component of dx each
     Pair of_previous[2];      ///< a component of xi each
     Pair of_spin;             ///< of the segment before, where that counts
     Pair constant;
   };
-  static constexpr int kMostGiven = 5 + kMostInstruments;
-  static constexpr int kMostControl = 2 + kMostInstruments;
-  /// The cost-to-go of z: dx, the step before and the spins before.
-  struct StackCostToGo {
-    Eigen::Matrix<double, kMostGiven, kMostGiven> p =
-        Eigen::Matrix<double, kMostGiven, kMostGiven>::Zero();
-    Eigen::Matrix<double, kMostGiven, 1> g = Eigen::Matrix<double, kMostGiven, 1>::Zero();
-    Eigen::Vector3d force_N = Eigen::Vector3d::Zero();  ///< of the loads beyond
-    double decrease = 0;
-  };
-  /// The control is -(of_given z + constant). Zero for what there is not.
-  struct StackGain {
-    Eigen::Matrix<double, kMostControl, kMostGiven> of_given =
-        Eigen::Matrix<double, kMostControl, kMostGiven>::Zero();
-    Eigen::Matrix<double, kMostControl, 1> constant =
-        Eigen::Matrix<double, kMostControl, 1>::Zero();
-  };
-  using CostToGo = std::conditional_t<Stage::kStack, StackCostToGo, PairCostToGo>;
-  using Gain = std::conditional_t<Stage::kStack, StackGain, PairGain>;
   // Parts of the sweep's loop, apart to be read: a call for each would cost a fifth of the sweep.
   [[gnu::always_inline]] static inline void Assemble(const WireModel& model, const WireState& state,
                                                      const Expansion& expansion, double weight,
@@ -168,10 +137,6 @@ class RiccatiSweep {
   template <Spin kSpin>
   bool SweepWith(const WireModel& model, const WireState& state, const Expansion& expansion,
                  double weight, int first, CostToGo cost);
-  /// The same of a stack of so many instruments.
-  template <int kSpins>
-  bool SweepStack(const WireModel& model, const WireState& state, const Expansion& expansion,
-                  double weight, int first, const CostToGo& cost);
   template <Spin kSpin>
   void StepWith(const WireModel& model, const WireState& state, const Expansion& expansion,
                 std::vector<Control>& step, std::vector<double>& spin,
@@ -185,24 +150,5 @@ class RiccatiSweep {
 
 extern template class RiccatiSweep<BendStage>;
 extern template class RiccatiSweep<TwistStage>;
-// Of a stack these are in stack_sweep.cpp, the rest is as of a lone wire.
-template <>
-bool RiccatiSweep<StackTwistStage>::Sweep(const WireModel& model, const WireState& state,
-                                          const Expansion& expansion, double weight, int first,
-                                          const CostToGo& cost);
-template <>
-double RiccatiSweep<StackTwistStage>::Step(const WireModel& model, const WireState& state,
-                                           const Expansion& expansion, std::vector<Control>& step,
-                                           std::vector<double>& spin,
-                                           std::vector<Eigen::Vector3d>& displacement_mm) const;
-extern template RiccatiSweep<StackTwistStage>::RiccatiSweep(int max_segments);
-extern template bool RiccatiSweep<StackTwistStage>::Factor(const WireModel& model,
-                                                           const WireState& state,
-                                                           const Expansion& expansion,
-                                                           double weight);
-extern template bool RiccatiSweep<StackTwistStage>::Refactor(const WireModel& model,
-                                                             const WireState& state,
-                                                             const Expansion& expansion,
-                                                             double weight, int last_changed);
 
 }  // namespace torquer

@@ -14,7 +14,7 @@ namespace {
 // Within this of the lumen's wall a place takes part in the model of a step.
 constexpr double kNearLumenMm = 0.05;
 
-// A place on both curves, `t` beyond the proximal node of their segment.
+// The segments of both curves that a place lies on.
 struct Across {
   const WireState& inner;
   const WireState& outer;
@@ -25,7 +25,8 @@ struct Across {
 };
 
 // How a component along `way` of the inner curve's place, against that of the outer one, follows
-// from the steps. The outer one's is `beyond` farther along its segment.
+// from the steps. The place is `t` past the distal node of its segment (negative), the outer one's
+// `beyond` farther along its own.
 Vector Follow(const Across& at, const Vector3d& way, double t, double beyond) {
   Vector row;
   row.segment<3>(at.inner_at) = way;
@@ -61,7 +62,8 @@ void BetweenCurves::Place(const InstrumentStack& stack, const WireState& state,
   for (int i = 0; i < n; ++i) {
     const auto s = static_cast<std::size_t>(i);
     const double begin_mm = i == 0 ? 0 : state.first_segment_mm() + (i - 1) * lambda;
-    const double piece = (i == 0 ? state.first_segment_mm() : lambda) / points_per_segment;
+    const double length_mm = i == 0 ? state.first_segment_mm() : lambda;
+    const double piece = length_mm / points_per_segment;
     const double end_mm = reach_mm - begin_mm;
     const double radius_mm = inner_rod.radius_mm(inner.segments() - 1 - i);
     const Across at{inner,
@@ -86,21 +88,23 @@ void BetweenCurves::Place(const InstrumentStack& stack, const WireState& state,
       spring.stiffness_N_mm = stack.clearance().stiffness_N_mm2 * weight_mm;
       spring.penetration_mm = penetration_mm;
       const Vector3d normal = across / offset_mm;
-      spring.approach = Follow(at, normal, t, beyond);
+      const double past_end_mm = t - length_mm;
+      spring.approach = Follow(at, normal, past_end_mm, beyond);
       if (penetration_mm <= 0) return;
       const double force_N = spring.stiffness_N_mm * penetration_mm;
       energy_mJ += force_N * penetration_mm / 2;
       pressed_N += force_N;
       if (end) end_pressed_N += force_N;
-      const Vector sideways = Follow(at, along.cross(normal), t, beyond);
-      const Vector onwards = Follow(at, along, t, beyond);
+      const Vector sideways = Follow(at, along.cross(normal), past_end_mm, beyond);
+      const Vector onwards = Follow(at, along, past_end_mm, beyond);
       Vector tilt = Vector::Zero();
       tilt.segment<2>(at.outer_at + 3) = at.outer_frame.transpose() * normal;
       spring.curvature = (force_N / offset_mm) * sideways * sideways.transpose() -
                          (force_N * offset_mm) * tilt * tilt.transpose();
       const BetweenCurves::Matrix turned = force_N * tilt * onwards.transpose();
       spring.curvature -= turned + turned.transpose();
-      const double bent = force_N * t * normal.dot(inner.tangents()[s]);  // third term of (4)
+      // Third term of (4).
+      const double bent = force_N * past_end_mm * normal.dot(inner.tangents()[s]);
       spring.curvature(at.inner_at + 3, at.inner_at + 3) -= bent;
       spring.curvature(at.inner_at + 4, at.inner_at + 4) -= bent;
     };

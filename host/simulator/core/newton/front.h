@@ -1,0 +1,354 @@
+// What a front costs at best, and how it takes in one more segment of one of its curves (README,
+// section 6).
+//
+// A front has a slot for each curve. Slot of a curve at cut i, between segments i - 1 and i:
+//   dx      displacement of node i                                3 rows
+//   eta     step of segment i - 1                                 2 rows
+//   roll    turn of segment i - 1 that follows from the steps     1 row, or
+//           spin of segment i - 1, of each instrument             kSpins rows
+// Curves are at cuts of their own. Advance takes one of them to the cut before; Touch couples two.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/stack/between_curves.h"
+#include "host/simulator/core/wire_mechanics.h"
+
+namespace torquer {
+
+/// Rows of a slot with so many free spins; with none, the roll follows.
+constexpr int SlotRows(int spins) { return 5 + (spins > 0 ? spins : 1); }
+/// Unknowns of a segment: the control.
+constexpr int SlotControls(int spins) { return 2 + spins; }
+
+inline constexpr int kMostFrontRows = 2 * 5 + kMostInstruments;
+inline constexpr int kMostControls = 2 + kMostInstruments;
+
+/// A segment of a curve, with its joint and its loads.
+struct FrontSegment {
+  double length_mm;
+  const Frame& frame;
+  const Eigen::Vector3d& tangent;
+  const JointTerms& joint;
+  const LoadTerms* load = nullptr;    ///< null: none
+  const TurnTerms* turn = nullptr;    ///< of a roll that follows; null: nothing rests curved
+  const StackTerms* spins = nullptr;  ///< of free spins
+  double bend_weight_mJ = 0;          ///< proximal weight on the step
+  OfInstruments spin_weight_mJ = {};  ///< and on each spin
+};
+
+/// The control of a segment is -(of_slots z + constant), z being the slots at the cut before it.
+struct FrontGain {
+  double of_slots[kMostControls][kMostFrontRows];
+  double constant[kMostControls];
+};
+
+/// The quadratic function V(z) = z'P z/2 + g'z of the slots z that everything beyond the cuts costs
+/// at best. `kRows` is the sum of the slots' rows.
+template <int kRows>
+struct Front {
+  static constexpr int kColumns = (kRows + 1) / 2 * 2;  // so that rows are aligned
+  alignas(16) double p[kRows][kColumns] = {};
+  alignas(16) double g[kColumns] = {};
+  double force_N[2][3] = {};  ///< by slot: sum of the gradients of the loads beyond
+  double decrease_mJ = 0;
+
+  /// Eliminates segment i of the curve whose slot begins at row kAt. The slot is at cut i + 1, and
+  /// at cut i afterwards. False where the pivot is not positive definite.
+  template <int kAt, int kSpins>
+  bool Advance(const FrontSegment& segment, FrontGain& gain);
+
+  /// Adds what couples two curves at cuts i + 1, whose slots begin at rows 0 and kOther.
+  /// `first_slot`: 0 or 1, that of the first curve of `terms`.
+  template <int kOther>
+  void Touch(const BetweenCurves::Terms& terms, int first_slot);
+
+  /// Takes over the front of one curve, whose slot begins at row kAt here.
+  template <int kAt, int kSlotRows>
+  void Take(const Front<kSlotRows>& alone);
+
+ private:
+  // What the control of a segment couples with before it is eliminated.
+  template <int kControls>
+  struct Couplings {
+    alignas(16) double f[kControls][kColumns];  // with the slots
+    double s[kControls][kControls];             // with itself: the pivot
+    double c[kControls];                        // gradient
+  };
+  // Parts of Advance, apart to be read: calls would cost a third of it.
+  template <int kAt, int kSpins>
+  [[gnu::always_inline]] inline void Substitute(const FrontSegment& segment,
+                                                Couplings<SlotControls(kSpins)>& w) const;
+  template <int kAt, int kSpins>
+  [[gnu::always_inline]] inline void Renew(const FrontSegment& segment,
+                                           Couplings<SlotControls(kSpins)>& w);
+  template <int kAt, int kControls>
+  [[gnu::always_inline]] inline void AddLoad(const FrontSegment& segment, Couplings<kControls>& w);
+  template <int kAt, int kControls>
+  [[gnu::always_inline]] inline void AddJoint(const FrontSegment& segment, Couplings<kControls>& w);
+  template <int kAt>
+  [[gnu::always_inline]] inline void AddTurn(const RestSpinTerms& rest, Couplings<2>& w);
+  template <int kAt, int kSpins>
+  [[gnu::always_inline]] inline void AddSpins(const FrontSegment& segment,
+                                              Couplings<SlotControls(kSpins)>& w);
+  template <int kControls>
+  [[gnu::always_inline]] inline bool Eliminate(Couplings<kControls>& w, FrontGain& gain);
+};
+
+template <int kRows>
+template <int kOther>
+void Front<kRows>::Touch(const BetweenCurves::Terms& terms, int first_slot) {
+  constexpr int kSlots[2] = {0, kOther};
+  for (int c = 0; c < 2; ++c) {
+    const int of = 5 * (first_slot == c ? 0 : 1);
+    for (int a = 0; a < 5; ++a) {
+      g[kSlots[c] + a] += terms.gradient[of + a];
+      for (int d = 0; d < 2; ++d) {
+        const int with = 5 * (first_slot == d ? 0 : 1);
+        for (int b = 0; b < 5; ++b) {
+          p[kSlots[c] + a][kSlots[d] + b] += terms.hessian(with + b, of + a);
+        }
+      }
+    }
+    for (int d = 0; d < 3; ++d) force_N[c][d] += terms.gradient[of + d];
+  }
+}
+
+template <int kRows>
+template <int kAt, int kSlotRows>
+void Front<kRows>::Take(const Front<kSlotRows>& alone) {
+  for (int a = 0; a < kSlotRows; ++a) {
+    for (int b = 0; b < kSlotRows; ++b) p[kAt + a][kAt + b] = alone.p[a][b];
+    g[kAt + a] = alone.g[a];
+  }
+  for (int d = 0; d < 3; ++d) force_N[kAt == 0 ? 0 : 1][d] = alone.force_N[0][d];
+  decrease_mJ = alone.decrease_mJ;
+}
+
+template <int kRows>
+template <int kAt, int kSpins>
+bool Front<kRows>::Advance(const FrontSegment& segment, FrontGain& gain) {
+  Couplings<SlotControls(kSpins)> w;
+  Substitute<kAt, kSpins>(segment, w);
+  Renew<kAt, kSpins>(segment, w);
+  double(&beyond_N)[3] = force_N[kAt == 0 ? 0 : 1];
+  double along = 0;  // (14)
+  for (int d = 0; d < 3; ++d) along += segment.length_mm * beyond_N[d] * segment.tangent[d];
+  if (segment.load != nullptr) {
+    AddLoad<kAt>(segment, w);
+    along += segment.load->g1.dot(segment.tangent);
+    for (int d = 0; d < 3; ++d) beyond_N[d] += segment.load->g0[d];
+  }
+  for (int a = 0; a < 2; ++a) w.s[a][a] += segment.bend_weight_mJ - along;
+  AddJoint<kAt>(segment, w);
+  if constexpr (kSpins > 0) {
+    AddSpins<kAt, kSpins>(segment, w);
+  } else {
+    if (segment.turn != nullptr) AddTurn<kAt>(segment.turn->rest, w);
+  }
+  return Eliminate(w, gain);
+}
+
+// f = B'P, s = B'P B and c = B'g, where B puts the control into the slot at cut i + 1: by (15) a
+// step moves node i + 1, is the step before the cut, and turns the frame by (36).
+template <int kRows>
+template <int kAt, int kSpins>
+void Front<kRows>::Substitute(const FrontSegment& segment,
+                              Couplings<SlotControls(kSpins)>& w) const {
+  constexpr int kEta = kAt + 3;
+  constexpr int kRoll = kAt + 5;
+  const double* const frame = segment.frame.data();  // by rows
+  double lever[3][2];
+  for (int d = 0; d < 3; ++d) {
+    for (int a = 0; a < 2; ++a) lever[d][a] = segment.length_mm * frame[2 * d + a];
+  }
+  const auto& q = p;
+  for (int a = 0; a < 2; ++a) {
+    for (int k = 0; k < kColumns; ++k) {
+      w.f[a][k] = lever[0][a] * q[kAt][k] + lever[1][a] * q[kAt + 1][k] +
+                  lever[2][a] * q[kAt + 2][k] + q[kEta + a][k];
+    }
+    w.c[a] =
+        lever[0][a] * g[kAt] + lever[1][a] * g[kAt + 1] + lever[2][a] * g[kAt + 2] + g[kEta + a];
+  }
+  if constexpr (kSpins == 0) {
+    if (segment.turn != nullptr) {
+      for (int a = 0; a < 2; ++a) {
+        const double turn = segment.turn->distal[a];
+        for (int k = 0; k < kColumns; ++k) w.f[a][k] += turn * q[kRoll][k];
+        w.c[a] += turn * g[kRoll];
+      }
+    }
+  }
+  for (int k = 0; k < kSpins; ++k) {
+    for (int m = 0; m < kColumns; ++m) w.f[2 + k][m] = q[kRoll + k][m];
+    w.c[2 + k] = g[kRoll + k];
+  }
+  for (int a = 0; a < SlotControls(kSpins); ++a) {
+    for (int b = 0; b < 2; ++b) {
+      w.s[a][b] = lever[0][b] * w.f[a][kAt] + lever[1][b] * w.f[a][kAt + 1] +
+                  lever[2][b] * w.f[a][kAt + 2] + w.f[a][kEta + b];
+    }
+    for (int k = 0; k < kSpins; ++k) w.s[a][2 + k] = w.f[a][kRoll + k];
+  }
+  if constexpr (kSpins == 0) {
+    if (segment.turn != nullptr) {
+      for (int a = 0; a < 2; ++a) {
+        for (int b = 0; b < 2; ++b) w.s[a][b] += segment.turn->distal[b] * w.f[a][kRoll];
+      }
+    }
+  }
+}
+
+// The slot at cut i, without the segment's own terms: node i takes node i + 1 along, a roll that
+// follows goes on, and nothing depends on other steps or spins yet.
+template <int kRows>
+template <int kAt, int kSpins>
+void Front<kRows>::Renew(const FrontSegment& segment, Couplings<SlotControls(kSpins)>& w) {
+  constexpr int kEta = kAt + 3;
+  constexpr int kRoll = kAt + 5;
+  if (kSpins == 0 && segment.turn != nullptr) {
+    const Eigen::Vector2d& turn = segment.turn->proximal;
+    for (int b = 0; b < 2; ++b) {
+      for (int a = 0; a < SlotControls(kSpins); ++a) w.f[a][kEta + b] = turn[b] * w.f[a][kRoll];
+      for (int k = 0; k < kRows; ++k) p[kEta + b][k] = p[k][kEta + b] = turn[b] * p[kRoll][k];
+      g[kEta + b] = turn[b] * g[kRoll];
+    }
+    for (int b = 0; b < 2; ++b) {
+      for (int d = 0; d < 2; ++d) p[kEta + b][kEta + d] = turn[b] * turn[d] * p[kRoll][kRoll];
+    }
+    return;
+  }
+  constexpr int kEnd = kRoll + kSpins;
+  for (int a = 0; a < SlotControls(kSpins); ++a) {
+    for (int k = kEta; k < kEnd; ++k) w.f[a][k] = 0;
+  }
+  for (int k = kEta; k < kEnd; ++k) {
+    for (int m = 0; m < kRows; ++m) p[k][m] = p[m][k] = 0;
+    g[k] = 0;
+  }
+}
+
+template <int kRows>
+template <int kAt, int kControls>
+void Front<kRows>::AddLoad(const FrontSegment& segment, Couplings<kControls>& w) {
+  const double* const frame = segment.frame.data();
+  const LoadTerms& load = *segment.load;
+  for (int d = 0; d < 3; ++d) {
+    for (int a = 0; a < 2; ++a) {
+      w.f[a][kAt + d] +=
+          load.h1(d, 0) * frame[a] + load.h1(d, 1) * frame[2 + a] + load.h1(d, 2) * frame[4 + a];
+      w.c[a] += frame[2 * d + a] * load.g1[d];
+      for (int b = 0; b < 2; ++b) {
+        w.s[a][b] += frame[2 * d + a] * (load.h2(d, 0) * frame[b] + load.h2(d, 1) * frame[2 + b] +
+                                         load.h2(d, 2) * frame[4 + b]);
+      }
+    }
+    for (int e = 0; e < 3; ++e) p[kAt + d][kAt + e] += load.h0(d, e);
+    g[kAt + d] += load.g0[d];
+  }
+}
+
+template <int kRows>
+template <int kAt, int kControls>
+void Front<kRows>::AddJoint(const FrontSegment& segment, Couplings<kControls>& w) {
+  constexpr int kEta = kAt + 3;
+  const JointTerms& joint = segment.joint;
+  for (int a = 0; a < 2; ++a) {
+    w.c[a] += joint.gradient_distal[a];
+    g[kEta + a] += joint.gradient_proximal[a];
+    for (int b = 0; b < 2; ++b) {
+      w.s[a][b] += joint.hessian_distal(a, b);
+      w.f[a][kEta + b] += joint.hessian_cross(b, a);
+      p[kEta + a][kEta + b] += joint.hessian_proximal(a, b);
+    }
+  }
+}
+
+// What a joint that rests curved feels of the roll before it; its gradient is in those of the
+// steps.
+template <int kRows>
+template <int kAt>
+void Front<kRows>::AddTurn(const RestSpinTerms& rest, Couplings<2>& w) {
+  constexpr int kEta = kAt + 3;
+  constexpr int kRoll = kAt + 5;
+  for (int a = 0; a < 2; ++a) {
+    w.f[a][kRoll] += rest.with_distal[a];
+    p[kEta + a][kRoll] += rest.with_proximal[a];
+    p[kRoll][kEta + a] += rest.with_proximal[a];
+  }
+  p[kRoll][kRoll] += rest.hessian;
+}
+
+template <int kRows>
+template <int kAt, int kSpins>
+void Front<kRows>::AddSpins(const FrontSegment& segment, Couplings<SlotControls(kSpins)>& w) {
+  constexpr int kEta = kAt + 3;
+  constexpr int kRoll = kAt + 5;
+  const StackTerms& spins = *segment.spins;
+  for (int k = 0; k < kSpins; ++k) {
+    w.c[2 + k] += spins.gradient_distal[k];
+    g[kRoll + k] += spins.gradient_proximal[k];
+    w.s[2 + k][2 + k] += segment.spin_weight_mJ[static_cast<std::size_t>(k)];
+    w.f[2 + k][kRoll + k] += spins.hessian_cross[k];
+    for (int d = 0; d < 3; ++d) w.f[2 + k][kAt + d] += spins.distal_displacement(k, d);
+    for (int a = 0; a < 2; ++a) {
+      w.s[2 + k][a] += spins.distal_distal(k, a);
+      w.f[2 + k][kEta + a] += spins.distal_proximal(k, a);
+      w.f[a][kRoll + k] += spins.proximal_distal(k, a);
+      p[kRoll + k][kEta + a] += spins.proximal_proximal(k, a);
+      p[kEta + a][kRoll + k] += spins.proximal_proximal(k, a);
+    }
+    for (int m = 0; m < kSpins; ++m) {
+      w.s[2 + k][2 + m] += spins.hessian_distal(k, m);
+      p[kRoll + k][kRoll + m] += spins.hessian_proximal(k, m);
+    }
+  }
+}
+
+// The control that costs least, (20), and what is left, (21) and (22). The pivot is L D L', of
+// which s keeps L D below its diagonal.
+template <int kRows>
+template <int kControls>
+bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain) {
+  alignas(16) double solved[kControls][kColumns];
+  double scale[kControls];
+  for (int k = 0; k < kControls; ++k) {
+    double pivot = w.s[k][k];
+    for (int m = 0; m < k; ++m) {
+      const double part = w.s[k][m] * scale[m];
+      pivot -= part * w.s[k][m];
+      for (int r = k + 1; r < kControls; ++r) w.s[r][k] -= part * w.s[r][m];
+      for (int r = 0; r < kColumns; ++r) w.f[k][r] -= part * w.f[m][r];
+      w.c[k] -= part * w.c[m];
+    }
+    // Relative, so that a pivot that is zero but for rounding does not pass.
+    if (!(w.s[k][k] > 0) || !(pivot > 1e-12 * w.s[k][k])) return false;
+    scale[k] = 1 / pivot;
+    for (int r = 0; r < kColumns; ++r) solved[k][r] = scale[k] * w.f[k][r];
+    gain.constant[k] = scale[k] * w.c[k];
+    decrease_mJ += w.c[k] * gain.constant[k] / 2;
+  }
+  // All of it, not its upper half: g++ 12 makes wrong code of the copy from one half to the other.
+  for (int r = 0; r < kRows; ++r) {
+    for (int m = 0; m < kColumns; ++m) {
+      double sum = w.f[0][r] * solved[0][m];
+      for (int k = 1; k < kControls; ++k) sum += w.f[k][r] * solved[k][m];
+      p[r][m] -= sum;
+    }
+    for (int k = 0; k < kControls; ++k) g[r] -= w.f[k][r] * gain.constant[k];
+  }
+  for (int k = kControls - 1; k >= 0; --k) {
+    for (int m = k + 1; m < kControls; ++m) {
+      const double part = w.s[m][k] * scale[k];
+      for (int r = 0; r < kColumns; ++r) solved[k][r] -= part * solved[m][r];
+      gain.constant[k] -= part * gain.constant[m];
+    }
+    for (int r = 0; r < kRows; ++r) gain.of_slots[k][r] = solved[k][r];
+  }
+  return true;
+}
+
+}  // namespace torquer
