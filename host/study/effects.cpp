@@ -222,6 +222,7 @@ std::vector<Case> Cases(const std::string& scenes) {
       cases.push_back({{"torsion", kind.name}, 2});
     } else if (kind.name == "clearance") {
       cases.push_back({{kind.name}, 2});
+      cases.push_back({{"torsion", kind.name}, 2});
     } else {
       cases.push_back({WithNeeds({kind.name})});
     }

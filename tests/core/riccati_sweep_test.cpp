@@ -84,7 +84,7 @@ TEST_CASE("The sweep's step solves the dense Newton system") {
 
   RiccatiSweep<BendStage> sweep(chain.model.max_segments());
   CheckSweepIsDense(sweep, chain.model, chain.state, chain.expansion, chain.DenseHessian(),
-                               Eigen::VectorXd::Constant(chain.unknowns(), 6.35e-3), weight);
+                    Eigen::VectorXd::Constant(chain.unknowns(), 6.35e-3), weight);
 }
 
 TEST_CASE("The sweep takes a Hessian for positive definite exactly where it is") {

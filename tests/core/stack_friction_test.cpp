@@ -31,7 +31,7 @@ TEST_CASE("A surface that comes to a point of another's has not rolled there") {
   points.behind_mm[1] = 1e3;
   CHECK(energy_mJ() < 1e-12);
   points.behind_mm[1] = stack.at.points.behind_mm[1];
-  for (auto& turns : points.turns_rad) turns[1] += 0.1;
+  for (auto& turns : points.turns.angles_rad) turns[1] += 0.1;
   CHECK(energy_mJ() > 1e-6);
 }
 
@@ -207,14 +207,16 @@ TEST_CASE("Instruments that come back out of the sheath hold each other as they 
   constexpr int kBack = 5;  // segments
   held.points.position.erase(held.points.position.begin(),
                              held.points.position.begin() + kBack * whole.per_segment);
-  held.points.turns_rad.erase(held.points.turns_rad.begin(), held.points.turns_rad.begin() + kBack);
+  held.points.turns.angles_rad.erase(held.points.turns.angles_rad.begin(),
+                                     held.points.turns.angles_rad.begin() + kBack);
   held.friction.End(held.points);
   held.points = whole;
-  for (int i = 0; i < kBack; ++i) held.points.turns_rad[static_cast<std::size_t>(i)][0] += 0.5;
+  for (int i = 0; i < kBack; ++i)
+    held.points.turns.angles_rad[static_cast<std::size_t>(i)][0] += 0.5;
   held.friction.Begin(held.points);
   CHECK(held.Energy() == 0);
   // Those that stayed are held where they were.
-  held.points.turns_rad[kBack][0] += 0.5;
+  held.points.turns.angles_rad[kBack][0] += 0.5;
   CHECK(held.Energy() > 1e-7);
 }
 
@@ -248,8 +250,8 @@ TEST_CASE("A torque between instruments has the derivatives of its energy") {
   friction.MoveSurfaces(points, moves);
   const auto energy_mJ = [&](std::size_t segment, double inner, double outer) {
     PointSet there = points;
-    there.turns_rad[segment][0] += 0.1 + inner;
-    there.turns_rad[segment][1] += 0.03 + outer;
+    there.turns.angles_rad[segment][0] += 0.1 + inner;
+    there.turns.angles_rad[segment][1] += 0.03 + outer;
     PointDerivatives out;
     out.with_hessian = true;
     const double energy = friction.Add(there, out);

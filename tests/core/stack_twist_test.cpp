@@ -38,20 +38,7 @@ TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
   const Eigen::MatrixXd hessian =
       HessianOf([&](const Eigen::VectorXd& x) { return stack.Energy(x); },
                 Eigen::VectorXd::Zero(stack.unknowns()), 3e-3);
-  // What a weight of one adds, as the sweep does: the softer of a segment's two joints.
-  Eigen::VectorXd unit(stack.unknowns());
-  const int n = stack.state.segments();
-  for (int i = 0; i < n; ++i) {
-    unit.segment<2>(stack.each * i)
-        .setConstant(
-            std::min(stack.model.rigidity_N_mm2(n - i), stack.model.rigidity_N_mm2(n - i - 1)));
-    for (int k = 0; k < stack.model.spins(); ++k) {
-      const auto at = static_cast<std::size_t>(k);
-      unit[stack.each * i + 2 + k] =
-          std::min(stack.model.twisting_joint(n - i).of[at].torsional_rigidity_N_mm2,
-                   stack.model.twisting_joint(n - i - 1).of[at].torsional_rigidity_N_mm2);
-    }
-  }
+  const Eigen::VectorXd unit = UnitWeight(stack.model, stack.state);
   FrontSweep sweep(stack.model.max_segments(), nullptr);
   CheckSweepIsDense(sweep, stack.model, stack.state, stack.at, hessian, unit, weight);
 }

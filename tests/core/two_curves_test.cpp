@@ -18,8 +18,9 @@ namespace torquer::test {
 namespace {
 
 TEST_CASE("Gradient of two curves is that of finite differences") {
-  const InstrumentPlaces places = GENERATE(kWireLeads, kCatheterLeads);
-  TwoCurves curves(places, GENERATE(1, 2, 4), 3);
+  const InstrumentPlaces places =
+      GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
+  TwoCurves curves(places, GENERATE(1, 2, 4), 3, GENERATE(0, 0.7));
   CAPTURE(curves.at.between.pressed_N, curves.at.between.end_pressed_N);
   REQUIRE(curves.at.max_penetration_mm > 0.05);
   REQUIRE(curves.at.between.pressed_N > 0);
@@ -30,24 +31,17 @@ TEST_CASE("Gradient of two curves is that of finite differences") {
 }
 
 TEST_CASE("The sweep of two curves solves the dense Newton system") {
-  const InstrumentPlaces places = GENERATE(kWireLeads, kCatheterLeads);
-  const double weight = test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
-  TwoCurves curves(places, GENERATE(1, 2), 5);
-  CAPTURE(weight);
+  const InstrumentPlaces places =
+      GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
+  const double ratio = GENERATE(0, 0.7);
+  const double weight = ratio > 0 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
+  TwoCurves curves(places, 2, 5, ratio);
+  CAPTURE(weight, ratio);
   REQUIRE(curves.at.between.pressed_N > 0);
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
                                       Eigen::VectorXd::Zero(curves.unknowns()), 1e-3);
-  const int n = curves.state.segments();
-  const int m = curves.state.second()->segments();
-  // What a weight of one adds: the softer of a segment's two joints.
   Eigen::VectorXd unit(curves.unknowns());
-  const auto softer = [](const WireModel& model, int from_tip) {
-    return std::min(model.rigidity_N_mm2(from_tip), model.rigidity_N_mm2(from_tip - 1));
-  };
-  for (int i = 0; i < n; ++i) unit.segment<2>(2 * i).setConstant(softer(curves.model, n - i));
-  for (int i = 0; i < m; ++i) {
-    unit.segment<2>(2 * (n + i)).setConstant(softer(curves.second, m - i));
-  }
+  unit << UnitWeight(curves.model, curves.state), UnitWeight(curves.second, *curves.state.second());
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       hessian, Eigen::MatrixXd(unit.asDiagonal()));
   const double lift = -eigen.eigenvalues()[0];
@@ -64,10 +58,8 @@ TEST_CASE("The sweep of two curves solves the dense Newton system") {
   const double predicted =
       sweep.Step(curves.model, curves.state, curves.at, step, spin, displacement);
   Eigen::VectorXd swept(curves.unknowns());
-  for (int i = 0; i < n; ++i) swept.segment<2>(2 * i) = step[static_cast<std::size_t>(i)];
-  for (int i = 0; i < m; ++i) {
-    swept.segment<2>(2 * (n + i)) = sweep.second_step()[static_cast<std::size_t>(i)];
-  }
+  swept << Unknowns(curves.model, step, spin),
+      Unknowns(curves.second, sweep.second_step(), sweep.second_spin());
   CHECK((swept - dense).norm() < 1e-5 * dense.norm());
   CHECK(predicted == Approx(-curves.Gradient().dot(dense) / 2).epsilon(1e-5));
   // Taken up again from the middle it is the same, to the bit.
@@ -79,7 +71,7 @@ TEST_CASE("The sweep of two curves solves the dense Newton system") {
   CHECK(sweep.second_step() == second);
 }
 
-// A bent wire in a bent catheter, in free space.
+// A bent wire in a bent catheter, in free space. `ratio`: GJ over EI; 0: neither twists.
 struct LooseArcs {
   InstrumentStack stack;
   FreeSpace field;
@@ -88,9 +80,9 @@ struct LooseArcs {
   std::unique_ptr<Relaxation> relaxation;
   WireState state;
 
-  LooseArcs()
-      : stack({Arc(2, 0.04, 0.2), Arc(3, -0.01, 0.6)},
-              {.first_outer = 1, .lumen_radius_mm = {0, 0.35}, .stiffness_N_mm2 = 200}),
+  explicit LooseArcs(double ratio, double room_mm = 0.15)
+      : stack({Arc(2, 0.04, 0.2, 2 * ratio), Arc(3, -0.01, 0.6, 3 * ratio)},
+              {.first_outer = 1, .lumen_radius_mm = {0, 0.2 + room_mm}, .stiffness_N_mm2 = 200}),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, none)),
         state(stack.rod(), 2) {
     relaxation->Restart(state);
@@ -106,8 +98,9 @@ InstrumentPlaces Pass(int k) {
 }
 
 TEST_CASE("Any budget leaves both curves whole and no heap, and the same work the same bits") {
-  LooseArcs a;
-  LooseArcs b;
+  const double ratio = GENERATE(0, 0.7);
+  LooseArcs a(ratio);
+  LooseArcs b(ratio);
   constexpr int kTicks = 220;
   std::vector<int> work;
   work.reserve(kTicks);
@@ -131,18 +124,20 @@ TEST_CASE("Any budget leaves both curves whole and no heap, and the same work th
     frames.push_back(TangentFrame(a.state.second()->tangents()[i], a.state.second()->normals()[i]));
   }
   other.StepSecond(*a.stack.second_rod(), a.state, frames,
-                   std::vector<Vector2d>(frames.size(), Vector2d(1e-12, 0)), 1);
+                   std::vector<Vector2d>(frames.size(), Vector2d(1e-12, 0)),
+                   std::vector<double>(frames.size(), 0), 1);
   CHECK(HashState(other) != HashState(a.state));
 }
 
 TEST_CASE("A copy of two curves goes on as the original") {
-  LooseArcs a;
+  const double ratio = GENERATE(0, 0.7);
+  LooseArcs a(ratio);
   const int copied = GENERATE(37, 130, 190);  // either leads
   for (int k = 1; k <= copied; ++k) {
     CountedBudget budget(5);
     a.relaxation->Tick(Pass(k), budget, a.state);
   }
-  LooseArcs b;
+  LooseArcs b(ratio);
   b.state = a.state;
   b.relaxation->CopyFrom(*a.relaxation, b.state);
   for (int k = copied + 1; k <= 220; ++k) {
@@ -156,9 +151,10 @@ TEST_CASE("A copy of two curves goes on as the original") {
 TEST_CASE("Instruments that pass each other in free space lie as if they had not") {
   const InstrumentPlaces wire_leads{{30, 0.5}, {22, -1}};
   const InstrumentPlaces catheter_leads{{22.4, 0.5}, {31, -1}};
-  LooseArcs straight;
+  const double ratio = GENERATE(0, 0.7);
+  LooseArcs straight(ratio);
   REQUIRE(Settle(*straight.relaxation, wire_leads, straight.state, 400).converged);
-  LooseArcs passed;
+  LooseArcs passed(ratio);
   REQUIRE(Settle(*passed.relaxation, catheter_leads, passed.state, 400).converged);
   CHECK(passed.state.outer_leads());
   REQUIRE(Settle(*passed.relaxation, wire_leads, passed.state, 400).converged);
@@ -169,7 +165,7 @@ TEST_CASE("Instruments that pass each other in free space lie as if they had not
 }
 
 TEST_CASE("The error that the solver gives for two curves is that of the next step") {
-  LooseArcs arcs;
+  LooseArcs arcs(GENERATE(0, 0.7));
   REQUIRE(Settle(*arcs.relaxation, {{30, 0.5}, {22, -1}}, arcs.state, 400).converged);
   CHECK(arcs.relaxation->SolverErrorMm(arcs.state) < 1e-5);
   // Cut off by its budget, it is about as far off as it says, on either curve.
@@ -185,23 +181,54 @@ TEST_CASE("The error that the solver gives for two curves is that of the next st
   CHECK(said_mm == Approx(true_mm).epsilon(0.2));
 }
 
+TEST_CASE("Ever stiffer against twist, instruments with room come to those that do not twist") {
+  const InstrumentPlaces places{{30, 1.2}, {22, -1}};
+  LooseArcs rigid(0);
+  REQUIRE(Settle(*rigid.relaxation, places, rigid.state, 400).converged);
+  double before_mm = 0;
+  for (const double ratio : {10.0, 100.0, 1000.0}) {
+    LooseArcs twisting(ratio);
+    REQUIRE(Settle(*twisting.relaxation, places, twisting.state, 400).converged);
+    const double apart_mm = LargestDistance(twisting.state, rigid.state);
+    CAPTURE(ratio, apart_mm);
+    // As 1/GJ.
+    if (before_mm > 0) CHECK(apart_mm == Approx(before_mm / 10).epsilon(0.1));
+    before_mm = apart_mm;
+  }
+  CHECK(before_mm < 0.05);
+}
+
+TEST_CASE("With ever less room, instruments that twist come to those on one curve") {
+  const InstrumentPlaces places{{30, 1.2}, {22, -1}};
+  FreeStack together({Arc(2, 0.04, 0.2, 1.4), Arc(3, -0.01, 0.6, 2.1)});
+  together.MoveTo(places);
+  double before_mm = 0;
+  for (const double room_mm : {0.16, 0.04, 0.01}) {
+    LooseArcs loose(0.7, room_mm);
+    REQUIRE(Settle(*loose.relaxation, places, loose.state, 400).converged);
+    const double apart_mm = LargestDistance(loose.state, together.state);
+    CAPTURE(room_mm, apart_mm, before_mm);
+    if (before_mm > 0) CHECK(apart_mm < 0.7 * before_mm);
+    before_mm = apart_mm;
+  }
+  CHECK(before_mm < 0.3);
+}
+
 TEST_CASE("Room that cannot be is refused") {
-  const auto make = [](const Clearance& clearance, double torsional_N_mm2) {
-    return InstrumentStack({Arc(2, 0, 0.2, torsional_N_mm2), Arc(3, 0, 0.6, torsional_N_mm2)},
-                           clearance);
+  const auto make = [](const Clearance& clearance) {
+    return InstrumentStack({Arc(2, 0, 0.2), Arc(3, 0, 0.6)}, clearance);
   };
   const Clearance good{.first_outer = 1, .lumen_radius_mm = {0, 0.35}, .stiffness_N_mm2 = 1};
-  CHECK_NOTHROW(make(good, 0));
-  CHECK_THROWS_AS(make(good, 1), std::invalid_argument);
+  CHECK_NOTHROW(make(good));
   Clearance bad = good;
   bad.lumen_radius_mm[1] = 0.2;
-  CHECK_THROWS_WITH(make(bad, 0), Catch::Contains("0.2"));
+  CHECK_THROWS_WITH(make(bad), Catch::Contains("0.2"));
   bad = good;
   bad.stiffness_N_mm2 = 0;
-  CHECK_THROWS_AS(make(bad, 0), std::invalid_argument);
+  CHECK_THROWS_AS(make(bad), std::invalid_argument);
   bad = good;
   bad.first_outer = 2;
-  CHECK_THROWS_AS(make(bad, 0), std::invalid_argument);
+  CHECK_THROWS_AS(make(bad), std::invalid_argument);
 }
 
 }  // namespace

@@ -245,7 +245,7 @@ TEST_CASE("The hash tells states apart and equal ones not") {
   b = Spun(model, a, std::vector<double>(a.tangents().size(), 1e-9));
   CHECK(HashState(a) != HashState(b));
   b = a;
-  b.SetPlaces({10, 1});
+  b.MoveInstruments(model, {10, 1});
   CHECK(HashState(a) != HashState(b));
 }
 

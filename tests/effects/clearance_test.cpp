@@ -49,7 +49,7 @@ TEST_CASE("Room is refused where there is none, and where another effect knows o
   refused(std::string(kRoomScene) + kRoom, "one instrument");
   refused(both + kRoom + "around = \"guidewire\"\n", "innermost");
   refused(both + kRoom + "around = \"sheath\"\n", "this scene has: guidewire, catheter");
-  for (const std::string other : {"torsion", "friction_between", "inertia", "internal_forces"}) {
+  for (const std::string other : {"friction_between", "inertia", "internal_forces"}) {
     const std::string keys = other == "friction_between" ? "coefficient = 0.1\n" : "";
     refused(both + kRoom + "[effects." + other + "]\n" + keys, "[effects." + other + "]");
   }

@@ -23,7 +23,8 @@ double Evenly(std::mt19937& random, double low, double high) {
   return std::exp(Between(random, std::log(low), std::log(high)));
 }
 
-// Two or three instruments in the bend of a vessel; rigidities and springs are drawn from decades.
+// Two or three instruments in the bend of a vessel, of which half twist; rigidities and springs are
+// drawn from decades.
 struct Drawn {
   static constexpr double kLumen_mm[3] = {0, 0.3, 0.9};
   Torus field{Side::kInside, 20, 4};
@@ -37,14 +38,17 @@ struct Drawn {
     const int count = random() % 2 == 0 ? 2 : 3;
     const double radius_mm[3] = {Between(random, 0.1, 0.28), 0.5, 1.2};
     const double segment_mm = Between(random, 0.6, 2);
+    const double ratio = random() % 2 == 0 ? 0 : Evenly(random, 0.1, 3);  // GJ / EI
     std::vector<WireModel> all;
     for (int k = 0; k < count; ++k) {
       const double rigidity = Evenly(random, 1e-4, 10);
-      all.push_back(WireModel(segment_mm,
-                              {{0, rigidity, radius_mm[k], Between(random, -0.1, 0.1), 0},
-                               {8, rigidity, radius_mm[k], Between(random, -0.1, 0.1), 0},
-                               {8.01, 2 * rigidity, radius_mm[k], 0, 0}},
-                              8, 90, BendingLaw::kExact, sheath));
+      const double torsional = ratio * rigidity;
+      all.push_back(
+          WireModel(segment_mm,
+                    {{0, rigidity, radius_mm[k], Between(random, -0.1, 0.1), 0, torsional},
+                     {8, rigidity, radius_mm[k], Between(random, -0.1, 0.1), 0, torsional},
+                     {8.01, 2 * rigidity, radius_mm[k], 0, 0, 2 * torsional}},
+                    8, 90, BendingLaw::kExact, sheath));
     }
     return all;
   }

@@ -25,6 +25,38 @@ inline Eigen::VectorXd DenseGradient(const WireModel& model, const WireState& st
   return gradient;
 }
 
+/// A step and the spins of each segment, as DenseGradient orders them.
+inline Eigen::VectorXd Unknowns(const WireModel& model, const std::vector<Vector2d>& step,
+                                const std::vector<double>& spin) {
+  const auto spins = static_cast<std::size_t>(model.spins());
+  Eigen::VectorXd all(static_cast<Eigen::Index>(step.size() * (2 + spins)));
+  Eigen::Index at = 0;
+  for (std::size_t i = 0; i < step.size(); ++i) {
+    for (const double component : step[i]) all[at++] = component;
+    for (std::size_t k = 0; k < spins; ++k) all[at++] = spin[i * spins + k];
+  }
+  return all;
+}
+
+/// What a weight of one adds to the diagonal: the softer of a segment's two joints. Of a rod of
+/// instruments; `state` is its curve.
+inline Eigen::VectorXd UnitWeight(const WireModel& model, const WireState& state) {
+  const Eigen::Index each = 2 + model.spins();
+  const int n = state.segments();
+  Eigen::VectorXd unit(each * n);
+  for (int i = 0; i < n; ++i) {
+    unit.segment<2>(each * i).setConstant(
+        std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1)));
+    for (int k = 0; k < model.spins(); ++k) {
+      const auto at = static_cast<std::size_t>(model.first_spin() + k);
+      unit[each * i + 2 + k] =
+          std::min(model.twisting_joint(n - i).of[at].torsional_rigidity_N_mm2,
+                   model.twisting_joint(n - i - 1).of[at].torsional_rigidity_N_mm2);
+    }
+  }
+  return unit;
+}
+
 /// Checks that the sweep is positive definite where `hessian`, of all unknowns, with its weight is,
 /// and that its step solves the system with a weight more. `unit`: what a weight of one adds.
 template <class Sweep>
@@ -46,16 +78,7 @@ void CheckSweepIsDense(Sweep& sweep, const WireModel& model, const WireState& st
   std::vector<double> spin;
   std::vector<Vector3d> displacement;
   const double predicted = sweep.Step(model, state, at, step, spin, displacement);
-  Eigen::VectorXd swept(gradient.size());
-  const Eigen::Index spins = model.spins();
-  const Eigen::Index each = 2 + spins;
-  for (Eigen::Index i = 0; i < state.segments(); ++i) {
-    swept.segment<2>(each * i) = step[static_cast<std::size_t>(i)];
-    for (Eigen::Index k = 0; k < spins; ++k) {
-      swept[each * i + 2 + k] = spin[static_cast<std::size_t>(i * spins + k)];
-    }
-  }
-  CHECK((swept - dense).norm() < 1e-5 * dense.norm());
+  CHECK((Unknowns(model, step, spin) - dense).norm() < 1e-5 * dense.norm());
   CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
 }
 

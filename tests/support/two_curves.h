@@ -8,6 +8,7 @@
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/dense_newton.h"
 #include "tests/support/finite_differences.h"
 #include "tests/support/twisted_stack.h"
 #include "tests/support/wires.h"
@@ -26,20 +27,22 @@ struct TwoCurves {
   WallModel wall;
   EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
   std::vector<EnergyTerm*> terms{&force};  ///< others may be added before the first evaluation
-  WireState state{model, 2};
+  WireState state{model, stack.size()};
   WireMechanics mechanics;
   Expansion at;
 
-  static std::vector<WireModel> Instruments(const Sheath& sheath) {
+  // `ratio`: GJ over EI; 0: nothing twists. A third one lies on the catheter's curve.
+  static std::vector<WireModel> Instruments(const Sheath& sheath, double ratio, int count) {
     std::vector<WireModel> all;
-    all.push_back(Bent(kSoftest, 0, 5.2, 0.1, 0, 0.2, sheath));
-    all.push_back(Bent(2 * kSoftest, 0, 4.1, 0.02, -0.03, 0.5, sheath));
+    all.push_back(Bent(kSoftest, ratio, 5.2, 0.1, 0, 0.2, sheath));
+    all.push_back(Bent(2 * kSoftest, ratio, 4.1, 0.02, -0.03, 0.5, sheath));
+    if (count > 2) all.push_back(Bent(3 * kSoftest, ratio, 3.1, -0.01, 0.02, 0.9, sheath));
     return all;
   }
 
-  TwoCurves(const InstrumentPlaces& places, int points_per_segment, unsigned seed)
-      : stack(Instruments(sheath),
-              {.first_outer = 1, .lumen_radius_mm = {0, 0.28}, .stiffness_N_mm2 = 2e-3}),
+  TwoCurves(const InstrumentPlaces& places, int points_per_segment, unsigned seed, double ratio = 0)
+      : stack(Instruments(sheath, ratio, places.size()),
+              {.first_outer = 1, .lumen_radius_mm = {0, 0.28, 0.6}, .stiffness_N_mm2 = 2e-3}),
         wall{.stiffness_N_mm2 = 2e-3, .points_per_segment = points_per_segment},
         mechanics(model, field, wall, terms, &stack),
         at(mechanics.MakeExpansion()) {
@@ -56,24 +59,55 @@ struct TwoCurves {
     std::uniform_real_distribution<double> turn(-0.04, 0.04);
     Eigen::VectorXd x(unknowns());
     for (double& component : x) component = turn(random);
+    // Spins add up from the sheath on, as twists of either sign.
+    for (const Part& part : {Part{model, state, 0}, Part{second, *state.second(), Own(0)}}) {
+      for (int k = 0; k < part.model.spins(); ++k) {
+        double sum = 0;
+        for (int i = 0; i < part.curve.segments(); ++i) {
+          sum += 0.2 - 0.15 * k + 5 * turn(random);
+          x[part.first + (2 + part.model.spins()) * i + 2 + k] = sum;
+        }
+      }
+    }
     state = Stepped(x);
     mechanics.Expand(state, at);
   }
 
-  Eigen::Index unknowns() const { return 2 * (state.segments() + state.second()->segments()); }
-  // After the steps x of the first curve, then of the second.
+  // A curve, and where its unknowns begin: of each segment a step and a spin of each instrument.
+  struct Part {
+    const WireModel& model;
+    const WireState& curve;
+    Eigen::Index first;
+  };
+  // How many unknowns a curve has; 0: the first.
+  Eigen::Index Own(int curve) const {
+    return curve == 0 ? (2 + model.spins()) * state.segments()
+                      : (2 + second.spins()) * state.second()->segments();
+  }
+  Eigen::Index unknowns() const { return Own(0) + Own(1); }
+  // After the unknowns x of the first curve, then of the second.
   WireState Stepped(const Eigen::VectorXd& x) const {
-    const auto frames = [](const WireState& curve) {
-      std::vector<Frame> all;
-      for (std::size_t i = 0; i < curve.tangents().size(); ++i) {
-        all.push_back(TangentFrame(curve.tangents()[i], curve.normals()[i]));
-      }
-      return all;
+    struct Moves {
+      std::vector<Frame> frames;
+      std::vector<Vector2d> xi;
+      std::vector<double> spin;
     };
-    const Eigen::Index first = 2 * state.segments();
+    const auto take = [&x](const Part& part) {
+      Moves moves;
+      const Eigen::Index each = 2 + part.model.spins();
+      for (Eigen::Index i = 0; i < part.curve.segments(); ++i) {
+        const auto k = static_cast<std::size_t>(i);
+        moves.frames.push_back(TangentFrame(part.curve.tangents()[k], part.curve.normals()[k]));
+        moves.xi.emplace_back(x.segment<2>(part.first + each * i));
+        for (Eigen::Index m = 2; m < each; ++m) moves.spin.push_back(x[part.first + each * i + m]);
+      }
+      return moves;
+    };
+    const Moves of_first = take({model, state, 0});
+    const Moves of_second = take({second, *state.second(), Own(0)});
     WireState to = state;
-    to.Step(model, state, frames(state), Steps(x.head(first)), {}, 1);
-    to.StepSecond(second, state, frames(*state.second()), Steps(x.tail(x.size() - first)), 1);
+    to.Step(model, state, of_first.frames, of_first.xi, of_first.spin, 1);
+    to.StepSecond(second, state, of_second.frames, of_second.xi, of_second.spin, 1);
     return to;
   }
   double Energy(const Eigen::VectorXd& x) {
@@ -84,14 +118,16 @@ struct TwoCurves {
   }
   Eigen::VectorXd Gradient() const {
     Eigen::VectorXd gradient(unknowns());
-    Eigen::Index k = 0;
-    for (const Vector2d& g : at.gradient) gradient.segment<2>(2 * k++) = g;
-    for (const Vector2d& g : at.second.front().gradient) gradient.segment<2>(2 * k++) = g;
+    gradient << DenseGradient(model, state, at),
+        DenseGradient(second, *state.second(), at.second.front());
     return gradient;
   }
 };
 
 inline const InstrumentPlaces kWireLeads{{15.1, 0.4}, {10.7, -0.8}};
 inline const InstrumentPlaces kCatheterLeads{{9.9, 0.4}, {14.3, -0.8}};
+// Two on the outer curve.
+inline const InstrumentPlaces kThreeWireLeads{{15.1, 0.4}, {10.7, -0.8}, {7.3, 0.5}};
+inline const InstrumentPlaces kThreeCatheterLeads{{9.9, 0.4}, {14.3, -0.8}, {7.3, 0.5}};
 
 }  // namespace torquer::test

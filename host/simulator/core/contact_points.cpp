@@ -59,8 +59,11 @@ void ContactPoints::Reserve(PointSet& points) const {
   points.stiffness_N_mm2.reserve(last_.size());
   points.near.reserve(last_.size());
   const auto segments = static_cast<std::size_t>(model_.max_segments()) + 1;
-  if (model_.spins() > 0) points.normals.reserve(segments);
-  if (model_.spins() > 1) points.turns_rad.reserve(segments);
+  for (PointSet::Turns* const turns : {&points.turns, &points.second_turns}) {
+    if (model_.spins() > 0) turns->normals.reserve(segments);
+    if (model_.stack_twists()) turns->angles_rad.reserve(segments);
+    if (stack_ == nullptr) break;
+  }
   if (stack_ != nullptr) {
     points.on_second.reserve(last_.size());
     points.tangent.reserve(last_.size());
@@ -108,8 +111,16 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
   points.stiffness_N_mm2.resize(count);
   points.near.clear();
   points.start = state.nodes().front();
-  if (model_.spins() > 0) points.normals = state.normals();
-  points.turns_rad = state.turns_rad();
+  const auto take_turns = [this](const WireState& curve, PointSet::Turns& turns) {
+    if (model_.spins() > 0) turns.normals = curve.normals();
+    turns.angles_rad = curve.turns_rad();
+  };
+  take_turns(state, points.turns);
+  if (stack_ != nullptr) {
+    take_turns(*state.second(), points.second_turns);
+    points.first_outer = stack_->clearance().first_outer;
+    points.outer_leads = state.outer_leads();
+  }
   points.instruments = state.places().size();
   points.spacing_mm = model_.segment_mm() / per_segment;
   points.first_spacing_mm = state.first_segment_mm() / per_segment;

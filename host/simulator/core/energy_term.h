@@ -27,11 +27,19 @@ struct PointSet {
   std::vector<ClearanceSample> clearance;  ///< valid only at `near` points
   std::vector<double> stiffness_N_mm2;     ///< of the wall; valid only at `near` points
   Eigen::Vector3d start = Eigen::Vector3d::Zero();  ///< mm; where the piece of point 0 begins
-  /// Of what twists, one a segment: unit, across it; of a lone wire fixed to its material.
-  /// Otherwise empty.
-  std::vector<Eigen::Vector3d> normals;
-  /// Of a stack that twists, one a segment: how far each instrument is turned against that.
-  std::vector<std::array<double, kMostInstruments>> turns_rad;
+  /// Normals of a curve that twists, and of a stack how far each instrument on it is turned against
+  /// them.
+  struct Turns {
+    /// One a segment: unit, across it; of a lone wire fixed to its material. Empty of what does not
+    /// twist.
+    std::vector<Eigen::Vector3d> normals;
+    /// One a segment; empty of a lone wire.
+    std::vector<std::array<double, kMostInstruments>> angles_rad;
+  };
+  Turns turns;               ///< of the first curve
+  Turns second_turns;        ///< of the second one
+  int first_outer = 0;       ///< the innermost instrument on the outer of two curves; else 0
+  bool outer_leads = false;  ///< whether the first curve is the outer one
   /// Of a stack that twists, one a segment, where a term asks for it (EnergyTerm::SlidingBetween)
   /// and when it begins a part: the force with which each instrument is pressed against the next
   /// one around it, N.
@@ -52,8 +60,14 @@ struct PointSet {
   /// The normal, fixed to the material of an instrument, of the segment that the point belongs to.
   Eigen::Vector3d NormalOf(int instrument, int q) const {
     const auto i = static_cast<std::size_t>(q / per_segment);
-    if (turns_rad.empty()) return normals[i];
-    return TurnedAbout(Tangent(q), normals[i], turns_rad[i][static_cast<std::size_t>(instrument)]);
+    const Turns& of = LiesOnSecond(instrument) ? second_turns : turns;
+    if (of.angles_rad.empty()) return of.normals[i];
+    return TurnedAbout(Tangent(q), of.normals[i],
+                       of.angles_rad[i][static_cast<std::size_t>(instrument)]);
+  }
+  /// Whether an instrument lies on the second curve.
+  bool LiesOnSecond(int instrument) const {
+    return first_outer > 0 && (instrument >= first_outer) != outer_leads;
   }
   /// The same of the surface that is there.
   Eigen::Vector3d Normal(int q) const { return NormalOf(SurfaceAt(q), q); }

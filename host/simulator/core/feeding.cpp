@@ -50,7 +50,8 @@ void WireState::JoinTwist(double part) {
 void WireState::MoveInstruments(const WireModel& model, const InstrumentPlaces& places) {
   const double fed_mm = places.reach_mm() - places_.reach_mm();
   const int n = segments();
-  for (int k = 0; k < places_.size(); ++k) {
+  const int first = model.first_spin();
+  for (int k = first; model.stack_twists() && k < first + model.spins(); ++k) {
     const auto at = static_cast<std::size_t>(k);
     const double slid_mm = places[k].insertion_mm - places_[k].insertion_mm - fed_mm;
     const auto part = [&](int joint) {
@@ -69,7 +70,7 @@ void WireState::MoveInstruments(const WireModel& model, const InstrumentPlaces& 
     const double turned_rad = places[k].rotation_rad - places_[k].rotation_rad;
     for (OfInstruments& turns : turns_rad_) turns[at] += turned_rad;
   }
-  places_ = places;
+  SetPlaces(places);
 }
 
 // Fits segment 0 to insertion_mm_, which has changed by at most lambda/2: splits it in two or joins
@@ -83,7 +84,7 @@ void WireState::FitFirstSegment(const WireModel& model) {
       tangents_.push_back(model.sheath().direction);
       normals_.assign(1, ProximalNormal(model));
       if (model.spins() > 0) twist_rad_.assign(1, 0);
-      if (model.spins() > 1) turns_rad_.assign(1, Rotations());
+      if (model.stack_twists()) turns_rad_.assign(1, Rotations());
     }
     return;
   }

@@ -43,11 +43,13 @@ Expansion WireMechanics::MakeExpansion() const {
   e.distal_gradient.reserve(n + 1);
   e.gradient.reserve(n);
   if (model_.spins() > 0) {
+    // Where two curves change places, so do the numbers of their spins.
+    const std::size_t spins = model_.twists() ? 1 : kMostInstruments;
     (model_.twists() ? e.twists.reserve(n) : e.stack.reserve(n));
-    e.spin_gradient.reserve(n * static_cast<std::size_t>(model_.spins()));
+    e.spin_gradient.reserve(n * spins);
     e.derivatives.on_spins.reserve(terms_.empty() ? 0 : kMostMoments + points);
-    if (model_.spins() > 1 && !terms_.empty()) {
-      e.derivatives.between.reserve(n * static_cast<std::size_t>(model_.spins()));
+    if (model_.stack_twists() && !terms_.empty()) {
+      e.derivatives.between.reserve(n * spins);
       e.points.pressed_N.reserve(n);
     }
   } else if (model_.most_curved_joints() > 1) {
@@ -179,10 +181,12 @@ void WireMechanics::AddSpinLoads(const WireState& state, Expansion& out) const {
     const int i = on.point / per_segment;
     const double t =
         state.SegmentLength(model_, i) * (on.point % per_segment + 1) / per_segment - on.before_mm;
-    const Vector2d with_step = t * (out.frames[i].transpose() * on.with_position);
+    const bool on_second = out.points.LiesOnSecond(on.instrument);
+    Expansion& curve = on_second ? out.second.front() : out;
+    const Vector2d with_step = t * (curve.frames[i].transpose() * on.with_position);
     if (!model_.twists()) {
-      const int k = on.instrument;
-      StackTerms& stack = out.stack[i];
+      const int k = on.instrument - (on_second ? second_->model_ : model_).first_spin();
+      StackTerms& stack = curve.stack[i];
       stack.gradient_distal[k] += on.gradient;
       stack.hessian_distal(k, k) += on.hessian;
       stack.distal_displacement.row(k) += on.with_position.transpose();
@@ -290,6 +294,7 @@ double WireMechanics::SumSpins(const WireState& state, int segment, Expansion& o
                 model_.torsional_rigidity_N_mm2(n - segment - 1));
   }
   const auto count = static_cast<std::size_t>(model_.spins());
+  const auto first = static_cast<std::size_t>(model_.first_spin());
   double largest = 0;
   for (std::size_t k = 0; k < count; ++k) {
     const auto row = static_cast<Eigen::Index>(k);
@@ -297,8 +302,9 @@ double WireMechanics::SumSpins(const WireState& state, int segment, Expansion& o
         out.stack[i].gradient_distal[row] + (last ? 0 : out.stack[i + 1].gradient_proximal[row]);
     largest = std::max(
         largest,
-        take(i * count + k, spin, model_.twisting_joint(n - segment).of[k].torsional_rigidity_N_mm2,
-             model_.twisting_joint(n - segment - 1).of[k].torsional_rigidity_N_mm2));
+        take(i * count + k, spin,
+             model_.twisting_joint(n - segment).of[first + k].torsional_rigidity_N_mm2,
+             model_.twisting_joint(n - segment - 1).of[first + k].torsional_rigidity_N_mm2));
   }
   return largest;
 }
@@ -358,7 +364,7 @@ void WireMechanics::PrepareSegments(const WireState& state, Expansion& out) cons
 
 void WireMechanics::ExpandBending(const WireState& state, Expansion& out) const {
   out.turns.clear();
-  if (model_.spins() > 1) {
+  if (model_.stack_twists()) {
     ExpandStack(state, out);
   } else if (!model_.twists() && model_.first_straight_joint() > 1) {
     ExpandTurningJoints(state, out);
@@ -372,6 +378,8 @@ void WireMechanics::ExpandSecond(const WireState& state, Expansion& out) const {
   Expansion& second = out.second.front();
   second.energy_mJ = 0;
   second_->PrepareSegments(curve, second);
+  second.spin_gradient.resize(static_cast<std::size_t>(curve.segments()) *
+                              static_cast<std::size_t>(second_->model_.spins()));
   second_->ExpandBending(curve, second);
   out.between.Place(*stack_, state, wall_.points_per_segment, out.frames, second.frames);
   out.energy_mJ += second.energy_mJ + out.between.energy_mJ;
@@ -403,7 +411,7 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
       if (term->Dissipates()) out.dissipated_mJ += added_mJ;
     }
     if (model_.spins() > 0) AddSpinLoads(state, out);
-    if (model_.spins() > 1) AddBetweenLoads(out);
+    if (model_.stack_twists()) AddBetweenLoads(out);
   }
   SumTrueGradient(state, out);
 }

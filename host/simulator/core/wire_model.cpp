@@ -117,12 +117,13 @@ void WireModel::ReplaceJoints(const std::vector<Joint>& joints, int tip_segments
 }
 
 void WireModel::ReplaceJoints(const std::vector<Joint>& joints,
-                              const std::vector<TwistingJoint>& twisting, int count,
+                              const std::vector<TwistingJoint>& twisting, int first, int count,
                               int tip_segments) {
-  assert(count >= 2 && joints.size() == twisting.size());
+  assert(count >= 1 && joints.size() == twisting.size());
   ReplaceJoints(joints, tip_segments);
   twisting_ = twisting;
   stack_spins_ = count;
+  first_spin_ = first;
   // What cancels out as the hands are now need not when they turn.
   first_straight_ = 0;
   for (std::size_t k = 0; k < twisting.size(); ++k) {

@@ -63,14 +63,15 @@ class WireModel {
       /// GJ, > 0. Goes on beyond its tip, where nothing turns it.
       double torsional_rigidity_N_mm2 = 0;
     };
-    std::array<Share, kMostInstruments> of;
+    std::array<Share, kMostInstruments> of;  ///< by instrument
     /// [a][b], a < b: EI with which two that rest differently hold each other bent, N mm^2
     /// (README (38)).
     std::array<std::array<double, kMostInstruments>, kMostInstruments> mutual_N_mm2 = {};
   };
-  /// The same of `count` >= 2 instruments that twist; one for each of `joints`.
+  /// The same of `count` >= 1 instruments of a stack that twist, the innermost of which is number
+  /// `first`; one for each of `joints`.
   void ReplaceJoints(const std::vector<Joint>& joints, const std::vector<TwistingJoint>& twisting,
-                     int count, int tip_segments);
+                     int first, int count, int tip_segments);
 
   double segment_mm() const { return segment_mm_; }        ///< lambda
   int tip_segments() const { return tip_segments_; }       ///< M of the paper
@@ -89,7 +90,11 @@ class WireModel {
   /// How many spins a segment has: 0 where nothing twists, 1 of a lone wire that does, and one for
   /// each instrument of a stack of those.
   int spins() const { return twists() ? 1 : stack_spins_; }
-  /// Of a rod with two spins or more.
+  /// Whether it is a rod of instruments of a stack that twist, each by itself.
+  bool stack_twists() const { return stack_spins_ > 0; }
+  /// Of such a rod: the instrument whose spin is a segment's first; the others follow.
+  int first_spin() const { return first_spin_; }
+  /// Of such a rod.
   const TwistingJoint& twisting_joint(int from_tip) const { return twisting_[Clamp(from_tip)]; }
   /// GJ of the joint, N mm^2. Only of a wire that twists.
   double torsional_rigidity_N_mm2(int from_tip) const {
@@ -126,6 +131,7 @@ class WireModel {
   std::vector<double> torsional_rigidity_;  // empty for a wire that does not twist
   std::vector<TwistingJoint> twisting_;     // of a stack that twists
   int stack_spins_ = 0;
+  int first_spin_ = 0;
   std::vector<Eigen::Vector3d> rest_direction_;
 };
 

@@ -38,7 +38,7 @@ WireState::WireState(const WireModel& model, int instruments) : places_(instrume
   normals_.reserve(room);
   if (model.spins() > 0) {
     twist_rad_.reserve(room);
-    if (model.spins() > 1) turns_rad_.reserve(room);
+    if (model.stack_twists()) turns_rad_.reserve(room);
   } else {
     reference_twist_.assign(static_cast<std::size_t>(model.most_curved_joints()) + 1,
                             Vector2d(1, 0));
@@ -121,7 +121,7 @@ void WireState::UntwistFrames(const WireModel& model) {
   }
   std::fill(reference_twist_.begin(), reference_twist_.end(), Vector2d(1, 0));
   if (model.spins() > 0) twist_rad_.assign(static_cast<std::size_t>(n), 0);
-  if (model.spins() > 1) turns_rad_.assign(static_cast<std::size_t>(n), Rotations());
+  if (model.stack_twists()) turns_rad_.assign(static_cast<std::size_t>(n), Rotations());
 }
 
 void WireState::PlaceAgain(const WireModel& model) {
@@ -258,6 +258,7 @@ void WireState::Step(const WireModel& model, const WireState& from,
                      const std::vector<double>& spin, double scale) {
   const auto n = from.tangents_.size();
   const auto spins = static_cast<std::size_t>(model.spins());
+  const auto first_spin = static_cast<std::size_t>(model.first_spin());
   tangents_.resize(n);
   normals_.resize(n);
   first_segment_mm_ = from.first_segment_mm_;
@@ -279,11 +280,13 @@ void WireState::Step(const WireModel& model, const WireState& from,
     const Vector3d normal = carried - carried.dot(tangent) * tangent;
     tangents_[i] = tangent;
     normals_[i] = normal * (1.5 - 0.5 * normal.squaredNorm());
-    if (spins == 1) {
+    if (model.twists()) {
       const Vector3d spun = normals_[i] + (scale * spin[i]) * tangent.cross(normals_[i]);
       normals_[i] = spun / spun.norm();
     } else {
-      for (std::size_t k = 0; k < spins; ++k) turns_rad_[i][k] += scale * spin[i * spins + k];
+      for (std::size_t k = 0; k < spins; ++k) {
+        turns_rad_[i][first_spin + k] += scale * spin[i * spins + k];
+      }
     }
   }
   PlaceNodes(model, 1);
@@ -316,7 +319,7 @@ Vector3d PartOfRest(const Vector3d& rest, double part) {
 Vector2d TwistedRest(const WireModel& model, const WireState& state, int joint) {
   const WireModel::TwistingJoint& twisting = model.twisting_joint(state.segments() - joint);
   Vector2d rest = Vector2d::Zero();
-  for (int k = 0; k < model.spins(); ++k) {
+  for (int k = model.first_spin(); k < model.first_spin() + model.spins(); ++k) {
     const auto& share = twisting.of[static_cast<std::size_t>(k)];
     if (share.weight == 0 || share.rest_rad.isZero(0)) continue;
     const double turn = state.TurnBefore(joint, k);
@@ -331,7 +334,7 @@ Vector3d RestDirection(const WireModel& model, const WireState& state, int joint
   if (from_tip >= model.first_straight_joint()) return tangent;
   const Vector3d first = joint == 0 ? state.ProximalNormal(model) : state.normals()[joint - 1];
   const Vector3d second = tangent.cross(first);
-  if (model.spins() > 1) {
+  if (model.stack_twists()) {
     const Vector3d rest = BentBy(TwistedRest(model, state, joint));
     return rest[2] * tangent + rest[0] * first + rest[1] * second;
   }

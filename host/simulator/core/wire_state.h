@@ -57,7 +57,8 @@ class WireState {
   /// lone wire) to that of the distal one. Empty otherwise.
   const std::vector<double>& twist_rad() const { return twist_rad_; }
   /// For a stack that twists: n, the angle about the tangent from the normal of the segment to the
-  /// first normal of each instrument, which is fixed to its material. Empty otherwise.
+  /// first normal of each instrument on this curve, which is fixed to its material. Empty
+  /// otherwise.
   const std::vector<OfInstruments>& turns_rad() const { return turns_rad_; }
   /// The same in the segment before joint i, or in the sheath.
   double TurnBefore(int joint, int instrument) const {
@@ -65,7 +66,7 @@ class WireState {
                       : turns_rad_[static_cast<std::size_t>(joint) - 1]
                                   [static_cast<std::size_t>(instrument)];
   }
-  /// How an instrument that twists is twisted at joint i.
+  /// How an instrument on this curve that twists is twisted at joint i.
   double TwistOf(int joint, int instrument) const {
     const auto i = static_cast<std::size_t>(joint);
     if (turns_rad_.empty()) return twist_rad_[i];
@@ -102,10 +103,11 @@ class WireState {
 
   // How it moves.
 
-  /// The instruments are here now. Feed must follow where that changes how far they reach.
+  /// Sets where the instruments are, and moves nothing.
   void SetPlaces(const InstrumentPlaces& places) { places_ = places; }
-  /// The same of a stack that twists: each instrument slides along the wire, which is to be fed,
-  /// and turns as a whole, which is where it comes to rest if nothing holds it.
+  /// The instruments are here now. Feed must follow where that changes how far they reach. Where
+  /// they twist, each slides along the wire, which is to be fed, and turns as a whole, which is
+  /// where it comes to rest if nothing holds it.
   void MoveInstruments(const WireModel& model, const InstrumentPlaces& places);
   /// Feeds the wire to where `to_mm` of it are inside (0 .. model.max_length_mm(), at most lambda/2
   /// from where it is): it slides along itself, its tip goes on straight (README (23)).
@@ -165,7 +167,10 @@ class WireState {
   void UpdateCurves(const WireModel& model, const WireModel& second);
   /// As Step, of the second curve.
   void StepSecond(const WireModel& second, const WireState& from, const std::vector<Frame>& frames,
-                  const std::vector<Eigen::Vector2d>& xi, double scale);
+                  const std::vector<Eigen::Vector2d>& xi, const std::vector<double>& spin,
+                  double scale);
+  /// As MoveInstruments, of both curves. FeedSecond must follow.
+  void MoveBoth(const WireModel& model, const WireModel& second, const InstrumentPlaces& places);
 
  private:
   void PlaceNodes(const WireModel& model, int first);

@@ -17,7 +17,7 @@ FrontSweep::FrontSweep(int max_segments, const WireModel* second) : second_(seco
   if (second == nullptr) return;
   gains_[1].reserve(n);
   second_step_.reserve(n);
-  second_spin_.reserve(n * static_cast<std::size_t>(second->spins()));
+  second_spin_.reserve(n * kMostInstruments);
   second_displacement_mm_.reserve(n);
 }
 
@@ -40,9 +40,11 @@ FrontSegment FrontSweep::Curve::Segment(int i) const {
   segment.spins = &at.stack[k];
   const WireModel::TwistingJoint& before = model.twisting_joint(from_tip);
   const WireModel::TwistingJoint& beyond = model.twisting_joint(from_tip - 1);
+  const auto first = static_cast<std::size_t>(model.first_spin());
   for (std::size_t m = 0; m < static_cast<std::size_t>(spins); ++m) {
-    segment.spin_weight_mJ[m] = weight * std::min(before.of[m].torsional_rigidity_N_mm2,
-                                                  beyond.of[m].torsional_rigidity_N_mm2);
+    const std::size_t spin = first + m;
+    segment.spin_weight_mJ[m] = weight * std::min(before.of[spin].torsional_rigidity_N_mm2,
+                                                  beyond.of[spin].torsional_rigidity_N_mm2);
   }
   return segment;
 }

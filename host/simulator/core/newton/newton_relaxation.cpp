@@ -95,17 +95,19 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
       current_(mechanics_.MakeExpansion()),
       trial_expansion_(mechanics_.MakeExpansion()),
       trial_(model_, stack().size()) {
-  assert(kFront == (two_curves_ || model_.spins() > 1));
+  assert(kFront == (two_curves_ || model_.stack_twists()));
   assert(kFront || kTwists == model_.twists());
   const auto room = static_cast<std::size_t>(model_.max_segments()) + 1;
   if (two_curves_) {
     trial_.LaySecond(*stack().second_rod(), 0, stack().clearance().first_outer, false);
     second_push_.reserve(room);
+    second_push_spin_.reserve(room * kMostInstruments);
   }
   step_.reserve(room);
   displacement_mm_.reserve(room);
   if (!kTwists && !kFront) defect_.Reserve(model_.max_segments());
-  spin_step_.reserve(room * static_cast<std::size_t>(model_.spins()));
+  // Where two curves change places, so do the numbers of their spins.
+  spin_step_.reserve(room * (kFront ? kMostInstruments : model_.spins()));
   if (kFront && model_.spins() > 0 && !terms.empty()) {
     balance_.Reserve(model_.max_segments());
     point_gradient_N_.reserve(room * static_cast<std::size_t>(wall.points_per_segment));
@@ -321,11 +323,7 @@ void NewtonMethod<Sweep>::MoveTo(const InstrumentPlaces& next, WireState& state)
   if (!alone) {
     stack().Combine(next);
     mechanics_.points().TakeRadii();
-    if (kFront) {
-      state.MoveInstruments(model_, next);
-    } else {
-      state.SetPlaces(next);
-    }
+    state.MoveInstruments(model_, next);
   }
   prediction_.Feed(model_, next.reach_mm(), state);
   if (alone) state.Rotate(next[0].rotation_rad);
@@ -345,7 +343,7 @@ void NewtonMethod<Sweep>::MoveBothTo(const InstrumentPlaces& next, WireState& st
   const int segments = state.segments();
   const bool equal = stack().SecondReach(state.places()) == state.insertion_mm();
   if (equal) exchange_when_equal();
-  state.SetPlaces(next);
+  state.MoveBoth(model_, second, next);
   prediction_.Feed(model_, next.reach_mm(), state);
   double reach_mm = 0;  // of the curve that is the second now
   for (int k = 0; k < next.size(); ++k) {
@@ -446,7 +444,7 @@ void NewtonMethod<Sweep>::StepTrial(const WireState& state, double scale) {
   if constexpr (kFront) {
     if (!two_curves_) return;
     trial_.StepSecond(*stack().second_rod(), state, current_.second.front().frames,
-                      sweep_.second_step(), scale);
+                      sweep_.second_step(), sweep_.second_spin(), scale);
   }
 }
 
@@ -455,6 +453,7 @@ double NewtonMethod<Sweep>::StepScale() const {
   double longest = 0;
   if constexpr (kFront) {
     for (const Vector2d& xi : sweep_.second_step()) longest = std::max(longest, xi.squaredNorm());
+    for (const double zeta : sweep_.second_spin()) longest = std::max(longest, zeta * zeta);
   }
   for (const Vector2d& xi : step_) longest = std::max(longest, xi.squaredNorm());
   for (const double zeta : spin_step_) longest = std::max(longest, zeta * zeta);
@@ -551,8 +550,10 @@ void NewtonMethod<Sweep>::PushOff(WireState& state) {
   if (kFront && two_curves_) {
     // Both alike: what lies in a lumen goes along.
     second_push_.assign(step_.begin(), step_.begin() + state.second()->segments());
+    const auto spins = static_cast<std::size_t>(stack().second_rod()->spins());
+    second_push_spin_.assign(second_push_.size() * spins, 0);
     trial_.StepSecond(*stack().second_rod(), state, current_.second.front().frames, second_push_,
-                      1);
+                      second_push_spin_, 1);
   }
   state.TakeStep(trial_);
   moved_ = attempting_ = false;
@@ -600,7 +601,7 @@ std::unique_ptr<Relaxation> MakeNewtonRelaxation(InstrumentStack& stack,
                                                  const ClearanceField& field, const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms) {
-  if (stack.second_rod() != nullptr || stack.rod().spins() > 1) {
+  if (stack.second_rod() != nullptr || stack.rod().stack_twists()) {
     return std::make_unique<NewtonMethod<FrontSweep>>(stack, field, wall, settings, terms);
   }
   return MakeLone(stack, stack.rod().twists(), field, wall, settings, terms);

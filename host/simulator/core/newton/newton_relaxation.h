@@ -133,6 +133,7 @@ class NewtonMethod final : public Relaxation {
   std::vector<double> spin_step_;  // the same about the tangents, the model's spins a segment
   std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
   std::vector<Eigen::Vector2d> second_push_;      // of the second curve, off an unstable balance
+  std::vector<double> second_push_spin_;          // none: zeros
   DiscretizationDefect defect_;
   HandForces balance_;  // of each instrument, for terms that act between them
   std::vector<Eigen::Vector3d> point_gradient_N_;

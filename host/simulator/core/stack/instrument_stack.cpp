@@ -61,9 +61,6 @@ void CheckRoom(const std::vector<WireModel>& instruments, const Clearance& clear
   if (clearance.first_outer < 1 || clearance.first_outer >= count) {
     throw std::invalid_argument("there is no instrument in the lumen that is to have room");
   }
-  if (instruments.front().twists()) {
-    throw std::invalid_argument("instruments that twist lie on one curve, without room");
-  }
   if (!(clearance.stiffness_N_mm2 > 0)) {
     throw std::invalid_argument("the lumen's stiffness must be above 0");
   }
@@ -206,21 +203,31 @@ void InstrumentStack::Combine(const InstrumentPlaces& places, int short_by) {
   const double reach_mm = places.reach_mm();
   Members members;
   if (second_ == nullptr) {
-    CombineJoints(members, Gather(places, 0, size(), reach_mm, members), *combined_);
-    if (!twisting_.empty()) CombineTwists(members, members[0].model->tip_segments());
+    CombineRod(members, 0, Gather(places, 0, size(), reach_mm, members), *combined_);
     return;
   }
   const int first = clearance_.first_outer;
   const bool outer_leads = OuterLeads(places);
   const double second_end_mm = reach_mm - short_by * rod_->segment_mm();
-  CombineJoints(members, Gather(places, 0, first, outer_leads ? second_end_mm : reach_mm, members),
-                outer_leads ? *second_ : *combined_);
-  CombineJoints(members,
-                Gather(places, first, size(), outer_leads ? reach_mm : second_end_mm, members),
-                outer_leads ? *combined_ : *second_);
+  CombineRod(members, 0, Gather(places, 0, first, outer_leads ? second_end_mm : reach_mm, members),
+             outer_leads ? *second_ : *combined_);
+  CombineRod(members, first,
+             Gather(places, first, size(), outer_leads ? reach_mm : second_end_mm, members),
+             outer_leads ? *combined_ : *second_);
 }
 
-void InstrumentStack::CombineJoints(const Members& members, int count, WireModel& rod) {
+void InstrumentStack::CombineRod(const Members& members, int first, int count, WireModel& rod) {
+  const int tip_segments = members[0].model->tip_segments();
+  CombineJoints(members, count, rod);
+  if (twisting_.empty()) {
+    rod.ReplaceJoints(joints_, tip_segments);
+    return;
+  }
+  CombineTwists(members, count, rod.segment_mm());
+  rod.ReplaceJoints(joints_, twisting_, first, count, tip_segments);
+}
+
+void InstrumentStack::CombineJoints(const Members& members, int count, const WireModel& rod) {
   const double lambda = rod.segment_mm();
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const double from_tip = static_cast<double>(k) * lambda;
@@ -254,18 +261,16 @@ void InstrumentStack::CombineJoints(const Members& members, int count, WireModel
     joint.rest_rad = rest + covered * (sum_EI_rest / sum_EI);
     joint.rigidity_N_mm2 = 1 / (compliance + covered / sum_EI);
   }
-  rod.ReplaceJoints(joints_, members[0].model->tip_segments());
 }
 
-void InstrumentStack::CombineTwists(const Members& members, int tip_segments) {
-  const double lambda = rod_->segment_mm();
+void InstrumentStack::CombineTwists(const Members& members, int count, double lambda) {
   for (std::size_t k = 0; k < twisting_.size(); ++k) {
     const double from_tip = static_cast<double>(k) * lambda;
     WireModel::TwistingJoint& joint = twisting_[k];
     joint = WireModel::TwistingJoint();
     std::array<double, kMostInstruments + 1> part = {};  // of the joint, beside the first so many
     std::array<double, kMostInstruments> rigidity = {};
-    for (int m = 0; m < size(); ++m) {
+    for (int m = 0; m < count; ++m) {
       const auto at = static_cast<std::size_t>(m);
       const Member& member = members[at];
       const double own_mm = from_tip - member.behind_mm;
@@ -277,7 +282,7 @@ void InstrumentStack::CombineTwists(const Members& members, int tip_segments) {
           TorsionalRigidityAt(*member.model, own_mm);
     }
     double sum_EI = 0;
-    for (std::size_t p = 0; p < static_cast<std::size_t>(size()); ++p) {
+    for (std::size_t p = 0; p < static_cast<std::size_t>(count); ++p) {
       sum_EI += rigidity[p];
       const double piece = part[p] - part[p + 1];
       if (piece == 0) continue;
@@ -290,7 +295,6 @@ void InstrumentStack::CombineTwists(const Members& members, int tip_segments) {
       }
     }
   }
-  combined_->ReplaceJoints(joints_, twisting_, size(), tip_segments);
 }
 
 namespace {

@@ -51,8 +51,8 @@ class InstrumentStack {
   /// of them twist, or none. Throws std::invalid_argument where that is not so.
   explicit InstrumentStack(std::vector<WireModel> instruments)
       : InstrumentStack(std::move(instruments), Clearance()) {}
-  /// The same with room between some of them, none of which twists. Throws std::invalid_argument
-  /// where what is inside does not fit.
+  /// The same with room between some of them. Throws std::invalid_argument where what is inside
+  /// does not fit.
   InstrumentStack(std::vector<WireModel> instruments, const Clearance& clearance);
   InstrumentStack(const InstrumentStack&) = delete;
   InstrumentStack& operator=(const InstrumentStack&) = delete;
@@ -100,8 +100,9 @@ class InstrumentStack {
 
   int Gather(const InstrumentPlaces& places, int first, int last, double end_mm,
              Members& members) const;
-  void CombineJoints(const Members& members, int count, WireModel& rod);
-  void CombineTwists(const Members& members, int tip_segments);
+  void CombineRod(const Members& members, int first, int count, WireModel& rod);
+  void CombineJoints(const Members& members, int count, const WireModel& rod);
+  void CombineTwists(const Members& members, int count, double lambda);
 
   std::vector<WireModel> owned_;
   std::vector<const WireModel*> instruments_;

@@ -19,14 +19,16 @@ Vector2d QuarterTurn(const Vector2d& a) { return {-a[1], a[0]}; }
 // The rests of the instruments at a joint, each as it is turned there, over the joint's length.
 struct Rests {
   Rests(const WireModel& model, const WireState& state, int joint)
-      : twisting(model.twisting_joint(state.segments() - joint)), count(model.spins()) {
+      : twisting(model.twisting_joint(state.segments() - joint)),
+        first(model.first_spin()),
+        count(model.spins()) {
     const double part = JointLength(model, state, joint) / model.segment_mm();
     for (int k = 0; k < count; ++k) {
       const auto at = static_cast<std::size_t>(k);
-      const Share& share = twisting.of[at];
+      const Share& share = Of(k);
       own[at].setZero();
       if (!RestsCurved(share)) continue;
-      const double turn = state.TurnBefore(joint, k);
+      const double turn = state.TurnBefore(joint, first + k);
       const Vector2d rest = part * share.rest_rad;
       own[at] = std::cos(turn) * rest + std::sin(turn) * QuarterTurn(rest);
       together += share.weight * own[at];
@@ -34,7 +36,11 @@ struct Rests {
     }
   }
 
+  // Number k of the rod.
+  const Share& Of(int k) const { return twisting.of[static_cast<std::size_t>(first + k)]; }
+
   const WireModel::TwistingJoint& twisting;
+  const int first;
   const int count;
   std::array<Vector2d, kMostInstruments> own;
   Vector2d together = Vector2d::Zero();
@@ -46,8 +52,8 @@ template <class Each>
 void ForPairs(const Rests& rests, double length_mm, const Each& each) {
   for (int a = 0; a < rests.count; ++a) {
     for (int b = a + 1; b < rests.count; ++b) {
-      const double mutual =
-          rests.twisting.mutual_N_mm2[static_cast<std::size_t>(a)][static_cast<std::size_t>(b)];
+      const double mutual = rests.twisting.mutual_N_mm2[static_cast<std::size_t>(rests.first + a)]
+                                                       [static_cast<std::size_t>(rests.first + b)];
       if (mutual > 0) each(a, b, mutual / length_mm);
     }
   }
@@ -174,8 +180,8 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
     }
     for (int k = 0; k < rests.count; ++k) {
       const auto at = static_cast<std::size_t>(k);
-      if (!RestsCurved(rests.twisting.of[at])) continue;
-      const Vector2d own = rests.twisting.of[at].weight * rests.own[at];
+      if (!RestsCurved(rests.Of(k))) continue;
+      const Vector2d own = rests.Of(k).weight * rests.own[at];
       const Vector2d turned = QuarterTurn(own);
       const double y_k = y_rest.dot(turned);
       out.gradient_proximal[k] += slope * y_k;
@@ -186,7 +192,7 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
           curvature * y_k * y_distal.transpose() + slope * turned.transpose() * rest_distal;
       for (int m = 0; m < rests.count; ++m) {
         const auto other = static_cast<std::size_t>(m);
-        const Vector2d with = QuarterTurn(rests.twisting.of[other].weight * rests.own[other]);
+        const Vector2d with = QuarterTurn(rests.Of(m).weight * rests.own[other]);
         out.hessian_proximal(k, m) +=
             curvature * y_k * y_rest.dot(with) + slope * turned.dot(y_rest_rest * with);
       }
@@ -209,9 +215,8 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
   double sum_stiffness = 0;
   double sum_torque = 0;
   for (int k = 0; k < rests.count; ++k) {
-    const double own =
-        rests.twisting.of[static_cast<std::size_t>(k)].torsional_rigidity_N_mm2 / length_mm;
-    const double twist = state.TwistOf(joint, k);
+    const double own = rests.Of(k).torsional_rigidity_N_mm2 / length_mm;
+    const double twist = state.TwistOf(joint, rests.first + k);
     const double torque = own * twist;
     energy_mJ += torque * twist / 2;
     sum_stiffness += own;

@@ -12,7 +12,7 @@ namespace {
 
 // Of an instrument in another, at a segment.
 double TurnIn(const PointSet& points, int segment, int inner, int outer) {
-  const OfInstruments& turns = points.turns_rad[static_cast<std::size_t>(segment)];
+  const OfInstruments& turns = points.turns.angles_rad[static_cast<std::size_t>(segment)];
   return turns[static_cast<std::size_t>(inner)] - turns[static_cast<std::size_t>(outer)];
 }
 
