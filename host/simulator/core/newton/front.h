@@ -6,7 +6,7 @@
 //   eta     step of segment i - 1                                 2 rows
 //   roll    turn of segment i - 1 that follows from the steps     1 row, or
 //           spin of segment i - 1, of each instrument             kSpins rows
-// Curves are at cuts of their own. Advance takes one of them to the cut before; Touch couples two.
+// Each curve is at any cut. Advance takes one of them to the cut before; Touch couples two.
 #pragma once
 
 #include <Eigen/Core>
