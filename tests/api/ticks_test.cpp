@@ -15,6 +15,7 @@
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
 #include "tests/support/scenes.h"
+#include "tests/support/sanitizer.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
@@ -357,7 +358,7 @@ TEST_CASE("What was built of a field is kept when it is asked for", "[api]") {
     CHECK(FieldsIn(folder.Path("torquer")).empty());
     Command command = simulation.command();
     command.time_s = 1;
-    command.hands[0].insertion_mm += 60;
+    command.hands[0].insertion_mm += torquer::test::Rounds(60, 3);
     simulation.Step(command);
     CHECK(scene.KeepField().empty());
     CHECK(FieldsIn(folder.Path("torquer")).size() == 1);

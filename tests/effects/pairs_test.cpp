@@ -112,7 +112,7 @@ TEST_CASE("What starts inside stays inside with every pair of effects, and repea
       simulator::Simulation simulation(scene);
       const auto run = [&] {
         simulation.Restart();
-        constexpr int kTicks = Rounds(12, 2);
+        constexpr int kTicks = Rounds(12, 4);
         for (int k = 1; k <= kTicks; ++k) {
           simulator::Command command;
           command.target = scene.start();

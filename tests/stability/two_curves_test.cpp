@@ -99,7 +99,7 @@ TEST_CASE("Whatever hands do with instruments that have room, both curves stay w
   const char* text = std::getenv("TORQUER_SEED");
   const unsigned first =
       text == nullptr ? 1 : static_cast<unsigned>(std::strtoul(text, nullptr, 10));
-  for (unsigned seed = first; seed < first + static_cast<unsigned>(Rounds(12, 2)); ++seed) {
+  for (unsigned seed = first; seed < first + static_cast<unsigned>(Rounds(12, 4)); ++seed) {
     INFO("TORQUER_SEED=" << seed);
     std::mt19937 random(seed);
     Drawn drawn(random);
