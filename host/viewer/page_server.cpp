@@ -11,6 +11,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <exception>
+#include <list>
 #include <map>
 #include <optional>
 #include <set>
@@ -18,7 +19,9 @@
 #include <vector>
 
 #include "host/viewer/listening_socket.h"
+#include "host/viewer/page_door.h"
 #include "host/viewer/page_files.h"
+#include "host/viewer/shown_topics.h"
 
 namespace torquer::viewer {
 namespace {
@@ -30,16 +33,15 @@ namespace websocket = beast::websocket;
 using asio::ip::tcp;
 using boost::system::error_code;
 
+constexpr std::chrono::seconds kUnknownTime{2};
 constexpr std::chrono::seconds kRequestTime{5};
 constexpr std::chrono::seconds kSilentPageTime{10};
+constexpr std::chrono::seconds kLeaveTime{1};
 constexpr std::size_t kMostMessageBytes = 256;
 constexpr char kBusName[] = "bus";
 
-struct Message {
-  std::string content;
-  bool text = false;
-};
-using SharedMessage = std::shared_ptr<const Message>;
+// Reads at a bounded rate, so that no connection keeps the loop from others.
+using Stream = beast::basic_stream<tcp, tcp::socket::executor_type, beast::simple_rate_policy>;
 
 struct ServedFile {
   PageServer::ServedAs as;
@@ -62,48 +64,18 @@ bool HasLeft(const error_code& error) {
          error == beast::error::timeout;
 }
 
-// In a time that does not depend on where they differ.
-bool Equal(std::string_view a, std::string_view b) {
-  if (a.size() != b.size()) return false;
-  unsigned different = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) different |= static_cast<unsigned>(a[i] ^ b[i]);
-  return different == 0;
+std::string_view View(boost::beast::string_view text) { return {text.data(), text.size()}; }
+
+template <class Request>
+Visitor VisitorOf(const Request& request) {
+  return {.method = View(request.method_string()),
+          .target = View(request.target()),
+          .hosts = request.count(http::field::host),
+          .host = View(request[http::field::host]),
+          .origins = request.count(http::field::origin),
+          .origin = View(request[http::field::origin]),
+          .upgrade = websocket::is_upgrade(request)};
 }
-
-// Whom a request names, and what is below the token's folder; the reason of a refusal else.
-struct Door {
-  std::string token;
-  std::vector<std::string> hosts;  // that are this server
-
-  template <class Request>
-  std::pair<http::status, std::string> Open(const Request& request) const {
-    const auto is_host = [this](std::string_view host) {
-      return std::find(hosts.begin(), hosts.end(), host) != hosts.end();
-    };
-    if (request.count(http::field::host) != 1 || !is_host(View(request[http::field::host]))) {
-      return {http::status::misdirected_request, ""};
-    }
-    const bool upgrade = websocket::is_upgrade(request);
-    const auto origins = request.count(http::field::origin);
-    const std::string_view origin = View(request[http::field::origin]);
-    constexpr std::string_view kScheme = "http://";
-    const bool own = origins == 1 && origin.substr(0, kScheme.size()) == kScheme &&
-                     is_host(origin.substr(kScheme.size()));
-    if (!own && (upgrade || origins > 0)) return {http::status::forbidden, ""};
-    if (request.method() != http::verb::get) return {http::status::method_not_allowed, ""};
-    const std::string_view target = View(request.target());
-    const std::size_t end = token.size() + 2;
-    if (target.size() < end || target[0] != '/' || target[end - 1] != '/' ||
-        !Equal(target.substr(1, token.size()), token)) {
-      return {http::status::forbidden, ""};
-    }
-    return {http::status::ok, std::string(target.substr(end))};
-  }
-
-  static std::string_view View(boost::beast::string_view text) {
-    return {text.data(), text.size()};
-  }
-};
 
 }  // namespace
 
@@ -131,11 +103,7 @@ class PageServer::Impl {
     acceptor_.async_accept([this](error_code error, tcp::socket socket) {
       if (error == asio::error::operation_aborted) return;
       if (error) return PauseAccepting();
-      if (connections_ >= kMostConnections) {
-        ++refused_;  // closed at once
-      } else {
-        Begin(std::move(socket));
-      }
+      Begin(std::move(socket));
       Accept();
     });
   }
@@ -149,7 +117,9 @@ class PageServer::Impl {
   }
 
   void Begin(tcp::socket socket);
-  void Show(const std::string& topic, const SharedMessage& message);
+  void Show(const std::string& topic, const SharedPageMessage& message);
+  void ShowPassing(const std::string& topic, const SharedPageMessage& message);
+  void Drop(const std::vector<std::string>& topics);
 
   template <class Act>
   void Guarded(Act&& act) {
@@ -165,11 +135,12 @@ class PageServer::Impl {
   Left left_;
   Door door_;
   std::string url_;
-  std::map<std::string, SharedMessage> newest_;
+  ShownTopics topics_;
   std::map<std::string, std::shared_ptr<const ServedFile>> served_;
   std::set<Page*> pages_;
+  std::list<Request*> unknown_;  // that have not shown the token, the oldest first
   PageId last_page_ = 0;
-  int connections_ = 0;
+  int connections_ = 0;  // that have
   std::int64_t refused_ = 0;
   std::exception_ptr problem_;
   // Before what it holds: pages end with it, and use all of the above.
@@ -183,11 +154,14 @@ class PageServer::Impl {
 // A page that is open: at most one message on its way, and of each topic the newest that waits.
 class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
  public:
-  Page(Impl& server, beast::tcp_stream stream)
-      : server_(server), stream_(std::move(stream)), id_(++server.last_page_) {
+  Page(Impl& server, Stream stream)
+      : server_(server),
+        stream_(std::move(stream)),
+        id_(++server.last_page_),
+        leave_(server.loop_) {
     ++server_.connections_;
     server_.pages_.insert(this);
-    waiting_ = server_.newest_;
+    waiting_ = server_.topics_.newest();
   }
   ~Page() {
     --server_.connections_;
@@ -205,6 +179,8 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     // Pings a silent page, and gives up on one that does not answer.
     stream_.set_option(websocket::stream_base::timeout{kRequestTime, kSilentPageTime, true});
     stream_.read_message_max(kMostMessageBytes);
+    // Pings cost an answer, and never come out of a read.
+    stream_.control_callback([this](websocket::frame_type, beast::string_view) { Count(); });
     stream_.async_accept(request, [self = this->shared_from_this()](error_code error) {
       if (error) {
         // An upgrade without its headers is Beast's to refuse.
@@ -217,10 +193,11 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     });
   }
 
-  void Add(const std::string& topic, const SharedMessage& message) {
+  void Add(const std::string& topic, const SharedPageMessage& message) {
     waiting_[topic] = message;
     Write();
   }
+  void Drop(const std::string& topic) { waiting_.erase(topic); }
 
  private:
   void Read() {
@@ -234,14 +211,19 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     });
   }
 
+  // Whether the page may send what it has just sent; it is cut off where not.
+  bool Count() {
+    if (rate_.Take(kMostMessagesPerS, std::chrono::steady_clock::now())) return true;
+    if (!open_) return false;
+    ++server_.refused_;
+    CloseFor(fmt::format("more than {} messages a second", kMostMessagesPerS));
+    return false;
+  }
+
   void Take() {
-    const auto now = std::chrono::steady_clock::now();
-    if (now - counted_since_ > std::chrono::seconds(1)) {
-      counted_since_ = now;
-      messages_ = 0;
-    }
     const auto bytes = buffer_.cdata();
-    bool good = stream_.got_binary() && ++messages_ <= kMostMessagesPerS;
+    if (!Count()) return;
+    bool good = stream_.got_binary();
     server_.Guarded([&] {
       good = good &&
              server_.received_(id_, {static_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
@@ -249,6 +231,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     buffer_.consume(buffer_.size());
     if (good) return Read();
     ++server_.refused_;
+    Say("not a message of this page");
     Close();
   }
 
@@ -270,39 +253,66 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
                         });
   }
 
+  void Say(const std::string& reason) {
+    tcp::socket& socket = beast::get_lowest_layer(stream_).socket();
+    error_code ignored;
+    (void)socket.non_blocking(true, ignored);
+    (void)socket.send(asio::buffer(CloseFrame(reason)), 0, ignored);
+  }
+
+  // Closed at once, the reason would not get past what is on its way. Nothing is read meanwhile.
+  void CloseFor(const std::string& reason) {
+    open_ = false;
+    leaves_ = true;
+    Say(reason);
+    error_code ignored;
+    (void)beast::get_lowest_layer(stream_).socket().shutdown(tcp::socket::shutdown_send, ignored);
+    leave_.expires_after(kLeaveTime);
+    leave_.async_wait([self = this->shared_from_this()](error_code) {
+      self->leaves_ = false;
+      self->Close();
+    });
+  }
+
   void Close() {
+    if (leaves_) return;
     open_ = false;
     error_code ignored;
     (void)beast::get_lowest_layer(stream_).socket().close(ignored);
   }
 
   Impl& server_;
-  websocket::stream<beast::tcp_stream> stream_;
+  websocket::stream<Stream> stream_;
   const PageId id_;
   beast::flat_static_buffer<2 * kMostMessageBytes> buffer_;
-  std::map<std::string, SharedMessage> waiting_;
+  std::map<std::string, SharedPageMessage> waiting_;
   std::string last_topic_;
-  SharedMessage sent_;
+  SharedPageMessage sent_;
   bool open_ = false;
   bool writing_ = false;
-  std::chrono::steady_clock::time_point counted_since_{};
-  int messages_ = 0;
+  bool leaves_ = false;
+  asio::steady_timer leave_;
+  MessageRate rate_;
 };
 
 // A connection's one request.
 class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
  public:
   Request(Impl& server, tcp::socket socket) : server_(server), stream_(std::move(socket)) {
-    ++server_.connections_;
+    place_ = server_.unknown_.insert(server_.unknown_.end(), this);
+    stream_.rate_policy().read_limit(kMostReadBytesPerS);
     parser_.header_limit(kMostHeaderBytes);
     parser_.body_limit(0);
   }
-  ~Request() { --server_.connections_; }
+  ~Request() {
+    LeaveUnknown();
+    if (known_) --server_.connections_;
+  }
   Request(const Request&) = delete;
   Request& operator=(const Request&) = delete;
 
   void Begin() {
-    stream_.expires_after(kRequestTime);
+    stream_.expires_after(kUnknownTime);
     http::async_read(stream_, buffer_, parser_,
                      [self = this->shared_from_this()](error_code error, std::size_t) {
                        if (error == http::error::end_of_stream) return;
@@ -314,13 +324,27 @@ class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
                      });
   }
 
+  // Its reading, or writing, ends with an error.
+  void Close() {
+    LeaveUnknown();
+    error_code ignored;
+    (void)stream_.socket().close(ignored);
+  }
+
  private:
   void Answer() {
     const auto& request = parser_.get();
-    const auto [status, name] = server_.door_.Open(request);
-    if (status != http::status::ok) return Refuse(status);
+    const auto [status, name] = server_.door_.Open(VisitorOf(request));
+    if (static_cast<http::status>(status) != http::status::ok) {
+      return Refuse(static_cast<http::status>(status));
+    }
+    if (server_.connections_ >= kMostConnections) return Refuse(http::status::service_unavailable);
+    Admit();
     if (name == kBusName) {
       if (!websocket::is_upgrade(request)) return Refuse(http::status::upgrade_required);
+      // Beast takes an empty one. It is 16 bytes in base64.
+      const std::size_t key_size = request[http::field::sec_websocket_key].size();
+      if (key_size != 24) return Refuse(http::status::bad_request);
       if (static_cast<int>(server_.pages_.size()) >= kMostPages) {
         return Refuse(http::status::service_unavailable);
       }
@@ -337,6 +361,18 @@ class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
                                    [&name = name](const PageFile& f) { return f.name == name; });
     if (file == files.end()) return Refuse(http::status::not_found);
     SendFile(file->type, file->content);
+  }
+
+  void Admit() {
+    LeaveUnknown();
+    known_ = true;
+    ++server_.connections_;
+    stream_.expires_after(kRequestTime);
+  }
+
+  void LeaveUnknown() {
+    if (place_ != server_.unknown_.end()) server_.unknown_.erase(place_);
+    place_ = server_.unknown_.end();
   }
 
   void SendFile(std::string_view type, std::string_view content) {
@@ -366,7 +402,9 @@ class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
   }
 
   Impl& server_;
-  beast::tcp_stream stream_;
+  Stream stream_;
+  bool known_ = false;  // it has shown the token
+  std::list<Request*>::iterator place_;
   beast::flat_static_buffer<kMostHeaderBytes> buffer_;
   http::request_parser<http::empty_body> parser_;
   std::shared_ptr<const ServedFile> file_;  // while it is sent
@@ -374,15 +412,27 @@ class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
   http::response<http::span_body<const char>> answer_;
 };
 
+// Of those without the token the newest comes in: whoever has it shows it at once.
 void PageServer::Impl::Begin(tcp::socket socket) {
+  if (unknown_.size() >= kMostUnknown) unknown_.front()->Close();
   std::make_shared<Request>(*this, std::move(socket))->Begin();
 }
 
-void PageServer::Impl::Show(const std::string& topic, const SharedMessage& message) {
-  if (newest_.size() >= kMostTopics && !newest_.contains(topic)) return;
-  newest_[topic] = message;
-  // A page that is gone by now leaves the set in its destructor, not here.
+// A page that is gone by now leaves the set in its destructor, not here.
+void PageServer::Impl::Show(const std::string& topic, const SharedPageMessage& message) {
+  topics_.Show(topic, message);
   for (Page* page : pages_) page->Add(topic, message);
+}
+
+void PageServer::Impl::ShowPassing(const std::string& topic, const SharedPageMessage& message) {
+  Drop(topics_.ShowPassing(topic, message, std::chrono::steady_clock::now()));
+  for (Page* page : pages_) page->Add(topic, message);
+}
+
+void PageServer::Impl::Drop(const std::vector<std::string>& topics) {
+  for (Page* page : pages_) {
+    for (const std::string& topic : topics) page->Drop(topic);
+  }
 }
 
 PageServer::PageServer(int listening_socket, const std::string& token, Received received, Left left)
@@ -396,14 +446,19 @@ std::int64_t PageServer::refused() const { return impl_->refused_; }
 int PageServer::pages() const { return static_cast<int>(impl_->pages_.size()); }
 
 void PageServer::ShowText(const std::string& topic, std::string text) {
-  impl_->Show(topic, std::make_shared<const Message>(Message{std::move(text), true}));
+  impl_->Show(topic, std::make_shared<const PageMessage>(PageMessage{std::move(text), true}));
 }
 
 void PageServer::ShowBytes(const std::string& topic, std::string bytes) {
-  impl_->Show(topic, std::make_shared<const Message>(Message{std::move(bytes), false}));
+  impl_->Show(topic, std::make_shared<const PageMessage>(PageMessage{std::move(bytes), false}));
 }
 
-void PageServer::Forget(const std::string& topic) { impl_->newest_.erase(topic); }
+void PageServer::ShowPassingText(const std::string& topic, std::string text) {
+  impl_->ShowPassing(topic,
+                     std::make_shared<const PageMessage>(PageMessage{std::move(text), true}));
+}
+
+void PageServer::Forget(const std::string& topic) { impl_->topics_.Forget(topic); }
 
 void PageServer::Serve(const std::string& name, ServedAs as, std::string content) {
   if (content.empty()) {

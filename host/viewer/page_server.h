@@ -34,9 +34,11 @@ class PageServer {
   const std::string& url() const;
 
   /// The newest of a topic, to all pages, and to those that come later. A page that is slow misses
-  /// older ones of the same topic, never the newest. Topics beyond kMostTopics are left out.
+  /// older ones of the same topic, never the newest.
   void ShowText(const std::string& topic, std::string text);
   void ShowBytes(const std::string& topic, std::string bytes);
+  /// The same of a topic whose name others chose, which has a place for a time (shown_topics.h).
+  void ShowPassingText(const std::string& topic, std::string text);
 
   /// Pages that come later do not get what was shown of this topic.
   void Forget(const std::string& topic);
@@ -58,12 +60,15 @@ class PageServer {
   std::int64_t refused() const;
   int pages() const;
 
-  static constexpr int kMostConnections = 40;  ///< requests and pages
+  static constexpr int kMostConnections = 40;  ///< requests and pages that know the token
   static constexpr int kMostPages = 16;
-  static constexpr std::size_t kMostTopics = 64;
+  /// Connections that have not shown the token; one more, and the oldest of them is closed.
+  static constexpr std::size_t kMostUnknown = 16;
   static constexpr std::size_t kMostHeaderBytes = 8192;
-  /// A page that sends more of them is cut off.
+  /// A page that sends more of them, pings included, is cut off with the reason.
   static constexpr int kMostMessagesPerS = 400;
+  /// What is read of a connection; what it sends beyond waits with it.
+  static constexpr std::size_t kMostReadBytesPerS = 32'768;
 
  private:
   class Impl;

@@ -4,11 +4,13 @@
 #include <array>
 #include <string_view>
 #include <torquer_lcm/health_t.hpp>
+#include <torquer_lcm/scene_description_t.hpp>
 #include <torquer_lcm/wire_state_t.hpp>
 
 #include "host/bus/message_check.h"
 #include "host/bus/state_outline.h"
 #include "host/support/error.h"
+#include "host/viewer/health_topics.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer::viewer {
@@ -39,6 +41,7 @@ Recording::Recording(const std::string& path) : file_(path, kRemedy) {
   EventLogReader log(path);
   std::int64_t first_us = 0;
   bool begun = false;
+  HealthTopics sessions;
   for (LogRecord record; log.Next(record);) {
     if (!begun) first_us = record.time_us;
     begun = true;
@@ -48,12 +51,18 @@ Recording::Recording(const std::string& path) : file_(path, kRemedy) {
     if (record.channel == protocol::kWireStateChannel && HasNoShape(record)) continue;
     const std::string channel(record.channel);
     std::string name = channel;
+    bool needed = true;
     if (channel == protocol::kHealthChannel) {
       torquer_lcm::health_t health;
       if (!bus::DecodeMessage(record.data.data(), record.data.size(), health)) continue;
-      name += "/" + health.process + "/" + health.instrument;
+      name = HealthTopics::TopicOf(health);
+      needed = sessions.Needs(health);
+    } else if (channel == protocol::kSceneChannel) {
+      torquer_lcm::scene_description_t scene;
+      if (!bus::DecodeMessage(record.data.data(), record.data.size(), scene)) continue;
+      sessions.Add(scene);
     }
-    Topic* const topic = Find(channel, name);
+    Topic* const topic = Find(channel, name, needed);
     if (topic == nullptr) continue;
     topic->times_us.push_back(length_us_);
     topic->places_.push_back(record.data_at);
@@ -82,12 +91,15 @@ std::vector<std::uint8_t> Recording::Read(const Topic& topic, std::size_t k) con
   return bytes;
 }
 
-// Makes it where it is new; null where there are too many.
-Recording::Topic* Recording::Find(const std::string& channel, const std::string& name) {
+// Makes it where it is new; null where there are too many, of which what a session needs has half.
+Recording::Topic* Recording::Find(const std::string& channel, const std::string& name,
+                                  bool needed) {
   for (Topic& topic : topics_) {
     if (topic.name == name) return &topic;
   }
-  if (channel == protocol::kHealthChannel && topics_.size() >= kMostTopics) return nullptr;
+  if (channel == protocol::kHealthChannel && topics_.size() >= (needed ? 2 : 1) * kMostTopics) {
+    return nullptr;
+  }
   topics_.emplace_back();
   topics_.back().channel = channel;
   topics_.back().name = name;

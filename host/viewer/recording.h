@@ -43,7 +43,7 @@ class Recording {
   std::vector<std::uint8_t> Read(const Topic& topic, std::size_t k) const;
 
  private:
-  Topic* Find(const std::string& channel, const std::string& name);
+  Topic* Find(const std::string& channel, const std::string& name, bool needed);
 
   LogInput file_;
   std::vector<Topic> topics_;

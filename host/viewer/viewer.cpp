@@ -16,6 +16,7 @@
 #include "host/bus/health_reporter.h"
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
+#include "host/viewer/health_topics.h"
 #include "host/viewer/page_messages.h"
 #include "host/viewer/page_server.h"
 #include "host/viewer/show_scene.h"
@@ -94,6 +95,7 @@ class Viewer {
     bus_.Subscribe<torquer_lcm::scene_description_t>(
         protocol::kSceneChannel, [this](const torquer_lcm::scene_description_t& scene) {
           steering_.Add(scene);
+          for (const std::string& topic : health_topics_.Add(scene)) server_.Forget(topic);
           server_.ShowText("scene", SceneText(scene));
         });
     bus_.Subscribe<torquer_lcm::readings_t>(protocol::kReadingsChannel,
@@ -105,17 +107,22 @@ class Viewer {
       bus_.Subscribe<torquer_lcm::instrument_command_t>(
           protocol::kInstrumentCommandChannel,
           [this](const torquer_lcm::instrument_command_t& command) {
+            if (!health_topics_.HasInstrument(command.instrument)) return;
+            if (hands_.size() >= kMostHands && !hands_.contains(command.instrument)) hands_.clear();
             hands_[command.instrument] = {command.flags, bus::MonotonicUs()};
-            if (hands_.size() > kMostHands) hands_.clear();
           },
           kQueue);
     }
-    bus_.Subscribe<torquer_lcm::health_t>(
-        protocol::kHealthChannel, [this](const torquer_lcm::health_t& health) {
-          if (health.process == "viewer") return;
-          server_.ShowText("health/" + health.process + "/" + health.instrument,
-                           HealthText(health));
-        });
+    bus_.Subscribe<torquer_lcm::health_t>(protocol::kHealthChannel,
+                                          [this](const torquer_lcm::health_t& health) {
+                                            if (health.process == "viewer") return;
+                                            const std::string topic = HealthTopics::TopicOf(health);
+                                            if (health_topics_.Needs(health)) {
+                                              server_.ShowText(topic, HealthText(health));
+                                            } else {
+                                              server_.ShowPassingText(topic, HealthText(health));
+                                            }
+                                          });
   }
 
   bool Take(PageId page, std::span<const std::uint8_t> message) {
@@ -274,6 +281,7 @@ class Viewer {
   const std::atomic<bool>& stop_;
   bus::HealthReporter health_;
   Steering steering_;
+  HealthTopics health_topics_;
   std::optional<torquer_lcm::wire_state_t> state_;
   std::optional<torquer_lcm::wire_forces_t> forces_;
   struct Hand {

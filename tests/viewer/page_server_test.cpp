@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "host/viewer/page_files.h"
+#include "host/viewer/shown_topics.h"
 #include "tests/support/raw_client.h"
 #include "tests/support/sanitizer.h"
 #include "tests/viewer/served_page.h"
@@ -173,16 +174,132 @@ TEST_CASE("Pages and connections beyond the limits are refused, and those before
     REQUIRE(clients.back()->Upgrade(served.Bus(), served.host, served.Origin()));
   }
   CHECK_FALSE(RawClient(served.port).Upgrade(served.Bus(), served.host, served.Origin()));
-  // Clients that say nothing.
-  std::vector<std::unique_ptr<RawClient>> idle;
-  for (int i = 0; i < PageServer::kMostConnections; ++i) {
-    idle.push_back(std::make_unique<RawClient>(served.port));
-  }
-  CHECK(idle.back()->Closed());
   clients.front()->SendFrame(2, "1234");
   CHECK(Served::Soon([&] { return served.received == 1; }));
-  idle.clear();
-  CHECK(Served::Soon([&] { return served.Get("/" + kToken + "/") == 200; }));
+  CHECK(served.Get("/" + kToken + "/") == 200);
+}
+
+TEST_CASE("Silent connections keep nobody out who knows the token, and the oldest goes first") {
+  const Served served;
+  std::vector<std::unique_ptr<RawClient>> silent;
+  const auto add_silent = [&] {
+    for (int i = 0; i < 100; ++i) silent.push_back(std::make_unique<RawClient>(served.port));
+  };
+  add_silent();
+  CHECK(silent.front()->Closed());
+  CHECK(served.Get("/" + kToken + "/") == 200);
+  RawClient page(served.port);
+  REQUIRE(page.Upgrade(served.Bus(), served.host, served.Origin()));
+  add_silent();
+  CHECK(served.Get("/" + kToken + "/") == 200);
+  page.SendFrame(2, "1234");
+  CHECK(Served::Soon([&] { return served.received == 1; }));
+  // None of them is waited for long.
+  CHECK(silent.back()->Closed());
+}
+
+namespace {
+
+// A page that sends the same again and again, in its own thread.
+class Flood {
+ public:
+  // `first` and `then`: the first byte of the first frame, and of the others.
+  Flood(const Served& served, int first, int then, const std::string& content)
+      : client_(served.port) {
+    REQUIRE(client_.Upgrade(served.Bus(), served.host, served.Origin()));
+    client_.Send(Frame(first, content));
+    std::string frames;
+    for (int i = 0; i < 2000; ++i) frames += Frame(then, content);
+    thread_ = std::thread([this, frames] {
+      while (client_.Send(frames)) ++sent;
+    });
+  }
+  ~Flood() {
+    client_.Finish();
+    thread_.join();
+  }
+  Flood(const Flood&) = delete;
+  Flood& operator=(const Flood&) = delete;
+
+  RawClient& client() { return client_; }
+
+  std::atomic<int> sent = 0;
+
+ private:
+  static std::string Frame(int first, const std::string& content) {
+    std::string frame(1, static_cast<char>(first));
+    frame += static_cast<char>(0x80 | content.size());
+    return frame + std::string(4, '\0') + content;
+  }
+
+  RawClient client_;
+  std::thread thread_;
+};
+
+// Shows a state when the page that reads has the one before.
+class Lockstep {
+ public:
+  Lockstep()
+      : served([this](PageServer& server) {
+          if (seen_ == shown_) server.ShowBytes("state", std::to_string(++shown_));
+        }),
+        page_(served.port) {
+    REQUIRE(page_.Upgrade(served.Bus(), served.host, served.Origin()));
+  }
+  // Reads so many states; false when one does not come.
+  bool Read(int states) {
+    for (; states > 0; --states) {
+      const auto state = page_.Next();
+      if (!state) return false;
+      seen_ = std::stoi(state->content);
+    }
+    return true;
+  }
+
+ private:
+  std::atomic<int> shown_ = 0;
+  std::atomic<int> seen_ = 0;
+
+ public:
+  Served served;
+
+ private:
+  RawClient page_;
+};
+
+}  // namespace
+
+TEST_CASE("A page that sends messages or pings without end is cut off with the reason") {
+  const auto [first, content] =
+      GENERATE(table<int, std::string>({{0x82, "1234"}, {0x89, ""}, {0x8a, "x"}}));
+  CAPTURE(first);
+  Lockstep good;
+  Flood flood(good.served, first, first, content);
+  CHECK(good.Read(300));
+  CHECK(Served::Soon([&] { return good.served.pages == 1; }));
+  int answers = 0;
+  std::string reason;
+  while (const auto message = flood.client().Next()) {
+    answers += message->opcode == 10;
+    if (message->opcode == 8) reason = message->content.substr(2);
+  }
+  CHECK(reason == "more than 400 messages a second");
+  CHECK(answers <= PageServer::kMostMessagesPerS);
+  CHECK(good.served.received <= PageServer::kMostMessagesPerS);
+  CHECK(good.Read(10));
+}
+
+TEST_CASE("A message without end waits with the page that sends it, and another page goes on") {
+  Lockstep good;
+  Flood flood(good.served, 0x02, 0x00, "");
+  // It is read so slowly that its sender waits while the other page gets its states.
+  bool waits = false;
+  for (int k = 0; k < 200 && !waits; ++k) {
+    const int before = flood.sent;
+    REQUIRE(good.Read(50));
+    waits = flood.sent == before;
+  }
+  CHECK(waits);
 }
 
 TEST_CASE("A slow page misses old states, never the newest, and harms nobody") {
@@ -235,13 +352,14 @@ TEST_CASE("A page that comes late gets what was shown last") {
     if (done.exchange(true)) return;
     server.ShowText("scene", "first");
     server.ShowText("scene", "second");
-    for (int i = 0; i < 1000; ++i) server.ShowText("topic " + std::to_string(i), "x");
+    for (int i = 0; i < 1000; ++i) server.ShowPassingText("topic " + std::to_string(i), "x");
   });
+  constexpr std::size_t kShown = 1 + ShownTopics::kMostPassing;
   REQUIRE(Served::Soon([&] { return done.load(); }));
   RawClient client(served.port);
   REQUIRE(client.Upgrade(served.Bus(), served.host, served.Origin()));
   int second = 0;
-  for (std::size_t i = 0; i < PageServer::kMostTopics; ++i) {
+  for (std::size_t i = 0; i < kShown; ++i) {
     const auto message = client.Next();
     REQUIRE(message);
     second += message->content == "second";
@@ -253,7 +371,7 @@ TEST_CASE("A page that comes late gets what was shown last") {
   REQUIRE(Served::Soon([&] { return !forget; }));
   RawClient later(served.port);
   REQUIRE(later.Upgrade(served.Bus(), served.host, served.Origin()));
-  for (std::size_t i = 1; i < PageServer::kMostTopics; ++i) {
+  for (std::size_t i = 1; i < kShown; ++i) {
     const auto message = later.Next();
     REQUIRE(message);
     CHECK(message->content != "second");

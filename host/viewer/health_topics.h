@@ -1,0 +1,30 @@
+// Which processes a session needs, of all that report their health on the bus. No I/O.
+#pragma once
+
+#include <string>
+#include <torquer_lcm/health_t.hpp>
+#include <torquer_lcm/scene_description_t.hpp>
+#include <vector>
+
+namespace torquer::viewer {
+
+/// A name on the bus may be anybody's choice. A session's own are the simulator, the emulator, and
+/// a daemon for each instrument of the scene.
+class HealthTopics {
+ public:
+  static constexpr std::size_t kMostInstruments = 16;
+
+  /// Returns the topics of instruments that the scene has no more.
+  std::vector<std::string> Add(const torquer_lcm::scene_description_t& scene);
+  /// Whether the session needs this process.
+  bool Needs(const torquer_lcm::health_t& health) const;
+  /// Whether the scene has this instrument; any before a scene is known.
+  bool HasInstrument(const std::string& name) const;
+
+  static std::string TopicOf(const torquer_lcm::health_t& health);
+
+ private:
+  std::vector<std::string> instruments_;
+};
+
+}  // namespace torquer::viewer

@@ -1,0 +1,49 @@
+// Who is let in, what a page may send, and what it is told when it may not. No I/O, no clock.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace torquer::viewer {
+
+/// What a request says of itself.
+struct Visitor {
+  std::string_view method;
+  std::string_view target;
+  std::size_t hosts = 0;  ///< how often it names one
+  std::string_view host;
+  std::size_t origins = 0;
+  std::string_view origin;
+  bool upgrade = false;  ///< it asks for a WebSocket
+};
+
+/// Lets in who knows the token, and names this machine's loopback and this server alone.
+struct Door {
+  std::string token;
+  std::vector<std::string> hosts;  ///< that are this server
+
+  struct Answer {
+    unsigned status = 200;  ///< of HTTP
+    std::string name;       ///< what is asked for below the token's folder
+  };
+  Answer Open(const Visitor& visitor) const;
+};
+
+/// Counts what a page sends in a second.
+class MessageRate {
+ public:
+  /// Whether one more is within `most` a second.
+  bool Take(int most, std::chrono::steady_clock::time_point now);
+
+ private:
+  std::chrono::steady_clock::time_point since_{};
+  int messages_ = 0;
+};
+
+/// The WebSocket's last frame: the page has broken a rule, named by at most 100 letters.
+std::string CloseFrame(std::string_view reason);
+
+}  // namespace torquer::viewer

@@ -1,0 +1,42 @@
+// What pages are shown: of each topic the newest message. No I/O, no clock.
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace torquer::viewer {
+
+struct PageMessage {
+  std::string content;
+  bool text = false;
+};
+using SharedPageMessage = std::shared_ptr<const PageMessage>;
+
+/// Topics that the program names itself always have a place. Topics whose names others choose
+/// (processes on the bus) pass: kMostPassing of them have a place, and one that is not shown again
+/// for kPassingTime is forgotten. So they crowd out each other and nothing else.
+class ShownTopics {
+ public:
+  using Time = std::chrono::steady_clock::time_point;
+  static constexpr std::size_t kMostPassing = 16;
+  static constexpr std::chrono::seconds kPassingTime{10};
+
+  void Show(const std::string& topic, SharedPageMessage message);
+  /// When there is no place the topic that was shown longest ago goes. Returns those that went.
+  std::vector<std::string> ShowPassing(const std::string& topic, SharedPageMessage message,
+                                       Time now);
+  /// Forgets passing topics that are too old, and returns them.
+  std::vector<std::string> Expire(Time now);
+  void Forget(const std::string& topic);
+
+  const std::map<std::string, SharedPageMessage>& newest() const { return newest_; }
+
+ private:
+  std::map<std::string, SharedPageMessage> newest_;
+  std::map<std::string, Time> passing_;  // when each was shown
+};
+
+}  // namespace torquer::viewer
