@@ -36,6 +36,7 @@ constexpr double kFarthest = 1e5;
 // What was received on the bus about an instrument.
 struct Heard {
   std::optional<torquer_lcm::instrument_state_t> state;
+  std::string others;  // instruments of a simulator that does not have this one
   bool commanded = false;
 };
 
@@ -44,12 +45,14 @@ struct Heard {
 Heard ListenFor(const std::string& instrument, const std::string& url) {
   Heard heard;
   bus::Bus listener(url);
-  listener.Subscribe<torquer_lcm::wire_state_t>(protocol::kWireStateChannel,
-                                                [&](const torquer_lcm::wire_state_t& state) {
-                                                  for (const auto& one : state.instruments) {
-                                                    if (one.name == instrument) heard.state = one;
-                                                  }
-                                                });
+  listener.Subscribe<torquer_lcm::wire_state_t>(
+      protocol::kWireStateChannel, [&](const torquer_lcm::wire_state_t& state) {
+        heard.others.clear();
+        for (const auto& one : state.instruments) {
+          if (one.name == instrument) heard.state = one;
+          heard.others += (heard.others.empty() ? "" : ", ") + one.name;
+        }
+      });
   listener.Subscribe<torquer_lcm::instrument_command_t>(
       protocol::kInstrumentCommandChannel, [&](const torquer_lcm::instrument_command_t& command) {
         if (command.instrument == instrument) heard.commanded = true;
@@ -98,6 +101,12 @@ void Daemon::TakeUpPosition() {
         "the instrument '{}' already gets commands on the bus at {}, from another "
         "machine or a log player; stop that, or choose another --instrument or --lcm-url",
         options_.instrument, bus_.url()));
+  }
+  if (!heard.state && !heard.others.empty()) {
+    throw UserError(fmt::format(
+        "the scene that runs on the bus at {} has no instrument '{}'; it has {}: give one of these "
+        "with --instrument, or choose another --lcm-url",
+        bus_.url(), options_.instrument, Printable(heard.others)));
   }
   Pose start = previous ? previous->pose : Pose{};
   std::string from = previous ? "the previous daemon" : "";
@@ -213,7 +222,8 @@ void Daemon::Take(const device::SourceEvent& event) {
   std::string claimed = event.text + " " + serial;
   if (claimed != claimed_) {
     device_claim_.reset();
-    device_claim_.emplace(DeviceClaimName(claimed), fmt::format("the device '{}'", serial));
+    device_claim_.emplace(DeviceClaimName(claimed),
+                          bus::ClaimWords{.what = fmt::format("the device '{}'", serial)});
     claimed_ = std::move(claimed);
   }
   if (serial != device_) {

@@ -84,7 +84,7 @@ class Daemon {
   bus::HealthReporter health_;
   ServiceManager service_manager_;
   InstrumentClaim instrument_claim_;
-  std::optional<Claim> device_claim_;
+  std::optional<bus::Claim> device_claim_;
   std::string claimed_;  // address and serial number of the device that it is for
   std::optional<Pipeline> pipeline_;
   SensorImage sensor_image_;

@@ -35,7 +35,7 @@ std::string LineOf(const device::UsbListing& device) {
   std::string status = device.permitted ? CalibrationOf(device.serial)
                                         : fmt::format("may not be opened by this user; {}",
                                                       device::kPermissionRemedy);
-  const auto user = ClaimHolder(DeviceClaimName(device.address + " " + device.serial));
+  const auto user = bus::ClaimHolder(DeviceClaimName(device.address + " " + device.serial));
   if (user) status += fmt::format("  read by process {}", *user);
   return fmt::format("  {}  firmware {}  {}  {}\n", serial, device.version, device.path, status);
 }

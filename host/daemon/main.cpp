@@ -123,7 +123,7 @@ void PrintStatistics(const torquer::daemon::Daemon& daemon) {
 }
 
 int SendHome(const Arguments& arguments) {
-  if (!torquer::daemon::SignalClaimHolder(
+  if (!torquer::bus::SignalClaimHolder(
           torquer::daemon::InstrumentClaimName(arguments.instrument, arguments.lcm_url), SIGUSR1)) {
     throw UserError(fmt::format(
         "no torquer-daemon of yours drives the instrument '{}' on this bus; give the --instrument "

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "host/bus/clock.h"
+#include "host/support/printable_text.h"
 #include "protocol/lcm_channels.h"
 
 namespace torquer::simulator {
@@ -58,6 +59,7 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
                                   [&](const auto& i) { return i.name == message.instrument; });
   if (found == all.end()) {
     ++unknown_;
+    SayUnknown(message.instrument, sender, now_us);
     return;
   }
   const int k = static_cast<int>(found - all.begin());
@@ -179,6 +181,25 @@ void LiveCommands::Refuse(Source& source, Refusal kind, std::int64_t now_us,
   if (named_us != 0 && now_us - named_us < kNameRefusalsEveryUs) return;
   named_us = now_us;
   Say(what);
+}
+
+// A few names a minute: anybody may make them up.
+void LiveCommands::SayUnknown(const std::string& instrument, const bus::Sender& sender,
+                              std::int64_t now_us) {
+  constexpr std::size_t kMostNames = 4;
+  if (now_us - unknown_named_us_ >= kNameRefusalsEveryUs) {
+    unknown_named_.clear();
+    unknown_named_us_ = now_us;
+  }
+  if (unknown_named_.size() >= kMostNames || !unknown_named_.insert(instrument).second) return;
+  std::string has;
+  for (const effects::Instrument& one : simulation_.scene().instruments()) {
+    has += (has.empty() ? "" : ", ") + one.name;
+  }
+  Say(fmt::format(
+      "commands for '{}' from {} move nothing: the scene {} has no such instrument; it "
+      "has {}",
+      Printable(instrument, 40), bus::Describe(sender), simulation_.scene().name(), has));
 }
 
 void LiveCommands::Say(const std::string& what) { news_ += news_.empty() ? what : "; " + what; }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <torquer_lcm/imaging_command_t.hpp>
 #include <torquer_lcm/instrument_command_t.hpp>
@@ -77,6 +78,7 @@ class LiveCommands {
   bool Accepts(Source& source, const std::string& what, std::int64_t sequence,
                const bus::Sender& sender, std::int64_t now_us);
   void Refuse(Source& source, Refusal kind, std::int64_t now_us, const std::string& what);
+  void SayUnknown(const std::string& instrument, const bus::Sender& sender, std::int64_t now_us);
   void Say(const std::string& what);
   void Combine();
 
@@ -88,6 +90,8 @@ class LiveCommands {
   Source imaging_;
   std::int64_t taken_ = 0;
   std::int64_t unknown_ = 0;
+  std::set<std::string> unknown_named_;  // instruments, in this minute
+  std::int64_t unknown_named_us_ = 0;
   std::int64_t refusals_[kRefusals] = {};
   std::int64_t sent_us_ = 0;
   bool fresh_ = false;

@@ -66,10 +66,15 @@ std::string StatusWords(std::int32_t status) {
 
 void LiveStatus::Add(const torquer_lcm::device_sample_t&) { ++samples_; }
 
-void LiveStatus::Add(const torquer_lcm::scene_description_t& scene) { scene_ = Name(scene.name); }
+void LiveStatus::Add(const torquer_lcm::scene_description_t& scene, const bus::Sender& sender) {
+  scene_ = Name(scene.name);
+  simulators_.Scene(sender, scene.name);
+}
 
-void LiveStatus::Add(const torquer_lcm::wire_state_t& state, std::int64_t now_us) {
+void LiveStatus::Add(const torquer_lcm::wire_state_t& state, const bus::Sender& sender,
+                     std::int64_t now_us) {
   ++states_;
+  simulators_.State(sender, now_us);
   state_heard_us_ = now_us;
   max_penetration_um_ = std::max(max_penetration_um_, state.max_penetration_um);
   state_ = state;
@@ -94,9 +99,13 @@ void LiveStatus::Add(const torquer_lcm::wire_state_t& state, std::int64_t now_us
 std::string LiveStatus::Add(const torquer_lcm::health_t& health, std::int64_t now_us) {
   if (health.process == "daemon") {
     if (daemons_.size() >= kMostShown && !daemons_.contains(health.instrument)) {
-      daemons_.erase(std::min_element(
-          daemons_.begin(), daemons_.end(),
-          [](const auto& a, const auto& b) { return a.second.heard_us < b.second.heard_us; }));
+      daemons_.erase(
+          std::min_element(daemons_.begin(), daemons_.end(), [this](const auto& a, const auto& b) {
+            const auto rank = [this](const auto& one) {
+              return std::pair(state_ && HasInstrument(one.first), one.second.heard_us);
+            };
+            return rank(a) < rank(b);
+          }));
     }
     Daemon& daemon = daemons_[health.instrument];
     daemon.state = Name(health.state);
@@ -113,17 +122,30 @@ std::string LiveStatus::Add(const torquer_lcm::health_t& health, std::int64_t no
                      Name(health.state), Printable(health.message));
 }
 
+// Any before a state is known.
+bool LiveStatus::HasInstrument(const std::string& name) const {
+  return !state_ || std::any_of(state_->instruments.begin(), state_->instruments.end(),
+                                [&](const auto& instrument) { return instrument.name == name; });
+}
+
 std::string LiveStatus::Devices(std::int64_t now_us) const {
-  const auto state = [now_us](const Daemon& daemon) {
-    return now_us - daemon.heard_us < kHealthOldUs ? daemon.state
+  const auto state = [&](const std::string& instrument, const Daemon& daemon) {
+    const std::string lacking = HasInstrument(instrument) || instrument.empty()
+                                    ? ""
+                                    : ", an instrument that the scene does not have";
+    return now_us - daemon.heard_us < kHealthOldUs ? daemon.state + lacking
                                                    : "silent for " + Age(daemon.heard_us, now_us);
   };
   if (daemons_.empty()) return "device no daemon";
-  if (daemons_.size() == 1) return "device " + state(daemons_.begin()->second);
+  const auto& [first, only] = *daemons_.begin();
+  if (daemons_.size() == 1) {
+    return "device " + (HasInstrument(first) || first.empty() ? "" : Name(first) + " ") +
+           state(first, only);
+  }
   std::string text;
   for (const auto& [instrument, daemon] : daemons_) {
-    text +=
-        fmt::format("{} {} {}", text.empty() ? "devices" : ",", Name(instrument), state(daemon));
+    text += fmt::format("{} {} {}", text.empty() ? "devices" : ",", Name(instrument),
+                        state(instrument, daemon));
   }
   return text;
 }
@@ -170,7 +192,8 @@ std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
 
 std::string LiveStatus::Line(double interval_s, std::int64_t now_us) {
   // First what matters most: a narrow terminal cuts the end off.
-  std::string line = scene_ + Instruments(now_us);
+  const std::string conflict = simulators_.Conflict(now_us);
+  std::string line = (conflict.empty() ? scene_ : conflict) + Instruments(now_us);
   std::int64_t lost = 0;
   for (const auto& [instrument, daemon] : daemons_) lost += daemon.reports_lost;
   line += fmt::format(" | {} | {:.0f} reports/s, {} lost | {:.0f} states/s, {}", Devices(now_us),

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "host/bus/sender.h"
+#include "host/bus/simulators_heard.h"
 #include "torquer_lcm/device_sample_t.hpp"
 #include "torquer_lcm/health_t.hpp"
 #include "torquer_lcm/readings_t.hpp"
@@ -28,8 +30,8 @@ class LiveStatus {
   explicit LiveStatus(std::int64_t clock_id) : clock_id_(clock_id) {}
 
   void Add(const torquer_lcm::device_sample_t& sample);
-  void Add(const torquer_lcm::wire_state_t& state, std::int64_t now_us);
-  void Add(const torquer_lcm::scene_description_t& scene);
+  void Add(const torquer_lcm::wire_state_t& state, const bus::Sender& sender, std::int64_t now_us);
+  void Add(const torquer_lcm::scene_description_t& scene, const bus::Sender& sender);
   /// A line about what has changed, or "".
   std::string Add(const torquer_lcm::health_t& health, std::int64_t now_us);
   /// The same: a new event of the wall force, or that the target was reached.
@@ -43,7 +45,7 @@ class LiveStatus {
   /// A state is published five times a second at least, health once a second.
   static constexpr std::int64_t kStateOldUs = 1'000'000;
   static constexpr std::int64_t kHealthOldUs = 2'500'000;
-  /// Most daemons and instruments that are shown.
+  /// Most daemons and instruments that are shown. A daemon of an instrument of the scene goes last.
   static constexpr std::size_t kMostShown = 16;
 
  private:
@@ -53,11 +55,13 @@ class LiveStatus {
     std::int64_t heard_us = 0;
   };
 
+  bool HasInstrument(const std::string& name) const;
   std::string Devices(std::int64_t now_us) const;
   std::string Instruments(std::int64_t now_us) const;
 
   std::int64_t clock_id_;
   std::string scene_ = "no scene";
+  bus::SimulatorsHeard simulators_;
   std::map<std::string, Daemon> daemons_;  // by instrument
   std::int64_t samples_ = 0;
   std::int64_t states_ = 0;

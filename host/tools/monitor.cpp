@@ -48,11 +48,15 @@ int Run(const std::string& url, std::optional<double> duration_s) {
   bus.Subscribe<torquer_lcm::device_sample_t>(
       torquer::protocol::kDeviceSampleChannel, [&](const auto& message) { status.Add(message); },
       0);
-  bus.Subscribe<torquer_lcm::wire_state_t>(
+  bus.SubscribeWithArrival<torquer_lcm::wire_state_t>(
       torquer::protocol::kWireStateChannel,
-      [&](const auto& message) { status.Add(message, torquer::bus::MonotonicUs()); }, 0);
-  bus.Subscribe<torquer_lcm::scene_description_t>(
-      torquer::protocol::kSceneChannel, [&](const auto& message) { status.Add(message); });
+      [&](const auto& message, const auto& arrival) {
+        status.Add(message, arrival.sender, torquer::bus::MonotonicUs());
+      },
+      0);
+  bus.SubscribeWithArrival<torquer_lcm::scene_description_t>(
+      torquer::protocol::kSceneChannel,
+      [&](const auto& message, const auto& arrival) { status.Add(message, arrival.sender); });
   bus.Subscribe<torquer_lcm::readings_t>(torquer::protocol::kReadingsChannel,
                                          [&](const auto& message) {
                                            const std::string news = status.Add(message);

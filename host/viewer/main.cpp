@@ -17,6 +17,7 @@
 #include "host/support/stop_signal.h"
 #include "host/viewer/listening_socket.h"
 #include "host/viewer/page_token.h"
+#include "host/viewer/sole_hand.h"
 #include "host/viewer/viewer.h"
 
 namespace {
@@ -74,6 +75,8 @@ int Run(const Arguments& arguments) {
   const std::string token = arguments.token_file.empty() ? viewer::RandomToken()
                                                          : viewer::KeptToken(arguments.token_file);
   torquer::bus::Bus bus(arguments.url);
+  std::optional<viewer::SoleHand> sole;
+  if (arguments.steer) sole.emplace(bus.url());
   std::optional<torquer::scene::Scene> scene;
   if (!arguments.scene.empty()) scene.emplace(arguments.scene);
   std::optional<viewer::CaseStation> station;

@@ -14,6 +14,7 @@
 
 #include "host/bus/clock.h"
 #include "host/bus/health_reporter.h"
+#include "host/bus/simulators_heard.h"
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
 #include "host/viewer/health_topics.h"
@@ -71,9 +72,10 @@ class Viewer {
 
  private:
   void Subscribe() {
-    bus_.Subscribe<torquer_lcm::wire_state_t>(
+    bus_.SubscribeWithArrival<torquer_lcm::wire_state_t>(
         protocol::kWireStateChannel,
-        [this](const torquer_lcm::wire_state_t& state) {
+        [this](const torquer_lcm::wire_state_t& state, const bus::Arrival& arrival) {
+          simulators_.State(arrival.sender, bus::MonotonicUs());
           steering_.Add(state);
           state_ = state;
           state_is_new_ = true;
@@ -92,8 +94,10 @@ class Viewer {
         protocol::kLateralPictureChannel, [this](const torquer_lcm::picture_t& picture) {
           server_.ShowBytes("picture/lateral", PictureFrame(picture, true));
         });
-    bus_.Subscribe<torquer_lcm::scene_description_t>(
-        protocol::kSceneChannel, [this](const torquer_lcm::scene_description_t& scene) {
+    bus_.SubscribeWithArrival<torquer_lcm::scene_description_t>(
+        protocol::kSceneChannel,
+        [this](const torquer_lcm::scene_description_t& scene, const bus::Arrival& arrival) {
+          simulators_.Scene(arrival.sender, scene.name);
           steering_.Add(scene);
           for (const std::string& topic : health_topics_.Add(scene)) server_.Forget(topic);
           server_.ShowText("scene", SceneText(scene));
@@ -260,6 +264,7 @@ class Viewer {
                         {"magnification", imaging.magnification},
                         {"shutters", {imaging.left, imaging.right, imaging.top, imaging.bottom}},
                         {"hands", Hands(now_us)},
+                        {"problem", simulators_.Conflict(now_us)},
                         {"states_per_s", states_ / passed_s}})
             .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
     states_ = 0;
@@ -282,6 +287,7 @@ class Viewer {
   bus::HealthReporter health_;
   Steering steering_;
   HealthTopics health_topics_;
+  bus::SimulatorsHeard simulators_;
   std::optional<torquer_lcm::wire_state_t> state_;
   std::optional<torquer_lcm::wire_forces_t> forces_;
   struct Hand {

@@ -52,16 +52,17 @@ bool Accepts(std::span<const std::uint8_t> input) {
     if (packet.empty()) continue;
     const auto bytes = packet.subspan(1);
     const auto add = [&](const auto& message) { status.Add(message); };
-    const auto add_timed = [&](const auto& message) { status.Add(message, now_us); };
+    // Of more simulators than it names.
+    const bus::Sender sender{0x7f000001, static_cast<std::uint16_t>(now_us / 100'000 % 7)};
     switch (packet[0] % std::size(kTypes)) {
       case 0:
         any |= Give<device_sample_t>(bytes, add);
         break;
       case 1:
-        any |= Give<wire_state_t>(bytes, add_timed);
+        any |= Give<wire_state_t>(bytes, [&](const auto& m) { status.Add(m, sender, now_us); });
         break;
       case 2:
-        any |= Give<scene_description_t>(bytes, add);
+        any |= Give<scene_description_t>(bytes, [&](const auto& m) { status.Add(m, sender); });
         break;
       case 3:
         any |= Give<health_t>(bytes, [&](const auto& m) { MustBeText(status.Add(m, now_us)); });

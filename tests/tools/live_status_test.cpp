@@ -9,6 +9,7 @@ using namespace torquer;
 namespace {
 
 constexpr std::int64_t kNowUs = 9'000'000;
+constexpr bus::Sender kSender{0x7f000001, 4000};
 
 torquer_lcm::wire_state_t State(std::int64_t command_sequence, double latency_ms) {
   torquer_lcm::wire_state_t state{};
@@ -33,12 +34,12 @@ TEST_CASE("The line has place, status, device, rates, latency, residual and pene
   tools::LiveStatus status(7);
   torquer_lcm::scene_description_t scene{};
   scene.name = "arch";
-  status.Add(scene);
+  status.Add(scene, kSender);
   for (int i = 0; i < 500; ++i) status.Add(torquer_lcm::device_sample_t{});
-  status.Add(State(0, 1), kNowUs);
-  status.Add(State(1, 2), kNowUs);
-  status.Add(State(2, 9), kNowUs);
-  status.Add(State(2, 50), kNowUs);  // shows no new command
+  status.Add(State(0, 1), kSender, kNowUs);
+  status.Add(State(1, 2), kSender, kNowUs);
+  status.Add(State(2, 9), kSender, kNowUs);
+  status.Add(State(2, 50), kSender, kNowUs);  // shows no new command
   torquer_lcm::health_t health{};
   health.process = "daemon";
   health.state = "running";
@@ -59,13 +60,13 @@ TEST_CASE("The line has place, status, device, rates, latency, residual and pene
 
 TEST_CASE("Latency by another machine's clock is left out") {
   tools::LiveStatus status(8);
-  status.Add(State(0, 1), kNowUs);
+  status.Add(State(0, 1), kSender, kNowUs);
   CHECK_THAT(status.Line(1, kNowUs), Catch::Contains("latency -"));
 }
 
 TEST_CASE("Events of the wall force are news once, and the force stands in the line") {
   tools::LiveStatus status(7);
-  status.Add(State(0, 1), kNowUs);
+  status.Add(State(0, 1), kSender, kNowUs);
   torquer_lcm::readings_t readings{};
   readings.names = {"wall_force_largest_mN", "wall_force_sum_mN",
                     "wall_force_events",     "wall_force_largest_ever_mN",
@@ -104,10 +105,10 @@ TEST_CASE("Every instrument stands in the line, each with a latency") {
   catheter.rotation_rad = -0.5235988;
   state.instruments.push_back(catheter);
   state.instrument_count = 2;
-  status.Add(state, kNowUs);
+  status.Add(state, kSender, kNowUs);
   // In this one only the catheter's command is new.
   state.instruments[1].command_sequence = 5;
-  status.Add(state, kNowUs);
+  status.Add(state, kSender, kNowUs);
   const std::string line = status.Line(1, kNowUs);
   CHECK_THAT(line,
              Catch::Contains("| guidewire 451.25 mm, +90 deg | catheter 380.00 mm, -30 deg | ok"));
@@ -149,7 +150,7 @@ TEST_CASE("What has stopped coming is shown as old, not as the present state") {
   tools::LiveStatus status(7);
   torquer_lcm::wire_state_t state = State(0, 1);
   state.status = protocol::kWireConverged;
-  status.Add(state, kNowUs);
+  status.Add(state, kSender, kNowUs);
   torquer_lcm::health_t health{};
   health.process = "daemon";
   health.instrument = "guidewire";
@@ -167,7 +168,7 @@ TEST_CASE("What has stopped coming is shown as old, not as the present state") {
   status.Add(health, kNowUs);
   CHECK_THAT(status.Line(1, kNowUs + 5'000'000),
              Catch::Contains("| devices catheter silent for 5 s, guidewire running |"));
-  status.Add(state, kNowUs + 5'000'000);
+  status.Add(state, kSender, kNowUs + 5'000'000);
   CHECK_THAT(status.Line(1, kNowUs + 5'000'000), Catch::Contains("| ok |"));
 }
 
@@ -175,13 +176,13 @@ TEST_CASE("Text and numbers of strangers do no harm") {
   tools::LiveStatus status(7);
   torquer_lcm::scene_description_t scene{};
   scene.name = "arch\x1b[2J";
-  status.Add(scene);
+  status.Add(scene, kSender);
   torquer_lcm::wire_state_t state = State(0, 1);
   state.instruments[0].name = "wire\r\n| ok";
   state.instruments[0].origin_us = INT64_MIN;
   state.publish_us = INT64_MAX;
   state.instruments.resize(1000, state.instruments[0]);
-  status.Add(state, kNowUs);
+  status.Add(state, kSender, kNowUs);
   torquer_lcm::health_t health{};
   health.process = "daemon\x07";
   health.device = "\xff";
@@ -208,4 +209,55 @@ TEST_CASE("Text and numbers of strangers do no harm") {
     REQUIRE(static_cast<unsigned char>(byte) >= 0x20);
     REQUIRE(static_cast<unsigned char>(byte) < 0x7f);
   }
+}
+
+TEST_CASE(
+    "Two simulators on one bus stand in the line with their scenes, as long as both publish") {
+  tools::LiveStatus status(7);
+  constexpr bus::Sender kOther{0x7f000001, 4001};
+  torquer_lcm::scene_description_t scene{};
+  status.Add(State(0, 1), kSender, kNowUs);
+  scene.name = "arch";
+  status.Add(scene, kSender);
+  CHECK_THAT(status.Line(1, kNowUs), Catch::StartsWith("arch | "));
+  status.Add(State(0, 1), kOther, kNowUs);
+  scene.name = "tube\n";
+  status.Add(scene, kOther);
+  CHECK_THAT(status.Line(1, kNowUs),
+             Catch::StartsWith("2 simulators publish: arch from 127.0.0.1:4000 and tube\\x0a from "
+                               "127.0.0.1:4001; stop all but one | "));
+  status.Add(State(0, 1), kOther, kNowUs + 2'000'000);
+  CHECK_THAT(status.Line(1, kNowUs + 2'000'000), Catch::StartsWith("tube\\x0a | "));
+  // Made-up senders.
+  for (std::uint16_t port = 0; port < 1000; ++port) {
+    status.Add(State(0, 1), {0x7f000001, port}, kNowUs + 2'000'000);
+  }
+  const std::string line = status.Line(1, kNowUs + 2'000'000);
+  CHECK_THAT(line, Catch::StartsWith("4 simulators publish: "));
+  CHECK(line.size() < 600);
+}
+
+TEST_CASE(
+    "A daemon whose instrument the scene does not have is named so, and crowds out no other") {
+  tools::LiveStatus status(7);
+  torquer_lcm::health_t health{};
+  health.process = "daemon";
+  health.state = "running";
+  health.instrument = "cathteter";
+  status.Add(health, kNowUs);
+  CHECK_THAT(status.Line(1, kNowUs), Catch::Contains("| device running |"));
+  status.Add(State(0, 1), kSender, kNowUs);
+  CHECK_THAT(status.Line(1, kNowUs),
+             Catch::Contains("| device cathteter running, an instrument that the scene does not "
+                             "have |"));
+  health.instrument = "guidewire";
+  status.Add(health, kNowUs);
+  CHECK_THAT(status.Line(1, kNowUs),
+             Catch::Contains("| devices cathteter running, an instrument that the scene does not "
+                             "have, guidewire running |"));
+  for (int k = 0; k < 100; ++k) {
+    health.instrument = "made-up " + std::to_string(k);
+    status.Add(health, kNowUs + k);
+  }
+  CHECK_THAT(status.Line(1, kNowUs + 100), Catch::Contains("guidewire running"));
 }

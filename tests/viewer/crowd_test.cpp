@@ -66,6 +66,8 @@ class ViewedBus {
       torquer_lcm::instrument_command_t command{};
       command.instrument = "made-up " + number;
       sender.Publish(torquer::protocol::kInstrumentCommandChannel, command);
+      // More would not fit into the viewer's queue.
+      if (k % 5 == 4) std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
   }
   void RunSession() {

@@ -19,6 +19,7 @@
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/session_record.h"
 #include "host/simulator/simulation.h"
+#include "host/simulator/sole_simulator.h"
 #include "host/simulator/vessel/mesh_check.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/mesh_picture.h"
@@ -68,6 +69,7 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
          bool realtime, bool json) {
   if (realtime) torquer::EnterRealtime();  // the bus's thread too
   torquer::bus::Bus bus(url);
+  torquer::simulator::SoleSimulator sole(bus.url(), scene.name());
   torquer::simulator::EffectPrices prices(scene.names_of_effects(), NowNs);
   torquer::simulator::Simulation simulation(scene, &prices);
   std::optional<torquer::simulator::SessionRecord> record;
@@ -75,6 +77,7 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
     record.emplace(record_file, scene.path(), !simulation.Readings().empty());
   }
   const std::atomic<bool>& stop = torquer::StopOnSignal();
+  sole.Listen();
   fmt::print(stderr, "torquer-simulator: running {} on {}\n", scene.name(), bus.url());
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
   if (record) record->Finish(torquer::simulator::FormatRecord(simulation));

@@ -126,6 +126,7 @@ export interface Viewer extends Imaging {
   contrast: boolean;
   hands: Hand[]; // of devices; a page that steers has none
   states_per_s: number;
+  problem?: string; // simulators that are in each other's way
 }
 
 /** What a device says of its hand. */

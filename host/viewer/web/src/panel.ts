@@ -5,6 +5,7 @@ import { type Health, type Readings, type Scene, STATUS, type Viewer, type WireS
 import { type Figure, History } from "./history.js";
 
 const OLD_MS = 2500; // health comes once a second
+const MOST_OTHERS = 16;
 const DEG = 180 / Math.PI;
 const FIGURES = {
   rate: { title: "States", unit: " /s", shown: (value) => value.toFixed(0) },
@@ -76,7 +77,23 @@ export class Panel {
   }
 
   setHealth(health: Health, nowMs: number): void {
-    this.processes.set(`${health.process} ${health.instrument}`, { health, heardMs: nowMs });
+    this.processes.set(`${health.process}\n${health.instrument}`, { health, heardMs: nowMs });
+    // Names may be anybody's choice: of those that the session does not need the newest stay.
+    const others = [...this.processes].filter(([, { health: one }]) => !this.needs(one));
+    others.sort(([, a], [, b]) => a.heardMs - b.heardMs);
+    for (const [name] of others.slice(0, Math.max(0, others.length - MOST_OTHERS))) this.processes.delete(name);
+  }
+
+  private needs(health: Health): boolean {
+    if (health.process === "daemon") return this.lacks(health) === "";
+    return health.instrument === "" && ["simulator", "emulator"].includes(health.process);
+  }
+
+  /** Of a daemon whose instrument the scene does not have: so much in words. */
+  private lacks(health: Health): string {
+    if (health.process !== "daemon" || this.scene === null) return "";
+    const has = this.scene.instruments.some(({ name }) => name === health.instrument);
+    return has ? "" : ", an instrument that the scene does not have";
   }
 
   choose(chosen: number, steers: boolean): void {
@@ -95,7 +112,7 @@ export class Panel {
     const force = readings?.values["wall_force_largest_mN"];
     if (force !== undefined) figure("force", force);
     this.residual = this.solveUs = this.penetrationUm = 0;
-    this.showHealth(nowMs);
+    this.showHealth(viewer?.problem ?? "", nowMs);
   }
 
   /** For tests: how many values each plot has. */
@@ -117,7 +134,7 @@ export class Panel {
   /** Of the daemons the first that has no device, in words; "" where none is missing. */
   missingDevice(nowMs: number): string {
     for (const { health, heardMs } of this.processes.values()) {
-      if (health.process !== "daemon") continue;
+      if (health.process !== "daemon" || this.lacks(health) !== "") continue;
       if (nowMs - heardMs > OLD_MS) return `the daemon of the ${health.instrument} is silent`;
       if (health.state !== "running") return `${health.instrument}: ${health.state}`;
     }
@@ -134,16 +151,23 @@ export class Panel {
       .join(", ");
   }
 
-  private showHealth(nowMs: number): void {
+  private showHealth(problem: string, nowMs: number): void {
     const lines = [...this.processes.values()].map(({ health, heardMs }) => {
       const line = document.createElement("li");
       const silentS = (nowMs - heardMs) / 1000;
       const silent = !this.replays && nowMs - heardMs > OLD_MS;
       const of = health.instrument === "" ? "" : ` of the ${health.instrument}`;
-      line.textContent = `${health.process}${of}: ${silent ? `silent for ${silentS.toFixed(0)} s` : health.state}`;
-      line.dataset["level"] = silent || health.state !== "running" ? "warn" : "good";
+      line.textContent = `${health.process}${of}: ${silent ? `silent for ${silentS.toFixed(0)} s` : health.state}${this.lacks(health)}`;
+      const good = !silent && health.state === "running" && this.lacks(health) === "";
+      line.dataset["level"] = good ? "good" : "warn";
       return line;
     });
+    if (problem !== "") {
+      const line = document.createElement("li");
+      line.textContent = problem;
+      line.dataset["level"] = "warn";
+      lines.unshift(line);
+    }
     this.health.replaceChildren(...lines);
   }
 }

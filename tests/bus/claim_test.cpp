@@ -1,4 +1,4 @@
-#include "host/daemon/claim.h"
+#include "host/bus/claim.h"
 
 #include <sys/wait.h>
 #include <unistd.h>
@@ -12,9 +12,9 @@
 
 #include "tests/support/temporary_folder.h"
 
-using torquer::daemon::Claim;
-using torquer::daemon::ClaimHolder;
-using torquer::daemon::SignalClaimHolder;
+using torquer::bus::Claim;
+using torquer::bus::ClaimHolder;
+using torquer::bus::SignalClaimHolder;
 
 namespace {
 
@@ -29,7 +29,7 @@ class Holder {
     if (pid_ == 0) {
       std::signal(SIGUSR1, [](int) { _exit(7); });
       alarm(60);
-      if (!name.empty()) new Claim(name, "the claim");
+      if (!name.empty()) new Claim(name, {.what = "the claim"});
       static_cast<void>(!write(ready[1], "x", 1));
       for (;;) pause();
     }
