@@ -5,6 +5,7 @@ import csv
 import json
 import os
 import pathlib
+import shutil
 import signal
 import subprocess
 import sys
@@ -177,11 +178,14 @@ def test_a_run_that_is_killed_is_taken_up_again(study, tmp_path):
     process.communicate()
     stored = lines(out)
     assert stored < 300
-    # A line that was cut off, and a shape without its line.
+    # A line that was cut off, a shape without its line, and parts.
     with (out / "readings.jsonl").open("ab") as file:
         file.write(b'{"key": "cut')
+    with (out / "torquer-batch.jsonl").open("ab") as file:
+        file.write(json.dumps({"shape": "0" * 64}).encode() + b'\n{"sha')
     (out / "shapes" / f"{'0' * 64}.zip").write_bytes(b"half")
-    (out / "shapes" / "half.part").write_bytes(b"half")
+    for folder in (out, out / "shapes"):
+        (folder / ".torquer-batch.part").write_bytes(b"half")
     status, output, error = finish(path, out)
     assert status == 0, error
     assert output.startswith(f"{300 - stored} cases done, {stored} were stored before, 0 failed")
@@ -298,15 +302,137 @@ def test_a_script_that_makes_no_sense_is_refused(study, tmp_path, rows, said):
     assert f"moves.csv{said}" in str(refused.value) or said in str(refused.value)
 
 
+# What a user has in a folder, made of a folder of torquer-batch by name. "->" links.
+FOREIGN = {
+    "an own file": {"shapes/mine.zip": b"mine", "shapes/mine.part": b"mine"},
+    "an own table": {"readings.csv": b"mine"},
+    "results before the mark": {"readings.jsonl": b"", "lock": b""},
+    "a linked lock": {"lock": "->"},
+    "a linked shapes": {"shapes": "->"},
+    "a linked readings.jsonl": {"readings.jsonl": "->"},
+}
+CHANGED = {
+    **{f"another {name}": {name: b"mine"} for name in ("readings.csv", "failures.jsonl", "report.html")},
+    **{f"a linked {name}": {name: "->"} for name in (
+        "readings.csv", "failures.jsonl", "report.html", "readings.jsonl", "torquer-batch.jsonl", "shapes", ".torquer-batch.part",
+        "shapes/.torquer-batch.part",
+    )},
+    "a pipe": {"report.html": "pipe"},
+}
+
+
+def put(out, target, files):
+    for name, content in files.items():
+        path = out / name
+        path.parent.mkdir(exist_ok=True)
+        if path.is_dir():
+            path.rename(out.parent / f"moved-{path.name}")
+        else:
+            path.unlink(missing_ok=True)
+        if content == "->":
+            path.symlink_to(target / "folder" if name == "shapes" else target / "file")
+        elif content == "pipe":
+            os.mkfifo(path)
+        else:
+            path.write_bytes(content)
+
+
+def tree(folder):
+    """All that is there, with what it holds or links to."""
+    found = {}
+    for path in folder.rglob("*"):
+        plain = path.is_file() and not path.is_symlink()
+        found[path] = path.read_bytes() if plain else os.readlink(path) if path.is_symlink() else path.lstat().st_mode
+    return found
+
+
+@pytest.fixture
+def target(tmp_path):
+    """What links point to."""
+    folder = tmp_path / "target"
+    (folder / "folder").mkdir(parents=True)
+    (folder / "folder" / "mine.zip").write_bytes(b"mine")
+    (folder / "file").write_bytes(b"mine, without an end of line")
+    return folder
+
+
+@pytest.mark.parametrize("what", FOREIGN)
+def test_a_folder_of_the_user_is_refused_and_stays_as_it_is(study, tmp_path, target, what):
+    out = tmp_path / "out"
+    out.mkdir()
+    put(out, target, FOREIGN[what])
+    before = tree(tmp_path)
+    path = study(cases(1))
+    before[path] = path.read_bytes()
+    with pytest.raises(torquer.Error, match="no mark of torquer-batch") as refused:
+        torquer.batch.run(str(path), str(out))
+    assert str(out) in str(refused.value)
+    assert tree(tmp_path) == before
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ran")
+    (folder / "study.toml").write_text(cases(1))
+    torquer.batch.run(str(folder / "study.toml"), str(folder / "out"))
+    return folder
+
+
+@pytest.mark.parametrize("what", CHANGED)
+def test_what_a_user_put_into_results_is_refused_by_name_and_stays(ran, tmp_path, target, what):
+    out = tmp_path / "out"
+    shutil.copytree(ran / "out", out)
+    put(out, target, CHANGED[what])
+    before = tree(tmp_path)
+    with pytest.raises(torquer.Error) as refused:
+        torquer.batch.run(str(ran / "study.toml"), str(out))
+    assert str(out / next(iter(CHANGED[what]))) in str(refused.value)
+    assert tree(tmp_path) == before
+
+
+def test_files_of_a_user_beside_results_stay(ran, study, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(ran / "out", out)
+    own = {out / name: b"mine" for name in ("shapes/mine.zip", "shapes/mine.part", "lock", "notes.part", f"shapes/{'0' * 64}.zip")}
+    for path, content in own.items():
+        path.write_bytes(content)
+    assert torquer.batch.run(str(study(cases(2))), str(out)).done == 1
+    assert {path: path.read_bytes() for path in own} == own
+    # A line that an editor left without its end is whole.
+    text = (out / "readings.jsonl").read_bytes()
+    (out / "readings.jsonl").write_bytes(text[:-1])
+    assert torquer.batch.run(str(study(cases(2))), str(out)).stored_before == 2
+    assert (out / "readings.jsonl").read_bytes() == text
+    # A case whose line is removed is run again; a shape that is not recorded stays.
+    (out / "readings.jsonl").write_bytes(b"")
+    assert torquer.batch.run(str(study(cases(2))), str(out)).done == 2
+    record = out / "torquer-batch.jsonl"
+    record.write_text("".join(line for line in record.read_text().splitlines(True) if "shape" not in line))
+    (out / "readings.jsonl").write_bytes(b"")
+    with pytest.raises(torquer.Error, match="zip: is there, but not by torquer-batch; move it away"):
+        torquer.batch.run(str(study(cases(2))), str(out))
+
+
+def test_a_linked_folder_is_refused(study, tmp_path, target):
+    (tmp_path / "out").symlink_to(target / "folder")
+    before = tree(target)
+    with pytest.raises(torquer.Error, match="symbolic link to one; give the folder itself"):
+        torquer.batch.run(str(study(cases(1))), str(tmp_path / "out"))
+    assert tree(target) == before
+
+
 def test_command_line(study, tmp_path):
     out = tmp_path / "out"
     path = study(cases(2))
     status, output, _ = finish(path, out, "--json")
     assert status == 0 and json.loads(output)["done"] == 2
     assert finish(path, out, "--workers", "-1")[0] == 2
-    (tmp_path / "damaged").mkdir()
-    (tmp_path / "damaged/readings.jsonl").write_text("{}\n")
-    status, _, error = finish(path, tmp_path / "damaged")
+    with (out / "readings.jsonl").open("r+b") as file:
+        whole = file.read()
+        file.seek(0)
+        file.write(b"{}\n" + whole)
+    status, _, error = finish(path, out)
+    (out / "readings.jsonl").write_bytes(whole)
     assert status == 2 and "readings.jsonl:1: is not a line of torquer-batch" in error
     status, _, error = finish(study(cases(3)), out, "--scheduler", "tcp://127.0.0.1:1")
     assert status == 2 and "--scheduler tcp://127.0.0.1:1: " in error

@@ -1,5 +1,7 @@
 """The folder in which torquer-batch keeps what it has found.
 
+    torquer-batch.jsonl  the mark of a folder that is torquer-batch's, its lock, and the record of
+                     what is written there; only added to
     readings.jsonl   a line for each case: its key, what it is called, its readings; only added to
     shapes/KEY.zip   zarr of each case: "series" (rows, columns), and nodes of the wire
     failures.jsonl   of the last run: a line for each case that failed
@@ -7,16 +9,23 @@
 
 A case is stored when its line is: its shapes are on the disk by then. What a run that was killed
 left half-written is not stored, and is written again.
+
+The mark is written into a folder that is empty. A file is removed or written over only where the
+record has it: each shape by its key, each of the last three by the hash of its bytes. No symbolic
+link is followed: every name is opened in its folder's descriptor.
 """
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import hashlib
 import json
 import os
 import pathlib
+import stat
 import types
-from typing import Any, Dict, Iterable, List, Optional, Set, Type
+from typing import Any, Dict, Iterable, List, Optional, Set, Tuple, Type
 
 import numpy as np
 
@@ -24,28 +33,135 @@ from . import Error
 from ._batch_case import Result
 from ._batch_study import Case, need
 
+_MARK = "torquer-batch.jsonl"
+_VERSION = 1
+_LINES = "readings.jsonl"
+_FINISHED = ("readings.csv", "failures.jsonl", "report.html")
+_PART = ".torquer-batch.part"
+_FOLDER_FLAGS = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+_FILE_FLAGS = os.O_NOFOLLOW | os.O_CLOEXEC
+
 
 class Stopped(Error):
     """A run that cannot go on; what was done is stored."""
 
 
-def write_whole(path: pathlib.Path, text: str) -> None:
-    """Writes a file that is the old one or the new one at any moment."""
-    part = path.with_name(f"{path.name}.part")
-    with part.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
-    _sync(path.parent)
+class _Folder:
+    """A folder by its descriptor, whose files are opened and replaced without following links."""
+
+    def __init__(self, path: pathlib.Path, at: Optional[int] = None) -> None:
+        self.path = path
+        try:
+            self.descriptor = os.open(path if at is None else path.name, _FOLDER_FLAGS, dir_fd=at)
+        except OSError as error:
+            if error.errno in (errno.ELOOP, errno.ENOTDIR):
+                raise Error(f"{path}: is no folder, or a symbolic link to one; give the folder itself, as --out") from None
+            raise
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a file. Raises Error where the name is a link or no plain file."""
+        try:
+            mode = os.stat(name, dir_fd=self.descriptor, follow_symlinks=False).st_mode
+        except FileNotFoundError:
+            return False
+        if not stat.S_ISREG(mode):
+            kind = "a symbolic link" if stat.S_ISLNK(mode) else "no plain file"
+            raise Error(f"{self.path / name}: is {kind}, where torquer-batch writes a file; move it away")
+        return True
+
+    def append(self, name: str) -> Any:
+        """A file to read, and to add to."""
+        self.has(name)
+        flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | _FILE_FLAGS
+        return os.fdopen(os.open(name, flags, 0o666, dir_fd=self.descriptor), "r+b")
+
+    def read(self, name: str) -> bytes:
+        with os.fdopen(os.open(name, os.O_RDONLY | _FILE_FLAGS, dir_fd=self.descriptor), "rb") as file:
+            return file.read()
+
+    def remove(self, name: str) -> None:
+        if self.has(name):
+            os.unlink(name, dir_fd=self.descriptor)
+
+    def create(self, name: str) -> Any:
+        """A new file to write."""
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | _FILE_FLAGS
+        return os.fdopen(os.open(name, flags, 0o666, dir_fd=self.descriptor), "w+b")
+
+    def rename(self, old: str, new: str) -> None:
+        os.rename(old, new, src_dir_fd=self.descriptor, dst_dir_fd=self.descriptor)
+        os.fsync(self.descriptor)
+
+    def close(self) -> None:
+        os.close(self.descriptor)
 
 
-def _sync(path: pathlib.Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+def _hash(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+class _Record:
+    """The mark of a folder: what torquer-batch has written there."""
+
+    def __init__(self, folder: _Folder) -> None:
+        path = folder.path
+        if not folder.has(_MARK):
+            others = sorted(set(os.listdir(folder.descriptor)) - {_MARK})
+            if others:
+                raise Error(
+                    f"{path}: holds {others[0]}, and no mark of torquer-batch ({_MARK}); choose an empty or a new folder with --out"
+                )
+        self._file = folder.append(_MARK)
+        self.shapes: Set[str] = set()
+        """Keys of cases whose shapes were written, or about to be."""
+        self.finished: Set[Tuple[str, str]] = set()
+        """Names of files that are written over, with the hashes of all their contents so far."""
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.close()
+            raise Error(f"{path}: another torquer-batch writes there; wait for it, or choose another folder with --out") from None
+        whole = 0
+        for number, line in enumerate(self._file, 1):
+            if not line.endswith(b"\n"):
+                break  # cut off by a kill or a full disk
+            try:
+                self._take(number, json.loads(line))
+            except (ValueError, KeyError, TypeError):
+                self._file.close()
+                raise Error(
+                    f"{path / _MARK}:{number}: is not a line of this torquer-batch; choose another folder with --out"
+                ) from None
+            whole += len(line)
+        self._file.truncate(whole)
+        if whole == 0:
+            self._add({"torquer-batch": _VERSION})
+
+    def _take(self, number: int, entry: Dict[str, Any]) -> None:
+        if number == 1:
+            if entry["torquer-batch"] != _VERSION:
+                raise ValueError
+        elif "shape" in entry:
+            self.shapes.add(entry["shape"])
+        else:
+            self.finished.add((entry["file"], entry["hash"]))
+
+    def _add(self, entry: Dict[str, Any]) -> None:
+        self._file.write(json.dumps(entry).encode() + b"\n")
+        self._file.flush()
+
+    def add_shape(self, key: str) -> None:
+        if key not in self.shapes:
+            self._add({"shape": key})
+            self.shapes.add(key)
+
+    def add_finished(self, name: str, data: bytes) -> None:
+        if (name, _hash(data)) not in self.finished:
+            self._add({"file": name, "hash": _hash(data)})
+            self.finished.add((name, _hash(data)))
+
+    def close(self) -> None:
+        self._file.close()
 
 
 class Store:
@@ -56,19 +172,16 @@ class Store:
         self.readings: Dict[str, Dict[str, Any]] = {}
         """By the key of the case."""
         self._zarr = need("zarr", "python3-zarr")
+        self._open_ones: List[Any] = []
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (folder / "lock").open("w", encoding="utf-8")
-        except OSError as error:
-            raise Error(f"{folder}: {error.strerror}; choose another folder with --out") from None
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise Error(f"{folder}: another torquer-batch writes there; wait for it, or choose another folder with --out") from None
-        try:
             self._open()
         except OSError as error:
-            raise Error(f"{folder}: {error.strerror}") from None
+            self._close()
+            raise Error(f"{folder}: {error.strerror}; choose another folder with --out") from None
+        except BaseException:
+            self._close()
+            raise
 
     def __enter__(self) -> "Store":
         return self
@@ -79,33 +192,57 @@ class Store:
         error: Optional[BaseException],
         trace: Optional[types.TracebackType],
     ) -> None:
-        self._lines.close()
-        self._lock.close()
+        self._close()
+
+    def _close(self) -> None:
+        while self._open_ones:
+            self._open_ones.pop().close()
+
+    def _opened(self, one: Any) -> Any:
+        self._open_ones.append(one)
+        return one
 
     def _open(self) -> None:
-        path = self.folder / "readings.jsonl"
-        whole = 0
-        if path.exists():
-            with path.open("rb") as file:
-                for number, line in enumerate(file, 1):
-                    if not line.endswith(b"\n"):
-                        break  # cut off by a kill or a full disk
-                    try:
-                        record = json.loads(line)
-                        self.readings[record["key"]] = record["readings"]
-                    except (ValueError, KeyError, TypeError):
-                        raise Error(
-                            f"{path}:{number}: is not a line of torquer-batch; remove the line, and its case is run again"
-                        ) from None
-                    whole += len(line)
-        self._lines = path.open("ab")
-        self._lines.truncate(whole)
-        self._shapes = self.folder / "shapes"
-        self._shapes.mkdir(exist_ok=True)
+        self._own = self._opened(_Folder(self.folder))
+        self._record = self._opened(_Record(self._own))
+        self._lines = self._opened(self._own.append(_LINES))
+        self._read_lines()
+        for name in _FINISHED:
+            self._require_recorded(name)
+        try:
+            os.mkdir("shapes", dir_fd=self._own.descriptor)
+        except FileExistsError:
+            pass
+        self._shapes = self._opened(_Folder(self.folder / "shapes", self._own.descriptor))
         # What a run that was killed was about to store.
-        for left in self._shapes.iterdir():
-            if left.suffix == ".part" or (left.suffix == ".zip" and left.stem not in self.readings):
-                left.unlink()
+        self._own.remove(_PART)
+        self._shapes.remove(_PART)
+        for key in self._record.shapes - self.readings.keys():
+            self._shapes.remove(f"{key}.zip")
+
+    def _read_lines(self) -> None:
+        begin = b'{"key": "'
+        whole = 0
+        for number, line in enumerate(self._lines, 1):
+            try:
+                record = json.loads(line)
+                self.readings[record["key"]] = record["readings"]
+            except (ValueError, KeyError, TypeError):
+                if not line.endswith(b"\n") and line[: len(begin)] == begin[: len(line)]:
+                    break  # cut off by a kill or a full disk
+                raise Error(
+                    f"{self.folder / _LINES}:{number}: is not a line of torquer-batch; remove the line, and its case is run again"
+                ) from None
+            whole += len(line)
+            if not line.endswith(b"\n"):
+                self._lines.write(b"\n")
+                self._lines.flush()
+                return
+        self._lines.truncate(whole)
+
+    def _require_recorded(self, name: str) -> None:
+        if self._own.has(name) and (name, _hash(self._own.read(name))) not in self._record.finished:
+            raise Error(f"{self.folder / name}: is not as torquer-batch wrote it; move it away, and it is written anew")
 
     def keep(self, case: Case, result: Result) -> None:
         """Stores a case, on the disk when this returns. Raises Error where the disk does not take it."""
@@ -114,17 +251,20 @@ class Store:
             # One after the other; row k has the nodes from first_node[k] to first_node[k + 1].
             arrays["nodes_mm"] = np.concatenate(result.shapes)
             arrays["first_node"] = np.cumsum([0, *(len(shape) for shape in result.shapes)])
-        path = self._shapes / f"{case.key}.zip"
-        part = path.with_suffix(".part")
+        name = f"{case.key}.zip"
         try:
-            with self._zarr.ZipStore(str(part), mode="w") as zipped:
-                group = self._zarr.group(zipped)
-                group.attrs.update({"case": case.labels, "columns": result.columns})
-                for name, values in arrays.items():
-                    group.create_dataset(name, data=values, chunks=False)
-            _sync(part)
-            part.replace(path)
-            _sync(self._shapes)
+            if self._shapes.has(name) and case.key not in self._record.shapes:
+                raise Stopped(f"{self._shapes.path / name}: is there, but not by torquer-batch; move it away, run the command again")
+            with self._shapes.create(_PART) as part:
+                # By the descriptor, not by its name, which another may link elsewhere.
+                with self._zarr.ZipStore(f"/proc/self/fd/{part.fileno()}", mode="w") as zipped:
+                    group = self._zarr.group(zipped)
+                    group.attrs.update({"case": case.labels, "columns": result.columns})
+                    for array, values in arrays.items():
+                        group.create_dataset(array, data=values, chunks=False)
+                os.fsync(part.fileno())
+            self._record.add_shape(case.key)
+            self._shapes.rename(_PART, name)
             record = {"key": case.key, "case": case.labels, "readings": result.readings}
             self._lines.write(json.dumps(record).encode() + b"\n")
             self._lines.flush()
@@ -144,12 +284,22 @@ class Store:
                     names.append(name)
         lines = [",".join(map(_cell, names))]
         lines += [",".join(_cell(row.get(name, "")) for name in names) for row in rows]
+        texts = ("\n".join(lines) + "\n", "".join(json.dumps(failure) + "\n" for failure in failures), page)
         try:
-            write_whole(self.folder / "readings.csv", "\n".join(lines) + "\n")
-            write_whole(self.folder / "failures.jsonl", "".join(json.dumps(failure) + "\n" for failure in failures))
-            write_whole(self.folder / "report.html", page)
+            for name, text in zip(_FINISHED, texts):
+                self._write_whole(name, text.encode())
         except OSError as error:
             raise Stopped(f"{self.folder}: {error.strerror}; the cases are stored, run the command again") from None
+
+    def _write_whole(self, name: str, data: bytes) -> None:
+        """Writes a file that is the old one or the new one at any moment."""
+        self._require_recorded(name)
+        with self._own.create(_PART) as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        self._record.add_finished(name, data)
+        self._own.rename(_PART, name)
 
 
 def _cell(value: Any) -> str:
