@@ -183,9 +183,15 @@ void AddScene(py::module_& module) {
           py::arg("centerline"), py::arg("at_mm"), py::arg("step_mm") = 1.0,
           "The same along the shortest way from the entry to a place on a centerline.")
       .def(py::pickle(
-          [](const Scene& scene) { return py::make_tuple(scene.text(), scene.folder()); },
+          [](const Scene& scene) {
+            return py::make_tuple(scene.text(), scene.folder(), scene.content_hash());
+          },
           [](const py::tuple& state) {
-            return Scene::FromText(state[0].cast<std::string>(), state[1].cast<std::string>());
+            Scene scene =
+                Scene::FromText(state[0].cast<std::string>(), state[1].cast<std::string>());
+            if (scene.content_hash() == state[2].cast<std::uint64_t>()) return scene;
+            throw torquer::Error(scene.folder() + ": a file of the pickled scene " + scene.name() +
+                                 " has changed since; pickle it again");
           }));
 }
 

@@ -1,10 +1,10 @@
 #include "host/study/effects.h"
 
 #include <malloc.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -332,10 +332,10 @@ class EffectsStudy final : public Study {
     }
     const std::vector<Case> cases = Cases(scenes_);
     run.Say(DescribeMachine());
-    const std::string folder =
-        (std::filesystem::temp_directory_path() / ("torquer-effects-" + std::to_string(getpid())))
-            .string();
-    std::filesystem::create_directories(folder);
+    std::string folder = std::filesystem::temp_directory_path() / "torquer-effects-XXXXXX";
+    if (mkdtemp(folder.data()) == nullptr) {
+      throw UserError(folder + ": the folder cannot be created; free space there");
+    }
     const std::vector<std::string> files = WriteScenes(cases, folder);
     run.Progress("instructions", 0);
     const InstructionCounts counts =

@@ -5,6 +5,7 @@ import csv
 import json
 import os
 import pathlib
+import pickle
 import shutil
 import signal
 import subprocess
@@ -153,6 +154,88 @@ def test_nothing_that_is_stored_is_run_again_and_what_changed_is(study, tmp_path
     assert torquer.batch.run(str(own), str(out)).done == 0
     scene.write_text(text.replace("radii_mm = [3]", "radii_mm = [2.5]"))
     assert torquer.batch.run(str(own), str(out)).done == 1
+
+
+TUBE = """name = "own"
+[vessel]
+kind = "surface"
+file = "tube.obj"
+mesh_unit = "mm"
+wall_stiffness_N_mm2 = 10
+[entry]
+point_mm = [5, 0, 0]
+direction = [1, 0.4, 0]
+[[instrument]]
+name = "guidewire"
+max_length_mm = 90
+radius_mm = 0.4
+from_tip_mm = [0, 50]
+rigidity_N_mm2 = [1, 1]
+tip_mm = 15
+tip_angle_deg = 45
+"""
+
+
+def write_tube(path, radius_mm):
+    """A straight tube along x with open ends."""
+    angles = 2 * np.pi * np.arange(24) / 24
+    points = [(x, radius_mm * np.cos(a), radius_mm * np.sin(a)) for x in range(0, 101, 5) for a in angles]
+    faces = [
+        corners
+        for ring in range(20)
+        for k in range(24)
+        for one, two, three, four in [(24 * ring + k, 24 * ring + (k + 1) % 24, 24 * ring + 24 + (k + 1) % 24, 24 * ring + 24 + k)]
+        for corners in ((one, two, three), (one, three, four))
+    ]
+    text = "".join("v %r %r %r\n" % tuple(map(float, point)) for point in points)
+    path.write_text(text + "".join("f %d %d %d\n" % tuple(k + 1 for k in face) for face in faces))
+
+
+def test_a_surface_that_changes_while_processes_live(study, tmp_path):
+    study(TUBE, "own")
+    surface = tmp_path / "tube.obj"
+    path = study(cases(2).replace("ty_phantom", "own.toml"))
+
+    def readings(out):
+        records = map(json.loads, (tmp_path / out / "readings.jsonl").read_text().splitlines())
+        return {record["key"]: record["readings"] for record in records}
+
+    write_tube(surface, 4)
+    torquer.batch.run(str(path), str(tmp_path / "living"))
+    pickled = pickle.dumps(torquer.Scene(str(tmp_path / "own.toml")))
+    old = list(torquer._batch_study.cases(torquer._batch_study.read_study(str(path))))
+    write_tube(surface, 2)
+    # What was loaded of a file is not the case of the other: neither before nor after.
+    torquer._batch_case._load.cache_clear()
+    with pytest.raises(torquer.Error, match="a file of the scene is another than when the case was made"):
+        torquer._batch_case.run(old[0])
+    with pytest.raises(torquer.Error, match="a file of the pickled scene own has changed since"):
+        pickle.loads(pickled)
+    assert torquer.batch.run(str(path), str(tmp_path / "living")).done == 2
+    status, _, error = finish(path, tmp_path / "fresh")
+    assert status == 0, error
+    living, fresh = readings("living"), readings("fresh")
+    assert len(living) == 4 and fresh.items() <= living.items()
+    assert len({row["state_hash"] for row in living.values()}) == 4
+    write_tube(surface, 4)
+    again = list(torquer._batch_study.cases(torquer._batch_study.read_study(str(path))))
+    assert [case.key for case in again] == [case.key for case in old]
+
+
+def test_a_surface_that_changes_while_it_is_read(study, tmp_path, monkeypatch):
+    study(TUBE, "own")
+    write_tube(tmp_path / "tube.obj", 4)
+    path = study(cases(1).replace("ty_phantom", "own.toml"))
+    load = torquer.Scene.from_text
+
+    def slow(text, folder):
+        write_tube(tmp_path / "tube.obj", 2)
+        return load(text, folder)
+
+    monkeypatch.setattr(torquer._batch_case.Scene, "from_text", slow)
+    summary = torquer.batch.run(str(path), str(tmp_path / "out"))
+    assert summary.done == 0 and "a file of the scene is another" in summary.failures[0]["message"]
+    assert lines(tmp_path / "out") == 0
 
 
 def test_workers_that_are_killed_lose_nothing(study, tmp_path):

@@ -3,6 +3,7 @@
 import base64
 import csv
 import json
+import os
 import pathlib
 import struct
 import subprocess
@@ -159,3 +160,19 @@ def test_refused_paths(states_file, tmp_path):
     assert done.returncode == 2 and "give .pvd, .vtp, .mrk.json or .csv" in done.stderr
     done = convert(states_file, tmp_path / "no/out.csv")
     assert done.returncode == 2 and "cannot be written (No such file" in done.stderr
+
+
+def test_links_and_files_of_the_user_stay(states_file, tmp_path):
+    states = torquer.export.read_states(states_file)
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link.vtp").symlink_to(tmp_path / "real/shape.vtp")
+    mine = tmp_path / f".link.vtp.{os.getpid()}"
+    mine.write_text("mine")
+    (tmp_path / f"real/.shape.vtp.{os.getpid()}").symlink_to(mine)
+    torquer.export.write(states, tmp_path / "link.vtp")
+    assert (tmp_path / "link.vtp").is_symlink() and (tmp_path / "real/shape.vtp").is_file()
+    assert mine.read_text() == "mine"
+    (tmp_path / "series").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(torquer.Error, match="exists already"):
+        torquer.export.write(states, tmp_path / "series.pvd")
+    assert (tmp_path / "series").is_symlink()

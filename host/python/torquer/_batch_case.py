@@ -5,14 +5,16 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import pathlib
 import threading
+import tomllib
 from typing import Any, Dict, List, Tuple
 
 import numpy as np
 import numpy.typing as npt
 
-from . import Scene, Simulation
-from ._batch_study import Case
+from . import Error, Scene, Simulation
+from ._batch_study import Case, file_hashes
 
 _lock = threading.Lock()
 
@@ -32,14 +34,22 @@ class Result:
 
 
 @functools.lru_cache(maxsize=4)
-def _load(text: str, folder: str) -> Scene:
-    return Scene.from_text(text, folder)
+def _load(text: str, folder: str, files: Tuple[str, ...]) -> Scene:
+    def require_same() -> None:
+        if tuple(file_hashes(tomllib.loads(text), pathlib.Path(folder), {})) != files:
+            raise Error(f"{folder}: a file of the scene is another than when the case was made; run the command again")
+
+    # Before and after: what is between them is what was loaded.
+    require_same()
+    scene = Scene.from_text(text, folder)
+    require_same()
+    return scene
 
 
 def _scene(case: Case) -> Scene:
     # Of threads that want the same scene one loads it.
     with _lock:
-        return _load(case.text, case.folder)
+        return _load(case.text, case.folder, case.files)
 
 
 def run(case: Case) -> Result:

@@ -35,6 +35,7 @@ class Case:
     key: str  # of all that decides the result; 64 hexadecimal digits
     text: str  # the scene, with its overrides
     folder: str  # that its paths start from
+    files: Tuple[str, ...]  # hashes of what it names there
     columns: Tuple[str, ...]  # of the rows
     rows: Tuple[Tuple[float, ...], ...]
     shapes: str
@@ -244,25 +245,30 @@ def _strings(value: Any) -> Iterator[str]:
             yield from _strings(inner)
 
 
-@functools.lru_cache(maxsize=None)
-def _file_hash(path: str) -> str:
-    return hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()
+def _bytes_hash(path: pathlib.Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _hash_files(scene: Dict[str, Any], folder: pathlib.Path) -> List[str]:
-    """Of the files and folders that a scene names, in order, and of the devices that Torquer has."""
+def file_hashes(scene: Dict[str, Any], folder: pathlib.Path, known: Dict[pathlib.Path, str]) -> List[str]:
+    """Of the files and folders that a scene's vessel names, in order, and of the devices that Torquer has.
+
+    known: of files that were read before, by a caller to whom they are still the same.
+    """
     devices = pathlib.Path(scene_path(scene_names()[0])).parents[1] / "devices"
+    texts = sorted({text for text in _strings(scene.get("vessel")) if text and "\0" not in text and len(text) < 1000})
+    paths = [folder / text for text in texts]
+    paths += [devices / f"{text}.toml" for text in sorted(set(_strings(scene.get("instrument")))) if "\0" not in text]
     found = []
-    for text in sorted(set(_strings(scene))):
-        candidates = [devices / f"{text}.toml"]
-        if text and "\0" not in text and len(text) < 1000:
-            candidates.append(folder / text)
-        for path in candidates:
-            try:
-                files = sorted(path.rglob("*")) if path.is_dir() else [path]
-                found += [_file_hash(str(file)) for file in files if file.is_file()]
-            except OSError:
-                continue  # what cannot be read is the simulator's to refuse
+    for path in paths:
+        try:
+            for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+                if not file.is_file():
+                    continue
+                if file not in known:
+                    known[file] = _bytes_hash(file)
+                found.append(known[file])
+        except OSError:
+            continue  # what cannot be read is the simulator's to refuse
     return found
 
 
@@ -270,9 +276,14 @@ def _hash_files(scene: Dict[str, Any], folder: pathlib.Path) -> List[str]:
 def library_hash() -> str:
     """Of the library that simulates: another build may find another result."""
     for line in pathlib.Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
-        path = line.split(maxsplit=5)[-1]
-        if "/libtorquer.so" in path:
-            return _file_hash(path)
+        fields = line.split(maxsplit=5)
+        if len(fields) < 6 or "/libtorquer.so" not in fields[5]:
+            continue
+        path = pathlib.Path(fields[5])
+        # The file of that name may be that of another build meanwhile.
+        if path.exists() and path.stat().st_ino == int(fields[4]):
+            return _bytes_hash(path)
+        raise Error(f"{path}: was replaced since this process began; start it again")
     raise Error("the library libtorquer.so is not among the files of this process")
 
 
@@ -342,6 +353,7 @@ def _generated_rows(
 def cases(study: Study) -> Iterable[Case]:
     """All cases of a study, in the order of its file. Raises Error for what its scenes do not have."""
     writer = _writer()
+    known: Dict[pathlib.Path, str] = {}
     for scene_file in study.scenes:
         file = pathlib.Path(scene_file)
         folder = file.parent.resolve()
@@ -363,7 +375,7 @@ def cases(study: Study) -> Iterable[Case]:
                     text = writer(table)
                 except TypeError as error:
                     raise Error(f"{study.path}: axes: {error}; values are numbers, texts, lists or true and false") from None
-                files = _hash_files(table, folder)
+                files = file_hashes(table, folder, known)
                 for motion in study.motions:
                     name = motion["name"]
                     by_seed = (name, seed if motion.get("spread") else -1)
@@ -378,7 +390,7 @@ def cases(study: Study) -> Iterable[Case]:
                     inputs = json.dumps([__version__, library_hash(), text, files, moves_hash, study.shapes])
                     labels = {"scene": file.stem, "motion": name, "seed": seed, **chosen}
                     key = hashlib.sha256(inputs.encode()).hexdigest()
-                    yield Case(key, text, str(folder), columns, tuple(moves), study.shapes, labels)
+                    yield Case(key, text, str(folder), tuple(files), columns, tuple(moves), study.shapes, labels)
 
 
 def _writer() -> Any:

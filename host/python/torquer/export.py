@@ -14,6 +14,7 @@ import dataclasses
 import json
 import os
 import pathlib
+import secrets
 import shutil
 import struct
 import tempfile
@@ -246,10 +247,13 @@ def _csv(states: Sequence[State]) -> str:
 def _write_text(path: pathlib.Path, text: str) -> None:
     if path.exists() and not path.is_file():
         raise Error(f"{path}: is not an ordinary file; give another name")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    # What a link points to is written, as by Torquer's programs.
+    target = pathlib.Path(os.path.realpath(path))
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(8)}")
     try:
-        temporary.write_text(text)
-        os.replace(temporary, path)
+        with temporary.open("x") as file:
+            file.write(text)
+        temporary.replace(target)
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise Error(f"{path}: cannot be written ({error.strerror}); check the folder and its space") from None
@@ -258,7 +262,7 @@ def _write_text(path: pathlib.Path, text: str) -> None:
 def write_folder(folder: Path, files: Dict[str, str]) -> None:
     """A new folder with these files, by their names: all of them, or none."""
     folder = pathlib.Path(folder)
-    if folder.exists():
+    if os.path.lexists(folder):
         raise Error(f"{folder}: exists already; remove it, or give another name")
     temporary = None
     try:
