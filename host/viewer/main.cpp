@@ -82,7 +82,8 @@ int Run(const Arguments& arguments) {
   std::optional<viewer::CaseStation> station;
   viewer::ViewerSetup setup;
   setup.steer = arguments.steer;
-  if (scene) setup.scene = &*scene;
+  // Before signals are only noted: it may take seconds.
+  if (scene) setup.frames = viewer::FramesOf(*scene);
   if (!arguments.cases.empty()) {
     std::vector<viewer::Case> cases = CasesOf(arguments.cases);
     setup.start = NumberOf(cases, arguments.start);

@@ -168,10 +168,10 @@ class Replayer {
 }  // namespace
 
 HashCheck::Finding RunReplay(const Recording& recording, const std::string& log,
-                             int listening_socket, const std::string& token, scene::Scene* scene,
-                             const std::atomic<bool>& stop) {
+                             int listening_socket, const std::string& token, SceneFrames frames,
+                             scene::Scene* scene, const std::atomic<bool>& stop) {
   Replayer replayer(recording, listening_socket, token, stop);
-  if (scene != nullptr) ShowFrames(FramesOf(*scene), replayer.server());
+  if (scene != nullptr) ShowFrames(std::move(frames), replayer.server());
   fmt::print("{}\n", replayer.server().url());
   std::fflush(stdout);
   if (scene == nullptr) {

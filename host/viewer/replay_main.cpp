@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <torquer_lcm/scene_description_t.hpp>
+#include <utility>
 
 #include "host/bus/message_check.h"
 #include "host/simulator/scene/scene.h"
@@ -60,9 +61,11 @@ int Run(const Arguments& arguments) {
   const auto spec = SceneOf(recording, arguments);
   std::optional<torquer::scene::Scene> scene;
   if (spec) scene.emplace(*spec);
+  // Before signals are only noted: it may take seconds.
+  viewer::SceneFrames frames = scene ? viewer::FramesOf(*scene) : viewer::SceneFrames{};
   const viewer::HashCheck::Finding found =
       viewer::RunReplay(recording, arguments.log, listening, viewer::RandomToken(),
-                        scene ? &*scene : nullptr, torquer::StopOnSignal());
+                        std::move(frames), scene ? &*scene : nullptr, torquer::StopOnSignal());
   if (!found.error.empty()) throw torquer::UserError(found.error);
   if (scene) {
     fmt::print("{} states repeated{}, {} differ\n", found.result.states,

@@ -307,7 +307,7 @@ class Viewer {
 void RunViewer(bus::Bus& bus, int listening_socket, const std::string& token,
                const ViewerSetup& setup, const std::atomic<bool>& stop) {
   Viewer viewer(bus, listening_socket, token, setup, stop);
-  if (setup.scene != nullptr) ShowFrames(FramesOf(*setup.scene), viewer.server());
+  if (!setup.frames.vessel.empty()) ShowFrames(setup.frames, viewer.server());
   fmt::print("{}\n", viewer.server().url());
   std::fflush(stdout);
   viewer.Run();

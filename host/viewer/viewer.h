@@ -5,14 +5,14 @@
 #include <string>
 
 #include "host/bus/bus.h"
-#include "host/simulator/scene/scene.h"
 #include "host/viewer/case_station.h"
+#include "host/viewer/show_scene.h"
 
 namespace torquer::viewer {
 
-/// What is shown besides the bus, and who steers. One of `scene` and `station`, or none.
+/// What is shown besides the bus, and who steers. One of `frames` and `station`, or none.
 struct ViewerSetup {
-  scene::Scene* scene = nullptr;   ///< that the simulator was given
+  SceneFrames frames = {};         ///< of the scene that the simulator was given
   CaseStation* station = nullptr;  ///< starts simulators itself
   int start = -1;                  ///< case that is started at once; -1: none
   bool steer = false;              ///< pages command the instruments
