@@ -12,6 +12,7 @@
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
+#include "host/support/usage.h"
 
 namespace torquer {
 
@@ -46,6 +47,7 @@ struct Simulation::Parts {
   simulator::RowRun rows;
   std::vector<Picture> pictures;   ///< of each plane
   std::vector<bool> pictures_due;  ///< one was taken that `pictures` does not show
+  mutable Usage<Error> usage;
 };
 
 /// Calls what may refuse what the user gave; what it throws is an Error then.

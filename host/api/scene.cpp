@@ -4,16 +4,18 @@
 
 #include "host/api/parts.h"
 #include "host/support/error.h"
+#include "host/support/within.h"
 #include "torquer_version.h"
 
 namespace torquer {
 
 namespace {
 
+constexpr double kMostPoints = 1e6;
+constexpr double kFarthest_mm = 1e9;
+
 std::vector<Point> Walk(const vessel::Centerline& curve, double step_mm) {
-  if (!(step_mm > 0)) {
-    throw Error("step_mm is " + std::to_string(step_mm) + "; give a distance above 0");
-  }
+  RequireWithin<Error>("step_mm", step_mm, curve.length_mm() / kMostPoints, kFarthest_mm);
   const auto steps = static_cast<std::size_t>(std::ceil(curve.length_mm() / step_mm));
   std::vector<Point> points;
   for (std::size_t k = 0; k < steps; ++k) {
@@ -83,6 +85,9 @@ std::array<Point, 2> Scene::bounds_mm() const {
 }
 
 double Scene::ClearanceMm(const Point& point_mm) const {
+  for (const double x : point_mm) {
+    RequireWithin<Error>("a coordinate of point_mm", x, -kFarthest_mm, kFarthest_mm);
+  }
   return parts_->scene->vessel().field->Clearance({point_mm[0], point_mm[1], point_mm[2]});
 }
 

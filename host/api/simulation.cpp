@@ -69,14 +69,27 @@ Simulation::Parts::Parts(const Parts& other)
 
 Simulation::Simulation(const Scene& scene) : parts_(std::make_unique<Parts>(scene)) {}
 
-Simulation::Simulation(const Simulation& other) : parts_(std::make_unique<Parts>(*other.parts_)) {}
+Simulation::Parts& Simulation::parts() const {
+  if (parts_ == nullptr) throw Error("the simulation was moved from; use the one that it went to");
+  return *parts_;
+}
+
+Simulation::Simulation(const Simulation& other) {
+  const auto look = other.parts().usage.Look();
+  parts_ = std::make_unique<Parts>(*other.parts_);
+}
 
 Simulation& Simulation::operator=(const Simulation& other) {
   if (this == &other) return *this;
+  const auto look = other.parts().usage.Look();
   if (parts_ == nullptr || parts_->scene.parts_ != other.parts_->scene.parts_) {
-    parts_ = std::make_unique<Parts>(*other.parts_);
+    auto built = std::make_unique<Parts>(*other.parts_);
+    // Whoever uses what was here is refused or has ended.
+    if (parts_ != nullptr) static_cast<void>(parts_->usage.Change());
+    parts_ = std::move(built);
     return *this;
   }
+  const auto change = parts_->usage.Change();
   parts_->simulation.CopyFrom(other.parts_->simulation);
   parts_->rows.CopyFrom(other.parts_->rows);
   parts_->pictures = other.parts_->pictures;
@@ -88,10 +101,17 @@ Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Simulation::~Simulation() = default;
 
-const Scene& Simulation::scene() const { return parts_->scene; }
-const Command& Simulation::command() const { return parts_->rows.command(); }
+const Scene& Simulation::scene() const {
+  const auto hold = parts().usage.Look();
+  return parts_->scene;
+}
+const Command& Simulation::command() const {
+  const auto hold = parts().usage.Look();
+  return parts_->rows.command();
+}
 
 void Simulation::Restart() {
+  const auto hold = parts().usage.Change();
   parts_->simulation.Restart();
   parts_->rows.Restart();
   parts_->pictures.assign(parts_->pictures.size(), Picture{});
@@ -102,31 +122,46 @@ StepReport Simulation::Step(const Command& command) { return Step(command, {}); 
 
 StepReport Simulation::Step(const Command& command,
                             const std::function<bool(const StepReport& tick)>& after_tick) {
-  const double before_s = parts_->rows.command().time_s;
-  const bool after = parts_->rows.begun() ? command.time_s > before_s : command.time_s >= before_s;
+  Parts& all = parts();
+  const auto hold = all.usage.Change();
+  const double before_s = all.rows.command().time_s;
+  const bool after = all.rows.begun() ? command.time_s > before_s : command.time_s >= before_s;
   if (!after || !std::isfinite(command.time_s)) {
     throw Error(fmt::format("time_s is {}, not after the command before, at {}; let times ascend",
                             command.time_s, before_s));
   }
-  Check(command, parts_->scene);
-  return parts_->rows.GoTo(command, [&](const StepReport& tick) {
-    for (std::size_t k = 0; k < parts_->pictures_due.size(); ++k) {
-      if (parts_->simulation.picture_due(k)) parts_->pictures_due[k] = true;
+  Check(command, all.scene);
+  return all.rows.GoTo(command, [&](const StepReport& tick) {
+    for (std::size_t k = 0; k < all.pictures_due.size(); ++k) {
+      if (all.simulation.picture_due(k)) all.pictures_due[k] = true;
     }
     return !after_tick || after_tick(tick);
   });
 }
 
-double Simulation::time_s() const { return parts_->simulation.time_s(); }
+void Simulation::WhileStill(const std::function<void()>& look) const {
+  const auto hold = parts().usage.Look();
+  look();
+}
+
+double Simulation::time_s() const {
+  const auto hold = parts().usage.Look();
+  return parts_->simulation.time_s();
+}
 
 const double* Simulation::nodes_mm() const {
+  const auto hold = parts().usage.Look();
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
   return parts_->simulation.state().nodes().front().data();
 }
 
-std::size_t Simulation::node_count() const { return parts_->simulation.state().nodes().size(); }
+std::size_t Simulation::node_count() const {
+  const auto hold = parts().usage.Look();
+  return parts_->simulation.state().nodes().size();
+}
 
 std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
+  const auto hold = parts().usage.Look();
   const WireState& state = parts_->simulation.state();
   const auto count = static_cast<std::size_t>(state.places().size());
   if (instrument >= count) {
@@ -143,6 +178,7 @@ std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
 }
 
 std::vector<InstrumentState> Simulation::instruments() const {
+  const auto hold = parts().usage.Look();
   const simulator::Simulation& simulation = parts_->simulation;
   const InstrumentPlaces& places = simulation.state().places();
   const InstrumentPlaces& carried = simulation.report().carried;
@@ -157,19 +193,37 @@ std::vector<InstrumentState> Simulation::instruments() const {
   return all;
 }
 
-double Simulation::energy_mJ() const { return parts_->simulation.report().energy_mJ; }
-double Simulation::dissipated_mJ() const { return parts_->simulation.report().dissipated_mJ; }
-double Simulation::residual() const { return parts_->simulation.report().residual; }
-double Simulation::SolverErrorMm() { return parts_->simulation.SolverErrorMm(); }
-double Simulation::DiscretizationErrorMm() { return parts_->simulation.DiscretizationErrorMm(); }
+double Simulation::energy_mJ() const {
+  const auto hold = parts().usage.Look();
+  return parts_->simulation.report().energy_mJ;
+}
+double Simulation::dissipated_mJ() const {
+  const auto hold = parts().usage.Look();
+  return parts_->simulation.report().dissipated_mJ;
+}
+double Simulation::residual() const {
+  const auto hold = parts().usage.Look();
+  return parts_->simulation.report().residual;
+}
+double Simulation::SolverErrorMm() {
+  const auto hold = parts().usage.Work();
+  return parts_->simulation.SolverErrorMm();
+}
+double Simulation::DiscretizationErrorMm() {
+  const auto hold = parts().usage.Work();
+  return parts_->simulation.DiscretizationErrorMm();
+}
 double Simulation::max_penetration_mm() const {
+  const auto hold = parts().usage.Look();
   return parts_->simulation.report().max_penetration_mm;
 }
 bool Simulation::outside_lumen() const {
+  const auto hold = parts().usage.Look();
   return (parts_->simulation.status() & protocol::kWireOutsideLumen) != 0;
 }
 
 std::vector<Contact> Simulation::contacts() const {
+  const auto hold = parts().usage.Look();
   std::vector<Contact> all;
   for (const simulator::Simulation::Contact& contact : parts_->simulation.Contacts()) {
     all.push_back({static_cast<std::size_t>(contact.node), contact.penetration_mm});
@@ -177,9 +231,13 @@ std::vector<Contact> Simulation::contacts() const {
   return all;
 }
 
-std::uint64_t Simulation::state_hash() const { return parts_->simulation.state_hash(); }
+std::uint64_t Simulation::state_hash() const {
+  const auto hold = parts().usage.Look();
+  return parts_->simulation.state_hash();
+}
 
 std::vector<Reading> Simulation::readings() const {
+  const auto hold = parts().usage.Look();
   std::vector<Reading> all;
   for (effects::Reading& reading : parts_->simulation.Readings()) {
     all.push_back({std::move(reading.name), reading.value});
@@ -187,9 +245,13 @@ std::vector<Reading> Simulation::readings() const {
   return all;
 }
 
-std::string Simulation::Record() const { return simulator::FormatRecord(parts_->simulation); }
+std::string Simulation::Record() const {
+  const auto hold = parts().usage.Look();
+  return simulator::FormatRecord(parts_->simulation);
+}
 
 Forces Simulation::forces() const {
+  const auto hold = parts().usage.Look();
   Forces out;
   const InternalForces* const forces = parts_->simulation.forces();
   if (forces == nullptr) return out;
@@ -201,14 +263,19 @@ Forces Simulation::forces() const {
   return out;
 }
 
-int Simulation::picture_planes() const { return static_cast<int>(parts_->pictures.size()); }
+int Simulation::picture_planes() const {
+  const auto hold = parts().usage.Look();
+  return static_cast<int>(parts_->pictures.size());
+}
 
 bool Simulation::picture_due(int plane) const {
-  return plane >= 0 && plane < picture_planes() &&
+  const auto hold = parts().usage.Look();
+  return plane >= 0 && plane < static_cast<int>(parts_->pictures.size()) &&
          parts_->pictures_due[static_cast<std::size_t>(plane)];
 }
 
 const Picture& Simulation::LastPicture(int plane) {
+  const auto hold = parts().usage.Work();
   if (parts_->pictures.empty()) {
     throw Error(parts_->scene.name() +
                 ": has no X-ray picture to render; add [effects.fluoroscopy]");

@@ -1,8 +1,5 @@
 // torquer._torquer: torquer.h for Python. What people import is the package around it.
-#include <pybind11/numpy.h>
-#include <pybind11/pybind11.h>
-#include <pybind11/stl.h>
-#include <torquer/torquer.h>
+#include "host/python/module.h"
 
 #include <algorithm>
 #include <array>
@@ -14,20 +11,30 @@
 #include <utility>
 #include <vector>
 
-#include "host/python/navigation.h"
-#include "host/python/navigation_pool.h"
-
 namespace py = pybind11;
 using torquer::Scene;
 using torquer::Simulation;
-using torquer::python::Navigation;
-using torquer::python::NavigationPool;
-using torquer::python::NavigationTask;
+using torquer::python::EndsAtInterruption;
+using torquer::python::Interruption;
+using torquer::python::NoGil;
+using torquer::python::RequireColumns;
+using torquer::python::Rows;
+
+namespace torquer::python {
+
+void RequireColumns(const Rows& rows, const char* name, int columns) {
+  if (rows.ndim() == 2 && rows.shape(1) == columns) return;
+  std::string shape;
+  for (py::ssize_t k = 0; k < rows.ndim(); ++k) {
+    shape += (k == 0 ? "" : ", ") + std::to_string(rows.shape(k));
+  }
+  throw torquer::Error(std::string(name) + " has the shape (" + shape + "); give (n, " +
+                       std::to_string(columns) + ")");
+}
+
+}  // namespace torquer::python
 
 namespace {
-
-using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
-using NoGil = py::call_guard<py::gil_scoped_release>;
 
 py::array_t<double> ToRows(const std::vector<torquer::Point>& points) {
   py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}});
@@ -39,16 +46,6 @@ py::array_t<double> ToRows(const std::vector<torquer::Point>& points) {
 
 py::array_t<double> ToColumn(const std::vector<double>& values) {
   return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data());
-}
-
-void RequireColumns(const Rows& rows, const char* name, int columns) {
-  if (rows.ndim() == 2 && rows.shape(1) == columns) return;
-  std::string shape;
-  for (py::ssize_t k = 0; k < rows.ndim(); ++k) {
-    shape += (k == 0 ? "" : ", ") + std::to_string(rows.shape(k));
-  }
-  throw torquer::Error(std::string(name) + " has the shape (" + shape + "); give (n, " +
-                       std::to_string(columns) + ")");
 }
 
 std::vector<torquer::Hand> ToHands(const Rows& rows) {
@@ -75,18 +72,27 @@ py::array_t<double> Clearances(const Scene& scene, const Rows& points_mm) {
   py::array_t<double> out(points_mm.shape(0));
   auto values = out.mutable_unchecked<1>();
   const auto points = points_mm.unchecked<2>();
+  Interruption interruption;
   const py::gil_scoped_release free;
   for (py::ssize_t k = 0; k < points.shape(0); ++k) {
+    if (k % 1024 == 1023) interruption.Check();
     values(k) = scene.ClearanceMm({points(k, 0), points(k, 1), points(k, 2)});
   }
   return out;
 }
 
-// Where the wire lies, without a copy; nobody writes to it from here.
-py::array_t<double> Nodes(const py::object& self) {
-  const auto& simulation = self.cast<const Simulation&>();
-  py::array_t<double> out({static_cast<py::ssize_t>(simulation.node_count()), py::ssize_t{3}},
-                          simulation.nodes_mm(), self);
+// Where the wire lies now. The array has its own memory, and nobody writes to it.
+py::array_t<double> Nodes(const Simulation& simulation) {
+  auto kept = std::make_unique<std::vector<double>>();
+  simulation.WhileStill([&] {
+    const double* const nodes_mm = simulation.nodes_mm();
+    kept->assign(nodes_mm, nodes_mm + 3 * simulation.node_count());
+  });
+  std::vector<double>& values = *kept;
+  const py::capsule memory(kept.release(),
+                           [](void* it) { delete static_cast<std::vector<double>*>(it); });
+  py::array_t<double> out({static_cast<py::ssize_t>(values.size() / 3), py::ssize_t{3}},
+                          values.data(), memory);
   py::detail::array_proxy(out.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
   return out;
 }
@@ -109,8 +115,12 @@ py::object PictureOf(Simulation& simulation, int plane) {
     const py::gil_scoped_release free;
     picture = &simulation.LastPicture(plane);
   }
-  if (picture->width == 0) return py::none();
-  return py::array_t<std::uint8_t>({picture->height, picture->width}, picture->gray.data());
+  py::object out = py::none();
+  simulation.WhileStill([&] {
+    if (picture->width == 0) return;
+    out = py::array_t<std::uint8_t>({picture->height, picture->width}, picture->gray.data());
+  });
+  return out;
 }
 
 // What Python calls the modes, in their order.
@@ -126,8 +136,9 @@ torquer::Imaging::Mode ModeOf(const std::string& name) {
 
 // Only False ends a step: what returns nothing goes on.
 std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& call) {
-  if (call.is_none()) return {};
-  return [&call](const torquer::StepReport& tick) {
+  if (call.is_none()) return EndsAtInterruption();
+  return [&call, interruption = Interruption()](const torquer::StepReport& tick) mutable {
+    interruption.Check();
     const py::gil_scoped_acquire locked;
     return call(tick).ptr() != Py_False;
   };
@@ -228,15 +239,23 @@ void AddSimulation(py::module_& module) {
       .def_readonly("bottom", &Imaging::bottom);
   py::class_<Simulation>(module, "Simulation", "A scene as it goes on.")
       .def(py::init<const Scene&>(), py::arg("scene"), NoGil(), "At the start of the scene.")
-      .def_property_readonly("scene", &Simulation::scene)
+      .def_property_readonly("scene", [](const Simulation& self) { return self.scene(); })
       .def("restart", &Simulation::Restart, NoGil(), "Back to the start.")
       .def(
           "copy", [](const Simulation& self) { return std::make_unique<Simulation>(self); },
           NoGil(), "Another simulation that goes on from here by itself.")
       .def("__copy__", [](const Simulation& self) { return std::make_unique<Simulation>(self); })
       .def(
-          "restore", [](Simulation& self, const Simulation& saved) { self = saved; },
-          py::arg("saved"), NoGil(), "Goes on from where a copy of this simulation is.")
+          "restore",
+          [](Simulation& self, const Simulation& saved) {
+            if (self.scene().content_hash() != saved.scene().content_hash()) {
+              throw torquer::Error("restore of " + self.scene().name() +
+                                   " is given a simulation of " + saved.scene().name() +
+                                   "; give one of the same scene");
+            }
+            self = saved;
+          },
+          py::arg("saved"), NoGil(), "Goes on from where a simulation of the same scene is.")
       .def(
           "step",
           [](Simulation& self, double time_s, const Rows& hands, double lao_deg, double cra_deg,
@@ -261,8 +280,7 @@ void AddSimulation(py::module_& module) {
           "there, and the next one goes on from there.")
       .def_property_readonly("time_s", &Simulation::time_s)
       .def_property_readonly("nodes_mm", &Nodes,
-                             "Where the wire lies, from the entry to the tip, shape (n, 3): a view "
-                             "that the next step overwrites; copy what is to be kept.")
+                             "Where the wire lies, from the entry to the tip, shape (n, 3).")
       .def(
           "instrument_nodes_mm",
           [](const Simulation& self, std::size_t instrument) {
@@ -274,7 +292,8 @@ void AddSimulation(py::module_& module) {
       .def_property_readonly(
           "hands",
           [](const Simulation& self) {
-            const auto& hands = self.command().hands;
+            std::vector<torquer::Hand> hands;
+            self.WhileStill([&] { hands = self.command().hands; });
             return HandsOf(hands.size(), [&](std::size_t k) { return hands[k]; });
           },
           "Where the last step wanted the hands, shape (instruments, 2).")
@@ -339,105 +358,6 @@ void AddSimulation(py::module_& module) {
                              "How many planes take X-ray pictures.");
 }
 
-using Actions = py::array_t<double, py::array::c_style | py::array::forcecast>;
-using Indices = py::array_t<std::int64_t, py::array::c_style | py::array::forcecast>;
-
-py::array_t<float> VectorOf(const Navigation& navigation) {
-  py::array_t<float> out(static_cast<py::ssize_t>(navigation.vector_size()));
-  navigation.Observe(out.mutable_data());
-  return out;
-}
-
-// The package checks what users give; a pool reads as many values as it needs, so their number is
-// checked here.
-void RequireValues(py::ssize_t given, std::size_t wanted, const char* what) {
-  if (given == static_cast<py::ssize_t>(wanted)) return;
-  throw torquer::Error(std::string(what) + " has " + std::to_string(given) + " values; give " +
-                       std::to_string(wanted));
-}
-
-void AddNavigation(py::module_& module) {
-  py::class_<NavigationTask>(module, "NavigationTask", "As torquer.envs.Task has it.")
-      .def(py::init([](std::size_t instrument, double within_mm, double step_s, double longest_mm,
-                       double largest_turn_rad, double force_limit_mN, int max_steps, bool pictures,
-                       const Rows& route) {
-             NavigationTask task{.instrument = instrument,
-                                 .within_mm = within_mm,
-                                 .step_s = step_s,
-                                 .longest_mm = longest_mm,
-                                 .largest_turn_rad = largest_turn_rad,
-                                 .force_limit_mN = force_limit_mN,
-                                 .max_steps = max_steps,
-                                 .pictures = pictures,
-                                 .route = {}};
-             RequireColumns(route, "route", 3);
-             for (py::ssize_t k = 0; k < route.shape(0); ++k) {
-               task.route.push_back({route.at(k, 0), route.at(k, 1), route.at(k, 2)});
-             }
-             return task;
-           }),
-           py::arg("instrument"), py::arg("within_mm"), py::arg("step_s"), py::arg("longest_mm"),
-           py::arg("largest_turn_rad"), py::arg("force_limit_mN"), py::arg("max_steps"),
-           py::arg("pictures"), py::arg("route"));
-  py::class_<Navigation>(module, "Navigation", "An environment, episode after episode.")
-      .def(py::init<const Scene&, NavigationTask>(), py::arg("scene"), py::arg("task"), NoGil())
-      .def("reset", &Navigation::Reset, py::arg("rotation_rad"), NoGil())
-      .def(
-          "step",
-          [](Navigation& self, const Actions& action) {
-            RequireValues(action.size(), self.action_size(), "action");
-            const double* const values = action.data();
-            const py::gil_scoped_release free;
-            self.Step(values);
-          },
-          py::arg("action"))
-      .def_property_readonly(
-          "facts", [](const Navigation& self) { return self.facts(); },
-          "Reward, terminated, truncated, success, safe success, force, path, "
-          "what remains, time.")
-      .def("observe", &VectorOf)
-      .def("take_picture",
-           [](Navigation& self) {
-             const torquer::Picture& picture = self.TakePicture();
-             return py::array_t<std::uint8_t>({picture.height, picture.width}, picture.gray.data());
-           })
-      .def_property_readonly("simulation", &Navigation::simulation,
-                             py::return_value_policy::reference_internal);
-  py::class_<NavigationPool>(module, "NavigationPool", "Environments in threads.")
-      .def(py::init([](const Scene& scene, const NavigationTask& task, std::size_t count,
-                       std::size_t threads, py::array_t<double, py::array::c_style>& facts,
-                       py::array& observations) {
-             torquer::python::NavigationBuffers buffers;
-             buffers.facts = facts.mutable_data();
-             if (observations.dtype().kind() == 'f') {
-               buffers.vectors = static_cast<float*>(observations.mutable_data());
-             } else {
-               buffers.pictures = static_cast<std::uint8_t*>(observations.mutable_data());
-               buffers.picture_bytes = static_cast<std::size_t>(observations.nbytes()) / count;
-             }
-             const py::gil_scoped_release free;
-             return std::make_unique<NavigationPool>(scene, task, count, threads, buffers);
-           }),
-           py::arg("scene"), py::arg("task"), py::arg("count"), py::arg("threads"),
-           py::arg("facts"), py::arg("observations"), py::keep_alive<1, 6>(),
-           py::keep_alive<1, 7>())
-      .def("reset", &NavigationPool::Reset, py::arg("index"), py::arg("rotation_rad"))
-      .def(
-          "step",
-          [](NavigationPool& self, const Indices& indices, const Actions& actions) {
-            RequireValues(actions.size(),
-                          static_cast<std::size_t>(indices.size()) * self.action_size(), "actions");
-            const auto size = static_cast<std::ptrdiff_t>(self.action_size());
-            for (py::ssize_t k = 0; k < indices.size(); ++k) {
-              const double* const action = actions.data() + k * size;
-              self.Step(static_cast<std::size_t>(indices.data()[k]), {action, action + size});
-            }
-          },
-          py::arg("indices"), py::arg("actions"))
-      .def("wait", &NavigationPool::Wait, py::arg("count"), NoGil())
-      .def_property_readonly("at_work", &NavigationPool::at_work);
-}
-
 }  // namespace
 
 PYBIND11_MODULE(_torquer, module) {
@@ -446,5 +366,5 @@ PYBIND11_MODULE(_torquer, module) {
   py::register_exception<torquer::Error>(module, "Error", PyExc_ValueError);
   AddScene(module);
   AddSimulation(module);
-  AddNavigation(module);
+  torquer::python::AddNavigation(module);
 }

@@ -1,8 +1,12 @@
 #include "host/python/navigation.h"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
+#include <limits>
 #include <utility>
+
+#include "host/support/within.h"
 
 namespace torquer::python {
 
@@ -13,6 +17,7 @@ namespace {
 constexpr std::size_t kWirePoints = 4;
 constexpr std::size_t kRoutePoints = 4;
 constexpr double kApart_mm = 5;
+constexpr double kLargest = std::numeric_limits<double>::max();
 
 // A route may pass the same place twice, so that it is looked at near where the tip was.
 constexpr std::size_t kReach = 30;
@@ -21,10 +26,27 @@ double Distance(const Point& a, const Point& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }
 
+NavigationTask Checked(NavigationTask task, std::size_t instruments) {
+  const auto within = RequireWithin<Error>;
+  within("instrument", static_cast<double>(task.instrument), 0,
+         static_cast<double>(instruments) - 1);
+  within("within_mm", task.within_mm, 0, 1e5);
+  within("step_s", task.step_s, 1e-3, 1e3);
+  within("longest_mm", task.longest_mm, 0, 1e6);
+  within("largest_turn_rad", task.largest_turn_rad, 0, 1e6);
+  within("force_limit_mN", task.force_limit_mN, 0, INFINITY);
+  within("max_steps", task.max_steps, 1, INT_MAX);
+  within("the number of points of the route", static_cast<double>(task.route.size()), 1, 1e6);
+  for (const Point& point : task.route) {
+    for (const double x : point) within("a coordinate of the route", x, -1e9, 1e9);
+  }
+  return task;
+}
+
 }  // namespace
 
 Navigation::Navigation(const Scene& scene, NavigationTask task)
-    : task_(std::move(task)),
+    : task_(Checked(std::move(task), scene.instruments().size())),
       instruments_(scene.instruments().size()),
       simulation_(scene),
       start_(simulation_) {
@@ -67,17 +89,32 @@ void Navigation::Conclude() {
   worst_mN_ = 0;
 }
 
-void Navigation::Reset(double rotation_rad) {
+void Navigation::CheckRotation(double rotation_rad) {
+  RequireWithin<Error>("rotation_rad", rotation_rad, -1e4, 1e4);
+}
+
+void Navigation::CheckAction(const double* action) const {
+  for (std::size_t k = 0; k < action_size(); ++k) {
+    // Beyond -1 .. 1 it is clamped; no number at all would be too.
+    RequireWithin<Error>("a value of the action", action[k], -kLargest, kLargest);
+  }
+}
+
+void Navigation::Reset(double rotation_rad, const AfterTick& after_tick) {
+  const auto hold = usage_.Change();
+  CheckRotation(rotation_rad);
   simulation_ = start_;
   Command command = simulation_.command();
   command.time_s = task_.step_s;
   command.hands[task_.instrument].rotation_rad += rotation_rad;
   command.xray = task_.pictures;
-  simulation_.Step(command);
+  simulation_.Step(command, after_tick);
   Conclude();
 }
 
-void Navigation::Step(const double* action) {
+void Navigation::Step(const double* action, const AfterTick& after_tick) {
+  const auto hold = usage_.Change();
+  CheckAction(action);
   Command command = simulation_.command();
   command.time_s += task_.step_s;
   command.xray = task_.pictures;
@@ -87,7 +124,7 @@ void Navigation::Step(const double* action) {
     hand.insertion_mm = std::max(0.0, hand.insertion_mm + task_.longest_mm * feed);
     hand.rotation_rad += task_.largest_turn_rad * std::clamp(action[2 * k + 1], -1.0, 1.0);
   }
-  simulation_.Step(command);
+  simulation_.Step(command, after_tick);
   ++steps_;
   const Point tip = Tip();
   const double before_mm = fact(Fact::kRemaining_mm);
@@ -106,7 +143,17 @@ void Navigation::Step(const double* action) {
   fact(Fact::kReward) = (before_mm - fact(Fact::kRemaining_mm)) / 10 - 0.01 + (there ? 10 : 0);
 }
 
+std::array<double, kFacts> Navigation::facts() const {
+  const auto hold = usage_.Look();
+  return facts_;
+}
+
 void Navigation::Observe(float* out) const {
+  const auto hold = usage_.Look();
+  simulation_.WhileStill([&] { Write(out); });
+}
+
+void Navigation::Write(float* out) const {
   const auto put = [&out](const Point& point, const Point& from) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       *out++ = static_cast<float>(point[axis] - from[axis]);
@@ -139,6 +186,7 @@ void Navigation::Observe(float* out) const {
 }
 
 const Picture& Navigation::TakePicture() {
+  const auto hold = usage_.Change();
   const Picture& last = simulation_.LastPicture();
   if (last.width > 0) return last;
   Simulation later = simulation_;

@@ -7,7 +7,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <vector>
+
+#include "host/support/usage.h"
 
 namespace torquer::python {
 
@@ -38,9 +41,11 @@ enum class Fact {
 };
 inline constexpr std::size_t kFacts = 9;
 
-/// An episode after another. It belongs to one thread at a time.
+/// An episode after another. It belongs to one thread at a time, and refuses a second.
 class Navigation {
  public:
+  using AfterTick = std::function<bool(const StepReport& tick)>;
+
   /// The scene has [effects.wall_force], and pictures where the task has.
   Navigation(const Scene& scene, NavigationTask task);
 
@@ -48,10 +53,14 @@ class Navigation {
   std::size_t vector_size() const;
 
   /// Back to the start, with the task's instrument turned by `rotation_rad` from there.
-  void Reset(double rotation_rad);
+  /// `after_tick` is that of Simulation::Step.
+  void Reset(double rotation_rad, const AfterTick& after_tick = {});
   /// `action`: of each instrument feed and turn, -1 .. 1 of what the task allows.
-  void Step(const double* action);
-  const std::array<double, kFacts>& facts() const { return facts_; }
+  void Step(const double* action, const AfterTick& after_tick = {});
+  /// Refuse what Reset and Step refuse.
+  static void CheckRotation(double rotation_rad);
+  void CheckAction(const double* action) const;
+  std::array<double, kFacts> facts() const;
   /// Writes vector_size() values.
   void Observe(float* out) const;
   /// The last picture, or that of a millisecond later where none was taken yet.
@@ -65,6 +74,7 @@ class Navigation {
   double Force() const;
   void FindOnRoute(std::size_t reach);
   void Conclude();
+  void Write(float* out) const;
 
   NavigationTask task_;
   std::size_t instruments_;
@@ -76,6 +86,7 @@ class Navigation {
   int steps_ = 0;
   double worst_mN_ = 0;
   std::array<double, kFacts> facts_{};
+  mutable Usage<Error> usage_;
 };
 
 }  // namespace torquer::python

@@ -26,7 +26,15 @@ NavigationPool::~NavigationPool() {
   for (std::thread& thread : threads_) thread.join();
 }
 
+void NavigationPool::RequireOwnProcess() const {
+  if (!forked()) return;
+  throw Error(
+      "the environments step in threads of the process that this one was forked from; make them "
+      "after the fork");
+}
+
 void NavigationPool::Add(Job job) {
+  RequireOwnProcess();
   {
     const std::lock_guard lock(mutex_);
     jobs_.push_back(std::move(job));
@@ -84,18 +92,28 @@ void NavigationPool::Work() {
 }
 
 std::vector<std::size_t> NavigationPool::Wait(std::size_t count) {
+  for (;;) {
+    if (auto indices = WaitFor(count, std::chrono::hours(1))) return *std::move(indices);
+  }
+}
+
+std::optional<std::vector<std::size_t>> NavigationPool::WaitFor(std::size_t count,
+                                                                std::chrono::milliseconds longest) {
+  RequireOwnProcess();
   std::unique_lock lock(mutex_);
   const std::size_t wanted = std::min(count, at_work_);
-  finished_changes_.wait(lock, [&] { return finished_.size() >= wanted; });
-  std::vector<std::size_t> indices(finished_.begin(),
-                                   finished_.begin() + static_cast<std::ptrdiff_t>(wanted));
-  finished_.erase(finished_.begin(), finished_.begin() + static_cast<std::ptrdiff_t>(wanted));
+  const auto enough = [&] { return finished_.size() >= wanted; };
+  if (!finished_changes_.wait_for(lock, longest, enough)) return {};
+  const auto end = finished_.begin() + static_cast<std::ptrdiff_t>(wanted);
+  std::vector<std::size_t> indices(finished_.begin(), end);
+  finished_.erase(finished_.begin(), end);
   at_work_ -= wanted;
   if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
   return indices;
 }
 
 std::size_t NavigationPool::at_work() const {
+  if (forked()) return 0;
   const std::lock_guard lock(mutex_);
   return at_work_;
 }

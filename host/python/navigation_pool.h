@@ -1,6 +1,9 @@
 // Environments that step side by side in threads, and write where numpy reads.
 #pragma once
 
+#include <unistd.h>
+
+#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
@@ -8,6 +11,7 @@
 #include <exception>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -23,6 +27,7 @@ struct NavigationBuffers {
   double* facts = nullptr;  ///< kFacts rows of a value an environment
 };
 
+/// Its threads are of the process that made it: a forked child is refused.
 class NavigationPool {
  public:
   /// `count` and `threads` > 0. The buffers must outlive this.
@@ -42,6 +47,14 @@ class NavigationPool {
   /// Waits until `count` of those at work have finished, or all of them: which ones, the first to
   /// finish first. Throws what one of them has thrown.
   std::vector<std::size_t> Wait(std::size_t count);
+  /// The same, but returns nothing where they take longer than `longest`.
+  std::optional<std::vector<std::size_t>> WaitFor(std::size_t count,
+                                                  std::chrono::milliseconds longest);
+  /// Refuses what Reset and Step refuse; what is refused here has begun nothing.
+  void CheckRotation(double rotation_rad) const { Navigation::CheckRotation(rotation_rad); }
+  void CheckAction(const double* action) const { environments_.front()->CheckAction(action); }
+  /// Whether this process is a forked child of the one that has the threads.
+  bool forked() const { return getpid() != process_; }
   /// How many are at work, or finished and not yet waited for.
   std::size_t at_work() const;
 
@@ -52,10 +65,12 @@ class NavigationPool {
     std::vector<double> action;  // empty: a reset
   };
 
+  void RequireOwnProcess() const;
   void Add(Job job);
   void Work();
   void Do(const Job& job);
 
+  const pid_t process_ = getpid();
   const NavigationBuffers buffers_;
   std::vector<std::unique_ptr<Navigation>> environments_;
   mutable std::mutex mutex_;
@@ -67,6 +82,13 @@ class NavigationPool {
   std::exception_ptr failure_;
   bool ending_ = false;
   std::vector<std::thread> threads_;
+};
+
+/// Ends a pool; in a forked child it is left as it is, since nobody there ends its threads.
+struct NavigationPoolEnd {
+  void operator()(NavigationPool* pool) const {
+    if (!pool->forked()) delete pool;
+  }
 };
 
 }  // namespace torquer::python

@@ -3,8 +3,11 @@
 import dataclasses
 import json
 import math
+import os
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -267,7 +270,7 @@ def test_a_vector_refuses_what_it_cannot_use():
         make("aorta", 2)
     with pytest.raises(torquer.Error, match="count is 0"):
         make("ty_phantom", 0)
-    with pytest.raises(torquer.Error, match="threads 0"):
+    with pytest.raises(torquer.Error, match="threads is 0"):
         make("ty_phantom", 1, 0)
     many = make("ty_phantom", 3, 1)
     many.reset(seed=1)
@@ -283,6 +286,96 @@ def test_a_vector_refuses_what_it_cannot_use():
         many.recv()
     with pytest.raises(torquer.Error, match="2 seeds; give 3"):
         many.reset(seed=[1, 2])
+
+
+NOT_FINITE = [math.nan, math.inf, -math.inf]
+
+
+@pytest.mark.parametrize("bad", NOT_FINITE)
+def test_a_number_that_is_none_is_refused_and_changes_nothing(env, bad):
+    observation, _ = env.reset(seed=3)
+    push(env, 3)
+    here = env.simulation.state_hash
+    many = torquer.envs.VectorEnv("ty_phantom", 2, 1)
+    for action in ([bad, 0], [0, bad]):
+        with pytest.raises(torquer.Error):
+            env.step(action)
+        many.reset(seed=1)
+        with pytest.raises(torquer.Error):
+            many.step([[0, 0], action])
+        with pytest.raises(torquer.Error):
+            many._pool.step([0, 1], [[0, 0], action])
+        assert many._pool.at_work == 0
+    for one in (env, many):
+        with pytest.raises(torquer.Error, match="rotation_rad is"):
+            one.reset(options={"rotation_rad": bad})
+        with pytest.raises(torquer.Error, match="seed is"):
+            one.reset(seed=bad)
+    assert env.simulation.state_hash == here
+    for name in ("within_mm", "step_s", "longest_mm", "largest_turn_rad", "force_limit_mN", "instrument", "max_steps",
+                 "at_mm", "tolerance", "segment_mm"):
+        if name == "force_limit_mN" and bad == math.inf:
+            continue
+        task = dataclasses.replace(env.task, **{name: bad})
+        with pytest.raises(torquer.Error):
+            torquer.envs.NavigationEnv(torquer.scene_path("ty_phantom"), task)
+    for given in ({"count": bad}, {"count": 2, "threads": bad}):
+        with pytest.raises(torquer.Error):
+            torquer.envs.VectorEnv("ty_phantom", **given)
+    with pytest.raises(torquer.Error):
+        many.send([[0, 0]], [bad])
+    assert np.array_equal(env.reset(seed=3)[0], observation)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"seed": -1}, {"seed": "x"}, {"seed": 1.5}, {"seed": [1, -1]}, {"seed": [1, "x"]}, {"seed": 2**64}, {"seed": [1]},
+        {"options": {"rotation_rad": "x"}}, {"options": {"rotation_rad": [1, 2]}}, {"options": {"rotation_rad": 1e9}}, {"options": 3},
+    ],
+)
+def test_a_reset_that_is_refused_does_not_keep_the_next_from_it(bad):
+    many = torquer.envs.VectorEnv("ty_phantom", 2, 1)
+    expected, _ = many.reset(seed=1)
+    with pytest.raises(torquer.Error):
+        many.reset(**bad)
+    with pytest.raises(torquer.Error):
+        many.step([["x", 0], [0, 0]])
+    assert np.array_equal(many.reset(seed=1)[0], expected)
+
+
+@pytest.mark.parametrize("at_work", [False, True])
+def test_a_forked_child_is_told_to_make_its_own(at_work):
+    many = torquer.envs.VectorEnv("ty_phantom", 2, 2)
+    many.reset(seed=1)
+    if at_work:
+        many.send(np.ones((2, 2)))
+    child = os.fork()
+    if child == 0:
+        told = 0
+        for call in (lambda: many.reset(seed=1), lambda: many.step(np.zeros((2, 2))), many.recv):
+            try:
+                call()
+            except torquer.Error:
+                told += 1
+        many.close()
+        del many
+        own = torquer.envs.VectorEnv("ty_phantom", 2, 2)
+        own.reset(seed=1)
+        os._exit(7 if told == 3 else 1)
+    for _ in range(600):
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            break
+        time.sleep(0.1)
+    else:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        pytest.fail("the child hangs")
+    assert os.waitstatus_to_exitcode(status) == 7
+    if at_work:
+        many.recv()
+    many.step(np.zeros((2, 2)))
 
 
 def test_what_a_thread_throws_is_raised():

@@ -5,7 +5,11 @@ import gc
 import json
 import pathlib
 import pickle
+import signal
+import subprocess
+import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -92,8 +96,10 @@ def test_nodes_are_a_view_that_cannot_be_written(phantom):
     assert not nodes.flags.writeable and not nodes.flags.owndata
     with pytest.raises(ValueError):
         nodes[0, 0] = 1
-    # It keeps the simulation alive.
+    # It stays as it is, whatever becomes of the simulation.
     kept = nodes.copy()
+    push(simulation, 1)
+    simulation.restart()
     del simulation
     gc.collect()
     assert np.array_equal(nodes, kept)
@@ -252,6 +258,168 @@ def test_what_cannot_be_used_is_refused(phantom, time_s, hands, said):
     with pytest.raises(torquer.Error, match=said):
         simulation.step(time_s, simulation.hands if hands is None else hands)
     assert simulation.state_hash == here and simulation.time_s == 0
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
+def test_a_number_that_is_none_is_refused(phantom, bad):
+    simulation = torquer.Simulation(phantom)
+    here = simulation.state_hash
+    hands = simulation.hands
+    for name in ("lao_deg", "cra_deg"):
+        with pytest.raises(torquer.Error, match="C-arm"):
+            simulation.step(1, hands, **{name: bad})
+    for name in ("pulses_per_s", "magnification", "left", "right", "top", "bottom"):
+        with pytest.raises(torquer.Error, match=name):
+            simulation.step(1, hands, imaging=torquer.Imaging(**{name: bad}))
+    with pytest.raises(torquer.Error, match="point_mm"):
+        phantom.clearance_mm([[0, 0, 0], [0, bad, 0]])
+    for call in (lambda: phantom.centerline_mm("side", bad), lambda: phantom.route_mm("side", 40, bad),
+                 lambda: phantom.route_mm("side", bad)):
+        with pytest.raises(torquer.Error):
+            call()
+    assert simulation.state_hash == here
+
+
+def test_absurd_numbers_of_points_are_refused(phantom):
+    for step_mm in (1e-9, 5e-324, 0, -1):
+        with pytest.raises(torquer.Error, match="step_mm is"):
+            phantom.centerline_mm("side", step_mm)
+
+
+def test_what_was_not_made_is_refused(phantom):
+    simulation = torquer.Simulation(phantom)
+    for kind in (torquer.Scene, torquer.Simulation, torquer.StepReport, torquer.Imaging, torquer.InstrumentInfo,
+                 torquer._torquer.Navigation, torquer._torquer.NavigationPool, torquer._torquer.NavigationTask):
+        empty = kind.__new__(kind)
+        tried = 0
+        for name in dir(kind):
+            if name.startswith("_"):
+                continue
+            if isinstance(getattr(kind, name), property):
+                with pytest.raises(torquer.Error, match="was not made"):
+                    getattr(empty, name)
+            else:
+                with pytest.raises((torquer.Error, TypeError)):
+                    getattr(empty, name)()
+            tried += 1
+        assert tried > 0 or kind is torquer._torquer.NavigationTask
+    with pytest.raises(torquer.Error, match="was not made"):
+        torquer.Simulation(torquer.Scene.__new__(torquer.Scene))
+    with pytest.raises(torquer.Error, match="was not made"):
+        simulation.restore(torquer.Simulation.__new__(torquer.Simulation))
+    with pytest.raises(torquer.Error, match="was not made"):
+        torquer.Simulation.__new__(torquer.Simulation).restart()
+
+
+def test_a_step_in_use_is_not_moved(phantom, beating):
+    simulation = torquer.Simulation(phantom)
+    saved = simulation.copy()
+    nodes = simulation.nodes_mm
+    refused = []
+    others = []
+
+    def after_tick(tick):
+        for call in (simulation.restart, lambda: simulation.restore(saved), lambda: simulation.step(9, simulation.hands)):
+            with pytest.raises(torquer.Error, match="a step is in use of it"):
+                call()
+            refused.append(call)
+
+        def elsewhere():
+            for call in (simulation.restart, simulation.copy, lambda: simulation.nodes_mm, lambda: simulation.hands):
+                try:
+                    call()
+                except torquer.Error as error:
+                    others.append(str(error))
+
+        thread = threading.Thread(target=elsewhere)
+        thread.start()
+        thread.join()
+        # It may be looked at.
+        assert simulation.nodes_mm.shape[1] == 3 and simulation.copy().state_hash == simulation.state_hash
+
+    report = simulation.step(0.05, simulation.hands, after_tick=after_tick)
+    assert len(refused) == 3 * report.ticks and len(others) == 4 * report.ticks
+    assert all("another thread uses it" in text for text in others)
+    other = torquer.Simulation(beating)
+    scene = simulation.scene
+    with pytest.raises(torquer.Error, match="give one of the same scene"):
+        simulation.restore(other)
+    simulation.restore(torquer.Simulation(torquer.Scene(str(SCENES / "ty_phantom.toml"))))
+    gc.collect()
+    assert np.isfinite(nodes).all() and scene.name == simulation.scene.name == "ty_phantom"
+
+
+def test_random_calls_of_threads_are_carried_out_or_refused(phantom):
+    simulation = torquer.Simulation(phantom)
+    saved = simulation.copy()
+    readers = [name for name in dir(simulation) if not name.startswith("_")]
+    unexpected = []
+
+    def calls(seed):
+        random = np.random.default_rng(seed)
+        for _ in range(400):
+            what = random.integers(6)
+            try:
+                if what == 0:
+                    hands = simulation.hands + random.uniform(-1, 2, (1, 2))
+                    simulation.step(simulation.time_s + 0.02, np.maximum(hands, 0))
+                elif what == 1:
+                    random.choice([simulation.restart, lambda: simulation.restore(saved)])()
+                else:
+                    read = getattr(simulation, random.choice(readers))
+                    if callable(read) and read.__name__ not in ("step", "restart", "restore"):
+                        read(0) if read.__name__ == "instrument_nodes_mm" else read()
+            except torquer.Error:
+                pass
+            except BaseException as error:
+                unexpected.append(repr(error))
+
+    threads = [threading.Thread(target=calls, args=(seed,)) for seed in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(120)
+    assert not unexpected
+    # And then it does as a new one.
+    simulation.restart()
+    fresh = torquer.Simulation(phantom)
+    push(simulation, 5)
+    push(fresh, 5)
+    assert simulation.state_hash == fresh.state_hash
+
+
+LONG = {
+    "a step": "torquer.Simulation(scene).step(1e5, [[1, 0]])",
+    "a step of many": "many.step(numpy.ones((2, 2)))",
+    "a step of an environment": "env.step([1, 1])",
+}
+
+
+@pytest.mark.parametrize("what", LONG)
+def test_an_interrupt_ends_what_takes_long(what):
+    text = f"""
+import numpy, os, torquer, torquer.envs
+scene = torquer.Scene(torquer.scene_path("coronary"))
+task = torquer.envs.Task("lad", 60.0, step_s=1e3)
+if "env" in {LONG[what]!r}:
+    env = torquer.envs.NavigationEnv(scene, task)
+if "many" in {LONG[what]!r}:
+    many = torquer.envs.VectorEnv(scene, 2, 2, task=task)
+print("begun", flush=True)
+try:
+    {LONG[what]}
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+    os._exit(0)  # what others still step is not waited for
+"""
+    child = subprocess.Popen([sys.executable, "-B", "-c", text], stdout=subprocess.PIPE, text=True)
+    try:
+        assert child.stdout.readline() == "begun\n"
+        time.sleep(0.5)
+        child.send_signal(signal.SIGINT)
+        assert child.communicate(timeout=60)[0] == "interrupted\n"
+    finally:
+        child.kill()
 
 
 def test_errors_are_value_errors_that_name_the_file():

@@ -12,7 +12,8 @@
 //
 // Lengths are in mm, angles in rad (those of the C-arm in degrees), times in s, in the frame of the
 // vessel's file. The same commands give the same states, bit for bit. One simulation belongs to one
-// thread at a time; simulations of one scene may run in threads beside each other.
+// thread at a time, and refuses a second; simulations of one scene may run in threads beside each
+// other.
 #pragma once
 
 #include <array>
@@ -101,7 +102,7 @@ class TORQUER_API Scene {
   double ClearanceMm(const Point& point_mm) const;
   /// Names of the centerlines; none where the scene has no file of them.
   std::vector<std::string> centerlines() const;
-  /// Points along a centerline, `step_mm` (> 0) apart, its end included.
+  /// Points along a centerline, `step_mm` (> 0) apart, its end included; a million at most.
   std::vector<Point> CenterlineMm(const std::string& name, double step_mm) const;
   /// The same along the shortest way from the entry point to a place on a centerline, `at_mm` from
   /// its start.
@@ -193,8 +194,9 @@ struct Picture {
   std::vector<std::uint8_t> gray;  ///< width * height, row by row from the top left
 };
 
-/// A scene as it goes on. Copies go on by themselves from where the original was, which is how a
-/// state is saved and restored; assignment within one scene takes no time to build.
+/// A scene as it goes on. One that was moved from refuses all but assignment. Copies go on by
+/// themselves from where the original was, which is how a state is saved and restored; assignment
+/// within one scene takes no time to build.
 class TORQUER_API Simulation {
  public:
   /// At the start of the scene.
@@ -219,6 +221,10 @@ class TORQUER_API Simulation {
                   const std::function<bool(const StepReport& tick)>& after_tick);
   /// The last one, or that of the start.
   const Command& command() const;
+
+  /// Calls `look` while no thread moves this: what nodes_mm(), command() and LastPicture() refer to
+  /// stays as it is until `look` returns.
+  void WhileStill(const std::function<void()>& look) const;
 
   double time_s() const;
   /// The nodes of the wire that all instruments are together, x, y, z of each, from the entry point
@@ -258,6 +264,8 @@ class TORQUER_API Simulation {
 
  private:
   struct Parts;
+  Parts& parts() const;
+
   std::unique_ptr<Parts> parts_;
 };
 

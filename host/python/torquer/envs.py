@@ -130,9 +130,16 @@ def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
     if sees and "fluoroscopy" not in scene.effects:
         raise Error(f"{scene.name} makes no pictures; add [effects.fluoroscopy]")
     if sees and task.picture_px is not None:
-        size = int(task.picture_px)
+        size = _whole("picture_px", task.picture_px, 64, 1024)
         text = _with_keys(text, "effects.fluoroscopy", {"width_px": size, "height_px": size})
     return Scene.from_text(text, scene.folder)
+
+
+def _whole(what: str, value: Any, lowest: int, highest: int) -> int:
+    """A whole number that a user gave."""
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and lowest <= value <= highest:
+        return int(value)
+    raise Error(f"{what} is {value!r}; give a whole number from {lowest} to {highest}")
 
 
 class _Prepared:
@@ -143,8 +150,8 @@ class _Prepared:
             raise Error(f"observation is {observation!r}; give 'vector' or 'picture'")
         given = scene if isinstance(scene, Scene) else Scene(scene)
         count = len(given.instruments)
-        if not 0 <= task.instrument < count:
-            raise Error(f"instrument is {task.instrument}; the scene has {count}")
+        _whole("instrument", task.instrument, 0, count - 1)
+        _whole("max_steps", task.max_steps, 1, 2**31 - 1)
         sees = sees or observation == "picture"
         self.scene = _scene_of(given, task, sees)
         self.route = self.scene.route_mm(task.centerline, task.at_mm, 1.0)
@@ -178,8 +185,26 @@ class _Prepared:
         return _Box(0, 255, (height, width, 1), np.uint8)
 
 
-def _rotation(random: np.random.Generator, options: Optional[Dict[str, Any]]) -> float:
-    return float((options or {}).get("rotation_rad", random.uniform(-math.pi, math.pi)))
+def _chosen_rotation(options: Optional[Dict[str, Any]]) -> Optional[float]:
+    """That of the options, if there is one."""
+    if options is not None and not isinstance(options, dict):
+        raise Error(f"options are {options!r}; give a dict, as {{'rotation_rad': 0.5}}")
+    chosen = (options or {}).get("rotation_rad")
+    if chosen is None:
+        return None
+    try:
+        return float(chosen)
+    except (TypeError, ValueError):
+        raise Error(f"rotation_rad is {chosen!r}; give a number") from None
+
+
+def _rotation(random: np.random.Generator, chosen: Optional[float]) -> float:
+    drawn = random.uniform(-math.pi, math.pi)
+    return float(drawn) if chosen is None else chosen
+
+
+def _generator(seed: Optional[int]) -> np.random.Generator:
+    return np.random.default_rng(None if seed is None else _whole("seed", seed, 0, 2**63 - 1))
 
 
 _INFO = ("success", "safe_success", "wall_force_mN", "path_mm", "remaining_mm", "time_s")
@@ -233,11 +258,15 @@ class NavigationEnv(_Env):  # type: ignore[misc]
     ) -> Tuple[Array, Dict[str, Any]]:
         """Back to the start. options: "rotation_rad", of the task's instrument before it begins;
         without it, any rotation, by the seed."""
+        chosen = _chosen_rotation(options)
+        if chosen is not None:
+            self._navigation.check_rotation(chosen)
         if seed is not None or gymnasium is not None and self._np_random is None:
+            random = _generator(seed)
             if gymnasium is not None:
                 super().reset(seed=seed)
-            self._random = np.random.default_rng(seed)
-        self._navigation.reset(_rotation(self._random, options))
+            self._random = random
+        self._navigation.reset(_rotation(self._random, chosen))
         return self._observe(), self._info(self._navigation.facts)
 
     def step(self, action: npt.ArrayLike) -> Tuple[Array, float, bool, bool, Dict[str, Any]]:
@@ -313,8 +342,9 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         """name: one of TASKS; or, with a task, a scene or its file. threads: one for each core by
         default. copy: whether observations of all are copies; without, the next step overwrites
         them."""
-        if count < 1 or threads is not None and threads < 1:
-            raise Error(f"count is {count} and threads {threads}; give 1 or more")
+        count = _whole("count", count, 1, 100_000)
+        if threads is not None:
+            threads = _whole("threads", threads, 1, 1024)
         if task is None:
             if name not in TASKS:
                 raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}; or give a task")
@@ -359,17 +389,24 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         if self._at_work.any():
             raise Error("environments are at work; recv() them before reset()")
         seeds: Sequence[Optional[int]]
-        if isinstance(seed, (int, np.integer)):
-            seeds = [int(seed) + k for k in range(self.num_envs)]
+        if seed is None:
+            seeds = [None] * self.num_envs
+        elif isinstance(seed, (list, tuple, np.ndarray)):
+            seeds = seed
         else:
-            seeds = [None] * self.num_envs if seed is None else seed
+            first = _whole("seed", seed, 0, 2**63 - 1 - self.num_envs)
+            seeds = [first + k for k in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise Error(f"there are {len(seeds)} seeds; give {self.num_envs}, or one")
-        for k, one in enumerate(seeds):
-            if one is not None:
-                self._randoms[k] = np.random.default_rng(one)
+        # All that may be refused, before the first begins.
+        chosen = _chosen_rotation(options)
+        if chosen is not None:
+            self._pool.check_rotation(chosen)
+        made = [None if one is None else _generator(one) for one in seeds]
+        self._randoms = [old if new is None else new for old, new in zip(self._randoms, made)]
+        for k, random in enumerate(self._randoms):
+            self._pool.reset(k, _rotation(random, chosen))
             self._at_work[k] = True
-            self._pool.reset(k, _rotation(self._randoms[k], options))
         observations, _, _, _, info = self.recv()
         return observations, info
 
@@ -380,8 +417,14 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
 
     def send(self, actions: npt.ArrayLike, ids: Optional[npt.ArrayLike] = None) -> None:
         """Has the environments `ids`, or all of them, begin a step, and returns at once."""
-        which = np.arange(self.num_envs) if ids is None else np.asarray(ids, int).ravel()
-        rows = np.asarray(actions, float)
+        try:
+            which = np.arange(self.num_envs) if ids is None else np.asarray(ids).ravel()
+            rows = np.asarray(actions, float)
+        except (TypeError, ValueError) as error:
+            raise Error(f"actions or ids are no array of numbers ({error})") from None
+        if which.dtype.kind not in "iu" and len(which) > 0:
+            raise Error(f"ids are {which.tolist()}; give whole numbers, 0 to {self.num_envs - 1}")
+        which = which.astype(int)
         shape = (len(which), *self.single_action_space.shape)
         if rows.shape != shape:
             raise Error(f"actions have the shape {rows.shape}; give {shape}")
@@ -391,11 +434,11 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
             raise Error(f"ids are {which.tolist()}; give each once, 0 to {self.num_envs - 1}")
         if self._at_work[which].any():
             raise Error("an environment is at work already; recv() it before the next send()")
-        self._at_work[which] = True
         ended = self._ended[which]
+        self._pool.step(which[~ended], rows[~ended])
         for k in which[ended]:
             self._pool.reset(int(k), _rotation(self._randoms[k], None))
-        self._pool.step(which[~ended], rows[~ended])
+        self._at_work[which] = True
 
     def recv(self, count: Optional[int] = None) -> Tuple[Array, Array, Array, Array, Dict[str, Any]]:
         """What came of the `count` that finish first, or of all that are at work: observations,
@@ -403,8 +446,8 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         cannot go on, all are waited for, and its error is raised."""
         if not self._at_work.any():
             raise Error("no environment is at work; send() actions first")
-        if count is not None and count < 1:
-            raise Error(f"count is {count}; give 1 or more")
+        if count is not None:
+            count = _whole("count", count, 1, 2**31 - 1)
         try:
             ids = np.sort(np.array(self._pool.wait(self.num_envs if count is None else count), int))
         except Error:

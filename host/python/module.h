@@ -1,0 +1,85 @@
+// What the parts of torquer._torquer share.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <torquer/torquer.h>
+
+#include <chrono>
+#include <functional>
+#include <string>
+
+#include "host/python/navigation.h"
+#include "host/python/navigation_pool.h"
+
+namespace torquer::python {
+
+// An object that __new__ made without __init__ has memory, but nothing in it.
+template <class Type>
+class MadeCaster : public pybind11::detail::type_caster_base<Type> {
+ public:
+  bool load(pybind11::handle source, bool convert) {
+    const pybind11::detail::type_info* const type =
+        pybind11::detail::get_type_info(typeid(Type), true);
+    if (PyObject_TypeCheck(source.ptr(), type->type) != 0) {
+      auto* const made = reinterpret_cast<pybind11::detail::instance*>(source.ptr());
+      if (made->get_value_and_holder(type).value_ptr() == nullptr) {
+        throw Error(std::string("this ") + type->type->tp_name + " was not made; call its class");
+      }
+    }
+    return pybind11::detail::type_caster_base<Type>::load(source, convert);
+  }
+};
+
+}  // namespace torquer::python
+
+namespace pybind11::detail {
+#define TORQUER_MADE(Type) \
+  template <>              \
+  class type_caster<Type> : public torquer::python::MadeCaster<Type> {}
+TORQUER_MADE(torquer::InstrumentInfo);
+TORQUER_MADE(torquer::Scene);
+TORQUER_MADE(torquer::StepReport);
+TORQUER_MADE(torquer::Imaging);
+TORQUER_MADE(torquer::Simulation);
+TORQUER_MADE(torquer::python::NavigationTask);
+TORQUER_MADE(torquer::python::Navigation);
+TORQUER_MADE(torquer::python::NavigationPool);
+#undef TORQUER_MADE
+}  // namespace pybind11::detail
+
+namespace torquer::python {
+
+using Rows = pybind11::array_t<double, pybind11::array::c_style | pybind11::array::forcecast>;
+using NoGil = pybind11::call_guard<pybind11::gil_scoped_release>;
+
+/// Ends what runs long without Python's lock when Ctrl-C was pressed: asks for it now and then.
+class Interruption {
+ public:
+  void Check() {
+    const auto now = std::chrono::steady_clock::now();
+    if (now - last_ < std::chrono::milliseconds(100)) return;
+    last_ = now;
+    const pybind11::gil_scoped_acquire locked;
+    if (PyErr_CheckSignals() != 0) throw pybind11::error_already_set();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+/// The same as a step's call after its ticks.
+inline std::function<bool(const StepReport&)> EndsAtInterruption() {
+  return [interruption = Interruption()](const StepReport&) mutable {
+    interruption.Check();
+    return true;
+  };
+}
+
+/// Refuses an array that is not of rows of so many columns.
+void RequireColumns(const Rows& rows, const char* name, int columns);
+
+void AddNavigation(pybind11::module_& module);
+
+}  // namespace torquer::python

@@ -1,0 +1,79 @@
+// A thing that belongs to one thread at a time, and that refuses the others.
+#pragma once
+
+#include <atomic>
+#include <thread>
+
+namespace torquer {
+
+/// Either any number of calls look at a thing, or one thread changes it. A change may call back:
+/// that thread then looks at the thing within its change. What is refused throws `Thrown`.
+template <class Thrown>
+class Usage {
+ public:
+  /// A call, as long as it lasts.
+  class Hold {
+   public:
+    Hold(const Hold&) = delete;
+    Hold& operator=(const Hold&) = delete;
+    ~Hold() {
+      if (users_ == nullptr) return;
+      if (changes_) {
+        usage_.changer_ = std::thread::id();
+        users_->store(0);
+      } else {
+        users_->fetch_sub(1);
+      }
+    }
+
+   private:
+    friend class Usage;
+    Hold(Usage& usage, bool changes, bool counted)
+        : usage_(usage), users_(counted ? &usage.users_ : nullptr), changes_(changes) {}
+
+    Usage& usage_;
+    std::atomic<int>* users_;  // null: within a change of the same thread
+    bool changes_;
+  };
+
+  /// For what only reads.
+  [[nodiscard]] Hold Look() {
+    int users = users_.load();
+    while (users >= 0) {
+      if (users_.compare_exchange_weak(users, users + 1)) return {*this, false, true};
+    }
+    if (!IsChanger()) RefuseOther();
+    return {*this, false, false};
+  }
+
+  /// For what moves it.
+  [[nodiscard]] Hold Change() {
+    if (Take()) return {*this, true, true};
+    if (IsChanger()) throw Thrown("a step is in use of it; move it after the step, not within");
+    RefuseOther();
+  }
+
+  /// For what writes beside what moves, and may come within a change.
+  [[nodiscard]] Hold Work() {
+    if (Take()) return {*this, true, true};
+    if (!IsChanger()) RefuseOther();
+    return {*this, false, false};
+  }
+
+ private:
+  bool Take() {
+    int none = 0;
+    if (!users_.compare_exchange_strong(none, -1)) return false;
+    changer_ = std::this_thread::get_id();
+    return true;
+  }
+  bool IsChanger() const { return changer_.load() == std::this_thread::get_id(); }
+  [[noreturn]] static void RefuseOther() {
+    throw Thrown("another thread uses it; let one thread at a time, or give each a copy");
+  }
+
+  std::atomic<int> users_ = 0;  // who look; -1: one who changes
+  std::atomic<std::thread::id> changer_;
+};
+
+}  // namespace torquer
