@@ -99,6 +99,7 @@ int Run(const Arguments& arguments) {
   });
   report.undecodable = summary.undecodable;
   report.damage = summary.damage;
+  report.unknown = summary.unknown;
   report.started_us = summary.started_us;
   if (picture || page) {
     const torquer::scene::Scene scene(arguments.scene.empty() ? report.scene_file

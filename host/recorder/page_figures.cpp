@@ -83,6 +83,13 @@ std::vector<std::string> PageFigures::Doubts() const {
     doubts.push_back(
         fmt::format("{} messages of the recording cannot be read.", report_.undecodable));
   }
+  for (const std::string& gap : report_.gaps) {
+    doubts.push_back("Of the recording: " + SafeText(gap) + ".");
+  }
+  for (const auto& [channel, count] : report_.unknown) {
+    doubts.push_back(fmt::format("{} messages of the recording are of an unknown channel, {}.",
+                                 count, SafeText(channel)));
+  }
   if (report_.damage.any()) {
     doubts.push_back("The recording is damaged: " + SafeText(report_.damage.Describe()) + ".");
   }

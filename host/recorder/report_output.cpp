@@ -133,6 +133,11 @@ std::string FormatReport(const SessionReport& report) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",
                         report.states_missing, report.undecodable);
   }
+  for (const std::string& gap : report.gaps) text += fmt::format("  log          {}\n", gap);
+  for (const auto& [channel, count] : report.unknown) {
+    text += fmt::format("  log          {} messages of an unknown channel, {}\n", count,
+                        Printable(channel));
+  }
   if (report.first_tick > 0) {
     text += fmt::format("  log          begins with tick {}; motion is judged from there\n",
                         report.first_tick);
@@ -174,6 +179,8 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"states_with_shape", report.shapes},
                                        {"states_missing", report.states_missing},
                                        {"undecodable", report.undecodable},
+                                       {"gaps", report.gaps},
+                                       {"unknown_channels", report.unknown},
                                        {"log_ended", report.ended},
                                        {"log_damage", report.damage.Describe()},
                                        {"readings", std::move(readings)},

@@ -1,7 +1,10 @@
 #include "host/recorder/session_log.h"
 
+#include <algorithm>
 #include <functional>
+#include <iterator>
 #include <map>
+#include <string_view>
 
 #include "host/bus/message_check.h"
 #include "host/support/error.h"
@@ -24,6 +27,17 @@ void Register(std::map<std::string, RawHandler, std::less<>>& handlers, const ch
   };
 }
 
+// Counts a message of a channel that Torquer does not have.
+void CountUnknown(std::string_view channel, SessionLogSummary& summary) {
+  constexpr std::size_t kMostChannels = 20;
+  const auto& ours = protocol::kChannels;
+  if (!channel.starts_with("TORQUER")) return;
+  if (std::find(std::begin(ours), std::end(ours), channel) != std::end(ours)) return;
+  const std::string name(channel);
+  const bool room = summary.unknown.size() < kMostChannels || summary.unknown.contains(name);
+  if (room) ++summary.unknown[name];
+}
+
 }  // namespace
 
 SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers& handlers) {
@@ -42,6 +56,7 @@ SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers&
     if (summary.messages == 0) summary.started_us = record.time_us;
     ++summary.messages;
     const auto handler = by_channel.find(record.channel);
+    if (handler == by_channel.end()) CountUnknown(record.channel, summary);
     if (handler != by_channel.end() && !handler->second(record)) ++summary.undecodable;
   }
   summary.damage = log.damage();

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <string>
 
 #include "host/support/event_log.h"
@@ -32,7 +33,9 @@ struct SessionLogSummary {
   std::int64_t messages = 0;     ///< all, those of other channels included
   std::int64_t undecodable = 0;  ///< on our channels, but not of the channel's type
   std::int64_t started_us = 0;   ///< time of the first record, by the logger's wall clock
-  LogDamage damage;              ///< what could not be read
+  /// Messages by channel whose name begins as ours do, but is none of ours; 20 channels at most.
+  std::map<std::string, std::int64_t> unknown;
+  LogDamage damage;  ///< what could not be read
 };
 
 /// Reads all whole records of the log at `path`, in recorded order, in memory that does not

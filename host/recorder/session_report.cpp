@@ -90,7 +90,8 @@ bool SessionReport::Good() const {
   for (const InstrumentReport& instrument : instruments) {
     if (instrument.driven() && !instrument.Good()) return false;
   }
-  return undecodable == 0 && !damage.any();
+  return undecodable == 0 && states_missing == 0 && gaps.empty() && unknown.empty() &&
+         !damage.any();
 }
 
 SessionHandlers SessionReporter::Handlers() {
@@ -98,7 +99,10 @@ SessionHandlers SessionReporter::Handlers() {
   handlers.sample = [this](const torquer_lcm::device_sample_t& message) { Add(message); };
   handlers.command = [this](const torquer_lcm::instrument_command_t& message) { Add(message); };
   handlers.state = [this](const torquer_lcm::wire_state_t& message) { Add(message); };
-  handlers.scene = [this](const torquer_lcm::scene_description_t& message) { scene_ = message; };
+  handlers.scene = [this](const torquer_lcm::scene_description_t& message) {
+    scene_ = message;
+    gaps_.AddScene();
+  };
   handlers.readings = [this](const torquer_lcm::readings_t& message) { Add(message); };
   handlers.health = [this](const torquer_lcm::health_t& message) { Add(message); };
   handlers.truth = [this](const torquer_lcm::hand_motion_t& message) { Add(message); };
@@ -114,6 +118,7 @@ bool SessionReporter::Held(const Channel& channel, const torquer_lcm::device_sam
 }
 
 void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
+  gaps_.Add(sample);
   Channel& channel = channels_[sample.instrument];
   InstrumentReport& report = channel.report;
   ++report.samples;
@@ -150,6 +155,7 @@ void SessionReporter::Show(Channel& channel, std::int64_t origin_us) {
 }
 
 void SessionReporter::Add(const torquer_lcm::instrument_command_t& command) {
+  gaps_.Add(command);
   Channel& channel = channels_[command.instrument];
   ++channel.report.commands;
   channel.command_clock_id = command.clock_id;
@@ -159,6 +165,7 @@ void SessionReporter::Add(const torquer_lcm::instrument_command_t& command) {
 }
 
 void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
+  gaps_.Add(state);
   // At rest the simulator publishes its last state again; a thinned log has its shape only then.
   if (last_state_ && state.tick == last_state_->tick) {
     if (!last_shape_ || last_shape_->tick != state.tick) TakeShape(state);
@@ -207,11 +214,13 @@ void SessionReporter::TakeShape(const torquer_lcm::wire_state_t& state) {
 }
 
 void SessionReporter::Add(const torquer_lcm::readings_t& readings) {
+  gaps_.Add(readings);
   course_.Add(readings);
   readings_ = readings;
 }
 
 void SessionReporter::Add(const torquer_lcm::health_t& health) {
+  gaps_.Add(health);
   if (health.process != "daemon") return;
   Channel& channel = channels_[health.instrument];
   for (std::size_t i = 0; i < health.names.size(); ++i) {
@@ -229,6 +238,7 @@ void SessionReporter::Add(const torquer_lcm::health_t& health) {
 
 // One that was sent before the daemon counted may come after its counts.
 void SessionReporter::Add(const torquer_lcm::hand_motion_t& truth) {
+  gaps_.Add(truth);
   truths_[truth.device] = truth;
   for (auto& [name, channel] : channels_) {
     if (channel.first_sample && channel.first_sample->device == truth.device &&
@@ -366,6 +376,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
       std::max<std::int64_t>(Difference(last_state_->tick, last_shape_->tick), 0);
   report.readings = readings_;
   report.course = course_;
+  report.gaps = gaps_.Describe();
   return report;
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "host/recorder/log_gaps.h"
 #include "host/recorder/session_course.h"
 #include "host/recorder/session_log.h"
 
@@ -79,9 +80,11 @@ struct SessionReport {
   std::int64_t shapes = 0;          ///< of these with the curve, and not its ends alone
   std::int64_t states_missing = 0;  ///< gaps in the ticks: lost by the bus or the logger
   std::int64_t undecodable = 0;     ///< messages that are not of their channel's type
-  LogDamage damage;                 ///< of the log
-  bool ended = false;               ///< the log holds the end of every daemon
-  std::int64_t started_us = 0;      ///< the logger's wall clock at its first record; 0: unknown
+  std::vector<std::string> gaps;    ///< what the log lacks, as LogGaps describes it
+  std::map<std::string, std::int64_t> unknown;  ///< messages by channel that is like ours but none
+  LogDamage damage;                             ///< of the log
+  bool ended = false;                           ///< the log holds the end of every daemon
+  std::int64_t started_us = 0;  ///< the logger's wall clock at its first record; 0: unknown
 
   Distribution solve_us;  ///< relaxation time of each tick
   double max_penetration_um = 0;
@@ -172,6 +175,7 @@ class SessionReporter {
   torquer_lcm::readings_t readings_{};
   std::vector<double> solve_us_;
   SessionCourse course_;
+  LogGaps gaps_;
   SessionReport report_;
 };
 

@@ -129,6 +129,7 @@ void WriteCounts(LogWriter& log, const SessionFaults& faults, const std::string&
   torquer_lcm::hand_motion_t truth{};
   truth.device = device;
   truth.publish_us = health.publish_us;
+  truth.time_s = 1e-3 * kReports;
   truth.reports_sent = kReports + lost_reports;
   truth.axial_counts = axial_counts;
   truth.transverse_counts = transverse_counts;
@@ -141,6 +142,7 @@ void WriteRunningCounts(LogWriter& log, int i, const torquer_lcm::device_sample_
     torquer_lcm::hand_motion_t truth{};
     truth.device = kBox;
     truth.publish_us = sample.receive_us;
+    truth.time_s = 1e-3 * i;
     truth.reports_sent = i + 1 + kReportsAhead;
     truth.axial_counts = sample.axial_counts + 2 * kReportsAhead;
     truth.transverse_counts = sample.transverse_counts - kReportsAhead;
@@ -166,6 +168,7 @@ void WriteEvents(LogWriter& log) {
   readings.count = 2;
   for (const double events : {1.0, 4.0}) {
     readings.values = {events, 2.5 * events};
+    readings.publish_us = kStartUs + static_cast<std::int64_t>(1000 * events);
     log.Write(protocol::kReadingsChannel, kStartUs, readings);
   }
 }
@@ -176,6 +179,7 @@ torquer_lcm::readings_t CourseReadings(double time_s) {
   const bool reached = time_s >= 0.7;
   torquer_lcm::readings_t readings{};
   readings.time_s = time_s;
+  readings.publish_us = kStartUs + static_cast<std::int64_t>(1e6 * time_s);
   readings.names = {"wall_force_largest_mN",
                     "wall_force_largest_ever_mN",
                     "wall_force_events",

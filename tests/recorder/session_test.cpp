@@ -36,6 +36,7 @@ SessionReport Report(const SessionFaults& faults) {
   SessionReport report = reporter.Finish(Gains);
   report.undecodable = summary.undecodable;
   report.damage = summary.damage;
+  report.unknown = summary.unknown;
   return report;
 }
 
