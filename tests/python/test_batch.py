@@ -504,6 +504,29 @@ def test_a_linked_folder_is_refused(study, tmp_path, target):
     assert tree(target) == before
 
 
+@pytest.mark.parametrize("how", ["file", "module"])
+def test_a_script_without_a_guard_runs_with_worker_processes(study, tmp_path, how):
+    study(cases(2))
+    body = 'import torquer.batch\nprint(torquer.batch.run("study.toml", "out", workers=1).done)\n'
+    (tmp_path / "begun.py").write_text(f"open('begun', 'a').write('x')\n{body}")
+    arguments = {"file": ["begun.py"], "module": ["-m", "begun"]}[how]
+    process = subprocess.Popen(
+        [sys.executable, "-B", *arguments], env=ENVIRONMENT, cwd=tmp_path, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )
+    try:
+        output, error = process.communicate(timeout=120)
+    finally:
+        try:
+            os.killpg(process.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            pass
+    assert process.returncode == 0 and output == "2\n", error
+    # No worker ran the script.
+    assert (tmp_path / "begun").read_text() == "x"
+    check_whole(tmp_path / "out", 2)
+
+
 def test_command_line(study, tmp_path):
     out = tmp_path / "out"
     path = study(cases(2))

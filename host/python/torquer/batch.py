@@ -9,12 +9,15 @@ package for the study file and for clusters.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import itertools
 import json
+import multiprocessing.spawn
 import os
 import pathlib
 import sys
+import threading
 import time
 from typing import Any, Callable, Dict, Iterator, List, Optional, TextIO
 
@@ -84,6 +87,41 @@ def _work(case: Case, library: str) -> Any:
     return _batch_case.run(case)
 
 
+class _WithoutMain:
+    """While one is open, Dask's workers of this process do not import its main script.
+
+    A case needs nothing of it, and a script without a guard would begin a batch in each worker, which
+    multiprocessing ends and Dask restarts, without end.
+    """
+
+    _NAME = "Dask Worker process"
+    _lock = threading.Lock()
+    _open = 0
+    _usual: Any = None
+
+    def __enter__(self) -> "_WithoutMain":
+        with self._lock:
+            if _WithoutMain._open == 0:
+                _WithoutMain._usual = multiprocessing.spawn.get_preparation_data
+                multiprocessing.spawn.get_preparation_data = self._prepare
+            _WithoutMain._open += 1
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        with self._lock:
+            _WithoutMain._open -= 1
+            if _WithoutMain._open == 0:
+                multiprocessing.spawn.get_preparation_data = _WithoutMain._usual
+
+    @classmethod
+    def _prepare(cls, name: str) -> Dict[str, Any]:
+        data: Dict[str, Any] = cls._usual(name)
+        if name.startswith(cls._NAME):
+            data.pop("init_main_from_name", None)
+            data.pop("init_main_from_path", None)
+        return data
+
+
 def _connect(workers: int, scheduler: Optional[str]) -> Any:
     """A client of Dask: of threads here, of processes here, or of a cluster."""
     need("dask", "python3-distributed").config.set(
@@ -112,11 +150,17 @@ def _connect(workers: int, scheduler: Optional[str]) -> Any:
     )
 
 
-def _close(client: Any) -> None:
-    cluster = getattr(client, "torquer_cluster", None)
-    client.close(timeout=5)
-    if cluster is not None:
-        cluster.close(timeout=5)
+@contextlib.contextmanager
+def _client(workers: int, scheduler: Optional[str]) -> Iterator[Any]:
+    with _WithoutMain():
+        client = _connect(workers, scheduler)
+        try:
+            yield client
+        finally:
+            cluster = getattr(client, "torquer_cluster", None)
+            client.close(timeout=5)
+            if cluster is not None:
+                cluster.close(timeout=5)
 
 
 def _each_result(client: Any, waiting: Iterator[Case]) -> Iterator[tuple[Case, Any]]:
@@ -199,8 +243,7 @@ def run(
         failures: List[Dict[str, Any]] = []
         if left:
             line = _Progress(progress, len(left))
-            client = _connect(workers, scheduler)
-            try:
+            with _client(workers, scheduler) as client:
                 for case, result in _each_result(client, iter(left.values())):
                     if isinstance(result, Exception):
                         message = str(result) if isinstance(result, Error) else _unexpected(result)
@@ -211,8 +254,6 @@ def run(
                         if on_case is not None:
                             on_case(case)
                     line.show(done, len(failures))
-            finally:
-                _close(client)
             line.show(done, len(failures), last=True)
         rows = [
             {**case.labels, **store.readings[case.key]} for case in every if case.key in store.readings
