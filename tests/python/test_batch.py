@@ -3,6 +3,7 @@
 import collections
 import csv
 import json
+import multiprocessing
 import os
 import pathlib
 import pickle
@@ -502,6 +503,30 @@ def test_a_linked_folder_is_refused(study, tmp_path, target):
     with pytest.raises(torquer.Error, match="symbolic link to one; give the folder itself"):
         torquer.batch.run(str(study(cases(1))), str(tmp_path / "out"))
     assert tree(target) == before
+
+
+def listening(pids):
+    """Addresses at which processes take TCP connections, as /proc/net has them."""
+    inodes = set()
+    for pid in pids:
+        for entry in pathlib.Path(f"/proc/{pid}/fd").iterdir():
+            try:
+                inodes.add(os.readlink(entry))
+            except OSError:
+                continue
+    rows = [line.split() for table in ("tcp", "tcp6") for line in pathlib.Path(f"/proc/net/{table}").read_text().splitlines()[1:]]
+    return [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_no_port_is_open_to_other_machines(study, tmp_path, workers):
+    found = []
+
+    def look(_):
+        found.extend(listening([os.getpid(), *(child.pid for child in multiprocessing.active_children())]))
+
+    torquer.batch.run(str(study(cases(1))), str(tmp_path / "out"), workers=workers, on_case=look)
+    assert found and {address.split(":")[0] for address in found} == {"0100007F"}
 
 
 @pytest.mark.parametrize("how", ["file", "module"])

@@ -137,17 +137,20 @@ def _connect(workers: int, scheduler: Optional[str]) -> Any:
             return distributed.Client(scheduler, timeout=_SCHEDULER_S, set_as_default=False)
         except (OSError, ValueError) as error:
             raise Error(f"--scheduler {scheduler}: {error}; give its address, as tcp://node1:8786") from None
+    # Dask's pages open to all machines where they are not told another place.
+    page = "127.0.0.1:0"
+    local: Dict[str, Any] = {
+        "dashboard_address": None, "scheduler_kwargs": {"dashboard_address": page}, "worker_dashboard_address": page,
+    }
     if workers > 0:
-        cluster = distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
-        )
-        client = distributed.Client(cluster, set_as_default=False)
-        client.torquer_cluster = cluster  # closed with it
-        return client
-    threads = len(os.sched_getaffinity(0))
-    return distributed.Client(
-        processes=False, n_workers=1, threads_per_worker=threads, dashboard_address=None, set_as_default=False
-    )
+        local.update(n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1")
+    else:
+        threads = len(os.sched_getaffinity(0))
+        local.update(n_workers=1, threads_per_worker=threads, processes=False)
+    cluster = distributed.LocalCluster(**local)
+    client = distributed.Client(cluster, set_as_default=False)
+    client.torquer_cluster = cluster  # closed with it
+    return client
 
 
 @contextlib.contextmanager
