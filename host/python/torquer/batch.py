@@ -137,7 +137,7 @@ def _connect(workers: int, scheduler: Optional[str]) -> Any:
             return distributed.Client(scheduler, timeout=_SCHEDULER_S, set_as_default=False)
         except (OSError, ValueError) as error:
             raise Error(f"--scheduler {scheduler}: {error}; give its address, as tcp://node1:8786") from None
-    # Dask's pages open to all machines where they are not told another place.
+    # Without an address Dask's pages are open to all machines.
     page = "127.0.0.1:0"
     local: Dict[str, Any] = {
         "dashboard_address": None, "scheduler_kwargs": {"dashboard_address": page}, "worker_dashboard_address": page,
