@@ -352,17 +352,17 @@ def test_a_forked_child_is_told_to_make_its_own(at_work):
         many.send(np.ones((2, 2)))
     child = os.fork()
     if child == 0:
-        told = 0
+        refused = 0
         for call in (lambda: many.reset(seed=1), lambda: many.step(np.zeros((2, 2))), many.recv):
             try:
                 call()
             except torquer.Error:
-                told += 1
+                refused += 1
         many.close()
         del many
         own = torquer.envs.VectorEnv("ty_phantom", 2, 2)
         own.reset(seed=1)
-        os._exit(7 if told == 3 else 1)
+        os._exit(7 if refused == 3 else 1)
     for _ in range(600):
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:

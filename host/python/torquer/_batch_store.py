@@ -242,7 +242,7 @@ class Store:
 
     def _require_recorded(self, name: str) -> None:
         if self._own.has(name) and (name, _hash(self._own.read(name))) not in self._record.finished:
-            raise Error(f"{self.folder / name}: is not as torquer-batch wrote it; move it away, and it is written anew")
+            raise Error(f"{self.folder / name}: is not as torquer-batch wrote it; move it away, and it is written again")
 
     def keep(self, case: Case, result: Result) -> None:
         """Stores a case, on the disk when this returns. Raises Error where the disk does not take it."""
