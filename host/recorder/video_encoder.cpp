@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "host/recorder/video_file.h"
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
 
@@ -103,7 +104,8 @@ std::string LastMessages(int file) {
 
 }  // namespace
 
-VideoEncoder::VideoEncoder(const VideoFormat& format, const std::string& subtitles, int output) {
+VideoEncoder::VideoEncoder(const VideoFormat& format, const std::string& subtitles, int output)
+    : kind_(format.kind), output_(output) {
   int ends[2];
   // A socket, since writing to a pipe whose reader has ended raises a signal.
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
@@ -153,7 +155,10 @@ VideoEncoder::~VideoEncoder() {
 bool VideoEncoder::Add(std::span<const std::uint8_t> pixels) {
   while (!pixels.empty()) {
     const ssize_t sent = send(frames_, pixels.data(), pixels.size(), MSG_NOSIGNAL);
-    if (sent < 0 && errno != EINTR) return false;
+    if (sent < 0 && errno != EINTR) {
+      refused_ = true;
+      return false;
+    }
     if (sent > 0) pixels = pixels.subspan(static_cast<std::size_t>(sent));
   }
   return true;
@@ -165,7 +170,16 @@ void VideoEncoder::Finish() {
   while (waitpid(process_, &status, 0) < 0 && errno == EINTR) {
   }
   process_ = -1;
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
+    // The descriptor itself may be for writing alone.
+    const std::string name = fmt::format("/proc/self/fd/{}", output_);
+    const Descriptor file(open(name.c_str(), O_RDONLY | O_CLOEXEC));
+    const bool video = kind_ == VideoFormat::Kind::kMp4 ? IsMp4(file.get()) : IsWebm(file.get());
+    if (video && !refused_) return;
+    throw UserError(fmt::format("ffmpeg: ended with status 0, but {}; {}",
+                                refused_ ? "took not all frames" : "wrote no whole video",
+                                kInstallFfmpeg));
+  }
   const std::string said = LastMessages(messages_);
   throw UserError(fmt::format("ffmpeg: ended with {} {}: {}",
                               WIFSIGNALED(status) ? "signal" : "status",

@@ -22,7 +22,8 @@ struct VideoFormat {
 /// it goes through a shell or by a name in a folder: frames, subtitles and file are descriptors.
 class VideoEncoder {
  public:
-  /// `subtitles` is a file of Advanced SubStation Alpha; `output` a descriptor of an empty file.
+  /// `subtitles` is a file of Advanced SubStation Alpha; `output` a descriptor of an empty file,
+  /// which must stay open.
   /// Throws UserError when ffmpeg cannot be started.
   VideoEncoder(const VideoFormat& format, const std::string& subtitles, int output);
   /// Kills it where it still runs.
@@ -33,12 +34,16 @@ class VideoEncoder {
   /// A frame of width x height pixels. False once ffmpeg takes no more; Finish() then says why.
   bool Add(std::span<const std::uint8_t> pixels);
 
-  /// Waits until the file is whole. Throws UserError with what ffmpeg said where it is not.
+  /// Waits until the file is whole. Throws UserError with what ffmpeg said where it is not, also
+  /// where ffmpeg ended well but took not all frames or wrote no video.
   void Finish();
 
  private:
-  int frames_ = -1;    // socket to its standard input
-  int messages_ = -1;  // file without a name that holds its standard error
+  VideoFormat::Kind kind_;
+  int output_ = -1;
+  bool refused_ = false;  // it took no more
+  int frames_ = -1;       // socket to its standard input
+  int messages_ = -1;     // file without a name that holds its standard error
   pid_t process_ = -1;
 };
 

@@ -416,6 +416,25 @@ TEST_CASE("What makes no clip is said, and leaves nothing") {
           "ffmpeg: cannot be started: No such file or directory; install it");
 }
 
+TEST_CASE("An encoder that ends well without a whole video leaves the old clip") {
+  const std::string name = GENERATE("clip.mp4", "clip.webm");
+  const std::string writes = GENERATE("", "cat > /dev/null", "cat > /dev/null; echo no video >&3",
+                                      "cat > /dev/null; printf '\\0\\0\\0\\40ftypisom' >&3",
+                                      "cat > /dev/null; printf '\\32\\105\\337\\243' >&3");
+  CAPTURE(name, writes);
+  const TemporaryFolder folder;
+  WriteScreenLog(folder.Path("log"));
+  std::ofstream(folder.Path("ffmpeg")) << "#!/bin/bash\n" << writes << "\nexit 0\n";
+  std::filesystem::permissions(folder.Path("ffmpeg"), std::filesystem::perms::owner_all);
+  std::ofstream(folder.Path(name)) << "old";
+  const std::string path = folder.Path("") + ":/usr/bin:/bin";
+  const Outcome outcome = RunWords({"/usr/bin/env", "PATH=" + path, ProgramPath("torquer-clip"),
+                                    folder.Path("log"), folder.Path(name)});
+  CHECK(outcome.status == 2);
+  CHECK_THAT(outcome.error, StartsWith("torquer-clip: ffmpeg: ended with status 0, but "));
+  CHECK(Contents(folder.Path(name)) == "old");
+}
+
 TEST_CASE("A full disk leaves the old clip or none, wherever it becomes full") {
   const bool mp4 = GENERATE(true, false);
   const TemporaryFolder folder;
