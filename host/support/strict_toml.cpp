@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 #include <utility>
 
 #include "host/support/error.h"
@@ -61,6 +62,53 @@ std::string Show(const toml::node& node) {
   return line.size() > kLongest ? line.substr(0, kLongest - 3) + "..." : line;
 }
 
+// The TOML library recurses with every level, and overflows the stack where there are too many.
+constexpr int kMostDepth = 32;     // of arrays and inline tables
+constexpr int kMostKeyParts = 32;  // of a dotted key or the name of a table
+
+// Where the string that begins at `at` ends: behind its closing quotes, at the end of the line or
+// of the text.
+std::size_t EndOfString(const std::string& text, std::size_t at) {
+  const char quote = text[at];
+  const bool several_lines = text.compare(at, 3, std::string(3, quote)) == 0;
+  const std::string closing(several_lines ? 3 : 1, quote);
+  for (at += closing.size(); at < text.size(); ++at) {
+    if (text.compare(at, closing.size(), closing) == 0) return at + closing.size();
+    if (text[at] == '\n' && !several_lines) return at;
+    if (text[at] == '\\' && quote == '"') ++at;
+  }
+  return text.size();
+}
+
+// Refuses what is nested too deeply, before anything recurses.
+void CheckDepth(const std::string& text, const std::string& path) {
+  int depth = 0, parts = 1;
+  for (std::size_t at = 0; at < text.size();) {
+    const char character = text[at];
+    if (character == '"' || character == '\'') {
+      at = EndOfString(text, at);
+      continue;
+    }
+    if (character == '#') {
+      at = std::min(text.find('\n', at), text.size());
+      continue;
+    }
+    if (character == '[' || character == '{') ++depth;
+    if (character == ']' || character == '}') depth = std::max(depth - 1, 0);
+    if (character == '.') ++parts;
+    if (std::string_view("[]{}=,\n").find(character) != std::string_view::npos) parts = 1;
+    if (depth > kMostDepth || parts > kMostKeyParts) {
+      throw UserError(fmt::format(
+          "{}:{}: {}; flatten it", path,
+          1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'),
+          depth > kMostDepth
+              ? fmt::format("arrays or tables are nested more than {} deep", kMostDepth)
+              : fmt::format("a key has more than {} parts", kMostKeyParts)));
+    }
+    ++at;
+  }
+}
+
 std::string Range(const char* what, double lowest, double highest) {
   return fmt::format("{} from {:g} to {:g}", what, lowest, highest);
 }
@@ -94,6 +142,7 @@ StrictTable StrictTable::Read(const std::string& path) {
 }
 
 StrictTable StrictTable::Parse(const std::string& text, const std::string& path) {
+  CheckDepth(text, path);
   auto impl = std::make_unique<Impl>();
   try {
     impl->root = std::make_shared<const toml::table>(toml::parse(text, path));

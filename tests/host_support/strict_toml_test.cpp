@@ -99,3 +99,42 @@ TEST_CASE("A long value is cut in the message", "[support]") {
   CHECK_THROWS_WITH(list.Number("list", 0, 1),
                     Contains("list = [ 1.5, 'yyy") && Contains("yyy' ]: is"));
 }
+
+TEST_CASE("What is nested too deeply is refused before it is parsed", "[support]") {
+  const auto many = [](const std::string& piece, int times) {
+    std::string text;
+    for (int k = 0; k < times; ++k) text += piece;
+    return text;
+  };
+  struct Deep {
+    std::string before, open, middle, close, after;
+  };
+  // Each as deep as a file can say it; the lines before it count in the message.
+  const Deep deep = GENERATE(Deep{"", "a.", "a = 1", "", ""}, Deep{"", "'a'.", "a = 1", "", ""},
+                             Deep{"", "\"a\" . ", "a = 1", "", ""}, Deep{"[", "a.", "a]", "", ""},
+                             Deep{"[[", "a.", "a]]", "", ""}, Deep{"b = {", "a.", "a = 1}", "", ""},
+                             Deep{"b = ", "[", "1", "]", ""}, Deep{"b = ", "[\n", "1", "]", ""},
+                             Deep{"b = ", "{a=", "1", "}", ""}, Deep{"b = ", "[{a=", "1", "}]", ""},
+                             Deep{"b = ", "{a.a.a=", "1", "}", ""}, Deep{"b = ", "[", "", "", ""});
+  CAPTURE(deep.before, deep.open, deep.close);
+  const auto text = [&](int times) {
+    return "# [[[[ \"\n" + deep.before + many(deep.open, times) + deep.middle +
+           many(deep.close, times) + deep.after + "\n";
+  };
+  for (const int times : {33, 40'000, 1'000'000}) {
+    CHECK_THROWS_WITH(StrictTable::Parse(text(times), "s.toml"),
+                      Contains("s.toml:") && Contains("; flatten it"));
+  }
+  const bool whole = !deep.middle.empty();
+  if (whole) CHECK_NOTHROW(StrictTable::Parse(text(8), "s.toml"));
+}
+
+TEST_CASE("Brackets and dots of texts and comments are no depth", "[support]") {
+  const std::string marks = std::string(500, '[') + std::string(500, '.');
+  for (const std::string& text :
+       {"a = \"\\\"" + marks + "\"\n", "a = '" + marks + "'\n", "# \"" + marks + "\n",
+        "a = \"\"\"\n" + marks + "\"\n" + marks + "\"\"\"\n", "a = '''" + marks + "\\'''\n"}) {
+    CAPTURE(text);
+    CHECK_NOTHROW(StrictTable::Parse(text, "s.toml"));
+  }
+}
