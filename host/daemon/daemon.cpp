@@ -11,6 +11,7 @@
 #include "host/bus/clock.h"
 #include "host/device/device_identity.h"
 #include "host/support/error.h"
+#include "host/support/error_output.h"
 #include "host/support/printable_text.h"
 #include "protocol/hid_reports.h"
 #include "protocol/lcm_channels.h"
@@ -352,7 +353,7 @@ void Daemon::Announce(const std::string& state, const std::string& message) {
   if (options_.announce) {
     options_.announce(line);
   } else {
-    fmt::print(stderr, "{}\n", line);
+    PrintError("{}\n", line);
   }
 }
 

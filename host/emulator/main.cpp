@@ -8,6 +8,7 @@
 
 #include "host/emulator/bench_choice.h"
 #include "host/emulator/emulator_run.h"
+#include "host/support/error_output.h"
 #include "host/support/number.h"
 #include "host/support/program.h"
 #include "host/support/stop_signal.h"
@@ -130,7 +131,7 @@ void PrintSummary(const RunSummary& summary, bool json) {
   }
   std::fflush(stdout);
   for (const std::string& text : summary.violation_texts) {
-    fmt::print(stderr, "torquer-emulator: the firmware would fail on hardware: {}\n", text);
+    torquer::PrintError("torquer-emulator: the firmware would fail on hardware: {}\n", text);
   }
 }
 

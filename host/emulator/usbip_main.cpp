@@ -14,6 +14,7 @@
 #include "host/emulator/usb_host.h"
 #include "host/emulator/usbip_commands.h"
 #include "host/emulator/usbip_front.h"
+#include "host/support/error_output.h"
 #include "host/support/program.h"
 #include "host/support/stop_signal.h"
 
@@ -68,7 +69,7 @@ int Run(Arguments& arguments) {
   std::fflush(stdout);
   Serve(front, commands, host, stop);
   for (const std::string& text : device.Violations()) {
-    fmt::print(stderr, "torquer-emulator-usbip: the firmware would fail on hardware: {}\n", text);
+    torquer::PrintError("torquer-emulator-usbip: the firmware would fail on hardware: {}\n", text);
   }
   return device.violation_count() == 0 ? torquer::kExitSuccess : torquer::kExitFailure;
 }

@@ -13,6 +13,7 @@
 #include "host/recorder/screen_subtitles.h"
 #include "host/recorder/video_encoder.h"
 #include "host/support/atomic_file.h"
+#include "host/support/error_output.h"
 #include "host/support/program.h"
 
 namespace {
@@ -119,11 +120,11 @@ int Run(const Arguments& arguments) {
              arguments.out);
   const std::int64_t unusable = course.unusable() + shown.damaged;
   if (unusable > 0) {
-    fmt::print(stderr, "torquer-clip: {}: {} messages or pictures are damaged and left out\n",
-               arguments.log, unusable);
+    torquer::PrintError("torquer-clip: {}: {} messages or pictures are damaged and left out\n",
+                        arguments.log, unusable);
   }
   if (course.damage().any()) {
-    fmt::print(stderr, "torquer-clip: {}: {}\n", arguments.log, course.damage().Describe());
+    torquer::PrintError("torquer-clip: {}: {}\n", arguments.log, course.damage().Describe());
   }
   return unusable > 0 || course.damage().any() ? torquer::kExitFailure : torquer::kExitSuccess;
 }

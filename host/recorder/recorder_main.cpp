@@ -15,7 +15,7 @@
 #include "host/bus/clock.h"
 #include "host/recorder/rotating_log.h"
 #include "host/recorder/shape_thinner.h"
-#include "host/support/printable_text.h"
+#include "host/support/error_output.h"
 #include "host/support/program.h"
 #include "host/support/stop_signal.h"
 #include "protocol/lcm_channels.h"
@@ -83,17 +83,16 @@ class Recorder {
     if (log_->removed() > 0) fmt::print("; the oldest {} are removed", log_->removed());
     fmt::print("\n");
     if (!has_room_) {
-      fmt::print(
-          stderr,
+      torquer::PrintError(
           "torquer-recorder: {}: ends here, and is whole: its disk has less than {} MB free, "
           "which are left to other programs; free space, record to another disk, or record "
           "less (--shapes, --part-mb with --keep)\n",
           arguments_.path, torquer::RotatingLog::kLeastFreeBytes / 1'000'000);
     }
     if (bus_.dropped() > 0) {
-      fmt::print(stderr,
-                 "torquer-recorder: {} messages are missing: they came faster than {} takes\n",
-                 bus_.dropped(), arguments_.path);
+      torquer::PrintError(
+          "torquer-recorder: {} messages are missing: they came faster than {} takes\n",
+          bus_.dropped(), arguments_.path);
     }
     return has_room_ && bus_.dropped() == 0 ? torquer::kExitSuccess : torquer::kExitFailure;
   }
@@ -110,7 +109,7 @@ class Recorder {
     if (log_->Rotate() && thinner_) thinner_->WantShape();
     has_room_ = log_->FreeBytes() >= torquer::RotatingLog::kLeastFreeBytes;
     const std::string notice = bus_.TakeNotice(now_us);
-    if (!notice.empty()) fmt::print(stderr, "torquer-recorder: {}\n", torquer::Printable(notice));
+    if (!notice.empty()) torquer::PrintError("torquer-recorder: {}\n", notice);
     return any;
   }
 

@@ -1,8 +1,8 @@
 #include "host/simulator/field_ahead.h"
 
-#include <cstdio>
 #include <exception>
 
+#include "host/support/error_output.h"
 #include "host/support/realtime.h"
 
 namespace torquer::simulator {
@@ -47,11 +47,10 @@ void FieldAhead::RunUntilProblem(const std::stop_token& stop) {
   try {
     Run(stop);
   } catch (const std::exception& error) {
-    // This takes no memory.
-    std::fprintf(stderr,
-                 "torquer-simulator: the field is no longer built ahead of the tip (%s); the "
-                 "session goes on, and ticks in new places take longer\n",
-                 error.what());
+    PrintError(
+        "torquer-simulator: the field is no longer built ahead of the tip ({}); the "
+        "session goes on, and ticks in new places take longer\n",
+        error.what());
     gave_up_ = true;
   }
 }

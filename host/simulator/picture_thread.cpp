@@ -1,12 +1,12 @@
 #include "host/simulator/picture_thread.h"
 
 #include <chrono>
-#include <cstdio>
 #include <exception>
 #include <torquer_lcm/picture_t.hpp>
 
 #include "host/bus/clock.h"
 #include "host/simulator/picture_file.h"
+#include "host/support/error_output.h"
 #include "host/support/realtime.h"
 
 namespace torquer::simulator {
@@ -36,8 +36,8 @@ void PictureThread::RunUntilProblem() {
   try {
     Run();
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "torquer-simulator: no more X-ray pictures (%s); the session goes on\n",
-                 error.what());
+    PrintError("torquer-simulator: no more X-ray pictures ({}); the session goes on\n",
+               error.what());
   }
 }
 

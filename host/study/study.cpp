@@ -11,6 +11,7 @@
 
 #include "host/support/atomic_file.h"
 #include "host/support/error.h"
+#include "host/support/error_output.h"
 #include "host/support/installed.h"
 #include "host/support/machine.h"
 
@@ -123,13 +124,12 @@ void StudyRun::Progress(const std::string& what, double fraction) {
   if (progress_shown_ && now - last_progress_s_ < 0.1) return;
   last_progress_s_ = now;
   progress_shown_ = true;
-  std::fprintf(stderr, "\r\033[K%3.0f %%  %s", 100 * fraction, what.c_str());
-  std::fflush(stderr);
+  WriteProgress(fmt::format("\r\033[K{:3.0f} %  {}", 100 * fraction, what));
 }
 
 void StudyRun::EndProgress() {
   if (!progress_shown_) return;
-  std::fputs("\r\033[K", stderr);
+  WriteProgress("\r\033[K");
   progress_shown_ = false;
 }
 

@@ -10,12 +10,14 @@
 #include <cstdio>
 #include <exception>
 #include <iostream>
+#include <new>
+#include <system_error>
 #include <utility>
 
+#include "host/support/error_output.h"
 #include "host/support/nearest_name.h"
 #include "host/support/number.h"
 #include "host/support/option_table.h"
-#include "host/support/printable_text.h"
 #include "torquer_version.h"
 
 namespace torquer {
@@ -27,17 +29,6 @@ constexpr char kGeneral[] = "General";
 struct Print {
   std::string text;
 };
-
-// Of an error, which may quote what came in a file or a message; it may have several lines.
-std::string PrintableLines(std::string_view text) {
-  constexpr std::size_t kMostBytesOfLine = 10'000;
-  std::string out;
-  for (std::size_t end = 0; (end = text.find('\n')) != std::string_view::npos;) {
-    out += Printable(text.substr(0, end), kMostBytesOfLine) + "\n";
-    text.remove_prefix(end + 1);
-  }
-  return out + Printable(text, kMostBytesOfLine);
-}
 
 std::string Range(double low, double high) { return fmt::format("{:.10g} to {:.10g}", low, high); }
 
@@ -146,6 +137,22 @@ std::string DidYouMean(const std::string& given, const std::vector<std::string>&
   throw UsageError(fmt::format("unknown command '{}'{} There are: {}", extras.front(),
                                near.empty() ? "." : fmt::format("; did you mean {}?", near),
                                fmt::join(commands, ", ")));
+}
+
+// Says what happened, and returns the exit status.
+int PrintException(const std::string& program, const std::exception& error) {
+  const auto* const of_system = dynamic_cast<const std::system_error*>(&error);
+  std::string remedy = of_system == nullptr ? "" : RemedyOf(of_system->code());
+  if (dynamic_cast<const std::bad_alloc*>(&error) != nullptr) {
+    remedy = RemedyOf(std::make_error_code(std::errc::not_enough_memory));
+  }
+  if (!remedy.empty()) {
+    PrintError("{}: {}; {}\n", program, error.what(), remedy);
+    return kExitUserError;
+  }
+  PrintError("{}: unexpected error: {}; please report it with the command line\n", program,
+             error.what());
+  return kExitUnexpected;
 }
 
 }  // namespace
@@ -395,6 +402,7 @@ int Program::ParseAndRun(int argc, char** argv, const std::function<int()>& run)
 int Program::Main(int argc, char** argv, const std::function<int()>& run) {
   int status = kExitSuccess;
   const std::string& name = impl_->table.name;
+  OccupyStandardStreams();
   // A file that may not grow is then an error of the write, as a full disk is.
   std::signal(SIGXFSZ, SIG_IGN);
   try {
@@ -402,21 +410,18 @@ int Program::Main(int argc, char** argv, const std::function<int()>& run) {
   } catch (const Print& print) {
     std::fputs(print.text.c_str(), stdout);
   } catch (const UsageError& error) {
-    fmt::print(stderr, "{}: {}\nSee '{} --help'.\n", name, PrintableLines(error.what()),
-               impl_->Words());
+    PrintError("{}: {}\nSee '{} --help'.\n", name, error.what(), impl_->Words());
     status = kExitUserError;
   } catch (const UserError& error) {
-    fmt::print(stderr, "{}: {}\n", name, PrintableLines(error.what()));
+    PrintError("{}: {}\n", name, error.what());
     status = kExitUserError;
   } catch (const std::exception& error) {
-    fmt::print(stderr, "{}: unexpected error: {}; please report it with the command line\n", name,
-               PrintableLines(error.what()));
-    status = kExitUnexpected;
+    status = PrintException(name, error);
   }
   std::cout.flush();
   const bool written = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && !std::cout.fail();
   if (!written && status == kExitSuccess) {
-    fmt::print(stderr, "{}: standard output cannot be written; is the disk full?\n", name);
+    PrintError("{}: standard output cannot be written; is the disk full?\n", name);
     status = kExitUserError;
   }
   return status;

@@ -20,8 +20,8 @@ namespace torquer {
 enum ExitStatus : int {
   kExitSuccess = 0,
   kExitFailure = 1,     ///< it ran, and what it checks or makes failed; --help says what that is
-  kExitUserError = 2,   ///< the command line, a file or a device cannot be used: UserError
-  kExitUnexpected = 3,  ///< any other exception: a defect, or the machine ran out of something
+  kExitUserError = 2,   ///< the command line, a file, a device or a limit: UserError
+  kExitUnexpected = 3,  ///< any other exception: a defect
   kExitGivenUp = 130,
 };
 

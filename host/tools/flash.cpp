@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <string>
 
+#include "host/support/error_output.h"
 #include "host/support/installed.h"
 #include "host/support/program.h"
 #include "host/support/stop_signal.h"
@@ -164,7 +165,7 @@ int main(int argc, char** argv) {
     try {
       return Run(arguments);
     } catch (const torquer::tools::FlashUnfinished& unfinished) {
-      fmt::print(stderr, "torquer-flash: {}\n", unfinished.what());
+      torquer::PrintError("torquer-flash: {}\n", unfinished.what());
       return static_cast<int>(torquer::kExitFailure);
     }
   });

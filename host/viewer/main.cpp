@@ -12,6 +12,7 @@
 #include "host/bus/bus.h"
 #include "host/simulator/scene/scene.h"
 #include "host/support/error.h"
+#include "host/support/error_output.h"
 #include "host/support/nearest_name.h"
 #include "host/support/program.h"
 #include "host/support/stop_signal.h"
@@ -51,7 +52,7 @@ std::vector<viewer::Case> CasesOf(const std::string& folder) {
   std::vector<std::string> problems;
   std::vector<viewer::Case> cases = viewer::ReadCases(folder, problems);
   for (const std::string& problem : problems) {
-    fmt::print(stderr, "torquer-viewer: {}\n", problem);
+    torquer::PrintError("torquer-viewer: {}\n", problem);
   }
   return cases;
 }

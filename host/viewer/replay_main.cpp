@@ -11,6 +11,7 @@
 #include "host/bus/message_check.h"
 #include "host/simulator/scene/scene.h"
 #include "host/support/error.h"
+#include "host/support/error_output.h"
 #include "host/support/fnv1a.h"
 #include "host/support/printable_text.h"
 #include "host/support/program.h"
@@ -45,8 +46,8 @@ std::optional<torquer::scene::SceneSpec> SceneOf(const viewer::Recording& record
     try {
       return torquer::scene::ReadScene(description.scene_file);
     } catch (const torquer::UserError& error) {
-      fmt::print(stderr, "torquer-replay: no vessel is shown and nothing compared: {}\n",
-                 torquer::Printable(error.what(), 400));
+      torquer::PrintError("torquer-replay: no vessel is shown and nothing compared: {}\n",
+                          torquer::Printable(error.what(), 400));
     }
   }
   return {};
@@ -56,7 +57,7 @@ int Run(const Arguments& arguments) {
   const int listening = viewer::ListeningSocket(arguments.port);
   const viewer::Recording recording(arguments.log);
   if (recording.damage().any()) {
-    fmt::print(stderr, "torquer-replay: {}: {}\n", arguments.log, recording.damage().Describe());
+    torquer::PrintError("torquer-replay: {}: {}\n", arguments.log, recording.damage().Describe());
   }
   const auto spec = SceneOf(recording, arguments);
   std::optional<torquer::scene::Scene> scene;

@@ -25,6 +25,7 @@
 #include "host/simulator/vessel/mesh_picture.h"
 #include "host/support/atomic_file.h"
 #include "host/support/error.h"
+#include "host/support/error_output.h"
 #include "host/support/printable_text.h"
 #include "host/support/program.h"
 #include "host/support/realtime.h"
@@ -41,7 +42,7 @@ class AtTheEnd {
   AtTheEnd& operator=(const AtTheEnd&) = delete;
   ~AtTheEnd() {
     const std::string problem = keep_();
-    if (!problem.empty()) fmt::print(stderr, "torquer-simulator: {}\n", problem);
+    if (!problem.empty()) torquer::PrintError("torquer-simulator: {}\n", problem);
   }
 
  private:
@@ -57,7 +58,7 @@ auto KeepField(const torquer::scene::Scene& scene) {
 
 void Say(const std::vector<std::string>& findings) {
   for (const std::string& finding : findings) {
-    fmt::print(stderr, "torquer-simulator: {}\n", finding);
+    torquer::PrintError("torquer-simulator: {}\n", finding);
   }
 }
 
@@ -78,7 +79,7 @@ int Live(torquer::scene::Scene& scene, const std::string& url, const std::string
   }
   const std::atomic<bool>& stop = torquer::StopOnSignal();
   sole.Listen();
-  fmt::print(stderr, "torquer-simulator: running {} on {}\n", scene.name(), bus.url());
+  torquer::PrintError("torquer-simulator: running {} on {}\n", scene.name(), bus.url());
   const torquer::simulator::LiveStatistics run = torquer::simulator::RunLive(simulation, bus, stop);
   if (record) record->Finish(torquer::simulator::FormatRecord(simulation));
   if (json) {
@@ -189,14 +190,14 @@ int RunByScript(const Arguments& arguments) {
   const torquer::program::ScriptResult result = torquer::program::RunScript(
       scene, arguments.script, arguments.outputs, torquer::StopOnSignal());
   if (result.unconverged > 0) {
-    fmt::print(stderr, "torquer-simulator: {} rows ended before equilibrium (see residual)\n",
-               result.unconverged);
+    torquer::PrintError("torquer-simulator: {} rows ended before equilibrium (see residual)\n",
+                        result.unconverged);
   }
   if (result.end == torquer::program::ScriptEnd::kLastRow) return torquer::kExitSuccess;
   const bool stopped = result.end == torquer::program::ScriptEnd::kStopped;
-  fmt::print(stderr, "torquer-simulator: {}; {} of {} rows are done and written\n",
-             stopped ? "asked to stop" : "nobody reads standard output any more", result.done,
-             result.rows);
+  torquer::PrintError("torquer-simulator: {}; {} of {} rows are done and written\n",
+                      stopped ? "asked to stop" : "nobody reads standard output any more",
+                      result.done, result.rows);
   return torquer::kExitFailure;
 }
 

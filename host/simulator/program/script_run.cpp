@@ -17,6 +17,7 @@
 #include "host/support/atomic_file.h"
 #include "host/support/csv_table.h"
 #include "host/support/error.h"
+#include "host/support/error_output.h"
 #include "host/support/standard_streams.h"
 
 namespace torquer::program {
@@ -73,10 +74,10 @@ class ClampingWarning {
       }
       if (said_[k] || most_mm <= longest_mm) continue;
       said_[k] = true;
-      fmt::print(stderr,
-                 "torquer-simulator: {} is commanded to {:g} mm past the entry point and is "
-                 "clamped to its max_length_mm, {:g}\n",
-                 instruments_[k].name, most_mm, longest_mm);
+      PrintError(
+          "torquer-simulator: {} is commanded to {:g} mm past the entry point and is "
+          "clamped to its max_length_mm, {:g}\n",
+          instruments_[k].name, most_mm, longest_mm);
     }
   }
 
@@ -172,14 +173,14 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
     if (states && !states->Write({simulation, next->time_s, cost})) break;
     ++result.done;
     if (shows_progress && (result.done % 64 == 1 || result.done == rows.count())) {
-      fmt::print(stderr, "\rrow {} of {}", result.done, rows.count());
+      WriteProgress(fmt::format("\rrow {} of {}", result.done, rows.count()));
     }
   }
   result.rows = rows.count();
   // All were done before anybody asked to stop.
   if (rows.from_file() && result.done == result.rows) result.end = ScriptEnd::kLastRow;
   if (streams.reader_gone()) result.end = ScriptEnd::kReaderGone;
-  if (shows_progress) fmt::print(stderr, "\n");
+  if (shows_progress) WriteProgress("\n");
   if (states) states->Finish();
   if (record) record->Finish(simulation.Record());
   return result;
