@@ -308,6 +308,48 @@ TEST_CASE("stored bricks are taken over if they are whole, and built again if no
   CHECK(repaired->StoredBricks().size() == bricks.size());
 }
 
+TEST_CASE("a kept field that says it is complete and is not makes no hole") {
+  const auto original = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
+  CHECK(original->Build(0, 1));
+  const uint64_t expected = Fingerprint(*original, false);
+  constexpr size_t kFloats = kernel::kCoefficients + 2;
+  const auto bricks = original->StoredBricks();
+  auto memory = std::make_shared<std::vector<float>>(kFloats * bricks.size());
+  auto whole = bricks;
+  for (size_t i = 0; i < bricks.size(); ++i) {
+    float* at = memory->data() + i * kFloats;
+    std::memcpy(at, bricks[i].coefficients, kernel::kCoefficients * sizeof(float));
+    const uint64_t checksum = bricks[i].Checksum();
+    std::memcpy(at + kernel::kCoefficients, &checksum, sizeof checksum);
+    whole[i].coefficients = at;
+  }
+  const int top = original->level_count() - 1;
+  const auto look = [&](const std::vector<StoredBrick>& kept, const std::vector<bool>& complete) {
+    const auto field = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
+    field->Adopt(kept, complete, memory);
+    return Fingerprint(*field, false);
+  };
+  const std::vector<bool> all(static_cast<size_t>(top) + 1, true);
+  CHECK(look({}, all) == expected);
+  std::vector<bool> upside_down(all.size(), false);
+  upside_down[0] = true;
+  CHECK(look(whole, upside_down) == expected);
+  for (int missing = 0; missing <= top; ++missing) {
+    CAPTURE(missing);
+    auto without_level = whole;
+    std::erase_if(without_level, [&](const StoredBrick& brick) { return brick.level == missing; });
+    const uint64_t seen = look(without_level, all);
+    // Below the top a lie may make the field coarser, and no more.
+    if (missing == top) CHECK(seen == expected);
+  }
+  auto strange = whole;
+  strange.front().level = -1;
+  CHECK(look(strange, all) == expected);
+  strange.front() = whole.front();
+  strange.front().place[0] = INT32_MAX;
+  CHECK(look(strange, all) == expected);
+}
+
 TEST_CASE("options out of range are refused with the remedy") {
   const auto make = [](const BrickFieldOptions& options, const AlignedBox3d& box) {
     return BrickField::FromFunction(Cylinder{}, box, options);

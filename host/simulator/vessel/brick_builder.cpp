@@ -1,10 +1,12 @@
 #include "host/simulator/vessel/brick_builder.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cstring>
 #include <exception>
 #include <mutex>
+#include <set>
 #include <string>
 #include <thread>
 #include <utility>
@@ -42,6 +44,34 @@ void ForEachInThreads(size_t count, int threads, const std::stop_token& stop, Wo
     run();
   }
   if (failure) std::rethrow_exception(failure);
+}
+
+// Every brick has a place; a complete level has all levels above it complete, and the top one has
+// all its bricks.
+bool CanBeAdopted(const BrickLevels& levels, const std::vector<StoredBrick>& bricks,
+                  const std::vector<bool>& complete_levels) {
+  std::set<std::array<std::int32_t, 3>> at_top;
+  for (const StoredBrick& brick : bricks) {
+    if (brick.level < 0 || brick.level >= levels.count()) return false;
+    const Array3i place(brick.place[0], brick.place[1], brick.place[2]);
+    if (!levels[brick.level].Contains(place)) return false;
+    if (levels.IsTop(brick.level)) at_top.insert({place.x(), place.y(), place.z()});
+  }
+  const auto complete = [&](int l) {
+    return static_cast<size_t>(l) < complete_levels.size() &&
+           complete_levels[static_cast<size_t>(l)];
+  };
+  for (size_t l = static_cast<size_t>(levels.count()); l < complete_levels.size(); ++l) {
+    if (complete_levels[l]) return false;
+  }
+  for (int l = 0; l < levels.count(); ++l) {
+    if (!complete(l)) continue;
+    if (!levels.IsTop(l) && !complete(l + 1)) return false;
+    const Array3i count = levels[l].count;
+    const std::int64_t all = std::int64_t{count.x()} * count.y() * count.z();
+    if (levels.IsTop(l) && std::ssize(at_top) != all) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -96,7 +126,18 @@ std::unique_ptr<BrickBuilder::Brick> BrickBuilder::Make(int l, const Array3i& pl
   if (!fit.is_active()) return nullptr;
   if (fit.needs_coarse()) {
     const float* coarse = Ensure(l + 1, fit.coarse_brick());
-    assert(coarse != nullptr);  // a band lies within the next coarser one's
+    // A band lies within the next coarser one's. A kept field that lacks the brick and says that
+    // its level is complete is wrong, and believed no longer.
+    if (coarse == nullptr) {
+      const BrickLevels::Level& above = levels_[l + 1];
+      if (!above.Contains(fit.coarse_brick())) return nullptr;
+      complete_[static_cast<size_t>(l + 1)].store(false);
+      Entry inactive = BrickLevels::kInactive;
+      std::atomic_ref<Entry>(above.index[above.IndexOf(fit.coarse_brick())])
+          .compare_exchange_strong(inactive, BrickLevels::kUnknown, std::memory_order_acq_rel);
+      coarse = Ensure(l + 1, fit.coarse_brick());
+      if (coarse == nullptr) return nullptr;
+    }
     fit.Blend(coarse);
   }
   if ((built_count_.load(std::memory_order_relaxed) + 1) * sizeof(Brick) > memory_limit_bytes_) {
@@ -200,12 +241,12 @@ void BrickBuilder::Adopt(const std::vector<StoredBrick>& bricks,
                          const std::vector<bool>& complete_levels,
                          std::shared_ptr<const void> keep) {
   assert(built_count_.load() == 0 && adopted_.empty());
+  // What is damaged is built again as if it were not there.
+  if (!CanBeAdopted(levels_, bricks, complete_levels)) return;
   adopted_memory_ = std::move(keep);
   for (const StoredBrick& brick : bricks) {
     const Array3i place(brick.place[0], brick.place[1], brick.place[2]);
-    if (brick.level < 0 || brick.level >= levels_.count()) continue;
     const BrickLevels::Level& level = levels_[brick.level];
-    if (!level.Contains(place)) continue;
     level.index[level.IndexOf(place)] = reinterpret_cast<Entry>(brick.coefficients) + 2;
     adopted_.push_back(brick);
   }
