@@ -270,3 +270,52 @@ TEST_CASE("What cannot be written to standard output is said", "[programs]") {
     CHECK_THAT(shell.Error(), Contains("standard output cannot be written"));
   }
 }
+
+TEST_CASE("No state of standard error changes how a program ends", "[programs]") {
+  // After the program's own words, "$@". A pipe has lost its reader before the program begins.
+  const std::string stream =
+      GENERATE("2> /dev/full", "2>&-", "2>&- 1>&- 0>&-", "2> >(exit) ", "2> small");
+  CAPTURE(stream);
+  const torquer::test::TemporaryFolder folder;
+  const bool limited = stream == "2> small";
+  for (const std::string& program : Programs()) {
+    const std::vector<Words> bad = {{"--no-such-option"}, {"no_such_file", "no_such_word"}};
+    for (const Words& words : bad) {
+      CAPTURE(program, words);
+      Words all = {"/bin/bash", "-c",
+                   "cd " + folder.Path("") + "; " + (limited ? "ulimit -f 0; " : "") +
+                       "/usr/bin/timeout 30 \"$0\" \"$@\" " + stream +
+                       (stream.find(">(") == std::string::npos ? "" : "; exit $?"),
+                   torquer::test::ProgramPath(program)};
+      all.insert(all.end(), words.begin(), words.end());
+      ChildProcess shell(all);
+      const int status = shell.Wait();
+      CHECK((status == 2 || (words.size() == 2 && status < 124)));
+    }
+  }
+}
+
+TEST_CASE("What of a message would steer a terminal is shown as an escape", "[programs]") {
+  for (const std::string& program : Programs()) {
+    CAPTURE(program);
+    ChildProcess process({"/usr/bin/timeout", "30", torquer::test::ProgramPath(program),
+                          "--no\x1b]0;title\x07\xc2\x9b"});
+    CHECK(process.Wait() == 2);
+    CHECK_THAT(process.Error(), Contains("\\x1b]0;title\\x07"));
+    CHECK(process.Error().find('\x1b') == std::string::npos);
+  }
+}
+
+TEST_CASE("A limit of the system is named with its remedy", "[programs]") {
+  for (const std::string& program : Programs()) {
+    CAPTURE(program);
+    for (int files = 3; files < 8; ++files) {
+      ChildProcess shell(
+          {"/bin/bash", "-c",
+           "ulimit -n " + std::to_string(files) + "; exec /usr/bin/timeout 30 \"$0\" /dev/null x",
+           torquer::test::ProgramPath(program)});
+      shell.Wait();
+      CHECK_THAT(shell.Error(), !Contains("please report"));
+    }
+  }
+}
