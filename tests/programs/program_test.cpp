@@ -5,15 +5,19 @@
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
+#include <cerrno>
 #include <cstdio>
 #include <fstream>
 #include <iterator>
 #include <new>
 #include <optional>
+#include <stdexcept>
+#include <system_error>
 
 #include "tests/support/temporary_folder.h"
 
 using Catch::Matchers::Contains;
+using Catch::Matchers::EndsWith;
 using Catch::Matchers::StartsWith;
 using torquer::Options;
 using torquer::Program;
@@ -289,7 +293,15 @@ TEST_CASE("Exceptions become messages and exit statuses", "[programs]") {
   const Outcome usage = run([]() -> int { throw UsageError("--a is missing"); });
   CHECK(usage.status == 2);
   CHECK(usage.error == "sample: --a is missing\nSee 'sample --help'.\n");
-  const Outcome defect = run([]() -> int { throw std::bad_alloc(); });
+  // What a limit or the machine causes is the user's to repair.
+  const Outcome memory = run([]() -> int { throw std::bad_alloc(); });
+  CHECK(memory.status == 2);
+  CHECK_THAT(memory.error, StartsWith("sample: std::bad_alloc; close other programs"));
+  const Outcome files =
+      run([]() -> int { throw std::system_error(EMFILE, std::generic_category(), "pipe2"); });
+  CHECK(files.status == 2);
+  CHECK_THAT(files.error, StartsWith("sample: pipe2: ") && EndsWith("(ulimit -n)\n"));
+  const Outcome defect = run([]() -> int { throw std::logic_error("torn"); });
   CHECK(defect.status == 3);
-  CHECK_THAT(defect.error, StartsWith("sample: unexpected error: std::bad_alloc"));
+  CHECK_THAT(defect.error, StartsWith("sample: unexpected error: torn; please report it"));
 }
