@@ -67,7 +67,7 @@ void LogGaps::Add(const torquer_lcm::device_sample_t& sample) {
 void LogGaps::Add(const torquer_lcm::wire_state_t& state) {
   if (states_ > 0 && state.clock_id == state_.clock_id) {
     const bool again = state.tick == state_.tick && state.publish_us == state_.publish_us;
-    // A simulator that starts anew counts from zero, but later.
+    // A simulator that starts again counts from zero, but later.
     const bool before = state.tick < state_.tick && state.publish_us <= state_.publish_us;
     // A thinned log ends with the shape of its last state.
     const bool owed = outline_ && !bus::IsOutline(state);
@@ -127,6 +127,16 @@ void LogGaps::AddRegular(const std::string& channel, const std::string& sender,
   of.time_us = time_us;
 }
 
+std::vector<std::string> LogGaps::DescribeSilences() const {
+  std::vector<std::string> lines;
+  for (const auto& [key, of] : senders_) {
+    if (of.silences == 0) continue;
+    lines.push_back(fmt::format("{} silences of {} at {}: messages are missing, or came late",
+                                of.silences, Printable(key.second), key.first));
+  }
+  return lines;
+}
+
 std::vector<std::string> LogGaps::Describe() const {
   std::vector<std::string> lines;
   const auto say = [&lines](std::int64_t count, const std::string& what, const std::string& of) {
@@ -147,7 +157,6 @@ std::vector<std::string> LogGaps::Describe() const {
   say(missing_scenes_, "scene descriptions missing", "");
   say(repeated_scenes_, "scene descriptions without the status before them", "");
   for (const auto& [key, of] : senders_) {
-    say(of.silences, "times messages missing at " + key.first + " of ", key.second);
     say(of.disordered, "messages twice or out of order at " + key.first + " of ", key.second);
   }
   return lines;

@@ -29,8 +29,10 @@ class LogGaps {
   void Add(const torquer_lcm::hand_motion_t& truth);
   void AddScene();
 
-  /// A phrase for each instrument or channel; empty where the log holds all.
+  /// A phrase for each instrument or channel; empty where the log holds all by its numbers.
   std::vector<std::string> Describe() const;
+  /// The same of what came later than it should: it is missing, or its sender was held up.
+  std::vector<std::string> DescribeSilences() const;
 
  private:
   struct Instrument {

@@ -83,8 +83,10 @@ std::vector<std::string> PageFigures::Doubts() const {
     doubts.push_back(
         fmt::format("{} messages of the recording cannot be read.", report_.undecodable));
   }
-  for (const std::string& gap : report_.gaps) {
-    doubts.push_back("Of the recording: " + SafeText(gap) + ".");
+  for (const auto* const lines : {&report_.gaps, &report_.silences}) {
+    for (const std::string& line : *lines) {
+      doubts.push_back("In the recording: " + SafeText(line) + ".");
+    }
   }
   for (const auto& [channel, count] : report_.unknown) {
     doubts.push_back(fmt::format("{} messages of the recording are of an unknown channel, {}.",

@@ -133,7 +133,9 @@ std::string FormatReport(const SessionReport& report) {
     text += fmt::format("  log          {} states missing, {} messages undecodable\n",
                         report.states_missing, report.undecodable);
   }
-  for (const std::string& gap : report.gaps) text += fmt::format("  log          {}\n", gap);
+  for (const auto* const lines : {&report.gaps, &report.silences}) {
+    for (const std::string& line : *lines) text += fmt::format("  log          {}\n", line);
+  }
   for (const auto& [channel, count] : report.unknown) {
     text += fmt::format("  log          {} messages of an unknown channel, {}\n", count,
                         Printable(channel));
@@ -180,6 +182,7 @@ std::string FormatReportJson(const SessionReport& report, const std::string& pic
                                        {"states_missing", report.states_missing},
                                        {"undecodable", report.undecodable},
                                        {"gaps", report.gaps},
+                                       {"silences", report.silences},
                                        {"unknown_channels", report.unknown},
                                        {"log_ended", report.ended},
                                        {"log_damage", report.damage.Describe()},

@@ -90,8 +90,7 @@ bool SessionReport::Good() const {
   for (const InstrumentReport& instrument : instruments) {
     if (instrument.driven() && !instrument.Good()) return false;
   }
-  return undecodable == 0 && states_missing == 0 && gaps.empty() && unknown.empty() &&
-         !damage.any();
+  return undecodable == 0 && gaps.empty() && unknown.empty() && !damage.any();
 }
 
 SessionHandlers SessionReporter::Handlers() {
@@ -377,6 +376,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
   report.readings = readings_;
   report.course = course_;
   report.gaps = gaps_.Describe();
+  report.silences = gaps_.DescribeSilences();
   return report;
 }
 

@@ -76,11 +76,12 @@ struct SessionReport {
 
   std::vector<InstrumentReport> instruments;  ///< the innermost first
 
-  std::int64_t states = 0;          ///< in the log
-  std::int64_t shapes = 0;          ///< of these with the curve, and not its ends alone
-  std::int64_t states_missing = 0;  ///< gaps in the ticks: lost by the bus or the logger
-  std::int64_t undecodable = 0;     ///< messages that are not of their channel's type
-  std::vector<std::string> gaps;    ///< what the log lacks, as LogGaps describes it
+  std::int64_t states = 0;            ///< in the log
+  std::int64_t shapes = 0;            ///< of these with the curve, and not its ends alone
+  std::int64_t states_missing = 0;    ///< gaps in the ticks: lost by the bus or the logger
+  std::int64_t undecodable = 0;       ///< messages that are not of their channel's type
+  std::vector<std::string> gaps;      ///< what the log lacks, as LogGaps describes it
+  std::vector<std::string> silences;  ///< what it may lack, the same way
   std::map<std::string, std::int64_t> unknown;  ///< messages by channel that is like ours but none
   LogDamage damage;                             ///< of the log
   bool ended = false;                           ///< the log holds the end of every daemon

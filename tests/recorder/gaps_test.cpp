@@ -37,7 +37,7 @@ Records ReadRecords(const std::string& path) {
   return records;
 }
 
-// Numbers them anew, so that only the messages themselves show a fault.
+// Numbers them again, so that only the messages themselves show a fault.
 void WriteRecords(const std::string& path, const Records& records) {
   std::filesystem::remove(path);
   EventLogWriter log(path);
@@ -148,5 +148,6 @@ TEST_CASE("A status or a scene that is missing between two others is said") {
       if (i != 4 || dropped != 4) gaps.AddScene();
     }
     CHECK(gaps.Describe().empty() == (dropped < 0));
+    CHECK(gaps.DescribeSilences().empty() == (dropped != 3));
   }
 }
