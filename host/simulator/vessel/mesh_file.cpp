@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "host/support/error.h"
+#include "host/support/printable_text.h"
 
 namespace torquer::vessel {
 
@@ -47,6 +48,9 @@ void AddMeshes(const aiScene& scene, const aiNode& node, const aiMatrix4x4& abov
   }
 }
 
+// Cutting a face into triangles takes the square of its corners.
+constexpr unsigned kMostCorners = 1000;
+
 constexpr const char* kCutShort = "; the file is damaged or cut short: export it again";
 
 size_t PlyTypeBytes(const std::string& type) {
@@ -56,19 +60,30 @@ size_t PlyTypeBytes(const std::string& type) {
   return 4;
 }
 
-// Whether all elements that a PLY header announces are there: a line each, or their bytes.
-void CheckPlyIsWhole(const std::string& path, std::istream& file) {
-  std::string line, word;
+// What a PLY header announces.
+struct PlyHeader {
   bool is_text = false;
-  size_t elements = 0, least_bytes = 0, count = 0;
+  size_t elements = 0;
+  size_t least_bytes = 0;
+};
+
+PlyHeader ReadPlyHeader(const std::string& path, std::istream& file, size_t file_bytes) {
+  PlyHeader header;
+  std::string line, word;
+  size_t count = 0;
   while (std::getline(file, line) && line.rfind("end_header", 0) != 0) {
     std::istringstream words(line);
     words >> word;
     if (word == "format") {
-      is_text = words >> word && word == "ascii";
+      header.is_text = words >> word && word == "ascii";
     } else if (word == "element") {
-      words >> word >> count;
-      elements += count;
+      words >> word;
+      // An element has a byte at least, in either kind of file.
+      if (!(words >> count) || count > file_bytes) {
+        RefuseMesh(path, "the header announces more elements than the file has bytes, \"" +
+                             Printable(line) + "\"" + kCutShort);
+      }
+      header.elements += count;
     } else if (word == "property" && words >> word) {
       size_t bytes = PlyTypeBytes(word);
       if (word == "list") {
@@ -76,9 +91,18 @@ void CheckPlyIsWhole(const std::string& path, std::istream& file) {
         words >> size_type >> item_type;
         bytes = PlyTypeBytes(size_type) + 3 * PlyTypeBytes(item_type);
       }
-      least_bytes += count * bytes;
+      header.least_bytes += count * bytes;
     }
   }
+  if (!file)
+    RefuseMesh(path, std::string("the header does not end with \"end_header\"") + kCutShort);
+  return header;
+}
+
+// Whether all elements that a PLY header announces are there: a line each, or their bytes.
+void CheckPlyIsWhole(const std::string& path, std::istream& file, size_t file_bytes) {
+  const auto [is_text, elements, least_bytes] = ReadPlyHeader(path, file, file_bytes);
+  std::string line;
   if (is_text) {
     size_t lines = 0;
     while (std::getline(file, line)) {
@@ -144,7 +168,7 @@ void CheckObjIsWhole(const std::string& path, std::istream& file) {
 // Assimp is content with what it finds of a text file and of a PLY.
 void CheckIsWhole(const std::string& contents, const std::string& path, const std::string& ending) {
   std::istringstream file(contents);
-  if (ending == ".ply") CheckPlyIsWhole(path, file);
+  if (ending == ".ply") CheckPlyIsWhole(path, file, contents.size());
   if (ending == ".stl") CheckStlIsWhole(path, file);
   if (ending == ".obj") CheckObjIsWhole(path, file);
 }
@@ -153,6 +177,12 @@ void CheckIndices(const std::string& path, const aiScene& scene) {
   for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
     const aiMesh& part = *scene.mMeshes[m];
     for (unsigned f = 0; f < part.mNumFaces; ++f) {
+      if (part.mFaces[f].mNumIndices > kMostCorners) {
+        RefuseMesh(path, "face " + std::to_string(f + 1) + " has " +
+                             std::to_string(part.mFaces[f].mNumIndices) +
+                             " corners; split faces of more than " + std::to_string(kMostCorners) +
+                             " into triangles");
+      }
       for (unsigned i = 0; i < part.mFaces[f].mNumIndices; ++i) {
         if (part.mFaces[f].mIndices[i] < part.mNumVertices) continue;
         RefuseMesh(path, "face " + std::to_string(f + 1) + " names a vertex that is not there" +
