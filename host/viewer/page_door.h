@@ -1,4 +1,5 @@
-// Who is let in, what a page may send, and what it is told when it may not. No I/O, no clock.
+// Admission of connections, limits on what a page may send, and the reason when it is cut off. No
+// I/O, no clock.
 #pragma once
 
 #include <chrono>

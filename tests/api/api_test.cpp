@@ -384,6 +384,12 @@ TEST_CASE("What cannot be used is refused, and changes nothing", "[api]") {
   CHECK_THROWS_WITH(scene.CenterlineMm("aorta", 1), Contains("aorta") && Contains("main"));
   CHECK_THROWS_WITH(scene.CenterlineMm("main", 0), Contains("step_mm"));
   CHECK_THROWS_WITH(scene.RouteMm("main", 1e6, 1), Contains("main"));
+  CHECK_THROWS_WITH(scene.CenterlineMm("main", 1e-9), Contains("step_mm is 1e-09"));
+  for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+    CHECK_THROWS_WITH(scene.CenterlineMm("main", bad), Contains("step_mm"));
+    CHECK_THROWS_AS(scene.RouteMm("main", bad, 1), torquer::Error);
+    CHECK_THROWS_WITH(scene.ClearanceMm({0, bad, 0}), Contains("point_mm"));
+  }
   Simulation simulation(scene);
   CHECK_THROWS_WITH(simulation.LastPicture(), Contains("[effects.fluoroscopy]"));
   const Shown before = Show(simulation);

@@ -104,6 +104,26 @@ TEST_CASE("Environments in threads do what they do in one, whoever is waited for
   CHECK(*std::max_element(side.facts().begin(), side.facts().end()) > 0);
 }
 
+TEST_CASE("A number that is none is refused by an environment, and changes nothing") {
+  const Scene scene = TwoBranches();
+  Navigation environment(scene, IntoTheSide(scene));
+  environment.Reset(0.5);
+  const auto facts = environment.facts();
+  const std::uint64_t here = environment.simulation().state_hash();
+  for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+    const double feed[] = {bad, 0};
+    const double turn[] = {0, bad};
+    CHECK_THROWS_AS(environment.Step(feed), Error);
+    CHECK_THROWS_AS(environment.Step(turn), Error);
+    CHECK_THROWS_AS(environment.Reset(bad), Error);
+    NavigationTask task = IntoTheSide(scene);
+    task.step_s = bad;
+    CHECK_THROWS_AS(Navigation(scene, task), Error);
+  }
+  CHECK(environment.facts() == facts);
+  CHECK(environment.simulation().state_hash() == here);
+}
+
 TEST_CASE("A pool ends while its environments are at work") {
   const Scene scene = TwoBranches();
   const NavigationTask task = IntoTheSide(scene);

@@ -1,0 +1,84 @@
+// Calls of torquer.h in a wrong order, within each other, and from several threads.
+#include <torquer/torquer.h>
+
+#include <catch2/catch.hpp>
+#include <random>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "tests/support/scenes.h"
+
+using Catch::Matchers::Contains;
+using torquer::Command;
+using torquer::Scene;
+using torquer::Simulation;
+
+TEST_CASE("A simulation that was moved from is refused until it is assigned to") {
+  const torquer::test::SceneFile file;
+  Simulation simulation(Scene::FromFile(file.path()));
+  Simulation moved = std::move(simulation);
+  // NOLINTBEGIN(bugprone-use-after-move)
+  CHECK_THROWS_WITH(simulation.scene(), Contains("moved from"));
+  CHECK_THROWS_WITH(simulation.nodes_mm(), Contains("moved from"));
+  CHECK_THROWS_WITH(simulation.Restart(), Contains("moved from"));
+  CHECK_THROWS_WITH(simulation.Step(moved.command()), Contains("moved from"));
+  CHECK_THROWS_WITH(simulation.LastPicture(), Contains("moved from"));
+  CHECK_THROWS_WITH(Simulation(simulation), Contains("moved from"));
+  CHECK_THROWS_WITH(moved = simulation, Contains("moved from"));
+  simulation = moved;
+  // NOLINTEND(bugprone-use-after-move)
+  CHECK(simulation.state_hash() == moved.state_hash());
+}
+
+TEST_CASE("A simulation is not moved within its own step") {
+  const torquer::test::SceneFile file;
+  Simulation simulation(Scene::FromFile(file.path()));
+  const Simulation saved = simulation;
+  Command command = simulation.command();
+  command.time_s = 0.05;
+  int looked = 0;
+  simulation.Step(command, [&](const torquer::StepReport&) {
+    CHECK_THROWS_WITH(simulation.Restart(), Contains("a step is in use"));
+    CHECK_THROWS_WITH(simulation = saved, Contains("a step is in use"));
+    CHECK_THROWS_WITH(simulation.Step(command), Contains("a step is in use"));
+    simulation.SolverErrorMm();
+    looked += Simulation(simulation).state_hash() == simulation.state_hash() ? 1 : 0;
+    return true;
+  });
+  CHECK(looked > 0);
+}
+
+TEST_CASE("Threads in one simulation are let in one by one, or refused") {
+  const torquer::test::SceneFile file;
+  Simulation simulation(Scene::FromFile(file.path()));
+  const Simulation saved = simulation;
+  std::vector<std::thread> threads;
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    threads.emplace_back([&, seed] {
+      std::mt19937 random(seed);
+      for (int k = 0; k < 300; ++k) {
+        try {
+          const unsigned what = random() % 6;
+          if (what == 0) simulation.Restart();
+          if (what == 1) simulation = saved;
+          if (what == 2) simulation.WhileStill([&] { simulation.instruments(); });
+          if (what == 3) Simulation(simulation).state_hash();
+          if (what == 4) simulation.SolverErrorMm();
+          if (what != 5) continue;
+          Command command;
+          simulation.WhileStill([&] { command = simulation.command(); });
+          command.time_s += 0.02;
+          command.hands[0].insertion_mm += 1;
+          simulation.Step(command);
+        } catch (const torquer::Error&) {
+          // Refused.
+        }
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  simulation = saved;
+  Simulation fresh = saved;
+  CHECK(simulation.state_hash() == fresh.state_hash());
+}
