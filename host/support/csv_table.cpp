@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 #include <sstream>
+#include <string_view>
 #include <utility>
 
 #include "host/support/error.h"
@@ -14,15 +15,23 @@
 namespace torquer {
 namespace {
 
-// The cells of a line, without the spaces around them.
+// Excel begins a file in UTF-8 with it.
+constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+
+// Without the spaces around it, and without the quotes that R's write.csv gives names.
+std::string Trimmed(const std::string& cell) {
+  const auto first = cell.find_first_not_of(" \t");
+  if (first == std::string::npos) return "";
+  const std::string trimmed = cell.substr(first, cell.find_last_not_of(" \t") - first + 1);
+  const bool quoted = trimmed.size() >= 2 && trimmed.front() == '"' && trimmed.back() == '"';
+  return quoted ? trimmed.substr(1, trimmed.size() - 2) : trimmed;
+}
+
 std::vector<std::string> Split(const std::string& line) {
   std::vector<std::string> cells;
   for (std::size_t begin = 0; begin <= line.size();) {
     const std::size_t end = std::min(line.find(',', begin), line.size());
-    const std::string cell = line.substr(begin, end - begin);
-    const auto first = cell.find_first_not_of(" \t");
-    const auto last = cell.find_last_not_of(" \t");
-    cells.push_back(first == std::string::npos ? "" : cell.substr(first, last - first + 1));
+    cells.push_back(Trimmed(line.substr(begin, end - begin)));
     begin = end + 1;
   }
   return cells;
@@ -36,10 +45,15 @@ std::vector<std::string> Split(const std::string& line) {
 // first line must be; "" for anything.
 std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
                                const std::string& header) {
+  if (number == 1 && line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());
   if (!line.empty() && line.back() == '\r') line.pop_back();
   if (line.empty() || line[0] == '#') return std::nullopt;
   std::vector<std::string> cells = Split(line);
   if (table.header_line == 0) {
+    if (cells.size() == 1 && line.find(';') != std::string::npos) {
+      Refuse(table.path, number,
+             "semicolons part the columns; save it with commas, and with points in numbers");
+    }
     if (!header.empty() && cells != Split(header)) {
       Refuse(table.path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
     }

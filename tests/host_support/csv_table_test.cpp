@@ -32,6 +32,16 @@ TEST_CASE("A CSV table gives its rows with their lines", "[support]") {
                     Contains("t.csv:5: b is 'x'; give a finite number"));
 }
 
+TEST_CASE("A CSV table is read as spreadsheets and R write it", "[support]") {
+  const Csv marked("\xef\xbb\xbf\"a\",\"b\"\r\n1,\"2\"\r\n");
+  const auto rows = torquer::ReadCsv(marked.path, "a,b");
+  REQUIRE(rows.size() == 1);
+  CHECK(torquer::CsvNumber(marked.path, "a,b", rows[0], 1) == 2);
+  const Csv semicolons("a;b\n1,5;2\n");
+  CHECK_THROWS_WITH(torquer::ReadCsvTable(semicolons.path),
+                    Contains("t.csv:1: semicolons part the columns"));
+}
+
 TEST_CASE("A CSV table says what is wrong and where", "[support]") {
   CHECK_THROWS_WITH(torquer::ReadCsv("no/such.csv", "a"), Contains("no/such.csv"));
   CHECK_THROWS_WITH(torquer::ReadCsv(Csv("b,a\n").path, "a,b"), Contains("t.csv"));

@@ -106,7 +106,8 @@ def worker_processes(process):
 
 def test_a_case_is_what_a_single_run_of_the_simulator_is(study, tmp_path):
     script = tmp_path / "moves.csv"
-    script.write_text("time_s,guidewire.insertion_mm,guidewire.rotation_rad\n0.5,20,0.5\n1,45,1\n1.5,70,-1\n")
+    # As Excel writes it, with a mark of the byte order.
+    script.write_text("\ufefftime_s,guidewire.insertion_mm,guidewire.rotation_rad\n0.5,20,0.5\n1,45,1\n1.5,70,-1\n")
     path = study(
         'scenes = ["ty_phantom"]\nshapes = "rows"\n[axes]\n"effects.friction.coefficient" = [0.05, 0.2]\n'
         f'"effects.internal_forces" = [true]\n[[motion]]\nname = "moves"\nscript = "{script.name}"\n'
@@ -372,6 +373,7 @@ def test_a_study_that_makes_no_sense_is_refused(study, tmp_path, text, said):
         ("", "there is nothing in it"),
         ("time_s,guidewire.speed\n1,2\n", ":1: column 'guidewire.speed' is twice there or unknown"),
         ("guidewire.insertion_mm\n1\n", ":1: there is no column time_s"),
+        ("time_s;guidewire.insertion_mm\n1;2\n", ":1: semicolons part the columns"),
         ("time_s\n1\n1\n", ":3: time_s is 1, not after the row before"),
         ("# rows\ntime_s\n1,2\n", ":3: 2 values for 1 columns"),
         ("time_s\nx\n", ":2: 'x' are not all numbers"),

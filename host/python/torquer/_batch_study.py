@@ -62,7 +62,7 @@ class Study:
 
 def _toml(path: pathlib.Path) -> Dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -292,7 +292,7 @@ def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], Lis
     instruments = [f"{info.name}.{what}" for info in scene.instruments for what in ("insertion_mm", "rotation_rad")]
     known = ["time_s", *instruments, "lao_deg", "cra_deg", *_SWITCHES]
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             lines = [(number, line) for number, line in enumerate(file, 1) if line.strip() and not line.startswith("#")]
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
@@ -302,6 +302,8 @@ def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], Lis
         raise Error(f"{path}: there is nothing in it; the first line names the columns")
     rows = list(csv.reader(line for _, line in lines))
     columns = tuple(cell.strip() for cell in rows[0])
+    if len(columns) == 1 and ";" in columns[0]:
+        raise Error(f"{path}:{lines[0][0]}: semicolons part the columns; save it with commas, and with points in numbers")
     for column in columns:
         if column not in known or columns.count(column) > 1:
             raise Error(f"{path}:{lines[0][0]}: column {column!r} is twice there or unknown; there may be: {', '.join(known)}")
