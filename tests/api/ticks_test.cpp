@@ -14,8 +14,8 @@
 
 #include "tests/support/child_process.h"
 #include "tests/support/paths.h"
-#include "tests/support/scenes.h"
 #include "tests/support/sanitizer.h"
+#include "tests/support/scenes.h"
 #include "tests/support/temporary_folder.h"
 
 namespace {
