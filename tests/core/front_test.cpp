@@ -142,9 +142,9 @@ Rows RowsOf(const std::vector<FrontSegment>& segments, int spins, Eigen::Index f
   Rows rows;
   const Eigen::Index each = SlotControls(spins);
   const Eigen::Index rolls = std::max(1, spins);
-  rows.displacement.push_back(MatrixXd::Zero(3, unknowns));
-  rows.step.push_back(MatrixXd::Zero(2, unknowns));
-  rows.roll.push_back(MatrixXd::Zero(rolls, unknowns));
+  rows.displacement.emplace_back(MatrixXd::Zero(3, unknowns));
+  rows.step.emplace_back(MatrixXd::Zero(2, unknowns));
+  rows.roll.emplace_back(MatrixXd::Zero(rolls, unknowns));
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const Eigen::Index at = first + each * static_cast<Eigen::Index>(i);
     MatrixXd xi = MatrixXd::Zero(2, unknowns);
@@ -156,8 +156,8 @@ Rows RowsOf(const std::vector<FrontSegment>& segments, int spins, Eigen::Index f
       roll = rows.roll.back() + segments[i].turn->proximal.transpose() * rows.step.back() +
              segments[i].turn->distal.transpose() * xi;
     }
-    rows.displacement.push_back(rows.displacement.back() +
-                                segments[i].length_mm * segments[i].frame * xi);
+    rows.displacement.emplace_back(rows.displacement.back() +
+                                   segments[i].length_mm * segments[i].frame * xi);
     rows.step.push_back(xi);
     rows.roll.push_back(roll);
   }

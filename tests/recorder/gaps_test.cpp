@@ -56,7 +56,7 @@ std::string Said(const std::string& path) {
     report.undecodable = summary.undecodable;
     report.unknown = summary.unknown;
     report.damage = summary.damage;
-    const std::string text = FormatReport(report);
+    std::string text = FormatReport(report);
     if (report.Good() && text.find("\n  log ") == std::string::npos) return "nothing";
     return text;
   } catch (const std::exception& error) {

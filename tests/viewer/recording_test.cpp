@@ -78,10 +78,9 @@ TEST_CASE("A recording gives the newest of each topic at any moment") {
   CHECK(TickAt(recording, 2999) == 1);
   CHECK(TickAt(recording, 3000) == 3);
   CHECK(TickAt(recording, 9000) == 3);
-  const std::string health = torquer::protocol::kHealthChannel;
-  REQUIRE(Find(recording, health + "/daemon/") != nullptr);
-  CHECK(Find(recording, health + "/daemon/")->times_us == std::vector<std::int64_t>{0, 9000});
-  REQUIRE(Find(recording, health + "/simulator/") != nullptr);
+  REQUIRE(Find(recording, "health/daemon/") != nullptr);
+  CHECK(Find(recording, "health/daemon/")->times_us == std::vector<std::int64_t>{0, 9000});
+  REQUIRE(Find(recording, "health/simulator/") != nullptr);
   CHECK_FALSE(recording.damage().any());
 }
 

@@ -172,6 +172,7 @@ namespace {
 
 // A curve as the steps from the sheath on move it: its slot, and where its steps go.
 struct Moved {
+  double* slot;
   const WireModel& model;
   const WireState& state;
   const Expansion& at;
@@ -179,11 +180,9 @@ struct Moved {
   std::vector<Vector2d>& step;
   std::vector<double>& spin;
   std::vector<Vector3d>& displacement_mm;
-  double* slot = nullptr;
 
-  void Begin(double* own) {
+  void Begin() {
     const auto n = static_cast<std::size_t>(state.segments());
-    slot = own;
     step.resize(n);
     spin.resize(n * static_cast<std::size_t>(model.spins()));
     displacement_mm.resize(n);
@@ -194,7 +193,7 @@ struct Moved {
   void Advance(int i, const double* slots, int rows) {
     const auto k = static_cast<std::size_t>(i);
     const int spins = model.spins();
-    double control[kMostControls];
+    double control[kMostControls] = {};
     for (int c = 0; c < SlotControls(spins); ++c) {
       double sum = gains[k].constant[c];
       for (int r = 0; r < rows; ++r) sum += gains[k].of_slots[c][r] * slots[r];
@@ -223,20 +222,32 @@ double FrontSweep::Step(const WireModel& model, const WireState& state, const Ex
                         std::vector<Vector2d>& step, std::vector<double>& spin,
                         std::vector<Vector3d>& displacement_mm) {
   double slots[kMostFrontRows] = {};
-  Moved first{model, state, expansion, gains_[0], step, spin, displacement_mm};
   const int n = state.segments();
   const int rows = SlotRows(model.spins());
+  const int other_rows = second_ == nullptr ? 0 : SlotRows(second_->spins());
+  const bool swapped = second_ != nullptr && model.spins() > second_->spins();
+  Moved first{slots + (swapped ? other_rows : 0),
+              model,
+              state,
+              expansion,
+              gains_[0],
+              step,
+              spin,
+              displacement_mm};
+  first.Begin();
   if (second_ == nullptr) {
-    first.Begin(slots);
     for (int i = 0; i < n; ++i) first.Advance(i, slots, rows);
     return predicted_decrease_mJ_;
   }
-  Moved second{*second_,     *state.second(), expansion.second.front(), gains_[1],
-               second_step_, second_spin_,    second_displacement_mm_};
-  const int other_rows = SlotRows(second_->spins());
-  const bool swapped = model.spins() > second_->spins();
-  first.Begin(slots + (swapped ? other_rows : 0));
-  second.Begin(slots + (swapped ? 0 : rows));
+  Moved second{slots + (swapped ? 0 : rows),
+               *second_,
+               *state.second(),
+               expansion.second.front(),
+               gains_[1],
+               second_step_,
+               second_spin_,
+               second_displacement_mm_};
+  second.Begin();
   // Against the order of the sweep.
   Moved* const order[2] = {swapped ? &first : &second, swapped ? &second : &first};
   const int both = second.state.segments();
