@@ -224,8 +224,9 @@ double FrontSweep::Step(const WireModel& model, const WireState& state, const Ex
   double slots[kMostFrontRows] = {};
   const int n = state.segments();
   const int rows = SlotRows(model.spins());
-  const int other_rows = second_ == nullptr ? 0 : SlotRows(second_->spins());
-  const bool swapped = second_ != nullptr && model.spins() > second_->spins();
+  const WireState* const other = second_ == nullptr ? nullptr : state.second();
+  const int other_rows = other == nullptr ? 0 : SlotRows(second_->spins());
+  const bool swapped = other != nullptr && model.spins() > second_->spins();
   Moved first{slots + (swapped ? other_rows : 0),
               model,
               state,
@@ -235,13 +236,13 @@ double FrontSweep::Step(const WireModel& model, const WireState& state, const Ex
               spin,
               displacement_mm};
   first.Begin();
-  if (second_ == nullptr) {
+  if (other == nullptr) {
     for (int i = 0; i < n; ++i) first.Advance(i, slots, rows);
     return predicted_decrease_mJ_;
   }
   Moved second{slots + (swapped ? 0 : rows),
                *second_,
-               *state.second(),
+               *other,
                expansion.second.front(),
                gains_[1],
                second_step_,
