@@ -224,6 +224,13 @@ int Bus::Handle(int timeout_ms) {
   return static_cast<int>(handled_);
 }
 
+void Bus::HandleUntil(std::int64_t end_us, const std::function<bool()>& done) {
+  do {
+    const std::int64_t left_us = std::max<std::int64_t>(end_us - MonotonicUs(), 0);
+    Handle(static_cast<int>((left_us + 999) / 1000));
+  } while (!done() && MonotonicUs() < end_us);
+}
+
 void Bus::HandleReceived(int timeout_ms) {
   pollfd waiting{FileDescriptor(), POLLIN, 0};
   if (poll(&waiting, 1, timeout_ms) <= 0) return;

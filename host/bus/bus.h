@@ -105,6 +105,9 @@ class Bus {
   /// Handles the messages that wait, after waiting at most `timeout_ms` for the first one.
   /// Returns the number handled, undecodable ones included.
   int Handle(int timeout_ms);
+  /// Handles messages until `done` or until MonotonicUs() reaches `end_us`; those that wait already
+  /// in any case.
+  void HandleUntil(std::int64_t end_us, const std::function<bool()>& done);
 
   /// Readable when a message waits; for poll(). Starts the receiving thread.
   int FileDescriptor();

@@ -209,7 +209,7 @@ bool SignalClaimHolder(const std::string& name, int signal) {
   // By number: the header of Debian 12 for these calls is not one for C++.
   const auto process = static_cast<int>(syscall(SYS_pidfd_open, *holder, 0));
   if (process < 0) return false;
-  // Who still holds it now is the process that was opened, and not one that took its number.
+  // The process that was opened holds it still: no other took its number meanwhile.
   const bool sent = HolderByKernel(file.fd) == holder &&
                     syscall(SYS_pidfd_send_signal, process, signal, nullptr, 0) == 0;
   close(process);

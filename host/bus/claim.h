@@ -12,7 +12,7 @@
 
 namespace torquer::bus {
 
-/// What a claim is on, and by whom, for the message that refuses another one.
+/// Names a claim and its holder in the message that refuses another one.
 struct ClaimWords {
   std::string what;                        ///< "the instrument 'guidewire'"
   std::string program = "torquer-daemon";  ///< that claims such things

@@ -1,4 +1,4 @@
-// What a daemon claims, so that no second one drives the same instrument or reads the same device,
+// Claims of a daemon, so that no second one drives the same instrument or reads the same device,
 // and the last published pose, which the next daemon takes up. An instrument is claimed on one bus.
 // The pose is kept in a mapped file, so that an update costs no system call, and is still there
 // when the daemon is killed at any instant.

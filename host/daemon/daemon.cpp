@@ -58,10 +58,7 @@ Heard ListenFor(const std::string& instrument, const std::string& url) {
       protocol::kInstrumentCommandChannel, [&](const torquer_lcm::instrument_command_t& command) {
         if (command.instrument == instrument) heard.commanded = true;
       });
-  const std::int64_t end_us = bus::MonotonicUs() + kListenUs;
-  for (std::int64_t now_us = 0; (now_us = bus::MonotonicUs()) < end_us && !heard.commanded;) {
-    listener.Handle(static_cast<int>((end_us - now_us) / 1000) + 1);
-  }
+  listener.HandleUntil(bus::MonotonicUs() + kListenUs, [&] { return heard.commanded; });
   return heard;
 }
 

@@ -1,4 +1,4 @@
-// What the parts of torquer._torquer share.
+// Types and helpers that the sources of torquer._torquer share.
 #pragma once
 
 #include <pybind11/numpy.h>

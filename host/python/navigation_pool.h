@@ -53,7 +53,7 @@ class NavigationPool {
   /// Refuses what Reset and Step refuse; what is refused here has begun nothing.
   void CheckRotation(double rotation_rad) const { Navigation::CheckRotation(rotation_rad); }
   void CheckAction(const double* action) const { environments_.front()->CheckAction(action); }
-  /// Whether this process is a forked child of the one that has the threads.
+  /// True in a forked child of the process that has the threads.
   bool forked() const { return getpid() != process_; }
   /// How many are at work, or finished and not yet waited for.
   std::size_t at_work() const;

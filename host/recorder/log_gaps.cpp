@@ -16,12 +16,12 @@ constexpr double kLatestStatusUs = 1'500'000;
 constexpr double kLatestReadingsUs = 150'000;
 constexpr double kLatestTruthUs = 15'000;
 
-// Of numbers that may be anything, as much as an int64_t takes.
+// Adds up to the largest number at most: a log may hold any.
 void Count(std::int64_t more, std::int64_t& sum) {
   if (__builtin_add_overflow(sum, more, &sum)) sum = INT64_MAX;
 }
 
-// How many numbers lie between two, the later given last; 0 where they do not rise.
+// The count of numbers between two, the later given last; 0 where they do not rise.
 std::int64_t Between(std::int64_t first, std::int64_t last) {
   std::int64_t steps = 0;
   if (last <= first) return 0;

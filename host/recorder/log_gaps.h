@@ -1,4 +1,4 @@
-// What a log lacks, by what its own messages say of each other.
+// Finds messages that a log lacks, by numbers and order of those that it has.
 #pragma once
 
 #include <cstdint>

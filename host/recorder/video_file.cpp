@@ -41,7 +41,7 @@ bool IsMp4(int file) {
     if (head.size() < 8) return false;
     const std::string kind = head.substr(4, 4);
     std::uint64_t length = BigEndian(head.substr(0, 4));
-    // Of a long box the length follows its kind.
+    // The length of a long box follows its kind.
     if (length == 1 && head.size() == kHeader) length = BigEndian(head.substr(8));
     if (length < 8 || length > static_cast<std::uint64_t>(size - at)) return false;
     if (at == 0 && kind != "ftyp") return false;

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <utility>
 
 #include "host/bus/clock.h"
@@ -32,11 +31,7 @@ SoleSimulator::SoleSimulator(const std::string& url, const std::string& scene)
 }
 
 void SoleSimulator::Listen() {
-  const std::int64_t end_us = began_us_ + kListenUs;
-  do {
-    const std::int64_t left_us = end_us - bus::MonotonicUs();
-    listener_->Handle(static_cast<int>(std::max<std::int64_t>(left_us, 0) / 1000));
-  } while (heard_.empty() && bus::MonotonicUs() < end_us);
+  listener_->HandleUntil(began_us_ + kListenUs, [this] { return !heard_.empty(); });
   const std::string at = listener_->url();
   listener_.reset();
   if (heard_.empty()) return;

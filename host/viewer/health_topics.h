@@ -16,9 +16,9 @@ class HealthTopics {
 
   /// Returns the topics of instruments that the scene has no more.
   std::vector<std::string> Add(const torquer_lcm::scene_description_t& scene);
-  /// Whether the session needs this process.
+  /// True where the session needs this process.
   bool Needs(const torquer_lcm::health_t& health) const;
-  /// Whether the scene has this instrument; any before a scene is known.
+  /// True where the scene has this instrument; of any before a scene is known.
   bool HasInstrument(const std::string& name) const;
 
   static std::string TopicOf(const torquer_lcm::health_t& health);

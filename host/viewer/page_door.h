@@ -10,7 +10,16 @@
 
 namespace torquer::viewer {
 
-/// What a request says of itself.
+/// Content security policies of the page, and of a document from elsewhere, which may load nothing.
+inline constexpr char kPagePolicy[] =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+    "connect-src 'self'; frame-src 'self'; frame-ancestors 'none'; base-uri 'none'; "
+    "form-action 'none'";
+inline constexpr char kDocumentPolicy[] =
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'; "
+    "base-uri 'none'; form-action 'none'; sandbox";
+
+/// A request as it describes itself.
 struct Visitor {
   std::string_view method;
   std::string_view target;
@@ -36,7 +45,7 @@ struct Door {
 /// Counts what a page sends in a second.
 class MessageRate {
  public:
-  /// Whether one more is within `most` a second.
+  /// True where one more is within `most` a second.
   bool Take(int most, std::chrono::steady_clock::time_point now);
 
  private:

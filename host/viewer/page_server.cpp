@@ -5,12 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
-#include <exception>
 #include <list>
 #include <map>
 #include <optional>
@@ -18,6 +16,8 @@
 #include <utility>
 #include <vector>
 
+#include "host/viewer/event_loop.h"
+#include "host/viewer/http_request.h"
 #include "host/viewer/listening_socket.h"
 #include "host/viewer/page_door.h"
 #include "host/viewer/page_files.h"
@@ -48,50 +48,21 @@ struct ServedFile {
   std::string content;
 };
 
-// Of the page, and of a document that came from elsewhere, which is kept from everything.
-constexpr char kPagePolicy[] =
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
-    "connect-src 'self'; frame-src 'self'; frame-ancestors 'none'; base-uri 'none'; "
-    "form-action 'none'";
-constexpr char kDocumentPolicy[] =
-    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'; "
-    "base-uri 'none'; form-action 'none'; sandbox";
-
-// Whether the other end is gone, or silent: nothing was refused.
-bool HasLeft(const error_code& error) {
-  return error == websocket::error::closed || error == asio::error::eof ||
-         error == asio::error::connection_reset || error == asio::error::operation_aborted ||
-         error == beast::error::timeout;
-}
-
-std::string_view View(boost::beast::string_view text) { return {text.data(), text.size()}; }
-
-template <class Request>
-Visitor VisitorOf(const Request& request) {
-  return {.method = View(request.method_string()),
-          .target = View(request.target()),
-          .hosts = request.count(http::field::host),
-          .host = View(request[http::field::host]),
-          .origins = request.count(http::field::origin),
-          .origin = View(request[http::field::origin]),
-          .upgrade = websocket::is_upgrade(request)};
-}
-
 }  // namespace
 
 class PageServer::Impl {
  public:
   Impl(int listening_socket, const std::string& token, Received received, Left left)
-      : received_(std::move(received)), left_(std::move(left)), acceptor_(loop_), pause_(loop_) {
+      : received_(std::move(received)),
+        left_(std::move(left)),
+        acceptor_(loop_.context()),
+        pause_(loop_.context()) {
     const std::uint16_t port = PortOf(listening_socket);
     acceptor_.assign(tcp::v4(), listening_socket);
     door_.token = token;
     door_.hosts = {fmt::format("127.0.0.1:{}", port), fmt::format("localhost:{}", port)};
     url_ = fmt::format("http://127.0.0.1:{}/{}/", port, token);
     Accept();
-  }
-  ~Impl() {
-    for (const auto& watched : watched_) watched->release();  // not ours to close
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -108,7 +79,7 @@ class PageServer::Impl {
     });
   }
 
-  // For want of files, most likely, which others give back.
+  // Usually EMFILE: others close their connections meanwhile.
   void PauseAccepting() {
     pause_.expires_after(std::chrono::milliseconds(100));
     pause_.async_wait([this](error_code error) {
@@ -121,16 +92,6 @@ class PageServer::Impl {
   void ShowPassing(const std::string& topic, const SharedPageMessage& message);
   void Drop(const std::vector<std::string>& topics);
 
-  template <class Act>
-  void Guarded(Act&& act) {
-    try {
-      act();
-    } catch (...) {
-      problem_ = std::current_exception();
-      loop_.stop();
-    }
-  }
-
   Received received_;
   Left left_;
   Door door_;
@@ -142,13 +103,10 @@ class PageServer::Impl {
   PageId last_page_ = 0;
   int connections_ = 0;  // that have
   std::int64_t refused_ = 0;
-  std::exception_ptr problem_;
   // Before what it holds: pages end with it, and use all of the above.
-  asio::io_context loop_{1};
+  EventLoop loop_;
   tcp::acceptor acceptor_;
   asio::steady_timer pause_;
-  std::vector<std::unique_ptr<asio::posix::stream_descriptor>> watched_;
-  std::vector<std::unique_ptr<asio::steady_timer>> timers_;
 };
 
 // A page that is open: at most one message on its way, and of each topic the newest that waits.
@@ -158,7 +116,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
       : server_(server),
         stream_(std::move(stream)),
         id_(++server.last_page_),
-        leave_(server.loop_) {
+        leave_(server.loop_.context()) {
     ++server_.connections_;
     server_.pages_.insert(this);
     waiting_ = server_.topics_.newest();
@@ -183,7 +141,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     stream_.control_callback([this](websocket::frame_type, beast::string_view) { Count(); });
     stream_.async_accept(request, [self = this->shared_from_this()](error_code error) {
       if (error) {
-        // An upgrade without its headers is Beast's to refuse.
+        // Beast rejects an upgrade without its headers.
         self->server_.refused_ += !HasLeft(error);
         return;
       }
@@ -203,7 +161,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
   void Read() {
     stream_.async_read(buffer_, [self = this->shared_from_this()](error_code error, std::size_t) {
       if (error) {
-        // A frame that is none, or too large, is Beast's to refuse.
+        // Beast rejects malformed and oversized frames.
         self->server_.refused_ += !HasLeft(error);
         return self->Close();
       }
@@ -211,7 +169,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     });
   }
 
-  // Whether the page may send what it has just sent; it is cut off where not.
+  // Cuts a page off that sends too many; false then.
   bool Count() {
     if (rate_.Take(kMostMessagesPerS, std::chrono::steady_clock::now())) return true;
     if (!open_) return false;
@@ -224,7 +182,7 @@ class PageServer::Impl::Page : public std::enable_shared_from_this<Page> {
     const auto bytes = buffer_.cdata();
     if (!Count()) return;
     bool good = stream_.got_binary();
-    server_.Guarded([&] {
+    server_.loop_.Guarded([&] {
       good = good &&
              server_.received_(id_, {static_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
     });
@@ -412,7 +370,7 @@ class PageServer::Impl::Request : public std::enable_shared_from_this<Request> {
   http::response<http::span_body<const char>> answer_;
 };
 
-// Of those without the token the newest comes in: whoever has it shows it at once.
+// The newest connection comes in, and the oldest without the token goes: a page shows it at once.
 void PageServer::Impl::Begin(tcp::socket socket) {
   if (unknown_.size() >= kMostUnknown) unknown_.front()->Close();
   std::make_shared<Request>(*this, std::move(socket))->Begin();
@@ -469,41 +427,14 @@ void PageServer::Serve(const std::string& name, ServedAs as, std::string content
 }
 
 void PageServer::WhenReadable(int file_descriptor, std::function<void()> act) {
-  auto& watched = *impl_->watched_.emplace_back(
-      std::make_unique<asio::posix::stream_descriptor>(impl_->loop_, file_descriptor));
-  // A function that starts itself again, kept by its handler.
-  const auto wait = std::make_shared<std::function<void()>>();
-  *wait = [impl = impl_.get(), &watched, act = std::move(act), again = std::weak_ptr(wait)] {
-    watched.async_wait(asio::posix::stream_descriptor::wait_read,
-                       [impl, act, next = again.lock()](error_code error) {
-                         if (error) return;
-                         impl->Guarded(act);
-                         (*next)();
-                       });
-  };
-  (*wait)();
+  impl_->loop_.WhenReadable(file_descriptor, std::move(act));
 }
 
 void PageServer::Every(std::chrono::milliseconds interval, std::function<void()> act) {
-  auto& timer = *impl_->timers_.emplace_back(std::make_unique<asio::steady_timer>(impl_->loop_));
-  const auto wait = std::make_shared<std::function<void()>>();
-  *wait = [impl = impl_.get(), &timer, interval, act = std::move(act),
-           again = std::weak_ptr(wait)] {
-    timer.expires_after(interval);
-    timer.async_wait([impl, act, next = again.lock()](error_code error) {
-      if (error) return;
-      impl->Guarded(act);
-      (*next)();
-    });
-  };
-  (*wait)();
+  impl_->loop_.Every(interval, std::move(act));
 }
 
-void PageServer::Run() {
-  impl_->loop_.run();
-  if (impl_->problem_) std::rethrow_exception(std::exchange(impl_->problem_, nullptr));
-}
-
-void PageServer::Stop() { impl_->loop_.stop(); }
+void PageServer::Run() { impl_->loop_.Run(); }
+void PageServer::Stop() { impl_->loop_.Stop(); }
 
 }  // namespace torquer::viewer

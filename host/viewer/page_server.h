@@ -67,7 +67,7 @@ class PageServer {
   static constexpr std::size_t kMostHeaderBytes = 8192;
   /// A page that sends more of them, pings included, is cut off with the reason.
   static constexpr int kMostMessagesPerS = 400;
-  /// What is read of a connection; what it sends beyond waits with it.
+  /// Bytes read of a connection; the rest waits at its sender.
   static constexpr std::size_t kMostReadBytesPerS = 32'768;
 
  private:

@@ -1,4 +1,4 @@
-// What pages are shown: of each topic the newest message. No I/O, no clock.
+// The newest message of each topic that pages are shown. No I/O, no clock.
 #pragma once
 
 #include <chrono>

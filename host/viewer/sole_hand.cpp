@@ -23,10 +23,7 @@ SoleHand::SoleHand(const std::string& url)
         commanded = fmt::format("'{}' gets commands from {}", Printable(command.instrument, 40),
                                 bus::Describe(arrival.sender));
       });
-  const std::int64_t end_us = bus::MonotonicUs() + 1000 * kListenMs;
-  for (std::int64_t now_us = 0; (now_us = bus::MonotonicUs()) < end_us && commanded.empty();) {
-    listener.Handle(static_cast<int>((end_us - now_us) / 1000) + 1);
-  }
+  listener.HandleUntil(bus::MonotonicUs() + 1000 * kListenMs, [&] { return !commanded.empty(); });
   if (commanded.empty()) return;
   throw UserError(fmt::format(
       "--steer: on the bus at {} {} already; stop that one's program, or start the viewer without "

@@ -10,7 +10,7 @@
 
 namespace torquer::viewer {
 
-/// What is shown besides the bus, and who steers. One of `frames` and `station`, or none.
+/// Sources that are shown besides the bus, and who steers. One of `frames` and `station`, or none.
 struct ViewerSetup {
   SceneFrames frames = {};         ///< of the scene that the simulator was given
   CaseStation* station = nullptr;  ///< starts simulators itself

@@ -1,4 +1,5 @@
-// What a session may have once, started a second time: it ends with status 2, and names the first.
+// Programs that a session may have once, started a second time: they end with status 2 and name the
+// first.
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <string>

@@ -45,7 +45,7 @@ struct RandomSegment {
     tangent = rotation.col(2);
     weight_mJ = 3;
 
-    // Of (xi before, spins before, xi, spins): together positive definite.
+    // The blocks of (xi before, spins before, xi, spins) are positive definite together.
     const Eigen::Index half = 2 + spin_count;
     const MatrixXd joints = definite(2 * half);
     joint.hessian_proximal = joints.topLeftCorner<2, 2>();
@@ -66,7 +66,7 @@ struct RandomSegment {
     for (Eigen::Index k = 0; k < spin_count; ++k) {
       spins.gradient_proximal[k] = any(random);
       spins.gradient_distal[k] = any(random);
-      // What StackTerms has of a spin before and another spin of the segment is their diagonal.
+      // StackTerms couples a spin before with the same spin of the segment alone.
       spins.hessian_cross[k] = 0.1 * any(random);
       spins.proximal_proximal.row(k) = joints.block<1, 2>(2 + k, 0);
       spins.distal_distal.row(k) = joints.block<1, 2>(half + 2 + k, half);

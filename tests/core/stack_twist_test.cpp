@@ -57,17 +57,11 @@ TEST_CASE("Ever stiffer against twist, a stack comes to one that does not twist"
   };
   FreeStack rigid(make(0));
   rigid.MoveTo(places);
-  double before = 0;
-  for (const double ratio : {10.0, 100.0, 1000.0}) {
+  CheckFallsAsCompliance([&](double ratio) {
     FreeStack twisting(make(ratio));
     twisting.MoveTo(places);
-    const double apart = LargestDistance(twisting.state, rigid.state);
-    CAPTURE(ratio, apart);
-    // As 1/GJ.
-    if (before > 0) CHECK(apart == Approx(before / 10).epsilon(0.1));
-    before = apart;
-  }
-  CHECK(before < 0.05);
+    return LargestDistance(twisting.state, rigid.state);
+  });
 }
 
 TEST_CASE("Beside a straight one, a wire twists as alone") {

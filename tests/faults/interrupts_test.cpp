@@ -21,7 +21,7 @@ struct LongWork {
   std::vector<std::string> words;
 };
 
-// What goes on for hours, and what is long before a program serves anything.
+// Work of hours, and work that is long before a program serves anything.
 std::vector<LongWork> LongWorks(const TemporaryFolder& folder) {
   const std::string script = folder.Path("long.csv");
   std::ofstream(script) << "time_s,guidewire.insertion_mm\n0,0\n1e7,100\n";
@@ -46,7 +46,7 @@ TEST_CASE("Ctrl-C ends a program in the middle of long work") {
   constexpr unsigned kSeed = 20261125;
   CAPTURE(kSeed);
   std::mt19937 random(kSeed);
-  std::uniform_real_distribution<double> moment_s(0.05, 0.6);
+  std::uniform_real_distribution<double> moment_s(0.05, 0.25);
   for (const LongWork& work : LongWorks(folder)) {
     for (const int signal : {SIGINT, SIGTERM}) {
       const double after_s = moment_s(random);

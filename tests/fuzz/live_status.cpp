@@ -52,7 +52,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
     if (packet.empty()) continue;
     const auto bytes = packet.subspan(1);
     const auto add = [&](const auto& message) { status.Add(message); };
-    // Of more simulators than it names.
+    // More simulators than it names.
     const bus::Sender sender{0x7f000001, static_cast<std::uint16_t>(now_us / 100'000 % 7)};
     switch (packet[0] % std::size(kTypes)) {
       case 0:

@@ -45,7 +45,7 @@ using Words = std::vector<std::string>;
 
 ProgramOutcome RunProgram(const std::string& program, const Words& command, const Words& words) {
   // A program that does not know its command line might do its work instead, for ever.
-  Words all{"/usr/bin/timeout", "30", torquer::test::ProgramPath(program)};
+  Words all{"/usr/bin/timeout", "120", torquer::test::ProgramPath(program)};
   all.insert(all.end(), command.begin(), command.end());
   all.insert(all.end(), words.begin(), words.end());
   ChildProcess process(all);
@@ -284,7 +284,7 @@ TEST_CASE("No state of standard error changes how a program ends", "[programs]")
       CAPTURE(program, words);
       Words all = {"/bin/bash", "-c",
                    "cd " + folder.Path("") + "; " + (limited ? "ulimit -f 0; " : "") +
-                       "/usr/bin/timeout 30 \"$0\" \"$@\" " + stream +
+                       "/usr/bin/timeout 120 \"$0\" \"$@\" " + stream +
                        (stream.find(">(") == std::string::npos ? "" : "; exit $?"),
                    torquer::test::ProgramPath(program)};
       all.insert(all.end(), words.begin(), words.end());
@@ -298,7 +298,7 @@ TEST_CASE("No state of standard error changes how a program ends", "[programs]")
 TEST_CASE("What of a message would steer a terminal is shown as an escape", "[programs]") {
   for (const std::string& program : Programs()) {
     CAPTURE(program);
-    ChildProcess process({"/usr/bin/timeout", "30", torquer::test::ProgramPath(program),
+    ChildProcess process({"/usr/bin/timeout", "120", torquer::test::ProgramPath(program),
                           "--no\x1b]0;title\x07\xc2\x9b"});
     CHECK(process.Wait() == 2);
     CHECK_THAT(process.Error(), Contains("\\x1b]0;title\\x07"));
@@ -312,7 +312,7 @@ TEST_CASE("A limit of the system is named with its remedy", "[programs]") {
     for (int files = 3; files < 8; ++files) {
       ChildProcess shell(
           {"/bin/bash", "-c",
-           "ulimit -n " + std::to_string(files) + "; exec /usr/bin/timeout 30 \"$0\" /dev/null x",
+           "ulimit -n " + std::to_string(files) + "; exec /usr/bin/timeout 120 \"$0\" /dev/null x",
            torquer::test::ProgramPath(program)});
       shell.Wait();
       CHECK_THAT(shell.Error(), !Contains("please report"));

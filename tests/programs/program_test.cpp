@@ -293,7 +293,7 @@ TEST_CASE("Exceptions become messages and exit statuses", "[programs]") {
   const Outcome usage = run([]() -> int { throw UsageError("--a is missing"); });
   CHECK(usage.status == 2);
   CHECK(usage.error == "sample: --a is missing\nSee 'sample --help'.\n");
-  // What a limit or the machine causes is the user's to repair.
+  // A limit, or the state of the machine, is the user's to repair.
   const Outcome memory = run([]() -> int { throw std::bad_alloc(); });
   CHECK(memory.status == 2);
   CHECK_THAT(memory.error, StartsWith("sample: std::bad_alloc; close other programs"));

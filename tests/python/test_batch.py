@@ -1,13 +1,10 @@
 """Batches: what is stored is neither lost nor run again, whatever is killed; what is refused, and what fails."""
 
-import collections
-import csv
 import json
 import multiprocessing
 import os
 import pathlib
 import pickle
-import shutil
 import signal
 import subprocess
 import sys
@@ -18,75 +15,7 @@ import pytest
 import torquer
 import torquer.batch
 import zarr
-
-PACKAGES = pathlib.Path(torquer.__file__).absolute().parents[1]
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(PACKAGES)}
-MOTION = """
-[[motion]]
-name = "push"
-duration_s = 1
-spread = 0.5
-hands.guidewire = { speed_mm_s = 40, turn_rad_s = 1 }
-"""
-
-
-@pytest.fixture
-def study(tmp_path):
-    def write(text, name="study"):
-        path = tmp_path / f"{name}.toml"
-        path.write_text(text)
-        return path
-
-    return write
-
-
-def cases(count):
-    return f'scenes = ["ty_phantom"]\nseeds = {list(range(count))}\n{MOTION}'
-
-
-def start(study, out, *more):
-    return subprocess.Popen(
-        [sys.executable, "-B", "-m", "torquer.batch", str(study), "--out", str(out), *map(str, more)],
-        env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=out.parent,
-    )
-
-
-def finish(study, out, *more):
-    process = start(study, out, *more)
-    output, error = process.communicate(timeout=120)
-    return process.returncode, output, error
-
-
-def lines(out):
-    path = out / "readings.jsonl"
-    return path.read_bytes().count(b"\n") if path.exists() else 0
-
-
-def wait_for(process, out, count):
-    """Until as many cases are stored and the run still goes on."""
-    for _ in range(3000):
-        if lines(out) >= count:
-            break
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.01)
-    assert lines(out) >= count
-
-
-def check_whole(out, count):
-    """Each case is there once, with its shape, and all have the results of single runs."""
-    records = [json.loads(line) for line in (out / "readings.jsonl").read_text().splitlines()]
-    assert collections.Counter(record["key"] for record in records).most_common(1)[0][1] == 1
-    assert len(records) == count
-    assert {path.stem for path in (out / "shapes").iterdir()} == {record["key"] for record in records}
-    for record in records[:: max(1, count // 20)]:
-        case = zarr.open(str(out / "shapes" / f"{record['key']}.zip"), mode="r")
-        tip = [record["readings"][f"tip_{axis}_mm"] for axis in "xyz"]
-        assert np.array_equal(case["nodes_mm"][-1], tip)
-        assert np.array_equal(case["series"][-1][3:6], tip)
-    with (out / "readings.csv").open(newline="") as file:
-        assert len(list(csv.DictReader(file))) == count
-    assert "<svg" in (out / "report.html").read_text()
-
+from batch_runs import ENVIRONMENT, MOTION, PACKAGES, cases, check_whole, finish, lines, start, study, wait_for
 
 def worker_processes(process):
     """Of a run with --workers: processes that multiprocessing started."""
@@ -207,7 +136,7 @@ def test_a_surface_that_changes_while_processes_live(study, tmp_path):
     pickled = pickle.dumps(torquer.Scene(str(tmp_path / "own.toml")))
     old = list(torquer._batch_study.cases(torquer._batch_study.read_study(str(path))))
     write_tube(surface, 2)
-    # What was loaded of a file is not the case of the other: neither before nor after.
+    # A file that was loaded is not the case of the other: neither before nor after.
     torquer._batch_case._load.cache_clear()
     with pytest.raises(torquer.Error, match="a file of the scene is another than when the case was made"):
         torquer._batch_case.run(old[0])
@@ -386,125 +315,6 @@ def test_a_script_that_makes_no_sense_is_refused(study, tmp_path, rows, said):
     with pytest.raises(torquer.Error) as refused:
         torquer.batch.run(str(path), str(tmp_path / "out"))
     assert f"moves.csv{said}" in str(refused.value) or said in str(refused.value)
-
-
-# What a user has in a folder, made of a folder of torquer-batch by name. "->" links.
-FOREIGN = {
-    "an own file": {"shapes/mine.zip": b"mine", "shapes/mine.part": b"mine"},
-    "an own table": {"readings.csv": b"mine"},
-    "results before the mark": {"readings.jsonl": b"", "lock": b""},
-    "a linked lock": {"lock": "->"},
-    "a linked shapes": {"shapes": "->"},
-    "a linked readings.jsonl": {"readings.jsonl": "->"},
-}
-CHANGED = {
-    **{f"another {name}": {name: b"mine"} for name in ("readings.csv", "failures.jsonl", "report.html")},
-    **{f"a linked {name}": {name: "->"} for name in (
-        "readings.csv", "failures.jsonl", "report.html", "readings.jsonl", "torquer-batch.jsonl", "shapes", ".torquer-batch.part",
-        "shapes/.torquer-batch.part",
-    )},
-    "a pipe": {"report.html": "pipe"},
-}
-
-
-def put(out, target, files):
-    for name, content in files.items():
-        path = out / name
-        path.parent.mkdir(exist_ok=True)
-        if path.is_dir():
-            path.rename(out.parent / f"moved-{path.name}")
-        else:
-            path.unlink(missing_ok=True)
-        if content == "->":
-            path.symlink_to(target / "folder" if name == "shapes" else target / "file")
-        elif content == "pipe":
-            os.mkfifo(path)
-        else:
-            path.write_bytes(content)
-
-
-def tree(folder):
-    """All that is there, with what it holds or links to."""
-    found = {}
-    for path in folder.rglob("*"):
-        plain = path.is_file() and not path.is_symlink()
-        found[path] = path.read_bytes() if plain else os.readlink(path) if path.is_symlink() else path.lstat().st_mode
-    return found
-
-
-@pytest.fixture
-def target(tmp_path):
-    """What links point to."""
-    folder = tmp_path / "target"
-    (folder / "folder").mkdir(parents=True)
-    (folder / "folder" / "mine.zip").write_bytes(b"mine")
-    (folder / "file").write_bytes(b"mine, without an end of line")
-    return folder
-
-
-@pytest.mark.parametrize("what", FOREIGN)
-def test_a_folder_of_the_user_is_refused_and_stays_as_it_is(study, tmp_path, target, what):
-    out = tmp_path / "out"
-    out.mkdir()
-    put(out, target, FOREIGN[what])
-    before = tree(tmp_path)
-    path = study(cases(1))
-    before[path] = path.read_bytes()
-    with pytest.raises(torquer.Error, match="no mark of torquer-batch") as refused:
-        torquer.batch.run(str(path), str(out))
-    assert str(out) in str(refused.value)
-    assert tree(tmp_path) == before
-
-
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("ran")
-    (folder / "study.toml").write_text(cases(1))
-    torquer.batch.run(str(folder / "study.toml"), str(folder / "out"))
-    return folder
-
-
-@pytest.mark.parametrize("what", CHANGED)
-def test_what_a_user_put_into_results_is_refused_by_name_and_stays(ran, tmp_path, target, what):
-    out = tmp_path / "out"
-    shutil.copytree(ran / "out", out)
-    put(out, target, CHANGED[what])
-    before = tree(tmp_path)
-    with pytest.raises(torquer.Error) as refused:
-        torquer.batch.run(str(ran / "study.toml"), str(out))
-    assert str(out / next(iter(CHANGED[what]))) in str(refused.value)
-    assert tree(tmp_path) == before
-
-
-def test_files_of_a_user_beside_results_stay(ran, study, tmp_path):
-    out = tmp_path / "out"
-    shutil.copytree(ran / "out", out)
-    own = {out / name: b"mine" for name in ("shapes/mine.zip", "shapes/mine.part", "lock", "notes.part", f"shapes/{'0' * 64}.zip")}
-    for path, content in own.items():
-        path.write_bytes(content)
-    assert torquer.batch.run(str(study(cases(2))), str(out)).done == 1
-    assert {path: path.read_bytes() for path in own} == own
-    # A line that an editor left without its end is whole.
-    text = (out / "readings.jsonl").read_bytes()
-    (out / "readings.jsonl").write_bytes(text[:-1])
-    assert torquer.batch.run(str(study(cases(2))), str(out)).stored_before == 2
-    assert (out / "readings.jsonl").read_bytes() == text
-    # A case whose line is removed is run again; a shape that is not recorded stays.
-    (out / "readings.jsonl").write_bytes(b"")
-    assert torquer.batch.run(str(study(cases(2))), str(out)).done == 2
-    record = out / "torquer-batch.jsonl"
-    record.write_text("".join(line for line in record.read_text().splitlines(True) if "shape" not in line))
-    (out / "readings.jsonl").write_bytes(b"")
-    with pytest.raises(torquer.Error, match="zip: is there, but not by torquer-batch; move it away"):
-        torquer.batch.run(str(study(cases(2))), str(out))
-
-
-def test_a_linked_folder_is_refused(study, tmp_path, target):
-    (tmp_path / "out").symlink_to(target / "folder")
-    before = tree(target)
-    with pytest.raises(torquer.Error, match="symbolic link to one; give the folder itself"):
-        torquer.batch.run(str(study(cases(1))), str(tmp_path / "out"))
-    assert tree(target) == before
 
 
 def listening(pids):

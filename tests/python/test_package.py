@@ -405,8 +405,8 @@ if "env" in {LONG[what]!r}:
     env = torquer.envs.NavigationEnv(scene, task)
 if "many" in {LONG[what]!r}:
     many = torquer.envs.VectorEnv(scene, 2, 2, task=task)
-print("begun", flush=True)
 try:
+    print("begun", flush=True)
     {LONG[what]}
 except KeyboardInterrupt:
     print("interrupted", flush=True)

@@ -38,8 +38,8 @@ inline Eigen::VectorXd Unknowns(const WireModel& model, const std::vector<Vector
   return all;
 }
 
-/// What a weight of one adds to the diagonal: the softer of a segment's two joints. Of a rod of
-/// instruments; `state` is its curve.
+/// The diagonal that a weight of one adds: the softer of a segment's two joints. `model` is a rod
+/// of instruments; `state` is its curve.
 inline Eigen::VectorXd UnitWeight(const WireModel& model, const WireState& state) {
   const Eigen::Index each = 2 + model.spins();
   const int n = state.segments();

@@ -22,6 +22,19 @@ inline WireModel Arc(double rigidity, double curvature, double radius, double to
                    BendingLaw::kExact, {});
 }
 
+/// Checks that a distance, mm, falls as 1/GJ. `apart_mm` gives it by the ratio of GJ to EI.
+template <class Apart>
+void CheckFallsAsCompliance(Apart apart_mm) {
+  double before_mm = 0;
+  for (const double ratio : {10.0, 100.0, 1000.0}) {
+    const double now_mm = apart_mm(ratio);
+    CAPTURE(ratio, now_mm);
+    if (before_mm > 0) CHECK(now_mm == Approx(before_mm / 10).epsilon(0.1));
+    before_mm = now_mm;
+  }
+  CHECK(before_mm < 0.05);
+}
+
 /// The innermost first.
 struct FreeStack {
   InstrumentStack stack;

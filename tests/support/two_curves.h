@@ -79,7 +79,7 @@ struct TwoCurves {
     const WireState& curve;
     Eigen::Index first;
   };
-  // How many unknowns a curve has; 0: the first.
+  // The number of a curve's unknowns; 0: the first curve.
   Eigen::Index Own(int curve) const {
     return curve == 0 ? (2 + model.spins()) * state.segments()
                       : (2 + second.spins()) * state.second()->segments();

@@ -278,31 +278,42 @@ TEST_CASE("a build can be stopped and taken up again", "[threads]") {
   CHECK(field->Statistics().bricks_built == built);
 }
 
+// Bricks as a file of them lies in memory: each with its checksum.
+struct KeptBricks {
+  static constexpr size_t kFloats = kernel::kCoefficients + 2;
+  std::shared_ptr<std::vector<float>> memory;
+  std::vector<StoredBrick> bricks;
+
+  explicit KeptBricks(const BrickField& field) : bricks(field.StoredBricks()) {
+    memory = std::make_shared<std::vector<float>>(kFloats * bricks.size());
+    for (size_t i = 0; i < bricks.size(); ++i) {
+      float* at = memory->data() + i * kFloats;
+      std::memcpy(at, bricks[i].coefficients, kernel::kCoefficients * sizeof(float));
+      const uint64_t checksum = bricks[i].Checksum();
+      std::memcpy(at + kernel::kCoefficients, &checksum, sizeof checksum);
+      bricks[i].coefficients = at;
+    }
+  }
+};
+
 TEST_CASE("stored bricks are taken over if they are whole, and built again if not") {
   const auto original = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
   CHECK(original->Build(0, 1));
   const uint64_t expected = Fingerprint(*original, false);
-  constexpr size_t kFloats = kernel::kCoefficients + 2;
-  const auto bricks = original->StoredBricks();
-  auto memory = std::make_shared<std::vector<float>>(kFloats * bricks.size());
-  auto stored = bricks;
-  for (size_t i = 0; i < bricks.size(); ++i) {
-    float* at = memory->data() + i * kFloats;
-    std::memcpy(at, bricks[i].coefficients, kernel::kCoefficients * sizeof(float));
-    const uint64_t checksum = bricks[i].Checksum();
-    std::memcpy(at + kernel::kCoefficients, &checksum, sizeof checksum);
-    stored[i].coefficients = at;
-  }
+  const KeptBricks kept(*original);
+  const auto& [memory, bricks] = kept;
   const std::vector<bool> complete(original->level_count(), true);
   const auto copy = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
-  copy->Adopt(stored, complete, memory);
+  CHECK(copy->Adopt(bricks, complete, memory));
   CHECK(Fingerprint(*copy, false) == expected);
   CHECK(copy->Statistics().bricks_built == 0);
   CHECK(copy->StoredBricks().size() == bricks.size());
 
-  for (size_t i = 0; i < bricks.size(); i += 3) (*memory)[i * kFloats + i % kFloats] += 1;
+  for (size_t i = 0; i < bricks.size(); i += 3) {
+    (*memory)[i * KeptBricks::kFloats + i % KeptBricks::kFloats] += 1;
+  }
   const auto repaired = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
-  repaired->Adopt(stored, complete, memory);
+  CHECK(repaired->Adopt(bricks, complete, memory));
   CHECK(Fingerprint(*repaired, false) == expected);
   CHECK(repaired->Statistics().bricks_built > 0);
   CHECK(repaired->StoredBricks().size() == bricks.size());
@@ -312,40 +323,30 @@ TEST_CASE("a kept field that says it is complete and is not makes no hole") {
   const auto original = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
   CHECK(original->Build(0, 1));
   const uint64_t expected = Fingerprint(*original, false);
-  constexpr size_t kFloats = kernel::kCoefficients + 2;
-  const auto bricks = original->StoredBricks();
-  auto memory = std::make_shared<std::vector<float>>(kFloats * bricks.size());
-  auto whole = bricks;
-  for (size_t i = 0; i < bricks.size(); ++i) {
-    float* at = memory->data() + i * kFloats;
-    std::memcpy(at, bricks[i].coefficients, kernel::kCoefficients * sizeof(float));
-    const uint64_t checksum = bricks[i].Checksum();
-    std::memcpy(at + kernel::kCoefficients, &checksum, sizeof checksum);
-    whole[i].coefficients = at;
-  }
+  const KeptBricks whole(*original);
   const int top = original->level_count() - 1;
   const auto look = [&](const std::vector<StoredBrick>& kept, const std::vector<bool>& complete) {
     const auto field = BrickField::FromFunction(Cylinder{}, Cube(20), Voxel(0.5));
-    field->Adopt(kept, complete, memory);
+    field->Adopt(kept, complete, whole.memory);
     return Fingerprint(*field, false);
   };
   const std::vector<bool> all(static_cast<size_t>(top) + 1, true);
   CHECK(look({}, all) == expected);
   std::vector<bool> upside_down(all.size(), false);
   upside_down[0] = true;
-  CHECK(look(whole, upside_down) == expected);
+  CHECK(look(whole.bricks, upside_down) == expected);
   for (int missing = 0; missing <= top; ++missing) {
     CAPTURE(missing);
-    auto without_level = whole;
+    auto without_level = whole.bricks;
     std::erase_if(without_level, [&](const StoredBrick& brick) { return brick.level == missing; });
     const uint64_t seen = look(without_level, all);
     // Below the top a lie may make the field coarser, and no more.
     if (missing == top) CHECK(seen == expected);
   }
-  auto strange = whole;
+  auto strange = whole.bricks;
   strange.front().level = -1;
   CHECK(look(strange, all) == expected);
-  strange.front() = whole.front();
+  strange.front() = whole.bricks.front();
   strange.front().place[0] = INT32_MAX;
   CHECK(look(strange, all) == expected);
 }

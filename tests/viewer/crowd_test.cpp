@@ -83,7 +83,7 @@ class ViewedBus {
     }
   }
 
-  // What of the session a page has been sent when `enough`, or 3000 messages later.
+  // Messages of the session that a page has got when `enough`, or 3000 messages later.
   std::set<std::string> SeenBy(RawClient& page, std::size_t enough) const {
     std::set<std::string> seen;
     for (int k = 0; k < 3000 && seen.size() < enough; ++k) {

@@ -59,7 +59,7 @@ class _Folder:
             raise
 
     def has(self, name: str) -> bool:
-        """Whether there is such a file. Raises Error where the name is a link or no plain file."""
+        """True where there is such a file. Raises Error where the name is a link or no plain file."""
         try:
             mode = os.stat(name, dir_fd=self.descriptor, follow_symlinks=False).st_mode
         except FileNotFoundError:
@@ -214,7 +214,7 @@ class Store:
         except FileExistsError:
             pass
         self._shapes = self._opened(_Folder(self.folder / "shapes", self._own.descriptor))
-        # What a run that was killed was about to store.
+        # A run that was killed left these half-written.
         self._own.remove(_PART)
         self._shapes.remove(_PART)
         for key in self._record.shapes - self.readings.keys():

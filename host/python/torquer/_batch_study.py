@@ -250,7 +250,7 @@ def _bytes_hash(path: pathlib.Path) -> str:
 
 
 def file_hashes(scene: Dict[str, Any], folder: pathlib.Path, known: Dict[pathlib.Path, str]) -> List[str]:
-    """Of the files and folders that a scene's vessel names, in order, and of the devices that Torquer has.
+    """Hashes of the files and folders that a scene's vessel names, in order, and of the devices that Torquer has.
 
     known: of files that were read before, by a caller to whom they are still the same.
     """

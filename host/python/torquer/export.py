@@ -247,7 +247,7 @@ def _csv(states: Sequence[State]) -> str:
 def _write_text(path: pathlib.Path, text: str) -> None:
     if path.exists() and not path.is_file():
         raise Error(f"{path}: is not an ordinary file; give another name")
-    # What a link points to is written, as by Torquer's programs.
+    # Torquer's programs, too, write the file that a link points to.
     target = pathlib.Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(8)}")
     try:

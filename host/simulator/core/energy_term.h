@@ -65,7 +65,7 @@ struct PointSet {
     return TurnedAbout(Tangent(q), of.normals[i],
                        of.angles_rad[i][static_cast<std::size_t>(instrument)]);
   }
-  /// Whether an instrument lies on the second curve.
+  /// True where an instrument lies on the second curve.
   bool LiesOnSecond(int instrument) const {
     return first_outer > 0 && (instrument >= first_outer) != outer_leads;
   }

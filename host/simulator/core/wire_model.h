@@ -90,11 +90,11 @@ class WireModel {
   /// How many spins a segment has: 0 where nothing twists, 1 of a lone wire that does, and one for
   /// each instrument of a stack of those.
   int spins() const { return twists() ? 1 : stack_spins_; }
-  /// Whether it is a rod of instruments of a stack that twist, each by itself.
+  /// True of a rod of instruments of a stack that twist, each by itself.
   bool stack_twists() const { return stack_spins_ > 0; }
-  /// Of such a rod: the instrument whose spin is a segment's first; the others follow.
+  /// The instrument whose spin is a segment's first in such a rod; the others follow.
   int first_spin() const { return first_spin_; }
-  /// Of such a rod.
+  /// The joint of such a rod.
   const TwistingJoint& twisting_joint(int from_tip) const { return twisting_[Clamp(from_tip)]; }
   /// GJ of the joint, N mm^2. Only of a wire that twists.
   double torsional_rigidity_N_mm2(int from_tip) const {

@@ -66,7 +66,7 @@ class WireState {
                       : turns_rad_[static_cast<std::size_t>(joint) - 1]
                                   [static_cast<std::size_t>(instrument)];
   }
-  /// How an instrument on this curve that twists is twisted at joint i.
+  /// Twist, rad, at joint i of an instrument on this curve.
   double TwistOf(int joint, int instrument) const {
     const auto i = static_cast<std::size_t>(joint);
     if (turns_rad_.empty()) return twist_rad_[i];

@@ -237,12 +237,11 @@ std::vector<StoredBrick> BrickBuilder::StoredBricks() const {
   return bricks;
 }
 
-void BrickBuilder::Adopt(const std::vector<StoredBrick>& bricks,
+bool BrickBuilder::Adopt(const std::vector<StoredBrick>& bricks,
                          const std::vector<bool>& complete_levels,
                          std::shared_ptr<const void> keep) {
   assert(built_count_.load() == 0 && adopted_.empty());
-  // What is damaged is built again as if it were not there.
-  if (!CanBeAdopted(levels_, bricks, complete_levels)) return;
+  if (!CanBeAdopted(levels_, bricks, complete_levels)) return false;
   adopted_memory_ = std::move(keep);
   for (const StoredBrick& brick : bricks) {
     const Array3i place(brick.place[0], brick.place[1], brick.place[2]);
@@ -253,6 +252,7 @@ void BrickBuilder::Adopt(const std::vector<StoredBrick>& bricks,
   for (size_t l = 0; l < complete_.size() && l < complete_levels.size(); ++l) {
     complete_[l].store(complete_levels[l]);
   }
+  return true;
 }
 
 uint64_t StoredBrick::Checksum() const {

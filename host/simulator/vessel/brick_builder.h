@@ -53,7 +53,7 @@ class BrickBuilder {
   /// See BrickField.
   void Prefetch(const Eigen::Vector3d& point_mm, double radius_mm) const;
   bool Build(int finest_level, int threads, const std::stop_token& stop) const;
-  void Adopt(const std::vector<StoredBrick>& bricks, const std::vector<bool>& complete_levels,
+  bool Adopt(const std::vector<StoredBrick>& bricks, const std::vector<bool>& complete_levels,
              std::shared_ptr<const void> keep);
 
   /// All bricks that exist now.

@@ -81,10 +81,11 @@ class BrickField final : public ClearanceField {
   bool IsComplete(int level) const { return builder_.IsComplete(level); }
   /// Takes over bricks of an earlier run of the same source and options. They stay where they are:
   /// `keep` holds that memory alive. Each is checked against its checksum when first looked at, and
-  /// built again if it does not agree. Before the first look-up only.
-  void Adopt(const std::vector<StoredBrick>& bricks, const std::vector<bool>& complete_levels,
+  /// built again if it does not agree. Before the first look-up only. False, and nothing is taken
+  /// over, where the places or the complete levels cannot be those of this field.
+  bool Adopt(const std::vector<StoredBrick>& bricks, const std::vector<bool>& complete_levels,
              std::shared_ptr<const void> keep) {
-    builder_.Adopt(bricks, complete_levels, std::move(keep));
+    return builder_.Adopt(bricks, complete_levels, std::move(keep));
   }
 
  private:

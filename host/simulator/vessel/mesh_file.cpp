@@ -60,7 +60,7 @@ size_t PlyTypeBytes(const std::string& type) {
   return 4;
 }
 
-// What a PLY header announces.
+// Elements that a PLY header announces, and their least size.
 struct PlyHeader {
   bool is_text = false;
   size_t elements = 0;
@@ -99,7 +99,7 @@ PlyHeader ReadPlyHeader(const std::string& path, std::istream& file, size_t file
   return header;
 }
 
-// Whether all elements that a PLY header announces are there: a line each, or their bytes.
+// Refuses a PLY without all elements that its header announces: a line each, or their bytes.
 void CheckPlyIsWhole(const std::string& path, std::istream& file, size_t file_bytes) {
   const auto [is_text, elements, least_bytes] = ReadPlyHeader(path, file, file_bytes);
   std::string line;

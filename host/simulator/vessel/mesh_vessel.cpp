@@ -135,7 +135,6 @@ std::unique_ptr<MeshVessel> MeshVessel::Make(const std::string& contents, const 
       if (bytes.whole() && IsUsable(mesh, vessel->report_)) {
         vessel->from_cache_ = true;
         cached = std::move(*found);
-        vessel->cache_findings_.push_back("Field taken from " + vessel->cache_path_ + ".");
       } else {
         mesh = TriangleMesh();
         vessel->report_ = MeshReport();
@@ -153,7 +152,11 @@ std::unique_ptr<MeshVessel> MeshVessel::Make(const std::string& contents, const 
   vessel->field_ =
       std::make_unique<BrickField>(vessel->surface_, vessel->report_.bounds_mm, options.field);
   if (vessel->from_cache_) {
-    vessel->field_->Adopt(cached.bricks, cached.complete_levels, cached.memory);
+    const bool adopted =
+        vessel->field_->Adopt(cached.bricks, cached.complete_levels, cached.memory);
+    vessel->cache_findings_.push_back(
+        adopted ? "Field taken from " + vessel->cache_path_ + "."
+                : vessel->cache_path_ + " has bricks of another field: building again.");
     vessel->bricks_kept_ = 0;
   }
   return vessel;

@@ -1,5 +1,5 @@
-// What a front costs at best, and how it takes in one more segment of one of its curves (README,
-// section 6).
+// A front: the least cost of all segments beyond the cuts of its curves, and its elimination
+// segment by segment (README, section 6).
 //
 // A front has a slot for each curve. Slot of a curve at cut i, between segments i - 1 and i:
 //   dx      displacement of node i                                3 rows
@@ -70,7 +70,7 @@ struct Front {
   void Take(const Front<kSlotRows>& alone);
 
  private:
-  // What the control of a segment couples with before it is eliminated.
+  // Couplings of a segment's control before it is eliminated.
   template <int kControls>
   struct Couplings {
     alignas(16) double f[kControls][kColumns];  // with the slots
@@ -267,7 +267,7 @@ void Front<kRows>::AddJoint(const FrontSegment& segment, Couplings<kControls>& w
   }
 }
 
-// What a joint that rests curved feels of the roll before it; its gradient is in those of the
+// A joint that rests curved feels the roll before it; its gradient is in those of the
 // steps.
 template <int kRows>
 template <int kAt>

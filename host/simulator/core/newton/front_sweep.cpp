@@ -32,7 +32,7 @@ FrontSegment FrontSweep::Curve::Segment(int i) const {
     segment.load = &at.loads[static_cast<std::size_t>(load)];
   }
   if (!at.turns.empty()) segment.turn = &at.turns[k];
-  // Of the softer of its two joints.
+  // The softer of its two joints decides.
   segment.bend_weight_mJ =
       weight * std::min(model.rigidity_N_mm2(from_tip), model.rigidity_N_mm2(from_tip - 1));
   const int spins = model.spins();

@@ -29,7 +29,7 @@ class FrontSweep {
               std::vector<Eigen::Vector2d>& step, std::vector<double>& spin,
               std::vector<Eigen::Vector3d>& displacement_mm);
 
-  /// Of the second curve, as the last Step found them.
+  /// Steps of the second curve by the last Step.
   const std::vector<Eigen::Vector2d>& second_step() const { return second_step_; }
   const std::vector<double>& second_spin() const { return second_spin_; }
   const std::vector<Eigen::Vector3d>& second_displacement_mm() const {
@@ -37,7 +37,7 @@ class FrontSweep {
   }
 
  private:
-  // What the sweep reads of a curve, and where its gains go.
+  // A curve as the sweep reads it, and the place of its gains.
   struct Curve {
     const WireModel& model;
     const WireState& state;

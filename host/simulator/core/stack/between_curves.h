@@ -14,8 +14,8 @@ namespace torquer {
 /// The springs between two curves at one state, and what they add to each segment. No heap after
 /// Reserve.
 struct BetweenCurves {
-  /// What moves a place on a segment of both curves: the displacement of its distal node (3) and
-  /// its own step (2), of the first curve and then of the second.
+  /// Unknowns that move a place on a segment of both curves: the displacement of its distal node
+  /// (3) and its own step (2), of the first curve and then of the second.
   using Vector = Eigen::Matrix<double, 10, 1>;
   using Matrix = Eigen::Matrix<double, 10, 10>;
 

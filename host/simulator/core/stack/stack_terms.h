@@ -9,8 +9,9 @@
 
 namespace torquer {
 
-/// What the spins of the segments of joint i, one an instrument of the rod, add to its expansion:
-/// TwistTerms of each, and what couples them. Rows beyond the number of instruments are zero. mJ.
+/// Terms that the spins of the segments of joint i, one an instrument of the rod, add to its
+/// expansion: TwistTerms of each, and what couples them. Rows beyond the number of instruments are
+/// zero. mJ.
 struct StackTerms {
   using Spins = Eigen::Matrix<double, kMostInstruments, 1>;
   using SpinsWithStep = Eigen::Matrix<double, kMostInstruments, 2>;

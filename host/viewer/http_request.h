@@ -1,0 +1,38 @@
+// Requests and errors of connections as Boost.Beast has them, for page_server.cpp alone.
+#pragma once
+
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <string_view>
+
+#include "host/viewer/page_door.h"
+
+namespace torquer::viewer {
+
+/// True where the other end is gone, or silent: nothing was refused.
+inline bool HasLeft(const boost::system::error_code& error) {
+  namespace asio = boost::asio;
+  namespace beast = boost::beast;
+  namespace websocket = beast::websocket;
+  return error == websocket::error::closed || error == asio::error::eof ||
+         error == asio::error::connection_reset || error == asio::error::operation_aborted ||
+         error == beast::error::timeout;
+}
+
+inline std::string_view View(boost::beast::string_view text) { return {text.data(), text.size()}; }
+
+/// A request of Beast as the door looks at it.
+template <class Request>
+Visitor VisitorOf(const Request& request) {
+  namespace http = boost::beast::http;
+  return {.method = View(request.method_string()),
+          .target = View(request.target()),
+          .hosts = request.count(http::field::host),
+          .host = View(request[http::field::host]),
+          .origins = request.count(http::field::origin),
+          .origin = View(request[http::field::origin]),
+          .upgrade = boost::beast::websocket::is_upgrade(request)};
+}
+
+}  // namespace torquer::viewer
