@@ -216,17 +216,18 @@ std::vector<Case> Cases(const std::string& scenes) {
     cases.push_back({{}, static_cast<int>(k) + 2});
     cases.push_back({{"torsion"}, static_cast<int>(k) + 2});
   }
-  Case all{{}, 2};
+  Case all{{}, 3};
   for (const effects::EffectKind& kind : effects::AllEffects()) {
     if (kind.name == "friction_between") {
       cases.push_back({{"torsion", kind.name}, 2});
     } else if (kind.name == "clearance") {
       cases.push_back({{kind.name}, 2});
       cases.push_back({{"torsion", kind.name}, 2});
+      cases.push_back({{"torsion", kind.name, "friction_between"}, 2});
     } else {
       cases.push_back({WithNeeds({kind.name})});
     }
-    if (kind.excludes.empty()) all.effects.push_back(kind.name);
+    all.effects.push_back(kind.name);
   }
   for (const Names& pair : ShippedPairs(scenes)) {
     Case whole{WithNeeds(pair)};

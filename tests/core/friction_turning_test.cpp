@@ -78,7 +78,7 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
   InternalForces forces;
   FindInternalForces(model, state, relaxation->Current(), terms, forces);
   HandForces hands;
-  hands.Find(InstrumentStack(model), state, relaxation->Current().points, forces, {});
+  hands.Find(InstrumentStack(model), state, relaxation->Current(), forces, {});
   const double torque_mJ = kRadius * std::sin(std::atan(mu)) * 60 * 1e-3;
   CHECK(hands.hands()[0].torque_mJ == Approx(-torque_mJ).epsilon(0.03));
   CHECK(forces.twisting_mJ[30] == Approx(torque_mJ / 2).epsilon(0.03));
@@ -119,7 +119,7 @@ TEST_CASE("The hand of the instrument that touches the wall feels what turns its
   InternalForces forces;
   FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
   HandForces hands;
-  hands.Find(stack, state, relaxation->Current().points, forces, {});
+  hands.Find(stack, state, relaxation->Current(), forces, {});
   CHECK(hands.hands()[0].torque_mJ == Approx(0).margin(1e-9));
   CHECK(hands.hands()[1].torque_mJ ==
         Approx(-0.4 * std::sin(std::atan(kMu)) * 60 * 1e-3).epsilon(0.03));

@@ -114,6 +114,21 @@ BetweenCurves::Terms RandomTerms(std::mt19937& random) {
   return terms;
 }
 
+// Couples the spins of so many instruments with steps and each other.
+BetweenCurves::SpinTerms RandomSpinTerms(std::mt19937& random, int instruments) {
+  std::uniform_real_distribution<double> any(-1, 1);
+  BetweenCurves::SpinTerms terms;
+  terms.any = true;
+  terms.with_steps.setZero();
+  terms.hessian.setZero();
+  for (int k = 0; k < instruments; ++k) {
+    for (int a = 0; a < 10; ++a) terms.with_steps(k, a) = 0.05 * any(random);
+    for (int m = 0; m <= k; ++m) terms.hessian(k, m) = terms.hessian(m, k) = 0.1 * any(random);
+    terms.hessian(k, k) += 0.5;
+  }
+  return terms;
+}
+
 // The dense system of all controls, from what each row of a slot is by the controls.
 class Dense {
  public:
@@ -282,6 +297,15 @@ void CheckTwo(int long_slot, unsigned seed) {
   }
   std::vector<BetweenCurves::Terms> terms;
   for (int i = 0; i < kBoth; ++i) terms.push_back(RandomTerms(random));
+  // The spins of the first slot, and then those of the second.
+  constexpr int kAllSpins = kSpins + kOtherSpins;
+  std::array<int, kMostInstruments> spin_rows;
+  spin_rows.fill(-1);
+  for (int k = 0; k < kAllSpins; ++k) {
+    spin_rows[static_cast<std::size_t>(k)] = k < kSpins ? 5 + k : kOther + 5 + k - kSpins;
+  }
+  std::vector<BetweenCurves::SpinTerms> spin_terms;
+  for (int i = 0; i < kBoth; ++i) spin_terms.push_back(RandomSpinTerms(random, kAllSpins));
 
   Dense dense(unknowns);
   Rows rows[2];
@@ -294,6 +318,17 @@ void CheckTwo(int long_slot, unsigned seed) {
     dense.Add(Stacked({rows[0].displacement[i + 1], rows[0].step[i + 1],
                        rows[1].displacement[i + 1], rows[1].step[i + 1]}),
               terms[i].hessian, terms[i].gradient);
+    if (kAllSpins == 0) continue;
+    MatrixXd coupled = MatrixXd::Zero(10 + kAllSpins, 10 + kAllSpins);
+    coupled.bottomLeftCorner(kAllSpins, 10) = spin_terms[i].with_steps.topRows(kAllSpins);
+    coupled.topRightCorner(10, kAllSpins) = spin_terms[i].with_steps.topRows(kAllSpins).transpose();
+    coupled.bottomRightCorner(kAllSpins, kAllSpins) =
+        spin_terms[i].hessian.topLeftCorner(kAllSpins, kAllSpins);
+    dense.Add(
+        Stacked({rows[0].displacement[i + 1], rows[0].step[i + 1], rows[1].displacement[i + 1],
+                 rows[1].step[i + 1], rows[0].roll[i + 1].topRows(kSpins),
+                 rows[1].roll[i + 1].topRows(kOtherSpins)}),
+        coupled, VectorXd::Zero(10 + kAllSpins));
   }
   const Eigen::LLT<MatrixXd> factor(dense.hessian);
   REQUIRE(factor.info() == Eigen::Success);
@@ -317,6 +352,7 @@ void CheckTwo(int long_slot, unsigned seed) {
   }
   for (std::size_t i = kBoth; i-- > 0;) {
     front.template Touch<kOther>(terms[i], 0);
+    front.template Touch<kOther>(spin_terms[i], 0, spin_rows);
     REQUIRE(front.template Advance<0, kSpins>(segments[0][i], gain));
     REQUIRE(front.template Advance<kOther, kOtherSpins>(segments[1][i], gain));
   }

@@ -20,7 +20,7 @@ namespace {
 TEST_CASE("Gradient of two curves is that of finite differences") {
   const InstrumentPlaces places =
       GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
-  TwoCurves curves(places, GENERATE(1, 2, 4), 3, GENERATE(0, 0.7));
+  TwoCurves curves(places, GENERATE(1, 2, 4), 11, GENERATE(0.0, 0.7));
   CAPTURE(curves.at.between.pressed_N, curves.at.between.end_pressed_N);
   REQUIRE(curves.at.max_penetration_mm > 0.05);
   REQUIRE(curves.at.between.pressed_N > 0);
@@ -33,13 +33,17 @@ TEST_CASE("Gradient of two curves is that of finite differences") {
 TEST_CASE("The sweep of two curves solves the dense Newton system") {
   const InstrumentPlaces places =
       GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
-  const double ratio = GENERATE(0, 0.7);
+  const double ratio = GENERATE(0.0, 0.7);
   const double weight = ratio > 0 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
-  TwoCurves curves(places, 2, 5, ratio);
+  // No spring is so near to touching that the differences cross its kink.
+  TwoCurves curves(places, 2, 11, ratio);
+  for (const BetweenCurves::Spring& spring : curves.at.between.springs) {
+    REQUIRE(std::abs(spring.penetration_mm) > 1e-3);
+  }
   CAPTURE(weight, ratio);
   REQUIRE(curves.at.between.pressed_N > 0);
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
-                                      Eigen::VectorXd::Zero(curves.unknowns()), 1e-3);
+                                      Eigen::VectorXd::Zero(curves.unknowns()), 2e-4);
   Eigen::VectorXd unit(curves.unknowns());
   unit << UnitWeight(curves.model, curves.state), UnitWeight(curves.second, *curves.state.second());
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
@@ -98,7 +102,7 @@ InstrumentPlaces Pass(int k) {
 }
 
 TEST_CASE("Any budget leaves both curves whole and no heap, and the same work the same bits") {
-  const double ratio = GENERATE(0, 0.7);
+  const double ratio = GENERATE(0.0, 0.7);
   LooseArcs a(ratio);
   LooseArcs b(ratio);
   constexpr int kTicks = 220;
@@ -130,7 +134,7 @@ TEST_CASE("Any budget leaves both curves whole and no heap, and the same work th
 }
 
 TEST_CASE("A copy of two curves goes on as the original") {
-  const double ratio = GENERATE(0, 0.7);
+  const double ratio = GENERATE(0.0, 0.7);
   LooseArcs a(ratio);
   const int copied = GENERATE(37, 130, 190);  // either leads
   for (int k = 1; k <= copied; ++k) {
@@ -151,7 +155,7 @@ TEST_CASE("A copy of two curves goes on as the original") {
 TEST_CASE("Instruments that pass each other in free space lie as if they had not") {
   const InstrumentPlaces wire_leads{{30, 0.5}, {22, -1}};
   const InstrumentPlaces catheter_leads{{22.4, 0.5}, {31, -1}};
-  const double ratio = GENERATE(0, 0.7);
+  const double ratio = GENERATE(0.0, 0.7);
   LooseArcs straight(ratio);
   REQUIRE(Settle(*straight.relaxation, wire_leads, straight.state, 400).converged);
   LooseArcs passed(ratio);
@@ -165,7 +169,7 @@ TEST_CASE("Instruments that pass each other in free space lie as if they had not
 }
 
 TEST_CASE("The error that the solver gives for two curves is that of the next step") {
-  LooseArcs arcs(GENERATE(0, 0.7));
+  LooseArcs arcs(GENERATE(0.0, 0.7));
   REQUIRE(Settle(*arcs.relaxation, {{30, 0.5}, {22, -1}}, arcs.state, 400).converged);
   CHECK(arcs.relaxation->SolverErrorMm(arcs.state) < 1e-5);
   // Cut off by its budget, it is about as far off as it says, on either curve.

@@ -38,7 +38,7 @@ simulator::Command Push(const scene::Scene& scene, int k) {
   return command;
 }
 
-TEST_CASE("Room is refused where there is none, and where another effect knows one curve alone") {
+TEST_CASE("Room is refused where there is none") {
   const TemporaryFolder folder;
   const auto refused = [&](const std::string& text, const std::string& what) {
     CHECK_THROWS_WITH(scene::Scene(WriteRoom(folder, text)),
@@ -50,10 +50,6 @@ TEST_CASE("Room is refused where there is none, and where another effect knows o
   refused(std::string(kRoomScene) + kRoom, "one instrument");
   refused(both + kRoom + "around = \"guidewire\"\n", "innermost");
   refused(both + kRoom + "around = \"sheath\"\n", "this scene has: guidewire, catheter");
-  for (const std::string other : {"friction_between", "inertia", "internal_forces"}) {
-    const std::string keys = other == "friction_between" ? "coefficient = 0.1\n" : "";
-    refused(both + kRoom + "[effects." + other + "]\n" + keys, "[effects." + other + "]");
-  }
 }
 
 TEST_CASE("With room a scene repeats, restarts and is copied to the bit") {

@@ -63,17 +63,6 @@ const std::vector<Named>& All() {
   return all;
 }
 
-// Whether one of the two cannot be named with the other.
-bool Exclude(const std::string& a, const std::string& b) {
-  for (const effects::EffectKind& kind : effects::AllEffects()) {
-    const auto lists = [&](const std::string& other) {
-      return std::find(kind.excludes.begin(), kind.excludes.end(), other) != kind.excludes.end();
-    };
-    if ((kind.name == a && lists(b)) || (kind.name == b && lists(a))) return true;
-  }
-  return false;
-}
-
 // The tables of some effects and of what they need, each once.
 std::string Text(std::vector<std::string> names, bool alone) {
   std::string text = kScene;
@@ -105,7 +94,6 @@ TEST_CASE("What starts inside stays inside with every pair of effects, and repea
   for (std::size_t a = 0; a < all.size(); ++a) {
     for (std::size_t b = a; b < all.size(); ++b) {
       if (alone && (all[a].between || all[b].between)) continue;
-      if (Exclude(all[a].name, all[b].name)) continue;
       INFO(all[a].name << " and " << all[b].name << (alone ? "" : ", three instruments"));
       std::ofstream(path) << Text({all[a].name, all[b].name}, alone);
       scene::Scene scene(path);

@@ -24,8 +24,9 @@ struct Round {
   InternalForces forces;
   HandForces hands;
 
-  Round(std::vector<WireModel> instruments, const InstrumentPlaces& places)
-      : stack(std::move(instruments)),
+  Round(std::vector<WireModel> instruments, const InstrumentPlaces& places,
+        const Clearance& clearance = {})
+      : stack(std::move(instruments), clearance),
         relaxation(MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms)),
         state(stack.rod(), stack.size()) {
     std::vector<Vector3d> path;
@@ -43,7 +44,7 @@ struct Round {
   double energy() const { return relaxation->Current().energy_mJ; }
   const HandForce& Hand(int k, const Sliding& sliding = {}) {
     FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
-    hands.Find(stack, state, relaxation->Current().points, forces, sliding);
+    hands.Find(stack, state, relaxation->Current(), forces, sliding);
     return hands.hands()[static_cast<std::size_t>(k)];
   }
 };
@@ -99,6 +100,38 @@ TEST_CASE("The hand's force is the energy that a push takes, of each instrument"
   }
 }
 
+// The innermost has room in the lumens of the others.
+constexpr Clearance kRoom{
+    .first_outer = 1, .lumen_radius_mm = {0, 0.35, 0.35}, .stiffness_N_mm2 = 0.5};
+
+TEST_CASE("With room, too, the hand's force is the energy that a push takes") {
+  const int count = GENERATE(2, 3);
+  const double torsional_ratio = GENERATE(0.0, 0.1);
+  const bool outer_leads = GENERATE(false, true);
+  const double segment_mm = 0.5;
+  InstrumentPlaces places = Inside(count, 0);
+  if (outer_leads) std::swap(places[0].insertion_mm, places[1].insertion_mm);
+  Round round(Bent(count, segment_mm, torsional_ratio), places, kRoom);
+  REQUIRE(round.relaxation->Current().between.pressed_N > 1e-3);
+  double sum_N = 0;
+  for (int k = 0; k < count; ++k) {
+    const HandForce hand = round.Hand(k);
+    InstrumentPlaces there = places;
+    there[k].insertion_mm += segment_mm;
+    round.GoTo(there);
+    const double more = round.energy();
+    there[k].insertion_mm -= 2 * segment_mm;
+    round.GoTo(there);
+    const double work = (more - round.energy()) / (2 * segment_mm);
+    round.GoTo(places);
+    INFO("instrument " << k << " of " << count << ", GJ/EI " << torsional_ratio
+                       << (outer_leads ? ", the outer one leads" : ""));
+    CHECK(hand.axial_N == Approx(work).margin(1e-4));
+    sum_N += std::abs(work);
+  }
+  CHECK(sum_N > 1e-3);
+}
+
 TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it lies") {
   const int count = GENERATE(1, 3);
   const InstrumentPlaces places = Inside(count, 0.4);
@@ -124,8 +157,10 @@ TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it 
 
 TEST_CASE("Of what twists the hand's torque is the energy that a turn takes") {
   const int count = GENERATE(1, 2, 3);
+  const bool room = GENERATE(false, true);
+  if (count == 1 && room) return;
   const InstrumentPlaces places = Inside(count, 0.4);
-  Round round(Bent(count, 0.5, 0.1), places);
+  Round round(Bent(count, 0.5, 0.1), places, room ? kRoom : Clearance());
   for (int k = 0; k < count; ++k) {
     const double torque = round.Hand(k).torque_mJ;
     const auto turned = [&](double by_rad) {
@@ -185,7 +220,7 @@ TEST_CASE("A straight wire hands on what stops it") {
   InternalForces forces;
   FindInternalForces(model, state, relaxation.Current(), none, forces);
   HandForces hands;
-  hands.Find(InstrumentStack(model), state, relaxation.Current().points, forces, {});
+  hands.Find(InstrumentStack(model), state, relaxation.Current(), forces, {});
   // The end is 0.02 mm deep in a wall that half a piece, a quarter of a segment, presses on.
   const double force_N = 0.02 * segment_mm / 4;
   CHECK(hands.hands()[0].axial_N == Approx(force_N));
@@ -226,7 +261,7 @@ TEST_CASE("A wire drawn through a round catheter is held back by the capstan law
   HandForces hands;
   Sliding sliding{.coefficient = mu};
   sliding.direction[0][1] = way;
-  hands.Find(stack, state, relaxation->Current().points, forces, sliding);
+  hands.Find(stack, state, relaxation->Current(), forces, sliding);
   const double wire_N = hands.hands()[0].axial_N;
   const double catheter_N = hands.hands()[1].axial_N;
   INFO("mu " << mu << " segment " << segment_mm << " way " << way);

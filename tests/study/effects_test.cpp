@@ -39,6 +39,7 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
                                     "2 instruments+torsion+friction_between",
                                     "2 instruments+clearance",
                                     "2 instruments+torsion+clearance",
+                                    "2 instruments+torsion+clearance+friction_between",
                                     "3 instruments",
                                     "3 instruments+torsion",
                                     "all",

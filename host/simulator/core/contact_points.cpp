@@ -67,6 +67,27 @@ void ContactPoints::Reserve(PointSet& points) const {
   if (stack_ != nullptr) {
     points.on_second.reserve(last_.size());
     points.tangent.reserve(last_.size());
+    points.covered.reserve(last_.size());
+    points.covered_radius_mm.reserve(last_.size());
+  }
+}
+
+// The points of the curve that is not the one which touches the wall.
+void ContactPoints::PlaceCovered(const WireState& state, PointSet& points) const {
+  const WireState& second = *state.second();
+  const int per_segment = points.per_segment;
+  const auto count = static_cast<std::size_t>(second.segments() * per_segment);
+  points.covered.resize(count);
+  points.covered_radius_mm.resize(count);
+  for (std::size_t q = 0; q < count; ++q) {
+    const auto i = q / static_cast<std::size_t>(per_segment);
+    const int k = static_cast<int>(q) % per_segment + 1;
+    const bool on_second = !points.OnSecond(static_cast<int>(q));
+    const WireState& curve = on_second ? second : state;
+    const WireModel& rod = on_second ? *stack_->second_rod() : model_;
+    const double length_mm = state.SegmentLength(model_, static_cast<int>(i));
+    points.covered[q] = curve.nodes()[i] + (length_mm * k / per_segment) * curve.tangents()[i];
+    points.covered_radius_mm[q] = rod.radius_mm(curve.segments() - 1 - static_cast<int>(i));
   }
 }
 
@@ -179,6 +200,7 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
           stiffness_N_mm2_.empty() ? wall_.stiffness_N_mm2 : stiffness_N_mm2_[count - 1 - q];
     }
   }
+  if (stack_ != nullptr) PlaceCovered(state, points);
 }
 
 }  // namespace torquer

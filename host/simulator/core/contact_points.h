@@ -73,6 +73,7 @@ class ContactPoints {
   };
 
   const WireState& CurveAt(const WireState& state, int q) const;
+  void PlaceCovered(const WireState& state, PointSet& points) const;
 
   const WireModel& model_;
   const InstrumentStack* stack_;

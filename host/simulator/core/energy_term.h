@@ -13,6 +13,22 @@
 
 namespace torquer {
 
+/// A place at which the inner of two curves lies beside the wall of the lumen of the outer one
+/// (README, section 18). All are functions of the state: friction in the lumen depends on how they
+/// change. The first normal of a surface is fixed to the material of an instrument that twists, and
+/// to the segment of others.
+struct LumenContact {
+  int inner = 0;         ///< instrument whose surface faces the lumen's wall
+  int outer = 0;         ///< instrument whose lumen it is
+  double radius_mm = 0;  ///< of the inner one
+  double lumen_mm = 0;   ///< radius of the lumen
+  double force_N = 0;    ///< with which they press each other; 0 where they do not touch
+  double ahead_mm = 0;   ///< of the inner curve's place before the outer one's, along the outer one
+  /// Of the inner curve from the outer one, across it: by the first and second normal of the lumen.
+  Eigen::Vector2d offset_mm = Eigen::Vector2d::Zero();
+  double turn_rad = 0;  ///< from the first normal of the lumen to that of the inner surface
+};
+
 /// Points of the wire at which wall and effects act: K to a segment, at fractions 1/K .. 1 of it.
 /// Point q belongs to segment q / K. All arrays have one entry a point.
 struct PointSet {
@@ -48,6 +64,16 @@ struct PointSet {
   /// the curve at each point. Otherwise empty.
   std::vector<std::uint8_t> on_second;
   std::vector<Eigen::Vector3d> tangent;
+  /// Of two curves, at the points of the segments that both have: where the other curve is, which
+  /// cannot touch the wall there, and its radius. The second curve goes on to the end of its last
+  /// segment, beyond its tip. Otherwise empty.
+  std::vector<Eigen::Vector3d> covered;
+  std::vector<double> covered_radius_mm;
+  /// Of two curves, where a term asks for them (EnergyTerm::SlidesInLumen): the places in the
+  /// lumen, `lumen_per_segment` to each segment of the second curve, from the sheath on, and as the
+  /// last one the end of the shorter curve. Otherwise empty.
+  std::vector<LumenContact> lumen;
+  int lumen_per_segment = 2;
   int instruments = 1;                                  ///< of the stack
   std::array<double, kMostInstruments> behind_mm = {};  ///< each one's tip, behind the distal end
   double spacing_mm = 1;                                ///< of the points, lambda / K
@@ -71,15 +97,33 @@ struct PointSet {
   }
   /// The same of the surface that is there.
   Eigen::Vector3d Normal(int q) const { return NormalOf(SurfaceAt(q), q); }
-  /// The instrument, counted from the innermost, whose surface touches the wall at the point.
-  int SurfaceAt(int q) const {
-    int k = instruments - 1;
-    while (k > 0 && behind_mm[static_cast<std::size_t>(k)] > FromTip(q) * spacing_mm) --k;
+  /// Of the instruments `first` to `last` - 1 the outermost that reaches as far as the point; else
+  /// the first.
+  int OutermostAt(int first, int last, int q) const {
+    int k = last - 1;
+    while (k > first && behind_mm[static_cast<std::size_t>(k)] > FromTip(q) * spacing_mm) --k;
     return k;
   }
+  /// The instrument, counted from the innermost, whose surface touches the wall at the point.
+  int SurfaceAt(int q) const { return OutermostAt(0, instruments, q); }
   /// How far the point is from the tip of that instrument, mm.
   double FromTipOf(int instrument, int q) const {
     return FromTip(q) * spacing_mm - behind_mm[static_cast<std::size_t>(instrument)];
+  }
+  /// Which part of the length that a point stands for an instrument takes: 1 but about its tip.
+  double PartOf(int instrument, int q) const {
+    const double before_mm = PieceMm(q) / 2;
+    const double beyond_mm = q + 1 < size() ? PieceMm(q + 1) / 2 : 0;
+    const double from_tip_mm = FromTipMm(q) - behind_mm[static_cast<std::size_t>(instrument)];
+    const double reached_mm = std::clamp(from_tip_mm, -before_mm, beyond_mm);
+    return (before_mm + reached_mm) / (before_mm + beyond_mm);
+  }
+  /// How many points a curve has.
+  int SizeOf(bool second) const { return second ? static_cast<int>(covered.size()) : size(); }
+  /// Where a curve is at one of its points.
+  const Eigen::Vector3d& PositionOn(bool second, int q) const {
+    const auto p = static_cast<std::size_t>(q);
+    return OnSecond(q) == second ? position[p] : covered[p];
   }
   /// Whether the point is one of the second curve.
   bool OnSecond(int q) const {
@@ -154,18 +198,36 @@ struct BetweenLoad {
   double hessian;   ///< mJ
 };
 
-/// Where the terms put their derivatives with respect to the points' positions, to the tangents of
-/// the few segments that bear a moment, and to spins.
-struct PointDerivatives {
+/// Derivatives with respect to how far the surfaces at a place of PointSet::lumen have slid against
+/// each other: along the lumen by ahead_mm, and around it by around.offset_mm + radius_mm turn_rad.
+struct SlideLoad {
+  int place;
+  Eigen::Vector2d around;    ///< unit, by the normals of the lumen
+  Eigen::Vector2d gradient;  ///< N: along, around
+  Eigen::Matrix2d hessian;   ///< N/mm, symmetric
+};
+
+/// Derivatives with respect to positions.
+struct PositionDerivatives {
   bool with_hessian = false;
   /// Which of the two hold something at a point.
   enum Use : std::uint8_t { kNothing, kGradient, kBoth };
   std::vector<std::uint8_t> used;
   std::vector<Eigen::Vector3d> gradient;  ///< N
   std::vector<Eigen::Matrix3d> hessian;   ///< N/mm, symmetric
-  std::vector<TangentLoad> on_tangents;   ///< in any order; they add up
-  std::vector<SpinLoad> on_spins;         ///< the same; room for one a point
-  std::vector<BetweenLoad> between;       ///< the same; room for one a segment and instrument
+
+  /// Room for as many positions, and none used.
+  void Clear(std::size_t size) {
+    used.assign(size, kNothing);
+    gradient.resize(size);
+    hessian.resize(size);
+  }
+  /// Allocates for as many.
+  void Reserve(std::size_t size) {
+    used.reserve(size);
+    gradient.reserve(size);
+    hessian.reserve(size);
+  }
 
   /// Makes point q used, starting from zero. Call before adding to it.
   void Touch(int q) {
@@ -181,6 +243,21 @@ struct PointDerivatives {
     if (used[k] != kNothing) return;
     gradient[k].setZero();
     used[k] = kGradient;
+  }
+};
+
+/// Where the terms put their derivatives with respect to the points' positions, to the tangents of
+/// the few segments that bear a moment, to spins, and to slides in a lumen.
+struct PointDerivatives : PositionDerivatives {
+  PositionDerivatives covered;           ///< with respect to PointSet::covered
+  std::vector<TangentLoad> on_tangents;  ///< in any order; they add up
+  std::vector<SpinLoad> on_spins;        ///< the same; room for one a point
+  std::vector<BetweenLoad> between;      ///< the same; room for one a segment and instrument
+  std::vector<SlideLoad> in_lumen;       ///< the same; room for one a place
+
+  /// Those of a curve at one of its points (PointSet::PositionOn).
+  PositionDerivatives& On(const PointSet& points, bool second, int q) {
+    return points.OnSecond(q) == second ? *this : covered;
   }
 };
 
@@ -219,6 +296,9 @@ class EnergyTerm {
   /// How instruments slide in each other, of a term that acts between them and needs
   /// PointSet::pressed_N; null of all others.
   virtual const Sliding* SlidingBetween() const { return nullptr; }
+  /// Whether it depends on how the surfaces of two curves slide against each other, and needs
+  /// PointSet::lumen.
+  virtual bool SlidesInLumen() const { return false; }
   /// Returns the energy, mJ, and adds its derivatives.
   virtual double Add(const PointSet& points, PointDerivatives& out) const = 0;
   /// The surfaces of the instruments move against the points, before these do: instruments that

@@ -25,11 +25,13 @@ void FindFriction(const PointSet& points, const std::vector<EnergyTerm*>& terms,
   const auto size = static_cast<std::size_t>(points.size());
   out.with_hessian = false;
   out.gradient.assign(size, Vector3d::Zero());
-  out.used.assign(size, PointDerivatives::kGradient);
+  out.used.assign(size, PositionDerivatives::kGradient);
+  out.covered.with_hessian = false;
   out.hessian.resize(size);
   out.on_tangents.clear();
   out.on_spins.clear();
   out.between.clear();
+  out.in_lumen.clear();
   for (const EnergyTerm* term : terms) {
     if (term->ActsOnSurface()) term->Add(points, out);
   }
@@ -100,7 +102,7 @@ void FindTension(const WireModel& model, const WireState& state, const Expansion
   out.tension_N[0] = -at.distal_gradient[0].dot(model.sheath().direction);
   for (std::size_t i = 1; i <= n; ++i) {
     // What acts at the node itself is half on either side, but at the end.
-    const Vector3d& at_node = out.point_gradient_N[per_segment * i - 1];
+    const Vector3d& at_node = out.loads.point_gradient_N[per_segment * i - 1];
     out.tension_N[i] = i == n ? -at_node.dot(tangents[i - 1])
                               : -(at.distal_gradient[i] + at_node / 2)
                                      .dot((tangents[i - 1] + tangents[i]).normalized());
@@ -116,6 +118,12 @@ double TwistingMoment(const WireModel& model, const WireState& state, int joint)
   return torque;
 }
 
+// What friction in the lumen turns the surface of the first of two curves with, at a place.
+double LumenTorque(const WireState& state, const BetweenCurves::Slide& slide) {
+  return -slide.load.gradient[1] *
+         (state.outer_leads() ? slide.outer_spin_mm : slide.inner_spin_mm);
+}
+
 void FindMoments(const WireModel& model, const WireState& state, const Expansion& at,
                  InternalForces& out) {
   const int n = state.segments();
@@ -123,11 +131,12 @@ void FindMoments(const WireModel& model, const WireState& state, const Expansion
   const auto per_segment = static_cast<std::size_t>(at.points.per_segment);
   Vector3d end = Vector3d::Zero();
   for (const TangentLoad& on : at.derivatives.on_tangents) {
-    if (on.segment == n - 1) end += on.gradient.cross(state.tangents().back());
+    if (on.segment == n - 1 && !on.on_second) end += on.gradient.cross(state.tangents().back());
   }
   out.bending_mJ[static_cast<std::size_t>(n)] = end.norm();
   double torque = 0;
   double surface = 0;
+  std::size_t slides = at.between.slides.size();  // that are not yet counted
   for (int i = n - 1; i >= 0; --i) {
     const auto k = static_cast<std::size_t>(i);
     const Vector3d moment = BendingMoment(model, state, i);
@@ -136,7 +145,10 @@ void FindMoments(const WireModel& model, const WireState& state, const Expansion
     // A wire that does not twist hands on what turns its bent tip and its surface.
     const double own = moment.dot(before);
     for (std::size_t q = per_segment * k; q < per_segment * (k + 1); ++q) {
-      surface += out.surface_torque_mJ[q];
+      if (!at.points.OnSecond(static_cast<int>(q))) surface += out.surface_torque_mJ[q];
+    }
+    for (; !twists && slides > 0 && at.between.slides[slides - 1].segment >= i; --slides) {
+      surface += LumenTorque(state, at.between.slides[slides - 1]);
     }
     torque = twists ? TwistingMoment(model, state, i) : torque + own;
     out.twisting_mJ[k] = torque + surface;
@@ -154,17 +166,52 @@ void FindMoments(const WireModel& model, const WireState& state, const Expansion
 
 }  // namespace
 
-void FindPointGradients(const Expansion& at, std::vector<Vector3d>& out) {
-  out.assign(at.points.position.size(), Vector3d::Zero());
-  for (std::size_t q = 0; q < at.derivatives.used.size(); ++q) {
-    if (at.derivatives.used[q] == PointDerivatives::kNothing) continue;
-    out[q] = at.derivatives.gradient[q];
-  }
+void FindCurveLoads(const WireState& state, const Expansion& at, bool second, CurveLoads& out) {
+  const PointSet& points = at.points;
+  out.point_gradient_N.assign(static_cast<std::size_t>(points.SizeOf(second)), Vector3d::Zero());
+  const auto take = [&](const PositionDerivatives& loads, bool covered) {
+    for (std::size_t q = 0; q < loads.used.size(); ++q) {
+      if (loads.used[q] == PositionDerivatives::kNothing) continue;
+      if ((points.OnSecond(static_cast<int>(q)) != covered) != second) continue;
+      out.point_gradient_N[q] += loads.gradient[q];
+    }
+  };
+  take(at.derivatives, false);
+  take(at.derivatives.covered, true);
   for (std::size_t k = 0; k < at.springs.size(); ++k) {
     const WallSpring& spring = at.springs[k];
+    const int q = points.near[k];
+    if (!(spring.penetration_mm > 0) || points.OnSecond(q) != second) continue;
+    const auto p = static_cast<std::size_t>(q);
+    out.point_gradient_N[p] -=
+        spring.stiffness_N_mm * spring.penetration_mm * points.clearance[p].gradient;
+  }
+  out.in_lumen.clear();
+  if (at.second.empty()) return;
+  const Eigen::Index part = second ? 5 : 0;
+  const bool inner = second == state.outer_leads();
+  const WireState& inner_curve = state.outer_leads() ? *state.second() : state;
+  const auto add = [&](const auto& place, const Vector3d& force_N, double unfelt_N) {
+    out.in_lumen.push_back({.segment = place.segment,
+                            .past_mm = place.past_mm + (inner ? 0 : place.ahead_mm),
+                            .force_N = force_N,
+                            .unfelt_N = unfelt_N});
+  };
+  for (const BetweenCurves::Spring& spring : at.between.springs) {
     if (!(spring.penetration_mm > 0)) continue;
-    const auto q = static_cast<std::size_t>(at.points.near[k]);
-    out[q] -= spring.stiffness_N_mm * spring.penetration_mm * at.points.clearance[q].gradient;
+    const Vector3d force_N =
+        -spring.stiffness_N_mm * spring.penetration_mm * spring.approach.segment<3>(part);
+    // It is across the outer curve: what leans of the inner one is pushed along, which is felt
+    // where the shorter curve is pushed.
+    const double along_N =
+        force_N.dot(inner_curve.tangents()[static_cast<std::size_t>(spring.segment)]);
+    add(spring, force_N, inner == second ? 0 : along_N);
+  }
+  for (const BetweenCurves::Slide& slide : at.between.slides) {
+    add(slide,
+        -slide.load.gradient[0] * slide.along.segment<3>(part) -
+            slide.load.gradient[1] * slide.around.segment<3>(part),
+        0);
   }
 }
 
@@ -184,7 +231,7 @@ void FindInternalForces(const WireModel& model, const WireState& state, const Ex
   out.surface_torque_mJ.assign(expansion.points.position.size(), 0);
   if (model.spins() == 0) FindSurfaceTorques(expansion.points, out);
   FindContacts(expansion, out);
-  FindPointGradients(expansion, out.point_gradient_N);
+  FindCurveLoads(state, expansion, false, out.loads);
   FindTension(model, state, expansion, out);
   FindMoments(model, state, expansion, out);
   out.clamp_force_N = expansion.distal_gradient[0];

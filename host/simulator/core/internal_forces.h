@@ -11,7 +11,29 @@
 
 namespace torquer {
 
-/// One entry a node, 0 .. n; of all instruments on the curve together. Internal forces and moments
+/// What one of two curves does to the other at a place in the lumen.
+struct LumenLoad {
+  int segment;
+  double past_mm;           ///< past the segment's proximal node
+  Eigen::Vector3d force_N;  ///< on the curve
+  /// What the hand does not feel of the force along the curve. The place of the contact stays where
+  /// the longer curve slides along itself, and goes along where the shorter one does.
+  double unfelt_N;
+};
+
+/// All that acts on a curve, but for moments.
+struct CurveLoads {
+  std::vector<Eigen::Vector3d> point_gradient_N;  ///< at its points: minus what acts there
+  std::vector<LumenLoad> in_lumen;                ///< of the other curve; from the sheath on
+  /// Allocates for as many points, and as many places in a lumen.
+  void Reserve(std::size_t points, std::size_t places) {
+    point_gradient_N.reserve(points);
+    in_lumen.reserve(2 * places);
+  }
+};
+
+/// One entry a node, 0 .. n; of all instruments on the curve that reaches farthest together, but
+/// that contacts with the wall are those of what touches it there. Internal forces and moments
 /// are those of what is distal of the node on what is proximal.
 struct InternalForces {
   std::vector<Eigen::Vector3d> contact_N;  ///< of the wall on the wire: normal force and friction
@@ -26,12 +48,13 @@ struct InternalForces {
   /// At the points of a wire that does not twist: of friction at the surface about the axis,
   /// right-handed. The hand feels it; the wire's shape and the moment at the clamp do not.
   std::vector<double> surface_torque_mJ;
-  std::vector<Eigen::Vector3d> point_gradient_N;  ///< at the points: minus all that acts on them
+  CurveLoads loads;
 };
 
-/// Minus all that acts on each point, N. O(points); allocates only where `out` has not seen as
-/// many.
-void FindPointGradients(const Expansion& expansion, std::vector<Eigen::Vector3d>& out);
+/// Finds what acts on a curve of the state of which `expansion` is. O(points); allocates only where
+/// `out` has not seen as many.
+void FindCurveLoads(const WireState& state, const Expansion& expansion, bool second,
+                    CurveLoads& out);
 
 /// Finds them at the state of which `expansion` is (README section 15). `terms`: those of the
 /// expansion. O(n); allocates only where `out` has not seen a wire as long.

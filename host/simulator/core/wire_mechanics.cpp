@@ -57,13 +57,19 @@ Expansion WireMechanics::MakeExpansion() const {
   }
   points_.Reserve(e.points);
   e.springs.reserve(points);
-  e.derivatives.used.reserve(points);
-  e.derivatives.gradient.reserve(points);
-  e.derivatives.hessian.reserve(points);
+  e.derivatives.Reserve(points);
   if (!terms_.empty()) e.derivatives.on_tangents.reserve(kMostMoments + points);
   if (second_ != nullptr) {
     e.second.push_back(second_->MakeExpansion());
     e.between.Reserve(model_.max_segments(), wall_.points_per_segment);
+    e.derivatives.covered.Reserve(points);
+    e.points.lumen_per_segment = BetweenCurves::PlacesPerSegment(wall_.points_per_segment);
+    if (SlidesInLumen()) {
+      const std::size_t places =
+          BetweenCurves::MostPlaces(model_.max_segments(), wall_.points_per_segment);
+      e.points.lumen.reserve(places);
+      e.derivatives.in_lumen.reserve(places);
+    }
   }
   return e;
 }
@@ -201,15 +207,43 @@ void WireMechanics::AddSpinLoads(const WireState& state, Expansion& out) const {
   }
 }
 
-void WireMechanics::AddBetweenLoads(Expansion& out) {
+void WireMechanics::AddBetweenLoads(Expansion& out) const {
   for (const BetweenLoad& on : out.derivatives.between) {
-    StackTerms& stack = out.stack[static_cast<std::size_t>(on.segment)];
-    stack.gradient_distal[on.inner] += on.gradient;
-    stack.gradient_distal[on.outer] -= on.gradient;
-    stack.hessian_distal(on.inner, on.inner) += on.hessian;
-    stack.hessian_distal(on.outer, on.outer) += on.hessian;
-    stack.hessian_distal(on.inner, on.outer) -= on.hessian;
-    stack.hessian_distal(on.outer, on.inner) -= on.hessian;
+    const bool on_second = out.points.LiesOnSecond(on.inner);
+    const int first = (on_second ? second_->model_ : model_).first_spin();
+    const int a = on.inner - first;
+    const int b = on.outer - first;
+    Expansion& curve = on_second ? out.second.front() : out;
+    StackTerms& stack = curve.stack[static_cast<std::size_t>(on.segment)];
+    stack.gradient_distal[a] += on.gradient;
+    stack.gradient_distal[b] -= on.gradient;
+    stack.hessian_distal(a, a) += on.hessian;
+    stack.hessian_distal(b, b) += on.hessian;
+    stack.hessian_distal(a, b) -= on.hessian;
+    stack.hessian_distal(b, a) -= on.hessian;
+  }
+}
+
+bool WireMechanics::SlidesInLumen() const {
+  return std::any_of(terms_.begin(), terms_.end(),
+                     [](const EnergyTerm* term) { return term->SlidesInLumen(); });
+}
+
+// The gradient by the spins is that of the segments; all else is between them.
+void WireMechanics::AddSlideLoads(const WireState& state, Expansion& out) const {
+  Expansion& second = out.second.front();
+  out.between.TakeSlides(*stack_, state, out.points, out.derivatives.in_lumen, out.frames,
+                         second.frames);
+  if (!model_.stack_twists()) return;
+  Expansion& inner = state.outer_leads() ? second : out;
+  Expansion& outer = state.outer_leads() ? out : second;
+  for (const BetweenCurves::Slide& slide : out.between.slides) {
+    const LumenContact& contact = out.points.lumen[static_cast<std::size_t>(slide.load.place)];
+    const auto i = static_cast<std::size_t>(slide.segment);
+    const double around_N = slide.load.gradient[1];
+    inner.stack[i].gradient_distal[contact.inner] += slide.inner_spin_mm * around_N;
+    outer.stack[i].gradient_distal[contact.outer - stack_->clearance().first_outer] +=
+        slide.outer_spin_mm * around_N;
   }
 }
 
@@ -222,10 +256,9 @@ LoadTerms& WireMechanics::LoadsOf(int segment, Expansion& out) const {
   return out.loads[out.load_index[segment]];
 }
 
-void WireMechanics::AddLoad(int point, double length_mm, const Vector3d& gradient,
+void WireMechanics::AddLoad(int point, bool on_second, double length_mm, const Vector3d& gradient,
                             const Matrix3d* hessian, Expansion& out) const {
-  LoadTerms& load = LoadsOf(point / out.points.per_segment,
-                            out.points.OnSecond(point) ? out.second.front() : out);
+  LoadTerms& load = LoadsOf(point / out.points.per_segment, on_second ? out.second.front() : out);
   const double t = length_mm * (point % out.points.per_segment + 1) / out.points.per_segment;
   load.g0 += gradient;
   load.g1 += t * gradient;
@@ -233,6 +266,19 @@ void WireMechanics::AddLoad(int point, double length_mm, const Vector3d& gradien
   load.h0 += *hessian;
   load.h1 += t * *hessian;
   load.h2 += (t * t) * *hessian;
+}
+
+// What terms do to the points, or to the covered ones.
+void WireMechanics::AddLoads(const WireState& state, const PositionDerivatives& loads, bool covered,
+                             Expansion& out) const {
+  for (std::size_t p = 0; p < loads.used.size(); ++p) {
+    if (loads.used[p] == PositionDerivatives::kNothing) continue;
+    const int q = static_cast<int>(p);
+    const bool with_hessian = loads.with_hessian && loads.used[p] == PositionDerivatives::kBoth;
+    AddLoad(q, out.points.OnSecond(q) != covered,
+            state.SegmentLength(model_, q / out.points.per_segment), loads.gradient[p],
+            with_hessian ? &loads.hessian[p] : nullptr, out);
+  }
 }
 
 template <class IsActive>
@@ -252,19 +298,12 @@ void WireMechanics::SumLoads(const WireState& state, IsActive is_active, Expansi
     const int q = out.points.near[k];
     const Vector3d gradient = -(spring.stiffness_N_mm * spring.penetration_mm) *
                               out.points.clearance[static_cast<std::size_t>(q)].gradient;
-    AddLoad(q, state.SegmentLength(model_, q / per_segment), gradient,
+    AddLoad(q, out.points.OnSecond(q), state.SegmentLength(model_, q / per_segment), gradient,
             with_hessian ? &spring.hessian : nullptr, out);
   }
   if (terms_.empty()) return;
-  for (int q = 0; q < out.points.size(); ++q) {
-    const auto p = static_cast<std::size_t>(q);
-    if (out.derivatives.used[p] == PointDerivatives::kNothing) continue;
-    AddLoad(q, state.SegmentLength(model_, q / per_segment), out.derivatives.gradient[p],
-            with_hessian && out.derivatives.used[p] == PointDerivatives::kBoth
-                ? &out.derivatives.hessian[p]
-                : nullptr,
-            out);
-  }
+  AddLoads(state, out.derivatives, false, out);
+  if (second_ != nullptr) AddLoads(state, out.derivatives.covered, true, out);
   for (const TangentLoad& on : out.derivatives.on_tangents) {
     LoadTerms& load = LoadsOf(on.segment, on.on_second ? out.second.front() : out);
     load.g1 += on.gradient;
@@ -381,7 +420,8 @@ void WireMechanics::ExpandSecond(const WireState& state, Expansion& out) const {
   second.spin_gradient.resize(static_cast<std::size_t>(curve.segments()) *
                               static_cast<std::size_t>(second_->model_.spins()));
   second_->ExpandBending(curve, second);
-  out.between.Place(*stack_, state, wall_.points_per_segment, out.frames, second.frames);
+  out.between.Place(*stack_, state, wall_.points_per_segment, out.frames, second.frames,
+                    SlidesInLumen() ? &out.points.lumen : nullptr);
   out.energy_mJ += second.energy_mJ + out.between.energy_mJ;
 }
 
@@ -392,19 +432,19 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
 
   points_.Place(state, with_hessian, out.points);
   const std::size_t points = out.points.position.size();
-  out.derivatives.with_hessian = with_hessian;
+  out.derivatives.with_hessian = out.derivatives.covered.with_hessian = with_hessian;
   ExpandWall(with_hessian, out);
   ExpandBending(state, out);
   if (second_ != nullptr) ExpandSecond(state, out);
   out.spin_gradient.resize(n * static_cast<std::size_t>(model_.spins()));
   if (model_.twists()) ExpandTwists(state, out);
   if (!terms_.empty()) {
-    out.derivatives.gradient.resize(points);
-    out.derivatives.hessian.resize(points);
-    out.derivatives.used.assign(points, 0);
+    out.derivatives.Clear(points);
+    out.derivatives.covered.Clear(out.points.covered.size());
     out.derivatives.on_tangents.clear();
     out.derivatives.on_spins.clear();
     out.derivatives.between.clear();
+    out.derivatives.in_lumen.clear();
     for (const EnergyTerm* term : terms_) {
       const double added_mJ = term->Add(out.points, out.derivatives);
       out.energy_mJ += added_mJ;
@@ -412,6 +452,7 @@ void WireMechanics::ExpandAll(const WireState& state, bool with_hessian, Expansi
     }
     if (model_.spins() > 0) AddSpinLoads(state, out);
     if (model_.stack_twists()) AddBetweenLoads(out);
+    if (second_ != nullptr) AddSlideLoads(state, out);
   }
   SumTrueGradient(state, out);
 }

@@ -115,10 +115,14 @@ class WireMechanics {
   void ExpandStack(const WireState& state, Expansion& out) const;
   double SumSpins(const WireState& state, int segment, Expansion& out) const;
   void AddSpinLoads(const WireState& state, Expansion& out) const;
-  static void AddBetweenLoads(Expansion& out);
+  void AddBetweenLoads(Expansion& out) const;
+  void AddSlideLoads(const WireState& state, Expansion& out) const;
+  bool SlidesInLumen() const;
   void ExpandWall(bool with_hessian, Expansion& out) const;
-  void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,
+  void AddLoad(int point, bool on_second, double length_mm, const Eigen::Vector3d& gradient,
                const Eigen::Matrix3d* hessian, Expansion& out) const;
+  void AddLoads(const WireState& state, const PositionDerivatives& loads, bool covered,
+                Expansion& out) const;
   LoadTerms& LoadsOf(int segment, Expansion& out) const;
   template <class IsActive>
   void SumLoads(const WireState& state, IsActive is_active, Expansion& out) const;

@@ -208,8 +208,7 @@ struct EffectKind {
   std::string summary;  ///< one line for people
   std::string roles;
   AnyKeys keys;
-  std::string needs = {};                  ///< the effect that must be named too; "" for none
-  std::vector<std::string> excludes = {};  ///< effects that cannot be named too
+  std::string needs = {};  ///< the effect that must be named too; "" for none
   /// Makes the effect. Throws UserError naming file, key, value and remedy. Null where the effect
   /// is nothing but a stage.
   std::function<std::unique_ptr<Effect>(const std::any& spec, const EffectContext& context)> make;

@@ -56,7 +56,6 @@ std::string DescribeEffects() {
   for (const EffectKind& kind : AllEffects()) {
     out += fmt::format("{}: {}\n    role: {}", kind.name, kind.summary, kind.roles);
     if (!kind.needs.empty()) out += fmt::format("; needs [effects.{}]", kind.needs);
-    if (!kind.excludes.empty()) out += fmt::format("; not with {}", fmt::join(kind.excludes, ", "));
     out += "\n";
   }
   return out;

@@ -212,11 +212,6 @@ std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& re
       table.Refuse(kind.name, "needs [effects." + kind.needs +
                                   "], which this scene does not name; add it or remove this");
     }
-    for (const std::string& other : kind.excludes) {
-      if (!table.Has(other)) continue;
-      table.Refuse(kind.name, "does not go with [effects." + other +
-                                  "], which this scene names too; remove one of them");
-    }
     if (kind.shape != nullptr && relaxation.method == Method::kPaper) {
       table.Refuse(kind.name,
                    "is not known to the paper's method, whose wire does not twist; remove it or "
@@ -381,9 +376,6 @@ std::vector<Section> AllSections() {
   for (const effects::EffectKind& kind : effects::AllEffects()) {
     std::string summary = kind.summary;
     if (!kind.needs.empty()) summary += "; needs [effects." + kind.needs + "]";
-    if (!kind.excludes.empty()) {
-      summary += fmt::format("; not with {}", fmt::join(kind.excludes, ", "));
-    }
     all.push_back({"[effects." + kind.name + "]", "effects." + kind.name, std::move(summary),
                    kind.keys.table});
   }

@@ -65,6 +65,11 @@ struct Front {
   template <int kOther>
   void Touch(const BetweenCurves::Terms& terms, int first_slot);
 
+  /// The same of what couples spins with steps and each other. `rows`: of each instrument's spin.
+  template <int kOther>
+  void Touch(const BetweenCurves::SpinTerms& terms, int first_slot,
+             const std::array<int, kMostInstruments>& rows);
+
   /// Takes over the front of one curve, whose slot begins at row kAt here.
   template <int kAt, int kSlotRows>
   void Take(const Front<kSlotRows>& alone);
@@ -113,6 +118,28 @@ void Front<kRows>::Touch(const BetweenCurves::Terms& terms, int first_slot) {
       }
     }
     for (int d = 0; d < 3; ++d) force_N[c][d] += terms.gradient[of + d];
+  }
+}
+
+template <int kRows>
+template <int kOther>
+void Front<kRows>::Touch(const BetweenCurves::SpinTerms& terms, int first_slot,
+                         const std::array<int, kMostInstruments>& rows) {
+  constexpr int kSlots[2] = {0, kOther};
+  for (int k = 0; k < kMostInstruments; ++k) {
+    const int row = rows[static_cast<std::size_t>(k)];
+    if (row < 0) continue;
+    for (int c = 0; c < 2; ++c) {
+      const int of = 5 * (first_slot == c ? 0 : 1);
+      for (int a = 0; a < 5; ++a) {
+        p[row][kSlots[c] + a] += terms.with_steps(k, of + a);
+        p[kSlots[c] + a][row] += terms.with_steps(k, of + a);
+      }
+    }
+    for (int m = 0; m < kMostInstruments; ++m) {
+      const int other = rows[static_cast<std::size_t>(m)];
+      if (other >= 0) p[row][other] += terms.hessian(k, m);
+    }
   }
 }
 

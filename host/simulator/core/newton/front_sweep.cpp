@@ -84,6 +84,13 @@ bool FrontSweep::SweepSlots(const Curve& one, const Curve& other, int first_slot
   constexpr int kOther = SlotRows(kSpins);
   Front<SlotRows(kSpins) + SlotRows(kOtherSpins)> front;
   const int both = std::min(one.state.segments(), other.state.segments());
+  std::array<int, kMostInstruments> rows;
+  rows.fill(-1);
+  for (int m = 0; m < kSpins; ++m)
+    rows[static_cast<std::size_t>(one.model.first_spin() + m)] = 5 + m;
+  for (int m = 0; m < kOtherSpins; ++m) {
+    rows[static_cast<std::size_t>(other.model.first_spin() + m)] = kOther + 5 + m;
+  }
   const auto alone = [&]<int kAt, int kOwnSpins>(const Curve& curve) {
     Front<SlotRows(kOwnSpins)> beyond;
     for (int i = curve.state.segments() - 1; i >= both; --i) {
@@ -104,6 +111,9 @@ bool FrontSweep::SweepSlots(const Curve& one, const Curve& other, int first_slot
   for (int i = first; i >= 0; --i) {
     const auto k = static_cast<std::size_t>(i);
     if (between.terms[k].any) front.template Touch<kOther>(between.terms[k], first_slot);
+    if (!between.spin_terms.empty() && between.spin_terms[k].any) {
+      front.template Touch<kOther>(between.spin_terms[k], first_slot, rows);
+    }
     if (!front.template Advance<0, kSpins>(one.Segment(i), one.gains[k]) ||
         !front.template Advance<kOther, kOtherSpins>(other.Segment(i), other.gains[k])) {
       return false;

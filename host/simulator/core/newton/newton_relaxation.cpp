@@ -109,8 +109,7 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
   // Where two curves change places, so do the numbers of their spins.
   spin_step_.reserve(room * (kFront ? kMostInstruments : model_.spins()));
   if (kFront && model_.spins() > 0 && !terms.empty()) {
-    balance_.Reserve(model_.max_segments());
-    point_gradient_N_.reserve(room * static_cast<std::size_t>(wall.points_per_segment));
+    balance_.Reserve(model_.max_segments(), wall.points_per_segment);
   }
 }
 
@@ -230,7 +229,7 @@ void NewtonMethod<Sweep>::Begin(WireState& state) {
   travel_mm_ = field_.TravelMm();
 }
 
-// What is not in balance says nothing of what its parts press each other with: then none is given.
+// Contact forces are undefined until the solver has converged, so none are given.
 template <class Sweep>
 void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
   const auto between = std::find_if(terms_.begin(), terms_.end(), [](const EnergyTerm* term) {
@@ -239,14 +238,13 @@ void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
   if (between == terms_.end()) return;
   current_.points.pressed_N.clear();
   if (current_.residual > std::max(settings_.part_tolerance, settings_.tolerance)) return;
-  FindPointGradients(current_, point_gradient_N_);
-  balance_.FindPressed(stack(), state, current_.points, point_gradient_N_,
-                       *(*between)->SlidingBetween(), current_.points.pressed_N);
+  balance_.FindPressed(stack(), state, current_, *(*between)->SlidingBetween(),
+                       current_.points.pressed_N);
 }
 
 template <class Sweep>
 void NewtonMethod<Sweep>::BeginPart(const WireState& state) {
-  if (kFront && !two_curves_) FindPressed(state);
+  if (kFront && model_.spins() > 0) FindPressed(state);
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
   part_open_ = true;
   part_moved_ = false;

@@ -135,8 +135,7 @@ class NewtonMethod final : public Relaxation {
   std::vector<Eigen::Vector2d> second_push_;      // of the second curve, off an unstable balance
   std::vector<double> second_push_spin_;          // none: zeros
   DiscretizationDefect defect_;
-  HandForces balance_;  // of each instrument, for terms that act between them
-  std::vector<Eigen::Vector3d> point_gradient_N_;
+  HandForces balance_;    // of each instrument, for terms that act between them
   double travel_mm_ = 0;  // of the vessel, in current_
   int iterations_since_move_ = 0;
   bool up_to_date_ = true;

@@ -1,136 +1,339 @@
 #include "host/simulator/core/stack/between_curves.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 
 namespace torquer {
 
 using Eigen::Vector3d;
 using Vector = BetweenCurves::Vector;
+using Matrix = BetweenCurves::Matrix;
 
 namespace {
 
 // Within this of the lumen's wall a place takes part in the model of a step.
 constexpr double kNearLumenMm = 0.05;
+// Curves closer than this have no direction in which one is off the other.
+constexpr double kNoOffsetMm = 1e-9;
 
-// The segments of both curves that a place lies on.
-struct Across {
+// Both curves, and where the unknowns of each are in a Vector.
+struct Curves {
+  Curves(const InstrumentStack& of, const WireState& state, const std::vector<Frame>& frames,
+         const std::vector<Frame>& second_frames)
+      : stack(of),
+        first(state),
+        inner(state.outer_leads() ? *state.second() : state),
+        outer(state.outer_leads() ? state : *state.second()),
+        inner_frames(state.outer_leads() ? second_frames : frames),
+        outer_frames(state.outer_leads() ? frames : second_frames),
+        inner_rod(state.outer_leads() ? *of.second_rod() : of.rod()),
+        inner_at(state.outer_leads() ? 5 : 0),
+        outer_at(state.outer_leads() ? 0 : 5) {}
+
+  double LengthMm(int segment) const { return first.SegmentLength(inner_rod, segment); }
+  double BeginMm(int segment) const {
+    return segment == 0 ? 0 : first.first_segment_mm() + (segment - 1) * inner_rod.segment_mm();
+  }
+
+  const InstrumentStack& stack;
+  const WireState& first;
   const WireState& inner;
   const WireState& outer;
-  const Frame& inner_frame;
-  const Frame& outer_frame;
-  Eigen::Index inner_at;  // of its displacement in a Vector
+  const std::vector<Frame>& inner_frames;
+  const std::vector<Frame>& outer_frames;
+  const WireModel& inner_rod;
+  Eigen::Index inner_at;
   Eigen::Index outer_at;
 };
 
-// How a component along `way` of the inner curve's place, against that of the outer one, follows
-// from the steps. The place is `t` past the distal node of its segment (negative), the outer one's
-// `beyond` farther along its own.
-Vector Follow(const Across& at, const Vector3d& way, double t, double beyond) {
-  Vector row;
-  row.segment<3>(at.inner_at) = way;
-  row.segment<2>(at.inner_at + 3) = t * (at.inner_frame.transpose() * way);
-  row.segment<3>(at.outer_at) = -way;
-  row.segment<2>(at.outer_at + 3) = -(t + beyond) * (at.outer_frame.transpose() * way);
-  return row;
+// A place `t` past the proximal node of a segment of each curve.
+struct Beside {
+  Beside(const Curves& both, int of_segment, double past_mm)
+      : curves(both),
+        segment(of_segment),
+        at(static_cast<std::size_t>(of_segment)),
+        t(past_mm),
+        past_end_mm(t - both.LengthMm(of_segment)),
+        inward(both.inner.tangents()[at]),
+        along(both.outer.tangents()[at]),
+        apart(both.inner.nodes()[at] + t * inward - both.outer.nodes()[at] - t * along),
+        ahead_mm(along.dot(apart)),
+        across(apart - ahead_mm * along),
+        offset_mm(across.norm()),
+        lumen_mm(both.stack.LumenRadius(both.first.places(), both.BeginMm(segment) + t)),
+        radius_mm(both.inner_rod.radius_mm(both.inner.segments() - 1 - segment)) {}
+
+  double penetration_mm() const { return offset_mm - (lumen_mm - radius_mm); }
+
+  // How a component along `way` of the inner curve's place, against that of the outer one, follows
+  // from the steps. The outer one's place is `beyond_mm` farther along its own.
+  Vector Follow(const Vector3d& way, double beyond_mm) const {
+    Vector row;
+    row.segment<3>(curves.inner_at) = way;
+    row.segment<2>(curves.inner_at + 3) = past_end_mm * (curves.inner_frames[at].transpose() * way);
+    row.segment<3>(curves.outer_at) = -way;
+    row.segment<2>(curves.outer_at + 3) =
+        -(past_end_mm + beyond_mm) * (curves.outer_frames[at].transpose() * way);
+    return row;
+  }
+  // Adds a component along `way` of how the tangent of a curve turns.
+  void TurnInner(const Vector3d& way, Vector& row) const {
+    row.segment<2>(curves.inner_at + 3) += curves.inner_frames[at].transpose() * way;
+  }
+  void TurnOuter(const Vector3d& way, Vector& row) const {
+    row.segment<2>(curves.outer_at + 3) += curves.outer_frames[at].transpose() * way;
+  }
+
+  const Curves& curves;
+  int segment;
+  std::size_t at;
+  double t;
+  double past_end_mm;      // negative: before the distal node
+  const Vector3d& inward;  // tangent of the inner curve
+  const Vector3d& along;   // tangent of the outer curve
+  Vector3d apart;
+  double ahead_mm;
+  Vector3d across;
+  double offset_mm;
+  double lumen_mm;
+  double radius_mm;
+};
+
+// Calls visit(segment, past its proximal node mm, length that the place stands for mm, at the end)
+// for every place.
+template <class Visit>
+void ForPlaces(const Curves& curves, int segments, int points_per_segment, Visit visit) {
+  const int per_segment = BetweenCurves::PlacesPerSegment(points_per_segment);
+  const InstrumentPlaces& places = curves.first.places();
+  const double reach_mm = curves.stack.SecondReach(places);
+  for (int i = 0; i < segments; ++i) {
+    const double piece = curves.LengthMm(i) / per_segment;
+    const double end_mm = reach_mm - curves.BeginMm(i);
+    for (int k = 0; k < per_segment; ++k) {
+      const double t = (k + 0.5) * piece;
+      visit(i, t, std::clamp(2 * (end_mm - t), 0.0, piece), false);
+    }
+  }
+  // An edge presses along about as much of what it touches as it is wide.
+  visit(segments - 1, std::max(0.0, reach_mm - curves.BeginMm(segments - 1)),
+        curves.stack.LumenRadius(places, reach_mm), true);
+}
+
+// The contact of two curves as a function of the state.
+struct Press {
+  double force_N;
+  Vector3d normal;    // from the outer curve to the inner one
+  Vector3d sideways;  // around the lumen
+};
+
+// Second-order terms of (43).
+void Curve(const Beside& at, const Press& press, Matrix& out) {
+  const double force_N = press.force_N;
+  const Vector sideways = at.Follow(press.sideways, at.ahead_mm);
+  const Vector onwards = at.Follow(at.along, at.ahead_mm);
+  Vector tilt = Vector::Zero();
+  at.TurnOuter(press.normal, tilt);
+  out = (force_N / at.offset_mm) * sideways * sideways.transpose() -
+        (force_N * at.offset_mm) * tilt * tilt.transpose();
+  const Matrix turned = force_N * tilt * onwards.transpose();
+  out -= turned + turned.transpose();
+  // Third term of (4).
+  const double bent = force_N * at.past_end_mm * press.normal.dot(at.inward);
+  for (Eigen::Index a = 3; a < 5; ++a) out(at.curves.inner_at + a, at.curves.inner_at + a) -= bent;
+}
+
+// Of the work of the force `gradient` along and around the lumen, but for what turns the inner
+// surface: the directions turn with the lumen, and steps are of second order, too.
+Matrix Curvature(const Beside& at, const Eigen::Vector2d& gradient, const Vector3d& around) {
+  const auto turned = [&at](const Vector3d& way) {
+    Vector row = Vector::Zero();
+    at.TurnOuter(way, row);
+    return row;
+  };
+  Matrix half = Matrix::Zero();
+  for (int d = 0; d < 3; ++d) {
+    const Vector3d axis = Vector3d::Unit(d);
+    half += gradient[0] * turned(axis) *
+            (at.Follow(axis, 0) + at.past_end_mm * turned(axis)).transpose();
+  }
+  half -=
+      gradient[1] * turned(around) * (at.Follow(at.along, 0) + turned(at.across) / 2).transpose();
+  const double on_outer = gradient[0] * (at.ahead_mm + at.past_end_mm) / 2;
+  const double on_inner =
+      at.past_end_mm * at.inward.dot(gradient[0] * at.along + gradient[1] * around) / 2;
+  for (Eigen::Index a = 3; a < 5; ++a) {
+    half(at.curves.outer_at + a, at.curves.outer_at + a) -= on_outer;
+    half(at.curves.inner_at + a, at.curves.inner_at + a) -= on_inner;
+  }
+  return half + half.transpose();
+}
+
+// From the first normal of a segment to that of an instrument that twists.
+double TurnOf(const WireState& curve, std::size_t segment, int instrument) {
+  if (curve.turns_rad().empty()) return 0;
+  return curve.turns_rad()[segment][static_cast<std::size_t>(instrument)];
+}
+
+// The first normal of the lumen.
+Vector3d LumenNormal(const Beside& at, int outer) {
+  const WireState& curve = at.curves.outer;
+  return TurnedAbout(at.along, curve.normals()[at.at], TurnOf(curve, at.at, outer));
+}
+
+LumenContact ContactAt(const Beside& at) {
+  const Curves& curves = at.curves;
+  const InstrumentPlaces& places = curves.first.places();
+  const double arc_mm = curves.BeginMm(at.segment) + at.t;
+  LumenContact contact;
+  contact.inner = curves.stack.InLumenAt(places, arc_mm);
+  contact.outer = curves.stack.LumenAt(places, arc_mm);
+  contact.radius_mm = at.radius_mm;
+  contact.lumen_mm = at.lumen_mm;
+  contact.ahead_mm = at.ahead_mm;
+  const Vector3d normal = LumenNormal(at, contact.outer);
+  const Vector3d second_normal = at.along.cross(normal);
+  contact.offset_mm << at.across.dot(normal), at.across.dot(second_normal);
+  const Vector3d& inner_normal = curves.inner.normals()[at.at];
+  contact.turn_rad = std::atan2(inner_normal.dot(second_normal), inner_normal.dot(normal)) +
+                     TurnOf(curves.inner, at.at, contact.inner);
+  return contact;
 }
 
 }  // namespace
 
 void BetweenCurves::Reserve(int segments, int points_per_segment) {
   const auto n = static_cast<std::size_t>(segments) + 1;
-  springs.reserve(n * static_cast<std::size_t>(points_per_segment) + 1);
+  springs.reserve(MostPlaces(segments, points_per_segment));
+  slides.reserve(MostPlaces(segments, points_per_segment));
   terms.reserve(n);
+  spin_terms.reserve(n);
 }
 
 void BetweenCurves::Place(const InstrumentStack& stack, const WireState& state,
                           int points_per_segment, const std::vector<Frame>& frames,
-                          const std::vector<Frame>& second_frames) {
+                          const std::vector<Frame>& second_frames,
+                          std::vector<LumenContact>* lumen) {
   springs.clear();
+  slides.clear();
+  spin_terms.clear();
+  if (lumen != nullptr) lumen->clear();
   energy_mJ = pressed_N = end_pressed_N = largest_offset_mm = 0;
-  const WireState& second = *state.second();
-  const int n = second.segments();
-  terms.resize(static_cast<std::size_t>(n));
-  if (n == 0) return;
-  const bool outer_leads = state.outer_leads();
-  const WireModel& inner_rod = outer_leads ? *stack.second_rod() : stack.rod();
-  const WireState& inner = outer_leads ? second : state;
-  const WireState& outer = outer_leads ? state : second;
-  const double lambda = inner_rod.segment_mm();
-  const double reach_mm = stack.SecondReach(state.places());
-  for (int i = 0; i < n; ++i) {
-    const auto s = static_cast<std::size_t>(i);
-    const double begin_mm = i == 0 ? 0 : state.first_segment_mm() + (i - 1) * lambda;
-    const double length_mm = i == 0 ? state.first_segment_mm() : lambda;
-    const double piece = length_mm / points_per_segment;
-    const double end_mm = reach_mm - begin_mm;
-    const double radius_mm = inner_rod.radius_mm(inner.segments() - 1 - i);
-    const Across at{inner,
-                    outer,
-                    (outer_leads ? second_frames : frames)[s],
-                    (outer_leads ? frames : second_frames)[s],
-                    outer_leads ? 5 : 0,
-                    outer_leads ? 0 : 5};
-    const auto press = [&](double t, double weight_mm, bool end) {
-      const Vector3d& along = outer.tangents()[s];
-      const Vector3d apart =
-          inner.nodes()[s] + t * inner.tangents()[s] - outer.nodes()[s] - t * along;
-      const double beyond = along.dot(apart);
-      const Vector3d across = apart - beyond * along;
-      const double offset_mm = across.norm();
-      const double lumen_mm = stack.LumenRadius(state.places(), begin_mm + t);
-      largest_offset_mm = std::max(largest_offset_mm, offset_mm);
-      const double penetration_mm = offset_mm - (lumen_mm - radius_mm);
-      if (penetration_mm < -kNearLumenMm || !(offset_mm > 1e-9)) return;
-      Spring& spring = springs.emplace_back();
-      spring.segment = i;
-      spring.stiffness_N_mm = stack.clearance().stiffness_N_mm2 * weight_mm;
-      spring.penetration_mm = penetration_mm;
-      const Vector3d normal = across / offset_mm;
-      const double past_end_mm = t - length_mm;
-      spring.approach = Follow(at, normal, past_end_mm, beyond);
-      if (penetration_mm <= 0) return;
-      const double force_N = spring.stiffness_N_mm * penetration_mm;
-      energy_mJ += force_N * penetration_mm / 2;
-      pressed_N += force_N;
-      if (end) end_pressed_N += force_N;
-      const Vector sideways = Follow(at, along.cross(normal), past_end_mm, beyond);
-      const Vector onwards = Follow(at, along, past_end_mm, beyond);
-      Vector tilt = Vector::Zero();
-      tilt.segment<2>(at.outer_at + 3) = at.outer_frame.transpose() * normal;
-      spring.curvature = (force_N / offset_mm) * sideways * sideways.transpose() -
-                         (force_N * offset_mm) * tilt * tilt.transpose();
-      const BetweenCurves::Matrix turned = force_N * tilt * onwards.transpose();
-      spring.curvature -= turned + turned.transpose();
-      // Third term of (4).
-      const double bent = force_N * past_end_mm * normal.dot(inner.tangents()[s]);
-      spring.curvature(at.inner_at + 3, at.inner_at + 3) -= bent;
-      spring.curvature(at.inner_at + 4, at.inner_at + 4) -= bent;
-    };
-    for (int k = 1; k <= points_per_segment; ++k) {
-      const double t = piece * k;
-      const double next = k < points_per_segment ? piece : lambda / points_per_segment;
-      const double left_mm = std::max(0.0, end_mm - t);
-      if (left_mm > 0) press(t, std::min(piece / 2, left_mm) + std::min(next / 2, left_mm), false);
-    }
-    // An edge presses along about as much of what it touches as it is wide.
-    if (i == n - 1 && end_mm > 0) {
-      press(end_mm, stack.LumenRadius(state.places(), reach_mm), true);
-    }
+  const int segments = state.second()->segments();
+  terms.resize(static_cast<std::size_t>(segments));
+  if (segments == 0) return;
+  const Curves curves(stack, state, frames, second_frames);
+  const auto press = [&](int segment, double t, double weight_mm, bool end) {
+    if (lumen == nullptr && weight_mm == 0) return;
+    const Beside at(curves, segment, t);
+    if (lumen != nullptr) lumen->push_back(ContactAt(at));
+    if (weight_mm == 0) return;
+    largest_offset_mm = std::max(largest_offset_mm, at.offset_mm);
+    const double penetration_mm = at.penetration_mm();
+    if (penetration_mm < -kNearLumenMm || !(at.offset_mm > kNoOffsetMm)) return;
+    Spring& spring = springs.emplace_back();
+    spring.segment = segment;
+    spring.past_mm = t;
+    spring.ahead_mm = at.ahead_mm;
+    spring.stiffness_N_mm = stack.clearance().stiffness_N_mm2 * weight_mm;
+    spring.penetration_mm = penetration_mm;
+    const Vector3d normal = at.across / at.offset_mm;
+    spring.approach = at.Follow(normal, at.ahead_mm);
+    if (penetration_mm <= 0) return;
+    const double force_N = spring.stiffness_N_mm * penetration_mm;
+    energy_mJ += force_N * penetration_mm / 2;
+    pressed_N += force_N;
+    if (end) end_pressed_N += force_N;
+    if (lumen != nullptr) lumen->back().force_N = force_N;
+    Curve(at, {force_N, normal, at.along.cross(normal)}, spring.curvature);
+  };
+  ForPlaces(curves, segments, points_per_segment, press);
+}
+
+void BetweenCurves::TakeSlides(const InstrumentStack& stack, const WireState& state,
+                               const PointSet& points, const std::vector<SlideLoad>& loads,
+                               const std::vector<Frame>& frames,
+                               const std::vector<Frame>& second_frames) {
+  slides.clear();
+  if (loads.empty()) return;
+  const bool twists = stack.rod().stack_twists();
+  if (twists) spin_terms.resize(terms.size());
+  for (SpinTerms& term : spin_terms) term.any = false;
+  const Curves curves(stack, state, frames, second_frames);
+  const int segments = state.second()->segments();
+  const int last = static_cast<int>(points.lumen.size()) - 1;
+  for (const SlideLoad& load : loads) {
+    const LumenContact& contact = points.lumen[static_cast<std::size_t>(load.place)];
+    const int i = load.place == last ? segments - 1 : load.place / points.lumen_per_segment;
+    const double t = load.place == last
+                         ? std::max(0.0, stack.SecondReach(state.places()) - curves.BeginMm(i))
+                         : (load.place % points.lumen_per_segment + 0.5) * curves.LengthMm(i) /
+                               points.lumen_per_segment;
+    const Beside at(curves, i, t);
+    Slide& slide = slides.emplace_back();
+    slide.load = load;
+    slide.segment = i;
+    slide.past_mm = t;
+    slide.ahead_mm = at.ahead_mm;
+    slide.along = at.Follow(at.along, 0);
+    at.TurnOuter(at.across, slide.along);
+    // (47)
+    const Vector3d normal = LumenNormal(at, contact.outer);
+    const Vector3d around = load.around[0] * normal + load.around[1] * at.along.cross(normal);
+    slide.around = at.Follow(around, at.ahead_mm);
+    const Vector3d& inner_normal = curves.inner.normals()[at.at];
+    const double inclined = at.along.dot(inner_normal);
+    const Vector3d about =
+        contact.radius_mm / (1 - inclined * inclined) * at.along.cross(inner_normal);
+    at.TurnInner(-about.dot(at.inward) * inner_normal, slide.around);
+    at.TurnOuter(-inclined * about, slide.around);
+    slide.curvature = Curvature(at, load.gradient, around);
+    slide.inner_spin_mm = contact.radius_mm;
+    slide.outer_spin_mm = -contact.radius_mm - at.across.dot(around.cross(at.along));
+    if (twists) AddSpins(slide, contact);
   }
 }
 
+BetweenCurves::Terms& BetweenCurves::TermsOf(int segment) {
+  Terms& to = terms[static_cast<std::size_t>(segment)];
+  if (to.any) return to;
+  to.any = true;
+  to.gradient.setZero();
+  to.hessian.setZero();
+  return to;
+}
+
 void BetweenCurves::Add(const Spring& spring) {
-  Terms& to = terms[static_cast<std::size_t>(spring.segment)];
-  if (!to.any) {
-    to.any = true;
-    to.gradient.setZero();
-    to.hessian.setZero();
-  }
+  Terms& to = TermsOf(spring.segment);
   to.gradient += (spring.stiffness_N_mm * spring.penetration_mm) * spring.approach;
   to.hessian += spring.stiffness_N_mm * spring.approach * spring.approach.transpose();
   if (spring.penetration_mm > 0) to.hessian += spring.curvature;
+}
+
+void BetweenCurves::Add(const Slide& slide) {
+  Terms& to = TermsOf(slide.segment);
+  const Eigen::Matrix2d& h = slide.load.hessian;
+  to.gradient += slide.load.gradient[0] * slide.along + slide.load.gradient[1] * slide.around;
+  const Vector with_along = h(0, 0) * slide.along + h(0, 1) * slide.around;
+  const Vector with_around = h(1, 0) * slide.along + h(1, 1) * slide.around;
+  to.hessian += slide.along * with_along.transpose() + slide.around * with_around.transpose() +
+                slide.curvature;
+}
+
+void BetweenCurves::AddSpins(const Slide& slide, const LumenContact& contact) {
+  SpinTerms& to = spin_terms[static_cast<std::size_t>(slide.segment)];
+  if (!to.any) {
+    to.any = true;
+    to.with_steps.setZero();
+    to.hessian.setZero();
+  }
+  const Eigen::Matrix2d& h = slide.load.hessian;
+  const Vector with = h(1, 0) * slide.along + h(1, 1) * slide.around;
+  const int spins[2] = {contact.inner, contact.outer};
+  const double by[2] = {slide.inner_spin_mm, slide.outer_spin_mm};
+  for (int a = 0; a < 2; ++a) {
+    to.with_steps.row(spins[a]) += by[a] * with.transpose();
+    for (int b = 0; b < 2; ++b) to.hessian(spins[a], spins[b]) += by[a] * by[b] * h(1, 1);
+  }
 }
 
 }  // namespace torquer

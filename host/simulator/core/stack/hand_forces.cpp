@@ -59,26 +59,53 @@ Vector3d RestCurvature(const WireModel& rod, const WireState& state, int joint,
 
 }  // namespace
 
-// By the lever, as the contacts: an instrument that touches the wall bears what acts there.
-void HandForces::ShareLoads(const PointSet& points, const std::vector<Vector3d>& point_gradient_N,
-                            std::size_t nodes) {
-  for (int k = 0; k < count_; ++k) {
+HandForces::Curve HandForces::CurveOf(const InstrumentStack& stack, const WireState& state,
+                                      const Expansion& expansion, bool second,
+                                      const CurveLoads& loads) {
+  return {.rod = second ? *stack.second_rod() : stack.rod(),
+          .state = second ? *state.second() : state,
+          .at = second ? expansion.second.front() : expansion,
+          .second = second,
+          .range = stack.OnCurve(second != state.outer_leads()),
+          .loads = loads};
+}
+
+// By the lever, as the contacts: an instrument that touches the wall or the lumen bears what acts
+// there, and the outermost on a curve all else.
+void HandForces::ShareLoads(const InstrumentStack& stack, const Curve& curve,
+                            const PointSet& points) {
+  const auto nodes = static_cast<std::size_t>(curve.state.segments()) + 1;
+  for (int k = curve.range.first; k < curve.range.last; ++k) {
     load_N_[static_cast<std::size_t>(k)].assign(nodes, Vector3d::Zero());
   }
-  for (int q = 0; q < points.size(); ++q) {
-    const Vector3d load_N = -point_gradient_N[static_cast<std::size_t>(q)];
-    const auto i = static_cast<std::size_t>(q / points.per_segment);
-    const double t = static_cast<double>(q % points.per_segment + 1) / points.per_segment;
-    std::vector<Vector3d>& on = load_N_[static_cast<std::size_t>(points.SurfaceAt(q))];
-    on[i] += (1 - t) * load_N;
-    on[i + 1] += t * load_N;
+  const auto share = [&](int instrument, int segment, double part, const Vector3d& load_N) {
+    const auto i = static_cast<std::size_t>(segment);
+    std::vector<Vector3d>& on = load_N_[static_cast<std::size_t>(instrument)];
+    on[i] += (1 - part) * load_N;
+    on[i + 1] += part * load_N;
+  };
+  for (int q = 0; q < points.SizeOf(curve.second); ++q) {
+    const double part = static_cast<double>(q % points.per_segment + 1) / points.per_segment;
+    share(points.OutermostAt(curve.range.first, curve.range.last, q), q / points.per_segment, part,
+          -curve.loads.point_gradient_N[static_cast<std::size_t>(q)]);
+  }
+  const InstrumentPlaces& places = curve.state.places();
+  for (const LumenLoad& load : curve.loads.in_lumen) {
+    const double arc_mm = PlaceOf(curve.rod, curve.state, load.segment) + load.past_mm;
+    const int instrument =
+        curve.range.first > 0 ? stack.LumenAt(places, arc_mm) : stack.InLumenAt(places, arc_mm);
+    const Vector3d& tangent = curve.state.tangents()[static_cast<std::size_t>(load.segment)];
+    share(instrument, load.segment,
+          load.past_mm / curve.state.SegmentLength(curve.rod, load.segment),
+          load.force_N - load.unfelt_N * tangent);
   }
 }
 
 // The moment of each instrument at a joint. A joint into which tips fall is, as the rod has it, one
 // piece after the other, all with the same moment: each as curved as those that lie in it make it.
-void HandForces::FindMoments(const InstrumentStack& stack, const WireState& state, int joint) {
-  const WireModel& rod = stack.rod();
+void HandForces::FindMoments(const InstrumentStack& stack, const Curve& curve, int joint) {
+  const WireModel& rod = curve.rod;
+  const WireState& state = curve.state;
   const double lambda = rod.segment_mm();
   const double length_mm = JointLength(rod, state, joint);
   const double s = PlaceOf(rod, state, joint);
@@ -129,7 +156,8 @@ void HandForces::FindMoments(const InstrumentStack& stack, const WireState& stat
 }
 
 // What the balance of a node asks of each instrument in the segment before it.
-void HandForces::Balance(const WireState& state, int node, const Sliding& sliding) {
+void HandForces::Balance(const Curve& curve, int node, const Sliding& sliding) {
+  const WireState& state = curve.state;
   constexpr int kRounds = 3;  // friction depends on the tension that it makes
   const auto i = static_cast<std::size_t>(node);
   const Vector3d& before = state.tangents()[i - 1];
@@ -138,7 +166,7 @@ void HandForces::Balance(const WireState& state, int node, const Sliding& slidin
   const double length_mm = (state.nodes()[i] - state.nodes()[i - 1]).norm();
   for (Bears& bears : bears_) bears.friction_N = 0;
   for (int round = 0; round < kRounds; ++round) {
-    for (int k = 0; k < count_; ++k) {
+    for (int k = curve.range.first; k < curve.range.last; ++k) {
       Bears& bears = bears_[static_cast<std::size_t>(k)];
       const Vector3d shear_N = before.cross(bears.moment_mJ - bears.moment_before_mJ) / length_mm;
       const double axial_N = bears.force_N.dot(tangent) + bears.friction_N +
@@ -147,14 +175,15 @@ void HandForces::Balance(const WireState& state, int node, const Sliding& slidin
           (axial_N - shear_N.dot(tangent)) / before.dot(tangent) * before + shear_N;
     }
     if (sliding.coefficient == 0) break;
-    FindFriction(state, node, sliding);
+    FindFriction(curve, node, sliding);
   }
 }
 
 // Each is pressed against the next one around it by the tensions of it and of all within it. What
 // their bending moments add is left out: where a rest shape or a rigidity steps it is a couple,
 // whose forces are the larger the smaller the clearance is.
-void HandForces::FindFriction(const WireState& state, int node, const Sliding& sliding) {
+void HandForces::FindFriction(const Curve& curve, int node, const Sliding& sliding) {
+  const WireState& state = curve.state;
   const auto i = static_cast<std::size_t>(node);
   const Vector3d& before = state.tangents()[i - 1];
   const Vector3d& beyond = node < state.segments() ? state.tangents()[i] : state.tangents()[i - 1];
@@ -162,7 +191,7 @@ void HandForces::FindFriction(const WireState& state, int node, const Sliding& s
   for (Bears& bears : bears_) bears.friction_N = 0;
   Vector3d held_N = Vector3d::Zero();
   int inner = -1;
-  for (int k = 0; k < count_; ++k) {
+  for (int k = curve.range.first; k < curve.range.last; ++k) {
     Bears& bears = bears_[static_cast<std::size_t>(k)];
     if (!bears.inside) continue;
     if (inner >= 0) {
@@ -182,97 +211,135 @@ void HandForces::FindFriction(const WireState& state, int node, const Sliding& s
   }
 }
 
-void HandForces::Reserve(int segments) {
+void HandForces::Reserve(int segments, int points_per_segment) {
   const auto nodes = static_cast<std::size_t>(segments) + 1;
   for (std::vector<Vector3d>& load_N : load_N_) load_N.reserve(nodes);
   pressed_N_.reserve(nodes);
+  const std::size_t points = nodes * static_cast<std::size_t>(points_per_segment);
+  const std::size_t places = BetweenCurves::MostPlaces(segments, points_per_segment);
+  for (CurveLoads* const loads : {&loads_, &second_loads_}) loads->Reserve(points, places);
 }
 
 // From the tip to the sheath.
-void HandForces::BalanceAll(const InstrumentStack& stack, const WireState& state,
-                            const PointSet& points, const std::vector<Vector3d>& point_gradient_N,
-                            const Sliding& sliding) {
-  const int n = state.segments();
-  const WireModel& rod = stack.rod();
-  for (int k = 0; k < count_; ++k) order_[static_cast<std::size_t>(k)] = k;
+void HandForces::BalanceAll(const InstrumentStack& stack, const Curve& curve,
+                            const PointSet& points, const Sliding& sliding) {
+  const WireState& state = curve.state;
+  count_ = 0;
+  for (int k = curve.range.first; k < curve.range.last; ++k) {
+    order_[static_cast<std::size_t>(count_++)] = k;
+  }
   std::sort(order_.begin(), order_.begin() + count_, [&state](int a, int b) {
     return state.places()[a].insertion_mm > state.places()[b].insertion_mm;
   });
-  const auto nodes = static_cast<std::size_t>(n) + 1;
-  ShareLoads(points, point_gradient_N, nodes);
-  pressed_N_.assign(nodes, {});
-  for (int i = n; i > 0; --i) {
+  ShareLoads(stack, curve, points);
+  for (int i = state.segments(); i > 0; --i) {
     for (Bears& bears : bears_) {
       bears.moment_mJ = bears.moment_before_mJ;
       bears.force_N = bears.force_before_N;
     }
     // What turns an instrument that twists comes to its hand as its own torsion; the rest shape
     // at the clamp is turned by the hand itself.
-    if (i == 1 && rod.spins() > 0) {
-      for (int k = 0; k < count_; ++k) {
+    if (i == 1 && curve.rod.spins() > 0) {
+      for (int k = curve.range.first; k < curve.range.last; ++k) {
         hands_[static_cast<std::size_t>(k)].torque_mJ =
-            -TwistStiffnessOf(rod, state, 0, k) * state.TwistOf(0, k);
+            -TwistStiffnessOf(curve.rod, state, 0, k) * state.TwistOf(0, k);
       }
     }
-    FindMoments(stack, state, i - 1);
-    Balance(state, i, sliding);
+    FindMoments(stack, curve, i - 1);
+    Balance(curve, i, sliding);
   }
 }
 
 void HandForces::FindPressed(const InstrumentStack& stack, const WireState& state,
-                             const PointSet& points, const std::vector<Vector3d>& point_gradient_N,
-                             const Sliding& sliding,
+                             const Expansion& expansion, const Sliding& sliding,
                              std::vector<std::array<double, kMostInstruments>>& out) {
   const auto n = static_cast<std::size_t>(state.segments());
-  count_ = stack.size();
   hands_ = {};
-  bears_ = {};
   out.assign(n, {});
-  if (n == 0) return;
-  BalanceAll(stack, state, points, point_gradient_N, sliding);
-  // A node's is half that of each segment beside it, the last one's all of the last.
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t k = 0; k < out[i].size(); ++k) {
-      out[i][k] = (i == 0 ? 0 : pressed_N_[i][k] / 2) +
-                  (i + 1 == n ? pressed_N_[n][k] : pressed_N_[i + 1][k] / 2);
+  pressed_N_.assign(n + 1, {});
+  for (const bool second : {false, true}) {
+    if (second && state.second() == nullptr) continue;
+    CurveLoads& loads = second ? second_loads_ : loads_;
+    const Curve curve = CurveOf(stack, state, expansion, second, loads);
+    const auto own = static_cast<std::size_t>(curve.state.segments());
+    if (own == 0 || curve.range.last - curve.range.first < 2) continue;
+    bears_ = {};
+    FindCurveLoads(state, expansion, second, loads);
+    BalanceAll(stack, curve, expansion.points, sliding);
+    // A node's is half that of each segment beside it, the last one's all of the last.
+    for (std::size_t i = 0; i < own; ++i) {
+      for (auto k = static_cast<std::size_t>(curve.range.first);
+           k < static_cast<std::size_t>(curve.range.last); ++k) {
+        out[i][k] = (i == 0 ? 0 : pressed_N_[i][k] / 2) +
+                    (i + 1 == own ? pressed_N_[own][k] : pressed_N_[i + 1][k] / 2);
+      }
     }
   }
 }
 
-void HandForces::Find(const InstrumentStack& stack, const WireState& state, const PointSet& points,
-                      const InternalForces& forces, const Sliding& sliding) {
-  const int n = state.segments();
-  count_ = stack.size();
+void HandForces::Find(const InstrumentStack& stack, const WireState& state,
+                      const Expansion& expansion, const InternalForces& forces,
+                      const Sliding& sliding) {
+  const PointSet& points = expansion.points;
   hands_ = {};
   bears_ = {};
-  if (n == 0) return;
-  const WireModel& rod = stack.rod();
-  const Vector3d& entry = rod.sheath().direction;
-  const Vector3d bend = Bend(entry, state.tangents().front()) / JointLength(rod, state, 0);
-  const auto leader = static_cast<std::size_t>(state.places().Leader());
-  if (count_ > 1) {
-    BalanceAll(stack, state, points, forces.point_gradient_N, sliding);
-  } else {
-    hands_[0].torque_mJ = forces.clamp_moment_mJ.dot(entry);
+  if (state.segments() == 0) return;
+  pressed_N_.assign(static_cast<std::size_t>(state.segments()) + 1, {});
+  FindOnCurve(stack, CurveOf(stack, state, expansion, false, forces.loads), points, forces,
+              sliding);
+  if (state.second() != nullptr && state.second()->segments() > 0) {
+    FindCurveLoads(state, expansion, true, second_loads_);
+    bears_ = {};
+    FindOnCurve(stack, CurveOf(stack, state, expansion, true, second_loads_), points, forces,
+                sliding);
   }
   for (int q = 0; q < points.size(); ++q) {
     hands_[static_cast<std::size_t>(points.SurfaceAt(q))].torque_mJ -=
         forces.surface_torque_mJ[static_cast<std::size_t>(q)];
   }
-  double left_N = forces.clamp_force_N.dot(entry) - rod.rigidity_N_mm2(n) * bend.squaredNorm() / 2;
-  for (std::size_t k = 0; k < static_cast<std::size_t>(count_); ++k) {
-    const double twisted_N = TorsionalThrust(rod, state, static_cast<int>(k));
+  if (stack.rod().spins() > 0) return;
+  // Friction in the lumen turns surfaces that do not twist.
+  for (const BetweenCurves::Slide& slide : expansion.between.slides) {
+    const LumenContact& contact = points.lumen[static_cast<std::size_t>(slide.load.place)];
+    const double around_N = slide.load.gradient[1];
+    hands_[static_cast<std::size_t>(contact.inner)].torque_mJ += slide.inner_spin_mm * around_N;
+    hands_[static_cast<std::size_t>(contact.outer)].torque_mJ += slide.outer_spin_mm * around_N;
+  }
+}
+
+void HandForces::FindOnCurve(const InstrumentStack& stack, const Curve& curve,
+                             const PointSet& points, const InternalForces& forces,
+                             const Sliding& sliding) {
+  const WireModel& rod = curve.rod;
+  const WireState& state = curve.state;
+  const Vector3d& entry = rod.sheath().direction;
+  const Vector3d bend = Bend(entry, state.tangents().front()) / JointLength(rod, state, 0);
+  if (stack.size() > 1) {
+    BalanceAll(stack, curve, points, sliding);
+  } else {
+    hands_[0].torque_mJ = forces.clamp_moment_mJ.dot(entry);
+  }
+  int leader = curve.range.first;
+  for (int k = leader + 1; k < curve.range.last; ++k) {
+    if (state.places()[k].insertion_mm > state.places()[leader].insertion_mm) leader = k;
+  }
+  double left_N = curve.at.distal_gradient[0].dot(entry) -
+                  rod.rigidity_N_mm2(state.segments()) * bend.squaredNorm() / 2;
+  for (const LumenLoad& load : curve.loads.in_lumen) left_N += load.unfelt_N;
+  for (int k = curve.range.first; k < curve.range.last; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const double twisted_N = TorsionalThrust(rod, state, k);
     left_N -= twisted_N;
     if (k == leader) continue;
-    const double inside_mm = state.places()[static_cast<int>(k)].insertion_mm;
+    const double inside_mm = state.places()[k].insertion_mm;
     if (inside_mm <= 0) continue;
-    const double rigidity =
-        JointAt(stack.instrument(static_cast<int>(k)), inside_mm).rigidity_N_mm2;
-    hands_[k].axial_N = -(bears_[k].force_before_N + load_N_[k].front()).dot(entry) -
-                        rigidity * bend.squaredNorm() / 2 - twisted_N;
-    left_N -= hands_[k].axial_N;
+    const double rigidity = JointAt(stack.instrument(k), inside_mm).rigidity_N_mm2;
+    hands_[at].axial_N = -(bears_[at].force_before_N + load_N_[at].front()).dot(entry) -
+                         rigidity * bend.squaredNorm() / 2 - twisted_N;
+    left_N -= hands_[at].axial_N;
   }
-  hands_[leader].axial_N = left_N;  // so that the sum is that of all together
+  // So that the sum is that of all on the curve together.
+  hands_[static_cast<std::size_t>(leader)].axial_N = left_N;
 }
 
 }  // namespace torquer

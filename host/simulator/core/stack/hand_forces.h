@@ -26,24 +26,33 @@ struct Sliding {
 };
 
 /// Finds the force and torque of every instrument's hand, by the balance of each from its tip to
-/// the sheath (README section 16). Keeps its room from one wire to the next.
+/// the sheath, curve by curve (README section 16). Keeps its room from one wire to the next.
 class HandForces {
  public:
-  /// `forces`: what FindInternalForces found at the state of which `points` are. O(n).
-  void Find(const InstrumentStack& stack, const WireState& state, const PointSet& points,
+  /// `forces`: what FindInternalForces found at the state of which `expansion` is. O(n).
+  void Find(const InstrumentStack& stack, const WireState& state, const Expansion& expansion,
             const InternalForces& forces, const Sliding& sliding);
   /// Finds alone what presses each instrument against the next one around it, by segment, as
-  /// PointSet::pressed_N has it. `point_gradient_N`: that of FindPointGradients. A coefficient of 0
-  /// finds nothing. O(n); no heap after Reserve.
-  void FindPressed(const InstrumentStack& stack, const WireState& state, const PointSet& points,
-                   const std::vector<Eigen::Vector3d>& point_gradient_N, const Sliding& sliding,
-                   std::vector<std::array<double, kMostInstruments>>& out);
+  /// PointSet::pressed_N has it, where they lie on one curve. A coefficient of 0 finds nothing.
+  /// O(n); no heap after Reserve.
+  void FindPressed(const InstrumentStack& stack, const WireState& state, const Expansion& expansion,
+                   const Sliding& sliding, std::vector<std::array<double, kMostInstruments>>& out);
   /// Makes room for rods of so many segments.
-  void Reserve(int segments);
+  void Reserve(int segments, int points_per_segment);
   /// Of each instrument, the innermost first; nothing for one that is not inside.
   const std::array<HandForce, kMostInstruments>& hands() const { return hands_; }
 
  private:
+  // A curve with its instruments, `first` to `last` - 1, and what acts on it.
+  struct Curve {
+    const WireModel& rod;
+    const WireState& state;
+    const Expansion& at;
+    bool second;
+    InstrumentStack::Range range;
+    const CurveLoads& loads;
+  };
+
   // What an instrument bears where the balance has come to. Vectors as InternalForces counts them.
   struct Bears {
     Eigen::Vector3d moment_mJ = Eigen::Vector3d::Zero();         // at the node
@@ -63,18 +72,23 @@ class HandForces {
     Eigen::Vector3d sum_EI_rest = Eigen::Vector3d::Zero();
   };
 
-  void BalanceAll(const InstrumentStack& stack, const WireState& state, const PointSet& points,
-                  const std::vector<Eigen::Vector3d>& point_gradient_N, const Sliding& sliding);
-  void ShareLoads(const PointSet& points, const std::vector<Eigen::Vector3d>& point_gradient_N,
-                  std::size_t nodes);
-  void FindMoments(const InstrumentStack& stack, const WireState& state, int joint);
-  void Balance(const WireState& state, int node, const Sliding& sliding);
-  void FindFriction(const WireState& state, int node, const Sliding& sliding);
+  static Curve CurveOf(const InstrumentStack& stack, const WireState& state,
+                       const Expansion& expansion, bool second, const CurveLoads& loads);
+  void FindOnCurve(const InstrumentStack& stack, const Curve& curve, const PointSet& points,
+                   const InternalForces& forces, const Sliding& sliding);
+  void BalanceAll(const InstrumentStack& stack, const Curve& curve, const PointSet& points,
+                  const Sliding& sliding);
+  void ShareLoads(const InstrumentStack& stack, const Curve& curve, const PointSet& points);
+  void FindMoments(const InstrumentStack& stack, const Curve& curve, int joint);
+  void Balance(const Curve& curve, int node, const Sliding& sliding);
+  void FindFriction(const Curve& curve, int node, const Sliding& sliding);
 
-  int count_ = 0;
+  CurveLoads second_loads_;
+  CurveLoads loads_;  // of the first curve, where no InternalForces have them
   std::array<HandForce, kMostInstruments> hands_;
   std::array<Bears, kMostInstruments> bears_;
-  std::array<int, kMostInstruments> order_ = {};  // the one that reaches farthest first
+  std::array<int, kMostInstruments> order_ = {};  // on a curve, the one that reaches farthest first
+  int count_ = 0;                                 // of these
   std::array<Share, kMostInstruments> shares_;    // in that order
   // On each instrument, one a node.
   std::array<std::vector<Eigen::Vector3d>, kMostInstruments> load_N_;

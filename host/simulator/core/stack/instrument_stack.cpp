@@ -160,20 +160,32 @@ InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
 
 double InstrumentStack::SecondReach(const InstrumentPlaces& places) const {
   const bool outer_leads = OuterLeads(places);
-  const int first = outer_leads ? 0 : clearance_.first_outer;
-  const int last = outer_leads ? clearance_.first_outer : size();
+  const Range other = OnCurve(!outer_leads);
   double reach_mm = 0;
-  for (int k = first; k < last; ++k) reach_mm = std::max(reach_mm, places[k].insertion_mm);
+  for (int k = other.first; k < other.last; ++k) {
+    reach_mm = std::max(reach_mm, places[k].insertion_mm);
+  }
   return reach_mm;
 }
 
 double InstrumentStack::LumenRadius(const InstrumentPlaces& places, double arc_mm) const {
-  double radius_mm = 0;
-  for (int k = size() - 1; k >= clearance_.first_outer; --k) {
-    const double own_mm = clearance_.lumen_radius_mm[static_cast<std::size_t>(k)];
-    if (radius_mm == 0 || places[k].insertion_mm >= arc_mm) radius_mm = own_mm;
+  return clearance_.lumen_radius_mm[static_cast<std::size_t>(LumenAt(places, arc_mm))];
+}
+
+int InstrumentStack::InLumenAt(const InstrumentPlaces& places, double arc_mm) const {
+  int found = clearance_.first_outer - 1;
+  for (int k = found - 1; k >= 0 && places[found].insertion_mm < arc_mm; --k) {
+    if (places[k].insertion_mm > places[found].insertion_mm) found = k;
   }
-  return radius_mm;
+  return found;
+}
+
+int InstrumentStack::LumenAt(const InstrumentPlaces& places, double arc_mm) const {
+  int found = clearance_.first_outer;
+  for (int k = found + 1; k < size() && places[found].insertion_mm < arc_mm; ++k) {
+    if (places[k].insertion_mm > places[found].insertion_mm) found = k;
+  }
+  return found;
 }
 
 // Instruments `first` .. `last` - 1 in a rod that ends at `end_mm`: the one that reaches farthest

@@ -75,6 +75,20 @@ class InstrumentStack {
   /// Radius of the lumen around the inner instruments at an arc length up to which an outer one
   /// reaches, mm.
   double LumenRadius(const InstrumentPlaces& places, double arc_mm) const;
+  /// The inner instrument whose surface faces the lumen at an arc length, and the outer one whose
+  /// lumen it is there. Where none reaches as far, the one that reaches farthest.
+  int InLumenAt(const InstrumentPlaces& places, double arc_mm) const;
+  int LumenAt(const InstrumentPlaces& places, double arc_mm) const;
+  /// The instruments on the curve that lies inside the lumen, or on the one around it; of one curve
+  /// all. From `first` to `last` - 1.
+  struct Range {
+    int first;
+    int last;
+  };
+  Range OnCurve(bool outer) const {
+    if (second_ == nullptr) return {0, size()};
+    return outer ? Range{clearance_.first_outer, size()} : Range{0, clearance_.first_outer};
+  }
 
   /// Insertions within 0 .. the length of each.
   InstrumentPlaces Bounded(const InstrumentPlaces& places) const;

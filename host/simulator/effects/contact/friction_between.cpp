@@ -12,7 +12,8 @@ namespace {
 
 // Of an instrument in another, at a segment.
 double TurnIn(const PointSet& points, int segment, int inner, int outer) {
-  const OfInstruments& turns = points.turns.angles_rad[static_cast<std::size_t>(segment)];
+  const PointSet::Turns& curve = points.LiesOnSecond(inner) ? points.second_turns : points.turns;
+  const OfInstruments& turns = curve.angles_rad[static_cast<std::size_t>(segment)];
   return turns[static_cast<std::size_t>(inner)] - turns[static_cast<std::size_t>(outer)];
 }
 
@@ -21,7 +22,8 @@ double TurnIn(const PointSet& points, int segment, int inner, int outer) {
 FrictionBetween::FrictionBetween(double coefficient, double slip_mm, const EffectContext& context)
     : slip_mm_(slip_mm), stack_(*context.stack) {
   sliding_.coefficient = coefficient;
-  if (context.wire.spins() > 1) {
+  if (stack_.second_rod() != nullptr) in_lumen_.emplace(coefficient, slip_mm, context);
+  if (stack_.rod().stack_twists()) {
     anchors_.resize(static_cast<std::size_t>(context.wire.max_segments()) + 1);
   }
 }
@@ -29,17 +31,20 @@ FrictionBetween::FrictionBetween(double coefficient, double slip_mm, const Effec
 void FrictionBetween::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const FrictionBetween&>(twin);
   sliding_ = from.sliding_;
+  in_lumen_ = from.in_lumen_;
   anchors_ = from.anchors_;
   anchored_ = from.anchored_;
 }
 
 void FrictionBetween::Reset() {
   sliding_.direction = {};
+  if (in_lumen_) in_lumen_->Reset();
   anchors_.assign(anchors_.size(), Anchors());
   anchored_ = 0;
 }
 
 void FrictionBetween::Begin(const PointSet& points) {
+  if (in_lumen_) in_lumen_->Begin(points);
   if (anchors_.empty()) return;
   const int segments = points.segments();
   const bool known = !points.pressed_N.empty();  // otherwise what was found last stays
@@ -55,7 +60,10 @@ void FrictionBetween::Begin(const PointSet& points) {
         own = Anchor();
         continue;
       }
-      if (inner >= 0) {
+      // Between two curves it is the lumen that holds.
+      const bool same_curve = inner >= 0 && points.LiesOnSecond(inner) == points.LiesOnSecond(k);
+      if (inner >= 0 && !same_curve) anchors[static_cast<std::size_t>(inner)] = Anchor();
+      if (same_curve) {
         Anchor& anchor = anchors[static_cast<std::size_t>(inner)];
         if (anchor.outer != k) {
           anchor = Anchor();
@@ -79,8 +87,8 @@ void FrictionBetween::Begin(const PointSet& points) {
 }
 
 double FrictionBetween::Add(const PointSet& points, PointDerivatives& out) const {
-  if (anchors_.empty()) return 0;
-  double energy_mJ = 0;
+  double energy_mJ = in_lumen_ ? in_lumen_->Add(points, out) : 0;
+  if (anchors_.empty()) return energy_mJ;
   for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
     const Anchors& anchors = AnchorsAt(points, i);
     for (int k = 0; k < stack_.size(); ++k) {
@@ -114,6 +122,7 @@ void FrictionBetween::MoveSurfaces(const PointSet& points,
       if (std::abs(slid_mm(k, m)) > kStillMm) sliding_.direction[k][m] = slid_mm(k, m) > 0 ? 1 : -1;
     }
   }
+  if (in_lumen_) in_lumen_->MoveSurfaces(points, moves);
   if (anchors_.empty()) return;
   // Twists that slide along are turns, too: of r times a rate of twist, far less than the way
   // along.
@@ -127,6 +136,7 @@ void FrictionBetween::MoveSurfaces(const PointSet& points,
 }
 
 void FrictionBetween::End(const PointSet& points) {
+  if (in_lumen_) in_lumen_->End(points);
   if (anchors_.empty()) return;
   for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
     Anchors& anchors = AnchorsAt(points, i);
@@ -149,6 +159,7 @@ void FrictionBetween::End(const PointSet& points) {
 }
 
 std::uint64_t FrictionBetween::Hash(std::uint64_t seed) const {
+  if (in_lumen_) seed = in_lumen_->Hash(seed);
   for (const auto& ways : sliding_.direction) {
     for (const int way : ways) seed = HashDouble(way, seed);
   }

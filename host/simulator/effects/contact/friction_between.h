@@ -7,11 +7,16 @@
 //   s = (way along it, r times turn)
 // how far both have moved against each other since an anchor, its energy is that of StickSlip with
 // the limit mu N: both ways share one cone. What slides along is therefore easily turned.
+//
+// Where a lumen has room, friction acts between its two curves as well, on their shapes, too:
+// lumen_friction.h.
 #pragma once
 
 #include <array>
+#include <optional>
 #include <vector>
 
+#include "host/simulator/effects/contact/lumen_friction.h"
 #include "host/simulator/effects/effect.h"
 
 namespace torquer::effects {
@@ -27,6 +32,7 @@ class FrictionBetween final : public Effect, public EnergyTerm {
 
   bool Dissipates() const override { return true; }
   const Sliding* SlidingBetween() const override { return &sliding_; }
+  bool SlidesInLumen() const override { return in_lumen_.has_value(); }
   void Begin(const PointSet& points) override;
   double Add(const PointSet& points, PointDerivatives& out) const override;
   void MoveSurfaces(const PointSet& points,
@@ -56,8 +62,9 @@ class FrictionBetween final : public Effect, public EnergyTerm {
   const double slip_mm_;
   const InstrumentStack& stack_;
   Sliding sliding_;
-  std::vector<Anchors> anchors_;  ///< empty where nothing twists
-  int anchored_ = 0;              ///< anchors beyond this many are blank
+  std::vector<Anchors> anchors_;           ///< empty where nothing twists
+  int anchored_ = 0;                       ///< anchors beyond this many are blank
+  std::optional<LumenFriction> in_lumen_;  ///< none where no lumen has room
 };
 
 EffectKind FrictionBetweenKind();

@@ -81,7 +81,6 @@ EffectKind ClearanceKind() {
           .summary = "what lies in a lumen has room there: two curves in contact",
           .roles = "stage, observer",
           .keys = Any(ClearanceKeys()),
-          .excludes = {"friction_between", "inertia", "internal_forces"},
           .make = MakeWith(MakeClearance),
           .room = [](const std::any& spec, const std::vector<Instrument>& instruments,
                      const WallModel& wall) {

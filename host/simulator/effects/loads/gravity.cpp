@@ -2,26 +2,22 @@
 
 namespace torquer::effects {
 
-Eigen::Vector3d Gravity::WeightAt(const PointSet& points, int q) const {
-  Eigen::Vector3d weight = weights_N_mm_[static_cast<std::size_t>(0)];
-  if (points.instruments == 1) return weight;
-  weight.setZero();
-  for (int k = 0; k < points.instruments; ++k) {
-    if (points.FromTipOf(k, q) >= 0) weight += weights_N_mm_[static_cast<std::size_t>(k)];
-  }
-  return weight;
-}
-
 double Gravity::Add(const PointSet& points, PointDerivatives& out) const {
   double energy = 0;
-  const int count = points.size();
-  for (int q = 0; q < count; ++q) {
-    const auto p = static_cast<std::size_t>(q);
-    const double length_mm = points.weight_mm[p];
-    const Eigen::Vector3d weight_N_mm = WeightAt(points, q);
-    out.TouchGradient(q);
-    out.gradient[p] -= length_mm * weight_N_mm;
-    energy -= length_mm * weight_N_mm.dot(points.position[p]);
+  for (int k = 0; k < points.instruments; ++k) {
+    const bool second = points.LiesOnSecond(k);
+    const int count = points.SizeOf(second);
+    const Eigen::Vector3d& weight_N_mm = weights_N_mm_[static_cast<std::size_t>(k)];
+    for (int q = 0; q < count; ++q) {
+      const double part = points.instruments == 1 ? 1 : points.PartOf(k, q);
+      if (part == 0) break;
+      const auto p = static_cast<std::size_t>(q);
+      const double length_mm = part * points.weight_mm[p];
+      PositionDerivatives& on = out.On(points, second, q);
+      on.TouchGradient(q);
+      on.gradient[p] -= length_mm * weight_N_mm;
+      energy -= length_mm * weight_N_mm.dot(points.PositionOn(second, q));
+    }
   }
   return energy;
 }

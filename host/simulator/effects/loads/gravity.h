@@ -8,7 +8,8 @@
 
 namespace torquer::effects {
 
-/// A dead force per length, spread by the trapezoidal rule over the points of the wire.
+/// A dead force per length of each instrument, spread by the trapezoidal rule over the points of
+/// its curve.
 class Gravity final : public Effect, public EnergyTerm {
  public:
   /// `weights_N_mm`: of a millimeter of each instrument, the innermost first, as vectors.
@@ -24,8 +25,6 @@ class Gravity final : public Effect, public EnergyTerm {
   std::uint64_t Hash(std::uint64_t seed) const override { return seed; }
 
  private:
-  Eigen::Vector3d WeightAt(const PointSet& points, int q) const;
-
   const std::vector<Eigen::Vector3d> weights_N_mm_;
 };
 

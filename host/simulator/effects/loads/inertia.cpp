@@ -1,6 +1,7 @@
 #include "host/simulator/effects/loads/inertia.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <utility>
 
@@ -16,48 +17,103 @@ namespace {
 // 1 g/m in N s^2/mm^2 and 1 mPa s in N s/mm^2.
 constexpr double kNewton = 1e-9;
 
-double Inserted(const PointSet& points) {
+// How far a curve reaches past the sheath.
+double Inserted(const PointSet& points, double behind_mm) {
   if (points.size() == 0) return 0;
   return points.per_segment * points.first_spacing_mm +
-         (points.size() - points.per_segment) * points.spacing_mm;
+         (points.size() - points.per_segment) * points.spacing_mm - behind_mm;
+}
+
+// How far the tip of a curve is behind the distal end.
+double BehindMm(const PointSet& points, bool second) {
+  if (!second) return 0;
+  double behind_mm = points.spacing_mm * points.size();
+  for (int k = 0; k < points.instruments; ++k) {
+    if (points.LiesOnSecond(k)) {
+      behind_mm = std::min(behind_mm, points.behind_mm[static_cast<std::size_t>(k)]);
+    }
+  }
+  return behind_mm;
+}
+
+// Calls each(second) for every curve.
+template <class Each>
+void ForCurves(const PointSet& points, Each each) {
+  each(false);
+  if (points.first_outer > 0) each(true);
 }
 
 }  // namespace
 
 Inertia::Inertia(Settings settings, const EffectContext& context)
-    : settings_(std::move(settings)),
-      sheath_(context.wire.sheath()),
-      material_(static_cast<std::size_t>(context.wire.max_segments() + 1) *
-                static_cast<std::size_t>(context.wall.points_per_segment)) {}
+    : settings_(std::move(settings)), sheath_(context.wire.sheath()) {
+  const std::size_t points = static_cast<std::size_t>(context.wire.max_segments() + 1) *
+                             static_cast<std::size_t>(context.wall.points_per_segment);
+  curves_[0].material.resize(points);
+  next_.resize(points);
+  if (context.stack != nullptr && context.stack->second_rod() != nullptr) {
+    curves_[1].material.resize(points);
+  }
+}
+
+std::size_t Inertia::NumberOf(const PointSet& points, bool second) {
+  return points.first_outer > 0 && second != points.outer_leads ? 1 : 0;
+}
 
 // What moves across: the instruments, the fluid in them, and outside them as much as they displace,
 // which is the added mass of a cylinder. Of the fluid that is twice what the outermost displaces,
-// because the instruments' own densities are less what each displaces.
-double Inertia::DensityAt(const PointSet& points, int q) const {
+// because the instruments' own densities are less what each displaces. Of two curves the inner one
+// takes that share of it which it has by itself.
+double Inertia::DensityAt(const PointSet& points, bool second, int q) const {
   double density_g_m = 0;
   for (int k = 0; k < points.instruments; ++k) {
-    if (points.instruments > 1 && points.FromTipOf(k, q) < 0) continue;
-    density_g_m += settings_.linear_density_g_m[static_cast<std::size_t>(k)];
+    if (points.LiesOnSecond(k) != second) continue;
+    const double part = points.instruments > 1 ? points.PartOf(k, q) : 1;
+    density_g_m += part * settings_.linear_density_g_m[static_cast<std::size_t>(k)];
   }
-  const double radius_mm = points.radius_mm[static_cast<std::size_t>(q)];
-  return density_g_m + 2e-3 * settings_.fluid_kg_m3 * std::numbers::pi * radius_mm * radius_mm;
+  const auto p = static_cast<std::size_t>(q);
+  const bool outer_seen = points.OnSecond(q) != points.outer_leads;
+  const bool within = outer_seen && q < static_cast<int>(points.covered.size());
+  double squared_mm2 = 0;
+  if (points.OnSecond(q) == second) {
+    squared_mm2 = points.radius_mm[p] * points.radius_mm[p];
+    if (within) squared_mm2 -= points.covered_radius_mm[p] * points.covered_radius_mm[p];
+  } else if (within) {
+    squared_mm2 = points.covered_radius_mm[p] * points.covered_radius_mm[p];
+  }
+  return density_g_m + 2e-3 * settings_.fluid_kg_m3 * std::numbers::pi * squared_mm2;
 }
 
-Inertia::Material Inertia::Before(const PointSet& points, int q) const {
+Inertia::Material Inertia::Before(const PointSet& points, bool second, int q) const {
+  const Curve& curve = curves_[NumberOf(points, second)];
+  const double behind_mm = BehindMm(points, second);
   // Within the first segment, whose length changes, points do not keep their material.
   const bool keeps = q + 1 >= points.per_segment;
-  if (keeps && points.FromTip(q) < known_) {
-    return material_[static_cast<std::size_t>(points.FromTip(q))];
+  const int last = points.SizeOf(second) - 1;
+  const double beyond_tip_mm = behind_mm - points.FromTip(last) * points.spacing_mm;
+  // Where the material was counted from the tip, in pieces.
+  const double moved = (curve.beyond_tip_mm - beyond_tip_mm) / points.spacing_mm;
+  const double place = last - q + moved;
+  if (keeps && place <= curve.known - 1) {
+    const int at = std::clamp(static_cast<int>(std::floor(place)), 0, curve.known - 1);
+    const Material& here = curve.material[static_cast<std::size_t>(at)];
+    const double part = place - at;
+    if (part == 0 || at + 1 == curve.known) return here;
+    const Material& next = curve.material[static_cast<std::size_t>(at) + 1];
+    return {here.at + part * (next.at - here.at),
+            here.velocity_mm_s + part * (next.velocity_mm_s - here.velocity_mm_s)};
   }
-  const double from_tip_mm = keeps ? points.FromTip(q) * points.spacing_mm
-                                   : Inserted(points) - (q + 1) * points.first_spacing_mm;
-  const double in_sheath_mm = from_tip_mm - inserted_mm_;
+  const double from_tip_mm = keeps
+                                 ? points.FromTip(q) * points.spacing_mm - behind_mm
+                                 : Inserted(points, behind_mm) - (q + 1) * points.first_spacing_mm;
+  const double in_sheath_mm = from_tip_mm - curve.inserted_mm;
   Material in_sheath{sheath_.point_mm - std::max(0.0, in_sheath_mm) * sheath_.direction,
-                     fed_mm_s_ * sheath_.direction};
-  if (in_sheath_mm >= 0 || known_ == 0) return in_sheath;
+                     curve.fed_mm_s * sheath_.direction};
+  if (in_sheath_mm >= 0 || curve.known == 0) return in_sheath;
   // On the first segment as it was: straight, from its end to the sheath.
-  const Material& end = material_[static_cast<std::size_t>(known_ - 1)];
-  const double length_mm = inserted_mm_ - (known_ - 1) * points.spacing_mm;
+  const Material& end = curve.material[static_cast<std::size_t>(curve.known - 1)];
+  const double length_mm =
+      curve.inserted_mm - ((curve.known - 1) * points.spacing_mm - curve.beyond_tip_mm);
   const double part = std::clamp(-in_sheath_mm / length_mm, 0.0, 1.0);
   return {in_sheath.at + part * (end.at - in_sheath.at),
           in_sheath.velocity_mm_s + part * (end.velocity_mm_s - in_sheath.velocity_mm_s)};
@@ -65,81 +121,105 @@ Inertia::Material Inertia::Before(const PointSet& points, int q) const {
 
 void Inertia::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const Inertia&>(twin);
-  material_ = from.material_;
-  known_ = from.known_;
-  inserted_mm_ = from.inserted_mm_;
-  fed_mm_s_ = from.fed_mm_s_;
+  curves_ = from.curves_;
   begun_ = from.begun_;
   left_s_ = from.left_s_;
   part_s_ = from.part_s_;
   kinetic_mJ_ = from.kinetic_mJ_;
 }
 
+// Takes over how far a curve reaches, and which points keep their material.
+void Inertia::Remember(const PointSet& points, bool second, Curve& curve) {
+  const int count = points.SizeOf(second);
+  const double behind_mm = BehindMm(points, second);
+  curve.known = std::max(0, count - points.per_segment + 1);
+  curve.beyond_tip_mm = count == 0 ? 0 : behind_mm - points.FromTip(count - 1) * points.spacing_mm;
+  curve.inserted_mm = Inserted(points, behind_mm);
+}
+
 void Inertia::Begin(const PointSet& points) {
   part_s_ = left_s_;
   if (begun_) return;
   begun_ = true;
-  for (int q = points.per_segment - 1; q < points.size(); ++q) {
-    material_[static_cast<std::size_t>(points.FromTip(q))] = {
-        points.position[static_cast<std::size_t>(q)], Vector3d::Zero()};
-  }
-  known_ = std::max(0, points.size() - points.per_segment + 1);
-  inserted_mm_ = Inserted(points);
+  ForCurves(points, [&](bool second) {
+    Curve& curve = curves_[NumberOf(points, second)];
+    const int count = points.SizeOf(second);
+    for (int q = points.per_segment - 1; q < count; ++q) {
+      curve.material[static_cast<std::size_t>(count - 1 - q)] = {points.PositionOn(second, q),
+                                                                 Vector3d::Zero()};
+    }
+    Remember(points, second, curve);
+  });
 }
 
 double Inertia::Add(const PointSet& points, PointDerivatives& out) const {
   if (part_s_ == 0) return 0;  // in no time the wire goes to where it rests
   double energy = 0;
-  for (int q = 0; q < points.size(); ++q) {
-    const auto p = static_cast<std::size_t>(q);
-    const Material before = Before(points, q);
-    const double length_mm = points.weight_mm[static_cast<std::size_t>(q)];
-    const double mass = kNewton * DensityAt(points, q) * length_mm / (part_s_ * part_s_);
-    const double drag = kNewton * settings_.drag_mPa_s * length_mm / part_s_;
-    const Vector3d moved = points.position[p] - before.at;
-    const Vector3d ahead = moved - part_s_ * before.velocity_mm_s;
-    energy += mass * ahead.squaredNorm() / 2 + drag * moved.squaredNorm() / 2;
-    out.Touch(q);
-    out.gradient[p] += mass * ahead + drag * moved;
-    if (out.with_hessian) out.hessian[p] += (mass + drag) * Matrix3d::Identity();
-  }
+  ForCurves(points, [&](bool second) {
+    const int count = points.SizeOf(second);
+    for (int q = 0; q < count; ++q) {
+      const auto p = static_cast<std::size_t>(q);
+      const Material before = Before(points, second, q);
+      const double length_mm = points.weight_mm[p];
+      const double mass = kNewton * DensityAt(points, second, q) * length_mm / (part_s_ * part_s_);
+      // What lies in a lumen has no blood around it to go through.
+      const double drag_mPa_s = points.OnSecond(q) == second ? settings_.drag_mPa_s : 0;
+      const double drag = kNewton * drag_mPa_s * length_mm / part_s_;
+      const Vector3d moved = points.PositionOn(second, q) - before.at;
+      const Vector3d ahead = moved - part_s_ * before.velocity_mm_s;
+      energy += mass * ahead.squaredNorm() / 2 + drag * moved.squaredNorm() / 2;
+      PositionDerivatives& on = out.On(points, second, q);
+      on.Touch(q);
+      on.gradient[p] += mass * ahead + drag * moved;
+      if (on.with_hessian) on.hessian[p] += (mass + drag) * Matrix3d::Identity();
+    }
+  });
   return energy;
 }
 
 void Inertia::End(const PointSet& points) {
   const double per_s = part_s_ > 0 ? 1 / part_s_ : 0;
   kinetic_mJ_ = 0;
-  // From the sheath on: what is not known yet is between the last that is and the sheath.
-  for (int q = 0; q < points.size(); ++q) {
-    const Vector3d& at = points.position[static_cast<std::size_t>(q)];
-    const Vector3d velocity_mm_s = per_s * (at - Before(points, q).at);
-    kinetic_mJ_ += kNewton * DensityAt(points, q) * points.weight_mm[static_cast<std::size_t>(q)] *
-                   velocity_mm_s.squaredNorm() / 2;
-    if (q + 1 < points.per_segment) continue;
-    material_[static_cast<std::size_t>(points.FromTip(q))] = {at, velocity_mm_s};
-  }
-  known_ = std::max(0, points.size() - points.per_segment + 1);
-  const double inserted_mm = Inserted(points);
-  fed_mm_s_ = per_s * (inserted_mm - inserted_mm_);
-  inserted_mm_ = inserted_mm;
+  ForCurves(points, [&](bool second) {
+    Curve& curve = curves_[NumberOf(points, second)];
+    const int count = points.SizeOf(second);
+    for (int q = 0; q < count; ++q) {
+      const Vector3d& at = points.PositionOn(second, q);
+      const Vector3d velocity_mm_s = per_s * (at - Before(points, second, q).at);
+      kinetic_mJ_ += kNewton * DensityAt(points, second, q) *
+                     points.weight_mm[static_cast<std::size_t>(q)] * velocity_mm_s.squaredNorm() /
+                     2;
+      if (q + 1 < points.per_segment) continue;
+      next_[static_cast<std::size_t>(count - 1 - q)] = {at, velocity_mm_s};
+    }
+    const double before_mm = curve.inserted_mm;
+    std::swap(curve.material, next_);
+    Remember(points, second, curve);
+    curve.fed_mm_s = per_s * (curve.inserted_mm - before_mm);
+  });
   left_s_ -= part_s_;
   part_s_ = 0;
 }
 
 void Inertia::Reset() {
   begun_ = false;
-  known_ = 0;
-  inserted_mm_ = fed_mm_s_ = left_s_ = part_s_ = kinetic_mJ_ = 0;
+  for (Curve& curve : curves_) {
+    curve.known = 0;
+    curve.beyond_tip_mm = curve.inserted_mm = curve.fed_mm_s = 0;
+  }
+  left_s_ = part_s_ = kinetic_mJ_ = 0;
 }
 
 std::uint64_t Inertia::Hash(std::uint64_t seed) const {
-  for (const double value : {left_s_, part_s_, inserted_mm_, fed_mm_s_}) {
-    seed = HashDouble(value, seed);
-  }
-  for (int j = 0; j < known_; ++j) {
-    const Material& material = material_[static_cast<std::size_t>(j)];
-    for (const double component : material.at) seed = HashDouble(component, seed);
-    for (const double component : material.velocity_mm_s) seed = HashDouble(component, seed);
+  for (const double value : {left_s_, part_s_}) seed = HashDouble(value, seed);
+  for (const Curve& curve : curves_) {
+    if (curve.material.empty()) continue;
+    for (const double value : {curve.inserted_mm, curve.fed_mm_s}) seed = HashDouble(value, seed);
+    for (int j = 0; j < curve.known; ++j) {
+      const Material& material = curve.material[static_cast<std::size_t>(j)];
+      for (const double component : material.at) seed = HashDouble(component, seed);
+      for (const double component : material.velocity_mm_s) seed = HashDouble(component, seed);
+    }
   }
   return seed;
 }

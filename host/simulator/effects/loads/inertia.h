@@ -9,9 +9,11 @@
 // Position and velocity are remembered by the distance from the tip, which is what stays the same
 // of a place of the material while the wire is fed. At a fixed distance from the sheath the
 // material changes, and the acceleration would need the terms of convection. What lies in the
-// sheath is straight and moves as the hand does.
+// sheath is straight and moves as the hand does. Of two curves each remembers its own material, by
+// the distance from its own tip.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "host/simulator/effects/effect.h"
@@ -54,19 +56,29 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
     Eigen::Vector3d velocity_mm_s = Eigen::Vector3d::Zero();
   };
 
-  Material Before(const PointSet& points, int q) const;
-  double DensityAt(const PointSet& points, int q) const;
+  // A curve when the part began.
+  struct Curve {
+    std::vector<Material> material;  // of the points that keep their material, from the tip on
+    int known = 0;                   // of these
+    double beyond_tip_mm = 0;        // how far the first of them is beyond the tip
+    double inserted_mm = 0;
+    double fed_mm_s = 0;  // velocity of what is in the sheath
+  };
+
+  // Which of the two curves of `points` that is: 0 that of the innermost instrument, 1 the other.
+  static std::size_t NumberOf(const PointSet& points, bool second);
+  Material Before(const PointSet& points, bool second, int q) const;
+  double DensityAt(const PointSet& points, bool second, int q) const;
+  static void Remember(const PointSet& points, bool second, Curve& curve);
 
   const Settings settings_;
   const Sheath sheath_;
-  std::vector<Material> material_;  // by PointSet::FromTip, of the points that keep their material
-  int known_ = 0;                   // of these
-  double inserted_mm_ = 0;          // where the part began
-  double fed_mm_s_ = 0;             // velocity of what is in the sheath
-  bool begun_ = false;              // since Reset
-  double left_s_ = 0;               // time that no part has simulated
-  double part_s_ = 0;               // what the present part takes of it
-  double kinetic_mJ_ = 0;           // when the last part ended
+  std::array<Curve, 2> curves_;  // by NumberOf; of one curve the first alone
+  std::vector<Material> next_;   // while a part ends: those of one curve
+  bool begun_ = false;           // since Reset
+  double left_s_ = 0;            // time that no part has simulated
+  double part_s_ = 0;            // what the present part takes of it
+  double kinetic_mJ_ = 0;        // when the last part ended
 };
 
 EffectKind InertiaKind();

@@ -1,0 +1,185 @@
+// Friction between a wire and the lumen in which it has room.
+#include "host/simulator/effects/contact/lumen_friction.h"
+
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "host/simulator/core/newton/front_sweep.h"
+#include "tests/support/allocation_counter.h"
+#include "tests/support/finite_differences.h"
+#include "tests/support/pulled_wire.h"
+#include "tests/support/sanitizer.h"
+#include "tests/support/two_curves.h"
+
+namespace torquer::test {
+namespace {
+
+// Two curves with friction, whose surfaces have slid against each other since the part's start.
+struct Slid {
+  TwoCurves curves;
+  effects::FrictionBetween friction;
+
+  effects::EffectContext Context() const {
+    effects::EffectContext context{curves.model, curves.wall};
+    context.instruments.resize(static_cast<std::size_t>(curves.stack.size()));
+    context.stack = &curves.stack;
+    return context;
+  }
+  void Expand() {
+    curves.mechanics.points().Forget();
+    curves.mechanics.Expand(curves.state, curves.at);
+  }
+  Slid(const InstrumentPlaces& places, int points, double ratio, double slip_mm)
+      : curves(places, points, 11, ratio), friction(0.4, slip_mm, Context()) {
+    curves.terms.push_back(&friction);
+    curves.at = curves.mechanics.MakeExpansion();
+    Expand();
+    friction.Begin(curves.at.points);
+    std::array<SurfaceMove, kMostInstruments> moves = {};
+    moves[0] = {.along_mm = 0.01, .turn_rad = 0.03};
+    moves[1] = {.along_mm = -0.004, .turn_rad = -0.01};
+    friction.MoveSurfaces(curves.at.points, moves);
+    Eigen::VectorXd x(curves.unknowns());
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> turn(-8e-4, 8e-4);
+    for (double& component : x) component = turn(random);
+    curves.state = curves.Stepped(x);
+    Expand();
+  }
+};
+
+TEST_CASE("Friction in a lumen has the gradient of finite differences") {
+  const InstrumentPlaces places =
+      GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
+  const int points = GENERATE(1, 2, 4);
+  const double ratio = GENERATE(0.0, 0.7);
+  const double slip_mm = GENERATE(0.04, 0.003);  // sticks, slips
+  if (kUnderSanitizer && points == 4) return;
+  Slid slid(places, points, ratio, slip_mm);
+  const Eigen::VectorXd with = slid.curves.Gradient();
+  const Eigen::VectorXd gradient =
+      GradientOf([&](const Eigen::VectorXd& step) { return slid.curves.Energy(step); },
+                 Eigen::VectorXd::Zero(slid.curves.unknowns()), 1e-5);
+  CAPTURE(points, ratio, slip_mm, slid.curves.at.dissipated_mJ);
+  CHECK((gradient - with).norm() < 2e-6 * gradient.norm());
+  // The part of friction in it is no small one.
+  slid.friction.Reset();
+  slid.Expand();
+  CHECK((slid.curves.Gradient() - with).norm() > 1e-3 * with.norm());
+}
+
+TEST_CASE("The sweep with friction in a lumen solves the dense system") {
+  const InstrumentPlaces places = GENERATE(kWireLeads, kThreeCatheterLeads);
+  const double ratio = GENERATE(0.0, 0.7);
+  Slid slid(places, 2, ratio, 0.04);
+  TwoCurves& curves = slid.curves;
+  Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
+                                      Eigen::VectorXd::Zero(curves.unknowns()), 1e-4);
+  Eigen::VectorXd unit(curves.unknowns());
+  unit << UnitWeight(curves.model, curves.state), UnitWeight(curves.second, *curves.state.second());
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      hessian, Eigen::MatrixXd(unit.asDiagonal()));
+  const double weight = 1 - eigen.eigenvalues()[0];
+  hessian.diagonal() += weight * unit;
+  const Eigen::VectorXd dense = -hessian.llt().solve(curves.Gradient());
+  FrontSweep sweep(curves.model.max_segments(), curves.stack.second_rod());
+  const auto swept = [&] {
+    REQUIRE(sweep.Factor(curves.model, curves.state, curves.at, weight));
+    std::vector<Vector2d> step;
+    std::vector<double> spin;
+    std::vector<Vector3d> displacement;
+    sweep.Step(curves.model, curves.state, curves.at, step, spin, displacement);
+    Eigen::VectorXd all(curves.unknowns());
+    all << Unknowns(curves.model, step, spin),
+        Unknowns(curves.second, sweep.second_step(), sweep.second_spin());
+    return all;
+  };
+  // Second derivatives of the ways are left out.
+  const double apart = (swept() - dense).norm();
+  CHECK(apart < 0.005 * dense.norm());
+  // Without what couples spins the step is another one.
+  if (ratio == 0) return;
+  for (BetweenCurves::SpinTerms& terms : curves.at.between.spin_terms) terms.any = false;
+  CHECK((swept() - dense).norm() > 3 * apart);
+}
+
+// Round a bend of the angle a the tension grows to F exp(mu a). With the room c a wire goes
+// straight from the clamp to the inner side, which it reaches where the lumen has turned by sqrt(2
+// c / R).
+TEST_CASE("Drawn through a lumen with room a wire follows the capstan law") {
+  const double gj = GENERATE(0.0, PulledWire::kGj);
+  const double mu = GENERATE(0.1, 0.3);
+  const double segment_mm = GENERATE(1.0, 0.5);
+  constexpr double kRoom_mm = 0.01;
+  const double bound = 0.004 + 0.05 * mu;
+  if (kUnderSanitizer && segment_mm < 1) return;
+  PulledWire wire({.segment_mm = segment_mm, .mu = mu, .room_mm = kRoom_mm, .gj_N_mm2 = gj});
+  CHECK(wire.TensionAtSheath() == Approx(PulledWire::kForce).epsilon(0.004));
+  const double angle =
+      PulledWire::kInside / PulledWire::kRing - std::sqrt(2 * kRoom_mm / PulledWire::kRing);
+  const double free_N = wire.TensionAtSheath();
+  const double round_N = wire.Hand(1).axial_N;
+  wire.Go(-0.5, 0, 5);
+  CAPTURE(gj, mu, segment_mm);
+  CHECK(wire.TensionAtSheath() == Approx(PulledWire::kForce * std::exp(mu * angle)).epsilon(bound));
+  // The catheter's hand holds what friction takes, besides what its round shape does in the sheath.
+  const double more_N = wire.TensionAtSheath() - free_N;
+  CHECK(wire.Hand(0).axial_N == Approx(-wire.TensionAtSheath()).epsilon(bound));
+  CHECK(wire.Hand(1).axial_N - round_N == Approx(more_N).margin(bound * PulledWire::kForce));
+  wire.Go(0.5, 0, 5);
+  CHECK(wire.TensionAtSheath() ==
+        Approx(PulledWire::kForce * std::exp(-mu * angle)).epsilon(bound));
+}
+
+// As without room (stack_friction_test.cpp), but that the wire climbs the lumen's side to the angle
+// of friction: it is pressed with F/R, and held across by the sine of that angle.
+TEST_CASE("Turned in a lumen with room a wire follows the closed form of a torque lag") {
+  const double segment_mm = GENERATE(2.0, 1.0);
+  CAPTURE(segment_mm);
+  PulledWire wire({.segment_mm = segment_mm, .room_mm = 0.01});
+  const double held = std::sin(std::atan(PulledWire::kMu)) * PulledWire::kForce *
+                      PulledWire::kRadius / PulledWire::kRing;
+  const double lag = held * PulledWire::kInside * PulledWire::kInside / (2 * PulledWire::kGj);
+  const double bound = 0.01 + 0.03 * segment_mm;
+  wire.Go(0, 2 * lag, 20);
+  CHECK(wire.HandTorque() == Approx(held * PulledWire::kInside).epsilon(bound));
+  CHECK(wire.TipTurn() == Approx(lag).epsilon(2 * bound));
+  // Back: twice the torque over half the way (Masing).
+  const double tip = wire.TipTurn();
+  wire.Go(0, -0.8 * lag, 8);
+  const double torque = std::sqrt(2 * PulledWire::kGj * held * 0.4 * lag);
+  CHECK(wire.HandTorque() ==
+        Approx(held * PulledWire::kInside - 2 * torque).margin(0.1 * held * PulledWire::kInside));
+  CHECK(wire.TipTurn() == Approx(tip).epsilon(0.03));
+}
+
+TEST_CASE(
+    "A wire that does not twist is held by friction all along where it is turned in a lumen") {
+  const double way = GENERATE(1.0, -1.0);
+  PulledWire wire({.room_mm = 0.01, .gj_N_mm2 = 0});
+  const double before_mJ = wire.Hand(1).torque_mJ;
+  wire.Go(0, way, 10);
+  const double held_mJ = std::sin(std::atan(PulledWire::kMu)) * PulledWire::kForce *
+                         PulledWire::kRadius / PulledWire::kRing * PulledWire::kInside;
+  CHECK(wire.Hand(0).torque_mJ == Approx(way * held_mJ).epsilon(0.04));
+  CHECK(wire.forces.twisting_mJ.front() == Approx(-wire.Hand(0).torque_mJ).epsilon(1e-6));
+  // The catheter is taken along.
+  CHECK(wire.Hand(1).torque_mJ - before_mJ == Approx(-way * held_mJ).epsilon(0.1));
+  wire.Go(0, -way, 10);
+  CHECK(wire.Hand(0).torque_mJ == Approx(-way * held_mJ).epsilon(0.04));
+}
+
+TEST_CASE("Friction in a lumen holds without creep, and without a coefficient there is none") {
+  PulledWire wire({.room_mm = 0.05});
+  wire.Go(-0.2, 0.1, 4);
+  const double tension_N = wire.TensionAtSheath();
+  for (int k = 0; k < Rounds(500, 10); ++k) wire.Go(0, 0);
+  CHECK(wire.TensionAtSheath() == Approx(tension_N).epsilon(1e-3));
+  PulledWire free({.mu = 0, .room_mm = 0.05});
+  free.Go(-0.2, 0.1, 4);
+  CHECK(free.TensionAtSheath() == Approx(PulledWire::kForce).epsilon(0.02));
+}
+
+}  // namespace
+}  // namespace torquer::test

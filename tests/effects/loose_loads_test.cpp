@@ -1,0 +1,183 @@
+// Weight and mass of instruments that have room in a lumen.
+#include <catch2/catch.hpp>
+#include <memory>
+#include <vector>
+
+#include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/effects/loads/gravity.h"
+#include "host/simulator/effects/loads/inertia.h"
+#include "tests/support/analytic_fields.h"
+#include "tests/support/finite_differences.h"
+#include "tests/support/two_curves.h"
+
+namespace torquer::test {
+namespace {
+
+// Straight instruments in free space, the inner one in a lumen so wide that they never touch.
+struct Apart {
+  static constexpr double kLumen_mm = 30;
+  InstrumentStack stack;
+  FreeSpace field;
+  WallModel wall{.points_per_segment = 2};
+  std::unique_ptr<effects::Gravity> gravity;
+  std::unique_ptr<effects::Inertia> inertia;
+  std::vector<EnergyTerm*> terms;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  static std::vector<WireModel> Instruments() {
+    std::vector<WireModel> both;
+    both.push_back(MakeWire({.rigidity_N_mm2 = 0.02, .radius_mm = 0.2}));
+    both.push_back(MakeWire({.rigidity_N_mm2 = 0.05, .radius_mm = 40}));
+    return both;
+  }
+  // With inertia at every tick of so many seconds; 0: none.
+  explicit Apart(const std::vector<double>& weights_N_mm, double step_s = 0)
+      : stack(Instruments(),
+              {.first_outer = 1, .lumen_radius_mm = {0, kLumen_mm}, .stiffness_N_mm2 = 1}),
+        gravity(std::make_unique<effects::Gravity>(
+            std::vector<Vector3d>{{0, -weights_N_mm[0], 0}, {0, -weights_N_mm[1], 0}})),
+        terms{gravity.get()},
+        state(stack.rod(), 2) {
+    if (step_s > 0) {
+      effects::EffectContext context{stack.rod(), wall};
+      context.stack = &stack;
+      inertia = std::make_unique<effects::Inertia>(
+          effects::Inertia::Settings{.linear_density_g_m = {0.7, 2}}, context);
+      terms.push_back(inertia.get());
+    }
+    relaxation = MakeNewtonRelaxation(stack, field, wall, {.tolerance = 1e-9}, terms);
+    relaxation->Restart(state);
+  }
+  void MoveTo(const InstrumentPlaces& places) {
+    REQUIRE(Settle(*relaxation, places, state, 400).converged);
+  }
+};
+
+// A lone wire like one of them.
+struct Lone {
+  WireModel model;
+  FreeSpace field;
+  WallModel wall{.points_per_segment = 2};
+  effects::Gravity gravity;
+  std::unique_ptr<effects::Inertia> inertia;
+  std::vector<EnergyTerm*> terms{&gravity};
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+
+  Lone(int instrument, double weight_N_mm, double step_s = 0)
+      : model(Apart::Instruments()[static_cast<std::size_t>(instrument)]),
+        gravity({Vector3d(0, -weight_N_mm, 0)}),
+        state(model) {
+    if (step_s > 0) {
+      effects::EffectContext context{model, wall};
+      inertia = std::make_unique<effects::Inertia>(
+          effects::Inertia::Settings{.linear_density_g_m = {instrument == 0 ? 0.7 : 2.0}}, context);
+      terms.push_back(inertia.get());
+    }
+    relaxation = MakeNewtonRelaxation(model, field, wall, {.tolerance = 1e-9}, terms);
+    relaxation->Restart(state);
+  }
+};
+
+TEST_CASE("Whatever leads, instruments that do not touch hang as each does alone") {
+  const InstrumentPlaces places =
+      GENERATE(InstrumentPlaces{{52.3, 0}, {41.9, 0}}, InstrumentPlaces{{38.6, 0}, {47.2, 0}});
+  const std::vector<double> weights_N_mm{2e-7, 9e-7};
+  Apart both(weights_N_mm);
+  both.MoveTo(places);
+  for (int k = 0; k < 2; ++k) {
+    CAPTURE(places[0].insertion_mm, k);
+    Lone alone(k, weights_N_mm[static_cast<std::size_t>(k)]);
+    REQUIRE(Settle(*alone.relaxation, {places[k].insertion_mm, 0}, alone.state).converged);
+    const WireState& curve = both.state.CurveOf(k);
+    const WireModel& rod = &curve == &both.state ? both.stack.rod() : *both.stack.second_rod();
+    const Vector3d tip = PointAt(rod, curve, places[k].insertion_mm);
+    const double sunk_mm = -alone.state.tip()[1];
+    CHECK(sunk_mm > 1);
+    CHECK(-tip[1] == Approx(sunk_mm).epsilon(2e-3));
+  }
+}
+
+TEST_CASE("An instrument weighs as much as is of it, wherever its tip falls") {
+  Apart both({1e-7, 1e-7});
+  both.MoveTo({{30, 0}, {22, 0}});
+  PointSet points = both.relaxation->Current().points;
+  const double in_sheath_mm = points.first_spacing_mm / 2;
+  for (double behind_mm = 0; behind_mm < 29; behind_mm += 0.0837) {
+    points.behind_mm[0] = behind_mm;
+    double length_mm = 0;
+    for (int q = 0; q < points.size(); ++q) {
+      length_mm += points.PartOf(0, q) * points.weight_mm[static_cast<std::size_t>(q)];
+    }
+    CHECK(length_mm == Approx(30 - behind_mm - in_sheath_mm).margin(1e-9));
+  }
+}
+
+TEST_CASE("Weight and mass of two curves have the gradient of finite differences") {
+  const InstrumentPlaces places =
+      GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
+  TwoCurves curves(places, GENERATE(1, 3), 11, 0.7);
+  effects::Gravity gravity(
+      {Vector3d(1e-5, 2e-5, 0), Vector3d(-2e-5, 0, 1e-5), Vector3d(0, 1e-5, 2e-5)});
+  effects::EffectContext context{curves.model, curves.wall};
+  context.stack = &curves.stack;
+  effects::Inertia inertia(
+      {.linear_density_g_m = {0.7, 2, 3}, .fluid_kg_m3 = 1060, .drag_mPa_s = 7}, context);
+  curves.terms.push_back(&gravity);
+  curves.terms.push_back(&inertia);
+  curves.at = curves.mechanics.MakeExpansion();
+  curves.mechanics.Expand(curves.state, curves.at);
+  inertia.Lapse(0.002);
+  inertia.Begin(curves.at.points);
+  Eigen::VectorXd x = Eigen::VectorXd::Constant(curves.unknowns(), 8e-3);
+  for (Eigen::Index k = 0; k < x.size(); k += 3) x[k] = -5e-3;
+  curves.state = curves.Stepped(x);
+  curves.mechanics.points().Forget();
+  curves.mechanics.Expand(curves.state, curves.at);
+  REQUIRE(curves.at.dissipated_mJ > 1e-8);
+  const Eigen::VectorXd gradient =
+      GradientOf([&](const Eigen::VectorXd& step) { return curves.Energy(step); },
+                 Eigen::VectorXd::Zero(curves.unknowns()), 1e-4);
+  CHECK((gradient - curves.Gradient()).norm() < 1e-6 * gradient.norm());
+}
+
+// Falling from straight, fed and drawn meanwhile, instruments that do not touch swing as each
+// alone.
+TEST_CASE("Instruments that do not touch swing as each does alone, whichever leads") {
+  constexpr double kStep_s = 0.002;
+  const bool wire_leads = GENERATE(true, false);
+  const std::vector<double> weights_N_mm{3e-7, 1e-6};
+  Apart both(weights_N_mm, kStep_s);
+  Lone alone[2] = {Lone(0, weights_N_mm[0], kStep_s), Lone(1, weights_N_mm[1], kStep_s)};
+  const auto place_of = [&](int tick) {
+    // Both at rest, then one slides in the other; at the end they change places.
+    const double way = 0.02 * tick;
+    return wire_leads ? InstrumentPlaces{{42.3 + way, 0}, {36.1, 0}}
+                      : InstrumentPlaces{{31.7 + way, 0}, {40.2, 0}};
+  };
+  double farthest_mm = 0;
+  for (int tick = 0; tick < 600; ++tick) {
+    const InstrumentPlaces places = place_of(tick);
+    const auto move = [&](effects::Inertia& inertia, Relaxation& relaxation,
+                          const InstrumentPlaces& to, WireState& state) {
+      inertia.Lapse(kStep_s);
+      CountedBudget budget(100000);
+      REQUIRE(relaxation.Tick(to, budget, state).converged);
+    };
+    move(*both.inertia, *both.relaxation, places, both.state);
+    for (int k = 0; k < 2; ++k) {
+      move(*alone[k].inertia, *alone[k].relaxation, {places[k].insertion_mm, 0}, alone[k].state);
+      const WireState& curve = both.state.CurveOf(k);
+      const WireModel& rod = &curve == &both.state ? both.stack.rod() : *both.stack.second_rod();
+      const Vector3d tip = PointAt(rod, curve, places[k].insertion_mm);
+      CAPTURE(wire_leads, tick, k);
+      REQUIRE((tip - alone[k].state.tip()).norm() < 0.05);
+      farthest_mm = std::max(farthest_mm, -tip[1]);
+    }
+  }
+  CHECK(farthest_mm > 2);
+}
+
+}  // namespace
+}  // namespace torquer::test
