@@ -18,6 +18,9 @@ namespace {
 // Excel begins a file in UTF-8 with it.
 constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 
+// A table of more is none that people or programs make for Torquer; each name is compared with all.
+constexpr std::size_t kMostColumns = 1000;
+
 // Without the spaces around it, and without the quotes that R's write.csv gives names.
 std::string Trimmed(const std::string& cell) {
   const auto first = cell.find_first_not_of(" \t");
@@ -56,6 +59,11 @@ std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
     }
     if (!header.empty() && cells != Split(header)) {
       Refuse(table.path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
+    }
+    if (cells.size() > kMostColumns) {
+      Refuse(table.path, number,
+             fmt::format("{} columns; at most {} are read, remove what is not used", cells.size(),
+                         kMostColumns));
     }
     table.header_line = number;
     table.columns = std::move(cells);

@@ -40,7 +40,8 @@ struct CsvTable {
 };
 
 /// Reads a CSV file; cells, blank lines and comments as with ReadCsv. Throws UserError naming file
-/// and line where there is no header, a column stands twice or a row has another number of cells.
+/// and line where there is no header or one of more than 1000 columns, a column stands twice or a
+/// row has another number of cells.
 CsvTable ReadCsvTable(const std::string& path);
 
 /// The same of lines that come one by one, as through a pipe.

@@ -45,7 +45,9 @@ std::size_t EditDistance(const std::string& a, const std::string& b) {
 std::size_t Unlikeliness(const std::string& given, const std::string& name, std::size_t limit) {
   const auto& [shorter, longer] =
       std::minmax(given, name, [](const auto& a, const auto& b) { return a.size() < b.size(); });
-  std::size_t best = 2 * EditDistance(given, name);
+  // No fewer edits than that turn one into the other; a file's name can be as long as the file.
+  const std::size_t fewest = 2 * (longer.size() - shorter.size());
+  std::size_t best = fewest > limit ? fewest : 2 * EditDistance(given, name);
   if (shorter.size() >= kShortestBeginning && longer.starts_with(shorter)) {
     // A whole word is missing, such as the unit; otherwise the name was cut short or has too much.
     const bool whole_word = given.size() <= name.size() &&

@@ -65,6 +65,10 @@ std::string Show(const toml::node& node) {
 // The TOML library recurses with every level, and overflows the stack where there are too many.
 constexpr int kMostDepth = 32;     // of arrays and inline tables
 constexpr int kMostKeyParts = 32;  // of a dotted key or the name of a table
+// Outside of texts and comments, of a key or value: nothing that a reader takes is longer.
+constexpr int kMostPieceBytes = 4096;
+// Of one list: what is made of tables may compare each with each.
+constexpr std::size_t kMostTables = 1000;
 
 // Where the string that begins at `at` ends: behind its closing quotes, at the end of the line or
 // of the text.
@@ -80,9 +84,9 @@ std::size_t EndOfString(const std::string& text, std::size_t at) {
   return text.size();
 }
 
-// Refuses what is nested too deeply, before anything recurses.
+// Refuses what is nested too deeply or too long in one piece, before anything recurses.
 void CheckDepth(const std::string& text, const std::string& path) {
-  int depth = 0, parts = 1;
+  int depth = 0, parts = 1, bytes = 0;
   for (std::size_t at = 0; at < text.size();) {
     const char character = text[at];
     if (character == '"' || character == '\'') {
@@ -96,14 +100,20 @@ void CheckDepth(const std::string& text, const std::string& path) {
     if (character == '[' || character == '{') ++depth;
     if (character == ']' || character == '}') depth = std::max(depth - 1, 0);
     if (character == '.') ++parts;
-    if (std::string_view("[]{}=,\n").find(character) != std::string_view::npos) parts = 1;
-    if (depth > kMostDepth || parts > kMostKeyParts) {
+    if (character != ' ' && character != '\t') ++bytes;
+    if (std::string_view("[]{}=,\n").find(character) != std::string_view::npos) {
+      parts = 1;
+      bytes = 0;
+    }
+    if (depth > kMostDepth || parts > kMostKeyParts || bytes > kMostPieceBytes) {
       throw UserError(fmt::format(
-          "{}:{}: {}; flatten it", path,
+          "{}:{}: {}", path,
           1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'),
           depth > kMostDepth
-              ? fmt::format("arrays or tables are nested more than {} deep", kMostDepth)
-              : fmt::format("a key has more than {} parts", kMostKeyParts)));
+              ? fmt::format("arrays or tables are nested more than {} deep; flatten it", kMostDepth)
+          : parts > kMostKeyParts
+              ? fmt::format("a key has more than {} parts; flatten it", kMostKeyParts)
+              : fmt::format("a key or value has more than {} bytes; shorten it", kMostPieceBytes)));
     }
     ++at;
   }
@@ -333,6 +343,9 @@ std::vector<StrictTable*> StrictTable::Tables(const std::string& key) {
   const std::string problem =
       fmt::format("is not a list of tables; write [[{}{}]]", impl_->prefix, key);
   if (array == nullptr) Refuse(key, problem);
+  if (array->size() > kMostTables) {
+    Refuse(key, fmt::format("has {} tables; give at most {}", array->size(), kMostTables));
+  }
   auto& children = impl_->children[key];
   if (children.empty()) {
     for (const toml::node& element : *array) {

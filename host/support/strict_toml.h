@@ -81,7 +81,7 @@ class StrictTable {
   StrictTable& Table(const std::string& key);
   /// The same; null when it is missing.
   StrictTable* OptionalTable(const std::string& key);
-  /// [[key]] tables, in order; empty when there is none.
+  /// [[key]] tables, in order, at most 1000; empty when there is none.
   std::vector<StrictTable*> Tables(const std::string& key);
   /// Where this table and its keys stand.
   TableOrigin Origin() const;

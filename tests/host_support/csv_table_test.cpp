@@ -54,6 +54,14 @@ TEST_CASE("A CSV table says what is wrong and where", "[support]") {
   CHECK_THROWS_WITH(torquer::ReadCsv(empty.path, "a,b"), Contains("empty"));
 }
 
+TEST_CASE("A CSV table of more columns than are read is refused", "[support]") {
+  std::string header = "c0";
+  for (int k = 1; k < 1000; ++k) header += ",c" + std::to_string(k);
+  CHECK(torquer::ReadCsvTable(Csv(header + "\n").path).columns.size() == 1000);
+  CHECK_THROWS_WITH(torquer::ReadCsvTable(Csv("# note\n" + header + ",c\n").path),
+                    Contains("t.csv:2: 1001 columns; at most 1000 are read"));
+}
+
 TEST_CASE("Lines that come one by one are taken when a row is asked for", "[support]") {
   std::vector<std::string> lines = {"# note", "a, b\r", "1,2", "", "3,4"};
   std::size_t taken = 0;

@@ -1,6 +1,7 @@
 #include "host/support/nearest_name.h"
 
 #include <catch2/catch.hpp>
+#include <ctime>
 
 using torquer::NearestName;
 
@@ -37,4 +38,12 @@ TEST_CASE("Of several the one that needs the least is taken", "[support]") {
   CHECK(NearestName("--durration", {"--duration", "--drop", "--help"}) == "--duration");
   CHECK(NearestName("--x", {"--duration", "--drop", "--help"}).empty());
   CHECK(NearestName("lao", {"cra", "xray"}).empty());
+}
+
+TEST_CASE("A name as long as a file is compared with no short one", "[support]") {
+  const std::vector<std::string> known(100, "voxel_mm");
+  const std::clock_t before = std::clock();
+  CHECK(NearestName(std::string(1'000'000, 'v'), known).empty());
+  CHECK(NearestName("voxel_mm" + std::string(1'000'000, 'm'), known) == "voxel_mm");
+  CHECK(std::clock() - before < 2 * CLOCKS_PER_SEC);
 }

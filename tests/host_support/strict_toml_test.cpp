@@ -138,3 +138,28 @@ TEST_CASE("Brackets and dots of texts and comments are no depth", "[support]") {
     CHECK_NOTHROW(StrictTable::Parse(text, "s.toml"));
   }
 }
+
+TEST_CASE("What is longer than any key or value is refused before it is parsed", "[support]") {
+  const std::string fits(4096, 'a'), long_one(4097, 'a');
+  CHECK_NOTHROW(StrictTable::Parse(fits + " = 1\n", "s.toml"));
+  CHECK_NOTHROW(StrictTable::Parse("[" + fits + "]\n", "s.toml"));
+  CHECK_NOTHROW(StrictTable::Parse("'" + long_one + "' = \"" + long_one + "\"\n", "s.toml"));
+  CHECK_NOTHROW(StrictTable::Parse("# " + long_one + "\na" + std::string(5000, ' ') + "= 1\n", ""));
+  for (const std::string& text :
+       {long_one + " = 1", "a = " + long_one, "a = 1\nb = [1, " + long_one, "[" + long_one + "]",
+        "'b'." + long_one + ".'c' = 1"}) {
+    CAPTURE(text);
+    CHECK_THROWS_WITH(StrictTable::Parse(text + "\n", "s.toml"),
+                      Contains("a key or value has more than 4096 bytes; shorten it"));
+  }
+  CHECK_THROWS_WITH(StrictTable::Parse("a = 1\n\n" + long_one, "s.toml"), Contains("s.toml:3: "));
+}
+
+TEST_CASE("A list of more tables than are read is refused", "[support]") {
+  std::string text;
+  for (int k = 0; k < 1000; ++k) text += "[[tube]]\n";
+  CHECK(StrictTable::Parse(text, "s.toml").Tables("tube").size() == 1000);
+  CHECK_THROWS_WITH(
+      StrictTable::Parse(text + "[[tube]]\n", "s.toml").Tables("tube"),
+      Contains("s.toml:1: tube = ") && Contains(": has 1001 tables; give at most 1000"));
+}

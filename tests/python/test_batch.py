@@ -273,6 +273,7 @@ def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
         (MOTION, "scenes is None; give a list"),
         (f'scenes = ["ty_fantom"]\n{MOTION}', "nor a scene 'ty_fantom' of Torquer's; these are: "),
         (f'scenes = ["ty_phantom"]\nseds = [1]\n{MOTION}', "no key seds; did you mean seeds?"),
+        (f'scenes = ["{"a" * 300}"]\n{MOTION}', "File name too long; name scenes or their files"),
         ('scenes = ["ty_phantom"]\n', "there is no motion; add one"),
         (f'scenes = ["ty_phantom"]\nseeds = [1, 1]\n{MOTION}', "seeds has a number twice"),
         (f'scenes = ["ty_phantom"]\nseeds = [-1]\n{MOTION}', "seeds has -1; give whole numbers from 0"),
@@ -294,6 +295,17 @@ def test_a_study_that_makes_no_sense_is_refused(study, tmp_path, text, said):
         torquer.batch.run(str(study(text)), str(tmp_path / "out"))
     assert said in str(refused.value)
     assert str(tmp_path) in str(refused.value)
+
+
+def test_a_study_of_very_many_scenes_is_read_at_once(study, monkeypatch):
+    listed = []
+    names = torquer.scene_names()
+    for module in (torquer, torquer._batch_study):
+        monkeypatch.setattr(module, "scene_names", lambda: listed.append(1) or names)
+    read = torquer._batch_study.read_study(str(study(f'scenes = {["ty_phantom"] * 1000}\n{MOTION}')))
+    assert read.scenes == [torquer.scene_path("ty_phantom")] * 1000
+    # As often as Torquer has scenes, not as the study names some.
+    assert len(listed) < 100
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,21 @@ std::string WithIn(std::string text, const std::string& from, const std::string&
 
 std::string With(const std::string& from, const std::string& to) { return WithIn(kGood, from, to); }
 
+// [0,1,2,..]
+std::string Numbers(int count) {
+  std::string list = "[0";
+  for (int k = 1; k < count; ++k) list += "," + std::to_string(k);
+  return list + "]";
+}
+
+std::string Tubes(int count) {
+  std::string tables;
+  for (int k = 0; k < count; ++k) {
+    tables += "[[vessel.tube]]\nname = \"t\"\npoints_mm = [[0, 0, 0], [9, 0, 0]]\nradii_mm = 2\n";
+  }
+  return tables;
+}
+
 }  // namespace
 
 TEST_CASE("A good scene is taken", "[scene]") {
@@ -73,6 +88,8 @@ TEST_CASE("A good scene is taken", "[scene]") {
                         "update_rule = \"exact_root\"\n")
             .empty());
   CHECK(Refusal(kGood + kCatheter).empty());
+  CHECK(
+      Refusal(With("radius_mm = 0.2", "radius_mm = 0.2\nfrom_tip_mm = " + Numbers(1000))).empty());
 }
 
 TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
@@ -97,6 +114,10 @@ TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
        {":14: instrument[0].from_tip_mm", "ascend"}},
       {With("radius_mm = 0.2", "radius_mm = 0.2\nfrom_tip_mm = [0, 9, 9, 9]"),
        {":14: instrument[0].from_tip_mm", "ascend"}},
+      {With("radius_mm = 0.2", "radius_mm = 0.2\nfrom_tip_mm = " + Numbers(1001)),
+       {":14: instrument[0].from_tip_mm", "has 1001 values; give at most 1000"}},
+      {With("kind = \"ty_phantom\"", "kind = \"tubes\"") + Tubes(1001),
+       {"vessel.tube = ", "has 1001 tables; give at most 1000"}},
       {With("name = \"test\"", ""), {"name: is missing"}},
       {With("[[instrument]]\n", "[instrument]\n"), {":11: instrument", "[[instrument]]"}},
       {"name = \"test\"\n[vessel]\nkind = \"ty_phantom\"\nwall_stiffness_N_mm2 = 1\n"

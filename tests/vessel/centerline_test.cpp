@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 
 #include <cmath>
+#include <ctime>
 #include <fstream>
 
 #include "catch2/catch.hpp"
@@ -91,6 +92,32 @@ TEST_CASE("curves join where an end meets another curve, and ways lead over the 
   double distance = 0;
   CHECK(network.NearestTo({61, 20, 0}, &distance).curve == 1);
   CHECK(distance == Approx(1));
+}
+
+TEST_CASE("more centerlines than a vessel can have are refused") {
+  std::vector<Centerline> curves;
+  for (int k = 0; k < 1000; ++k) {
+    curves.push_back(Straight("c" + std::to_string(k), {0, 9.0 * k, 0}, {40, 9.0 * k, 0}));
+  }
+  CHECK(CenterlineNetwork(curves).joints().empty());
+  curves.push_back(Straight("more", {0, -9, 0}, {1, -9, 0}));
+  CHECK_THROWS_WITH(CenterlineNetwork(curves), Contains("1001 centerlines of 40001 mm in all") &&
+                                                   Contains("at most 1000 of 50000 mm"));
+  CHECK_THROWS_WITH(CenterlineNetwork({Straight("long", {0, 0, 0}, {50'001, 0, 0})}),
+                    Contains("1 centerlines of 50001 mm") && Contains("check their unit"));
+
+  const TemporaryFolder folder;
+  for (int k = 0; k <= 1000; ++k) std::ofstream(folder.Path(std::to_string(k) + ".mrk.json"));
+  CHECK_THROWS_WITH(ReadCurveFiles(folder.Path("")),
+                    Contains(folder.Path("")) && Contains("1001 .mrk.json files"));
+}
+
+TEST_CASE("a name as long as a file is looked for as soon as a short one") {
+  const std::string name(50'000, 'a'), other(50'000, 'b');
+  const CenterlineNetwork network({Straight(name, {0, 0, 0}, {50, 0, 0})});
+  const std::clock_t before = std::clock();
+  CHECK_THROWS_WITH(network.Find(other), Contains(other) && Contains(name));
+  CHECK(std::clock() - before < CLOCKS_PER_SEC);
 }
 
 TEST_CASE("the neuro arch's centerlines form one network from groin to neck") {

@@ -98,6 +98,39 @@ TEST_CASE("files on which a reader of surfaces may crash or hang are refused by 
   for (int k = 0; k < 400; ++k) fan += " 1 2 3";
   CHECK_THAT(Refusal([&] { ImportMesh(fan + "\n", "fan.obj", 1, Quick()); }),
              Contains("fan.obj: ") && Contains("1200 corners"));
+  CHECK(OpenFiles() == open_before);
+  CHECK_FALSE(HasChildren());
+}
+
+TEST_CASE("surfaces with more of what takes assimp long are refused") {
+  const auto many = [](const std::string& line, int times) {
+    std::string lines;
+    for (int k = 0; k < times; ++k) lines += line + std::to_string(k) + "\n";
+    return lines;
+  };
+  const auto refusal = [](const std::string& contents, const std::string& name) {
+    return Refusal([&] { ImportMesh(contents, name, 1, Quick()); });
+  };
+  const std::string corners = "v 0 0 0\nv 9 0 0\nv 0 9 0\n", face = "f 1 2 3\n";
+  CHECK(refusal(corners + many("o ", 5000) + many("usemtl ", 5000) + face, "a.obj").empty());
+  CHECK(refusal(corners + many("mtllib ", 1000) + face, "a.obj").empty());
+  CHECK_THAT(refusal(corners + many("o ", 5000) + many("usemtl ", 5001) + face, "a.obj"),
+             Contains("a.obj: the file has more than 10000 objects and materials; join them"));
+  CHECK_THAT(refusal(corners + many("mtllib ", 1001) + face, "a.obj"),
+             Contains("a.obj: the file names more than 1000 files of materials; export it again"));
+  const auto ply = [&](int comments) {
+    return "ply\nformat ascii 1.0\n" + many("comment ", comments) +
+           "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+           "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+           "0 0 0\n9 0 0\n0 9 0\n3 0 1 2\n";
+  };
+  CHECK(refusal(ply(992), "a.ply").empty());
+  CHECK_THAT(refusal(ply(993), "a.ply"),
+             Contains("a.ply: the header has more than 1000 lines; export it again"));
+}
+
+TEST_CASE("a reader of surfaces without memory says so, and nothing of it stays") {
+  const std::ptrdiff_t open_before = OpenFiles();
   if (!test::kUnderSanitizer) {
     MeshReader poor = Quick();
     poor.memory_bytes = std::int64_t{1} << 20;

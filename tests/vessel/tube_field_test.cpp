@@ -75,6 +75,15 @@ TEST_CASE("tube fields' derivatives agree with differences of their values") {
   CHECK(checked > 15000);
 }
 
+TEST_CASE("tubes longer than those of any vessel are refused") {
+  const auto make = [](double length_mm) {
+    const ArcLinePath axis = ArcLinePath::FromCorners({{0, 0, 0}, {length_mm, 0, 0}}, 15);
+    return MakeTubeVessel({{"a", axis, {2}, {}}, {"b", axis, {2}, {}}}, 1, 1);
+  };
+  CHECK(make(20'000).centerlines.curves().size() == 2);
+  CHECK_THROWS_WITH(make(26'000), Contains("52000") && Contains("50000") && Contains("unit"));
+}
+
 TEST_CASE("a tapered tube is the envelope of its spheres") {
   const Tube tube = TaperedBend();
   const TubeField field({tube}, 0);

@@ -138,23 +138,34 @@ def _read_motion(path: pathlib.Path, index: int, motion: Any) -> Dict[str, Any]:
     }
 
 
+def _scene_files(file: pathlib.Path, names: List[Any]) -> List[str]:
+    # Listed once: a study can name very many.
+    shipped = {name: scene_path(name) for name in scene_names()}
+    found = []
+    for name in names:
+        if not isinstance(name, str):
+            raise Error(f"{file}: scenes has {name!r}; name scenes or their files")
+        own = file.parent / name
+        try:
+            path = str(own) if own.is_file() else shipped.get(name)
+        except OSError as error:
+            raise Error(f"{file}: scenes has {name[:40]!r}..: {error.strerror}; name scenes or their files") from None
+        if path is None:
+            raise Error(
+                f"{file}: scenes: there is neither a file {own} nor a scene {name!r} of Torquer's; "
+                f"these are: {', '.join(shipped)}"
+            )
+        found.append(path)
+    return found
+
+
 def read_study(path: str) -> Study:
     """Reads a study file. Raises Error that names the file, the key, its value and the remedy."""
     file = pathlib.Path(path)
     table = _toml(file)
     _refuse_others(str(file), table, _STUDY_KEYS)
 
-    scenes = []
-    for name in _list(f"{file}: scenes", table.get("scenes"), "names of scenes or of their files"):
-        if not isinstance(name, str):
-            raise Error(f"{file}: scenes has {name!r}; name scenes or their files")
-        own = file.parent / name
-        if not own.is_file() and name not in scene_names():
-            raise Error(
-                f"{file}: scenes: there is neither a file {own} nor a scene {name!r} of Torquer's; "
-                f"these are: {', '.join(scene_names())}"
-            )
-        scenes.append(str(own) if own.is_file() else scene_path(name))
+    scenes = _scene_files(file, _list(f"{file}: scenes", table.get("scenes"), "names of scenes or of their files"))
 
     axes = table.get("axes", {})
     if not isinstance(axes, dict):

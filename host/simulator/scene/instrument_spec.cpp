@@ -16,6 +16,8 @@ namespace {
 
 // Two distances that are the same are a step: the second stands this much farther.
 constexpr double kStepMm = 1e-6;
+// A value at a distance is looked for from the tip on.
+constexpr std::size_t kMostSections = 1000;
 constexpr double kSolid_1_mm = 0.8;
 constexpr double kHollow_1_mm = 0.4;
 
@@ -36,6 +38,10 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
     if (!given) table.Refuse(key, "is missing; give it, or a device that has it");
   }
   const std::vector<double>& at = spec.from_tip_mm;
+  if (at.size() > kMostSections) {
+    table.Refuse("from_tip_mm",
+                 fmt::format("has {} values; give at most {}", at.size(), kMostSections));
+  }
   for (std::size_t k = 1; k < at.size(); ++k) {
     const bool step = at[k] == at[k - 1] && (k < 2 || at[k] > at[k - 2]);
     if (at[k] > at[k - 1] || step) continue;

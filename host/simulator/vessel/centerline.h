@@ -70,7 +70,8 @@ struct CenterlinePlace {
 class CenterlineNetwork {
  public:
   CenterlineNetwork() = default;
-  /// An end within join_tolerance_mm of another curve (at any arc length) joins it there.
+  /// An end within join_tolerance_mm of another curve (at any arc length) joins it there. Throws
+  /// UserError where there are more curves, or longer ones, than a vessel may have.
   explicit CenterlineNetwork(std::vector<Centerline> curves, double join_tolerance_mm = 0.5);
 
   const std::vector<Centerline>& curves() const { return curves_; }

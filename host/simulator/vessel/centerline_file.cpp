@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "host/simulator/vessel/centerline.h"
+#include "host/simulator/vessel/curve_limits.h"
 #include "host/support/error.h"
 #include "host/support/input_file.h"
 
@@ -154,6 +155,11 @@ std::vector<CurveFile> ReadCurveFiles(const std::string& folder) {
   if (paths.empty()) {
     throw UserError(folder + ": the folder holds no " + kMarkupsEnding +
                     " file; save the centerlines as Markups from 3D Slicer");
+  }
+  if (paths.size() > kMostCurves) {
+    throw UserError(folder + ": the folder holds " + std::to_string(paths.size()) + " " +
+                    kMarkupsEnding + " files; a vessel has at most " + std::to_string(kMostCurves) +
+                    " centerlines: leave out what is not used");
   }
   std::sort(paths.begin(), paths.end());
   std::vector<CurveFile> files;

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "host/simulator/vessel/centerline.h"
+#include "host/simulator/vessel/curve_limits.h"
 #include "host/support/error.h"
 
 namespace torquer::vessel {
@@ -20,8 +21,12 @@ std::string Millimeters(double value) {
   return text.str();
 }
 
+// Names are compared as far as this: the time grows with the product of their lengths.
+constexpr size_t kMostCompared = 200;
+
 // How many edits turn one name into another.
-size_t EditDistance(const std::string& a, const std::string& b) {
+size_t EditDistance(const std::string& whole_a, const std::string& whole_b) {
+  const std::string a = whole_a.substr(0, kMostCompared), b = whole_b.substr(0, kMostCompared);
   std::vector<size_t> row(b.size() + 1);
   for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
   for (size_t i = 1; i <= a.size(); ++i) {
@@ -42,6 +47,23 @@ bool IsShortFor(const std::string& brief, const std::string& name) {
   return name.compare(name.size() - brief.size() - 1, std::string::npos, " " + brief) == 0;
 }
 
+void CheckLimits(const std::vector<Centerline>& curves) {
+  double length_mm = 0;
+  for (const Centerline& curve : curves) length_mm += curve.length_mm();
+  // Written so that NaN fails.
+  if (curves.size() <= kMostCurves && length_mm <= kMostCurvesMm) return;
+  throw UserError(std::to_string(curves.size()) + " centerlines of " + Millimeters(length_mm) +
+                  " mm in all; a vessel has at most " + std::to_string(kMostCurves) + " of " +
+                  Millimeters(kMostCurvesMm) + " mm: check their unit, leave out what is not used");
+}
+
+// The box of a curve's points, which holds all that Centerline::NearestTo looks at.
+Eigen::AlignedBox3d BoundsOf(const Centerline& curve) {
+  Eigen::AlignedBox3d box;
+  for (const Vector3d& point : curve.points_mm()) box.extend(point);
+  return box;
+}
+
 }  // namespace
 
 CenterlineNetwork::CenterlineNetwork(std::vector<Centerline> curves, double join_tolerance_mm)
@@ -51,11 +73,14 @@ CenterlineNetwork::CenterlineNetwork(std::vector<Centerline> curves, double join
       return p.curve == place.curve && std::abs(p.s_mm - place.s_mm) <= join_tolerance_mm + 1e-9;
     });
   };
+  CheckLimits(curves_);
+  std::vector<Eigen::AlignedBox3d> boxes;
+  for (const Centerline& curve : curves_) boxes.push_back(BoundsOf(curve));
   for (size_t i = 0; i < curves_.size(); ++i) {
     for (const double s : {0.0, curves_[i].length_mm()}) {
       const Vector3d end = curves_[i].At(s).position_mm;
       for (size_t j = 0; j < curves_.size(); ++j) {
-        if (i == j) continue;
+        if (i == j || boxes[j].exteriorDistance(end) > join_tolerance_mm + 1e-9) continue;
         Centerline::Nearest nearest = curves_[j].NearestTo(end);
         if (nearest.distance_mm > join_tolerance_mm) continue;
         // An end is met as an end, not as a place a hair before it.

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <set>
 #include <sstream>
+#include <string_view>
 
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
@@ -48,6 +49,10 @@ void AddMeshes(const aiScene& scene, const aiNode& node, const aiMatrix4x4& abov
   }
 }
 
+// Assimp's time grows with the square of these numbers.
+constexpr std::size_t kMostPlyHeaderLines = 1000;
+constexpr std::size_t kMostObjNames = 10'000;    // of objects and materials
+constexpr std::size_t kMostObjLibraries = 1000;  // files of materials
 // Cutting a face into triangles takes the square of its corners.
 constexpr unsigned kMostCorners = 1000;
 
@@ -71,7 +76,11 @@ PlyHeader ReadPlyHeader(const std::string& path, std::istream& file, size_t file
   PlyHeader header;
   std::string line, word;
   size_t count = 0;
-  while (std::getline(file, line) && line.rfind("end_header", 0) != 0) {
+  for (size_t lines = 1; std::getline(file, line) && line.rfind("end_header", 0) != 0; ++lines) {
+    if (lines > kMostPlyHeaderLines) {
+      RefuseMesh(path, "the header has more than " + std::to_string(kMostPlyHeaderLines) +
+                           " lines; export it again, without comments");
+    }
     std::istringstream words(line);
     words >> word;
     if (word == "format") {
@@ -139,6 +148,25 @@ void CheckStlIsWhole(const std::string& path, std::istream& file) {
   }
 }
 
+void CheckObjNames(const std::string& contents, const std::string& path) {
+  std::set<std::string_view> names;
+  size_t libraries = 0;
+  for (size_t at = 0; at < contents.size();) {
+    const size_t end = std::min(contents.find_first_of("\n\r", at), contents.size());
+    const std::string_view line(contents.data() + at, end - at);
+    if (line.starts_with("o") || line.starts_with("usemtl")) names.insert(line);
+    if (line.starts_with("mtllib")) ++libraries;
+    if (names.size() > kMostObjNames || libraries > kMostObjLibraries) {
+      RefuseMesh(path, names.size() > kMostObjNames
+                           ? "the file has more than " + std::to_string(kMostObjNames) +
+                                 " objects and materials; join them and export it again"
+                           : "the file names more than " + std::to_string(kMostObjLibraries) +
+                                 " files of materials; export it again without materials");
+    }
+    at = end + 1;
+  }
+}
+
 // OBJ says nothing of its length. One whose last line does not end and that has vertices of no face
 // was cut.
 void CheckObjIsWhole(const std::string& path, std::istream& file) {
@@ -170,7 +198,10 @@ void CheckIsWhole(const std::string& contents, const std::string& path, const st
   std::istringstream file(contents);
   if (ending == ".ply") CheckPlyIsWhole(path, file, contents.size());
   if (ending == ".stl") CheckStlIsWhole(path, file);
-  if (ending == ".obj") CheckObjIsWhole(path, file);
+  if (ending == ".obj") {
+    CheckObjNames(contents, path);
+    CheckObjIsWhole(path, file);
+  }
 }
 
 void CheckIndices(const std::string& path, const aiScene& scene) {

@@ -3,12 +3,23 @@
 #include <cmath>
 #include <utility>
 
+#include "host/simulator/vessel/curve_limits.h"
+#include "host/support/error.h"
+
 namespace torquer::vessel {
 
 using Eigen::Vector3d;
 
 TubeVessel MakeTubeVessel(const std::vector<Tube>& tubes, double union_width_mm,
                           double join_tolerance_mm) {
+  double length_mm = 0;
+  for (const Tube& tube : tubes) length_mm += tube.axis.length_mm();
+  // Before the centerlines are made, whose points follow from their length.
+  if (length_mm > kMostCurvesMm) {
+    throw UserError("the axes of the tubes are " + std::to_string(std::lround(length_mm)) +
+                    " mm long in all; a vessel has at most " +
+                    std::to_string(std::lround(kMostCurvesMm)) + " mm: check their unit");
+  }
   TubeVessel vessel;
   vessel.field = std::make_unique<TubeField>(tubes, union_width_mm);
   vessel.bounds_mm = vessel.field->bounds_mm();

@@ -54,13 +54,14 @@ void Check(const Tube& tube) {
                      " radii; give one, or one for each of the " +
                      std::to_string(tube.radius_at_mm.size()) + " stations");
   }
+  const double bend_radius_mm = tube.axis.SmallestBendRadius();
   for (double radius : tube.radii_mm) {
     if (!(radius > 0) || !std::isfinite(radius)) {
       Refuse(tube, "radius " + std::to_string(radius) + " mm; give a positive one");
     }
-    if (radius > 0.95 * tube.axis.SmallestBendRadius()) {
+    if (radius > 0.95 * bend_radius_mm) {
       Refuse(tube, "radius " + std::to_string(radius) + " mm at a bend radius of " +
-                       std::to_string(tube.axis.SmallestBendRadius()) +
+                       std::to_string(bend_radius_mm) +
                        " mm folds the wall over; widen the bend or narrow the tube");
     }
   }
@@ -146,14 +147,16 @@ TubeField::TubeField(const std::vector<Tube>& tubes, double union_width_mm)
     data.round_mm = smallest / 2;
     std::vector<double> slopes;
     if (tube.radii_mm.size() > 1) slopes = MonotoneSlopes(tube.radius_at_mm, tube.radii_mm);
+    const double largest = *std::max_element(tube.radii_mm.begin(), tube.radii_mm.end());
+    auto knot = tube.radius_at_mm.begin();
     Eigen::AlignedBox3d box;
     for (const PathPiece& piece : tube.axis.pieces()) {
       const double end = piece.begin_mm + piece.length_mm;
       std::vector<double> cuts{piece.begin_mm};
-      for (double knot : tube.radius_at_mm) {
-        if (tube.radii_mm.size() > 1 && knot > cuts.back() + 1e-9 && knot < end - 1e-9) {
-          cuts.push_back(knot);
-        }
+      // Knots and pieces ascend together.
+      for (; tube.radii_mm.size() > 1 && knot != tube.radius_at_mm.end(); ++knot) {
+        if (*knot >= end - 1e-9) break;
+        if (*knot > cuts.back() + 1e-9) cuts.push_back(*knot);
       }
       cuts.push_back(end);
       for (size_t i = 1; i < cuts.size(); ++i) {
@@ -162,7 +165,6 @@ TubeField::TubeField(const std::vector<Tube>& tubes, double union_width_mm)
         box.extend(made.ball_center);
       }
       // Samples bound the lumen closer than the balls do; the sagitta between them is added.
-      const double largest = *std::max_element(tube.radii_mm.begin(), tube.radii_mm.end());
       for (int i = 0; i <= 64; ++i) {
         const Vector3d at = piece.PointAt(piece.length_mm * i / 64);
         const double turn = piece.curvature_per_mm * piece.length_mm / 128;
