@@ -286,7 +286,7 @@ def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
         (f'scenes = ["ty_phantom"]\n[axes]\n"instrument.wire.tip_mm" = [1]\n{MOTION}', 'no instrument "wire"; there are: guidewire'),
         (f'scenes = ["ty_phantom"]\n[axes]\n"a" = [1, 1]\n{MOTION}', "axes.a has a value twice"),
         (f'scenes = ["ty_phantom"]\n[random]\n"a" = [2, 1]\n{MOTION}', "random.a is [2, 1]; give the lowest and the highest"),
-        ('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "none.csv: No such file"),
+        ('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "none.csv: cannot be read (No such file"),
         ('scenes = ["ty_phantom"]\nseeds = [1, 2]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "nothing is drawn by them"),
     ],
 )

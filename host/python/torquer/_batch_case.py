@@ -7,7 +7,6 @@ import functools
 import math
 import pathlib
 import threading
-import tomllib
 from typing import Any, Dict, List, Tuple
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy.typing as npt
 
 from . import Error, Scene, Simulation
 from ._batch_study import Case, file_hashes
+from ._user_file import parse_toml
 
 _lock = threading.Lock()
 
@@ -36,7 +36,7 @@ class Result:
 @functools.lru_cache(maxsize=4)
 def _load(text: str, folder: str, files: Tuple[str, ...]) -> Scene:
     def require_same() -> None:
-        if tuple(file_hashes(tomllib.loads(text), pathlib.Path(folder), {})) != files:
+        if tuple(file_hashes(parse_toml(folder, text), pathlib.Path(folder), {})) != files:
             raise Error(f"{folder}: a file of the scene is another than when the case was made; run the command again")
 
     # Before and after: what is between them is what was loaded.

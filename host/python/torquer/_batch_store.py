@@ -32,6 +32,7 @@ import numpy as np
 from . import Error
 from ._batch_case import Result
 from ._batch_study import Case, need
+from ._user_file import load_json
 
 _MARK = "torquer-batch.jsonl"
 _VERSION = 1
@@ -126,7 +127,7 @@ class _Record:
             if not line.endswith(b"\n"):
                 break  # cut off by a kill or a full disk
             try:
-                self._take(number, json.loads(line))
+                self._take(number, load_json(line))
             except (ValueError, KeyError, TypeError):
                 self._file.close()
                 raise Error(
@@ -225,7 +226,7 @@ class Store:
         whole = 0
         for number, line in enumerate(self._lines, 1):
             try:
-                record = json.loads(line)
+                record = load_json(line)
                 self.readings[record["key"]] = record["readings"]
             except (ValueError, KeyError, TypeError):
                 if not line.endswith(b"\n") and line[: len(begin)] == begin[: len(line)]:

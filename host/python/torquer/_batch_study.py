@@ -8,16 +8,17 @@ import difflib
 import functools
 import hashlib
 import importlib
+import io
 import itertools
 import json
 import math
 import pathlib
-import tomllib
 from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from . import Error, Scene, __version__, scene_names, scene_path
+from ._user_file import read_text, read_toml
 
 SHAPES = ("last", "rows", "none")
 _STUDY_KEYS = ("axes", "motion", "random", "scenes", "seeds", "shapes")
@@ -26,6 +27,7 @@ _HAND_KEYS = ("speed_mm_s", "turn_rad_s")
 _SWITCHES = ("xray", "contrast")
 _MOST_CASES = 1_000_000
 _MOST_ROWS = 1_000_000
+_MOST_KEY_PARTS = 16
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,15 +60,6 @@ class Study:
         """How many cases there are."""
         combinations = math.prod(len(values) for values in self.axes.values())
         return len(self.scenes) * combinations * len(self.motions) * len(self.seeds)
-
-
-def _toml(path: pathlib.Path) -> Dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise Error(f"{path}: {error}") from None
 
 
 def _refuse_others(where: str, table: Dict[str, Any], known: Sequence[str]) -> None:
@@ -138,6 +131,12 @@ def _read_motion(path: pathlib.Path, index: int, motion: Any) -> Dict[str, Any]:
     }
 
 
+def _check_key(where: str, key: str) -> None:
+    # Each part is a table inside the one before.
+    if key.count(".") >= _MOST_KEY_PARTS:
+        raise Error(f"{where}: {key[:40]}.. has more than {_MOST_KEY_PARTS} parts; name a key that a scene can have")
+
+
 def _scene_files(file: pathlib.Path, names: List[Any]) -> List[str]:
     # Listed once: a study can name very many.
     shipped = {name: scene_path(name) for name in scene_names()}
@@ -162,7 +161,7 @@ def _scene_files(file: pathlib.Path, names: List[Any]) -> List[str]:
 def read_study(path: str) -> Study:
     """Reads a study file. Raises Error that names the file, the key, its value and the remedy."""
     file = pathlib.Path(path)
-    table = _toml(file)
+    table = read_toml(file)
     _refuse_others(str(file), table, _STUDY_KEYS)
 
     scenes = _scene_files(file, _list(f"{file}: scenes", table.get("scenes"), "names of scenes or of their files"))
@@ -171,6 +170,7 @@ def read_study(path: str) -> Study:
     if not isinstance(axes, dict):
         raise Error(f'{file}: axes is {axes!r}; write it as a table, as [axes] "effects.friction.coefficient" = [0, 0.1]')
     for key, values in axes.items():
+        _check_key(f"{file}: axes", key)
         if isinstance(values, dict):
             raise Error(f'{file}: axes.{key} is a table; put the whole key into quotes, as "{key}.{next(iter(values), "..")}"')
         if len({json.dumps(value) for value in _list(f"{file}: axes.{key}", values, "values")}) < len(values):
@@ -181,6 +181,7 @@ def read_study(path: str) -> Study:
     if not isinstance(drawn, dict):
         raise Error(f"{file}: random is {drawn!r}; write it as a table of ranges")
     for key, limits in drawn.items():
+        _check_key(f"{file}: random", key)
         good = isinstance(limits, list) and len(limits) == 2 and all(map(_is_number, limits)) and limits[0] < limits[1]
         if not good:
             raise Error(f"{file}: random.{key} is {limits!r}; give the lowest and the highest value, as [0.02, 0.1]")
@@ -302,16 +303,14 @@ def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], Lis
     """The rows of a script for torquer-simulator --script."""
     instruments = [f"{info.name}.{what}" for info in scene.instruments for what in ("insertion_mm", "rotation_rad")]
     known = ["time_s", *instruments, "lao_deg", "cra_deg", *_SWITCHES]
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [(number, line) for number, line in enumerate(file, 1) if line.strip() and not line.startswith("#")]
-    except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise Error(f"{path}: {error}") from None
+    text = io.StringIO(read_text(path), newline="")
+    lines = [(number, line) for number, line in enumerate(text, 1) if line.strip() and not line.startswith("#")]
     if not lines:
         raise Error(f"{path}: there is nothing in it; the first line names the columns")
-    rows = list(csv.reader(line for _, line in lines))
+    try:
+        rows = list(csv.reader(line for _, line in lines))
+    except csv.Error as error:
+        raise Error(f"{path}: {error}; give rows of numbers, parted by commas") from None
     columns = tuple(cell.strip() for cell in rows[0])
     if len(columns) == 1 and ";" in columns[0]:
         raise Error(f"{path}:{lines[0][0]}: semicolons part the columns; save it with commas, and with points in numbers")
@@ -377,7 +376,7 @@ def cases(study: Study) -> Iterable[Case]:
         combinations = itertools.product(*study.axes.values())
         for values in combinations:
             for seed in study.seeds:
-                table = _toml(file)
+                table = read_toml(file)
                 chosen: Dict[str, Any] = dict(zip(study.axes, values))
                 for key, (low, high) in sorted(study.random.items()):
                     generator = np.random.default_rng([seed, *key.encode()])

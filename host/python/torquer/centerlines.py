@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error
+from ._user_file import open_file
 from .export import slicer_curve, write_folder
 
 _RADIUS = "MaximumInscribedSphereRadius"
@@ -76,10 +77,10 @@ class _Reader:
     def __init__(self, path: str) -> None:
         self.path = path
         try:
-            with open(path, "rb") as file:
+            with open_file(path) as file:
                 contents = file.read(_MOST_BYTES + 1)
         except OSError as error:
-            raise Error(f"{path}: cannot be read ({error.strerror}); check the path and permissions") from None
+            raise Error(f"{path}: cannot be read ({error.strerror}); check the disk") from None
         if len(contents) > _MOST_BYTES:
             raise Error(f"{path}: larger than {_MOST_BYTES} bytes; give the centerlines alone")
         # Raw appended data is no XML, so the parser does not see it.

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import Error, Simulation
+from ._user_file import load_json, open_file
 from .states import MAGIC
 from .states import read_states as read_fields
 
@@ -62,10 +63,6 @@ class State:
         return State(simulation.time_s, simulation.nodes_mm.copy(), forces)
 
 
-def _no_constant(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
-
-
 def _numbers(where: str, field: str, value: Any, columns: int) -> Array:
     shape = f"a list of {'[x, y, z]' if columns == 3 else 'numbers'}"
     remedy = "write the file again with torquer-simulator --states"
@@ -90,8 +87,8 @@ def _numbers(where: str, field: str, value: Any, columns: int) -> Array:
 
 def _parse_state(where: str, line: bytes) -> State:
     try:
-        fields = json.loads(line, parse_constant=_no_constant)
-    except (ValueError, RecursionError) as error:
+        fields = load_json(line)
+    except ValueError as error:
         raise Error(
             f"{where}: not valid JSON ({error}); the file is damaged or cut short: write it again"
         ) from None
@@ -118,11 +115,11 @@ def _parse_state(where: str, line: bytes) -> State:
 
 def _lines(path: str) -> Iterator[bytes]:
     try:
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             while line := file.readline(_MOST_LINE_BYTES + 1):
                 yield line
     except OSError as error:
-        raise Error(f"{path}: cannot be read ({error.strerror}); check the path and permissions") from None
+        raise Error(f"{path}: cannot be read ({error.strerror}); check the disk") from None
 
 
 def _read_binary(path: str) -> List[State]:

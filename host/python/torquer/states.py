@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import struct
 from typing import Any, Dict, Iterator, List, Mapping, Union
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _torquer
+from ._user_file import load_json, open_file
 
 Error = _torquer.Error
 Array = npt.NDArray[Any]
@@ -62,7 +62,7 @@ def _header(path: str, data: bytes) -> Any:
     if size % 8 or size > _MOST_HEADER_BYTES or 16 + size > len(data):
         raise Error(f"{path}: a header of {size} bytes in a file of {len(data)}; {_AGAIN}")
     try:
-        fields = json.loads(data[16 : 16 + size])["fields"]
+        fields = load_json(data[16 : 16 + size])["fields"]
         names = [field["name"] for field in fields]
         known = all(
             isinstance(field["name"], str)
@@ -73,7 +73,7 @@ def _header(path: str, data: bytes) -> Any:
             for field in fields
         )
         known = known and len(set(names)) == len(names)
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         known = False
     if not known:
         raise Error(f"{path}: its header does not name fields with unit, type and shape; {_AGAIN}")
@@ -135,8 +135,8 @@ def _read_json(path: str, data: bytes) -> States:
     rows: List[Any] = []
     for number, line in enumerate(data.splitlines(), 1):
         try:
-            row = json.loads(line)
-        except (ValueError, RecursionError) as error:
+            row = load_json(line)
+        except ValueError as error:
             raise Error(f"{path}:{number}: not valid JSON ({error}); {_AGAIN}") from None
         if not isinstance(row, dict) or rows and row.keys() != rows[0].keys():
             raise Error(f"{path}:{number}: not an object with the fields of the line before; {_AGAIN}")
@@ -152,8 +152,8 @@ def read_states(path: Path) -> States:
     """
     path = os.fspath(path)
     try:
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             data = file.read()
     except OSError as error:
-        raise Error(f"{path}: cannot be read ({error.strerror}); check the path and permissions") from None
+        raise Error(f"{path}: cannot be read ({error.strerror}); check the disk") from None
     return _read_binary(path, data) if data.startswith(MAGIC) else _read_json(path, data)
