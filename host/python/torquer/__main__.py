@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from . import Error, __version__, benchmark, centerlines, envs, export
+from . import Error, __version__, _command, benchmark, centerlines, envs, export
 
 
 def main() -> int:
@@ -45,4 +45,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(_command.run("torquer", main))

@@ -22,7 +22,7 @@ import time
 from typing import Any, Callable, Dict, Iterator, List, Optional, TextIO
 
 from . import Error, __version__
-from . import _batch_case, _batch_report
+from . import _batch_case, _batch_report, _command
 from ._batch_store import Stopped, Store
 from ._batch_study import Case, cases, library_hash, need, read_study
 
@@ -324,4 +324,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(_command.run("torquer-batch", main))

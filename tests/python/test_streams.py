@@ -1,0 +1,99 @@
+"""Standard streams of the commands that are closed, full, limited or without a reader: no traceback, and a true exit status."""
+
+import os
+import resource
+import subprocess
+import sys
+
+import pytest
+from batch_runs import ENVIRONMENT, cases, check_whole, study
+
+COMMANDS = {"torquer": "torquer", "torquer-batch": "torquer.batch"}
+FULL = os.open("/dev/full", os.O_WRONLY | os.O_CLOEXEC)
+
+
+def without_reader():
+    reader, writer = os.pipe()
+    os.close(reader)
+    return writer
+
+
+def run(command, *words, closed=(), limited=False, **streams):
+    """Status and standard error of a command; streams not named are pipes. closed: numbers of streams."""
+
+    def prepare():
+        if limited:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+        for number in closed:
+            os.close(number)
+
+    done = subprocess.run(
+        [sys.executable, "-B", "-m", COMMANDS[command], *map(str, words)], env=ENVIRONMENT, preexec_fn=prepare, timeout=60,
+        **{"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},
+    )
+    return done.returncode, (done.stdout or b"").decode(), (done.stderr or b"").decode()
+
+
+@pytest.fixture(params=["full", "no reader", "closed", "limited", "read only"])
+def bad(request, tmp_path):
+    """What stream number `stream` of a run is given so that it cannot be written."""
+
+    def streams(stream, number):
+        if request.param == "closed":
+            return {"closed": (number,)}
+        if request.param == "limited":
+            return {"limited": True, stream: (tmp_path / "out").open("wb")}
+        if request.param == "read only":
+            return {stream: open(os.devnull, "rb")}
+        return {stream: FULL if request.param == "full" else without_reader()}
+
+    return streams
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_output_that_cannot_be_written_is_said(command, bad):
+    status, _, error = run(command, "--help", **bad("stdout", 1))
+    assert status == 2
+    assert error == f"{command}: standard output cannot be written; is the disk full, or its reader gone?\n"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_messages_that_are_lost_change_nothing(command, bad):
+    status, output, _ = run(command, "--help", **bad("stderr", 2))
+    assert status == 0 and output.startswith(f"usage: {command}")
+    # Nothing of a message comes out elsewhere.
+    words = ["convert", "none", "out.csv"] if command == "torquer" else ["none.toml"]
+    assert run(command, *words, **bad("stderr", 2))[:2] == (2, "")
+    assert run(command, "--no-such-option", **bad("stderr", 2))[:2] == (2, "")
+
+
+def test_a_result_whose_message_cannot_be_written_is_whole(tmp_path, bad):
+    states = tmp_path / "states.jsonl"
+    states.write_text('{"time_s": 1, "nodes_mm": [[0, 0, 0], [1, 0, 0]]}\n')
+    streams = bad("stdout", 1)
+    if streams.get("limited"):
+        pytest.skip("a limit holds for the result too")
+    status, _, error = run("torquer", "convert", states, tmp_path / "wire.csv", **streams)
+    assert status == 2 and "standard output cannot be written" in error and "Traceback" not in error
+    assert (tmp_path / "wire.csv").read_text().count("\n") == 3
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_all_streams_closed(command):
+    assert run(command, "--help", closed=(0, 1, 2))[0] == 2
+    assert run(command, "none", closed=(0, 1, 2))[0] == 2
+
+
+def test_a_name_that_is_no_text_is_shown_by_escapes(tmp_path):
+    states = tmp_path / "states.jsonl"
+    states.write_text('{"time_s": 1, "nodes_mm": [[0, 0, 0]]}\n')
+    target = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.csv")
+    status, output, error = run("torquer", "convert", states, target)
+    assert (status, error) == (0, "") and "\\udcff.csv: 1 states" in output
+
+
+@pytest.mark.parametrize("workers", [[], ["--workers", "1"]])
+def test_a_batch_with_all_streams_closed_is_stored(study, tmp_path, workers):
+    out = tmp_path / "out"
+    assert run("torquer-batch", study(cases(2)), "--out", out, *workers, closed=(0, 1, 2))[0] == 2
+    check_whole(out, 2)
