@@ -1,10 +1,9 @@
 // Every program of the build answers --help, --version and --completion, and refuses a bad command
-// line, in the same way. The programs are found in their folder, so that a new one is held to this.
-#include <sys/stat.h>
+// line, in the same way.
+#include "tests/programs/every_program.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
-#include <filesystem>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -19,22 +18,9 @@
 using Catch::Matchers::Contains;
 using Catch::Matchers::StartsWith;
 using torquer::test::ChildProcess;
+using torquer::test::Programs;
 
 namespace {
-
-// All but the tests.
-std::vector<std::string> Programs() {
-  std::vector<std::string> programs;
-  for (const auto& entry : std::filesystem::directory_iterator(torquer::test::ProgramPath(""))) {
-    struct stat status {};
-    const std::string name = entry.path().filename();
-    const bool runs = stat(entry.path().c_str(), &status) == 0 && S_ISREG(status.st_mode) &&
-                      (status.st_mode & S_IXUSR) != 0;
-    if (runs && !name.ends_with("_test")) programs.push_back(name);
-  }
-  std::sort(programs.begin(), programs.end());
-  return programs;
-}
 
 struct ProgramOutcome {
   int status = -1;

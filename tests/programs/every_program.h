@@ -1,0 +1,30 @@
+// The programs of the build, found in their folder, so that a new one is held to what tests ask of
+// all.
+#pragma once
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tests/support/paths.h"
+
+namespace torquer::test {
+
+/// The names of all programs but the tests.
+inline std::vector<std::string> Programs() {
+  std::vector<std::string> programs;
+  for (const auto& entry : std::filesystem::directory_iterator(ProgramPath(""))) {
+    struct stat status {};
+    const std::string name = entry.path().filename();
+    const bool runs = stat(entry.path().c_str(), &status) == 0 && S_ISREG(status.st_mode) &&
+                      (status.st_mode & S_IXUSR) != 0;
+    if (runs && !name.ends_with("_test")) programs.push_back(name);
+  }
+  std::sort(programs.begin(), programs.end());
+  return programs;
+}
+
+}  // namespace torquer::test
