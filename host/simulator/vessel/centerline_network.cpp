@@ -69,10 +69,23 @@ Eigen::AlignedBox3d BoundsOf(const Centerline& curve) {
 
 CenterlineNetwork::CenterlineNetwork(std::vector<Centerline> curves, double join_tolerance_mm)
     : curves_(std::move(curves)) {
-  const auto at_joint = [&](const Joint& joint, const CenterlinePlace& place) {
-    return std::any_of(joint.places.begin(), joint.places.end(), [&](const CenterlinePlace& p) {
-      return p.curve == place.curve && std::abs(p.s_mm - place.s_mm) <= join_tolerance_mm + 1e-9;
-    });
+  constexpr size_t kNone = std::numeric_limits<size_t>::max();
+  // What joints each curve has, where: a joint can have a place on every curve.
+  std::vector<std::vector<std::pair<double, size_t>>> joints_of(curves_.size());
+  // The first joint at a place, or whether `wanted` is there.
+  const auto find_joint = [&](const CenterlinePlace& place, size_t wanted) {
+    size_t found = kNone;
+    for (const auto& [s_mm, joint] : joints_of[place.curve]) {
+      if (std::abs(s_mm - place.s_mm) > join_tolerance_mm + 1e-9) continue;
+      if (joint == wanted) return joint;
+      if (wanted == kNone) found = std::min(found, joint);
+    }
+    return found;
+  };
+  const auto add = [&](size_t joint, const CenterlinePlace& place) {
+    if (find_joint(place, joint) != kNone) return;
+    joints_[joint].places.push_back(place);
+    joints_of[place.curve].emplace_back(place.s_mm, joint);
   };
   CheckLimits(curves_);
   std::vector<Eigen::AlignedBox3d> boxes;
@@ -90,12 +103,13 @@ CenterlineNetwork::CenterlineNetwork(std::vector<Centerline> curves, double join
           nearest.s_mm = curves_[j].length_mm();
         }
         const CenterlinePlace here{i, s}, there{j, nearest.s_mm};
-        auto joint = std::find_if(joints_.begin(), joints_.end(), [&](const Joint& known) {
-          return at_joint(known, here) || at_joint(known, there);
-        });
-        if (joint == joints_.end()) joint = joints_.insert(joint, Joint{end, {}});
-        if (!at_joint(*joint, here)) joint->places.push_back(here);
-        if (!at_joint(*joint, there)) joint->places.push_back(there);
+        size_t joint = std::min(find_joint(here, kNone), find_joint(there, kNone));
+        if (joint == kNone) {
+          joint = joints_.size();
+          joints_.push_back({end, {}});
+        }
+        add(joint, here);
+        add(joint, there);
       }
     }
   }
