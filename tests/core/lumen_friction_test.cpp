@@ -170,6 +170,23 @@ TEST_CASE(
   CHECK(wire.Hand(0).torque_mJ == Approx(-way * held_mJ).epsilon(0.04));
 }
 
+// Its surface slides across to one side at the contact, so friction pushes it to the other.
+TEST_CASE("A wire that is turned in a lumen climbs its side to the angle of friction") {
+  const double way = GENERATE(1.0, -1.0);
+  const double gj = GENERATE(0.0, PulledWire::kGj);
+  PulledWire wire({.room_mm = 0.1, .gj_N_mm2 = gj});
+  wire.Go(0, 2 * way, 20);
+  const Vector3d center = PulledWire::kRing * wire.stack.rod().sheath_normal();
+  const WireState& lumen = *wire.state.second();
+  const std::size_t middle = lumen.nodes().size() / 2;
+  const Vector3d& tangent = lumen.tangents()[middle];
+  const Vector3d inwards = (center - lumen.nodes()[middle]).normalized();
+  const Vector3d off = wire.state.nodes()[middle] - lumen.nodes()[middle];
+  CHECK(off.dot(inwards) > 0.09);
+  CHECK(off.dot(tangent.cross(inwards)) / off.dot(inwards) ==
+        Approx(-way * PulledWire::kMu).epsilon(0.05));
+}
+
 TEST_CASE("Friction in a lumen holds without creep, and without a coefficient there is none") {
   PulledWire wire({.room_mm = 0.05});
   wire.Go(-0.2, 0.1, 4);

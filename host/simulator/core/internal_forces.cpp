@@ -187,10 +187,11 @@ void FindCurveLoads(const WireState& state, const Expansion& at, bool second, Cu
         spring.stiffness_N_mm * spring.penetration_mm * points.clearance[p].gradient;
   }
   out.in_lumen.clear();
-  if (at.second.empty()) return;
+  const WireState* const other = state.second();
+  if (other == nullptr) return;
   const Eigen::Index part = second ? 5 : 0;
   const bool inner = second == state.outer_leads();
-  const WireState& inner_curve = state.outer_leads() ? *state.second() : state;
+  const WireState& inner_curve = state.outer_leads() ? *other : state;
   const auto add = [&](const auto& place, const Vector3d& force_N, double unfelt_N) {
     out.in_lumen.push_back({.segment = place.segment,
                             .past_mm = place.past_mm + (inner ? 0 : place.ahead_mm),

@@ -18,12 +18,12 @@ constexpr double kNoOffsetMm = 1e-9;
 
 // Both curves, and where the unknowns of each are in a Vector.
 struct Curves {
-  Curves(const InstrumentStack& of, const WireState& state, const std::vector<Frame>& frames,
-         const std::vector<Frame>& second_frames)
+  Curves(const InstrumentStack& of, const WireState& state, const WireState& second,
+         const std::vector<Frame>& frames, const std::vector<Frame>& second_frames)
       : stack(of),
         first(state),
-        inner(state.outer_leads() ? *state.second() : state),
-        outer(state.outer_leads() ? state : *state.second()),
+        inner(state.outer_leads() ? second : state),
+        outer(state.outer_leads() ? state : second),
         inner_frames(state.outer_leads() ? second_frames : frames),
         outer_frames(state.outer_leads() ? frames : second_frames),
         inner_rod(state.outer_leads() ? *of.second_rod() : of.rod()),
@@ -221,7 +221,7 @@ void BetweenCurves::Place(const InstrumentStack& stack, const WireState& state,
   const int segments = state.second()->segments();
   terms.resize(static_cast<std::size_t>(segments));
   if (segments == 0) return;
-  const Curves curves(stack, state, frames, second_frames);
+  const Curves curves(stack, state, *state.second(), frames, second_frames);
   const auto press = [&](int segment, double t, double weight_mm, bool end) {
     if (lumen == nullptr && weight_mm == 0) return;
     const Beside at(curves, segment, t);
@@ -258,7 +258,7 @@ void BetweenCurves::TakeSlides(const InstrumentStack& stack, const WireState& st
   const bool twists = stack.rod().stack_twists();
   if (twists) spin_terms.resize(terms.size());
   for (SpinTerms& term : spin_terms) term.any = false;
-  const Curves curves(stack, state, frames, second_frames);
+  const Curves curves(stack, state, *state.second(), frames, second_frames);
   const int segments = state.second()->segments();
   const int last = static_cast<int>(points.lumen.size()) - 1;
   for (const SlideLoad& load : loads) {
