@@ -187,6 +187,37 @@ TEST_CASE("A wire that is turned in a lumen climbs its side to the angle of fric
         Approx(-way * PulledWire::kMu).epsilon(0.05));
 }
 
+TEST_CASE(
+    "Turned by its hand, a lumen slides by its radius and a wire by its own, in one direction") {
+  const WireModel model = MakeWire({});
+  const WallModel wall;
+  effects::LumenFriction friction(0.2, 0.01, {model, wall});
+  PointSet points;
+  points.per_segment = 1;
+  points.position.resize(1);
+  LumenContact contact;
+  contact.outer = 1;
+  contact.radius_mm = 0.2;
+  contact.lumen_mm = 0.5;
+  contact.force_N = 1;
+  contact.offset_mm = {0.3, 0};
+  points.lumen.assign(3, contact);
+  const auto energy_mJ = [&] {
+    PointDerivatives out;
+    return friction.Add(points, out);
+  };
+  friction.Begin(points);
+  REQUIRE(energy_mJ() == 0);
+  std::array<SurfaceMove, kMostInstruments> moves = {};
+  moves[0].turn_rad = 0.5;
+  moves[1].turn_rad = 0.2;
+  friction.MoveSurfaces(points, moves);
+  CHECK(energy_mJ() == Approx(0).margin(1e-15));
+  moves[0].turn_rad = -0.5;
+  friction.MoveSurfaces(points, moves);
+  CHECK(energy_mJ() > 1e-3);
+}
+
 TEST_CASE("Friction in a lumen holds without creep, and without a coefficient there is none") {
   PulledWire wire({.room_mm = 0.05});
   wire.Go(-0.2, 0.1, 4);

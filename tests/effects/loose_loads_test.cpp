@@ -142,6 +142,36 @@ TEST_CASE("Weight and mass of two curves have the gradient of finite differences
   CHECK((gradient - curves.Gradient()).norm() < 1e-6 * gradient.norm());
 }
 
+TEST_CASE("Room changes nothing in how much moves where both curves move alike") {
+  const InstrumentPlaces places = GENERATE(kWireLeads, kThreeWireLeads, kThreeCatheterLeads);
+  TwoCurves curves(places, 2, 11);
+  effects::EffectContext context{curves.model, curves.wall};
+  context.stack = &curves.stack;
+  const Vector3d moved_mm(0.1, 0.2, -0.3);
+  const auto force_N = [&](PointSet points) {
+    effects::Inertia inertia({.linear_density_g_m = {0.7, 2, 3}, .fluid_kg_m3 = 1060}, context);
+    inertia.Lapse(0.001);
+    inertia.Begin(points);
+    for (Vector3d& at : points.position) at += moved_mm;
+    for (Vector3d& at : points.covered) at += moved_mm;
+    PointDerivatives out;
+    out.Clear(points.position.size());
+    out.covered.Clear(points.covered.size());
+    inertia.Add(points, out);
+    Vector3d sum = Vector3d::Zero();
+    for (const Vector3d& gradient : out.gradient) sum += gradient;
+    for (const Vector3d& gradient : out.covered.gradient) sum += gradient;
+    return sum;
+  };
+  PointSet together = curves.at.points;
+  together.first_outer = 0;
+  together.on_second.clear();
+  together.covered.clear();
+  const Vector3d apart_N = force_N(curves.at.points);
+  CHECK(apart_N.norm() > 1e-6);
+  CHECK((apart_N - force_N(together)).norm() < 1e-12 * apart_N.norm());
+}
+
 // Falling from straight, fed and drawn meanwhile, instruments that do not touch swing as each
 // alone.
 TEST_CASE("Instruments that do not touch swing as each does alone, whichever leads") {

@@ -41,6 +41,11 @@ radius_mm = 0.5
 rigidity_N_mm2 = 0.01
 )";
 
+// A part of the main way with more friction, but for its radius.
+const std::string kRegion =
+    "[effects.friction]\ncoefficient = 0.1\n[[effects.friction.region]]\ncenterline = \"main\"\n"
+    "factor = 2\n";
+
 // What a scene of that text says when it is refused; "" when it is taken.
 std::string Refusal(const std::string& text) {
   const torquer::test::TemporaryFolder folder;
@@ -88,6 +93,7 @@ TEST_CASE("A good scene is taken", "[scene]") {
                         "update_rule = \"exact_root\"\n")
             .empty());
   CHECK(Refusal(kGood + kCatheter).empty());
+  CHECK(Refusal(kGood + kRegion + "radius_mm = 0.3\n").empty());
   CHECK(
       Refusal(With("radius_mm = 0.2", "radius_mm = 0.2\nfrom_tip_mm = " + Numbers(1000))).empty());
 }
@@ -154,6 +160,8 @@ TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
       {kGood + "[effects.frction]\n", {"effects.frction", "did you mean friction?"}},
       {kGood + "[effects.friction]\n", {"effects.friction.coefficient: is missing"}},
       {kGood + "[effects.friction]\ncoefficient = 3\n", {":18: effects.friction.coefficient = 3"}},
+      {kGood + kRegion + "radius_mm = 0.1\n",
+       {"effects.friction.region[0].radius_mm = 0.1", "is too small for 28", "give at least 0.28"}},
       {kGood + "[effects.contrast]\nrate_mL_s = 2\n",
        {":17: effects.contrast", "needs [effects.flow]"}},
       {kGood + "[relaxation]\nmethod = \"paper\"\n[effects.friction]\ncoefficient = 0.1\n",

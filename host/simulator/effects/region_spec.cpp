@@ -10,6 +10,9 @@ using vessel::Region;
 
 namespace {
 
+// A stretch is made of two balls a radius, each of which is compared with each.
+constexpr double kMostStretchRadii = 1000;
+
 void CheckShape(const RegionSpec& spec, StrictTable& table) {
   const int shapes =
       spec.center_mm.has_value() + spec.centerline.has_value() + spec.side_of_mm.has_value();
@@ -60,6 +63,11 @@ Region MakeStretch(const RegionSpec& spec, const EffectContext& context) {
     }
   }
   if (!(to > from)) spec.origin.Refuse("to_mm", "must be more than from_mm");
+  if (to - from > kMostStretchRadii * *spec.radius_mm) {
+    spec.origin.Refuse("radius_mm",
+                       fmt::format("is too small for {:.4g} mm of centerline; give at least {:.4g}",
+                                   to - from, (to - from) / kMostStretchRadii));
+  }
   return Region::Stretch(curve, from, to, *spec.radius_mm,
                          spec.edge_mm.value_or(*spec.radius_mm / 2));
 }
