@@ -35,6 +35,11 @@ struct Slid {
     curves.terms.push_back(&friction);
     curves.at = curves.mechanics.MakeExpansion();
     Expand();
+    // What presses two on one curve against each other.
+    if (ratio > 0) {
+      curves.at.points.pressed_N.assign(static_cast<std::size_t>(curves.state.segments()),
+                                        {1e-3, 2e-3, 3e-3, 0});
+    }
     friction.Begin(curves.at.points);
     std::array<SurfaceMove, kMostInstruments> moves = {};
     moves[0] = {.along_mm = 0.01, .turn_rad = 0.03};
