@@ -84,28 +84,36 @@ double Inertia::DensityAt(const PointSet& points, bool second, int q) const {
   return density_g_m + 2e-3 * settings_.fluid_kg_m3 * std::numbers::pi * squared_mm2;
 }
 
-Inertia::Material Inertia::Before(const PointSet& points, bool second, int q) const {
+Inertia::Seen Inertia::See(const PointSet& points, bool second) const {
   const Curve& curve = curves_[NumberOf(points, second)];
   const double behind_mm = BehindMm(points, second);
-  // Within the first segment, whose length changes, points do not keep their material.
-  const bool keeps = q + 1 >= points.per_segment;
   const int last = points.SizeOf(second) - 1;
   const double beyond_tip_mm = behind_mm - points.FromTip(last) * points.spacing_mm;
-  // Where the material was counted from the tip, in pieces.
-  const double moved = (curve.beyond_tip_mm - beyond_tip_mm) / points.spacing_mm;
-  const double place = last - q + moved;
+  return {points, curve, last, behind_mm,
+          (curve.beyond_tip_mm - beyond_tip_mm) / points.spacing_mm};
+}
+
+Inertia::Material Inertia::Before(const Seen& seen, int q) const {
+  const PointSet& points = seen.points;
+  const Curve& curve = seen.curve;
+  // Within the first segment, whose length changes, points do not keep their material.
+  const bool keeps = q + 1 >= points.per_segment;
+  if (keeps && seen.moved == 0 && seen.last - q < curve.known) {
+    return curve.material[static_cast<std::size_t>(seen.last - q)];
+  }
+  const double place = seen.last - q + seen.moved;  // in pieces from the first that is known
   if (keeps && place <= curve.known - 1) {
-    const int at = std::clamp(static_cast<int>(std::floor(place)), 0, curve.known - 1);
+    const int at = std::clamp(static_cast<int>(std::floor(place)), 0, std::max(0, curve.known - 2));
     const Material& here = curve.material[static_cast<std::size_t>(at)];
+    if (curve.known == 1) return here;
     const double part = place - at;
-    if (part == 0 || at + 1 == curve.known) return here;
     const Material& next = curve.material[static_cast<std::size_t>(at) + 1];
     return {here.at + part * (next.at - here.at),
             here.velocity_mm_s + part * (next.velocity_mm_s - here.velocity_mm_s)};
   }
-  const double from_tip_mm = keeps
-                                 ? points.FromTip(q) * points.spacing_mm - behind_mm
-                                 : Inserted(points, behind_mm) - (q + 1) * points.first_spacing_mm;
+  const double from_tip_mm =
+      keeps ? points.FromTip(q) * points.spacing_mm - seen.behind_mm
+            : Inserted(points, seen.behind_mm) - (q + 1) * points.first_spacing_mm;
   const double in_sheath_mm = from_tip_mm - curve.inserted_mm;
   Material in_sheath{sheath_.point_mm - std::max(0.0, in_sheath_mm) * sheath_.direction,
                      curve.fed_mm_s * sheath_.direction};
@@ -156,10 +164,10 @@ double Inertia::Add(const PointSet& points, PointDerivatives& out) const {
   if (part_s_ == 0) return 0;  // in no time the wire goes to where it rests
   double energy = 0;
   ForCurves(points, [&](bool second) {
-    const int count = points.SizeOf(second);
-    for (int q = 0; q < count; ++q) {
+    const Seen seen = See(points, second);
+    for (int q = 0; q <= seen.last; ++q) {
       const auto p = static_cast<std::size_t>(q);
-      const Material before = Before(points, second, q);
+      const Material before = Before(seen, q);
       const double length_mm = points.weight_mm[p];
       const double mass = kNewton * DensityAt(points, second, q) * length_mm / (part_s_ * part_s_);
       // What lies in a lumen has no blood around it to go through.
@@ -182,15 +190,15 @@ void Inertia::End(const PointSet& points) {
   kinetic_mJ_ = 0;
   ForCurves(points, [&](bool second) {
     Curve& curve = curves_[NumberOf(points, second)];
-    const int count = points.SizeOf(second);
-    for (int q = 0; q < count; ++q) {
+    const Seen seen = See(points, second);
+    for (int q = 0; q <= seen.last; ++q) {
       const Vector3d& at = points.PositionOn(second, q);
-      const Vector3d velocity_mm_s = per_s * (at - Before(points, second, q).at);
+      const Vector3d velocity_mm_s = per_s * (at - Before(seen, q).at);
       kinetic_mJ_ += kNewton * DensityAt(points, second, q) *
                      points.weight_mm[static_cast<std::size_t>(q)] * velocity_mm_s.squaredNorm() /
                      2;
       if (q + 1 < points.per_segment) continue;
-      next_[static_cast<std::size_t>(count - 1 - q)] = {at, velocity_mm_s};
+      next_[static_cast<std::size_t>(seen.last - q)] = {at, velocity_mm_s};
     }
     const double before_mm = curve.inserted_mm;
     std::swap(curve.material, next_);

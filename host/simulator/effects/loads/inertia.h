@@ -65,9 +65,19 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
     double fed_mm_s = 0;  // velocity of what is in the sheath
   };
 
+  // A curve of the points beside what is remembered of it.
+  struct Seen {
+    const PointSet& points;
+    const Curve& curve;
+    int last;          // of its points
+    double behind_mm;  // its tip, behind the distal end
+    double moved;      // how many pieces its points have moved along its material
+  };
+
   // Which of the two curves of `points` that is: 0 that of the innermost instrument, 1 the other.
   static std::size_t NumberOf(const PointSet& points, bool second);
-  Material Before(const PointSet& points, bool second, int q) const;
+  Seen See(const PointSet& points, bool second) const;
+  Material Before(const Seen& seen, int q) const;
   double DensityAt(const PointSet& points, bool second, int q) const;
   static void Remember(const PointSet& points, bool second, Curve& curve);
 
