@@ -23,7 +23,7 @@ namespace torquer::bus {
 namespace {
 
 constexpr char kFallbackUrl[] = "udpm://239.255.76.67:7667?ttl=0";
-// Messages handled in one call, so that a flood of them cannot hold the caller for ever.
+// Messages handled in one call: a limit, so that a flood of them cannot block the caller forever.
 constexpr std::int64_t kBurst = 1000;
 constexpr long kReceiveBufferBytes = 2 * 1024 * 1024;
 constexpr std::int64_t kNoticeUs = 60'000'000;
@@ -66,7 +66,7 @@ void ReadOptions(const std::string& url, std::string_view options, UdpmPlace& pl
   }
 }
 
-// Whether the kernel has a route to this multicast group; LCM's own message names the wrong one.
+// True if the kernel has a route to this multicast group. LCM's own message names the wrong one.
 bool HasRoute(const sockaddr_in& group) {
   const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return false;
@@ -113,7 +113,7 @@ UdpmPlace ReadMulticast(const std::string& url, std::string_view text) {
   return place;
 }
 
-// The place, where it is UDP multicast.
+// The multicast settings of `url`; nullopt for LCM's other transports.
 std::optional<UdpmPlace> ReadUrl(const std::string& url) {
   const std::size_t scheme_end = url.find("://");
   if (scheme_end == std::string::npos) Refuse(url, "it has no scheme");

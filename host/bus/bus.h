@@ -1,8 +1,7 @@
-// LCM with errors that are reported.
+// Message bus: LCM with error reporting.
 //
-// LCM itself reports neither a bad URL nor a message that it cannot decode, and its receiving half
-// trusts what it receives; all three are taken care of here.
-// Channel names: protocol/lcm_channels.h.
+// LCM itself reports neither a bad URL nor a message that it cannot decode, and its receiver trusts
+// the received bytes. This class handles all three. Channel names: protocol/lcm_channels.h.
 #pragma once
 
 #include <lcm/lcm.h>
@@ -25,12 +24,12 @@
 
 namespace torquer::bus {
 
-/// What a subscription has received.
+/// Counters of one subscription.
 struct ChannelCounters {
   std::string channel;
   std::int64_t received = 0;     ///< decoded, and passed to the handler
-  std::int64_t undecodable = 0;  ///< no message of the type (message_check.h); dropped
-  Sender undecodable_from;       ///< of the last one
+  std::int64_t undecodable = 0;  ///< not a message of the type (message_check.h); dropped
+  Sender undecodable_from;       ///< sender of the last undecodable message
 };
 
 /// The URL in use when the user gives none: $LCM_DEFAULT_URL, else multicast with ttl 0. With that
@@ -75,7 +74,7 @@ class Bus {
         },
         queue);
   }
-  /// The same, for those who need to know whose message it is, or when it came.
+  /// Like Subscribe(), but the handler also gets the message's sender and arrival time.
   template <class Message>
   void SubscribeWithArrival(const std::string& channel,
                             std::function<void(const Message&, const Arrival&)> handler,
@@ -90,7 +89,8 @@ class Bus {
         });
   }
 
-  /// The bytes of every message on `channel`, whatever they are; as many wait as fit into memory.
+  /// Calls `handler` with the bytes of every message on `channel`, decodable or not. The queue is
+  /// limited only by UdpmReceiver::kMostWaitingBytes.
   void SubscribeBytes(
       const std::string& channel,
       std::function<void(std::span<const std::uint8_t> data, const Arrival&)> handler) {
@@ -102,25 +102,26 @@ class Bus {
         });
   }
 
-  /// Handles the messages that wait, after waiting at most `timeout_ms` for the first one.
-  /// Returns the number handled, undecodable ones included.
+  /// Handles the queued messages, after waiting at most `timeout_ms` for the first one. Returns the
+  /// number handled, undecodable ones included.
   int Handle(int timeout_ms);
-  /// Handles messages until `done` or until MonotonicUs() reaches `end_us`; those that wait already
-  /// in any case.
+  /// Handles messages until `done` returns true or MonotonicUs() reaches `end_us`. Messages already
+  /// queued are handled in any case.
   void HandleUntil(std::int64_t end_us, const std::function<bool()>& done);
 
-  /// Readable when a message waits; for poll(). Starts the receiving thread.
+  /// Descriptor for poll(): readable when a message is queued. Starts the receiving thread.
   int FileDescriptor();
 
-  /// What has come on the bus that was no message, or was dropped for want of room, since this was
-  /// asked last: a sentence with channels, numbers and senders; "" where there is nothing new. Says
-  /// something at most once a minute. `now_us` by MonotonicUs().
+  /// A sentence about messages refused or dropped since the last notice, with channels, counts and
+  /// senders. "" if there is nothing new, or the last notice is less than a minute old. `now_us` by
+  /// MonotonicUs().
   std::string TakeNotice(std::int64_t now_us);
 
   /// One entry per subscription, in the order of Subscribe().
   std::vector<ChannelCounters> counters() const;
-  std::int64_t undecodable() const;  ///< over all subscriptions, and datagrams that are not LCM's
-  std::int64_t dropped() const;      ///< for want of room, over all subscriptions
+  std::int64_t undecodable()
+      const;                     ///< sum over all subscriptions, plus datagrams that are not LCM's
+  std::int64_t dropped() const;  ///< because a queue was full; sum over all subscriptions
   std::int64_t publish_failures() const { return publish_failures_; }
 
  private:
@@ -138,13 +139,13 @@ class Bus {
 
   std::string url_;
   std::unique_ptr<lcm_t, void (*)(lcm_t*)> lcm_;
-  std::optional<UdpmPlace> udpm_;  // where this is UDP multicast, on which liblcm only sends
+  std::optional<UdpmPlace> udpm_;  // set for UDP multicast, where liblcm only sends
   std::unique_ptr<UdpmReceiver> receiver_;
   std::list<Subscription> subscriptions_;
   std::int64_t handled_ = 0;
   std::exception_ptr handler_error_;
   std::int64_t notice_us_ = 0;  // 0: none yet
-  // What notices have said.
+  // Counts already reported in notices.
   std::vector<std::int64_t> noted_undecodable_;
   std::int64_t noted_damaged_ = 0;
   std::int64_t noted_dropped_ = 0;

@@ -26,7 +26,7 @@
 namespace torquer::bus {
 namespace {
 
-// A claim without a holder is removed when it was not used for this long.
+// A claim without a holder is removed when it has not been used for this long.
 constexpr std::time_t kStaleAfterS = 24 * 3600;
 
 // The user's id outside of any user namespace, so that the folder is the same inside and outside.
@@ -87,7 +87,7 @@ int OpenLocked(const std::string& path) {
   }
 }
 
-// The first byte of a claim is locked a second time, by a lock of which the kernel says who has it.
+// A second lock, on the first byte of a claim: for this kind, the kernel reports the owner's PID.
 struct flock OwnersLock() {
   struct flock lock {};
   lock.l_type = F_WRLCK;
@@ -104,7 +104,7 @@ std::optional<int> HolderByKernel(int fd) {
   return lock.l_pid;
 }
 
-// A claim, opened to look at.
+// A claim's file, opened without taking its lock; closed on destruction.
 struct File {
   explicit File(const std::string& path)
       : fd(open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK)) {}
@@ -161,7 +161,7 @@ void RemoveStaleClaims() {
   }
 }
 
-// A file name of what may be a path or hold any character.
+// Makes a safe file name: `readable` may be a path or contain any character.
 std::string ClaimName(const std::string& kind, const std::string& readable,
                       const std::string& identity) {
   std::string name = kind + "-";
@@ -206,10 +206,10 @@ bool SignalClaimHolder(const std::string& name, int signal) {
   const File file(ClaimPath(name));
   const std::optional<int> holder = HolderByKernel(file.fd);
   if (!holder || *holder == getpid()) return false;
-  // By number: the header of Debian 12 for these calls is not one for C++.
+  // Called by number: Debian 12's header for these system calls does not compile as C++.
   const auto process = static_cast<int>(syscall(SYS_pidfd_open, *holder, 0));
   if (process < 0) return false;
-  // The process that was opened holds it still: no other took its number meanwhile.
+  // Check again: if the opened process still holds the claim, no other process has taken its PID.
   const bool sent = HolderByKernel(file.fd) == holder &&
                     syscall(SYS_pidfd_send_signal, process, signal, nullptr, 0) == 0;
   close(process);

@@ -1,8 +1,8 @@
-// Claims, so that nobody is a second time what there may be once: the daemon of an instrument or a
-// device, the simulator of a bus, the viewer that steers.
+// Claims: locks that allow one holder at a time. One exists for the daemon of an instrument or a
+// device, the simulator of a bus, and the viewer that steers.
 //
 // Claims are locked files in $XDG_RUNTIME_DIR/torquer (without that variable in a private folder
-// under /tmp). What is claimed on a bus is claimed for one LCM URL in one network namespace.
+// under /tmp). A claim on a bus holds for one LCM URL in one network namespace.
 #pragma once
 
 #include <sys/types.h>
@@ -15,14 +15,14 @@ namespace torquer::bus {
 /// Names a claim and its holder in the message that refuses another one.
 struct ClaimWords {
   std::string what;                        ///< "the instrument 'guidewire'"
-  std::string program = "torquer-daemon";  ///< that claims such things
-  std::string detail = {};                 ///< what this holder does, "scene neuro_arch"
+  std::string program = "torquer-daemon";  ///< the program that takes this kind of claim
+  std::string detail = {};                 ///< the holder's activity, such as "scene neuro_arch"
 };
 
 /// A lock held until destruction (or the end of the process, however it ends).
 class Claim {
  public:
-  /// Claims `name`; throws UserError naming what it is on and the process that holds it.
+  /// Claims `name`; throws UserError naming the claimed thing and the process that holds it.
   Claim(const std::string& name, const ClaimWords& words);
   ~Claim();
   Claim(const Claim&) = delete;
@@ -30,29 +30,31 @@ class Claim {
 
   int file() const { return fd_; }
 
-  /// Claims begin with a line about the holder; a record may follow.
+  /// Offset of the record in the file, bytes: claims begin with a line about the holder, and a
+  /// record may follow.
   static constexpr off_t kRecordOffset = 64;
 
  private:
   int fd_ = -1;
 };
 
-/// The process that holds the claim `name`, if any: by the kernel's word, not the file's. None,
-/// too, where the holder is in another process id namespace.
+/// PID of the process that holds the claim `name`, if any, as reported by the kernel, not the file.
+/// Also nullopt if the holder is in another PID namespace.
 std::optional<int> ClaimHolder(const std::string& name);
 
-/// Sends `signal` to the process that holds the claim `name`, and never to another one, however the
-/// claims' files may read and whoever takes a number that has become free. False where nobody holds
-/// it, or the holder may not be signaled.
+/// Sends `signal` to the process that holds the claim `name`. No other process is ever signaled,
+/// even if the claim's file is wrong or a PID has been reused. False if nobody else holds the
+/// claim, or the holder may not be signaled.
 bool SignalClaimHolder(const std::string& name, int signal);
 
 /// The file of the claim `name`.
 std::string ClaimPath(const std::string& name);
 
-/// Removes claims that nobody holds and that were not used for a day.
+/// Removes claims that nobody holds and that have not been used for a day.
 void RemoveStaleClaims();
 
-/// A claim's name: of its kind, of what a person may read in it, and of what tells it from others.
+/// A claim's name, made of its `kind`, a part that a person can read, and a hash of `identity`,
+/// which distinguishes it from others.
 std::string ClaimName(const std::string& kind, const std::string& readable,
                       const std::string& identity);
 

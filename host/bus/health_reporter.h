@@ -1,4 +1,5 @@
-// Publishes the status of a process: at once when it changes, otherwise once a second.
+// Health reporter: publishes the status of a process at once when it changes, otherwise once a
+// second.
 #pragma once
 
 #include <cstdint>
@@ -21,13 +22,13 @@ class HealthReporter {
   /// Serial number of the device that the following messages are about; "" for none.
   void SetDevice(std::string device) { device_ = std::move(device); }
 
-  /// The instrument that following messages concern; "" for none.
+  /// Instrument that the following messages are about; "" for none.
   void SetInstrument(std::string instrument) { instrument_ = std::move(instrument); }
 
   /// Publishes the new `state` now, with the reason in a sentence.
   void Change(const std::string& state, const std::string& message, const HealthCounters& counters);
 
-  /// Whether the last message is a second old; counters need to be gathered only then.
+  /// True if the last message is at least a second old; counters need to be gathered only then.
   bool Due(std::int64_t now_us) const { return now_us - last_publish_us_ >= 1000000; }
 
   /// Publishes the present state again.

@@ -11,13 +11,13 @@
 namespace torquer::bus {
 namespace {
 
-// Beyond this no message of ours comes near, and sizes fit into an int with room to spare.
+// Upper limit in bytes. Our messages are far smaller, and every size up to it fits into an int.
 constexpr std::size_t kLargestMessage = std::size_t{1} << 28;
-// Fields of one type that count the elements of others.
+// Maximum number of fields in one type that count the elements of other fields.
 constexpr std::size_t kMostCounts = 8;
 constexpr int kNoCount = -1;
 
-// As it stands in a .lcm file.
+// A field as it is written in a .lcm file.
 struct FieldText {
   const char* type;
   const char* name;
@@ -34,17 +34,17 @@ const TypeTexts& Texts() {
 
 struct Layout;
 
-// How many elements: a number, or the value of an earlier field.
+// An array dimension: a fixed number, or the value of an earlier field.
 struct Dimension {
   std::uint64_t number;
-  int count;  // kNoCount: the number
+  int count;  // index of the counting field; kNoCount: use `number`
 };
 
 struct Field {
-  std::size_t bytes = 0;  // of an element of fixed size; 0: a text or another type
+  std::size_t bytes = 0;  // bytes of one element of fixed size; 0: a text or a nested type
   const Layout* nested = nullptr;
   std::vector<Dimension> dimensions;
-  int count = kNoCount;  // its value is kept under this number, for those that it counts
+  int count = kNoCount;  // index under which its value is kept for the fields that it counts
 };
 
 struct Layout {
@@ -60,7 +60,7 @@ std::size_t FixedBytes(std::string_view type) {
   return found == bytes.end() ? 0 : found->second;
 }
 
-// How a dimension is written: as digits, or as an earlier field.
+// Parses a dimension: digits, or the name of an earlier field.
 Dimension MakeDimension(const std::string& text, const std::map<std::string, int>& counts) {
   if (text.find_first_not_of("0123456789") == std::string::npos) {
     return {std::stoull(text), kNoCount};
@@ -78,7 +78,7 @@ bool CountsOthers(const FieldText& field, const std::vector<FieldText>& all) {
   });
 }
 
-// Adds the type of that name, and those that its fields have.
+// Adds the layout of type `name` and the layouts of its nested types.
 const Layout& AddLayout(std::string_view name, Layouts& layouts) {
   const auto known = layouts.find(name);
   if (known != layouts.end()) return known->second;
@@ -116,7 +116,7 @@ const Layouts& AllLayouts() {
   return all;
 }
 
-// Walks over the bytes of a message, and stops at the first that cannot be.
+// Walks over the bytes of a message and stops at the first invalid one.
 class Walk {
  public:
   explicit Walk(std::span<const std::uint8_t> bytes) : bytes_(bytes), rest_(bytes) {}
@@ -136,11 +136,11 @@ class Walk {
     std::array<std::int64_t, kMostCounts> counts{};
     for (const Field& field : layout.fields) {
       if (field.count != kNoCount) {
-        // A decoder makes room for as many elements before it looks for them; elements of another
-        // dimension that is zero take no bytes.
+        // A decoder allocates this many elements before it reads any. If another dimension is zero,
+        // the elements take no bytes, so the size check below does not limit the count.
         std::int64_t& count = counts[static_cast<std::size_t>(field.count)];
         if (!Integer(field.bytes, count)) return false;
-        // Below zero is beyond all here.
+        // A negative count becomes a huge unsigned number and is refused too.
         if (static_cast<std::uint64_t>(count) > bytes_.size()) return false;
         continue;
       }
@@ -165,14 +165,14 @@ class Walk {
       rest_ = rest_.subspan(field.bytes * number);
       return true;
     }
-    // Each takes bytes, so that this ends with them.
+    // Each element takes at least one byte, so the loop ends when the bytes do.
     for (; number > 0; --number) {
       if (!(field.nested != nullptr ? Struct(*field.nested) : Text())) return false;
     }
     return true;
   }
 
-  // Its length with the zero at the end, then as many bytes.
+  // A text: its length including the final zero byte, then that many bytes.
   bool Text() {
     std::int64_t length = 0;
     if (!Integer(4, length) || length <= 0) return false;

@@ -1,5 +1,5 @@
-// Whether bytes are a message, before the decoder that lcm-gen made sees them: it trusts the
-// lengths and counts in a message, throws on some, and asks for any amount of memory on others.
+// Message check: run before the decoder that lcm-gen generates. That decoder trusts the lengths and
+// counts in a message: it throws on some, and allocates any amount of memory on others.
 #pragma once
 
 #include <cstddef>
@@ -10,17 +10,17 @@
 
 namespace torquer::bus {
 
-/// Whether `bytes` are exactly one message of the type `type_name` of protocol/lcm: `fingerprint`
-/// first, every text and array whole, texts with one zero byte and at their end, no count below
-/// zero or above the number of bytes, and nothing left over. Reads no byte outside, allocates
-/// nothing, and takes a time proportional to the bytes, whatever is in them.
-/// Throws std::logic_error for a type that protocol/lcm does not define.
+/// True if `bytes` are exactly one message of the type `type_name` of protocol/lcm. It must start
+/// with `fingerprint`, and every text and array must be complete. Each text has one zero byte, at
+/// its end. No count is negative or above the number of bytes, and no bytes are left over. Reads
+/// nothing outside `bytes`, allocates nothing, and takes time proportional to their number, for any
+/// content. Throws std::logic_error for a type that protocol/lcm does not define.
 bool IsMessage(std::string_view type_name, std::int64_t fingerprint,
                std::span<const std::uint8_t> bytes);
 
-/// Decodes `size` bytes at `data` as a Message of protocol/lcm; false where they are none, and
-/// `message` has no meaning then. Never throws. For bytes of any origin: the bus, a log.
-// Not inlined: GCC 12 then warns of the generated decoder, and wrongly.
+/// Decodes `size` bytes at `data` as a Message of protocol/lcm; false if they are not one, and then
+/// `message` has no meaning. Never throws. Accepts bytes from any origin, such as the bus or a log.
+// Not inlined: otherwise GCC 12 wrongly warns about the generated decoder.
 template <class Message>
 [[gnu::noinline]] bool DecodeMessage(const void* data, std::size_t size, Message& message) {
   const auto* bytes = static_cast<const std::uint8_t*>(data);

@@ -1,4 +1,4 @@
-// Who sent a message, and when it came.
+// Sender and arrival time of a message.
 #pragma once
 
 #include <compare>
@@ -7,8 +7,8 @@
 
 namespace torquer::bus {
 
-/// One connection of one process to the bus, by the address that its datagrams come from. All zero
-/// where the bus does not tell (a log played as a bus, a bus within the process).
+/// One connection of one process to the bus, identified by the source address of its datagrams. All
+/// zero if the bus does not provide it (a log played as a bus, a bus within the process).
 struct Sender {
   std::uint32_t address = 0;  ///< IPv4, as a number
   std::uint16_t port = 0;
@@ -16,14 +16,14 @@ struct Sender {
   auto operator<=>(const Sender&) const = default;
 };
 
-/// Where a message came from, and when.
+/// Sender and arrival time of one message.
 struct Arrival {
   Sender sender;
-  std::int64_t received_us = 0;  ///< by MonotonicUs(), before it waited for its turn
+  std::int64_t received_us = 0;  ///< by MonotonicUs(), before the message was queued
 };
 
-/// As "127.0.0.1:40123", or "port 40123" where the datagrams of this machine have no address; "an
-/// unknown sender" for none.
+/// Text such as "127.0.0.1:40123"; "port 40123" if this machine's datagrams have no address; "an
+/// unknown sender" if all is zero.
 std::string Describe(const Sender& sender);
 
 }  // namespace torquer::bus

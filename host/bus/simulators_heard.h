@@ -1,4 +1,4 @@
-// Which simulators publish on a bus: there may be one. No I/O, no clock.
+// Detection of several simulators on one bus, where only one may publish. No I/O, no clock.
 #pragma once
 
 #include <cstdint>
@@ -9,18 +9,20 @@
 
 namespace torquer::bus {
 
-/// `now_us` is the time of the call, by MonotonicUs(), ascending.
+/// Remembers the simulators that publish. `now_us` is the time of the call by MonotonicUs() and
+/// must not decrease.
 class SimulatorsHeard {
  public:
-  /// A simulator publishes a state five times a second at least.
+  /// Age in us after which a simulator no longer counts. Simulators publish at least five states a
+  /// second.
   static constexpr std::int64_t kOldUs = 1'000'000;
-  /// One more takes the place of the one that was heard longest ago.
+  /// Most simulators remembered; one more replaces the one heard longest ago.
   static constexpr std::size_t kMost = 4;
 
   void State(const Sender& sender, std::int64_t now_us);
-  /// The scene of one whose states are heard.
+  /// Records the scene of a simulator whose states have been heard.
   void Scene(const Sender& sender, const std::string& name);
-  /// Names those that publish now, where they are more than one; "" otherwise.
+  /// A sentence naming the simulators that publish now, if there are several; otherwise "".
   std::string Conflict(std::int64_t now_us) const;
 
  private:

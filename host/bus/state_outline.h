@@ -1,18 +1,19 @@
-// Wire states without their shape, as logs have them between the ticks whose shapes are kept.
+// Outlines: wire states without their shape. A log stores them between the ticks whose shapes it
+// keeps.
 #pragma once
 
 #include "torquer_lcm/wire_state_t.hpp"
 
 namespace torquer::bus {
 
-/// Whether of a curve with more nodes a state has the two ends alone. Its contacts are not in it
-/// either.
+/// True if a state contains only the two end nodes of a curve that has more. An outline has no
+/// contacts either.
 inline bool IsOutline(const torquer_lcm::wire_state_t& state) {
   return state.segment_count > 1 && state.node_count == 2 && state.stride >= state.segment_count;
 }
 
-/// Leaves of the shape what makes the state an outline: by the meaning of `stride`, its ends. All
-/// else stays, and it is a message like any other.
+/// Reduces the shape to its two end nodes, with `stride` set to match, and removes the contacts.
+/// All other fields stay, and the state remains a valid message.
 inline void ReduceToOutline(torquer_lcm::wire_state_t& state) {
   if (state.segment_count <= 1 || state.nodes_mm.size() <= 2) return;
   state.nodes_mm = {state.nodes_mm.front(), state.nodes_mm.back()};
@@ -23,7 +24,7 @@ inline void ReduceToOutline(torquer_lcm::wire_state_t& state) {
   state.contact_penetrations_um.clear();
 }
 
-/// Leaves out what the state says of earlier ticks.
+/// Removes the state's data about earlier ticks.
 inline void DropPast(torquer_lcm::wire_state_t& state) {
   state.past_count = 0;
   state.past_time_s.clear();

@@ -7,7 +7,7 @@ namespace {
 
 constexpr std::uint32_t kWhole = 0x4c433032;     // "LC02"
 constexpr std::uint32_t kFragment = 0x4c433033;  // "LC03"
-constexpr std::size_t kWholeHeader = 8;          // that, and a number
+constexpr std::size_t kWholeHeader = 8;          // the magic number and a sequence number
 constexpr std::size_t kFragmentHeader = 20;
 constexpr std::size_t kLongestChannel = 63;
 
@@ -17,7 +17,7 @@ std::uint32_t BigEndian(std::span<const std::uint8_t> bytes, std::size_t at, std
   return value;
 }
 
-// Takes the channel, which a zero byte ends, off the front of `bytes`; "" where there is none.
+// Removes the zero-terminated channel name from the front of `bytes`; "" if there is none.
 std::string_view TakeChannel(std::span<const std::uint8_t>& bytes) {
   const auto end = std::find(bytes.begin(), bytes.end(), 0);
   const auto length = static_cast<std::size_t>(end - bytes.begin());
@@ -53,7 +53,7 @@ UdpmAssembly::Outcome UdpmAssembly::TakeFragment(std::span<const std::uint8_t> d
   auto part = std::find_if(parts_.begin(), parts_.end(),
                            [&](const Part& known) { return known.sender == sender; });
   if (fragment == 0) {
-    // A sender finishes a message before it begins the next: the rest of the last one is lost.
+    // A sender finishes a message before it begins the next, so the rest of its last one is lost.
     if (part != parts_.end()) parts_.erase(part);
     const std::string_view channel = TakeChannel(data);
     if (channel.empty() || size > kLargestMessage) return Outcome::kRefused;

@@ -13,8 +13,8 @@
 
 namespace torquer::bus {
 
-/// Makes messages of datagrams of any origin. liblcm 1.3.1 does the same, and adds a fragment's
-/// place and size in 32 bits: two datagrams then write anywhere.
+/// Assembles messages from datagrams of any origin. liblcm 1.3.1 does the same, but adds a
+/// fragment's offset and size in 32 bits, so two datagrams can make it write anywhere.
 class UdpmAssembly {
  public:
   /// Views into the datagram or this object, until the next Take().
@@ -30,13 +30,13 @@ class UdpmAssembly {
 
   Outcome Take(std::span<const std::uint8_t> datagram, const Sender& sender, Message& message);
 
-  /// Bytes of the largest message that is put together; the largest of ours is a tenth of it.
+  /// Largest message that is assembled, bytes; our largest message is a tenth of it.
   static constexpr std::size_t kLargestMessage = std::size_t{4} << 20;
-  /// Messages that are in the making at a time; one more, and the oldest is given up.
+  /// Most messages assembled at a time; one more discards the oldest.
   static constexpr std::size_t kMostParts = 8;
 
  private:
-  // Fragments come in order: they are sent so, and a network that changes the order loses some.
+  // Fragments must arrive in order, as they are sent; out of order, the message is lost.
   struct Part {
     Sender sender;
     std::uint32_t number = 0;
@@ -50,7 +50,7 @@ class UdpmAssembly {
   Outcome TakeFragment(std::span<const std::uint8_t> datagram, const Sender& sender,
                        Message& message);
 
-  std::list<Part> parts_;  // the oldest first
+  std::list<Part> parts_;  // oldest first
   Part done_;
 };
 

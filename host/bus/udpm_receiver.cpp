@@ -23,7 +23,7 @@ namespace {
 
 constexpr std::size_t kLargestDatagram = 65536;
 
-// Of memory, for a message of that many bytes that waits.
+// Memory in bytes that a queued message with `bytes` of data takes.
 constexpr std::size_t Cost(std::size_t bytes) { return sizeof(UdpmReceiver::Received) + bytes; }
 
 [[noreturn]] void Fail(const char* step) {
@@ -35,9 +35,9 @@ void Set(int socket, int level, int option, const Value& value, const char* step
   if (setsockopt(socket, level, option, &value, sizeof value) != 0) Fail(step);
 }
 
-// In the kernel, before the socket: passes what this machine's own network code handed back
-// (multicast that it sent itself, and all of the loopback device), and drops the rest. An address
-// can be forged, and changes with the network; this can not, and does not.
+// Attaches a kernel filter that passes only packets from this machine's own network code: multicast
+// that it sent itself, and all packets of the loopback device. An address can be forged and changes
+// with the network; the packet type cannot be forged and does not change.
 void TakeThisMachineOnly(int socket) {
   std::array<sock_filter, 6> program = {{
       BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<__u32>(SKF_AD_OFF + SKF_AD_PKTTYPE)),
@@ -55,7 +55,7 @@ void TakeThisMachineOnly(int socket) {
 
 std::string Describe(const Sender& sender) {
   if (sender == Sender{}) return "an unknown sender";
-  // Where a route of this machine names no address, as in a private network.
+  // The address is 0 if this machine's route names none, as in a private network.
   if (sender.address == 0) return fmt::format("port {}", sender.port);
   return fmt::format("{}.{}.{}.{}:{}", sender.address >> 24, sender.address >> 16 & 0xff,
                      sender.address >> 8 & 0xff, sender.address & 0xff, sender.port);
@@ -64,7 +64,7 @@ std::string Describe(const Sender& sender) {
 UdpmReceiver::UdpmReceiver(const UdpmPlace& place) : buffer_(kLargestDatagram) {
   try {
     Open(place);
-    // Signals are for the thread that waits in FileDescriptor().
+    // Signals must reach the thread that polls FileDescriptor(), so this thread blocks them all.
     sigset_t all;
     sigset_t before;
     sigfillset(&all);
@@ -91,12 +91,12 @@ void UdpmReceiver::Open(const UdpmPlace& place) {
   if (stop_fd_ < 0 || waiting_fd_ < 0 || socket_ < 0) Fail("opening a socket");
   if (place.this_machine_only) TakeThisMachineOnly(socket_);
   Set(socket_, SOL_SOCKET, SO_REUSEADDR, 1, "sharing the port");
-  // Not what another program of this machine has joined.
+  // Without this, the socket also gets groups that other programs of this machine have joined.
   Set(socket_, IPPROTO_IP, IP_MULTICAST_ALL, 0, "choosing the group");
   if (place.receive_buffer_bytes > 0) {
     Set(socket_, SOL_SOCKET, SO_RCVBUF, place.receive_buffer_bytes, "enlarging the buffer");
   }
-  // The group's address and not any: what is sent to this machine alone does not arrive.
+  // Bound to the group's address, not to any: unicast datagrams do not arrive.
   if (bind(socket_, reinterpret_cast<const sockaddr*>(&place.group), sizeof place.group) != 0) {
     Fail("taking the port");
   }
@@ -124,7 +124,7 @@ void UdpmReceiver::Run() {
 }
 
 void UdpmReceiver::TakeDatagrams() {
-  // At most so many, so that a flood does not keep this thread from its end.
+  // A limited number per call, so that a flood cannot keep this thread from stopping.
   for (int taken = 0; taken < 64; ++taken) {
     sockaddr_in from{};
     socklen_t from_size = sizeof from;

@@ -1,4 +1,4 @@
-// The receiving half of a bus on UDP multicast, compatible with LCM; sending is left to liblcm.
+// Receiver of a bus on UDP multicast, compatible with LCM; liblcm does the sending.
 #pragma once
 
 #include <netinet/in.h>
@@ -16,10 +16,10 @@
 
 namespace torquer::bus {
 
-/// Where to listen.
+/// Multicast group and socket options.
 struct UdpmPlace {
   sockaddr_in group{};
-  /// Take nothing from other machines, whatever address it claims to come from.
+  /// Accept no datagram from other machines, whatever source address it claims.
   bool this_machine_only = true;
   int receive_buffer_bytes = 0;  ///< 0: the kernel's default
 };
@@ -34,8 +34,8 @@ class UdpmReceiver {
   UdpmReceiver& operator=(const UdpmReceiver&) = delete;
 
   /// Keeps messages of `channel` from now on, at most `most_waiting` at a time; 0: as many as fit
-  /// into kMostWaitingBytes with all others. Beyond that the newest is dropped. The number of the
-  /// subscription: 0, 1, 2..
+  /// into kMostWaitingBytes with all others. Beyond that the newest is dropped. Returns the index
+  /// of the subscription: 0, 1, 2..
   std::size_t Listen(const std::string& channel, int most_waiting);
 
   struct Received {
@@ -46,19 +46,19 @@ class UdpmReceiver {
   /// The oldest message that waits, if any.
   std::optional<Received> Next();
 
-  /// Readable while a message waits.
+  /// Readable while a message is queued.
   int FileDescriptor() const { return waiting_fd_; }
 
-  /// Datagrams that were no part of any LCM message, and who sent the last.
+  /// Count of datagrams that were not part of any LCM message, and the sender of the last.
   struct Damaged {
     std::int64_t count = 0;
     Sender last_sender;
   };
   Damaged damaged() const;
-  /// Dropped for want of room in the queue of a subscription.
+  /// Number of messages dropped because the queue of a subscription was full.
   std::int64_t dropped(std::size_t subscription) const;
 
-  /// What may wait at all: some seconds of the largest states.
+  /// Memory limit of all queues in bytes: some seconds of the largest states.
   static constexpr std::size_t kMostWaitingBytes = std::size_t{64} << 20;
 
  private:
@@ -81,7 +81,7 @@ class UdpmReceiver {
   std::vector<std::uint8_t> buffer_;
   UdpmAssembly assembly_;
 
-  mutable std::mutex mutex_;  // of all that follows
+  mutable std::mutex mutex_;  // guards the members below, up to thread_
   std::vector<Subscription> subscriptions_;
   std::deque<Received> waiting_;
   std::size_t waiting_bytes_ = 0;
