@@ -44,7 +44,7 @@ InstrumentClaim::InstrumentClaim(const std::string& instrument, const std::strin
   bus::RemoveStaleClaims();
   constexpr std::size_t kSize = bus::Claim::kRecordOffset + sizeof(Record);
   void* memory = MAP_FAILED;
-  // posix_fallocate: a full file system is found here, not by a SIGBUS at the first store.
+  // posix_fallocate detects a full file system here, instead of by a SIGBUS at the first store.
   int reason = 0;
   do {
     reason = posix_fallocate(claim_.file(), 0, kSize);

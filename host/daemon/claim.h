@@ -1,7 +1,7 @@
-// Claims of a daemon, so that no second one drives the same instrument or reads the same device,
-// and the last published pose, which the next daemon takes up. An instrument is claimed on one bus.
-// The pose is kept in a mapped file, so that an update costs no system call, and is still there
-// when the daemon is killed at any instant.
+// Claims of a daemon: no second daemon can drive the same instrument or read the same device. An
+// instrument is claimed on one bus. Its claim also stores the last published pose, from which the
+// next daemon continues. The pose is kept in a mapped file, so that an update costs no system call,
+// and is still there when the daemon is killed at any instant.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ std::string InstrumentClaimName(const std::string& instrument, const std::string
 struct LastCommand {
   Pose pose;
   std::int64_t sequence = -1;
-  std::int64_t boottime_us = 0;  ///< when; goes on while the machine sleeps
+  std::int64_t boottime_us = 0;  ///< time of the command by BoottimeUs(), which includes sleep
   std::int64_t clock_id = 0;
 };
 
@@ -33,10 +33,10 @@ class InstrumentClaim {
   InstrumentClaim(const std::string& instrument, const std::string& lcm_url);
   ~InstrumentClaim();
 
-  /// What the previous daemon published last, if that is known.
+  /// The last command of the previous daemon; nullopt if unknown.
   const std::optional<LastCommand>& previous() const { return previous_; }
 
-  /// Stores what was published. A crash at any instant leaves this one or the one before.
+  /// Stores the published command. A crash at any instant leaves this command or the previous one.
   void Remember(const LastCommand& command);
 
  private:

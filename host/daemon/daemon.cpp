@@ -28,21 +28,22 @@ constexpr std::int64_t kSilentAfterUs = 250000;
 constexpr std::int64_t kHoldIntervalUs = 100000;
 constexpr std::int64_t kFlagsIntervalUs = 100000;
 
-// What the simulator last received and the daemon last sent may differ by a message in flight.
+// Tolerances between the simulator's last received pose and the daemon's last sent pose. They may
+// differ by a message in flight.
 constexpr double kSamePlaceMm = 1.0;
 constexpr double kSamePlaceRad = 0.1;
-// mm or rad, as the simulator has it.
+// Largest accepted position, mm or rad; the simulator uses the same limit.
 constexpr double kFarthest = 1e5;
 
-// What was received on the bus about an instrument.
+// Messages received on the bus about one instrument.
 struct Heard {
   std::optional<torquer_lcm::instrument_state_t> state;
   std::string others;  // instruments of a simulator that does not have this one
   bool commanded = false;
 };
 
-// On its own connection: the running daemon only sends, so that traffic of 1 kHz and more does
-// not wake it.
+// Listens on a separate connection. The running daemon only sends, so that bus traffic of 1 kHz and
+// more does not wake it.
 Heard ListenFor(const std::string& instrument, const std::string& url) {
   Heard heard;
   bus::Bus listener(url);
@@ -62,7 +63,8 @@ Heard ListenFor(const std::string& instrument, const std::string& url) {
   return heard;
 }
 
-// Any program on the bus may have sent it: what the simulator itself would refuse is refused here.
+// True if `state` is within the limits that the simulator itself enforces; any program on the bus
+// may have sent it.
 bool Usable(const torquer_lcm::instrument_state_t& state) {
   const auto near = [](double value) { return std::abs(value) <= kFarthest; };
   return state.command_sequence >= 0 && near(state.commanded_insertion_mm) &&
@@ -120,7 +122,7 @@ void Daemon::TakeUpPosition() {
       from = "the simulator";
     }
   } else if (heard.state) {
-    // It has not been commanded yet: what was published before went to another simulation.
+    // This simulation has received no command yet, so earlier commands went to another one.
     start = {};
     from.clear();
   }
@@ -182,7 +184,8 @@ void Daemon::OnEvent(const device::SourceEvent& event) {
   }
 }
 
-// A device that cannot be used ends a daemon that starts; one that runs waits until it can.
+// An unusable device stops a daemon that is starting. A running daemon waits until the device is
+// usable.
 void Daemon::OnConnected(const device::SourceEvent& event) {
   try {
     Take(event);
@@ -216,7 +219,7 @@ void Daemon::Take(const device::SourceEvent& event) {
                     "ours; {}",
                     event.text, error.what(), device::kFlashRemedy));
   }
-  // A device that was replugged has another address.
+  // A replugged device has another address, so it needs a new claim.
   std::string claimed = event.text + " " + serial;
   if (claimed != claimed_) {
     device_claim_.reset();
@@ -251,7 +254,7 @@ void Daemon::TakeCalibrationOf(const std::string& serial) {
   pipeline_.emplace(HandTracker(options_.calibration, pipeline_->Hold().pose));
 }
 
-// The gains hold for one sensor resolution, which the device is set to.
+// Sets the device to the sensor resolution for which the calibration's gains hold.
 void Daemon::CheckResolution() {
   const int wanted = options_.calibration->motion.cpi;
   const auto ask = [this] {
@@ -345,7 +348,7 @@ void Daemon::OnTick(std::int64_t now_us) {
 void Daemon::Announce(const std::string& state, const std::string& message) {
   health_.Change(state, message, Counters());
   service_manager_.Status(fmt::format("{}: {}", state, message));
-  // A message may name what a device says of itself.
+  // A message may contain text from the device, such as its serial number.
   const std::string line = Printable(fmt::format("torquer-daemon: {}: {}", state, message));
   if (options_.announce) {
     options_.announce(line);
@@ -354,7 +357,7 @@ void Daemon::Announce(const std::string& state, const std::string& message) {
   }
 }
 
-// The device sends no report in some 0.1 s of it.
+// During some 0.1 s of the loading, the device sends no report.
 void Daemon::LoadSensorImage() {
   try {
     const std::optional<std::string> message = sensor_image_.Load(*source_);
@@ -382,8 +385,8 @@ void Daemon::AnnounceMark(const MarkPassage& mark) {
   }
 }
 
-// Every command carries the flags, which can change with every report; announced are at most ten
-// changes a second.
+// Every command carries the flags, which can change with every report. At most ten changes a second
+// are announced.
 void Daemon::AnnounceFlags(std::int32_t flags, std::int64_t now_us) {
   flags &= protocol::kCommandLift | protocol::kCommandSensorFault;
   if (flags == announced_flags_ || now_us - last_flags_us_ < kFlagsIntervalUs) return;
@@ -435,7 +438,8 @@ void Daemon::PublishCommand(const HandState& hand, std::int64_t origin_us) {
   command.xray = hand.xray;
   command.contrast = hand.contrast;
   command.flags = hand.flags;
-  // First, so that after a kill in between the next daemon does not start one command back.
+  // Stored before publishing: if the daemon is killed in between, the next one does not start one
+  // command back.
   instrument_claim_.Remember({hand.pose, command.sequence, bus::BoottimeUs(), command.clock_id});
   if (bus_.Publish(protocol::kInstrumentCommandChannel, command)) ++commands_published_;
   if (options_.show) options_.show(hand);

@@ -1,4 +1,4 @@
-// The daemon: reports of one device in, commands for one instrument out.
+// Daemon: reads the reports of one device and publishes commands for one instrument.
 #pragma once
 
 #include <atomic>
@@ -24,13 +24,13 @@ struct DaemonOptions {
   std::string instrument;
   std::string calibration_path;                         ///< for messages; "" without calibration
   std::optional<calibration::Calibration> calibration;  ///< nullopt: nominal gains
-  /// Without a calibration: use the one that torquer-calibrate keeps for the device that is found.
+  /// Without a calibration: use the one that torquer-calibrate stored for the connected device.
   bool calibration_by_serial = false;
   /// Gets the output for every report, with the device's serial number; may be empty.
   std::function<void(const std::string& device, const PipelineOutput& output)> observe;
   /// Gets each state that is published, also while there is no device; may be empty.
   std::function<void(const HandState& hand)> show;
-  /// Gets each announcement, one line; without it they go to standard error.
+  /// Gets each announcement, one line; if empty, announcements go to standard error.
   std::function<void(const std::string& line)> announce;
 };
 
@@ -41,9 +41,9 @@ class Daemon {
   /// outlive the daemon. Throws UserError when the instrument is in use.
   Daemon(DaemonOptions options, bus::Bus& bus, std::unique_ptr<device::ReportSource> source);
 
-  /// Reads and publishes until Stop(), then reports its end on the health channel.
-  /// Throws UserError when no device is found within kFirstDeviceS, or one that cannot be used
-  /// (firmware, calibration, permission, in use by another daemon).
+  /// Reads and publishes until Stop(), then reports its end on the health channel. Throws UserError
+  /// when no device is found within kFirstDeviceS, or the first one cannot be used (firmware,
+  /// calibration, permission, in use by another daemon).
   void Run();
 
   /// Makes Run() return. From any thread.
@@ -85,12 +85,12 @@ class Daemon {
   ServiceManager service_manager_;
   InstrumentClaim instrument_claim_;
   std::optional<bus::Claim> device_claim_;
-  std::string claimed_;  // address and serial number of the device that it is for
+  std::string claimed_;  // address and serial number of the claimed device
   std::optional<Pipeline> pipeline_;
   SensorImage sensor_image_;
   std::string device_;  // serial number, once known
   bool connected_ = false;
-  std::string trouble_;  // said last, until a device is taken
+  std::string trouble_;  // last announced problem; cleared when a device is connected
   bool silent_ = false;
   std::int64_t last_report_us_ = 0;
   std::int64_t last_hold_us_ = 0;

@@ -21,7 +21,7 @@ constexpr double kDegreesPerRad = 57.29577951308232;
 constexpr double kFullSpeedMmPerS = 200.0;
 constexpr double kFullSpeedRadPerS = 12.566370614359172;
 constexpr double kFullQuality = 160.0;
-constexpr std::size_t kTextColumns = 34;  // before a bar, its brackets included
+constexpr std::size_t kTextColumns = 34;  // width of the text before a bar plus the bar's brackets
 constexpr std::size_t kMostColumns = 100;
 constexpr std::size_t kFewestBarColumns = 11;
 
@@ -42,7 +42,7 @@ std::string Bar(double fraction, std::size_t columns) {
   return "[" + std::string(length, '#') + std::string(columns - length, ' ') + "]";
 }
 
-// What is pressed, and what is wrong, in words.
+// Words for the pressed buttons and the active faults; "-" if there are none.
 std::string Remarks(const PipelineOutput& output) {
   const std::pair<bool, const char*> remarks[] = {
       {(output.sample.buttons & protocol::kButtonXray) != 0, "X-ray"},

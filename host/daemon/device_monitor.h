@@ -1,5 +1,5 @@
-// The display of `torquer-daemon --monitor`: the device that this daemon reads, before anything is
-// on the bus. (torquer-monitor shows what is on the bus.)
+// Display of `torquer-daemon --monitor`: data of the daemon's own device before it is on the bus.
+// (torquer-monitor shows messages on the bus.)
 #pragma once
 
 #include <atomic>
@@ -36,7 +36,7 @@ class DeviceBars {
   std::optional<PipelineOutput> newest_;
   std::optional<PipelineOutput> shown_;  // the newest at the last call
   std::int64_t reports_ = 0;
-  std::int64_t missing_ = 0;  // numbers skipped since the start
+  std::int64_t missing_ = 0;  // report numbers skipped since the start
 };
 
 /// Shows the bars on standard output: on a terminal in place, ten times a second; elsewhere in a

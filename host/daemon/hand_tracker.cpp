@@ -8,12 +8,13 @@
 namespace torquer::daemon {
 namespace {
 
-// Surface quality (features / 8) below which motion is in doubt, and from which it is trusted
-// again.
+// Thresholds of surface quality (features / 8): below the first, motion is in doubt; from the
+// second on, it is trusted again.
 constexpr int kPoorSurface = 10;
 constexpr int kGoodSurface = 16;
 
-// A joystick reading holds no longer than this: after that the position of the stick is unknown.
+// Longest time in us for which a joystick reading is valid; after that the position of the stick is
+// unknown.
 constexpr std::int64_t kLongestHoldUs = 50000;
 
 }  // namespace
@@ -60,7 +61,7 @@ void HandTracker::Home() {
   base_ = {};
   axial_ = 0;
   transverse_ = 0;
-  to_heal_mm_ = 0.0;  // of a way that lies before the new start
+  to_heal_mm_ = 0.0;  // it belongs to motion before the new start
 }
 
 std::int32_t HandTracker::Doubts(const device::Sample& sample) {
@@ -81,7 +82,8 @@ void HandTracker::Move(const device::Sample& sample, bool held) {
   if (held || last_held_) {
     counters_.axial_held += axial;
     counters_.transverse_held += transverse;
-    // With the clutch held the hand does travel; what is in doubt is lost until the next mark.
+    // With the clutch held, the hand's travel is still counted. Motion in doubt is lost until the
+    // next closing of the end switch.
     if (((sample.buttons | last_->buttons) & protocol::kButtonClutch) != 0) {
       travel_axial_ += axial;
       travel_transverse_ += transverse;
@@ -108,7 +110,7 @@ void HandTracker::TurnArm(const device::Sample& sample) {
 }
 
 std::optional<MarkPassage> HandTracker::PassMark(const device::Sample& sample) {
-  // What closed before an epoch began did so at a travel that is not known here.
+  // If the switch closed before the epoch began, the travel at that moment is unknown.
   if (!last_ || sample.epoch_start != device::EpochStart::kNone) return std::nullopt;
   if ((sample.flags & protocol::kFlagReference) == 0) return std::nullopt;
   const std::uint8_t risen = static_cast<std::uint8_t>(sample.flags & ~last_->flags);
@@ -144,7 +146,7 @@ void HandTracker::Heal(const device::Sample& sample) {
   counters_.healed_um = std::llround(1000.0 * healed_mm_);
 }
 
-// Since the sample before; a longer pause counts as kLongestHoldUs.
+// Time since the previous sample, s; a pause longer than kLongestHoldUs counts as kLongestHoldUs.
 double HandTracker::PassedS(const device::Sample& sample) const {
   return 1e-6 * static_cast<double>(std::clamp<std::int64_t>(
                     sample.device_time_us - last_->device_time_us, 0, kLongestHoldUs));

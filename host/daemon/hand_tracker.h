@@ -1,15 +1,16 @@
-// From samples to the wanted position of the instrument: absolute insertion, rotation and C-arm
-// angles.
+// Hand tracker: converts samples to the commanded position of the instrument, as absolute
+// insertion, rotation and C-arm angles.
 //
 // Motion between two consecutive samples is applied unless one of them is in doubt (lift, poor
 // surface, sensor fault) or has the clutch held. Motion that is not applied is dropped: the
 // instrument stays and continues from there. The applied counts are summed as integers and
 // converted at once, so that no rounding errors accumulate.
 //
-// A device with an end switch shows what was lost. The hand's travel, clutched motion included, is
-// the same whenever the cylinder closes the switch, and the count is not if motion was dropped or
-// not seen since. The instrument then makes up for the difference, at kHealMmPerS and only while
-// motion is applied, so that it never jumps. No I/O, no clock.
+// A device with an end switch reveals lost motion. The hand's true travel, including clutched
+// motion, is the same at each closing of the switch. The counted travel differs if motion was
+// dropped or not measured since the previous closing. The tracker then adds the difference to the
+// insertion at kHealMmPerS, only while motion is applied, so that the instrument never jumps. No
+// I/O, no clock.
 #pragma once
 
 #include <cstdint>
@@ -32,22 +33,23 @@ struct Pose {
 inline constexpr double kLaoLimitRad = 1.5707963267948966;
 inline constexpr double kCraLimitRad = 0.7853981633974483;
 
-/// The end switch has closed.
+/// One closing of the end switch (the mark).
 struct MarkPassage {
-  bool first = false;    ///< its place is known from now on; nothing else is
-  bool refused = false;  ///< farther from its place than the device is long: not believed
-  double lost_mm = 0.0;  ///< what the count lacks since the passage before, positive distally
+  bool first = false;  ///< first closing: the place of the switch is known from now on, no loss yet
+  bool refused = false;  ///< loss longer than kLongestLossMm: not corrected
+  double lost_mm =
+      0.0;  ///< motion missing from the count since the previous passage, positive distally
 };
 
-/// What the hand asks for.
+/// The hand's command: pose, pedals and flags.
 struct HandState {
   Pose pose;
   bool xray = false;
   bool contrast = false;
-  std::int32_t flags = 0;           ///< protocol::InstrumentFlag bits
-  std::uint16_t joystick_x = 512;   ///< as in the report; at rest while there is no device
-  std::uint16_t joystick_y = 512;   ///< the same
-  int start = 0;                    ///< one more with each Home(): positions count from another one
+  std::int32_t flags = 0;          ///< protocol::InstrumentFlag bits
+  std::uint16_t joystick_x = 512;  ///< as in the report; at rest while there is no device
+  std::uint16_t joystick_y = 512;  ///< the same
+  int start = 0;  ///< incremented by each Home(), which changes the zero of the positions
   std::optional<MarkPassage> mark;  ///< with the first sample after the switch has closed
 };
 
@@ -55,7 +57,7 @@ struct HandState {
 struct TrackerCounters {
   std::int64_t axial_applied = 0;
   std::int64_t transverse_applied = 0;
-  std::int64_t axial_held = 0;  ///< moved with the clutch held or in doubt
+  std::int64_t axial_held = 0;  ///< counted while the clutch was held or motion was in doubt
   std::int64_t transverse_held = 0;
   std::int64_t marks_passed = 0;
   std::int64_t healed_um = 0;  ///< motion made up for at the marks; pushing is positive
@@ -71,22 +73,22 @@ class HandTracker {
   /// Takes the next sample, in order.
   HandState Step(const device::Sample& sample);
 
-  /// What to publish while there is no device: the last pose, pedals up.
+  /// State to publish while there is no device: the last pose, pedals up.
   HandState Hold() const;
 
   /// Makes the present position of the instrument its start, and sets the C-arm upright.
   void Home();
 
-  /// Another device: where the mark is on it is not known.
+  /// Call when another device is connected: the position of its mark is unknown.
   void ForgetMark() { mark_mm_.reset(); }
 
   const TrackerCounters& counters() const { return counters_; }
 
-  /// Lost motion is made up for no faster than this.
+  /// Highest speed at which lost motion is corrected.
   static constexpr double kHealMmPerS = 20.0;
-  /// The switch closes at the same place within this, mm: a smaller difference is no loss.
+  /// Repeatability of the switch, mm: a smaller difference does not count as lost motion.
   static constexpr double kMarkToleranceMm = 0.3;
-  /// The cylinder's whole travel, mm: a greater difference is no loss either.
+  /// Whole travel of the cylinder, mm: a greater difference is refused, not corrected.
   static constexpr double kLongestLossMm = 150.0;
 
  private:
@@ -109,12 +111,12 @@ class HandTracker {
   std::optional<device::Sample> last_;
   bool last_held_ = false;
   bool poor_surface_ = false;
-  // The hand's travel as far as it is known: counts in mm, with what the marks have shown.
+  // The hand's known travel: the counts converted to mm plus the corrections from the marks.
   double travel_base_mm_ = 0.0;
   std::int64_t travel_axial_ = 0;
   std::int64_t travel_transverse_ = 0;
-  std::optional<double> mark_mm_;  // where on it the switch closes
-  double to_heal_mm_ = 0.0;        // what the instrument has yet to make up for
+  std::optional<double> mark_mm_;  // travel at which the switch closes
+  double to_heal_mm_ = 0.0;        // lost motion still to be corrected
   double healed_mm_ = 0.0;
   TrackerCounters counters_;
 };

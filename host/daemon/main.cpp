@@ -1,4 +1,4 @@
-// torquer-daemon: a bench device's reports in, an instrument's commands out.
+// torquer-daemon: reads the reports of a bench device and publishes commands for an instrument.
 
 #include <fmt/format.h>
 #include <pthread.h>
@@ -80,8 +80,8 @@ sigset_t HandledSignals() {
   return signals;
 }
 
-// Turns signals into calls while it lives. They must have been blocked before the first thread was
-// made, so that no other thread takes them.
+// Turns signals into calls of the daemon during its lifetime. The signals must have been blocked
+// before the first thread was created, so that no other thread receives them.
 class SignalThread {
  public:
   explicit SignalThread(torquer::daemon::Daemon& daemon)
@@ -147,7 +147,7 @@ int RunDaemon(const Arguments& arguments) {
     options.calibration_path = arguments.calibration;
     options.calibration = torquer::calibration::ReadCalibration(arguments.calibration);
   }
-  // Inherited by the threads that libusb and LCM start.
+  // The threads that libusb and LCM start inherit this signal mask.
   const sigset_t signals = HandledSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::unique_ptr<torquer::device::ReportSource> source =
@@ -165,12 +165,13 @@ int RunDaemon(const Arguments& arguments) {
     uinput.emplace("Torquer " + arguments.instrument);
     options.show = [&uinput](const torquer::daemon::HandState& hand) { uinput->Show(hand); };
   }
-  if (arguments.realtime) torquer::EnterRealtime();  // the bus's thread too
+  if (arguments.realtime)
+    torquer::EnterRealtime();  // before the bus, so that its thread is included
   torquer::bus::Bus bus(arguments.lcm_url);
   torquer::daemon::Daemon daemon(std::move(options), bus, std::move(source));
   const SignalThread signal_thread(daemon);
   daemon.Run();
-  monitor.reset();  // shows the last of it
+  monitor.reset();  // draws the last state
   if (arguments.json) PrintStatistics(daemon);
   return torquer::kExitSuccess;
 }

@@ -1,6 +1,5 @@
-// The whole way from the bytes of a report to a command: bytes -> sample -> time of sampling ->
-// hand state. No I/O, no clock: the same reports and arrival times give the same outputs, bit for
-// bit.
+// Pipeline from the bytes of a report to a command: bytes -> sample -> time of sampling -> hand
+// state. No I/O, no clock: the same reports and arrival times give the same outputs, bit for bit.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +13,7 @@
 
 namespace torquer::daemon {
 
-/// What follows from one report.
+/// Result of one report.
 struct PipelineOutput {
   device::Sample sample;
   std::int64_t origin_us = 0;  ///< host time of sampling
@@ -28,7 +27,7 @@ class Pipeline {
   /// A device was connected; its numbers may begin at any value.
   void OnConnected() { decoder_.OnConnected(); }
 
-  /// Nothing when the report has nothing new; decoder().counters() shows why.
+  /// Processes one report. nullopt if it contains nothing new; decoder().counters() shows why.
   std::optional<PipelineOutput> OnReport(std::span<const std::uint8_t> report,
                                          std::int64_t receive_us) {
     const std::optional<device::Sample> sample = decoder_.Decode(report, receive_us);

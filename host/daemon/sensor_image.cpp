@@ -31,7 +31,7 @@ void SensorImage::OnReport(std::uint8_t flags) {
 std::optional<std::string> SensorImage::Load(device::ReportSource& source) {
   const int tries_left = std::exchange(tries_left_, 0) - 1;
   const std::optional<std::string> path = device::KeptSromPath(serial_);
-  std::error_code unreadable;  // is said by ReadSromFile()
+  std::error_code unreadable;  // reported by ReadSromFile()
   if (!path || (!std::filesystem::exists(*path, unreadable) && !unreadable)) {
     if (!lost_) return std::nullopt;
     return fmt::format(
@@ -44,7 +44,7 @@ std::optional<std::string> SensorImage::Load(device::ReportSource& source) {
     int id = device::RunningSrom(reports);
     const bool first = tries_left == kTries - 1;
     if (id != 0 && first) return std::nullopt;
-    if (id == 0) {  // else the try before has loaded it, unnoticed
+    if (id == 0) {  // otherwise the previous try loaded it, but its answer was lost
       const std::vector<std::uint8_t> image = device::ReadSromFile(*path);
       tries_left_ = tries_left;
       id = device::LoadSrom(reports, image);

@@ -49,7 +49,7 @@ void ServiceManager::Alive(std::int64_t now_us) {
 
 void ServiceManager::Stopping() { Send("STOPPING=1"); }
 
-// A manager that does not listen is no reason to stop.
+// Errors are ignored: the daemon keeps running if the service manager does not listen.
 void ServiceManager::Send(const std::string& lines) const {
   if (fd_ >= 0) static_cast<void>(send(fd_, lines.data(), lines.size(), MSG_NOSIGNAL));
 }

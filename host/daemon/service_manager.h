@@ -1,6 +1,6 @@
 // Notifications to the service manager that started the daemon, by systemd's protocol: datagrams of
-// lines to the socket named in $NOTIFY_SOCKET. Written here rather than taken from libsystemd: the
-// protocol is stable, and nothing more of it is needed.
+// lines to the socket named in $NOTIFY_SOCKET. Implemented here without libsystemd: the protocol is
+// stable, and no other part of that library is needed.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace torquer::daemon {
 
-/// Does nothing where no service manager asked for notifications.
+/// Sender of the notifications; does nothing if no service manager asked for them.
 class ServiceManager {
  public:
   ServiceManager();

@@ -11,7 +11,7 @@ class Statistics {
  public:
   Statistics();
 
-  /// Adds a report that arrived `us` before its command was on the bus.
+  /// Adds the latency of one report: its command was on the bus `us` after it arrived.
   void AddLatency(std::int64_t us);
 
   std::int64_t count() const { return count_; }
@@ -27,7 +27,8 @@ class Statistics {
  private:
   static constexpr std::size_t kBuckets = 10000;
 
-  std::array<std::int64_t, kBuckets> buckets_{};  // by whole us; the last holds all beyond
+  std::array<std::int64_t, kBuckets>
+      buckets_{};  // one per us; the last also counts all longer latencies
   std::int64_t count_ = 0;
   std::int64_t max_us_ = 0;
   std::int64_t start_us_;

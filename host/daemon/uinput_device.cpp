@@ -56,7 +56,8 @@ UinputDevice::UinputDevice(const std::string& name) : handle_(std::make_unique<H
   libevdev* const description = libevdev_new();
   libevdev_set_name(description, name.c_str());
   libevdev_set_id_bustype(description, BUS_VIRTUAL);
-  // No REL_X and REL_Y: the desktop would take the box for a mouse, and move the pointer with it.
+  // No REL_X and REL_Y: with them the desktop would treat the device as a mouse and move the
+  // pointer.
   for (const unsigned axis : {REL_Z, REL_RZ}) {
     libevdev_enable_event_code(description, EV_REL, axis, nullptr);
   }

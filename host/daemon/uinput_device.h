@@ -1,5 +1,5 @@
-// The box as an input device of this machine, for software that knows nothing of Torquer: made by
-// the kernel's uinput, on request.
+// Virtual input device for software that does not know Torquer: the bench device as an input device
+// of this machine, created by the kernel's uinput on request.
 #pragma once
 
 #include <cstdint>
@@ -25,13 +25,13 @@ struct BoxEvent {
 inline constexpr double kUinputMm = 0.01;
 inline constexpr double kUinputRad = 0.001;
 
-/// What the hand does, as events: REL_Z insertion and REL_RZ rotation of the instrument, ABS_X and
-/// ABS_Y the stick (0 .. 1023), BTN_TRIGGER X-ray, BTN_THUMB contrast, BTN_THUMB2 clutch. The sums
-/// of the relative axes are the motion since the first state, rounded once. No I/O.
+/// Converter from hand states to events: REL_Z insertion and REL_RZ rotation of the instrument,
+/// ABS_X and ABS_Y the stick (0 .. 1023), BTN_TRIGGER X-ray, BTN_THUMB contrast, BTN_THUMB2 clutch.
+/// The sums of the relative axes are the motion since the first state, rounded once. No I/O.
 class BoxEvents {
  public:
-  /// The events that lead from the state before to this one; none where nothing changed. The place
-  /// in the first state, and in the first after a new start, is no motion.
+  /// The events that lead from the previous state to this one; empty if nothing changed. The first
+  /// position, and the first after a new start, produce no motion events.
   std::vector<BoxEvent> Of(const HandState& hand);
 
  private:
@@ -50,17 +50,17 @@ class BoxEvents {
 
 class UinputDevice {
  public:
-  /// Makes the device, named `name`, until this is destroyed. Throws UserError where the user may
-  /// not, or the kernel has no uinput.
+  /// Creates the device with the name `name`; it exists until destruction. Throws UserError if the
+  /// user may not create it, or the kernel has no uinput.
   explicit UinputDevice(const std::string& name);
   ~UinputDevice();
   UinputDevice(const UinputDevice&) = delete;
   UinputDevice& operator=(const UinputDevice&) = delete;
 
-  /// Sends what has changed. A reader that is too slow loses events, and the kernel reports that to
-  /// it; the daemon never waits.
+  /// Sends what has changed. A reader that is too slow loses events, and the kernel tells the
+  /// reader so; the daemon never waits.
   void Show(const HandState& hand);
-  /// Its file, "/dev/input/event7".
+  /// Path of its device file, such as "/dev/input/event7".
   std::string path() const;
 
  private:
