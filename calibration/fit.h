@@ -22,11 +22,11 @@ struct Stroke {
   MotionKind kind = MotionKind::kPush;
   double axial_counts = 0.0;
   double transverse_counts = 0.0;
-  double reference = 0.0;        ///< what the hand was to do: mm or rad, signed, not 0
+  double reference = 0.0;        ///< motion requested from the hand: mm or rad, signed, not 0
   double reference_error = 1.0;  ///< of this one stroke, mm or rad, > 0; weighs it against others
 };
 
-/// What is off by the same in all strokes, each as a standard deviation, >= 0.
+/// Errors common to all strokes, each as a standard deviation, >= 0.
 struct CommonErrors {
   double push_mm = 0.0;        ///< of the length that was pushed: the stops' distance, the ruler
   double push_turn_rad = 0.0;  ///< the hand's habit of turning in each push
@@ -52,8 +52,8 @@ struct MotionFit {
   /// The same in terms that a person can picture: MotionParameters, in its units.
   Estimate gain_mm_per_count, misalignment_rad, cylinder_radius_mm, skew_rad;
 
-  /// What the model makes of a true motion, beyond that motion. The values are 0; the errors are
-  /// what a user asks for.
+  /// Difference between the model's motion and a true motion. The values are 0; the standard errors
+  /// are the figures of interest to a user.
   Estimate push_error_mm;   ///< in insertion, over a push of kFigureStrokeMm
   Estimate push_turns_rad;  ///< in rotation, over the same push
   Estimate turn_error_rad;  ///< in rotation, over one turn

@@ -22,7 +22,8 @@ constexpr double kMuchDirt = 0.04;
 constexpr double kDark = 0.15, kBright = 0.85;
 constexpr double kMuchSaturated = 0.02;
 constexpr double kNoContrast = 0.02;
-// Of the mean: darker than that over an area of this size, it is no fiber.
+// Dirt threshold, as a fraction of the fitted brightness: an area of radius kDirtRadius that is
+// darker by more is dirt, not fiber.
 constexpr double kDirtDepth = 0.18;
 constexpr int kDirtRadius = 2;
 
@@ -141,7 +142,7 @@ FocusFigures MeasureFocus(std::span<const FocusPicture> pictures) {
   figures.shading = (middle + rise) / (middle - rise);
   figures.shading_direction_rad = std::atan2(plane[2], plane[1]);
   figures.contrast = std::sqrt(variance) / middle;
-  // What rounding to whole numbers adds to both says nothing of the paper.
+  // Rounding to whole numbers adds this variance to both; it is not a property of the paper.
   constexpr double kRounding = 1.0 / 12;
   if (variance > 2 * kRounding) {
     figures.sharpness = std::max(0.0, neighbors - kRounding) / (variance - kRounding);

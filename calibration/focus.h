@@ -1,5 +1,5 @@
-// What the sensor's raw pictures say of how it was assembled: height over the cylinder, dirt, light
-// that falls from one side. No I/O.
+// Focus check: judges a sensor's assembly by its raw pictures. It finds a wrong height over the
+// cylinder, dirt, and light that falls from one side. No I/O.
 //
 // A picture is 36 x 36 pixels, 0 to 127, of about a millimeter of paper. What is in it: the light's
 // slope (a plane through all pixels), the fibers of the paper (fine, and another picture at another
@@ -20,7 +20,7 @@ inline constexpr std::uint8_t kFocusWhite = 127;
 /// Row by row, kFocusPixels of them.
 using FocusPicture = std::vector<std::uint8_t>;
 
-/// What can be measured in pictures of one surface. Several should be of different places.
+/// Figures measured in pictures of one surface. Several pictures should show different places.
 struct FocusFigures {
   double brightness = 0;  ///< mean, 0 .. 1 of white
   /// Brightest over darkest edge of the view, by the plane; >= 1.
@@ -39,12 +39,12 @@ struct FocusFigures {
 /// Throws UserError if there is no picture, or one has not kFocusPixels pixels of 0 .. 127.
 FocusFigures MeasureFocus(std::span<const FocusPicture> pictures);
 
-/// What a builder gets to read.
+/// Result of the focus check for the builder of a device.
 struct FocusVerdict {
   FocusFigures figures;
   bool good = false;
-  /// What is wrong and what to do about it, most important first, a sentence each; one that says
-  /// that nothing is, if so.
+  /// Problems and their remedies, one sentence each, most important first; a single sentence saying
+  /// so if there is no problem.
   std::vector<std::string> findings;
 };
 

@@ -46,7 +46,7 @@ struct MotionModel {
 HandMotion Apply(const MotionModel& model, std::int64_t axial_counts,
                  std::int64_t transverse_counts);
 
-/// What a person can picture of a MotionModel (assuming one gain for both axes of the sensor).
+/// Geometric parameters of a MotionModel (assuming one gain for both axes of the sensor).
 struct MotionParameters {
   double gain_mm_per_count = 0.0;   ///< surface motion a count; > 0
   double misalignment_rad = 0.0;    ///< direction of pushing, from the axial count axis
@@ -80,7 +80,7 @@ struct Calibration {
   JoystickAxis cra;  ///< joystick y: positive CRA
 };
 
-/// What an exactly built device with a sensor set to `cpi` would need.
+/// Nominal calibration: correct for an exactly built device with a sensor set to `cpi`.
 Calibration NominalCalibration(const std::string& device, int cpi);
 
 }  // namespace torquer::calibration

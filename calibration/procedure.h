@@ -67,7 +67,7 @@ struct ProcedureSettings {
   bool has_joystick = true;
 };
 
-/// What to show.
+/// Prompt shown to the operator.
 struct Prompt {
   Step step = Step::kRest;
   std::string title;
@@ -107,7 +107,7 @@ class Procedure {
   void Press(Key key);
 
   Prompt prompt() const;
-  /// What has happened since it was last asked.
+  /// Returns the messages since the previous call.
   std::vector<Message> TakeMessages();
   Step step() const { return step_; }
   /// Motion since the last mark by nominal gains: mm along the axis, rad around it.

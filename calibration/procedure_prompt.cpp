@@ -1,4 +1,4 @@
-// What the guided calibration asks of the operator at each moment.
+// Prompts of the guided calibration for the operator, step by step.
 #include <fmt/format.h>
 
 #include <string>

@@ -138,7 +138,7 @@ std::vector<Deviation> Deviations(std::span<const RecordedStroke> strokes,
   return deviations;
 }
 
-// Of one stroke, as a standard deviation that kOutlier can be applied to.
+// Robust standard deviation of a single stroke, from the median deviation; for use with kOutlier.
 double Spread(std::span<const Deviation> deviations, std::span<const RecordedStroke> strokes,
               std::span<const Rejection> rejections, MotionKind kind, double Surface::*part) {
   constexpr double kDeviationOfMedian = 1.4826;  // of a normal distribution

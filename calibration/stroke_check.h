@@ -15,14 +15,14 @@
 
 namespace torquer::calibration {
 
-/// What a stroke was asked to be, and what its device is known to be.
+/// Requested motion of a stroke, and known properties of its device.
 struct StrokeExpectation {
   double push_mm = 150.0;            ///< > 0
   double turn_rad = 0.0;             ///< > 0, whole turns
   double push_error_mm = 0.5;        ///< of one stroke, standard deviation, > 0
-  double push_turn_error_rad = 0.0;  ///< what a hand turns while it pushes, > 0
+  double push_turn_error_rad = 0.0;  ///< unintended turn of the hand during a push, > 0
   double turn_error_rad = 0.0;       ///< > 0
-  double turn_push_error_mm = 0.5;   ///< what a hand pushes while it turns, > 0
+  double turn_push_error_mm = 0.5;   ///< unintended push of the hand during a turn, > 0
   double gain_mm_per_count = 0.0;    ///< by the sensor's resolution, > 0
   double gain_factor = 1.3;          ///< the true gain is within this factor of it, > 1
   double cylinder_radius_mm = kNominalCylinderRadiusMm;
