@@ -1,4 +1,4 @@
-// What the portable firmware asks of a board: the port contract.
+// Port contract: the functions that the portable firmware requires of a board.
 //
 // One implementation a chip (atmega32u4/), and a simulated one for the unit tests on the PC
 // (tests/firmware/fake_board.cpp); the linker chooses. Every function returns within the time it
@@ -65,7 +65,7 @@ void ReadChipSerial(uint8_t serial[10]);
 
 uint8_t ReadFlash(const uint8_t* address);
 
-/// Whether the application in the flash was at the start the one that its trailer was made for
+/// True if the application in the flash matched its trailer at the start
 /// (protocol/firmware_image.h).
 bool ApplicationIsWhole();
 

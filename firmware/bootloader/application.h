@@ -11,8 +11,8 @@ namespace bootloader {
 /// The trailer as it lies in the flash.
 void ReadTrailer(protocol::ImageTrailer* trailer);
 
-/// Whether the bytes in the flash are those that `trailer` was made for, and it is for this board
-/// and crystal. Up to 0.2 s (8 MHz: 0.4 s); the watchdog may run meanwhile.
+/// True if `trailer` matches the bytes in the flash, this board and its crystal. Takes up to 0.2 s
+/// (8 MHz: 0.4 s); the watchdog may run meanwhile.
 bool Fits(const protocol::ImageTrailer& trailer);
 
 /// Erases and programs a page of the application, or its trailer's; 9 to 13 ms. Before its first

@@ -65,7 +65,8 @@ constexpr auto kProduct TORQUER_IN_FLASH =
     firmware::MakeStringDescriptor(protocol::kUsbBootloaderProduct);
 // clang-format on
 
-// Whether the host has begun something else, so that whatever goes on is to be left.
+// True if the host has reset the bus or sent a new request; the current transfer must then be
+// abandoned.
 bool Superseded() { return (UDINT & _BV(EORSTI)) || (UEINTX & _BV(RXSTPI)); }
 
 // Waits for a flag of endpoint 0; false if the host has begun something else.

@@ -15,7 +15,7 @@ namespace {
 constexpr uint32_t kCommandDelayUs = 10000;
 
 constexpr uint16_t kFrameUs = 1000;
-// Of each frame, from its start, in which endpoint 0 is served.
+// Time from the start of each frame during which endpoint 0 is served.
 constexpr uint16_t kControlWindowUs = 500;
 constexpr uint8_t kMostWaivedFrames = 8;
 
@@ -51,7 +51,7 @@ void BenchFirmware::Step() {
   RunPendingCommand();
 }
 
-// What the host asks for late in a frame waits for the next one, which must not begin late.
+// Control requests late in a frame wait for the next frame, which must not begin late.
 void BenchFirmware::ServeControl() {
   const uint32_t since_us = board::NowUs() - frame_start_us_;
   if (since_us >= kControlWindowUs && since_us < kFrameUs) {
@@ -84,7 +84,7 @@ void BenchFirmware::FollowBus() {
   }
 }
 
-// Of a suspended device: a button pressed now wakes the host, if that has allowed it.
+// One pass of a suspended device: pressing a button wakes the host, if the host has allowed it.
 void BenchFirmware::Doze() {
   sensor_.Maintain();
   const uint8_t held_before = buttons_.held();

@@ -15,7 +15,7 @@ class Buttons {
 
   /// Takes one reading of the pins (board::ReadButtons()); returns what is held, debounced.
   uint8_t Update(uint8_t pins, uint8_t stable_readings = kStableReadings);
-  /// What Update() returned last.
+  /// The last return value of Update().
   uint8_t held() const { return held_; }
 
  private:

@@ -1,4 +1,4 @@
-// What the firmware asks of an optical motion sensor.
+// Motion sensor: the interface that the firmware requires of an optical sensor.
 #pragma once
 
 #include <stdint.h>
@@ -37,7 +37,7 @@ class MotionSensor {
 
   /// Counts an inch from now on; takes effect within a few frames.
   virtual void SetCpi(uint16_t cpi) = 0;
-  /// What the sensor is set to.
+  /// Counts per inch to which the sensor is set.
   virtual uint16_t cpi() const = 0;
 
   virtual uint8_t product_id() const = 0;  ///< 0 when none answers

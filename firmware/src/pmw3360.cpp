@@ -50,7 +50,7 @@ constexpr uint8_t kBlindStarts = 3;
 constexpr uint16_t kFirstBackoffMs = 100;
 constexpr uint16_t kLastBackoffMs = 1600;
 
-// What is looked at in turn while the sensor runs.
+// Checks made in turn while the sensor runs.
 enum Check : uint8_t { kCheckRest, kCheckCpi, kCheckIdentity, kCheckSromId, kCheckFrames, kChecks };
 constexpr uint8_t kSromRunAndFrames = 0x7f;  // of Observation; the eighth bit is reserved
 
@@ -95,9 +95,9 @@ MotionSample Pmw3360::Read() {
   sample.delta_x = static_cast<int16_t>(burst[2] | (static_cast<uint16_t>(burst[3]) << 8));
   sample.delta_y = static_cast<int16_t>(burst[4] | (static_cast<uint16_t>(burst[5]) << 8));
 
-  // A sensor that has reset itself rests, shows no frames at first, and no firmware image any more.
-  // What it counts then it counts at another resolution. Maintain() makes sure at once; should it
-  // have been a spoiled byte, the counts are not lost.
+  // Signs of a sensor that has reset itself: rest mode, no frames at first, no firmware image. Its
+  // counts then have another resolution, so they are withheld. Maintain() checks the sensor at
+  // once. If only a byte was corrupted, the counts are not lost.
   if (frames_to_observe_ != 0 && (burst[1] & kFrameBits) != 0) {
     frames_to_observe_ = 0;
     next_check_ = kCheckRest;
@@ -252,8 +252,9 @@ void Pmw3360::Maintain() {
   }
 }
 
-// What the sensor shows of its frames now it must show in every burst. One that shows none is
-// started again; if it never does, its other answers are all there is to go by.
+// Records which frame bits the sensor shows now; every later burst must show the same bits. A
+// sensor that shows none is restarted. If it still shows none after kBlindStarts starts, only its
+// other answers are checked.
 void Pmw3360::Observe() {
   observation_ = bus_.Read(kObservation) & kSromRunAndFrames;
   if ((observation_ & kFrameBits) != 0) {
@@ -369,7 +370,7 @@ void Pmw3360::Fail(protocol::SensorFaultCause cause) {
   if (cause == protocol::kSensorReset) CountUp(&self_resets_);
   fault_cause_ = cause;
   const bool was_running = state_ == State::kRunning;
-  // What another sensor answered is worth reporting; what no sensor answered is not.
+  // The product id of a foreign sensor is worth reporting; values read without any sensor are not.
   if (cause != protocol::kSensorForeign || was_running) product_id_ = revision_ = 0;
   srom_wanted_ = picture_wanted_ = false;
   Restart();

@@ -51,7 +51,7 @@ class Pmw3360 final : public MotionSensor {
   bool PictureReady() const { return state_ == State::kPictureReady; }
   /// Ends that: the sensor is started again.
   void EndPicture();
-  /// Of an image or a picture, the sensor is not in its start any more, for better or worse.
+  /// True once the start after an image or a picture is over, whether it succeeded or failed.
   bool Settled() const { return state_ == State::kRunning || state_ == State::kWaitToReset; }
   Pmw3360Bus& bus() { return bus_; }
 

@@ -23,7 +23,8 @@ class Settings {
   /// there was something to do.
   bool Poll();
 
-  /// Whether the EEPROM holds the values whole.
+  /// True if no write is in progress and the EEPROM holds the current values; defaults need no
+  /// copy.
   bool kept() const;
 
   uint16_t cpi() const { return cpi_; }

@@ -1,4 +1,4 @@
-// What the device tells the host about itself at enumeration, in flash.
+// USB descriptors, in flash: the data that the host reads at enumeration.
 #pragma once
 
 #include <stdint.h>

@@ -36,7 +36,7 @@ namespace {
 constexpr uint16_t kTicksPerUs = F_CPU / 8 / 1000000;
 constexpr uint32_t kUsPerOverflow = 65536 / kTicksPerUs;
 
-// What survives a reset, if its mark is there.
+// Data kept over a reset; valid only if `mark` is set.
 struct WarmRecord {
   uint32_t mark;
   uint8_t byte;
@@ -127,7 +127,7 @@ void SetUp() {
       _BV(TORQUER_XRAY_BIT) | _BV(TORQUER_CONTRAST_BIT) | _BV(TORQUER_CLUTCH_BIT);
   TORQUER_REFERENCE_PORT |= _BV(TORQUER_REFERENCE_BIT);
 
-  // What is not used, and the LEDs: as a bootloader may have left them they are outputs.
+  // Unused pins and the LEDs: a bootloader may have left them as outputs, so they are set up here.
   DDRB &= static_cast<uint8_t>(~TORQUER_UNUSED_B);
   DDRD &= static_cast<uint8_t>(~TORQUER_UNUSED_D);
   PORTD |= TORQUER_UNUSED_D;

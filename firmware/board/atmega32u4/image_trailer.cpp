@@ -1,5 +1,5 @@
-// What this image says of itself, in its own page at the end of the application's flash.
-// Length and CRC are filled in when the image is complete (CMakeLists.txt).
+// Image trailer: the description of this image, in its own page at the end of the application's
+// flash. Length and CRC are filled in when the image is complete (CMakeLists.txt).
 #include "firmware/src/version.h"
 #include "protocol/firmware_image.h"
 #include "protocol/hid_reports.h"

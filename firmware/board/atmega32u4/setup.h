@@ -1,4 +1,4 @@
-// What the parts of this board call of each other.
+// Functions and addresses that the source files of this board share.
 #pragma once
 
 #include <stdint.h>
@@ -6,8 +6,8 @@
 namespace torquer {
 namespace board {
 
-/// What is kept over a reset lies here, below the key for the bootloader: above the variables,
-/// which Arduino's bootloader overwrites with its own, and below the stack.
+/// Address of the data kept over a reset. It lies below the key for the bootloader and below the
+/// stack, but above the variables, which Arduino's bootloader overwrites with its own.
 constexpr uint16_t kWarmRecordAddress = 0x07f0;
 /// The stack may grow down to here.
 constexpr uint16_t kStackLimitAddress = 0x0802;
@@ -21,8 +21,8 @@ void SetUpUsb();
 /// An interrupt has left something to do. To be called with interrupts disabled.
 bool EventPending();
 
-/// Stops the USB's clock if BusSuspended() has said so and the bus is still idle; false if not.
-/// What happens on the bus ends it. To be called with interrupts disabled.
+/// Stops the USB's clock if BusSuspended() has said so and the bus is still idle; false if not. Bus
+/// activity starts the clock again. To be called with interrupts disabled.
 bool StopUsbForSuspend();
 
 /// Times that timer 1 has overflowed since the last sign of life on the bus; stops at 255.

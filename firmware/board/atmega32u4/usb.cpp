@@ -212,7 +212,7 @@ bool CanSendControl() {
   return UEINTX & _BV(TXINI);
 }
 
-// What was meant for the request before it is not said to a SETUP packet that has come meanwhile.
+// Sends nothing if a new SETUP packet has arrived, because the data belong to the previous request.
 void SendControl(const uint8_t* data, uint8_t size, bool in_flash) {
   SelectEndpoint(kControlEndpoint);
   if (UEINTX & _BV(RXSTPI)) return;
