@@ -161,7 +161,7 @@ bool HidrawSource::Read(int timeout_ms, const Sink& sink) {
   return true;
 }
 
-// What hidapi returned for a feature request.
+// Checks the return value of a hidapi feature request: returns it, or throws if the request failed.
 int HidrawSource::Checked(int result) {
   const int reason = errno;
   if (result >= 0) return result;

@@ -11,7 +11,7 @@
 
 namespace torquer::device {
 
-/// What a source reports.
+/// One event from a report source.
 struct SourceEvent {
   enum class Kind {
     kConnected,     ///< a device is here; features can be asked for, reports follow

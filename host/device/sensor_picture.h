@@ -1,4 +1,4 @@
-// What the motion sensor's camera sees, for whoever puts the device together.
+// Picture from the motion sensor's camera, for the person who assembles the device.
 #pragma once
 
 #include <cstdint>

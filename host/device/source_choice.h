@@ -11,7 +11,7 @@
 
 namespace torquer::device {
 
-/// What the command line says of the device.
+/// Device selection on the command line.
 struct SourceChoice {
   std::string source;                ///< "usb", "hidraw", "evdev" or "socket"; "": not given
   std::vector<std::string> devices;  ///< serial number (usb, hidraw), or device files (evdev)

@@ -1,5 +1,4 @@
-// What everything that uses libusb needs: the devices of this machine, their texts, their
-// addresses.
+// libusb helpers: list the devices of this machine, their string descriptors and their addresses.
 #pragma once
 
 #include <libusb.h>

@@ -266,7 +266,7 @@ void UsbSource::TryCandidates(std::vector<OpenDevice>& found) {
   }
 }
 
-// What is found stays open.
+// Devices added to `found` stay open.
 UsbSource::Trial UsbSource::TryOpen(const Candidate& candidate, std::vector<OpenDevice>& found) {
   OpenDevice device{};
   device.address = UsbAddress(candidate.device);
