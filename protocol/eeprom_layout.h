@@ -1,5 +1,5 @@
-// What lies where in the bench device's EEPROM (1024 bytes), for whatever writes it besides the
-// firmware: a programmer that gives a new board its serial number, and the emulator.
+// EEPROM layout of the bench device (1024 bytes), for other writers than the firmware: a programmer
+// that gives a new board its serial number, and the emulator.
 #pragma once
 
 #include <stddef.h>

@@ -76,7 +76,7 @@ uint32_t ImageCrc(const ImageTrailer& trailer, Read read) {
   return crc ^ kCrc32Xor;
 }
 
-/// Whether `trailer` is one, and the application is the one that it was made for.
+/// True if `trailer` is valid and matches the application.
 template <typename Read>
 bool ImageIsWhole(const ImageTrailer& trailer, Read read) {
   return trailer.magic == kImageMagic && trailer.length != 0 &&

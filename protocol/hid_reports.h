@@ -128,8 +128,8 @@ constexpr uint16_t kPicturePixels = kPictureSide * kPictureSide;
 
 #define TORQUER_FIELD(type, name, meaning) type name;
 #define FIELD_ARRAY(type, name, count, meaning) type name[count];
-/// What the device sends every millisecond: absolute, cumulative values, so that a lost report
-/// loses no motion. One USB packet.
+/// Input report, sent every millisecond: absolute, cumulative values, so that a lost report loses
+/// no motion. One USB packet.
 struct __attribute__((packed)) InputReport {
   TORQUER_INPUT_REPORT(TORQUER_FIELD)
 };
