@@ -93,7 +93,8 @@ function(torquer_program name)
     target_precompile_headers(${name} REUSE_FROM torquer_precompiled_headers)
   endif()
   add_dependencies(torquer_programs ${name})
-  # What has another name, or sanitizers, is for those who work on this tree.
+  # Programs with another name, or with sanitizers, are for developers of this tree and are not
+  # installed.
   if(TORQUER_SANITIZE OR NOT name MATCHES "^torquer-")
     return()
   endif()
