@@ -17,7 +17,7 @@ import stl
 HERE = os.path.dirname(os.path.abspath(__file__))
 MODEL = os.path.join(HERE, "bench_device.scad")
 
-# What is printed, and how often.
+# Printed parts, and the number of copies of each.
 PARTS = {
     "cylinder_core": 1,
     "pipe_end": 2,
