@@ -99,7 +99,7 @@ class Atmega32u4 {
 
   /// Input level of a pin, port 'B' .. 'F'; holds over resets.
   void SetPin(char port, int bit, bool high);
-  /// What the firmware drives a pin to; none: it is an input.
+  /// Level that the firmware drives on a pin; nullopt if the pin is an input.
   std::optional<bool> DrivenLevel(char port, int bit) const;
   /// Calls `changed` with the new level whenever the firmware changes an output pin.
   void OnPin(char port, int bit, std::function<void(bool high, double now_us)> changed);
@@ -125,11 +125,11 @@ class Atmega32u4 {
   std::uint64_t cycles() const;
   /// Cycles in which the CPU was asleep.
   std::uint64_t sleep_cycles() const { return sleep_cycles_; }
-  /// What of it still draws current though the bus is suspended; nothing if it sleeps as it should.
+  /// Parts of the chip that still draw current while the bus is suspended; empty if all sleep.
   std::vector<std::string> PartsAwake() const;
   /// Resets since power-on, by watchdog, pin or brown-out.
   int resets() const { return resets_; }
-  /// What the firmware did that silicon would punish, the USB's included.
+  /// Firmware actions that would fail on real silicon, those on the USB included.
   std::vector<std::string> Violations() const;
 
  private:

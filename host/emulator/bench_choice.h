@@ -8,7 +8,7 @@
 
 namespace torquer::emulator {
 
-/// What the command line says of the emulated device.
+/// Command-line options of the emulated device.
 struct BenchChoice {
   std::string firmware;    ///< ELF file; "" after Complete(): none, the flash holds no application
   std::string bootloader;  ///< ELF file; "": none

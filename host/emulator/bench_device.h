@@ -68,9 +68,9 @@ class BenchDevice {
   /// since the first power-on, from 1; 0: none.
   void CutPowerAtPageOperation(int number) { cut_at_page_operation_ = number; }
   int page_operations() const { return page_operations_; }
-  /// What is in the flash now.
+  /// Current contents of the flash.
   std::vector<std::uint8_t> Flash() const;
-  /// What is in the EEPROM now.
+  /// Current contents of the EEPROM.
   std::vector<std::uint8_t> Eeprom() const;
   /// What draws current though the bus is suspended: parts of the chip, the sensor, the board's
   /// LEDs; empty if all sleep as they should. Only while powered.
@@ -80,7 +80,7 @@ class BenchDevice {
 
   /// Share of the CPU's cycles in which it was awake, since the start; 0 .. 1.
   double CyclesUsedFraction() const;
-  /// What firmware or wiring did that hardware would punish: chip, USB and sensor timing.
+  /// Faults of firmware or wiring that real hardware would punish: chip, USB and sensor timing.
   std::vector<std::string> Violations() const;
   std::int64_t violation_count() const;
 

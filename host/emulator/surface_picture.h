@@ -1,5 +1,5 @@
-// What the sensor's camera sees of the paper on the cylinder: 36 x 36 pixels, made from where it
-// looks and from what an assembly can get wrong.
+// Picture that the sensor's camera takes of the paper on the cylinder: 36 x 36 pixels, made from
+// where it looks and from what an assembly can get wrong.
 #pragma once
 
 #include <array>

@@ -73,7 +73,7 @@ bool UsbController::ClockRuns() const {
 
 bool UsbController::Runs() const { return pll_locked_ || !(usbcon_ & kFrzclk); }
 
-// Of a frozen controller only the wake-up needs no clock.
+// With a frozen clock, only the VBUS and wake-up interrupts still occur.
 bool UsbController::general_interrupt() const {
   if (usbcon_ & kVbuste && usbint_ & kVbusti) return true;
   return (udint_ & udien_ & (ClockRuns() ? 0xff : kWakeupi)) != 0;

@@ -63,7 +63,7 @@ class UsbController {
                bool* toggle = nullptr);
   UsbAnswer Out(std::uint8_t address, std::uint8_t endpoint, std::span<const std::uint8_t> data);
 
-  /// What the firmware did that silicon would punish, in order; empty if nothing.
+  /// Firmware actions that would fail on real silicon, in order; empty if there were none.
   const std::vector<std::string>& violations() const { return violations_; }
 
  private:

@@ -27,10 +27,10 @@ int StatusOf(TransferStatus status);
 
 struct ControlResult {
   TransferStatus status = TransferStatus::kGone;
-  std::vector<std::uint8_t> data;  ///< what the device sent
+  std::vector<std::uint8_t> data;  ///< bytes that the device sent
 };
 
-/// What the device said of itself at enumeration.
+/// Descriptors and strings that the device reported at enumeration.
 struct Enumeration {
   std::vector<std::uint8_t> device_descriptor;
   std::vector<std::uint8_t> configuration_descriptor;
@@ -44,8 +44,8 @@ class UsbHost {
 
   explicit UsbHost(BenchDevice& device) : device_(device) {}
 
-  /// Whether the next input packet is wanted; asked once a frame while the device is configured.
-  /// A host that does not want one does not poll, and the device keeps its report.
+  /// True if the host wants the next input packet; asked once a frame while the device is
+  /// configured. A host that does not want one does not poll, and the device keeps its report.
   std::function<bool()> wants_input = [] { return false; };
   /// An input packet, in the frame after that in which the device queued it.
   std::function<void(const std::vector<std::uint8_t>&)> on_input;

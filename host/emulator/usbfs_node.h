@@ -44,7 +44,7 @@ class UsbfsNode {
   /// Ends that wait, now and from now on.
   void StopWaiting();
 
-  /// Whether an input transfer waits.
+  /// True if an input transfer waits.
   bool WantsInput() const;
   /// Ends the oldest input transfer with `status` (0 or a negative errno) and what fits of `bytes`;
   /// false if none waits.

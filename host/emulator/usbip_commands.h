@@ -1,4 +1,4 @@
-// What somebody far away does to the emulated device: lines of text on a TCP port, one answer each.
+// Remote commands to the emulated device: lines of text on a TCP port, one answer each.
 #pragma once
 
 #include <cstdint>
