@@ -105,12 +105,12 @@ class Atmega32u4 {
   void OnPin(char port, int bit, std::function<void(bool high, double now_us)> changed);
   /// Voltage on an ADC channel as a fraction of the reference, 0 .. 1.
   void SetAnalog(int channel, double fraction);
-  /// What answers on the SPI; none: MISO stays high.
+  /// SPI slave that answers each exchange; without one, MISO stays high.
   void SetSpiSlave(std::function<std::uint8_t(const SpiExchange&)> slave) {
     spi_slave_ = std::move(slave);
   }
 
-  /// What the program is, and can write.
+  /// Flash memory: holds the program, which can also write to it.
   FlashMemory& flash() { return *flash_; }
 
   /// The EEPROM as the loss of power at this moment would leave it: a byte being written is neither

@@ -43,8 +43,8 @@ class BenchDevice {
   /// Powered on at time 0. Throws UserError for an unusable option or image.
   BenchDevice(const FirmwareImage& image, const BenchOptions& options);
 
-  /// What the hand does, by virtual time in seconds. Asked in rising order of time, but for the
-  /// odd microsecond.
+  /// Sets the motion of the hand as a function of virtual time in seconds. Calls come in rising
+  /// order of time, except for an occasional step back of a microsecond.
   void SetHand(std::function<HandState(double time_s)> hand) { hand_ = std::move(hand); }
 
   /// Virtual time since the first power-on.
@@ -72,8 +72,8 @@ class BenchDevice {
   std::vector<std::uint8_t> Flash() const;
   /// Current contents of the EEPROM.
   std::vector<std::uint8_t> Eeprom() const;
-  /// What draws current though the bus is suspended: parts of the chip, the sensor, the board's
-  /// LEDs; empty if all sleep as they should. Only while powered.
+  /// Parts that still draw current while the bus is suspended: of the chip, the sensor or the
+  /// board's LEDs. Empty if all sleep. Call only while powered.
   std::vector<std::string> PartsAwake() const;
   HandState HandNow() const { return hand_(now_us_ * 1e-6); }
   double clock_mhz() const { return clock_mhz_; }

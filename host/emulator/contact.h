@@ -8,13 +8,14 @@ namespace torquer::emulator {
 
 class Contact {
  public:
-  /// Longest that it stays as it is within a bounce.
+  /// Longest time between two changes within a bounce, us.
   static constexpr double kLongestDwell_us = 8000;
 
   /// Bounces for up to `bounce_us` after each change; 0: not at all.
   Contact(double bounce_us, std::uint32_t seed) : bounce_us_(bounce_us), random_(seed) {}
 
-  /// Whether it conducts now, the finger having it `closed`. Asked in rising order of time.
+  /// True if the contact conducts now; `closed` is the position that the finger sets. Calls must
+  /// come in rising order of time.
   bool Conducts(bool closed, double now_us) {
     if (closed != closed_) {
       closed_ = closed;

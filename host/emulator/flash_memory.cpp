@@ -142,7 +142,7 @@ void FlashMemory::Begin(Operation operation, std::uint32_t address) {
 
 std::uint8_t* FlashMemory::Page() { return hidden_.data() + page_; }
 
-// What a byte of the page becomes: programming can only clear bits.
+// New value of a byte of the page. Programming can only clear bits.
 std::uint8_t FlashMemory::Target(std::uint8_t old, int at) const {
   if (operation_ == Operation::kErase) return 0xff;
   const std::uint16_t word = buffer_[static_cast<std::size_t>(at / 2)];

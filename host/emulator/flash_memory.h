@@ -44,10 +44,10 @@ class FlashMemory {
   /// To be called when the chip is reset: an operation under way is left half done.
   void Reset();
 
-  /// What is in the flash; a page being erased or written as it was before.
+  /// Contents of the flash. A page that is being erased or written appears as it was before.
   std::vector<std::uint8_t> Contents() const;
-  /// The same, had the power gone now: of a page being erased or written each bit is as before or
-  /// as it was to become.
+  /// Contents of the flash after a loss of power at this moment. In a page that is being erased or
+  /// written, each bit has either its old or its new value.
   std::vector<std::uint8_t> AfterPowerLoss();
 
  private:

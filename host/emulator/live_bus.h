@@ -38,7 +38,8 @@ class LiveBus {
   /// Takes waiting messages that are for this box, or for any, into `hand`; never waits.
   void Service(double time_s, LiveHand* hand);
 
-  /// What the hand and the sensor did; to be called about 100 times a second and at the end.
+  /// Publishes the true state of the hand and the sensor. Call it about 100 times a second and at
+  /// the end.
   void PublishTruth(const BenchDevice& device, double time_s, const HandState& hand,
                     std::int64_t reports_sent);
 

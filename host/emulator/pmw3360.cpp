@@ -289,7 +289,7 @@ void VirtualPmw3360::WriteRegister(std::uint8_t address, std::uint8_t value, dou
     Violation("write to a register that is read only");
     return;
   }
-  // What has been counted so far was counted as the registers were.
+  // Motion up to now counts with the old register values.
   if (address == kConfig1 || address == kConfig2) {
     navigation_.Advance(now_us, NavigationSettings(), blind());
   }
@@ -392,7 +392,7 @@ void VirtualPmw3360::TakePicture(double now_us) {
   picture_ = RenderSurface(-position.transverse_mm, position.axial_mm, optics_, seed_);
 }
 
-// What a read of motion hands out, in the registers and in the burst.
+// Latches the counts that a read of motion returns, in the registers and in the burst.
 void VirtualPmw3360::Latch(double now_us) {
   navigation_.Advance(now_us, NavigationSettings(), blind());
   const SensorNavigation::Counts counts = navigation_.Take();

@@ -37,7 +37,7 @@ class VirtualPmw3360 {
 
   /// Where the surface is; `now_us` since power-on.
   void SetSurface(std::function<Position(double now_us)> surface);
-  /// What the camera sees of it.
+  /// Optics of the surface as the camera sees it.
   void SetOptics(const SurfaceOptics& optics) { optics_ = optics; }
 
   /// --- pins ----------------------------------------------------------------------------------

@@ -1,5 +1,5 @@
-// What a PMW3360 makes of the surface that moves below it: frames, rest modes, counts. Knows no
-// SPI.
+// Navigation of a PMW3360: frames, rest modes and counts from the surface that moves below it. It
+// does not handle SPI.
 #pragma once
 
 #include <cstdint>

@@ -68,7 +68,7 @@ void UsbHost::RunFrame() {
   }
 }
 
-// What is on the wires at the start of a frame, packets aside.
+// Drives the bus state at the start of a frame; packets are handled elsewhere.
 void UsbHost::DriveBus() {
   UsbController& usb = device_.usb();
   if (suspended_ && resume_frames_ == 0) {
@@ -193,7 +193,7 @@ void UsbHost::Enumerate() {
           get(0x0200, 0, total, [this](const ControlResult& all) {
             enumeration_.configuration_descriptor = all.data;
           });
-          // Of the strings those that there are: the descriptor has their numbers, 0 for none.
+          // Reads only the strings that exist: the descriptor holds their index, 0 for none.
           const std::pair<std::size_t, std::string*> strings[] = {{14, &enumeration_.manufacturer},
                                                                   {15, &enumeration_.product},
                                                                   {16, &enumeration_.serial}};

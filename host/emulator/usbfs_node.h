@@ -57,7 +57,7 @@ class UsbfsNode {
   void EndControl(std::uint64_t id, int status, std::span<const std::uint8_t> bytes,
                   std::size_t length);
 
-  /// Whether a program waits for the halt of the input endpoint to be cleared; asked once for each.
+  /// True if a program waits for the halt of the input endpoint to be cleared; asked once for each.
   bool TakeClearHalt();
   /// Lets it go on.
   void EndClearHalt();

@@ -220,7 +220,7 @@ void UsbipFront::EndInput(std::int32_t status, const std::vector<std::uint8_t>& 
   const Input input = inputs_.front();
   inputs_.pop_front();
   input_ended_ms_ = NowMs();
-  // What does not fit its buffer overflows, as on the wire.
+  // A report larger than its buffer causes an overflow, as on the wire.
   const bool fits = report.size() <= input.length;
   const std::span<const std::uint8_t> bytes(report);
   usbip::AppendReturnSubmit(to_send_, input.sequence, fits ? status : -EOVERFLOW,
