@@ -28,7 +28,7 @@ constexpr char kRoomRemedy[] = "free space on the disk, or name a file elsewhere
   throw UserError(fmt::format("{}: cannot be written: {}", path, problem));
 }
 
-// What stands behind the last of the symbolic links; it need not exist.
+// Target of the last symbolic link; it need not exist.
 std::filesystem::path FollowLinks(const std::string& path) {
   std::filesystem::path target = path;
   std::error_code error;
@@ -202,7 +202,7 @@ int AtomicFile::descriptor() const { return buffer_->fd(); }
 
 void AtomicFile::Reserve(std::int64_t bytes) {
   const int error = buffer_->Reserve(bytes);
-  // What cannot be set aside on this file system is found when it is written.
+  // On a file system that cannot reserve space, a full disk shows only at the write.
   if (error == 0 || error == EOPNOTSUPP || error == EINVAL) return;
   Refuse(path_, fmt::format("{}; {}", std::strerror(error), kRoomRemedy));
 }

@@ -36,8 +36,8 @@ class AtomicFile {
   /// Throws UserError when there is not as much.
   void Reserve(std::int64_t bytes);
 
-  /// What was written so far is of use by itself: should the disk fail later, Finish() keeps what
-  /// was whole at the last of these calls. Returns false once writing has failed.
+  /// Marks the contents so far as useful by themselves. If the disk fails later, Finish() keeps the
+  /// contents up to the last of these calls. Returns false once writing has failed.
   bool KeepSoFar();
 
   /// Writes what is still in memory, syncs the file to the disk, renames it to its final name and

@@ -89,7 +89,7 @@ EventLogReader::Kind EventLogReader::Look(std::int64_t offset, Header& header) c
   return header.end > file_.bytes() ? Kind::kCut : Kind::kRecord;
 }
 
-// Whether a record begins at `offset`, as far as its first word shows, or the log ends there.
+// True if the log ends at `offset`, or if a record begins there as far as its first word shows.
 bool EventLogReader::RecordFollows(std::int64_t offset) const {
   if (offset == file_.bytes()) return true;
   Header header;
@@ -108,7 +108,7 @@ std::int64_t EventLogReader::FindRecord(std::int64_t from, std::int64_t limit) {
   return limit;
 }
 
-// Goes on to the next whole record, over what is none; false at the end of the log.
+// Moves to the next whole record and skips damaged bytes; false at the end of the log.
 bool EventLogReader::Place(Header& header) {
   while (at_ < file_.bytes()) {
     const Kind kind = Look(at_, header);
@@ -130,8 +130,8 @@ bool EventLogReader::Place(Header& header) {
   return false;
 }
 
-// Whether a record is the one that was to come. Where the number alone is wrong, as that of the
-// next record shows, its own bytes are not to be trusted.
+// True if the record may be used. If the number of the next record shows that only this number is
+// wrong, the bytes of this record are not trusted.
 bool EventLogReader::NumberFits(const Header& header) {
   if (expected_ < 0 || header.number == expected_) return true;
   Header next;

@@ -29,7 +29,7 @@ struct LogRecord {
 /// recorded may be anything.
 std::int64_t ElapsedUs(std::int64_t first_us, std::int64_t time_us);
 
-/// What of a log could not be read.
+/// Damage: the parts of a log that could not be read.
 struct LogDamage {
   std::int64_t places = 0;   ///< stretches that are no records, and records with a wrong number
   std::int64_t bytes = 0;    ///< in these stretches

@@ -1,11 +1,12 @@
-// What stands at a path, in words for messages.
+// File kind in words, for messages.
 #pragma once
 
 #include <sys/stat.h>
 
 namespace torquer {
 
-/// "a folder", "a device", "a pipe" and so on, of the st_mode of what is no ordinary file.
+/// "a folder", "a device", "a pipe" and so on, for the st_mode of a file that is not an ordinary
+/// file.
 inline const char* FileKind(mode_t mode) {
   switch (mode & S_IFMT) {
     case S_IFDIR:

@@ -16,7 +16,7 @@ std::filesystem::path OwnFile() {
   link_map* loaded = nullptr;
   const bool found = dladdr1(reinterpret_cast<const void*>(&FindInstalled), &self,
                              reinterpret_cast<void**>(&loaded), RTLD_DL_LINKMAP) != 0;
-  // Of a program dladdr only knows argv[0], which has no folder when a shell found it by PATH.
+  // For a program, dladdr only knows argv[0], which has no folder if a shell found it by PATH.
   const bool library = found && loaded->l_name[0] != '\0';
   std::error_code none;
   return std::filesystem::canonical(library ? loaded->l_name : "/proc/self/exe", none);

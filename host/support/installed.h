@@ -1,13 +1,13 @@
-// Where an installation keeps what belongs to a program or a library.
+// Installation paths of the files that belong to a program or a library.
 #pragma once
 
 #include <filesystem>
 
 namespace torquer {
 
-/// What lies `below_prefix`, such as share/torquer/devices, in the installation that the program,
-/// or the shared library, that this is linked into belongs to. The build tree is laid out as one.
-/// Throws UserError where it is not there.
+/// Path of `below_prefix`, such as share/torquer/devices, in the installation of the program or
+/// shared library that this is linked into. The build tree has the same layout. Throws UserError if
+/// the path does not exist.
 std::filesystem::path FindInstalled(const std::filesystem::path& below_prefix);
 
 }  // namespace torquer

@@ -33,7 +33,7 @@ struct DirectionSpec {
 /// left, right, posterior, anterior, superior, inferior: each followed by its opposite.
 const std::vector<std::string>& PatientDirections();
 
-/// What a key takes.
+/// Type of value that a key takes.
 enum class KeyKind {
   kNumber,
   kInteger,
@@ -71,7 +71,7 @@ struct Key {
   std::string fallback;             ///< otherwise: the value that holds without the key, or words
   const KeyTable* table = nullptr;  ///< of a table or tables
 
-  /// What may be given, in words: "number from 0 to 2".
+  /// Permitted values in words: "number from 0 to 2".
   std::string Form() const;
 };
 
@@ -159,7 +159,7 @@ std::string Write(const Key& key, const std::vector<Eigen::Vector3d>& value);
 std::string Write(const Key& key, const DirectionSpec& value);
 int ReadChoice(StrictTable& table, const Key& key);
 void WriteChoice(const Key& key, int choice, int base, TomlWriter& out);
-/// Whether the key has to be read: it is there, or must be.
+/// True if the key has to be read: it is present or required.
 bool Wanted(const StrictTable& table, const Key& key);
 
 template <class T>
@@ -303,7 +303,7 @@ class Keys final : public KeyTable {
         });
     return *this;
   }
-  /// What else must hold, after all keys are read: refuses through the table.
+  /// Adds a check that runs after all keys are read and refuses through the table.
   Keys& Checked(Check check) {
     check_ = check;
     return *this;

@@ -34,13 +34,13 @@ std::pair<std::string, int> SplitPartPath(const std::string& path) {
   return {path.substr(0, mark), number};
 }
 
-// Of the parts after `first`.
+// Numbers of the parts after `first`, in rising order.
 std::vector<int> LaterNumbers(const std::string& log, int first) {
   std::vector<int> numbers;
   const std::filesystem::path path(log);
   const std::string name = path.filename();
   std::error_code error;
-  // A folder that cannot be listed has no parts: what is named is read all the same.
+  // A folder that cannot be listed counts as one without later parts; the named file is still read.
   std::filesystem::directory_iterator files(path.has_parent_path() ? path.parent_path() : ".",
                                             error);
   for (; !error && files != std::filesystem::directory_iterator(); files.increment(error)) {

@@ -27,7 +27,7 @@ struct OptionEntry {
   std::function<void(const std::string& text)> take;
 };
 
-/// Of a program or a subcommand.
+/// Options, operands and subcommands of a program or a subcommand.
 struct OptionTable {
   std::string name;  ///< of the program ("torquer-study"), or of the subcommand ("paper")
   std::string summary;
@@ -38,7 +38,7 @@ struct OptionTable {
   std::string group;  ///< of the options declared next
 };
 
-/// What --help prints for `table`; `words` is how it is called, "torquer-study paper".
+/// Text that --help prints for `table`; `words` is the command, such as "torquer-study paper".
 std::string HelpText(const OptionTable& table, const std::string& words);
 
 /// A completion script for bash that completes the options, their values and the subcommands.

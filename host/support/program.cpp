@@ -363,7 +363,7 @@ int Program::ParseAndRun(int argc, char** argv, const std::function<int()>& run)
   Declare(table, app);
   std::vector<std::string> words(argv + 1, argv + argc);
   std::reverse(words.begin(), words.end());  // as CLI11 takes them
-  // What was named before anything failed to parse, so that messages refer to its help.
+  // Notes the subcommand that was parsed before an error, so that messages refer to its help.
   const auto note_subcommand = [&] {
     for (const CLI::App* given : app.get_subcommands()) impl_->subcommand = given->get_name();
   };

@@ -1,4 +1,4 @@
-// What every program does in the same way: its command line (parsed by CLI11), --help, --version,
+// Common parts of every program: the command line (parsed by CLI11), --help, --version,
 // --completion, error messages and exit statuses.
 #pragma once
 
@@ -31,7 +31,7 @@ class UsageError : public UserError {
   using UserError::UserError;
 };
 
-/// What completion offers for a value: nothing, files, folders.
+/// Completions for a value: nothing, files or folders.
 enum class ValueKind { kText, kFile, kFolder };
 
 struct OptionTable;

@@ -35,11 +35,11 @@ rlim_t LimitOf(__rlimit_resource resource) {
                   why, line));
 }
 
-// Whether any amount may be locked. Under a limit, memory that is allocated later would be refused.
+// True if any amount of memory may be locked. With a limit, later allocations would be refused.
 bool LocksAnything() {
   const rlim_t limit = LimitOf(RLIMIT_MEMLOCK);
   if (limit == RLIM_INFINITY) return true;
-  // More than the limit is granted to who is not bound by it; none of it is ever touched.
+  // The probe exceeds the limit: it succeeds only if the limit does not apply. It is never touched.
   void* const probe = mmap(nullptr, limit + 4096, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (probe == MAP_FAILED) return false;
   munmap(probe, limit + 4096);

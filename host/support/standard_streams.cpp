@@ -26,9 +26,9 @@ StandardStreams::StandardStreams(const std::atomic<bool>& stop, bool answers)
   if (answers_) std::signal(SIGPIPE, SIG_IGN);
 }
 
-// Whether there is something to read, be it the end.
+// True if there is something to read or the input has ended.
 bool StandardStreams::WaitForInput() {
-  // A descriptor below 0 is not looked at.
+  // poll ignores a negative descriptor.
   std::array<pollfd, 2> ends = {{{STDIN_FILENO, POLLIN, 0}, {answers_ ? STDOUT_FILENO : -1, 0, 0}}};
   while (!stop_) {
     if (poll(ends.data(), ends.size(), kLookAgainMs) <= 0) continue;

@@ -29,7 +29,7 @@ class StandardStreams {
   bool Write(std::string_view text);
 
   bool reader_gone() const { return reader_gone_; }
-  /// Whether NextLine gives none before the end of the input.
+  /// True if NextLine returns nullopt before the end of the input.
   bool interrupted() const { return reader_gone_ || stop_; }
 
  private:

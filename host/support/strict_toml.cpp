@@ -67,7 +67,7 @@ constexpr int kMostDepth = 32;     // of arrays and inline tables
 constexpr int kMostKeyParts = 32;  // of a dotted key or the name of a table
 // Outside of texts and comments, of a key or value: nothing that a reader takes is longer.
 constexpr int kMostPieceBytes = 4096;
-// Of one list: what is made of tables may compare each with each.
+// Limit for one list of tables: readers may compare each table with each other one.
 constexpr std::size_t kMostTables = 1000;
 
 // Where the string that begins at `at` ends: behind its closing quotes, at the end of the line or

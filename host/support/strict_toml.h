@@ -13,7 +13,7 @@ namespace torquer {
 /// Where the keys of a table stood, for what is found wrong with them after the file is closed.
 class TableOrigin {
  public:
-  /// Of a table that no file has: `name` is its full name.
+  /// Origin of a table that is in no file; `name` is its full name.
   explicit TableOrigin(std::string name = "");
   TableOrigin(const TableOrigin&);
   TableOrigin(TableOrigin&&) noexcept;
@@ -21,7 +21,7 @@ class TableOrigin {
   TableOrigin& operator=(TableOrigin&&) noexcept;
   ~TableOrigin();
 
-  /// Whether the table gave the key.
+  /// True if the table gave the key.
   bool Has(const std::string& key) const;
   /// Throws a UserError "file:line: table.key = value: problem".
   [[noreturn]] void Refuse(const std::string& key, const std::string& problem) const;
@@ -53,7 +53,7 @@ class StrictTable {
   ~StrictTable();
 
   bool Has(const std::string& key) const;
-  /// Whether it has the key, and that is a text.
+  /// True if the table has the key and its value is a text.
   bool IsText(const std::string& key) const;
 
   /// A number in [lowest, highest]; NaN and infinities never are.
