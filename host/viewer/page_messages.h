@@ -1,4 +1,4 @@
-// What goes between torquer-viewer and its page: byte layouts and texts (README.md). No I/O.
+// Messages between torquer-viewer and its page: byte layouts and texts (README.md). No I/O.
 #pragma once
 
 #include <cstdint>
@@ -61,7 +61,8 @@ std::string SceneText(const torquer_lcm::scene_description_t& scene);
 std::string HealthText(const torquer_lcm::health_t& health);
 std::string ReadingsText(const torquer_lcm::readings_t& readings);
 
-/// What the page's keys want now. Rates, not places: whoever sends no more moves nothing.
+/// Controls that the page's keys request now. They are rates, not positions: a page that stops
+/// sending moves nothing.
 struct Controls {
   bool xray = false;
   bool contrast = false;
@@ -83,11 +84,11 @@ inline constexpr std::size_t kControlsBytes = 20;
 /// Nothing where the bytes are not of that layout, or a rate is not finite or beyond its limit.
 std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes);
 
-/// What the page has chosen on the X-ray system. Nothing where the bytes are not of that layout, or
-/// a value is beyond its limits.
+/// X-ray settings that the page has chosen. Nullopt if the bytes do not have that layout or a value
+/// is beyond its limits.
 std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes);
 
-/// What the page wants of a replay.
+/// Replay controls that the page requests.
 struct ReplayControls {
   bool play = false;
   double speed = 1;            ///< kLeastSpeed to kMostSpeed
@@ -102,7 +103,7 @@ struct ReplayControls {
 /// Nothing where the bytes are not of that layout, or a value is beyond its limits.
 std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes);
 
-/// What the page wants of the cases.
+/// Case control that the page requests.
 struct CaseControl {
   enum class Action : std::uint8_t { kStart = 1, kEnd = 2, kClose = 3 };
   Action action = Action::kStart;

@@ -30,7 +30,7 @@ class PageServer {
   PageServer(const PageServer&) = delete;
   PageServer& operator=(const PageServer&) = delete;
 
-  /// What pages open: "http://127.0.0.1:PORT/TOKEN/".
+  /// URL that pages open: "http://127.0.0.1:PORT/TOKEN/".
   const std::string& url() const;
 
   /// The newest of a topic, to all pages, and to those that come later. A page that is slow misses

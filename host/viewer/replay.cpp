@@ -74,7 +74,7 @@ class Replayer {
     return message;
   }
 
-  // What is no message of its channel's type is left out, as on the bus.
+  // Bytes that do not decode as the type of their channel are skipped, as on the bus.
   void Show(const Recording::Topic& topic, const std::vector<std::uint8_t>& bytes) {
     using namespace torquer_lcm;  // NOLINT(google-build-using-namespace)
     if (topic.channel == protocol::kWireStateChannel) {

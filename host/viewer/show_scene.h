@@ -1,4 +1,4 @@
-// What the page shows of a scene: the vessel, its centerlines and the task.
+// Scene display on the page: the vessel, its centerlines and the task.
 #pragma once
 
 #include <string>

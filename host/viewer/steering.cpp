@@ -82,7 +82,7 @@ void Steering::Leave(PageId page) {
 }
 
 void Steering::Advance(std::int64_t now_us) {
-  // What a message asked for ends when it is too old, however late this is called.
+  // A request ends when its message is too old, however late this function is called.
   const std::int64_t until_us = std::min(now_us, heard_us_ + kSilentUs);
   const double passed_s =
       1e-6 * static_cast<double>(std::max<std::int64_t>(until_us - advanced_us_, 0));

@@ -21,7 +21,7 @@ Motions MotionsOf(const scene::Scene& scene);
 /// heart rests and a breath is held, and wherever only one motion is under way close to it.
 using Shares = std::vector<float>;
 
-/// Of each motion.
+/// Shares of each motion at `points_mm`.
 std::vector<Shares> SharesOf(const Motions& motions, const std::vector<Eigen::Vector3d>& points_mm);
 
 /// Where a point is while the motions are at `pulses`, 0 to 1 each. `point`: its number in

@@ -106,7 +106,7 @@ class Viewer {
                                             [this](const torquer_lcm::readings_t& readings) {
                                               server_.ShowText("readings", ReadingsText(readings));
                                             });
-    // What it commands it knows.
+    // A viewer that steers already knows its own commands.
     if (!steer_) {
       bus_.Subscribe<torquer_lcm::instrument_command_t>(
           protocol::kInstrumentCommandChannel,
@@ -195,7 +195,7 @@ class Viewer {
     while (!loads_.empty() &&
            loads_.front().wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
       SceneFrames frames = loads_.front().get();
-      // Of several the one that was begun last.
+      // If several loads are pending, only the one that began last is shown.
       if (loads_.size() == 1 && !frames.vessel.empty()) ShowFrames(std::move(frames), server_);
       loads_.pop_front();
     }
@@ -228,7 +228,7 @@ class Viewer {
     if (command != nullptr) bus_.Publish(protocol::kImagingCommandChannel, *command);
   }
 
-  // What those who command now say of their hands.
+  // State of the devices that command instruments now, by the flags of their commands.
   nlohmann::json Hands(std::int64_t now_us) const {
     nlohmann::json hands = nlohmann::json::array();
     for (const auto& [instrument, hand] : hands_) {
@@ -243,7 +243,7 @@ class Viewer {
     return hands;
   }
 
-  // What the viewer itself knows, for the page.
+  // Sends the viewer's own state to the page.
   void Summarize(std::int64_t now_us) {
     PublishImaging(now_us);
     const effects::Imaging& imaging = steering_.imaging();

@@ -1,4 +1,5 @@
-// What the trainee is to reach, whether it is reached, and the examination: X-ray alone, with a clock.
+// Task and examination: the target, a sign when it is reached, and a mode with X-ray alone and a
+// clock.
 
 import { element, seconds, setData, setText } from "./dom.js";
 import type { Lines, Readings, Scene, WireState } from "./frames.js";

@@ -1,4 +1,4 @@
-// What comes from torquer-viewer and goes to it: layouts of host/viewer/README.md.
+// Messages from and to torquer-viewer: layouts of host/viewer/README.md.
 
 export const STATUS = {
   converged: 1,

@@ -40,7 +40,8 @@ export class VesselMotion {
     }
   }
 
-  // What each corner counts: each motion at its beginning or its end, the first in the lowest bit.
+  // Weight of each corner, which has each motion at its beginning or end; the first in the lowest
+  // bit.
   private parts(pulses: readonly number[]): number[] {
     return Array.from({ length: 2 ** pulses.length }, (_, corner) =>
       pulses.reduce((part, pulse, k) => part * ((corner >> k) & 1 ? pulse : 1 - pulse), 1));

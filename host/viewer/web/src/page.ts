@@ -143,7 +143,7 @@ class Page {
     this.steering.enabled = enabled;
   }
 
-  // What another scene, or another run of the same one, has shown.
+  // Discards the data shown for another scene, or for another run of the same one.
   private forget(): void {
     this.scene = null;
     this.state = null;
@@ -244,7 +244,7 @@ class Page {
     return ["good", this.viewer?.hands?.some(({ clutch }) => clutch) ? "Clutch held" : "Running", ""];
   }
 
-  // Of the devices that move instruments; "" where all is well.
+  // First problem of the devices that move instruments; "" if there is none.
   private handInTrouble(): string {
     for (const { instrument, fault, lift, uncalibrated } of this.viewer?.hands ?? []) {
       if (fault) return `${instrument}: the sensor does not answer`;

@@ -1,5 +1,5 @@
-// What the scene simulates, and what each effect takes of a tick, as the simulator measures it; and
-// what it does not simulate.
+// Effects of the scene: the time each takes of a tick, as the simulator measures it, and the
+// effects that are not simulated.
 
 import { element, Rows, setText, short } from "./dom.js";
 import type { Health, Scene } from "./frames.js";

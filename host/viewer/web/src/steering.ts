@@ -1,4 +1,4 @@
-// What moves the instruments: keys, the pad on the page and a gamepad, added up and sent as rates,
+// Steering of the instruments: keys, the pad on the page and a gamepad, added up and sent as rates,
 // ten times a second as well as at each change, because torquer-viewer takes a page that is silent
 // for gone.
 

@@ -1,4 +1,4 @@
-// What is chosen on the X-ray system: how pictures are shown, pulses, field and shutters.
+// Settings of the X-ray system: how pictures are shown, pulses, field and shutters.
 
 import { element, setText } from "./dom.js";
 import type { Imaging } from "./frames.js";
