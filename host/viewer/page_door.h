@@ -37,7 +37,7 @@ struct Door {
 
   struct Answer {
     unsigned status = 200;  ///< of HTTP
-    std::string name;       ///< what is asked for below the token's folder
+    std::string name;       ///< requested path below the token's folder
   };
   Answer Open(const Visitor& visitor) const;
 };

@@ -13,14 +13,14 @@
 
 namespace torquer::viewer {
 
-/// What a client may ask for, and who is listened to.
+/// Server of the page and its WebSocket, with checks of path, host and origin.
 ///
 /// Served is `/TOKEN/`, the few files of page_files.h and those of Serve below it, to requests
 /// whose Host is this machine's loopback at the server's port, and whose Origin, where there is
 /// one, is the same. A WebSocket at `/TOKEN/bus` needs an Origin. One request a connection.
 class PageServer {
  public:
-  /// Whether the message of a page is one; a page that sends another is cut off.
+  /// Returns true if the message of a page is valid; a page that sends an invalid one is cut off.
   using Received = std::function<bool(PageId page, std::span<const std::uint8_t> message)>;
   using Left = std::function<void(PageId page)>;
 
@@ -43,8 +43,8 @@ class PageServer {
   /// Pages that come later do not get what was shown of this topic.
   void Forget(const std::string& topic);
 
-  /// Whether a file of Serve may only be seen (a picture), or is a whole page, which may have a
-  /// style within it and nothing else: no script, no request.
+  /// Type of a file of Serve: a picture, or a whole page. A page may contain a style and nothing
+  /// else: no script, no request.
   enum class ServedAs { kPicture, kDocument };
   /// A file below `/TOKEN/`, in place of one of that name; an empty one ends it.
   void Serve(const std::string& name, ServedAs as, std::string content);

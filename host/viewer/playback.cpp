@@ -45,7 +45,7 @@ void Playback::Step(int states) {
     at_us_ = *next;
   }
   for (; states < 0; ++states) {
-    // What is shown is the newest until now; the one before it is asked for.
+    // The newest state until now is shown; this finds the one before it.
     const auto shown = std::upper_bound(times.begin(), times.end(), at_us_);
     if (shown == times.begin()) break;
     const auto first = std::lower_bound(times.begin(), shown, *(shown - 1));

@@ -17,10 +17,10 @@ namespace torquer::viewer {
 namespace {
 
 constexpr const char* kRemedy = "give the file that torquer-recorder wrote";
-// Of processes that report health: as many as a page shows.
+// Most processes that report health: as many as a page shows.
 constexpr std::size_t kMostTopics = 60;
 
-// Of a log with fewer shapes than ticks the page shows those.
+// If a log has fewer shapes than ticks, the page shows only the states with a shape.
 bool HasNoShape(const LogRecord& record) {
   torquer_lcm::wire_state_t state;
   return bus::DecodeMessage(record.data.data(), record.data.size(), state) && bus::IsOutline(state);
