@@ -20,7 +20,7 @@ class FlashMemory {
   static constexpr int kSignatureRowBytes = 32;
   /// The pages below cannot be read while one of them is erased or written.
   static constexpr std::uint32_t kReadWhileWriteEnd = 0x7000;
-  /// Duration of an erase or a write; the range is 3.7 to 4.5 ms.
+  /// Duration of an erase or a write, us; the range on silicon is 3.7 to 4.5 ms.
   static constexpr double kOperationUs = 4000;
 
   using Violation = std::function<void(const std::string&)>;

@@ -37,7 +37,7 @@ class VirtualPmw3360 {
 
   /// Where the surface is; `now_us` since power-on.
   void SetSurface(std::function<Position(double now_us)> surface);
-  /// Optics of the surface as the camera sees it.
+  /// Sets how the sensor sits above the surface and how clean it is.
   void SetOptics(const SurfaceOptics& optics) { optics_ = optics; }
 
   /// --- pins ----------------------------------------------------------------------------------

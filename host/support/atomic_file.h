@@ -37,7 +37,8 @@ class AtomicFile {
   void Reserve(std::int64_t bytes);
 
   /// Marks the contents so far as useful by themselves. If the disk fails later, Finish() keeps the
-  /// contents up to the last of these calls. Returns false once writing has failed.
+  /// contents up to the last call whose data is completely written. Returns false once writing has
+  /// failed.
   bool KeepSoFar();
 
   /// Writes what is still in memory, syncs the file to the disk, renames it to its final name and

@@ -17,7 +17,7 @@ namespace torquer::viewer {
 namespace {
 
 constexpr const char* kRemedy = "give the file that torquer-recorder wrote";
-// Most processes that report health: as many as a page shows.
+// Largest number of processes that report health: as many as a page shows.
 constexpr std::size_t kMostTopics = 60;
 
 // If a log has fewer shapes than ticks, the page shows only the states with a shape.
