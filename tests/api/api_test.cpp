@@ -1,4 +1,4 @@
-// torquer.h, as a program outside this tree uses it.
+// Tests of torquer.h as a program outside this tree uses it.
 #include <torquer/torquer.h>
 
 #include <algorithm>
@@ -30,7 +30,7 @@ using torquer::test::kUnderSanitizer;
 
 const std::string kScenes = torquer::test::SourcePath("/host/scenes");
 
-/// All that a simulation shows.
+/// Everything that a simulation exposes.
 struct Shown {
   std::uint64_t hash = 0;
   std::vector<double> nodes_mm;
@@ -71,7 +71,7 @@ Shown Show(Simulation& simulation) {
   return shown;
 }
 
-/// Hands that wander, from a seed; the wire goes in on the whole.
+/// Random hand motion from a seed; on average the wire is fed in.
 class Wanderer {
  public:
   explicit Wanderer(unsigned seed) : random_(seed) {}
@@ -118,7 +118,7 @@ Scene ShippedWith(const std::string& name, const std::string& heading, const std
   return Scene::FromText(text, kScenes);
 }
 
-/// Copies a simulation again and again on its way; both go on alike.
+/// Copies a simulation repeatedly during a run; the copy and the original must stay equal.
 void CheckCopiesOnTheWay(const Scene& scene, int copies) {
   Simulation simulation(scene);
   Wanderer hands(5);
@@ -166,7 +166,7 @@ TEST_CASE("A copy goes on as the original does, to the bit, in every shipped sce
     Wander(copy, same, steps);
     CHECK(Show(copy) == later);
 
-    // Restored after another way, by assignment.
+    // Assigns a saved copy after the simulation has taken another course.
     Wanderer other(12);
     Wander(simulation, other, steps);
     CHECK(Show(simulation).hash != later.hash);
@@ -341,7 +341,7 @@ TEST_CASE("A scene tells of its vessel", "[api]") {
   const std::vector<torquer::Point> route = scene.RouteMm(names[0], 0, 2);
   REQUIRE(route.size() > 100);
   for (std::size_t k = 1; k < route.size(); ++k) CHECK(distance(route[k], route[k - 1]) < 2.001);
-  // It begins where the wire enters, and ends where it was asked for, in the lumen all the way.
+  // The path begins where the wire enters, ends where requested, and stays in the lumen.
   Simulation simulation(scene);
   const double* const entry = simulation.nodes_mm();
   CHECK(distance(route.front(), {entry[0], entry[1], entry[2]}) < 1);

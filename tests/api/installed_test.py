@@ -93,7 +93,7 @@ def main():
         check("Python does the same",
               run("/usr/bin/python3", "-B", "-c", steps, scene, env=python) == said)
 
-        # Installed programs find what they need where they are.
+        # Installed programs must find their data files without a build tree.
         programs = prefix / "bin"
         check("programs run from there", version in run(programs / "torquer-simulator", "--version"))
         for scene in sorted(scenes.glob("*.toml")):
@@ -103,12 +103,12 @@ def main():
                 pathlib.Path(folder) / "states.jsonl",
                 env=dict(environment, XDG_CACHE_HOME=os.environ.get(
                     "XDG_CACHE_HOME", str(pathlib.Path.home() / ".cache"))))
-        # A shell that finds a program by PATH gives it no folder.
+        # If a shell finds a program by PATH, argv[0] contains no folder.
         by_name = run("torquer-simulator", "--explain", scenes / "neuro_arch.toml", cwd="/",
                       env=dict(environment, PATH=f"{programs}:{environment['PATH']}",
                                XDG_CACHE_HOME=f"{folder}/by_name"))
         check(f"a program is found by its name: {by_name}", "neuro_arch" in by_name)
-        # That, and not what the build tree has.
+        # The programs must use the installed files, not those of the build tree.
         phantom = scenes / "ty_phantom.toml"
         phantom.write_text(re.sub(r"\[\[instrument\]\].*?\n\n", DEVICE, phantom.read_text(),
                                   flags=re.DOTALL))

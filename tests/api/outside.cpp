@@ -1,4 +1,4 @@
-// A program outside this tree, which knows only what is installed.
+// Example program outside this tree: it uses installed files only.
 #include <torquer/torquer.h>
 
 #include <cstdio>

@@ -1,4 +1,5 @@
-// torquer.h: what a program sees of a step while it goes on, and of the wall, pictures and records.
+// Tests of torquer.h: observing a step while it runs, and reading wall contacts, pictures and
+// records.
 #include <torquer/torquer.h>
 
 #include <algorithm>
@@ -28,7 +29,7 @@ using torquer::Simulation;
 using torquer::StepReport;
 using torquer::test::SceneFile;
 
-// With it ticks end every 5 ms.
+// With a heartbeat, ticks end every 5 ms.
 constexpr char kBeating[] =
     "[effects.heartbeat]\namplitude_mm = 3\ndirection = [0.3, 0, 1]\n"
     "[[effects.heartbeat.region]]\ncenter_mm = [140, 0, 0]\nradius_mm = 50\n";
@@ -52,7 +53,7 @@ double ReadingOf(const Simulation& simulation, const std::string& name) {
   return -1;
 }
 
-/// A variable of the environment has a value as long as this is there.
+/// Sets an environment variable for the lifetime of this object.
 class Environment {
  public:
   Environment(const char* name, const std::string& value) : name_(name) {
@@ -143,7 +144,7 @@ TEST_CASE("A step that is ended goes on from where it was", "[api]") {
   CHECK(reached.hands[0].insertion_mm == Approx(120 + 1.5));
   CHECK(reached.xray);
   CHECK(reached.lao_deg == 20);
-  // As one whose step ended there.
+  // A simulation whose step ended at this time must give the same.
   Simulation other(scene);
   other.Step(reached);
   CHECK(other.state_hash() == simulation.state_hash());
@@ -186,7 +187,7 @@ TEST_CASE("Each picture can be taken when it is due", "[api]") {
   for (std::size_t k = 1; k < taken_s.size(); ++k) {
     CHECK(taken_s[k] - taken_s[k - 1] == Approx(0.05).margin(0.005));
   }
-  // Who asks at the end gets the last of them.
+  // A caller that asks only after the step gets its last picture.
   later.Step(command);
   CHECK(later.picture_due());
   CHECK(later.LastPicture().time_s == taken_s.back());
@@ -214,12 +215,12 @@ TEST_CASE("What is chosen on the X-ray system is seen in pictures and dose", "[a
   const Simulation plain = run({});
   const double kerma_mGy = ReadingOf(plain, "air_kerma_mGy");
   REQUIRE(kerma_mGy > 0);
-  // A field half as wide, as bright: four times the dose.
+  // Half the field width at equal brightness takes four times the dose.
   const Simulation magnified = run({.magnification = 2});
   CHECK(ReadingOf(magnified, "air_kerma_mGy") == Approx(4 * kerma_mGy));
   CHECK(magnified.state_hash() == plain.state_hash());
   CHECK(ReadingOf(run({.pulses_per_s = 5}), "xray_pulses") == 5);
-  // Shutters are black.
+  // Pixels behind the shutters are black.
   Simulation covered = run({.left = 0.25, .right = 0.125, .top = 0.5 / 4, .bottom = 0.25});
   const torquer::Picture& picture = covered.LastPicture();
   int wrong = 0;
@@ -230,7 +231,7 @@ TEST_CASE("What is chosen on the X-ray system is seen in pictures and dose", "[a
     }
   }
   CHECK(wrong == 0);
-  // Less the mask, a wire that rests is not seen.
+  // In subtraction mode a wire at rest cancels with the mask and is invisible.
   const auto contrast = [](Simulation simulation) {
     const std::vector<std::uint8_t>& gray = simulation.LastPicture().gray;
     const auto [low, high] = std::minmax_element(gray.begin(), gray.end());
@@ -253,7 +254,7 @@ TEST_CASE("Contacts are where the wire is in the wall, as deep as it is", "[api]
   const std::vector<torquer::Contact> contacts = simulation.contacts();
   REQUIRE(contacts.size() >= 2);
   const double* const nodes_mm = simulation.nodes_mm();
-  // The deepest point of a segment, of a hundred along it.
+  // Largest penetration of a segment in mm, sampled at 101 points along it.
   const auto deepest = [&](std::size_t node) {
     double most_mm = -1;
     for (int k = 0; k <= 100; ++k) {
@@ -273,13 +274,13 @@ TEST_CASE("Contacts are where the wire is in the wall, as deep as it is", "[api]
     REQUIRE(contacts[k].node < simulation.node_count());
     if (k > 0) CHECK(contacts[k].node > contacts[k - 1].node);
     CHECK(contacts[k].penetration_mm > 0);
-    // Points of contact are fewer than a hundred.
+    // A segment has fewer contact points than samples, so its penetration may be smaller.
     CHECK(contacts[k].penetration_mm <= deepest(contacts[k].node) + 1e-6);
     CHECK(contacts[k].penetration_mm > 0.5 * deepest(contacts[k].node));
     most_mm = std::max(most_mm, contacts[k].penetration_mm);
   }
   CHECK(most_mm == Approx(simulation.max_penetration_mm()));
-  // And nowhere else.
+  // No other segment is in the wall.
   std::size_t in_the_wall = 0;
   for (std::size_t node = 1; node < simulation.node_count(); ++node) {
     in_the_wall += deepest(node) > 1e-3 ? 1 : 0;
@@ -335,7 +336,7 @@ TEST_CASE("A program and torquer-simulator write the same record", "[api]") {
     INFO(reading.name);
     CHECK(record["readings"][reading.name] == reading.value);
   }
-  // What nobody observes is an empty list.
+  // A scene without observers has an empty list of readings.
   const SceneFile unobserved;
   const Simulation bare(Scene::FromFile(unobserved.path()));
   CHECK(nlohmann::json::parse(bare.Record())["readings"] == nlohmann::json::object());
@@ -352,7 +353,7 @@ TEST_CASE("What was built of a field is kept when it is asked for", "[api]") {
     CHECK(scene.KeepField().empty());
     const auto fields = FieldsIn(folder.Path("torquer"));
     REQUIRE(fields.size() == 1);
-    // Again only where there is more of it.
+    // The field is written again only after it has grown.
     std::filesystem::remove(fields[0]);
     CHECK(scene.KeepField().empty());
     CHECK(FieldsIn(folder.Path("torquer")).empty());
@@ -368,7 +369,7 @@ TEST_CASE("What was built of a field is kept when it is asked for", "[api]") {
   const Scene scene = Scene::FromFile(scene_file);
   const Simulation simulation(scene);
   CHECK_THAT(scene.KeepField(), Contains("file/torquer"));
-  // A vessel of tubes has none to keep.
+  // A vessel of tubes has no field to keep.
   const SceneFile tubes;
   CHECK(Scene::FromFile(tubes.path()).KeepField().empty());
 }

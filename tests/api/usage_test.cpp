@@ -1,4 +1,5 @@
-// Calls of torquer.h in a wrong order, within each other, and from several threads.
+// Tests of wrong use of torquer.h: calls in the wrong order, nested calls, and calls from several
+// threads.
 #include <torquer/torquer.h>
 
 #include <atomic>
