@@ -49,7 +49,7 @@ instrument_command_t Command(std::int64_t sequence) {
   return command;
 }
 
-// Handles messages until `done` or a generous deadline.
+// Handles messages until `done` or a generous timeout.
 template <class Done>
 bool HandleUntil(Bus& bus, Done done) {
   const std::int64_t end_us = torquer::bus::MonotonicUs() + 60'000'000;
@@ -195,7 +195,7 @@ TEST_CASE("Datagrams that are no message are counted and named, once a minute") 
   const torquer::test::DatagramSocket stranger;
   stranger.Send(torquer::test::WholeDatagram("B", {1, 2, 3}));
   stranger.Send({'n', 'o', ' ', 'm', 'a', 'g', 'i', 'c'});
-  // With these two liblcm 1.3.1 writes behind its memory.
+  // With these two, liblcm 1.3.1 writes out of bounds.
   const std::string channel("B\0", 2);
   stranger.Send(torquer::test::FragmentDatagram({1, 1000, 0, 0, 3}, channel + "ab"));
   stranger.Send(
@@ -240,7 +240,7 @@ TEST_CASE("Mutated and random messages of every type end at the bus") {
       bytes.resize(kept + random() % 20);
       bytes[8 + random() % (bytes.size() - 7) - 1] = static_cast<std::uint8_t>(random());
       stranger.Send(torquer::test::WholeDatagram(sample.type, bytes));
-      // One at a time, so that none is lost for want of room.
+      // Sends one at a time, so that no datagram is lost to a full buffer.
       ++sent;
       REQUIRE(HandleUntil(bus, [&] { return handled + bus.undecodable() == sent; }));
     }
@@ -272,7 +272,7 @@ TEST_CASE("A message knows its sender, and stays whole when it is larger than a 
   REQUIRE(HandleUntil(receiver, [&] { return seen.size() == 3; }));
   CHECK(seen[0].second == seen[2].second);
   CHECK(seen[0].second != seen[1].second);
-  // The network of this test gives its datagrams no address.
+  // In this test's network, datagrams have no sender address.
   CHECK(Describe(seen[0].second).starts_with("port "));
 }
 
@@ -287,7 +287,7 @@ TEST_CASE("A full queue drops the newest, and says so") {
   receiver.Subscribe<health_t>("B", [&](const health_t&) { ++others; });
   for (std::int64_t k = 0; k < 10; ++k) sender.Publish("A", Command(k));
   sender.Publish("B", health_t{});
-  // Not handled before all have come.
+  // Waits until all have arrived before any is handled.
   for (int k = 0; k < 6000 && receiver.dropped() < 7; ++k) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }

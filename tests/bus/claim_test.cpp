@@ -18,7 +18,7 @@ using torquer::bus::SignalClaimHolder;
 
 namespace {
 
-// A process that ends with 7 at SIGUSR1, holding the claim `name` if that is not "".
+// Child process that holds the claim `name` (none if ""), and exits with 7 on SIGUSR1.
 class Holder {
  public:
   explicit Holder(const std::string& name) {
@@ -67,7 +67,7 @@ TEST_CASE("A claim's holder is signaled, whatever its file says, and nobody else
   const std::string name = "test.claim";
   const std::string file = folder.Path("torquer/" + name);
   CHECK_FALSE(SignalClaimHolder(name, SIGUSR1));
-  // SIGUSR1 would end this process, and its group with it.
+  // SIGUSR1 to the whole group would end this process too.
   Holder stranger("");
   std::string number;
   SECTION("the stranger's number") { number = std::to_string(stranger.pid()); }

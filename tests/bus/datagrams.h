@@ -1,4 +1,4 @@
-// LCM's datagrams, written as its description has them, and a socket that sends them.
+// LCM datagrams written as LCM's description specifies, and a socket that sends them.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,15 @@ namespace torquer::test {
 /// A whole message.
 Bytes WholeDatagram(const std::string& channel, const Bytes& data);
 
-/// The numbers in a fragment's header; nothing holds them to what follows.
+/// Numbers in a fragment's header; they need not agree with the data that follows.
 struct FragmentHeader {
-  std::uint32_t number = 1;  ///< of the message, of this sender
-  std::uint32_t size = 0;    ///< of the message
-  std::uint32_t offset = 0;  ///< of the fragment in it
+  std::uint32_t number = 1;  ///< of the message, counted per sender
+  std::uint32_t size = 0;    ///< of the message, in bytes
+  std::uint32_t offset = 0;  ///< of the fragment within the message, in bytes
   std::uint16_t fragment = 0;
   std::uint16_t fragments = 1;
 };
-/// `rest` is data; in the first fragment the channel and its zero before it.
+/// `rest` is the payload; in the first fragment it begins with the channel name and its zero byte.
 Bytes FragmentDatagram(const FragmentHeader& header, const std::string& rest);
 
 /// Sends datagrams from its own port to LCM's usual multicast group, or to `address`.

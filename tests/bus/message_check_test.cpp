@@ -1,5 +1,5 @@
-// What comes from a bus or a log and is no message is refused before a decoder sees it. Under
-// AddressSanitizer these tests also show that nothing is read beyond the bytes.
+// Message check: bytes from a bus or a log that are not a valid message are refused before
+// decoding. Under AddressSanitizer these tests also show that nothing is read beyond the bytes.
 #include "host/bus/message_check.h"
 
 #include <catch2/catch.hpp>
@@ -59,7 +59,7 @@ TEST_CASE("Whole messages of every type decode, and no part or extension of one"
 }
 
 TEST_CASE("Hostile lengths and counts at every place are refused or harmless") {
-  // Whatever field lies there: each of these is in turn a length, a count, or a part of a number.
+  // Each of these values overwrites a length, a count or part of a number in turn.
   const std::vector<std::int32_t> hostile = {0,          -1,         1,          INT32_MIN,
                                              INT32_MAX,  0x20000000, 0x20000001, 0x10000000,
                                              0x40000000, 0x55555556, -536870912, 65536};

@@ -1,4 +1,5 @@
-// Two network namespaces with a cable (veth) between them: this machine and another one.
+// Isolation test: two network namespaces joined by a cable (veth) stand for this machine and
+// another.
 #include <fmt/format.h>
 #include <sched.h>
 #include <sys/wait.h>
@@ -33,8 +34,8 @@ torquer::test::Bytes Command(const std::string& instrument) {
   return torquer::test::WholeDatagram("A", bytes);
 }
 
-// A process in its own namespace at the other end of a cable. This end has 10.77.0.1, and
-// multicast goes through it.
+// A process in its own namespace at the other end of a cable. This end has 10.77.0.1, and multicast
+// goes through it.
 class OtherMachine {
  public:
   OtherMachine() {
@@ -53,14 +54,14 @@ class OtherMachine {
   ~OtherMachine() {
     kill(child_, SIGKILL);
     waitpid(child_, nullptr, 0);
-    // The cable is gone with its other end.
+    // Deleting the other end removes the cable.
     Shell("ip link delete here 2>/dev/null; ip route replace 224.0.0.0/4 dev lo");
     for (const int fd : {ready_[0], ready_[1], go_[0], go_[1]}) close(fd);
   }
   OtherMachine(const OtherMachine&) = delete;
   OtherMachine& operator=(const OtherMachine&) = delete;
 
-  // Sends commands to the group, and to this machine alone; returns when they are on their way.
+  // Sends commands to the group and to this machine alone; returns when all are sent.
   void Send() const {
     REQUIRE(write(go_[1], "g", 1) == 1);
     char byte = 0;
@@ -95,7 +96,7 @@ class OtherMachine {
   pid_t child_ = -1;
 };
 
-// Counts what it hears, by what it says.
+// Counts received commands by their text.
 struct Listener {
   explicit Listener(const std::string& url) : bus(url) {
     bus.Subscribe<instrument_command_t>(
@@ -129,9 +130,9 @@ TEST_CASE("By default nothing from another machine reaches a program") {
   Listener network("udpm://239.255.76.67:7667?ttl=1");
   Bus here;
   other.Send();
-  // Who chose the network hears the other machine, so the cable works.
+  // The listener on the network receives from the other machine, so the cable works.
   REQUIRE(network.HandleUntil([&] { return network.by_multicast == kDatagrams; }));
-  // What is sent here is heard by both, after all that came before.
+  // Both listeners receive a local message, after everything that was sent before it.
   instrument_command_t command{};
   command.instrument = "from here";
   REQUIRE(here.Publish("A", command));

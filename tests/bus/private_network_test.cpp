@@ -68,6 +68,6 @@ TEST_CASE("Without a multicast route the bus says which commands make one") {
 }
 
 TEST_CASE("Opening the default bus", "[.]") {
-  // Run by the case above, where there is no route.
+  // The test above runs this case in a namespace that has no route.
   CHECK_NOTHROW(torquer::bus::Bus("udpm://239.255.76.67:7667?ttl=0"));
 }

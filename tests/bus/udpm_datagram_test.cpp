@@ -100,7 +100,7 @@ TEST_CASE("The two fragments that end liblcm 1.3.1 are refused") {
   UdpmAssembly::Message message;
   CHECK(assembly.Take(FragmentDatagram({1, 1000, 0, 0, 3}, kChannel + "ab"), kOne, message) ==
         Outcome::kPart);
-  // The place and the size of what follows add up to less than 2^32 in 32 bits, and to 1000.
+  // Offset plus size wraps around in 32 bits; the sum is then within the announced 1000 bytes.
   CHECK(assembly.Take(FragmentDatagram({1, 1000, 0xffffff00, 1, 3}, std::string(0x200, 'z')), kOne,
                       message) == Outcome::kRefused);
 }
