@@ -1,4 +1,4 @@
-// Angles in which calibration is spoken of.
+// Conversion of angles to the units that calibration uses.
 #pragma once
 
 #include <numbers>

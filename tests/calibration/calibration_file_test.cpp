@@ -54,7 +54,7 @@ bool Same(const Calibration& a, const Calibration& b) {
          Same(a.cra, b.cra);
 }
 
-// What is said about a text; "" when it is accepted.
+// Error message for a text; "" if it is accepted.
 std::string RefusalOf(const std::string& text) {
   try {
     ParseCalibration(text, "bench.toml");
@@ -70,7 +70,7 @@ std::string Replaced(std::string text, const std::string& from, const std::strin
   return text.replace(at, from.size(), to);
 }
 
-// With the checksum made right again, so that what is refused is the content.
+// Recomputes the checksum, so that only the content can be refused.
 std::string Resealed(const std::string& text) {
   const std::string marker = "[end]\nchecksum = \"";
   const std::size_t end = text.rfind(marker);
@@ -85,7 +85,7 @@ TEST_CASE("What is written is read back, to the last bit") {
   WriteCalibration(Measured(), path);
   CHECK(Same(ReadCalibration(path), Measured()));
   CHECK(Contents(path) == FormatCalibration(Measured()));
-  // And nothing else is left lying about.
+  // No temporary file is left behind.
   CHECK(std::distance(std::filesystem::directory_iterator(folder.Path()), {}) == 1);
 }
 
@@ -184,12 +184,12 @@ TEST_CASE("The emulated device's calibration is the nominal one") {
   Calibration expected = NominalCalibration("EMULATED-0001", kNominalCpi);
   expected.note = "the emulated bench device, exactly as drawn";
   CHECK(Same(ReadCalibration(path), expected));
-  // To the byte: what is written is what was written ever since version 1.
+  // Byte for byte: the written format has not changed since version 1.
   CHECK(FormatCalibration(expected) == Contents(path));
 }
 
 TEST_CASE("A device's file is found by its serial number, in the user's configuration") {
-  struct Variable {  // puts the environment back
+  struct Variable {  // restores the environment
     explicit Variable(const char* its_name) : name(its_name) {
       if (const char* value = std::getenv(name)) before = value;
     }

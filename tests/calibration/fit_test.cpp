@@ -29,7 +29,7 @@ const MotionParameters kTruth{.gain_mm_per_count = 0.0215,
                               .cylinder_radius_mm = 5.1,
                               .skew_rad = -0.01};
 
-// The counts of a motion, not rounded.
+// Counts of a motion, not rounded.
 Stroke Counted(const MotionParameters& truth, double insertion_mm, double rotation_rad) {
   const double push = truth.misalignment_rad;
   const double turn = push + truth.skew_rad;
@@ -48,7 +48,7 @@ std::vector<Stroke> Few() {
           Counted(kTruth, 0.0, 2 * kTurn_rad)};
 }
 
-// How often intervals held the truth.
+// Share of confidence intervals that contain the true value.
 class Coverage {
  public:
   explicit Coverage(const char* name) : name_(name) {}
@@ -72,7 +72,7 @@ class Coverage {
   int all_ = 0;
 };
 
-// What the model makes of a true motion, less that motion.
+// Motion by the model minus the true motion.
 HandMotion ErrorOf(const MotionModel& model, const MotionParameters& truth, double insertion_mm,
                    double rotation_rad) {
   const Stroke stroke = Counted(truth, insertion_mm, rotation_rad);
@@ -141,7 +141,7 @@ TEST_CASE("Exact strokes give the truth") {
   CHECK(fit.misalignment_rad.value == Approx(kTruth.misalignment_rad).epsilon(1e-9));
   CHECK(fit.cylinder_radius_mm.value == Approx(kTruth.cylinder_radius_mm).epsilon(1e-10));
   CHECK(fit.skew_rad.value == Approx(kTruth.skew_rad).epsilon(1e-7));
-  // What is left is the rounding of counts: 0.4 of them over a stroke.
+  // The remaining error is the rounding of counts: 0.4 counts over a stroke.
   const double rounding_mm = 150.0 * std::sqrt(1.0 / 6.0) /
                              (std::hypot(150.0, 120.0) / std::sqrt(2.0)) * kTruth.gain_mm_per_count;
   CHECK(fit.push_error_mm.standard_error == Approx(rounding_mm).epsilon(0.01));
@@ -243,7 +243,7 @@ TEST_CASE("A joystick's center, ends and dead zone are found") {
   std::vector<double> at_rest;
   std::vector<double> moved;
   for (int i = 0; i < 500; ++i) {
-    // A stick comes to rest a little to the side that it was let go from.
+    // A released stick comes to rest a little to the side that it was released from.
     at_rest.push_back(std::round(530.0 + (i % 2 == 0 ? 6.0 : -6.0) + noise(random)));
     moved.push_back(std::round(515.0 + 495.0 * std::sin(0.05 * i)));
   }

@@ -1,4 +1,4 @@
-// The verdict on pictures of which all is known, for they are drawn by hand.
+// Focus verdict on synthetic pictures, whose properties are known exactly.
 #include "calibration/focus.h"
 
 #include <algorithm>
@@ -50,7 +50,7 @@ TEST_CASE("shading is the ratio of the edges, whatever way the light falls") {
   };
   for (const Way& way : {Way{1, 0, 0.0}, Way{-1, 0, std::numbers::pi},
                          Way{0, 1, std::numbers::pi / 2}, Way{0, -1, -std::numbers::pi / 2}}) {
-    // From 40 on one edge to 80 on the other.
+    // Brightness rises from 40 on one edge to 80 on the other.
     const FocusFigures figures = Measure(Draw([&way](int row, int column) {
       return 60 + 20 * (way.right * (column - 17.5) + way.down * (row - 17.5)) / 17.5;
     }));
@@ -62,7 +62,7 @@ TEST_CASE("shading is the ratio of the edges, whatever way the light falls") {
     CHECK(figures.dirt == 0);
   }
   CHECK(Measure(Draw([](int, int) { return 60; })).shading == Approx(1));
-  // An edge that is black is no division by nothing.
+  // A black edge must not cause a division by zero.
   const FocusFigures black =
       Measure(Draw([](int, int column) { return std::max(0.0, 100 * (column - 25) / 10.0); }));
   CHECK(std::isfinite(black.shading));
@@ -81,7 +81,7 @@ TEST_CASE("sharpness is 2 for a chessboard, 1 for noise, and falls with the widt
     CHECK(sharpness < before);
     before = sharpness;
   }
-  // Twice the contrast is no more sharpness, and light from one side neither.
+  // Neither contrast nor light from one side changes the sharpness.
   CHECK(Measure(Noise(1, 62, 6)).sharpness == Approx(1).epsilon(0.1));
   const FocusPicture noise = Noise(1);
   const FocusPicture lit = Draw([&noise](int row, int column) {
@@ -89,7 +89,7 @@ TEST_CASE("sharpness is 2 for a chessboard, 1 for noise, and falls with the widt
            (1 + 0.015 * (column - 17.5));
   });
   CHECK(Measure(lit).sharpness == Approx(Measure(noise).sharpness).epsilon(0.1));
-  // What rounding leaves of an even surface is no sharpness.
+  // Rounding noise on an even surface has no sharpness.
   CHECK(Measure(Draw([](int row, int column) {
           return (row * 7 + column * 3) % 5 ? 60 : 61;
         })).sharpness == 0);
@@ -154,7 +154,7 @@ TEST_CASE("what is no picture is refused") {
   FocusPicture bright(kFocusPixels, 60);
   bright[700] = 128;
   CHECK_THROWS_WITH(MeasureFocus(std::vector<FocusPicture>{bright}), Contains("above 127"));
-  // All black is a picture.
+  // An all-black picture is valid.
   CHECK(MeasureFocus(std::vector<FocusPicture>{FocusPicture(kFocusPixels, 0)}).brightness == 0);
   CHECK_FALSE(JudgeFocus(std::vector<FocusPicture>{FocusPicture(kFocusPixels, 0)}, 0).good);
 }

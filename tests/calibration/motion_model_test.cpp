@@ -34,7 +34,7 @@ TEST_CASE("A misaligned sensor mixes pushing and turning as drawn, and the model
                                      .cylinder_radius_mm = radius,
                                      .skew_rad = 0.0},
                                     1200);
-  // What the sensor counts, by the header's figure, for a push of 100 mm and 3 rad.
+  // Sensor counts, by the figure in the header, for a push of 100 mm and a turn of 3 rad.
   const double s = 100.0;
   const double c = radius * 3.0;
   const auto axial = std::llround((std::cos(angle) * s - std::sin(angle) * c) / gain);

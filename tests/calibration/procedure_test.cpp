@@ -20,7 +20,7 @@ using torquer::test::RandomTruth;
 using torquer::test::SimulatedHand;
 using torquer::test::SimulatedSensor;
 
-// A hand as the settings assume it to be.
+// Hand with the errors that the settings assume.
 HandFaults FaultsOf(const ProcedureSettings& settings) {
   HandFaults faults;
   faults.push_mm = settings.ruler ? settings.length_error_mm : settings.stop_play_mm;

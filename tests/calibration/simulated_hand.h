@@ -1,4 +1,4 @@
-// A hand, a ruler and a sensor of known faults, for runs of which the truth is known.
+// Simulated hand, ruler and sensor with known errors, for runs whose true values are known.
 #pragma once
 
 #include <cmath>
@@ -11,20 +11,20 @@
 
 namespace torquer::test {
 
-/// Standard deviations. Those of one stroke arise half at its start and half at its end.
+/// Standard deviations. Half the variance of a stroke's error arises at its start, half at its end.
 struct HandFaults {
-  double push_mm = 0.5;                              ///< a ruler read at both ends
+  double push_mm = 0.5;                              ///< from a ruler read at both ends
   double push_turn_rad = std::numbers::pi / 180.0;   ///< turning while pushing
   double turn_rad = 1.5 * std::numbers::pi / 180.0;  ///< a line set by eye against a mark
   double turn_push_mm = 0.5;                         ///< pushing while turning
-  calibration::CommonErrors common;                  ///< the same in a whole run
-  double sensor_walk = 0.015;                        ///< counts a square root of a count, each axis
+  calibration::CommonErrors common;                  ///< constant throughout a run
+  double sensor_walk = 0.015;                        ///< counts per sqrt(count), each axis
 
-  /// Exact references: only the sensor is what it is.
+  /// Exact references: only the sensor has noise.
   static HandFaults None() { return {0.0, 0.0, 0.0, 0.0, {}, 0.015}; }
 };
 
-/// Where a hand is: surface of the cylinder.
+/// Position of the cylinder's surface.
 struct HandPlace {
   double mm = 0.0;
   double rad = 0.0;
@@ -40,7 +40,7 @@ inline calibration::MotionParameters RandomTruth(std::mt19937_64& random) {
   return truth;
 }
 
-/// Whole counts of a sensor that follows the hand.
+/// Sensor that follows the hand and reports whole counts.
 class SimulatedSensor {
  public:
   SimulatedSensor(const calibration::MotionParameters& truth, double walk, std::mt19937_64& random)
@@ -68,7 +68,7 @@ class SimulatedSensor {
   double axial_ = 0.0, transverse_ = 0.0;
 };
 
-/// What a hand with faults does where it is asked for a place.
+/// Hand that reaches each requested place with random errors.
 class SimulatedHand {
  public:
   SimulatedHand(const HandFaults& faults, double length_mm, double turns, std::mt19937_64& random)
@@ -106,7 +106,7 @@ class SimulatedHand {
   double push_habit_rad_ = 0.0, turn_habit_mm_ = 0.0;
 };
 
-/// A run's strokes, pushes first.
+/// Strokes of a run, pushes first.
 inline std::vector<calibration::RecordedStroke> SimulatedStrokes(
     const calibration::MotionParameters& truth, const HandFaults& faults, int pushes, int turns,
     std::mt19937_64& random) {
@@ -146,7 +146,7 @@ inline calibration::StrokeExpectation ExpectationOf(const HandFaults& faults) {
   return expected;
 }
 
-/// Those that were not refused.
+/// Strokes that were not refused.
 inline std::vector<calibration::Stroke> GoodStrokes(
     const std::vector<calibration::RecordedStroke>& recorded,
     const calibration::StrokeExpectation& expected) {

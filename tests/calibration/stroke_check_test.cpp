@@ -21,14 +21,14 @@ constexpr int kTurnCount = 5;
 constexpr std::size_t kBadPush = 3;
 constexpr std::size_t kBadTurn = kPushCount + 2;
 
-// A run of which one stroke is spoiled.
+// A run with one spoiled stroke.
 struct StrokesRun {
   explicit StrokesRun(std::uint64_t seed) : random(seed) {
     truth = RandomTruth(random);
     strokes = SimulatedStrokes(truth, faults, kPushCount, kTurnCount, random);
   }
 
-  // Adds a motion of the cylinder to a stroke, and takes it back after it unless it stays.
+  // Adds a cylinder motion to a stroke; the motion is undone afterwards unless it `stays`.
   void Spoil(std::size_t index, double mm, double rad, bool stays = false) {
     torquer::test::SimulatedSensor sensor(truth, 0.0, random);
     sensor.MoveTo({mm, rad});
@@ -41,7 +41,8 @@ struct StrokesRun {
   }
   std::vector<Rejection> Judge() const { return JudgeStrokes(strokes, ExpectationOf(faults)); }
 
-  // Why the spoiled stroke was refused; "" when it was not. No other may be.
+  // Reason why the spoiled stroke was refused; "" if it was accepted. No other stroke may be
+  // refused.
   std::string Reason(std::size_t index) const {
     const std::vector<Rejection> rejections = Judge();
     for (std::size_t i = 0; i < rejections.size(); ++i) {
