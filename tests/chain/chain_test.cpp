@@ -1,4 +1,5 @@
-// The whole chain, as host/demo runs it: from the firmware's sensor to the recorded wire.
+// End-to-end test of the chain that host/demo runs: from the firmware's sensor to the recorded
+// wire.
 
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -64,7 +65,8 @@ wire_state_t LastState(const std::string& log_path) {
   return state;
 }
 
-// Of each command that a state shows: from the hand being there to that state being published.
+// Latencies in ms of all commands that a state reports: from hand motion to publishing of the
+// state.
 std::vector<double> Latencies(const std::string& log_path) {
   lcm::LogFile log(log_path, "r");
   REQUIRE(log.good());
@@ -91,7 +93,7 @@ std::vector<double> Latencies(const std::string& log_path) {
   return latencies_ms;
 }
 
-// One of the values, at or below which lies this part of them, and of all such the least.
+// True if `value` is the smallest of the values that has at least this `part` at or below it.
 bool IsQuantile(double value, double part, const std::vector<double>& values) {
   const auto count = static_cast<double>(values.size());
   const auto at_or_below =
@@ -102,7 +104,7 @@ bool IsQuantile(double value, double part, const std::vector<double>& values) {
          static_cast<double>(below) < part * count;
 }
 
-// Plays a log's commands, faster than they were, to a simulator that has not heard of them.
+// Replays a log's commands at `speed` to a newly started simulator.
 wire_state_t PlayCommands(const std::string& log, double speed, std::int64_t last_sequence) {
   torquer::bus::Bus bus;
   std::optional<wire_state_t> newest;
@@ -130,7 +132,7 @@ wire_state_t PlayCommands(const std::string& log, double speed, std::int64_t las
   return *newest;
 }
 
-// Names of running programs that were given a path in `folder`.
+// Names of running programs that have a path in `folder` among their arguments.
 std::string ProgramsUsing(const std::string& folder) {
   std::string names;
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
@@ -230,8 +232,8 @@ TEST_CASE("A demo on a terminal prints its page's link, and Ctrl-C ends it with 
   NeedPrivateNetwork();
   const TemporaryFolder folder;
   const std::string output = folder.Path("output");
-  // Ctrl-C as a key; then the writer lives as long as the terminal. The terminal has no shell
-  // beside the demo, which Ctrl-C would end too.
+  // Sends Ctrl-C as a key, then keeps the writer alive as long as the terminal. The terminal has no
+  // shell beside the demo, because Ctrl-C would end it too.
   const std::string keys = "for i in $(seq 600); do grep -qs 'guidewire [1-9].*reports' " + output +
                            " && break; sleep 0.1; done; sleep 1; printf '\\003'; "
                            "while printf ' '; do sleep 0.1; done";

@@ -1,5 +1,5 @@
-// What the others say and do when one of the chain's programs dies or hangs: the table in
-// tests/README.md, each row in turn on one running chain.
+// Failure tests of the chain: one of its programs dies or hangs, and the others react. The rows of
+// the table in tests/README.md run in order on one running chain.
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -23,7 +23,7 @@
 namespace torquer::test {
 namespace {
 
-// A hand that rests, with the X-ray pedal down, a report a millisecond.
+// Resting hand with the X-ray pedal down; one report per millisecond.
 class Hand {
  public:
   explicit Hand(SocketDevice& device) : device_(device), thread_([this] { Run(); }) {}
@@ -85,7 +85,7 @@ struct Session {
     }
     return false;
   }
-  // What the monitor says from now on.
+  // True once the monitor prints `text` in its output from this call on.
   bool MonitorSays(const std::string& text) {
     const std::size_t from = monitor->Output().size();
     return listener.Until([&] { return Contains(monitor->Output().substr(from), text); });
@@ -101,7 +101,7 @@ struct Session {
   Program simulator, daemon, monitor, recorder, viewer;
 };
 
-// One row of the table: who dies and how, what the others must say and do, and how all comes back.
+// One row of the table: the failure, the expected reaction of the others, and the recovery.
 struct Row {
   const char* name;
   void (*act)(Session&);
@@ -109,8 +109,8 @@ struct Row {
   void (*undo)(Session&);
 };
 
-// The wire is held and in doubt, the simulator says whose commands are missing, the monitor how
-// long the daemon has been silent.
+// The wire is held and in doubt. The simulator names the instrument without commands; the monitor
+// reports how long the daemon has been silent.
 bool DaemonIsMissed(Session& s) {
   return s.listener.Until([&] { return s.InDoubt(); }) &&
          s.listener.Until([&] { return s.HealthOf("simulator", "no commands for guidewire"); }) &&
@@ -125,7 +125,7 @@ bool DeviceIsMissed(Session& s) {
          s.listener.Until([&] { return s.InDoubt(); });
 }
 bool NobodyNotices(Session& s) { return s.Moves(); }
-// Commands of another sender, more than may wait.
+// Commands of another sender, more than the queue holds.
 void Flood(Session& s) {
   torquer_lcm::instrument_command_t command{};
   command.instrument = protocol::kGuidewire;
@@ -134,7 +134,7 @@ void Flood(Session& s) {
     s.listener.bus->Publish(protocol::kInstrumentCommandChannel, command);
   }
 }
-// Refused and counted; the wire stays where its hand wants it.
+// The commands are refused and counted; the wire still follows its own hand.
 bool FloodIsRefused(Session& s) {
   return s.listener.Until([&] { return s.listener.counters["refused_senders"] > 0; }) &&
          s.Moves() && s.state.instruments[0].insertion_mm < 1;
@@ -178,7 +178,8 @@ TEST_CASE("Whoever dies or hangs, the others say so, hold, and go on when it is 
     row.undo(session);
     REQUIRE(session.Moves());
   }
-  // What was recorded until the recorder was killed is whole, but for its last record at most.
+  // Everything recorded before the recorder was killed is intact, except for at most its last
+  // record.
   std::int64_t recorded = 0;
   SessionHandlers handlers;
   handlers.state = [&recorded](const torquer_lcm::wire_state_t&) { ++recorded; };
@@ -188,7 +189,7 @@ TEST_CASE("Whoever dies or hangs, the others say so, hold, and go on when it is 
   CHECK(summary.damage.missing == 0);
 }
 
-// A page that steers: its pedal is down and the wire is pushed, as long as it is there.
+// Page that steers: for its lifetime its pedal is down and it pushes the wire.
 class SteeringPage {
  public:
   explicit SteeringPage(const std::string& link) : link_(link) {
@@ -249,7 +250,7 @@ TEST_CASE("A viewer that steers dies or hangs with its pedal down: no X-ray, no 
 
   viewer.Signal(how);
   REQUIRE(listener.Until([&] { return (state.status & protocol::kWireInDoubt) != 0; }));
-  // What was on its way is there by now.
+  // Waits until commands in transit have arrived.
   const double then_s = state.time_s;
   REQUIRE(listener.Until([&] { return state.time_s > then_s + 0.2; }));
   const std::int64_t taken = pictures;

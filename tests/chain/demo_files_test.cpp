@@ -1,5 +1,5 @@
-// Where host/demo writes, and what it removes. The programs are stand-ins that end at once, so that
-// every session fails as soon as its folder is there.
+// Files that host/demo writes and removes. Stand-ins for the programs exit at once, so every
+// session fails as soon as its folder exists.
 
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -30,7 +30,7 @@ void Write(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
-// A folder of stand-ins for the programs, and one for the sessions.
+// One folder of stand-ins for the programs, and one for the sessions.
 struct Bench {
   TemporaryFolder folder;
 
@@ -56,7 +56,7 @@ struct Bench {
   std::string Session(const std::string& name) const { return folder.Path("sessions/" + name); }
   std::string Error() const { return Contents(folder.Path("err")); }
 
-  // Those that the demo made.
+  // Session folders that the demo created.
   std::vector<std::string> Sessions() const {
     std::vector<std::string> names;
     for (const auto& entry : fs::directory_iterator(Session(""))) {
@@ -68,7 +68,7 @@ struct Bench {
   }
 };
 
-// What stands in a folder of a user who works there.
+// Typical files in the folder of a user.
 std::map<std::string, std::string> UsersFiles(const Bench& bench) {
   std::map<std::string, std::string> files;
   for (const char* name : {"notes.csv", "wire.svg", "session.lcmlog", "a.log", "record.json",
@@ -101,7 +101,7 @@ TEST_CASE("A demo writes into its own folder, and removes what it made and nothi
   CHECK(fs::exists(bench.Session("latest/simulator.log")));
   CheckAreThere(users);
 
-  // A file that the user put beside the session's own stays, and so does its folder.
+  // A session folder stays if the user added a file to it, and so does that file.
   Write(bench.Session(first + "/notes.txt"), "mine");
   REQUIRE(bench.Run("--keep 1") == 2);
   CHECK_THAT(bench.Error(), Catch::Contains(first + " has files that are not of the demo"));
@@ -112,14 +112,14 @@ TEST_CASE("A demo writes into its own folder, and removes what it made and nothi
   CHECK_FALSE(fs::exists(bench.Session(first + "/simulator.log")));
   CHECK(fs::read_symlink(bench.Session("latest")) == second);
 
-  // A list that names what is not in its folder removes nothing there.
+  // Entries that name files outside the session's folder must remove nothing there.
   Write(bench.Session(second + "/" + kList), "../notes.csv\n" + bench.Session("a.log") + "\n*\n");
-  // A folder behind a link is not the demo's, whatever is in it.
+  // The demo does not own a folder behind a link, whatever the folder contains.
   fs::create_directory(bench.folder.Path("elsewhere"));
   Write(bench.folder.Path("elsewhere/wire.svg"), "mine");
   Write(bench.folder.Path("elsewhere/") + kList, "wire.svg\n");
   fs::create_directory_symlink(bench.folder.Path("elsewhere"), bench.Session("20200101-000003"));
-  // Nor is a link `latest` that leads elsewhere.
+  // The same holds for a link `latest` that leads elsewhere.
   fs::remove(bench.Session("latest"));
   fs::create_directory_symlink(bench.folder.Path("elsewhere"), bench.Session("latest"));
   REQUIRE(bench.Run("--keep 1") == 2);

@@ -1,5 +1,5 @@
-// Programs that a session may have once, started a second time: they end with status 2 and name the
-// first.
+// Programs that may run only once per session, started twice: the second ends with status 2 and
+// names the first.
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <string>
@@ -100,7 +100,7 @@ TEST_CASE("What a session has once is refused a second time, with the name of th
     CHECK(second.Wait() == 2);
     CAPTURE(second.Error());
     for (const std::string& part : row.refusal) CHECK(Has(second.Error(), part));
-    // The first goes on, and another one may follow it.
+    // The first keeps running, and another one may start after it ends.
     first.Signal(SIGTERM);
     CHECK(first.Wait() <= 1);
   }
