@@ -23,7 +23,7 @@ TEST_CASE("Bending laws have the values of their formulas") {
 TEST_CASE("All bending laws are theta^2/2 for small bends") {
   for (const BendingLaw law : {BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2}) {
     const double theta = 1e-4;
-    // 1 - cos cancels: its half-angle form does not.
+    // 1 - cos loses digits by cancellation; its half-angle form does not.
     const double y = 2 * std::sin(theta / 2) * std::sin(theta / 2);
     CHECK(EvaluateBending(law, y).g == Approx(theta * theta / 2).epsilon(1e-7));
     CHECK(EvaluateBending(law, 0).g == 0);

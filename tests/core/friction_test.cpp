@@ -27,10 +27,10 @@ struct Slider {
   PointSet points;
   PointDerivatives derivatives;
 
-  // A wire, and a catheter in which it may lie.
+  // A wire, and a catheter that may surround it.
   explicit Slider(double mu, double slip_mm) : friction(mu, slip_mm, Context()) {
     points = PressedPoint(0.05);
-    points.stiffness_N_mm2 = {wall.stiffness_N_mm2};  // 2 N/mm^2: presses with 0.1 N
+    points.stiffness_N_mm2 = {wall.stiffness_N_mm2};  // 2 N/mm^2, pressed with 0.1 N
     derivatives.with_hessian = true;
     derivatives.used = {0};
     derivatives.gradient.resize(1);
@@ -56,7 +56,7 @@ struct Slider {
 
 TEST_CASE("Friction's gradient and Hessian are those of its energy, sticking and slipping") {
   Slider slider(0.3, 0.01);
-  slider.TickAt(Vector3d(1, 2, 0));  // makes the anchor
+  slider.TickAt(Vector3d(1, 2, 0));  // creates the anchor
   slider.friction.Begin(slider.points);
   for (const Vector3d& offset :
        {Vector3d(0.002, 0.001, 0), Vector3d(-0.007, 0.004, 0.003), Vector3d(0.02, 0.01, -0.1),
@@ -99,7 +99,7 @@ TEST_CASE("An anchor stays while it sticks and follows at the slip length when i
   slider.friction.End(slider.points);
   slider.friction.Begin(slider.points);
   CHECK(slider.Energy(Vector3d(0.98, 0, 0)) == Approx(0).margin(1e-15));
-  // The force that it had on arrival is kept.
+  // The point keeps the friction force that it had on arrival.
   slider.Energy(Vector3d(1, 0, 0));
   CHECK(slider.derivatives.gradient[0][0] == Approx(0.05));
 }
@@ -136,14 +136,14 @@ TEST_CASE("Points that left through the sheath come back without an anchor") {
     slider.friction.Add(two, out);
     return out.used[0];
   };
-  // Fed again: neither in the tick in which it comes back, nor in the next.
+  // A point that is fed again has no friction in the tick of its return, nor in the next.
   slider.friction.Begin(slider.points);
   CHECK(energy() == 0);
   slider.friction.Begin(two);
   CHECK(energy() == 0);
 }
 
-// A straight, stiff wire on a plane floor that its clamp presses it onto.
+// A straight, stiff wire on a plane floor; its clamp presses it onto the floor.
 struct Sled {
   WireModel model;
   HalfSpace floor{Vector3d(0, 0, -1), Vector3d::UnitZ()};
@@ -194,7 +194,7 @@ TEST_CASE("Below the cone the end of a wire sticks, above it slips") {
 
 TEST_CASE("A wire at rest does not creep in 1e5 ticks") {
   Sled sled(0.4, 30);
-  // Pushed aside at half the cone and let stand.
+  // Pushed aside with half the limit of the friction cone, then left at rest.
   sled.force.SetForce(Vector3d(0, 0.15 * 0.01, -0.01));
   for (int k = 0; k < 50; ++k) REQUIRE(Settle(sled.relaxation, {30, 0}, sled.state).converged);
   const WireState before = sled.state;
@@ -221,7 +221,7 @@ TEST_CASE("Tension of a wire drawn over a post grows by the capstan law, whateve
       const double insertion = 60 + direction * row_mm * k;
       REQUIRE(Settle(on.relaxation, {insertion, 0}, on.state).converged);
     }
-    // Drawn towards the sheath the tension grows to it; fed, it falls.
+    // Withdrawal makes the tension grow towards the sheath; feeding makes it fall.
     const double from = 2.0;
     const double to = 0.5;
     const double ratio = Tension(on, to) / Tension(on, from);
@@ -272,7 +272,7 @@ TEST_CASE("A catheter that slides around the points takes their anchors along wi
   slider.points.start = Vector3d(-1, 0, 0);  // the wire lies along x
   slider.points.instruments = 2;
   slider.TickAt(Vector3d::Zero());
-  // The wire goes on by 0.4 mm, the catheter around it stays: no friction by that.
+  // The wire advances by 0.4 mm while the catheter around it rests: the wall sees no friction.
   const auto at = [&](double tip_mm, double catheter_mm) {
     slider.points.behind_mm = {0, tip_mm - catheter_mm};
     slider.points.start = Vector3d(tip_mm - 1, 0, 0);
@@ -280,7 +280,7 @@ TEST_CASE("A catheter that slides around the points takes their anchors along wi
   };
   slider.friction.Begin(slider.points);
   CHECK(at(0.4, 0) == Approx(0).margin(1e-15));
-  // The catheter goes, and the wire with it or not.
+  // The catheter moves, with or without the wire.
   const double slid_mJ = 0.3 * 0.1 * (0.4 - 0.375 * 0.01);
   CHECK(at(0.4, 0.4) == Approx(slid_mJ));
   CHECK(at(0.7, 0.4) == Approx(slid_mJ));
@@ -301,7 +301,7 @@ TEST_CASE("What presses a point between two of a catheter's places is shared by 
   slider.friction.Begin(points);
   slider.friction.End(points);
   slider.friction.Begin(points);
-  // All of it is pushed on by 1 mm: the places at 0.3 and 1.3 mm bear 0.3 and 0.7 of mu N.
+  // The whole stack advances by 1 mm: the places at 0.3 and 1.3 mm bear 0.3 and 0.7 of mu N.
   PointSet pushed = points;
   for (Vector3d& at : pushed.position) at[0] += 1;
   pushed.start[0] += 1;
@@ -312,7 +312,7 @@ TEST_CASE("What presses a point between two of a catheter's places is shared by 
   out.hessian.resize(3);
   slider.friction.Add(pushed, out);
   const double limit_N = 0.3 * 0.1;
-  // The place at 0.3 mm is on the piece from the sheath, that at 1.3 mm on the one beyond.
+  // The place at 0.3 mm is on the piece next to the sheath, the place at 1.3 mm on the next piece.
   CHECK(out.gradient[0][0] == Approx(limit_N * (0.3 * 0.3 + 0.7 * 0.7)));
   CHECK(out.gradient[1][0] == Approx(limit_N * 0.7 * 0.3));
   CHECK(out.used[2] == PointDerivatives::kNothing);
@@ -334,7 +334,7 @@ TEST_CASE("An instrument that is turned while it slides shares one cone between 
   slider.friction.MoveSurfaces(slider.points, moves);
   slider.friction.Begin(slider.points);
   slider.Energy(Vector3d(slid_mm, 0, 0));
-  // The lowest point of a wire along x that turns right-handed goes to +y; friction pushes back.
+  // A right-handed turn moves the lowest point of a wire along x to +y; friction opposes it.
   const double round_mm = turned_rad * slider.points.radius_mm[0];
   const double way_mm = std::hypot(slid_mm, round_mm);
   const Vector3d on_wire_N = -slider.derivatives.gradient[0];
@@ -352,7 +352,7 @@ TEST_CASE("The friction of a wire that twists is that of its surface, by finite 
                                     .sheath = {Vector3d(21.6, 0, 0), Vector3d::UnitY()}});
   const Torus field(Side::kInside, 20, 2);
   const WallModel wall{.stiffness_N_mm2 = 2e-2};
-  // Slipping and sticking, by the slip length.
+  // The slip length decides between slipping and sticking.
   effects::Friction friction(0.4, GENERATE(0.002, 0.1), {model, wall});
   const std::vector<EnergyTerm*> terms{&friction};
   WireMechanics mechanics(model, field, wall, terms);
@@ -364,7 +364,7 @@ TEST_CASE("The friction of a wire that twists is that of its surface, by finite 
   mechanics.Expand(state, at);
   REQUIRE(at.max_penetration_mm > 0.05);
   friction.Begin(at.points);
-  friction.End(at.points);  // makes the anchors
+  friction.End(at.points);  // creates the anchors
   friction.Begin(at.points);
   const Eigen::Index unknowns = 3 * state.segments();
   std::uniform_real_distribution<double> step(-0.02, 0.02);
@@ -403,7 +403,7 @@ TEST_CASE("Where budgets end, a motion with friction changes no bit, and takes n
                                     .max_length_mm = 50,
                                     .sheath = {Vector3d(30, 0, 0), Vector3d::UnitY()}}));
   }
-  // One tick for each target, or many small ones.
+  // Each target takes one tick, or many small ones.
   const auto run = [&](bool cut) {
     std::mt19937 random(static_cast<unsigned>(seed));
     std::mt19937 random_units(5);

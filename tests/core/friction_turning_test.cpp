@@ -1,4 +1,4 @@
-// Friction on the wall of instruments that are turned, and what their hands feel of it.
+// Friction on the wall of instruments that are turned, and the force and torque at their hands.
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -13,7 +13,7 @@
 namespace torquer::test {
 namespace {
 
-// A dead load per length on the whole wire.
+// Constant load per length on the whole wire.
 class Weight final : public EnergyTerm {
  public:
   void Begin(const PointSet&) override {}
@@ -38,7 +38,7 @@ class Weight final : public EnergyTerm {
 TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the wall, it slips") {
   constexpr double kRadius = 0.2;
   constexpr double kBore = 10;
-  // Stiff against twist, and one that does not twist.
+  // One rigidity is stiff against twist; 0 means that the wire does not twist.
   const double torsional_rigidity = GENERATE(10.0, 0.0);
   const WireModel model =
       MakeWire({.segment_mm = 1,
@@ -64,17 +64,17 @@ TEST_CASE("A wire that lies on the wall and is turned rolls; turned far up the w
       REQUIRE(Settle(*relaxation, {60, next}, state).converged);
     }
   };
-  // Rolling: the center moves by the angle times the radius, as far as the load bends the wire.
+  // Rolling: the center moves by angle times radius, limited by how far the load bends the wire.
   turn_to(1);
   CHECK(std::abs(state.nodes()[50][1]) == Approx(kRadius).epsilon(0.03));
   const double side = std::copysign(1, state.nodes()[50][1]);
   turn_to(-1);
   CHECK(state.nodes()[50][1] == Approx(-side * kRadius).epsilon(0.03));
-  // It climbs until the wall is as steep as the friction allows.
+  // The wire climbs until the slope of the wall reaches the angle of friction.
   turn_to(-20);
   const double slope = std::atan2(-side * state.nodes()[50][1], -state.nodes()[50][2]);
   CHECK(slope == Approx(std::atan(mu)).epsilon(0.02));
-  // So high up, the load turns it back by r sin f a length, whatever it is made of.
+  // At this height the load turns the wire back by r sin f per length, whatever its material.
   InternalForces forces;
   FindInternalForces(model, state, relaxation->Current(), terms, forces);
   HandForces hands;
@@ -111,7 +111,7 @@ TEST_CASE("The hand of the instrument that touches the wall feels what turns its
   const auto relaxation = MakeNewtonRelaxation(stack, field, wall, {}, terms);
   WireState state = WireState::Along(stack.rod(), {Vector3d(100, 0, 0.4 - kBore)}, places);
   relaxation->Restart(state);
-  // Far enough for it to climb until it slips.
+  // Far enough for the wire to climb until it slips.
   for (int k = 0; k < 700; ++k) {
     places[0].rotation_rad = places[1].rotation_rad -= 0.02;
     REQUIRE(Settle(*relaxation, places, state, 50).converged);
@@ -125,7 +125,7 @@ TEST_CASE("The hand of the instrument that touches the wall feels what turns its
         Approx(-0.4 * std::sin(std::atan(kMu)) * 60 * 1e-3).epsilon(0.03));
 }
 
-// What a step of time adds, as inertia does: a loss that has nothing to do with the wall.
+// Time-dependent term like inertia: a dissipation that is unrelated to the wall.
 class Drag final : public EnergyTerm {
  public:
   void Begin(const PointSet&) override {}
@@ -159,9 +159,10 @@ TEST_CASE("A loss that does not act on the surface is no force of contact and no
 }
 
 TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the way it slides") {
-  // It lies in a bore, is drawn by v and turned by w a second: its surface slides at the angle b to
-  // its axis, tan b = w r / v. Around, mu N sin b carries it up the wall to the slope f where that
-  // balances the load: tan f = mu sin b, N = load cos f. Along, there is mu N cos b.
+  // The wire lies in a bore, is withdrawn at v and turned at w. Its surface slides at the angle b
+  // to its axis, with tan b = w r / v. The circumferential friction mu N sin b carries the wire up
+  // the wall to the slope f. There it balances the load: tan f = mu sin b, N = load cos f. The
+  // axial friction is mu N cos b.
   constexpr double kRadius = 0.2;
   constexpr double kBore = 10;
   constexpr double kMu = 0.3;
@@ -180,7 +181,7 @@ TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the wa
   Weight weight;
   const std::vector<EnergyTerm*> terms{&friction, &weight};
   const auto relaxation = MakeNewtonRelaxation(model, field, wall, {}, terms);
-  // As far as it takes to climb and more, in steps of 0.02 mm.
+  // Longer than the wire needs to climb, in steps of 0.02 mm.
   const int steps = 700;
   const double drawn_mm = 0.02 * std::cos(slides_rad);
   const double turned_rad = 0.02 * std::sin(slides_rad) / kRadius;

@@ -1,4 +1,5 @@
-// A front of one or two curves against the dense system that its segments and contacts add up to.
+// Front of one or two curves, compared with the dense system assembled from its segments and
+// contacts.
 #include "host/simulator/core/newton/front.h"
 
 #include <Eigen/Dense>
@@ -14,7 +15,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Random numbers of a segment: a positive definite joint and load, a frame, any turn.
+// Random coefficients of a segment: positive definite joint and load, a frame, any turn.
 struct RandomSegment {
   double length_mm;
   Frame frame;
@@ -66,7 +67,7 @@ struct RandomSegment {
     for (Eigen::Index k = 0; k < spin_count; ++k) {
       spins.gradient_proximal[k] = any(random);
       spins.gradient_distal[k] = any(random);
-      // StackTerms couples a spin before with the same spin of the segment alone.
+      // StackTerms couples each proximal spin only with the same spin of the segment.
       spins.hessian_cross[k] = 0.1 * any(random);
       spins.proximal_proximal.row(k) = joints.block<1, 2>(2 + k, 0);
       spins.distal_distal.row(k) = joints.block<1, 2>(half + 2 + k, half);
@@ -114,7 +115,7 @@ BetweenCurves::Terms RandomTerms(std::mt19937& random) {
   return terms;
 }
 
-// Couples the spins of so many instruments with steps and each other.
+// Couples the spins of all `instruments` with the steps and with each other.
 BetweenCurves::SpinTerms RandomSpinTerms(std::mt19937& random, int instruments) {
   std::uniform_real_distribution<double> any(-1, 1);
   BetweenCurves::SpinTerms terms;
@@ -129,13 +130,13 @@ BetweenCurves::SpinTerms RandomSpinTerms(std::mt19937& random, int instruments) 
   return terms;
 }
 
-// The dense system of all controls, from what each row of a slot is by the controls.
+// Dense system of all controls; each row of a slot is given as a function of the controls.
 class Dense {
  public:
   explicit Dense(Eigen::Index unknowns)
       : hessian(MatrixXd::Zero(unknowns, unknowns)), gradient(VectorXd::Zero(unknowns)) {}
 
-  // Adds a quadratic form of the rows.
+  // Adds a quadratic form in the rows.
   void Add(const MatrixXd& rows, const MatrixXd& h, const VectorXd& g) {
     hessian += rows.transpose() * h * rows;
     gradient += rows.transpose() * g;
@@ -145,7 +146,7 @@ class Dense {
   VectorXd gradient;
 };
 
-// One curve from the sheath on: its rows by the controls, at every cut.
+// Rows of one curve from the sheath on, as functions of the controls, at every cut.
 struct Rows {
   std::vector<MatrixXd> displacement;  // 3 rows
   std::vector<MatrixXd> step;          // 2, of the segment before
@@ -191,7 +192,7 @@ MatrixXd Stacked(std::initializer_list<MatrixXd> parts) {
   return all;
 }
 
-// A curve by itself: joints, loads, weights.
+// Adds the terms of one curve alone: joints, loads, weights.
 void AddCurve(const std::vector<FrontSegment>& segments, const Rows& rows, int spins,
               Dense& dense) {
   for (std::size_t i = 0; i < segments.size(); ++i) {
@@ -242,7 +243,7 @@ void AddCurve(const std::vector<FrontSegment>& segments, const Rows& rows, int s
     const MatrixXd lower = all.triangularView<Eigen::StrictlyLower>();
     const MatrixXd upper = all.triangularView<Eigen::StrictlyUpper>();
     MatrixXd whole = all.diagonal().asDiagonal();
-    // Symmetric blocks stand on both sides already.
+    // Symmetric blocks are already on both sides.
     for (Eigen::Index r = 0; r < all.rows(); ++r) {
       for (Eigen::Index c = 0; c < r; ++c) {
         whole(r, c) = whole(c, r) = lower(r, c) != 0 ? lower(r, c) : upper(c, r);
@@ -254,7 +255,7 @@ void AddCurve(const std::vector<FrontSegment>& segments, const Rows& rows, int s
   }
 }
 
-// (14): the second-order displacement by a step, of all that lies beyond it.
+// Equation (14): second-order displacement by a step of everything beyond it.
 void AddGeometric(const std::vector<FrontSegment>& segments,
                   const std::vector<BetweenCurves::Terms>& terms, Eigen::Index part,
                   const Rows& rows, Dense& dense) {
@@ -274,7 +275,7 @@ void AddGeometric(const std::vector<FrontSegment>& segments,
 constexpr int kSegments = 6;
 constexpr int kBoth = 4;
 
-// Two curves, `long_slot` of which has two segments more.
+// Two curves; `long_slot` has two more segments than the other.
 template <int kSpins, int kOtherSpins>
 void CheckTwo(int long_slot, unsigned seed) {
   CAPTURE(kSpins, kOtherSpins, long_slot, seed);
@@ -297,7 +298,7 @@ void CheckTwo(int long_slot, unsigned seed) {
   }
   std::vector<BetweenCurves::Terms> terms;
   for (int i = 0; i < kBoth; ++i) terms.push_back(RandomTerms(random));
-  // The spins of the first slot, and then those of the second.
+  // Spins of the first slot, then those of the second.
   constexpr int kAllSpins = kSpins + kOtherSpins;
   std::array<int, kMostInstruments> spin_rows;
   spin_rows.fill(-1);
@@ -356,7 +357,7 @@ void CheckTwo(int long_slot, unsigned seed) {
     REQUIRE(front.template Advance<0, kSpins>(segments[0][i], gain));
     REQUIRE(front.template Advance<kOther, kOtherSpins>(segments[1][i], gain));
   }
-  // The least of the quadratic model: all pivots and all gradients are in it.
+  // Minimum of the quadratic model: it contains all pivots and all gradients.
   CHECK(front.decrease_mJ == Approx(decrease).epsilon(1e-11));
 }
 

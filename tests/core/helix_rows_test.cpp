@@ -1,4 +1,4 @@
-// Hands that feed and turn at once: the way does not depend on how it is cut into rows.
+// Simultaneous feeding and turning: the path must not depend on how it is divided into rows.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <memory>
@@ -12,7 +12,7 @@
 namespace torquer::test {
 namespace {
 
-// A wire with a bent tip, alone or in a catheter, with friction in a vessel that goes round.
+// A wire with a bent tip, alone or in a catheter, with friction in a curved vessel.
 struct Screwed {
   Torus field{Side::kInside, 30, 4};
   WallModel wall{.stiffness_N_mm2 = 0.1};
@@ -56,7 +56,7 @@ struct Screwed {
     for (int row = 1; row <= rows; ++row) {
       InstrumentPlaces target = start;
       for (int k = 0; k < stack.size(); ++k) {
-        // The catheter follows more slowly, and turns the other way.
+        // The catheter follows more slowly and turns in the other direction.
         const double part = (k == 0 ? 1.0 : 0.6) * row / rows;
         target[k].insertion_mm += part * feed_mm;
         target[k].rotation_rad += (k == 0 ? 1 : -1) * part * turn_rad;
@@ -88,7 +88,7 @@ TEST_CASE("Feeds and turns of all instruments arrive together, and stop where th
   const InstrumentStack stack(Screwed::Instruments(2));
   const InstrumentPlaces here{{20, 0.5}, {15, -1}};
   const InstrumentPlaces turning = stack.Towards({{21, 4.5}, {14.5, -2}}, here, 0.25, 0.2);
-  CHECK(turning[0].rotation_rad == 0.7);  // a twentieth of the way
+  CHECK(turning[0].rotation_rad == 0.7);  // a twentieth of the path
   CHECK(turning[0].insertion_mm == Approx(20.05));
   CHECK(turning[1].insertion_mm == Approx(14.975));
   CHECK(turning[1].rotation_rad == Approx(-1.05));
@@ -96,7 +96,7 @@ TEST_CASE("Feeds and turns of all instruments arrive together, and stop where th
   CHECK(feeding[0].insertion_mm == 20.25);
   CHECK(feeding[0].rotation_rad == Approx(0.505));
   CHECK(feeding[1] == here[1]);
-  // The catheter passes the wire half of the way.
+  // The catheter passes the wire halfway.
   const InstrumentPlaces near{{15.1, 0}, {15, 0}};
   const InstrumentPlaces beside = stack.Towards({{15.1, 0}, {15.2, 0.1}}, near, 0.25, 0.2);
   CHECK(beside[1].insertion_mm == beside[0].insertion_mm);

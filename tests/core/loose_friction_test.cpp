@@ -21,7 +21,7 @@ TEST_CASE("Friction of two curves on the wall has the gradient of finite differe
     curves.mechanics.points().Forget();
     curves.mechanics.Expand(curves.state, curves.at);
   };
-  // Anchors where it lies, and then moved away from them by less than slips.
+  // Sets the anchors at rest, then moves the curves by less than the slip length.
   expand();
   friction.Begin(curves.at.points);
   friction.End(curves.at.points);
@@ -35,7 +35,7 @@ TEST_CASE("Friction of two curves on the wall has the gradient of finite differe
       GradientOf([&](const Eigen::VectorXd& step) { return curves.Energy(step); },
                  Eigen::VectorXd::Zero(curves.unknowns()), 1e-4);
   CHECK((gradient - with).norm() < 1e-6 * gradient.norm());
-  // The part of friction in it is no small one.
+  // Friction must contribute a substantial part of the gradient.
   friction.Reset();
   expand();
   CHECK((curves.Gradient() - with).norm() > 1e-3 * with.norm());

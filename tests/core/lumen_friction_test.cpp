@@ -1,4 +1,4 @@
-// Friction between a wire and the lumen in which it has room.
+// Friction between a wire and a lumen with clearance.
 #include "host/simulator/effects/contact/lumen_friction.h"
 
 #include <Eigen/Dense>
@@ -35,7 +35,7 @@ struct Slid {
     curves.terms.push_back(&friction);
     curves.at = curves.mechanics.MakeExpansion();
     Expand();
-    // What presses two on one curve against each other.
+    // Forces that press two instruments on one curve against each other.
     if (ratio > 0) {
       curves.at.points.pressed_N.assign(static_cast<std::size_t>(curves.state.segments()),
                                         {1e-3, 2e-3, 3e-3, 0});
@@ -68,7 +68,7 @@ TEST_CASE("Friction in a lumen has the gradient of finite differences") {
                  Eigen::VectorXd::Zero(slid.curves.unknowns()), 1e-5);
   CAPTURE(points, ratio, slip_mm, slid.curves.at.dissipated_mJ);
   CHECK((gradient - with).norm() < 2e-6 * gradient.norm());
-  // The part of friction in it is no small one.
+  // Friction must contribute a substantial part of the gradient.
   slid.friction.Reset();
   slid.Expand();
   CHECK((slid.curves.Gradient() - with).norm() > 1e-3 * with.norm());
@@ -100,18 +100,18 @@ TEST_CASE("The sweep with friction in a lumen solves the dense system") {
         Unknowns(curves.second, sweep.second_step(), sweep.second_spin());
     return all;
   };
-  // Second derivatives of the ways are left out.
+  // The sweep leaves out the second derivatives of the sliding paths.
   const double apart = (swept() - dense).norm();
   CHECK(apart < 0.005 * dense.norm());
-  // Without what couples spins the step is another one.
+  // Without the coupling of spins, the step must differ.
   if (ratio == 0) return;
   for (BetweenCurves::SpinTerms& terms : curves.at.between.spin_terms) terms.any = false;
   CHECK((swept() - dense).norm() > 3 * apart);
 }
 
-// Round a bend of the angle a the tension grows to F exp(mu a). With the room c a wire goes
-// straight from the clamp to the inner side, which it reaches where the lumen has turned by sqrt(2
-// c / R).
+// Capstan law: round a bend of the angle a the tension grows to F exp(mu a). With the clearance c,
+// a wire runs straight from the clamp to the inner side. It reaches that side where the lumen has
+// turned by sqrt(2 c / R).
 TEST_CASE("Drawn through a lumen with room a wire follows the capstan law") {
   const double gj = GENERATE(0.0, PulledWire::kGj);
   const double mu = GENERATE(0.1, 0.3);
@@ -128,7 +128,7 @@ TEST_CASE("Drawn through a lumen with room a wire follows the capstan law") {
   wire.Go(-0.5, 0, 5);
   CAPTURE(gj, mu, segment_mm);
   CHECK(wire.TensionAtSheath() == Approx(PulledWire::kForce * std::exp(mu * angle)).epsilon(bound));
-  // The catheter's hand holds what friction takes, besides what its round shape does in the sheath.
+  // The catheter's hand bears the friction, besides the force from its round shape in the sheath.
   const double more_N = wire.TensionAtSheath() - free_N;
   CHECK(wire.Hand(0).axial_N == Approx(-wire.TensionAtSheath()).epsilon(bound));
   CHECK(wire.Hand(1).axial_N - round_N == Approx(more_N).margin(bound * PulledWire::kForce));
@@ -137,8 +137,8 @@ TEST_CASE("Drawn through a lumen with room a wire follows the capstan law") {
         Approx(PulledWire::kForce * std::exp(-mu * angle)).epsilon(bound));
 }
 
-// As without room (stack_friction_test.cpp), but that the wire climbs the lumen's side to the angle
-// of friction: it is pressed with F/R, and held across by the sine of that angle.
+// As without clearance (stack_friction_test.cpp), except that the wire climbs the lumen's side to
+// the angle of friction. It presses with F/R, and the sine of that angle gives the friction across.
 TEST_CASE("Turned in a lumen with room a wire follows the closed form of a torque lag") {
   const double segment_mm = GENERATE(2.0, 1.0);
   CAPTURE(segment_mm);
@@ -150,7 +150,7 @@ TEST_CASE("Turned in a lumen with room a wire follows the closed form of a torqu
   wire.Go(0, 2 * lag, 20);
   CHECK(wire.HandTorque() == Approx(held * PulledWire::kInside).epsilon(bound));
   CHECK(wire.TipTurn() == Approx(lag).epsilon(2 * bound));
-  // Back: twice the torque over half the way (Masing).
+  // Reversal: twice the torque over half the path (Masing rule).
   const double tip = wire.TipTurn();
   wire.Go(0, -0.8 * lag, 8);
   const double torque = std::sqrt(2 * PulledWire::kGj * held * 0.4 * lag);
@@ -169,13 +169,13 @@ TEST_CASE(
                          PulledWire::kRadius / PulledWire::kRing * PulledWire::kInside;
   CHECK(wire.Hand(0).torque_mJ == Approx(way * held_mJ).epsilon(0.04));
   CHECK(wire.forces.twisting_mJ.front() == Approx(-wire.Hand(0).torque_mJ).epsilon(1e-6));
-  // The catheter is taken along.
+  // The catheter's hand feels the same torque with the opposite sign.
   CHECK(wire.Hand(1).torque_mJ - before_mJ == Approx(-way * held_mJ).epsilon(0.1));
   wire.Go(0, -way, 10);
   CHECK(wire.Hand(0).torque_mJ == Approx(-way * held_mJ).epsilon(0.04));
 }
 
-// Its surface slides across to one side at the contact, so friction pushes it to the other.
+// At the contact the wire's surface slides to one side, so friction pushes the wire to the other.
 TEST_CASE("A wire that is turned in a lumen climbs its side to the angle of friction") {
   const double way = GENERATE(1.0, -1.0);
   const double gj = GENERATE(0.0, PulledWire::kGj);

@@ -1,4 +1,4 @@
-// The expansion of the energy against finite differences.
+// Expansion of the energy, compared with finite differences.
 #include <catch2/catch.hpp>
 
 #include "host/simulator/core/wire_mechanics.h"
@@ -84,7 +84,8 @@ TEST_CASE("The short form for a joint that rests straight is the general one") {
   }
 }
 
-// A bent wire with a curved, turned tip, pressed into the wall of a torus, with a dead end force.
+// A bent wire with a curved, turned tip, pressed into the wall of a torus, with a constant end
+// force.
 struct PressedWire {
   WireParameters parameters;
   WireModel model;
@@ -106,7 +107,7 @@ struct PressedWire {
     state = Wander(model, length_mm, 0.2, random);
     state.Rotate(0.7);
     state.UpdateFrames(model);
-    // A frame that is not the untwisted one, so that the spin counts.
+    // Uses a frame other than the untwisted one, so that the spin matters.
     std::vector<double> spin_rad(state.normals().size());
     for (std::size_t i = 0; i < spin_rad.size(); ++i) spin_rad[i] = 0.1 * static_cast<double>(i);
     state = Spun(model, state, spin_rad);
@@ -122,7 +123,7 @@ TEST_CASE("Gradient and residual of the whole energy are those of finite differe
   Expansion at = mechanics.MakeExpansion();
   Expansion there = mechanics.MakeExpansion();
   mechanics.Expand(wire.state, at);
-  REQUIRE(at.max_penetration_mm > 0.1);  // the wall takes part
+  REQUIRE(at.max_penetration_mm > 0.1);  // wall contact is active
   const Eigen::VectorXd gradient = GradientOf(
       [&](const Eigen::VectorXd& xi) {
         mechanics.points().Forget();
@@ -207,7 +208,7 @@ TEST_CASE(
   REQUIRE(points.size() == 4 * state.segments());
   double sum = 0;
   for (const double w : points.weight_mm) sum += w;
-  // All but half a piece, which the sheath holds.
+  // The whole length except half a piece, which the sheath holds.
   CHECK(sum == Approx(9.1 - state.first_segment_mm() / 8));
   CHECK(points.weight_mm.back() == 0.25);
   CHECK(points.position.back()[0] == Approx(9.1));

@@ -69,7 +69,7 @@ TEST_CASE("A budget that is cut anywhere leaves a whole wire, and the next tick 
   const TickReport full = whole.Tick(target, 100000);
   REQUIRE(full.converged);
   REQUIRE(full.work > 20);
-  // Under a sanitizer every third between the ends.
+  // Under a sanitizer, only every third budget between the ends.
   const auto next = [&](int units) {
     return kUnderSanitizer && units > 3 && units < full.work - 3 ? units + 3 : units + 1;
   };
@@ -103,7 +103,7 @@ TEST_CASE("The work that was recorded repeats a session to the bit") {
   std::vector<std::uint64_t> hashes;
   for (int k = 0; k < (paper ? 100 : 400); ++k) {
     targets.push_back(hand.Next());
-    // As a clock would: now more, now less.
+    // Budgets vary as with a clock.
     const int units = std::uniform_int_distribution<int>(0, 30)(random);
     work.push_back(first.Tick(targets.back(), units).work);
     hashes.push_back(HashState(first.state));
@@ -150,7 +150,7 @@ TEST_CASE("Without motion every iteration lowers the energy") {
   double energy = bench.relaxation->Current().energy_mJ;
   const double at_first = energy;
   for (int k = 0; k < 500; ++k) {
-    // One unit looks for motion, one iterates.
+    // One work unit for the search of motion, one for an iteration.
     const TickReport report = bench.Tick({60, 0}, 2);
     CHECK(report.energy_mJ <= energy + 1e-12 * at_first);
     energy = report.energy_mJ;
@@ -180,11 +180,11 @@ TEST_CASE(
     CountedBudget budget(60);
     relaxation.Tick(state.places(), budget, state);
     for (std::size_t k = 0; k + 1 < records.size(); ++k) {
-      // Refused or not, what is there next is no more.
+      // The next record's energy is never larger, whether or not the step was accepted.
       CHECK(records[k + 1].energy_mJ <= records[k].energy_mJ * (1 + 1e-12));
       steps += records[k].accepted;
     }
-    // What was reached is what the state has, expanded from nothing.
+    // A fresh expansion of the state gives the energy that the solver reached.
     const double reached_mJ = relaxation.Current().energy_mJ;
     relaxation.Restart(state);
     CHECK(relaxation.Current().energy_mJ == Approx(reached_mJ).epsilon(1e-9).margin(1e-12));
@@ -209,7 +209,7 @@ TEST_CASE("What the report says is what the state is") {
     CHECK(report.energy_mJ == Approx(fresh.energy_mJ).epsilon(1e-9).margin(1e-15));
     CHECK(report.residual == Approx(fresh.residual).epsilon(1e-6).margin(1e-10));
     if (report.converged) CHECK(report.residual <= 1e-6);
-    // With budget left it has arrived, and is at rest or cannot get nearer to it.
+    // With budget left the solver has arrived. It has converged or cannot get closer.
     if (!report.budget_spent) CHECK(report.converged == (report.residual <= 1e-6));
     converged += report.converged;
   }
@@ -248,7 +248,7 @@ TEST_CASE("Out and in again gives the first wire") {
 }
 
 TEST_CASE("Fed by hundredths of a millimeter, the tip of a resting wire goes on without a jump") {
-  // Straight into a free space, with a curved tip and a load that bends the shaft.
+  // Fed straight into free space, with a curved tip and a load that bends the shaft.
   const WireModel model = MakeWire({.segment_mm = 1, .tip_mm = 8, .tip_curvature_1_per_mm = 0.1});
   const FreeSpace field;
   const WallModel wall;
@@ -268,7 +268,7 @@ TEST_CASE("Fed by hundredths of a millimeter, the tip of a resting wire goes on 
     last_step = step;
     last = state.nodes().back();
   }
-  REQUIRE(state.segments() == 18);  // three splits on the way
+  REQUIRE(state.segments() == 18);  // three splits so far
   INFO("largest difference of two successive steps of the tip " << roughest);
   CHECK(roughest < 0.01);
 }

@@ -1,4 +1,4 @@
-// The O(n) step against a dense one from a finite-difference Hessian.
+// O(n) Newton step, compared with a dense one from a finite-difference Hessian.
 #include "host/simulator/core/newton/riccati_sweep.h"
 
 #include <Eigen/Dense>
@@ -60,7 +60,7 @@ struct Chain {
 };
 
 TEST_CASE("The sweep's step solves the dense Newton system") {
-  // Contact, a curved and turned tip, an odd first segment, an end force: every block counts.
+  // Every block matters: contact, a curved and turned tip, an odd first segment, an end force.
   const double weight = GENERATE(0.1, 10.0);
   const int points = GENERATE(1, 3);
   const Torus field(Side::kInside, 20, 2);
@@ -78,7 +78,7 @@ TEST_CASE("The sweep's step solves the dense Newton system") {
   chain.state.Rotate(0.9);
   chain.state.UpdateFrames(chain.model);
   chain.mechanics.Expand(chain.state, chain.expansion);
-  // Deep enough to count, and not so deep that the wall's curvature is held back.
+  // Deep enough to matter, and shallow enough that the wall's curvature is not limited.
   REQUIRE(chain.expansion.max_penetration_mm > 0.1);
   REQUIRE(chain.expansion.max_penetration_mm < 0.9);
 
@@ -88,8 +88,8 @@ TEST_CASE("The sweep's step solves the dense Newton system") {
 }
 
 TEST_CASE("The sweep takes a Hessian for positive definite exactly where it is") {
-  // A compressed column: the smallest eigenvalue goes through zero at the buckling load. Friction
-  // and wall are left out, so the dense Hessian is exact to rounding.
+  // Compressed column: its smallest eigenvalue crosses zero at the buckling load. Without friction
+  // and wall the dense Hessian is exact to rounding.
   const FreeSpace field;
   EndForce force(Vector3d::Zero());
   Chain chain({.segment_mm = 1, .rigidity_N_mm2 = 1}, field, {}, {&force});
@@ -121,7 +121,7 @@ TEST_CASE("Where the loads changed near the sheath alone, the rest is taken over
   std::vector<std::uint8_t> active(near, 1);
   chain.mechanics.Model(chain.state, active, chain.expansion);
   REQUIRE(chain.sweep.Factor(chain.model, chain.state, chain.expansion, proximal));
-  // From near the tip, where all has to be repeated, to the sheath.
+  // From near the tip, where everything must be repeated, to the sheath.
   for (std::size_t k = near; k-- > 0;) {
     active[k] = !active[k];
     chain.mechanics.Model(chain.state, active, chain.expansion);

@@ -1,4 +1,4 @@
-// Friction where instruments lie within each other and twist.
+// Friction between nested instruments that twist.
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -26,7 +26,7 @@ TEST_CASE("A surface that comes to a point of another's has not rolled there") {
     return friction.Add(points, out);
   };
   REQUIRE(energy_mJ() < 1e-12);
-  // The outer one is drawn back beyond all points: elsewhere it would have turned the surface.
+  // The outer one is withdrawn beyond all points; otherwise it would have turned the surface.
   points.behind_mm[1] = 1e3;
   CHECK(energy_mJ() < 1e-12);
   points.behind_mm[1] = stack.at.points.behind_mm[1];
@@ -34,16 +34,16 @@ TEST_CASE("A surface that comes to a point of another's has not rolled there") {
   CHECK(energy_mJ() > 1e-6);
 }
 
-// Drawn round the bend with the force F the wire presses with F/R a length: turned slowly, friction
-// holds it with t = mu F r / R a length. Its twist goes down along it with the rate t/GJ, to where
-// it sticks: turned by a it is twisted over sqrt(2 GJ a / t), and the hand feels sqrt(2 GJ t a).
-// Turned farther than t L^2 / 2 GJ it slips all along, the hand feels t L, and the tip is behind by
-// that.
+// Closed form of a torque lag: a wire drawn round the bend with the force F presses with F/R per
+// length. Turned slowly, it feels the friction torque t = mu F r / R per length. Its twist
+// decreases along the wire by t/GJ per length, to where the wire sticks. A turn by a twists the
+// length sqrt(2 GJ a / t), and the hand feels sqrt(2 GJ t a). Beyond a turn of t L^2 / 2 GJ the
+// whole wire slips: the hand feels t L, and the tip lags by that turn.
 TEST_CASE(
     "Turned in a catheter against its friction, a wire follows the closed form of a torque lag") {
   const double segment_mm = GENERATE(2.0, 1.0, 0.5);
   const int points = GENERATE(1, 4);
-  const bool in_sheath = GENERATE(false, true);  // with room for both
+  const bool in_sheath = GENERATE(false, true);  // with clearance for both
   if (in_sheath && (points > 1 || segment_mm > 1)) return;
   CAPTURE(segment_mm, points, in_sheath);
   PulledWire wire({.segment_mm = segment_mm, .points_per_segment = points, .in_sheath = in_sheath});
@@ -59,7 +59,7 @@ TEST_CASE(
   wire.Go(0, 2 * lag, 20);
   CHECK(wire.HandTorque() == Approx(held * PulledWire::kInside).epsilon(bound));
   CHECK(wire.TipTurn() == Approx(1.4 * lag).epsilon(bound));
-  // Back: twice the torque over half the way (Masing), from where it slipped all along.
+  // Reversal after full slip: twice the torque over half the path (Masing rule).
   const double tip = wire.TipTurn();
   wire.Go(0, -0.8 * lag, 8);
   CHECK(wire.HandTorque() ==
@@ -81,16 +81,17 @@ TEST_CASE("Drawn along, a twisted wire is let go: friction has one cone for both
   wire.Go(0, 1, 5);
   const double torque = wire.HandTorque();
   REQUIRE(torque > 1e-3);
-  // Far more than the surface has to go around.
+  // Much longer than the path that the surface needs around the axis.
   wire.Go(-2, 0, 20);
   CHECK(std::abs(wire.HandTorque()) < 0.02 * torque);
-  // While it is turned and drawn its surface goes round by r a over s: the torque has that share.
+  // During turning and withdrawal the surface moves around by r a over s: the torque has that
+  // share.
   const double held = PulledWire::kMu * PulledWire::kForce * PulledWire::kRadius /
                       PulledWire::kRing * PulledWire::kInside;
   const double turned_a_mm = 5;
   wire.Go(-1, turned_a_mm, 50);
   const double around = PulledWire::kRadius * turned_a_mm;
-  // Tension grows along the way that it is drawn, by the capstan law.
+  // Tension grows in the direction of withdrawal, by the capstan law.
   const double angle = PulledWire::kInside / PulledWire::kRing;
   const double mean = (std::exp(PulledWire::kMu * angle) - 1) / (PulledWire::kMu * angle);
   CHECK(wire.HandTorque() == Approx(mean * held * around / std::hypot(1, around)).epsilon(0.05));
@@ -107,7 +108,7 @@ TEST_CASE("Without a coefficient nothing between instruments changes a shape") {
   CHECK(std::abs(turned(0.2).TwistOf(0, 0)) > 1e-4);
 }
 
-// What a friction between the instruments of a twisted stack takes up, moved by hand.
+// Twisted stack with friction between its instruments, moved by hand.
 struct Held {
   TwistedStack stack{3, 13};
   PointSet points = stack.at.points;
@@ -144,7 +145,7 @@ TEST_CASE("Instruments that come back out of the sheath hold each other as they 
     held.points.turns.angles_rad[static_cast<std::size_t>(i)][0] += 0.5;
   held.friction.Begin(held.points);
   CHECK(held.Energy() == 0);
-  // Those that stayed are held where they were.
+  // Segments that stayed outside keep their anchors.
   held.points.turns.angles_rad[kBack][0] += 0.5;
   CHECK(held.Energy() > 1e-7);
 }
@@ -186,7 +187,7 @@ TEST_CASE("A torque between instruments has the derivatives of its energy") {
     const double energy = friction.Add(there, out);
     return std::pair(energy, out.between);
   };
-  // In the first segments all three are, in the last only the wire.
+  // The first segments contain all three instruments, the last only the wire.
   for (const BetweenLoad& load : energy_mJ(1, 0, 0).second) {
     CHECK(load.segment * stack.model.segment_mm() < 11.3);
   }
@@ -204,7 +205,7 @@ TEST_CASE("A torque between instruments has the derivatives of its energy") {
     return (energy_mJ(1, inner, outer).first - energy_mJ(1, -inner, -outer).first) / (2 * step);
   };
   CHECK(at.gradient == Approx(slope(step, 0)).epsilon(1e-6));
-  // What lies in the middle is held from within and from without.
+  // Friction acts on the middle instrument from inside and from outside.
   double middle = 0;
   for (const BetweenLoad& load : energy_mJ(1, 0, 0).second) {
     if (load.segment != 1) continue;

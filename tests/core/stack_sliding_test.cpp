@@ -1,4 +1,4 @@
-// A wire that is drawn through a catheter at rest leaves the catheter as it lies.
+// Test of sliding: a wire drawn through a resting catheter must not change the catheter's shape.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -13,7 +13,7 @@
 namespace torquer::test {
 namespace {
 
-// Two posts, one on either side: what passes between them is bent to and fro.
+// Two posts on opposite sides: an instrument between them bends to and fro.
 class TwoPosts final : public study::AnalyticField {
  public:
   void EvaluateHessian(const Vector3d& p, ClearanceSample& out) const override {
@@ -28,8 +28,8 @@ class TwoPosts final : public study::AnalyticField {
   Cylinder second_{Side::kOutside, Vector3d(50, 19, 0), Vector3d::UnitZ(), 20};
 };
 
-// A catheter that lies between the posts, held by friction, and in it a straight wire that reaches
-// into the open: what is in the catheter is the same wherever the wire's tip is.
+// A catheter between the posts, held by friction, with a straight wire that reaches into the open.
+// The catheter contains the same wire wherever the wire's tip is.
 struct DrawnThrough {
   static constexpr double kInside = 65.3;
   static constexpr double kBeyond = 8;
@@ -66,7 +66,7 @@ struct DrawnThrough {
     relaxation->Restart(state);
     DrawTo(0);
   }
-  // The wire's tip so far beyond where it began.
+  // Moves the wire's tip to `way_mm` beyond its start.
   void DrawTo(double way_mm) {
     const InstrumentPlaces target{{kInside + kBeyond + way_mm, 0}, {kInside, 0}};
     const TickReport report = Settle(*relaxation, target, state, 300);
@@ -102,11 +102,11 @@ TEST_CASE("A wire drawn through a catheter at rest changes neither its wall forc
   DrawnThrough drawn(mesh.segment_mm, mesh.points, 0.2);
   const double force_N = drawn.WallForce();
   const std::vector<Vector3d> catheter = drawn.Catheter();
-  // Friction bears a good part: without it the catheter would press more.
+  // Friction bears a substantial part: without it the catheter would press more.
   REQUIRE(DrawnThrough(mesh.segment_mm, mesh.points, 0).WallForce() > 1.025 * force_N);
   double change = 0;
   double moved_mm = 0;
-  // 40 mm forth and back, with stops anywhere within a segment.
+  // 40 mm back and forth, with stops at any place within a segment.
   for (const double way_mm : {1.3, 3.9, 8.6, 15.7, 22.1, 31.4, 40.0, 33.3, 26.2, 14.9, 6.8, 0.0}) {
     drawn.DrawTo(way_mm);
     change = std::max(change, std::abs(drawn.WallForce() / force_N - 1));

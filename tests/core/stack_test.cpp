@@ -1,4 +1,4 @@
-// Instruments in each other against closed forms.
+// Nested instruments, compared with closed forms.
 #include <catch2/catch.hpp>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
@@ -15,8 +15,8 @@ constexpr double kRightAngle = 1.5707963267948966;
 
 struct Arcs : FreeStack {
   using FreeStack::FreeStack;
-  /// Bend per length between two segments about half a segment either side of an arc length, as a
-  /// vector across.
+  /// Curvature vector in 1/mm, from the bend between two segments about half a segment on either
+  /// side of the arc length.
   Vector3d CurvatureAt(double s_mm) const {
     const int n = state.segments();
     const int joint =
@@ -32,7 +32,7 @@ TEST_CASE("A wire in a catheter bends as the sum of both would: the combined cur
   CHECK(both.CurvatureAt(20).norm() == Approx((2 * 0.04 + 3 * 0.01) / 5).epsilon(1e-3));
   CHECK(both.CurvatureAt(30).norm() == Approx((2 * 0.04 + 3 * 0.01) / 5).epsilon(1e-3));
   CHECK(both.CurvatureAt(50).norm() == Approx(0.04).epsilon(1e-3));
-  // Turned against each other by a right angle, the curvatures add up as vectors.
+  // With a relative rotation by a right angle, the curvatures add as vectors.
   both.MoveTo({{60, 0}, {35, kRightAngle}});
   CHECK(both.CurvatureAt(20).norm() == Approx(std::hypot(2 * 0.04, 3 * 0.01) / 5).epsilon(1e-3));
   CHECK(both.CurvatureAt(50).norm() == Approx(0.04).epsilon(1e-3));
@@ -45,7 +45,7 @@ TEST_CASE("Three and four instruments bend as the sum of all that are there") {
   CHECK(all.CurvatureAt(42).norm() == Approx(0.11 / 5).epsilon(1e-3));
   CHECK(all.CurvatureAt(25).norm() == Approx(0.01 / 10).epsilon(1e-2));
   CHECK(all.CurvatureAt(8).norm() == Approx((0.11 - 0.1 + 0.05) / 20).epsilon(1e-2));
-  // The order in which they arrive does not matter.
+  // The order of arrival must not matter.
   const WireState at_once = all.state;
   all.MoveTo({{20, 0}, {50, 0}, {60, 0}, {0, 0}});
   all.MoveTo({{70, 0}, {50, 0}, {35, 0}, {15, 0}});
@@ -70,7 +70,7 @@ TEST_CASE("Whichever goes on beyond the other leads, and nothing jumps where the
   Vector3d before = both.state.tip();
   for (double catheter = 25; catheter <= 35.001; catheter += 0.1) {
     both.MoveTo({{30, 0}, {catheter, 0}});
-    // The tip goes on with the catheter once that leads; otherwise it is only bent.
+    // The tip advances with the catheter once that leads; until then it is only bent.
     CHECK((both.state.tip() - before).norm() < 0.2);
     before = both.state.tip();
   }
@@ -78,7 +78,7 @@ TEST_CASE("Whichever goes on beyond the other leads, and nothing jumps where the
   CHECK(both.state.places()[0].insertion_mm == 30);
   CHECK(both.CurvatureAt(33).norm() == Approx(0.01).epsilon(1e-3));
   const WireState led = both.state;
-  // The wire back and forth within it ends where it began.
+  // A wire that moves back and forth inside returns to the same shape.
   both.MoveTo({{5, 0}, {35, 0}});
   CHECK(both.CurvatureAt(20).norm() == Approx(0.01).epsilon(1e-3));
   both.MoveTo({{30, 0}, {35.001, 0}});
@@ -102,7 +102,7 @@ TEST_CASE("The wall sees the outermost instrument that is there") {
   CHECK(rod.rigidity_N_mm2(39) == Approx(5));
 }
 
-// Notes how surfaces slid.
+// Records how surfaces slid.
 class SlideRecorder final : public EnergyTerm {
  public:
   void Begin(const PointSet&) override {}
@@ -136,14 +136,14 @@ TEST_CASE("The surface of each instrument goes with that instrument, whoever lea
     REQUIRE(Settle(*relaxation, target, state).converged);
     return recorder.slid_mm[instrument];
   };
-  CHECK(slid({{42, 0}, {25, 0}}, 1) == Approx(-2));  // the rod went on, the catheter stayed
-  CHECK(recorder.bare_points >= 66);                 // 16.5 mm and more of it is wire alone
+  CHECK(slid({{42, 0}, {25, 0}}, 1) == Approx(-2));  // the rod advanced, the catheter stayed
+  CHECK(recorder.bare_points >= 66);                 // at least 16.5 mm is wire alone
   CHECK(recorder.bare_points <= 68);
-  CHECK(slid({{42, 0}, {28, 0}}, 1) == Approx(3));  // the rod stayed, the catheter went on
+  CHECK(slid({{42, 0}, {28, 0}}, 1) == Approx(3));  // the rod stayed, the catheter advanced
   CHECK(slid({{45, 0}, {31, 0}}, 1) == Approx(0).margin(1e-12));  // together
-  // The catheter passes the wire's tip after 14 mm, and then its material is the rod's.
+  // The catheter passes the wire's tip after 14 mm; from there its material belongs to the rod.
   CHECK(slid({{45, 0}, {50, 0}}, 1) == Approx(14));
-  CHECK(slid({{20, 0}, {50, 0}}, 1) == Approx(0).margin(1e-12));  // the wire within it
+  CHECK(slid({{20, 0}, {50, 0}}, 1) == Approx(0).margin(1e-12));  // the wire inside the catheter
 }
 
 TEST_CASE("A bend of the catheter comes to joints that were straight, and turns with it") {

@@ -1,5 +1,4 @@
-// Instruments within each other that twist, each by itself: expansion, sweep, frames, and what they
-// come to.
+// Nested instruments that twist independently: expansion, sweep, frames, and their equilibria.
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <numbers>
@@ -43,7 +42,7 @@ TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
   CheckSweepIsDense(sweep, stack.model, stack.state, stack.at, hessian, unit, weight);
 }
 
-// An arc that twists, or with a ratio of 0 does not.
+// An arc that twists; with a ratio of 0 it does not.
 WireModel TwistingArc(double rigidity, double curvature, double ratio,
                       double segment_mm = kArcSegmentMm) {
   return Arc(rigidity, curvature, 0.2, ratio * rigidity, segment_mm);
@@ -67,7 +66,7 @@ TEST_CASE("Ever stiffer against twist, a stack comes to one that does not twist"
 TEST_CASE("Beside a straight one, a wire twists as alone") {
   const double ratio = 0.2;
   const auto bent = [&] { return Bent(2, ratio, 12, 0.05, 0, 0.2, {}, 0.5); };
-  // Hardly any stiffness, and straight.
+  // Nearly no stiffness, and straight.
   FreeStack both({bent(), TwistingArc(1e-9, 0, 1)});
   both.MoveTo({{40, 2.5}, {30, -1}});
   const WireModel alone = bent();
@@ -81,20 +80,22 @@ TEST_CASE("Beside a straight one, a wire twists as alone") {
   CHECK(LargestDistance(both.state, state) < 1e-5);
 }
 
-// Two arcs that rest the same in each other, their hands turned against each other: with a the
-// angle between them, EI k^2 sin(a) / 2 per length turns each back, so that
-//   a'' = 2 (EI / GJ) k^2 / 2 sin(a) = c^2 sin(a),  a(0) = that of the hands,  a'(L) = 0,
-// a pendulum, here by its own integration. Opposite (a = pi) is stable while c L < pi/2
-// (Dupont et al. 2010, concentric tubes). The curve that they take does not count: both twist
-// against the same frames.
+// Two identical nested arcs, whose hands are turned against each other by an angle. With a the
+// angle between the arcs, EI k^2 sin(a) / 2 per length turns each back, so that
+//
+//   a'' = 2 (EI / GJ) k^2 / 2 sin(a) = c^2 sin(a),  a(0) = angle of the hands,  a'(L) = 0.
+//
+// This is a pendulum, integrated here independently. The opposite position (a = pi) is stable while
+// c L < pi/2 (Dupont et al. 2010, concentric tubes). The curve's shape does not matter: both arcs
+// twist against the same frames.
 double FreeEnd(double hands, double c, double length) {
-  // Shooting from the free end, where a' = 0.
+  // Shooting method from the free end, where a' = 0.
   const auto at_hands = [&](double end) {
     double a = end;
     double rate = 0;
     const int steps = 20000;
     const double h = length / steps;
-    for (int k = 0; k < steps; ++k) {  // towards the hands; midpoint
+    for (int k = 0; k < steps; ++k) {  // to the hands; midpoint rule
       const double mid = a + h / 2 * rate;
       const double mid_rate = rate + h / 2 * c * c * std::sin(a);
       a += h * mid_rate;
@@ -149,7 +150,7 @@ TEST_CASE(
   const double length = part * critical;
   FreeStack both({TwistingArc(3, kCurvature, kRatio), TwistingArc(3, kCurvature, kRatio)});
   both.MoveTo({{length, 0}, {length, 0}});
-  // Beyond half a turn, a tip that followed steadily is beyond it too; one that lagged is not.
+  // Past half a turn, a steadily following tip is past it too; a lagging tip is not.
   both.MoveTo({{length, 0}, {length, kPi - 0.02}});
   const double behind = kPi - 0.02 - Between(both);
   if (part < 1) {
@@ -172,7 +173,7 @@ TEST_CASE("A stack that is fed, pulled and turned takes the shape of one that wa
   FreeStack straight(make());
   straight.MoveTo(places);
   CHECK(LargestDistance(moved.state, straight.state) < 1e-4);
-  // Beyond its tip nothing turns an instrument.
+  // Beyond the outer instrument's tip, no torque acts on this one.
   const int n = moved.state.segments();
   for (int joint = n - 10; joint < n; ++joint) {
     CHECK(std::abs(moved.state.TwistOf(joint, 2)) < 1e-6);
@@ -214,11 +215,11 @@ TEST_CASE("Feeding keeps the twist of each instrument, whichever segments split 
       for (int m = 0; m < 2; ++m) {
         const auto instrument = static_cast<std::size_t>(m);
         CHECK(state.turns_rad().back()[instrument] == Approx(at_tip[instrument]).epsilon(1e-12));
-        // What comes out of the sheath is not twisted yet, and nothing twists it the other way.
+        // Material new from the sheath has no twist yet, and never twists in the other direction.
         for (int i = 0; i + 1 < state.segments(); ++i) {
           const double twisted = state.TwistOf(i, m) / JointLength(model, state, i) / rate[m];
           CHECK(twisted > -1e-12);
-          if (feed == 0.1) CHECK(twisted < 1.35);  // before any has gone back into the sheath
+          if (feed == 0.1) CHECK(twisted < 1.35);  // none has returned into the sheath yet
           if (i >= 8) CHECK(twisted == Approx(1).epsilon(1e-12));
         }
       }
@@ -237,7 +238,7 @@ TEST_CASE(
     places[k].insertion_mm += slid_mm;
     WireState after = before;
     after.MoveInstruments(stack.model, places);
-    // By joint: what was there, and what comes from the joint that it slides away from.
+    // Per joint: the remaining twist, and the twist from the joint that it slides away from.
     const int from = slid_mm > 0 ? -1 : 1;
     for (int i = 1; i + 1 < n; ++i) {
       CAPTURE(k, slid_mm, i);

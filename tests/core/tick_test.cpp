@@ -1,4 +1,4 @@
-// What every tick promises, whatever the stack, the vessel, the hands and the budget.
+// Invariants of every tick, for any stack, vessel, hand motion and budget.
 #include <catch2/catch.hpp>
 #include <numbers>
 
@@ -15,14 +15,14 @@ namespace {
 
 using Random = std::mt19937;
 
-// Into the torus below.
+// Leads into the torus below.
 const Sheath kSheath{Vector3d(30, 0, 0), Vector3d::UnitY()};
 
 double Between(double low, double high, Random& random) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
 
-// Instruments of one segment length, the outer ones shorter and stiffer.
+// Random instruments with one segment length, the outer ones shorter and stiffer.
 std::vector<WireModel> RandomInstruments(Random& random, bool twisting) {
   const int count = twisting ? 1 : std::uniform_int_distribution<int>(1, kMostInstruments)(random);
   const double segment_mm = Between(0.5, 2, random);
@@ -41,7 +41,7 @@ std::vector<WireModel> RandomInstruments(Random& random, bool twisting) {
   return instruments;
 }
 
-// Hands that want anything, also what an instrument cannot do.
+// Random targets, including some that an instrument cannot reach.
 InstrumentPlaces RandomTarget(int count, Random& random) {
   InstrumentPlaces target(count);
   for (InstrumentPlace& place : target) {
@@ -50,8 +50,8 @@ InstrumentPlaces RandomTarget(int count, Random& random) {
   return target;
 }
 
-// The residual of the state with the instruments where it says that they are, computed by nothing
-// that took part in the tick.
+// Residual of the state at its own reported instrument places, computed by objects that took no
+// part in the tick.
 double Residual(const std::vector<WireModel>& instruments, const ClearanceField& field,
                 const WallModel& wall, const WireState& state) {
   InstrumentStack stack(instruments);
@@ -69,7 +69,7 @@ struct Tester {
   const ClearanceField& field;
   const WallModel& wall;
   double tolerance;
-  bool whole_segments;  // moves by nothing less
+  bool whole_segments;  // the smallest motion is one segment
 
   void Check(const InstrumentPlaces& target, int units, const TickReport& report,
              const InstrumentStack& stack, const WireState& state) const {
@@ -87,11 +87,11 @@ struct Tester {
               Approx(target[k].rotation_rad - state.places()[k].rotation_rad).margin(1e-9));
       reach_mm = std::max(reach_mm, state.places()[k].insertion_mm);
     }
-    // The places are not only said: the curve reaches as far.
+    // The curve must reach as far as the reported places.
     if (state.segments() > 0) REQUIRE(state.ArcLength(stack.rod()) == Approx(reach_mm));
     if (target.size() == 1) REQUIRE(state.rotation_rad() == state.places()[0].rotation_rad);
     if (!report.budget_spent && !whole_segments) REQUIRE(report.arrived());
-    // Whoever ends out of balance says why.
+    // A tick that ends unconverged must report the reason.
     if (!whole_segments) {
       REQUIRE((report.converged || report.budget_spent || report.stalled));
       REQUIRE_FALSE((report.converged && report.stalled));

@@ -1,4 +1,4 @@
-// A wire that twists: its expansion, its sweep and its frames.
+// Wire that twists: its expansion, its sweep and its frames.
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 
@@ -16,7 +16,8 @@ namespace {
 constexpr double kRigidity = 6.35e-3;
 constexpr double kRatio = 0.7;  // GJ / EI
 
-// A twisted, bent wire with a curved tip, pressed into the wall of a torus, with a dead end force.
+// A twisted, bent wire with a curved tip, pressed into the wall of a torus, with a constant end
+// force.
 struct TwistedWire {
   WireModel model = MakeWire({.segment_mm = 1.3,
                               .rigidity_N_mm2 = kRigidity,
@@ -93,7 +94,7 @@ TEST_CASE("The sweep of a wire that twists solves the dense Newton system") {
 TEST_CASE("Twist is the turn of the material against the untwisted frame, and counts whole turns") {
   const WireModel model = MakeWire({.segment_mm = 1, .torsional_rigidity_N_mm2 = 1});
   WireState state = LayStraight(model, 10);
-  for (int turn = 0; turn < 40; ++turn) {  // the distal end, 0.5 rad at a time, to 20 rad
+  for (int turn = 0; turn < 40; ++turn) {  // distal end, 0.5 rad at a time, to 20 rad
     Eigen::VectorXd x = Eigen::VectorXd::Zero(30);
     for (int i = 5; i < 10; ++i) x[3 * i + 2] = 0.5;
     state = StepAndSpin(model, state, x);
@@ -127,11 +128,11 @@ TEST_CASE("Feeding keeps the twist per length, whichever segments split and join
       state.Feed(model, state.insertion_mm() + feed);
       REQUIRE(static_cast<int>(state.twist_rad().size()) == state.segments());
       CHECK(total() == Approx(before).epsilon(1e-12));
-      // What comes out of the sheath is not twisted yet: the rate beyond stays.
+      // Material new from the sheath has no twist yet; the rate beyond stays constant.
       for (int i = 8; i + 1 < state.segments(); ++i) {
         CHECK(state.twist_rad()[i] == Approx(kRate).epsilon(1e-12));
       }
-      // The frames agree with what is kept of them.
+      // The frames agree with the stored twist.
       const std::vector<double> kept = state.twist_rad();
       state.UpdateFrames(model);
       for (std::size_t i = 0; i < kept.size(); ++i) {
@@ -160,7 +161,7 @@ TEST_CASE("A wire that nothing holds turns with the hand, without twist") {
   REQUIRE(Settle(*a, {25, 2.0}, twisting).converged);
   REQUIRE(Settle(*b, {25, 2.0}, rigid).converged);
   CHECK(LargestDistance(twisting, rigid) < 1e-4);
-  // What the residual leaves: 1e-6 EI/mm over GJ at each of the joints.
+  // Twist that the residual allows: 1e-6 EI/mm over GJ at each joint.
   for (const double twist : twisting.twist_rad()) CHECK(std::abs(twist) < 1e-6 * 6.35 * 25);
 }
 

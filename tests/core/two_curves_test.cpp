@@ -1,5 +1,5 @@
-// Instruments on two curves, the inner ones with room in the lumen of the outer ones: expansion,
-// sweep, feeding, and how they come to rest.
+// Instruments on two curves, the inner ones with clearance in the lumen of the outer ones:
+// expansion, sweep, feeding and equilibrium.
 #include "tests/support/two_curves.h"
 
 #include <Eigen/Dense>
@@ -35,7 +35,7 @@ TEST_CASE("The sweep of two curves solves the dense Newton system") {
       GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
   const double ratio = GENERATE(0.0, 0.7);
   const double weight = ratio > 0 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
-  // No spring is so near to touching that the differences cross its kink.
+  // No spring is so close to contact that the finite differences cross its kink.
   TwoCurves curves(places, 2, 11, ratio);
   for (const BetweenCurves::Spring& spring : curves.at.between.springs) {
     REQUIRE(std::abs(spring.penetration_mm) > 1e-3);
@@ -66,7 +66,7 @@ TEST_CASE("The sweep of two curves solves the dense Newton system") {
       Unknowns(curves.second, sweep.second_step(), sweep.second_spin());
   CHECK((swept - dense).norm() < 1e-5 * dense.norm());
   CHECK(predicted == Approx(-curves.Gradient().dot(dense) / 2).epsilon(1e-5));
-  // Taken up again from the middle it is the same, to the bit.
+  // A sweep resumed from the middle gives a bit-identical result.
   const std::vector<Vector2d> second = sweep.second_step();
   REQUIRE(sweep.Refactor(curves.model, curves.state, curves.at, lift + weight, 2));
   std::vector<Vector2d> again;
@@ -75,7 +75,8 @@ TEST_CASE("The sweep of two curves solves the dense Newton system") {
   CHECK(sweep.second_step() == second);
 }
 
-// A bent wire in a bent catheter, in free space. `ratio`: GJ over EI; 0: neither twists.
+// A bent wire in a bent catheter, in free space. `ratio` is GJ over EI; 0 means that neither
+// twists.
 struct LooseArcs {
   InstrumentStack stack;
   FreeSpace field;
@@ -93,7 +94,7 @@ struct LooseArcs {
   }
 };
 
-// Either leads for a while, then both are out, and in again.
+// Each instrument leads for a while, then both are out, and both go in again.
 InstrumentPlaces Pass(int k) {
   if (k < 100) return {{0.3 * k, 0.02 * k}, {0.2 * k, -0.01 * k}};
   if (k < 160) return {{30 - 0.1 * (k - 100), 2}, {20 + 0.3 * (k - 100), -1}};
@@ -120,7 +121,7 @@ TEST_CASE("Any budget leaves both curves whole and no heap, and the same work th
   }
   CHECK(HashState(a.state) == HashState(b.state));
   CHECK(a.relaxation->Hash(0) == b.relaxation->Hash(0));
-  // The hash sees the second curve as well.
+  // The hash includes the second curve.
   CHECK(a.state.second()->segments() > 0);
   WireState other = a.state;
   std::vector<Frame> frames;
@@ -136,7 +137,7 @@ TEST_CASE("Any budget leaves both curves whole and no heap, and the same work th
 TEST_CASE("A copy of two curves goes on as the original") {
   const double ratio = GENERATE(0.0, 0.7);
   LooseArcs a(ratio);
-  const int copied = GENERATE(37, 130, 190);  // either leads
+  const int copied = GENERATE(37, 130, 190);  // each instrument leads
   for (int k = 1; k <= copied; ++k) {
     CountedBudget budget(5);
     a.relaxation->Tick(Pass(k), budget, a.state);
@@ -172,7 +173,7 @@ TEST_CASE("The error that the solver gives for two curves is that of the next st
   LooseArcs arcs(GENERATE(0.0, 0.7));
   REQUIRE(Settle(*arcs.relaxation, {{30, 0.5}, {22, -1}}, arcs.state, 400).converged);
   CHECK(arcs.relaxation->SolverErrorMm(arcs.state) < 1e-5);
-  // Cut off by its budget, it is about as far off as it says, on either curve.
+  // After a spent budget the reported error is about the true one, on both curves.
   CountedBudget few(4);
   arcs.relaxation->Tick({{30, 0.6}, {22, -1.3}}, few, arcs.state);
   const double said_mm = arcs.relaxation->SolverErrorMm(arcs.state);

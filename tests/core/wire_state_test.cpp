@@ -18,7 +18,7 @@ TEST_CASE("Feeding and retracting keep lengths exact, however it is done") {
   WireState state = Wander(model, 20, 0.3, random);
   int splits = 0;
   for (int k = 0; k < 3000; ++k) {
-    // Drifts to one end and back, so that both are met.
+    // Drifts to one end and back, so that both ends are tested.
     const double wanted = feed(random) / 2 + (k / 500 % 2 ? -0.375 : 0.375);
     const double before = state.insertion_mm();
     const int segments = state.segments();
@@ -33,8 +33,8 @@ TEST_CASE("Feeding and retracting keep lengths exact, however it is done") {
 }
 
 TEST_CASE("A wire in a bend slides along itself") {
-  // Along an arc of radius 20: after any feed the nodes still lie on it, but for the end, which
-  // goes on straight.
+  // Along an arc of radius 20 the nodes lie on the arc after any feed, except for the end, which
+  // continues straight.
   const WireModel model = MakeWire({.segment_mm = 1});
   const double radius = 20;
   std::vector<Vector3d> arc;
@@ -55,7 +55,7 @@ TEST_CASE("A wire in a bend slides along itself") {
   REQUIRE(off_arc(state, state.segments()) < 1e-3);
   const int nodes = state.segments();
   for (int k = 0; k < 150; ++k) state.Feed(model, state.insertion_mm() + 0.02);
-  // Resampling between nodes cuts the corners of the polyline: about lambda^2/4R a segment fed.
+  // Resampling between nodes cuts the corners of the polyline by about lambda^2/4R per segment fed.
   CHECK(off_arc(state, nodes) < 0.1);
   CHECK(state.segments() == nodes + 3);
 
@@ -87,7 +87,7 @@ TEST_CASE("A wire retracted to nothing is as at the start") {
     CHECK(state.segments() == 0);
     CHECK_THAT(BrokenGeometry(model, state), Catch::Equals(""));
     CHECK(HashState(state) == HashState(WireState(model)));
-    // And goes in again straight.
+    // The wire must enter straight again.
     while (state.insertion_mm() < 3.4) state.Feed(model, state.insertion_mm() + 0.1);
     const WireState fresh = LayStraight(model, state.insertion_mm());
     REQUIRE(state.segments() == fresh.segments());
@@ -129,10 +129,10 @@ TEST_CASE("A wire laid along a path has exact lengths and follows within a segme
       if (!past_the_end) CHECK(nearest < 1e-9);
     }
   }
-  // Past the path's end it goes on straight.
+  // Past the path's end the wire continues straight.
   WireState state = WireState::Along(model, path, {200, 0});
   CHECK((state.tangents().back() - *(state.tangents().end() - 20)).norm() < 1e-12);
-  // No path at all: straight out of the sheath. A target out of range is held to it.
+  // Without a path the wire leaves the sheath straight. A target out of range is clamped.
   state = WireState::Along(model, {}, {1e9, 0});
   CHECK(state.insertion_mm() == 300);
   CHECK((state.nodes().back() - Vector3d(300, 0, 0)).norm() < 1e-9);
@@ -151,7 +151,7 @@ TEST_CASE("Parallel transport is the smallest rotation") {
     const Vector3d expected = Eigen::Quaterniond::FromTwoVectors(from, to) * across;
     CHECK((ParallelTransport(across, from, to) - expected).norm() < 1e-9);
   }
-  // Opposite directions have no smallest rotation; any result across the target will do.
+  // Opposite directions have no unique smallest rotation; any rotation onto the target is valid.
   const Vector3d turned =
       ParallelTransport(Vector3d::UnitY(), Vector3d::UnitX(), -Vector3d::UnitX());
   CHECK(turned.norm() == Approx(1));
@@ -165,7 +165,7 @@ TEST_CASE("Rest directions follow the untwisted frame, in whatever frames the st
   WireState state = Wander(model, 30, 0.6, random);
   state.Rotate(0.8);
 
-  // The untwisted frame, turned by the rotation, from quaternions alone.
+  // The untwisted frame, rotated, computed with quaternions only.
   std::vector<Vector3d> expected;
   Vector3d u = model.sheath().direction;
   Vector3d a = model.sheath_normal();
@@ -180,7 +180,7 @@ TEST_CASE("Rest directions follow the untwisted frame, in whatever frames the st
     const Vector3d& rest = model.rest_direction(from_tip);
     expected.emplace_back(rest[0] * first + rest[1] * u.cross(first) + rest[2] * u);
   }
-  // Joints 0 and 1 stand for other lengths; neither is in the tip here.
+  // Joints 0 and 1 have other lengths; neither is in the tip here.
   REQUIRE(state.segments() - 1 > model.first_straight_joint());
   const auto check = [&] {
     for (int joint = 0; joint < state.segments(); ++joint) {
@@ -241,7 +241,7 @@ TEST_CASE("The hash tells states apart and equal ones not") {
   b = a;
   b.Rotate(1e-9);
   CHECK(HashState(a) != HashState(b));
-  // Frames and the places of instruments decide how it moves on.
+  // Frames and instrument places determine the further motion, so the hash includes them.
   b = Spun(model, a, std::vector<double>(a.tangents().size(), 1e-9));
   CHECK(HashState(a) != HashState(b));
   b = a;
@@ -268,8 +268,7 @@ TEST_CASE("A hash sees any two bits that differ, signs too, and what is mirrored
     }
   }
   CHECK(unseen == 0);
-  // A bend to the left and one to the right: two numbers of each node and tangent change their
-  // sign.
+  // A bend to the left and one to the right: two numbers of each node and tangent change sign.
   const auto bent = [](double towards) {
     std::vector<Vector3d> path;
     for (double a = 0.1; a < 1; a += 0.1) {
