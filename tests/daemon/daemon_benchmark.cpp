@@ -1,4 +1,4 @@
-// daemon_benchmark: what the daemon costs at 1 kHz: report-to-command latency and share of a core.
+// daemon_benchmark measures the daemon at 1 kHz: report-to-command latency and share of a core.
 
 #include <chrono>
 #include <csignal>

@@ -1,4 +1,4 @@
-// The daemon as a process with a scripted device behind a socket: what its tests share.
+// Test fixture: the daemon as a process, with a scripted device behind a socket.
 #pragma once
 
 #include <catch2/catch.hpp>
@@ -20,12 +20,12 @@ struct Chain {
       : socket(listener.folder.Path("device")), device(socket) {
     Start(words);
   }
-  /// Starts the daemon, in place of one that ran.
+  /// Starts the daemon in place of the previous one.
   void Start(const std::vector<std::string>& words = {"--uncalibrated"}) {
     daemon.reset();
     daemon = std::make_unique<ChildProcess>(SocketWords(socket, words));
   }
-  /// Moves the hand on by so many counts in ten reports; the last command that comes of it.
+  /// Advances the hand by `axial_counts` in ten reports; returns the last resulting command.
   torquer_lcm::instrument_command_t Push(int axial_counts) {
     listener.Forget();
     for (int i = 0; i < 10; ++i) {
@@ -44,7 +44,7 @@ struct Chain {
   std::unique_ptr<ChildProcess> daemon;
 };
 
-/// How the daemon ends that is started with these words.
+/// Exit status and error output of a daemon started with these arguments.
 struct Ending {
   int status;
   std::string error;

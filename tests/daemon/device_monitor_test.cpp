@@ -1,4 +1,4 @@
-// The bars of --monitor, and what a service manager gets.
+// Tests of the bars of --monitor and of the notifications to a service manager.
 #include "host/daemon/device_monitor.h"
 
 #include <sys/socket.h>
@@ -35,7 +35,7 @@ bool Contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-// The line that begins with these words.
+// First line that begins with `begin`; "" if there is none.
 std::string LineOf(const std::vector<std::string>& lines, const std::string& begin) {
   for (const std::string& line : lines) {
     if (line.rfind(begin, 0) == 0) return line;
@@ -43,14 +43,14 @@ std::string LineOf(const std::vector<std::string>& lines, const std::string& beg
   return "";
 }
 
-// What lies in a bar, by halves.
+// Content of a bar, left and right of its middle.
 std::pair<std::string, std::string> Halves(const std::string& line) {
   const std::size_t from = line.find('[') + 1;
   const std::size_t middle = line.find('|');
   return {line.substr(from, middle - from), line.substr(middle + 1, line.find(']') - middle - 1)};
 }
 
-// Where a daemon's notifications arrive.
+// Receiver of a daemon's notifications.
 class Manager {
  public:
   explicit Manager(const std::string& name) {

@@ -15,7 +15,7 @@ using torquer::daemon::Pose;
 using torquer::device::EpochStart;
 using torquer::device::Sample;
 
-// 0.01 mm an axial count, 0.002 rad a transverse count, full rate 0.4 rad/s.
+// 0.01 mm per axial count, 0.002 rad per transverse count, full rate 0.4 rad/s.
 Calibration Simple() {
   Calibration calibration;
   calibration.device = "X";
@@ -31,7 +31,7 @@ Calibration Simple() {
   return calibration;
 }
 
-// A hand whose samples follow each other by a millisecond.
+// Hand with one sample per millisecond.
 struct Hand {
   explicit Hand(const std::optional<Calibration>& calibration = Simple(), const Pose& start = {})
       : tracker(calibration, start) {
@@ -160,7 +160,7 @@ TEST_CASE("The joystick turns the C-arm by device time, within its travel") {
   for (int i = 0; i < 1000; ++i) state = hand.Step();
   CHECK(state.pose.lao_rad == Approx(0.4));
   CHECK(state.pose.cra_rad == Approx(-0.4 * 150.0 / 400.0));
-  // Lost reports: the stick is believed for 50 ms and no longer.
+  // After lost reports, the last joystick value holds for at most 50 ms.
   hand.sample.device_time_us += 9999000;
   const double before_rad = state.pose.lao_rad;
   state = hand.Step();
@@ -221,7 +221,7 @@ TEST_CASE("Without a calibration the gains follow the sensor's resolution, and i
 
 namespace {
 
-// At the place of `hand` where the switch closes, and away from it again by the next step.
+// Closes the switch at the place of `hand`; it opens again in the next step.
 HandState CloseSwitch(Hand& hand) {
   hand.sample.flags |= kFlagReference | kFlagAtReference;
   hand.sample.reference_counts = hand.sample.axial_counts;
@@ -283,7 +283,7 @@ TEST_CASE("What was lost between two closings of the end switch is made up for w
     hand.sample.reference_counts = 0;
     hand.sample.epoch_start = EpochStart::kReset;
     hand.Step();
-    hand.Step(-3000);  // 20 mm went by meanwhile
+    hand.Step(-3000);  // 20 mm were lost
     expected_mm = 0.0;
     lost_mm = -20.0;
   }
@@ -302,7 +302,7 @@ TEST_CASE("What was lost between two closings of the end switch is made up for w
   }
   CHECK(last_mm == Approx(expected_mm).margin(1e-9));
   CHECK(hand.tracker.counters().healed_um == std::llround(1000 * lost_mm));
-  // All is well now: the next time nothing is missing.
+  // The loss has been made up: the next mark shows none.
   state = CloseSwitch(hand);
   REQUIRE(state.mark);
   CHECK(state.mark->lost_mm == 0.0);
@@ -316,7 +316,7 @@ TEST_CASE("The touch counts, not the report that brings it; a mark is passed onc
   hand.Step(-2000);
   hand.sample.flags |= kFlagAtReference;
   hand.sample.reference_counts = hand.sample.axial_counts;
-  // Debounced, the cylinder is 0.5 mm further.
+  // By the time of the debounced report the cylinder is 0.5 mm farther.
   HandState state = hand.Step(-50);
   REQUIRE(state.mark);
   CHECK(state.mark->lost_mm == 0.0);
@@ -352,7 +352,7 @@ TEST_CASE("A mark farther away than the device is long is not believed") {
   REQUIRE(state.mark);
   CHECK(state.mark->refused);
   CHECK(Rest(hand, 100).pose.insertion_mm == Approx(160.0));
-  // From here on it is where it was now; but another device has it elsewhere.
+  // From here on the refused place is the reference; another device has another one.
   CHECK(CloseSwitch(hand).mark->lost_mm == 0.0);
   hand.tracker.ForgetMark();
   hand.Step(1000);

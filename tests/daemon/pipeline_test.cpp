@@ -39,10 +39,10 @@ TEST_CASE("Ten million reports, nearly three hours, leave no drift between count
   Pipeline pipeline(HandTracker(calibration, {}));
   pipeline.OnConnected();
   std::mt19937_64 random(20);
-  std::uniform_int_distribution<int> step(-40, 47);  // advances on the whole
+  std::uniform_int_distribution<int> step(-40, 47);  // advances on average
   std::uniform_int_distribution<int> percent(0, 99);
 
-  // Just before every wrap there is.
+  // Just before every counter wraps.
   std::int64_t axial = 2147483000;
   std::int64_t transverse = -2147483000;
   const std::int64_t first_axial = axial;
@@ -129,7 +129,7 @@ TEST_CASE("A transcript of clutch, lift, reset and replug goes by the book") {
     return *output;
   };
 
-  CHECK(step(500).hand.pose.insertion_mm == 0.0);  // where it starts is zero
+  CHECK(step(500).hand.pose.insertion_mm == 0.0);  // the start position is zero
   CHECK(step(10).hand.pose.insertion_mm == 10.0);
 
   report.buttons = torquer::protocol::kButtonClutch;
@@ -145,13 +145,13 @@ TEST_CASE("A transcript of clutch, lift, reset and replug goes by the book") {
   CHECK(step(3).hand.pose.insertion_mm == 15.0);
   CHECK(step(1).hand.pose.insertion_mm == 16.0);
 
-  // Watchdog reset: everything begins again in the device.
+  // Watchdog reset: all of the device's counters restart.
   report = torquer::test::StillReport();
   report.boot_id = 200;
   CHECK(step(0).hand.pose.insertion_mm == 16.0);
   CHECK(step(2).hand.pose.insertion_mm == 18.0);
 
-  // Replug of a device that kept its power: same boot, moved on meanwhile.
+  // Replug of a device that kept its power: same boot, moved in the meantime.
   pipeline.OnConnected();
   report.sequence = 30000;
   report.device_time_us += 3000000;
@@ -161,7 +161,7 @@ TEST_CASE("A transcript of clutch, lift, reset and replug goes by the book") {
   CHECK(back.origin_us == host_us);
   CHECK(step(1).hand.pose.insertion_mm == 19.0);
 
-  // Once the connection has settled, a gap is counted; it loses no motion.
+  // After the connection has settled, a gap is counted; it loses no motion.
   for (int i = 0; i < 4; ++i) step(0);
   report.sequence += 10;
   report.device_time_us += 10000;

@@ -1,4 +1,4 @@
-// What a daemon repairs: a lost firmware image of the sensor, motion that was not seen.
+// Recovery by the daemon: a lost firmware image of the sensor, and motion that the sensor missed.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
@@ -53,7 +53,7 @@ TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost"
     report(kLost);
     REQUIRE(listener.Until([&] { return listener.counters["sensor_images_loaded"] == 2; }));
     CHECK(device.srom_id == 5);
-    // A device that restarts does not know that there was an image.
+    // A restarted device has no memory of a loaded image.
     device.srom_id = 0;
     ++still.boot_id;
     report(0);
@@ -108,7 +108,7 @@ TEST_CASE("Motion lost before the end switch closes again is made up for, and sa
   close_switch();
   REQUIRE(chain.listener.UntilHealth("running", "the end switch closed: from now on"));
   chain.Push(2000);
-  // 600 counts of the way back are all that is seen of 2000: 29.63 mm are missing.
+  // The sensor reports only 600 of 2000 counts on the way back: 29.63 mm are missing.
   const double before_mm = chain.Push(-600).insertion_mm;
   close_switch();
   REQUIRE(chain.listener.UntilHealth(

@@ -1,4 +1,4 @@
-// A device that does not answer is asked again to load its sensor's image.
+// Retry test: the daemon asks a device that does not answer to load its sensor's image again.
 #include "host/daemon/sensor_image.h"
 
 #include <catch2/catch.hpp>
@@ -15,7 +15,7 @@ using torquer::daemon::SensorImage;
 namespace device = torquer::device;
 namespace protocol = torquer::protocol;
 
-// A device whose sensor takes any image, were it not for answers that get lost.
+// Device whose sensor accepts any image, but whose answers may get lost.
 struct ForgetfulDevice : device::ReportSource {
   void Wait(int, const Sink&) override {}
   void LetGo(const std::string&) override {}
@@ -48,7 +48,7 @@ struct Bench {
     image.OnConnected("X-1");
     image.OnReport(0);
   }
-  // Until there is nothing more to do.
+  // Loads until nothing is due; returns the number of loads.
   int Loads() {
     int loads = 0;
     for (; image.due() && loads < 10; ++loads) image.Load(source);

@@ -1,4 +1,5 @@
-// The daemon as a process: a scripted device behind a socket, commands read back from the bus.
+// End-to-end test of the daemon as a process: scripted device behind a socket, commands from the
+// bus.
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -41,7 +42,7 @@ TEST_CASE("Reports become commands, one for one") {
   REQUIRE(device.WaitForHost());
 
   InputReport report = StillReport(65000);
-  report.axial_counts = 2147483600;  // wraps on the way, as does the sequence
+  report.axial_counts = 2147483600;  // wraps during the test, as does the sequence
   report.device_time_us = 4294000000u;
   report.buttons = torquer::protocol::kButtonXray;
   constexpr int kReports = 1500;
@@ -108,7 +109,7 @@ TEST_CASE("An unplugged device is waited for and continued from without a jump")
   chain.device.Return();
   REQUIRE(chain.device.WaitForHost());
   chain.report.boot_id = 8;
-  chain.report.axial_counts = -5000;  // anything: it has been off
+  chain.report.axial_counts = -5000;  // any value: the device was off
   chain.report.sequence = 40000;
   const instrument_command_t after = chain.Push(500);
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 450 * kMmPerCount));
@@ -141,7 +142,7 @@ TEST_CASE("A device that falls silent is held and said") {
   REQUIRE(chain.listener.UntilHealth("device silent", "sends no reports"));
   REQUIRE(chain.listener.UntilHolds(2));
   CHECK(chain.listener.holds.back().insertion_mm == before.insertion_mm);
-  // Counts are cumulative: what was moved in between is not lost.
+  // Counts are cumulative: motion in the meantime is not lost.
   const instrument_command_t after = chain.Push(500);
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 500 * kMmPerCount));
   REQUIRE(chain.listener.UntilHealth("running", "reports arrive again"));
@@ -194,11 +195,11 @@ TEST_CASE("Two daemons for one instrument or one device are refused") {
                  "the instrument 'guidewire' is in use by another torquer-daemon (process "));
   CHECK(Contains(same_instrument.error, "kill "));
 
-  // A device that answers a second host nevertheless.
+  // This device answers a second host despite the first.
   chain.device.Unplug(/*stay_away=*/true);
   REQUIRE(chain.listener.UntilHealth("waiting for device", ""));
   SocketDevice generous(chain.socket);
-  // The first daemon is kept from taking the connection, not from holding its claim.
+  // The stopped daemon cannot take the connection, but it still holds its claim.
   chain.daemon->Signal(SIGSTOP);
   const Ending same_device =
       EndingOf(SocketWords(chain.socket, {"--uncalibrated", "--instrument", "catheter"}));

@@ -1,4 +1,4 @@
-// Where a daemon that starts takes the position from: an earlier daemon, the simulator, or zero.
+// Start position of a daemon: from an earlier daemon, from the simulator, or zero.
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <csignal>
@@ -43,7 +43,7 @@ TEST_CASE("A position is as old as it is, though the machine slept most of the t
   chain.Push(1000);
   chain.daemon->Signal(SIGTERM);
   chain.daemon->Wait();
-  // Its clock that counts sleep is two days ahead, its monotonic clock is not.
+  // The boot-time clock, which includes sleep, is two days ahead; the monotonic clock is not.
   std::vector<std::string> words{"/usr/bin/unshare", "--time",     "--fork",
                                  "--kill-child",     "--boottime", "172800"};
   for (const std::string& word : SocketWords(chain.socket)) words.push_back(word);
@@ -59,7 +59,7 @@ TEST_CASE("A daemon takes up what the simulator was commanded, or begins at zero
   chain.daemon->Signal(SIGTERM);
   chain.daemon->Wait();
 
-  // Of several instruments the daemon's counts.
+  // With several instruments, the daemon's own counts.
   torquer_lcm::wire_state_t state{};
   state.instruments.resize(2);
   state.instrument_count = 2;
@@ -110,8 +110,8 @@ TEST_CASE("A restarted daemon does not move a wire that lay in at the start") {
   ChildProcess simulator(
       {torquer::test::ProgramPath("torquer-simulator"), "--scene", scene.path()});
   REQUIRE(chain.listener.Until([&] { return !state.instruments.empty(); }));
-  // Commands, and with them a state that has the newest; or a later one, which holds that place
-  // while the device is silent.
+  // Sends commands and waits for a state that includes the newest. A later state may also come: it
+  // keeps that place while the device is silent.
   const auto push = [&](int axial_counts) {
     const instrument_command_t command = chain.Push(axial_counts);
     REQUIRE(chain.listener.Until(

@@ -44,7 +44,7 @@ TEST_CASE("Motion, stick and buttons become events, each when it changes") {
                                   {EV_KEY, BTN_THUMB, 1},
                                   {EV_KEY, BTN_THUMB2, 1},
                                   {EV_SYN, SYN_REPORT, 0}});
-  // The device is gone: nothing stays pressed.
+  // Once the device is gone, no button stays pressed.
   HandTracker tracker(std::nullopt, {0.5, -0.25, 0, 0});
   CHECK(events.Of(tracker.Hold()) == Events{{EV_ABS, ABS_X, 512},
                                             {EV_ABS, ABS_Y, 512},
