@@ -8,7 +8,7 @@ namespace {
 
 using torquer::device::ClockMap;
 
-// Delays as on a busy machine: mostly tens of us, now and then milliseconds.
+// Delays as on a busy machine: mostly tens of us, occasionally milliseconds.
 class Delays {
  public:
   double operator()() {
@@ -32,7 +32,7 @@ TEST_CASE("Jitter and drift are seen through") {
   double latest_us = 0.0;
   for (int i = 0; i < 120000; ++i) {
     const double true_us = 1e9 + (1.0 + drift) * 1000.0 * i;
-    // The queue is in order: a report never overtakes the one before.
+    // The queue preserves order: a report never overtakes an earlier one.
     latest_us = std::max(latest_us, true_us + delays());
     const std::int64_t device_us = 123456789 + 1000LL * i;
     const std::int64_t origin_us = map.Map(device_us, static_cast<std::int64_t>(latest_us));
@@ -68,14 +68,14 @@ TEST_CASE("A clock that jumps is found again") {
     const std::int64_t host_us = 1000000 + 1000LL * i + (i >= 15000 ? jump_us : 0);
     origin_us = map.Map(1000LL * i, host_us);
     REQUIRE(origin_us <= host_us);
-    // It takes at most two blocks of 250 ms to notice, and a jump back the time that it was long.
+    // Detection takes at most two blocks of 250 ms; after a jump back it takes the jump's length.
     if (i < 15000 || i > 15600) REQUIRE(origin_us == host_us);
   }
   CHECK(map.restarts() >= 1);
 }
 
 TEST_CASE("A device that runs at any speed but that of time is not misread") {
-  // An emulator as fast as it can go, and one that the machine cannot keep up with.
+  // An emulator at full speed, and one that the machine cannot keep up with.
   const double speed = GENERATE(3.3, 0.3);
   ClockMap map;
   for (int i = 0; i < 20000; ++i) {

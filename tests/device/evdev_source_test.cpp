@@ -1,4 +1,4 @@
-// The daemon on unmodified libevdev, against a scripted mouse and joystick in a mocked kernel.
+// The daemon on unmodified libevdev, with a scripted mouse and joystick in a mocked kernel.
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <ctime>
@@ -59,8 +59,8 @@ struct EvdevChain {
     return listener.Until(
         [&] { return !listener.commands.empty() && wanted(listener.commands.back()); });
   }
-  // So that the counts at the start are known to have been taken for zero, and the connection to
-  // have settled.
+  // Waits until the daemon has taken the counts at the start for zero and the connection has
+  // settled.
   void UntilReading(ChildProcess& daemon) {
     REQUIRE(daemon.WaitForError("reading device"));
     REQUIRE(listener.UntilCommands(10));
@@ -87,7 +87,7 @@ TEST_CASE("A mouse's raw deltas become insertion and rotation, with the kernel's
   for (int i = 1; i <= 50; ++i) {
     sent_us = MonotonicUs();
     chain.testbed.Send(kMouse, {{EV_REL, REL_X, 7}, {EV_REL, REL_Y, -2}}, sent_us);
-    // One by one: the mocked file holds less than the kernel's queue does, and cuts events in two.
+    // Sends one at a time: the mocked file holds less than the kernel's queue and splits events.
     REQUIRE(chain.UntilCommand([i](const instrument_command_t& command) {
       return Near(command.insertion_mm, 7 * i * kMmPerCount) &&
              Near(command.rotation_rad, -2 * i * kMmPerCount / 5.0);
@@ -135,13 +135,13 @@ TEST_CASE("The joystick turns the C-arm while the mouse lies still") {
   chain.UntilReading(*daemon);
   chain.testbed.Send(kStick, {{EV_ABS, ABS_X, 32767}, {EV_ABS, ABS_Y, 32767}}, MonotonicUs());
   CHECK(chain.UntilCommand([](const instrument_command_t& command) {
-    // Right is LAO; towards the user is CAU.
+    // Right means LAO; towards the user means CAU.
     return command.lao_rad > 0.1 && command.cra_rad < -0.1;
   }));
   const double insertion_mm = chain.listener.commands.back().insertion_mm;
   CHECK(insertion_mm == 0.0);
   chain.testbed.Send(kStick, {{EV_ABS, ABS_X, 0}, {EV_ABS, ABS_Y, 0}}, MonotonicUs());
-  // Released, it stands still.
+  // After release the angle stays constant.
   CHECK(chain.listener.Until([&] {
     const auto& commands = chain.listener.commands;
     return commands.size() > 60 &&
@@ -234,7 +234,7 @@ TEST_CASE("Without permission on the mouse the group is named") {
   EvdevChain chain;
   std::filesystem::permissions(chain.testbed.Root() / "dev/input/event5",
                                std::filesystem::perms::none);
-  // Root, if only of the namespace, would be let in all the same: its powers are taken away.
+  // Drops all capabilities: root, even if only in the namespace, would get access anyway.
   ChildProcess daemon({"/usr/bin/setpriv", "--bounding-set=-all", "--inh-caps=-all",
                        torquer::test::kDaemonProgram, "--source", "evdev", "--uncalibrated",
                        "--device", chain.mouse});

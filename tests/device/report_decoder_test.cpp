@@ -15,9 +15,9 @@ using torquer::test::BytesOf;
 using torquer::test::Next;
 using torquer::test::StillReport;
 
-// A decoder and the host's clock, 1 ms a report.
+// A decoder and the host's clock, one report per millisecond.
 struct Feed {
-  // Past the first reports of a connection, before which a gap is no loss.
+  // Feeds the first reports of a connection, in which a gap counts as no loss.
   void Settle(InputReport before) {
     before.sequence = static_cast<std::uint16_t>(before.sequence - 5);
     before.device_time_us -= 5000;
@@ -97,7 +97,7 @@ TEST_CASE("A report of any other length, id or version is refused and counted") 
   CHECK(feed.decoder.counters().wrong_id == 255);
   CHECK(feed.decoder.counters().wrong_version == 255);
   CHECK(feed.decoder.counters().received == 1 + 33 + 510);
-  // And none of them has left a trace.
+  // None of them has changed the decoder's state.
   const std::optional<Sample> next = feed(StillReport(1));
   REQUIRE(next);
   CHECK(next->report_number == 1);
@@ -165,7 +165,7 @@ TEST_CASE("A gap longer than the sequence is measured by the clocks") {
     constexpr std::int64_t kReports = 10000000;  // 2.8 hours
     report.sequence = static_cast<std::uint16_t>(report.sequence + kReports);
     report.device_time_us = static_cast<std::uint32_t>(report.device_time_us + 1000 * kReports);
-    // The device's clock is 100 ppm off.
+    // The device's clock is off by 100 ppm.
     const std::optional<Sample> sample = feed(report, 1000 * kReports + kReports / 10);
     REQUIRE(sample);
     CHECK(sample->report_number == 10 + kReports);
@@ -191,7 +191,7 @@ TEST_CASE("Duplicates and late reports are distinguished and change nothing") {
   CHECK_FALSE(feed(late));
   CHECK(feed.decoder.counters().reordered == 1);
   CHECK(feed.decoder.counters().lost == 1);
-  CHECK_FALSE(feed(late));  // and again: now it is known
+  CHECK_FALSE(feed(late));  // the second time it is recognized
   CHECK(feed.decoder.counters().reordered == 1);
   CHECK(feed.decoder.counters().duplicated == 2);
   CHECK_FALSE(feed(report));
@@ -261,7 +261,7 @@ TEST_CASE("Counts that no hand could move begin again from where they are") {
   CHECK(after->axial_counts == before->axial_counts);
   CHECK(after->epoch_start == EpochStart::kJump);
   CHECK(feed.decoder.counters().jumps == 1);
-  // 1 m/s is a hand's: 47 counts a report at 1200 cpi; so is ten times that.
+  // A hand can move at 1 m/s: 47 counts per report at 1200 cpi. Ten times that is accepted too.
   report = Next(report);
   report.axial_counts += 470;
   CHECK(feed(report)->axial_counts == before->axial_counts + 470);
@@ -271,7 +271,7 @@ TEST_CASE("Counts that no hand could move begin again from where they are") {
 TEST_CASE("Reports from before a connection are no loss and no motion") {
   Feed feed;
   feed.decoder.OnConnected();
-  REQUIRE(feed(StillReport(10)));  // held in the device's two banks since it was plugged in
+  REQUIRE(feed(StillReport(10)));  // held in the device's two banks since power-on
   REQUIRE(feed(StillReport(11)));
   InputReport now = WithSequence(StillReport(11), 31234);
   now.axial_counts = 900;
@@ -285,7 +285,7 @@ TEST_CASE("Reports from before a connection are no loss and no motion") {
     now.axial_counts += 10;
     REQUIRE(feed(now));
   }
-  // From here on a gap is a loss.
+  // From here on a gap counts as a loss.
   now = WithSequence(now, now.sequence + 3);
   now.axial_counts += 10;
   const std::optional<Sample> behind = feed(now, 3000);
@@ -310,7 +310,7 @@ TEST_CASE("The end switch's count goes on with the axial count, over wraps and r
     REQUIRE(sample);
     if (i >= 15) CHECK(sample->reference_counts == mark);
   }
-  // After a restart the device counts from 0, and so do we from where it was.
+  // After a restart the device counts from 0; the decoder continues from its last position.
   ++report.boot_id;
   report.axial_counts = 100;
   report.reference_counts = 70;

@@ -1,5 +1,5 @@
-// Firmware images and pictures of the sensor, asked for as a program would, of the firmware in the
-// emulator.
+// Firmware images and pictures of the sensor, requested from the firmware in the emulator as a
+// program would request them.
 #include <filesystem>
 #include <fstream>
 

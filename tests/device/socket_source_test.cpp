@@ -1,4 +1,4 @@
-// The daemon's end of the socket to a device that does not answer.
+// Socket source of the daemon, connected to a device that does not answer.
 #include "host/device/socket_source.h"
 
 #include <sys/socket.h>
@@ -14,7 +14,7 @@
 namespace torquer::device {
 namespace {
 
-// Listens and accepts nobody, as a stopped emulator.
+// Listens but accepts no connection, like a stopped emulator.
 class HangingDevice {
  public:
   explicit HangingDevice(const std::string& path) {
@@ -33,7 +33,7 @@ class HangingDevice {
 
 void IgnoreEvents(const SourceEvent&) {}
 
-// A call that never returns ends the program, by SIGALRM, and fails the test.
+// Fails the test by SIGALRM if a call never returns.
 struct Deadline {
   Deadline() { alarm(10); }
   ~Deadline() { alarm(0); }
@@ -59,9 +59,9 @@ TEST_CASE("A device that takes no requests any more is said not to answer") {
   const Deadline deadline;
   SocketSource source(folder.Path("device.sock"));
   source.Wait(0, IgnoreEvents);
-  const std::vector<std::uint8_t> large(150000);  // most of what a socket holds
+  const std::vector<std::uint8_t> large(150000);  // most of a socket's buffer
   bool full = false;
-  // As many as the socket holds; the first that it does not hold fails at once.
+  // Sends until the socket's buffer is full; the first request that does not fit fails at once.
   for (int request = 0; request < 3 && !full; ++request) {
     try {
       source.SetFeature(large);

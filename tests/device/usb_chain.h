@@ -1,5 +1,4 @@
-// The daemon on unmodified libusb, against scripted devices in a mocked kernel: what its tests
-// share.
+// Test fixture: the daemon on unmodified libusb, with scripted devices in a mocked kernel.
 #pragma once
 
 #include <catch2/catch.hpp>
@@ -19,7 +18,7 @@ namespace torquer::test {
 constexpr double kMmPerCount = 25.4 / 1200;
 constexpr int kAddress = 5;
 
-/// As on the wire.
+/// Bytes of a report as on the wire.
 template <class Report>
 std::vector<std::uint8_t> Bytes(const Report& report) {
   std::vector<std::uint8_t> bytes(sizeof report);
@@ -27,7 +26,7 @@ std::vector<std::uint8_t> Bytes(const Report& report) {
   return bytes;
 }
 
-/// A healthy bench device.
+/// Script of a healthy bench device.
 inline UsbDeviceScript Bench(const std::string& serial = "BENCH-7") {
   protocol::IdentityReport identity{};
   identity.report_id = protocol::kIdentityReportId;
@@ -42,7 +41,7 @@ inline UsbDeviceScript Bench(const std::string& serial = "BENCH-7") {
   script.product = protocol::kUsbProduct;
   script.serial = serial;
   script.control = [=](const ControlRequest& request) -> ControlAnswer {
-    // GET_REPORT of a feature report, to the interface.
+    // GET_REPORT of a feature report, addressed to the interface.
     if (request.type == 0xa1 && request.request == 1) {
       if (request.value == 0x0302) return {ControlAnswer::Kind::kData, Bytes(identity)};
       if (request.value == 0x0303) return {ControlAnswer::Kind::kData, Bytes(configuration)};
@@ -56,21 +55,21 @@ inline InputStep Sends(const protocol::InputReport& report) {
   return {InputStep::Kind::kData, Bytes(report)};
 }
 
-/// Scripted devices on a mocked bus, and what the daemon makes of them.
+/// Scripted devices on a mocked bus, and a daemon that reads them.
 struct UsbChain {
   std::unique_ptr<ChildProcess> Start(const std::vector<std::string>& more = {}) {
     std::vector<std::string> words{kDaemonProgram, "--source", "usb", "--uncalibrated"};
     words.insert(words.end(), more.begin(), more.end());
     return std::make_unique<ChildProcess>(words);
   }
-  /// Plugs a device in and starts a daemon, which reads it.
+  /// Plugs in a device and starts a daemon, which reads it.
   std::unique_ptr<ChildProcess> Read(const UsbDeviceScript& script = Bench()) {
     testbed.Plug(kAddress, script);
     auto daemon = Start();
     REQUIRE(daemon->WaitForError("reading device " + script.serial));
     return daemon;
   }
-  /// Reports that move on by so many counts each; the last command that comes of them.
+  /// Sends reports that advance by `counts` each; returns the last resulting command.
   torquer_lcm::instrument_command_t Push(int address, int reports, int counts) {
     listener.Forget();
     for (int i = 0; i < reports; ++i) {

@@ -1,4 +1,4 @@
-// The daemon on unmodified libusb, against scripted devices in a mocked kernel.
+// The daemon on unmodified libusb, with scripted devices in a mocked kernel.
 
 #include <catch2/catch.hpp>
 #include <csignal>
@@ -73,7 +73,7 @@ TEST_CASE("A stalled endpoint is cleared and read on") {
 }
 
 TEST_CASE("A device unplugged with transfers in flight is waited for and read on") {
-  // The kernel may tell by ending the transfers, by udev's event, or by both.
+  // The kernel may end the transfers, send udev's event, or both.
   UsbChain chain;
   const auto daemon = chain.Read();
   double before_mm = chain.Push(kAddress, 10, 10).insertion_mm;
@@ -217,7 +217,7 @@ TEST_CASE("Without permission the udev rule is named") {
   chain.testbed.Plug(kAddress, Bench());
   namespace fs = std::filesystem;
   fs::permissions(fs::path(chain.testbed.Root()) / "dev/bus/usb/001/005", fs::perms::none);
-  // Root, if only of the namespace, would be let in all the same: its powers are taken away.
+  // Drops all capabilities: root, even if only in the namespace, would get access anyway.
   const std::vector<std::string> words{"/usr/bin/setpriv", "--bounding-set=-all",
                                        "--inh-caps=-all",  torquer::test::kDaemonProgram,
                                        "--source",         "usb",
@@ -239,7 +239,7 @@ TEST_CASE("The option --list tells of every bench device and claims none") {
   using torquer::calibration::NominalCalibration;
   torquer::calibration::WriteCalibration(NominalCalibration("LEFT-1", 1200),
                                          folder + "/torquer/LEFT-1.toml");
-  // Another device's, under the wrong name.
+  // Calibration of another device under the wrong name.
   torquer::calibration::WriteCalibration(NominalCalibration("LEFT-1", 1200),
                                          folder + "/torquer/THIRD-3.toml");
   const auto list = [] {

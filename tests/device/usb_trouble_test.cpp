@@ -1,4 +1,4 @@
-// What the daemon does when the USB is not well: it waits, says why, and goes on where it was.
+// USB failures: the daemon waits, reports the reason, and resumes at its last position.
 #include <sys/stat.h>
 
 #include <catch2/catch.hpp>
@@ -12,13 +12,13 @@ namespace {
 
 using namespace torquer::test;
 
-constexpr int kIdentity = 0x0302;  // value of the request
+constexpr int kIdentity = 0x0302;  // value of the control request
 
 std::string NodeOf(const UsbChain& chain, int address) {
   return chain.testbed.Root() + "/dev/bus/usb/001/00" + std::to_string(address);
 }
 
-// Root, if only of the namespace, would be let in everywhere: its powers are taken away.
+// Drops all capabilities: root, even if only in the namespace, would get access to everything.
 std::unique_ptr<ChildProcess> WithoutPowers() {
   return std::make_unique<ChildProcess>(
       std::vector<std::string>{"/usr/bin/setpriv", "--bounding-set=-all", "--inh-caps=-all",
@@ -105,7 +105,7 @@ TEST_CASE("A device that comes back unusable does not end the daemon, which says
   REQUIRE(chain.listener.UntilHealth("waiting for device", said));
   REQUIRE(chain.listener.UntilHealth("waiting for device", "trying again once a second"));
   const auto holds = chain.listener.holds.size();
-  REQUIRE(chain.listener.UntilHolds(holds + 15));  // several tries later
+  REQUIRE(chain.listener.UntilHolds(holds + 15));  // several attempts later
   CHECK(Count(daemon->Error(), said) == 1);
   chain.testbed.Unplug(kAddress + 1);
   chain.testbed.Plug(kAddress + 2, Bench());
