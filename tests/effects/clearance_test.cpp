@@ -1,4 +1,4 @@
-// Room in a lumen, in scenes: its keys, tips, pictures, and sessions that repeat.
+// Clearance in a lumen, as scenes use it: keys, tips, pictures, and repeatable sessions.
 #include <catch2/catch.hpp>
 #include <fstream>
 
@@ -93,7 +93,7 @@ TEST_CASE("With room tips are on their own curves, and readings say how they lie
   };
   const WireState& state = simulation.state();
   CHECK((tip(0) - state.tip()).norm() < 1e-9);
-  // The catheter's mouth is on its own curve, and the wire passes through it off the middle.
+  // The catheter's mouth is on its own curve; the wire passes through it off center.
   const double arc_mm = state.places()[1].insertion_mm;
   const Eigen::Vector3d mouth = PointAt(scene.rod(), *state.second(), arc_mm);
   CHECK((tip(1) - mouth).norm() < 1e-9);

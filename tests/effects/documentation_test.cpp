@@ -1,4 +1,4 @@
-// What people read about the effects is what there is.
+// Documentation tests: the README and the printed list must name every effect.
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <sstream>

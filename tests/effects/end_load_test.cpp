@@ -17,7 +17,7 @@ using effects::PointLoad;
 constexpr double kBeam_mm = 40;
 constexpr double kBeam_N_mm2 = 2.5;
 
-// Keeps a wire in the plane z = 0, from which it would sooner turn over.
+// Keeps a wire in the plane z = 0; otherwise it would buckle out of it.
 class PlaneSprings final : public EnergyTerm {
  public:
   void Begin(const PointSet&) override {}
@@ -98,7 +98,7 @@ TEST_CASE("The expansion with loads on the end is that of finite differences") {
     INFO("segment " << i);
     CHECK((gradient.segment<2>(2 * i) - at.gradient[i]).norm() < 1e-7 * (1 + gradient.norm()));
   }
-  // Newton's step by the sweep is that of the dense Hessian by differences.
+  // The sweep's Newton step equals that of the dense finite-difference Hessian.
   RiccatiSweep<BendStage> sweep(model.max_segments());
   const double weight = 3;
   REQUIRE(sweep.Factor(model, state, at, weight));
@@ -172,7 +172,7 @@ TEST_CASE("Under an end moment the wire is an arc of radius EI/M, up to a whole 
 }
 
 TEST_CASE("A clamp holds the end like a spring, and a stiff one holds it fast") {
-  // A cantilever's end has the stiffness 3 EI/L^3: beside a spring it shares the way.
+  // A cantilever's end has the stiffness 3 EI/L^3 and shares the displacement with the spring.
   const double own = 3 * kBeam_N_mm2 / std::pow(kBeam_mm, 3);
   for (const double ratio : {0.5, 3.0}) {
     EndLoad end;
@@ -182,7 +182,7 @@ TEST_CASE("A clamp holds the end like a spring, and a stiff one holds it fast") 
     REQUIRE(beam.Relax().converged);
     CHECK(beam.state.nodes().back()[1] == Approx(0.1 * ratio / (1 + ratio)).epsilon(2e-3));
   }
-  // Held at both ends, S-shaped: the guided beam, the force 12 EI d/L^3.
+  // Clamped at both ends, S-shaped: a guided beam with the force 12 EI d/L^3.
   EndLoad end;
   end.hold_N_mm = 1e3;
   end.place_mm = Vector3d(kBeam_mm, 0.5, 0);

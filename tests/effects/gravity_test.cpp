@@ -12,7 +12,7 @@ namespace {
 constexpr double kHangingLength = 50;
 constexpr double kHangingRigidity = 2;
 
-// A wire out of a sheath along x, hanging under weight along -y.
+// A wire out of a sheath along x, bent by gravity along -y.
 struct Hanging {
   WireModel model;
   FreeSpace field;
@@ -48,8 +48,8 @@ TEST_CASE("A cantilever sinks by w L^4 / 8 EI under its own weight") {
   CHECK(std::abs(error[1]) < 0.3 * std::abs(error[0]) + 1e-5);
 }
 
-// End of a heavy elastica of unit length: theta'' = load (1 - s) cos theta, theta(0) = 0,
-// theta'(1) = 0, with the angle downwards, by shooting with Runge-Kutta steps.
+// End of a heavy elastica of unit length: theta'' = load (1 - s) cos theta, theta(0) = 0, theta'(1)
+// = 0. The angle counts downwards. Solved by shooting with Runge-Kutta steps.
 Eigen::Vector2d HeavyElastica(double load) {
   const auto shoot = [load](double curvature, Eigen::Vector2d& end) {
     constexpr int kSteps = 4000;
@@ -102,10 +102,10 @@ TEST_CASE("A cantilever under a large own weight is the heavy elastica") {
 TEST_CASE("Without stiffness the wire hangs straight down, drawn by its weight") {
   const double weight = 1e-3;
   const Hanging chain(0.5, 1e-3, weight);
-  const double bend = std::cbrt(1e-3 / weight);  // over which it turns downwards
+  const double bend = std::cbrt(1e-3 / weight);  // length over which it turns downwards
   const Vector3d end = chain.state.nodes().back();
   CHECK(end[1] < -(kHangingLength - 2 * bend));
-  // Tension at a place is the weight of what hangs below it.
+  // The tension at a place is the weight of everything below it.
   for (const int i : {20, 50, 80}) {
     const double below = kHangingLength - i * 0.5;
     const double tension =

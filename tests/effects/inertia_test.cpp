@@ -1,4 +1,4 @@
-// Inertia and drag: beams that swing, tips that whip round, and what a tick in parts makes of time.
+// Inertia and drag: oscillating beams, whipping tips, and the time in a tick of several parts.
 #include "host/simulator/effects/loads/inertia.h"
 
 #include <catch2/catch.hpp>
@@ -25,7 +25,7 @@ effects::Inertia::Settings Matter(double density_g_m, double drag_mPa_s) {
   return settings;
 }
 
-// A straight beam in a fluid without mass, drawn aside by a force at its end and let go.
+// A straight beam in a massless fluid, pulled aside by a force at its end and released.
 struct Swing {
   WireModel model;
   FreeSpace field;
@@ -56,7 +56,7 @@ struct Swing {
   double kinetic_mJ() const { return inertia.Readings()[0].value; }
 };
 
-// What a swing tends to when the step does: y(t + step) = a y(t) - b y(t - step), fitted.
+// Frequency and decay of an oscillation, fitted to y(t + step) = a y(t) - b y(t - step).
 struct Mode {
   double rad_s;
   double decay_1_s;
@@ -75,7 +75,7 @@ Mode Fit(const std::vector<double>& y, double step_s) {
   return {std::acos(ab[0] / (2 * modulus)) / step_s, -std::log(modulus) / step_s};
 }
 
-// How far a beam is in the lowest mode of Euler and Bernoulli's cantilever: others do not count.
+// Amplitude of the lowest mode of an Euler-Bernoulli cantilever; other modes are filtered out.
 double InLowestMode(const WireState& state) {
   double sum = 0;
   for (int i = 1; i <= state.segments(); ++i) {
@@ -97,7 +97,7 @@ Mode Measure(double drag_mPa_s, double step_s, double segment_mm = 1) {
   return Fit(y, step_s);
 }
 
-// Euler and Bernoulli's cantilever.
+// Euler-Bernoulli cantilever.
 const double kFirst_rad_s =
     1.875104 * 1.875104 / (kRod_mm * kRod_mm) * std::sqrt(kRod_N_mm2 / kMass);
 
@@ -151,7 +151,7 @@ TEST_CASE("Without a hand the energy never rises, and what the step takes goes w
   for (const double step_s : {1e-3, 5e-4}) {
     Swing swing(0, 3);
     double before = swing.relaxation.Current().energy_mJ;
-    before += 3 * kRod_N_mm2 / (kRod_mm * kRod_mm) * swing.state.tip()[1];  // that of the force
+    before += 3 * kRod_N_mm2 / (kRod_mm * kRod_mm) * swing.state.tip()[1];  // force potential
     const double start = before;
     for (int k = 1; k * step_s < 0.1; ++k) {
       const double now = swing.Tick(step_s).energy_mJ + swing.kinetic_mJ();
@@ -165,7 +165,7 @@ TEST_CASE("Without a hand the energy never rises, and what the step takes goes w
   CHECK(lost[0] / lost[1] == Approx(2).epsilon(0.25));
 }
 
-// Fed while it swings, a tick at once or in parts: `feeds` of 0.5 mm each.
+// Fed while it oscillates, by `feed_mm` per tick, in parts of at most `max_feed_mm`.
 Vector3d FedSwing(double tick_s, double feed_mm, double max_feed_mm) {
   const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = kRod_N_mm2});
   const FreeSpace field;
@@ -190,11 +190,11 @@ Vector3d FedSwing(double tick_s, double feed_mm, double max_feed_mm) {
 }
 
 TEST_CASE("A tick in parts shares its time out over them") {
-  // 8 mm in 0.032 s: parts of 0.25 mm are steps of 1 ms, however many a tick has.
+  // 8 mm in 0.032 s: parts of 0.25 mm are steps of 1 ms, however many parts a tick has.
   const Vector3d one = FedSwing(1e-3, 0.25, 0.25);
   CHECK((FedSwing(4e-3, 1, 0.25) - one).norm() < 1e-6);
   CHECK((FedSwing(3.2e-2, 8, 0.25) - one).norm() < 1e-6);
-  // And refined they tend to one way, to the first order of the step.
+  // With refinement the motion converges to first order in the step.
   const Vector3d half = FedSwing(4e-3, 1, 0.125);
   const Vector3d fine = FedSwing(4e-3, 1, 0.03125);
   INFO(one.transpose() << ", " << half.transpose() << ", " << fine.transpose());
@@ -218,7 +218,7 @@ TEST_CASE("Where a budget ends a tick, its time is not lost") {
 }
 
 TEST_CASE("Velocities go with the material, also out of the sheath") {
-  // Fed at an even speed a straight wire moves as one: no force acts on it.
+  // A straight wire fed at constant speed moves as a rigid body: no force acts on it.
   const int points = GENERATE(1, 2, 4);
   const WireModel model = MakeWire({.segment_mm = 1, .rigidity_N_mm2 = kRod_N_mm2});
   const FreeSpace field;
@@ -235,7 +235,7 @@ TEST_CASE("Velocities go with the material, also out of the sheath") {
     const double fed_mm = kSpeed_mm_s * 2e-3 * k;
     REQUIRE(relaxation.Tick({20 + fed_mm, 0}, budget, state).converged);
     if (k == 1) continue;  // from rest
-    // The trapezoidal rule leaves half a piece to the sheath.
+    // The trapezoidal rule assigns half a piece to the sheath.
     const double moving_mm = state.insertion_mm() - state.first_segment_mm() / points / 2;
     CHECK(inertia.Readings()[0].value ==
           Approx(kMass * moving_mm * kSpeed_mm_s * kSpeed_mm_s / 2).epsilon(1e-6));
@@ -252,7 +252,7 @@ TEST_CASE("The energy of a step has the gradient and the Hessian that it says") 
   const std::vector<EnergyTerm*> terms{&inertia};
   WireMechanics mechanics(model, field, wall, terms);
   Expansion expansion = mechanics.MakeExpansion();
-  // A step that has moved it, and another that is under way.
+  // One completed step that moved the wire, and a second that is in progress.
   mechanics.Expand(Wander(model, 8, 0.2, random), expansion);
   inertia.Begin(expansion.points);
   inertia.End(expansion.points);
@@ -275,7 +275,7 @@ TEST_CASE("The energy of a step has the gradient and the Hessian that it says") 
     CHECK((expansion.gradient[static_cast<std::size_t>(i)] - differences.segment<2>(2 * i)).norm() <
           1e-8 * differences.norm());
   }
-  // The Newton step of the sweep solves the dense system of differences.
+  // The sweep's Newton step solves the dense system from finite differences.
   RiccatiSweep<BendStage> sweep(model.max_segments());
   REQUIRE(sweep.Factor(model, state, expansion, 0));
   std::vector<Vector2d> step;
@@ -290,8 +290,8 @@ TEST_CASE("The energy of a step has the gradient and the Hessian that it says") 
   }
 }
 
-// A bent tip in a bent vessel that the hand turns past the place where it whips round, and then
-// holds. The vessel rests, the hand turns in 40 ms.
+// A bent tip in a bent vessel. The hand turns it in 40 ms past the place where it whips round, and
+// then holds. The vessel rests.
 struct Whip {
   static constexpr double kInside = 80;
   static constexpr double kTurn_rad = 3.9;
@@ -321,7 +321,7 @@ struct Whip {
     relaxation->Restart(state);
     REQUIRE(Settle(*relaxation, {kInside, 0}, state).converged);
   }
-  // The tip every 4 ms.
+  // Tip positions every 4 ms.
   std::vector<Vector3d> Run(double step_s, double until_s) {
     std::vector<Vector3d> tips;
     const int every = static_cast<int>(std::lround(4e-3 / step_s));
@@ -350,7 +350,7 @@ TEST_CASE("A tip that whips round takes the same time and way in any step, to it
   INFO(apart[0] << " " << apart[1] << " " << apart[2]);
   CHECK(apart[0] < 0.5);
   CHECK(apart[1] / apart[2] == Approx(7.0 / 3).epsilon(0.2));
-  // It is under way for longer than a tick, and swings past where it comes to rest.
+  // The tip moves for longer than a tick, and overshoots its rest position.
   double most_mm = 0;
   for (std::size_t k = 1; k < reference.size(); ++k) {
     most_mm = std::max(most_mm, (reference[k] - reference[k - 1]).norm());

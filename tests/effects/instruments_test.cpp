@@ -1,4 +1,4 @@
-// A scene's instruments, all alike: their keys, their hands, their messages, dye and X-ray.
+// Several instruments in a scene: their keys, hands, messages, dye and X-ray.
 #include <catch2/catch.hpp>
 #include <fstream>
 
@@ -69,7 +69,7 @@ TEST_CASE("Each instrument of a scene starts, moves and is reported by its name"
   CHECK(state.instruments[2].insertion_mm == 20);
   CHECK(state.node_count == 61);
 
-  Go(simulation, {{70, 0.5}, {85, 1}, {30, -2}});  // the catheter beyond the wire
+  Go(simulation, {{70, 0.5}, {85, 1}, {30, -2}});  // catheter beyond the wire
   simulation.Describe(state);
   CHECK(state.instruments[0].insertion_mm == Approx(70));
   CHECK(state.instruments[1].commanded_insertion_mm == 85);
@@ -79,7 +79,7 @@ TEST_CASE("Each instrument of a scene starts, moves and is reported by its name"
   CHECK(state.instruments[2].insertion_mm == Approx(30));
   CHECK(state.instruments[2].rotation_rad == -2);
   CHECK(simulation.state().insertion_mm() == Approx(85));
-  // One in the other, on one line: each tip lies on the curve, as far along as it was pushed.
+  // The instruments are nested on one curve: each tip lies on it at its own insertion.
   for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
     INFO(instrument.name);
     const Eigen::Vector3d tip(instrument.tip_mm[0], instrument.tip_mm[1], instrument.tip_mm[2]);
@@ -87,7 +87,7 @@ TEST_CASE("Each instrument of a scene starts, moves and is reported by its name"
         PointAt(scene.rod(), simulation.state(), instrument.insertion_mm);
     CHECK((tip - on_curve).norm() < 1e-9);
   }
-  // Commanded out of the body, one stops at the entry, and at its length.
+  // Targets out of range stop at the entry and at the instrument's length.
   Go(simulation, {{70, 0.5}, {-10, 1}, {500, 0}});
   simulation.Describe(state);
   CHECK(state.instruments[1].insertion_mm == 0);
@@ -121,7 +121,7 @@ TEST_CASE("Dye from an instrument's tip is dye from that place of the vessel") {
   CHECK(from_tip != inject("at = \"tip\"\ninstrument = \"guidewire\"\n"));
 }
 
-// The gray values of a picture of the wire and `more`, without a body around them.
+// Gray values of a picture of the wire and `more`, without a body around them.
 std::vector<std::uint8_t> Picture(const TemporaryFolder& folder, const std::string& more) {
   scene::Scene scene(
       WriteScene(folder, kWire + more,
@@ -147,7 +147,7 @@ TEST_CASE("X-rays see the catheter's wall and the wire in it") {
     return sum;
   };
   const double alone = dark("");
-  // A thinner wall casts less of a shadow: the lumen is empty.
+  // A thinner wall absorbs less, because the lumen is empty.
   std::string thin = kCatheter;
   thin.replace(thin.find("inner_radius_mm = 0.3"), 21, "inner_radius_mm = 0.48");
   CHECK(dark(kCatheter) > dark(thin) + 1e4);

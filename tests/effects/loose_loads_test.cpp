@@ -1,4 +1,4 @@
-// Weight and mass of instruments that have room in a lumen.
+// Weight and mass of instruments with clearance in a lumen.
 #include <catch2/catch.hpp>
 #include <memory>
 #include <vector>
@@ -31,7 +31,7 @@ struct Apart {
     both.push_back(MakeWire({.rigidity_N_mm2 = 0.05, .radius_mm = 40}));
     return both;
   }
-  // With inertia at every tick of so many seconds; 0: none.
+  // Inertia with ticks of `step_s` seconds; 0 means no inertia.
   explicit Apart(const std::vector<double>& weights_N_mm, double step_s = 0)
       : stack(Instruments(),
               {.first_outer = 1, .lumen_radius_mm = {0, kLumen_mm}, .stiffness_N_mm2 = 1}),
@@ -54,7 +54,7 @@ struct Apart {
   }
 };
 
-// A lone wire like one of them.
+// A single wire with the properties of one of them.
 struct Lone {
   WireModel model;
   FreeSpace field;
@@ -172,8 +172,8 @@ TEST_CASE("Room changes nothing in how much moves where both curves move alike")
   CHECK((apart_N - force_N(together)).norm() < 1e-12 * apart_N.norm());
 }
 
-// Falling from straight, fed and drawn meanwhile, instruments that do not touch swing as each
-// alone.
+// The instruments fall from a straight line and are fed and withdrawn meanwhile. If they do not
+// touch, each oscillates as if alone.
 TEST_CASE("Instruments that do not touch swing as each does alone, whichever leads") {
   constexpr double kStep_s = 0.002;
   const bool wire_leads = GENERATE(true, false);
@@ -181,7 +181,7 @@ TEST_CASE("Instruments that do not touch swing as each does alone, whichever lea
   Apart both(weights_N_mm, kStep_s);
   Lone alone[2] = {Lone(0, weights_N_mm[0], kStep_s), Lone(1, weights_N_mm[1], kStep_s)};
   const auto place_of = [&](int tick) {
-    // Both at rest, then one slides in the other; at the end they change places.
+    // Both rest, then one slides in the other; at the end they swap places.
     const double way = 0.02 * tick;
     return wire_leads ? InstrumentPlaces{{42.3 + way, 0}, {36.1, 0}}
                       : InstrumentPlaces{{31.7 + way, 0}, {40.2, 0}};

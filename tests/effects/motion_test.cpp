@@ -30,7 +30,7 @@ PeriodicMotion::Settings Beat(const Vector3d& way_mm) {
   return settings;
 }
 
-// Everything on the side of x = -1000 goes: for a wire, all there is.
+// Moves everything beyond x = -1000, which includes the whole wire.
 PeriodicMotion::Settings Shift(const Vector3d& way_mm) {
   PeriodicMotion::Settings settings;
   settings.way_mm = way_mm;
@@ -99,7 +99,7 @@ TEST_CASE("A pulse is 0 at the start, reaches 1, and has no kink up to its secon
     before = second;
   }
   CHECK(highest == Approx(1).margin(1e-6));
-  // The heart rests between beats; the breath is held, and pauses.
+  // The heart rests between beats; breathing pauses, and may be held.
   CHECK(pulse(heart ? 0.78 : 0.85) == 0);
   if (!heart) CHECK(pulse(0.35) == 1);
 }
@@ -189,7 +189,7 @@ TEST_CASE("Friction's anchors go with their places on the wall") {
   out.hessian.resize(1);
   friction.Begin(points);
   friction.End(points);
-  field.SetTime(1);  // held: gone by all of its way
+  field.SetTime(1);  // breath held: moved by the whole way
   friction.Begin(points);
   CHECK(friction.Add(points, out) > 0);
   CHECK(out.gradient[0].dot(way) < -0.9 * out.gradient[0].norm() * way.norm());
@@ -239,10 +239,10 @@ TEST_CASE("A wire in a translating vessel is the wire whose sheath goes the othe
     worst = std::max(worst, (state.nodes()[i] - way - expected.nodes()[i]).norm());
   }
   CHECK(worst < 1e-4);
-  // Far from the sheath it went with the vessel, across the vessel at least.
+  // Far from the sheath the wire moved with the vessel, at least across it.
   CHECK(LargestDistance(state, before) > 0.3);
 
-  // Back again, nothing is left of it: without friction no energy is lost over a closed cycle.
+  // After the return no change remains: without friction a closed cycle loses no energy.
   for (int k = 100; k <= 200; ++k) {
     field.SetTime(0.01 * k);
     REQUIRE(Settle(relaxation, {60, 0}, state).converged);

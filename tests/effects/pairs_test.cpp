@@ -1,5 +1,5 @@
-// Every pair of effects, each with a wire that lies in the vessel from the start: what one effect
-// takes over from the start must still be there when another looks at it.
+// Every pair of effects, each with a wire that lies in the vessel from the start. State that one
+// effect takes from the start must still be valid when another uses it.
 #include <catch2/catch.hpp>
 #include <fstream>
 
@@ -16,7 +16,7 @@ constexpr char kScene[] =
     "[[instrument]]\nmax_length_mm = 150\nradius_mm = 0.2\nrigidity_N_mm2 = 0.01\n"
     "tip_mm = 10\ntip_angle_deg = 30\ninserted_at_start_mm = 110\nlinear_density_g_m = 0.7\n";
 
-// Around it, two more.
+// Two more instruments around the wire.
 constexpr char kTwoMore[] =
     "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 140\nradius_mm = 0.5\n"
     "inner_radius_mm = 0.3\nrigidity_N_mm2 = 0.03\ntip_mm = 8\ntip_angle_deg = 20\n"
@@ -63,7 +63,7 @@ const std::vector<Named>& All() {
   return all;
 }
 
-// The tables of some effects and of what they need, each once.
+// Tables of the effects and of those that they need, each once.
 std::string Text(std::vector<std::string> names, bool alone) {
   std::string text = kScene;
   if (!alone) text += kTwoMore;

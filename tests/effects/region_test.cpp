@@ -84,7 +84,7 @@ TEST_CASE("A region knows whether it meets the lumen") {
     return region.MeetsLumen(*tube.field, tube.centerlines, tube.bounds_mm);
   };
   CHECK(meets(Region::Ball(Vector3d(50, 0, 0), 1, 0.5)));
-  CHECK(meets(Region::Ball(Vector3d(50, 5, 0), 2.5, 0.5)));  // its rim alone
+  CHECK(meets(Region::Ball(Vector3d(50, 5, 0), 2.5, 0.5)));  // touches only its rim
   CHECK_FALSE(meets(Region::Ball(Vector3d(50, 10, 0), 3, 1)));
   CHECK(meets(Region::Side(Vector3d(90, 0, 0), Vector3d::UnitX(), 2)));
   CHECK_FALSE(meets(Region::Side(Vector3d(120, 0, 0), Vector3d::UnitX(), 2)));

@@ -1,4 +1,4 @@
-// Effects as scenes name them: what is taken, and what is refused with which words.
+// Scene keys of effects: accepted values, and refused ones with their error messages.
 #include <catch2/catch.hpp>
 
 #include "host/simulator/scene/scene.h"
@@ -101,7 +101,7 @@ TEST_CASE("Effects with bad keys are refused with line, key, value and remedy") 
   }
 }
 
-// A scene whose wire is given by sections.
+// A scene that defines its wire by sections.
 std::string WithSections(const TemporaryFolder& folder, const std::string& sections) {
   std::string path = folder.Path() + "/sections.toml";
   std::ofstream(path) << "name = \"sections\"\n[vessel]\nkind = \"ty_phantom\"\n"

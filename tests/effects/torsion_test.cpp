@@ -1,4 +1,4 @@
-// The effect torsion as a scene has it, and what a twisted wire does in a bent vessel.
+// The effect torsion in a scene, and the behavior of a twisted wire in a bent vessel.
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <numbers>
@@ -14,7 +14,7 @@ namespace {
 
 using Catch::Contains;
 
-// A bent tip in a bent vessel: it rests best where it bends as the vessel does.
+// A bent tip in a bent vessel: the energy is least where both bend the same way.
 struct BentWay {
   WireModel model;
   Torus field{Side::kInside, 30, 3};
@@ -47,7 +47,7 @@ struct BentWay {
     CountedBudget budget(5000);
     return relaxation->Tick({kLength, angle}, budget, state);
   }
-  /// How far the tip is behind the hand.
+  /// Angle in rad by which the tip lags behind the hand.
   double Lag() const {
     double sum = 0;
     for (const double twist : state.twist_rad()) sum += twist;
@@ -73,7 +73,7 @@ TEST_CASE("Turned in a bent vessel, a bent tip lags behind the hand and then whi
     before = lag;
   }
   CHECK(most > 1);
-  CHECK(whips == 2);  // once a turn
+  CHECK(whips == 2);  // once per turn
 }
 
 TEST_CASE("A wire that is stiff enough against twist follows the hand") {
@@ -106,9 +106,10 @@ TEST_CASE("The work of the hand's torque is the energy that the wire stores") {
 
 TEST_CASE(
     "A wire that is ever stiffer against twist goes to a limit; without twist it is near it") {
-  // Mean distance over half a turn of the hand. What is left between is the holonomy torque.
+  // Mean distance over half a turn of the hand. The remaining difference is the holonomy torque.
   const auto travel = [](double torsional_rigidity) {
-    // A torque of the residual's size is small beside that of the tip, as stiff as the wire may be.
+    // A torque of the residual's size is small against that of the tip, at any stiffness of the
+    // wire.
     BentWay way(torsional_rigidity, 0.05, 1e-9);
     std::vector<WireState> states;
     for (int k = 1; k <= 15; ++k) {
@@ -133,7 +134,7 @@ TEST_CASE(
   CHECK(ten / distance_mm(100) == Approx(11).epsilon(0.2));  // (1/10 - 1/1000) / (1/100 - 1/1000)
   const double without = distance_mm(0);
   CHECK(without < 0.2);
-  // A wire of steel is farther away: to leave twist out is the larger error.
+  // A steel wire is farther from the limit: leaving twist out is then the larger error.
   CHECK(distance_mm(0.77) > 1.5 * without);
 }
 

@@ -12,8 +12,8 @@
 
 namespace torquer::test {
 
-/// A vessel that runs 100 mm along x and forks into two of 80 mm, all of 3 mm radius; a wire of
-/// 60 mm lies in it.
+/// A vessel that runs 100 mm along x and forks into two of 80 mm, all of 3 mm radius. A wire of 60
+/// mm lies in it.
 inline const std::string kFork = R"(
 [vessel]
 kind = "tubes"
@@ -59,7 +59,7 @@ rigidity_N_mm2 = 1
 inserted_at_start_mm = 40
 )";
 
-/// A scene of a text, in its own folder.
+/// Scene from a text, in its own temporary folder.
 class SceneOf {
  public:
   explicit SceneOf(const std::string& text) {
@@ -83,7 +83,7 @@ class SceneOf {
   std::unique_ptr<scene::Scene> scene_;
 };
 
-/// What a scene of that text says when it is refused; "" when it is taken.
+/// Error message for a scene of that text; "" if it is accepted.
 inline std::string Refusal(const std::string& text) {
   try {
     const SceneOf scene(text);
@@ -93,7 +93,7 @@ inline std::string Refusal(const std::string& text) {
   return "";
 }
 
-/// A reading of a session's observers; -1 where none has that name.
+/// Reading of a session's observers by name; -1 if there is none.
 inline double Reading(const simulator::Simulation& session, const std::string& name) {
   for (const effects::Reading& reading : session.Readings()) {
     if (reading.name == name) return reading.value;

@@ -1,4 +1,4 @@
-// What lies along the wall or the wire: compliance, friction by place, sections.
+// Local properties along the wall or the wire: compliance, friction by place, sections.
 #include <catch2/catch.hpp>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
@@ -22,7 +22,7 @@ constexpr double kElsewhere_N_mm2 = 0.05;
 constexpr double kSoft_N_mm2 = 0.01;
 constexpr double kCalcified_N_mm2 = 1;
 
-// 90 mm of wire that lie along x on a floor under their weight, with parts of another stiffness.
+// 90 mm of wire along x on a floor under its weight; parts of the floor have another stiffness.
 struct LyingWire {
   LyingWire(const ClearanceField& field, std::vector<Compliance::Part> parts,
             const vessel::MovingField* moving = nullptr)
@@ -74,7 +74,7 @@ TEST_CASE("A wire lying on a wall sinks in by its weight over the stiffness of t
 
 TEST_CASE("A calcified part goes with the vessel under a wire that rests") {
   const HalfSpace floor(Vector3d::Zero(), Vector3d::UnitZ());
-  // The floor slides along the wire, 30 mm within a breath.
+  // The floor slides along the wire by 30 mm within a breath.
   effects::PeriodicMotion::Settings settings;
   settings.way_mm = Vector3d(30, 0, 0);
   settings.period_s = 2;
@@ -140,7 +140,7 @@ struct Row {
     derivatives.gradient.resize(kPoints);
     derivatives.hessian.resize(kPoints);
   }
-  // Force on each point after all were drawn aside, far beyond sticking.
+  // Force on each point after all were moved sideways far beyond the slip length.
   std::vector<double> Slipping(effects::Friction& friction) {
     friction.Begin(points);
     friction.End(points);
@@ -204,7 +204,8 @@ TEST_CASE("A cantilever with a step in its rigidity bends by the closed form") {
   double error[2];
   int k = 0;
   for (const double segment_mm : {1.0, 0.5}) {
-    // A joint stands for half a segment to either side: there the step lies between two of them.
+    // A joint represents half a segment on either side: this puts the step midway between two
+    // joints.
     const double step_mm = 20 + segment_mm / 2;
     std::vector<WireSection> shifted = sections;
     for (std::size_t s = 1; s < shifted.size(); ++s) shifted[s].from_tip_mm += segment_mm / 2;

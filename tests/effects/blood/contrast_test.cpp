@@ -22,7 +22,7 @@ using torquer::vessel::CenterlineNetwork;
 
 namespace {
 
-// A straight vessel of 400 mm and radius 2 mm in which blood flows at 100 mm/s.
+// A straight vessel of 400 mm length and 2 mm radius; the blood flows at 100 mm/s.
 struct StraightVessel {
   static constexpr double kRadiusMm = 2, kSpeedMmS = 100;
   static constexpr double kFlowML_s = 1e-3 * kSpeedMmS * std::numbers::pi * kRadiusMm * kRadiusMm;
@@ -48,7 +48,7 @@ ContrastSettings Drip(double at_mm) {
           .cell_mm = 1};
 }
 
-// Middle and variance of the dye along the vessel, mm and mm^2.
+// Mean position in mm and variance in mm^2 of the dye along the vessel.
 std::pair<double, double> Moments(const Contrast& contrast) {
   double mass = 0;
   double first = 0;
@@ -82,7 +82,8 @@ TEST_CASE("A bolus travels at the mean velocity of the blood", "[effects]") {
     for (int k = 0; k < ticks; ++k) contrast.Advance(time_s += 1e-3, 1e-3, injecting, kNowhere);
     return Moments(contrast).first;
   };
-  // 0.1 s of injection: its middle was injected at 0.05 s. The source's place is as good as a cell.
+  // After 0.1 s of injection, the mean belongs to 0.05 s. The source's place is accurate to one
+  // cell.
   run(100, true);
   const double after_1_s = run(900, false);
   CHECK(after_1_s == Approx(20.5 + StraightVessel::kSpeedMmS * (1 - 0.05)).margin(0.6));
@@ -93,12 +94,12 @@ TEST_CASE("A bolus travels at the mean velocity of the blood", "[effects]") {
 TEST_CASE("The speed is that of the pulse at every moment", "[effects]") {
   const StraightVessel vessel({60, 1});
   Contrast contrast(*vessel.flow, Drip(20.5), kWire);
-  // Injected within 10 ms at the end of a diastole, in which blood stands still at this depth.
+  // Injected within 10 ms at the end of diastole, when blood at this depth stands still.
   contrast.Advance(0.99, 1e-2, true, kNowhere);
   const double start_mm = Moments(contrast).first;
   double time_s = 1;
   for (int tick = 0; tick < 350; ++tick) contrast.Advance(time_s += 1e-3, 1e-3, false, kNowhere);
-  // A whole stroke has passed.
+  // One whole beat has passed.
   CHECK(Moments(contrast).first - start_mm == Approx(StraightVessel::kSpeedMmS).epsilon(0.01));
   const double after_mm = Moments(contrast).first;
   for (int tick = 0; tick < 600; ++tick) contrast.Advance(time_s += 1e-3, 1e-3, false, kNowhere);
@@ -126,7 +127,7 @@ TEST_CASE("A front stays sharp and makes no new extremes", "[effects]") {
   Contrast contrast(*vessel.flow, Drip(20.5), kWire);
   double time_s = 0;
   for (int tick = 0; tick < 2500; ++tick) contrast.Advance(time_s += 1e-3, 1e-3, true, kNowhere);
-  // 0.01 mL/s of 300 mg/mL in 0.01 mL/s more than the blood's flow.
+  // 0.01 mL/s of 300 mg/mL, diluted in the blood's flow plus 0.01 mL/s.
   const double level = 300 * 0.01 / (StraightVessel::kFlowML_s + 0.01);
   double width_mm = 0;
   for (const double c : contrast.concentration_mg_mL()) {
@@ -134,7 +135,7 @@ TEST_CASE("A front stays sharp and makes no new extremes", "[effects]") {
     CHECK(c <= level * (1 + 1e-9));
     if (c > 0.1 * level && c < 0.9 * level) width_mm += 1;
   }
-  // First order upwind would have smeared it over some 40 mm.
+  // A first-order upwind scheme would smear the front over about 40 mm.
   CHECK(width_mm <= 12);
 }
 
@@ -151,7 +152,7 @@ TEST_CASE("All dye is accounted for until the last is washed out", "[effects]") 
   }
   CHECK(largest < 1e-9);
   CHECK(contrast.injected_mg() == Approx(3 * 320 * 0.8));
-  // The fork is even: so is the dye in its branches.
+  // The fork is symmetric, so both branches contain equal dye.
   for (std::size_t k = 0; k < contrast.cells()[1].count; ++k) {
     const auto& all = contrast.concentration_mg_mL();
     CHECK(all[contrast.cells()[1].first + k] ==

@@ -1,4 +1,4 @@
-// Flow that changes within a heartbeat: against closed forms.
+// Flow that changes within a heartbeat, compared with closed forms.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
@@ -29,7 +29,7 @@ constexpr double kViscosity_Pa_s = 3.5e-3;
 
 std::size_t At(int index) { return static_cast<std::size_t>(index); }
 
-// A tube of 200 mm and 2 mm radius with one outlet.
+// A tube of 200 mm length and 2 mm radius with one outlet.
 struct Tube {
   Flow Make(FlowEnd out, double inlet_mL_s, const Pulse& pulse) const {
     auto graph = std::make_unique<FlowGraph>(network);
@@ -59,7 +59,7 @@ TEST_CASE("Outlets at different pressures exchange blood in diastole", "[effects
   flow.EdgesAt(0.175, systole);
   const double branch = flow.solution().resistance_mmHg_s_mL()[1];
   const double exchanged_mL_s = 20 / (2 * branch);
-  // The mean of the ejection is what comes: 5 mL/s times 2/0.35 at its height.
+  // Mean inflow during ejection: 5 mL/s times 2/0.35 at its peak.
   const double ejected_mL_s = 5 * 2 / 0.35;
   for (std::size_t e = 0; e < 3; ++e) {
     const std::string& name = flow.graph().network().curves()[flow.graph().edges()[e].curve].name();
@@ -84,10 +84,10 @@ TEST_CASE("A Windkessel empties exponentially through its resistance", "[effects
       flow.AdvanceTo(10.4);
       const double early = OutletPressure(flow) - 5;
       flow.AdvanceTo(10.9);
-      // Nothing comes in diastole, so nothing flows through the proximal resistance either.
+      // In diastole there is no inflow, so none through the proximal resistance either.
       const double decay = std::exp(-0.5 / (1.1 * compliance));
       CHECK((OutletPressure(flow) - 5) / early == Approx(decay).epsilon(0.005));
-      // What comes goes: the mean over a beat, once it is periodic.
+      // Inflow equals outflow: the mean over a beat, once the flow is periodic.
       double mean = 0;
       for (int k = 1; k <= 500; ++k) {
         flow.AdvanceTo(15 + 2e-3 * k);
@@ -132,7 +132,7 @@ TEST_CASE("The heart's muscle makes the flow of a coronary outlet diastolic", "[
     ++right;
   }
   const auto expected = [&](double behind_mmHg) {
-    // The fork's pressure p: p/(r + 20) + (p - behind)/(r + 60) = 5.
+    // Pressure p at the fork: p/(r + 20) + (p - behind)/(r + 60) = 5.
     const double p = (5 + behind_mmHg / (r + 60)) / (1 / (r + 20) + 1 / (r + 60));
     return (p - behind_mmHg) / (r + 60);
   };
@@ -145,7 +145,7 @@ TEST_CASE("The heart's muscle makes the flow of a coronary outlet diastolic", "[
 }
 
 TEST_CASE("A cylinder in the middle of a tube leaves the flow of an annulus", "[effects]") {
-  // The profile by another way: (s u')' = -s between walls, u = 0 there, shooting for u'.
+  // Independent profile: (s u')' = -s between walls, u = 0 there, shooting for u'.
   const double r = 2;
   for (const double a : {0.178, 0.4445, 1.0, 1.8}) {
     INFO(a);
@@ -167,7 +167,7 @@ TEST_CASE("A cylinder in the middle of a tube leaves the flow of an annulus", "[
     const double at_0 = shoot(0, flow);
     const double at_1 = shoot(1, flow);
     CHECK(shoot(at_0 / (at_0 - at_1), flow) == Approx(0).margin(1e-9));
-    // A free tube carries pi r^4/8 of these units.
+    // In these units an open tube carries pi r^4/8.
     CHECK(AnnulusInverseFourthPower(r, a) == Approx(std::numbers::pi / 8 / flow).epsilon(1e-5));
   }
   CHECK(AnnulusInverseFourthPower(r, 0) == Approx(1 / 16.0));
@@ -202,7 +202,7 @@ TEST_CASE("A wire in a vessel obstructs as far as it lies in it", "[effects]") {
 }
 
 TEST_CASE("Behind a stenosis the pressure is lost that Young and Tsai say", "[effects]") {
-  // From 2 to 1 mm of radius and back. Closed form: R q + k q^2 = 30 mmHg.
+  // The radius narrows from 2 to 1 mm and widens again. Closed form: R q + k q^2 = 30 mmHg.
   const std::string tube =
       "[vessel]\nkind = \"tubes\"\nwall_stiffness_N_mm2 = 1\n[[vessel.tube]]\nname = \"tube\"\n"
       "points_mm = [[0, 0, 0], [80, 0, 0], [90, 0, 0], [110, 0, 0], [120, 0, 0], [200, 0, 0]]\n"
@@ -223,7 +223,7 @@ TEST_CASE("Behind a stenosis the pressure is lost that Young and Tsai say", "[ef
     CHECK(expected < 0.8 * 30 / r);
   }
   {
-    // In time: the same at every moment of the pulse.
+    // Pulsatile flow satisfies the same equation at every moment.
     SceneOf scene(tube + "inlet_mL_s = 4\noutlets = \"pressure\"\nrate_per_min = 60\n" + stenosis);
     auto& flow = scene.Get<Flow>();
     const double r =

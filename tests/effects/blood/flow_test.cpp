@@ -23,7 +23,7 @@ using torquer::vessel::CenterlineNetwork;
 
 namespace {
 
-// Largest imbalance of a joint, mL/s.
+// Largest flow imbalance of a joint, mL/s.
 double WorstImbalance(const FlowGraph& graph, const FlowSolution::Flows& flows, int inlet) {
   double worst = 0;
   for (std::size_t n = 0; n < graph.nodes().size(); ++n) {
@@ -75,7 +75,7 @@ TEST_CASE("A stenosis takes the pressure that Poiseuille says", "[effects]") {
   const int inlet = graph->NodeAt("tube", "start");
   const int outlet = graph->NodeAt("tube", "end");
   const Flow flow(std::move(graph), 3.5e-3, inlet, 4, {{outlet, true, 60, 0}}, {});
-  // 8 mu Q / pi [160/2^4 + 20/1^4 + 2 int_0^10 ds/(1 + s/10)^4], of which the last is 2*10*7/24.
+  // 8 mu Q / pi [160/2^4 + 20/1^4 + 2 int_0^10 ds/(1 + s/10)^4]; the last term is 2*10*7/24.
   const double integral_1_mm3 = 160.0 / 16 + 20 + 2 * 10 * 7.0 / 24;
   const double drop_Pa = 8 * 3.5e-3 * 4e3 / std::numbers::pi * integral_1_mm3;
   const double drop_mmHg = flow.mean().pressure_mmHg[static_cast<std::size_t>(inlet)] -
@@ -101,7 +101,7 @@ TEST_CASE("Outlets of given resistance and pressure share the flow accordingly",
   const auto& ends = flow.solution().ends();
   REQUIRE(ends.size() == 2);
   const double r = flow.solution().resistance_mmHg_s_mL()[1];
-  // The fork's pressure p: (p - 0)/(r + 30) + (p - 5)/(r + 10) = 5.
+  // Pressure p at the fork: (p - 0)/(r + 30) + (p - 5)/(r + 10) = 5.
   const double p = (5 + 5 / (r + 10)) / (1 / (r + 30) + 1 / (r + 10));
   CHECK(flow.mean().end_mL_s[0] == Approx(p / (r + 30)).epsilon(1e-9));
   CHECK(flow.mean().end_mL_s[1] == Approx((p - 5) / (r + 10)).epsilon(1e-9));
@@ -112,7 +112,7 @@ TEST_CASE("By Murray's law outlets take flow as the cube of their radius", "[eff
   text.replace(text.rfind("radii_mm = [3]"), 14, "radii_mm = [1.5]");
   SceneOf scene(text + kInlet);
   const Flow& flow = scene.Get<Flow>();
-  // The branches' own resistance is small beside the beds'.
+  // The branches' own resistance is small compared with that of the vascular beds.
   CHECK(flow.mean().end_mL_s[0] / flow.mean().end_mL_s[1] == Approx(8).epsilon(0.05));
 }
 
@@ -176,7 +176,7 @@ TEST_CASE("Flow that cannot be is refused with key, value and remedy", "[effects
   CHECK_THAT(Refusal(kFork + "[effects.flow]\ninlet = \"stem\"\ninlet_mmHg = 5\n"
                              "outlets = \"murray\"\n"),
              Contains("needs inlet_mL_s"));
-  // The branch to the right ends elsewhere.
+  // Moves the end of the right branch elsewhere.
   std::string apart = kFork;
   apart.replace(apart.rfind("[[100, 0, 0]"), 12, "[[150, 0, 0]");
   CHECK_THAT(Refusal(apart + kInlet),

@@ -1,4 +1,5 @@
-// The wire of drill_tube.toml, built by hand on the core alone. Prints a hash of where it ends.
+// Program that runs the wire of drill_tube.toml on the core alone and prints a hash of its end
+// state.
 #include <cinttypes>
 #include <cstdio>
 #include <numbers>

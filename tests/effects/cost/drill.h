@@ -1,4 +1,4 @@
-// The hand that both programs have.
+// Hand motion that both programs share.
 #pragma once
 
 namespace torquer::test {

@@ -1,4 +1,4 @@
-// The ticks of a scene, with all that a session does in them. Prints a hash of where the wire ends.
+// Program that runs a scene's ticks as a session does and prints a hash of the wire's end state.
 #include <cinttypes>
 #include <cstdio>
 

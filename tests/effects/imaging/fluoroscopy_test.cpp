@@ -55,7 +55,7 @@ double Sum(const Plane& plane) {
   return sum;
 }
 
-// A straight lumen in steps of a millimeter.
+// A straight lumen, sampled every millimeter.
 std::vector<LumenPoint> Lumen(const Vector3d& from, const Vector3d& to, double r0, double r1,
                               float attenuation_1_mm) {
   std::vector<LumenPoint> points;
@@ -110,15 +110,15 @@ TEST_CASE("Known points fall where the geometry of the C-arm says", "[effects]")
     CHECK(left.column == Approx(middle + 10).margin(1e-9));
     const ImagePoint up = projection.Project(arm.isocenter_mm + Vector3d(0, 0, 16));
     CHECK(up.row == Approx(middle - 20).margin(1e-9));
-    // Nearer to the source, that is behind, all is larger.
+    // Objects nearer to the source, which is behind the patient, appear larger.
     const ImagePoint behind = projection.Project(arm.isocenter_mm + Vector3d(8, 400, 0));
     CHECK(behind.column == Approx(middle + 20).margin(1e-9));
   }
   SECTION("LAO turns the detector to the patient's left, CRA to the head") {
-    // What is to the left comes nearer to the detector in LAO.
+    // In LAO, the patient's left side comes nearer to the detector.
     const Projection lao(arm, 90 * kRadPerDeg, 0);
     CHECK(lao.Project(arm.isocenter_mm + Vector3d(100, 0, 0)).depth_mm == Approx(900).margin(1e-9));
-    // Then the back of the patient is on the right.
+    // The patient's back is then on the right of the picture.
     CHECK(lao.Project(arm.isocenter_mm + Vector3d(0, 8, 0)).column ==
           Approx(middle + 10).margin(1e-9));
     const Projection cra(arm, 0, 90 * kRadPerDeg);
@@ -153,10 +153,10 @@ TEST_CASE("A wire absorbs as the chord of its cylinder", "[effects]") {
     for (int i = -20; i <= 20; ++i) wire.push_back({arm.isocenter_mm + i * axis, 1, 0.5});
     Plane plane = Blank(arm);
     AddWire(projection, wire, plane);
-    // Around the middle ray, which runs along -y.
+    // Around the central ray, which runs along -y.
     const double slanted = std::sqrt(1 - axis[1] * axis[1]);
     CHECK(plane.At(511, 511) == Approx(0.5 * 2 / slanted).epsilon(0.015));
-    // All of it: attenuation times volume over the pixel's area, here magnified.
+    // Sum over all pixels: attenuation times volume over the pixel's area, here magnified.
     const double pixel_mm = arm.pixel_mm() * arm.sod_mm / arm.sid_mm;
     CHECK(Sum(plane) * pixel_mm * pixel_mm == Approx(0.5 * std::numbers::pi * 40).epsilon(0.01));
   }
@@ -196,7 +196,7 @@ TEST_CASE("A lumen absorbs as its chord, at any angle, without seams", "[effects
     double worst = 0;
     for (int column = 120; column <= 135; ++column) {
       for (int row = 123; row <= 132; ++row) {
-        // The closed form: where the ray leaves the cylinder less where it enters.
+        // Closed form: exit point of the ray from the cylinder minus its entry point.
         const Vector3d ray =
             (projection.RightOf(column) * right + projection.UpOf(row) * up + deep).normalized();
         const Vector3d from = projection.source_mm() - arm.isocenter_mm;
@@ -220,8 +220,7 @@ TEST_CASE("A lumen seen along its axis absorbs as it is long", "[effects]") {
       Painted(arm, projection,
               {Lumen(arm.isocenter_mm - 20 * deep, arm.isocenter_mm + 20 * deep, 6, 6, 0.1F)});
   CHECK(plane.At(127, 127) == Approx(4).epsilon(1e-3));
-  // And where it narrows along the ray: the ray half a pixel off in both directions leaves the
-  // cone.
+  // Narrowing along the ray: a ray half a pixel off in both directions leaves the cone.
   plane =
       Painted(arm, projection,
               {Lumen(arm.isocenter_mm - 20 * deep, arm.isocenter_mm + 20 * deep, 4, 0.1, 0.1F)});
@@ -237,8 +236,8 @@ TEST_CASE("Where lumens overlap the union counts once", "[effects]") {
   Plane alone = Painted(arm, projection, {trunk});
   Plane both = Painted(arm, projection, {trunk, branch});
   CHECK(both.At(127, 127) == Approx(alone.At(127, 127)).epsilon(1e-4));
-  // Beyond the trunk the branch is on its own: the mean of 0.2 sqrt(9 - x^2) over a pixel that
-  // begins at its axis, x = 0 to 0.8. A vessel behind the other adds up.
+  // Beyond the trunk the branch is alone. Its value is the mean of 0.2 sqrt(9 - x^2) over a pixel
+  // that begins at its axis, x = 0 to 0.8. Overlapping vessels add up.
   CHECK(both.At(127, 127 - 25) == Approx(0.5928).epsilon(0.003));
   const auto behind = Lumen(at + Vector3d(-40, 30, 0), at + Vector3d(40, 30, 0), 5, 5, 0.1F);
   Plane two = Painted(arm, projection, {trunk, behind});
@@ -254,7 +253,7 @@ TEST_CASE("The body absorbs as its ellipse is thick", "[effects]") {
   const float mean = FillWithBody(Projection(arm, 0, 0), body, front);
   Plane side = Blank(arm);
   FillWithBody(Projection(arm, 90 * kRadPerDeg, 0), body, side);
-  // Within the slow waves of the organs.
+  // Equal up to the slow waves of the organs.
   CHECK(front.At(127, 127) == Approx(body.tissue_1_mm * body.depth_mm).epsilon(0.15));
   CHECK(side.At(127, 127) == Approx(body.tissue_1_mm * body.width_mm).epsilon(0.15));
   CHECK(mean > 2);
@@ -310,7 +309,7 @@ TEST_CASE("The noise of a picture is that of its photons", "[effects]") {
       mean += static_cast<double>(gray) / 65536;
       square += static_cast<double>(gray) * gray / 65536;
     }
-    // The gray's steps add a twelfth.
+    // Quantization of the gray values adds a variance of 1/12.
     const double variance = square - mean * mean - 1.0 / 12;
     CHECK(std::sqrt(variance) / (255 * 2) == Approx(1 / std::sqrt(photons)).epsilon(0.02));
   }
@@ -331,7 +330,7 @@ TEST_CASE("Pictures are taken while the pedal is down, at their rate", "[effects
   CHECK(run(999, true) == 9);
   CHECK(run(300, false) == 0);
   CHECK(run(1, true) == 1);
-  // The same again from the start.
+  // A restart repeats the same pictures.
   session.Restart();
   time_s = 0;
   CHECK(run(500, false) == 0);
@@ -365,7 +364,7 @@ TEST_CASE("Subtraction shows dye alone, a roadmap keeps it", "[effects]") {
                   (roadmap ? "mode = \"roadmap\"\n" : "mode = \"subtraction\"\n"));
     Simulation session(*scene);
     ImageSource::Picture picture;
-    // Beyond the wire's tip at 41 mm; the vessel runs along the patient's left, x, and y.
+    // Beyond the wire's tip at 41 mm; the vessel runs along the patient's left (x) and along y.
     const auto gray = [&picture](int row) {
       return static_cast<int>(picture.gray[static_cast<std::size_t>(row * 64 + 32)]);
     };
@@ -382,7 +381,7 @@ TEST_CASE("Subtraction shows dye alone, a roadmap keeps it", "[effects]") {
     take(2, true);
     CHECK(std::abs(gray(10) - blank) <= 2);
     CHECK((roadmap ? gray(32) > blank + 15 : gray(32) < blank - 25));
-    // Washed out: gone, but not from the map.
+    // The dye has washed out of the picture, but it stays in the road map.
     take(60, false);
     CHECK((roadmap ? gray(32) > blank + 15 : std::abs(gray(32) - blank) <= 2));
   }

@@ -1,5 +1,5 @@
-// Whole pictures against ones that were looked at. `imaging_test "[golden-write]"` writes
-// them again; look at them before they are kept.
+// Golden pictures: whole pictures compared with checked ones. `imaging_test "[golden-write]"`
+// writes them again; look at them before you commit them.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>
@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kSize = 128;
 
-// The coronary arteries 1.2 s after an injection began, nearly without noise.
+// The coronary arteries 1.2 s after the start of an injection, nearly without noise.
 std::vector<std::uint8_t> Coronary(const std::string& mode, double lao_deg, double cra_deg) {
   std::ifstream in(torquer::test::SourcePath("/host/scenes/coronary.toml"));
   std::stringstream text;
@@ -80,7 +80,7 @@ TEST_CASE("Pictures look as those that were looked at", "[effects]") {
       sum += difference;
       far += difference > 8;
     }
-    // The wire may rest a hair elsewhere on another machine.
+    // On another machine the wire may come to rest at a slightly different place.
     CHECK(sum / (kSize * kSize) < 0.5);
     CHECK(far < 40);
   }

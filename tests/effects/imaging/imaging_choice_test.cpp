@@ -1,4 +1,4 @@
-// What an operator chooses on the X-ray system, in pictures and in dose.
+// Operator settings of the X-ray system: their effect on pictures and dose.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -38,8 +38,8 @@ struct Dose {
   int pictures;
 };
 
-// After 2 s of X-ray, 15 pulses a second in the scene, and what is chosen later in the second of
-// them.
+// Dose after 2 s of X-ray at 15 pulses per second in the scene. The settings `imaging` apply first,
+// and `later` in the second second.
 Dose DoseOf(const Imaging& imaging, const Imaging& later) {
   SceneOf scene(kStraight +
                 "[effects.fluoroscopy]\nwidth_px = 128\nheight_px = 64\nbody_width_mm = 0\n");
@@ -81,7 +81,8 @@ TEST_CASE("Pulses are as many as are chosen, and as the scene says otherwise", "
 TEST_CASE("A smaller field takes more dose, and shutters take it from the area alone",
           "[effects]") {
   const Dose open = DoseOf({});
-  // 0.06 mGy/(mA s), 10 mA, 8 ms at 0.6 m; the beam is 300 mm at 1050, 600/1050 of that there.
+  // 0.06 mGy/(mA s), 10 mA, 8 ms at 0.6 m. The beam is 300 mm wide at 1050 mm, so 600/1050 of that
+  // there.
   CHECK(open.kerma_mGy == Approx(30 * 0.06 * 10 * 8e-3 / 0.36));
   const double width_cm = 30 * 600.0 / 1050;
   CHECK(open.area_Gy_cm2 == Approx(1e-3 * open.kerma_mGy * width_cm * width_cm / 2));
@@ -105,7 +106,7 @@ TEST_CASE("A smaller field takes more dose, and shutters take it from the area a
 
 TEST_CASE("A smaller field shows the same point so many times farther from the middle",
           "[effects]") {
-  // The wire comes in from the patient's right and ends at the isocenter: how thick it is drawn.
+  // Width of the wire in the picture. It comes from the patient's right and ends at the isocenter.
   const auto thickness = [](double magnification) {
     SceneOf scene(kStraight + kVessel);
     Simulation session(*scene);
@@ -158,12 +159,12 @@ TEST_CASE("The mode can be changed while the pedal is down, and back to the scen
     Tick(session, command);
     session.image()->Render(picture);
   };
-  // The wire lies left of the middle, dye comes there and beyond.
+  // The wire lies left of the middle; dye flows there and beyond.
   const auto wire = [&] { return Gray(picture, 4, 4) - Gray(picture, 54, 64); };
   const auto dye = [&] { return Gray(picture, 4, 4) - Gray(picture, 90, 64); };
   take(0.1, Imaging::Mode::kAsScene, false);
   CHECK(wire() > 10);
-  take(0.3, Imaging::Mode::kSubtraction, false);  // this is the mask
+  take(0.3, Imaging::Mode::kSubtraction, false);  // becomes the mask
   CHECK(std::abs(wire()) <= 2);
   take(4, Imaging::Mode::kSubtraction, true);
   CHECK(dye() > 20);
@@ -222,7 +223,7 @@ TEST_CASE("What cannot be chosen is refused by the simulation itself", "[effects
   unknown.mode = static_cast<Imaging::Mode>(4);
   CHECK_FALSE(Usable(unknown));
 
-  // Refused as a whole: the C-arm stays too.
+  // A command is refused as a whole: the C-arm does not move either.
   SceneOf scene(kStraight + kVessel);
   Simulation session(*scene);
   Imaging imaging;

@@ -1,4 +1,4 @@
-// The second plane of a biplane system against the first one, turned there.
+// Lateral plane of a biplane system, compared with the first plane turned to the same angle.
 #include <catch2/catch.hpp>
 #include <numbers>
 #include <string>
@@ -29,7 +29,7 @@ struct Taken {
   double pulses, kerma_mGy, area_Gy_cm2;
 };
 
-// What a plane shows in the second for which the C-arm stands at an angle, half of it with dye.
+// Pictures and dose of a plane in one second with the C-arm at a fixed angle; dye from 0.4 s on.
 Taken TakenBy(Simulation& session, std::size_t plane, double lao_deg, const std::string& prefix) {
   Taken taken;
   for (int k = 1; k <= 100; ++k) {
@@ -57,7 +57,7 @@ TEST_CASE("The lateral plane shows what the C-arm would show from there", "[effe
   Simulation both(*biplane);
   REQUIRE(both.image_count() == 2);
   const Taken lateral = TakenBy(both, 1, -20, "lateral_");
-  // Its noise is that of the next seed.
+  // The lateral plane's noise uses the next seed.
   SceneOf other(kStraight + System(6));
   Simulation alone(*other);
   REQUIRE(alone.image_count() == 1);
@@ -88,7 +88,7 @@ TEST_CASE("The lateral plane changes neither the C-arm's pictures nor its dose",
   }
   CHECK(first.kerma_mGy == same.kerma_mGy);
   CHECK(both.state_hash() == one.state_hash());
-  // The body is wider from the side: 90 degrees cost more than 30.
+  // The body is wider from the side: 90 degrees need more dose than 30.
   CHECK(Reading(both, "lateral_air_kerma_mGy") > first.kerma_mGy);
 }
 

@@ -1,4 +1,4 @@
-// Pictures as they leave the simulator: files and messages.
+// Picture output of the simulator: files and messages.
 #include <png.h>
 
 #include <atomic>
@@ -9,7 +9,7 @@
 #include <thread>
 #include <torquer_lcm/instrument_command_t.hpp>
 #include <torquer_lcm/picture_t.hpp>
-// After <cstdio>, which it needs and does not include.
+// Must follow <cstdio>, which it needs and does not include.
 #include <jpeglib.h>
 
 #include "host/bus/clock.h"
@@ -36,7 +36,7 @@ constexpr char kHeader[] =
 
 void Write(const std::string& path, const std::string& text) { std::ofstream(path) << text; }
 
-// The script beside a scene, its pictures in a folder beside it.
+// Runs the script beside a scene; its pictures go into a folder beside it.
 torquer::program::ScriptResult Render(const SceneOf& scene) {
   return torquer::program::RunScript(torquer::Scene::FromFile(scene.Beside("test.toml")),
                                      scene.Beside("s.csv"), {.pictures = scene.Beside("out")});
@@ -122,7 +122,7 @@ TEST_CASE("A picture fits a message, whatever it shows", "[effects]") {
   for (std::uint8_t& gray : picture.gray) gray = static_cast<std::uint8_t>(any(random));
   CHECK(encoder.Encode(picture, kMostPictureBytes).bytes.size() <= kMostPictureBytes);
   CHECK(encoder.Encode(picture, kMostPictureBytes).width == 512);
-  // A calm one comes back as it was, and well soon after.
+  // A smooth picture keeps its resolution, and soon regains full quality.
   for (std::size_t i = 0; i < picture.gray.size(); ++i) {
     picture.gray[i] = static_cast<std::uint8_t>(i % 1024 / 4);
   }

@@ -1,4 +1,4 @@
-// What a picture's gray means: dye thinner than a pixel, scatter, motion since the mask, and dose.
+// Physics of gray values: dye thinner than a pixel, scatter, motion since the mask, and dose.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
@@ -25,7 +25,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-// A vessel of 60 mm through `middle`, painted.
+// Painted vessel of 60 mm length through `middle`.
 Plane Painted(const CArm& arm, const Vector3d& middle, const Vector3d& axis, double radius_mm) {
   const Projection projection(arm, 0, 0);
   Plane plane;
@@ -70,7 +70,7 @@ TEST_CASE("Dye in a thin vessel keeps its iodine wherever it lies", "[effects]")
         const double section = 0.1 * kPi * radius_mm * radius_mm;
         worst = std::max(worst, std::abs(all * pixel_mm * pixel_mm / (section * 60) - 1));
         if (angle != 0) continue;
-        // Each column across it, too.
+        // The same holds for each column across the vessel.
         for (int column = 60; column < 100; ++column) {
           double sum = 0;
           for (int row = 0; row < arm.height; ++row) {
@@ -87,7 +87,7 @@ TEST_CASE("Dye in a thin vessel keeps its iodine wherever it lies", "[effects]")
 }
 
 TEST_CASE("Scatter weakens shadows as Beer and Lambert's law with a background says", "[effects]") {
-  // The gray behind dye in a wide tube, in a picture nearly without noise.
+  // Gray value behind dye in a wide tube, in a picture nearly without noise.
   const auto gray = [](const std::string& more, bool contrast) {
     SceneOf scene(kStraight +
                   "attenuation_1_mm = 0\n[effects.flow]\ninlet = \"tube\"\ninlet_mL_s = 5\n"
@@ -108,7 +108,7 @@ TEST_CASE("Scatter weakens shadows as Beer and Lambert's law with a background s
     return static_cast<double>(picture.gray[32 * 64 + 32]);
   };
   const double background = gray("", false);
-  // 4 mm of 256 mg/mL, less what the blood thins and the blur of the picture spreads.
+  // 4 mm of 256 mg/mL, reduced by dilution in the blood and by the picture's blur.
   const double attenuation = (background - gray("", true)) / (255 * 0.5);
   REQUIRE(attenuation > 0.8);
   for (const double ratio : {0.5, 1.0, 4.0}) {
@@ -119,12 +119,12 @@ TEST_CASE("Scatter weakens shadows as Beer and Lambert's law with a background s
     CHECK(background - gray(scatter, true) == Approx(255 * 0.5 * expected).margin(1.6));
   }
   CHECK(WithScatter(1, 0) == 1);
-  // Weak shadows lose contrast by 1 + S/P.
+  // Weak shadows lose contrast by the factor 1 + S/P.
   CHECK(static_cast<double>(WithScatter(1e-3F, 3)) == Approx(1e-3 / 4).epsilon(0.01));
 }
 
 TEST_CASE("What moved since the mask does not cancel, and does when it is back", "[effects]") {
-  // 15 breaths a minute: back after 4 s, farthest after some 1.5.
+  // 15 breaths per minute: back after 4 s, farthest after about 1.5 s.
   const auto spread = [](double second_s, bool breathes) {
     SceneOf scene(kStraight +
                   "attenuation_1_mm = 0\n[effects.fluoroscopy]\nmode = \"subtraction\"\n"

@@ -1,4 +1,4 @@
-// Pictures beside the ticks: what two threads share. The build under ThreadSanitizer runs it too.
+// Picture thread beside the ticks: the data that two threads share. ThreadSanitizer runs it too.
 #include "host/simulator/picture_thread.h"
 
 #include <catch2/catch.hpp>
@@ -18,7 +18,7 @@ namespace {
 
 using simulator::PictureThread;
 
-// A wire that is pushed on, and its X-ray pictures of 64 x 64.
+// A wire that is fed, and its X-ray pictures of 64 x 64.
 class Ticks {
  public:
   Ticks() {
@@ -29,7 +29,7 @@ class Ticks {
   effects::Fluoroscopy& fluoroscopy() { return *fluoroscopy_; }
   double time_s() const { return time_s_; }
 
-  /// A tick as long as a picture; true where one was taken.
+  /// Runs a tick as long as a picture interval; true if a picture was taken.
   bool Next() {
     time_s_ += 1 / settings_.pictures_per_s;
     height_mm_ += 0.1;

@@ -13,7 +13,7 @@
 namespace torquer::test {
 namespace {
 
-// A tip that is put where a test wants it, on a route of 100 mm along +x with radius 4 mm.
+// A tip that the test positions, on a route of 100 mm along +x with radius 4 mm.
 struct Trainee {
   explicit Trainee(const vessel::MovingField* vessel = nullptr) : moving(vessel) {
     report.converged = true;
@@ -41,7 +41,7 @@ struct Trainee {
     const int steps = static_cast<int>(std::lround(seconds / 0.005));
     for (int k = 1; k <= steps; ++k) {
       const double part = static_cast<double>(k) / steps;
-      // A wire of no length has its tip at the sheath.
+      // A wire of zero length has its tip at the sheath.
       const Vector3d at = from + part * (tip - from);
       state = WireState(MakeWire({.sheath = {at, Vector3d::UnitX()}}));
       target[0].insertion_mm = begin_mm + part * (insertion_mm - begin_mm);
@@ -78,7 +78,7 @@ TEST_CASE("Straight to the target: path ratio one, no retraction, reached and sa
   CHECK(trainee["mean_speed_mm_s"] == Approx(10).epsilon(0.02));
 }
 
-// The whole vessel a way to the side.
+// Moves the whole vessel sideways.
 class Aside final : public vessel::FieldMotion {
  public:
   void SetTime(double time_s) override { shift_mm_ = 12 * std::sin(time_s); }
@@ -138,7 +138,7 @@ TEST_CASE("The time of fluoroscopy is that with the pedal down") {
 
 TEST_CASE("Success above the force limit is not safe") {
   Trainee trainee;
-  // One contact of 60 mN on the way.
+  // One contact of 60 mN during the motion.
   trainee.expansion.points = PressedPoint(0.06);
   trainee.Go({50, 0, 0}, 50, 1);
   trainee.expansion.points = PointSet();

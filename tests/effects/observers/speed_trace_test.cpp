@@ -7,7 +7,7 @@
 namespace torquer::effects {
 namespace {
 
-// A movement of minimum jerk over `distance_mm` in `duration_s`, at 0 .. 1 of it.
+// Position at the fraction `t` (0 to 1) of a minimum-jerk movement over `distance_mm`.
 double MinimumJerk(double distance_mm, double t) {
   return distance_mm * t * t * t * (10 - 15 * t + 6 * t * t);
 }
@@ -23,8 +23,8 @@ SpeedTrace Trace(double duration_s, int movements) {
 }
 
 TEST_CASE("A single movement of minimum jerk has the known smoothness") {
-  // Of the closed form, 720 / 1.875^2. Short and long have the same, for it has no dimension, but
-  // for the jerk that the smoothing over 0.1 s takes away at both ends.
+  // Closed form: 720 / 1.875^2. It is dimensionless, so short and long movements agree. Only the
+  // smoothing over 0.1 s removes some jerk at both ends.
   for (const double duration_s : {5.0, 20.0}) {
     const SpeedTrace trace = Trace(duration_s, 1);
     const double smoothed = 0.5 / duration_s;
@@ -45,7 +45,7 @@ TEST_CASE("Speed that dips within a movement begins a new one, even or not") {
   SpeedTrace trace;
   double position_mm = 0;
   for (double t = 0; t < 6; t += 0.001) {
-    // 12 +- 9 mm/s: three dips to 3 mm/s, which is no rest, part four movements.
+    // 12 +- 9 mm/s: three dips to 3 mm/s, which is not rest, separate four movements.
     position_mm += 0.001 * (12 + 9 * std::sin(2 * std::numbers::pi * t / 2));
     trace.Add(t, position_mm);
   }

@@ -23,8 +23,9 @@ double ReadingOf(const effects::Observer& observer, const std::string& name) {
 }
 
 TEST_CASE("A wire across a slit presses on the wall with the beam's force") {
-  // Clamped in the middle of a slit and bent to its wall by its own rest curvature: a cantilever of
-  // length L whose end is held back. At the tip P L^3 / (3 EI) = deflection free - deflection held.
+  // A wire clamped in the middle of a slit, bent to its wall by its own rest curvature. It is a
+  // cantilever of length L with its end held back. At the tip, P L^3 / (3 EI) is the free
+  // deflection minus the held deflection.
   const double length = 30;
   const double rigidity = 6.35e-3;
   const double curvature = 0.004;
@@ -59,9 +60,10 @@ TEST_CASE("A wire across a slit presses on the wall with the beam's force") {
   const double free = curvature * length * length / 2;
   const double expected_mN = 1e3 * 3 * rigidity * (free - held) / (length * length * length);
   CHECK(force.sum_mN() == Approx(expected_mN).epsilon(0.03));
-  // All of it near the tip, where alone it touches.
+  // The whole force is near the tip, the only place of contact.
   CHECK(force.tip_mN() == Approx(force.sum_mN()));
-  // It lasts for half a second, twice; above the threshold, it is one event.
+  // The contact lasts half a second in two halves; it stays above the threshold, so it is one
+  // event.
   CHECK(force.impulse_mNs() == Approx(0.5 * expected_mN).epsilon(0.03));
   force.Observe(tick);
   CHECK(force.impulse_mNs() == Approx(expected_mN).epsilon(0.03));
@@ -72,7 +74,7 @@ TEST_CASE("A wire across a slit presses on the wall with the beam's force") {
   CHECK(force.impulse_mNs() == 0);
 }
 
-// A vessel with a part of its wall moved outwards.
+// Vessel with a part of its wall moved outwards.
 class MovedWall final : public AnalyticField {
  public:
   using Part = std::function<bool(const Vector3d&)>;
@@ -89,7 +91,7 @@ class MovedWall final : public AnalyticField {
   const double outwards_mm_;
 };
 
-// A wire at rest in a ring, on many points of its outer wall.
+// A wire at rest in a ring, touching its outer wall at many points.
 struct InRing {
   static constexpr double kLengthMm = 70;
   static constexpr double kTipMm = 9;
@@ -99,7 +101,7 @@ struct InRing {
   const WallModel wall{.stiffness_N_mm2 = 2e-4, .points_per_segment = 2};
   const std::vector<EnergyTerm*> none;
 
-  // Rests the wire on a wall; gives its energy, and has the force looked at.
+  // Relaxes the wire on a wall and returns its energy; `force`, if given, observes the result.
   double Rest(const ClearanceField& field, WireState& state, effects::WallForce* force) const {
     NewtonRelaxation relaxation(model, field, wall, {.tolerance = 1e-11}, none);
     relaxation.Restart(state);
@@ -123,12 +125,13 @@ TEST_CASE("Wall forces are what the energy changes by when that part of the wall
   const InRing at;
   WireState state(at.model);
   const double lambda = at.model.segment_mm();
-  // A point carries from the middle of one piece to that of the next; this ends in such a middle.
+  // A point carries the range between the middles of adjacent pieces; this length ends at such a
+  // middle.
   const double tip_mm = InRing::kTipMm + lambda / 4;
   effects::WallForce force({.threshold_mN = 1e-6, .tip_mm = tip_mm, .patch_mm = 2});
   at.Rest(at.ring, state, &force);
   const int n = state.segments();
-  // Along the ring all points that the wire has are distinguished by their angle.
+  // The angle along the ring identifies each point of the wire.
   const auto angle = [](const Vector3d& p) { return std::atan2(p[1], p[0]); };
   const auto at_length = [&](double from_tip_mm) {
     const double segments = from_tip_mm / lambda;
@@ -136,7 +139,8 @@ TEST_CASE("Wall forces are what the energy changes by when that part of the wall
     const auto i = static_cast<std::size_t>(n - 1 - behind);
     return Vector3d(state.nodes()[i + 1] - (from_tip_mm - lambda * behind) * state.tangents()[i]);
   };
-  // In mN: what a part of the wall carries. At balance the energy changes with the wall alone.
+  // Force in mN on a part of the wall. At equilibrium only the wall's displacement changes the
+  // energy.
   const auto carried_mN = [&](const MovedWall::Part& part) {
     constexpr double kStepMm = 1e-4;
     double energy_mJ[2];
@@ -165,7 +169,7 @@ TEST_CASE("Wall forces are what the energy changes by when that part of the wall
     const Vector3d center = at_length(from_tip_mm);
     contacts +=
         carried_mN([&](const Vector3d& p) { return (p - center).norm() < lambda / 8; }) > 1e-6;
-    // The four points of a patch of 2 mm, of which this one is the most distal.
+    // The four points of a 2 mm patch; this point is the most distal.
     const double ends = angle(at_length(from_tip_mm - lambda / 4));
     const double begins = angle(at_length(from_tip_mm + 2 - lambda / 4));
     largest_mN = std::max(largest_mN, carried_mN([&](const Vector3d& p) {
@@ -219,8 +223,8 @@ TEST_CASE("An event begins above the threshold, and keeps its largest force") {
 }
 
 TEST_CASE("The force of a patch does not depend on how finely the wire is cut") {
-  // Straightening itself in a ring, pressed by its tip: the force of a single point falls with the
-  // segments, that of a patch does not.
+  // A wire straightens in a ring and presses with its tip. The force of a single point falls with
+  // the segment length, that of a patch does not.
   const auto readings = [](double segment_mm, int points) {
     const Torus ring(Side::kInside, 30, 1.5);
     const WireModel model = MakeWire({.segment_mm = segment_mm,
@@ -253,7 +257,7 @@ TEST_CASE("The force of a patch does not depend on how finely the wire is cut") 
     for (const int points : {1, 2, 4, 8}) {
       INFO("segments of " << segment_mm << " mm, " << points << " points each");
       const auto force = readings(segment_mm, points);
-      // A contact of one point is known to within its piece of wire.
+      // The place of a single contact point is known only to within its piece of wire.
       const double bound = 0.05 + 0.15 * segment_mm / points;
       CHECK(force->sum_mN() == Approx(fine->sum_mN()).epsilon(bound));
       CHECK(force->largest_mN() == Approx(fine->largest_mN()).epsilon(bound));
@@ -263,9 +267,9 @@ TEST_CASE("The force of a patch does not depend on how finely the wire is cut") 
 }
 
 TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") {
-  // Every point stands for 0.5 mm of wire, the last for half of that, pressed in by 0.05 mm: 0.1
-  // N/mm on a round wire of 0.2 mm that is in the wall by 0.05 mm, on a width of 2 sqrt(0.05 (0.4 -
-  // 0.05)) mm.
+  // Every point stands for 0.5 mm of wire, the last for half of that, and is pressed in by 0.05 mm.
+  // The load is 0.1 N/mm on a round wire of 0.2 mm radius. At 0.05 mm depth its width in the wall
+  // is 2 sqrt(0.05 (0.4 - 0.05)) mm.
   PointSet points;
   points.per_segment = 2;
   points.spacing_mm = points.first_spacing_mm = 0.5;
@@ -310,11 +314,11 @@ TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") 
   CHECK(force.tip_mN() == Approx(125));
   CHECK(force.pressure_kPa() == Approx(100 / (2 * std::sqrt(0.05 * 0.35))));
   CHECK(force.tip_pressure_kPa() == 0);  // pressed sideways
-  // A wall ahead of the last point: on its end, of pi 0.2^2 mm^2, all of its 25 mN.
+  // A wall ahead of the last point: its 25 mN act on the end face of pi 0.2^2 mm^2.
   expansion.points.clearance[12].gradient = -Vector3d::UnitX();
   observe();
   CHECK(force.tip_pressure_kPa() == Approx(25 / (3.14159265358979 * 0.04)));
-  // Ticks that did not converge are no peak and no event.
+  // Ticks that did not converge count neither for the peak nor as an event.
   const double peak_mN = force.largest_ever_mN();
   const int events = force.events();
   const double impulse = force.impulse_mNs();
