@@ -1,5 +1,5 @@
-// The board around the chip: what Arduino's bootloader leaves behind, memory of the USB, contacts
-// that bounce, the end switch, a stick that rests beside its middle.
+// Board around the chip: state left by Arduino's bootloader, USB memory, contact bounce, the end
+// switch, and a joystick whose rest is off center.
 #include <algorithm>
 #include <cmath>
 
@@ -15,9 +15,9 @@ FirmwareImage WithCaterina(int clock_mhz) {
       std::string(TORQUER_CATERINA_DIR "/caterina-start-") + std::to_string(clock_mhz) + "mhz.elf");
 }
 
-/// Until the firmware is on the bus again after a reset that goes through the bootloader.
+/// Runs until the firmware is on the bus again after a reset through the bootloader.
 void Restart(Bench& bench) {
-  bench.Run(0.08);  // the bootloader is on the bus, and leaves it
+  bench.Run(0.08);  // the bootloader joins the bus and leaves it
   bench.Start();
 }
 
@@ -29,7 +29,7 @@ TEST_CASE("started by Caterina, with the USB left on or not, the firmware comes 
     CHECK(bench.Diagnostics().reset_reason == (protocol::kResetDerived | protocol::kResetPower));
     const std::uint8_t power_on = bench.last.boot_id;
 
-    // The reset button, for programming; nobody came, and the sketch is started.
+    // The reset button starts a programming wait; without a programmer the sketch starts.
     bench.device.ResetByPin();
     Restart(bench);
     CHECK(bench.Diagnostics().reset_reason == 0);
@@ -38,7 +38,7 @@ TEST_CASE("started by Caterina, with the USB left on or not, the firmware comes 
     CHECK(bench.gaps == 0);
     CHECK(bench.host.toggle_errors() == 0);
 
-    // Asked for by command: the bootloader is passed by, or waits for its time.
+    // Reset by command: the bootloader is skipped, or waits for its timeout.
     for (const protocol::Command command :
          {protocol::kCommandReset, protocol::kCommandEnterBootloader}) {
       const std::uint8_t before = bench.last.boot_id;
@@ -115,7 +115,7 @@ TEST_CASE("the end switch marks the same place of the travel each time, whatever
   options.reference_switch_mm = 2.0;
   options.contact_bounce_us = 5000;
   Bench bench(options);
-  // Out to 30 mm and home again, over and over, faster and faster.
+  // Moves out to 30 mm and home repeatedly, faster each time.
   bench.device.SetHand([](double time_s) {
     const double t = std::max(0.0, time_s - 1);
     HandState hand;
@@ -131,8 +131,7 @@ TEST_CASE("the end switch marks the same place of the travel each time, whatever
     if (now && !at_reference && (bench.last.flags & protocol::kFlagReference)) {
       ++closings;
       const double mark_mm = bench.last.reference_counts * 25.4 / 1200;
-      // As far as the hand comes in the few milliseconds for which the contact does not conduct
-      // yet.
+      // Distance that the hand covers in the few milliseconds before the contact conducts.
       CHECK(mark_mm <= 2.05);
       CHECK(mark_mm >= 1.7);
     }
@@ -192,7 +191,7 @@ TEST_CASE("a stick that rests beside its middle, as a KY-023 does, is silent at 
     bench.Run(1);
     CHECK(bench.last.joystick_x <= 2);
     bench.Run(1);
-    CHECK(bench.last.joystick_x == 512);  // it does not return exactly
+    CHECK(bench.last.joystick_x == 512);  // its return is inexact
   }
 }
 

@@ -1,15 +1,15 @@
-// Starts an application as Caterina, the bootloader of Arduino's boards, does: it has cleared MCUSR
-// by then, and after a reset by the pin, or its 8 s of waiting, it leaves the USB controller on,
-// the endpoints with their memory, an address, and its LED pins as outputs. The waiting is cut
-// short, and nothing is served. The order is that of Caterina.c and of LUFA, as Arduino publishes
-// them.
+// Start-up stub that starts an application as Caterina, the bootloader of Arduino's boards, does.
+// Caterina has cleared MCUSR by then. After a reset by the pin, or after its timeout of 8 s, it
+// leaves the USB controller on, endpoints with memory, an address, and its LED pins as outputs. The
+// stub shortens the timeout and serves no request. The order of steps is that of Caterina.c and of
+// LUFA, as Arduino publishes them.
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/wdt.h>
 #include <util/delay.h>
 
 extern "C" {
-// The clock that this image was built for, for whoever runs it.
+// Clock in Hz that this image was built for; the emulator reads it.
 extern const uint32_t torquer_clock_hz __attribute__((__progmem__));
 const uint32_t torquer_clock_hz = F_CPU;
 }
@@ -19,8 +19,8 @@ namespace {
 constexpr uint16_t kKeyAddress = 0x0800, kKey = 0x7777;
 constexpr uint8_t kNotificationEndpoint = 2, kTransmitEndpoint = 3, kReceiveEndpoint = 4;
 
-// As large as Caterina's own variables, about: an application that keeps something in RAM over a
-// reset loses it here.
+// About the size of Caterina's own variables: they overwrite RAM that an application keeps over a
+// reset.
 volatile uint8_t variables[176];
 
 [[noreturn]] void StartSketch() {

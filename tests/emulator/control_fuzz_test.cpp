@@ -1,5 +1,5 @@
-// Every control request that a host can send, completed or left at any stage, to the firmware in
-// the emulator. Whatever it was, the next request is served, reports go on, and no count is lost.
+// Fuzz test of control requests to the firmware in the emulator, completed or aborted at any stage.
+// After each one, the next request is served, reports continue, and no count is lost.
 #include <algorithm>
 #include <array>
 #include <random>
@@ -11,7 +11,7 @@
 namespace torquer::emulator {
 namespace {
 
-constexpr int kShare = test::kUnderSanitizer ? 16 : 1;  // one request of so many
+constexpr int kShare = test::kUnderSanitizer ? 16 : 1;  // runs one request of this many
 
 constexpr std::uint16_t kValues[] = {
     0,      1,      2,      3,      4,      0x7f,   0x80,   0x81,   0x0100, 0x0101, 0x0200, 0x0201,
@@ -20,7 +20,7 @@ constexpr std::uint16_t kIndices[] = {0, 1, 2, 0x80, 0x81, 0x82, 0x0101, 0x0409,
 constexpr std::uint16_t kLengths[] = {0,  1,  2,  7,  8,  9,  16,  18,    31,
                                       32, 33, 34, 63, 64, 65, 255, 0x100, 0xffff};
 
-// Where the host leaves off, or what it does wrong.
+// Stage at which the host aborts, or the error that it makes.
 enum class Course {
   kWhole,
   kSetupOnly,
@@ -32,10 +32,10 @@ enum class Course {
 };
 constexpr int kCourses = 7;
 
-// A host that sends what it likes. It runs the bus packet by packet.
+// Host that sends random requests. It runs the bus packet by packet.
 class WildHost {
  public:
-  /// `patience` is the slots for which it asks again.
+  /// `patience` is the number of slots for which it repeats a packet.
   explicit WildHost(int patience = 50) : patience_(patience) {
     device_.SetHand([](double time_s) {
       HandState hand;
@@ -43,10 +43,10 @@ class WildHost {
       hand.rotation_rad = -time_s;
       return hand;
     });
-    for (int i = 0; i < 600; ++i) Frame();  // it looks at its own flash first
+    for (int i = 0; i < 600; ++i) Frame();  // the firmware checks its flash first
     REQUIRE(device_.usb().Attached());
     Attach();
-    // Until the sensor counts.
+    // Runs until the sensor counts.
     for (int i = 0; i < 300; ++i) Frame();
     REQUIRE(reports_ > 250);
     REQUIRE_FALSE(last_.flags & protocol::kFlagSensorFault);
@@ -75,7 +75,8 @@ class WildHost {
     (in && setup.length != 0) ? Out({}) : In(&nothing);
   }
 
-  // The device serves the simplest request; what was set otherwise is put right.
+  // Checks that the device serves the simplest request, and restores settings that the fuzzer
+  // changed.
   void Recover(std::uint16_t perhaps_address) {
     Bytes configuration;
     if (!Get({0x80, 8, 0, 0, 1}, &configuration)) {
@@ -99,14 +100,14 @@ class WildHost {
     REQUIRE(reports_ > before);
   }
 
-  // What the sensor counted is in the reports, and none is missing.
+  // Checks that the reports contain the sensor's counts and that no report is missing.
   void Check() {
     for (int i = 0; i < 5 || ((last_.flags & protocol::kFlagSensorFault) && i < 1000); ++i) Frame();
     CHECK(gaps_ == 0);
     CHECK(last_.boot_id == 0);
     CHECK(device_.chip().resets() == 0);
     CHECK_FALSE(last_.flags & protocol::kFlagSensorFault);
-    // The poll brings the report of the frame before.
+    // A poll returns the report of the previous frame.
     const auto axial = static_cast<std::int32_t>(device_.sensor().axial_counts());
     CHECK(std::abs(last_.axial_counts - axial) <= 15);
     CHECK(last_.axial_counts > 100);
@@ -125,7 +126,7 @@ class WildHost {
   static constexpr int kShortPatience = 50;
   static constexpr std::size_t kLongest = 5000;
 
-  // The next slot in the frame; at its end the next frame begins.
+  // Runs the next slot of the frame; after its last slot the next frame begins.
   void Slot() {
     device_.chip().UpdateUsbInterrupts();
     device_.RunUntil(device_.now_us() + kSlotUs);
@@ -144,7 +145,7 @@ class WildHost {
       REQUIRE(packet.size() == sizeof(last_));
       const std::uint16_t expected = static_cast<std::uint16_t>(last_.sequence + 1);
       std::memcpy(&last_, packet.data(), sizeof(last_));
-      // After a time without polls the newest report alone is there.
+      // After a time without polls, only the newest report is available.
       if (polled_ && last_.sequence != expected) ++gaps_;
       polled_ = true;
       ++reports_;
@@ -176,7 +177,7 @@ class WildHost {
     Slot();
     return answer == UsbAnswer::kAck;
   }
-  // The device may be busy for a frame or two, no longer.
+  // The device may be busy for at most a frame or two.
   template <typename Try>
   UsbAnswer UntilAnswered(const Try& once) {
     UsbAnswer answer = UsbAnswer::kNak;
@@ -197,7 +198,8 @@ class WildHost {
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random_());
     if (random_() % 2) bytes[0] = static_cast<std::uint8_t>(setup.value);
     if (bytes.size() > 1 && random_() % 2) bytes[1] = protocol::kProtocolVersion;
-    // Zeroing the counts and restarting are not asked for by chance.
+    // Random data must not contain the command key, which would zero the counts or restart the
+    // device.
     if (bytes.size() > 2 && bytes[2] == (protocol::kCommandKey & 0xff)) ++bytes[2];
     return bytes;
   }
@@ -260,9 +262,9 @@ TEST_CASE("the requests that mean something, with every value and left at every 
   host.Check();
 }
 
-// A firmware image for the sensor, of the right length or not, and its picture: left at any stage,
-// the device goes on, and so does the count. While a burst to the sensor is under way, it is
-// silent.
+// Long reports: a firmware image for the sensor, of correct or wrong length, and its picture.
+// Aborted at any stage, the device must continue and keep its counts. During a burst to the sensor,
+// the device sends no reports.
 TEST_CASE("long reports, left at every stage, wedge nothing") {
   WildHost host(2000);
   std::mt19937& random = host.random();

@@ -1,5 +1,5 @@
-// A device whose cable is pulled and put back, whose bus is reset or suspended and whose chip is
-// reset, again and again: it always comes back, and what the hand does meanwhile is counted.
+// Repeated unplugging, bus resets, suspends and chip resets. The device must always come back, and
+// the hand's motion in the meantime must be counted.
 #include <array>
 #include <cstdlib>
 #include <random>
@@ -14,14 +14,14 @@ constexpr double kStrokeS = 0.04;
 constexpr double kSpeedMmS = 300;
 constexpr double kStillS = 0.02;
 
-// A hand that moves when it is asked to, and stands still otherwise.
+// Hand that moves on request and otherwise stands still.
 class StrokingHand {
  public:
   explicit StrokingHand(Bench& bench) : bench_(bench) {
     bench.device.SetHand([this](double time_s) { return At(time_s); });
   }
 
-  /// To one side for a while, and still again; whether every count of it arrived.
+  /// Moves to one side for a while, then stops; true if every count of it arrived.
   bool Stroke(double side) {
     Bench& bench = bench_;
     const std::int64_t sensed = bench.device.sensor().axial_counts();
@@ -33,7 +33,7 @@ class StrokingHand {
     bench.gaps = 0;
     bench.Run(kStrokeS + kStillS);
     const std::int64_t moved = bench.device.sensor().axial_counts() - sensed;
-    // 300 mm/s at 1200 counts an inch, for 40 ms.
+    // 300 mm/s at 1200 counts per inch, for 40 ms.
     CHECK(std::abs(moved) > 500);
     CHECK(bench.gaps == 0);
     return bench.last.axial_counts - counted == moved && bench.last.boot_id == boot;
@@ -52,7 +52,7 @@ class StrokingHand {
   double speed_mm_s_ = 0;
 };
 
-// Until reports come again from a sensor that answers.
+// Runs until reports arrive again and the sensor answers.
 void ComeBack(Bench& bench) {
   for (int frame = 0; frame < 3000; ++frame) {
     bench.host.RunFrame();
@@ -66,7 +66,7 @@ void ComeBack(Bench& bench) {
 
 void Disturb(Bench& bench, int kind, std::mt19937& random) {
   std::uniform_real_distribution<double> share(0, 1);
-  // At any phase of a frame, for any time.
+  // Begins at any phase of a frame and lasts any time.
   bench.device.RunUntil(bench.device.now_us() + 1000 * share(random));
   const double pause_s = 0.03 * share(random);
   switch (kind) {

@@ -1,4 +1,4 @@
-// torquer-emulator as programs meet it: over its socket.
+// Tests of torquer-emulator through its socket, as programs use it.
 #include "host/emulator/emulator_run.h"
 
 #include <poll.h>
@@ -32,7 +32,7 @@ using Bytes = std::vector<std::uint8_t>;
 constexpr char kMotionHeader[] = "time_s,insertion_mm,rotation_rad,joystick_x,joystick_y,buttons\n";
 constexpr auto kPatience = std::chrono::seconds(120);
 
-/// The emulator in its own thread, as fast as its client takes the reports.
+/// Emulator in its own thread, which runs as fast as its client takes the reports.
 class RunningEmulator {
  public:
   explicit RunningEmulator(RunOptions options) {
@@ -92,7 +92,7 @@ class Client {
     REQUIRE(send(socket_, packet.data(), packet.size(), MSG_NOSIGNAL) ==
             static_cast<ssize_t>(packet.size()));
   }
-  /// The next packet; empty when the device has closed the connection.
+  /// Next packet; empty once the device has closed the connection.
   Bytes Receive() {
     pollfd event{socket_, POLLIN, 0};
     REQUIRE(poll(&event, 1, 20000) == 1);
@@ -101,7 +101,7 @@ class Client {
     packet.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
     return packet;
   }
-  /// The next packet that is no input report.
+  /// Next packet that is not an input report.
   Bytes Answer() {
     Bytes packet;
     do {
@@ -151,7 +151,7 @@ TEST_CASE("feature reports are read and written over the socket, nonsense is ref
   REQUIRE(configuration.size() == 17);
   CHECK(configuration[0] == 'F');
   configuration[0] = 'S';
-  configuration[3] = 0x20;  // 800 counts an inch
+  configuration[3] = 0x20;  // 800 counts per inch
   configuration[4] = 0x03;
   client.Send(configuration);
   CHECK(client.Answer() == Bytes{'D'});
@@ -299,7 +299,7 @@ TEST_CASE("the program ends with its summary as JSON") {
       outcome.output.substr(outcome.output.rfind('\n', outcome.output.size() - 2) + 1);
   const nlohmann::json summary = nlohmann::json::parse(last);
   CHECK(summary["axial_counts"] == 2362);
-  CHECK(summary["reports_sent"] == 0);  // nobody read any
+  CHECK(summary["reports_sent"] == 0);  // there was no reader
   CHECK(summary["violations"] == 0);
   CHECK(summary["cycles_used_fraction"] < 0.6);
   CHECK(summary["time_simulated_s"] > 1.25);

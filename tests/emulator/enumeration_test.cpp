@@ -1,4 +1,4 @@
-// The firmware as a host meets it: descriptors, requests, refusals.
+// USB enumeration of the firmware as a host sees it: descriptors, requests, refusals.
 #include "firmware/src/usb_descriptors.h"
 #include "tests/support/emulated_bench.h"
 
@@ -85,7 +85,7 @@ TEST_CASE("the configuration is read back as written, and used") {
   CHECK(bench.last.cpi == 12000);
   CHECK(bench.last.joystick_x == 512);
   bench.Run(1);
-  CHECK(bench.last.axial_counts == 4724);  // 10 mm at 12,000 counts an inch
+  CHECK(bench.last.axial_counts == 4724);  // 10 mm at 12,000 counts per inch
   const auto back = bench.Get<protocol::ConfigurationReport>(protocol::kConfigurationReportId);
   CHECK(back.cpi == 12000);
   CHECK(back.joystick_deadzone == 30);
@@ -133,12 +133,12 @@ TEST_CASE("transfers that the host gives up at any stage wedge nothing") {
   const std::uint8_t requests[][8] = {
       {0x80, 6, 0, 2, 0, 0, 255, 0},  // a read of two packets
       {0xa1, 1, 4, 3, 0, 0, 64, 0},   // a feature report
-      {0x21, 9, 3, 3, 0, 0, 16, 0},   // a write whose data never come
+      {0x21, 9, 3, 3, 0, 0, 16, 0},   // a write whose data never arrive
       {0x00, 9, 1, 0, 0, 0, 0, 0},    // no data
   };
   for (int round = 0; round < 5; ++round) {
     for (const auto& request : requests) {
-      // The address was the first that the host gave.
+      // 1 is the first address that this host assigns.
       REQUIRE(usb.Setup(1, std::span<const std::uint8_t, 8>(request)) == UsbAnswer::kAck);
       bench.device.chip().UpdateUsbInterrupts();
       for (int i = 0; i < round; ++i) bench.host.RunFrame();

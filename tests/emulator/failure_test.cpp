@@ -1,4 +1,4 @@
-// What goes wrong on a bench: the sensor fails, the power goes, the firmware restarts.
+// Failures on a bench: the sensor fails, the power is lost, the firmware restarts.
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -24,7 +24,8 @@ void Fail(VirtualPmw3360::Fault fault) {
   bench.Start();
   bench.Run(1);
   bench.device.sensor().SetFault(fault);
-  // Until it is noticed: at once if it falls silent, at the next check if it is exchanged.
+  // Runs until the fault is detected: at once if the sensor is silent, at the next check if
+  // exchanged.
   for (int i = 0; i < 1000 && !(bench.last.flags & protocol::kFlagSensorFault); ++i) {
     bench.host.RunFrame();
   }
@@ -149,7 +150,7 @@ TEST_CASE("pulled and plugged in again: another boot id, the settings kept") {
   bench.CheckRules();
 }
 
-// Both copies in the EEPROM differ from what is to be written in every byte.
+// EEPROM in which every byte of both copies differs from the data to be written.
 std::vector<std::uint8_t> EepromBeforeTheCut() {
   Bench bench;
   bench.Start();
@@ -158,13 +159,13 @@ std::vector<std::uint8_t> EepromBeforeTheCut() {
   REQUIRE(bench.Configure(700, 33) == TransferStatus::kDone);
   bench.Run(0.2);
   std::vector<std::uint8_t> eeprom = bench.device.Eeprom();
-  // The older copy, which is the one to be rewritten.
+  // The older copy will be overwritten.
   std::fill_n(eeprom.begin() + protocol::kEepromSettingsAddress[0], kSettingsBytes, 0x55);
   return eeprom;
 }
 
-// Begins the change and cuts the power in the middle of its `write`-th byte, `share` of that byte's
-// time after its beginning. Returns the byte's place in the copy; -1 if there were not so many.
+// Starts the change and cuts the power during byte number `write`, after `share` of that byte's
+// write time. Returns the byte's place in the copy; -1 if fewer bytes were written.
 int CutDuring(Bench* bench, int write, double share) {
   constexpr double kByteUs = 3400;
   const int before = bench->device.chip().eeprom_writes();
@@ -207,7 +208,7 @@ TEST_CASE("power cut in every byte of a change of the settings leaves the old or
     }
     ++writes;
   }
-  // The marker first, every byte behind it, the marker again.
+  // Write order: the marker, every byte behind it, the marker again.
   CHECK(writes - 1 == kSettingsBytes + 1);
   for (int byte = 0; byte < kSettingsBytes; ++byte) CHECK(torn.count(byte) == 1);
   CHECK(old_ones > 3 * kSettingsBytes);
@@ -233,7 +234,7 @@ TEST_CASE("a dip of the supply is reported as a brown-out, and so is what it cos
   bench.Run(0.2);
   const std::uint8_t before = bench.last.boot_id;
   REQUIRE(bench.Configure(900, 98) == TransferStatus::kDone);
-  bench.Run(0.01);  // the EEPROM is being written
+  bench.Run(0.01);  // EEPROM write in progress
   bench.device.chip().ResetByBrownOut();
   bench.Run(0.01);
   CHECK_FALSE(bench.host.ready());
@@ -244,7 +245,7 @@ TEST_CASE("a dip of the supply is reported as a brown-out, and so is what it cos
   bench.CheckRules();
 }
 
-// Wherever the firmware waits for a part of the chip, it does not kick the watchdog meanwhile.
+// While the firmware waits for a part of the chip, it must not kick the watchdog.
 TEST_CASE("a part of the chip that never answers is ended by the watchdog, which is reported") {
   using Part = Atmega32u4::Part;
   for (const FirmwareImage& image : {Image16(), Image8()}) {

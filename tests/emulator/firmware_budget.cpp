@@ -1,6 +1,5 @@
-// What the firmware costs and whether it keeps up: flash, RAM, stack, cycles, lost reports,
-// measured on the images themselves while a hand moves at 1 m/s. Ends with 1 if a limit is
-// exceeded.
+// Firmware budget: flash, RAM, stack, cycles and lost reports, measured on the images themselves
+// while a hand moves at 1 m/s. Exits with 1 if a limit is exceeded.
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -25,13 +24,13 @@ namespace {
 using namespace torquer;
 using namespace torquer::emulator;
 
-// Of the ATmega32U4; 4 KiB of flash are left to a bootloader.
+// ATmega32U4 memory; 4 KiB of flash are reserved for a bootloader.
 constexpr int kFlashBytes = protocol::kImageTrailerAddress;
 constexpr int kRamStart = 0x100, kRamEnd = 0xb00;
 constexpr int kRamBytes = kRamEnd - kRamStart;
 constexpr double kCyclesLimit = 0.6;
 constexpr int kStackReserve = 512;
-constexpr double kAwakeLimitUs = 800;  // of any frame: silicon has a fifth in reserve
+constexpr double kAwakeLimitUs = 800;  // in any frame: real silicon has a fifth in reserve
 constexpr int kFramesARequest = 50;
 constexpr double kSpeed_mm_s = 1000;
 constexpr double kRest_s = 0.5;
@@ -43,7 +42,7 @@ struct Budget {
   int variables_bytes = 0;
   int stack_bytes = 0;
   int longest_frame_us = 0;
-  int longest_awake_us = 0;  // in one frame, start-up aside
+  int longest_awake_us = 0;  // in one frame, except start-up
   double cycles_fraction = 0;
   long long frames = 0;
   long long reports = 0;
@@ -65,7 +64,7 @@ void Ask(UsbHost& host, long long number) {
 Budget Measure(const std::string& name, double seconds) {
   const FirmwareImage image(torquer::test::FirmwarePath(name + ".elf"));
   BenchOptions options;
-  options.start_time_us = 0xffffffffu - 2000000u;  // the device time wraps on the way
+  options.start_time_us = 0xffffffffu - 2000000u;  // device time wraps during the run
   BenchDevice device(image, options);
   device.SetHand([seconds](double time_s) {
     HandState hand;
@@ -89,7 +88,7 @@ Budget Measure(const std::string& name, double seconds) {
   const double end_us = (kRest_s + seconds + 0.1) * 1e6;
   std::uint64_t awake_cycles = 0;
   for (; device.now_us() < end_us; ++budget.frames) {
-    // At its busiest: a setting changes, and is written to the EEPROM, while reports are asked for.
+    // Peak load: a setting changes and is written to the EEPROM while the host requests reports.
     if (budget.frames % kFramesARequest == 0) Ask(host, budget.frames / kFramesARequest);
     host.RunFrame();
     const std::uint64_t now = device.chip().cycles() - device.chip().sleep_cycles();

@@ -1,5 +1,4 @@
-// The chip's flash as its own program writes it: small programs in the boot section, by their
-// words.
+// Self-programming of the chip's flash: small programs in the boot section, given as machine words.
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <initializer_list>
@@ -25,7 +24,7 @@ void Append(Words* words, std::initializer_list<std::uint16_t> more) {
   words->insert(words->end(), more);
 }
 
-// SPMCSR, and SPM behind it if wanted.
+// Writes SPMCSR, followed by SPM if requested.
 void Command(Words* words, std::uint32_t address, int command, bool spm = true) {
   Append(words, {Ldi(30, static_cast<int>(address & 0xff)), Ldi(31, static_cast<int>(address >> 8)),
                  Ldi(24, command), 0xbf87 /* out SPMCSR, r24 */});
@@ -83,7 +82,7 @@ TEST_CASE("a page is erased in 4 ms, and can be read when it is enabled again") 
 }
 
 TEST_CASE("from an erase on the lower flash reads as blank, until it is enabled") {
-  // What was read goes into the erased page, where it can be seen.
+  // The program stores the read value in the erased page, where the test can see it.
   const bool enable_first = GENERATE(false, true);
   Words program;
   Command(&program, kPage, kErase);

@@ -1,4 +1,4 @@
-// The emulator on LCM: live motion in, truth and health out.
+// Live emulator on LCM: motion as input, truth and health as output.
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -63,7 +63,7 @@ TEST_CASE("the hand follows LCM, and the truth about it and the sensor comes bac
     }
     return reached();
   };
-  // The sensor starts within a fifth of a second of the device's time; only then does it count.
+  // The sensor starts within 0.2 s of device time, and counts only after that.
   CHECK(wait_until([&] { return truth.time_s > 0.3; }));
   const std::int64_t counts = truth.axial_counts;
   hand.insertion_mm = 25.4;
@@ -97,7 +97,7 @@ TEST_CASE("live motion moves the box that it names, or every box") {
   LiveHand first_hand;
   LiveHand second_hand;
   double time_s = 0;
-  // Motion for another box comes first: when the last has arrived, it has.
+  // Motion for another box is sent first: it has arrived once the last message has.
   const auto move = [&](const std::string& device, double insertion_mm) {
     hand_motion_t hand{};
     hand.device = "BOX-3";

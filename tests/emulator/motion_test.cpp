@@ -1,4 +1,4 @@
-// From the hand to the counts in the reports: nothing lost, signs right, doubts flagged.
+// Motion from the hand to the counts in the reports: no loss, correct signs, doubts flagged.
 #include <cmath>
 #include <numbers>
 
@@ -21,7 +21,7 @@ HandState Meter(double time_s, double rest_s) {
 
 void RunAtAMeterASecond(const FirmwareImage& image, int seconds) {
   BenchOptions options;
-  options.start_time_us = 0xffffffffu - 2000000u;  // the device time wraps after 2 s
+  options.start_time_us = 0xffffffffu - 2000000u;  // device time wraps after 2 s
   Bench bench(options, image);
   bench.device.SetHand(
       [seconds](double time_s) { return Meter(std::min(time_s, seconds + 0.5), 0.5); });
@@ -42,7 +42,7 @@ void RunAtAMeterASecond(const FirmwareImage& image, int seconds) {
   CHECK(wrapped);
   CHECK(bench.gaps == 0);
   CHECK(bench.host.toggle_errors() == 0);
-  // What the sensor counted arrived, and it counted what the hand did, to the count.
+  // The reports contain all of the sensor's counts, and these match the hand's motion exactly.
   CHECK(bench.last.axial_counts == bench.device.sensor().axial_counts());
   CHECK(bench.last.transverse_counts == bench.device.sensor().transverse_counts());
   CHECK(bench.last.axial_counts == std::lround(seconds * 1000 / kMmPerInch * kCpi));
@@ -60,7 +60,7 @@ TEST_CASE("a minute at 1 m/s over the wrap of the device time: no report and no 
 
 TEST_CASE("the same at 8 MHz, for ten seconds") { RunAtAMeterASecond(Image8(), 10); }
 
-// The start of a frame and the overflow of the chip's timer meet at every phase.
+// The start of a frame and the overflow of the chip's timer coincide at every phase.
 TEST_CASE("device time steps evenly, whenever the frames begin") {
   for (double phase_us = 0; phase_us < 8; phase_us += 0.5) {
     Bench bench;
@@ -76,7 +76,7 @@ TEST_CASE("device time steps evenly, whenever the frames begin") {
   }
 }
 
-// The sensor is read once in every frame, at the same time after its start.
+// The firmware reads the sensor once per frame, at a fixed time after the frame's start.
 TEST_CASE("sampling is locked to the start of the frame, at both clocks") {
   for (const FirmwareImage& image : {Image16(), Image8()}) {
     for (const double phase_us : {0.0, 3.3, 411.7}) {
@@ -95,7 +95,7 @@ TEST_CASE("sampling is locked to the start of the frame, at both clocks") {
         bench.host.RunFrame();
         int reads = 0;
         for (const double read_us : reads_us) {
-          // The others are the emulator's own, for joystick and buttons.
+          // Skips the emulator's own reads, which are for joystick and buttons.
           const double after_us = read_us - start_us;
           if (after_us < 1e-3 || std::fmod(read_us + 1e-3, 1000) < 2e-3) continue;
           ++reads;

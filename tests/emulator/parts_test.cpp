@@ -1,4 +1,4 @@
-// The emulator's parts against their data sheets: they must notice what real ones would punish.
+// Emulated parts compared with their data sheets: they must detect misuse that real parts punish.
 #include <catch2/catch.hpp>
 #include <fstream>
 
@@ -79,7 +79,7 @@ TEST_CASE("a clock too fast, another mode, and an access too early are named") {
 
 class Controller {
  public:
-  // Registers by their addresses in the data sheet.
+  // Register addresses from the data sheet.
   static constexpr int kUsbcon = 0xd8, kUdcon = 0xe0, kUdint = 0xe1, kUdien = 0xe2, kUdaddr = 0xe3,
                        kUeintx = 0xe8, kUenum = 0xe9, kUeconx = 0xeb, kUecfg0x = 0xec,
                        kUecfg1x = 0xed, kUesta0x = 0xee, kUeienx = 0xf0, kUedatx = 0xf1;
@@ -150,7 +150,7 @@ TEST_CASE("a one in the kill bit drops the packet written last, as on silicon") 
   CHECK(controller.TakeIn() == 1);
   CHECK(controller.TakeIn() == -1);
   CHECK(controller.usb.violations().empty());
-  controller.Set(Controller::kUeintx, 0xff & ~0x01);  // TXINI alone: the kill bit is a one
+  controller.Set(Controller::kUeintx, 0xff & ~0x01);  // clears TXINI only: the kill bit is 1
   REQUIRE_FALSE(controller.usb.violations().empty());
   CHECK_THAT(controller.usb.violations().front(), Catch::Contains("KILLBK"));
 }
@@ -161,7 +161,7 @@ TEST_CASE("interrupt requests are levels") {
   CHECK_FALSE(controller.usb.general_interrupt());
   controller.usb.StartOfFrame(1);
   CHECK(controller.usb.general_interrupt());
-  controller.Set(Controller::kUdint, 0xff);  // ones clear nothing
+  controller.Set(Controller::kUdint, 0xff);  // writing ones clears nothing
   CHECK(controller.usb.general_interrupt());
   controller.Set(Controller::kUdint, 0x00);
   CHECK_FALSE(controller.usb.general_interrupt());
@@ -221,7 +221,7 @@ TEST_CASE("memory is given out in rising order, to its end, and stays given over
   }
   SECTION("sizes and banks that there are not, and memory that there is not") {
     controller.Set(Controller::kUenum, 2);
-    controller.Set(Controller::kUecfg1x, 0x42);  // 128 bytes, for endpoint 1 alone
+    controller.Set(Controller::kUecfg1x, 0x42);  // 128 bytes, possible for endpoint 1 only
     CHECK((controller.Get(Controller::kUesta0x) & 0x80) == 0);
     controller.Set(Controller::kUecfg1x, 0x3a);  // three banks
     CHECK((controller.Get(Controller::kUesta0x) & 0x80) == 0);

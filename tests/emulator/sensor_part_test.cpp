@@ -1,5 +1,5 @@
-// The virtual PMW3360 against its data sheet: what the part does by itself, and what it must
-// notice.
+// Virtual PMW3360 compared with its data sheet: its own behavior, and the misuse that it must
+// detect.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numeric>
@@ -13,7 +13,7 @@ namespace {
 constexpr int kMotion = 0x02, kConfig1 = 0x0f, kConfig2 = 0x10, kFrameCapture = 0x12,
               kSromEnable = 0x13, kObservation = 0x24, kSromId = 0x2a, kReset = 0x3a;
 
-/// A sensor that is set up as a driver would, over a surface that moves as the test says.
+/// Sensor set up as by a driver, over a surface whose motion the test defines.
 struct Moving : SensorSpeaker {
   explicit Moving(const SensorImperfections& imperfections = {}) : SensorSpeaker(imperfections) {
     sensor.SetSurface([this](double us) { return SurfacePosition{position(us * 1e-6), 0}; });
@@ -23,7 +23,7 @@ struct Moving : SensorSpeaker {
     Write(0x50, 0);
     Burst();
   }
-  /// Readings a millisecond apart, as the firmware makes them; the sum of what they say.
+  /// Reads every millisecond, as the firmware does; returns the sum of the counts.
   int Follow(double seconds) {
     int counts = 0;
     const double end_us = now_us + seconds * 1e6;
@@ -74,7 +74,7 @@ TEST_CASE(
   CHECK(sensor.burst[6] == 64);
   CHECK(mode_after(0.1) == Mode::kRest1);
   CHECK((sensor.burst[0] & 0x06) == 0x02);
-  CHECK(sensor.burst[6] == 0);  // valid in run mode alone
+  CHECK(sensor.burst[6] == 0);  // valid in run mode only
   CHECK(mode_after(9.8) == Mode::kRest1);
   CHECK(mode_after(0.2) == Mode::kRest2);
   CHECK((sensor.burst[0] & 0x06) == 0x04);
@@ -99,7 +99,7 @@ TEST_CASE("what moves while it rests is lost, up to a frame's time of it; awake 
       sensor.SetUp(1200);
       const double counts = sensor.Follow(start_s + 1 - sensor.now_us * 1e-6);
       const double moved_mm = counts * 25.4 / 1200;
-      // Frames come every 100 ms; half a millimeter between two of them is still recognized.
+      // In rest mode, frames come every 100 ms; the sensor still tracks 0.5 mm between two of them.
       const bool lost = rests && speed_mm_s == 50;
       if (lost) {
         CHECK(speed_mm_s - moved_mm > 0.5);
@@ -155,7 +155,7 @@ TEST_CASE("a sensor that resets itself answers on with its defaults, and counts 
   CHECK(sensor.sensor.axial_counts() == counted);
   CHECK(sensor.sensor.stray_counts() > 900);
   CHECK(sensor.sensor.self_resets() == 1);
-  // Nobody could know: nothing that was done is held against the firmware.
+  // The firmware could not know of the reset, so no violation is recorded.
   CHECK(sensor.Violation().empty());
   CHECK(sensor.Read(kConfig2) == 0x20);
 }
@@ -174,7 +174,7 @@ TEST_CASE("by itself it resets as often as set") {
 TEST_CASE("what was counted before the resolution was set is no motion of anybody's") {
   Moving sensor;
   sensor.position = [](double time_s) { return 100 * time_s; };
-  sensor.now_us = 200000;  // 15 mm since the sensor began to look
+  sensor.now_us = 200000;  // 15 mm since the sensor's first frame
   sensor.SetUp(1200);
   CHECK(sensor.sensor.stray_counts() == Approx(15 / 25.4 * 5000).margin(60));
   CHECK(sensor.sensor.axial_counts() == 0);
@@ -184,7 +184,7 @@ TEST_CASE("what was counted before the resolution was set is no motion of anybod
 std::vector<std::uint8_t> Image() {
   std::vector<std::uint8_t> image(4094);
   std::iota(image.begin(), image.end(), std::uint8_t{0});
-  image[1] = 0x05;  // the number that it goes by
+  image[1] = 0x05;  // identification number of the image
   return image;
 }
 
@@ -372,7 +372,7 @@ TEST_CASE("a picture is sharp in focus, blurred out of it, and shows shading and
   CHECK(Mean(shaded, 0, 6) / Mean(shaded, 30, 36) == Approx(1.6).margin(0.25));
   const SurfacePicture dirty = RenderSurface(0, 0, {2.4, 0.5, 1, false}, 5);
   CHECK(Mean(dirty, 0, 36) < Mean(sharp, 0, 36) - 5);
-  // Moved by a pixel, the same paper is a pixel farther on.
+  // Paper that moves by one pixel shifts the picture by one pixel.
   const SurfacePicture moved = RenderSurface(1.0 / 36, 0, {}, 5);
   int same = 0;
   for (std::size_t i = 0; i + 1 < sharp.size(); ++i) same += moved[i] == sharp[i + 1];

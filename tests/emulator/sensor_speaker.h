@@ -1,5 +1,5 @@
-// Speaks to a virtual sensor as a driver would, with the times given; all right unless a test
-// changes one.
+// Driver stand-in that speaks to a virtual sensor with explicit times. All times are valid unless a
+// test changes one.
 #pragma once
 
 #include <array>
@@ -77,7 +77,7 @@ struct SensorSpeaker {
     now_us += after_read_us;
     return data;
   }
-  /// The first that was noticed; empty if nothing was.
+  /// First violation that the sensor detected; empty if none.
   std::string Violation() const {
     return sensor.violations().empty() ? "" : sensor.violations().front();
   }
@@ -89,7 +89,7 @@ struct SensorSpeaker {
   double select_to_clock_us = 0.2, address_to_data_us = 160, write_to_deselect_us = 35,
          after_read_us = 20, after_write_us = 145, address_to_burst_us = 35, burst_exit_us = 0.5,
          long_burst_us = 15;
-  int pause_after = -1;  ///< byte of a long burst after which there is one
+  int pause_after = -1;  ///< byte of a long burst that a pause follows
   std::array<std::uint8_t, 12> burst{};
 };
 

@@ -1,5 +1,5 @@
-// The firmware with a sensor as its data sheet has it: one that would rest, resets itself, freezes,
-// takes a firmware image, and shows what it sees.
+// Firmware with a sensor that behaves as in its data sheet: it may enter rest mode, reset itself,
+// freeze, take a firmware image, and send pictures.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -25,7 +25,7 @@ TEST_CASE("a hand that was still for long is followed from its first tenth of a 
     CHECK(bench.device.sensor().mode() == SensorNavigation::Mode::kRun);
     CHECK(bench.last.surface_quality == 64);
     bench.Run(2);
-    CHECK(bench.last.axial_counts == 2362);  // 50 mm at 1200 counts an inch
+    CHECK(bench.last.axial_counts == 2362);  // 50 mm at 1200 counts per inch
     CHECK(bench.device.sensor().lost_mm() == 0);
     CHECK(bench.Diagnostics().sensor_faults == 0);
     bench.CheckRules();
@@ -40,7 +40,7 @@ HandState Stirring(double time_s, double end_s) {
   return hand;
 }
 
-/// Resets at random times, each found, reported, and none costing a count.
+/// Resets the sensor at random times; each is detected and reported, and costs no count.
 void ResetAtRandom(const FirmwareImage& image, int cpi, bool with_srom, std::uint32_t seed) {
   CAPTURE(image.clock_hz(), cpi, with_srom, seed);
   std::mt19937 random(seed);
@@ -58,7 +58,7 @@ void ResetAtRandom(const FirmwareImage& image, int cpi, bool with_srom, std::uin
     bench.Run(0.001 * (100 + static_cast<double>(random() % 200)));
     bench.device.RunUntil(bench.device.now_us() + static_cast<double>(random() % 1000));
     REQUIRE_FALSE(Faulty(bench));
-    // With an image even one that is back at once is found in the next reading.
+    // With an image, the next reading detects even a reset that ends at once.
     const double boot_us = with_srom && i % 2 ? 0 : -1;
     bench.device.sensor().ResetItself(bench.device.chip().now_us(), boot_us);
     bench.Run(0.003);
@@ -170,15 +170,15 @@ TEST_CASE("a firmware image reaches the sensor byte for byte, without a pause") 
   }
 }
 
-// Some controllers serve endpoint 0 once a frame. What the device keeps before it begins is enough
-// for the burst to go on without a pause all the same.
+// Some controllers serve endpoint 0 once per frame. The device buffers enough before it begins, so
+// the burst continues without a pause.
 TEST_CASE("an image from a host that sends a packet a frame has no pause either") {
   for (const FirmwareImage& image : {Image16(), Image8()}) {
     CAPTURE(image.clock_hz());
     Bench bench({}, image);
     bench.Start();
     UsbController& usb = bench.device.usb();
-    constexpr std::uint8_t kAddress = 1;  // the host's first
+    constexpr std::uint8_t kAddress = 1;  // first address of this host
     unsigned frame = 0;
     const auto run_frame = [&] {
       usb.StartOfFrame(++frame);
@@ -327,7 +327,7 @@ TEST_CASE("a sensor that fails while its picture is taken ends the request") {
   });
   bench.device.sensor().SetFault(VirtualPmw3360::Fault::kSilent);
   bench.Run(0.5);
-  // What it sent was a row of ones, or it was found silent before.
+  // The picture was a row of ones, or the firmware detected the silence before.
   CHECK(over);
   bench.device.sensor().SetFault(VirtualPmw3360::Fault::kNone);
   bench.Run(2);

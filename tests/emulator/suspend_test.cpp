@@ -1,4 +1,4 @@
-// A bus that its host puts to sleep: the device draws next to nothing, and comes back as it was.
+// USB suspend: the device draws almost no current, and resumes in its former state.
 #include <sstream>
 
 #include "tests/support/emulated_bench.h"
@@ -32,7 +32,7 @@ TEST_CASE("a suspended device sleeps within 10 ms, and goes on from its count wh
     bench.host.Suspend();
     bench.Run(0.010);
     CHECK(PartsAwake(bench) == "");
-    // But for the watchdog's ticks it stays so, far beyond the watchdog's time.
+    // Except for the watchdog's ticks it stays asleep, far beyond the watchdog's timeout.
     int awake = 0;
     for (int i = 0; i < 2000; ++i) {
       bench.host.RunFrame();
@@ -45,15 +45,15 @@ TEST_CASE("a suspended device sleeps within 10 ms, and goes on from its count wh
     bench.Run(0.035);
     CHECK_FALSE(bench.host.suspended());
     CHECK(bench.host.ready());
-    CHECK((bench.last.flags & protocol::kFlagSensorFault) != 0);  // it is only just waking
+    CHECK((bench.last.flags & protocol::kFlagSensorFault) != 0);  // it is still waking
     bench.Run(0.2);
     CHECK_FALSE(bench.last.flags & protocol::kFlagSensorFault);
     CHECK(bench.last.boot_id == before.boot_id);
     CHECK(bench.last.cpi == before.cpi);
-    // What the hand did meanwhile, 40 mm, is not known; the sensor's fault has said so.
+    // The hand's motion during suspend, 40 mm, is lost; the sensor fault flag reports that.
     CHECK(bench.last.axial_counts >= before.axial_counts);
     CHECK(bench.last.axial_counts < before.axial_counts + 300);
-    // The watchdog's oscillator kept the time, less the tick that the host cut short.
+    // The watchdog's oscillator measured the time, minus the tick that the host interrupted.
     const double slept_s = 1e-6 * (bench.last.device_time_us - before.device_time_us);
     CHECK(slept_s == Approx(2.25).margin(0.06));
     CHECK(bench.Diagnostics().sensor_faults == 0);
@@ -74,7 +74,7 @@ TEST_CASE("suspended fifty times at every phase of a frame, it always comes back
   for (int round = 0; round < 50; ++round) {
     bench.device.RunUntil(bench.device.now_us() + 20 * round);
     bench.host.Suspend();
-    bench.Run(0.001 * (1 + round));  // some end before the device has noticed
+    bench.Run(0.001 * (1 + round));  // some end before the device notices
     bench.host.Resume();
     bench.Run(0.031);
     REQUIRE_FALSE(bench.host.suspended());
@@ -148,7 +148,7 @@ TEST_CASE("a disturbance of a suspended bus is slept off, and the host can still
   REQUIRE(bench.host.Control({0x00, 3, kRemoteWakeup, 0, 0}).status == TransferStatus::kDone);
   bench.host.Suspend();
   bench.Run(0.2);
-  bench.device.usb().Activity();  // a spike on the line, with nothing after it
+  bench.device.usb().Activity();  // Spurious wake-up: no start-of-frame follows.
   bench.device.chip().UpdateUsbInterrupts();
   bench.Run(0.01);
   CHECK_FALSE(PartsAwake(bench).empty());
@@ -165,7 +165,7 @@ TEST_CASE("a firmware that hangs while it is suspended is reset by the watchdog"
   bench.Start();
   bench.host.Suspend();
   bench.Run(0.2);
-  bench.device.chip().SetDead(Atmega32u4::Part::kPll);  // on its way back it waits for the clock
+  bench.device.chip().SetDead(Atmega32u4::Part::kPll);  // on resume it waits for the clock
   bench.host.Resume();
   bench.Run(0.1);
   bench.device.chip().SetDead(Atmega32u4::Part::kNone);

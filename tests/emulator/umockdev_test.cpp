@@ -1,5 +1,5 @@
-// An unmodified libusb talks to the real firmware: usbfs is mocked by umockdev, and behind it the
-// emulated device runs. Ordered conversations, as a driver has them.
+// Unmodified libusb against the real firmware: umockdev mocks usbfs, and the emulated device runs
+// behind it. The conversations are those of a driver.
 #include <libudev.h>
 #include <libusb.h>
 
@@ -59,8 +59,8 @@ TEST_CASE("libusb reads a second of reports without a gap") {
   UmockdevBench bench(Image(), {}, FastHand);
   Program program;
   program.Open();
-  // Both banks of the endpoint were filled before the program came, and one report was dropped for
-  // want of a third.
+  // Both banks of the endpoint were full before the program connected. One report was dropped
+  // because there is no third bank.
   for (int i = 0; i < 3; ++i) program.ReadReport();
   protocol::InputReport last = program.ReadReport();
   for (int i = 0; i < 1000; ++i) {
@@ -97,14 +97,14 @@ TEST_CASE("a stalled input transfer is a pipe error, and clearing the halt repai
   Program program;
   program.Open();
   std::vector<unsigned char> packet;
-  // By the device itself, asked to halt its endpoint.
+  // First stall: the device halts its endpoint on request.
   REQUIRE(libusb_control_transfer(program.handle(), 0x02, 3, 0, kInput, nullptr, 0, kTimeoutMs) ==
           0);
   CHECK(program.ReadInput(&packet) == LIBUSB_ERROR_PIPE);
   CHECK(program.ReadInput(&packet) == LIBUSB_ERROR_PIPE);
   REQUIRE(libusb_clear_halt(program.handle(), kInput) == 0);
   CHECK(program.ReadInput(&packet) == 0);
-  // On the wire.
+  // Second stall: on the wire.
   bench.StallNextInput();
   CHECK(program.ReadInput(&packet) == LIBUSB_ERROR_PIPE);
   CHECK(program.ReadInput(&packet) == 0);
@@ -196,7 +196,7 @@ TEST_CASE("programs begin and end to watch the bus while the cable is pulled and
   std::atomic<bool> stop = false;
   std::atomic<int> watched = 0;
   std::thread programs([&stop, &watched] {
-    // As libusb does, whose own end leaks what it hears at that moment.
+    // Watches as libusb does; libusb itself would leak events that arrive while it closes.
     while (!stop) {
       udev* context = udev_new();
       udev_monitor* monitor = udev_monitor_new_from_netlink(context, "udev");
