@@ -1,4 +1,5 @@
-// The whole chain while the wall clock jumps: nothing waits for it, and nothing is measured by it.
+// Clock test: the wall clock jumps while the whole chain runs. No wait and no measurement may use
+// it.
 #include <catch2/catch.hpp>
 #include <cstdint>
 #include <string>

@@ -1,5 +1,5 @@
-// Stands in, by LD_PRELOAD, for what the C library does with files and clocks, so that a program
-// meets a disk or a clock that fails at one chosen step. What the environment asks for:
+// Preloaded library (LD_PRELOAD) that replaces the C library's file and clock functions. A program
+// then meets a disk or a clock that fails at one chosen step. Environment variables:
 //
 //   TORQUER_FAULT_UNDER   folder: steps on files below it count, all others are left alone
 //   TORQUER_FAULT_LOG     file that gets a line for each step that counts: what, and on which file
@@ -9,8 +9,8 @@
 //   TORQUER_FREE_BYTES    file that says how many bytes a disk has free
 //   TORQUER_CLOCK_JUMP_S  the wall clock jumps ahead by so much and back, 10 times a second
 //
-// A disk that is full stays full, one that is mounted read-only stays so, as do permissions; an
-// error of the device comes once. Steps are counted that can fail in the way that is asked for.
+// A full disk stays full, and read-only mounts and permissions persist; a device error occurs once.
+// Only steps that can fail in the selected way are counted.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -78,7 +78,7 @@ void Note(const char* what, const char* path) {
   syscall(SYS_close, file);
 }
 
-// Whether this step fails; then errno says how.
+// True if this step fails; errno is then the error.
 bool Fails(Step step, const char* what, const char* path) {
   const char* under = Asked("TORQUER_FAULT_UNDER");
   const Kind* kind = AskedKind();
@@ -107,13 +107,13 @@ bool FailsOn(Step step, const char* what, int file) {
   return Fails(step, what, path);
 }
 
-// The C library's function of that name, of the type of the one here.
+// The C library's function `name`, with the type of the replacement here.
 template <class Function>
 Function* Real(const char* name, Function* /*here*/) {
   return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
 }
 
-// An open() that does not write fails in no way here.
+// An open() without write access never fails here.
 bool OpenFails(const char* path, int flags) {
   if ((flags & O_ACCMODE) == O_RDONLY) return false;
   const bool makes = (flags & (O_CREAT | O_TMPFILE)) != 0;
@@ -126,7 +126,7 @@ mode_t ModeOf(int flags, va_list arguments) {
   return TakesMode(flags) ? va_arg(arguments, mode_t) : 0;
 }
 
-// Of what fills a disk a part still fits.
+// The write that fills the disk still stores half of its data.
 ssize_t WriteUntilFull(int file, const void* bytes, std::size_t size) {
   const bool filled = steps == std::atoi(Asked("TORQUER_FAULT_AT"));
   if (errno != ENOSPC || size < 2 || !filled) return -1;
@@ -135,7 +135,7 @@ ssize_t WriteUntilFull(int file, const void* bytes, std::size_t size) {
 
 }  // namespace
 
-// Others call these.
+// Exported replacements, called by the program under test.
 #pragma GCC visibility push(default)
 extern "C" {
 
@@ -170,7 +170,7 @@ int mkostemp(char* path, int flags) {
 }
 
 int mkdir(const char* path, mode_t mode) noexcept {
-  // What is there already is no step: nothing is written.
+  // An existing folder is not a step, because nothing is written.
   struct stat status {};
   const bool there = stat(path, &status) == 0;
   if (!there && Fails(Step::kMake, "mkdir", path)) return -1;
@@ -206,7 +206,7 @@ int posix_fallocate(int file, off_t offset, off_t size) {
   const int before = errno;
   if (FailsOn(Step::kWrite, "posix_fallocate", file)) {
     const int error = errno;
-    errno = before;  // it is returned, and left alone
+    errno = before;  // the error is the return value; errno stays
     return error;
   }
   return Real("posix_fallocate", &posix_fallocate)(file, offset, size);

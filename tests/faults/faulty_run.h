@@ -1,4 +1,4 @@
-// A program under test whose files or clock fail: tests/faults/failing_io.cpp is preloaded into it.
+// Runs a program whose files or clock fail, with tests/faults/failing_io.cpp preloaded.
 #pragma once
 
 #include <string>
@@ -8,21 +8,21 @@
 
 namespace torquer::test {
 
-/// What fails, and at which step on files below `under`; 0: nothing, but steps are counted.
+/// Kind of failure, and the number of the failing step on files below `under`; 0 only counts steps.
 struct Fault {
   std::string kind;
   int at = 0;
   std::string under;
-  std::string log;  ///< file for the steps
+  std::string log;  ///< file that lists the steps
 };
 
-/// The words that start `words` with the fault; the first of these is a program's path.
+/// Command that runs `words` with the fault; the first of `words` is a program's path.
 std::vector<std::string> WithFault(const Fault& fault, const std::vector<std::string>& words);
-/// The same with one setting of failing_io, such as "TORQUER_CLOCK_JUMP_S=86400".
+/// Command with one setting of failing_io, such as "TORQUER_CLOCK_JUMP_S=86400".
 std::vector<std::string> WithSetting(const std::string& setting,
                                      const std::vector<std::string>& words);
 
-/// The steps that were counted: what, and on which file.
+/// Counted steps: function and file of each.
 std::vector<std::string> Steps(const Fault& fault);
 
 }  // namespace torquer::test

@@ -1,4 +1,4 @@
-// Ctrl-C and SIGTERM while a program computes something long: it ends, and does not finish first.
+// Interrupt test: Ctrl-C or SIGTERM ends a program during a long computation, before it finishes.
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
@@ -21,7 +21,7 @@ struct LongWork {
   std::vector<std::string> words;
 };
 
-// Work of hours, and work that is long before a program serves anything.
+// Computations of hours, and long start-up work before a program serves requests.
 std::vector<LongWork> LongWorks(const TemporaryFolder& folder) {
   const std::string script = folder.Path("long.csv");
   std::ofstream(script) << "time_s,guidewire.insertion_mm\n0,0\n1e7,100\n";
@@ -54,11 +54,11 @@ TEST_CASE("Ctrl-C ends a program in the middle of long work") {
       ChildProcess process(work.words);
       std::this_thread::sleep_for(std::chrono::duration<double>(after_s));
       process.Signal(signal);
-      // Waits for minutes; the work would take hours.
+      // Waits for minutes at most; the computation would take hours.
       const int status = process.Wait();
       CAPTURE(process.Error(), process.Output());
       CHECK((status == 128 + signal || status == 1));
-      // It was still at work: it has not come to what it does for long.
+      // The signal arrived during start-up: the page was not served yet.
       CHECK(process.Output().find("http://") == std::string::npos);
     }
   }

@@ -1,4 +1,4 @@
-// The recorder on a disk that fails: what it has written reads as a log.
+// Recorder on a failing disk: everything that it has written must read as a log.
 #include <catch2/catch.hpp>
 #include <cerrno>
 #include <chrono>
@@ -36,8 +36,8 @@ bool Appears(const std::string& path, const ChildProcess& process) {
   return fs::exists(path);
 }
 
-// Records of a log and its parts; -1 where there is none. Damage other than an end within a record
-// is none that a disk may do.
+// Number of records in a log and its parts; -1 if there is no log. A disk may cut off the last
+// record, but cause no other damage.
 std::int64_t RecordsIn(const std::string& path, bool may_be_cut) {
   if (!fs::exists(path) && LaterLogParts(path).empty()) return -1;
   EventLogReader log(path);
@@ -67,7 +67,7 @@ TEST_CASE("A recording on a disk that fails ends with whole records, and says so
     ChildProcess recorder(WithFault(
         fault, {ProgramPath("torquer-recorder"), path, "--part-mb", "0.15", "--keep", "1"}));
     if (Appears(path, recorder)) {
-      // As many parts as it takes for one to be removed, and some for the last.
+      // Enough messages for one part to be removed, and some for the last part.
       for (int k = 0; k < 210; ++k) {
         bus.Publish(protocol::kHealthChannel, message);
         if (k % 100 == 99) Pause(110);

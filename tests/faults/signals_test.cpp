@@ -1,5 +1,5 @@
-// Signals at random moments to every program: it ends by itself or by that signal, and every file
-// is as it was or whole.
+// Signals at random moments to every program: it ends by itself or by that signal. Every file is
+// unchanged or complete.
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
@@ -24,7 +24,7 @@ constexpr int kMoments = 5;
 const std::pair<const char*, int> kSignals[] = {
     {"HUP", SIGHUP}, {"INT", SIGINT}, {"TERM", SIGTERM}, {"PIPE", SIGPIPE}};
 
-// Those that go on until they are asked to end, beside the writers.
+// Programs that run until a signal, in addition to the writers.
 std::vector<Writer> Sessions() {
   const std::string scene = SourcePath("/host/scenes/ty_phantom.toml");
   return {
@@ -67,13 +67,13 @@ void CheckSignals(const Writer& writer, bool in_order, std::mt19937& random) {
       const WriterRun run{status, process.Error()};
       INFO(name << " after " << after_s << " s: status " << status << "\n" << run.said);
       const bool by_signal = status == 128 + signal || (writer.stays && status == 128 + SIGTERM);
-      // torquer-calibrate: given up.
+      // Exit status of torquer-calibrate when the user gives up.
       constexpr int kGivenUp = 130;
       CHECK((status == 0 || status == 1 || status == kGivenUp || by_signal));
       const FilesByName files = bench.Files();
       CheckFiles(writer, files, reference, by_signal, run);
       if (status == 0) CHECK(AllWhole(writer, files, reference));
-      // A session is asked to end from its first file on; it does not just die.
+      // From its first file on, a session handles the signal and ends in order.
       if (in_order && status == 128 + signal && signal != SIGPIPE) CHECK(files.empty());
     }
   }

@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 constexpr int kRows = 40;
 constexpr char kFormer[] = "what was there before\n";
 
-// What the programs read.
+// Input files of the programs.
 struct Inputs {
   Inputs() {
     std::ofstream(scene.Beside("script.csv"))
@@ -62,7 +62,7 @@ struct Inputs {
     WriteLog();
   }
 
-  // A session that a page has steered.
+  // Writes the log of a session that a page steered.
   void WriteLog() const {
     scene::Scene read(scene.path());
     simulator::Simulation simulation(read);
@@ -144,7 +144,7 @@ const std::vector<Writer>& Writers() {
                  "--scene", In("surface.toml"), "--script", In("script.csv"), "--states",
                  In("ignored")},
        .does_without = true,
-       // How much of the field a run builds ahead depends on its threads.
+       // The part of the field that a run builds ahead depends on its threads.
        .whole =
            [](const std::string& text) {
              constexpr std::size_t kFileBytesAt = 32;
@@ -183,7 +183,7 @@ const std::vector<Writer>& Writers() {
        .words = {ProgramPath("torquer-viewer"), "--token-file", "@/token"},
        .stays = true,
        .whole = [](const std::string& text) { return text.size() == 32; }},
-      // Its claims are judged by the next run, which must be able to use what is there.
+      // The next run judges its claims: it must be able to use the existing file.
       {.name = "torquer-daemon with its last position",
        .words = {"/usr/bin/env", "XDG_RUNTIME_DIR=@", ProgramPath("torquer-daemon"), "--source",
                  "socket", "--socket", "/nowhere", "--uncalibrated"},
@@ -235,7 +235,7 @@ void CheckFiles(const Writer& writer, const FilesByName& files, const FilesByNam
       CHECK(may_leave);
       continue;
     }
-    // What was whole when the disk failed, and the message says so.
+    // A .partial file holds the data that was complete when the disk failed; the message names it.
     if (name.ends_with(".partial")) {
       CHECK_THAT(run.said, Catch::Contains(name));
       continue;

@@ -1,5 +1,5 @@
-// A program that writes files, run in a separate folder; and whether its files are as they were
-// or whole.
+// Runs a program that writes files in a separate folder, and checks that its files are unchanged or
+// complete.
 #pragma once
 
 #include <functional>
@@ -15,38 +15,38 @@ namespace torquer::test {
 using Words = std::vector<std::string>;
 using FilesByName = std::map<std::string, std::string>;
 
-/// A program, and the files that it writes into the folder that @ stands for in its words.
+/// A program and its output files; @ in its arguments stands for the output folder.
 struct Writer {
   std::string name;
   Words words;
-  Words former = {};        ///< files that are there already, with other contents
-  std::size_t outputs = 1;  ///< how many files it writes, at least
-  /// It does without these files: then its status is 0, and it says what is wrong.
+  Words former = {};        ///< files that exist before, with other contents
+  std::size_t outputs = 1;  ///< minimum number of files that it writes
+  /// True if it can run without these files: its status is then 0, and it reports the failure.
   bool does_without = false;
-  /// It goes on until it is asked to end; it writes at once.
+  /// True if it runs until a signal; it writes its files at once.
   bool stays = false;
-  /// Whether a file is whole, where one run does not write the same as the next.
+  /// True if a file is complete; needed when two runs write different data.
   std::function<bool(const std::string& text)> whole = {};
-  /// The same where it was asked to end before it had all, if it then keeps what it has.
+  /// Same for a run that was ended early and keeps its data so far.
   std::function<bool(const std::string& text)> whole_so_far = {};
 };
 
 /// Every program that writes files, and each kind of file that it writes.
 const std::vector<Writer>& Writers();
 
-/// How a run ended, and what it said on standard error.
+/// Exit status and standard error of a run.
 struct WriterRun {
   int status = -1;
   std::string said;
 };
 
-/// A folder with the files that were there before a writer.
+/// Folder with the files that existed before the writer ran.
 class WriterBench {
  public:
   explicit WriterBench(const Writer& writer);
 
   WriterRun With(const Fault& fault) const;
-  /// The program's words, with this folder in them.
+  /// Command of the program, with this folder inserted.
   Words Command() const;
 
   /// All files in the folder, with their contents.
@@ -59,12 +59,12 @@ class WriterBench {
   TemporaryFolder folder_;
 };
 
-/// Checks that each file is what was there before or whole. `reference`: what an undisturbed run
-/// left; `may_leave`: files that are not finished too; `run`: how it ended.
+/// Checks that each file is unchanged or complete. `reference` has the files of an undisturbed run;
+/// `may_leave` also allows unfinished files; `run` is the result.
 void CheckFiles(const Writer& writer, const FilesByName& files, const FilesByName& reference,
                 bool may_leave, const WriterRun& run);
 
-/// Whether all of `reference` is there and whole.
+/// True if all files of `reference` exist and are complete.
 bool AllWhole(const Writer& writer, const FilesByName& files, const FilesByName& reference);
 
 }  // namespace torquer::test

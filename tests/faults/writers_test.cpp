@@ -1,5 +1,5 @@
-// Every program that writes files, with a disk that fails at each step of it in turn, or a kill
-// there: it says so, and every file is as it was or whole.
+// Disk failures for every program that writes files: each step fails in turn, or the process is
+// killed there. The program must report it, and every file must be unchanged or complete.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cerrno>
@@ -57,7 +57,8 @@ void CheckEveryStep(const Writer& writer) {
         continue;
       }
       if (run.status == 0) {
-        // It found another way; there is none past a write, a sync or a name that failed.
+        // The program found an alternative, which must not exist for a failed write, sync or
+        // rename.
         const std::string& step = steps[static_cast<std::size_t>(at) - 1];
         const bool final = std::any_of(std::begin(kFinalSteps), std::end(kFinalSteps),
                                        [&](const char* one) { return step.starts_with(one); });
