@@ -14,7 +14,7 @@ namespace {
 using test::CommandOf;
 using test::ConfigurationOf;
 
-/// The whole firmware, configured by a host that polls; the sensor moves one count a frame.
+/// The whole firmware, configured by a host that polls; the sensor moves one count per frame.
 class Bench {
  public:
   Bench() {
@@ -74,7 +74,7 @@ class Bench {
     }
     if (address_ == 0x24) return 0x3f;
     if (address_ == 0x50) {
-      // One count distally, two right-handed.
+      // One count in distal direction, two right-handed.
       static constexpr std::uint8_t kBurst[12] = {0x80, 0x3f, 0xfe, 0xff, 1, 0,
                                                   50,   9,    90,   10,   0, 80};
       return kBurst[index_++];
@@ -153,7 +153,7 @@ TEST_CASE("a configuration takes effect, is stored, and is refused when it makes
   bench.Start();
   bench.FrameUntilHealthy();
   protocol::ConfigurationReport configuration = ConfigurationOf(800, 100);
-  board().joystick = {600, 700};  // moved at once: its rest is 512
+  board().joystick = {600, 700};  // moved from the start: its rest is 512
   CHECK(bench.Set(configuration));
   for (int i = 0; i < 50; ++i) bench.Frame();
   const protocol::InputReport report = bench.Frame();
@@ -237,7 +237,7 @@ TEST_CASE("on a suspended bus the sensor is sent to sleep, and started when the 
   board().bus_suspended = true;
   board().spi_log.clear();
   for (int i = 0; i < 10; ++i) bench.firmware.Step();
-  REQUIRE(board().spi_log.size() == 2);  // one register written, and nothing after it
+  REQUIRE(board().spi_log.size() == 2);  // one register written, nothing after it
   CHECK(board().spi_log[0].sent == (0x3b | 0x80));
   CHECK(board().spi_log[1].sent == 0xb6);
   CHECK(board().watchdog_kicks > 10);
@@ -252,7 +252,7 @@ TEST_CASE("a sensor that was never started is not sent to sleep twice") {
   bench.Start();
   for (int round = 0; round < 3; ++round) {
     board().bus_suspended = true;
-    board().now_us += 100000;  // past its time to power up
+    board().now_us += 100000;  // longer than its power-up time
     for (int i = 0; i < 3; ++i) bench.firmware.Step();
     board().bus_suspended = false;
     bench.firmware.Step();
@@ -314,7 +314,7 @@ TEST_CASE("endpoint 0 is served early in a frame, and left alone late in it") {
   board().frame_start_us = start_us + 1000;
   bench.firmware.Step();
   CHECK(board().setups.empty());
-  // A bus without frames: nothing to wait for.
+  // A bus without frames: the firmware must not wait for one.
   board().now_us = start_us + 5000;
   board().setups.push_back({0x80, 8, 0, 0, 0, 0, 1, 0});
   bench.firmware.Step();

@@ -1,5 +1,5 @@
-// A board for the portable firmware on the PC: the contract of firmware/board/board.h over plain
-// variables that a test sets and looks at.
+// Fake board for the portable firmware on the PC: firmware/board/board.h, implemented with plain
+// variables that a test sets and reads.
 #pragma once
 
 #include <array>
@@ -12,30 +12,30 @@
 
 namespace torquer::firmware {
 
-/// Thrown where the real board would not return.
+/// Thrown in place of a reset, from which the real board would not return.
 struct Restarted : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Thrown by the EEPROM write in which the power is lost.
+/// Thrown by the EEPROM write during which the power fails.
 struct PowerLost : std::runtime_error {
   PowerLost() : std::runtime_error("power lost") {}
 };
 
 struct FakeBoard {
-  // Time passes by itself, a microsecond a look, and as the firmware waits.
+  // Time advances by one microsecond per read, and while the firmware waits.
   std::uint32_t now_us = 0;
   std::optional<std::uint32_t> frame_start_us;
   int watchdog_kicks = 0;
   bool bus_suspended = false;
-  int host_wakes = 0;  ///< times that the host was asked for life
+  int host_wakes = 0;  ///< number of remote wake-ups
 
   std::uint8_t reset_reason = 1;
   std::optional<std::uint8_t> warm_byte;
   std::array<std::uint8_t, 10> chip_serial{1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
   bool application_is_whole = true;
 
-  /// Answers a byte on the SPI; `first` after the select.
+  /// Answer to an SPI byte; `first` is true for the first byte after the select.
   std::function<std::uint8_t(std::uint8_t sent, bool first)> sensor;
   bool selected = false;
   bool first_byte = true;
@@ -52,10 +52,10 @@ struct FakeBoard {
 
   std::vector<std::uint8_t> eeprom = std::vector<std::uint8_t>(1024, 0xff);
   int eeprom_writes = 0;
-  int eeprom_busy_polls = 0;             ///< the next so many EepromReady() are false
-  std::optional<int> writes_until_loss;  ///< PowerLost instead of the write after so many
-  /// How far that write had come: not begun, or some bits set by the erasure before it, or some not
-  /// yet cleared by the programming.
+  int eeprom_busy_polls = 0;             ///< EepromReady() is false this many times
+  std::optional<int> writes_until_loss;  ///< PowerLost is thrown after this many writes
+  /// Progress of the interrupted write: not begun; erasure has set some bits; or programming has
+  /// not yet cleared some bits.
   enum class Tear { kNone, kErasing, kProgramming } tear = Tear::kNone;
   std::uint8_t tear_bits = 0;
 
@@ -65,7 +65,7 @@ struct FakeBoard {
   bool can_send_control = true;
   std::deque<std::vector<std::uint8_t>> control_data;
   std::size_t control_byte = 0;  ///< of the packet being read
-  int control_holds = 0;         ///< times that endpoint 0 was left alone for the rest of a frame
+  int control_holds = 0;         ///< frames in which endpoint 0 was held off
   bool memory_refused = false;   ///< the chip has no memory for the input endpoint
   bool control_stalled = false;
   std::uint8_t address = 0;
@@ -73,7 +73,7 @@ struct FakeBoard {
   std::deque<std::vector<std::uint8_t>> inputs;  ///< queued; a test takes them as the host would
 };
 
-/// The one that the firmware under test runs on; each test begins with a new one.
+/// Board of the firmware under test; each test begins with a new one.
 FakeBoard& board();
 FakeBoard& NewBoard();
 

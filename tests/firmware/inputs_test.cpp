@@ -45,7 +45,7 @@ TEST_CASE("buttons are debounced each for itself") {
   CHECK(buttons.Update(kBoth) == kBoth);
 }
 
-/// An axis that has seen enough readings to know its rest.
+/// Axis with enough readings to know its rest position.
 JoystickAxis Measured(int rest, int noise = 0) {
   JoystickAxis axis(0);
   for (int i = 0; i < 100; ++i) axis.Take(static_cast<std::uint16_t>(rest + (i % 2) * noise));
@@ -78,7 +78,7 @@ TEST_CASE("wherever a stick rests, that is the middle, and its ends are the ends
     CHECK(Reported(axis, rest, 20) == 512);
     CHECK(Reported(axis, 0, 20) == 0);
     CHECK(Reported(axis, 1023, 20) == 1023);
-    // In between it rises without a step of more than two, and stays within the range.
+    // Between the ends it increases in steps of at most two and stays in range.
     int before = Reported(axis, 0);
     for (int value = 1; value <= 1023; ++value) {
       const int reported = Reported(axis, value);
@@ -98,12 +98,12 @@ TEST_CASE(
   CHECK(Measured(500, 17).rest() == 512);
   CHECK(Measured(500, 16).rest() != 512);
   CHECK(Reported(Measured(1023), 700) == 700);
-  // What comes before the readings that count may be anything.
+  // Readings before the measuring window have no effect.
   JoystickAxis axis(0);
   for (int i = 0; i < 30; ++i) axis.Take(1023);
   for (int i = 0; i < 70; ++i) axis.Take(540);
   CHECK(axis.rest() == 540);
-  // What comes after them changes the rest no more.
+  // Readings after the window do not change the rest position.
   for (int i = 0; i < 500; ++i) axis.Take(600);
   CHECK(axis.rest() == 540);
 }
@@ -118,8 +118,8 @@ TEST_CASE("each axis is read from its own channel") {
   CHECK(joystick.y().Report(0) == 900);
 }
 
-/// A frame a millisecond: the cylinder at a count, the contact as it is, debounced as in the
-/// device.
+/// End switch with one frame per millisecond: a cylinder count and a contact state, debounced as in
+/// the device.
 class EndSwitch {
  public:
   void Frame(bool contact, std::int32_t counts) {
@@ -139,14 +139,14 @@ TEST_CASE("the end switch marks the count of the first touch, bounces or not") {
   EndSwitch end;
   for (int count = 200; count > 100; --count) end.Frame(false, count);
   CHECK_FALSE(end.reference.passed());
-  // The contact is made at 100, and is sure only when the cylinder is at 70.
+  // The contact closes at 100, but its debounced state is closed only at 70.
   for (int count = 100; count > 80; --count) end.Frame(count % 3 != 0 || count == 100, count);
   CHECK_FALSE(end.reference.passed());
   end.Frames(12, true, 70);
   CHECK(end.reference.passed());
   CHECK(end.reference.closed());
   CHECK(end.reference.counts() == 100);
-  // Away, and again.
+  // Opens and closes again.
   end.Frames(50, false, 90);
   CHECK_FALSE(end.reference.closed());
   CHECK(end.reference.passed());

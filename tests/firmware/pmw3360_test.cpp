@@ -11,7 +11,7 @@
 namespace torquer::firmware {
 namespace {
 
-/// Registers behind the fake board's SPI; what is wrong with it is for the test to say.
+/// Sensor registers behind the fake board's SPI; the test injects faults.
 class FakeSensor {
  public:
   explicit FakeSensor(std::uint32_t start_us = 0) {
@@ -20,7 +20,7 @@ class FakeSensor {
     board().sensor = [this](std::uint8_t sent, bool first) { return Exchange(sent, first); };
   }
 
-  /// A frame every millisecond, as the firmware has them.
+  /// One frame per millisecond, as in the firmware.
   MotionSample Frame(Pmw3360* driver) {
     const std::uint32_t start_us = board().now_us;
     driver->BeginRead();
@@ -29,7 +29,7 @@ class FakeSensor {
     board().now_us = start_us + 1000;
     return sample;
   }
-  /// As after its power-up: its own resolution, rest modes, no frames yet.
+  /// State after power-up: default resolution, rest modes, no frames yet.
   void Reset() {
     std::fill(std::begin(registers_), std::end(registers_), std::uint8_t{0});
     registers_[0x00] = product_id;
@@ -52,8 +52,8 @@ class FakeSensor {
   std::array<std::uint8_t, 12> burst{0x80, 0, 5, 0, 0xfd, 0xff, 60, 9, 90, 10, 1, 2};
   bool silent = false;
   bool shorted = false;
-  std::uint8_t product_id = 0x42;  ///< from the next reset on
-  bool frames = true;              ///< it takes some: the bits of Observation come up
+  std::uint8_t product_id = 0x42;  ///< used from the next reset on
+  bool frames = true;              ///< it takes frames: bits of Observation get set
   struct Write {
     std::uint8_t address, value;
     bool operator==(const Write&) const = default;
@@ -105,7 +105,7 @@ TEST_CASE("the start: reset, motion, identity, rest modes off, resolution, all o
   for (const FakeBoard::SpiByte& byte : board().spi_log) {
     if (byte.first && !(byte.sent & 0x80)) read.push_back(byte.sent);
   }
-  // The last one is a burst: what was counted at the sensor's own resolution is thrown away.
+  // The last read is a burst: it discards counts at the sensor's default resolution.
   CHECK(read == std::vector<int>{0x02, 0x03, 0x04, 0x05, 0x06, 0x00, 0x01, 0x3f, 0x24, 0x10, 0x0f,
                                  0x00, 0x2a, 0x50});
   CHECK(driver.product_id() == 0x42);
@@ -289,7 +289,7 @@ TEST_CASE("a byte that was spoiled on its way costs no count") {
   Pmw3360 driver;
   sensor.StartUp(&driver);
   sensor.Frame(&driver);
-  sensor.burst[0] |= 0x04;  // a rest mode, it seems
+  sensor.burst[0] |= 0x04;  // looks like a rest mode
   MotionSample sample = sensor.Frame(&driver);
   CHECK(sample.fault);
   CHECK(sample.delta_x == 0);
@@ -306,7 +306,7 @@ TEST_CASE("a sensor that takes no frames any more is found by the bits that stay
   FakeSensor sensor;
   Pmw3360 driver;
   sensor.StartUp(&driver);
-  // The bits from before stay, so that bursts look good until they are cleared.
+  // The earlier bits stay set, so bursts look valid until the driver clears them.
   for (int i = 0; i < 4; ++i) sensor.Frame(&driver);
   sensor.frames = false;
   int frames = 0;
@@ -334,7 +334,7 @@ TEST_CASE("a start that the sensor does not keep is begun again, and not all at 
   FakeSensor sensor;
   Pmw3360 driver;
   driver.Start(1200);
-  // Its resolution does not hold.
+  // The sensor does not keep its resolution.
   for (int i = 0; i < 5000; ++i) {
     sensor.Frame(&driver);
     sensor.reg(0x0f) = 0x31;

@@ -13,8 +13,8 @@
 namespace torquer::firmware {
 namespace {
 
-/// The surface has moved by so many counts: distally and right-handed, as a sensor shows it whose
-/// board lies along the pipe.
+/// Surface motion by `axial` counts in distal direction and `transverse` counts right-handed, as
+/// seen by a sensor whose board lies along the pipe.
 MotionSample Moved(int axial, int transverse) {
   MotionSample sample;
   sample.delta_y = static_cast<std::int16_t>(axial);
@@ -67,7 +67,7 @@ TEST_CASE("a report carries what was read") {
 
 TEST_CASE("counts wrap in both directions") {
   ReportBuilder builder;
-  // 65,538 steps of 32,767 are one short of 2^31 - 1.
+  // 65,538 steps of 32,767 end one below 2^31 - 1.
   for (int i = 0; i < 65538; ++i) Next(&builder, Moved(32767, -32767));
   const protocol::InputReport report = Next(&builder, Moved(3, -4));
   CHECK(report.axial_counts == std::numeric_limits<std::int32_t>::min() + 1);
@@ -113,7 +113,7 @@ TEST_CASE("every boot has another id than the one before, whatever made it start
       REQUIRE(id != last);
       last = id;
     }
-    board().warm_byte.reset();  // the power goes
+    board().warm_byte.reset();  // the power fails
     const std::uint8_t id = NextBootId();
     REQUIRE(id != last);
     last = id;

@@ -118,8 +118,8 @@ TEST_CASE("writes go on for thousands of changes, sequence and count wrapping or
   CHECK(Loaded().writes() == 1000);
 }
 
-// Power lost before the k-th byte write of a change, or in the middle of it, leaves the former
-// values or the new ones, never anything else.
+// Power loss before or during the k-th byte write of a change must leave either the former values
+// or the new ones.
 TEST_CASE("a torn write at every byte leaves the old settings or the new ones") {
   std::mt19937 random(7);
   for (const int former_changes : {0, 1, 2, 3, 300}) {
@@ -155,7 +155,7 @@ TEST_CASE("a torn write at every byte leaves the old settings or the new ones") 
         const bool is_new = after.cpi() == 11900 && after.deadzone() == 477;
         REQUIRE((is_old || is_new));
         if (completed) REQUIRE(is_new);
-        // And the next change finds its way.
+        // The next change must succeed.
         Store(200, 1);
         REQUIRE(Loaded().cpi() == 200);
       }
@@ -180,7 +180,7 @@ TEST_CASE("random cuts in a row never lose both copies") {
     REQUIRE(settings.Set(next, 3));
     try {
       for (int poll = 0; poll < 20; ++poll) settings.Poll();
-    } catch (const PowerLost&) {  // no error: the settings must survive it
+    } catch (const PowerLost&) {  // expected: the settings must survive it
     }
     board().writes_until_loss.reset();
     const Settings after = Loaded();

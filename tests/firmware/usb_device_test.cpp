@@ -31,7 +31,7 @@ class Reports final : public ReportHandler {
   bool accept = true;
 };
 
-/// Report 6 is written, 200 bytes or more, and report 7 is read.
+/// Handler of long reports: report 6 is written with at least 200 bytes, report 7 is read.
 class LongReports final : public LongReportHandler {
  public:
   bool BeginWrite(std::uint8_t id, std::uint16_t size) override {
@@ -69,7 +69,7 @@ class Conversation {
          static_cast<std::uint8_t>(length), static_cast<std::uint8_t>(length >> 8)});
     for (int i = 0; i < 10; ++i) device.Poll();
   }
-  /// A control read to its end; the packets as they came.
+  /// Runs a complete control read and returns its packets.
   std::vector<Bytes> Read(int type, int request, int value, int index, int length) {
     Setup(type, request, value, index, length);
     std::vector<Bytes> packets = board().control_sent;
@@ -225,7 +225,7 @@ TEST_CASE("requests without sense are stalled") {
     usb.Setup(request.type, request.request, request.value, request.index, request.length);
     CHECK(board().control_stalled);
     CHECK(board().control_sent.empty());
-    // And the next request is served.
+    // The next request is served.
     CHECK(usb.Read(0x80, 8, 0, 0, 1) == std::vector<Bytes>{{1}});
   }
 }
@@ -281,7 +281,7 @@ TEST_CASE("a long report is handed on byte by byte, as there is room for it") {
     sent.insert(sent.end(), bytes.begin(), bytes.end());
   }
   CHECK(usb.long_reports.taken == sent);
-  CHECK(board().control_sent.empty());  // the sensor is at it
+  CHECK(board().control_sent.empty());  // the sensor is busy with it
   CHECK(usb.long_reports.abandoned == 0);
 
   SECTION("and acknowledged when all is done") {
