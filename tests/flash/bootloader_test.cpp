@@ -1,4 +1,5 @@
-// The bootloader by itself: its size, what it starts and when, and what it refuses.
+// Bootloader alone: its size, the programs that it starts and when, and the requests that it
+// refuses.
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <random>
@@ -82,7 +83,8 @@ TEST_CASE("the bootloader fits its section, for both clocks, with room for a rep
     CAPTURE(suffix);
     CHECK(bytes <= kLimit);
     CHECK(image.flash().size() <= protocol::kBootloaderAddress + protocol::kBootloaderBytes);
-    // No variables: those that the application keeps over a reset would be in their place.
+    // The bootloader has no variables: they would overwrite those that the application keeps over a
+    // reset.
     CHECK_FALSE(image.HasSymbol("__do_copy_data"));
     CHECK_FALSE(image.HasSymbol("__do_clear_bss"));
   }
@@ -118,7 +120,7 @@ TEST_CASE("what the bootloader starts depends on why the chip was reset") {
     CHECK(FirmwareCommand(boards, protocol::kCommandEnterBootloader) == TransferStatus::kDone);
     boards.Sleep(50);
     CHECK(boards.Mode() == BoardMode::kBootloader);
-    // The key is used up.
+    // The key is valid only once.
     CHECK(Command(boards, protocol::kBootloaderRestart) == TransferStatus::kDone);
     boards.Sleep(50);
     CHECK(boards.Mode() == BoardMode::kFirmware);
@@ -133,7 +135,7 @@ TEST_CASE("what the bootloader starts depends on why the chip was reset") {
 }
 
 TEST_CASE("what the firmware keeps over a reset passes through the bootloader") {
-  // boot_id counts the resets since the power came in memory that a reset leaves alone.
+  // boot_id counts the resets since power-on, in memory that a reset preserves.
   EmulatedBoards boards(WithApplication());
   boards.host.wants_input = [] { return true; };
   protocol::InputReport newest{};
@@ -203,7 +205,7 @@ TEST_CASE("the bootloader refuses what could spoil it or start a wrong applicati
   CHECK(Command(boards, 0) == TransferStatus::kStall);
   CHECK(Command(boards, 3) == TransferStatus::kStall);
   CHECK(Command(boards, protocol::kBootloaderRestart, 0, 0x1234) == TransferStatus::kStall);
-  // Reports too short, too long, of the firmware's, or of none.
+  // Refused reports: too short, too long, of the firmware, or of unknown id.
   CHECK(boards.host.SetFeature(std::vector<std::uint8_t>(131, 17)).status ==
         TransferStatus::kStall);
   CHECK(boards.host.SetFeature(std::vector<std::uint8_t>(133, 17)).status ==
@@ -214,7 +216,7 @@ TEST_CASE("the bootloader refuses what could spoil it or start a wrong applicati
   CHECK(boards.device.page_operations() == 0);
   CHECK(Status(boards).application_valid == 1);
 
-  // An image that is whole, and for another crystal.
+  // A complete image for another crystal.
   const FlashImage slow = FlashImage::FromFile(torquer::test::kSlowHex);
   for (int i = 0; i < slow.pages(); ++i) {
     REQUIRE(Set(boards, PageOf(slow, i)) == TransferStatus::kDone);
@@ -251,7 +253,7 @@ TEST_CASE("no request, whole or aborted, wedges the bootloader or makes it write
   const auto any = [&](int limit) {
     return static_cast<int>(random() % static_cast<unsigned>(limit));
   };
-  // Those that it serves, which are then spoiled in every other case.
+  // Valid requests, about half of which are corrupted below.
   constexpr SetupPacket kServed[] = {
       {0x80, 6, 0x0100, 0, 18},  {0x80, 6, 0x0200, 0, 255}, {0x80, 6, 0x0300, 0, 255},
       {0x80, 6, 0x0302, 9, 64},  {0x81, 6, 0x2200, 0, 512}, {0x80, 0, 0, 0, 2},
@@ -280,12 +282,12 @@ TEST_CASE("no request, whole or aborted, wedges the bootloader or makes it write
       default:
         break;
     }
-    if (setup.type == 0 && setup.request == 5) continue;  // another address would be obeyed
+    if (setup.type == 0 && setup.request == 5) continue;  // a new address would be obeyed
     std::vector<std::uint8_t> data;
     if (!(setup.type & 0x80)) {
       data.resize(setup.length);
       for (std::uint8_t& byte : data) byte = static_cast<std::uint8_t>(any(256));
-      // Fewer bytes than were announced: a host that gives up.
+      // Fewer bytes than announced: the host aborts.
       if (any(4) == 0 && !data.empty()) data.resize(static_cast<std::size_t>(any(setup.length)));
     }
     bool over = false;
@@ -294,7 +296,7 @@ TEST_CASE("no request, whole or aborted, wedges the bootloader or makes it write
       done += result.status == TransferStatus::kDone;
     });
     for (int frame = 0; frame < 3 && !over; ++frame) boards.host.RunFrame();
-    if (!over) boards.host.ResetPort();  // as a host does in the end
+    if (!over) boards.host.ResetPort();  // as a host finally does
     if (!boards.host.ready()) REQUIRE(boards.host.RunUntilReady());
   }
   CHECK(done > 100);

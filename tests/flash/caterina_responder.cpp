@@ -61,7 +61,7 @@ void CaterinaResponder::Run() {
   }
 }
 
-// False when the test is over.
+// False once the test is over.
 bool CaterinaResponder::ReadByte(std::uint8_t* byte) {
   while (!stop_) {
     pollfd wait{controller_, POLLIN, 0};
@@ -155,7 +155,7 @@ void CaterinaResponder::Block(bool write) {
     Log("write " + page);
     if (from / kPageBytes == spoiled_page_) bytes[5] ^= 4;
     const std::lock_guard lock(mutex_);
-    // Programming clears bits; it sets none.
+    // Programming can clear bits, but not set them.
     for (std::size_t i = 0; i < bytes.size(); ++i) {
       flash_[static_cast<std::size_t>(from) + i] &= bytes[i];
     }

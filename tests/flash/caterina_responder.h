@@ -1,5 +1,5 @@
-// A board in Caterina at the other end of a pseudo-terminal: AVR109 as far as avrdude speaks it,
-// with a flash, and a log of what was done to it.
+// Stand-in for a board in Caterina on a pseudo-terminal: AVR109 as far as avrdude uses it, a flash,
+// and a log of its operations.
 #pragma once
 
 #include <atomic>
@@ -21,15 +21,15 @@ class CaterinaResponder {
   CaterinaResponder(const CaterinaResponder&) = delete;
   CaterinaResponder& operator=(const CaterinaResponder&) = delete;
 
-  /// What a program opens.
+  /// Path that a program opens.
   const std::string& port() const { return port_; }
-  /// Says nothing any more from this many page writes on, as a board that has lost its power.
+  /// After this many page writes it no longer answers, like a board without power.
   void FallSilentAfter(int writes) { silent_after_ = writes; }
-  /// Spoils a bit of this page as it is written.
+  /// Flips a bit of this page when it is written.
   void SpoilPage(int page) { spoiled_page_ = page; }
 
   std::vector<std::uint8_t> flash() const;
-  /// "erase", "write PAGE", "read PAGE" (the first of each run of pages read), "exit".
+  /// Operations: "erase", "write PAGE", "read PAGE" (the first of each run of pages read), "exit".
   std::vector<std::string> log() const;
   int writes() const { return writes_; }
 
@@ -42,7 +42,7 @@ class CaterinaResponder {
   void Log(const std::string& what);
 
   int controller_ = -1;
-  int keep_open_ = -1;  // the terminal's side, so that the line does not hang up between programs
+  int keep_open_ = -1;  // terminal side: prevents a hang-up between programs
   std::string port_;
   std::atomic<bool> stop_{false};
   std::atomic<int> silent_after_{-1};

@@ -1,5 +1,5 @@
-// The real avrdude, as torquer-flash runs it, against a board in Caterina: in what order pages are
-// written, and what is said when the board is lost.
+// Real avrdude, run as torquer-flash runs it, against a board in Caterina: order of page writes,
+// and messages when the board is lost.
 #include "host/tools/caterina.h"
 
 #include <fcntl.h>
@@ -85,7 +85,7 @@ TEST_CASE("avrdude does not outlive a board that is lost, and the user learns ho
   const std::string said = Failure(board.port(), options);
   CHECK_THAT(said, Contains("run the same command again"));
   CHECK_THAT(said, Contains("Caterina") && Contains("reset it"));
-  // The first page is what Caterina looks at: it has not been written.
+  // The first page is still blank: Caterina checks it to decide whether an application is present.
   CHECK(board.flash()[0] == 0xff);
 }
 

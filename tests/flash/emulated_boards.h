@@ -1,4 +1,4 @@
-// A bench device in the emulator, plugged into the procedure under test; time is virtual.
+// Emulated bench device, plugged into the procedure under test; time is virtual.
 #pragma once
 
 #include <catch2/catch.hpp>
@@ -90,9 +90,9 @@ class EmulatedBoards final : public tools::Boards {
     for (int i = 0; i < milliseconds; ++i) host.RunFrame();
   }
 
-  /// The power comes (back), and with it the board; what runs on it then.
+  /// Powers the board on (again) and returns its mode.
   tools::BoardMode Start() {
-    if (!device.powered()) Sleep(1);  // the host sees it gone
+    if (!device.powered()) Sleep(1);  // the host detects the disconnect
     device.PowerOn();
     return Mode();
   }
@@ -101,13 +101,13 @@ class EmulatedBoards final : public tools::Boards {
     Sleep(2);  // it is off the bus
     return Mode();
   }
-  /// What runs on it, once it is on the bus.
+  /// Mode of the program that runs on the board, once it is on the bus.
   tools::BoardMode Mode() {
     REQUIRE(host.RunUntilReady());
     return List().front().mode;
   }
 
-  /// As `torquer-flash IMAGE` would.
+  /// Same as `torquer-flash IMAGE`.
   std::optional<tools::FlashOutcome> Flash(const std::string& image,
                                            tools::FlashRequest request = {}) {
     request.image = image;
@@ -117,7 +117,7 @@ class EmulatedBoards final : public tools::Boards {
     return tools::FlashProcedure(*this, request, hooks).Run();
   }
 
-  /// Nothing was done that silicon would punish.
+  /// Checks that no rule of the chip was violated.
   void CheckRules() {
     for (const std::string& violation : device.Violations()) FAIL_CHECK(violation);
   }
@@ -125,11 +125,11 @@ class EmulatedBoards final : public tools::Boards {
   BenchDevice device;
   UsbHost host;
   std::string said;
-  int spoiled_address = -1;  ///< a page that reads back with a wrong bit
+  int spoiled_address = -1;  ///< this page reads back with a wrong bit
   std::function<bool()> stop = [] { return false; };
 };
 
-/// The message of the Error that `action` throws.
+/// Message of the Error that `action` throws.
 template <typename Error, typename Action>
 std::string MessageOf(Action action) {
   try {

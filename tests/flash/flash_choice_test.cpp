@@ -1,4 +1,4 @@
-// Which board torquer-flash takes, and what it says of those that it cannot serve by itself.
+// Board selection of torquer-flash, and its messages for boards that it cannot serve by itself.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstring>
@@ -15,7 +15,7 @@ namespace protocol = torquer::protocol;
 
 const std::string kChosenHex = torquer::test::FirmwarePath("torquer-firmware.hex");
 
-// Firmware that answers for its identity alone.
+// Firmware that only answers identity requests.
 class IdentityLink final : public FeatureLink {
  public:
   explicit IdentityLink(std::string serial) : serial_(std::move(serial)) {}
@@ -102,7 +102,7 @@ TEST_CASE("of several boards one has to be chosen") {
   CHECK_THAT(boards.Refusal(request), Contains("C-3") && Contains("A-1 B-2"));
   request.device = "B-2";
   CHECK_THAT(boards.Refusal(request), Contains("B-2: the firmware refuses to enter"));
-  // Somebody's Arduino beside the board is none of ours, once a number is given.
+  // With a serial number given, a foreign Arduino beside the board is ignored.
   boards.Add(BoardMode::kSketch, "1-3");
   CHECK_THAT(boards.Refusal(request), Contains("B-2: the firmware refuses to enter"));
 }
@@ -151,7 +151,7 @@ TEST_CASE(
   hooks.ask_sketch = [&](const std::string& port) {
     log.push_back("asked " + port);
     boards.boards.clear();
-    boards.Add(BoardMode::kCaterina, "1-5");  // somebody else's
+    boards.Add(BoardMode::kCaterina, "1-5");  // a foreign board
     boards.Add(BoardMode::kCaterina, "1-4");
     boards.boards.back().port = "/dev/ttyACM4";
   };
@@ -164,7 +164,7 @@ TEST_CASE(
   SECTION("not named") {
     CHECK_THROWS_WITH(boards.Flash(request, hooks),
                       Contains("runs an Arduino program") && Contains("--port /dev/ttyACM3"));
-    request.port = "/dev/ttyACM9";  // then it is a board in Caterina that is meant
+    request.port = "/dev/ttyACM9";  // then a board in Caterina is meant
     boards.Flash(request, hooks);
     CHECK(log.back() == "waiting for the new firmware");
     CHECK(std::count(log.begin(), log.end(), "asked /dev/ttyACM3") == 0);

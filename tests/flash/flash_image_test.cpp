@@ -1,4 +1,4 @@
-// Image files: what is refused, and with what words.
+// Image files: refused files and their error messages.
 #include "host/tools/flash_image.h"
 
 #include <algorithm>
@@ -22,7 +22,7 @@ namespace protocol = torquer::protocol;
 
 const std::string kHex = torquer::test::FirmwarePath("torquer-firmware.hex");
 
-// What is said of a file with this text.
+// Error message for a file with this text.
 std::string RefusalOf(const std::string& text) {
   const torquer::test::TemporaryFolder folder;
   const std::string path = folder.Path("image.hex");
@@ -96,7 +96,7 @@ TEST_CASE("a file that is no whole image is refused with its line and the remedy
              Contains(":1: is beyond"));
   CHECK_THAT(RefusalOf(":00000001FF\n"), Contains("is not firmware of the bench device"));
   CHECK_THROWS_AS(FlashImage::FromFile("/nonexistent.hex"), UserError);
-  // objcopy ends its lines by carriage returns and line feeds; line feeds alone will do.
+  // objcopy ends lines with CR LF; LF alone is accepted too.
   std::string plain = good;
   plain.erase(std::remove(plain.begin(), plain.end(), '\r'), plain.end());
   REQUIRE(plain != good);

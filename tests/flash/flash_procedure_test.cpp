@@ -1,4 +1,4 @@
-// torquer-flash's procedure against the real bootloader and the real firmware, in the emulator.
+// Procedure of torquer-flash with the real bootloader and the real firmware, in the emulator.
 #include <catch2/catch.hpp>
 #include <cstring>
 
@@ -25,7 +25,7 @@ using torquer::tools::FlashRequest;
 using torquer::tools::FlashUnfinished;
 namespace protocol = torquer::protocol;
 
-// What is in the flash is the image, from its first byte to its trailer.
+// Checks that the flash contains the image, from its first byte to its trailer.
 void CheckInstalled(const EmulatedBoards& boards, const std::string& hex) {
   const std::vector<std::uint8_t> flash = boards.device.Flash();
   const std::vector<std::uint8_t> wanted = torquer::tools::ReadHexFile(hex);
@@ -175,7 +175,7 @@ TEST_CASE("an application whose CRC is wrong is not started") {
 }
 
 TEST_CASE("without a bootloader's check the firmware itself reports that it is damaged") {
-  // As on a board that keeps Caterina.
+  // State of a board that keeps Caterina.
   torquer::emulator::FirmwareImage image(torquer::test::FirmwarePath("torquer-firmware.elf"));
   EmulatedBoards good(image);
   good.Start();
@@ -187,7 +187,7 @@ TEST_CASE("without a bootloader's check the firmware itself reports that it is d
   };
   CHECK((self_test(good) & 1) == 1);
   std::vector<std::uint8_t> flash = image.flash();
-  flash[protocol::kImageTrailerAddress - 1] = 0xfe;  // read by nobody, and not of the image
+  flash[protocol::kImageTrailerAddress - 1] = 0xfe;  // unused byte, outside the image
   image.SetFlash(flash);
   EmulatedBoards still_good(image);
   still_good.Start();

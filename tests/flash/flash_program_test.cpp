@@ -1,5 +1,5 @@
-// torquer-flash as a user runs it, on unmodified libusb: usbfs is mocked by umockdev, and behind it
-// the bootloader and the firmware run in the emulator.
+// torquer-flash as a user runs it, on unmodified libusb: umockdev mocks usbfs, and the bootloader
+// and the firmware run in the emulator.
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <fstream>
@@ -70,7 +70,7 @@ TEST_CASE("the program flashes a new board, updates it, and refuses what it shou
   CHECK_THAT(first.output, Contains("found: FLASH-1") && Contains("without a valid application"));
   CHECK_THAT(first.output, Contains("firmware 0.1.0 runs on FLASH-1; self-test: application good, "
                                     "settings good, sensor good"));
-  CHECK_THAT(first.output, !Contains("\r"));  // no progress bar but on a terminal
+  CHECK_THAT(first.output, !Contains("\r"));  // progress bars only on a terminal
 
   const Ended dry = Flash({kNewHex, "--dry-run"});
   CHECK(dry.status == 0);

@@ -1,4 +1,4 @@
-// Fuses: what is said of the boards that are sold and of ours, and how avrdude is asked for them.
+// Fuses: verdicts on commercial boards and on ours, and the query through avrdude.
 #include "host/tools/fuses.h"
 
 #include <algorithm>
@@ -28,7 +28,7 @@ std::string Said(const FuseVerdict& verdict) {
   return text;
 }
 
-// A stand-in for avrdude: a shell script.
+// Stand-in for avrdude: a shell script.
 AvrdudeOptions Script(const TemporaryFolder& folder, const std::string& body) {
   const std::string path = folder.Path("avrdude");
   std::ofstream(path) << "#!/bin/sh\n" << body;
@@ -75,7 +75,7 @@ TEST_CASE("boards as they are sold") {
   const FuseVerdict none = JudgeFuses({0xff, 0xd8, 0xff, 0xef});
   CHECK_FALSE(none.good);
   CHECK_THAT(Said(none), Contains("brown-out detection is off"));
-  // Out of the factory: internal oscillator, divided by 8, JTAG on, the chip's own bootloader.
+  // Factory state: internal oscillator, divided by 8, JTAG on, the chip's own bootloader.
   const FuseVerdict factory = JudgeFuses({0x52, 0x99, 0xf3, 0xff});
   CHECK_FALSE(factory.good);
   CHECK_THAT(Said(factory), Contains("not the crystal") && Contains("divided by 8") &&

@@ -1,5 +1,5 @@
-// The power goes in the midst of every page erase and page write of an update, and of the commit:
-// the board is never dead, and running the tool again finishes the job.
+// Power loss during every page erase and page write of an update, and during the commit. The board
+// must always recover, and a second run of the tool must finish the update.
 #include <catch2/catch.hpp>
 #include <cstdlib>
 
@@ -17,19 +17,19 @@ using torquer::tools::BoardMode;
 using torquer::tools::FlashImage;
 using torquer::tools::FlashUnfinished;
 
-// A board in its bootloader with the old firmware.
+// Board in its bootloader with the old firmware.
 void Prepare(EmulatedBoards& boards) { REQUIRE(boards.ResetByPin() == BoardMode::kBootloader); }
 
-// Trailer erased; each page and the trailer erased and written.
+// Page operations: erase of the trailer, then erase and write of each page and of the trailer.
 int Operations() { return 1 + 2 * (FlashImage::FromFile(kNewHex).pages() + 1); }
 
-// One part of all cuts, so that these tests can run beside each other.
+// The cuts are divided into parts, so that these tests can run in parallel.
 constexpr int kParts = 8;
 constexpr int kStride = torquer::test::kUnderSanitizer ? 6 * kParts : kParts;
 
 void CutEvery(int part) {
   BenchOptions options;
-  options.page_operation_us = 400;  // a tenth of the chip's, to save the test time
+  options.page_operation_us = 400;  // a tenth of the chip's, to save time
   const int operations = Operations();
   for (int cut = 1 + part; cut <= operations; cut += kStride) {
     CAPTURE(cut, operations);
@@ -41,7 +41,7 @@ void CutEvery(int part) {
     CHECK(boards.device.page_operations() == cut);
 
     const BoardMode mode = boards.Start();
-    // In the commit's write the trailer may have become whole all the same.
+    // A cut during the last write may still leave a complete trailer.
     if (cut < operations) CHECK(mode == BoardMode::kBootloader);
     const auto outcome = boards.Flash(kNewHex);
     REQUIRE(outcome);

@@ -1,4 +1,4 @@
-// torquer-flash --srom: which board's sensor gets the image, and what is said when none does.
+// torquer-flash --srom: choice of the board whose sensor gets the image, and messages if none does.
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -36,7 +36,7 @@ int Load(EmulatedBoards& boards, const std::string& path, const FlashRequest& re
 TEST_CASE("the sensor's image goes from a file into the sensor of the board") {
   const ImageFile file;
   EmulatedBoards boards(WithApplication());
-  REQUIRE(boards.Start() == tools::BoardMode::kFirmware);  // its sensor starts meanwhile
+  REQUIRE(boards.Start() == tools::BoardMode::kFirmware);  // its sensor starts in the meantime
   FlashRequest dry;
   dry.dry_run = true;
   CHECK(Load(boards, file.path, dry) == 0);
@@ -46,7 +46,7 @@ TEST_CASE("the sensor's image goes from a file into the sensor of the board") {
   CHECK(Load(boards, file.path) == 5);
   unsetenv("XDG_CONFIG_HOME");
   CHECK(boards.device.sensor().srom() == TestSrom());
-  // A copy for the daemon.
+  // The tool keeps a copy for the daemon.
   std::vector<std::string> kept;
   for (const auto& entry :
        std::filesystem::directory_iterator(file.folder.Path("config/torquer"))) {
@@ -80,7 +80,7 @@ TEST_CASE("an image for the sensor that cannot be loaded is refused with the rem
     boards.Start();
     CHECK_THAT(MessageOf<UserError>([&] { Load(boards, other.path); }),
                Contains("has 100 bytes") && Contains("srom.bin"));
-    CHECK(boards.said.empty());  // looked at before any board
+    CHECK(boards.said.empty());  // checked before any board
   }
   SECTION("the cable is pulled") {
     EmulatedBoards boards(WithApplication());

@@ -1,4 +1,4 @@
-// In place of firmware/src/version.h for the image that the tests update to.
+// Replacement of firmware/src/version.h for the image that the tests update to.
 #pragma once
 
 #include <stdint.h>
