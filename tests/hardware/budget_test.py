@@ -41,7 +41,7 @@ class Model(unittest.TestCase):
 class Budget(unittest.TestCase):
     def test_a_count(self):
         self.assertAlmostEqual(budget.mm_per_count(1200), 0.0211667, places=7)
-        # A turn of a cylinder of 10 mm is its circumference, in counts of the sensor.
+        # One turn of a 10 mm cylinder is its circumference, in counts of the sensor.
         self.assertAlmostEqual(budget.counts_a_turn(1200, 5), math.pi * 10 / 25.4 * 1200, places=6)
 
     def test_agrees_with_the_emulated_devices_calibration(self):
@@ -63,7 +63,7 @@ class Budget(unittest.TestCase):
 
     def test_misalignment_against_the_rotated_motion(self):
         angle = math.radians(0.7)
-        # Pushing 150 mm seen by axes turned by the angle: the part along the other axis.
+        # A push by 150 mm in axes rotated by the angle has a component along the other axis.
         seen = complex(150, 0) * complex(math.cos(angle), math.sin(angle))
         self.assertAlmostEqual(budget.false_rotation_rad(angle, 150, 5), seen.imag / 5, places=12)
         self.assertAlmostEqual(budget.gain_loss(angle), 1 - seen.real / 150, places=12)
@@ -92,14 +92,14 @@ class Budget(unittest.TestCase):
         for name in ("at rest", "lifted"):
             self.assertGreaterEqual(heights[name][0], low - 1e-9, name)
             self.assertLessEqual(heights[name][1], high + 1e-9, name)
-        # The flange of the lens is 3.4 mm below the board, the cylinder on the floor of its bore.
+        # The lens flange is 3.4 mm below the board; the cylinder lies on the floor of its bore.
         model = budget.MODEL
         crest = model["cylinder_radius"] - model["bore_clearance"]
         board = (model["block_top"] + model["shims_fitted"] * model["shim_thickness"]
                  + model["seat_in_carrier"])
         self.assertEqual(model["lens_height"], 3.4)
         self.assertAlmostEqual(sum(heights["at rest"]) / 2, board - 3.4 - crest)
-        # Both ways can be set what printing leaves uncertain, with one more shim and with none.
+        # Shims correct the uncertainty of printing in both directions: one more, or none.
         printed = heights["as printed"]
         reach = model["shims_fitted"] * model["shim_thickness"]
         self.assertLess(printed[1] - heights["at rest"][1], reach)
@@ -117,11 +117,12 @@ class Budget(unittest.TestCase):
                     budget.shading(0.5, radius, light, False), 1 / math.cos(tilt), places=9)
         across = budget.shading(0.5, 5, math.radians(budget.LIGHT_ANGLE_DEG), True)
         self.assertAlmostEqual(across, 1.7, delta=0.05)
-        # As drawn the board's long side, and with it the light, lies along the wire.
+        # As drawn, the board's long side, and the light with it, is along the wire.
         self.assertGreater(budget.MODEL["board_x"], budget.MODEL["board_y"])
 
     def test_air_against_the_energy_of_its_jet(self):
-        # The power of the push is that of the jet: force times speed, half the mass flow times v2.
+        # The power of the push equals that of the jet: force times speed, half the mass flow times
+        # v2.
         for speed in (0.2, 0.5):
             opening = budget.cap_openings_mm2(0)
             flow_m3_s = math.pi * 0.005**2 * speed
@@ -146,7 +147,7 @@ class Budget(unittest.TestCase):
         self.assertAlmostEqual(budget.friction_n(), 0.3 * 9.81 * budget.cylinder_kg())
 
     def test_roll_and_radius(self):
-        # Shifted by 0.3 mm across, the crest passes the sensor by as much.
+        # A shift by 0.3 mm across moves the crest past the sensor by the same distance.
         self.assertAlmostEqual(budget.roll_rad(0.15, 5) * 5, 0.3)
         self.assertAlmostEqual(budget.radius_error_deg_a_turn(0.1, 5), 360 * 5.1 / 5 - 360)
 

@@ -57,7 +57,7 @@ class Parts(unittest.TestCase):
                     self.assertEqual(stl.defects(triangles), [])
                     _, pieces, size, volume = render.table_row(name, triangles).split(",")
                     self.assertEqual(listed[name]["pieces"], pieces)
-                    # Another version of OpenSCAD may approximate circles otherwise.
+                    # Another version of OpenSCAD may approximate circles differently.
                     self.assertAlmostEqual(
                         float(listed[name]["volume_cm3"]), float(volume), delta=0.2
                     )
@@ -85,7 +85,7 @@ class Parts(unittest.TestCase):
             model = budget.MODEL
             paper = model["paper_thickness"]
             crest = max(heights("placed_cylinder", lambda p: True)) + paper
-            # The board's corners lie inside the recess; the highest face below its top is the seat.
+            # The board's corners are inside the recess; the highest face below its top is the seat.
             seats = heights("placed_sensor_carrier", lambda p: abs(p[1]) < model["board_y"] / 2 + 0.3
                             and abs(p[0]) < model["board_x"] - model["board_lens_x"] + 0.3)
             board = min(heights("placed_sensor_board", lambda p: abs(p[0]) > model["lens_x"] / 2 + 1))
