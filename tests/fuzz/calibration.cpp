@@ -1,4 +1,4 @@
-// Calibration files. What is accepted is written again and must read as the same calibration.
+// Fuzz target for calibration files. An accepted file is written again and must read back the same.
 #include <stdexcept>
 
 #include "calibration/calibration_file.h"
@@ -30,7 +30,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
   return true;
 }
 
-// The checksum in the last line.
+// Corrects the checksum in the last line.
 void Repair(Bytes& input) {
   std::string text = ToText(input);
   text.resize(std::min(text.size(), text.rfind(kEnd)));

@@ -1,6 +1,6 @@
-// Commands from the bus on their way to the simulator's loop, for instruments and for the X-ray
-// system: whatever they say, and whoever sends them, what is wanted is finite. Each packet
-// (target.h): sender, milliseconds since the one before, and the message.
+// Fuzz target for commands from the bus to the simulator's loop, for instruments and the X-ray
+// system. Whatever the commands and senders are, the resulting target must be finite. Each packet
+// (target.h) has a sender, the milliseconds since the previous packet, and the message.
 #include <stdexcept>
 
 #include "host/bus/message_check.h"
@@ -68,7 +68,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
     commands.TakeNews();
   }
   torquer_lcm::wire_state_t state{};
-  state.instruments.resize(1);  // of the scene
+  state.instruments.resize(1);  // instruments of the scene
   commands.Describe(state);
   return commands.taken() > 0;
 }

@@ -1,4 +1,4 @@
-// Centerlines as 3D Slicer writes them.
+// Fuzz target for centerlines in the format of 3D Slicer.
 #include <nlohmann/json.hpp>
 
 #include "host/simulator/vessel/centerline.h"

@@ -1,5 +1,5 @@
-// What arrives on the bus's port: whole messages and fragments, from two senders. Each datagram is
-// a packet (target.h) whose first byte is the sender.
+// Fuzz target for datagrams on the bus's port: whole messages and fragments, from two senders. Each
+// datagram is a packet (target.h) whose first byte is the sender.
 #include <stdexcept>
 
 #include "host/bus/udpm_datagram.h"
@@ -50,7 +50,7 @@ std::vector<Bytes> Seeds() {
   return {whole, parts, mixed};
 }
 
-// Whether any message came of it.
+// True if any message was completed.
 bool Accepts(std::span<const std::uint8_t> input) {
   bus::UdpmAssembly assembly;
   bool any = false;
@@ -58,7 +58,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
     const auto packet = packets.Take(packets.Word());
     if (packet.empty()) continue;
     const bus::Sender sender{0x7f000001, static_cast<std::uint16_t>(packet[0] % 12)};
-    // A copy that ends where the datagram ends.
+    // An exact copy, so that reading past the datagram's end is detected.
     const Bytes datagram(packet.begin() + 1, packet.end());
     bus::UdpmAssembly::Message message;
     if (assembly.Take(datagram, sender, message) != bus::UdpmAssembly::Outcome::kMessage) continue;

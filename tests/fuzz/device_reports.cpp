@@ -1,5 +1,6 @@
-// A device's input reports on their way to a command. Each packet (target.h): a word of time since
-// the one before in tenths of a millisecond, and the report; an empty one is a new connection.
+// Fuzz target for a device's input reports, from bytes to a command. Each packet (target.h) has a
+// word of time since the previous one in 0.1 ms, and the report. An empty packet is a new
+// connection.
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
@@ -68,7 +69,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
   return any && last_origin_us != 0;
 }
 
-// The report id and the protocol's version of each report.
+// Corrects the report id and the protocol version of each report.
 void Repair(Bytes& input) {
   for (std::size_t at = 0; at + 6 <= input.size();) {
     const std::size_t size = static_cast<std::size_t>(input[at] | input[at + 1] << 8);

@@ -1,5 +1,5 @@
-// What the firmware makes of any EEPROM: settings in their ranges, a serial number of printable
-// characters, and settings that can be kept again.
+// Fuzz target for the firmware with any EEPROM content. Settings must be in range and storable
+// again, and the serial number must have printable characters only.
 #include <cstring>
 #include <stdexcept>
 
@@ -13,14 +13,14 @@ namespace torquer {
 namespace fuzz::eeprom_target {
 namespace {
 
-// From 0x010 on: before that nothing is read.
+// The input starts at 0x010: the firmware reads nothing before that.
 Bytes eeprom(protocol::kEepromBytes, 0xff);
 constexpr std::size_t kFirst = protocol::kEepromSerialAddress;
 
 }  // namespace
 }  // namespace fuzz::eeprom_target
 
-// What the settings and the serial number ask of a board.
+// Board functions that the settings and the serial number use.
 namespace board {
 bool EepromReady() { return true; }
 uint8_t ReadEeprom(uint16_t address) { return fuzz::eeprom_target::eeprom.at(address); }
@@ -33,7 +33,7 @@ void ReadChipSerial(uint8_t serial[10]) { std::memset(serial, 0x5a, 10); }
 namespace fuzz::eeprom_target {
 namespace {
 
-constexpr std::size_t kSettingsBytes = 10;  // the last two: CRC of those before
+constexpr std::size_t kSettingsBytes = 10;  // the last two are the CRC of the others
 
 Bytes Filled() { return Bytes(protocol::kEepromBytes, 0xff); }
 
@@ -55,7 +55,7 @@ std::vector<Bytes> Seeds() {
   return {once, Bytes(first, first + 0x70)};
 }
 
-// Whether it had settings of any kind that were whole.
+// True if any copy of the settings was valid.
 bool Accepts(std::span<const std::uint8_t> input) {
   eeprom = Filled();
   const std::size_t size = std::min(input.size(), eeprom.size() - kFirst);
@@ -81,7 +81,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
   return good;
 }
 
-// The CRCs of the serial number and of both copies of the settings.
+// Corrects the CRCs of the serial number and of both copies of the settings.
 void Repair(Bytes& input) {
   const auto put = [&input](std::size_t at, std::size_t size) {
     if (at + size > input.size()) return;

@@ -1,5 +1,5 @@
-// A device's answers to feature requests. First byte: what is asked for; then an answer after the
-// other (target.h), an empty one is a refusal.
+// Fuzz target for a device's answers to feature requests. The first byte selects the request;
+// answers follow as packets (target.h), and an empty one is a refusal.
 #include <cstring>
 
 #include "host/device/report_copy.h"

@@ -1,4 +1,4 @@
-// A kept field, as the vessel that takes it and looks into it.
+// Fuzz target for a cached field: the vessel loads it and evaluates it.
 #include "host/simulator/vessel/field_cache.h"
 
 #include <sys/stat.h>
@@ -89,14 +89,14 @@ bool Accepts(std::span<const std::uint8_t> input) {
   const Tube& tube = TheTube();
   tube.Keep(input);
   std::string why;
-  // What is refused would be built again, which is not the question here.
+  // A refused cache would be rebuilt, which this target does not test.
   if (!vessel::ReadFieldCache(tube.kept(), tube.key(), &why)) return false;
   const auto vessel = tube.Open();
   if (vessel->from_cache()) Tube::Look(*vessel);
   return vessel->from_cache();
 }
 
-// As field_cache.cpp lays them out: key at 16, then sizes and checksums, then the header's own.
+// Layout of field_cache.cpp: key at 16, then sizes and checksums, then the header's own checksum.
 constexpr std::size_t kFileBytes = 32, kSurfaceBytes = 40, kSurfaceSum = 48, kBricks = 56,
                       kDirectorySum = 64, kHeaderSum = 88, kHeader = 96, kEntryBytes = 16;
 
@@ -114,7 +114,7 @@ std::uint64_t Checksum(const Bytes& bytes, std::size_t at, std::size_t size) {
   return hash.words[0] ^ hash.words[1];
 }
 
-// All checksums, the file's length, and what tells the file for one of this field.
+// Corrects all checksums, the file's length, and the key that identifies this field.
 void Repair(Bytes& input) {
   const Bytes& whole = TheTube().contents();
   if (input.size() <= kHeader) return;

@@ -1,4 +1,4 @@
-// Firmware as Intel HEX, and the image's trailer in the flash.
+// Fuzz target for firmware as Intel HEX, and for the image's trailer in the flash.
 #include <cstring>
 
 #include "host/tools/flash_image.h"
@@ -12,7 +12,7 @@ namespace {
 using protocol::ImageTrailer;
 using protocol::kImageTrailerAddress;
 
-// An application and its trailer.
+// Flash content with an application and its trailer.
 Bytes Flash(const Bytes& application) {
   Bytes flash(kImageTrailerAddress + sizeof(ImageTrailer), 0xff);
   std::copy(application.begin(), application.end(), flash.begin());
@@ -54,7 +54,7 @@ int Digit(std::uint8_t c) {
   return 0;
 }
 
-// The checksum at the end of each line.
+// Corrects the checksum at the end of each line.
 void RepairHex(Bytes& input) {
   constexpr char kDigits[] = "0123456789ABCDEF";
   for (std::size_t begin = 0; begin < input.size();) {
@@ -72,7 +72,7 @@ void RepairHex(Bytes& input) {
   }
 }
 
-// The trailer first, so that a small input is a whole image: the application follows.
+// The trailer comes first, so that a small input is a complete image; the application follows.
 constexpr std::size_t kTrailer = sizeof(ImageTrailer);
 
 std::vector<Bytes> TrailerSeeds() {

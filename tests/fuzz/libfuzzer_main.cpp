@@ -32,7 +32,7 @@ void WriteSeeds(const std::filesystem::path& folder) {
 #pragma GCC visibility push(default)
 extern "C" {
 
-// Of libFuzzer: changes an input in place, and returns its new size.
+// Function of libFuzzer: mutates an input in place and returns its new size.
 std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t most);
 
 int LLVMFuzzerInitialize(int* count, char*** words) {

@@ -1,5 +1,5 @@
-// What torquer-monitor shows of the bus: whatever the messages say, one line that a terminal takes
-// for text. Each packet (target.h) is a message; its first byte says of which type.
+// Fuzz target for the bus display of torquer-monitor. Any messages must give one line that a
+// terminal shows as text. Each packet (target.h) is a message; its first byte selects the type.
 #include "host/tools/live_status.h"
 
 #include <stdexcept>
@@ -52,7 +52,7 @@ bool Accepts(std::span<const std::uint8_t> input) {
     if (packet.empty()) continue;
     const auto bytes = packet.subspan(1);
     const auto add = [&](const auto& message) { status.Add(message); };
-    // More simulators than it names.
+    // More simulators than the display names.
     const bus::Sender sender{0x7f000001, static_cast<std::uint16_t>(now_us / 100'000 % 7)};
     switch (packet[0] % std::size(kTypes)) {
       case 0:

@@ -1,4 +1,4 @@
-// Surfaces: as files, in the process that reads them, and as what that process answers.
+// Fuzz target for surfaces: as files, in the process that reads them, and as that process's answer.
 #include "host/simulator/vessel/mesh_answer.h"
 #include "host/simulator/vessel/mesh_import.h"
 #include "host/simulator/vessel/surface_mesh.h"
@@ -12,7 +12,7 @@ namespace {
 
 constexpr const char* kNames[] = {"a.stl", "a.obj", "a.ply"};
 
-// A tube in each format, after a byte that says which.
+// A tube in each format, after a byte that selects the format.
 std::vector<Bytes> FileSeeds() {
   const vessel::TriangleMesh tube = vessel::MakeTubeMesh(20, 2, 6, [](double) { return 3.0; });
   const test::TemporaryFolder folder;

@@ -1,4 +1,4 @@
-// Every LCM type through the bus's check and the generated decoder. First byte: which type.
+// Fuzz target for every LCM type: bus check and generated decoder. The first byte selects the type.
 #include "tests/fuzz/target.h"
 #include "tests/support/sample_messages.h"
 
@@ -19,14 +19,14 @@ std::vector<Bytes> Seeds() {
   return seeds;
 }
 
-// Decoded, it must be encoded to the same bytes (sample_messages.h).
+// A decoded message must encode to the same bytes (sample_messages.h).
 bool Accepts(std::span<const std::uint8_t> input) {
   if (input.empty()) return false;
   const auto message = input.subspan(1);
   return Samples()[input[0] % Samples().size()].decodes({message.begin(), message.end()});
 }
 
-// The fingerprint of the type.
+// Corrects the fingerprint of the type.
 void Repair(Bytes& input) {
   if (input.size() < 9) return;
   const Bytes& sample = Samples()[input[0] % Samples().size()].bytes;

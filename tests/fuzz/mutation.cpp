@@ -6,7 +6,7 @@
 namespace torquer::fuzz {
 namespace {
 
-// Numbers at which readers err, as texts write them.
+// Numbers that parsers often mishandle, as text.
 constexpr std::array<std::string_view, 16> kTokens = {
     "-1", "0",  "1e999", "nan", "-inf", "4294967296", "9223372036854775808",  "1e-320",
     "[",  "\"", "\n",    "]",   "{",    "=",          "99999999999999999999", "\xff\xfe"};
@@ -71,7 +71,7 @@ class Mutator {
   void Insert(std::size_t at, std::string_view text) {
     bytes_.insert(At(at), text.begin(), text.end());
   }
-  // A number or a name of a text becomes something else.
+  // Replaces a number or a name in a text.
   void ReplaceWord(std::size_t at) {
     const auto is_word = [](std::uint8_t c) {
       return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || c == '.' || c == '-' || c == '_';

@@ -1,4 +1,4 @@
-// Mutations for fuzz-replay: the same for the same seed, on every machine.
+// Mutations for fuzz-replay: identical for the same seed on every machine.
 #pragma once
 
 #include <random>
@@ -7,8 +7,8 @@
 
 namespace torquer::fuzz {
 
-/// A copy of one of `inputs` (at least one, none empty), changed in one to six places, repaired
-/// where the target can, at most target.longest bytes.
+/// Copy of one of `inputs` (at least one, none empty), changed in one to six places. It is repaired
+/// if the target can repair, and has at most target.longest bytes.
 Bytes Mutate(const Target& target, const std::vector<Bytes>& inputs, std::mt19937& random);
 
 }  // namespace torquer::fuzz

@@ -84,7 +84,7 @@ int Replay(const Target& target) {
   }
   std::printf("%s: %zu seeds, %zu of the corpus, %d mutations, of which %d accepted\n",
               target.name.c_str(), seeds, inputs.size() - seeds, target.replay_inputs, accepted);
-  // Both must occur, else the mutations try nothing.
+  // Both must occur, otherwise the mutations test nothing.
   if (accepted == 0 || accepted == target.replay_inputs) {
     std::printf("%s: the mutations reach one side of the parser only\n", target.name.c_str());
     status = 1;
@@ -94,7 +94,7 @@ int Replay(const Target& target) {
 
 }  // namespace
 
-// Visible: the sanitizers are shared libraries.
+// Default visibility, because the sanitizers are shared libraries.
 #ifdef __SANITIZE_ADDRESS__
 extern "C" [[gnu::visibility("default")]] void __asan_on_error() { KeepInput(); }
 #endif

@@ -1,4 +1,4 @@
-// Scene files. What is accepted is written again and must read as the same scene.
+// Fuzz target for scene files. An accepted file is written again and must read back the same.
 #include <stdexcept>
 
 #include "host/simulator/scene/scene_spec.h"

@@ -1,4 +1,4 @@
-// Scripts of the simulator, of the emulator's hand and of torquer-calibrate.
+// Fuzz target for scripts: of the simulator, of the emulator's hand and of torquer-calibrate.
 #include "host/emulator/motion_script.h"
 #include "host/simulator/row_run.h"
 #include "host/simulator/scene/scene.h"

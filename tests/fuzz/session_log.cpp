@@ -1,5 +1,5 @@
-// A recorded session, from its bytes to the report. Mutations of odd length have records at their
-// places again, so that what is in them is reached.
+// Fuzz target for a recorded session, from its bytes to the report. Mutations of odd length get
+// valid record boundaries again, so that the records' contents are tested.
 #include "host/recorder/session_log.h"
 
 #include <cstring>
@@ -58,7 +58,7 @@ std::vector<Bytes> Seeds() {
   return {once, twice};
 }
 
-// The session of the seeds above with a picture that is one, from either side.
+// Session of the seeds above with a valid picture, for each plane.
 std::vector<Bytes> ScreenSeeds() {
   effects::ImageSource::Picture gray;
   gray.width = gray.height = 16;
@@ -90,12 +90,12 @@ bool Accepts(std::span<const std::uint8_t> input) {
     };
     reporter.Finish(identity);
   } catch (const UserError&) {
-    // A log without some kind of message has no report.
+    // A log without a required kind of message has no report.
   }
   return summary.undecodable == 0 && !summary.damage.any();
 }
 
-// The same log as torquer-recorder thins it, and as torquer-clip shows it.
+// Same log as torquer-recorder thins it and torquer-clip shows it.
 bool AcceptsScreen(std::span<const std::uint8_t> input) {
   const std::string path = FileWith(input);
   ShapeThinner thinner(60);
@@ -118,7 +118,7 @@ std::uint32_t NumberAt(const Bytes& bytes, std::size_t at) {
   return value;
 }
 
-// Records that follow each other, from the front as far as lengths allow.
+// Makes the records contiguous, from the start as far as lengths allow.
 void Repair(Bytes& input) {
   if (input.size() % 2 == 0) return;
   Bytes start;

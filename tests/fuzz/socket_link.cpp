@@ -1,5 +1,5 @@
-// The other end of the daemon's socket. First byte: what the daemon asks for meanwhile; then the
-// packets that come (target.h).
+// Fuzz target for the device's end of the daemon's socket. The first byte selects the daemon's
+// request; received packets follow (target.h).
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -77,7 +77,7 @@ void Ask(device::SocketSource& source, int what) {
   }
 }
 
-// Whether an input report came through.
+// True if an input report was received.
 bool Accepts(std::span<const std::uint8_t> input) {
   static const Listener listener;
   device::SocketSource source(listener.path());
@@ -93,11 +93,11 @@ bool Accepts(std::span<const std::uint8_t> input) {
     const auto packet = packets.Take(packets.Word());
     send(device, packet.data(), packet.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
   }
-  shutdown(device, SHUT_WR);  // what is asked for is not waited for
+  shutdown(device, SHUT_WR);  // so that the request does not wait
   Ask(source, asked);
   for (int k = 0; k < 3; ++k) source.Wait(0, sink);
   close(device);
-  // It may have come back.
+  // The source may have reconnected.
   for (int again = listener.Accept(); again >= 0; again = listener.Accept()) close(again);
   return reports > 0;
 }

@@ -1,5 +1,5 @@
-// What a kernel, or a stranger, sends to torquer-emulator-usbip. The device goes on between inputs:
-// one that fails may need those before it.
+// Fuzz target for torquer-emulator-usbip: bytes from a kernel or from a stranger. The device keeps
+// its state between inputs, so a failing input may need the earlier ones.
 #include <arpa/inet.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -47,12 +47,12 @@ std::vector<Bytes> Seeds() {
   for (int k = 0; k < 2; ++k) AppendTransfer(inputs, usbip::kSubmit, 1, {}, 64);
   AppendTransfer(inputs, usbip::kUnlink, 0, {}, 0);
   AppendTransfer(writes, usbip::kSubmit, 0, {0x21, 9, 3, 3, 0, 0, 6, 0}, 6);
-  writes[usbip::kOperationBytes + usbip::kBusIdBytes + 15] = 0;  // to the device
+  writes[usbip::kOperationBytes + usbip::kBusIdBytes + 15] = 0;  // direction: to the device
   writes.insert(writes.end(), {3, 1, 0xb0, 4, 20, 0});
   return {devices, reads, writes, inputs};
 }
 
-// Whether anything was answered.
+// True if the server sent an answer.
 bool Accepts(std::span<const std::uint8_t> input) {
   static Server server;
   const int client = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
