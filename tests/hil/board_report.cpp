@@ -38,11 +38,11 @@ using protocol::DiagnosticsReport;
 using protocol::IdentityReport;
 
 constexpr std::int64_t kPatienceUs = 60000000;
-// Of as many a verdict is made; between them the sensor is started again, and the hand moves on.
+// Number of pictures per verdict; between them the sensor restarts and the hand moves on.
 constexpr int kPictures = 4;
 constexpr std::int64_t kBetweenUs = 400000;
 
-// A connected device, and how its reports say that it is.
+// A connected device, and the state that its reports contain.
 class Board {
  public:
   explicit Board(const std::string& serial) : source_(serial) {
@@ -112,7 +112,7 @@ const char* GoodOrBad(bool good) { return good ? "good" : "BAD"; }
 
 std::string Ids(device::FeatureReports& reports, std::string* serial) {
   auto identity = device::GetReport<IdentityReport>(reports, protocol::kIdentityReportId);
-  // A sensor that just got power starts within a second.
+  // After power-on the sensor starts within a second.
   for (int k = 0; k < 30 && (identity.self_test & 4) == 0; ++k) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     identity = device::GetReport<IdentityReport>(reports, protocol::kIdentityReportId);
@@ -178,7 +178,7 @@ std::string Calibration(const std::string& serial) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// One that fails leaves the others.
+// A failed section does not affect the others.
 template <class Make>
 std::string Section(const char* title, Make make) {
   std::string text;

@@ -1,6 +1,6 @@
-// The daemon as a user runs it, on unmodified libusb, reading the real firmware: usbfs is mocked by
-// umockdev, and behind it the firmware's image runs in the emulator. Time is elastic there: frames
-// wait for the daemon, so that function can be asserted on a busy machine.
+// The daemon as a user runs it, on unmodified libusb, reading the real firmware. umockdev mocks
+// usbfs, and the firmware's image runs behind it in the emulator. Time is elastic: frames wait for
+// the daemon, so that the test is reliable on a busy machine.
 #include <algorithm>
 #include <atomic>
 #include <catch2/catch.hpp>
@@ -29,7 +29,7 @@ using torquer_lcm::instrument_command_t;
 
 constexpr double kMmPerCount = 25.4 / 1200;
 
-// A hand that lies still until it is asked to push on by 100 mm, turning by 2 rad, in a second.
+// Hand that rests until requested, then pushes by 100 mm and turns by 2 rad in one second.
 class PushingHand {
  public:
   HandState operator()(double time_s) {
@@ -67,7 +67,7 @@ struct Bench {
   static BenchOptions Options(const std::string& serial) {
     BenchOptions options;
     options.serial = serial;
-    // Over the wrap of the device's clock within the first seconds of every start.
+    // The device's clock wraps within the first seconds of every start.
     options.start_time_us = 4294967295u - 2500000u;
     return options;
   }
@@ -78,15 +78,15 @@ struct Bench {
     return path;
   }
 
-  // The next report is these bytes instead; returns when it has been.
+  // Replaces the next report with these bytes; returns after its delivery.
   void ReplaceInput(const std::vector<std::uint8_t>& bytes) {
     device.ReplaceNextInput(bytes);
     const std::int64_t before = device.inputs_delivered();
     REQUIRE(listener.Until([&] { return device.inputs_delivered() > before + 1; }));
   }
 
-  // Pushes once and waits for the wire to have followed by about that much.
-  void PushFrom(instrument_command_t start) {  // a copy: the list that it is from grows
+  // Pushes once and waits until the wire has followed by about that distance.
+  void PushFrom(instrument_command_t start) {  // a copy: its list grows
     hand.Push();
     REQUIRE(listener.Until([&] {
       listener.samples.clear();
@@ -161,7 +161,7 @@ TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a 
     std::vector<std::uint8_t> bytes(sizeof(torquer::protocol::InputReport));
     for (int i = 0; i < 10; ++i) {
       for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(37 * byte + 11 * i + 5);
-      bytes[0] = static_cast<std::uint8_t>(i + 10);  // some other report's id
+      bytes[0] = static_cast<std::uint8_t>(i + 10);  // id of some other report
       bench.ReplaceInput(bytes);
     }
     REQUIRE(
@@ -181,7 +181,7 @@ TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a 
   SECTION("a short packet") { bench.device.ShortenNextInput(20); }
   REQUIRE(bench.listener.UntilCommands(connection + 20));
   CAPTURE(bench.daemon->Error());
-  // The sensor is started again after a loss of power; the doubt passes.
+  // The sensor restarts after a loss of power; the doubt flag clears.
   REQUIRE(bench.listener.Until([&] { return bench.listener.commands.back().flags == 0; }));
   CHECK(bench.listener.commands.back().insertion_mm == 0.0);
   bench.PushFrom(bench.listener.commands.back());
@@ -238,8 +238,8 @@ TEST_CASE("Two devices drive two instruments, each its own, and one's fate is no
   REQUIRE(bench.listener.Until([&] { return newest("catheter") != nullptr; }));
   CHECK(newest("catheter")->insertion_mm == Approx(100.0).margin(1.0));
 
-  // Who reads what is reported without disturbing either. Last, for the mocked kernel tells of no
-  // further plugging once a program that listened has ended.
+  // --list names the reader of each device without disturbing either. It runs last, because the
+  // mocked kernel reports no further plug events once a listening program has ended.
   ChildProcess list({torquer::test::kDaemonProgram, "--list"});
   CHECK(list.Wait() == 0);
   CAPTURE(list.Output());

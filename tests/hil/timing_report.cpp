@@ -16,7 +16,7 @@ namespace {
 constexpr int kFeatureReads = 100;
 constexpr std::int64_t kTimingPatienceUs = 60000000;
 
-// One line: median, 99th percentile, smallest and largest.
+// One line: median, 99th percentile, minimum and maximum.
 std::string Line(const char* name, std::vector<double> values) {
   if (values.empty()) return std::string(name) + ": none\n";
   std::sort(values.begin(), values.end());

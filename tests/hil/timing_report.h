@@ -1,13 +1,13 @@
-// How evenly a device samples, and how soon its reports are here: measured through the daemon's own
-// USB source and clock map.
+// Timing report: sampling jitter of a device and latency of its reports, measured through the
+// daemon's own USB source and clock map.
 #pragma once
 
 #include <string>
 
 namespace torquer::hil {
 
-/// Reads the device with this serial number ("" for the only one) for so many seconds; the figures
-/// as text. Throws torquer::UserError as the daemon does.
+/// Reads the device with this serial number ("" for the only one) for `seconds`; returns the
+/// figures as text. Throws torquer::UserError as the daemon does.
 std::string TimingReport(const std::string& serial, double seconds);
 
 }  // namespace torquer::hil

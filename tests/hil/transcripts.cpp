@@ -20,7 +20,7 @@ std::string StringOf(Program& program, std::uint8_t index) {
   return {reinterpret_cast<char*>(text), static_cast<std::size_t>(size)};
 }
 
-// What the endpoint's banks still hold from before is taken first.
+// Discards old reports in the endpoint's banks first.
 InputReport FreshReport(Program& program) {
   for (int i = 0; i < 4; ++i) program.ReadReport();
   return program.ReadReport();
@@ -98,7 +98,7 @@ void KeepsItsConfiguration(Program& program) {
   other.joystick_deadzone = static_cast<std::uint16_t>(before.joystick_deadzone == 37 ? 38 : 37);
   REQUIRE(program.Set(other) == sizeof(other));
   CHECK(Configuration(program).joystick_deadzone == other.joystick_deadzone);
-  for (int i = 0; i < 200; ++i) program.ReadReport();  // it is being written
+  for (int i = 0; i < 200; ++i) program.ReadReport();  // during the EEPROM write
   Restart(program);
   CHECK(Configuration(program).joystick_deadzone == other.joystick_deadzone);
 
@@ -127,11 +127,11 @@ void RefusesNonsense(Program& program) {
       {0x80, 6, 0x0600, 0, 10},      // device qualifier of a full-speed device
       {0x80, 6, 0x0304, 0x409, 9},   // string without a text
       {0xa1, 1, 0x0304 + 1, 0, 64},  // command, which cannot be read
-      {0xa1, 1, 0x0377, 0, 64},      // a report that there is not
+      {0xa1, 1, 0x0377, 0, 64},      // an unknown report
       {0xa1, 1, 0x0203, 0, 64},      // an output report
       {0xa1, 3, 0, 0, 1},            // GET_PROTOCOL, without a boot interface
       {0xc0, 0x55, 1, 2, 8},         // a vendor's request
-      {0x82, 0, 0, 0x85, 2},         // the status of an endpoint that there is not
+      {0x82, 0, 0, 0x85, 2},         // the status of an unknown endpoint
   };
   std::array<unsigned char, 64> bytes{};
   for (const Request& request : requests) {
@@ -202,7 +202,7 @@ void RestartsByItsWatchdog(Program& program) {
 
 void IsInGoodHealth(Program& program) {
   InputReport report = program.ReadReport();
-  for (int i = 0; i < 400; ++i) report = program.ReadReport();  // the stack is looked through
+  for (int i = 0; i < 400; ++i) report = program.ReadReport();  // time for the stack scan
   for (int i = 0; i < 3000 && (report.flags & protocol::kFlagSensorFault); ++i) {
     report = program.ReadReport();
   }

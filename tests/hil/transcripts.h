@@ -1,35 +1,37 @@
-// Conversations with a bench device that hold for any, the emulated one and silicon: what is said
-// to it, in order, and what it must answer. Each leaves the device as it was. The hand lies still.
+// Conversations that every bench device must support, emulated or real: the requests in order, and
+// the expected answers. Each leaves the device as it was. The hand rests.
 #pragma once
 
 #include "tests/support/usb_program.h"
 
 namespace torquer::hil {
 
-/// Descriptors, strings and identity agree with the protocol and with each other.
+/// Checks that descriptors, strings and identity agree with the protocol and with each other.
 void DescribesItself(Program& program);
 
-/// So many reports, each the next of the one before, a millisecond apart on the device's clock.
-/// `may_miss` of a thousand may be missing where the machine, not the device, is late.
+/// Checks that `reports` arrive in sequence, one millisecond apart on the device's clock. Up to
+/// `may_miss` per thousand may be missing because the machine, not the device, is late.
 void SendsEveryFrame(Program& program, int reports, int may_miss);
 
-/// A configuration is taken, kept over a restart, and given back; what makes no sense is refused.
+/// Checks that a configuration is accepted, stored, kept over a restart and read back, and that
+/// invalid ones are refused.
 void KeepsItsConfiguration(Program& program);
 
-/// Requests that there are not are stalled, one and all, and the next one is served.
+/// Checks that every unknown request is stalled and that the next request is served.
 void RefusesNonsense(Program& program);
 
-/// The endpoint halted by the host stalls; cleared, it goes on.
+/// Checks that an endpoint halted by the host stalls, and continues after it is cleared.
 void HaltsAndGoesOn(Program& program);
 
-/// Transfers that the program gives up, or does not wait for, leave the device as it was.
+/// Checks that canceled and abandoned transfers leave the device as it was.
 void OutlivesGivenUpTransfers(Program& program);
 
-/// On command the device restarts by its watchdog, comes back by itself as another boot, and says
-/// why; counts, time and sequence begin again.
+/// Checks that a command restarts the device by its watchdog. It comes back with a new boot id and
+/// reports the reason; counts, time and sequence restart.
 void RestartsByItsWatchdog(Program& program);
 
-/// The sensor answers, nothing was restarted, lost or nearly full since the device's start.
+/// Checks that the sensor answers, and that since the device's start nothing was restarted, lost or
+/// nearly full.
 void IsInGoodHealth(Program& program);
 
 }  // namespace torquer::hil

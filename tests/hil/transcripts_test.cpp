@@ -1,4 +1,4 @@
-// The conversations of transcripts.h with the real firmware, in the emulator behind a mocked usbfs.
+// Conversations of transcripts.h with the real firmware, in the emulator behind a mocked usbfs.
 #include "tests/hil/transcripts.h"
 
 #include <cstdlib>
@@ -65,7 +65,7 @@ TEST_CASE("the device is in good health") {
   IsInGoodHealth(bench.program);
 }
 
-// Figures of a mocked bus say nothing; that the report can be made does.
+// Figures of a mocked bus mean nothing; the test only checks that the report can be made.
 TEST_CASE("jitter and latency are reported") {
   Bench bench;
   bench.program.Close();
@@ -77,7 +77,7 @@ TEST_CASE("jitter and latency are reported") {
   }
 }
 
-// What is in it is true of this device; of silicon it says what nobody knows yet.
+// The figures hold for this emulated device only, not for silicon.
 TEST_CASE("a report to send in has every part, and says why one is missing") {
   const torquer::test::TemporaryFolder folder;
   setenv("XDG_CONFIG_HOME", folder.Path().c_str(), 1);

@@ -1,4 +1,4 @@
-// board_report: writes what whoever has built a device sends in.
+// board_report writes the report that the builder of a device sends in.
 #include <fmt/format.h>
 
 #include <cstdio>

@@ -1,5 +1,5 @@
-// The conversations of transcripts.h with a device of silicon, for people who own one, and how even
-// and how fast it is. README.md says how to run it.
+// Conversations of transcripts.h with a real device, for owners of one, and a measurement of its
+// jitter and latency. README.md explains how to run it.
 #include <cstdio>
 #include <iostream>
 #include <string>
@@ -26,7 +26,7 @@ TEST_CASE("the board describes itself", "[board]") {
 }
 TEST_CASE("the board sends in every frame", "[board]") {
   Board board;
-  // One synchronous transfer at a time: a machine that is late now and then misses a frame.
+  // One synchronous transfer at a time: a late machine occasionally misses a frame.
   SendsEveryFrame(board.program, 10000, 20);
 }
 TEST_CASE("the board keeps its configuration", "[board]") {

@@ -1,4 +1,4 @@
-// What the programs that follow a channel have in common.
+// Main loop that the follow_* programs share: prints the newest message of a channel.
 #pragma once
 
 #include <csignal>

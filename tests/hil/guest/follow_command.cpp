@@ -1,4 +1,4 @@
-// follow_command: prints the newest instrument command ten times a second, one JSON object a line,
+// follow_command prints the newest instrument command ten times a second, one JSON object per line,
 // until SIGTERM.
 #include "tests/hil/guest/follow.h"
 #include "torquer_lcm/instrument_command_t.hpp"

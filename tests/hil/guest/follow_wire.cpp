@@ -1,5 +1,5 @@
-// follow_wire: prints the newest state of the innermost instrument ten times a second, one JSON
-// object a line, until SIGTERM.
+// follow_wire prints the newest state of the innermost instrument ten times a second, one JSON
+// object per line, until SIGTERM.
 #include "tests/hil/guest/follow.h"
 #include "torquer_lcm/wire_state_t.hpp"
 

@@ -1,4 +1,5 @@
-// print_report_descriptor: the HID report descriptor that the device must have, one byte a line.
+// print_report_descriptor prints the HID report descriptor that the device must have, one byte per
+// line.
 #include <cstdio>
 
 #include "protocol/hid_descriptor.h"

@@ -1,6 +1,5 @@
-// source_transcript usb|hidraw: one conversation with the only bench device through a source of
-// reports, as text. It is the same for every source; the device is restarted once and left as it
-// was.
+// source_transcript usb|hidraw prints one conversation with the only bench device through a report
+// source. The text is the same for every source. The device is restarted once and left as it was.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -30,7 +29,7 @@ class Conversation {
     source_ = device::OpenSource(choice);
   }
 
-  // False when it does not come to that in time.
+  // Runs until `done`; false on timeout.
   template <class Done>
   bool Until(const char* what, Done done) {
     const std::int64_t end_us = bus::MonotonicUs() + kPatienceUs;

@@ -1,6 +1,7 @@
-// uinput_hand: an ordinary mouse and joystick, made by the kernel's uinput, moved by lines of text:
+// uinput_hand creates an ordinary mouse and joystick through the kernel's uinput. Lines of text
+// move them:
 //
-//   mouse X Y         so many counts, in steps of at most 5 and a report each
+//   mouse X Y         counts, in steps of at most 5, one report each
 //   button left|right|middle DOWN
 //   stick X Y         -1 to 1
 //
@@ -57,7 +58,7 @@ class Device {
   libevdev_uinput* made_ = nullptr;
 };
 
-// Towards 0 by at most a step; returns the step.
+// Moves `left` towards 0 by at most one step; returns the step.
 int Take(int& left) {
   const int step = std::clamp(left, -kLargestStep, kLargestStep);
   left -= step;

@@ -1,5 +1,5 @@
-// The USB/IP front with a kernel's part played by the test, on the loopback: what is imported, how
-// transfers end, what becomes of them when the device goes, and bytes that no kernel sends.
+// USB/IP front on loopback; the test plays the kernel. Tested are imports, the end of transfers,
+// the loss of the device, and bytes that no kernel sends.
 #include "host/emulator/usbip_front.h"
 
 #include <arpa/inet.h>
@@ -67,7 +67,7 @@ struct Bench {
     REQUIRE(send(client, bytes.data(), bytes.size(), MSG_NOSIGNAL) ==
             static_cast<ssize_t>(bytes.size()));
   }
-  // Frames pass until so many bytes have come; fewer if the connection ends.
+  // Runs frames until `size` bytes have arrived; fewer if the connection ends.
   Bytes Receive(std::size_t size) {
     Bytes bytes;
     for (int turn = 0; turn < 100000 && bytes.size() < size; ++turn) {
@@ -193,12 +193,12 @@ TEST_CASE("USB/IP: imported, it answers control transfers as the device does") {
                              std::end(protocol::kHidReportDescriptor)));
   const Reply set = bench.Control({0, 9, 1, 0, 0, 0, 0, 0});
   CHECK(set.status == 0);
-  // A feature report there and back.
+  // Writes a feature report and reads it back.
   Bytes configuration{3, protocol::kProtocolVersion, 0x40, 0x06, 7, 0};  // 1600 cpi
   configuration.resize(sizeof(protocol::ConfigurationReport));
   CHECK(bench.Control({0x21, 9, 3, 3, 0, 0, 16, 0}, configuration).status == 0);
   CHECK(bench.Control({0xa1, 1, 3, 3, 0, 0, 16, 0}).data == configuration);
-  // What the device refuses, and an endpoint that it has not.
+  // A request that the device refuses, and an endpoint that it does not have.
   CHECK(bench.Control({0xa1, 1, 9, 3, 0, 0, 16, 0}).status == -EPIPE);
   bench.Submit(3, true, 32);
   CHECK(bench.Next().status == -EPIPE);
@@ -207,7 +207,7 @@ TEST_CASE("USB/IP: imported, it answers control transfers as the device does") {
 TEST_CASE("USB/IP: frames wait for the kernel, so that no report is lost") {
   Bench bench;
   REQUIRE_FALSE(bench.Import("1-1").empty());
-  bench.PassFrames(500);  // the sensor starts
+  bench.PassFrames(500);  // start-up of the sensor
   bench.commands.Do("move 10 1 0.1");
   for (int i = 0; i < 3; ++i) bench.Submit(1, true, 32);
   std::uint16_t sequence = ReportIn(bench.Next()).sequence;
@@ -220,7 +220,7 @@ TEST_CASE("USB/IP: frames wait for the kernel, so that no report is lost") {
   }
   CHECK(last.axial_counts == bench.device.sensor().axial_counts());
   CHECK(last.axial_counts == Approx(10 * 1200 / 25.4).margin(2));
-  // With none pending, time waits; once the kernel ends one itself, it goes on.
+  // Without a pending transfer, time stops; after the kernel unlinks one, it continues.
   for (int i = 0; i < 2; ++i) bench.Next();
   CHECK(bench.front.HoldsFrame());
   const double held_us = bench.device.now_us();
@@ -235,7 +235,7 @@ TEST_CASE("USB/IP: frames wait for the kernel, so that no report is lost") {
   CHECK(reply.sequence == unlinked);
   CHECK(reply.status == -ECONNRESET);
   CHECK_FALSE(bench.front.HoldsFrame());
-  // One that is over already is not ended twice.
+  // A completed transfer is not unlinked.
   bench.Unlink(pending);
   CHECK(bench.Next().status == 0);
   CHECK(bench.device.violation_count() == 0);
@@ -254,7 +254,7 @@ TEST_CASE("USB/IP: the connection ends with the device, and a new one begins wit
     CHECK(bench.ended);
     if (std::string(loss) == "unplug") {
       bench.Connect();
-      CHECK(bench.Import("1-1").empty());  // it is not there
+      CHECK(bench.Import("1-1").empty());  // no such device
       bench.commands.Do("plug");
     }
     REQUIRE(bench.host.RunUntilReady());
@@ -274,7 +274,7 @@ TEST_CASE("USB/IP: bytes that no kernel sends end the connection and nothing els
     Bytes noise(1 + random() % 400);
     for (auto& byte : noise) byte = static_cast<std::uint8_t>(random());
     if (imported) {
-      // Begin as a transfer does, with lengths that lie.
+      // Begins like a transfer, with false lengths.
       Bytes head;
       usbip::AppendU32(head, 1 + random() % 2);
       noise.insert(noise.begin(), head.begin(), head.end());
@@ -283,7 +283,7 @@ TEST_CASE("USB/IP: bytes that no kernel sends end the connection and nothing els
     bench.PassFrames(5);
   }
   bench.Connect();
-  bench.PassFrames(1100);  // transfers that the noise has begun run out
+  bench.PassFrames(1100);  // transfers started by the noise time out
   REQUIRE_FALSE(bench.Import("1-1").empty());
   CHECK(bench.Control({0x80, 6, 0, 1, 0, 0, 18, 0}).status == 0);
 }
