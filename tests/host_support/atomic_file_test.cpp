@@ -38,7 +38,7 @@ mode_t ModeOf(const std::string& path) {
   return status.st_mode & 07777;
 }
 
-// Files of this process cannot grow beyond `bytes` while it lives: what a full disk does.
+// Limits the size of this process's files to `bytes` for its lifetime, like a full disk.
 class SizeLimit {
  public:
   explicit SizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
@@ -120,7 +120,8 @@ TEST_CASE("What is no ordinary file is refused and left as it was", "[support]")
   }
   SECTION("a device") {
     kind = "a device";
-    // One of the test's own, never a real one: a mistake would replace that for the whole machine.
+    // The test's own device node: with a real one, a mistake would replace it for the whole
+    // machine.
     if (mknod(path.c_str(), S_IFCHR | 0666, makedev(1, 3)) != 0) {
       WARN("only root can make a device: not tested");
       return;
@@ -131,7 +132,7 @@ TEST_CASE("What is no ordinary file is refused and left as it was", "[support]")
                     Contains(path + ": cannot be written: it is " + kind));
   CHECK(std::filesystem::status(path).type() == type);
   CHECK(FilesIn(folder) == 1);
-  // The same behind a symbolic link.
+  // The same through a symbolic link.
   std::filesystem::create_symlink("target", folder.Path("link"));
   CHECK_THROWS_WITH(WriteFileAtomically(folder.Path("link"), "x"), Contains("it is " + kind));
   CHECK(std::filesystem::status(path).type() == type);
@@ -176,10 +177,10 @@ TEST_CASE("A path at which there can be no file is refused with the reason", "[s
   CHECK_THROWS_WITH(WriteFileAtomically(folder.Path() + "/..", "x"), Contains("a folder"));
   CHECK_THROWS_WITH(WriteFileAtomically(folder.Path(std::string(300, 'x')), "x"),
                     Contains("File name too long"));
-  // Before anything is written.
+  // Fails before anything is written.
   CHECK_THROWS_AS(AtomicFile(folder.Path(std::string(300, 'x'))), UserError);
   CHECK(FilesIn(folder) == 0);
-  // The longest name that the file system takes is taken here too.
+  // The longest name that the file system allows is accepted here too.
   WriteFileAtomically(folder.Path(std::string(255, 'x')), "x");
   CHECK(FilesIn(folder) == 1);
 }
@@ -196,7 +197,7 @@ TEST_CASE("A full disk leaves the old file and nothing else", "[support]") {
     file.out() << large << std::flush;
     CHECK_FALSE(file.out().good());
     CHECK_THROWS_AS(file.Finish(), UserError);
-    // Also when the failure comes only with the last bytes, which are still in memory.
+    // The failure may come only with the last bytes, which are still in memory.
     AtomicFile last(path);
     last.out() << large.substr(0, 99000) << std::flush << large.substr(0, 5000);
     CHECK(last.out().good());
@@ -220,7 +221,7 @@ TEST_CASE("A full disk keeps what is of use by itself, beside the old file", "[s
       ++rows;
       if (!file.KeepSoFar() && !then_more) break;
     }
-    CHECK((rows < 300) == !then_more);  // it is noticed while it is written
+    CHECK((rows < 300) == !then_more);  // detected during writing
     CHECK_THROWS_WITH(file.Finish(), Contains("File too large") &&
                                          Contains("its first 100000 bytes") &&
                                          Contains("file.partial"));
@@ -243,7 +244,7 @@ TEST_CASE("Room that is set aside is there when the disk is full", "[support]") 
   file.Reserve(50'000);
   file.out() << "short";
   file.Finish();
-  CHECK(Contents(path) == "short");  // and not what was set aside
+  CHECK(Contents(path) == "short");  // not the saved copy
 }
 
 TEST_CASE("A process that is killed leaves no file", "[support]") {
@@ -276,7 +277,7 @@ TEST_CASE("A replaced file keeps its permissions, a new one follows the umask", 
 TEST_CASE("What a killed process left is neither used nor removed", "[support]") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("file");
-  // The names that this process would use next.
+  // Temporary names that this process would use next.
   for (int i = 1; i < 200; ++i) {
     std::ofstream(
         folder.Path(".torquer-" + std::to_string(getpid()) + "-" + std::to_string(i) + ".tmp"))

@@ -33,7 +33,7 @@ std::string First(const std::string& path) {
   return word;
 }
 
-// Its number, once it is there.
+// Process id from a file, once it exists.
 pid_t NumberIn(const std::string& path) {
   for (int i = 0; i < 5000 && First(path).empty(); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -65,7 +65,7 @@ TEST_CASE("A child's end, however it comes, and what it has said are known") {
   CHECK_FALSE(asked.Ended());
   asked.Signal(SIGTERM);
   CHECK(EndOf(asked) == 128 + SIGTERM);
-  asked.Signal(SIGTERM);  // nobody is meant by its number any more
+  asked.Signal(SIGTERM);  // its process id is no longer valid
 }
 
 TEST_CASE("A child has no terminal's input, no open file and no mask of its parent") {
@@ -91,7 +91,7 @@ TEST_CASE("A child that still runs ends with its owner, and with its parent") {
     CHECK(kill(number, 0) == 0);
   }
   CHECK(Gone(number));
-  // A parent that is killed has no time to end anything.
+  // A parent killed by SIGKILL cannot end its children itself.
   const pid_t parent = fork();
   if (parent == 0) {
     const ChildProgram child(Shell("echo $$; exec sleep 100"), folder.Path("left"));

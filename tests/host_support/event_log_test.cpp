@@ -72,7 +72,7 @@ Outcome Read(const std::string& log) {
 
 std::string Expected(int k) { return Channel(k) + " " + Data(k); }
 
-// The records from `from` to before `to`, but for `but`.
+// Records in [from, to), except for `but`.
 std::vector<std::string> All(int from = 0, int to = kRecords, int but = -1) {
   std::vector<std::string> all;
   for (int k = from; k < to; ++k) {
@@ -100,9 +100,9 @@ TEST_CASE("A whole log is read as it is", "[support]") {
   CHECK_FALSE(outcome.damage.any());
   CHECK(outcome.damage.Describe().empty());
   CHECK(Read("").read.empty());
-  // One that a logger has split goes on counting.
+  // A part that a logger has split off continues the count.
   CHECK_FALSE(Read(Log(3)).damage.any());
-  // Records larger than what is read at once.
+  // Records larger than the read buffer.
   std::string large;
   for (std::uint64_t k = 0; k < 5; ++k) large += Record(k, "C", std::string(70'000 + k, 'x'));
   CHECK(Read(large).read.size() == 5);
@@ -119,11 +119,12 @@ TEST_CASE("One flipped bit anywhere in a header is found, and costs one record",
         log[begin + at] = static_cast<char>(log[begin + at] ^ (1 << bit));
         INFO("record " << k << ", byte " << at << ", bit " << bit);
         const Outcome outcome = Read(log);
-        const bool is_time = at >= 12 && at < 20;  // it tells nothing
+        const bool is_time = at >= 12 && at < 20;  // not checked by the format
         const bool is_header = at < kHeaderBytes && !is_time;
-        // What the log can tell: not a letter that became another, nor any byte of the data.
+        // Damage that the format can detect: not a changed letter of a channel, nor a changed data
+        // byte.
         if (is_header) REQUIRE(outcome.damage.any());
-        // Every other record comes whole, but where the first says how it is counted.
+        // All other records survive, unless the first defines the numbering.
         std::vector<std::string> others;
         for (const std::string& one : outcome.read) {
           for (int other = 0; other < kRecords; ++other) {
@@ -178,7 +179,7 @@ TEST_CASE("A length within the file that no message has is not believed", "[supp
   constexpr std::uint64_t kTooLong = (64U << 20) + 1;
   std::ofstream(folder.Path("log"), std::ios::binary)
       << Log(0, 2) << Record(2, "C", "").substr(0, 24) << BigEndian(kTooLong, 4) << "C";
-  std::filesystem::resize_file(folder.Path("log"), kTooLong + 1000);  // takes no room on the disk
+  std::filesystem::resize_file(folder.Path("log"), kTooLong + 1000);  // sparse: uses no disk space
   EventLogReader reader(folder.Path("log"));
   int records = 0;
   for (LogRecord record; reader.Next(record);) ++records;
@@ -192,7 +193,7 @@ TEST_CASE("Garbage between records is skipped and counted", "[support]") {
     INFO(round);
     std::string garbage;
     for (unsigned i = 0; i < random() % 300; ++i) garbage += static_cast<char>(random());
-    // With words that look like the begin of a record.
+    // With words that look like the start of a record.
     for (unsigned i = 0; i < random() % 4; ++i) {
       garbage += Plain(3).substr(0, 4 + random() % kHeaderBytes);
     }
@@ -217,7 +218,7 @@ TEST_CASE("Numbers show what is missing, and what is out of order", "[support]")
   CHECK(twice.damage.places == 1);
   CHECK(twice.read.size() == 2 * kRecords);
 
-  // A number that is wrong alone: neither a gap nor to be trusted.
+  // A single wrong number is neither a gap nor trusted.
   const Outcome wrong = Read(Log(0, 2) + Record(99, Channel(2), Data(2)) + Log(3));
   CHECK(wrong.damage.places == 1);
   CHECK(wrong.damage.missing == 1);
@@ -227,7 +228,7 @@ TEST_CASE("Numbers show what is missing, and what is out of order", "[support]")
 }
 
 TEST_CASE("A file full of false records comes to its end", "[support]") {
-  // Each claims a megabyte after which no record comes.
+  // Each record claims a megabyte, after which no record follows.
   std::string log;
   const std::string header = Record(1, "C", "").substr(0, 24) + BigEndian(1 << 20, 4) + "C";
   for (int i = 0; i < torquer::test::Rounds(60'000, 10); ++i) log += header + ".";

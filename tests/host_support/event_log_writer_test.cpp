@@ -27,7 +27,7 @@ std::vector<std::uint8_t> BytesOf(int k) {
                                    static_cast<std::uint8_t>(k));
 }
 
-// Files of this process end after so many bytes, as if the disk were full.
+// Limits the size of this process's files, as if the disk were full.
 class FullDisk {
  public:
   explicit FullDisk(rlim_t bytes) : before_(std::signal(SIGXFSZ, SIG_IGN)) {

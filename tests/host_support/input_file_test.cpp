@@ -24,7 +24,7 @@ TEST_CASE("An ordinary file is read whole, of any size", "[support]") {
   CHECK_THROWS_WITH(ReadInputFile(folder.Path("file"), "give less", 299'999),
                     Contains("has 300000 bytes, and at most 299999 are read; give less"));
   CHECK(ReadInputFile(folder.Path("file"), "", 300'000).size() == 300'000);
-  // Of a file of the kernel the size is not known.
+  // The kernel reports no size for its own files.
   CHECK_THAT(ReadInputFile("/proc/self/status", ""), Contains("Pid:"));
 }
 

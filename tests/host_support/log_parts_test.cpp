@@ -35,7 +35,7 @@ ReadParts ReadAllParts(const std::string& path) {
   return read;
 }
 
-// Parts 1, 2, 3 and 10, of 100 records each.
+// Writes parts 1, 2, 3 and 10 with 100 records each.
 void WriteParts(const std::string& path) {
   std::int64_t number = 0;
   for (const int part : {1, 2, 3, 10}) {
@@ -55,7 +55,7 @@ TEST_CASE("A log is read with its parts, in order, and each of them with those t
   const TemporaryFolder folder;
   const std::string log = folder.Path("log");
   WriteParts(log);
-  // Names that are no parts of it.
+  // Names that are not parts of the log.
   for (const char* name :
        {"log.part1", "log.part4", "log.part01x", "log.part0003", "logs.part005"}) {
     std::ofstream(folder.Path(name)) << "nothing";

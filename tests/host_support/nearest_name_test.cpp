@@ -21,16 +21,16 @@ TEST_CASE("A name that was cut short is found by its beginning", "[support]") {
   CHECK(NearestName("vox", known) == "voxel_mm");
   CHECK(NearestName("entry", known) == "entry_point_mm");
   CHECK(NearestName("entry-point", known) == "entry_point_mm");
-  // And one that has too much: another unit, say.
+  // A name with an extra word, such as another unit.
   CHECK(NearestName("radius_mm_inner", known) == "radius_mm");
-  // Two letters begin too many names.
+  // Too many names begin with these two letters.
   CHECK(NearestName("vo", known).empty());
 }
 
 TEST_CASE("Of several the one that needs the least is taken", "[support]") {
-  // A missing unit is likelier than another letter, and the shorter of two longer names.
+  // A missing unit is likelier than a wrong letter; of two longer names the shorter is likelier.
   CHECK(NearestName("length", {"lengths_count", "length_mm", "lenght"}) == "length_mm");
-  // Words too many are less likely than a letter too many.
+  // Extra words are less likely than an extra letter.
   CHECK(NearestName("side_of_mmx", {"side", "side_of_mm"}) == "side_of_mm");
   CHECK(NearestName("pushes", {"push", "pushes_wanted_at_most", "pushes_wanted"}) ==
         "pushes_wanted");

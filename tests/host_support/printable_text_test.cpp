@@ -8,7 +8,7 @@ using torquer::Printable;
 TEST_CASE("Text of letters stays as it is") {
   CHECK(Printable("").empty());
   CHECK(Printable("reading device A-1 at 3%, \\ and \"") == "reading device A-1 at 3%, \\ and \"");
-  // An accent, Greek, Chinese, a picture beyond 16 bits, by their bytes.
+  // Bytes of an accent, Greek, Chinese, and an emoji beyond 16 bits.
   for (const char* text : {"caf\xc3\xa9", "\xce\xbc", "\xe8\xa1\x80", "\xf0\x9f\xa9\xb8"}) {
     CHECK(Printable(text) == text);
   }
@@ -18,7 +18,7 @@ TEST_CASE("Control characters are written out") {
   CHECK(Printable("\x1b[2J\rdevice running") == "\\x1b[2J\\x0ddevice running");
   CHECK(Printable("a\nb\tc\x7f") == "a\\x0ab\\x09c\\x7f");
   CHECK(Printable(std::string_view("a\0b", 3)) == "a\\x00b");
-  // The same as ESC [ to some terminals: U+009B.
+  // U+009B: some terminals treat it as ESC [.
   CHECK(Printable("\xc2\x9b"
                   "2J") == "\\u{9b}2J");
   CHECK(Printable("ok\xe2\x80\xaetxet") == "ok\\u{202e}txet");
@@ -31,10 +31,10 @@ TEST_CASE("What is not UTF-8 is written out byte by byte") {
                   "2J") == "\\x9b2J");
   CHECK(Printable("a\xc3") == "a\\xc3");
   CHECK(Printable("\xe8\xa1") == "\\xe8\\xa1");
-  CHECK(Printable("\xc0\x9b") == "\\xc0\\x9b");                    // a longer form of ESC
-  CHECK(Printable("\xe0\x80\x9b") == "\\xe0\\x80\\x9b");           // and another
-  CHECK(Printable("\xed\xa0\x80") == "\\xed\\xa0\\x80");           // half of a pair
-  CHECK(Printable("\xf5\x80\x80\x80") == "\\xf5\\x80\\x80\\x80");  // beyond the last character
+  CHECK(Printable("\xc0\x9b") == "\\xc0\\x9b");                    // an overlong form of ESC
+  CHECK(Printable("\xe0\x80\x9b") == "\\xe0\\x80\\x9b");           // another overlong form
+  CHECK(Printable("\xed\xa0\x80") == "\\xed\\xa0\\x80");           // half of a surrogate pair
+  CHECK(Printable("\xf5\x80\x80\x80") == "\\xf5\\x80\\x80\\x80");  // beyond the last code point
   CHECK(Printable("\xff") == "\\xff");
 }
 
@@ -55,7 +55,7 @@ TEST_CASE("Of random bytes nothing is left that a terminal acts on") {
       REQUIRE(static_cast<unsigned char>(byte) >= 0x20);
       REQUIRE(byte != 0x7f);
     }
-    // What is shown is shown as it is.
+    // Printable output stays unchanged when printed again.
     REQUIRE(Printable(shown) == shown);
   }
 }

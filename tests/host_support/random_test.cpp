@@ -7,13 +7,13 @@
 using torquer::Random;
 
 TEST_CASE("Random numbers are the same on every machine", "[support]") {
-  // The standard's own check of std::mt19937_64 ([rand.predef]): the 10000th number of the default
-  // seed.
+  // Check value of std::mt19937_64 in the standard ([rand.predef]): the 10000th number of the
+  // default seed.
   Random standard(5489);
   for (int i = 1; i < 10000; ++i) standard.Next();
   CHECK(standard.Next() == 9981545732273789042u);
 
-  // And what is made of the first two numbers of seed 1.
+  // Results derived from the first two numbers of seed 1.
   Random one(1);
   constexpr std::uint64_t kTopBits = 2469588189546311528u / 2048;
   CHECK(one.Uniform() == static_cast<double>(kTopBits) / 9007199254740992.0);
@@ -30,7 +30,7 @@ TEST_CASE("Uniform numbers fill their range evenly", "[support]") {
     REQUIRE(x < 5.0);
     ++bins[static_cast<std::size_t>((x + 3.0) / 8.0 * 20.0)];
   }
-  // Chi-squared with 19 degrees of freedom: above 43.8 once in a thousand.
+  // Chi-squared with 19 degrees of freedom exceeds 43.8 once in a thousand.
   double chi_squared = 0.0;
   for (const int count : bins) chi_squared += std::pow(count - kDraws / 20.0, 2) / (kDraws / 20.0);
   CHECK(chi_squared < 43.8);
@@ -45,8 +45,8 @@ TEST_CASE("Integers reach both ends, each as often", "[support]") {
   for (const int count : bins) chi_squared += std::pow(count - kDraws / 7.0, 2) / (kDraws / 7.0);
   CHECK(chi_squared < 22.5);  // 6 degrees of freedom, once in a thousand
   CHECK(random.Integer(5, 5) == 5);
-  // A range of 3/4 of all 64-bit numbers: without care for the rest, a third of the results would
-  // be twice as likely as the others.
+  // A range of 3/4 of all 64-bit numbers: with a plain modulo, a third of the results would be
+  // twice as likely as the others.
   constexpr std::int64_t kHigh = 0x5fffffffffffffff;
   int low_third = 0;
   for (int i = 0; i < kDraws; ++i)
@@ -68,7 +68,7 @@ TEST_CASE("Normal numbers have the moments of the normal distribution", "[suppor
     fourth += x * x * x * x;
     beyond_two += std::abs(x) > 2.0;
   }
-  // Four standard errors each.
+  // Tolerances of four standard errors.
   CHECK(std::abs(sum / kDraws) < 4.0 * std::sqrt(1.0 / kDraws));
   CHECK(std::abs(squares / kDraws - 1.0) < 4.0 * std::sqrt(2.0 / kDraws));
   CHECK(std::abs(fourth / kDraws - 3.0) < 4.0 * std::sqrt(96.0 / kDraws));

@@ -1,4 +1,4 @@
-// Real-time scheduling: granted where the limits allow it, else refused whole.
+// Real-time scheduling: granted if the limits allow it, otherwise refused entirely.
 #include "host/support/realtime.h"
 
 #include <sched.h>
@@ -36,7 +36,7 @@ int PolicyInThread(const std::function<void()>& first) {
   return policy;
 }
 
-// What `work` says, in another process: its limits and scheduling end with it.
+// Result of `work` in a child process, whose limits and scheduling end with it.
 std::string InProcess(const std::function<std::string()>& work) {
   int ends[2];
   REQUIRE(pipe(ends) == 0);
@@ -63,7 +63,7 @@ std::string InProcess(const std::function<std::string()>& work) {
   return said;
 }
 
-// Limits bind only who has no privileges.
+// Limits bind only processes without privileges.
 void BecomeNobody() {
   if (geteuid() == 0 && (setgid(65534) != 0 || setuid(65534) != 0)) _exit(3);
 }
@@ -129,7 +129,7 @@ TEST_CASE("Without the limits real time is refused, and nothing stays of it") {
   if (!may_raise) {
     WARN("skipped: limits above this user's own");
   } else {
-    // A quarter of a gigabyte holds this process, and would not hold a session.
+    // 256 MiB are enough for this process, but not for a session.
     CHECK_THAT(refused(1 << 28, 0),
                Catch::StartsWith("--realtime: this user may lock only 268435456 bytes") &&
                    Catch::Contains("'USER - memlock unlimited'"));

@@ -53,7 +53,7 @@ TEST_CASE("A key that nobody reads is refused with the keys that exist there", "
     table.RefuseUnread();
   };
   CHECK_NOTHROW(read("[vessel]\nvoxel_mm = 0.25\n"));
-  // The unit was left out.
+  // The key lacks its unit.
   CHECK_THROWS_WITH(read("[vessel]\nvoxel = 0.25\n"),
                     "s.toml:2: vessel.voxel = 0.25: is not a known key; did you mean voxel_mm? "
                     "Keys here: closed, file, voxel_mm");
@@ -109,7 +109,7 @@ TEST_CASE("What is nested too deeply is refused before it is parsed", "[support]
   struct Deep {
     std::string before, open, middle, close, after;
   };
-  // Each as deep as a file can say it; the lines before it count in the message.
+  // Maximum nesting of each syntax; the message must count the lines before it.
   const Deep deep = GENERATE(Deep{"", "a.", "a = 1", "", ""}, Deep{"", "'a'.", "a = 1", "", ""},
                              Deep{"", "\"a\" . ", "a = 1", "", ""}, Deep{"[", "a.", "a]", "", ""},
                              Deep{"[[", "a.", "a]]", "", ""}, Deep{"b = {", "a.", "a = 1}", "", ""},

@@ -6,7 +6,7 @@
 
 TEST_CASE("The firmware has the version of the project", "[support]") {
   // Set both: project(VERSION) in CMakeLists.txt, and firmware/src/version.h, which is built
-  // without CMake's help.
+  // without CMake.
   CHECK(int{torquer::firmware::kVersionMajor} == torquer::kVersionMajor);
   CHECK(int{torquer::firmware::kVersionMinor} == torquer::kVersionMinor);
   CHECK(int{torquer::firmware::kVersionPatch} == torquer::kVersionPatch);
