@@ -8,7 +8,7 @@ import re
 INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]*(?:"([^"]+)"|<([^>]+)>)', re.M)
 
 
-# Headers that the build makes: beginning of the name as included, and the files they are made from.
+# Headers that the build generates: beginning of the included name, and their source files.
 GENERATED = {"torquer_lcm/": "protocol/lcm/*.lcm", "torquer_version.h": "host/support/version.h.in"}
 
 

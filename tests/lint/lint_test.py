@@ -160,7 +160,7 @@ class BugKeys(Tree):
         for cached in (include_graph.read, include_graph.include_lines, include_graph.resolve):
             cached.cache_clear()
         build = os.path.normpath(os.path.join(root, build))
-        # One folder ends as the checkout's path does, and is another all the same.
+        # One folder's path ends like the checkout's path, but is a different folder.
         words = f"{command} -I{root} -I{build}/made -isystem /usr{self.root} -DBIN=\\\"{build}/bin\\\" {flags}"
         entry = {"file": os.path.join(root, "a.cpp"),
                  "command": words.replace("PCH", f"{build}/cmake_pch.hxx") + f" -o a.o -c {root}/a.cpp"}
@@ -291,7 +291,7 @@ class Bugs(Tree):
         status, seen, said = self.run_bugs()
         self.assertEqual((status, len(seen)), (0, self.rotation()))
         self.assertIn("looked at 0 with a text that is not in tests/lint/passed", said)
-        # Not so for --fresh.
+        # --fresh ignores the list.
         self.assertEqual(self.run_bugs("--fresh")[1], set(self.names))
 
     def rotation(self) -> int:
@@ -321,11 +321,11 @@ class Bugs(Tree):
         self.assertEqual(status, 0)
         self.assertIn("s05.cpp", seen)
         self.assertEqual(len(seen), 1 + self.rotation())
-        # The sources that this run left out come next.
+        # Sources that this run skipped come next.
         _, then, said = self.run_bugs()
         self.assertIn("looked at 0 with", said)
         self.assertEqual(then | seen, set(self.names))
-        # A header is not listed while its source is objected to.
+        # A header is not listed while its source has findings.
         self.write("s05.h", "int c();\n")
         self.write("s05.cpp", '#include "s05.h"\nint BUG;\n')
         self.assertEqual(self.run_bugs("--update")[0], 1)
@@ -340,14 +340,14 @@ class Bugs(Tree):
 
     def test_a_list_edited_by_hand_hides_nothing_for_long(self):
         self.run_bugs("--update")
-        # The key of one source given to another, or to another path, is no pass.
+        # A key moved to another source or path does not count as a pass.
         lines = self.passed().splitlines()
         self.write("s03.cpp", "int BUG;\n")
         forged = [line.replace("s04.cpp", "s03.cpp") for line in lines if not line.startswith("s03.cpp")]
         self.write("tests/lint/passed", "\n".join(forged) + "\n")
         subprocess.run(["rm", "-r", os.path.join(self.root, "build/release/tidy")], check=True)
         self.assertEqual(self.run_bugs()[0], 1)
-        # Even with a key that is right: --fresh sees it, and some run of some commit does.
+        # A forged line with a valid key is found by --fresh, and by some run of some commit.
         bugs = load("bugs")
         bugs.ROOT = self.root
         entry = {"file": os.path.join(self.root, "s03.cpp"), "command": "c++ -c s03.cpp -o s03.cpp.o"}
