@@ -12,7 +12,7 @@
 namespace torquer::test {
 namespace {
 
-// A wire whose segments point in the given directions of the plane z = 0.
+// A wire whose segments have the given directions in the plane z = 0.
 WireState LayAngles(const WireModel& model, const std::vector<double>& angles_rad) {
   const WireState straight =
       LayStraight(model, static_cast<double>(angles_rad.size()) * model.segment_mm());
@@ -72,7 +72,7 @@ TEST_CASE("Psi is g1 of three joints: (22)") {
     sum += EvaluateBending(BendingLaw::kG1, 1 - u[k].dot(u[k + 1])).g;
   }
   CHECK(GeometricalEnergy(x.data()) == Approx(12 / kLength * sum).epsilon(1e-12));
-  // Lengths that differ: the formula as printed.
+  // Unequal lengths: the formula as printed.
   x[2] += Vector3d(0.1, -0.2, 0.05);
   CHECK(GeometricalEnergy(x.data()) == Approx(TotalPsi(x, 1, 3)).epsilon(1e-12));
 }
@@ -108,7 +108,7 @@ TEST_CASE("the cubic spline has its ends and end tangents: (28), (29)") {
   const double h = 1e-6;
   CHECK((spline.At(h) - a).normalized().dot(at_a) == Approx(1).epsilon(1e-10));
   CHECK((b - spline.At(1 - h)).normalized().dot(at_b) == Approx(1).epsilon(1e-10));
-  // A beam: across the chord it is a cubic, so its fourth difference vanishes.
+  // For a beam, the deflection across the chord is cubic, so its fourth difference vanishes.
   const auto at = [&](int k) { return spline.At(0.1 + 0.2 * k); };
   CHECK((at(0) - 4 * at(1) + 6 * at(2) - 4 * at(3) + at(4)).norm() < 1e-12);
 
@@ -119,7 +119,7 @@ TEST_CASE("the cubic spline has its ends and end tangents: (28), (29)") {
 
 TEST_CASE("the interval with the largest merit is selected, its ends shrunk: (30), (31)") {
   const WireModel model = MakeWire({.max_length_mm = 80});
-  // Two bumps on a straight line, the second one higher; ends run along the line.
+  // Two bumps on a straight line, the second one higher; the ends lie along the line.
   std::vector<double> angles(40, 0.0);
   angles[8] = 0.05;
   angles[9] = -0.05;
@@ -216,7 +216,7 @@ TEST_CASE("point slide leaves a wire of equal lengths as it is") {
 TEST_CASE("on a circle the second-order slide is better by two orders: (26), (27)") {
   constexpr double kRadius = 10;
   const auto error = [&](double lambda, bool second_order) {
-    // Nodes on the circle a little farther apart than they shall be.
+    // Nodes on the circle, spaced slightly wider than required.
     std::vector<Vector3d> curve;
     const double angle = 2 * std::asin(1.07 * lambda / (2 * kRadius));
     for (int k = 0; k < 60; ++k) {
@@ -287,7 +287,7 @@ TEST_CASE("a cycle lowers Psi and leaves the interval's ends and end tangents") 
     CHECK(std::abs((state.nodes()[i + 1] - state.nodes()[i]).norm() - 1) < 1e-12);
     CHECK(std::abs(state.tangents()[i].dot(state.normals()[i])) < 1e-12);
   }
-  // Past nu the wire slides along itself.
+  // Beyond nu the wire slides along itself.
   CHECK(DistanceTo(state.nodes(), before.nodes()[nu]) < 0.05);
   CHECK((state.tangents()[44] - before.tangents()[44]).norm() < 1e-9);
   CHECK((state.nodes()[46] - before.nodes()[46]).norm() < 1);
@@ -302,7 +302,7 @@ TEST_CASE("a cycle takes out short waves and leaves long ones") {
   GeometricalRelaxation relaxation(model, floor, {});
   REQUIRE(relaxation.Begin(state));
   REQUIRE(relaxation.Continue(1000, state));
-  // Parts of either wave in the interval's directions, before and after.
+  // Components of both waves in the interval's directions, before and after.
   const auto part = [&](const std::vector<Vector3d>& x, double waves) {
     double sum = 0;
     for (int i = relaxation.interval().mu + 2; i < relaxation.interval().nu - 2; ++i) {
@@ -332,7 +332,7 @@ TEST_CASE("where the tip would go too far, zeta keeps it within lambda") {
 
 TEST_CASE("where the new curve meets the wall, zeta stops short of it") {
   const WireModel model = MakeWire({.max_length_mm = 80, .sheath = {{0, 0.47, 0}, {1, 0, 0}}});
-  // Towards the floor, then up and over it: the smooth curve would go on into the floor.
+  // Towards the floor, then up and over it: the smooth curve would continue into the floor.
   std::vector<double> angles(32, 0.0);
   angles[4] = -0.28;
   for (int i = 5; i < 11; ++i) angles[i] = 0.2;

@@ -22,8 +22,8 @@ PhysicalSettings With(UpdateRule rule, double max_update) {
   return settings;
 }
 
-// A channel along x that winds from side to side: a wire in it rests on wall all along, because
-// its curvature has to change all along.
+// A sinuous channel along x. A wire in it touches the wall everywhere, because its curvature has to
+// change everywhere.
 class WavyChannel final : public AnalyticField {
  public:
   void EvaluateHessian(const Vector3d& p, ClearanceSample& out) const override {
@@ -67,7 +67,7 @@ struct ChannelCase {
   int contacts = 0;
 };
 
-// Distance that `cycles` of PR move the equilibrium of a case, mm.
+// Distance in mm by which `cycles` of PR move the equilibrium of a case.
 double Drift(ChannelCase& c, int cycles) {
   const WireState before = c.state;
   PhysicalRelaxation physical(c.model, c.field, c.wall, {});
@@ -83,7 +83,7 @@ double Drift(ChannelCase& c, int cycles) {
 TEST_CASE("an update follows the energy's gradient across the segment: (6) to (10'), (17)") {
   const BendingLaw law = GENERATE(BendingLaw::kExact, BendingLaw::kG1, BendingLaw::kG2);
   const double stiffness = GENERATE(1e-6, 3e-4);
-  // Rigidity falls towards the tip, and the wire leans into a wall.
+  // Rigidity decreases towards the tip, and the wire leans into a wall.
   const WireModel model(0.5, {{0, 2e-3, 0.2, 0, 0}, {15, 8e-3, 0.3, 0, 0}}, 0, 30, law,
                         {{0, 0.3, 0}, {1, 0, 0}});
   const HalfSpace field({0, 0, 0}, {0, 1, 0});
@@ -119,13 +119,13 @@ TEST_CASE("an update follows the energy's gradient across the segment: (6) to (1
 
 TEST_CASE("the ladder of update rules: (16), (17), (19), exact root") {
   const WireModel model = MakeWire({.max_length_mm = 20});
-  // Head-on, a little aslant: the wall's force runs mainly along the last segment.
+  // Head-on, slightly oblique: the wall's force acts mainly along the last segment.
   WireState start = WithTangent(model, LayStraight(model, 10), 9, Vector3d(1, 0.02, 0));
   const double pressed = GENERATE(0.01, 2.0);  // mm
   CAPTURE(pressed);
   const HalfSpace field({start.nodes()[10][0] + 0.178 - pressed, 0, 0}, {-1, 0, 0});
   const WallModel wall{0.2, 1};  // 0.1 N/mm at the end, which stands for half a segment
-  // B of (10') by hand: u_{n+1} is absent, p of (8) is about 1.
+  // B of (10') by hand: u_{n+1} does not exist, p of (8) is about 1.
   const Vector3d u = start.tangents()[9];
   const Vector3d eta = start.tangents()[8] - u;
   const double c = JointStiffness(model, start, 9);
@@ -147,7 +147,7 @@ TEST_CASE("the ladder of update rules: (16), (17), (19), exact root") {
   double away = 0;
   CHECK(step(UpdateRule::kRhoOnly) == Approx(across / rho));
   CHECK(step(UpdateRule::kSigned, &away) == Approx(across / std::abs(rho - along)));
-  // The predecessor's sign turns a tip that is pressed hard further into the wall.
+  // With the predecessor's sign, a strongly pressed tip turns further into the wall.
   if (pressed > 1) CHECK(away < 0);
   CHECK(step(UpdateRule::kAbsolute, &away) == Approx(across / std::abs(rho - along)));
   if (pressed > 1) CHECK(away > 0);
@@ -196,7 +196,7 @@ TEST_CASE("an update moves what is distal rigidly and nothing else") {
           1e-12);
   }
   CHECK(std::abs(state.tangents()[12].norm() - 1) < 1e-15);
-  // The spin kept along is the spin made again: the tip's rest shape does not twist.
+  // The updated spin equals the recomputed one: the tip's rest shape does not twist.
   WireState again = state;
   again.UpdateFrames(model);
   for (std::size_t k = 0; k < state.reference_twist().size(); ++k) {
@@ -312,7 +312,8 @@ TEST_CASE("without a wall cycles bend the tip to its rest shape, whichever way i
   for (int i = 0; i < 10; ++i) {
     CHECK((state.tangents()[i] - RestDirection(model, state, i)).norm() < 1e-5);
   }
-  // Four joints rest bent by 0.15 rad, towards the sheath's first normal turned by the rotation.
+  // Four joints have a rest bend of 0.15 rad, towards the sheath's first normal turned by the
+  // rotation.
   const Vector3d& axis = model.sheath().direction;
   const Vector3d& first = model.sheath_normal();
   const Vector3d way = std::cos(rotation) * first + std::sin(rotation) * axis.cross(first);
@@ -336,7 +337,7 @@ TEST_CASE("without a wall cycles straighten the wire") {
   CHECK((state.nodes()[12] - Vector3d(12, 0, 0)).norm() < 1e-3);
 }
 
-// The bound for EI 6.35e-3 N mm^2 and lambda 1 mm: k_w lambda^3 N < 4 EI / lambda.
+// Stability bound for EI 6.35e-3 N mm^2 and lambda 1 mm: k_w lambda^3 N < 4 EI / lambda.
 TEST_CASE("cycles leave the equilibrium on a soft wall where it is") {
   ChannelCase c(5e-4);
   INFO(c.contacts << " contacts");

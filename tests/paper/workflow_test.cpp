@@ -13,7 +13,7 @@
 namespace torquer::test {
 namespace {
 
-// A wire in the T-Y phantom, as Tip Relaxations alone leave it: 80 segments of 2.5 mm.
+// A wire in the T-Y phantom after Tip Relaxations only: 80 segments of 2.5 mm.
 struct Case {
   explicit Case(PaperCycles cycles = PaperCycles::kGeometrical, double length_mm = 200)
       : model(MakeWire({.segment_mm = 2.5,
@@ -53,7 +53,7 @@ TEST_CASE("a segment is inserted just before the tip, parallel to the one before
   for (int i = 0; i < 26; ++i) CHECK(state.tangents()[i] == start.tangents()[i]);
   CHECK(state.tangents()[26] == start.tangents()[25]);
   for (int i = 26; i < 30; ++i) CHECK(state.tangents()[i + 1] == start.tangents()[i]);
-  CHECK_FALSE(InsertSegment(model, state));  // no more than the wire has
+  CHECK_FALSE(InsertSegment(model, state));  // at the wire's full length
   REQUIRE(RetractSegment(model, state));
   CHECK(HashState(state) == HashState(start));
 }
@@ -102,7 +102,7 @@ TEST_CASE("cycles go on in the next tick where the budget cut them") {
     CountedBudget budget(100000);
     work += one.Tick({200, 0}, budget, whole.state).work;
   }
-  // One unit a tick makes one slice a tick; every slice is spent.
+  // One work unit per tick gives one slice per tick; every slice is used up.
   for (int k = 0; k < work; ++k) {
     CountedBudget budget(1);
     CHECK(two.Tick({200, 0}, budget, cut.state).work == 1);
@@ -158,7 +158,8 @@ TEST_CASE("the workflow gives the same bits for the same work") {
     PaperRelaxation relaxation(c.model, c.field, c.wall, c.settings);
     relaxation.Restart(c.state);
     for (int k = 0; k < 60; ++k) {
-      // The first run's budgets end anywhere, as a clock would; the second repeats the work done.
+      // The first run uses random budgets, as with a clock; the second repeats the work of the
+      // first.
       CountedBudget budget(run == 0 ? units(random) : granted[k]);
       const InstrumentPlaces target{100 + 1.25 * k - (k > 40 ? 2.5 * (k - 40) : 0.0), 0.05 * k};
       const TickReport report = relaxation.Tick(target, budget, c.state);
@@ -257,7 +258,8 @@ TEST_CASE("the predecessor's cycle takes the signed denominator of (16), unbound
 }
 
 TEST_CASE("fed fast against a wall the predecessor perforates it, the paper's method does not") {
-  // Head-on: denominators of (16) turn negative, and the sign drives the tip on into the wall.
+  // Head-on: denominators of (16) become negative, and the sign drives the tip further into the
+  // wall.
   const auto press = [](Relaxation& relaxation, const WireModel& model) {
     WireState state = WithTangent(model, LayStraight(model, 12.5), 4, Vector3d(1, 0.03, 0.01));
     relaxation.Restart(state);
