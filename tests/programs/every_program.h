@@ -1,5 +1,4 @@
-// The programs of the build, found in their folder, so that a new one is held to what tests ask of
-// all.
+// Programs of the build, listed from their folder, so that the tests include each new one.
 #pragma once
 
 #include <sys/stat.h>
@@ -13,7 +12,7 @@
 
 namespace torquer::test {
 
-/// The names of all programs but the tests.
+/// Names of all programs except the tests.
 inline std::vector<std::string> Programs() {
   std::vector<std::string> programs;
   for (const auto& entry : std::filesystem::directory_iterator(ProgramPath(""))) {

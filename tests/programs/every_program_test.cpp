@@ -1,5 +1,5 @@
-// Every program of the build answers --help, --version and --completion, and refuses a bad command
-// line, in the same way.
+// Command-line conventions: every program of the build answers --help, --version and --completion,
+// and refuses a bad command line, in the same way.
 #include "tests/programs/every_program.h"
 
 #include <algorithm>
@@ -30,7 +30,7 @@ struct ProgramOutcome {
 using Words = std::vector<std::string>;
 
 ProgramOutcome RunProgram(const std::string& program, const Words& command, const Words& words) {
-  // A program that does not know its command line might do its work instead, for ever.
+  // A program that ignores its command line might do its work instead and never end.
   Words all{"/usr/bin/timeout", "120", torquer::test::ProgramPath(program)};
   all.insert(all.end(), command.begin(), command.end());
   all.insert(all.end(), words.begin(), words.end());
@@ -59,7 +59,7 @@ std::vector<Option> OptionsIn(const std::string& help) {
     Option option;
     option.name = (*match)[1];
     option.placeholder = (*match)[2].length() > 0 ? (*match)[2].str().substr(1) : "";
-    // What belongs to it: all lines up to the next option, group or paragraph.
+    // Lines of this option: up to the next option, group or paragraph.
     const auto begin = static_cast<std::size_t>(match->position()) + 1;
     std::size_t stop = help.find("\n  -", begin);
     stop = std::min(stop, help.find("\n\n", begin));
@@ -130,7 +130,7 @@ void CheckRefusals(const std::string& program, const Words& command,
     const std::string remedy = "number from " + option.range;
     const std::vector<std::string> no_numbers = {"", "abc", "nan", "inf", "1e999", "0x1", "1 2"};
     for (std::size_t k = 0; k < no_numbers.size(); ++k) {
-      // Under a sanitizer every text and every option, but not every pair of them.
+      // Under a sanitizer every text and every option is tested, but not every pair.
       if (torquer::test::kUnderSanitizer && (k + option.name.size()) % 3 != 0) continue;
       const std::string& text = no_numbers[k];
       refuses({option.name, text}, {option.name + " '" + text + "'", remedy});
@@ -151,7 +151,7 @@ void CheckRefusals(const std::string& program, const Words& command,
   }
 }
 
-// What bash offers for an unfinished command line that ends with `last`.
+// Completions that bash offers for an unfinished command line that ends with `last`.
 std::set<std::string> Completions(const std::string& program, const std::string& script,
                                   const Words& words) {
   std::string function = "_" + program;
@@ -179,7 +179,7 @@ void CheckCompletion(const std::string& program, const std::string& script, cons
   words.emplace_back("--");
   CHECK(Completions(program, script, words) == names);
   for (const Option& option : options) {
-    // An option is found by its beginning; after one with a value, no option is offered.
+    // A prefix completes to an option; after an option that takes a value, none is offered.
     words = command;
     words.push_back(option.name.substr(0, 4));
     CHECK(Completions(program, script, words).count(option.name) == 1);
@@ -258,7 +258,8 @@ TEST_CASE("What cannot be written to standard output is said", "[programs]") {
 }
 
 TEST_CASE("No state of standard error changes how a program ends", "[programs]") {
-  // After the program's own words, "$@". A pipe has lost its reader before the program begins.
+  // Appended after the program's own words, "$@". A pipe loses its reader before the program
+  // begins.
   const std::string stream =
       GENERATE("2> /dev/full", "2>&-", "2>&- 1>&- 0>&-", "2> >(exit) ", "2> small");
   CAPTURE(stream);

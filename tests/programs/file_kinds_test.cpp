@@ -1,6 +1,6 @@
-// What programs do with what is no ordinary file: read it never, so that nobody waits for a writer
-// that does not come; replace it never, so that a device stays a device. One table over programs
-// and options, times the kinds of things that may stand at a path.
+// Special files: no program may read one, because it could wait forever for a writer. No program
+// may replace one, because a device must stay a device. The table covers programs and options,
+// times the kinds of files at a path.
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 
@@ -26,7 +26,7 @@ namespace {
 
 using Words = std::vector<std::string>;
 
-// What stands at a path, and how a message calls it.
+// Kind of file at a path, and its name in messages.
 struct Kind {
   std::string name;
   std::string said;
@@ -44,14 +44,15 @@ struct Bench {
   Bench() {
     REQUIRE(mkfifo(Path("pipe").c_str(), 0600) == 0);
     fs::create_directory(Path("folder"));
-    // One of the test's own, never a real one: a mistake would replace that for the whole machine.
+    // The test's own device node: with a real one, a mistake would replace it for the whole
+    // machine.
     if (mknod(Path("device").c_str(), S_IFCHR | 0666, makedev(1, 3)) == 0) {
       fs::create_symlink("device", Path("link-to-device"));
     }
     fs::create_symlink("pipe", Path("link-to-pipe"));
     std::ofstream(Path("script.csv")) << "time_s,guidewire.insertion_mm\n0,0\n0.001,0.1\n";
     for (const Kind& kind : kKinds) {
-      // A surface's format is that of its ending.
+      // The extension selects a surface's format.
       fs::create_symlink(kind.name, Path(kind.name + ".obj"));
       std::ofstream(Path("surface-" + kind.name + ".toml"))
           << "name = \"x\"\n[vessel]\nkind = \"surface\"\nfile = \"" << kind.name
@@ -65,12 +66,12 @@ struct Bench {
   std::string Path(const std::string& name) const { return scene.Beside(name); }
 };
 
-// `words`, in which @ stands for the path, KIND for its name, SCENE and SCRIPT for good ones. What
-// a program makes of it is the same for each kind.
+// Checks that `words` is refused for each kind of file. In `words`, @ stands for the path, KIND for
+// its name, SCENE and SCRIPT for valid files. The result is the same for each kind.
 void CheckRefused(const Bench& bench, const Words& words) {
   for (const Kind& kind : kKinds) {
     const std::string path = bench.Path(kind.name);
-    if (!fs::exists(path)) continue;  // only root can make a device
+    if (!fs::exists(path)) continue;  // only root can create a device node
     Words command{"/usr/bin/timeout", "60"};
     std::string line;
     for (std::string word : words) {
@@ -147,7 +148,7 @@ TEST_CASE("What is no ordinary file is not written to, and stays what it is", "[
   };
   for (const Words& words : outputs) CheckRefused(bench, words);
 
-  // A link to an ordinary file is written through.
+  // A write through a link to an ordinary file is allowed.
   std::ofstream(bench.Path("file")) << "old";
   fs::create_symlink("file", bench.Path("link"));
   ChildProcess process({torquer::test::ProgramPath("torquer-simulator"), "--scene",

@@ -1,4 +1,4 @@
-// The frame of all programs, by programs that the tests make up.
+// Common frame of all programs, tested with programs defined here.
 #include "host/support/program.h"
 
 #include <fcntl.h>
@@ -25,7 +25,7 @@ using torquer::UsageError;
 
 namespace {
 
-// Standard output or standard error, in a file while this lives.
+// Redirects standard output or standard error to a file for its lifetime.
 class Captured {
  public:
   explicit Captured(std::FILE* stream) : stream_(stream) {
@@ -78,7 +78,7 @@ Outcome Run(
   return outcome;
 }
 
-// A program with an option of each sort.
+// A program with one option of each kind.
 struct Sample {
   bool flag = false;
   std::string text = "as it was";
@@ -293,7 +293,7 @@ TEST_CASE("Exceptions become messages and exit statuses", "[programs]") {
   const Outcome usage = run([]() -> int { throw UsageError("--a is missing"); });
   CHECK(usage.status == 2);
   CHECK(usage.error == "sample: --a is missing\nSee 'sample --help'.\n");
-  // A limit, or the state of the machine, is the user's to repair.
+  // The user can fix a limit or the state of the machine, so this is not a defect.
   const Outcome memory = run([]() -> int { throw std::bad_alloc(); });
   CHECK(memory.status == 2);
   CHECK_THAT(memory.error, StartsWith("sample: std::bad_alloc; close other programs"));

@@ -1,5 +1,6 @@
-// What standard streams do to a program that only answers or refuses: each stream closed, full,
-// limited or opened the wrong way, alone. No signal, no wait, and the exit status that is true.
+// Standard streams of a program that only answers or refuses: each is closed, full, limited or
+// opened the wrong way, one at a time. The program must get no signal, not wait, and exit with the
+// true status.
 #include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -33,11 +34,11 @@ constexpr unsigned kMostSeconds = 60;
 constexpr int kKilled = 128;
 
 struct StreamsOutcome {
-  int status = -1;  // kKilled + signal where one ended it; SIGALRM after kMostSeconds
+  int status = -1;  // kKilled + signal if killed; SIGALRM after kMostSeconds
   std::string output, error;
 };
 
-// A run of a program, with a folder for what it writes to its streams.
+// A run of a program, with a folder for the output of its streams.
 class StreamsRun {
  public:
   StreamsRun(const std::string& program, std::vector<std::string> words, const Streams& streams) {
@@ -97,7 +98,7 @@ StreamsOutcome RunWith(const std::string& program, const std::vector<std::string
   return StreamsRun(program, words, streams).outcome();
 }
 
-// Words with which a program fails after it has understood them.
+// Arguments that are valid but with which the program then fails.
 std::vector<std::string> FailingWords(const std::string& program) {
   static const std::map<std::string, std::vector<std::string>> words = {
       {"torquer-calibrate", {"check", "none.toml"}},
@@ -143,12 +144,12 @@ TEST_CASE("A program ends well whatever standard output and error are", "[progra
     const std::vector<std::string> fails = FailingWords(program);
     for (const Stream bad : kBad) {
       CAPTURE(program, kNames.at(bad));
-      // every_program_test has a full standard output; and refusals without standard error.
+      // every_program_test covers full standard output, and refusals without standard error.
       if (bad != Stream::kFull) {
         const StreamsOutcome unsaid =
             RunWith(program, {"--help"}, {Stream::kGood, bad, Stream::kGood});
         CHECK(unsaid.status == 2);
-        // A limit holds for the message too.
+        // The limit applies to the message too.
         if (bad != Stream::kLimited) {
           CHECK_THAT(unsaid.error, Contains("standard output cannot be written"));
         }
