@@ -1,4 +1,4 @@
-// The bytes on the wire, written out by hand: a change of layout or byte order fails here.
+// Golden bytes on the wire, written by hand: a change of layout or byte order fails here.
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <string>

@@ -1,6 +1,5 @@
-// protocol/README.md carries one byte table a report. They are generated from the definitions in
-// hid_reports.h and compared here, so that they cannot drift. When the test fails it prints the
-// table to paste between the markers.
+// Byte tables of protocol/README.md, one per report. The test generates them from hid_reports.h and
+// compares, so that they stay in sync. On failure it prints the table to paste between the markers.
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <sstream>
