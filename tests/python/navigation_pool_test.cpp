@@ -34,7 +34,7 @@ NavigationTask IntoTheSide(const Scene& scene) {
   return task;
 }
 
-// What environments write, and where.
+// Buffers for the output of all environments.
 class Side {
  public:
   Side(const Scene& scene, const NavigationTask& task)
@@ -57,7 +57,7 @@ class Side {
   std::vector<double> facts_;
 };
 
-// Each environment's own hand, the same whenever it is asked.
+// Actions of an environment, the same on every call.
 std::vector<double> Action(std::size_t index, int step, std::size_t size) {
   std::mt19937 random(static_cast<unsigned>(1000 * index + static_cast<std::size_t>(step)));
   std::uniform_real_distribution<double> uniform(-1, 1);
@@ -87,7 +87,7 @@ TEST_CASE("Environments in threads do what they do in one, whoever is waited for
   for (std::size_t k = 0; k < kEnvironments; ++k) many.Reset(k, 0.1 * static_cast<double>(k));
   std::vector<int> steps(kEnvironments, 0);
   std::size_t finished = 0;
-  // Whoever is first goes on at once; the others stay at work meanwhile.
+  // The first finished environment continues at once while the others still work.
   while (finished < kEnvironments) {
     for (const std::size_t k : many.Wait(1)) {
       CHECK(side.facts()[k] <= 10.2);  // read while others write
@@ -138,7 +138,7 @@ TEST_CASE("A pool ends while its environments are at work") {
 TEST_CASE("What environments throw reaches who waits") {
   const Scene scene = TwoBranches();
   Side side(scene, IntoTheSide(scene));
-  // The scene makes no pictures.
+  // The scene has no pictures.
   std::vector<std::uint8_t> pictures(kEnvironments);
   NavigationBuffers buffers = side.buffers();
   buffers.vectors = nullptr;

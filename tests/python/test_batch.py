@@ -35,7 +35,7 @@ def worker_processes(process):
 
 def test_a_case_is_what_a_single_run_of_the_simulator_is(study, tmp_path):
     script = tmp_path / "moves.csv"
-    # As Excel writes it, with a mark of the byte order.
+    # As Excel writes it, with a byte order mark.
     script.write_text("\ufefftime_s,guidewire.insertion_mm,guidewire.rotation_rad\n0.5,20,0.5\n1,45,1\n1.5,70,-1\n")
     path = study(
         'scenes = ["ty_phantom"]\nshapes = "rows"\n[axes]\n"effects.friction.coefficient" = [0.05, 0.2]\n'
@@ -76,7 +76,8 @@ def test_nothing_that_is_stored_is_run_again_and_what_changed_is(study, tmp_path
     assert (again.stored_before, again.done) == (6, 3)
     slower = cases(6).replace("speed_mm_s = 40", "speed_mm_s = 30")
     assert torquer.batch.run(str(study(slower)), str(out)).stored_before == 0
-    # An own scene is known by what it says, not by its name; a file that it names too.
+    # A scene is identified by its content, not by its name; the same holds for a file that it
+    # names.
     text = pathlib.Path(torquer.scene_path("drill_tube")).read_text()
     scene = study(text, "own")
     own = study(cases(1).replace("ty_phantom", "own.toml"))
@@ -136,7 +137,7 @@ def test_a_surface_that_changes_while_processes_live(study, tmp_path):
     pickled = pickle.dumps(torquer.Scene(str(tmp_path / "own.toml")))
     old = list(torquer._batch_study.cases(torquer._batch_study.read_study(str(path))))
     write_tube(surface, 2)
-    # A file that was loaded is not the case of the other: neither before nor after.
+    # A case made with the former file is refused, and so is a scene pickled with it.
     torquer._batch_case._load.cache_clear()
     with pytest.raises(torquer.Error, match="a file of the scene is another than when the case was made"):
         torquer._batch_case.run(old[0])
@@ -192,7 +193,7 @@ def test_a_run_that_is_killed_is_taken_up_again(study, tmp_path):
     process.communicate()
     stored = lines(out)
     assert stored < 300
-    # A line that was cut off, a shape without its line, and parts.
+    # A cut-off line, a shape without its line, and partial files.
     with (out / "readings.jsonl").open("ab") as file:
         file.write(b'{"key": "cut')
     with (out / "torquer-batch.jsonl").open("ab") as file:
@@ -262,7 +263,7 @@ def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
     (failure,) = map(json.loads, (out / "failures.jsonl").read_text().splitlines())
     assert failure["case"]["effects.friction.coefficient"] == -1
     assert "Failures" in (out / "report.html").read_text()
-    # Run again, it is tried again.
+    # A second run tries it again.
     assert finish(path, out)[1].startswith("0 cases done, 1 were stored before, 1 failed")
 
 
@@ -371,7 +372,7 @@ def test_a_script_without_a_guard_runs_with_worker_processes(study, tmp_path, ho
         except ProcessLookupError:
             pass
     assert process.returncode == 0 and output == "2\n", error
-    # No worker ran the script.
+    # No worker process executed the script.
     assert (tmp_path / "begun").read_text() == "x"
     check_whole(tmp_path / "out", 2)
 

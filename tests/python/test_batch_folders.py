@@ -8,7 +8,7 @@ import torquer
 import torquer.batch
 from batch_runs import cases, study
 
-# Files of a user, by name; "->" stands for a link.
+# Files of a user, by name; "->" marks a link.
 FOREIGN = {
     "an own file": {"shapes/mine.zip": b"mine", "shapes/mine.part": b"mine"},
     "an own table": {"readings.csv": b"mine"},
@@ -104,12 +104,12 @@ def test_files_of_a_user_beside_results_stay(ran, study, tmp_path):
         path.write_bytes(content)
     assert torquer.batch.run(str(study(cases(2))), str(out)).done == 1
     assert {path: path.read_bytes() for path in own} == own
-    # A line that an editor left without its end is whole.
+    # A last line without a line end, as some editors leave it, is complete.
     text = (out / "readings.jsonl").read_bytes()
     (out / "readings.jsonl").write_bytes(text[:-1])
     assert torquer.batch.run(str(study(cases(2))), str(out)).stored_before == 2
     assert (out / "readings.jsonl").read_bytes() == text
-    # A case whose line is removed is run again; a shape that is not recorded stays.
+    # A case whose line was removed runs again; a shape without a record stays.
     (out / "readings.jsonl").write_bytes(b"")
     assert torquer.batch.run(str(study(cases(2))), str(out)).done == 2
     record = out / "torquer-batch.jsonl"

@@ -48,7 +48,7 @@ def test_an_observation_is_within_finite_bounds_wherever_the_hands_go(name):
     assert np.isfinite(space.low).all() and np.isfinite(space.high).all() and (space.low < space.high).all()
     random = np.random.default_rng(3)
     observations, _ = many.reset(seed=1)
-    # One is pushed as far as it goes, one pulled out, two wander.
+    # One is pushed to its limit, one pulled out, two wander.
     for _ in range(300):
         actions = random.uniform(-1, 1, many.action_space.shape).astype(np.float32)
         actions[0, ::2], actions[1, ::2] = 1, -1
@@ -88,7 +88,7 @@ def test_a_vector_shows_wire_route_and_target_from_the_tip(env):
     tip = simulation.tips_mm[0]
     points = observation[:-3].reshape(-1, 3)
     assert np.allclose(points[-1] + tip, env.scene.route_mm("side", 40.0)[-1], atol=1e-3)
-    # The points of the wire are 5 mm apart along it, those of the route too.
+    # The points of the wire are 5 mm apart along it, as are those of the route.
     wire = np.vstack([np.zeros(3), points[:4]])
     gaps = np.linalg.norm(np.diff(wire, axis=0), axis=1)
     assert (gaps > 4).all() and (gaps < 5.6).all()
@@ -185,7 +185,7 @@ def test_a_vector_gives_what_single_environments_give(threads):
         assert info["env_id"].tolist() == [0, 1, 2, 3, 4]
         for k, env in enumerate(singles):
             if ended[k]:
-                # The numbers go on as in an environment that is reset without a seed.
+                # The random sequence continues as in an environment that is reset without a seed.
                 observation, one = env.reset()
                 reward, ends = 0.0, (False, False)
                 resets += 1
@@ -379,7 +379,7 @@ def test_a_forked_child_is_told_to_make_its_own(at_work):
 
 
 def test_what_a_thread_throws_is_raised():
-    # Nothing is sent to a hand beyond 1e5 mm.
+    # Hand targets are limited to 1e5 mm.
     task = torquer.envs.Task("side", 40.0, longest_mm=2e5)
     many = torquer.envs.VectorEnv(torquer.scene_path("ty_phantom"), 2, 2, task=task)
     many.reset(seed=1)

@@ -51,7 +51,7 @@ def test_a_tip_is_farther_behind_with_more_friction(tmp_path):
     assert len(found) == 3
     lags = [most for _, most in found]
     assert lags == sorted(lags) and lags[0] < lags[-1]
-    # Whole turns of the hand without friction are whole turns of the tip.
+    # Without friction, whole turns of the hand are whole turns of the tip.
     assert abs(found[0][0]) <= 1
 
 
@@ -89,7 +89,7 @@ def test_a_policy_is_taught(tmp_path):
     steps, rate, episodes, safely = numbers(
         lines, r"(\d+) steps: +(\d+) % of (\d+) episodes reach the target, +(\d+) % safely"
     )[-1]
-    # Wires that are only pushed go there in a third of the episodes.
+    # Wires that are only pushed reach the target in a third of the episodes.
     assert steps == 10 * 16 * 128 and episodes >= 10 and rate >= 50 and safely <= rate
     found = numbers(lines, r"(\d+) of 30 reach the target, (\d+) safely; (\d+) mN at most")
     learned, pushed = found[:2], found[2:]

@@ -96,7 +96,7 @@ def test_nodes_are_a_view_that_cannot_be_written(phantom):
     assert not nodes.flags.writeable and not nodes.flags.owndata
     with pytest.raises(ValueError):
         nodes[0, 0] = 1
-    # It stays as it is, whatever becomes of the simulation.
+    # The copy stays unchanged whatever happens to the simulation.
     kept = nodes.copy()
     push(simulation, 1)
     simulation.restart()
@@ -334,7 +334,7 @@ def test_a_step_in_use_is_not_moved(phantom, beating):
         thread = threading.Thread(target=elsewhere)
         thread.start()
         thread.join()
-        # It may be looked at.
+        # Reading it is allowed.
         assert simulation.nodes_mm.shape[1] == 3 and simulation.copy().state_hash == simulation.state_hash
 
     report = simulation.step(0.05, simulation.hands, after_tick=after_tick)
@@ -380,7 +380,7 @@ def test_random_calls_of_threads_are_carried_out_or_refused(phantom):
     for thread in threads:
         thread.join(120)
     assert not unexpected
-    # And then it does as a new one.
+    # After a restart it behaves as a new one.
     simulation.restart()
     fresh = torquer.Simulation(phantom)
     push(simulation, 5)
@@ -428,7 +428,7 @@ def test_errors_are_value_errors_that_name_the_file():
 
 
 def test_threads_run_beside_each_other(phantom):
-    # While one steps without Python's lock, another counts; and both get what they get alone.
+    # Stepping releases Python's lock, so another thread runs; both get the same results as alone.
     alone = torquer.Simulation(phantom)
     push(alone, 30)
     results = [None] * 3

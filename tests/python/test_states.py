@@ -49,7 +49,7 @@ def test_both_formats_give_the_same_arrays(folder):
     assert [str(value) for value in binary["state_hash"]] == [line["state_hash"] for line in lines]
     assert binary["time_s"].tolist() == [0.1 * k if k != 3 else 0.3 for k in range(6)]
     assert binary.units["energy_mJ"] == "mJ"
-    # More of the wire is in from row to row.
+    # The inserted length grows from row to row.
     assert len(binary["nodes_mm"][5]) > len(binary["nodes_mm"][0])
     with pytest.raises(KeyError, match="no field 'energy'.*energy_mJ"):
         binary["energy"]
@@ -106,7 +106,7 @@ def test_any_bytes_are_read_or_refused(folder, tmp_path):
     refused = 0
     for k in range(600):
         mutant = bytearray(data)
-        # Half of them in what says how the rest is to be read.
+        # Half of the changes affect the header that describes the rest.
         for _ in range(draw.randint(1, 3)):
             at = draw.randrange(8, size + 8) if k % 2 else draw.randrange(8, len(data))
             mutant[at] = draw.choice([0, 255, draw.randrange(256), mutant[at] ^ 1])

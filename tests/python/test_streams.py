@@ -61,7 +61,7 @@ def test_output_that_cannot_be_written_is_said(command, bad):
 def test_messages_that_are_lost_change_nothing(command, bad):
     status, output, _ = run(command, "--help", **bad("stderr", 2))
     assert status == 0 and output.startswith(f"usage: {command}")
-    # Nothing of a message comes out elsewhere.
+    # No part of a message goes to another stream.
     words = ["convert", "none", "out.csv"] if command == "torquer" else ["none.toml"]
     assert run(command, *words, **bad("stderr", 2))[:2] == (2, "")
     assert run(command, "--no-such-option", **bad("stderr", 2))[:2] == (2, "")

@@ -46,7 +46,7 @@ def test_vtk_reads_what_is_exported(tmp_path):
 @pytest.mark.parametrize("encoded", [False, True])
 def test_centerlines_as_vmtk_writes_them(tmp_path, mode, compressor, encoded):
     random = np.random.default_rng(5)
-    # More than a block of the compressor.
+    # More than one block of the compressor.
     lines = [np.cumsum(random.normal(size=(count, 3)), axis=0) for count in (2, 5000, 40)]
     radii = [random.uniform(0.5, 5, len(line)) for line in lines]
     points = vtkPoints()
@@ -75,6 +75,6 @@ def test_centerlines_as_vmtk_writes_them(tmp_path, mode, compressor, encoded):
     found = torquer.centerlines.read_vtp(tmp_path / "centerlines.vtp")
     assert len(found) == len(lines)
     for line, points_mm, radii_mm in zip(found, lines, radii):
-        # Text has 11 digits.
+        # The text format has 11 digits.
         assert np.allclose(line.points, points_mm, rtol=0, atol=1e-8 if mode == "Ascii" else 0)
         assert np.allclose(line.radii, radii_mm, rtol=0, atol=1e-8 if mode == "Ascii" else 0)
