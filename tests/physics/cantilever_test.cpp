@@ -1,4 +1,4 @@
-// Bending against closed forms: elastica, circle, buckling load.
+// Bending compared with closed forms: elastica, circle, buckling load.
 #include <catch2/catch.hpp>
 #include <numbers>
 
@@ -10,11 +10,11 @@
 namespace torquer::test {
 namespace {
 
-// A couple on the distal segment: the energy is -M (angle of that segment in the plane z = 0). A
-// wire that turns so by more than half would leave the plane; springs keep it there.
+// A moment on the distal segment: the energy is -M times that segment's angle in the plane z = 0. A
+// wire turned by more than half a turn would leave the plane; springs hold it there.
 class EndMoment final : public EnergyTerm {
  public:
-  /// `angle_rad`: about where the segment will turn to, to tell full turns apart.
+  /// `angle_rad` is the approximate final angle of the segment; it distinguishes full turns.
   void SetMoment(double moment_mJ, double angle_rad) {
     moment_mJ_ = moment_mJ;
     angle_rad_ = angle_rad;
@@ -98,7 +98,7 @@ TEST_CASE("A cantilever bends like the elastica, to second order in the segment"
   }
 }
 
-// The largest distance of two wires' nodes.
+// Largest distance between the nodes of two wires.
 double Apart(const WireState& a, const WireState& b) {
   double largest = 0;
   for (std::size_t i = 0; i < a.nodes().size(); ++i) {
@@ -148,7 +148,7 @@ TEST_CASE("The closed form of the elastica has the small-load limit of beam theo
 }
 
 TEST_CASE("A part of a segment at the sheath counts with its length") {
-  // The same cantilever with a first segment of every length that occurs.
+  // The same cantilever, for every possible length of the first segment.
   const double load = 2;
   const Elastica exact = SolveElastica(load);
   const Vector3d end(exact.along * kCantilever_mm, exact.across * kCantilever_mm, 0);
@@ -224,7 +224,7 @@ TEST_CASE("Turning the proximal end turns a free intrinsic circle by the same an
   }
 }
 
-// Largest dead force along -x under which the straight column is stable, by its Hessian.
+// Largest dead force along -x at which the straight column is stable, by its Hessian.
 double BucklingForce(int n) {
   EndForce force(Vector3d::Zero());
   const double lambda = kCantilever_mm / n;

@@ -1,4 +1,4 @@
-// A wire with room in a catheter, against beams with two supports.
+// Wire with clearance in a catheter, compared with beams on two supports.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <memory>
@@ -55,9 +55,10 @@ struct Loose {
   }
 };
 
-// Where a wire of the length `inside` in a rigid straight lumen with the room c to each side, and
-// pushed across by F at the length b beyond the mouth, lies there. It rests on the mouth's edge on
-// one side, and on the other side at the distance a behind it, where it is along the lumen.
+// Deflection of a wire at the length b beyond the mouth of a rigid straight lumen, where a force F
+// pushes it sideways. The wire has the length `inside` in the lumen and the clearance c on each
+// side. It rests on the mouth's edge on one side. It touches the other side, parallel to the lumen,
+// at the distance a behind the mouth.
 double DeflectionBeyondMouth(double EI, double c, double inside, double b, double F) {
   const auto apart = [&](double a) {
     const double before = inside - a;  // clamped in the middle, and to the wall
@@ -91,7 +92,7 @@ TEST_CASE("Pushed across beyond a stiff catheter's mouth a wire turns in its roo
   CHECK(loose.state.tip()[2] == Approx(expected).epsilon(0.01));
 }
 
-// Both curves at rest at these places with ever less room.
+// Distance in mm between the equilibrium with this clearance and the one without clearance.
 double ApartWithRoom(double room_mm, const InstrumentPlaces& places) {
   const auto bent = [](double rigidity_N_mm2, double radius_mm, double curvature) {
     return WireModel(1, {{0, rigidity_N_mm2, radius_mm, curvature}}, 0, 120, BendingLaw::kExact,
@@ -120,21 +121,21 @@ TEST_CASE("With ever less room two curves come to the one of instruments without
   const double half_mm = ApartWithRoom(0.1, places);
   const double narrow_mm = ApartWithRoom(0.01, places);
   CAPTURE(wide_mm, half_mm, narrow_mm);
-  // As the root of the room: couples where tips end turn over a length that is as the root, too.
+  // Proportional to the root of the clearance: moments at tip ends decay over such a length.
   CHECK(half_mm == Approx(wide_mm / std::sqrt(2)).epsilon(0.1));
   CHECK(narrow_mm == Approx(half_mm / std::sqrt(10)).epsilon(0.1));
 }
 
-// Pulled by T round an evenly bent, stiff lumen of the radius R, with the room c, a soft wire goes
-// straight from the clamp to the inner side, which it reaches where the lumen has turned by
-// sqrt(2 c / R), and lies there from then on: it presses T / R per length.
+// A soft wire is pulled by T round an evenly bent, stiff lumen of radius R with the clearance c. It
+// runs straight from the clamp to the inner side, which it reaches where the lumen has turned by
+// sqrt(2 c / R). From there on it lies at the inner side and presses with T / R per length.
 TEST_CASE("Pulled round a bend a wire lies at the inner side of the lumen") {
   constexpr double kBend_mm = 40;
   constexpr double kRoom_mm = 0.3;
   const double segment_mm = GENERATE(1.0, 0.5);
   const double pull_N = 0.02;
   const WireModel wire(segment_mm, {{0, 1e-4, kWireRadius_mm}}, 0, 120, BendingLaw::kExact, {});
-  // Curved towards its first normal; stiff, so that the wire does not bend it.
+  // Curved towards its first normal, and so stiff that the wire does not bend it.
   const WireModel catheter(segment_mm, {{0, 1e4, 0.8, 1 / kBend_mm}}, 0, 120, BendingLaw::kExact,
                            {});
   const double angle = 1;
@@ -155,13 +156,13 @@ TEST_CASE("Pulled round a bend a wire lies at the inner side of the lumen") {
 }
 
 TEST_CASE("A force across on the catheter alone is borne by both") {
-  // A soft catheter around a stiff wire that is as long: with no room to speak of the stiffness is
-  // the sum, with room the catheter bends alone until it touches.
+  // A soft catheter around a stiff wire of equal length. With negligible clearance the stiffnesses
+  // add; with clearance the catheter bends alone until it touches.
   const double segment_mm = 1;
   Loose loose({Straight(100 * kWire_N_mm2, kWireRadius_mm, segment_mm),
                Straight(kWire_N_mm2, 0.5, segment_mm)},
               kWireRadius_mm + 0.3, {0, 0, 1e-6}, 2, 100);
-  // The outer one leads: the force is on its end.
+  // The outer instrument leads, so the force acts on its end.
   loose.MoveTo({{30, 0}, {40, 0}});
   const double b = 40;
   const double alone_mm = 1e-6 * b * b * b / (3 * kWire_N_mm2);

@@ -1,4 +1,4 @@
-// How far a wire says that finer segments would move it, against finer segments.
+// Discretization error that a wire reports, compared with finer segments.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <memory>
@@ -12,7 +12,7 @@
 namespace torquer::test {
 namespace {
 
-// A dead load per length, N/mm.
+// Constant load per length, N/mm.
 class Weight final : public EnergyTerm {
  public:
   explicit Weight(const Vector3d& load_N_mm) : load_N_mm_(load_N_mm) {}
@@ -35,7 +35,7 @@ class Weight final : public EnergyTerm {
   const Vector3d load_N_mm_;
 };
 
-// Nothing, but what it does would count as lost.
+// Empty term that counts as dissipative.
 class LostWork final : public EnergyTerm {
  public:
   void Begin(const PointSet&) override {}
@@ -68,7 +68,7 @@ struct Settled {
 
 constexpr double kFinest = 0.03125;
 
-// The largest distance of its nodes from the same material of a far finer one.
+// Largest distance of its nodes from the same material of a much finer wire.
 double TrueError(const Settled& coarse, const Settled& fine) {
   const int ratio = static_cast<int>(std::lround(coarse.model.segment_mm() / kFinest));
   double largest = 0;
@@ -87,7 +87,7 @@ struct Case {
   Vector3d end_N;
   Vector3d weight_N_mm;
   BendingLaw law = BendingLaw::kExact;
-  // A wire that rests curved and is bent out of its plane turns its rest shape, too: left out.
+  // A curved wire bent out of its plane also turns its rest shape, which the estimate leaves out.
   bool turns = false;
 };
 
@@ -126,7 +126,7 @@ TEST_CASE("In free space a wire knows how far finer segments would move it") {
     const double estimate = coarse.ErrorMm();
     CAPTURE(segment_mm, truth, estimate);
     CHECK(truth > 1e-5);
-    // The finest has a part of the error itself, 1.6 % of that of 0.25 mm.
+    // The finest wire has an error itself: 1.6 % of that at 0.25 mm.
     if (c.turns) {
       CHECK(estimate > truth / 2);
       CHECK(estimate < truth * 2);

@@ -1,4 +1,4 @@
-// Forces and torques at the hand, against the work that they do and against closed forms.
+// Forces and torques at the hand, compared with the work that they do and with closed forms.
 #include "host/simulator/core/stack/hand_forces.h"
 
 #include <catch2/catch.hpp>
@@ -49,7 +49,7 @@ struct Round {
   }
 };
 
-// Does not twist with a ratio of 0.
+// A ratio of 0 means that it does not twist.
 WireModel Instrument(double segment_mm, double rigidity, double radius_mm, double tip_mm = 0,
                      double curvature = 0, double torsional_ratio = 0) {
   return MakeWire({.segment_mm = segment_mm,
@@ -62,7 +62,7 @@ WireModel Instrument(double segment_mm, double rigidity, double radius_mm, doubl
                    .sheath = {Vector3d(kRing, 0, 0), Vector3d::UnitY()}});
 }
 
-// The innermost `count` of three.
+// The innermost `count` of three instruments.
 std::vector<WireModel> Bent(int count, double segment_mm, double torsional_ratio = 0) {
   std::vector<WireModel> three;
   three.push_back(Instrument(segment_mm, 1, 0.2, 12, 0.05, torsional_ratio));
@@ -100,7 +100,7 @@ TEST_CASE("The hand's force is the energy that a push takes, of each instrument"
   }
 }
 
-// The innermost has room in the lumens of the others.
+// The innermost instrument has clearance in the lumens of the others.
 constexpr Clearance kRoom{
     .first_outer = 1, .lumen_radius_mm = {0, 0.35, 0.35}, .stiffness_N_mm2 = 0.5};
 
@@ -178,7 +178,7 @@ TEST_CASE("Of what twists the hand's torque is the energy that a turn takes") {
 }
 
 TEST_CASE("Friction between instruments is the same on any mesh, whatever steps in them") {
-  // Rest shapes and rigidities step in a bend, where the moments that they exchange are couples.
+  // Rest shapes and rigidities have steps in a bend, where the exchanged moments are couples.
   const auto friction_N = [](double segment_mm) {
     Round round(Bent(3, segment_mm), {{95.3, 0.4}, {71.2, 0.7}, {40.4, 0}});
     Sliding sliding{.coefficient = 0.3};
@@ -195,7 +195,7 @@ TEST_CASE("Friction between instruments is the same on any mesh, whatever steps 
 }
 
 TEST_CASE("Pushed round a bend without friction, the hand pushes as the tip does") {
-  // T + M^2/2EI is the same all along, and within the straight sheath it is the tension.
+  // T + M^2/2EI is constant along the wire; within the straight sheath it equals the tension.
   const double segment_mm = GENERATE(2.0, 1.0, 0.5, 0.25);
   Round round({Instrument(segment_mm, 1, 0.2)}, {95.3, 0.0});
   const double hand_N = round.Hand(0).axial_N;
@@ -203,7 +203,7 @@ TEST_CASE("Pushed round a bend without friction, the hand pushes as the tip does
   INFO("segment " << segment_mm << " mm: hand " << hand_N << " N, tip " << tip_N << " N");
   CHECK(tip_N > 1e-4);
   CHECK(hand_N == Approx(tip_N).margin(1e-4 * segment_mm));
-  CHECK(-round.forces.tension_N.front() > hand_N + 1e-5);  // the bend at the sheath
+  CHECK(-round.forces.tension_N.front() > hand_N + 1e-5);  // because of the bend at the sheath
 }
 
 TEST_CASE("A straight wire hands on what stops it") {
@@ -221,7 +221,7 @@ TEST_CASE("A straight wire hands on what stops it") {
   FindInternalForces(model, state, relaxation.Current(), none, forces);
   HandForces hands;
   hands.Find(InstrumentStack(model), state, relaxation.Current(), forces, {});
-  // The end is 0.02 mm deep in a wall that half a piece, a quarter of a segment, presses on.
+  // The end is 0.02 mm deep in a wall, which presses on half a piece (a quarter of a segment).
   const double force_N = 0.02 * segment_mm / 4;
   CHECK(hands.hands()[0].axial_N == Approx(force_N));
   CHECK(hands.hands()[0].torque_mJ == Approx(0).margin(1e-12));
@@ -237,7 +237,7 @@ TEST_CASE("A wire drawn through a round catheter is held back by the capstan law
   const int way = GENERATE(-1, 1);
   std::vector<WireModel> instruments;
   instruments.push_back(MakeWire({.segment_mm = segment_mm, .rigidity_N_mm2 = 1e-5}));
-  // As round as it rests, whatever the wire does.
+  // Stiff catheter: it keeps its round rest shape whatever the wire does.
   instruments.push_back(MakeWire({.segment_mm = segment_mm,
                                   .rigidity_N_mm2 = kStiff,
                                   .radius_mm = 0.5,
@@ -267,7 +267,7 @@ TEST_CASE("A wire drawn through a round catheter is held back by the capstan law
   INFO("mu " << mu << " segment " << segment_mm << " way " << way);
   CHECK(wire_N ==
         Approx(-kForce * std::exp(-way * mu * angle)).epsilon(1e-3 + 0.02 * mu * segment_mm));
-  // Between them it is internal: all together feel nothing of it.
+  // Friction between the instruments is internal: the sum of all hand forces does not contain it.
   CHECK(wire_N + catheter_N ==
         Approx(-kForce * std::cos(angle) - kStiff / (2 * kRing * kRing)).epsilon(2e-3));
 }

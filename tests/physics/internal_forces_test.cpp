@@ -1,4 +1,4 @@
-// What a state tells of the forces in a wire, against closed forms and against its own balance.
+// Internal forces that a state reports, compared with closed forms and with its own equilibrium.
 #include "host/simulator/core/internal_forces.h"
 
 #include <catch2/catch.hpp>
@@ -22,8 +22,8 @@ InternalForces ForcesOf(const WireModel& model, const WireState& state, const Re
 }
 
 TEST_CASE("Along a bent cantilever tension and moment are those of the elastica") {
-  // A dead force F across the clamp: with theta the angle to the clamp, T = F sin theta and
-  // M^2 / 2EI = F (sin theta_end - sin theta). At the clamp M = F times the lever.
+  // A dead force F across the clamp. With theta the angle to the clamp, T = F sin theta and M^2 /
+  // 2EI = F (sin theta_end - sin theta). At the clamp, M is F times the lever.
   constexpr double kLength = 40;
   constexpr double kRigidity = 2;
   const double load = GENERATE(0.5, 3.0);
@@ -76,17 +76,17 @@ TEST_CASE("A hanging wire bears at each node the weight of what is below") {
   REQUIRE(Settle(relaxation, {kLength, 0}, state).converged);
   const InternalForces forces = ForcesOf(model, state, relaxation, terms);
   const auto n = static_cast<std::size_t>(state.segments());
-  // About node 1 pieces of two lengths meet.
+  // Pieces of two different lengths meet at node 1.
   for (std::size_t i = 2; i < n; ++i) {
     CHECK(forces.tension_N[i] == Approx(kWeight * (kLength - state.nodes()[i].x())));
   }
-  // Half a piece hangs at the end, and the sheath bears half a piece.
+  // The end carries half a piece, and the sheath bears half a piece.
   const double piece_N = kWeight * segment_mm / points_per_segment;
   CHECK(forces.tension_N[n] == Approx(0).margin(piece_N));
   CHECK(forces.tension_N[0] == Approx(kWeight * kLength).margin(piece_N));
 }
 
-// Drawn back by 2 mm, it slides everywhere.
+// Withdrawn by 2 mm, the wire slides everywhere.
 void DrawBack(WireOnPost& on) {
   for (const double mm : {59.5, 59.0, 58.5, 58.0}) {
     REQUIRE(Settle(on.relaxation, {mm, 0}, on.state).converged);
@@ -125,7 +125,7 @@ TEST_CASE("Tension that friction takes on a post follows exp(mu angle), on any m
   const InternalForces forces = ForcesOf(on.model, on.state, on.relaxation, on.terms);
   const double ratio = forces.tension_N[on.NodeAt(0.5)] / forces.tension_N[on.NodeAt(2.0)];
   CHECK(ratio == Approx(std::exp(1.5 * mu)).epsilon(0.02));
-  // Friction is mu times the normal force, against the motion: the wire was drawn back.
+  // Friction is mu times the normal force, opposite to the motion: the wire was withdrawn.
   const std::size_t i = on.NodeAt(1.2);
   const Vector3d tangent = (on.state.tangents()[i - 1] + on.state.tangents()[i]).normalized();
   const Vector3d normal = on.state.nodes()[i].normalized();
@@ -140,7 +140,7 @@ TEST_CASE("Clamp, contacts, friction and load of any wire are in balance") {
     return std::uniform_real_distribution<double>(from, to)(random);
   };
   const double ring = draw(20, 40);
-  // Every other one has a bent tip and twists; friction on its surface would turn it, too.
+  // Every other wire has a bent tip and twists; friction on its surface would turn it as well.
   const bool twists = seed % 2 == 1;
   const WireModel model = MakeWire({.segment_mm = draw(0.5, 2),
                                     .rigidity_N_mm2 = draw(0.1, 3),

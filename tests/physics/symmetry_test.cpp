@@ -1,4 +1,5 @@
-// What must not matter: where the vessel stands, how it is turned, how the wire came to rest.
+// Invariance tests: the vessel's position and rotation, and the path to equilibrium must not
+// matter.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <utility>
@@ -13,7 +14,7 @@
 namespace torquer::test {
 namespace {
 
-// A field seen from another frame: q = R p + t.
+// A field in another frame: q = R p + t.
 class Moved final : public AnalyticField {
  public:
   Moved(const ClearanceField& field, const Matrix3d& rotation, const Vector3d& translation)
@@ -63,7 +64,8 @@ TEST_CASE("A vessel moved and turned moves and turns the wire, and nothing else"
   parameters.sheath.point_mm = rotation * parameters.sheath.point_mm + translation;
   parameters.sheath.direction = (rotation * parameters.sheath.direction).normalized();
   Bench away(parameters, elsewhere, 0.01);
-  // The wire's first normal is chosen in the vessel's frame: make up for the different choice.
+  // The wire's first normal is chosen in the vessel's frame: this corrects for the different
+  // choice.
   const Vector3d normal = rotation * home.model.sheath_normal();
   const double offset =
       std::atan2(normal.dot(away.model.sheath().direction.cross(away.model.sheath_normal())),
@@ -99,8 +101,8 @@ TEST_CASE("A solution is re-solved in no iterations and stays the same to the bi
   CHECK(HashState(bench.state) == hash);
 }
 
-// How far the tip moves from one length of segments to half of it, from 2 mm down to `finest_mm`:
-// root mean square over wires that end at other places of a segment.
+// Motion of the tip from one segment length to half of it, from 2 mm down to `finest_mm`. The value
+// is the root mean square over wires that end at different places of a segment.
 std::vector<double> TipMotions(double from_mm, int points, double finest_mm) {
   const Torus field(Side::kInside, 30, 3);
   constexpr int kWires = Rounds(8, 2);
@@ -109,7 +111,7 @@ std::vector<double> TipMotions(double from_mm, int points, double finest_mm) {
   for (double lambda = 2; lambda >= finest_mm; lambda /= 2) {
     std::vector<Vector3d> tips;
     for (int k = 0; k < kWires; ++k) {
-      // A wall so hard that it gives way by less than 1e-6 mm: what is left is the segments.
+      // The wall is so hard that it yields by less than 1e-6 mm: the segments cause the rest.
       Bench bench({.segment_mm = lambda,
                    .max_length_mm = 130,
                    .sheath = {Vector3d(30, 0, 0), Vector3d::UnitY()}},
@@ -143,8 +145,8 @@ TEST_CASE("Finer segments change a wire that rests on its tip to second order") 
 }
 
 TEST_CASE("Finer segments change a wire that also touches between to first order") {
-  // Only a point of the quadrature can touch: where the wall bends the wire between two of them, it
-  // touches up to half a distance too far.
+  // Only quadrature points can touch. If the wall bends the wire between two of them, the contact
+  // is up to half a distance too far.
   const int halvings = kUnderSanitizer ? 2 : 4;
   const std::vector<double> motions = TipMotions(100, 2, 2 / std::pow(2, halvings));
   REQUIRE(static_cast<int>(motions.size()) == halvings);
@@ -167,14 +169,14 @@ TEST_CASE("Both methods meet in one minimum where the paper's can stand still") 
   REQUIRE(contacts > 3);
   REQUIRE(stiffness * contacts < 4 * parameters.rigidity_N_mm2);
 
-  // Where Newton stopped, Physical Relaxation stays.
+  // Physical Relaxation stays at the minimum that Newton found.
   PhysicalRelaxation physical(newton.model, field, newton.wall, {});
   WireState state = newton.state;
   physical.Restart(state);
   for (int cycle = 0; cycle < 5; ++cycle) physical.ContinueCycle(1 << 30, state);
   CHECK(LargestDistance(state, newton.state) < 1e-6);
 
-  // Pushed away from it, it comes back.
+  // After a perturbation it returns to the minimum.
   std::mt19937 random(23);
   Shake(newton.model, 0.01, random, state);
   REQUIRE(LargestDistance(state, newton.state) > 0.02);

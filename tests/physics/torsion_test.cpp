@@ -1,4 +1,4 @@
-// Twist against closed forms: T L / GJ, and the twists at which rod and ring buckle.
+// Twist compared with closed forms: T L / GJ, and the twists at which rod and ring buckle.
 #include <catch2/catch.hpp>
 #include <numbers>
 
@@ -10,8 +10,8 @@
 namespace torquer::test {
 namespace {
 
-// Springs at the distal end: on its place along some axes, on the direction of the last segment and
-// on that segment's normal.
+// Springs at the distal end: on its place along some axes, on the direction of the last segment,
+// and on that segment's normal.
 class HeldEnd final : public EnergyTerm {
  public:
   HeldEnd(const Vector3d& place, const Vector3d& along, const Vector3d& direction,
@@ -29,7 +29,7 @@ class HeldEnd final : public EnergyTerm {
 
     const Vector3d tangent = points.Tangent(q);
     const Vector3d& normal = points.Normal(q);
-    // The normal goes along with the tangent: d normal = -(normal . d tangent) tangent.
+    // The normal follows the tangent: d normal = -(normal . d tangent) tangent.
     out.on_tangents.push_back({q / points.per_segment,
                                kTurn * (tangent.dot(normal_) * normal - direction_),
                                kTurn * normal * normal.transpose()});
@@ -53,7 +53,7 @@ class HeldEnd final : public EnergyTerm {
 };
 
 TEST_CASE("A torque T twists a straight wire by T L / GJ") {
-  // The tip, bent by a quarter turn, is the arm on which a force across both of them acts.
+  // The tip, bent by a quarter turn, is the lever arm of a force perpendicular to shaft and tip.
   constexpr double kShaft = 40;
   constexpr double kArc = 10;
   constexpr double kGj = 0.02;
@@ -75,8 +75,8 @@ TEST_CASE("A torque T twists a straight wire by T L / GJ") {
   REQUIRE(Settle(*relaxation, {kShaft + kArc, 0}, state, 200).converged);
   double twist = 0;
   for (const double t : state.twist_rad()) twist += t;
-  // The arm turns away from the force: T = F a cos(twist). a is that of the polygon; of the joint
-  // between the two a half belongs to the arm. The shaft bends a little.
+  // The arm turns away from the force: T = F a cos(twist). a is the polygon's arm; half of the
+  // joint between shaft and arm belongs to the arm. The shaft bends a little.
   const double arm = state.nodes().back().tail<2>().norm();
   CHECK(arm == Approx(radius).epsilon(0.05));
   CHECK(twist == Approx(force_N * arm * std::cos(twist) * (kShaft - 0.25) / kGj).epsilon(1e-2));
@@ -120,7 +120,7 @@ TEST_CASE("A rod clamped at both ends buckles at the torque 8.987 EI/L (Greenhil
   constexpr double kLength = 40;
   constexpr double kRatio = 0.8;  // GJ / EI
   const double critical = 8.9868 / kRatio;
-  // All but free to move along its axis: buckling shortens it.
+  // Almost free along its axis, because buckling shortens it.
   Held rod(1, kRatio, kLength, {}, Vector3d(1e-6, 1, 1));
   const auto bulge = [&rod] {
     double largest = 0;
@@ -129,8 +129,7 @@ TEST_CASE("A rod clamped at both ends buckles at the torque 8.987 EI/L (Greenhil
   };
   rod.TurnTo(0.99 * critical);
   CHECK(bulge() < 1e-3);
-  for (const double twist : rod.state.twist_rad())
-    CHECK(twist < -0.1);  // the distal end stays behind
+  for (const double twist : rod.state.twist_rad()) CHECK(twist < -0.1);  // the distal end lags
   rod.TurnTo(1.02 * critical);
   CHECK(bulge() > 1);
   rod.TurnTo(0.95 * critical);
@@ -149,11 +148,11 @@ TEST_CASE(
   FindInternalForces(rod.model, rod.state, rod.relaxation->Current(), rod.terms, forces);
   HandForces hands;
   hands.Find(InstrumentStack(rod.model), rod.state, rod.relaxation->Current(), forces, {});
-  // The last segment is held as a whole: the wire ends in its middle.
+  // The spring holds the last segment as a whole: the twisted length ends in its middle.
   const double torque = kGj * kAngle / (kLength - segment_mm / 2);
   for (const double twisting : forces.twisting_mJ) CHECK(twisting == Approx(-torque).epsilon(1e-3));
   CHECK(hands.hands()[0].torque_mJ == Approx(torque).epsilon(1e-3));
-  // It is drawn in: longer, it would be twisted less.
+  // The wire is pulled in, because a longer wire would be twisted less.
   CHECK(hands.hands()[0].axial_N == Approx(-torque * torque / (2 * kGj)).epsilon(2e-3));
 }
 
@@ -168,7 +167,7 @@ TEST_CASE("A ring leaves its plane at the twist 2 pi sqrt(3) EI/GJ (Michell)") {
     circle.emplace_back(radius * std::sin(a), radius * (1 - std::cos(a)), 0);
   }
   Held ring(1, kRatio, kLength, circle, Vector3d(1, 1, 1));
-  // It turns over into an eight, which holds no twist.
+  // The ring turns over into a figure eight, which has no twist.
   const auto twist = [&ring] {
     double sum = 0;
     for (const double t : ring.state.twist_rad()) sum += t;
@@ -180,7 +179,7 @@ TEST_CASE("A ring leaves its plane at the twist 2 pi sqrt(3) EI/GJ (Michell)") {
   CHECK(std::abs(twist()) < 0.5 * critical);
 }
 
-// A bent tip, turned in a bend of 30 mm: where the nodes come to lie.
+// Node positions of a wire with a bent tip, turned in a bend of 30 mm.
 std::vector<Vector3d> TurnedInBend(double segment_mm, double ratio) {
   const WireModel model = MakeWire({.segment_mm = segment_mm,
                                     .rigidity_N_mm2 = 1,
@@ -207,7 +206,7 @@ double LargestApart(const std::vector<Vector3d>& a, const std::vector<Vector3d>&
 }
 
 TEST_CASE("A wire that does not twist is the limit of one that is ever stiffer against twist") {
-  // How far a wire turns about itself is as its torque over GJ; so is how far it lies from that.
+  // The twist is proportional to torque over GJ, and so is the distance from the limit.
   const double segment_mm = GENERATE(2.0, 1.0);
   const std::vector<Vector3d> limit = TurnedInBend(segment_mm, 0);
   const double soft = LargestApart(TurnedInBend(segment_mm, 1e2), limit);

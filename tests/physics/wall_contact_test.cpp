@@ -1,4 +1,5 @@
-// Contact against closed forms: a wire drawn round a post, its tip on a torus' wall.
+// Contact compared with closed forms: a wire drawn round a post, and its tip on the wall of a
+// torus.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
@@ -11,11 +12,11 @@ namespace torquer::test {
 namespace {
 
 TEST_CASE("A wire drawn round a post presses on it with (F - EI/2R^2)/R and lifts off in time") {
-  // Clamped where it meets the post, pulled at its end by F at `pull` to the clamp. Equilibrium of
-  // an elastica under normal loads: T + EI kappa^2/2 is the same everywhere; at the end it is F.
-  // In contact kappa = 1/R, T = F - EI/2R^2, and the line load is T/R. Beyond, theta being the
-  // angle to the force, EI theta'' = F sin theta, so that kappa = 2 sqrt(F/EI) sin(theta/2), and
-  // the wire leaves the post where that is 1/R.
+  // The wire is clamped where it meets the post. A force F pulls its end at the angle `pull` to the
+  // clamp. In an elastica under normal loads T + EI kappa^2/2 is constant; at the end it is F. In
+  // contact, kappa = 1/R, T = F - EI/2R^2, and the line load is T/R. Beyond the contact, with theta
+  // the angle to the force, EI theta'' = F sin theta, so that kappa = 2 sqrt(F/EI) sin(theta/2).
+  // The wire leaves the post where that is 1/R.
   const double rigidity = 1;
   const double wire_radius = 0.2;
   const double radius = 10;
@@ -52,7 +53,7 @@ TEST_CASE("A wire drawn round a post presses on it with (F - EI/2R^2)/R and lift
     const Vector3d& x = at.points.position[p];
     const double angle = std::atan2(x[0], -x[1]);
     last_contact = std::max(last_contact, angle);
-    // The inner part: at both ends a concentrated force goes over into the wall.
+    // Inner part only: at both ends a concentrated force passes into the wall.
     if (angle < 0.4 || angle > leaves - 0.4) continue;
     load += wall.stiffness_N_mm2 * at.points.weight_mm[p] *
             (at.points.radius_mm[p] - at.points.clearance[p].clearance_mm);
@@ -61,9 +62,9 @@ TEST_CASE("A wire drawn round a post presses on it with (F - EI/2R^2)/R and lift
   REQUIRE(length > 3);
   CHECK(load / length == Approx(tension / radius).epsilon(0.01));
   CHECK(last_contact == Approx(leaves).margin(2 * lambda / radius));
-  // The end lies in the force's direction.
+  // The end points in the force's direction.
   CHECK(state.tangents().back().dot(Vector3d(std::cos(pull), std::sin(pull), 0)) > 1 - 1e-4);
-  // Tension, from the loads beyond: constant where the wire lies on the post.
+  // Tension from the loads beyond: constant along the post.
   const int i = static_cast<int>(0.5 * leaves * radius / lambda);
   CHECK(-at.distal_gradient[static_cast<std::size_t>(i)].dot(
             state.tangents()[static_cast<std::size_t>(i)]) == Approx(tension).epsilon(0.01));
@@ -94,7 +95,7 @@ TEST_CASE("Normal loads leave T + EI kappa^2/2 the same all along a wire in a to
   REQUIRE(contacts >= 2);
 
   const auto n = static_cast<std::size_t>(state.segments());
-  // The costate is minus the force that all beyond a node receive.
+  // The costate is minus the total force on everything beyond a node.
   const double end_tension = -at.distal_gradient[n - 1].dot(state.tangents()[n - 1]);
   CHECK(end_tension < 0);
   const double largest_bending = rigidity / (2 * ring * ring);
@@ -108,7 +109,7 @@ TEST_CASE("Normal loads leave T + EI kappa^2/2 the same all along a wire in a to
   CHECK(std::abs(state.nodes().back()[2]) < 1e-6);
 }
 
-// A dead load on every mm of the wire, downwards.
+// Constant downward load per length of the wire.
 class EvenLoad final : public EnergyTerm {
  public:
   explicit EvenLoad(double load_N_mm) : load_N_mm_(load_N_mm) {}
@@ -133,8 +134,8 @@ class EvenLoad final : public EnergyTerm {
 
 TEST_CASE(
     "A loaded end on a soft floor sinks as a beam on an elastic foundation, to second order") {
-  // Hetenyi: a long beam with a force P at its free end sinks there by 2 P b / k, b being
-  // (k / 4EI)^(1/4). An even load holds the whole wire on the floor, so that nothing lifts off.
+  // Hetenyi: a long beam with a force P at its free end sinks there by 2 P b / k, with b = (k /
+  // 4EI)^(1/4). A uniform load keeps the whole wire on the floor.
   constexpr double kDeep_mm = 0.01;
   constexpr double kRigidity = 1;
   constexpr double kDecay = 0.1;  // b, 1/mm
