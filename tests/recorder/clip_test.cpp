@@ -1,4 +1,4 @@
-// torquer-clip: a made-up session as a video, decoded by ffmpeg.
+// torquer-clip: an artificial session as a video, decoded by ffmpeg.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -54,7 +54,7 @@ class ScreenLog {
     scene.inserted_at_start_mm = {1};
     Write(time_s, protocol::kSceneChannel, scene);
   }
-  // An even picture of a brightness.
+  // Uniform picture of a given brightness.
   void Picture(double time_s, std::int64_t number, std::uint8_t level, int side = kSide,
                bool held = false, std::size_t lost_bytes = 0,
                const char* channel = protocol::kPictureChannel) {
@@ -95,19 +95,19 @@ class ScreenLog {
 
 struct ClipFaults {
   std::string scene = "made_up";
-  bool damaged_picture = false;  // the second: the one before stays
-  bool half_size = false;        // the second, as one that did not fit
+  bool damaged_picture = false;  // second picture; the previous one stays
+  bool half_size = false;        // second picture, reduced to fit
 };
 
 // The pedal is down from 0.5 to 1.5 s. Pictures come at 0.5 s with brightness 60, at 1 s with 200,
-// which is held and comes again at 2 s, and at 2.5 s with 120; readings from 1 s on.
+// and at 2.5 s with 120. The second is held and repeated at 2 s. Readings come from 1 s on.
 void WriteScreenLog(const std::string& path, const ClipFaults& made = {}) {
   ScreenLog log(path);
   log.Scene(0, made.scene);
   for (int i = 0; i <= 60; ++i) {
     const double time_s = 0.05 * i;
     log.Command(time_s, protocol::kGuidewire, i >= 10 && i < 30);
-    // Pedals of another hand are not the X-ray's.
+    // Pedals of another hand do not control the X-ray.
     log.Command(time_s, "catheter", true);
     if (i == 10) log.Picture(time_s, 1, 60);
     if (i == 20) {
@@ -142,7 +142,7 @@ Outcome Clip(std::vector<std::string> words) {
   return RunWords(words);
 }
 
-// The frames of a clip as red, green, blue.
+// Frames of a clip as red, green, blue.
 class Video {
  public:
   Video(const TemporaryFolder& folder, const std::string& path, int width = kSide)
@@ -159,7 +159,7 @@ class Video {
 
   int frames() const { return static_cast<int>(bytes_.size() / frame_bytes_); }
 
-  // How many pixels of a rectangle are far from `level`, in one color at least.
+  // Number of pixels in a rectangle that differ from `level` by more than `far` in any color.
   int Drawn(int frame, int left, int top, int right, int bottom, int level, int far = 40) const {
     int drawn = 0;
     for (int y = top; y < bottom; ++y) {
@@ -171,7 +171,7 @@ class Video {
     }
     return drawn;
   }
-  // How many of a corner's pixels are amber.
+  // Number of amber pixels in a corner.
   int Amber(int frame, int right, int bottom) const {
     int amber = 0;
     for (int y = 0; y < bottom; ++y) {
@@ -196,7 +196,7 @@ class Video {
   std::string bytes_;
 };
 
-// Rows of text at the top and at the bottom; between them nothing is written.
+// Text rows at the top and at the bottom; no text between them.
 constexpr int kTop = 30;
 constexpr int kBottom = kSide - 50;
 constexpr int kMiddle = kSide / 2;
@@ -211,7 +211,7 @@ void CheckFrame(const Video& video, int frame, int level, bool xray, bool readin
   CHECK((video.Amber(frame, kMiddle, kTop) > 10) == xray);
 }
 
-// Nothing is there that was not there before.
+// Checks that the folder contains exactly these files.
 void CheckLeft(const TemporaryFolder& folder, const std::vector<std::string>& names) {
   std::vector<std::string> found;
   for (const auto& entry : std::filesystem::directory_iterator(folder.Path())) {
@@ -276,10 +276,10 @@ TEST_CASE("A clip of a biplane session has both planes, each with its own pictur
     CAPTURE(frame);
     const int left = frame < 12 ? 60 : 120;
     const int right = frame < 18 ? 200 : 90;
-    // The codec mixes what is next to an edge.
+    // The codec blurs pixels next to an edge.
     CHECK(video.Drawn(frame, 0, kTop, kSide - 8, kBottom, left, 8) == 0);
     CHECK(video.Drawn(frame, kSide + 8, kTop, 2 * kSide, kBottom, right, 8) == 0);
-    // The angles at the top right of each plane.
+    // The angles are at the top right of each plane.
     CHECK(video.Drawn(frame, kMiddle + 10, 0, kSide - 8, kTop, left) > 50);
     CHECK(video.Drawn(frame, kSide + kMiddle + 10, 0, 2 * kSide, kTop, right) > 50);
     CHECK(video.Drawn(frame, kSide + 8, 0, kSide + kMiddle - 10, kTop, right) == 0);
@@ -298,7 +298,7 @@ TEST_CASE("A clip of a span begins and ends where it is asked to") {
     CheckFrame(span, frame, frame < 3 ? 60 : 200, true, frame >= 3);
   }
 
-  // Before the first picture the screen is black, and only the time stands there.
+  // Before the first picture the screen is black, with only the time as text.
   REQUIRE(Clip({folder.Path("log"), path, "--from", "0.2", "--to", "60"}).status == 0);
   const Video early(folder, path);
   REQUIRE(early.frames() == 84);
@@ -440,7 +440,7 @@ TEST_CASE("A full disk leaves the old clip or none, wherever it becomes full") {
   const TemporaryFolder folder;
   WriteScreenLog(folder.Path("log"));
   const std::string clip = folder.Path(mp4 ? "clip.mp4" : "clip.webm");
-  // Ignored, the signal of the limit leaves the error that a full disk has.
+  // With the limit's signal ignored, the write fails with an error, as on a full disk.
   const auto make = [&](int most_blocks) {
     return RunWords({"/bin/bash", "-c", "trap '' XFSZ; ulimit -f $0; exec \"$@\"",
                      std::to_string(most_blocks), ProgramPath("torquer-clip"), folder.Path("log"),
@@ -476,7 +476,7 @@ TEST_CASE("Bytes that are no picture are none") {
   for (std::size_t bytes = 0; bytes + 2 < whole.size(); ++bytes) {
     CHECK_FALSE(ReadGrayJpeg(std::span(whole).first(bytes)));
   }
-  // Of any that is read the pixels are there.
+  // If a picture is accepted, all of its pixels are present.
   for (std::size_t i = 0; i < whole.size(); ++i) {
     std::vector<std::uint8_t> changed = whole;
     changed[i] ^= 0xFF;

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::int64_t kClock = 5;
 
-// A tick with one instrument, whose tip lies at (tip_mm, 0, 0).
+// Tick with one instrument, whose tip is at (tip_mm, 0, 0).
 torquer_lcm::wire_state_t Tick(std::int64_t number, double time_s, double insertion_mm,
                                double tip_mm) {
   torquer_lcm::wire_state_t state{};
@@ -51,7 +51,7 @@ double Highest(const Series& series) {
 }  // namespace
 
 TEST_CASE("The course has way, speed and reversals of a motion that is known") {
-  // 4 s forward at 10 mm/s, 1 s back at 5 mm/s, 1 s rest with a tremor of 0.4 mm, 2 s forward at
+  // 4 s forward at 10 mm/s, 1 s back at 5 mm/s, 1 s at rest with a tremor of 0.4 mm, 2 s forward at
   // 20 mm/s.
   const auto place_mm = [](double time_s) {
     if (time_s < 4) return 10 * time_s;
@@ -72,7 +72,7 @@ TEST_CASE("The course has way, speed and reversals of a motion that is known") {
   CHECK(Highest(wire.rotation_deg) == Approx(17.5 * 180 / M_PI));
   CHECK(course.tip_path_mm() == Approx(40 + 5 + 40).margin(0.8));
   CHECK(course.peak_speed_mm_s() == Approx(20).epsilon(1e-3));
-  // 85 mm in the 7 s of motion; the tremor adds a little to both.
+  // 85 mm in the 7 s of motion; the tremor increases both a little.
   CHECK(course.moving_speed_mm_s() == Approx(85.0 / 7).epsilon(0.15));
   CHECK(course.begin_s() == 0);
   CHECK(course.end_s() == Approx(8));
@@ -103,14 +103,14 @@ TEST_CASE("What rests stays where it is until it moves, and no ramp leads there"
   REQUIRE(points.size() == 3);
   CHECK(points[1].time_s == Approx(9).margin(0.01));
   CHECK(points[1].value == 10);
-  // Where ticks are missing from the log, nobody knows.
+  // For ticks missing from the log, the course is unknown.
   course.Add(Tick(7, 12, 30, 30));
   CHECK(course.instruments()[0].insertion_mm.Points().size() == 4);
 }
 
 TEST_CASE("Pedals are those of the innermost instrument's commands, and up when they fall silent") {
   SessionCourse course;
-  course.Add(Pedals(0, true));  // before anything is known of instruments
+  course.Add(Pedals(0, true));  // before any instrument is known
   course.Add(Tick(0, 1, 10, 10));
   torquer_lcm::instrument_command_t foreign = Pedals(1.05, true);
   foreign.instrument = "catheter";

@@ -1,4 +1,4 @@
-// Logs from which something was taken, or in which something was changed, against what is said.
+// Logs with removed or changed records, and the faults that the report must name.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <filesystem>
@@ -37,7 +37,7 @@ Records ReadRecords(const std::string& path) {
   return records;
 }
 
-// Numbers them again, so that only the messages themselves show a fault.
+// Renumbers the records, so that only the messages themselves reveal a fault.
 void WriteRecords(const std::string& path, const Records& records) {
   std::filesystem::remove(path);
   EventLogWriter log(path);
@@ -45,7 +45,7 @@ void WriteRecords(const std::string& path, const Records& records) {
   log.Finish();
 }
 
-// All that the report says of the log; "" where it can say none.
+// Text of the report about the log; the error message if there is no report.
 std::string Said(const std::string& path) {
   SessionReporter reporter;
   const SessionLogSummary summary = ReadSessionLog(path, reporter.Handlers());
@@ -64,7 +64,7 @@ std::string Said(const std::string& path) {
   }
 }
 
-// The places of a channel's records, the first and last of them left out.
+// Indices of a channel's records, without the first and the last.
 std::vector<std::size_t> Inner(const Records& records, const std::string& channel) {
   std::vector<std::size_t> places;
   for (std::size_t i = 0; i < records.size(); ++i) {
@@ -97,7 +97,7 @@ TEST_CASE("Whatever a log lacks, has twice or has in another order is said") {
     REQUIRE(!places.empty());
     for (const char* change : {"drop", "drop three", "rename", "rename all", "twice", "swap"}) {
       const std::string what = change;
-      // The made-up session is too short for a silence of these.
+      // The session is too short to detect a gap in these channels.
       const bool sparse =
           channel == protocol::kHealthChannel || channel == protocol::kReadingsChannel;
       if (what == "drop" && sparse) continue;
@@ -119,7 +119,7 @@ TEST_CASE("Whatever a log lacks, has twice or has in another order is said") {
       }
       if (what == "twice") changed.insert(place, Record(*place));
       if (what == "swap") {
-        // With that of another message, since two boxes share a channel.
+        // Swaps with a message of the same size, since two boxes share a channel.
         for (std::size_t next = places[k] + 1; next < changed.size(); ++next) {
           if (changed[next].channel == channel && changed[next].time_us > place->time_us &&
               changed[next].data.size() == place->data.size()) {

@@ -51,7 +51,7 @@ PageParts Parts() {
   return parts;
 }
 
-// The reading is that of the last message.
+// Sets a reading of the last message.
 void SetReading(SessionReport& report, const std::string& name, double value) {
   const auto found = std::find(report.readings.names.begin(), report.readings.names.end(), name);
   REQUIRE(found != report.readings.names.end());
@@ -67,7 +67,7 @@ bool IsXml(const std::string& text) {
   return std::system(command.c_str()) == 0;
 }
 
-// Whether the table has a row that begins with these cells.
+// Matches a table row that begins with these cells.
 auto Row(const std::string& name, const std::string& value) {
   return Catch::Contains("<td>" + name + "</td><td class=\"number\">" + value + "</td>");
 }
@@ -163,7 +163,7 @@ TEST_CASE("Every figure in the tables has a unit") {
   PageParts parts = Parts();
   parts.earlier.sessions = {Summarize(report)};
   const std::string page = FormatPage(report, parts);
-  // Words that count things are units too.
+  // Nouns that are counted are units too.
   const std::regex unit(
       "mN|kPa|mm|mL|mGy|deg|%|\\bs\\b|&#xb5;[ms]|\\bms\\b|ticks|times|reports|counts|pulses|"
       "no unit|UTC");
@@ -204,7 +204,7 @@ TEST_CASE("The page has all that it shows, and text of a log is text") {
   CHECK(IsXml(page));
   CHECK(Count(page, "<script") == 0);
   CHECK(Count(page, "&lt;script&gt;") >= 9);
-  // No request: of all that can name an address there are only places in the page itself.
+  // The page makes no request: all of its links point into the page itself.
   CHECK(Count(page, "http") == Count(page, "xmlns=\"http://www.w3.org/") + 1);  // http-equiv
   CHECK(Count(page, "src=") == 0);
   CHECK(Count(page, "href=") == Count(page, "href=\"#"));
@@ -237,7 +237,7 @@ TEST_CASE("Earlier sessions make a learning curve, and damaged ones are named") 
                                        "safe</td>"));
   CHECK_THAT(page, Catch::Contains("<td>222.5 mN</td>") && Catch::Contains("&#x2013;"));
   CHECK_THAT(page, Catch::Contains("<b>Left out:</b> old.session.json: is damaged"));
-  // Three sessions in each panel, but for the target, which was reached twice.
+  // Three sessions in each panel, except the target's, which two sessions reached.
   CHECK(Count(page, "<circle") == 2 + 3 + 3 + 3);
 }
 
@@ -248,13 +248,13 @@ TEST_CASE("Panels lie where their values are") {
   std::string svg = DrawPanels("name & co", {panel, bars}, axis);
   CHECK(IsXml(svg));
   CHECK_THAT(svg, Catch::Contains(">a &lt;b&gt; (mm)<") && Catch::Contains("name &amp; co"));
-  // From 66 to 944 pixels are 10 s: 2 s are 175.6 pixels, the mark is at 505.
+  // 10 s span the pixels from 66 to 944: 2 s are 175.6 pixels, the mark is at 505.
   CHECK_THAT(svg, Catch::Contains("x=\"241.6\""));
   CHECK_THAT(svg, Catch::Contains("width=\"175.6\" height=\"13.0\""));
   CHECK(Count(svg, "M505.0 ") >= 2);
-  // 84 pixels from 28 on are 0 to 4.28 mm.
+  // 0 to 4.28 mm span 84 pixels from 28 on.
   CHECK_THAT(svg, Catch::Contains("d=\"M66.0 112.0L944.0 33.5\""));
-  // A limit is drawn where it leaves the values room, and named in any case.
+  // A limit is drawn only if it leaves room for the values, but always named.
   panel.limit = {5, "limit 5 mm"};
   svg = DrawPanels("", {panel}, axis);
   CHECK(Count(svg, "stroke-dasharray=\"10 3\"") == 2);
@@ -262,7 +262,7 @@ TEST_CASE("Panels lie where their values are") {
   svg = DrawPanels("", {panel}, axis);
   CHECK(Count(svg, "stroke-dasharray=\"10 3\"") == 1);
   CHECK_THAT(svg, Catch::Contains("limit 500 mm"));
-  // Whatever the values are, there is an end.
+  // Drawing must terminate for any values.
   panel.curves[0].points = {{1e12, 1e12}, {1e12, 1e12 + 1e-4}};
   CHECK(DrawPanels("", {panel}, {.label = "", .begin = 1e12, .end = 1e12}).find("nan") ==
         std::string::npos);

@@ -8,7 +8,7 @@ using namespace torquer;
 
 namespace {
 
-// The unit cube from the origin, wound so that normals point outward.
+// Unit cube at the origin, wound so that normals point outward.
 PictureVessel Cube() {
   const auto corner = [](int i) { return Eigen::Vector3d(i & 1, (i >> 1) & 1, (i >> 2) & 1); };
   constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
@@ -56,7 +56,7 @@ TEST_CASE("Near and far wall are distinguished, whatever the winding") {
     for (auto& corners : cube.triangles_mm) std::swap(corners[1], corners[2]);
   }
   const ShadedVessel shaded = ShadeVessel(cube, kAxes, Undivided());
-  // Of the cube's six faces, two are not seen edge-on.
+  // Two of the cube's six faces are not seen edge-on.
   CHECK(Area(shaded.near_wall) == Approx(1));
   CHECK(Area(shaded.far_wall) == Approx(1));
 }
@@ -95,7 +95,7 @@ TEST_CASE("A picture holds the wire, its contacts and the letters, with text esc
                       Catch::Contains(">&quot;v&quot;<"));
   CHECK_THAT(svg, Catch::Contains(">R<") && Catch::Contains(">L<") && Catch::Contains(">H<") &&
                       Catch::Contains(">F<"));
-  // Hundredths of a millimeter, up is negative: the first node and the tip.
+  // Coordinates in 0.01 mm, up is negative: the first node and the tip.
   CHECK_THAT(svg, Catch::Contains("M0 0L100 -200 200 -400") &&
                       Catch::Contains("cx=\"2000\" cy=\"-4000\""));
   CHECK_THAT(svg, Catch::Contains("cx=\"500\" cy=\"-1000\""));
@@ -107,7 +107,7 @@ TEST_CASE("Several instruments are drawn as far as each reaches, and named") {
   for (int i = 0; i <= 4; ++i) wire.nodes_mm.emplace_back(0, 0, i);
   wire.instruments = {{"wire", 4}, {"catheter", 2.5}, {"guide & co", 1}};
   const std::string svg = DrawSession({}, kAxes, wire, {});
-  // In each of the two panels a dark outline and a line in color; over the farthest, the tip's.
+  // Each of the two panels has a dark outline and a colored line; the farthest tip also has a mark.
   const auto count = [&svg](const std::string& text) {
     int found = 0;
     for (std::size_t at = 0; (at = svg.find(text, at)) != std::string::npos; ++at) ++found;

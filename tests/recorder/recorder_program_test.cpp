@@ -1,4 +1,4 @@
-// torquer-recorder on a bus: every message, in order, however the session is stopped.
+// torquer-recorder on a bus: it records every message, in order, however the session is stopped.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -41,14 +41,14 @@ Recorded Read(const std::string& path) {
   return recorded;
 }
 
-// A recorder that records, and who speaks on its bus.
+// A running recorder, and a publisher on its bus.
 struct Session {
   explicit Session(const std::vector<std::string>& options = {}) {
     std::vector<std::string> words{ProgramPath("torquer-recorder"), path};
     words.insert(words.end(), options.begin(), options.end());
     recorder.emplace(words);
     command.instrument = protocol::kGuidewire;
-    // Once the log is there, nothing is missed.
+    // Once the log exists, the recorder misses no message.
     for (int i = 0; i < 2000 && !std::filesystem::exists(path); ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
@@ -71,7 +71,7 @@ struct Session {
 TEST_CASE("The recorder misses nothing while it stands still, and nothing at the end") {
   NeedPrivateNetwork();
   Session session;
-  // 100 messages are more than LCM's own recorder lets wait.
+  // 100 messages exceed the queue of LCM's own recorder.
   const auto burst = [&] {
     for (int i = 0; i < 100; ++i) session.Publish();
   };

@@ -22,7 +22,7 @@ SeriesPoint Highest(const std::vector<SeriesPoint>& points) {
 }  // namespace
 
 TEST_CASE("A series keeps every peak of a session of any length") {
-  // Four hours at 1 kHz, a wave, and two single peaks at odd times.
+  // Four hours at 1 kHz: a wave, and two single peaks at odd times.
   const int count = GENERATE(100, 1999, 60'000, 14'400'000);
   const int high_at = count / 3 + 7;
   const int low_at = 2 * count / 3 + 11;
@@ -69,7 +69,7 @@ TEST_CASE("A series takes any numbers, and leaves out what is none") {
 TEST_CASE("Spans are bounded, and their total is exact") {
   Spans spans;
   spans.Set(0, false);
-  // On for 10 ms of every 100 ms, but for a long pause in the middle.
+  // On for 10 ms in every 100 ms, with one long pause in the middle.
   constexpr int kTimes = 3000;
   for (int i = 0; i < kTimes; ++i) {
     const double begin_s = 0.1 * i + (i >= kTimes / 2 ? 50 : 0);

@@ -60,8 +60,8 @@ torquer_lcm::scene_description_t Scene(const SessionFaults& faults) {
   return scene;
 }
 
-// An instrument whose tip lies at `length_mm` less what it carries on a straight line towards the
-// patient's head and left.
+// Instrument on a straight line towards the patient's head and left. Its tip lies at `length_mm`
+// minus the carried length.
 torquer_lcm::instrument_state_t Instrument(const std::string& name, double length_mm) {
   torquer_lcm::instrument_state_t instrument{};
   instrument.name = name;
@@ -72,7 +72,7 @@ torquer_lcm::instrument_state_t Instrument(const std::string& name, double lengt
   return instrument;
 }
 
-// The curve, as far as the guidewire reaches.
+// State with the curve as far as the guidewire reaches.
 torquer_lcm::wire_state_t State(double length_mm) {
   torquer_lcm::wire_state_t state{};
   state.instruments = {Instrument(protocol::kGuidewire, length_mm)};
@@ -91,7 +91,7 @@ torquer_lcm::wire_state_t State(double length_mm) {
   return state;
 }
 
-// What the box of the catheter sends at a time.
+// Writes the messages of the catheter's box at report `i`.
 void WriteCatheterBox(LogWriter& log, const SessionFaults& faults, int i) {
   const std::int64_t now_us = kStartUs + 1000 * i;
   torquer_lcm::instrument_command_t command{};
@@ -111,7 +111,7 @@ void WriteCatheterBox(LogWriter& log, const SessionFaults& faults, int i) {
   log.Write(protocol::kDeviceSampleChannel, now_us, sample);
 }
 
-// What daemon and emulator say of a box at the end.
+// Writes the final counts of daemon and emulator for a box.
 void WriteCounts(LogWriter& log, const SessionFaults& faults, const std::string& device,
                  const std::string& instrument, int lost_reports, int unfetched_reports,
                  std::int64_t axial_counts, std::int64_t transverse_counts) {
@@ -136,7 +136,7 @@ void WriteCounts(LogWriter& log, const SessionFaults& faults, const std::string&
   log.Write(protocol::kEmulatorTruthChannel, kStartUs, truth);
 }
 
-// What they say while the session goes, after report `i`.
+// Writes the running counts of daemon and emulator after report `i`.
 void WriteRunningCounts(LogWriter& log, int i, const torquer_lcm::device_sample_t& sample) {
   if (i % 10 == 0) {
     torquer_lcm::hand_motion_t truth{};
@@ -173,7 +173,7 @@ void WriteEvents(LogWriter& log) {
   }
 }
 
-// What an assessment says at a time of the session.
+// Readings of an assessment at a time of the session.
 torquer_lcm::readings_t CourseReadings(double time_s) {
   const bool peaked = time_s > 0.42;
   const bool reached = time_s >= 0.7;
@@ -269,7 +269,7 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
         -kRadPerCount * static_cast<double>(moved_counts) / 2 - kCarriedRad;
     state.instruments[0].carried_rad = kCarriedRad;
     if (faults.catheter) {
-      // Undriven, it stays where it was.
+      // Without a box the catheter does not move.
       const int counts = faults.catheter_box ? i : 0;
       state.instruments.push_back(Instrument(
           "catheter", kCatheterAtStartMm + kMmPerCount * counts + faults.extra_catheter_mm));

@@ -22,7 +22,7 @@ using namespace torquer::test;
 
 namespace {
 
-// Of both boxes alike.
+// Gains that both boxes share.
 Eigen::Matrix2d Gains(const std::string& device, int) {
   CHECK((device == kBox || device == kCatheterBox));
   return Eigen::Vector2d(kMmPerCount, kRadPerCount).asDiagonal();
@@ -40,7 +40,7 @@ SessionReport Report(const SessionFaults& faults) {
   return report;
 }
 
-// That of the guidewire.
+// Report on the guidewire.
 InstrumentReport Wire(const SessionFaults& faults) { return Report(faults).instruments.at(0); }
 
 }  // namespace
@@ -172,7 +172,7 @@ TEST_CASE("Of a machine too slow for real time it is said so") {
   CHECK_THAT(FormatReport(report), !hint);
   report.instruments[0].duration_s = 1.5;
   CHECK_THAT(FormatReport(report), hint && Catch::Contains("1.0 s took 1.5 s"));
-  // Without an emulator nobody knows how much there was.
+  // Without an emulator the number of sent reports is unknown.
   report.instruments[0].reports_sent = -1;
   CHECK_THAT(FormatReport(report), !hint);
 }
@@ -199,7 +199,7 @@ TEST_CASE("A report that the daemon did not fetch is lost too, and counted apart
   CHECK(wire.reports_sent == wire.reports_received + 5);
   CHECK_THAT(FormatReport(report), Catch::Contains("5 lost") && Catch::Contains("3 of the lost"));
   CHECK_FALSE(report.Good());
-  // Whether it was fetched, only the emulator can say.
+  // Only the emulator can report which lost reports were not fetched.
   faults.without_emulator = true;
   CHECK(Wire(faults).reports_lost == 5);
 }
@@ -316,14 +316,14 @@ TEST_CASE("A log that is cut anywhere accuses neither the device nor the instrum
     report.damage = summary.damage;
     CHECK_FALSE(report.ended);
     const InstrumentReport& wire = report.instruments.at(0);
-    CHECK(wire.reports_lost <= 0);  // not known before the daemon has first counted
+    CHECK(wire.reports_lost <= 0);  // unknown before the daemon's first counts
     CHECK(wire.axial.error_counts < 0.01);
     CHECK(wire.rotation.error_counts < 0.01);
     CHECK(report.Good() == (wire.reports_lost == 0 && !report.damage.cut));
     CHECK_THAT(FormatReport(report), Catch::Contains("ends before the session"));
     if (report.damage.cut) CHECK_THAT(FormatReport(report), Catch::Contains("damaged: cut off"));
   }
-  // What the emulator sent and no daemon had, before it counted for the last time, is lost.
+  // A report counts as lost if the emulator sent it and the daemon lacked it at its last counts.
   faults.ended = false;
   faults.lost_reports = 5;
   CHECK(Wire(faults).reports_lost == 5);

@@ -1,4 +1,4 @@
-// Logs that have shapes less often than ticks, and logs in parts.
+// Logs with fewer shapes than ticks, and logs in parts.
 #include <catch2/catch.hpp>
 #include <cstdint>
 #include <filesystem>
@@ -24,8 +24,8 @@ using namespace torquer::test;
 
 namespace {
 
-// The session of the fixture with `shapes_hz`; `pay` says whether the log ends as the recorder ends
-// it, with the shape that it owes.
+// Thins the fixture's session to `shapes_hz`. With `pay` the log ends with the shape that the
+// recorder still owes, as the recorder ends it.
 void Thin(const std::string& from, const std::string& to, double shapes_hz, bool pay) {
   ShapeThinner thinner(shapes_hz);
   EventLogReader log(from);
@@ -127,7 +127,7 @@ TEST_CASE("A thinned log without a shape at its end is judged by the last one th
   CHECK(killed.instruments[0].axial.error_counts < 0.01);
   CHECK(killed.instruments[0].axial.sensor_counts == kSensorCounts - 2 * 99);
   CHECK_THAT(FormatReport(killed), Catch::Contains("ends 99 ticks after its last shape"));
-  // A wire that goes astray shows all the same.
+  // A wire that moves without its hand is detected all the same.
   faults.extra_wire_mm = 2.5 * kMmPerCount;
   WriteSession(folder.Path("astray"), faults);
   Thin(folder.Path("astray"), folder.Path("thin astray"), 10, false);
@@ -149,7 +149,7 @@ TEST_CASE("Between shapes a state keeps its ends, and its past where that is nee
   CHECK(taken.contact_count == 0);
   CHECK(taken.past_count == 0);
   CHECK(thinner.Owed().size() == BytesOfState(StateOf(6, 4)).size());
-  // A gap.
+  // A gap in the ticks.
   taken = Taken(thinner, StateOf(8, 4), 2000);
   CHECK(bus::IsOutline(taken));
   CHECK(taken.past_count == 2);
@@ -160,7 +160,7 @@ TEST_CASE("Between shapes a state keeps its ends, and its past where that is nee
   CHECK_FALSE(bus::IsOutline(Taken(thinner, StateOf(25, 4), 100'000)));
   thinner.WantShape();
   CHECK_FALSE(bus::IsOutline(Taken(thinner, StateOf(26, 4), 100'001)));
-  // Another run of the simulator, and a wire of one segment, which has nothing but ends.
+  // Another run of the simulator; then a wire of one segment, which consists of its ends only.
   CHECK(Taken(thinner, StateOf(0, 4), 100'002).past_count == 2);
   CHECK(Taken(thinner, StateOf(1, 1), 100'003).contact_count == 1);
   const std::vector<std::uint8_t> broken{1, 2, 3};
@@ -204,7 +204,7 @@ TEST_CASE("A log that begins in the middle of a session is judged from there") {
   const TemporaryFolder folder;
   SessionFaults faults;
   faults.ended = GENERATE(true, false);
-  // Before the log begins, and so not its business.
+  // An error before the log begins does not count.
   faults.extra_wire_mm = 7;
   faults.running_counts = true;
   WriteSession(folder.Path("whole"), faults);
@@ -221,7 +221,7 @@ TEST_CASE("A log that begins in the middle of a session is judged from there") {
     return ReportOf(path);
   };
   CHECK(begin(0).instruments[0].axial.error_counts == Approx(7 / kMmPerCount).margin(1e-2));
-  // Whatever record is the first.
+  // The result is the same for any first record.
   for (int from = 1500; from < 1510; ++from) {
     const SessionReport report = begin(from);
     CHECK(report.first_tick > 300);
