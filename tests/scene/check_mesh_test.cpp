@@ -1,4 +1,4 @@
-// torquer-simulator --check-mesh: what it says, its picture, and the scene that it proposes.
+// torquer-simulator --check-mesh: its output, its picture, and the scene that it proposes.
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
@@ -68,7 +68,7 @@ TEST_CASE("What --check-mesh proposes is a scene that can be simulated", "[scene
 TEST_CASE("A mesh check says why a surface does not load, and draws where", "[scene]") {
   const TemporaryFolder folder;
   torquer::vessel::TriangleMesh mesh = torquer::vessel::MakeTubeMesh();
-  mesh.triangles.push_back({100, 101, 300});  // a wall within the lumen
+  mesh.triangles.push_back({100, 101, 300});  // a wall inside the lumen
   torquer::vessel::WriteObj(folder.Path("wall.obj"), mesh);
   const Said walled = CheckMesh({folder.Path("wall.obj")});
   CHECK(walled.status == 0);

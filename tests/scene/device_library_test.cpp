@@ -1,5 +1,5 @@
-// The devices of host/devices: what their sources say gives their rigidities, and a scene has what
-// they have.
+// Devices of host/devices: their sources' figures give their rigidities, and a scene uses their
+// values.
 #include "host/simulator/scene/device_library.h"
 
 #include <catch2/catch.hpp>
@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kMmPerInch = 25.4;
 
-// EI of a source, from the textbook.
+// EI from a source's figures, by the textbook formula.
 double RigidityOf(const DeviceSource& source) {
   if (source.measured_N_mm2) return *source.measured_N_mm2;
   if (source.flexural_modulus_GPa) {
@@ -30,10 +30,10 @@ double RigidityOf(const DeviceSource& source) {
            (std::pow(outer_mm, 4) - std::pow(inner_mm, 4));
   }
   if (source.span_mm) {
-    // A beam on two supports sinks by F L^3 / (48 EI) in its middle.
+    // A beam on two supports sinks by F L^3 / (48 EI) at its middle.
     return *source.force_N * std::pow(*source.span_mm, 3) / (48 * *source.deflection_mm);
   }
-  // Clamped at one end, pinned at the other: tan x = x has its first root at 4.4934.
+  // Clamped at one end, pinned at the other: the first root of tan x = x is 4.4934.
   const double force_N = 9.80665e-3 * *source.tip_load_gf;
   return force_N * std::pow(*source.free_length_mm / 4.493409458, 2);
 }
@@ -80,7 +80,7 @@ TEST_CASE("The rigidity of every device follows from the figures of its sources"
     (device.kind == Kind::kWire ? guidewires : catheters) += 1;
     for (const DeviceSource& source : device.sources) {
       INFO(source.citation << ": " << source.figure);
-      // Files have three digits.
+      // Files store three digits.
       CHECK(RigidityAt(device.instrument, source.from_tip_mm) ==
             Approx(RigidityOf(source)).epsilon(0.006));
       if (!source.outer_diameter_mm) continue;
@@ -107,7 +107,7 @@ TEST_CASE("An instrument has what its device has, but for what the scene gives",
   CHECK(plain.instruments[1].rigidity_N_mm2 == device.instrument.rigidity_N_mm2);
   CHECK(plain.instruments[1].from_tip_mm == device.instrument.from_tip_mm);
   CHECK(plain.instruments[1].inner_radius_mm == device.instrument.inner_radius_mm);
-  // Linear density falls back to the default value, which the writer must say.
+  // Linear density is back at its default value, which the writer must still write.
   const SceneSpec other = read("rigidity_N_mm2 = 3\nlinear_density_g_m = 0\n");
   CHECK(other.instruments[1].rigidity_N_mm2 == std::vector<double>{3});
   CHECK(other.instruments[1].radius_mm == device.instrument.radius_mm);

@@ -31,7 +31,7 @@ std::string Trimmed(const std::string& text) {
   return text.substr(0, text.find_last_not_of('\n') + 1);
 }
 
-// The kind of a vessel among the schema's alternatives; null when there is none.
+// Schema alternative for a kind of vessel; null if there is none.
 const json* Alternative(const json& schema, const std::string& kind) {
   for (const json& one : schema["properties"]["vessel"]["oneOf"]) {
     if (one["properties"]["kind"]["const"] == kind) return &one;
@@ -39,7 +39,7 @@ const json* Alternative(const json& schema, const std::string& kind) {
   return nullptr;
 }
 
-// Whether every key of a table has its property, with its kind, range and whether it must be given.
+// Checks that every key of a table has its property with kind, range and required flag.
 void CheckProperties(const torquer::KeyTable& table, const json& schema) {
   for (const torquer::Key& key : table.keys()) {
     INFO(key.name);
@@ -60,8 +60,8 @@ void CheckProperties(const torquer::KeyTable& table, const json& schema) {
   CHECK(schema["additionalProperties"] == false);
 }
 
-// Whether a table of a scene file has nothing that the schema does not allow there, and, of a whole
-// one, all that it requires.
+// Checks that a table of a scene file has only entries that the schema allows. A `whole` table must
+// also have all that the schema requires.
 void CheckAgainst(const toml::table& table, const json& schema, bool whole = true) {
   for (const auto& [key, node] : table) {
     const std::string name(key.str());

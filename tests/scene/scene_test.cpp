@@ -31,7 +31,7 @@ tip_angle_deg = 30
 rigidity_N_mm2 = 6.35e-3
 )";
 
-// Around that instrument.
+// Catheter around the guidewire.
 const std::string kCatheter = R"(
 [[instrument]]
 name = "catheter"
@@ -41,12 +41,12 @@ radius_mm = 0.5
 rigidity_N_mm2 = 0.01
 )";
 
-// A part of the main way with more friction, but for its radius.
+// Part of the main path with more friction; its radius is missing.
 const std::string kRegion =
     "[effects.friction]\ncoefficient = 0.1\n[[effects.friction.region]]\ncenterline = \"main\"\n"
     "factor = 2\n";
 
-// What a scene of that text says when it is refused; "" when it is taken.
+// Error message for a scene of that text; "" if it is accepted.
 std::string Refusal(const std::string& text) {
   const torquer::test::TemporaryFolder folder;
   const std::string path = folder.Path() + "/test.toml";
@@ -228,7 +228,7 @@ TEST_CASE("A wire that starts advanced lies along the centerline, at rest", "[sc
     distance = std::max(distance, path_curve.NearestTo(node).distance_mm);
     CHECK(scene.vessel().field->Clearance(node) > 0);
   }
-  // Relaxed, it leaves the centerline, but not the lumen of 4 mm radius around it.
+  // At equilibrium the wire leaves the centerline, but not the lumen of 4 mm radius around it.
   CHECK(distance > 0.5);
   CHECK(distance < 4);
 }

@@ -1,5 +1,4 @@
-// The scenes of host/scenes, key by key: read, written, read again, and refused where a key is
-// wrong.
+// Keys of the scenes in host/scenes, one by one: read, written, read again, and refused if wrong.
 #include <fmt/format.h>
 #include <toml++/toml.h>
 
@@ -41,7 +40,7 @@ std::string Text(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-// What is refused of a scene's text; "" when it is taken.
+// Error message for a scene's text; "" if it is accepted.
 std::string Refusal(const std::string& text, const std::filesystem::path& path) {
   try {
     ParseScene(text, path, path.parent_path());
@@ -51,7 +50,7 @@ std::string Refusal(const std::string& text, const std::filesystem::path& path) 
   return "";
 }
 
-// A value whatever its notation: 1, 1.0 and [1] are one.
+// Value in a normal form: 1, 1.0 and [1] are equal.
 std::string Plain(const toml::node& node) {
   if (node.is_number()) return fmt::format("{}", *node.value<double>());
   if (const auto text = node.value_exact<std::string>()) return *text;
@@ -64,7 +63,7 @@ std::string Plain(const toml::node& node) {
   return fmt::format("[{}]", fmt::join(elements, ", "));
 }
 
-// Every value of a file by its place, with the index of each list's table.
+// Collects every value of a file by its place, with the index of each list's table.
 void Flatten(const toml::table& table, const std::string& prefix,
              std::map<std::string, std::string>& out) {
   for (const auto& [key, node] : table) {
@@ -99,7 +98,7 @@ const Key* FindIn(const KeyTable& table, const std::string& place) {
   return nullptr;
 }
 
-// The key at a place such as "instrument[0].radius_mm"; of a vessel, of its kind.
+// Key at a place such as "instrument[0].radius_mm"; for a vessel, the key of its kind.
 const Key* Find(const std::string& place, const std::string& kind) {
   for (const Section& section : AllSections()) {
     std::string prefix = section.name.empty() ? "" : section.name + ".";
@@ -121,7 +120,7 @@ TEST_CASE("Every shipped scene is the same after it was written and read again",
     const std::string written = WriteScene(spec);
     const SceneSpec again = ParseScene(written, "written", spec.folder);
     CHECK(WriteScene(again) == written);
-    // No key is lost but those that say what holds anyway, and none is added.
+    // Only keys with default values may disappear, and none is added.
     const std::map<std::string, std::string> before = Values(Text(path));
     const std::map<std::string, std::string> after = Values(written);
     for (const auto& [place, value] : before) {
@@ -147,14 +146,14 @@ TEST_CASE("A scene that was written and read again has the same contents by its 
   for (const std::filesystem::path& path : ShippedScenes()) {
     INFO(path);
     const SceneSpec spec = ReadScene(path);
-    // Surfaces take minutes there.
+    // Surfaces take minutes under a sanitizer.
     if (torquer::test::kUnderSanitizer && spec.vessel.kind == "surface") continue;
     const Scene scene(spec);
     const Scene again(ParseScene(WriteScene(spec), "written", spec.folder));
     CHECK(again.content_hash() == scene.content_hash());
     CHECK(again.effect_names() == scene.effect_names());
     CHECK(again.start() == scene.start());
-    // A change of any key is another scene; what the list of cases says of it is not simulated.
+    // Any changed key makes another scene, except the case list's entry, which is not simulated.
     SceneSpec other = spec;
     other.training_case.reset();
     CHECK(Scene(other).content_hash() == scene.content_hash());
@@ -192,7 +191,7 @@ TEST_CASE("Every section of every shipped scene refuses a key that it does not k
       const auto equals = line.find(" = ");
       if (equals == std::string::npos || line.starts_with("#") || !first) continue;
       first = false;
-      // One letter too many: the key beside it was meant.
+      // One extra letter: the message must suggest the adjacent key.
       const std::string key = line.substr(0, equals);
       const std::string said = Refusal(with(k + 1, key + "x = 1"), path);
       CHECK_THAT(said, Contains(fmt::format("{}:{}: ", path.string(), k + 2)) &&
@@ -211,7 +210,7 @@ TEST_CASE("A number stands for a list of one wherever a key takes either", "[sce
     if (key.kind != torquer::KeyKind::kNumbers) continue;
     INFO(key.name);
     ++keys;
-    // In a second instrument that gives all that it must, but for this key.
+    // A second instrument with all required keys except this one.
     std::string catheter =
         "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\ninner_radius_mm = 0.3\n";
     for (const char* other : {"radius_mm = 0.5\n", "rigidity_N_mm2 = 2\n"}) {

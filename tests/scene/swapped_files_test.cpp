@@ -1,4 +1,4 @@
-// Files that are replaced while scenes are made of them.
+// Files that are replaced while scenes are built from them.
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <filesystem>
@@ -17,7 +17,7 @@ using torquer::scene::Scene;
 
 namespace {
 
-// A tube along x, and the curve in its middle.
+// Writes a tube along x, and the curve along its axis.
 void WriteTube(const std::string& folder, double length_mm) {
   torquer::vessel::WriteObj(
       folder + "/surface.obj",
@@ -59,7 +59,7 @@ TEST_CASE("A scene's hash is that of the surface and the curves that it has", "[
   }
   const std::string path = folder.Path("test.toml");
   std::ofstream(path) << kScene;
-  // What a link leads to is replaced in one step.
+  // Replaces a link's target atomically.
   const auto lead_to = [&folder](const std::string& name) {
     std::filesystem::create_directory_symlink(name, folder.Path("next"));
     std::filesystem::rename(folder.Path("next"), folder.Path("now"));
@@ -70,7 +70,7 @@ TEST_CASE("A scene's hash is that of the surface and the curves that it has", "[
     for (int i = 0; !done; ++i) lead_to(i % 2 == 0 ? "long" : "short");
   });
   std::map<std::uint64_t, std::pair<double, double>> lengths_mm;
-  // As often as it takes to meet both, within reason.
+  // Repeats until both versions have been read, up to a limit.
   constexpr int kMost = 50;
   for (int i = 0; i < torquer::test::Rounds(10, 2) || (lengths_mm.size() < 2 && i < kMost); ++i) {
     const Scene scene(path);
