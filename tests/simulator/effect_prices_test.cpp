@@ -13,11 +13,11 @@ using torquer::simulator::Simulation;
 
 namespace {
 
-// A clock that goes on by what the test says, and by 1 ns with each look.
+// Clock that the test advances; each read adds 1 ns.
 std::int64_t now_ns = 0;
 std::int64_t Look() { return ++now_ns; }
 
-// An energy that takes 1000 ns each time it is asked.
+// Energy whose every evaluation takes 1000 ns.
 class SlowTerm final : public torquer::EnergyTerm {
  public:
   void Begin(const torquer::PointSet&) override { now_ns += 10; }
@@ -63,7 +63,7 @@ TEST_CASE("Prices are the time of each effect, apart from the solver's", "[simul
     return prices.MeasureSolver(relax);
   };
   CHECK(prices.Take().empty());
-  // One tick of sixteen is measured, the first one too.
+  // One tick in sixteen is measured, including the first.
   for (int k = 0; k < 2 * EffectPrices::kEvery; ++k) CHECK(tick() == 5);
   const auto taken = Taken(prices);
   REQUIRE(taken.size() == 3);
@@ -71,7 +71,7 @@ TEST_CASE("Prices are the time of each effect, apart from the solver's", "[simul
   CHECK(taken.at("observer") == Approx(2).margin(0.02));
   CHECK(taken.at("solver") == Approx(50).margin(0.05));
   CHECK(prices.Take().empty());
-  // Another second in which an effect took no part names it all the same.
+  // An effect that took no part in a second is still listed for it.
   prices.BeginTick();
   prices.MeasureSolver([] { now_ns += 1000; });
   CHECK(Taken(prices).at("slow") == 0);
@@ -100,5 +100,5 @@ TEST_CASE("Prices change nothing that is simulated, and name the effects of the 
   CHECK(taken.at("friction") > 0);
   CHECK(taken.at("wall_force") > 0);
   CHECK(taken.at("solver") > 0);
-  CHECK(taken.count("compliance") == 0);  // it acts within the solver's look-ups
+  CHECK(taken.count("compliance") == 0);  // its work is inside the solver's look-ups
 }

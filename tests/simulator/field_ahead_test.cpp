@@ -1,5 +1,5 @@
-// Memory that runs out in the thread that builds the field ahead: this program's operator new
-// stands in for the library's.
+// Lack of memory in the thread that builds the field ahead: this program's operator new replaces
+// that of the library.
 #include "host/simulator/field_ahead.h"
 
 #include <atomic>
@@ -18,12 +18,12 @@
 
 namespace {
 
-std::atomic<bool> memory_is_short = false;  // for all threads but the test's
+std::atomic<bool> memory_is_short = false;  // for all threads except the test's
 thread_local bool is_the_tests_thread = false;
 
 }  // namespace
 
-// Sanitizers bring their own allocation functions, which must not be mixed with these.
+// Sanitizers have their own allocation functions, which must not be mixed with these.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 void* operator new(std::size_t size) {
   if (memory_is_short && !is_the_tests_thread) throw std::bad_alloc();
@@ -62,7 +62,7 @@ TEST_CASE("A session goes on without looking ahead when the memory runs out ther
   }
   memory_is_short = false;
   CHECK(ahead.gave_up());
-  // Following goes on, and so do look-ups, here and elsewhere.
+  // Following continues, and so do look-ups, near the tip and elsewhere.
   ahead.Follow(tip_mm);
   CHECK(vessel.surface->field().Clearance(tip_mm) == expected_mm);
   CHECK(std::isfinite(vessel.surface->field().Clearance(place(2000))));
@@ -84,7 +84,7 @@ TEST_CASE("A field has the same values while a thread builds it ahead of the tip
   const auto alone = open();
   torquer::simulator::FieldAhead ahead(vessel);
   for (int i = 0; i <= 200; ++i) {
-    // There and back, near the axis and near the wall.
+    // Back and forth, near the axis and near the wall.
     const Eigen::Vector3d tip_mm(20 + 18 * std::sin(0.05 * i), 0, 2.5 * std::cos(0.7 * i));
     ahead.Follow(tip_mm);
     INFO("place " << i);

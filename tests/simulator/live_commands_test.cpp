@@ -1,4 +1,4 @@
-// Who may command, what is refused, and what follows when nobody does; in times that the test says.
+// Commands on a live bus: authorized senders, refusals, and timeouts, with times given by the test.
 #include "host/simulator/live_commands.h"
 
 #include <algorithm>
@@ -48,7 +48,7 @@ class Fixture {
     }
     return -1;
   }
-  // Whether the state after a tick says that the command was refused.
+  // True if the state after a tick reports that the command was refused.
   bool TickRefuses(const torquer::simulator::Command& command) {
     torquer::CountedBudget budget(1);
     simulation_.Tick(command, budget);
@@ -72,7 +72,7 @@ TEST_CASE(
     "[simulator]") {
   Fixture fixture;
   LiveCommands& commands = fixture.commands();
-  // Who was never commanded is not missing.
+  // An instrument that was never commanded is not missing.
   commands.Age(kStartUs);
   CHECK(commands.State() == "running");
   CHECK_FALSE(commands.fresh());
@@ -88,7 +88,7 @@ TEST_CASE(
   CHECK(commands.TakeNews().empty());
 
   commands.Age(kStartUs + 300'000);
-  CHECK(commands.fresh());  // so that a state says it, and the picture stops
+  CHECK(commands.fresh());  // a state reports it, and the picture stops
   CHECK_FALSE(commands.command().controls.xray);
   CHECK_FALSE(commands.command().controls.contrast);
   CHECK(commands.command().controls.lao_rad == 0.5);
@@ -121,12 +121,12 @@ TEST_CASE("An instrument has one sender, until that is silent for a second", "[s
   CHECK(fixture.Count("refused_senders") == 5);
   CHECK(commands.TakeNews() ==
         "commands for the guidewire from port 1002 are refused: it is commanded by port 1001");
-  // The other instrument is free.
+  // The other instrument has no owner yet.
   instrument_command_t other = fixture.Command(3, 4);
   other.instrument = "microcatheter";
   commands.Take(other, kStranger, kStartUs + 5000);
   CHECK(fixture.WantedMm(1) == 64);
-  // The owner goes on, whatever number the stranger had.
+  // The owner continues, whatever sequence number the stranger used.
   commands.Take(fixture.Command(101, 2), kHand, kStartUs + 500'000);
   CHECK(fixture.WantedMm() == 122);
   commands.Take(fixture.Command(1, 3), kStranger, kStartUs + 1'499'999);
@@ -134,7 +134,7 @@ TEST_CASE("An instrument has one sender, until that is silent for a second", "[s
   commands.Take(fixture.Command(1, 3), kStranger, kStartUs + 1'500'000);
   CHECK(fixture.WantedMm() == 123);
   CHECK(commands.TakeNews() == "the guidewire is commanded again, by port 1002");
-  // Now it is the first one who is refused; that is not named again within the minute.
+  // Now the first sender is refused; within the same minute that is not reported again.
   commands.Take(fixture.Command(102, 9), kHand, kStartUs + 1'600'000);
   CHECK(fixture.WantedMm() == 123);
   CHECK(fixture.Count("refused_senders") == 7);
@@ -154,12 +154,12 @@ TEST_CASE("The numbers of a sender never go back, and lock nobody out", "[simula
   CHECK_FALSE(taken(INT64_MIN));
   CHECK(taken(5));
   CHECK(taken(6));
-  CHECK(taken(6));  // repeated, as a network may
+  CHECK(taken(6));  // repeated, as networks may do
   CHECK_FALSE(taken(5));
   CHECK_FALSE(taken(0));
-  CHECK(taken(1000));  // what lies between was lost
+  CHECK(taken(1000));  // the numbers between were lost
   CHECK(fixture.Count("refused_order") == 4);
-  // The largest number, and what comes after it.
+  // The largest number, and its successor.
   now_us += LiveCommands::kOwnedUs;
   CHECK(taken(INT64_MAX));
   CHECK_FALSE(taken(INT64_MAX - 1));
@@ -168,7 +168,7 @@ TEST_CASE("The numbers of a sender never go back, and lock nobody out", "[simula
   CHECK(taken(0));
   CHECK(taken(1));
   CHECK_FALSE(taken(INT64_MAX));
-  // Where only such numbers come the stream is silent, and after a second begins again.
+  // A stream with only such numbers counts as silent, and after one second it starts over.
   now_us += LiveCommands::kOwnedUs - 1;
   CHECK_FALSE(taken(INT64_MAX));
   now_us += 1;
@@ -220,7 +220,7 @@ TEST_CASE(
       commands.TakeNews(),
       Catch::StartsWith("a command for the guidewire from port 1001 is refused, and the last "
                         "one stands: "));
-  // Who sends nothing else is silent.
+  // A sender of refused commands only counts as silent.
   instrument_command_t bad = good;
   bad.sequence += 1;
   bad.*field = std::nan("");
@@ -278,7 +278,7 @@ TEST_CASE("What is chosen on the X-ray system stands, whoever is silent", "[simu
   CHECK(imaging().bottom == 0.4);
   commands.Settle();
 
-  // Said again it is nothing new; an instrument's command leaves it, and so does silence.
+  // A repeated choice is not fresh. An instrument's command and silence leave the choice unchanged.
   ++chosen.sequence;
   commands.Take(chosen, kHand, kStartUs + 1000);
   CHECK_FALSE(commands.fresh());
@@ -328,7 +328,7 @@ TEST_CASE("The X-ray system has one sender, and what it cannot be set to is refu
   CHECK(refused([](auto& bad) { bad.shutters[3] = 0.5; }));
   CHECK_THAT(commands.TakeNews(), Catch::Contains("mode 4"));
 
-  // Of a sender that is silent nothing is kept but its choice.
+  // After a sender falls silent only its choice stays; another may take over with any number.
   commands.Take(chosen, kStranger, kStartUs + 5'000'000);
   CHECK(magnification() == 3);
 }

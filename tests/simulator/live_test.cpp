@@ -26,10 +26,10 @@ using torquer::test::SceneFile;
 
 namespace {
 
-// Whatever a test waits for comes within this time on any machine, or never.
+// Timeout that is long enough for any machine.
 constexpr std::chrono::seconds kLongest{60};
 
-// Handles messages of `bus` until `done`; false when that takes too long.
+// Handles messages of `bus` until `done`; false on timeout.
 bool WaitFor(torquer::bus::Bus& bus, const std::function<bool()>& done) {
   const auto end = std::chrono::steady_clock::now() + kLongest;
   while (!done()) {
@@ -39,7 +39,7 @@ bool WaitFor(torquer::bus::Bus& bus, const std::function<bool()>& done) {
   return true;
 }
 
-// A scene that runs live, and hands that move its instruments over the bus.
+// Live scene, and hands that move its instruments over the bus.
 class LiveScene {
  public:
   explicit LiveScene(const std::string& scene_file) : scene_(scene_file), simulation_(scene_) {
@@ -55,7 +55,7 @@ class LiveScene {
   LiveScene(const LiveScene&) = delete;
   LiveScene& operator=(const LiveScene&) = delete;
 
-  // From the first state on.
+  // Logs from the first state on.
   void LogTo(const std::string& path) { log_ = std::make_unique<torquer::test::StateLog>(path); }
   void Start() {
     thread_ = std::thread(
@@ -67,11 +67,10 @@ class LiveScene {
     return statistics_;
   }
 
-  // The newest command of all hands; a test may change what no parameter gives.
+  // Newest command of all hands; a test may change fields that have no parameter.
   torquer_lcm::instrument_command_t command{};
 
-  // Publishes a command again and again, as the simulator may not listen yet, until a state is what
-  // `done` waits for.
+  // Publishes a command repeatedly, because the simulator may not listen yet, until `done` is true.
   bool Send(const std::string& instrument, double insertion_mm, double rotation_rad,
             const std::function<bool()>& done) {
     ++command.sequence;
@@ -86,12 +85,12 @@ class LiveScene {
       return false;
     });
   }
-  // The same until the command is in a state.
+  // Same until a state contains the command.
   bool SendAndSee(const std::string& instrument, double insertion_mm, double rotation_rad) {
     return Send(instrument, insertion_mm, rotation_rad,
                 [&] { return Heard() && At(instrument).command_sequence == command.sequence; });
   }
-  // The same until the instrument is there: a tick whose time was not enough leaves a rest.
+  // Same until the instrument has arrived: a tick with too little time carries a remainder over.
   bool SendAndArrive(const std::string& instrument, double insertion_mm, double rotation_rad) {
     return Send(instrument, insertion_mm, rotation_rad, [&] {
       return Heard() && At(instrument).command_sequence == command.sequence &&
@@ -125,8 +124,7 @@ class LiveScene {
 
 TEST_CASE("Live, commands become states with their times and doubts", "[simulator]") {
   torquer::test::NeedPrivateNetwork();
-  // On a machine that is too slow too: with the smallest budget few ticks are enough for their
-  // work.
+  // Also simulates a slow machine: with the smallest budget, few ticks can finish their work.
   const std::string budget =
       GENERATE(std::string(""), std::string("[relaxation]\nbudget_us = 20\n"));
   const SceneFile file(budget + torquer::test::kFriction);
@@ -146,7 +144,7 @@ TEST_CASE("Live, commands become states with their times and doubts", "[simulato
   REQUIRE(live.SendAndArrive("guidewire", 2, 0));
   CHECK(live.At("guidewire").insertion_mm == Approx(122));
   CHECK(live.At("guidewire").origin_us == live.command.origin_us);
-  // On a slow machine commands may be so far apart that states in between are in doubt.
+  // On a slow machine, commands may be so far apart that states between them are in doubt.
   REQUIRE(live.Send("guidewire", 2, 0,
                     [&] { return (live.state().status & torquer::protocol::kWireInDoubt) == 0; }));
   live.command.flags = torquer::protocol::kCommandLift;
@@ -177,10 +175,10 @@ TEST_CASE("Live, commands that stop leave a state in doubt, and health says whos
   };
   live.Start();
   REQUIRE(live.SendAndArrive("guidewire", 2, 0.1));
-  // The hand is dead: it sends nothing any more, not even that.
+  // The hand dies: it sends nothing more, not even a lift.
   CHECK(WaitFor(live.hands(),
                 [&] { return in_doubt() && last_state_is("no commands for guidewire"); }));
-  // A program that comes later hears it too, and the wire stays where it was.
+  // A later listener receives it too, and the wire stays in place.
   health.clear();
   CHECK(WaitFor(live.hands(), [&] { return last_state_is("no commands for guidewire"); }));
   CHECK(live.At("guidewire").insertion_mm == Approx(122));
@@ -205,7 +203,7 @@ TEST_CASE("Live, a second hand moves nothing, and health names it", "[simulator]
   torquer::bus::Bus stranger;
   live.Start();
   REQUIRE(live.SendAndArrive("guidewire", 2, 0));
-  // Both send; the stranger's commands come after some of the owner's.
+  // Both send; the stranger's commands arrive after some of the owner's.
   torquer_lcm::instrument_command_t forged = live.command;
   forged.sequence = INT64_MAX;
   forged.insertion_mm = 30;
@@ -237,13 +235,13 @@ TEST_CASE("Live, every instrument follows the box that names it, and a replay re
     CHECK(live.At("guidewire").rotation_rad == Approx(-0.2));
     CHECK(live.At("microcatheter").commanded_insertion_mm == 65);
     CHECK(live.At("microcatheter").insertion_mm == Approx(65));
-    // The hands of the others are where they were: a state has the newest command of each.
+    // The other hands have not moved: a state contains the newest command of each.
     const std::int64_t sequence = live.command.sequence;
     REQUIRE(live.SendAndArrive("guide", 2.5, 0));
     CHECK(live.At("guide").insertion_mm == Approx(32.5));
     CHECK(live.At("guidewire").command_sequence == sequence);
     CHECK(live.At("microcatheter").command_sequence == sequence - 1);
-    // A name that the scene does not have moves none of them.
+    // A name unknown to the scene moves no instrument.
     live.command.instrument = "balloon";
     live.hands().Publish(torquer::protocol::kInstrumentCommandChannel, live.command);
     REQUIRE(live.SendAndArrive("guide", 2, 0.1));
@@ -283,7 +281,7 @@ TEST_CASE("Live, what observers find is published while the scene runs and when 
     CHECK(readings.clock_id == torquer::bus::ClockId());
     REQUIRE(readings.names.size() == readings.values.size());
   }
-  // No more than its rate but for the last, at the end.
+  // The rate is never exceeded, except by the last state at the end.
   for (std::size_t k = 2; k + 1 < heard.size(); ++k) {
     CHECK(heard[k].publish_us - heard[k - 1].publish_us >= torquer::simulator::kReadingsEveryUs);
   }
@@ -369,7 +367,7 @@ TEST_CASE("A scene without observers publishes no readings", "[simulator]") {
   torquer::simulator::LiveReadings readings(simulation, simulator_bus);
   readings.PublishWhenDue(torquer::bus::MonotonicUs());
   readings.Publish();
-  // A message that did go out, so that none before it is still on its way.
+  // A marker message: once it arrives, no earlier message is still in transit.
   torquer_lcm::readings_t marker{};
   simulator_bus.Publish(torquer::protocol::kReadingsChannel, marker);
   CHECK(WaitFor(listener, [&] { return heard > 0; }));

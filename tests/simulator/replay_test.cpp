@@ -22,7 +22,7 @@ using torquer::test::SceneFile;
 
 namespace {
 
-// Every instrument back and forth, each at its own rate.
+// Moves every instrument back and forth, each at its own rate.
 torquer::InstrumentPlaces Moved(torquer::InstrumentPlaces places, int tick) {
   for (int k = 0; k < places.size(); ++k) {
     places[k].insertion_mm += 15 / (k + 1.0) * std::sin((0.07 + 0.02 * k) * tick) + 0.013 * tick;
@@ -31,8 +31,8 @@ torquer::InstrumentPlaces Moved(torquer::InstrumentPlaces places, int tick) {
   return places;
 }
 
-// Runs a session of `ticks` with budgets that end anywhere, as a clock would, and records it;
-// `spoil` may change or (returning false) drop a state on its way to the log.
+// Runs and records a session of `ticks` with random budgets, as with a clock. `spoil` may change a
+// state on its way to the log, or drop it by returning false.
 void Record(const std::string& scene_file, const std::string& log, int ticks,
             const std::function<bool(torquer_lcm::wire_state_t&)>& spoil) {
   torquer::scene::Scene scene(scene_file);
@@ -60,8 +60,8 @@ std::vector<std::uint8_t> Encoded(const torquer_lcm::wire_state_t& state) {
   return bytes;
 }
 
-// `state` with what a simulation is given and does not compute as in `given`: times of the machine,
-// and what concerns the way of commands.
+// Copies into `state` the inputs that a simulation does not compute: machine times, and the
+// transport data of commands. They come from `given`.
 torquer_lcm::wire_state_t WithoutWhatIsGiven(torquer_lcm::wire_state_t state,
                                              const torquer_lcm::wire_state_t& given) {
   state.clock_id = given.clock_id;
@@ -111,7 +111,7 @@ TEST_CASE("States that were not recorded are made up for by those after them", "
 
 TEST_CASE("A log without most shapes is repeated, over gaps too, and says so", "[simulator]") {
   const SceneFile file(torquer::test::kMicrocatheter);
-  // As the recorder thins: a shape every 50 ticks, the past every 16.
+  // Thins as the recorder does: a shape every 50 ticks, the past every 16.
   const auto thin = [](torquer_lcm::wire_state_t& state) {
     if (state.tick % 50 != 0) torquer::bus::ReduceToOutline(state);
     if (state.tick % 16 != 0) torquer::bus::DropPast(state);
@@ -128,7 +128,7 @@ TEST_CASE("A log without most shapes is repeated, over gaps too, and says so", "
   CHECK(result.states == 151);
   CHECK(result.outlines == 147);
   CHECK(result.differing == 0);
-  // What is missing is in the state of tick 64, and those before that wait for it.
+  // The state of tick 64 contains the missing ticks; the states before it wait for them.
   result = replay([&](torquer_lcm::wire_state_t& state) {
     thin(state);
     return (state.tick < 49 || state.tick > 52) && state.tick != 55;
@@ -175,14 +175,14 @@ TEST_CASE("A replay finds one flipped bit in what a state says", "[simulator]") 
     bool shows = true;
     Record(file.path(), file.Beside("other"), 8, [&](torquer_lcm::wire_state_t& state) {
       if (state.tick != kSpoiled) return true;
-      // What the simulation does not know, nobody can repeat.
+      // Inputs that the simulation does not compute cannot be checked by a replay.
       shows = Encoded(WithoutWhatIsGiven(other, state)) != plain;
       state = other;
       return true;
     });
     if (!shows) continue;
     ++spoiled;
-    // A log of another run, by its tick, is refused.
+    // A log whose tick shows another run is refused.
     const auto good = [&] {
       try {
         return torquer::simulator::Replay(scene, file.Beside("other")).Good();
@@ -221,7 +221,8 @@ TEST_CASE("A replay of a damaged log goes on after the damage, and is not clean"
   CHECK(cut.states == 40);
   CHECK_FALSE(cut.Good());
   std::string undecodable = log;
-  undecodable[undecodable.find("TORQUER_WIRE_STATE", log.size() / 2) + 18] ^= 1;  // fingerprint
+  undecodable[undecodable.find("TORQUER_WIRE_STATE", log.size() / 2) + 18] ^=
+      1;  // changes the fingerprint
   CHECK(replay(undecodable).undecodable == 1);
   CHECK_FALSE(replay(undecodable).Good());
 }
@@ -256,7 +257,7 @@ TEST_CASE("A replay reports a state that differs, and refuses a log with a gap",
   CHECK(result.differing == 1);
   CHECK(result.first_difference == 7);
 
-  // A command that was not given leads elsewhere from there on.
+  // A changed command makes all states from there on differ.
   Record(file.path(), file.Beside("less"), 20, [](torquer_lcm::wire_state_t& state) {
     if (state.tick == 5) state.instruments[0].commanded_rotation_rad += 1e-3;
     return true;
@@ -276,7 +277,7 @@ TEST_CASE("A replay reports a state that differs, and refuses a log with a gap",
     return true;
   });
   CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("two runs")), Contains("tick 3"));
-  // Of another scene, by its instruments: without a description nothing else shows it.
+  // Another scene, detected by its instruments: a log without a description shows nothing else.
   const SceneFile two(torquer::test::kMicrocatheter);
   Record(two.path(), file.Beside("two"), 5, Keep);
   CHECK_THROWS_WITH(torquer::simulator::Replay(scene, file.Beside("two")),

@@ -1,4 +1,4 @@
-// The same motion in rows of another size takes the wire the same way.
+// Row-size test: the same motion in rows of different sizes must move the wire the same way.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -17,14 +17,14 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Turns back and forth while it advances, in straight lines of 2 mm.
+// Rotation that swings back and forth during the advance, linear over every 2 mm.
 double RotationAt(double pushed_mm) {
   const auto at = [](double mm) { return 0.8 * std::sin(2 * std::numbers::pi * mm / 60); };
   const double from_mm = 2 * std::floor(pushed_mm / 2);
   return std::lerp(at(from_mm), at(from_mm + 2), (pushed_mm - from_mm) / 2);
 }
 
-// The wire after every 2 mm of a push in rows of `row_mm`.
+// Shapes of the wire after every 2 mm of a push in rows of `row_mm`.
 std::vector<std::vector<Vector3d>> Push(torquer::scene::Scene& scene, double push_mm,
                                         double row_mm) {
   torquer::simulator::Simulation simulation(scene);
@@ -47,7 +47,7 @@ std::vector<std::vector<Vector3d>> Push(torquer::scene::Scene& scene, double pus
   return shapes;
 }
 
-// The states of a script at whole seconds: 1.5 s in, half a second of rest, a second back.
+// States of a script at whole seconds: 1.5 s in, 0.5 s at rest, 1 s back.
 std::vector<nlohmann::json> Script(const torquer::test::SceneFile& file, double row_s,
                                    double slower = 1) {
   const std::string script = file.Beside("rows.csv");
@@ -86,8 +86,8 @@ constexpr char kHeartbeat[] =
 }  // namespace
 
 TEST_CASE("With friction the size of the rows does not decide where the wire goes", "[simulator]") {
-  // Through the arch into a branch, by a hand that does not come so near to a balance between two
-  // ways that rounding decides (host/simulator/core/README.md, section 9).
+  // Through the arch into a branch. The hand avoids bifurcations at which rounding would decide
+  // between two paths (host/simulator/core/README.md, section 9).
   torquer::scene::Scene scene(torquer::test::SourcePath("/host/scenes/neuro_arch.toml"));
   const double push_mm = torquer::test::Rounds(160, 20);
   const auto reference = Push(scene, push_mm, 0.25);
@@ -101,7 +101,7 @@ TEST_CASE("With friction the size of the rows does not decide where the wire goe
       apart_mm.push_back((shapes[k].back() - reference[k].back()).norm());
     }
     CHECK(apart_mm.back() < 0.5);
-    // A tip that snaps does so a row earlier or later; else it is at the same place.
+    // A snap may occur one row earlier or later; otherwise the tips agree.
     std::sort(apart_mm.begin(), apart_mm.end());
     CHECK(apart_mm[apart_mm.size() / 2] < 0.1);
     CHECK(apart_mm[apart_mm.size() * 9 / 10] < 2);
@@ -115,8 +115,8 @@ TEST_CASE("Where snaps take time the size of the rows does not decide where the 
   torquer::scene::Scene scene(file.path());
   const double push_mm = torquer::test::Rounds(40, 10);
   const auto reference = Push(scene, push_mm, 0.25);
-  // Rows of 0.5 and 2 mm are the same parts of 12.5 ms, but relaxed less where a row goes on; finer
-  // rows are finer steps of time.
+  // Rows of 0.5 and 2 mm have the same parts of 12.5 ms, but parts within a row are relaxed less.
+  // Finer rows have finer time steps.
   for (const double row_mm : {0.5, 2.0, 0.05}) {
     INFO("rows of " << row_mm << " mm");
     const auto shapes = Push(scene, push_mm, row_mm);
@@ -139,7 +139,7 @@ TEST_CASE("Where the vessel moves a script ends in the same place in rows of any
     INFO("rows of " << row_s << " s");
     const auto states = Script(file, row_s);
     REQUIRE(states.size() == reference.size());
-    // What ends within a tick adds one there.
+    // A row that ends within a tick adds a tick there.
     const double bound_mm = row_s < 0.05 ? 0.02 : 1e-6;
     for (std::size_t k = 0; k < states.size(); ++k) {
       INFO("at " << k << " s");

@@ -90,8 +90,8 @@ TEST_CASE("States tell of forces only where the scene asks for them", "[simulato
     CHECK(row.contains(key) == asked);
   }
   if (!asked) return;
-  // Contacts and hands are in balance along the entry, where the sheath holds by bending alone: but
-  // for the bend there, which pushes the wire out.
+  // Contacts and hands are in equilibrium along the entry, where the sheath reacts by bending only.
+  // The bend there pushes the wire out, which adds a term.
   const double hands_mN = row["guidewire.hand_force_mN"].get<double>() +
                           row["microcatheter.hand_force_mN"].get<double>();
   double contacts_mN = 0;
@@ -125,7 +125,7 @@ TEST_CASE("With room in a lumen states have the nodes of every instrument", "[si
 TEST_CASE("A script moves every instrument by its name", "[simulator]") {
   const SceneFile file(std::string(torquer::test::kMicrocatheter) +
                        torquer::test::kGuidingCatheter);
-  // In its own order; what has no column stays as it is.
+  // Columns in another order; values without a column stay constant.
   Write(file.Beside("s.csv"),
         "guide.insertion_mm,time_s,microcatheter.rotation_rad,guidewire.insertion_mm,"
         "microcatheter.insertion_mm\n"
@@ -160,7 +160,7 @@ TEST_CASE("A column of an instrument that a scene does not have is refused by na
                             Contains("no column " + column) && Contains(part));
     }
   };
-  // Whatever was meant: the columns that there are, and the nearest.
+  // The message lists the existing columns, or the nearest one.
   refuse("balloon.insertion_mm",
          {"time_s, lao_deg, cra_deg, xray, contrast, guidewire.insertion_mm, "
           "guidewire.rotation_rad, microcatheter.insertion_mm, microcatheter.rotation_rad"});
@@ -173,7 +173,7 @@ TEST_CASE("A column of an instrument that a scene does not have is refused by na
 
 TEST_CASE("A command beyond an instrument's length is said to be clamped, and is", "[simulator]") {
   const SceneFile file(torquer::test::kMicrocatheter);
-  // 120 of 200 mm lie in at the start, 60 of 150.
+  // At the start 120 of 200 mm and 60 of 150 mm are inserted.
   Write(file.Beside("s.csv"),
         "time_s,guidewire.insertion_mm,microcatheter.insertion_mm\n0,0,0\n1,79,95\n2,70,96.5\n");
   ChildProcess child({torquer::test::ProgramPath("torquer-simulator"), "--scene", file.path(),
@@ -235,7 +235,7 @@ TEST_CASE("A record names the scene and all that its observers found", "[simulat
   CHECK(record["instruments"]["guidewire"]["insertion_mm"] == 135);
   CHECK(record["instruments"]["guidewire"]["rotation_rad"] == 0.3);
   const nlohmann::json& readings = record["readings"];
-  // The measures by which trainees are judged, all of them.
+  // All measures that assess trainees.
   for (const char* name : {"procedure_s",          "fluoroscopy_s",
                            "tip_path_mm",          "tip_path_ratio",
                            "retractions",          "retracted_mm",

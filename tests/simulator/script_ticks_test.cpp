@@ -1,4 +1,4 @@
-// How a row of a script becomes ticks.
+// Division of a script's rows into ticks.
 #include "host/simulator/script_ticks.h"
 
 #include <catch2/catch.hpp>
@@ -39,7 +39,7 @@ TEST_CASE("Ticks end at the multiples of the step, and at the row") {
 }
 
 TEST_CASE("Rows that end on a step but for rounding make no tick of nothing") {
-  // 0.1 is no binary number: sums of it are beside the multiples of 0.005.
+  // 0.1 has no exact binary form: its sums differ from the multiples of 0.005.
   double time_s = 0;
   for (int row = 0; row < 2000; ++row) {
     const double next_s = time_s + 0.1;

@@ -1,4 +1,4 @@
-// The scenes of host/scenes, as host/demo takes them.
+// Scenes of host/scenes, run as host/demo runs them.
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
@@ -44,7 +44,7 @@ TEST_CASE("No vessel that moves drives the wire at rest through its wall", "[sim
     torquer::simulator::Command command;
     command.target = simulation.target();
     double deepest_mm = 0;
-    // More than a beat, in steps as of a slow display.
+    // Longer than a heartbeat, in steps like those of a slow display.
     for (int k = 1; k <= 100; ++k) {
       command.time_s = 0.01 * k;
       torquer::CountedBudget budget(1000);

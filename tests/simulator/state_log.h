@@ -1,4 +1,4 @@
-// A log of wire states, as torquer-recorder writes it.
+// Log of wire states, written as torquer-recorder writes it.
 #pragma once
 
 #include <cstdint>

@@ -131,7 +131,7 @@ def test_a_reader_that_goes_ends_it_with_a_sentence():
     loop.send(HEADER + ROWS[0])
     loop.answer()
     loop.process.stdout.close()
-    # It notices while it waits for a row.
+    # The program notices it while it waits for a row.
     assert loop.process.wait(timeout=60) == 1
     message = loop.process.stderr.read().decode()
     assert "nobody reads standard output any more; 1 of 1 rows are done" in message
@@ -146,7 +146,7 @@ def test_a_reader_that_goes_while_rows_come():
         command("--script", "-", "--states", "-"), input=(HEADER + "".join(ROWS)).encode(),
         stdout=writing, stderr=subprocess.PIPE, timeout=120,
     )
-    # Before the header has come, it notices in the wait for it.
+    # Before the header has arrived, the program notices it while it waits for the header.
     waiting = subprocess.Popen(
         command("--script", "-", "--states", "-"), stdin=subprocess.PIPE, stdout=writing, stderr=subprocess.PIPE
     )
@@ -179,7 +179,7 @@ def test_a_slow_reader_of_a_pipe_that_does_not_wait():
     os.close(writing)
     process.stdin.write((HEADER + "".join(ROWS)).encode())
     process.stdin.close()
-    # The pipe is full by now.
+    # By now the pipe is full.
     time.sleep(0.5)
     with os.fdopen(reading) as answers:
         assert len([json.loads(line) for line in answers]) == len(ROWS)
@@ -191,7 +191,7 @@ def test_a_signal_ends_the_wait_for_a_row():
     loop.send(HEADER + ROWS[0])
     loop.answer()
     loop.process.send_signal(signal.SIGTERM)
-    # Its input stays open.
+    # Its input is still open.
     assert loop.process.wait(timeout=60) == 1
     status, message = loop.end()
     assert "asked to stop; 1 of 1 rows are done and written" in message
