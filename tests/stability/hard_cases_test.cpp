@@ -1,4 +1,4 @@
-// Every hard case by every method: whatever is done to the wire, it stays one.
+// Hard cases with every method: the wire's geometry must stay valid.
 #include "host/study/cases/hard_cases.h"
 
 #include <catch2/catch.hpp>
@@ -9,7 +9,7 @@
 namespace torquer::study {
 namespace {
 
-// TORQUER_SEED=N makes other draws of the cases; a failure prints the one it had.
+// TORQUER_SEED=N draws other cases; a failure prints its seed.
 unsigned Seed() {
   const char* text = std::getenv("TORQUER_SEED");
   return text == nullptr ? 1 : static_cast<unsigned>(std::strtoul(text, nullptr, 10));
@@ -24,7 +24,7 @@ void Run(const HardCase& hard, Way way, unsigned seed) {
   CHECK_THAT(Objection(hard, way, outcome), Catch::Equals(""));
 }
 
-// Under a sanitizer every case and every way, but not every pair of them.
+// Under a sanitizer, every case and every method is tested, but not every pair.
 bool Chosen(std::size_t hard, Way way) {
   return !test::kUnderSanitizer || (hard + Seed()) % 3 == static_cast<std::size_t>(way);
 }

@@ -1,4 +1,4 @@
-// Where the paper's method must fail or may divide by zero: how it does, pinned.
+// Known limits of the paper's method: cases in which it must fail or may divide by zero.
 #include <catch2/catch.hpp>
 #include <limits>
 
@@ -13,7 +13,7 @@ namespace {
 
 TEST_CASE("Denominators at and around zero leave every update rule's step bounded") {
   // One straight segment head-on against a plane: u.B = k penetration (as a force), and rho is the
-  // clamp's. With the stiffness chosen so, rho - u.B is what we want.
+  // clamp's. The stiffness is chosen such that rho - u.B has the wanted value.
   const WireParameters parameters{.segment_mm = 1, .max_length_mm = 3};
   const WireModel model = MakeWire(parameters);
   const HalfSpace wall_ahead(Vector3d(1, 0, 0), -Vector3d::UnitX());
@@ -60,7 +60,7 @@ TEST_CASE("Segments folded back onto each other do not stop Newton; the paper's 
   CHECK(Settle(newton, {20, 0}, state).converged);
   CHECK((state.nodes().back() - Vector3d(20, 0, 0)).norm() < 1e-3);
 
-  // A fold that is exact has no torque: the paper's updates find nothing to do.
+  // An exact fold has no torque, so the paper's updates do nothing.
   state = folded;
   PaperRelaxation paper(model, field, wall, {});
   paper.Restart(state);
@@ -89,7 +89,7 @@ TEST_CASE("Fed exactly head-on into a blind end Newton's wire buckles, the paper
   const std::vector<EnergyTerm*> none;
   NewtonRelaxation newton(model, field, wall, {}, none);
   CHECK(deepest(newton) < 0.1);
-  // No force across the wire, no update: (16) to (19) all leave an unstable balance as it is.
+  // Without a force across the wire, (16) to (19) give no update, even at an unstable equilibrium.
   PaperRelaxation paper(model, field, wall, {});
   CHECK(deepest(paper) > 70);
 }

@@ -1,5 +1,5 @@
-// Instruments with room in a lumen under hands that do anything: push, draw out, pass each other,
-// turn, with walls and lumens from soft to hard.
+// Instruments with clearance in a lumen under random hand motion: they push, withdraw, pass each
+// other and turn. Walls and lumens range from soft to hard.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
@@ -23,8 +23,8 @@ double Evenly(std::mt19937& random, double low, double high) {
   return std::exp(Between(random, std::log(low), std::log(high)));
 }
 
-// Two or three instruments in the bend of a vessel, of which half twist; rigidities and springs are
-// drawn from decades.
+// Two or three instruments in the bend of a vessel; half of these stacks twist. Rigidities and
+// springs are drawn over decades.
 struct Drawn {
   static constexpr double kLumen_mm[3] = {0, 0.3, 0.9};
   Torus field{Side::kInside, 20, 4};
@@ -52,7 +52,7 @@ struct Drawn {
     }
     return all;
   }
-  // A lumen as hard as what lies in it is stiff, and harder.
+  // Lumen stiffness from that of the stiffest instrument upwards.
   static Clearance Room(const std::vector<WireModel>& instruments, std::mt19937& random) {
     double stiffest = 0;
     for (const WireModel& model : instruments) {
@@ -80,7 +80,7 @@ void CheckCurves(const Drawn& drawn) {
   const WireState& second = *first.second();
   CHECK_THAT(BrokenGeometry(drawn.stack.rod(), first), Catch::Equals(""));
   REQUIRE(second.segments() <= first.segments());
-  // As far as its instruments reach, and no segment more.
+  // The curve reaches as far as its instruments, without an extra segment.
   const double reach_mm = drawn.stack.SecondReach(first.places());
   CHECK(second.first_segment_mm() == first.first_segment_mm());
   if (first.segments() > 0) {
@@ -105,7 +105,7 @@ TEST_CASE("Whatever hands do with instruments that have room, both curves stay w
     Drawn drawn(random);
     const int count = drawn.stack.size();
     InstrumentPlaces goal(count);
-    // Where the second is drawn back the wire lies in the third.
+    // When the second instrument is withdrawn, the wire lies in the third.
     const double room_mm = Drawn::kLumen_mm[count - 1] - drawn.stack.instrument(0).radius_mm(0);
     double offset_mm = 0;
     for (int move = 0; move < 40; ++move) {
@@ -113,7 +113,7 @@ TEST_CASE("Whatever hands do with instruments that have room, both curves stay w
         goal[k].insertion_mm = std::max(0.0, goal[k].insertion_mm + Between(random, -6, 9));
         goal[k].rotation_rad += Between(random, -1, 1);
       }
-      if (move == 20) goal = InstrumentPlaces(count);  // all out, and in again
+      if (move == 20) goal = InstrumentPlaces(count);  // all out, then in again
       CountedBudget budget(static_cast<int>(20 + random() % 400));
       const TickReport report = drawn.relaxation->Tick(goal, budget, drawn.state);
       if (report.converged) {
@@ -121,7 +121,7 @@ TEST_CASE("Whatever hands do with instruments that have room, both curves stay w
       }
       CheckCurves(drawn);
     }
-    // In the end all come to rest, and what is inside lies in the lumen.
+    // Finally all come to rest, and the inner instruments lie in the lumen.
     const TickReport report = Settle(*drawn.relaxation, drawn.stack.Bounded(goal), drawn.state, 60);
     CAPTURE(room_mm, offset_mm, report.residual, report.stalled);
     CHECK(report.arrived());
