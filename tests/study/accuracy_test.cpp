@@ -1,5 +1,5 @@
-// What the study of accuracy measures with: distances between wires of different segments, basins,
-// residuals, the field that is only continuous, and one case from end to end.
+// Measures of the accuracy study: distances between wires of different segments, basins, residuals,
+// the field that is only continuous, and one complete case.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
@@ -28,7 +28,7 @@ using Eigen::Vector3d;
 
 const std::string kScenes = torquer::test::SourcePath("/host/scenes");
 
-// Points of a circle of radius 50 mm that leaves the origin along x.
+// Points of a circle of radius 50 mm that starts at the origin along x.
 std::vector<Vector3d> Circle() {
   std::vector<Vector3d> path;
   for (double s = 0.01; s < 60; s += 0.01) {
@@ -50,7 +50,7 @@ TEST_CASE("A wire recut in other segments is the same wire") {
   CHECK(to.segments() == 40);
   CHECK(to.insertion_mm() == 40);
   CHECK(to.rotation_rad() == 0.7);
-  // A chord of 1 mm leaves a circle of 50 mm by 2.5 um, and falls short by 0.7 um in all.
+  // A chord of 1 mm deviates from a circle of 50 mm by 2.5 um, and is 0.7 um too short in all.
   CHECK(Compare(fine, from, coarse, to).max_mm < 0.004);
   CHECK(Compare(fine, from, coarse, to).mean_mm > 1e-5);
 }
@@ -73,7 +73,7 @@ TEST_CASE("Penetration is found between the nodes too") {
 }
 
 TEST_CASE("The residual a length does not depend on the segments") {
-  // A straight wire under a transverse load that nothing balances: pressed into a plane.
+  // A straight wire under an unbalanced transverse load: pressed into a plane.
   const HalfSpace floor(Vector3d(0, -0.1, 0), Vector3d::UnitY());
   const std::vector<EnergyTerm*> none;
   std::vector<double> residuals;
@@ -167,7 +167,7 @@ TEST_CASE("A case is measured against its reference") {
   CHECK(usual.error_mean_mm < 0.1);
   CHECK(usual.solver_error_max_mm < 1e-3);
 
-  // The reference's own setting makes no error.
+  // The reference's own setting has zero error.
   setting.segment_mm = 0.5;
   setting.tolerance = 1e-9;
   const AccuracyOutcome same = bench.Measure(setting);
@@ -207,7 +207,7 @@ TEST_CASE("The report begins with the front, the default marked on it") {
     measured["one"].emplace(setting.name, Measured{setting, outcome});
     ms *= 1.1;
   }
-  // Of the other scene only the default was measured: it alone is on the picture of both.
+  // The other scene has only the default: it alone appears in the combined picture.
   measured["two"].emplace("default", measured["one"].at("default"));
   const test::TemporaryFolder folder;
   StudyRun::Options options;

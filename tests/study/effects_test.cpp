@@ -1,4 +1,4 @@
-// The price list names what there is, and every price.
+// Price list of effects: it must contain every effect with all its prices.
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <map>
@@ -20,7 +20,7 @@ using test::TemporaryFolder;
 
 TEST_CASE("The price list has every effect, the pairs of the scenes that it is given, and all") {
   const TemporaryFolder folder;
-  // Scenes are asked for their effects' names alone.
+  // From scenes, only the names of their effects are read.
   std::ofstream(folder.Path("pair.toml")) << "[effects.friction]\n[effects.gravity]\n";
   ChildProcess program(std::vector<std::string>{torquer::test::kStudyProgram, "effects", "--quick",
                                                 "--json", "--scenes", folder.Path(), "--out",
@@ -57,7 +57,8 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
     CHECK(metrics.at("residual") <= 1e-6);
     CHECK(metrics.at("tick_ms_p50") > 0);
     CHECK(metrics.count("heap_bytes") == 1);
-    // Valgrind is among the packages of the tests. An effect that costs none there is not on.
+    // Instruction counts need Valgrind, a package of the tests. An effect without extra cost is not
+    // active.
     const double more = metrics.at("instructions") / prices.at("none").at("instructions");
     CHECK(metrics.at("instructions") > 1e5);
     CHECK((name == "none" || more != 1));

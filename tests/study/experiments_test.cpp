@@ -19,12 +19,13 @@ namespace {
 using test::ChildProcess;
 using test::TemporaryFolder;
 
-// The end of a strip below its clamp, mm: EI theta'' = -(F + w (L - s)) cos theta, theta = 0 at the
-// clamp and theta' = 0 at the end, by Runge-Kutta, and the curvature at the clamp by halving.
+// Drop of a strip's end below its clamp in mm, from EI theta'' = -(F + w (L - s)) cos theta. At the
+// clamp theta = 0, and at the end theta' = 0. Runge-Kutta steps; bisection finds the curvature at
+// the clamp.
 double Shoot(double rigidity_N_mm2, double weight_N_mm, double force_N) {
   constexpr int kSteps = 1000;
   constexpr double kStep = strip::kLengthMm / kSteps;
-  using Eigen::Vector3d;  // theta, theta', how far down
+  using Eigen::Vector3d;  // theta, theta', drop
   const auto slope = [&](double s, const Vector3d& at) {
     const double beyond_N = force_N + weight_N_mm * (strip::kLengthMm - s);
     return Vector3d(at[1], -beyond_N * std::cos(at[0]) / rigidity_N_mm2, std::sin(at[0]));
@@ -63,7 +64,7 @@ TEST_CASE("A strip under weights bends as its differential equation has it") {
 
 TEST_CASE("A curvature at a place gives the even load and the end's deflection") {
   const ClampedRod rod{.length_mm = 90, .rigidity_N_mm2 = 6441};
-  constexpr double kCurvature = 1e-6;  // so small that beams are linear
+  constexpr double kCurvature = 1e-6;  // so small that beams respond linearly
   const EvenLoad found = BendTo(rod, kCurvature, 20, 0.5);
   CHECK(found.rod.CurvatureAt(20) == Approx(kCurvature));
   CHECK(found.load_N_mm == Approx(2 * 6441 * kCurvature / (70 * 70)).epsilon(1e-3));
@@ -79,7 +80,7 @@ TEST_CASE("A rod between clamps gives way at four times Euler's load of pinned e
   CHECK(BucklingForce(40, 2.5, 100) == Approx(4 * pi * pi * 2.5 / (40 * 40)).epsilon(1e-3));
 }
 
-// What a row of a run says, by case and metric.
+// Values of a run by case and metric.
 using Rows = std::map<std::string, std::map<std::string, double>>;
 
 TEST_CASE("Published experiments stand beside ours, with both errors") {
@@ -101,7 +102,7 @@ TEST_CASE("Published experiments stand beside ours, with both errors") {
     INFO(name);
     CHECK(row.at("theirs") > 0);
     CHECK(row.at("ours_error") > 0);
-    if (!row.contains("apart")) continue;  // of sizes only
+    if (!row.contains("apart")) continue;  // this row only gives sizes
     const double stated = std::isnan(row.at("theirs_error")) ? 0 : row.at("theirs_error");
     CHECK(row.at("apart") ==
           Approx((row.at("ours") - row.at("theirs")) / std::hypot(row.at("ours_error"), stated)));
@@ -110,12 +111,12 @@ TEST_CASE("Published experiments stand beside ours, with both errors") {
   }
   CHECK(compared == 7 + 7 + 1 + 6);
 
-  // What others measured, as they print it.
+  // Published measurements, as printed.
   CHECK(rows["strip/end down, 0.098 N"]["theirs"] == 149);
   CHECK(rows["columns/steel, slenderness 217"]["theirs"] == Approx(184.38).epsilon(1e-4));
   CHECK(rows["phantom/real wire; ours, 1 mm"]["theirs"] == 0.262);
   CHECK(rows["phantom/real wire; ours, 1 mm"]["theirs_error"] == 0.227);
-  // The method's own error is a small part of that.
+  // The method's own error is a small part of the difference.
   CHECK(rows["phantom/ours"]["mean"] < 0.262 / 3);
 
   for (const char* ending : {".csv", ".jsonl", ".html", ".svg"}) {

@@ -1,4 +1,4 @@
-// The checks of hard cases find what they look for, and torture says what it found.
+// Checks of hard cases: they detect each violation, and the torture study reports it.
 #include "host/study/cases/hard_cases.h"
 
 #include <algorithm>
@@ -26,7 +26,7 @@ using test::LayStraight;
 using test::TemporaryFolder;
 using test::WithTangents;
 
-// At rest on the wall of a torus.
+// A wire at rest on the wall of a torus.
 struct AtRest {
   AtRest() {
     newton.Restart(state);
@@ -54,7 +54,7 @@ TEST_CASE("The wall's pressure balances the bending, and only where it does") {
 }
 
 TEST_CASE("No step raises the energy of a wire that was laid in loops, and it comes to rest") {
-  // Without the torque of holonomy a step raised it in these, by 2.6, 1.8 and 3.4 %.
+  // Without the holonomy torque, a step raised the energy in these seeds by 2.6, 1.8 and 3.4 %.
   const std::vector<HardCase> cases = HardCases();
   const auto hard = std::find_if(cases.begin(), cases.end(), [](const HardCase& one) {
     return one.name == "a start with tangents at random";
@@ -84,16 +84,16 @@ TEST_CASE("A tick that lies about the wire is found out") {
   report.carried[0].insertion_mm = 0.1;
   CHECK(check(report, rest.state).find("carried") != std::string::npos);
 
-  // A wire of segments that are shorter by 1e-6 of their length.
+  // A wire whose segments are shorter by 1e-6 of their length.
   const WireModel shorter = MakeWire({.segment_mm = 1 - 1e-6});
   CHECK(check(rest.report, LayStraight(shorter, 50)).find("length") != std::string::npos);
 
-  // Whipped round by a quarter turn without a word.
+  // The wire whips round by a quarter turn, and the report is silent about it.
   std::vector<Vector3d> tangents = rest.state.tangents();
   for (Vector3d& u : tangents) u = Vector3d(u[0], u[2], -u[1]);
   const WireState whipped = WithTangents(rest.model, rest.state, tangents);
   CHECK(check(rest.report, whipped).find("it was not said") != std::string::npos);
-  // A snap is reported, and nothing has moved.
+  // The report claims a snap, but nothing has moved.
   report = rest.report;
   report.snapped = true;
   CHECK(check(report, rest.state).find("called a snap") != std::string::npos);
@@ -120,7 +120,7 @@ TEST_CASE("What a case allows is held against what came of it") {
   CHECK_FALSE(Objection(hard, Way::kPaper, outcome).empty());
   hard.paper.or_unbent = true;
   CHECK(Objection(hard, Way::kPaper, outcome).empty());
-  // Without its own bound: no deeper than if nothing bent it.
+  // Without its own bound, a case must not be deeper than an unbent wire.
   hard.deepest_mm.reset();
   outcome.unbent_mm = 0.12;
   CHECK(Objection(hard, Way::kNewton, outcome).empty());

@@ -1,4 +1,4 @@
-// The lumen in the paper study's picture is the one that is simulated.
+// Lumen in the picture of the paper study: it must be the simulated one.
 #include "host/study/lumen_view.h"
 
 #include <catch2/catch.hpp>
@@ -39,8 +39,8 @@ TEST_CASE("All of the phantom is in view, the far wall of its T too") {
   constexpr double kStep = 0.5;
   const vessel::TubeVessel phantom = vessel::MakeTyPhantom();
   const std::vector<LumenRun> runs = SeeLumen(*phantom.field, phantom.bounds_mm, kStep);
-  // Where a wire that comes straight out of the stem meets the wall, beyond the corner that the
-  // centerlines cut.
+  // Contact point of a wire that comes straight out of the stem. It lies beyond the corner that the
+  // centerlines cut off.
   CHECK(phantom.field->Clearance({103.5, -1, 0}) > 0);
   CHECK(Seen(runs, 103.5, -1, kStep));
   CHECK_FALSE(Seen(runs, 106, -1, kStep));

@@ -1,4 +1,4 @@
-// The program that these tests run.
+// Path of the program under test.
 #pragma once
 
 #include <string>

@@ -130,7 +130,7 @@ TEST_CASE("a point lies where its axes say") {
   plot.y.range = {0, 10};
   plot.series = {{"", Mark::kPoints, {5}, {5}}};
   const std::string svg = DrawPlot(plot);
-  // Halfway between the axes' ends, which the frame of the plot gives: M left top V bottom H right.
+  // Halfway along both axes, whose ends come from the plot's frame: M left top V bottom H right.
   double left = 0, top = 0, bottom = 0, right = 0, x = 0, y = 0;
   const std::size_t frame = svg.find("fill=\"none\" stroke=\"#9aa4b2\"");
   REQUIRE(frame != std::string::npos);
@@ -166,7 +166,7 @@ TEST_CASE("bad arguments end the program with status 2 and say what is right") {
   CHECK(program.Error().find("See 'torquer-study") != std::string::npos);
 }
 
-// The rows of a CSV file as numbers, without its heading.
+// Rows of a CSV file as numbers, without its heading.
 std::vector<std::vector<double>> ReadRows(const std::string& path) {
   std::ifstream file(path);
   std::string line;
@@ -195,7 +195,7 @@ TEST_CASE("A trace has every attempt of every tick, and changes none") {
                         file.Beside("results")});
   REQUIRE(program.Wait() == 0);
 
-  // The same motion without a record.
+  // The same motion without a recording.
   scene::Scene scene(file.path());
   simulator::Simulation simulation(scene);
   simulator::RowRun motion(simulation);
