@@ -1,5 +1,5 @@
-// torquer-calibrate on an ordinary mouse, by unmodified libevdev in a mocked kernel. The events'
-// own time stamps are the device's clock, so that nothing waits for real time.
+// torquer-calibrate with an ordinary mouse, on unmodified libevdev in a mocked kernel. The events'
+// time stamps are the device's clock, so the test does not wait for real time.
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <fstream>
@@ -34,17 +34,18 @@ EvdevScript Mouse() {
   return script;
 }
 
-// A hand that moves the mouse's counts, and its clock.
+// Hand that moves the mouse's counts and its clock.
 class Hand {
  public:
   Hand(EvdevTestbed& testbed, const ChildProcess& program) : testbed_(testbed), program_(program) {}
 
-  // By so many counts at once, then at rest for half a second.
+  // Moves by these counts at once, then rests for half a second.
   void Move(int axial, int transverse) {
     Send(axial, transverse, 10000);
     for (int i = 0; i < 5; ++i) Send(0, 0, 100000);
   }
-  // Whether the program ever says that; what is sent meanwhile would not fit into the mocked file.
+  // True once the program prints `text`. No events are sent meanwhile: the mocked file could
+  // overflow.
   bool Until(const std::string& text) {
     const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (program_.Output().find(text) == std::string::npos) {
@@ -62,7 +63,7 @@ class Hand {
 
   EvdevTestbed& testbed_;
   const ChildProcess& program_;
-  // Ahead of the real time, which the source takes for the device's where that is later.
+  // Ahead of real time: the source takes the later of real time and the device's time.
   std::int64_t time_us_ = torquer::bus::MonotonicUs() + 60000000;
 };
 
@@ -87,7 +88,7 @@ TEST_CASE("A mouse is calibrated by its raw deltas, whatever its resolution") {
   for (int i = 0; i < 4; ++i) hand.Move(0, 0);  // at rest
   REQUIRE(hand.Until("straight to the far stop"));
   for (const char* counted : {"ok push 1", "ok push 2", "ok push 3"}) {
-    hand.Move(9449, 165);  // 1600 counts an inch, a degree askew
+    hand.Move(9449, 165);  // 1600 counts per inch, askew by 1 degree
     REQUIRE(hand.Until("to the near stop"));
     hand.Move(-9449, -165);
     REQUIRE(hand.Until(counted));

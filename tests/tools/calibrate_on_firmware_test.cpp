@@ -1,4 +1,4 @@
-// torquer-calibrate on the firmware's image in the emulator, whose sensor is askew, scaled and on
+// torquer-calibrate with the firmware's image in the emulator, whose sensor is askew, scaled and on
 // another cylinder than drawn. Time is elastic: the device waits for the program.
 #include <atomic>
 #include <catch2/catch.hpp>
@@ -32,7 +32,7 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kTurns = 4.0 * std::numbers::pi;
 constexpr double kMmPerInch = 25.4;
 
-// The hand of a motion file.
+// Hand motion as a motion file.
 class MotionFile {
  public:
   MotionFile() { Row(); }
@@ -40,7 +40,7 @@ class MotionFile {
     time_s_ += seconds;
     Row();
   }
-  // Goes there in 0.2 s, and rests for as long as a mark takes.
+  // Moves there in 0.2 s, and rests for the duration of a mark.
   void Go(double insertion_mm, double rotation_rad) {
     insertion_mm_ = insertion_mm;
     rotation_rad_ = rotation_rad;
@@ -163,10 +163,10 @@ TEST_CASE("A dozen devices, built otherwise than drawn, are found out through th
   const double gain = kMmPerInch / 1200 / options.bench.sensor.scale;
   const double radius = options.bench.cylinder_radius_mm;
   CHECK(found.gain_mm_per_count == Approx(gain).epsilon(0.001));
-  // The sensor turned one way sees the surface move the other.
+  // A sensor rotated one way sees the surface move the other way.
   CHECK(found.misalignment_rad / kDegree ==
         Approx(-options.bench.sensor.misalignment_rad / kDegree).margin(0.05));
-  // One turn is as many mm of surface; what the model makes of it, in degrees.
+  // Degrees that the model computes for the surface length of one full turn.
   const double found_turn_deg =
       360.0 * radius / gain * found.gain_mm_per_count / found.cylinder_radius_mm;
   CHECK(found_turn_deg == Approx(360.0).margin(0.2));

@@ -1,4 +1,4 @@
-// torquer-calibrate as a process: scripts, files, and what it leaves behind.
+// torquer-calibrate as a process: its scripts, its files, and the files that it leaves.
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <filesystem>
@@ -26,7 +26,7 @@ constexpr char kBegin[] =
     "torquer-calibrate script 1\ndevice SCRIPTED-1 1200\nrest 2\nlift 0.5\nrest 0.5\nmark\n"
     "rest 0.3\n";
 
-// There and back, both marked; counts.
+// A stroke in counts, back and forth, with a mark at both ends.
 std::string Stroke(int axial, int transverse) {
   const std::string there = std::to_string(axial) + " " + std::to_string(transverse);
   const std::string back = std::to_string(-axial) + " " + std::to_string(-transverse);
@@ -37,7 +37,7 @@ std::string Pushes(int count) {
   for (int i = 0; i < count; ++i) text += Stroke(7087, 124);
   return text;
 }
-// The first mark apart.
+// Turns without the first mark.
 std::string MoreTurns(int count) {
   std::string text;
   for (int i = 0; i < count; ++i) text += Stroke(-52, 2968);
@@ -66,7 +66,7 @@ struct Bench {
     error = program.Error();
     return status;
   }
-  // Nothing was touched, and nothing lies about.
+  // Checks that the file is unchanged and that no other file was left.
   void CheckUntouched() const {
     CHECK(ReadAll(output) == kOld);
     int files = 0;

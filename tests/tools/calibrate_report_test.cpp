@@ -13,7 +13,7 @@ using torquer::tools::GradeOf;
 constexpr double kGain = 0.02;
 constexpr double kTurn = 4.0 * std::numbers::pi;
 
-// Four pushes that scatter by 0.4 mm, one that was refused, and three exact strokes of turns.
+// Four pushes with a scatter of 0.4 mm, one refused push, and three exact strokes of turns.
 ProcedureResult Sample(double scatter_mm = 0.4) {
   ProcedureResult result;
   const auto add = [&](MotionKind kind, double mm, double rad, const Rejection& rejection) {
@@ -52,7 +52,7 @@ std::size_t Count(const std::string& text, const std::string& part) {
 TEST_CASE("Parameters are reported with standard errors and intervals") {
   const std::string table = torquer::tools::ParameterTable(Sample());
   CHECK_THAT(table, Contains("gain                20.0000 um a count"));
-  // 0.4 mm times sqrt(4 / 3), of one of four pushes of 150 mm: 0.154 %; t(3) = 3.182.
+  // 0.4 mm times sqrt(4 / 3), for one of four pushes of 150 mm: 0.154 %; t(3) = 3.182.
   CHECK_THAT(table, Contains("standard error 0.0308, 95 % within 0.0979"));
   CHECK_THAT(table, Contains("cylinder radius      5.0000 mm"));
   ProcedureResult drifting = Sample();

@@ -1,4 +1,4 @@
-// What a device's reports become in a calibration, with a source that says what a test wants.
+// Readings in a calibration, made from a device's reports by a scripted source.
 #include "host/tools/calibrate_source.h"
 
 #include <catch2/catch.hpp>
@@ -25,7 +25,7 @@ using torquer::test::Next;
 using torquer::test::StillReport;
 using torquer::tools::DeviceReadings;
 
-// Each Wait() does the next of `waits`.
+// Report source whose every Wait() runs the next of `waits`.
 class ToldSource : public ReportSource {
  public:
   void Wait(int /*timeout_ms*/, const Sink& sink) override {
@@ -86,7 +86,7 @@ struct Bench {
     ToldSource::Send(sink, report);
     report = Next(report);
   }
-  // One report more, and what it became.
+  // Sends one more report; returns the reading made from it.
   Reading After(const std::function<void(InputReport&)>& change) {
     change(report);
     source->waits.emplace_back([this](const ReportSource::Sink& sink) { Send(sink); });

@@ -1,4 +1,4 @@
-// torquer-calibrate with a person at a terminal: questions, keys, the changing line, Ctrl-C.
+// torquer-calibrate with a user at a terminal: questions, keys, the changing line, Ctrl-C.
 #include <poll.h>
 #include <pty.h>
 #include <sys/wait.h>
@@ -57,7 +57,7 @@ class Desk {
   void Type(const std::string& keys) {
     REQUIRE(write(terminal_, keys.data(), keys.size()) == static_cast<ssize_t>(keys.size()));
   }
-  // Whether it comes to show that, after what was looked for last; the device goes on meanwhile.
+  // True once `text` is shown after the text found last; the device keeps running.
   bool Shows(const std::string& text) {
     const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (std::chrono::steady_clock::now() < deadline) {
@@ -71,7 +71,7 @@ class Desk {
     UNSCOPED_INFO("shown: " << shown);
     return false;
   }
-  // Its exit status; -1 when it does not end.
+  // Exit status; -1 on timeout.
   int End() {
     const auto deadline = std::chrono::steady_clock::now() + kPatience;
     int status = 0;
@@ -84,7 +84,7 @@ class Desk {
     }
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   }
-  // Lines and echo, as before the program.
+  // True if line mode and echo are on, as before the program.
   bool IsAsBefore() const {
     termios now{};
     return tcgetattr(terminal_, &now) == 0 && (now.c_lflag & ICANON) != 0 &&
@@ -96,7 +96,7 @@ class Desk {
   std::string shown;
 
  private:
-  // Takes what is shown and lets the device report; false when nothing was shown.
+  // Reads the terminal's output and lets the device report; false if there was no output.
   bool Follow() {
     if (pid_ > 0 && connected_) {
       for (int i = 0; i < 20; ++i) {

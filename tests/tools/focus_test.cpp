@@ -1,4 +1,5 @@
-// torquer-calibrate --focus on the firmware's image in the emulator, and how a picture is shown.
+// torquer-calibrate --focus with the firmware's image in the emulator, and the display of a
+// picture.
 #include <png.h>
 
 #include <algorithm>
@@ -37,7 +38,7 @@ FocusPicture Ramp() {
   return picture;
 }
 
-// The gray values of a PNG file of kFocusSide x kFocusSide blocks, and its width.
+// Gray values of a PNG file of kFocusSide x kFocusSide blocks, and its width.
 std::vector<std::uint8_t> ReadPng(const std::string& file, int* width) {
   png_image image{};
   image.version = PNG_IMAGE_VERSION;
@@ -105,7 +106,7 @@ TEST_CASE("A picture is shown as characters, as shades of gray, and as PNG") {
   CHECK(second.front() == ' ');
   CHECK(second.back() == '@');
   CHECK(second[kFocusSide / 2] == '=');
-  CHECK(text[kFocusSide - 1] != '@');  // half of it is dark
+  CHECK(text[kFocusSide - 1] != '@');  // half of this cell is dark
 
   const std::string gray = torquer::tools::FocusText(Ramp(), true);
   CHECK_THAT(gray, Contains("\033[38;5;232;48;5;232m\u2580"));  // black over black

@@ -39,7 +39,7 @@ TEST_CASE("The line has place, status, device, rates, latency, residual and pene
   status.Add(State(0, 1), kSender, kNowUs);
   status.Add(State(1, 2), kSender, kNowUs);
   status.Add(State(2, 9), kSender, kNowUs);
-  status.Add(State(2, 50), kSender, kNowUs);  // shows no new command
+  status.Add(State(2, 50), kSender, kNowUs);  // contains no new command
   torquer_lcm::health_t health{};
   health.process = "daemon";
   health.state = "running";
@@ -73,7 +73,7 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
                     "wall_force_event_s",    "wall_force_event_mN",
                     "target_reached",        "target_reached_s"};
   readings.values = {0.5, 1.25, 2, 3.5, 4, 3.5, 0, -1};
-  // Two that came before the first readings are no news.
+  // Two events from before the first readings are not news.
   CHECK(status.Add(readings).empty());
   CHECK_THAT(status.Line(1, kNowUs),
              Catch::Contains("| ok | force 0.5 mN, sum 1.25, most 3.5, 2 events | device"));
@@ -83,7 +83,7 @@ TEST_CASE("Events of the wall force are news once, and the force stands in the l
   readings.values[6] = 1;
   readings.values[7] = 9.5;
   CHECK(status.Add(readings) == "assessment: target reached at 9.50 s");
-  // A scene that starts again has none.
+  // A restarted scene has no events.
   readings.values = {0, 0, 0, 0, -1, 0, 0, -1};
   CHECK(status.Add(readings).empty());
 }
@@ -106,13 +106,13 @@ TEST_CASE("Every instrument stands in the line, each with a latency") {
   state.instruments.push_back(catheter);
   state.instrument_count = 2;
   status.Add(state, kSender, kNowUs);
-  // In this one only the catheter's command is new.
+  // In this state only the catheter's command is new.
   state.instruments[1].command_sequence = 5;
   status.Add(state, kSender, kNowUs);
   const std::string line = status.Line(1, kNowUs);
   CHECK_THAT(line,
              Catch::Contains("| guidewire 451.25 mm, +90 deg | catheter 380.00 mm, -30 deg | ok"));
-  // Of 3, 7 and 7 ms.
+  // From latencies of 3, 7 and 7 ms.
   CHECK_THAT(line, Catch::Contains("latency 7.00 ms (worst 7.00)"));
 }
 
@@ -156,13 +156,13 @@ TEST_CASE("What has stopped coming is shown as old, not as the present state") {
   health.instrument = "guidewire";
   health.state = "running";
   status.Add(health, kNowUs);
-  // A wire at rest is published every 0.2 s, health every second: nothing is old yet.
+  // A wire at rest is published every 0.2 s, health every second: neither is overdue yet.
   CHECK_THAT(status.Line(1, kNowUs + 900'000), Catch::Contains("| ok | device running |"));
   const std::string later = status.Line(1, kNowUs + 5'000'000);
   CHECK_THAT(later, Catch::Contains("| guidewire 451.25 mm, +90 deg | simulator silent for 5 s, "
                                     "that was its last | device silent for 5 s |"));
   CHECK_THAT(later, !Catch::Contains("ok") && !Catch::Contains("running"));
-  // The daemon is back, and the other one of two is not.
+  // One daemon is back, the second one is not.
   status.Add(health, kNowUs + 5'000'000);
   health.instrument = "catheter";
   status.Add(health, kNowUs);
@@ -228,7 +228,7 @@ TEST_CASE(
                                "127.0.0.1:4001; stop all but one | "));
   status.Add(State(0, 1), kOther, kNowUs + 2'000'000);
   CHECK_THAT(status.Line(1, kNowUs + 2'000'000), Catch::StartsWith("tube\\x0a | "));
-  // Made-up senders.
+  // Invented senders.
   for (std::uint16_t port = 0; port < 1000; ++port) {
     status.Add(State(0, 1), {0x7f000001, port}, kNowUs + 2'000'000);
   }
