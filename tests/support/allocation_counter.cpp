@@ -8,7 +8,7 @@ namespace {
 std::atomic<size_t> allocations{0};
 }  // namespace
 
-// Sanitizers bring their own allocation functions, which must not be mixed with these.
+// Sanitizers have their own allocation functions, which must not be mixed with these.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 void* operator new(size_t size) {
   allocations.fetch_add(1, std::memory_order_relaxed);

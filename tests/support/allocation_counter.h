@@ -1,11 +1,12 @@
-// Counts what this program's C++ code allocates.
+// Allocation counter for this program's C++ code.
 #pragma once
 
 #include <cstddef>
 
 namespace torquer::test {
 
-/// Calls of operator new since the program began, by all threads; always 0 under a sanitizer.
+/// Number of calls of operator new since the program started, in all threads; always 0 under a
+/// sanitizer.
 size_t AllocationCount();
 
 }  // namespace torquer::test

@@ -1,4 +1,4 @@
-// The small vessels of host/study, under the names that tests use.
+// Small vessels of host/study, under names for tests.
 #pragma once
 
 #include "host/study/cases/analytic_fields.h"

@@ -35,7 +35,7 @@ ChildProcess::ChildProcess(const std::vector<std::string>& words) {
   if (pid_ == 0) {
     dup2(open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDOUT_FILENO);
     dup2(open(error.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
-    // A device's other end, held open here, would never hang up.
+    // An inherited descriptor of a device's other end would prevent its hang-up.
     close_range(3, ~0U, 0);
     execv(arguments[0], arguments.data());
     _exit(127);
@@ -63,7 +63,7 @@ int ChildProcess::Wait() {
 
 bool ChildProcess::WaitForError(const std::string& text) {
   for (int waited = 0; waited < kPatienceMs; waited += kStepMs) {
-    const bool ended = Ended();  // asked first: what it wrote last counts too
+    const bool ended = Ended();  // first, so that its last output is included
     if (Error().find(text) != std::string::npos) return true;
     if (ended) return false;
     Pause();

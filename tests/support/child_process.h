@@ -1,4 +1,4 @@
-// A program under test, run beside the test: its exit status and what it wrote.
+// Child process: a program under test with its exit status and its output.
 #pragma once
 
 #include <sys/types.h>
@@ -12,7 +12,7 @@ namespace torquer::test {
 
 class ChildProcess {
  public:
-  /// Starts `words` (the program's path first). It is killed at destruction if it still runs.
+  /// Starts `words` (the program's path first). The destructor kills it if it still runs.
   explicit ChildProcess(const std::vector<std::string>& words);
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
@@ -20,12 +20,11 @@ class ChildProcess {
 
   void Signal(int signal) const;
 
-  /// Waits for the end, for 4 minutes at most: programs under sanitizers are slow. The exit status;
-  /// 128 + signal when killed by one; throws std::runtime_error with what it wrote when it does not
-  /// end.
+  /// Waits for the end, at most 4 minutes because programs under sanitizers are slow. Returns the
+  /// exit status, or 128 + signal if killed. Throws std::runtime_error with its output on timeout.
   int Wait();
 
-  /// Waits until standard error holds `text`, as long as that; false if it never does.
+  /// Waits until standard error contains `text`, with the same timeout; false if it never does.
   bool WaitForError(const std::string& text);
 
   std::string Output() const;  ///< standard output so far

@@ -1,4 +1,4 @@
-// The daemon as a process, and an ear on the bus for what it says. For tests in a private network.
+// Daemon as a process, and a listener for its messages on the bus. For tests in a private network.
 #pragma once
 
 #include <cstdint>
@@ -24,8 +24,8 @@ namespace torquer::test {
 
 inline const std::string kDaemonProgram = ProgramPath("torquer-daemon");
 
-/// Collects all that is published; in a private network, and with mocked devices if so desired. Its
-/// folder holds the daemons' claims, what is kept for devices, and whatever a test likes.
+/// Collects all published messages in a private network, with mocked devices if requested. Its
+/// folder holds the daemons' claims, files stored for devices, and files of the test.
 struct Listener {
   explicit Listener(bool with_devices = false) {
     with_devices ? NeedPrivateNetworkAndDevices() : NeedPrivateNetwork();
@@ -54,7 +54,7 @@ struct Listener {
         0);
   }
 
-  /// Handles messages until `done`, for 30 s at most; whether it is done.
+  /// Handles messages until `done`, for at most 30 s; returns the result of `done`.
   bool Until(const std::function<bool()>& done) {
     const std::int64_t end_us = torquer::bus::MonotonicUs() + 30000000;
     while (!done() && torquer::bus::MonotonicUs() < end_us) bus->Handle(50);
@@ -66,7 +66,7 @@ struct Listener {
   bool UntilHolds(std::size_t count) {
     return Until([&] { return holds.size() >= count; });
   }
-  /// Until a health message has had that state and, somewhere, that text.
+  /// Waits for a health message with that state whose text contains `text`.
   bool UntilHealth(const std::string& state, const std::string& text) {
     return Until([&] {
       for (const torquer_lcm::health_t& one : health) {
@@ -84,14 +84,15 @@ struct Listener {
 
   TemporaryFolder folder;
   std::optional<torquer::bus::Bus> bus;
-  std::vector<torquer_lcm::instrument_command_t> commands;  ///< made of reports
-  std::vector<torquer_lcm::instrument_command_t> holds;     ///< without a device, or a silent one
+  std::vector<torquer_lcm::instrument_command_t> commands;  ///< commands made from reports
+  std::vector<torquer_lcm::instrument_command_t>
+      holds;  ///< sent if there is no device, or a silent one
   std::vector<torquer_lcm::device_sample_t> samples;
   std::vector<torquer_lcm::health_t> health;
   std::map<std::string, std::int64_t> counters;  ///< newest value by name
 };
 
-/// The daemon's command line for a device behind `socket`.
+/// Command line of the daemon for a device behind `socket`.
 inline std::vector<std::string> SocketWords(const std::string& socket,
                                             const std::vector<std::string>& more = {
                                                 "--uncalibrated"}) {

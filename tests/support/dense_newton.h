@@ -1,4 +1,4 @@
-// The sweep's step against the dense Newton system.
+// Comparison of the sweep's step with the dense Newton system.
 #pragma once
 
 #include <Eigen/Dense>
@@ -10,7 +10,7 @@
 
 namespace torquer::test {
 
-/// The gradient by all unknowns: of each segment its step, then its spins.
+/// Gradient with respect to all unknowns: for each segment its step, then its spins.
 inline Eigen::VectorXd DenseGradient(const WireModel& model, const WireState& state,
                                      const Expansion& at) {
   const Eigen::Index spins = model.spins();
@@ -25,7 +25,7 @@ inline Eigen::VectorXd DenseGradient(const WireModel& model, const WireState& st
   return gradient;
 }
 
-/// A step and the spins of each segment, as DenseGradient orders them.
+/// Steps and spins of all segments, in the order of DenseGradient.
 inline Eigen::VectorXd Unknowns(const WireModel& model, const std::vector<Vector2d>& step,
                                 const std::vector<double>& spin) {
   const auto spins = static_cast<std::size_t>(model.spins());
@@ -38,8 +38,8 @@ inline Eigen::VectorXd Unknowns(const WireModel& model, const std::vector<Vector
   return all;
 }
 
-/// The diagonal that a weight of one adds: the softer of a segment's two joints. `model` is a rod
-/// of instruments; `state` is its curve.
+/// Diagonal for a weight of one: the softer of a segment's two joints. `model` is a rod of
+/// instruments; `state` is its curve.
 inline Eigen::VectorXd UnitWeight(const WireModel& model, const WireState& state) {
   const Eigen::Index each = 2 + model.spins();
   const int n = state.segments();
@@ -57,13 +57,14 @@ inline Eigen::VectorXd UnitWeight(const WireModel& model, const WireState& state
   return unit;
 }
 
-/// Checks that the sweep is positive definite where `hessian`, of all unknowns, with its weight is,
-/// and that its step solves the system with a weight more. `unit`: what a weight of one adds.
+/// Checks that the sweep is positive definite exactly if `hessian` (of all unknowns) plus the
+/// weight is. Also checks that its step solves the system with a larger weight. `unit` is the
+/// diagonal for a weight of one.
 template <class Sweep>
 void CheckSweepIsDense(Sweep& sweep, const WireModel& model, const WireState& state,
                        const Expansion& at, Eigen::MatrixXd hessian, const Eigen::VectorXd& unit,
                        double weight) {
-  // The weight at which the Hessian stops being positive definite is its smallest eigenvalue.
+  // The Hessian stops being positive definite at minus its smallest eigenvalue as weight.
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       hessian, Eigen::MatrixXd(unit.asDiagonal()));
   const double lift = -eigen.eigenvalues()[0];

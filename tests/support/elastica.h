@@ -1,5 +1,5 @@
-// Closed form of a cantilever under a dead force at its end, across it at the clamp
-// (Bisshopp & Drucker 1945): what the wire has to become when segments are small.
+// Closed form of a cantilever under a dead force at its end, across it at the clamp (Bisshopp &
+// Drucker 1945): the limit of the wire for small segments.
 #pragma once
 
 #include <cmath>
@@ -7,7 +7,7 @@
 namespace torquer::test {
 
 struct Elastica {
-  double along = 0;      ///< position of the end along the clamp's direction, over the length
+  double along = 0;      ///< end position along the clamp, over the length
   double across = 0;     ///< across it, towards the force, over the length
   double end_angle = 0;  ///< rad
 };

@@ -1,4 +1,4 @@
-// An emulated device and its host for tests, with what the host received.
+// Emulated device and its host for tests, with the data that the host received.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@ inline FirmwareImage Image8() {
   return FirmwareImage(torquer::test::FirmwarePath("torquer-firmware-8mhz.elf"));
 }
 
-/// What stands for the sensor vendor's firmware image, number 5.
+/// Stand-in for the sensor vendor's firmware image, number 5.
 inline std::vector<std::uint8_t> TestSrom() {
   std::vector<std::uint8_t> image(protocol::kSromBytes);
   for (std::size_t i = 0; i < image.size(); ++i) image[i] = static_cast<std::uint8_t>(i * i / 7);
@@ -49,7 +49,7 @@ struct Bench {
     const double end_us = device.now_us() + seconds * 1e6;
     while (device.now_us() < end_us - 1) host.RunFrame();
   }
-  /// Until the device is enumerated, or again, and its sensor answers.
+  /// Runs until the device is enumerated (again) and its sensor answers.
   void Start() {
     reports = 0;
     for (int i = 0; i < 3000 && (reports == 0 || (last.flags & protocol::kFlagSensorFault)); ++i) {
@@ -86,7 +86,7 @@ struct Bench {
   protocol::DiagnosticsReport Diagnostics() {
     return Get<protocol::DiagnosticsReport>(protocol::kDiagnosticsReportId);
   }
-  /// Nothing was done that hardware would punish.
+  /// Checks that no rule of the hardware was violated.
   void CheckRules() {
     for (const std::string& violation : device.Violations()) FAIL_CHECK(violation);
   }

@@ -68,7 +68,7 @@ struct EvdevTestbed::Device {
       return true;
     }
     UMockdevIoctlData* data = umockdev_ioctl_data_resolve(argument, 0, answer.size(), nullptr);
-    if (data == nullptr) {  // a client that was killed in its call
+    if (data == nullptr) {  // a client killed during its call
       umockdev_ioctl_client_complete(client, -1, EFAULT);
       return true;
     }
@@ -78,10 +78,10 @@ struct EvdevTestbed::Device {
     return true;
   }
 
-  // The requests that carry a value to the device; false when it is refused.
+  // Requests that pass a value to the device; false if refused.
   bool Set(unsigned long request, UMockdevIoctlData* argument) {
     if (request == EVIOCGRAB) {
-      // The argument is the value itself, not a pointer to it.
+      // The argument is the value itself, not a pointer.
       grabbed = !script.refuses_grab;
       return grabbed;
     }
@@ -187,7 +187,7 @@ std::string EvdevTestbed::Plug(int number, const EvdevScript& script) {
 }
 
 void EvdevTestbed::Unplug(int number) {
-  // The reader's end hangs up when ours goes, which umockdev would keep: put another file there.
+  // The reader's end hangs up only when ours closes, but umockdev keeps ours: this replaces it.
   const int fd = umockdev_testbed_get_dev_fd(state_->testbed, NodePath(number).c_str());
   const int nothing = open("/dev/null", O_RDWR | O_CLOEXEC);
   dup2(nothing, fd);
@@ -198,7 +198,7 @@ void EvdevTestbed::Unplug(int number) {
   umockdev_testbed_remove_device(state_->testbed, ("/sys" + SysPath(number)).c_str());
   state_->plugged.erase(number);
 
-  // A note of which terminal stands for which device is left behind, in the way of the next one.
+  // umockdev leaves a map entry from terminal to device, which would block the next device.
   const std::string own = "13:" + std::to_string(64 + number) + "\n";
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator(Root() / "dev/.ptymap", ignored)) {

@@ -1,5 +1,5 @@
-// Scripted input devices for unmodified libevdev: umockdev stands in for /dev/input and its ioctls.
-// The test and its children run with umockdev preloaded, see private_network.h.
+// Scripted input devices for unmodified libevdev: umockdev replaces /dev/input and its ioctls. The
+// test and its children run with umockdev preloaded, see private_network.h.
 #pragma once
 
 #include <linux/input.h>
@@ -19,7 +19,7 @@ struct EvdevScript {
   std::uint16_t product_id = 0xc077;
   std::vector<unsigned> keys, relative_axes;
   std::map<unsigned, input_absinfo> absolute_axes;
-  bool refuses_grab = false;  ///< as when another program has it
+  bool refuses_grab = false;  ///< as if another program had grabbed it
 };
 
 class EvdevTestbed {
@@ -29,27 +29,27 @@ class EvdevTestbed {
   EvdevTestbed(const EvdevTestbed&) = delete;
   EvdevTestbed& operator=(const EvdevTestbed&) = delete;
 
-  /// The folder that stands in for the root of the file system.
+  /// Folder that replaces the root of the file system.
   std::filesystem::path Root() const;
 
-  /// Adds /dev/input/event<number>, a number not used before, and a lasting name for it in
-  /// /dev/input/by-id as udev would; the path of that.
+  /// Adds /dev/input/event<number>, a number not used before. Also adds a persistent name in
+  /// /dev/input/by-id, as udev would, and returns its path.
   std::string Plug(int number, const EvdevScript& script);
   void Unplug(int number);
 
-  /// Sends events, and a SYN_REPORT after them, stamped with `time_us`.
+  /// Event to send; a SYN_REPORT follows the events, stamped with `time_us`.
   struct Event {
     unsigned type, code;
     int value;
   };
   void Send(int number, const std::vector<Event>& events, std::int64_t time_us);
-  /// As when the reader was too slow for the kernel's queue.
+  /// Signals dropped events, as if the reader were too slow for the kernel's queue.
   void SendDropped(int number, std::int64_t time_us);
-  /// Which keys are down when the reader asks, after events were dropped.
+  /// Sets a key's state for the reader's query after dropped events.
   void SetKeyState(int number, unsigned key, bool down);
 
   bool Grabbed(int number) const;
-  int ClockId(int number) const;  ///< as the reader has set it, -1 before
+  int ClockId(int number) const;  ///< set by the reader; -1 before
 
  private:
   struct Device;

@@ -1,4 +1,4 @@
-// A file as a string.
+// File contents as a string.
 #pragma once
 
 #include <fstream>
@@ -7,7 +7,7 @@
 
 namespace torquer::test {
 
-/// All bytes of a file; none where it cannot be read.
+/// All bytes of a file; empty if it cannot be read.
 inline std::string Contents(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};

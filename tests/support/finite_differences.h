@@ -1,4 +1,4 @@
-// Derivatives by central differences, to fourth order in the step.
+// Derivatives by central differences, of fourth order in the step.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,7 +24,7 @@ inline Eigen::VectorXd GradientOf(const ScalarFunction& f, const Eigen::VectorXd
   return g;
 }
 
-/// Differences of a gradient, where there is one; symmetrized.
+/// Jacobian of a gradient by differences, symmetrized.
 inline Eigen::MatrixXd JacobianOf(
     const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& gradient,
     const Eigen::VectorXd& x, double h) {
@@ -46,7 +46,7 @@ inline Eigen::MatrixXd HessianOf(const ScalarFunction& f, const Eigen::VectorXd&
   return JacobianOf([&](const Eigen::VectorXd& at) { return GradientOf(f, at, h); }, x, h);
 }
 
-/// A vector of 2 n numbers as n steps.
+/// Converts a vector of 2 n numbers to n steps.
 inline std::vector<Eigen::Vector2d> Steps(const Eigen::VectorXd& x) {
   std::vector<Eigen::Vector2d> steps;
   for (Eigen::Index i = 0; i + 1 < x.size(); i += 2) steps.emplace_back(x[i], x[i + 1]);

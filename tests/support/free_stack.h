@@ -1,4 +1,4 @@
-// Instruments within each other in free space.
+// Nested instruments in free space.
 #pragma once
 
 #include <catch2/catch.hpp>
@@ -15,14 +15,15 @@ namespace torquer::test {
 
 inline constexpr double kArcSegmentMm = 0.5;
 
-/// An instrument that rests as an arc; it does not twist with a torsional rigidity of 0.
+/// Instrument whose rest shape is an arc; it does not twist if its torsional rigidity is 0.
 inline WireModel Arc(double rigidity, double curvature, double radius, double torsional_N_mm2 = 0,
                      double segment_mm = kArcSegmentMm) {
   return WireModel(segment_mm, {{0, rigidity, radius, curvature, 0, torsional_N_mm2}}, 0, 80,
                    BendingLaw::kExact, {});
 }
 
-/// Checks that a distance, mm, falls as 1/GJ. `apart_mm` gives it by the ratio of GJ to EI.
+/// Checks that a distance in mm is proportional to 1/GJ. `apart_mm` gives it by the ratio of GJ to
+/// EI.
 template <class Apart>
 void CheckFallsAsCompliance(Apart apart_mm) {
   double before_mm = 0;
@@ -35,7 +36,7 @@ void CheckFallsAsCompliance(Apart apart_mm) {
   CHECK(before_mm < 0.05);
 }
 
-/// The innermost first.
+/// Stack with the innermost instrument first.
 struct FreeStack {
   InstrumentStack stack;
   FreeSpace field;

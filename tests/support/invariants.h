@@ -1,4 +1,4 @@
-// What host/study holds every wire to, under the names that tests use.
+// Invariants of host/study for every wire, under names for tests.
 #pragma once
 
 #include "host/study/cases/wire_invariants.h"

@@ -1,4 +1,4 @@
-// Small surfaces made for tests.
+// Small generated surfaces for tests.
 #pragma once
 
 #include <array>
@@ -11,8 +11,8 @@
 
 namespace torquer::vessel {
 
-/// A tube along +x from 0 to length_mm with normals away from its axis, its ends open. Rings of
-/// `around` vertices; radius by x.
+/// Tube along +x from 0 to length_mm with outward normals and open ends. Each ring has `around`
+/// vertices; the radius is a function of x.
 template <typename Radius>
 TriangleMesh MakeTubeMesh(double length_mm, int along, int around, Radius radius) {
   TriangleMesh mesh;
@@ -60,8 +60,8 @@ inline void TurnInsideOut(TriangleMesh& mesh) {
   for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
 }
 
-/// A wall with thickness about a straight lumen, open at both ends: inner and outer tube joined by
-/// rims.
+/// Wall with thickness around a straight lumen, open at both ends: rims join the inner and outer
+/// tube.
 inline TriangleMesh MakeShell(double length_mm = 60, double inner_mm = 4, double outer_mm = 6) {
   constexpr int kAround = 24;
   TriangleMesh mesh = MakeTubeMesh(length_mm, 30, kAround, [=](double) { return outer_mm; });

@@ -1,15 +1,15 @@
-// Where tests find what they use: the sources, and what this build made of them.
+// Paths for tests: the sources, and the products of this build.
 #pragma once
 
 #include <string>
 
 namespace torquer::test {
 
-/// A file of the source tree; `below_root` begins with a slash.
+/// Path of a file in the source tree; `below_root` begins with a slash.
 std::string SourcePath(const std::string& below_root);
-/// A program of this build.
+/// Path of a program of this build.
 std::string ProgramPath(const std::string& name);
-/// A firmware image of this build.
+/// Path of a firmware image of this build.
 std::string FirmwarePath(const std::string& name);
 
 }  // namespace torquer::test

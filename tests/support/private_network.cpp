@@ -17,7 +17,7 @@ namespace {
 
 void Restart(bool with_devices) {
   constexpr char kMarker[] = "TORQUER_TEST_NETWORK";
-  // The marker counts only for the process that was started with it: the id survives exec.
+  // The marker is valid only for the process that set it: exec keeps the process id.
   const std::string self = std::to_string(getpid());
   if (const char* owner = std::getenv(kMarker); owner != nullptr && owner == self) return;
   setenv(kMarker, self.c_str(), 1);
@@ -27,14 +27,14 @@ void Restart(bool with_devices) {
   std::string env = "/usr/bin/env";
   std::string preload = "LD_PRELOAD=libumockdev-preload.so.0";
 #if defined(__SANITIZE_ADDRESS__)
-  preload = "LD_PRELOAD=libasan.so.8:libumockdev-preload.so.0";  // ASan insists on being first
+  preload = "LD_PRELOAD=libasan.so.8:libumockdev-preload.so.0";  // ASan must come first
 #endif
   std::string program(4096, '\0');
   const ssize_t length = readlink("/proc/self/exe", program.data(), program.size());
   program.resize(length > 0 ? static_cast<std::size_t>(length) : 0);
 
   std::vector<char*> arguments{script.data()};
-  // Only the program gets the library, not the tools that make the network.
+  // Only the program gets the library, not the tools that create the network.
   if (with_devices) arguments.insert(arguments.end(), {env.data(), preload.data()});
   arguments.push_back(program.data());
   const std::size_t own_name = words.find('\0') + 1;

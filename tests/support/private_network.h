@@ -1,14 +1,14 @@
-// Puts a test program into its own network, so that LCM messages meet no other program's.
+// Private network for a test program, so that its LCM messages meet no other program's.
 #pragma once
 
 namespace torquer::test {
 
-/// Starts this program again under host/bus/private_network, unless it runs there already. Call it
-/// first thing in a test case that uses LCM or counts on an empty network.
+/// Restarts this program under host/bus/private_network, unless it already runs there. Must be
+/// called first in a test case that uses LCM or needs an empty network.
 void NeedPrivateNetwork();
 
-/// The same, and with umockdev's library preloaded, so that a mocked /dev and /sys can be laid over
-/// the real ones for this program and its children.
+/// Same, with umockdev's library preloaded. A mocked /dev and /sys can then replace the real ones
+/// for this program and its children.
 void NeedPrivateNetworkAndDevices();
 
 }  // namespace torquer::test

@@ -1,4 +1,4 @@
-// A wire that is pulled at its tip, in a stiff catheter that is as round as it rests.
+// Wire pulled at its tip, in a catheter so stiff that it keeps its round rest shape.
 #pragma once
 
 #include <catch2/catch.hpp>
@@ -29,7 +29,7 @@ struct PulledWire {
     double room_mm = 0;          // 0: both lie on one curve
     double gj_N_mm2 = kGj;       // 0: nothing twists
     double stiffness_N_mm2 = 2;  // of the lumen
-    bool in_sheath = false;      // both with room in a soft, short third one
+    bool in_sheath = false;      // both with clearance in a soft, short third one
   };
 
   InstrumentStack stack;
@@ -80,7 +80,7 @@ struct PulledWire {
     context.stack = &stack;
     return context;
   }
-  // The slip length is far less than what is turned.
+  // The slip length is much smaller than the turns.
   explicit PulledWire(const Settings& settings)
       : stack(Both(settings), Room(settings)),
         wall{.points_per_segment = settings.points_per_segment},
@@ -93,9 +93,9 @@ struct PulledWire {
     state = WireState::Along(stack.rod(), {}, places);
     relaxation->Restart(state);
     Go(0, 0);
-    Go(0, 0);  // now it is known what presses them on each other
+    Go(0, 0);  // now the mutual contact forces are known
   }
-  // The catheter's direction where it has turned by an angle.
+  // Direction of the catheter where it has turned by an angle.
   Vector3d Towards(double angle_rad) const {
     return std::cos(angle_rad) * Vector3d::UnitX() +
            std::sin(angle_rad) * stack.rod().sheath_normal();
@@ -108,7 +108,7 @@ struct PulledWire {
       REQUIRE(Settle(*relaxation, places, state, 300).converged);
     }
   }
-  // The hand of the wire, 0, or of the catheter, 1.
+  // Force at the hand of the wire (0) or of the catheter (1).
   HandForce Hand(int instrument) {
     FindInternalForces(stack.rod(), state, relaxation->Current(), terms, forces);
     hands.Find(stack, state, relaxation->Current(), forces, *friction.SlidingBetween());
@@ -117,11 +117,11 @@ struct PulledWire {
   double HandTorque() const {
     return -TwistStiffnessOf(stack.rod(), state, 0, 0) * state.TwistOf(0, 0);
   }
-  // What the wire is pulled with where it leaves the sheath, N.
+  // Tension of the wire in N where it leaves the sheath.
   double TensionAtSheath() const {
     return -relaxation->Current().distal_gradient[0].dot(Vector3d::UnitX());
   }
-  // How far the wire's tip is turned in the catheter.
+  // Angle in rad of the wire's tip relative to the catheter.
   double TipTurn() const {
     const OfInstruments& turns = state.turns_rad().back();
     if (&state.CurveOf(1) == &state) return turns[0] - turns[1];

@@ -105,7 +105,7 @@ std::optional<RawClient::Message> RawClient::Next() {
       for (const char byte : bytes) size = 256 * size + static_cast<unsigned char>(byte);
     }
     const std::string content = size > 0 ? ReadExactly(size) : "";
-    if (opcode == kPing) {  // may come between the frames of one message
+    if (opcode == kPing) {  // may come between frames of a message
       SendFrame(kPong, content);
       continue;
     }

@@ -1,4 +1,4 @@
-// HID reports for tests: what a device at rest sends, and what a correct host sets.
+// HID reports for tests: from a device at rest, and from a correct host.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 
 namespace torquer::test {
 
-/// A report of a device at rest, all well: 1200 cpi, joystick centered.
+/// Report of a healthy device at rest: 1200 cpi, joystick centered.
 inline protocol::InputReport StillReport(std::uint16_t sequence = 0) {
   protocol::InputReport report{};
   report.report_id = protocol::kInputReportId;
@@ -25,7 +25,7 @@ inline protocol::InputReport StillReport(std::uint16_t sequence = 0) {
   return report;
 }
 
-/// The next millisecond of the same device.
+/// Next report of the same device, one millisecond later.
 inline protocol::InputReport Next(protocol::InputReport report) {
   ++report.sequence;
   report.device_time_us += 1000;
@@ -39,8 +39,8 @@ inline std::array<std::uint8_t, sizeof(protocol::InputReport)> BytesOf(
   return bytes;
 }
 
-/// Settings that a device takes if `cpi` is a resolution of its sensor; `deadzone` is in counts of
-/// the joystick's converter.
+/// Settings that a device accepts if `cpi` is a resolution of its sensor; `deadzone` is in counts
+/// of the joystick's converter.
 inline protocol::ConfigurationReport ConfigurationOf(int cpi, int deadzone = 0) {
   protocol::ConfigurationReport configuration{};
   configuration.report_id = protocol::kConfigurationReportId;
@@ -50,7 +50,7 @@ inline protocol::ConfigurationReport ConfigurationOf(int cpi, int deadzone = 0) 
   return configuration;
 }
 
-/// `command` with the key that a device wants to see.
+/// `command` with the key that a device requires.
 inline protocol::CommandReport CommandOf(protocol::Command command) {
   return {protocol::kCommandReportId, command, protocol::kCommandKey, {}};
 }

@@ -1,4 +1,4 @@
-// Made energies of spins: of one and a point together, and of two.
+// Artificial energies of spins: of a spin with a point, and of two spins.
 #pragma once
 
 #include <cmath>
@@ -9,8 +9,8 @@
 
 namespace torquer::test {
 
-/// A spring from a point and the spin of its segment together: k (b.(x - x_0) + phi)^2 / 2, phi the
-/// turn about itself since the start.
+/// Spring that couples a point with the spin of its segment: k (b.(x - x_0) + phi)^2 / 2. phi is
+/// the turn about its own axis since the start.
 class RollSpring final : public EnergyTerm {
  public:
   explicit RollSpring(int point) : point_(point) {}
@@ -47,7 +47,7 @@ class RollSpring final : public EnergyTerm {
   Vector3d normal_ = Vector3d::Zero();
 };
 
-/// A spring that holds the innermost instrument against the turn of the next one around it.
+/// Spring that holds the innermost instrument against the turn of the next outer one.
 class BetweenSpring final : public EnergyTerm {
  public:
   explicit BetweenSpring(int segment) : segment_(segment) {}

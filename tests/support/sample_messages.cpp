@@ -28,7 +28,7 @@ Bytes Encode(const Message& message) {
   return bytes;
 }
 
-// A copy that ends where memory ends: a read behind it is a fault in every build.
+// Copy that ends at the end of mapped memory: a read past it is a fault in every build.
 class BytesAtEdge {
  public:
   explicit BytesAtEdge(const Bytes& bytes) {
@@ -53,7 +53,7 @@ class BytesAtEdge {
 template <class Message>
 SampleMessage Sample(const Message& message) {
   return {Message::getTypeName(), Encode(message), [](const Bytes& bytes) {
-            // What passes the check is a message for its decoder too.
+            // Bytes that pass the check must also decode.
             const BytesAtEdge edge(bytes);
             if (!bus::IsMessage(Message::getTypeName(), Message::getHash(), edge.view())) {
               return false;

@@ -1,4 +1,4 @@
-// A message of every type with every text and array filled, as bytes that its encoder made.
+// Sample messages of every type, with every text and array filled, as encoded bytes.
 #pragma once
 
 #include <cstdint>
@@ -13,12 +13,12 @@ using Bytes = std::vector<std::uint8_t>;
 struct SampleMessage {
   std::string type;
   Bytes bytes;
-  /// What bus::DecodeMessage says of other bytes; where it decodes them, the message's encoder must
-  /// make the same bytes again.
+  /// Result of bus::DecodeMessage for other bytes. If it decodes them, the encoder must reproduce
+  /// the same bytes.
   std::function<bool(const Bytes&)> decodes;
 };
 
-/// Of every type in protocol/lcm that has a channel.
+/// One message of every type in protocol/lcm that has a channel.
 std::vector<SampleMessage> SampleMessages();
 
 }  // namespace torquer::test

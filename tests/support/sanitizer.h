@@ -1,17 +1,17 @@
-// Whether a test runs under a sanitizer, which slows it five to twenty times.
+// Sanitizer detection; sanitizers slow a test down five to twenty times.
 #pragma once
 
 namespace torquer::test {
 
-/// True in the builds asan and tsan. Tests that repeat something many times repeat it less there:
-/// what a sanitizer finds, it finds in any of the rounds. Fewer rounds, never fewer kinds of them.
+/// True in the builds asan and tsan. Tests with many rounds run fewer of them there, because a
+/// sanitizer detects its errors in any round. They never run fewer kinds of rounds.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 inline constexpr bool kUnderSanitizer = true;
 #else
 inline constexpr bool kUnderSanitizer = false;
 #endif
 
-/// `rounds`, or a `share`-th part of them (at least one) under a sanitizer.
+/// `rounds`, or under a sanitizer `rounds` / `share` (at least one).
 constexpr int Rounds(int rounds, int share) {
   return !kUnderSanitizer ? rounds : rounds < share ? 1 : rounds / share;
 }

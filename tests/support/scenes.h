@@ -8,7 +8,7 @@
 
 namespace torquer::test {
 
-/// Three instruments within each other: what SceneFile adds to its guidewire.
+/// Three nested instruments, which extend SceneFile's guidewire.
 inline constexpr char kMicrocatheter[] =
     "[[instrument]]\nname = \"microcatheter\"\nmax_length_mm = 150\ninserted_at_start_mm = 60\n"
     "inner_radius_mm = 0.3\nradius_mm = 0.5\nrigidity_N_mm2 = 0.01\ntip_mm = 10\n"
@@ -20,7 +20,7 @@ inline constexpr char kGuidingCatheter[] =
 inline constexpr char kPaperMethod[] = "[relaxation]\nmethod = \"paper\"\n";
 inline constexpr char kFriction[] = "[effects.friction]\ncoefficient = 0.1\n";
 
-/// The text of a scene: the T-Y phantom with a guidewire of 120 mm lying in.
+/// Text of a scene: the T-Y phantom with a guidewire inserted by 120 mm.
 inline std::string SceneText(const std::string& more = "") {
   return "name = \"small\"\n"
          "[vessel]\nkind = \"ty_phantom\"\nwall_stiffness_N_mm2 = 0.01\n"
@@ -31,7 +31,7 @@ inline std::string SceneText(const std::string& more = "") {
          more;
 }
 
-/// That scene as a file in a folder made for it.
+/// That scene as a file in a temporary folder.
 class SceneFile {
  public:
   explicit SceneFile(const std::string& more = "") { std::ofstream(path_) << SceneText(more); }

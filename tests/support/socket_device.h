@@ -1,4 +1,4 @@
-// A bench device behind a Unix socket that does what a test asks.
+// Scripted bench device behind a Unix socket.
 #pragma once
 
 #include <atomic>
@@ -15,26 +15,26 @@ namespace torquer::test {
 
 class SocketDevice {
  public:
-  /// Listens at `path`; answers feature requests as a healthy device does.
+  /// Listens at `path`; answers feature requests like a healthy device.
   explicit SocketDevice(std::string path, const std::string& serial = "SCRIPTED-1");
   ~SocketDevice();
 
-  /// Set before a host connects.
+  /// Identity; must be set before a host connects.
   protocol::IdentityReport identity{};
   protocol::ConfigurationReport configuration{};
-  std::atomic<bool> stalls_identity = false;  ///< refuses to give its identity
+  std::atomic<bool> stalls_identity = false;  ///< refuses identity requests
   std::atomic<bool> stalls_settings = false;  ///< refuses new settings
-  /// Number of the sensor's firmware image; loading one makes it 5, if the sensor takes it.
+  /// Number of the sensor's firmware image; a successful load sets it to 5.
   std::atomic<int> srom_id = 0;
   std::atomic<bool> stalls_srom = false;
 
-  /// True once a host is connected and has asked who this is; waits for that, at most 30 s.
+  /// Waits at most 30 s; true once a host is connected and has requested the identity.
   bool WaitForHost();
 
   void Send(const protocol::InputReport& report);
   void SendBytes(std::span<const std::uint8_t> report);
 
-  /// Hangs up; the host may connect again at once, unless `stay_away`: then after Return().
+  /// Disconnects. The host may reconnect at once, or with `stay_away` only after Return().
   void Unplug(bool stay_away = false);
   void Return();
 

@@ -1,4 +1,4 @@
-// A folder of a test's own, gone at the end of the test.
+// Temporary folder, removed at the end of the test.
 #pragma once
 
 #include <cstdlib>
@@ -22,7 +22,7 @@ class TemporaryFolder {
   TemporaryFolder(const TemporaryFolder&) = delete;
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 
-  /// The path of `name` in the folder, or of the folder itself.
+  /// Path of `name` in the folder, or of the folder itself.
   std::string Path(const std::string& name = "") const {
     return name.empty() ? path_ : path_ + "/" + name;
   }

@@ -1,5 +1,5 @@
-// GLib's mutexes are futexes that ThreadSanitizer does not see, so that what liblcm passes from one
-// thread to another under them looks like a race. Visible: the sanitizer is a shared library.
+// GLib's mutexes are futexes that ThreadSanitizer does not recognize. Data that liblcm passes
+// between threads under them looks like a race. Visible: the sanitizer is a shared library.
 extern "C" const char* __tsan_default_suppressions();  // NOLINT(bugprone-reserved-identifier)
 extern "C" [[gnu::visibility("default")]] const char*
 __tsan_default_suppressions() {  // NOLINT(bugprone-reserved-identifier)

@@ -1,4 +1,4 @@
-// Bent instruments within each other, twisted, in the wall of a torus.
+// Bent, nested, twisted instruments in the wall of a torus.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,7 +13,7 @@
 
 namespace torquer::test {
 
-// The state after x: of each segment a step and a spin of each instrument.
+// State after x: for each segment a step, and a spin of each instrument.
 inline WireState StackStep(const WireModel& model, const WireState& from,
                            const Eigen::VectorXd& x) {
   const int spins = model.spins();
@@ -43,8 +43,8 @@ inline WireModel Bent(double rigidity, double ratio, double curved_mm, double cu
                    0, 60, BendingLaw::kExact, sheath);
 }
 
-// Two to four bent instruments, twisted by different amounts, in the wall of a torus. Tips fall
-// anywhere within a segment.
+// Two to four bent instruments, twisted by different amounts, in the wall of a torus. Their tips
+// are at any place within a segment.
 struct TwistedStack {
   static constexpr double kRatio = 0.7;
   static constexpr double kSoftest = 6.35e-3;  // N mm^2

@@ -1,4 +1,4 @@
-// A bent wire in a bent catheter that leaves it room.
+// Bent wire in a bent catheter with clearance.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,8 +15,8 @@
 
 namespace torquer::test {
 
-// A bent wire in a bent catheter that leaves it room, both shaken, in the wall of a torus. Tips
-// fall anywhere within a segment.
+// A bent wire in a bent catheter with clearance, both shaken, in the wall of a torus. Their tips
+// are at any place within a segment.
 struct TwoCurves {
   static constexpr double kSoftest = 6.35e-3;  // N mm^2
   Sheath sheath{Vector3d(21.8, 0, 0), Vector3d::UnitY()};
@@ -26,12 +26,12 @@ struct TwoCurves {
   Torus field{Side::kInside, 20, 2};
   WallModel wall;
   EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
-  std::vector<EnergyTerm*> terms{&force};  ///< others may be added before the first evaluation
+  std::vector<EnergyTerm*> terms{&force};  ///< more may be added before the first evaluation
   WireState state{model, stack.size()};
   WireMechanics mechanics;
   Expansion at;
 
-  // `ratio`: GJ over EI; 0: nothing twists. A third one lies on the catheter's curve.
+  // `ratio` is GJ over EI; 0 means no twist. A third instrument lies on the catheter's curve.
   static std::vector<WireModel> Instruments(const Sheath& sheath, double ratio, int count) {
     std::vector<WireModel> all;
     all.push_back(Bent(kSoftest, ratio, 5.2, 0.1, 0, 0.2, sheath));
@@ -59,7 +59,7 @@ struct TwoCurves {
     std::uniform_real_distribution<double> turn(-0.04, 0.04);
     Eigen::VectorXd x(unknowns());
     for (double& component : x) component = turn(random);
-    // Spins add up from the sheath on, as twists of either sign.
+    // Spins accumulate from the sheath on, as twists of either sign.
     for (const Part& part : {Part{model, state, 0}, Part{second, *state.second(), Own(0)}}) {
       for (int k = 0; k < part.model.spins(); ++k) {
         double sum = 0;
@@ -73,19 +73,19 @@ struct TwoCurves {
     mechanics.Expand(state, at);
   }
 
-  // A curve, and where its unknowns begin: of each segment a step and a spin of each instrument.
+  // A curve and its first unknown: for each segment a step, and a spin of each instrument.
   struct Part {
     const WireModel& model;
     const WireState& curve;
     Eigen::Index first;
   };
-  // The number of a curve's unknowns; 0: the first curve.
+  // Number of unknowns of a curve; 0 is the first curve.
   Eigen::Index Own(int curve) const {
     return curve == 0 ? (2 + model.spins()) * state.segments()
                       : (2 + second.spins()) * state.second()->segments();
   }
   Eigen::Index unknowns() const { return Own(0) + Own(1); }
-  // After the unknowns x of the first curve, then of the second.
+  // State after the unknowns x: first those of the first curve, then of the second.
   WireState Stepped(const Eigen::VectorXd& x) const {
     struct Moves {
       std::vector<Frame> frames;
@@ -126,7 +126,7 @@ struct TwoCurves {
 
 inline const InstrumentPlaces kWireLeads{{15.1, 0.4}, {10.7, -0.8}};
 inline const InstrumentPlaces kCatheterLeads{{9.9, 0.4}, {14.3, -0.8}};
-// Two on the outer curve.
+// Two instruments on the outer curve.
 inline const InstrumentPlaces kThreeWireLeads{{15.1, 0.4}, {10.7, -0.8}, {7.3, 0.5}};
 inline const InstrumentPlaces kThreeCatheterLeads{{9.9, 0.4}, {14.3, -0.8}, {7.3, 0.5}};
 

@@ -1,4 +1,4 @@
-// A program of a user's on unmodified libusb, as tests of devices speak through it.
+// User program on unmodified libusb, through which tests access devices.
 #pragma once
 
 #include <libusb.h>
@@ -30,7 +30,7 @@ class Program {
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  /// The device must be there, and may be used by no other program.
+  /// Opens the device, which must exist and must not be in use.
   void Open() {
     handle_ =
         libusb_open_device_with_vid_pid(context_, protocol::kUsbVendorId, protocol::kUsbProductId);
@@ -38,7 +38,7 @@ class Program {
     libusb_set_auto_detach_kernel_driver(handle_, 1);
     REQUIRE(libusb_claim_interface(handle_, 0) == 0);
   }
-  /// Waits for it, as after a restart.
+  /// Waits for the device, for example after a restart, and opens it.
   void OpenAgain() {
     Close();
     for (int i = 0; i < 600 && handle_ == nullptr; ++i) {
@@ -85,7 +85,7 @@ class Program {
                                    0, report.data(), static_cast<std::uint16_t>(report.size()),
                                    kTimeoutMs);
   }
-  /// A feature report as its struct.
+  /// Reads a feature report as its struct.
   template <typename Report>
   Report Get(int id) {
     std::vector<unsigned char> bytes;

@@ -22,7 +22,7 @@
 namespace torquer::test {
 namespace {
 
-// How long a reap waits: the mocked device file is always ready, so libusb would spin otherwise.
+// Waiting time of a reap: the mocked device file is always ready, so libusb would spin otherwise.
 constexpr std::chrono::milliseconds kReapWait{2};
 
 void Put16(std::vector<std::uint8_t>& bytes, std::uint16_t value) {
@@ -73,7 +73,7 @@ void Check(GError* error, const char* what) {
   throw std::runtime_error(message);
 }
 
-// A transfer as the client has it: the usbdevfs_urb and its buffer.
+// Transfer of the client: its usbdevfs_urb and buffer.
 struct Transfer {
   UMockdevIoctlData* urb;
   UMockdevIoctlData* buffer;
@@ -87,7 +87,7 @@ struct Transfer {
 
 }  // namespace
 
-// usbfs for one device. Its ioctls come from umockdev's threads.
+// usbfs for one device. umockdev's threads call its ioctls.
 struct UsbTestbed::Device {
   explicit Device(const UsbDeviceScript& device_script) : script(device_script) {}
 
@@ -146,7 +146,7 @@ struct UsbTestbed::Device {
   }
 
   bool Submit(UMockdevIoctlClient* client, UMockdevIoctlData* argument) {
-    // A client that was killed in its call has no memory to be read.
+    // A client killed during its call has no readable memory.
     Transfer transfer{};
     transfer.urb = umockdev_ioctl_data_resolve(argument, 0, sizeof(usbdevfs_urb), nullptr);
     if (transfer.urb == nullptr) return Complete(client, -1, EFAULT);
@@ -209,7 +209,7 @@ struct UsbTestbed::Device {
                                          : script.serial);
   }
 
-  // Ends waiting polls as the script says.
+  // Completes waiting polls by the script.
   void Play() {
     while (!polls.empty() && !steps.empty()) {
       const Transfer transfer = polls.front();
@@ -224,7 +224,7 @@ struct UsbTestbed::Device {
       } else if (step.kind == InputStep::Kind::kError) {
         transfer.End(-EPROTO, 0);
       } else {
-        // A halted endpoint ends everything that is queued on it.
+        // A halted endpoint ends all transfers queued on it.
         transfer.End(-EPIPE, 0);
         for (const Transfer& other : polls) {
           other.End(-EPIPE, 0);
@@ -272,7 +272,7 @@ struct UsbTestbed::Device {
     return Complete(client, -1, EINVAL);
   }
 
-  // From here on nothing of the script is called: its test may be over.
+  // From here on no function of the script is called, because its test may be over.
   void Vanish() {
     const std::lock_guard lock(mutex);
     gone = true;
@@ -294,7 +294,7 @@ struct UsbTestbed::Device {
   std::condition_variable changed;
   std::deque<InputStep> steps;
   std::list<Transfer> polls;       // interrupt transfers in flight
-  std::list<Transfer> unanswered;  // control transfers that the script is silent about
+  std::list<Transfer> unanswered;  // control transfers without an answer in the script
   std::deque<Transfer> done;
   bool gone = false;
   bool claimed = false;
@@ -337,7 +337,7 @@ void UsbTestbed::Plug(int address, const UsbDeviceScript& script) {
       "\\n\nA: product=" + script.product + "\\n\nA: serial=" + script.serial +
       "\\n\nA: speed=12\\n\nH: descriptors=" + DescriptorsInHex(script) + "\n";
   GError* error = nullptr;
-  // Announces it as well.
+  // Also announces the device.
   umockdev_testbed_add_from_string(state_->testbed, description.c_str(), &error);
   Check(error, "add_from_string");
 }

@@ -1,8 +1,8 @@
-// Scripted USB devices for unmodified libusb: umockdev stands in for sysfs, udev and usbfs.
+// Scripted USB devices for unmodified libusb: umockdev replaces sysfs, udev and usbfs.
 //
-// The test and its children run with umockdev preloaded: NeedPrivateNetwork() of
-// private_network.h sees to that. Each device plays a script: what
-// it answers to control requests, and what it sends on its interrupt endpoint, in order.
+// The test and its children run with umockdev preloaded, by NeedPrivateNetwork() of
+// private_network.h. Each device follows a script: answers to control requests, and data on its
+// interrupt endpoint, in order.
 #pragma once
 
 #include <cstdint>
@@ -22,13 +22,13 @@ struct ControlRequest {
   std::vector<std::uint8_t> data;  ///< host to device
 };
 
-/// How a device meets a request.
+/// Answer of a device to a request.
 struct ControlAnswer {
   enum class Kind { kData, kStall, kSilence } kind = Kind::kData;
   std::vector<std::uint8_t> data{};  ///< device to host
 };
 
-/// What a device does when its interrupt endpoint is polled next.
+/// Reaction of a device to the next poll of its interrupt endpoint.
 struct InputStep {
   enum class Kind { kData, kStall, kError } kind = Kind::kData;
   std::vector<std::uint8_t> data{};
@@ -39,10 +39,10 @@ struct UsbDeviceScript {
   std::uint16_t product_id = 0;
   std::string manufacturer, product, serial;  ///< strings 1, 2, 3
   std::uint16_t input_packet_bytes = 32;      ///< of endpoint 1 IN
-  int stalled_strings = 0;  ///< requests for strings that are stalled before the first answer
-  int lost_claims = 0;      ///< claims that find the device gone, before the first that succeeds
-  bool busy = false;        ///< another program has the interface
-  /// Everything but the string descriptors comes here, from another thread.
+  int stalled_strings = 0;  ///< number of stalled string requests before the first answer
+  int lost_claims = 0;      ///< number of claims that fail because the device is gone
+  bool busy = false;        ///< another program has claimed the interface
+  /// Answers all requests except string descriptors; called from another thread.
   std::function<ControlAnswer(const ControlRequest&)> control;
 };
 
@@ -53,22 +53,22 @@ class UsbTestbed {
   UsbTestbed(const UsbTestbed&) = delete;
   UsbTestbed& operator=(const UsbTestbed&) = delete;
 
-  /// The folder that stands in for the root of the file system.
+  /// Folder that replaces the root of the file system.
   std::string Root() const;
 
   /// Plugs a device in at `address` (1 .. 127) and announces it.
   void Plug(int address, const UsbDeviceScript& script);
-  /// The device is gone: transfers in flight end, further requests fail; then it is announced.
+  /// Removes the device: transfers in flight end, further requests fail; then it is announced.
   void Unplug(int address, bool announce = true);
 
-  /// As after a suspend of the host: every transfer ends as if the device were gone, but it is not,
-  /// and nothing is announced.
+  /// Ends every transfer as if the device were gone, without removing or announcing it. The kernel
+  /// does this after a suspend of the host.
   void Lose(int address);
 
-  /// To be done at the next polls, in order; without any, polls wait.
+  /// Appends a step for the next polls; without steps, polls wait.
   void Input(int address, const InputStep& step);
 
-  int ClearedHalts(int address) const;  ///< times that the host cleared the endpoint's halt
+  int ClearedHalts(int address) const;  ///< how often the host cleared the endpoint's halt
   bool Claimed(int address) const;      ///< a host has claimed the interface
   int TransfersWaiting(int address) const;
 

@@ -1,4 +1,4 @@
-// The bench of the capstan law.
+// Test bench of the capstan law.
 #pragma once
 
 #include <cmath>
@@ -11,8 +11,8 @@
 
 namespace torquer::test {
 
-/// A wire, 60 mm past its sheath, that lies around a post of 10 mm and is held by a force at its
-/// end, at 2.5 rad from the sheath.
+/// A wire, 60 mm past its sheath, around a post of 10 mm radius. A force at its end holds it, at
+/// 2.5 rad from the sheath.
 struct WireOnPost {
   static constexpr double kRadius = 10;
   static constexpr double kPull_rad = 2.5;
@@ -50,7 +50,7 @@ struct WireOnPost {
     state = WireState::Along(model, path, {60, 0});
     relaxation.Restart(state);
   }
-  /// The node at so many radians of the post from the sheath.
+  /// Node at the given angle around the post, measured from the sheath.
   std::size_t NodeAt(double angle_rad) const {
     return static_cast<std::size_t>(std::lround(angle_rad * kRadius / model.segment_mm()));
   }

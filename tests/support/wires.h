@@ -1,4 +1,4 @@
-// Wires and what tests do to them again and again.
+// Wires for tests, and operations that many tests use.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,13 +24,13 @@ using Eigen::Vector3d;
 using study::MakeWire;
 using study::WireParameters;
 
-/// A wire straight out of the sheath.
+/// Wire straight out of the sheath.
 inline WireState LayStraight(const WireModel& model, double length_mm) {
   return WireState::Along(model, {}, {length_mm, 0});
 }
 
-/// The state after every tangent took the step xi in its tangent plane, normals carried along in
-/// time: the motion in which WireMechanics expands the energy.
+/// State after every tangent took the step xi in its tangent plane, with normals transported in
+/// time. WireMechanics expands the energy along this motion.
 inline WireState Stepped(const WireModel& model, const WireState& from,
                          const std::vector<Vector2d>& xi) {
   std::vector<Vector3d> tangents = from.tangents();
@@ -54,7 +54,7 @@ inline WireState Stepped(const WireModel& model, const WireState& from,
   return to;
 }
 
-/// The state with every normal turned about its tangent.
+/// State with every normal turned about its tangent.
 inline WireState Spun(const WireModel& model, const WireState& from,
                       const std::vector<double>& angle_rad) {
   std::vector<Vector3d> normals = from.normals();
@@ -66,7 +66,7 @@ inline WireState Spun(const WireModel& model, const WireState& from,
   return to;
 }
 
-/// The state after every segment took its step xi and then its spin: three numbers a segment.
+/// State after every segment took its step xi and then its spin: three numbers per segment.
 inline WireState StepAndSpin(const WireModel& model, const WireState& from,
                              const Eigen::VectorXd& x) {
   std::vector<Vector2d> xi;
@@ -80,7 +80,7 @@ inline WireState StepAndSpin(const WireModel& model, const WireState& from,
   return to;
 }
 
-/// Turns every segment by up to about `angle_rad` at random; frames untwisted.
+/// Turns every segment randomly by up to about `angle_rad`; frames stay untwisted.
 inline void Shake(const WireModel& model, double angle_rad, std::mt19937& random,
                   WireState& state) {
   std::uniform_real_distribution<double> turn(-angle_rad, angle_rad);
@@ -93,7 +93,7 @@ inline void Shake(const WireModel& model, double angle_rad, std::mt19937& random
   state.UntwistFrames(model);
 }
 
-/// A wire with these tangents, frames untwisted; as long as `like`.
+/// Wire with these tangents and untwisted frames; as long as `like`.
 inline WireState WithTangents(const WireModel& model, const WireState& like,
                               const std::vector<Vector3d>& tangents) {
   WireState state = like;
@@ -102,7 +102,7 @@ inline WireState WithTangents(const WireModel& model, const WireState& like,
   return state;
 }
 
-/// A wire in which one segment points elsewhere, frames untwisted.
+/// Wire in which one segment has another direction; frames are untwisted.
 inline WireState WithTangent(const WireModel& model, const WireState& like, std::size_t segment,
                              const Vector3d& tangent) {
   std::vector<Vector3d> tangents = like.tangents();
@@ -110,7 +110,7 @@ inline WireState WithTangent(const WireModel& model, const WireState& like, std:
   return WithTangents(model, like, tangents);
 }
 
-/// A wire that wanders: every segment turns against the last by up to `bend_rad` at random.
+/// Random wire: every segment turns against the previous one by up to `bend_rad`.
 inline WireState Wander(const WireModel& model, double length_mm, double bend_rad,
                         std::mt19937& random) {
   const WireState straight = LayStraight(model, length_mm);
@@ -125,7 +125,7 @@ inline WireState Wander(const WireModel& model, double length_mm, double bend_ra
   return WithTangents(model, straight, tangents);
 }
 
-/// A dead force at the distal end.
+/// Dead force at the distal end.
 class EndForce final : public EnergyTerm {
  public:
   explicit EndForce(const Vector3d& force_N) : force_N_(force_N) {}
@@ -146,8 +146,8 @@ class EndForce final : public EnergyTerm {
   Vector3d force_N_;
 };
 
-/// One point of a wire of radius 0.2 mm that stands for 1 mm, on a wall of 1 N/mm^2 that faces +z
-/// and lies `penetration_mm` deep in it: it presses with as many N.
+/// One point of a wire of radius 0.2 mm that stands for 1 mm. It is `penetration_mm` deep in a wall
+/// of 1 N/mm^2 that faces +z, so it presses with as many N.
 inline PointSet PressedPoint(double penetration_mm) {
   PointSet points;
   points.per_segment = 1;
@@ -163,7 +163,7 @@ inline PointSet PressedPoint(double penetration_mm) {
   return points;
 }
 
-/// Ticks with the same target until one ends converged; gives the last report.
+/// Ticks with the same target until one converges; returns the last report.
 inline TickReport Settle(Relaxation& relaxation, const InstrumentPlaces& target, WireState& state,
                          int most_ticks = 50) {
   TickReport report;
@@ -175,7 +175,7 @@ inline TickReport Settle(Relaxation& relaxation, const InstrumentPlaces& target,
   return report;
 }
 
-/// Farthest distance between the nodes of two states of equally many segments, mm.
+/// Largest distance in mm between the nodes of two states with equally many segments.
 inline double LargestDistance(const WireState& a, const WireState& b) {
   double largest = 0;
   for (std::size_t i = 0; i < a.nodes().size(); ++i) {
