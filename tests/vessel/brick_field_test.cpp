@@ -19,8 +19,7 @@ using Catch::Matchers::Contains;
 using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 
-// A cylinder with round ends along a direction that no axis of the grid shares, 9 mm to either
-// side.
+// Cylinder with round ends along a direction oblique to all grid axes, 9 mm to either side.
 struct Cylinder {
   double radius_mm = 2;
   Vector3d direction = Vector3d(1, 0.37, 0.21).normalized();
@@ -65,7 +64,7 @@ TEST_CASE("a brick field's derivatives agree with differences of its values") {
   for (int i = 0; i < 20000; ++i) {
     const double reach = i % 2 ? 6 : 60;
     const Vector3d p = random.InBox(Vector3d::Constant(-reach), Vector3d::Constant(reach));
-    // The Hessian jumps from cell to cell; within one it is the differences' limit.
+    // The Hessian jumps between cells; within a cell it is the limit of the differences.
     ClearanceSample a, b;
     bool jumps = false;
     for (int axis = 0; axis < 3; ++axis) {
@@ -96,13 +95,13 @@ TEST_CASE("value and gradient are continuous across cells, bricks, levels and th
   };
   double value = 0, gradient = 0;
   for (int i = 0; i < 50000; ++i) {
-    // Along lines through all bands: a step that crosses a border is found by walking.
+    // Lines through all bands: a step across a border is found by walking along them.
     const Vector3d p = random.InBox(Vector3d::Constant(-70), Vector3d::Constant(70));
     jump(p, 1e-7 * random.Direction(), value, gradient);
   }
   const Vector3d origin = Vector3d::Constant(-12 - options.margin_mm);
   for (int i = 0; i < 50000; ++i) {
-    // Exactly on borders of cells, and so of bricks and levels.
+    // Points exactly on borders of cells, and therefore also of bricks and levels.
     Vector3d p = random.InBox(Vector3d::Constant(-49), Vector3d::Constant(49));
     const int axis = i % 3;
     const double cell = i % 2 ? 0.5 * 8 : 2 * 8;
@@ -138,7 +137,7 @@ TEST_CASE("a baked phantom follows the analytic one") {
   Random random(15);
   double worst = 0, worst_gradient = 0;
   for (int i = 0; i < 10000; ++i) {
-    // Stem, crossing and bend; not all, because every brick costs.
+    // Stem, crossing and bend only, because every brick costs time.
     const Vector3d p = phantom.centerlines.curves()[0].At(random.Uniform(80, 150)).position_mm +
                        random.Uniform(2.5, 5) * random.Direction();
     ClearanceSample a, b;
@@ -278,7 +277,7 @@ TEST_CASE("a build can be stopped and taken up again", "[threads]") {
   CHECK(field->Statistics().bricks_built == built);
 }
 
-// Bricks as a file of them lies in memory: each with its checksum.
+// Bricks as in a cache file in memory: each with its checksum.
 struct KeptBricks {
   static constexpr size_t kFloats = kernel::kCoefficients + 2;
   std::shared_ptr<std::vector<float>> memory;
@@ -340,7 +339,7 @@ TEST_CASE("a kept field that says it is complete and is not makes no hole") {
     auto without_level = whole.bricks;
     std::erase_if(without_level, [&](const StoredBrick& brick) { return brick.level == missing; });
     const uint64_t seen = look(without_level, all);
-    // Below the top a lie may make the field coarser, and no more.
+    // Below the top level, a false "complete" may make the field coarser, and no more.
     if (missing == top) CHECK(seen == expected);
   }
   auto strange = whole.bricks;

@@ -147,9 +147,9 @@ TEST_CASE("points of the neuro arch's centerlines lie in the lumen, or it is sai
   }
   double length = 0;
   for (const Centerline& curve : network.curves()) length += curve.length_mm();
-  CHECK(outside > 10);  // the file's curves do run past the surface
+  CHECK(outside > 10);  // the file's curves do extend past the surface
   CHECK(outside < 0.05 * length);
-  // In the thoracic aorta the clearance is about the radius.
+  // In the thoracic aorta the clearance is about equal to the radius.
   const Centerline& aorta = network.curves()[network.Find("curve_02")];
   for (const double s : Steps(70, 130, 5)) {
     const CenterlineSample at = aorta.At(s);
@@ -266,7 +266,7 @@ TEST_CASE("broken centerline files are refused by file, field, value and remedy"
           "no \"Radius\"");
   refused(R"({"markups": [{"type": "Curve", "controlPoints": [7], "measurements": []}]})",
           "controlPoints[0].position is missing");
-  // A measurement whose name is none, beside the one that is looked for, and alone.
+  // Measurements with an invalid name: beside the required one, and alone.
   std::string numbered = good;
   const std::size_t list = numbered.find("\"measurements\"");
   numbered.insert(numbered.find('[', list) + 1, R"({"name": 7}, {"name": null}, )");

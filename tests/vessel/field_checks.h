@@ -1,4 +1,4 @@
-// What every clearance field must satisfy, as checks shared by this folder's tests.
+// Checks that every clearance field must pass, shared by this folder's tests.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +11,7 @@
 
 namespace torquer::vessel {
 
-/// A small generator with the same numbers on every machine (splitmix64).
+/// Small generator (splitmix64) with the same numbers on every machine.
 class Random {
  public:
   explicit Random(uint64_t seed) : state_(seed) {}
@@ -38,15 +38,15 @@ class Random {
   uint64_t state_;
 };
 
-/// Numbers from `from` on in steps, below `to`.
+/// Numbers from `from` to below `to` in steps.
 inline std::vector<double> Steps(double from, double to, double step) {
   std::vector<double> numbers;
   for (int i = 0; from + i * step < to; ++i) numbers.push_back(from + i * step);
   return numbers;
 }
 
-/// The derivative of the value (gradient) and of the gradient (Hessian) by central differences, as
-/// largest deviation from what the field says.
+/// Largest deviation of the field's gradient and Hessian from central differences of its value and
+/// gradient.
 struct DerivativeErrors {
   double gradient = 0;
   double hessian = 0;
@@ -57,7 +57,7 @@ inline DerivativeErrors CheckDerivatives(const ClearanceField& field, const Eige
   ClearanceSample at, plus, minus, gradient_only;
   field.EvaluateHessian(p, at);
   field.EvaluateGradient(p, gradient_only);
-  // The three look-ups are one function.
+  // All three look-ups give the same value.
   CHECK(field.Clearance(p) == at.clearance_mm);
   CHECK(gradient_only.clearance_mm == at.clearance_mm);
   CHECK((gradient_only.gradient - at.gradient).norm() < 1e-14);

@@ -21,7 +21,7 @@ using Catch::Matchers::Contains;
 using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 
-// A box whose sides are grids of n x n squares.
+// Box whose sides are grids of n x n squares.
 TriangleMesh MakeBox(const AlignedBox3d& box, int n) {
   TriangleMesh mesh;
   for (int axis = 0; axis < 3; ++axis) {
@@ -54,7 +54,7 @@ TriangleMesh MakeBox(const AlignedBox3d& box, int n) {
   return mesh;
 }
 
-// A sphere of latitudes and longitudes about the x axis.
+// Sphere of latitudes and longitudes about the x axis.
 TriangleMesh MakeSphere(const Vector3d& center, double radius_mm, int around) {
   const int along = around / 2;
   TriangleMesh mesh = MakeTubeMesh(1, along - 2, around, [](double) { return 1.0; });
@@ -82,9 +82,9 @@ Eigen::Isometry3d RandomMotion(Random& random, double reach_mm) {
   return Eigen::Translation3d(random.InBox(-reach, reach)) * turn;
 }
 
-// Pairs of triangles that pass through one another, those that share a vertex too.
+// Number of pairs of triangles that cross, including pairs that share a vertex.
 int CountCrossings(const TriangleMesh& mesh) {
-  // Each by itself and a little smaller, so that those that only meet are apart.
+  // Shrinks each triangle a little, so that triangles that only touch are separated.
   TriangleMesh apart;
   for (size_t i = 0; i < mesh.triangles.size(); ++i) {
     const auto first = static_cast<int32_t>(apart.vertices_mm.size());
@@ -93,7 +93,7 @@ int CountCrossings(const TriangleMesh& mesh) {
     }
     apart.triangles.push_back({first, first + 1, first + 2});
   }
-  // Of those in one plane the rounding alone passes through.
+  // Coplanar triangles cross only by rounding, which does not count.
   const auto passes = [&](int32_t face, int32_t other) {
     const Vector3d normal = apart.DoubleArea(face).normalized();
     double low = 0, high = 0;
@@ -111,8 +111,8 @@ int CountCrossings(const TriangleMesh& mesh) {
   return crossings;
 }
 
-// Every point is inside that is inside of a part, and no other; outside, the nearest wall is the
-// nearest of any part's.
+// Checks that a point is inside exactly if it is inside a part. Outside, the distance must be that
+// to the nearest wall of any part.
 void CheckIsUnionOf(const SurfaceMesh& surface, const std::vector<TriangleMesh>& parts,
                     Random& random, double tolerance_mm = 1e-4) {
   const TriangleBvh whole(surface.mesh);
@@ -130,7 +130,8 @@ void CheckIsUnionOf(const SurfaceMesh& surface, const std::vector<TriangleMesh>&
     const double distance = whole.Distance(at);
     inside += most > 0 ? 1 : 0;
     wrong += (distance > 0) != (most > 0) ? 1 : 0;
-    // Inside, the wall of a part may lie within another: there is more room, never less.
+    // Inside, the wall of a part may lie within another part: the clearance may be larger, never
+    // smaller.
     if (most < 0) furthest = std::max(furthest, std::abs(distance - most));
     if (most > 0) furthest = std::max(furthest, most - distance);
   }
@@ -143,15 +144,15 @@ TEST_CASE("the union of two boxes has the volume of both less what they share") 
   Random random(1);
   const AlignedBox3d one(Vector3d(0, 0, 0), Vector3d(10, 6, 4));
   const AlignedBox3d others[] = {
-      {Vector3d(4, 2, 1), Vector3d(14, 9, 8)},        // a corner within
+      {Vector3d(4, 2, 1), Vector3d(14, 9, 8)},        // a corner inside
       {Vector3d(3, -2, 1), Vector3d(5, 9, 3)},        // through
       {Vector3d(4, 0, 0), Vector3d(14, 6, 4)},        // four sides in common planes
       {Vector3d(4, 0, 1), Vector3d(14, 6, 3)},        // two sides in common planes
       {Vector3d(10, 1, 1), Vector3d(14, 5, 3)},       // touching, one side within the other's
-      {Vector3d(10, 0, 0), Vector3d(14, 6, 4)},       // touching with a whole side
-      {Vector3d(1, 1, 1), Vector3d(9, 5, 3)},         // within
-      {Vector3d(1, 1, 0), Vector3d(9, 5, 3)},         // within, touching from inside
-      {Vector3d(9.999, 1, 1), Vector3d(14, 5, 3)},    // hardly overlapping
+      {Vector3d(10, 0, 0), Vector3d(14, 6, 4)},       // touching along a whole side
+      {Vector3d(1, 1, 1), Vector3d(9, 5, 3)},         // inside
+      {Vector3d(1, 1, 0), Vector3d(9, 5, 3)},         // inside, touching from inside
+      {Vector3d(9.999, 1, 1), Vector3d(14, 5, 3)},    // barely overlapping
       {Vector3d(2, 1.7, -1), Vector3d(4, 3.1, 4.5)},  // through, off every edge
   };
   for (const AlignedBox3d& other : others) {
@@ -191,7 +192,7 @@ TEST_CASE("the union of two spheres has the volume of its two caps") {
       const double ball = 4 * M_PI / 3 * std::pow(kRadius, 3);
       const double height = kRadius - distance_mm / 2;
       const double lens = 2 * M_PI * height * height * (3 * kRadius - height) / 3;
-      // A sphere of latitudes and longitudes has less volume in second order.
+      // A sphere of latitudes and longitudes lacks volume of second order.
       const double share = MakeSphere({0, 0, 0}, kRadius, around).Volume() / ball;
       CHECK(surface.report.volume_mm3 ==
             Approx((2 * ball - lens) * share).epsilon(0.3 * (1 - share) + 1e-3));
@@ -227,8 +228,8 @@ TEST_CASE("whatever overlaps is one lumen, in any position") {
   }
 }
 
-// Tubes of one radius on one axis, their ends open or not. Their walls nearly lie on one another;
-// from a file of single precision they do so roughly.
+// Tubes of equal radius on one axis, with open or closed ends. Their walls nearly coincide; in a
+// file of single precision the match is coarse.
 void CheckTubesOnOneAxis(int count, bool open, uint64_t seed) {
   Random random(seed);
   std::vector<TriangleMesh> parts;
@@ -254,7 +255,7 @@ void CheckTubesOnOneAxis(int count, bool open, uint64_t seed) {
   CheckIsUnionOf(RepairSurface(all, "x"), parts, random, 2e-3);
 }
 
-// Two of them take a fifth of the time of three.
+// Two tubes take a fifth of the time of three.
 constexpr int kTubesOnOneAxis = test::kUnderSanitizer ? 2 : 3;
 
 TEST_CASE("vessels of one radius on one axis are one, whatever is rounded") {
@@ -266,7 +267,7 @@ TEST_CASE("open vessels of one radius on one axis are one, where parts must be m
 }
 
 TEST_CASE("vessels that cross at small angles leave no wall within") {
-  // Of this seed the pieces do not all meet in whole edges.
+  // With this seed, not all pieces meet along whole edges.
   Random random(266);
   std::vector<TriangleMesh> parts;
   TriangleMesh all;
@@ -319,7 +320,7 @@ TEST_CASE("faces that all pass through one another are refused") {
 }
 
 TEST_CASE("a tube that passes through itself is the union of its turns") {
-  // A closed ring wound twice about the same axis with turns that overlap.
+  // A closed ring wound twice about the same axis, with overlapping turns.
   constexpr double kBend = 20, kRadius = 4;
   constexpr int kAlong = 240, kAround = 20;
   const auto center = [&](double t) {
@@ -384,7 +385,7 @@ TEST_CASE("an open branch that ends in the lumen is joined, and its inner end is
         {-opening.center_mm.x(), opening.center_mm.x() - 40, opening.center_mm.y() - 30.2});
     CHECK(far == Approx(0).margin(0.01));
   }
-  // The branch within the vessel: from its end to the vessel's wall.
+  // Left out: the branch inside the vessel, from its end to the vessel's wall.
   CHECK(surface.report.left_out_mm2 > 2 * M_PI * 2 * 1.5);
   CHECK(surface.left_out.Area() == Approx(surface.report.left_out_mm2));
   bool is_said = false;
@@ -430,7 +431,7 @@ TEST_CASE("a membrane across the lumen encloses nothing and goes, a fin too") {
 }
 
 TEST_CASE("two bubbles with a common membrane are one lumen") {
-  // Two boxes that share a side, which is there once, and one far away.
+  // Two boxes with a common side that exists once, and one box far away.
   for (const bool turned : {false, true}) {
     const AlignedBox3d one(Vector3d(-90, 0, 0), Vector3d(10, 6, 4));
     const AlignedBox3d two(Vector3d(10, 0, 0), Vector3d(13, 6, 4));
@@ -464,7 +465,7 @@ TEST_CASE("a surface of which most encloses nothing is refused, not taken for a 
 }
 
 TEST_CASE("a surface that is inside out beyond a crossing is refused, with the place") {
-  // A tube whose section is a figure of eight, one loop larger than the other.
+  // A tube whose cross section is a figure eight with unequal loops.
   TriangleMesh eight = MakeTubeMesh(40, 20, 48, [](double) { return 1.0; });
   for (size_t i = 0; i < eight.vertices_mm.size(); ++i) {
     const double angle = 2 * M_PI * (static_cast<double>(i % 48) + 0.3) / 48;

@@ -25,7 +25,7 @@ namespace {
 using Catch::Matchers::Contains;
 using test::TemporaryFolder;
 
-// What is said by way of refusal; "" where nothing is refused.
+// Error message of a refusal; "" if nothing is refused.
 template <typename Read>
 std::string Refusal(Read read) {
   try {
@@ -48,7 +48,7 @@ MeshReader Quick() {
   return reader;
 }
 
-// A program in place of torquer-mesh-reader, as one that a file has taken over.
+// Program in place of torquer-mesh-reader, as if a malicious file had taken control of it.
 class Impostor {
  public:
   explicit Impostor(const std::string& script) {
@@ -88,7 +88,7 @@ TEST_CASE("files on which a reader of surfaces may crash or hang are refused by 
                Contains("bad.ply: ") && Contains(part) && Contains("export it again"));
   };
   using namespace std::string_literals;
-  // On the first two assimp 5.2.4 crashes and goes on for ever.
+  // On the first two inputs, assimp 5.2.4 crashes or never ends.
   refused("ply\nformat binary_\0\0"s, "end_header");
   refused("ply\nformat ascii", "end_header");
   const std::string ply = "ply\nformat ascii 1.0\nelement vertex ";

@@ -50,7 +50,7 @@ uint64_t Fingerprint(const BrickField& field) {
   return hash;
 }
 
-// A tube of few triangles: what is tested with it is not its shape.
+// Tube of few triangles, for tests that do not depend on its shape.
 TriangleMesh PlainTube() {
   return MakeTubeMesh(40, 8, 12, [](double) { return 3.0; });
 }
@@ -58,7 +58,7 @@ TriangleMesh PlainTube() {
 std::string OnlyFileIn(const std::string& folder) {
   std::string path;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    CHECK(path.empty());  // nothing temporary stays behind
+    CHECK(path.empty());  // no temporary file remains
     path = entry.path().string();
   }
   return path;
@@ -79,7 +79,7 @@ TEST_CASE("a field from a surface is near its distance everywhere near the wall"
     const TriangleMesh& mesh = vessel->mesh();
     int checked = 0, off = 0, wrong_sign = 0;
     double worst = 0, steepest = 0;
-    // One region: every brick costs.
+    // One region only, because every brick costs time.
     const Vector3d about = mesh.Centroid(mesh.triangles.size() / 2);
     while (checked < test::Rounds(1500, 3)) {
       const size_t triangle = random.Next() % mesh.triangles.size();
@@ -124,7 +124,7 @@ TEST_CASE("an opened cache gives the same vessel and the same field to the bit")
   CHECK(second->mesh().triangles == first->mesh().triangles);
   CHECK(second->SaveCache().empty());
 
-  // Another voxel, another unit, another surface: none is served by it.
+  // The cache must not serve another voxel size, unit or surface.
   CHECK_FALSE(MeshVessel::Open(path, Options(cache, 0.9))->from_cache());
   TriangleMesh moved = PlainTube();
   moved.vertices_mm[3].x() += 0.001;
@@ -141,7 +141,7 @@ TEST_CASE("a partly built field is kept and grows from run to run", "[threads]")
   const size_t built = first->field().Statistics().bricks_built;
   CHECK(first->SaveCache().empty());
   const std::string kept = OnlyFileIn(cache);
-  // What has not grown is not written again.
+  // A field that has not grown is not written again.
   std::filesystem::rename(kept, folder.Path("kept"));
   CHECK(first->SaveCache().empty());
   CHECK_FALSE(std::filesystem::exists(kept));
@@ -189,7 +189,7 @@ TEST_CASE("a torn or altered cache is noticed wherever it is torn, and costs onl
   Random random(33);
   for (int i = 0; i < test::Rounds(24, 3); ++i) {
     std::string altered = whole;
-    // Half of the hits in the first bytes, where the header, the surface and the directory are.
+    // Half of the changes are in the first bytes: the header, the surface and the directory.
     const size_t at = random.Next() % (i % 2 ? whole.size() : 4096);
     altered[at] = static_cast<char>(altered[at] ^ (1 << (i % 8)));
     INFO("byte " << at);
@@ -223,7 +223,7 @@ TEST_CASE("a cached surface whose triangles name no vertex is not used") {
   const auto first = MeshVessel::Open(path, Options(cache, 2));
   CHECK(first->SaveCache().empty());
   const std::string file = OnlyFileIn(cache);
-  // As a program with a fault would have written it: every checksum is right.
+  // A file as a faulty program might write it: every checksum is valid.
   const std::string hex = std::filesystem::path(file).stem();
   CacheKey key;
   for (int w = 0; w < 2; ++w) {
@@ -263,7 +263,7 @@ TEST_CASE("a cache folder is kept in bounds, the field that was used least recen
     }
     return by_use;
   };
-  // Written in this order, and each used long before the next.
+  // Written in this order, each last used long before the next.
   for (const double voxel_mm : {2.0, 1.9, 1.8, 1.7}) {
     save(voxel_mm);
     for (const auto& [used, file] : fields()) {
@@ -273,21 +273,21 @@ TEST_CASE("a cache folder is kept in bounds, the field that was used least recen
   const auto all = fields();
   REQUIRE(all.size() == 4);
   const std::string oldest = all.begin()->second;
-  // What is not of the cache, by its name, its beginning or its kind.
+  // Files that do not belong to the cache, by name, first bytes or kind.
   const std::string key(32, 'a');
   for (const std::string& name :
        {key + ".field", std::string("notes.field"), std::string("notes"), key + ".field.mine"}) {
     std::ofstream(cache + "/" + name) << "mine";
   }
   std::filesystem::create_symlink(oldest, cache + "/" + std::string(32, 'b') + ".field");
-  // One that a dead writer left, and one that is being written.
+  // One file left by a dead writer, and one that is being written.
   std::ofstream(cache + "/" + key + ".field.AbC123") << "half";
   const std::string alive = cache + "/" + key + ".field.zYx987";
   std::ofstream(alive) << "half";
   const int writer = open(alive.c_str(), O_RDONLY | O_CLOEXEC);
   REQUIRE(flock(writer, LOCK_EX) == 0);
 
-  CHECK(MeshVessel::Open(path, Options(cache, 2))->from_cache());  // the oldest, used again now
+  CHECK(MeshVessel::Open(path, Options(cache, 2))->from_cache());  // the oldest, used now
   std::int64_t bytes = 0;
   for (const auto& [used, file] : all) {
     bytes += static_cast<std::int64_t>(std::filesystem::file_size(file));
@@ -307,7 +307,7 @@ TEST_CASE("a cache folder is kept in bounds, the field that was used least recen
     CHECK(std::filesystem::exists(cache + "/" + name));
   }
   close(writer);
-  // The one that was just written stays.
+  // The file written last stays.
   save(2.0);
   CHECK(fields().size() == 1);
   TidyCacheFolder(cache, fields().rbegin()->second, 0);

@@ -19,12 +19,12 @@
 namespace torquer::vessel {
 namespace {
 
-// The exit status of `body` in another process, behind the filter; -1 where a signal ended it.
+// Exit status of `body` in a child process behind the filter; -1 if a signal ended it.
 template <class Body>
 int Behind(Body body) {
   const pid_t child = fork();
   if (child == 0) {
-    signal(SIGABRT, SIG_DFL);  // Catch's own would report this process as the test
+    signal(SIGABRT, SIG_DFL);  // Catch's handler would report this process as the test
     if (!AllowOnlyReading()) _exit(77);
     _exit(body());
   }
@@ -53,7 +53,7 @@ TEST_CASE("Behind the filter memory and open files work, and abort() ends the pr
   int ends[2];
   REQUIRE(pipe(ends) == 0);
   CHECK(Behind([&ends] {
-          // Small and large, for both ways in which memory is taken.
+          // Small and large blocks, for both ways of allocating memory.
           std::vector<std::vector<char>> blocks;
           for (std::size_t bytes = 16; bytes < 100'000'000; bytes *= 3) blocks.emplace_back(bytes);
           blocks.clear();
@@ -74,7 +74,7 @@ TEST_CASE("The reader of surfaces is behind the filter before it reads its file"
   if (reader == 0) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     dup2(input[0], STDIN_FILENO);
-    dup2(open("/dev/null", O_WRONLY | O_CLOEXEC), STDOUT_FILENO);  // it may not write a file
+    dup2(open("/dev/null", O_WRONLY | O_CLOEXEC), STDOUT_FILENO);  // writing files is forbidden
     close(input[0]);
     close(input[1]);
     execl(test::ProgramPath("helpers/torquer-mesh-reader").c_str(), "torquer-mesh-reader", "a.stl",
@@ -89,7 +89,7 @@ TEST_CASE("The reader of surfaces is behind the filter before it reads its file"
     usleep(1000);
   }
   CHECK(behind);
-  close(input[1]);  // an empty file: it answers and ends
+  close(input[1]);  // an empty file: the reader answers and exits
   int status = 0;
   REQUIRE(waitpid(reader, &status, 0) == reader);
   CHECK(WIFEXITED(status));

@@ -104,7 +104,7 @@ TEST_CASE("a face missing in a coarse wall is a hole, not an end of the vessel")
 
 TEST_CASE("a narrow slit is closed, a surface of single faces is refused") {
   TriangleMesh tube = MakeTubeMesh(40, 60, 48, [](double) { return 3.0; });
-  // Two rows of faces drawn apart by 0.05 mm.
+  // Two rows of faces separated by 0.05 mm.
   const auto first = static_cast<int32_t>(tube.vertices_mm.size());
   for (int32_t i = 21; i < 29; ++i) {
     tube.vertices_mm.emplace_back(tube.vertices_mm[i * 48] - Vector3d(0, 0.01, 0.05));
@@ -175,7 +175,7 @@ TEST_CASE("fragments hanging on by an edge of three faces are left out, and said
 TEST_CASE("two vessels that touch along an edge are kept, distinguished by the winding number") {
   TriangleMesh tube = MakeClosedTube();
   TriangleMesh other = MakeClosedTube();
-  // The second one beside the first, sharing the edges of one line of vertices.
+  // The second tube lies beside the first and shares the edges of one line of vertices.
   for (Vector3d& v : other.vertices_mm) v.y() = 6 - v.y();
   TurnInsideOut(other);
   Append(tube, other);
@@ -193,8 +193,8 @@ TEST_CASE("two vessels that touch along an edge are kept, distinguished by the w
 
 TEST_CASE("slivers are repaired, and said") {
   TriangleMesh tube = MakeClosedTube();
-  // A vertex in the middle of an edge: one side split there, the other not, and a flat triangle
-  // between them.
+  // A vertex in the middle of an edge: one side is split there, the other is not, and a flat
+  // triangle lies between them.
   const auto triangle = tube.triangles[200];
   const auto middle = static_cast<int32_t>(tube.vertices_mm.size());
   tube.vertices_mm.emplace_back((tube.vertices_mm[triangle[0]] + tube.vertices_mm[triangle[1]]) /
@@ -222,7 +222,7 @@ TEST_CASE("doubled and flat triangles are left out, and said") {
 }
 
 TEST_CASE("a one-sided surface is refused") {
-  // A band of 40 steps with half a twist, 5 mm wide on a circle of 30 mm.
+  // Moebius band of 40 steps, 5 mm wide on a circle of 30 mm.
   TriangleMesh band;
   for (int i = 0; i < 40; ++i) {
     const double turn = 2 * M_PI * i / 40;
@@ -281,7 +281,7 @@ TEST_CASE("a part within another goes, a nick in the wall is taken in, and both 
 
   TriangleMesh nicked = MakeTubeMesh(40, 40, 40, [](double) { return 3.0; });
   CapTubeMesh(nicked, 40);
-  // A spike from one side pushed out through the wall across.
+  // A spike from one side, pushed out through the opposite wall.
   nicked.vertices_mm[20 * 40 + 5] = 1.2 * nicked.vertices_mm[20 * 40 + 25];
   const SurfaceMesh surface = RepairSurface(nicked, "x");
   CHECK(surface.report.intersections > 0);
@@ -370,8 +370,8 @@ TEST_CASE("of the abdominal aorta the lumen is found, not the wall") {
   CHECK(surface.report.width_mm[1] > 8);  // the wall is 2 mm thick
   const TriangleBvh lumen(surface.mesh);
   const TriangleMesh wall = ImportMesh(ReadMeshContents(path), path, 1000);
-  // Just inside of every opening one is in the lumen, far from the wall; the wall's own material is
-  // outside.
+  // A point just inside every opening is in the lumen, far from the wall; the wall's own material
+  // is outside.
   for (const Opening& opening : surface.report.openings) {
     CHECK(lumen.Distance(opening.center_mm + 4 * opening.inward) >
           0.3 * std::min(3.5, opening.radius_mm));

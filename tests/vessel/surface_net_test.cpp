@@ -37,7 +37,7 @@ TEST_CASE("The surface net of a ball is a closed sphere, wound outward") {
     CHECK(std::abs(ball.Clearance(a)) < 0.05);
     volume += (a - Ball::kCenterMm).dot((b - Ball::kCenterMm).cross(c - Ball::kCenterMm)) / 6;
   }
-  // A hole, or a triangle the wrong way around, would take from the volume.
+  // A hole or a reversed triangle would reduce the volume.
   const double exact = 4.0 / 3.0 * std::numbers::pi * std::pow(Ball::kRadiusMm, 3);
   CHECK(volume == Approx(exact).epsilon(0.01));
 }

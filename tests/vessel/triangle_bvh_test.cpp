@@ -19,7 +19,7 @@ double SegmentDistance(const Vector3d& p, const Vector3d& a, const Vector3d& b) 
   return (p - a - t * (b - a)).norm();
 }
 
-// By another road than the tree's: height over the plane where the foot is inside, else the edges.
+// Independent of the tree: height over the plane if the foot is inside, otherwise the edges.
 double PlainDistance(const TriangleMesh& mesh, const Vector3d& p) {
   double least = std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < mesh.triangles.size(); ++i) {

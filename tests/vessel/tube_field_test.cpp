@@ -150,7 +150,7 @@ TEST_CASE("the phantom's wall is nowhere dented or bulged by more than its round
   const TubeVessel phantom = MakeTyPhantom();
   Random random(6);
   for (int i = 0; i < 5000; ++i) {
-    // Across from the crossing, where the stem must not show.
+    // Opposite the crossing, where the stem must have no effect.
     const Vector3d at =
         Vector3d(100, 0, 0) + random.Uniform(-6, 6) * Vector3d(std::cos(1.309), std::sin(1.309), 0);
     const Vector3d wall = at + 4 * Vector3d(std::sin(1.309), -std::cos(1.309), 0);

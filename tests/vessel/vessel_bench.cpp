@@ -1,5 +1,5 @@
-// bench-vessel: what vessels cost: opening a surface, building its field, looking it up; and how
-// near the field is.
+// bench-vessel measures vessels: opening a surface, building and looking up its field, and the
+// field's accuracy.
 
 #include <time.h>
 
@@ -53,7 +53,7 @@ double Milliseconds(clockid_t clock) {
   return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
 }
 
-// Runs something and tells how long it took by the wall clock and in processor time of all threads.
+// Measures the wall-clock time of `work` and the processor time of all threads.
 template <typename Work>
 void Time(const std::string& case_name, const std::string& metric, Work work) {
   const double wall = Milliseconds(CLOCK_MONOTONIC), cpu = Milliseconds(CLOCK_PROCESS_CPUTIME_ID);
@@ -62,8 +62,8 @@ void Time(const std::string& case_name, const std::string& metric, Work work) {
   Record(case_name, metric + "_cpu_ms", Milliseconds(CLOCK_PROCESS_CPUTIME_ID) - cpu, "ms");
 }
 
-// Processor time of one call for each point, the least of many rounds: what interrupts the others
-// is no property of the code.
+// Processor time of one call per point: the minimum over many rounds, because interruptions are no
+// property of the code.
 template <typename LookUp>
 double NanosecondsEach(const std::vector<Vector3d>& points, LookUp look_up) {
   constexpr int kRounds = 60, kRepeats = 10;
@@ -78,7 +78,7 @@ double NanosecondsEach(const std::vector<Vector3d>& points, LookUp look_up) {
   return least * 1e6 / kRepeats / static_cast<double>(points.size());
 }
 
-// The nodes of a wire that lies along a curve, off its middle.
+// Nodes of a wire along a curve, off its center.
 std::vector<Vector3d> AlongWire(const vessel::Centerline& curve, int count) {
   std::vector<Vector3d> points;
   for (int i = 0; i < count; ++i) {
@@ -120,8 +120,7 @@ void TimeLookUps(const std::string& case_name, const Field& field,
   }
 }
 
-// Distance of the field from the exact one within 0.75 mm of the wall, at points that do not repeat
-// the mesh.
+// Measures the field's error within 0.75 mm of the wall, at points unrelated to the mesh.
 void MeasureAccuracy(const std::string& case_name, const MeshVessel& vessel) {
   const vessel::TriangleMesh& mesh = vessel.mesh();
   std::vector<double> errors;
@@ -189,7 +188,7 @@ void Surface(const std::string& name, const std::string& file, vessel::MeshUnit 
   }
 }
 
-// A fine vessel and a branch that ends in its lumen, made one.
+// Measures the union of a fine vessel with a branch that ends in its lumen.
 void Union() {
   constexpr int kFine = 100;
   vessel::TriangleMesh both = vessel::MakeTubeMesh(40, kFine, kFine, [](double) { return 3.0; });
