@@ -1,5 +1,5 @@
-// The page in each of its states, judged by axe-core: no violation of WCAG 2.0 to 2.2, levels A and AA.
-// usage: node tests/viewer/accessibility_test.mjs ROOT PROGRAMS
+// Accessibility test: axe-core checks the page in each of its states. There must be no violation of
+// WCAG 2.0 to 2.2, levels A and AA. usage: node tests/viewer/accessibility_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -15,7 +15,8 @@ const folder = mkdtempSync(join(tmpdir(), "torquer-access-"));
 const opened = [];
 const found = []; // violations of all states
 
-// All of a test at once: the next state is judged whatever the one before was.
+// Reports all violations of a test together, so that each state is checked whatever the earlier
+// result.
 afterEach(() => assert.deepEqual(found.splice(0), []));
 
 after(async () => {
@@ -35,7 +36,7 @@ async function open(browser, url) {
 }
 const stateWord = (page, word) => until(`the page says ${word}`, async () => (await page.locator("#state").textContent()).includes(word));
 
-// Evaluated, not added as a script: the page's Content-Security-Policy lets none in.
+// Evaluates axe in the page: the Content-Security-Policy forbids to add it as a script.
 async function judge(page, what) {
   await page.evaluate(axe);
   const { violations, passes } = await page.evaluate(() =>

@@ -1,4 +1,4 @@
-// Two planes side by side, and what each effect takes: in the scene that has all of them.
+// Biplane page: two planes side by side, and the cost of each effect, in the scene with all effects.
 // usage: node tests/viewer/biplane_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -35,7 +35,7 @@ test("both planes take pictures with the pedal, each from its side", async () =>
     (await grays("#xray-picture"))[0] > 0 && (await grays("#lateral-picture"))[0] > 0);
   assert.equal(await page.locator("#lateral-angles").textContent(), "LAO 90°  CRA 0°");
   assert.equal(await page.locator("#lao").textContent(), "LAO 0°");
-  // From the side the body is deep: the spine is no longer in the middle, so the halves differ more.
+  // From the side the body is deep and the spine is off center, so the halves differ more.
   const [front, side] = [await grays("#xray-picture"), await grays("#lateral-picture")];
   assert.ok(Math.abs(side[0] - side[1]) > Math.abs(front[0] - front[1]) + 10, `${front} from the front, ${side} from the side`);
   const [a, b] = await Promise.all(["#xray-picture", "#lateral-picture"].map((canvas) => page.locator(canvas).boundingBox()));

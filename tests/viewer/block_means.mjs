@@ -1,5 +1,5 @@
-// Pictures compared by the means of blocks, so that noise, smoothed edges and single glyphs do not count.
-// A picture is a data: URL; it is decoded by the browser.
+// Block comparison of pictures: block means are insensitive to noise, smoothed edges and single
+// glyphs. A picture is a data: URL, which the browser decodes.
 
 export const BLOCK_PX = 16;
 

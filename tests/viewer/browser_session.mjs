@@ -1,4 +1,4 @@
-// A simulator, a viewer that steers and a headless Chromium, for what looks at the page.
+// Browser session for tests of the page: a simulator, a viewer that steers and a headless Chromium.
 import { spawn } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -61,7 +61,7 @@ export class BrowserSession {
     try {
       if (this.processes?.pid) process.kill(-this.processes.pid, "SIGKILL");
     } catch {
-      // They have ended by themselves.
+      // The processes have already ended.
     }
     rmSync(this.folder, { recursive: true, force: true });
   }

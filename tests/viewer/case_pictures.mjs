@@ -1,5 +1,5 @@
-// The pictures of the list of cases, host/scenes/pictures/NAME.jpg: the 3D view of each case after its
-// first instrument was pushed for a while.
+// Generator of the pictures in the list of cases, host/scenes/pictures/NAME.jpg. Each shows the 3D view
+// of a case after its first instrument was pushed for a while.
 // usage: node tests/viewer/case_pictures.mjs ROOT PROGRAMS FOLDER [NAME...]
 import { join } from "node:path";
 
@@ -25,7 +25,7 @@ try {
     await page.keyboard.down("ArrowUp");
     await page.waitForTimeout(PUSH_MS);
     await page.keyboard.up("ArrowUp");
-    // The 3D view by itself, as large as the card is.
+    // Shows the 3D view alone, at the size of the card.
     await page.evaluate((style) => {
       const view = document.querySelector("#teaching");
       view.style.cssText = style;

@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 constexpr std::int64_t kNow = 1'000'000;
 
-// Programs that say in which order they were called, in place of the real ones.
+// Stand-ins for the real programs, which record the order of their calls.
 class Stage {
  public:
   Stage() {
@@ -67,7 +67,8 @@ class Stage {
   std::string order_ = folder_.Path("order");
 };
 
-// Looks after the station until the phase has come; 5 s at most, of which it knows nothing.
+// Advances the station until `phase`, for at most 5 s of real time; the station's clock stands
+// still.
 bool Reaches(CaseStation& station, Phase phase, bool sees_states = true) {
   for (int i = 0; i < 5000 && station.phase() != phase; ++i) {
     if (sees_states) station.SawState(kNow);
@@ -77,7 +78,7 @@ bool Reaches(CaseStation& station, Phase phase, bool sees_states = true) {
   return station.phase() == phase;
 }
 
-// Until a program listens to signals.
+// Waits until a program handles signals.
 bool Listens(const Stage& stage, const std::string& program) {
   for (int i = 0; i < 5000 && stage.Read(program + ".pid").empty(); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -96,7 +97,7 @@ TEST_CASE("A case runs from its choice to its report, its programs one after the
   CHECK(Said(station)["chosen"] == -1);
   CHECK(Said(station)["cases"][0]["title"] == "An \"easy\" case");
   CHECK(station.chosen() == nullptr);
-  CHECK(station.Advance(kNow));  // there is something to say at first
+  CHECK(station.Advance(kNow));  // the first call has news
   CHECK_FALSE(station.Advance(kNow));
 
   REQUIRE(station.Start(1, kNow));
@@ -124,7 +125,7 @@ TEST_CASE("A case runs from its choice to its report, its programs one after the
   REQUIRE(station.Close());
   CHECK(station.phase() == Phase::kChoose);
   CHECK(station.report() == nullptr);
-  // Again within the same second: in another folder.
+  // A second start within the same second uses another folder.
   REQUIRE(station.Start(1, kNow));
   CHECK(station.runs() == 2);
   CHECK(Said(station)["folder"] != folder);
@@ -157,7 +158,7 @@ TEST_CASE("What goes wrong with a case is said, and another one can be started")
     REQUIRE(Reaches(station, Phase::kEnded, false));
     CHECK(Said(station)["problem"] ==
           "torquer-simulator has ended too early, with status 2: the scene is broken");
-    CHECK(station.report() != nullptr);  // of what was recorded until then
+    CHECK(station.report() != nullptr);  // about the recording so far
   }
   SECTION("its simulator is killed") {
     stage.Write("torquer-simulator", "kill -KILL $$");
@@ -225,7 +226,7 @@ TEST_CASE("Nobody fills a disk by leaving a case open") {
   REQUIRE(Listens(stage, "simulator"));
   stage.free_bytes -= 1;
   station.Advance(kNow + 1'000'000);
-  CHECK(station.phase() == Phase::kRunning);  // looked for a moment ago
+  CHECK(station.phase() == Phase::kRunning);  // the last check was a moment ago
   station.Advance(kNow + 3'000'000);
   CHECK(station.phase() == Phase::kEnding);
   CHECK(Reaches(station, Phase::kEnded));
@@ -249,7 +250,7 @@ TEST_CASE("No case starts beside a stranger's simulator") {
   CHECK_THAT(std::string(Said(station)["problem"]),
              Catch::Contains("another torquer-simulator") && Catch::Contains("--lcm-url"));
   REQUIRE(station.Close());
-  // It is gone.
+  // The stranger's simulator is gone.
   REQUIRE(station.Start(0, kNow + 500'000));
   CHECK(station.phase() == Phase::kStarting);
 }

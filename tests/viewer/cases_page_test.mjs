@@ -1,5 +1,6 @@
-// A trainee's way through the page: a case is chosen, steered, ended and judged, started again, and
-// ends early where its simulator dies. usage: node tests/viewer/cases_page_test.mjs ROOT PROGRAMS [PICTURES]
+// Case page as a trainee uses it: a case is chosen, steered, ended and graded, then started again.
+// It ends early if its simulator dies.
+// usage: node tests/viewer/cases_page_test.mjs ROOT PROGRAMS [PICTURES]
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { existsSync, readdirSync, readFileSync } from "node:fs";
@@ -24,7 +25,7 @@ try {
   const start = (kind, title) => page.getByRole("button", { name: `${kind}: ${title}` }).click();
   const insertion = () => page.evaluate(() => window.torquer.state()?.instruments[0].insertionMm ?? NaN);
 
-  // The list: every scene that has a [case], the easiest first, each with its picture.
+  // The list has every scene with a [case], the easiest first, each with its picture.
   const { cases: list } = await until("the cases", cases);
   const described = readdirSync(join(root, "host/scenes")).filter(
     (name) => name.endsWith(".toml") && /^\[case\]$/m.test(readFileSync(join(root, "host/scenes", name), "utf8")));
@@ -34,11 +35,11 @@ try {
     [...document.querySelectorAll("#case-list img")].every((image) => image.complete && image.naturalWidth === 480)));
   assert.equal(await page.locator("#case-list img").count(), list.length);
   await look("choose");
-  // Keys steer nothing here.
+  // Keys have no effect on the list.
   await page.keyboard.press("ArrowUp");
   assert.equal(await page.evaluate(() => window.torquer.controls().pushMmS), 0);
 
-  // Practice: the scene runs, and the keys steer.
+  // Practice: the scene runs, and keys steer.
   await start("Practice", "Cerebral angiogram");
   await phase("starting");
   await look("starting");
@@ -57,7 +58,7 @@ try {
   await look("running");
   const pushed = await insertion();
 
-  // Its end: the report, read in the page.
+  // End of the case: the page shows the report.
   await page.locator("#case-end").click();
   await phase("ended");
   assert.equal((await cases()).problem, "");
@@ -70,14 +71,14 @@ try {
     assert.ok(existsSync(join(folder, name)), name);
   }
   await look("ended");
-  // What the program itself replays is what was recorded.
+  // A replay by the simulator itself reproduces the recording.
   execFileSync(join(programs, "torquer-simulator"),
     ["--scene", join(root, "host/scenes/neuro_angio.toml"), "--replay", join(folder, "session.lcmlog")], { stdio: "ignore" });
-  // The report has no way to this page.
+  // The report's policy denies it any access to this page.
   const fetchReport = () => fetch(new URL("report.html", session.url));
   assert.match((await fetchReport()).headers.get("content-security-policy"), /default-src 'none'.*sandbox/);
 
-  // Again, as an examination: from the beginning, without the teaching view.
+  // Second run as an examination: from the start, without the teaching view.
   await page.locator("#case-close").click();
   await phase("choose");
   assert.equal((await fetchReport()).status, 404);
@@ -90,7 +91,7 @@ try {
   assert.equal(await page.evaluate(() => window.torquer.readings()?.values.xray_pulses ?? 0), 0);
   await look("examination");
 
-  // A vessel that moves is drawn as it moves: the way of its fastest vertex is that of the scene.
+  // A moving vessel is drawn in motion: the path of its fastest vertex matches the scene.
   await page.locator("#case-end").click();
   await phase("ended");
   await page.locator("#case-close").click();
@@ -115,7 +116,7 @@ try {
     }
     return [...places.values()].map(({ least, most }) => Math.hypot(...most.map((value, k) => value - least[k])));
   });
-  // A beat of 5 mm in each 0.88 s, and part of a breath of 8 mm.
+  // A heartbeat of 5 mm every 0.88 s, and part of a breath of 8 mm.
   assert.ok(Math.max(...ways) > 4 && Math.max(...ways) < 13, `the largest way is ${Math.max(...ways)} mm`);
   assert.ok(Math.min(...ways) < 0.1, `where the vessel rests it goes ${Math.min(...ways)} mm`);
   await page.locator("#case-end").click();
@@ -125,7 +126,7 @@ try {
   await start("Examination", "Cerebral angiogram");
   await phase("running");
 
-  // Its simulator dies: that is said, and what was recorded is judged.
+  // The simulator dies: the page reports it, and the recording so far is graded.
   const simulator = execFileSync("pgrep", ["-f", `torquer-simulator.*${session.folder}`]).toString().trim().split("\n");
   assert.equal(simulator.length, 1);
   process.kill(Number(simulator[0]), "SIGKILL");
@@ -136,7 +137,7 @@ try {
   await phase("running");
   await until("the examination is on again", () => page.locator("body.exam").count());
 
-  // With the viewer its programs end.
+  // The viewer's programs end with it.
   process.kill(Number(session.read("viewer.pid")), "SIGKILL");
   await until("no program is left", () => {
     try {
@@ -147,7 +148,7 @@ try {
     }
   });
 
-  // Asked to end, it writes the report first.
+  // On SIGTERM the viewer writes the report before it ends.
   await phase("choose");
   await start("Examination", "Cerebral angiogram");
   await phase("running");

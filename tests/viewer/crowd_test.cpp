@@ -1,4 +1,4 @@
-// Names that strangers on the bus make up, and what a page sees of the session all the same.
+// Crowded bus: strangers invent names, but a page still gets the session's messages.
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -45,7 +45,7 @@ torquer_lcm::scene_description_t SceneOf(const std::vector<std::string>& instrum
   return scene;
 }
 
-// A viewer in its own thread.
+// Viewer in its own thread.
 class ViewedBus {
  public:
   ViewedBus() : listening_(ListeningSocket(0)), port(PortOf(listening_)) {
@@ -66,7 +66,7 @@ class ViewedBus {
       torquer_lcm::instrument_command_t command{};
       command.instrument = "made-up " + number;
       sender.Publish(torquer::protocol::kInstrumentCommandChannel, command);
-      // More would not fit into the viewer's queue.
+      // The pause keeps the viewer's queue from overflowing.
       if (k % 5 == 4) std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
   }
@@ -83,7 +83,7 @@ class ViewedBus {
     }
   }
 
-  // Messages of the session that a page has got when `enough`, or 3000 messages later.
+  // Kinds of session messages that a page has received: at least `enough`, or after 3000 messages.
   std::set<std::string> SeenBy(RawClient& page, std::size_t enough) const {
     std::set<std::string> seen;
     for (int k = 0; k < 3000 && seen.size() < enough; ++k) {
@@ -140,7 +140,7 @@ TEST_CASE("A hundred made-up names keep nothing of a session from a page, before
     }
   });
   const std::set<std::string> seen = viewed.SeenBy(page, kSessionParts);
-  // A page that comes when the names are there.
+  // A page that connects after the invented names.
   RawClient late(viewed.port);
   const bool let_in = late.Upgrade("/" + kToken + "/bus", host, "http://" + host);
   const std::set<std::string> seen_late = viewed.SeenBy(late, kSessionParts);
@@ -166,7 +166,7 @@ TEST_CASE("Topics of others crowd out each other and nothing else, and pass") {
   CHECK(topics.newest().size() == ShownTopics::kMostPassing + 2);
   CHECK(topics.newest().contains("made-up 99"));
   CHECK_FALSE(topics.newest().contains("made-up 0"));
-  // One that is shown again stays, and so does one that turns out to be the session's own.
+  // A topic shown again stays, and so does one that is now part of the session.
   topics.ShowPassing("made-up 98", Words("y"), now + std::chrono::seconds(9));
   topics.Show("made-up 97", Words("z"));
   CHECK(topics.Expire(now + std::chrono::seconds(12)).size() == ShownTopics::kMostPassing - 2);

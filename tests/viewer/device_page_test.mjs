@@ -1,4 +1,4 @@
-// A page that looks on while a device steers: what the device says of itself, and the X-ray system.
+// Device page: a page that only watches while a device steers, its device status, and the X-ray system.
 // usage: node tests/viewer/device_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -35,7 +35,7 @@ test("a page that looks on chooses how the X-ray system works", async () => {
   await page.keyboard.press("KeyZ");
   await until("a narrower field is chosen", async () => (await text("#system-Z span")) === "field ×1.5");
   const field = () => page.evaluate(() => window.torquer.readings()?.values.xray_field_mm ?? 0);
-  // 380 mm at the detector, 750 of 1050 mm from the source.
+  // 380 mm at the detector, scaled by 750 of 1050 mm from the source.
   await until("the simulator takes it", async () => Math.abs((await field()) - (380 * 750) / 1050 / 1.5) < 0.01);
 });
 

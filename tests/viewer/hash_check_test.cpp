@@ -20,7 +20,7 @@ using torquer::viewer::HashCheck;
 
 namespace {
 
-// A session of 21 states; that of tick `spoiled` says another energy.
+// A session of 21 states; the state of tick `spoiled` has a wrong energy.
 void RecordSession(torquer::scene::Scene& scene, const std::string& path, int spoiled) {
   EventLogWriter log(path);
   torquer::simulator::Simulation simulation(scene);

@@ -1,4 +1,4 @@
-// The page's server with many clients at once, friendly, stalled and hostile.
+// Page server with many simultaneous clients: friendly, stalled and hostile ones.
 #include <algorithm>
 #include <atomic>
 #include <catch2/catch.hpp>
@@ -22,7 +22,7 @@ namespace {
 
 constexpr char kMask[] = {0, 0, 0, 0};
 
-// A page that reads states, which are numbers and much else, in its own thread.
+// Page that reads states in its own thread; a state is a number with padding.
 class Reader {
  public:
   explicit Reader(const Served& served) : client_(served.port) {
@@ -46,7 +46,7 @@ class Reader {
       }
     });
   }
-  /// With the next state.
+  /// Stops after the next state.
   void End() { last_number_ = -1; }
   void SendMessage() { client_.SendFrame(2, "1234"); }
 
@@ -59,8 +59,8 @@ class Reader {
   std::thread thread_;
 };
 
-// One hostile connection after the other, the kind and its content drawn. Returns the name of the
-// kind where the server did as it should, and that name after a "!" where not.
+// Hostile connections one after the other, with random kind and content. Returns the name of the
+// kind, preceded by "!" if the server failed.
 class Attacker {
  public:
   Attacker(const Served& served, unsigned seed) : served_(served), random_(seed) {
@@ -174,7 +174,7 @@ class Attacker {
   int Get(const std::string& target, const std::string& host, const std::string& more) const {
     return Ask("GET " + target + " HTTP/1.1\r\nHost: " + host + "\r\n" + more + "\r\n");
   }
-  // A masked frame whose first byte is `first`.
+  // Masked frame whose first byte is `first`.
   static std::string Framed(int first, std::size_t size, const std::string& content) {
     std::string frame(1, static_cast<char>(first));
     if (size < 126) {
@@ -186,7 +186,7 @@ class Attacker {
     }
     return frame + std::string(kMask, 4) + content;
   }
-  // Whether a page that sends it is cut off.
+  // True if the server disconnects a page that sends these bytes.
   bool Frame(const std::string& bytes) const {
     RawClient client(served_.port);
     if (!client.Upgrade(served_.Bus(), served_.host, served_.Origin())) return false;
@@ -216,7 +216,7 @@ TEST_CASE("Of ten pages nine get every state while one has stalled, and that one
   for (int i = 0; i < 9; ++i) readers.push_back(std::make_unique<Reader>(served));
   REQUIRE(Served::Soon([&] { return served.pages == 10; }));
   for (const auto& reader : readers) reader->ReadUntil(kLast);
-  // The next one is shown when all that read have the one before; 18 MB go past the stalled one.
+  // A state is shown once all readers have the previous one; 18 MB bypass the stalled page.
   for (int number = 0; number <= kLast; ++number) {
     go_on = true;
     REQUIRE(Served::Soon([&] {
@@ -234,7 +234,7 @@ TEST_CASE("Of ten pages nine get every state while one has stalled, and that one
     last = std::stoi(message->content);
     ++states;
   }
-  // What the kernels keep, and the newest.
+  // The stalled page gets the kernel's buffered states, and the newest.
   CHECK(states < kLast / 2);
 }
 
@@ -248,7 +248,7 @@ TEST_CASE("Ten thousand hostile requests and frames are refused and counted; a p
   });
   Reader good(served);
   good.ReadUntil(std::numeric_limits<int>::max());
-  // The page gets another state, and what it sends is taken.
+  // True if the page gets another state and the server accepts its message.
   int sent = 0;
   const auto goes_on = [&] {
     const int before = good.last;
@@ -268,7 +268,7 @@ TEST_CASE("Ten thousand hostile requests and frames are refused and counted; a p
     if (i % 50 == 0) REQUIRE(goes_on());
   }
   CAPTURE(outcomes);
-  // Of each kind some, and no name with "!", which comes first.
+  // Every kind occurred, and no name begins with "!", which would sort first.
   CHECK(outcomes.size() == attacker.kinds());
   CHECK(outcomes.begin()->first.front() != '!');
   CHECK(Served::Soon([&] { return served.refused >= attacks && served.pages == 1; }));

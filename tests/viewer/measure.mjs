@@ -1,4 +1,4 @@
-// How fast the page is, on this machine and by software rendering: a benchmark, no test.
+// Benchmark of the page's speed on this machine, with software rendering; not a test.
 // usage: node tests/viewer/measure.mjs ROOT PROGRAMS [--json]
 //
 // pedal    from the key that presses the pedal to the canvas that has the first new picture
@@ -17,7 +17,7 @@ const SCENES = [XRAY_SCENE, "everything", "beating_heart"]; // the largest surfa
 const PRESSES = 60;
 const FRAMES_S = 5;
 
-// In the page, before its own scripts: notes when what comes and is shown.
+// Runs in the page before its own scripts: records arrival and display times.
 function watch() {
   const seen = { pictureNumber: -1, fresh: false, pictureMs: [], keyMs: 0, arrivedMs: [], shownMs: [] };
   window.seen = seen;
@@ -81,7 +81,7 @@ async function open(session) {
 async function pedal(page) {
   const taken = [];
   for (let k = 0; k < PRESSES; ++k) {
-    // No two presses at the same phase of the pulses.
+    // Each press has another phase relative to the pulses.
     await rest(page, 500 + 37 * (k % 9));
     await page.evaluate(() => (window.seen.pictureMs.length = 0));
     await page.keyboard.down("Space");

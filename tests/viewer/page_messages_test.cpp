@@ -51,7 +51,7 @@ std::vector<std::uint8_t> Bytes(std::uint8_t flags, float push, float turn, floa
 
 }  // namespace
 
-// Offsets as host/viewer/README.md has them.
+// Offsets documented in host/viewer/README.md.
 TEST_CASE("A state's frame has the documented layout") {
   const torquer_lcm::wire_state_t state = ThreeNodes();
   const std::string frame = StateFrame(state, nullptr, 5);
@@ -67,10 +67,10 @@ TEST_CASE("A state's frame has the documented layout") {
   CHECK(At<double>(frame, 64 + 56) == 6.0);
   CHECK(At<float>(frame, 128 + 12) == 4.0F);
   CHECK(std::isnan(At<float>(frame, 128 + 36)));
-  // Contacts count nodes of the whole curve, of which every second is here.
+  // Contacts refer to nodes of the whole curve; the frame contains every second node.
   CHECK(At<float>(frame, 128 + 48) == 0.0F);
   CHECK(At<float>(frame, 128 + 48 + 4) == 30.0F);
-  // By another clock a latency would mean nothing.
+  // With a foreign clock, a latency would be meaningless.
   CHECK(std::isnan(At<double>(StateFrame(state, nullptr, 6), 64 + 32)));
 }
 

@@ -67,7 +67,7 @@ TEST_CASE(
                            Catch::Contains("default-src 'none'; style-src 'unsafe-inline'") &&
                            Catch::Contains("; sandbox\r\n") && !Catch::Contains("script-src"));
   const std::string picture = get("cases/a b.jpg");
-  CHECK(StatusOf(picture) == 0);  // a space ends the name: no request
+  CHECK(StatusOf(picture) == 0);  // a space ends the name, so this is not a request
   CHECK(served.Get("/report.html") == 403);
   CHECK(served.Get("/" + kToken + "/cases/") == 404);
   REQUIRE(go(2));
@@ -86,7 +86,7 @@ TEST_CASE("Another host, origin or method is refused") {
   };
   CHECK(answer("GET " + page + " HTTP/1.1\r\nHost: localhost:" + std::to_string(served.port) +
                "\r\n\r\n") == 200);
-  // A name that some server resolves to this machine.
+  // A name that a DNS server may resolve to this machine.
   CHECK(answer("GET " + page + " HTTP/1.1\r\nHost: evil.example:" + std::to_string(served.port) +
                "\r\n\r\n") == 421);
   CHECK(answer("GET " + page + " HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n") == 421);
@@ -149,7 +149,7 @@ TEST_CASE("A page that sends what is no message is cut off") {
   CHECK(send(2, "12345"));
   CHECK(send(1, "1234"));
   CHECK(send(2, std::string(100'000, 'x')));
-  CHECK(send(7, "1234"));  // no such kind of frame
+  CHECK(send(7, "1234"));  // unknown kind of frame
   {
     RawClient unmasked(served.port);
     REQUIRE(unmasked.Upgrade(served.Bus(), served.host, served.Origin()));
@@ -194,16 +194,16 @@ TEST_CASE("Silent connections keep nobody out who knows the token, and the oldes
   CHECK(served.Get("/" + kToken + "/") == 200);
   page.SendFrame(2, "1234");
   CHECK(Served::Soon([&] { return served.received == 1; }));
-  // None of them is waited for long.
+  // The server does not wait long for any silent client.
   CHECK(silent.back()->Closed());
 }
 
 namespace {
 
-// A page that sends the same again and again, in its own thread.
+// Page that repeats the same frames in its own thread.
 class Flood {
  public:
-  // `first` and `then`: the first byte of the first frame, and of the others.
+  // `first` and `then` are the first byte of the first frame and of the others.
   Flood(const Served& served, int first, int then, const std::string& content)
       : client_(served.port) {
     REQUIRE(client_.Upgrade(served.Bus(), served.host, served.Origin()));
@@ -236,7 +236,7 @@ class Flood {
   std::thread thread_;
 };
 
-// Shows a state when the page that reads has the one before.
+// Shows a state once the reading page has the previous one.
 class Lockstep {
  public:
   Lockstep()
@@ -246,7 +246,7 @@ class Lockstep {
         page_(served.port) {
     REQUIRE(page_.Upgrade(served.Bus(), served.host, served.Origin()));
   }
-  // Reads so many states; false when one does not come.
+  // Reads `states` states; false on timeout.
   bool Read(int states) {
     for (; states > 0; --states) {
       const auto state = page_.Next();
@@ -292,7 +292,7 @@ TEST_CASE("A page that sends messages or pings without end is cut off with the r
 TEST_CASE("A message without end waits with the page that sends it, and another page goes on") {
   Lockstep good;
   Flood flood(good.served, 0x02, 0x00, "");
-  // It is read so slowly that its sender waits while the other page gets its states.
+  // The server reads so slowly that the sender blocks while the other page gets its states.
   bool waits = false;
   for (int k = 0; k < 200 && !waits; ++k) {
     const int before = flood.sent;
@@ -337,7 +337,7 @@ TEST_CASE("A slow page misses old states, never the newest, and harms nobody") {
   };
   const int quick_states = read_on(quick);
   CHECK(Served::Soon([&] { return shown == kLast; }));
-  // All that the slow one has not read is what kernels keep, and the newest.
+  // The slow page gets only the kernel's buffered states, and the newest.
   CHECK(read_on(slow) < quick_states / 2);
 }
 
@@ -366,7 +366,7 @@ TEST_CASE("A page that comes late gets what was shown last") {
     CHECK(message->content != "first");
   }
   CHECK(second == 1);
-  // What is forgotten does not reach those who come later.
+  // A forgotten topic is not sent to pages that connect later.
   forget = true;
   REQUIRE(Served::Soon([&] { return !forget; }));
   RawClient later(served.port);
@@ -376,7 +376,7 @@ TEST_CASE("A page that comes late gets what was shown last") {
     REQUIRE(message);
     CHECK(message->content != "second");
   }
-  // No topic beyond the limit waits before it.
+  // No topic beyond the limit is queued before it.
   go_on = true;
   const auto next = client.Next();
   REQUIRE(next);

@@ -1,4 +1,4 @@
-// The viewer's page in headless Chromium, with the real simulator behind it.
+// Viewer page in headless Chromium, with the real simulator behind it.
 // usage: node tests/viewer/page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -15,7 +15,7 @@ const state = () => page.evaluate(() => {
   return now && { insertion: now.instruments[0].insertionMm, rotation: now.instruments[0].rotationRad, status: now.status };
 });
 const stateWord = (word, where = page) => until(`the page says ${word}`, async () => (await text("#state", where)).includes(word));
-// A hand that holds a key until something has happened.
+// Holds a key until a condition is true.
 async function hold(key, what, condition) {
   await page.keyboard.down(key);
   try {
@@ -31,7 +31,7 @@ async function open() {
   await opened.goto(session.url);
   return opened;
 }
-// Grays of the X-ray picture: how many differ, and their mean.
+// Gray values of the X-ray picture: number of distinct values, and their mean.
 const grays = () => page.evaluate(() => {
   const canvas = document.querySelector("#xray-picture");
   const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
@@ -71,7 +71,7 @@ test("window and level are set by the mouse", async () => {
   await page.mouse.down();
   await page.mouse.move(300, 340, { steps: 4 });
   await page.mouse.up();
-  // A higher level shows everything darker.
+  // A higher level makes the picture darker.
   await until("the picture is darker", async () => (await grays()).mean < before.mean - 20);
   await page.mouse.dblclick(300, 300);
   await until("the picture is as before", async () => Math.abs((await grays()).mean - before.mean) < 1);
@@ -241,7 +241,7 @@ test("centerlines and the target are drawn, and the way to it is said", async ()
 });
 
 test("from inside the lumen the wall is all around, and a section opens it", async () => {
-  // Shares of the 3D view that have the background's color.
+  // Shares of the 3D view with the background's color.
   const background = () => page.evaluate(() => {
     const view = document.querySelector("#space");
     const copy = new OffscreenCanvas(60, 40).getContext("2d");
@@ -300,7 +300,7 @@ test("nodes are drawn where an independent projection has them", async () => {
     const [x, y] = project(node);
     assert.ok(Math.hypot(x - seen.projected[i][0], y - seen.projected[i][1]) < 1, `node ${i}`);
   }
-  // The tip's yellow ball, by its pixels.
+  // The tip's yellow ball, found by its pixels.
   const [tipX, tipY] = project(seen.tip);
   const near = { left: Math.round(tipX) - 15, top: Math.round(tipY) - 15, side: 31 };
   const pixels = await page.evaluate(({ left, top, side }) => {
@@ -330,7 +330,7 @@ test("the pedal goes up with the page that held it", async () => {
   await until("it goes out", () => other.evaluate(() => !window.torquer.viewer().xray));
   page = other;
   await page.bringToFront();
-  // The other one steers from now on.
+  // From now on the other page steers.
   const start = await state();
   await hold("ArrowUp", "3 mm further in", async () => (await state()).insertion > start.insertion + 3);
 });

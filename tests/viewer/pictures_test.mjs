@@ -1,6 +1,7 @@
-// What the page shows, by its pixels: against pictures that were looked at and kept (golden/), and what last image
-// hold, subtraction and road map mean. usage: node tests/viewer/pictures_test.mjs ROOT PROGRAMS [--make]
-// --make writes the kept pictures again; look at each before it is committed.
+// Pixel test of the page: comparison with golden pictures that were looked at (golden/), and the
+// meaning of last image hold, subtraction and road map.
+// usage: node tests/viewer/pictures_test.mjs ROOT PROGRAMS [--make]
+// --make writes the golden pictures again; look at each before you commit it.
 import assert from "node:assert/strict";
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
@@ -10,7 +11,8 @@ import { BrowserSession, until } from "./browser_session.mjs";
 
 const [root, programs, option] = process.argv.slice(2);
 const make = option === "--make";
-// Of 255. By their noise and by JPEG pictures differ by up to 3.5; another window is 12, a wire elsewhere 33.
+// In gray levels of 255. Noise and JPEG cause up to 3.5; another window 12, another wire position
+// 33.
 const PICTURE_TOLERANCE = 6;
 const PAGE_TOLERANCE = 8;
 let session, page, eye; // the eye is an empty page, which may load pictures
@@ -20,7 +22,7 @@ const pictures = () => page.evaluate(() => window.torquer.pictures());
 const insertion = () => page.evaluate(() => window.torquer.state().instruments[0].insertionMm);
 const canvas = () => page.evaluate(() => document.querySelector("#xray-picture").toDataURL());
 const jpeg = (bytes) => `data:image/jpeg;base64,${bytes.toString("base64")}`;
-// Numbers and plots that no two runs share are covered.
+// Covers numbers and plots that differ between runs.
 const wholePage = async () => jpeg(await page.screenshot({
   type: "jpeg", quality: 85, mask: ["#figures", "#dose", "#loops", "#hint"].map((selector) => page.locator(selector)),
 }));
@@ -45,7 +47,7 @@ async function mode(wanted) {
   }
   assert.equal(await text("#system-M span"), wanted);
 }
-// Compares what is shown with what is kept; with --make keeps it.
+// Compares the display with the golden picture; --make stores it instead.
 async function compare(name, url, tolerance) {
   const path = join(root, "tests/viewer/golden", `${name}.jpg`);
   if (make) {
@@ -59,7 +61,7 @@ const same = async (name, url, tolerance) => {
   const { blocks, largest } = await compare(name, url, tolerance);
   assert.equal(blocks, 0, `${name}: ${blocks} blocks are not as kept, by up to ${largest.toFixed(1)} of 255`);
 };
-// A kept picture tells this from what it shows.
+// Checks that the golden picture differs from this display.
 const differs = async (name, url, tolerance) => {
   if (make) return;
   const { blocks } = await compare(name, url, tolerance);
@@ -148,7 +150,7 @@ test("a wire that is elsewhere is another picture", async () => {
   await differs("plain-page", await wholePage(), PAGE_TOLERANCE);
 });
 
-// Blocks that are darker or brighter than the middle of the picture's grays.
+// Blocks that are darker or brighter than the median gray of the picture.
 async function marked() {
   const { means } = await blockMeans(eye, await canvas());
   const grays = means.filter((_, k) => k % 3 === 0);
@@ -157,7 +159,7 @@ async function marked() {
   return { dark: those((gray) => gray < -12), touched: those((gray) => gray < -5), bright: those((gray) => gray > 12) };
 }
 const dye = () => page.evaluate(() => window.torquer.readings()?.values.contrast_injected_mL ?? 0);
-// The pedal is down; then contrast for 20 mL. What `seen` gives while it flows.
+// Presses the pedal, then injects 20 mL of contrast; returns the result of `seen` during the flow.
 async function inject(seen) {
   const [start, taken] = [await dye(), await pictures()];
   await page.keyboard.down("Space");
@@ -168,12 +170,12 @@ async function inject(seen) {
   return found;
 }
 
-// In which the dye reaches all that it reaches.
+// Time in which the dye reaches its farthest extent.
 const DYE_MS = 7000;
 
 test("subtracted, dye is dark and all else even; a road map keeps it bright when it is gone", async () => {
   await mode("subtraction");
-  // A busy page misses pulses, of which the map keeps the fullest: what it saw of these is less.
+  // A busy page misses pulses, so it sees fewer filled blocks than the map keeps.
   const [filled, touched] = [new Set(), new Set()];
   await inject(async () => {
     for (const end = Date.now() + DYE_MS; Date.now() < end;) {

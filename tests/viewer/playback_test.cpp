@@ -66,7 +66,7 @@ TEST_CASE("A replay goes to a place, and not beyond the end") {
   controls.at_s = 1e300;
   playback.Take(controls);
   CHECK(playback.at_us() == kLengthUs);
-  // The end was asked for: it stays there.
+  // The user moved to the end, so playing does not restart.
   controls.play = true;
   playback.Take(controls);
   CHECK(playback.at_us() == kLengthUs);
@@ -88,7 +88,7 @@ TEST_CASE("Steps go from state to state, and stop at the first and the last") {
   CHECK(playback.at_us() == 7000);
   playback.Take(Stepped(1000));
   CHECK(playback.at_us() == 7000);
-  // From between two states the one before what is shown.
+  // Between two states, a step back goes to the state before the displayed one.
   ReplayControls controls = Stepped(-1);
   controls.at_s = 0.005;
   playback.Take(controls);

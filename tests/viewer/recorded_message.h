@@ -1,4 +1,4 @@
-// Messages in the log of a made session.
+// Messages for the log of an artificial session.
 #pragma once
 
 #include <cstdint>
@@ -8,10 +8,10 @@
 
 namespace torquer::test {
 
-/// When the sessions of these tests begin.
+/// Start time of the sessions in these tests.
 inline constexpr std::int64_t kBeginUs = 1'700'000'000'000'000;
 
-/// Writes a message that came `at_us` after the begin.
+/// Writes a message that arrived `at_us` after the start.
 template <class Message>
 void Write(EventLogWriter& log, std::int64_t at_us, const char* channel, const Message& message) {
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));

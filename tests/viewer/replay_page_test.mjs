@@ -1,4 +1,4 @@
-// torquer-replay's page in headless Chromium, of a session that host/demo recorded.
+// Page of torquer-replay in headless Chromium, with a session that host/demo recorded.
 // usage: node tests/viewer/replay_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
@@ -15,7 +15,7 @@ let replay, printed = "", browser, page;
 
 const text = (selector) => page.locator(selector).textContent();
 const tick = () => page.evaluate(() => window.torquer.state()?.tick ?? -1);
-// The tick that is shown, once it has stayed the same for a while.
+// Displayed tick, once it has been constant for a while.
 const restingTick = () => until("a state that rests", async () => {
   const shown = await tick();
   await page.waitForTimeout(300);
@@ -68,7 +68,7 @@ test("it pauses, steps by single shapes, and goes to a place", async () => {
   await until("2 s", async () => (await at()) === 2);
   const start = await restingTick();
   assert.ok(start > 1000 && start < 2100, `tick ${start} at 2 s`);
-  // The log has 60 shapes a second of 1000 ticks, or fewer where the machine is busy.
+  // The log has 60 shapes per second of 1000 ticks, or fewer on a busy machine.
   await page.keyboard.press("ArrowRight");
   await until("the next shape", async () => (await tick()) > start);
   const next = await restingTick();
@@ -85,7 +85,7 @@ test("it pauses, steps by single shapes, and goes to a place", async () => {
 });
 
 test("it plays at other speeds, and again from the end", async () => {
-  // The place in the recording after a second, from 1 s on.
+  // Progress in the recording during one second of real time, from 1 s on.
   const second = async (speed) => {
     await page.locator("#replay-speed").selectOption(speed);
     await place(1);

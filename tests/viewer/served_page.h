@@ -1,4 +1,4 @@
-// A page server in its own thread, for tests that are its clients.
+// Page server in its own thread, for tests that act as its clients.
 #pragma once
 
 #include <atomic>
@@ -17,7 +17,7 @@ namespace torquer::test {
 
 inline const std::string kToken = "0123456789abcdef0123456789abcdef";
 
-/// It takes messages of four bytes. `beat` is called by its thread every millisecond.
+/// Accepts messages of four bytes. Its thread calls `beat` every millisecond.
 class Served {
  public:
   explicit Served(const std::function<void(viewer::PageServer&)>& beat = {})

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::int64_t kStart = 1'000'000;
 
-// A wire of 300 mm of which 100 lay inside at the start, and which has been moved since.
+// Wire of 300 mm, inserted by 100 mm at the start and moved since.
 Steering Placed() {
   Steering steering(77);
   torquer_lcm::scene_description_t scene{};
@@ -86,7 +86,7 @@ TEST_CASE("A page that falls silent moves nothing more, and its pedals go up") {
   controls.xray = controls.contrast = true;
   steering.Take(1, controls, kStart);
   CHECK(steering.Commands(kStart)[0].xray);
-  // The loop may itself come late: what was asked for lasts no longer for that.
+  // A late loop does not extend the effect of the last message.
   steering.Advance(kStart + 5'000'000);
   const auto commands = steering.Commands(kStart + 5'000'000);
   CHECK(commands[0].insertion_mm == Approx(30 + 100 * 0.3));
@@ -158,7 +158,7 @@ TEST_CASE("What is chosen on the X-ray system goes out in any case, once it is c
   const std::int64_t first = command->sequence;
   CHECK(steering.ImagingCommand(kStart + 20)->sequence == first + 1);
 
-  // While a page steers, another chooses nothing; silence changes nothing.
+  // While one page steers, another cannot choose; silence changes nothing.
   steering.Take(3, Push(1), kStart);
   imaging.magnification = 3;
   CHECK_FALSE(steering.Take(4, imaging));

@@ -21,10 +21,10 @@ double PulseOf(const effects::PeriodicMotion& motion, double time_s) {
 
 struct Deviation {
   double largest_mm = 0;
-  double way_mm = 0;  // that the farthest point went
+  double way_mm = 0;  // path of the farthest point
 };
 
-// Of the vessel's surface as the page moves it, against the field that the wire feels.
+// Deviation of the vessel's surface, as the page moves it, from the field that the wire feels.
 Deviation DeviationOf(scene::Scene& scene) {
   const Motions motions = MotionsOf(scene);
   const vessel::Vessel& vessel = scene.vessel();
@@ -73,7 +73,7 @@ TEST_CASE("A page gets the motions of a vessel, and shares for all that goes wit
     CHECK(motion["way_mm"][1] == motions[k]->settings().way_mm.y());
     const auto pulse = motion["pulse"].get<std::vector<double>>();
     CHECK(pulse[pulse.size() / 4] == motions[k]->PulseAt(0.25));
-    // Between two of them a page draws a straight line.
+    // A page interpolates linearly between two samples.
     for (std::size_t i = 0; i + 1 < pulse.size(); ++i) {
       const double between = (static_cast<double>(i) + 0.5) / static_cast<double>(pulse.size());
       CHECK(std::abs(motions[k]->PulseAt(between) - 0.5 * (pulse[i] + pulse[i + 1])) < 1e-3);
