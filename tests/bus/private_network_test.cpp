@@ -50,7 +50,7 @@ TEST_CASE("private_network says what is missing") {
   CHECK(nothing.status == 2);
   CHECK(nothing.output.find("usage: private_network COMMAND") != std::string::npos);
 
-  // A PATH that holds a failing unshare stands in for a kernel that forbids namespaces.
+  // A PATH with a failing unshare simulates a kernel that forbids namespaces.
   const ShellOutcome forbidden = RunShell(
       "d=$(mktemp -d); printf '#!/bin/sh\\nexit 1\\n' >$d/unshare; chmod +x $d/unshare; "
       "PATH=$d:$PATH " +
