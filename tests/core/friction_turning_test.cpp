@@ -159,9 +159,9 @@ TEST_CASE("A loss that does not act on the surface is no force of contact and no
 }
 
 TEST_CASE("Turning a wire that is drawn takes from its axial friction, by the way it slides") {
-  // The wire lies in a bore, is withdrawn at v and turned at w. Its surface slides at the angle b
-  // to its axis, with tan b = w r / v. The circumferential friction mu N sin b carries the wire up
-  // the wall to the slope f. There it balances the load: tan f = mu sin b, N = load cos f. The
+  // The wire lies in a bore, and is withdrawn at v and turned at w. Its surface slides at the angle
+  // b to its axis, with tan b = w r / v. The circumferential friction mu N sin b carries the wire
+  // up the wall to the slope f. There it balances the load: tan f = mu sin b, N = load cos f. The
   // axial friction is mu N cos b.
   constexpr double kRadius = 0.2;
   constexpr double kBore = 10;
