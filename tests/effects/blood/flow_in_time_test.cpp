@@ -59,7 +59,7 @@ TEST_CASE("Outlets at different pressures exchange blood in diastole", "[effects
   flow.EdgesAt(0.175, systole);
   const double branch = flow.solution().resistance_mmHg_s_mL()[1];
   const double exchanged_mL_s = 20 / (2 * branch);
-  // Mean inflow during ejection: 5 mL/s times 2/0.35 at its peak.
+  // Peak inflow during ejection: 5 mL/s times 2/0.35, which keeps the mean at 5 mL/s.
   const double ejected_mL_s = 5 * 2 / 0.35;
   for (std::size_t e = 0; e < 3; ++e) {
     const std::string& name = flow.graph().network().curves()[flow.graph().edges()[e].curve].name();
