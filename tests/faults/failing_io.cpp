@@ -1,13 +1,14 @@
 // Preloaded library (LD_PRELOAD) that replaces the C library's file and clock functions. A program
 // then meets a disk or a clock that fails at one chosen step. Environment variables:
 //
-//   TORQUER_FAULT_UNDER   folder: steps on files below it count, all others are left alone
-//   TORQUER_FAULT_LOG     file that gets a line for each step that counts: what, and on which file
-//   TORQUER_FAULT_KIND    ENOSPC, EIO, EACCES or EROFS: how a step fails; KILL: the process ends
-//                         at that step
-//   TORQUER_FAULT_AT      which step, from 1 on; 0: none
-//   TORQUER_FREE_BYTES    file that says how many bytes a disk has free
-//   TORQUER_CLOCK_JUMP_S  the wall clock jumps ahead by so much and back, 10 times a second
+//   TORQUER_FAULT_UNDER   folder: only steps on files below it count
+//   TORQUER_FAULT_LOG     file that gets a line for each counted step: function and file
+//   TORQUER_FAULT_KIND    ENOSPC, EIO, EACCES or EROFS: error of the failing step; KILL: the
+//   process
+//                         is killed at that step
+//   TORQUER_FAULT_AT      number of the failing step, from 1 on; 0: none
+//   TORQUER_FREE_BYTES    file that contains the number of free bytes on the disk
+//   TORQUER_CLOCK_JUMP_S  the wall clock jumps ahead by this time and back, 10 times a second
 //
 // A full disk stays full, and read-only mounts and permissions persist; a device error occurs once.
 // Only steps that can fail in the selected way are counted.
