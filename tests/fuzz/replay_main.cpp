@@ -1,8 +1,9 @@
-// fuzz-replay TARGET [INPUT]: the target's seeds and committed corpus, and a fixed number of
-// mutations of both; or one input, such as one that made it fail.
+// fuzz-replay TARGET [INPUT] runs the target's seeds and committed corpus, and a fixed number of
+// mutations of both. With INPUT it runs only that input, such as one that failed before.
 //
-// What ran into a defect is in fuzz-TARGET.input, in the current folder. Exit status: 0; 1 where a
-// seed is refused, or all mutations are refused or none; the sanitizer's, or SIGABRT, at a defect.
+// An input that reveals a defect is stored in fuzz-TARGET.input in the current folder. Exit status:
+// 0 on success. 1 if a seed is refused, or if all mutations are refused or none. For a defect, the
+// sanitizer's status or SIGABRT.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

@@ -1,5 +1,5 @@
-// Fuzz target for the device's end of the daemon's socket. The first byte selects the daemon's
-// request; received packets follow (target.h).
+// Fuzz target for the daemon's socket: packets from the device's end. The first byte selects the
+// daemon's request; the packets follow (target.h).
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
