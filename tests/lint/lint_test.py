@@ -190,7 +190,7 @@ class BugKeys(Tree):
         self.write("b.h", "#pragma once\n")
         self.write("other.h", "int other;\n")
         self.write("tests/.clang-tidy", "Checks: -*")
-        # Found first beside its includer.
+        # This header is found first, beside its includer.
         self.write("build/release/made/b.h", "int made;\n")
         self.assertEqual(self.line(), key)
         self.assertEqual(self.line(build="build/ci"), key)
