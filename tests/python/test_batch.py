@@ -305,7 +305,7 @@ def test_a_study_of_very_many_scenes_is_read_at_once(study, monkeypatch):
         monkeypatch.setattr(module, "scene_names", lambda: listed.append(1) or names)
     read = torquer._batch_study.read_study(str(study(f'scenes = {["ty_phantom"] * 1000}\n{MOTION}')))
     assert read.scenes == [torquer.scene_path("ty_phantom")] * 1000
-    # As often as Torquer has scenes, not as the study names some.
+    # Names are listed as often as Torquer has scenes, not as often as the study names one.
     assert len(listed) < 100
 
 
