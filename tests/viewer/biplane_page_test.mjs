@@ -1,4 +1,4 @@
-// Biplane page: two planes side by side, and the cost of each effect, in the scene with all effects.
+// Biplane page: two planes side by side, and the cost of each effect, in a scene with all effects.
 // usage: node tests/viewer/biplane_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";

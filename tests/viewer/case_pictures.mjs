@@ -1,5 +1,5 @@
-// Generator of the pictures in the list of cases, host/scenes/pictures/NAME.jpg. Each shows the 3D view
-// of a case after its first instrument was pushed for a while.
+// Generator of the pictures in the list of cases, host/scenes/pictures/NAME.jpg. Each shows the 3D
+// view of a case after its first instrument was pushed for a while.
 // usage: node tests/viewer/case_pictures.mjs ROOT PROGRAMS FOLDER [NAME...]
 import { join } from "node:path";
 

@@ -1,4 +1,4 @@
-// Device page: a page that only watches while a device steers, its device status, and the X-ray system.
+// Device page: a page that only watches while a device steers, its device status, and X-ray system.
 // usage: node tests/viewer/device_page_test.mjs ROOT PROGRAMS
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
