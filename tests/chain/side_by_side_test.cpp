@@ -14,8 +14,8 @@ using Words = std::vector<std::string>;
 
 struct Second {
   const char* name;
-  Words first;             // a program that runs, if any
-  const char* first_says;  // when it does
+  Words first;             // first program, if any
+  const char* first_says;  // its output once it runs
   Words second;
   bool other_folder;  // of claims: another user's
   std::vector<std::string> refusal;
