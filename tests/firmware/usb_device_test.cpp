@@ -197,7 +197,7 @@ TEST_CASE("requests without sense are stalled") {
       {0x80, 6, 0x0600, 0, 10},                         // device qualifier of a full-speed device
       {0x80, 6, 0x0201, 0, 9},                          // second configuration
       {0x80, 6, 0x0304, 0x409, 9},                      // string without a text
-      {0x00, 9, 2, 0, 0},                               // configuration that there is not
+      {0x00, 9, 2, 0, 0},                               // unknown configuration
       {0x00, 5, 128, 0, 0},                             // address out of range
       {0x00, 3, 2, 0, 0},                               // test mode of a full-speed device
       {0x00, 3, 1, 1, 0},                               // remote wake-up of another device
@@ -206,14 +206,14 @@ TEST_CASE("requests without sense are stalled") {
       {0x00, 5, 9, 0, 1},                               // address with data
       {0x02, 3, 0, 0x81, 1},                            // halt with data
       {0x21, 10, 0x0700, 0, 1},                         // idle rate with data
-      {0x02, 3, 0, 0x82, 0},                            // endpoint that there is not
-      {0x02, 3, 1, 0x81, 0},                            // feature that there is not
+      {0x02, 3, 0, 0x82, 0},                            // unknown endpoint
+      {0x02, 3, 1, 0x81, 0},                            // unknown feature
       {0x01, 11, 1, 0, 0},                              // alternate interface
       {0xa1, 1, 0x0304, 0, 64},                         // feature report that cannot be read
       {0xa1, 1, 0x0203, 0, 64},                         // output report
       {0xa1, 1, 0x0303, 1, 64},                         // other interface
       {0x21, 9, 0x0303, 0, 0},                          // report without bytes
-      {0x21, 9, 0x0303, 0, 4096},                       // report longer than any
+      {0x21, 9, 0x0303, 0, 4096},                       // report longer than any valid one
       {0x21, 9, 0x0203, 0, 16},                         // output report
       {0x21, 11, 0, 0, 0},                              // boot protocol
       {0xc0, 1, 0, 0, 1},                               // vendor request
