@@ -57,7 +57,8 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
     CHECK(metrics.at("residual") <= 1e-6);
     CHECK(metrics.at("tick_ms_p50") > 0);
     CHECK(metrics.count("heap_bytes") == 1);
-    // Instruction counts need Valgrind, a package of the tests. An effect without extra cost is not
+    // Instruction counts need Valgrind, a package of the tests. An effect at no extra cost is not
+    // active.
     // active.
     const double more = metrics.at("instructions") / prices.at("none").at("instructions");
     CHECK(metrics.at("instructions") > 1e5);
