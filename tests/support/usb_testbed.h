@@ -40,7 +40,7 @@ struct UsbDeviceScript {
   std::string manufacturer, product, serial;  ///< strings 1, 2, 3
   std::uint16_t input_packet_bytes = 32;      ///< of endpoint 1 IN
   int stalled_strings = 0;  ///< number of stalled string requests before the first answer
-  int lost_claims = 0;      ///< number of claims that fail because the device is gone
+  int lost_claims = 0;      ///< number of claims that fail before one succeeds
   bool busy = false;        ///< another program has claimed the interface
   /// Answers all requests except string descriptors; called from another thread.
   std::function<ControlAnswer(const ControlRequest&)> control;
