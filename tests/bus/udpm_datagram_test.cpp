@@ -77,14 +77,13 @@ TEST_CASE("Fragments of several senders are put together, each sender's apart") 
 }
 
 TEST_CASE("A fragment that does not follow gives its message up, not the next") {
-  const FragmentHeader wrong =
-      GENERATE(FragmentHeader{6, 6, 2, 1, 3},   // another message
-               FragmentHeader{5, 7, 2, 1, 3},   // another size
-               FragmentHeader{5, 6, 3, 1, 3},   // a gap
-               FragmentHeader{5, 6, 0, 1, 3},   // overlaps the previous one
-               FragmentHeader{5, 6, 2, 2, 3},   // one left out
-               FragmentHeader{5, 6, 2, 1, 4},   // another fragment count
-               FragmentHeader{5, 6, 2, 1, 1});  // fewer than already received
+  const FragmentHeader wrong = GENERATE(FragmentHeader{6, 6, 2, 1, 3},   // another message
+                                        FragmentHeader{5, 7, 2, 1, 3},   // another size
+                                        FragmentHeader{5, 6, 3, 1, 3},   // a gap
+                                        FragmentHeader{5, 6, 0, 1, 3},   // an overlap
+                                        FragmentHeader{5, 6, 2, 2, 3},   // one left out
+                                        FragmentHeader{5, 6, 2, 1, 4},   // another fragment count
+                                        FragmentHeader{5, 6, 2, 1, 1});  // fewer than before
   UdpmAssembly assembly;
   UdpmAssembly::Message message;
   REQUIRE(assembly.Take(FragmentDatagram({5, 6, 0, 0, 3}, kChannel + "ab"), kOne, message) ==
