@@ -59,7 +59,6 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
     CHECK(metrics.count("heap_bytes") == 1);
     // Instruction counts need Valgrind, a package of the tests. An effect at no extra cost is not
     // active.
-    // active.
     const double more = metrics.at("instructions") / prices.at("none").at("instructions");
     CHECK(metrics.at("instructions") > 1e5);
     CHECK((name == "none" || more != 1));
