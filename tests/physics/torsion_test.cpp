@@ -129,7 +129,8 @@ TEST_CASE("A rod clamped at both ends buckles at the torque 8.987 EI/L (Greenhil
   };
   rod.TurnTo(0.99 * critical);
   CHECK(bulge() < 1e-3);
-  for (const double twist : rod.state.twist_rad()) CHECK(twist < -0.1);  // the distal end lags
+  for (const double twist : rod.state.twist_rad())
+    CHECK(twist < -0.1);  // the distal end stays behind
   rod.TurnTo(1.02 * critical);
   CHECK(bulge() > 1);
   rod.TurnTo(0.95 * critical);
