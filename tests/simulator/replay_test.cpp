@@ -221,8 +221,7 @@ TEST_CASE("A replay of a damaged log goes on after the damage, and is not clean"
   CHECK(cut.states == 40);
   CHECK_FALSE(cut.Good());
   std::string undecodable = log;
-  undecodable[undecodable.find("TORQUER_WIRE_STATE", log.size() / 2) + 18] ^=
-      1;  // changes the fingerprint
+  undecodable[undecodable.find("TORQUER_WIRE_STATE", log.size() / 2) + 18] ^= 1;  // fingerprint
   CHECK(replay(undecodable).undecodable == 1);
   CHECK_FALSE(replay(undecodable).Good());
 }
