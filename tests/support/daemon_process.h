@@ -84,9 +84,8 @@ struct Listener {
 
   TemporaryFolder folder;
   std::optional<torquer::bus::Bus> bus;
-  std::vector<torquer_lcm::instrument_command_t> commands;  ///< commands made from reports
-  std::vector<torquer_lcm::instrument_command_t>
-      holds;  ///< sent if there is no device, or a silent one
+  std::vector<torquer_lcm::instrument_command_t> commands;  ///< made from reports
+  std::vector<torquer_lcm::instrument_command_t> holds;     ///< device missing or silent
   std::vector<torquer_lcm::device_sample_t> samples;
   std::vector<torquer_lcm::health_t> health;
   std::map<std::string, std::int64_t> counters;  ///< newest value by name
