@@ -46,7 +46,7 @@ TEST_CASE("the sensor wakes with the reset values of its data sheet, by power an
   SensorSpeaker speaker;
   for (int round = 0; round < 2; ++round) {
     for (const auto& [address, value] : values) {
-      // Reading motion is asking for it: it shows run mode and no motion.
+      // A read of the Motion register latches it: it shows run mode and no motion.
       const int wanted = address == kMotion ? 0x00 : value;
       CAPTURE(address);
       CHECK(speaker.Read(address) == wanted);
