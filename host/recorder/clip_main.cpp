@@ -42,7 +42,7 @@ torquer::ClipSpan SpanOf(const Arguments& arguments, const torquer::ScreenCourse
   span.from_us = arguments.from_s ? us(*arguments.from_s) : course.first_picture_us();
   const std::int64_t to_us =
       std::min(arguments.to_s ? us(*arguments.to_s) : course.length_us(), course.length_us());
-  // A frame shows what stood at its time; so the last is before the end.
+  // A frame shows the screen at its start time, so the last frame starts before the end.
   const std::int64_t length_us = to_us - span.from_us;
   span.frames = (length_us * torquer::ClipSpan::kFramesPerS + 999'999) / 1'000'000;
   if (length_us <= 0 || course.At(span.TimeUs(span.frames - 1)).planes[0].picture < 0) {
@@ -54,9 +54,8 @@ torquer::ClipSpan SpanOf(const Arguments& arguments, const torquer::ScreenCourse
   return span;
 }
 
-// Hands on every frame, the same pictures as long as they stood, those of a second plane to the
-// right of the first's. The number of pictures that were shown, and of those that cannot be, in
-// whose place the one before stays.
+// Result of AddFrames: numbers of shown and of damaged pictures. The previous picture stays in
+// place of a damaged one. Pictures of a second plane are to the right of the first plane.
 struct Shown {
   std::int64_t pictures = 0;
   std::int64_t damaged = 0;
@@ -99,11 +98,11 @@ int Run(const Arguments& arguments) {
   }
   torquer::VideoFormat format{.kind = KindOf(arguments.out),
                               .frames_per_s = torquer::ClipSpan::kFramesPerS};
-  // What cannot be written is refused before a long log is read.
+  // Open the output first: an unwritable path fails before a long log is read.
   torquer::AtomicFile out(arguments.out);
   const torquer::ScreenCourse course(arguments.log);
   const torquer::ClipSpan span = SpanOf(arguments, course);
-  // Colors are of two by two pixels.
+  // Width and height must be even: yuv420p has one color sample for two by two pixels.
   format.width = (course.width() + 1) / 2 * 2 * course.planes();
   format.height = (course.height() + 1) / 2 * 2;
   torquer::VideoEncoder encoder(format,

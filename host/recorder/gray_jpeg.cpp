@@ -3,7 +3,7 @@
 #include <csetjmp>
 #include <cstddef>
 #include <cstdio>
-// After cstdio, whose FILE it uses.
+// Must follow cstdio, because it uses FILE.
 #include <jpeglib.h>
 
 #include <algorithm>
@@ -23,7 +23,7 @@ void Leave(j_common_ptr jpeg) { std::longjmp(reinterpret_cast<Errors*>(jpeg->err
 
 void SayNothing(j_common_ptr) {}
 
-// longjmp leaves this without destructors, so it has no object that needs one.
+// longjmp skips destructors, so this function has no object that needs one.
 bool Read(std::span<const std::uint8_t> bytes, bool size_only, GrayPicture& picture) {
   Errors errors;
   jpeg_decompress_struct jpeg;
@@ -55,7 +55,7 @@ bool Read(std::span<const std::uint8_t> bytes, bool size_only, GrayPicture& pict
     }
     jpeg_finish_decompress(&jpeg);
   }
-  // What the library makes up for missing bytes comes with a warning.
+  // The library fills in missing bytes with a warning.
   const bool whole = errors.manager.num_warnings == 0;
   jpeg_destroy_decompress(&jpeg);
   return usable && whole;
@@ -63,7 +63,7 @@ bool Read(std::span<const std::uint8_t> bytes, bool size_only, GrayPicture& pict
 
 std::optional<GrayPicture> ReadPicture(std::span<const std::uint8_t> bytes, bool size_only) {
   GrayPicture picture;
-  // The library ends a program that gives it nothing.
+  // The library terminates the program if the input is empty.
   if (bytes.empty() || !Read(bytes, size_only, picture)) return {};
   return picture;
 }

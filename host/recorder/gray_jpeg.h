@@ -1,4 +1,4 @@
-// Gray pictures from JPEG bytes of any origin.
+// JPEG decoder: gray pictures from untrusted JPEG bytes.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,13 @@ struct GrayPicture {
   std::vector<std::uint8_t> pixels;  ///< row by row from the top; 0 is black
 };
 
-/// The picture, or only its size; nothing where the bytes are no whole JPEG, or one with a side of
-/// less than 16 or more than 4096 pixels. Colors become gray.
+/// Decodes the picture, or only its size. Returns nothing if the JPEG is damaged or incomplete.
+/// Each side must have 16 to 4096 pixels, otherwise nothing is returned. Colors become gray.
 std::optional<GrayPicture> ReadGrayJpeg(std::span<const std::uint8_t> bytes);
 std::optional<GrayPicture> ReadGrayJpegSize(std::span<const std::uint8_t> bytes);
 
-/// `picture` as large as fits into the middle of `width` x `height` pixels, black around it.
+/// Scales `picture` to the largest size that fits into `width` x `height` pixels. It is centered on
+/// black.
 GrayPicture FitInto(const GrayPicture& picture, int width, int height);
 
 }  // namespace torquer

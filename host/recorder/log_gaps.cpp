@@ -11,17 +11,17 @@
 namespace torquer {
 namespace {
 
-// Half more than the period of each.
+// Timeouts: 1.5 times the period of each message.
 constexpr double kLatestStatusUs = 1'500'000;
 constexpr double kLatestReadingsUs = 150'000;
 constexpr double kLatestTruthUs = 15'000;
 
-// Adds up to the largest number at most: a log may hold any.
+// Saturating addition: a log may hold any number.
 void Count(std::int64_t more, std::int64_t& sum) {
   if (__builtin_add_overflow(sum, more, &sum)) sum = INT64_MAX;
 }
 
-// The count of numbers between two, the later given last; 0 where they do not rise.
+// Count of numbers strictly between `first` and `last`; 0 if `last` is not above `first`.
 std::int64_t Between(std::int64_t first, std::int64_t last) {
   std::int64_t steps = 0;
   if (last <= first) return 0;
@@ -42,14 +42,14 @@ void LogGaps::Add(const torquer_lcm::instrument_command_t& command) {
   }
   ++of.commands;
   of.command = command;
-  // A held position, or one that a page gave, is of no sample.
+  // A held position, or one from a page, belongs to no sample.
   of.awaits_sample = (command.flags & protocol::kCommandNoDevice) == 0;
 }
 
 void LogGaps::Add(const torquer_lcm::device_sample_t& sample) {
   Instrument& of = instruments_[sample.instrument];
   const bool of_command = of.awaits_sample && of.command.origin_us == sample.origin_us;
-  // The first may be that of a command from before the log.
+  // The first sample may belong to a command sent before the log began.
   if (of.samples > 0) {
     const bool same_run = sample.boot_id == of.sample.boot_id && sample.device == of.sample.device;
     if (same_run && sample.report_number <= of.sample.report_number) {
@@ -67,9 +67,9 @@ void LogGaps::Add(const torquer_lcm::device_sample_t& sample) {
 void LogGaps::Add(const torquer_lcm::wire_state_t& state) {
   if (states_ > 0 && state.clock_id == state_.clock_id) {
     const bool again = state.tick == state_.tick && state.publish_us == state_.publish_us;
-    // A simulator that starts again counts from zero, but later.
+    // A restarted simulator counts from zero again, but with a later publish time.
     const bool before = state.tick < state_.tick && state.publish_us <= state_.publish_us;
-    // A thinned log ends with the shape of its last state.
+    // A thinned log repeats its last state at the end, with its shape.
     const bool owed = outline_ && !bus::IsOutline(state);
     disordered_states_ += (again && !owed) || before ? 1 : 0;
   }
@@ -92,7 +92,7 @@ void LogGaps::Add(const torquer_lcm::hand_motion_t& truth) {
              kLatestTruthUs);
 }
 
-// The simulator sends its scene after each status without news, but not after its last.
+// The simulator sends its scene after each status without a message, except after the last status.
 void LogGaps::AddScene() {
   repeated_scenes_ += simulator_spoke_ && !awaits_scene_ ? 1 : 0;
   awaits_scene_ = false;
@@ -143,7 +143,7 @@ std::vector<std::string> LogGaps::Describe() const {
     if (count > 0) lines.push_back(fmt::format("{} {}{}", count, what, Printable(of)));
   };
   for (const auto& [name, of] : instruments_) {
-    // The end of a log may part the last command and its sample; the end of a daemon does not.
+    // A log may end between the last command and its sample. A daemon that stops has sent both.
     const bool last = of.ended && of.awaits_sample && of.samples > 0;
     const bool none = of.samples == 0 && of.received > 0 && of.commands > 0;
     say(of.missing_samples + (last ? 1 : 0), "device samples missing of ", name);

@@ -1,4 +1,4 @@
-// Finds messages that a log lacks, by numbers and order of those that it has.
+// Gap detection in a log: missing messages are found by the numbers and order of the others.
 #pragma once
 
 #include <cstdint>
@@ -16,9 +16,9 @@
 
 namespace torquer {
 
-/// Messages that a log should hold and does not. Commands are numbered; the daemon sends each
-/// sample just after the command that it made of it; states are numbered by tick; the simulator
-/// sends its scene after its status; status, readings and the emulator's truth come regularly.
+/// Messages that a log should contain but lacks. Commands are numbered. The daemon sends each
+/// sample just after the command computed from it. States are numbered by tick. The simulator sends
+/// its scene after its status. Status, readings and the emulator's truth are periodic.
 class LogGaps {
  public:
   void Add(const torquer_lcm::device_sample_t& sample);
@@ -29,9 +29,10 @@ class LogGaps {
   void Add(const torquer_lcm::hand_motion_t& truth);
   void AddScene();
 
-  /// A phrase for each instrument or channel; empty where the log holds all by its numbers.
+  /// One phrase for each gap of an instrument or channel; empty if no number is missing.
   std::vector<std::string> Describe() const;
-  /// The same of what came later than it should: it is missing, or its sender was held up.
+  /// One phrase for each sender with late periodic messages: they are missing or the sender was
+  /// delayed.
   std::vector<std::string> DescribeSilences() const;
 
  private:
@@ -40,15 +41,15 @@ class LogGaps {
     std::int64_t samples = 0;
     std::int64_t missing_commands = 0;
     std::int64_t missing_samples = 0;
-    std::int64_t disordered_commands = 0;  // twice, or before an earlier one
+    std::int64_t disordered_commands = 0;  // repeated, or out of order
     std::int64_t disordered_samples = 0;
-    std::int64_t received = -1;  // by the daemon, of reports
-    bool ended = false;          // so the daemon said
-    bool awaits_sample = false;  // of the last command
+    std::int64_t received = -1;  // reports that the daemon received; -1: unknown
+    bool ended = false;          // the daemon has reported its end
+    bool awaits_sample = false;  // the sample of the last command has not come yet
     torquer_lcm::instrument_command_t command;
     torquer_lcm::device_sample_t sample;
   };
-  // `time_us`: of what the message says, by the sender's own clock.
+  // `time_us`: time that the message states, by the sender's own clock.
   void AddRegular(const std::string& channel, const std::string& sender, std::int64_t publish_us,
                   double time_us, double latest_us);
 
@@ -63,8 +64,8 @@ class LogGaps {
   std::map<std::pair<std::string, std::string>, Sender> senders_;  // by channel and name
   std::int64_t states_ = 0;
   std::int64_t disordered_states_ = 0;
-  torquer_lcm::wire_state_t state_;  // its numbers alone
-  bool outline_ = false;             // so was that state
+  torquer_lcm::wire_state_t state_;  // last state; only its numbers are set
+  bool outline_ = false;             // the last state was an outline
   double longest_solve_us_ = 0;      // since the last readings
   std::int64_t missing_scenes_ = 0;
   std::int64_t repeated_scenes_ = 0;

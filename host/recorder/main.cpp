@@ -44,8 +44,8 @@ torquer::PictureVessel Surface(const torquer::vessel::Vessel& vessel) {
   return surface;
 }
 
-// The calibration of a device: of the given files the one that names it, otherwise the only one,
-// otherwise nominal gains.
+// Calibration of a device: from the given file that names it. Otherwise from the only file, if one
+// file is given, else nominal gains.
 Eigen::Matrix2d MotionPerCount(const std::vector<std::string>& files, const std::string& device,
                                int cpi) {
   torquer::calibration::MotionModel motion =
@@ -86,7 +86,7 @@ int Run(const Arguments& arguments) {
   if (!arguments.page.empty() && !arguments.page.ends_with(".html")) {
     throw torquer::UsageError("--page " + arguments.page + ": name a file that ends in .html");
   }
-  // What cannot be written is refused before a long log is read.
+  // Open the outputs first: an unwritable path fails before a long log is read.
   std::optional<torquer::AtomicFile> picture;
   if (!arguments.picture.empty()) picture.emplace(arguments.picture);
   std::optional<PageFiles> page;

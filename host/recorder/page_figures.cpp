@@ -21,7 +21,7 @@ std::string TimeOfPeak(const Series& series) {
   return ", at " + SecondsText(std::max_element(points.begin(), points.end(), lower)->time_s);
 }
 
-// Of an instrument that is not good.
+// Doubt about an instrument that is not good.
 std::string DoubtOf(const InstrumentReport& instrument) {
   if (instrument.reports_lost < 0) return " may have lost reports of its device: none was counted.";
   if (instrument.reports_lost > 0) {
@@ -132,7 +132,7 @@ void PageFigures::AddTarget(std::vector<PageFinding>& findings) const {
        reached ? "&#x2713; reached" : "&#x2717; not reached"});
 }
 
-// What the scene measures of the wall, with an assessment or without.
+// Wall measurements of the scene, with or without an assessment.
 void PageFigures::AddWall(std::vector<PageFinding>& findings) const {
   if (now_.wall_force_mN) {
     const bool limited = limits_.force_limit_mN.has_value();

@@ -1,5 +1,5 @@
-// What the page of a session says in words and numbers, before it is laid out. All texts are
-// escaped and carry their units.
+// Texts and figures of a session's page, before layout. All texts are escaped and carry their
+// units.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace torquer {
 
-/// The outcome in a headline and some sentences.
+/// Outcome as a headline and some sentences.
 struct PageVerdict {
   enum class Kind { kGood, kPoor, kOpen };  ///< open: the scene sets no task
   Kind kind = Kind::kOpen;
@@ -21,7 +21,7 @@ struct PageVerdict {
   std::string text;
 };
 
-/// A measure: what was found, what it is held to, and what that means ("" for nothing).
+/// One measure: its value, its limit, and the meaning of the result ("" for none).
 struct PageFinding {
   std::string name;
   std::string found;
@@ -29,32 +29,32 @@ struct PageFinding {
   std::string meaning;
 };
 
-/// A figure: its name, and its value with the unit.
+/// Figure: its name, and its value with the unit.
 struct PageRow {
   std::string name;
   std::string value;
 };
 
-/// All of it of one session. What it is given must outlive it.
+/// Texts and figures of one session. The constructor's arguments must outlive this object.
 class PageFigures {
  public:
-  /// `scene_changed`: the limits are no longer those that the session had.
+  /// `scene_changed`: the limits may differ from those of the session.
   PageFigures(const SessionReport& report, const SessionLimits& limits, bool scene_changed)
       : report_(report), limits_(limits), scene_changed_(scene_changed), now_(Summarize(report)) {}
 
   const SessionSummary& summary() const { return now_; }
   PageVerdict Verdict() const;
-  /// Why the figures may not be what the trainee did; a sentence each.
+  /// Reasons why the figures may not show the trainee's actions; one sentence each.
   std::vector<std::string> Doubts() const;
-  /// Of the assessment and of the force on the wall; empty where the scene has neither.
+  /// Findings of the assessment and of the wall force; empty if the scene has neither.
   std::vector<PageFinding> Findings() const;
   std::vector<PageRow> Radiation() const;
   std::vector<PageRow> Motion() const;
   std::vector<PageRow> Solver() const;
   std::vector<PageRow> Device() const;
-  /// Where the force on the wall was taken, in words.
+  /// Length of wire over which the wall force is measured, in words.
   std::string Patch() const;
-  /// A reading of the last message.
+  /// Value of a reading in the last message; nothing if absent.
   std::optional<double> Reading(const char* name) const;
 
  private:

@@ -1,4 +1,4 @@
-// How the page of a session looks, on a screen and on A4.
+// Style sheet of a session's page, for the screen and for A4.
 #pragma once
 
 namespace torquer {

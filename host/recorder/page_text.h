@@ -1,4 +1,4 @@
-// How the page of a session writes its figures: each with its unit, and escaped.
+// Text formatting for a session's page: figures with their units, escaped.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace torquer {
 
-/// Text of any origin, such as a log: what cannot be seen made visible, markup escaped.
+/// Untrusted text, such as from a log: invisible characters are made visible, markup is escaped.
 std::string SafeText(std::string_view text);
 /// "41.2 s"; from 100 s on "3 min 05 s".
 std::string SecondsText(double seconds);
@@ -15,9 +15,9 @@ std::string SecondsText(double seconds);
 std::string TimesText(double count);
 /// "41.2 mN", below 10 mN "3.14 mN".
 std::string ForceText(double force_mN);
-/// A limit is a round number and stays one: "100 mN".
+/// Limit as a round number: "100 mN".
 std::string LimitText(double force_mN);
-/// "2026-11-23 04:39 UTC" of microseconds since 1970; beyond 1970 to 2100 "at an unknown time".
+/// "2026-11-23 04:39 UTC" from microseconds since 1970; outside 1970 to 2100 "at an unknown time".
 std::string DateText(std::int64_t wall_clock_us);
 
 }  // namespace torquer

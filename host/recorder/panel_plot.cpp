@@ -11,7 +11,7 @@
 namespace torquer {
 namespace {
 
-// Pixels of the drawing, which is scaled to the page.
+// Sizes in pixels of the drawing, which is scaled to the page.
 constexpr double kPanelWidth = 960;
 constexpr double kLeft = 66;
 constexpr double kRight = kPanelWidth - 16;
@@ -21,7 +21,7 @@ constexpr double kCurvesHeight = 84;
 constexpr double kBarHeight = 13;
 constexpr double kBarDistance = 20;
 constexpr double kAxisHeight = 38;
-// Where numbers are so large that a step no longer changes them, too.
+// Bounds the loop even if values are so large that adding a step does not change them.
 constexpr int kMostTicks = 40;
 
 constexpr const char* kInk = "#1a2430";
@@ -29,8 +29,8 @@ constexpr const char* kFaint = "#566270";
 constexpr const char* kGrid = "#dfe4ea";
 constexpr const char* kLimitColor = "#a3123a";
 
-// A color and its second sign. Colors of Okabe and Ito, "Color Universal Design" (2008), without
-// those too pale for lines on white.
+// Color and dashes of a curve. The colors are those of Okabe and Ito, "Color Universal Design"
+// (2008), without those too pale for lines on white.
 struct Look {
   const char* color;
   const char* dashes;
@@ -40,7 +40,7 @@ constexpr std::array<Look, 4> kLooks = {
 
 const Look& LookOf(std::size_t index) { return kLooks[index % kLooks.size()]; }
 
-// Values along one axis, and where their ends lie.
+// Linear scale of one axis, from values to pixels.
 struct Scale {
   double low, high;
   double low_px, high_px;
@@ -49,7 +49,7 @@ struct Scale {
   }
 };
 
-// Room for a range that is empty.
+// Widens an empty range.
 void Widen(double& low, double& high) {
   if (high > low) return;
   const double half = std::max(0.5, 0.01 * std::abs(low));
@@ -68,7 +68,8 @@ Scale ScaleOf(const PlotPanel& panel, double top_px, double bottom_px) {
   }
   if (!(low <= high)) low = high = 0;
   if (panel.from_zero) low = std::min(low, 0.0);
-  // A limit far above all values would leave them no room; its label says that it is above.
+  // A limit far above all values would flatten the curves. It is then off the scale, and its label
+  // says so.
   constexpr double kFar = 4;
   if (panel.limit && panel.limit->value <= kFar * high) high = std::max(high, panel.limit->value);
   Widen(low, high);
@@ -76,7 +77,7 @@ Scale ScaleOf(const PlotPanel& panel, double top_px, double bottom_px) {
   return {panel.from_zero && low >= 0 ? low : low - room, high + room, bottom_px, top_px};
 }
 
-// Round values within the scale, some `wanted`.
+// Round values within the scale, about `wanted` of them.
 std::vector<double> Ticks(const Scale& scale, double wanted, bool whole) {
   double step = RoundBelow((scale.high - scale.low) / wanted);
   if (whole) step = std::max(step, 1.0);
@@ -96,7 +97,7 @@ void AppendText(std::string& out, double x, double y, const char* anchor, const 
          x, y, anchor, color, weight, plot::EscapeMarkup(text));
 }
 
-// What a text takes, roughly.
+// Approximate width of a text in pixels.
 double TextWidth(const std::string& text) { return 7.4 * static_cast<double>(text.size()); }
 
 /// Draws the panels from the top down.
@@ -210,7 +211,7 @@ class Drawing {
   }
 
   void DrawBars(const PlotPanel& panel, double top) {
-    // A pulse stays visible however long the session was.
+    // A short pulse stays visible in a session of any length.
     constexpr double kLeastWidth = 1.2;
     for (std::size_t k = 0; k < panel.bars.size(); ++k) {
       const double y = top + kBarDistance * static_cast<double>(k);

@@ -1,4 +1,4 @@
-// Plots above each other over one axis, as SVG: the time line of a session, the learning curve.
+// Stacked plots over one shared axis, as SVG: the time line of a session, the learning curve.
 #pragma once
 
 #include <optional>
@@ -9,26 +9,26 @@
 
 namespace torquer {
 
-/// A curve. Each has its own color and dashes, so that they can be distinguished in print and
-/// by eyes of every kind of color vision.
+/// Curve. Each has its own color and dashes, to be distinguishable in print and for every kind of
+/// color vision.
 struct PlotCurve {
   std::string label;  ///< "" where the panel has only one
   std::vector<SeriesPoint> points;
 };
 
-/// A bar where something was on.
+/// Bar that is drawn while something was on.
 struct PlotBar {
   std::string label;
   std::vector<Span> spans;
 };
 
-/// A value that should not be passed, in the unit of the panel.
+/// Limit that values should not pass, in the unit of the panel.
 struct PlotLimit {
   double value = 0;
   std::string label;  ///< with its value and unit
 };
 
-/// One of the plots: curves over an axis of values, or bars.
+/// One plot: curves over an axis of values, or bars.
 struct PlotPanel {
   std::string title;  ///< with the unit of its values
   std::vector<PlotCurve> curves = {};
@@ -37,19 +37,19 @@ struct PlotPanel {
   bool from_zero = false;  ///< the axis begins at 0
 };
 
-/// The axis that all panels share.
+/// Axis that all panels share.
 struct PlotAxis {
   std::string label;  ///< with its unit
   double begin = 0;
-  double end = 1;       ///< where it is not above `begin`, the axis shows some room around it
-  bool counts = false;  ///< single things, which have whole numbers: points are marked
-  /// Pointed out in all panels: where, and what.
+  double end = 1;       ///< if not above `begin`, the axis is widened around it
+  bool counts = false;  ///< values are counts, so ticks are whole numbers and points are marked
+  /// Position of a mark in all panels, and its label.
   std::optional<double> mark = {};
   std::string mark_label = {};
 };
 
-/// The panels as one <svg> element, as wide as what it stands in. It needs nothing else, and is
-/// styled by attributes alone. Text is escaped. `name`: what it shows, for those who cannot see it.
+/// Draws the panels as one self-contained <svg> element, as wide as its parent element. It is
+/// styled by attributes alone. Text is escaped. `name`: description for screen readers.
 std::string DrawPanels(const std::string& name, const std::vector<PlotPanel>& panels,
                        const PlotAxis& axis);
 

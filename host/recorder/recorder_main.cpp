@@ -24,11 +24,11 @@ namespace {
 
 constexpr std::int64_t kFlushUs = 100'000;
 constexpr int kWaitMs = 20;
-// At the end the kernel may still have what was sent before.
+// At the end the kernel may still hold messages that were sent before.
 constexpr int kLastWaitMs = 100;
 constexpr std::int64_t kEndUs = 1'000'000;
 
-// Since 1970, less MonotonicUs().
+// Offset in us from MonotonicUs() to the time since 1970.
 std::int64_t EpochOffsetUs() {
   using std::chrono::duration_cast;
   using std::chrono::microseconds;
@@ -44,7 +44,7 @@ struct Arguments {
   std::optional<int> keep;
 };
 
-// Takes the messages of a bus into a log.
+// Writes the messages of a bus into a log.
 class Recorder {
  public:
   explicit Recorder(const Arguments& arguments) : arguments_(arguments), bus_(arguments.url) {
@@ -58,15 +58,15 @@ class Recorder {
         log_->Write(arrival.received_us + offset_us_, channel, data);
       });
     }
-    // After the bus: who sees the file knows that nothing is missed from now on.
+    // Create the file after the bus: once the file exists, no message is missed.
     log_.emplace(arguments.path, std::llround(1e6 * arguments.part_mb.value_or(0)),
                  arguments.keep.value_or(0));
   }
 
-  // Until `stop`, or until the disk is nearly full.
+  // Records until `stop`, or until the disk is nearly full.
   void Run(const std::atomic<bool>& stop) {
     while (!stop && has_room_) Work(kWaitMs);
-    // What came before the end, but not what comes without end.
+    // Drain the messages sent before the end. A deadline bounds this if messages keep coming.
     const std::int64_t end_us = torquer::bus::MonotonicUs() + kEndUs;
     while (has_room_ && Work(kLastWaitMs) && torquer::bus::MonotonicUs() < end_us) {
     }
@@ -98,14 +98,14 @@ class Recorder {
   }
 
  private:
-  // Whether there was any.
+  // Returns true if a message arrived.
   bool Work(int wait_ms) {
     const bool any = bus_.Handle(wait_ms) > 0;
     const std::int64_t now_us = torquer::bus::MonotonicUs();
     if (now_us - flushed_us_ < kFlushUs) return any;
     flushed_us_ = now_us;
     log_->Flush();
-    // Each part is a log by itself.
+    // Each part is a separate log, so it needs a shape at its start.
     if (log_->Rotate() && thinner_) thinner_->WantShape();
     has_room_ = log_->FreeBytes() >= torquer::RotatingLog::kLeastFreeBytes;
     const std::string notice = bus_.TakeNotice(now_us);

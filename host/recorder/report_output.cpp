@@ -14,14 +14,14 @@
 namespace torquer {
 namespace {
 
-constexpr double kReportsPerSecond = 1000;  // a device's
-constexpr double kRealTime = 0.97;          // of them that an emulator must make to be in real time
+constexpr double kReportsPerSecond = 1000;  // report rate of a device, Hz
+constexpr double kRealTime = 0.97;          // least share of this rate for real time
 
 Eigen::Vector3d Vector(const double (&values)[3]) { return {values[0], values[1], values[2]}; }
 
 std::string KnownCount(std::int64_t count) { return count < 0 ? "?" : std::to_string(count); }
 
-// A motion that is zero as printed has no sign but plus.
+// A motion that is printed as zero gets a plus sign.
 std::string Signed(double value, int digits) {
   const double unit = std::pow(10.0, -digits);
   return fmt::format("{:+.{}f}", std::abs(value) < unit / 2 ? 0.0 : value, digits);
@@ -86,7 +86,7 @@ nlohmann::ordered_json InstrumentJson(const InstrumentReport& report) {
           {"latency_ms_max", report.latency_ms.max}};
 }
 
-// Of a lone wire all figures; of several instruments those that decide.
+// Adds all figures of a single wire, but only the decisive ones for each of several instruments.
 void AddFigures(const InstrumentReport& report, bool lone, PictureCaption& caption) {
   const std::string apart = fmt::format("{:.2f} counts", report.axial.error_counts);
   if (!lone) {

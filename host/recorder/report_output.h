@@ -1,4 +1,4 @@
-// A SessionReport for people, for programs, and as a picture.
+// Output of a SessionReport: as text, as JSON, and as a picture.
 #pragma once
 
 #include <string>
@@ -8,15 +8,16 @@
 
 namespace torquer {
 
-/// Some lines of text, the last one ended.
+/// Formats lines of text; the last line ends with a newline.
 std::string FormatReport(const SessionReport& report);
 
-/// One line: a JSON object. `picture` and `page` are the paths of what was written, "" for none.
+/// Formats one line with a JSON object. `picture` and `page` are paths of the written files, "" for
+/// none.
 std::string FormatReportJson(const SessionReport& report, const std::string& picture,
                              const std::string& page);
 
-/// The picture of the last state in `vessel`, as SVG, with the way of the tip where it is wanted.
-/// Throws UserError when that state has fewer than two nodes.
+/// Draws the last state in `vessel` as SVG, with the path of the tip if `tip_way` is set. Throws
+/// UserError when that state has fewer than two nodes.
 std::string DrawReport(const SessionReport& report, const PictureVessel& vessel, bool tip_way);
 
 }  // namespace torquer

@@ -1,4 +1,4 @@
-// A session as one HTML page for trainer and trainee: on the screen, and on A4.
+// HTML page of a session for trainer and trainee, on the screen and on A4.
 #pragma once
 
 #include <string>
@@ -9,17 +9,17 @@
 
 namespace torquer {
 
-/// What a page shows besides the report.
+/// Contents of a page besides the report.
 struct PageParts {
   std::string log;             ///< path of the log, for its name
-  SessionLimits limits;        ///< that the scene sets
-  bool scene_changed = false;  ///< the scene file is no longer what the session had
+  SessionLimits limits;        ///< limits from the scene
+  bool scene_changed = false;  ///< the scene file has changed since the session
   std::string picture;         ///< an <svg> element (DrawReport); "" for none
   EarlierSessions earlier;
 };
 
-/// The page, UTF-8, well-formed as XML too. It has all that it shows, needs no script, and no
-/// request leaves it. Whatever the log says appears as text: markup is escaped.
+/// Formats the page in UTF-8, also well-formed as XML. It is self-contained: no script and no
+/// network request. Text from the log is escaped, so markup in it has no effect.
 std::string FormatPage(const SessionReport& report, const PageParts& parts);
 
 }  // namespace torquer

@@ -15,7 +15,7 @@ namespace torquer {
 
 RotatingLog::RotatingLog(const std::string& path, std::int64_t part_bytes, int keep)
     : path_(path), part_bytes_(part_bytes), keep_(keep) {
-  // Readers would take them for parts of this log.
+  // Readers would treat these files as parts of this log.
   const std::vector<std::string> others = LaterLogParts(path);
   if (!others.empty()) {
     throw UserError(
@@ -62,7 +62,7 @@ bool RotatingLog::Rotate() {
 std::int64_t RotatingLog::FreeBytes() const {
   const std::filesystem::path folder = std::filesystem::path(path_).parent_path();
   struct statvfs disk {};
-  // Where it cannot be asked, a write will say what is wrong.
+  // If statvfs fails, a later write reports the error.
   if (statvfs(folder.empty() ? "." : folder.c_str(), &disk) != 0) {
     return std::numeric_limits<std::int64_t>::max();
   }

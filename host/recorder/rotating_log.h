@@ -1,5 +1,5 @@
-// The log of a recorder: in parts, of which it may keep the newest, on a disk that it does not
-// fill.
+// Rotating log of a recorder: a log in parts. Older parts may be removed, and part of the disk
+// stays free.
 #pragma once
 
 #include <cstdint>
@@ -14,32 +14,32 @@ namespace torquer {
 
 class RotatingLog {
  public:
-  /// That stay free for other programs: more than the recorder may have in memory, so that what it
-  /// has is written and the log ends whole.
+  /// Bytes that stay free for other programs. This exceeds the recorder's buffers, so buffered
+  /// messages can still be written and the log ends intact.
   static constexpr std::int64_t kLeastFreeBytes = 100'000'000;
 
-  /// Makes the file `path`. A part that has `part_bytes` is followed by another (host/support/
-  /// log_parts.h), and of all parts the newest `keep` stay; 0: one part, all parts. Throws
-  /// UserError when the log or a part of it is there already, the file cannot be made, or its disk
-  /// is full but for kLeastFreeBytes.
+  /// Creates the file `path`. A part that reaches `part_bytes` is followed by another
+  /// (host/support/log_parts.h); 0: one part. Only the newest `keep` parts stay; 0: all. Throws
+  /// UserError if the log or a part of it already exists, or if the file cannot be created. It also
+  /// throws if the disk has less than kLeastFreeBytes free.
   RotatingLog(const std::string& path, std::int64_t part_bytes, int keep);
 
-  /// As EventLogWriter has them.
+  /// See EventLogWriter.
   void Write(std::int64_t time_us, std::string_view channel, std::span<const std::uint8_t> data);
   void Flush();
   void Finish();
 
-  /// Goes on to the next part where this one is long enough; whether it did. Throws UserError where
-  /// that cannot be.
+  /// Starts the next part if this one has reached `part_bytes`, and then returns true. Throws
+  /// UserError if an old part cannot be removed or the new part cannot be created.
   bool Rotate();
 
-  /// Bytes that are free on the disk.
+  /// Free bytes on the disk.
   std::int64_t FreeBytes() const;
 
   std::int64_t records() const { return part_->next(); }
   std::int64_t bytes() const { return earlier_bytes_ + part_->bytes(); }  ///< of all parts
   int parts() const { return number_; }
-  int removed() const { return removed_; }  ///< of the parts
+  int removed() const { return removed_; }  ///< number of removed parts
 
  private:
   std::string path_;

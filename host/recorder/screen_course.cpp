@@ -16,7 +16,7 @@ namespace torquer {
 namespace {
 
 constexpr const char* kRemedy = "give the file that torquer-recorder wrote";
-// As in the simulator: without commands the pedals are up.
+// Timeout after which missing commands mean released pedals, as in the simulator.
 constexpr std::int64_t kSilentUs = 300'000;
 
 template <class Message>
@@ -29,7 +29,7 @@ std::optional<GrayPicture> Size(const torquer_lcm::picture_t& picture) {
   return ReadGrayJpegSize({picture.data.data(), picture.data.size()});
 }
 
-// The last of `all` that came by then; null: none yet.
+// Last element of `all` that is not later than `time_us`; null if none.
 template <class Timed>
 const Timed* Newest(const std::vector<Timed>& all, std::int64_t time_us) {
   const auto after =
@@ -47,7 +47,7 @@ ScreenCourse::ScreenCourse(const std::string& path) : file_(path, kRemedy) {
   for (LogRecord record; log.Next(record);) {
     if (!begun) first_us = record.time_us;
     begun = true;
-    // Wall clocks may be set back; what was recorded later comes later.
+    // A wall clock may be set back, but record order is kept: time must not decrease.
     length_us_ = std::max(length_us_, ElapsedUs(first_us, record.time_us));
     if (!Take(record, length_us_)) ++unusable_;
   }

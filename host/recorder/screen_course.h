@@ -1,4 +1,4 @@
-// What the fluoroscopy screen showed when, from the log of a session.
+// Time course of the fluoroscopy screen, from the log of a session.
 #pragma once
 
 #include <array>
@@ -13,55 +13,57 @@
 
 namespace torquer {
 
-/// What stands on the part of the screen that one plane has.
+/// Picture that one plane of the screen shows.
 struct ScreenPlane {
-  std::int64_t picture = -1;  ///< which one stands there; -1: none yet
-  double lao_rad = 0;         ///< of the picture
+  std::int64_t picture = -1;  ///< its number; -1: none yet
+  double lao_rad = 0;         ///< C-arm angle of the picture
   double cra_rad = 0;
 };
 
-/// The screen at a moment.
+/// State of the screen at one time.
 struct ScreenMoment {
-  std::array<ScreenPlane, 2> planes;  ///< the second one of a biplane system alone
+  std::array<ScreenPlane, 2> planes;  ///< the second is used by a biplane system only
   bool xray = false;                  ///< the pedal is down
-  std::string scene;                  ///< its name, as the log has it
-  /// The newest readings; negative: the scene does not publish it.
+  std::string scene;                  ///< name of the scene in the log
+  /// Newest readings; negative if the scene does not publish the value.
   double fluoroscopy_s = -1;
   double air_kerma_mGy = -1;
   double contrast_mL = -1;
 };
 
-/// An index of a log. Pictures stay in the file.
+/// Index of a log. The pictures stay in the file.
 class ScreenCourse {
  public:
-  /// Reads the log at `path` once. Throws UserError naming it when it cannot be read or holds no
+  /// Reads the log at `path` once. Throws UserError with the path if it cannot be read or has no
   /// picture.
   explicit ScreenCourse(const std::string& path);
 
-  /// From the first record of the log, which is at 0, to the last.
+  /// Time from the first record of the log, which is time 0, to the last.
   std::int64_t length_us() const { return length_us_; }
-  /// When the first picture came.
+  /// Time of the first picture.
   std::int64_t first_picture_us() const { return pictures_[0].front().time_us; }
-  /// 2 where the log has pictures from a second side, otherwise 1.
+  /// Number of planes: 2 if the log has lateral pictures, otherwise 1.
   int planes() const { return pictures_[1].empty() ? 1 : 2; }
-  /// The largest of each among the pictures.
+  /// Largest width and largest height among the pictures.
   int width() const { return width_; }
   int height() const { return height_; }
   const LogDamage& damage() const { return damage_; }
-  /// Messages on channels that matter here which are none, and pictures that are no JPEG.
+  /// Count of undecodable messages on the channels used here, and of pictures with an unusable JPEG
+  /// header.
   std::int64_t unusable() const { return unusable_; }
 
-  /// Of a log that holds no command, X-ray is on while its pictures are new.
+  /// Returns the screen at `time_us`. If the log has no command, X-ray counts as on while pictures
+  /// are live (not held).
   ScreenMoment At(std::int64_t time_us) const;
 
-  /// A picture of a plane by its number in a moment; nothing where its JPEG is damaged. Throws
-  /// UserError when the file cannot be read any more.
+  /// Reads picture number `picture` of a plane (ScreenPlane::picture); nothing if its JPEG is
+  /// damaged. Throws UserError if the file was changed since it was indexed.
   std::optional<GrayPicture> ReadPicture(int plane, std::int64_t picture) const;
 
  private:
   struct Picture {
     std::int64_t time_us = 0;
-    std::int64_t place = 0;  // of the message in the file
+    std::int64_t place = 0;  // offset of the message in the file, bytes
     std::uint32_t bytes = 0;
     std::int64_t number = 0;
     double taken_s = 0;
@@ -77,7 +79,7 @@ class ScreenCourse {
   };
   struct Scene {
     std::int64_t time_us = 0;
-    std::string name, instrument;  // the innermost, whose pedals count
+    std::string name, instrument;  // `instrument`: the innermost, which has the pedals
   };
 
   static void Note(std::vector<Change>& changes, std::int64_t time_us, bool on);
@@ -88,12 +90,12 @@ class ScreenCourse {
   bool TakeScene(const LogRecord& record, std::int64_t time_us);
 
   LogInput file_;
-  std::array<std::vector<Picture>, 2> pictures_;  // of each plane; all of these by time
+  std::array<std::vector<Picture>, 2> pictures_;  // by plane; all these lists are by time
   std::vector<Change> pedal_;
-  std::vector<Change> live_;  // on while pictures are new
+  std::vector<Change> live_;  // X-ray on, derived from pictures that are not held
   std::vector<Readings> readings_;
   std::vector<Scene> scenes_;
-  std::int64_t commanded_us_ = 0;  // when the last command came
+  std::int64_t commanded_us_ = 0;  // time of the last command
   std::int64_t length_us_ = 0;
   int width_ = 0, height_ = 0;
   LogDamage damage_;

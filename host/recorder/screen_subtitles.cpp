@@ -23,7 +23,7 @@ std::string Minutes(double time_s) {
   return fmt::format("{}:{:02}.{}", tenths / 600, tenths / 10 % 60, tenths % 10);
 }
 
-// Style and text of each place of the screen.
+// Style and text of one screen position.
 struct Line {
   const char* style;
   std::string text;
@@ -56,7 +56,7 @@ Lines LinesAt(const ScreenCourse& course, std::int64_t time_us) {
   return lines;
 }
 
-// Halfway to the frame before, so that no rounding moves a text by a frame.
+// Time halfway to the previous frame, so that rounding cannot shift a text by a frame.
 std::string EventTime(std::int64_t frame) {
   const std::int64_t hundredths =
       std::max<std::int64_t>(0, (2 * frame - 1) * 100 / (2 * ClipSpan::kFramesPerS));
@@ -71,7 +71,7 @@ std::string EscapeSubtitle(std::string_view text) {
   for (const char character : text) {
     if (character == '{' || character == '}') escaped += '\\';
     escaped += character;
-    // Nothing escapes a backslash; a word joiner, which is not seen, parts it from what follows.
+    // A backslash has no escape. An invisible word joiner separates it from the next character.
     if (character == '\\') escaped += "\u2060";
   }
   return escaped;

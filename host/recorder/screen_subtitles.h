@@ -1,4 +1,4 @@
-// What stands on the fluoroscopy screen besides the picture, as subtitles for ffmpeg.
+// Subtitles for ffmpeg: the texts on the fluoroscopy screen besides the picture.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace torquer {
 
-/// The frames of a clip: `frames` of them, the first at `from_us` of the session.
+/// Frames of a clip: `frames` is their number, `from_us` the time of the first in the session.
 struct ClipSpan {
   static constexpr int kFramesPerS = 30;
 
@@ -21,12 +21,12 @@ struct ClipSpan {
   }
 };
 
-/// Text of any origin, so that Advanced SubStation Alpha shows it and nothing else happens.
+/// Escapes untrusted text, so that Advanced SubStation Alpha shows it without interpreting it.
 std::string EscapeSubtitle(std::string_view text);
 
-/// The file of subtitles (Advanced SubStation Alpha) for a clip of `width` x `height` pixels. X-ray
-/// or last image hold stands at the top left, scene and time of the session at the bottom left,
-/// dose and contrast at the bottom right, the angles of each C-arm at the top right of its plane.
+/// Subtitle file (Advanced SubStation Alpha) for a clip of `width` x `height` pixels. X-ray or last
+/// image hold is at the top left, scene and session time at the bottom left. Dose and contrast are
+/// at the bottom right. The angles of each C-arm are at the top right of its plane.
 std::string ScreenSubtitles(const ScreenCourse& course, const ClipSpan& span, int width,
                             int height);
 

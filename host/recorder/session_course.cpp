@@ -9,10 +9,10 @@
 namespace torquer {
 namespace {
 
-// At rest there are no ticks: a longer time than this between two that follow each other is rest.
+// There are no ticks at rest. A longer time than this between consecutive ticks counts as rest.
 constexpr double kRestS = 0.05;
 constexpr double kTickS = 1e-3;
-// Without a command for so long the simulator takes the pedals for up (protocol/README.md).
+// Timeout after which the simulator treats the pedals as released (protocol/README.md).
 constexpr double kSilentS = 0.3;
 
 }  // namespace
@@ -30,7 +30,7 @@ void SessionCourse::Add(const torquer_lcm::instrument_command_t& command) {
   if (!last_ || last_->instruments.empty() || command.instrument != last_->instruments[0].name) {
     return;
   }
-  // A command is as much later than the newest tick as its clock says. At rest that is long.
+  // The clock gives the delay of a command after the newest tick. At rest this delay is long.
   double now_s = time_s_;
   if (command.clock_id == last_->clock_id && command.publish_us > last_->publish_us) {
     now_s +=
@@ -53,7 +53,7 @@ void SessionCourse::Add(const torquer_lcm::wire_state_t& state) {
   const Tick tick{state.tick, state.clock_id, state.publish_us, state.instruments,
                   Eigen::Vector3f(state.nodes_mm.back().data()).cast<double>()};
   if (!last_) begin_s_ = time_s_ = state.time_s;
-  // What was at rest stayed until now: without this a line would lead there slowly.
+  // Values stayed constant during rest. Without this extra point the plot would show a slow ramp.
   const bool follows = last_ && last_->number < INT64_MAX && tick.number == last_->number + 1;
   if (follows && state.time_s - time_s_ > kRestS) AddAt(state.time_s - kTickS, *last_);
   ReleaseSilentPedals(state.time_s);

@@ -1,5 +1,5 @@
-// The course of a session: what instruments, pedals, wall and solver did over time, gathered from
-// its messages in memory that does not grow with the session.
+// Course of a session: instruments, pedals, wall force and solver over time, gathered from its
+// messages. Memory use does not grow with the session.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,8 +16,8 @@
 
 namespace torquer {
 
-/// The value of a reading, such as "wall_force_sum_mN"; nothing where the scene has no observer
-/// that measures it, or the value is none that was measured (Series::kMost).
+/// Value of a reading, such as "wall_force_sum_mN". Returns nothing if the scene has no observer
+/// for it. Also returns nothing if the value is not a number or beyond Series::kMost.
 std::optional<double> FindReading(const torquer_lcm::readings_t& readings, const std::string& name);
 
 /// One instrument over time.
@@ -25,39 +25,39 @@ struct InstrumentCourse {
   std::string name;
   Series insertion_mm;
   Series rotation_deg;
-  /// Times that its insertion turned back by more than SessionCourse::kReversalMm.
+  /// Number of times that its insertion reversed by more than SessionCourse::kReversalMm.
   std::int64_t reversals = 0;
 };
 
-/// How well the solver did, counted over the ticks of the log.
+/// Solver outcomes, counted over the ticks of the log.
 struct SolverHealth {
   std::int64_t ticks = 0;
   std::int64_t unconverged = 0;   ///< not within the scene's tolerance
-  std::int64_t budget_spent = 0;  ///< of these: for lack of time
-  std::int64_t stalled = 0;       ///< of these: no step came nearer
+  std::int64_t budget_spent = 0;  ///< of these: the time budget was spent
+  std::int64_t stalled = 0;       ///< of these: no step reduced the residual
   std::int64_t outside = 0;       ///< a node's center was beyond the wall
-  std::int64_t snapped = 0;       ///< the tip sprang
+  std::int64_t snapped = 0;       ///< the tip snapped
   std::int64_t in_doubt = 0;      ///< sensor lifted, device or commands missing
-  double largest_residual = 0;    ///< of ticks that converged; 1
+  double largest_residual = 0;    ///< of ticks that converged; dimensionless
 };
 
-/// Gathers the course. Times are simulated seconds since the simulator began.
+/// Collector of the course. Times are simulated seconds since the simulator began.
 class SessionCourse {
  public:
-  /// More of them are not gathered; no scene has more.
+  /// Further instruments are ignored; no scene has more.
   static constexpr std::size_t kMostInstruments = 4;
   static constexpr std::size_t kMostPathPoints = 2000;
-  /// Motion of the tip below this is tremor and steps of the sensor, as in the assessment.
+  /// Smaller motion of the tip counts as tremor or sensor steps, as in the assessment.
   static constexpr double kPathStepMm = 0.5;
   static constexpr double kReversalMm = 1;
-  /// The speed of the tip is the straight way in so much time, over that time.
+  /// Tip speed is the straight-line distance over this window, divided by the window.
   static constexpr double kSpeedWindowS = 0.1;
   /// The tip moves when it is faster than this.
   static constexpr double kRestingMmS = 0.5;
 
-  /// Commands are read for the pedals, which are those of the innermost instrument.
+  /// Takes the pedals from the commands of the innermost instrument.
   void Add(const torquer_lcm::instrument_command_t& command);
-  /// A tick that was not added before.
+  /// Adds a tick; each tick must be added only once.
   void Add(const torquer_lcm::wire_state_t& state);
   void Add(const torquer_lcm::readings_t& readings);
 
@@ -66,19 +66,19 @@ class SessionCourse {
   const std::vector<InstrumentCourse>& instruments() const { return instruments_; }
   const Spans& xray() const { return xray_; }          ///< pedal down
   const Spans& contrast() const { return contrast_; }  ///< pedal down
-  /// Largest force of a patch; as peaks, those between two messages included.
+  /// Largest force of a patch, mN; includes peaks between two messages.
   const Series& wall_force_mN() const { return wall_force_mN_; }
   const Series& tip_speed_mm_s() const { return tip_speed_mm_s_; }
   double tip_path_mm() const { return tip_path_mm_; }  ///< in steps of kPathStepMm
   double peak_speed_mm_s() const { return peak_speed_mm_s_; }
-  /// Mean over the time in which the tip moved; 0 where it never did.
+  /// Mean tip speed, mm/s, over the time in which the tip moved; 0 if it never moved.
   double moving_speed_mm_s() const { return moving_s_ > 0 ? moving_mm_ / moving_s_ : 0; }
-  /// Where the tip was, evenly along its way; at most kMostPathPoints.
+  /// Positions of the tip, evenly spaced along its path; at most kMostPathPoints.
   const std::vector<Eigen::Vector3d>& tip_way_mm() const { return tip_way_mm_; }
   const SolverHealth& solver() const { return solver_; }
 
  private:
-  // What is wanted of a tick again at the next one.
+  // Data of a tick that the next tick needs.
   struct Tick {
     std::int64_t number = 0;
     std::int64_t clock_id = 0;
@@ -86,7 +86,7 @@ class SessionCourse {
     std::vector<torquer_lcm::instrument_state_t> instruments;
     Eigen::Vector3d tip_mm;
   };
-  // Where an instrument's insertion turned last; before it first moved, where it began.
+  // Insertion at an instrument's last reversal; before its first motion, its initial insertion.
   struct Turn {
     std::optional<double> extreme_mm;
     int direction = 0;  // 0: it has not moved yet
@@ -106,7 +106,7 @@ class SessionCourse {
   std::array<Turn, kMostInstruments> turns_;
   Spans xray_;
   Spans contrast_;
-  std::optional<double> command_s_;  // when the newest command came
+  std::optional<double> command_s_;  // time of the newest command
   Series wall_force_mN_;
   double wall_force_ever_mN_ = 0;
   Series tip_speed_mm_s_;

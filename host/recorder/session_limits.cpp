@@ -8,8 +8,9 @@
 namespace torquer {
 namespace {
 
-// A key of an effect as the scene has it, or its default; nothing without the effect. The types of
-// effects' keys are their own: what all have is how they are written, and the table of their keys.
+// Value of an effect's key from the scene, or its default; nothing if the scene lacks the effect.
+// Each effect has its own parameter type. Only the written form and the key table are common to
+// all.
 std::optional<double> NumberOf(StrictTable& effects, const std::string& effect,
                                const std::string& name) {
   constexpr double kAny = std::numeric_limits<double>::max();

@@ -1,4 +1,4 @@
-// What a trainee is held to: the limits that a scene sets.
+// Session limits: the limits that a scene sets for a trainee.
 #pragma once
 
 #include <optional>
@@ -8,14 +8,14 @@
 
 namespace torquer {
 
-/// Nothing where the scene has no such effect.
+/// A limit has no value if the scene lacks its effect.
 struct SessionLimits {
-  std::string target_centerline;           ///< on which the target lies; "" without an assessment
-  std::optional<double> target_at_mm;      ///< where on it
-  std::optional<double> target_radius_mm;  ///< reached when the tip is this near
-  std::optional<double> force_limit_mN;    ///< of a patch: above it a success is unsafe
+  std::string target_centerline;           ///< centerline of the target; "" without an assessment
+  std::optional<double> target_at_mm;      ///< position along this centerline
+  std::optional<double> target_radius_mm;  ///< distance within which the tip reaches the target
+  std::optional<double> force_limit_mN;    ///< of a patch: a success with more force is unsafe
   std::optional<double> patch_mm;          ///< length of the wire over which a wall force is taken
-  std::optional<double> threshold_mN;      ///< of a patch: above it an event of force is counted
+  std::optional<double> threshold_mN;      ///< of a patch: more force counts as a force event
 };
 
 /// The limits in a scene file, defaults included.

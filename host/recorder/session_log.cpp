@@ -27,7 +27,7 @@ void Register(std::map<std::string, RawHandler, std::less<>>& handlers, const ch
   };
 }
 
-// Counts a message of a channel that Torquer does not have.
+// Counts a message on an unknown channel that begins with TORQUER.
 void CountUnknown(std::string_view channel, SessionLogSummary& summary) {
   constexpr std::size_t kMostChannels = 20;
   const auto& ours = protocol::kChannels;

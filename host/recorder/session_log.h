@@ -1,4 +1,4 @@
-// Reads a recorded session, message by message.
+// Reader of a recorded session, message by message.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace torquer {
 
-/// What to do with each message of a session; an empty function skips its kind undecoded.
+/// Handlers for the messages of a session; an empty function skips its message type undecoded.
 struct SessionHandlers {
   std::function<void(const torquer_lcm::device_sample_t&)> sample;
   std::function<void(const torquer_lcm::instrument_command_t&)> command;
@@ -28,18 +28,18 @@ struct SessionHandlers {
   std::function<void(const torquer_lcm::hand_motion_t&)> truth;  ///< of the emulator
 };
 
-/// What a log held besides what was handed on.
+/// Summary of a log besides the messages passed to the handlers.
 struct SessionLogSummary {
   std::int64_t messages = 0;     ///< all, those of other channels included
   std::int64_t undecodable = 0;  ///< on our channels, but not of the channel's type
   std::int64_t started_us = 0;   ///< time of the first record, by the logger's wall clock
-  /// Messages by channel whose name begins as ours do, but is none of ours; 20 channels at most.
+  /// Counts by channel whose name begins with TORQUER but that is unknown; at most 20 channels.
   std::map<std::string, std::int64_t> unknown;
-  LogDamage damage;  ///< what could not be read
+  LogDamage damage;  ///< unreadable parts of the log
 };
 
-/// Reads all whole records of the log at `path`, in recorded order, in memory that does not
-/// grow with the log. Throws UserError when the file cannot be read or holds no LCM message.
+/// Reads all intact records of the log at `path`, in recorded order. Memory use does not grow with
+/// the log. Throws UserError if the file cannot be read or has no LCM message.
 SessionLogSummary ReadSessionLog(const std::string& path, const SessionHandlers& handlers);
 
 }  // namespace torquer

@@ -16,7 +16,7 @@ namespace {
 
 using Box = Eigen::AlignedBox2d;
 
-// Pixels of the whole picture and of its two panels.
+// Sizes in pixels of the whole picture and of its two panels.
 constexpr double kWidth = 1200;
 constexpr double kHeight = 1000;
 constexpr double kMargin = 36;
@@ -26,23 +26,23 @@ constexpr double kCloseUpHeight = 610;
 
 constexpr int kShades = 32;
 constexpr std::size_t kMostTriangles = 14000;
-// Of the wire, from its tip, that the close-up shows.
+// Length of the wire, from its tip, that the close-up shows.
 constexpr double kCloseUpLengthMm = 90;
-// Of the wire, from its tip, that is drawn in another color.
+// Length of the wire, from its tip, that is drawn in another color.
 constexpr double kTipLengthMm = 10;
-// Of the instruments, the innermost first; each is drawn wider than the one in it, by so many
-// pixels.
+// Colors of the instruments, the innermost first. Each is drawn kWider pixels wider than the one
+// inside it.
 constexpr std::array<const char*, 4> kInstrumentColors = {"#fff3c4", "#7be0a8", "#8fb2ff",
                                                           "#d9a3ff"};
 constexpr double kWider = 3;
-// Of the line that the tip has gone, pixels.
+// Width of the tip's path, pixels.
 constexpr double kWayWidth = 1.1;
 
 struct Color {
   double red, green, blue;
 };
 
-// From a to b by way of the middle one, for 0 .. 1.
+// Piecewise linear interpolation over the three colors, for `position` 0 .. 1.
 Color Blend(const std::array<Color, 3>& ramp, double position) {
   const std::size_t from = position < 0.5 ? 0 : 1;
   const double part = 2 * position - static_cast<double>(from);
@@ -65,7 +65,7 @@ void AppendShadeClasses(std::string& out, char name, const std::array<Color, 3>&
   }
 }
 
-/// A panel: vessel millimeters (x right, y up) to pixels of the picture.
+/// Panel: maps vessel millimeters (x right, y up) to pixels of the picture.
 struct Panel {
   Box pixels;
   Eigen::Vector2d center_mm;
@@ -80,7 +80,7 @@ struct Panel {
     const Eigen::Vector2d half = 0.5 * pixels.sizes() / pixels_per_mm;
     return {center_mm - half, center_mm + half};
   }
-  // Matrix for coordinates in 0.01 mm with y down, in which everything is written.
+  // SVG matrix for the coordinates in the file: 0.01 mm, y down.
   std::string Transform() const {
     std::string text;
     const double scale = pixels_per_mm * 0.01;
@@ -96,7 +96,8 @@ Eigen::Vector2i Hundredths(const Eigen::Vector2d& point_mm) {
           static_cast<int>(std::lround(-point_mm.y() * 100))};
 }
 
-// One path for each run of triangles of one shade: shorter than one for each triangle.
+// Writes one path for each run of triangles of one shade; one path for each triangle would be
+// larger.
 void AppendWall(std::string& out, const std::vector<ShadedTriangle>& wall, char name) {
   int open_shade = -1;
   for (const ShadedTriangle& triangle : wall) {
@@ -123,16 +124,16 @@ std::string Polyline(const std::vector<Eigen::Vector2d>& points_mm) {
   return path;
 }
 
-/// The wire as seen, mm.
+/// Projected wire, mm.
 struct SeenWire {
   std::vector<Eigen::Vector2d> nodes;
-  std::vector<std::vector<Eigen::Vector2d>> parts;  // of each instrument, the innermost first
-  std::vector<Eigen::Vector2d> way;                 // of the tip
+  std::vector<std::vector<Eigen::Vector2d>> parts;  // part of each instrument, the innermost first
+  std::vector<Eigen::Vector2d> way;                 // path of the tip
   std::size_t tip_start = 0;                        // first node of the tip
   std::size_t close_up_start = 0;                   // first node that the close-up shows
 };
 
-// The first `length_mm` of a polyline, with an end between its points.
+// First `length_mm` of a polyline; the end may lie between two of its points.
 std::vector<Eigen::Vector3d> Beginning(const std::vector<Eigen::Vector3d>& points,
                                        double length_mm) {
   std::vector<Eigen::Vector3d> out = {points.front()};
@@ -196,7 +197,7 @@ void AppendWire(std::string& out, const SeenWire& seen, const PictureWire& wire,
   out += "</g>\n<g fill=\"#ffb000\" stroke=\"#5a2a00\" stroke-opacity=\".7\">\n";
   for (const PictureContact& contact : wire.contacts) {
     const Eigen::Vector2i point = Hundredths(SeenFromTheFront(axes, contact.point_mm).head<2>());
-    // A tenth of the wire's radius, some 20 um, should look large.
+    // A penetration of a tenth of the wire's radius, some 20 um, should look large.
     const double radius =
         weight * (0.42 + 0.5 * std::sqrt(std::min(contact.penetration_um, 40.0) / 40));
     Append(out, "<circle cx=\"{}\" cy=\"{}\" r=\"{:.1f}\" stroke-width=\"{:.1f}\"/>\n", point.x(),
@@ -221,7 +222,7 @@ void AppendPanel(std::string& out, const char* name, const Panel& panel) {
          box.min().x(), box.min().y(), box.sizes().x(), box.sizes().y());
 }
 
-// At most a quarter of the panel.
+// The scale bar is at most a quarter of the panel.
 void AppendScaleBar(std::string& out, const Panel& panel) {
   const double length_mm = RoundBelow(0.25 * panel.pixels.sizes().x() / panel.pixels_per_mm);
   const double length = length_mm * panel.pixels_per_mm;
@@ -249,7 +250,7 @@ void AppendOrientation(std::string& out, const Panel& panel) {
   letter(box.center().x(), box.max().y() - 14, 'F');
 }
 
-// What the colors of several instruments mean.
+// Legend for the colors of several instruments.
 void AppendLegend(std::string& out, const PictureWire& wire, const Panel& panel) {
   if (wire.instruments.size() < 2) return;
   const double x = panel.pixels.min().x() + 20;
@@ -321,8 +322,8 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
          "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"session\" viewBox=\"0 0 {:g} {:g}\" "
          "width=\"{:g}\" height=\"{:g}\">\n",
          kWidth, kHeight, kWidth, kHeight);
-  // Text of this picture alone, where it stands in a page. Shades have plain names, because what
-  // <use> repeats is no longer inside .session.
+  // The text style applies to this picture only, also inside a page. Shade classes have no .session
+  // prefix, because content repeated by <use> is not inside .session.
   out +=
       "<style>.session text{font-family:'DejaVu Sans',Verdana,sans-serif;fill:#c9d4e8}"
       ".session .title{font-size:27px;font-weight:bold;fill:#fff}.session .subtitle{font-size:15px}"
@@ -340,7 +341,7 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
   AppendPanel(out, "overview", overview);
   AppendPanel(out, "closeup", close_up);
 
-  // Each wall stands in the file once; both panels use it.
+  // Each wall is written once; both panels refer to it.
   out += "<defs><g id=\"far\" stroke-width=\"25\" stroke-linejoin=\"round\">\n";
   AppendWall(out, shaded.far_wall, 'f');
   out += "</g><g id=\"near\" stroke-width=\"25\" stroke-linejoin=\"round\">\n";

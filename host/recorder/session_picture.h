@@ -1,4 +1,4 @@
-// A picture of the wire inside the vessel, seen from the front, as SVG.
+// Picture of the wire inside the vessel, seen from the front, as SVG.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,13 +10,13 @@
 
 namespace torquer {
 
-/// Where the wire touches the wall.
+/// Contact of the wire with the wall.
 struct PictureContact {
   Eigen::Vector3d point_mm;
   double penetration_um = 0;
 };
 
-/// How far an instrument reaches along the curve.
+/// Instrument and its insertion along the curve.
 struct PictureInstrument {
   std::string name;
   double insertion_mm = 0;
@@ -26,18 +26,18 @@ struct PictureWire {
   std::vector<Eigen::Vector3d> nodes_mm;  ///< from the entry point to the farthest tip; at least 2
   std::vector<PictureInstrument> instruments;  ///< the innermost first; may be empty: one wire
   std::vector<PictureContact> contacts;
-  std::vector<Eigen::Vector3d> tip_way_mm = {};  ///< where the tip has been; may be empty
+  std::vector<Eigen::Vector3d> tip_way_mm = {};  ///< path of the tip; may be empty
 };
 
-/// What stands beside the drawing.
+/// Texts beside the drawing.
 struct PictureCaption {
   std::string title;
   std::string subtitle;
   std::vector<std::pair<std::string, std::string>> figures;  ///< name, value with its unit
 };
 
-/// The whole vessel on the left, the surroundings of the tip enlarged on the right, the figures
-/// below. Self-contained SVG, some hundred kB; an empty vessel leaves the wire alone.
+/// Draws the whole vessel on the left, an enlarged view of the tip on the right, the figures below.
+/// The SVG is self-contained and has some hundred kB. With an empty vessel only the wire is drawn.
 std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
                         const PictureWire& wire, const PictureCaption& caption);
 

@@ -14,10 +14,10 @@
 namespace torquer {
 namespace {
 
-constexpr char kStopping[] = "stopping";      // the last word of a daemon
-constexpr std::size_t kMostRecent = 100'000;  // samples that no state has shown: minutes of them
+constexpr char kStopping[] = "stopping";      // last state that a daemon reports
+constexpr std::size_t kMostRecent = 100'000;  // samples not yet shown by a state: minutes
 
-// Of numbers that may be anything: what is beyond the range is its end.
+// Saturating arithmetic, because numbers in a log may have any value.
 std::int64_t Sum(std::int64_t a, std::int64_t b) {
   std::int64_t sum = 0;
   if (!__builtin_add_overflow(a, b, &sum)) return sum;
@@ -31,7 +31,7 @@ std::int64_t Difference(std::int64_t a, std::int64_t b) {
   return b < 0 ? Limits::max() : Limits::min();
 }
 
-// Where an instrument is, mm and rad, with what it carries.
+// Position of an instrument, mm and rad, with its carried remainder.
 Eigen::Vector2d PlaceOf(const torquer_lcm::wire_state_t& state, std::size_t index) {
   const torquer_lcm::instrument_state_t& instrument = state.instruments[index];
   return {ArcLengthMm(state, index) + instrument.carried_mm,
@@ -60,7 +60,8 @@ Distribution Distribute(std::vector<double>& values) {
 }
 
 double ArcLengthMm(const torquer_lcm::wire_state_t& state, std::size_t instrument) {
-  // Where on the polyline the published tip is: the field that repeats the command proves nothing.
+  // Locates the published tip on the polyline. The insertion field only repeats the command, so it
+  // proves nothing.
   const Eigen::Vector3d tip(state.instruments[instrument].tip_mm);
   double length_mm = 0;
   double nearest_mm = std::numeric_limits<double>::infinity();
@@ -108,8 +109,8 @@ SessionHandlers SessionReporter::Handlers() {
   return handlers;
 }
 
-// The clutch and the sensor's own doubts stand in the sample; that the daemon found the surface
-// poor stands only in the command that it made of it, just before.
+// The sample has the clutch and the sensor's own flags. Only the command has the daemon's finding
+// that the surface is poor. It comes just before its sample.
 bool SessionReporter::Held(const Channel& channel, const torquer_lcm::device_sample_t& sample) {
   const bool doubted = channel.command_origin_us == sample.origin_us && channel.command_doubtful;
   return (sample.buttons & protocol::kButtonClutch) != 0 || (sample.flags & kDoubtfulSample) != 0 ||
@@ -124,7 +125,7 @@ void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
   const bool held = Held(channel, sample);
   if (!channel.first_sample) channel.first_sample = sample;
   if (channel.last_sample) {
-    // What the hand did while the device restarted is not known.
+    // Motion of the hand during a device restart is unknown.
     const bool reset = sample.boot_id != channel.last_sample->boot_id;
     channel.resets += reset ? 1 : 0;
     const std::int64_t axial =
@@ -133,7 +134,7 @@ void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
         reset ? 0 : Difference(sample.transverse_counts, channel.last_sample->transverse_counts);
     report.axial.sensor_counts = Sum(report.axial.sensor_counts, axial);
     report.rotation.sensor_counts = Sum(report.rotation.sensor_counts, transverse);
-    // Motion is held when there was a reason for it at either end.
+    // Motion between two samples counts as held if either sample was held.
     if (held || channel.last_held) {
       report.axial.held_counts = Sum(report.axial.held_counts, axial);
       report.rotation.held_counts = Sum(report.rotation.held_counts, transverse);
@@ -145,7 +146,7 @@ void SessionReporter::Add(const torquer_lcm::device_sample_t& sample) {
   channel.recent.push_back({sample.origin_us, report.axial, report.rotation});
 }
 
-// A state shows the motion up to the sample of the same origin.
+// A state shows the motion up to the sample with the same origin time.
 void SessionReporter::Show(Channel& channel, std::int64_t origin_us) {
   while (!channel.recent.empty() && channel.recent.front().origin_us <= origin_us) {
     channel.shown = channel.recent.front();
@@ -165,7 +166,8 @@ void SessionReporter::Add(const torquer_lcm::instrument_command_t& command) {
 
 void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
   gaps_.Add(state);
-  // At rest the simulator publishes its last state again; a thinned log has its shape only then.
+  // At rest the simulator repeats its last state. In a thinned log only the repetition may have the
+  // shape.
   if (last_state_ && state.tick == last_state_->tick) {
     if (!last_shape_ || last_shape_->tick != state.tick) TakeShape(state);
     return;
@@ -180,7 +182,7 @@ void SessionReporter::Add(const torquer_lcm::wire_state_t& state) {
   }
   for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
     Channel& channel = channels_[instrument.name];
-    // Times of two machines' clocks cannot be subtracted.
+    // Times from the clocks of two machines cannot be subtracted.
     if (instrument.command_sequence > channel.shown_sequence &&
         state.clock_id == channel.command_clock_id) {
       channel.latencies_ms.push_back(
@@ -235,7 +237,7 @@ void SessionReporter::Add(const torquer_lcm::health_t& health) {
   if (found != truths_.end()) channel.truth = found->second;
 }
 
-// One that was sent before the daemon counted may come after its counts.
+// A truth message sent before the daemon's counters may arrive after them.
 void SessionReporter::Add(const torquer_lcm::hand_motion_t& truth) {
   gaps_.Add(truth);
   truths_[truth.device] = truth;
@@ -252,10 +254,9 @@ void SessionReporter::CountReports(const Channel& channel, InstrumentReport& rep
     const auto found = channel.daemon_counters.find(name);
     return found == channel.daemon_counters.end() ? -1 : found->second;
   };
-  // The device numbers the frames in which it sampled, fetched by the host or not; the emulator
-  // counts what was fetched. Its count is that of the daemon's last counts or a little before,
-  // never a later one: a log that ends early must not make a loss of what the daemon had yet to
-  // count.
+  // The device numbers all sampled frames; the emulator counts only reports that the host fetched.
+  // The emulator's count is from the time of the daemon's last counters or slightly earlier, never
+  // later. A later count would turn reports that the daemon had yet to count into losses.
   const std::int64_t gaps = counter("reports_lost");
   report.reports_received = counter("reports_received");
   report.reports_lost = gaps;
@@ -268,7 +269,7 @@ void SessionReporter::CountReports(const Channel& channel, InstrumentReport& rep
   }
 }
 
-// Whether the hand of an emulator went on moving after it said this.
+// True if the hand of an emulator moved on after `truth`.
 bool SessionReporter::MovedOn(const torquer_lcm::hand_motion_t& truth) const {
   const torquer_lcm::hand_motion_t& last = truths_.at(truth.device);
   return last.axial_counts != truth.axial_counts ||
@@ -278,10 +279,10 @@ bool SessionReporter::MovedOn(const torquer_lcm::hand_motion_t& truth) const {
 void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
                                   const Eigen::Matrix2d& per_count,
                                   InstrumentReport& report) const {
-  // Where the emulator says what its sensor produced, that counts at the end: a report that was
-  // lost there would show. Its counts go on through a reset of the device, the samples' start
-  // again. In a log that ends before the session, the last state shows the hand as it was in an
-  // earlier sample; so it does where the last states have no shape.
+  // At the end of a session the emulator's own sensor counts are used if known: they reveal a
+  // report lost at the end. A reset restarts the samples' counts, but not the emulator's. If the
+  // log ends before the session, the last state shows the hand at an earlier sample. The same holds
+  // if the last states have no shape.
   if (!channel.ended || last_shape_->tick != last_state_->tick) {
     report.axial = channel.shown_with_shape.axial;
     report.rotation = channel.shown_with_shape.rotation;
@@ -292,8 +293,7 @@ void SessionReporter::JudgeMotion(const Channel& channel, std::size_t index,
         Difference(channel.truth->transverse_counts, channel.first_sample->transverse_counts);
   }
 
-  // A log that begins in the middle of a session, as the later parts of one do, knows nothing of
-  // the motion before.
+  // A log that begins in mid-session, such as a later part, does not contain the earlier motion.
   const bool late = first_tick_ > 0 && channel.begin;
   const Motion begin = late ? *channel.begin : Motion();
   const auto moved = [](const MotionAgreement& motion, const MotionAgreement& before) {
@@ -356,7 +356,7 @@ SessionReport SessionReporter::Finish(const MotionPerCount& motion_per_count) co
     report.instruments.push_back(std::move(one));
   }
   if (last_us == 0) {
-    // A page, or a program, has steered.
+    // No device sample: a page or a program may have steered.
     const bool steered = std::any_of(report.instruments.begin(), report.instruments.end(),
                                      [](const InstrumentReport& one) { return one.commands > 0; });
     require(steered, "device sample and no command", "torquer-daemon or a page that steers");

@@ -1,5 +1,4 @@
-// The figures of a recorded session: what was lost, whether every instrument went where its hand
-// went, how late it was.
+// Session report: lost messages, agreement of each instrument with its hand, and latency.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,37 +25,37 @@ struct Distribution {
   double max = 0;
 };
 
-/// Nearest-rank order statistics of `values`, which it reorders.
+/// Computes nearest-rank order statistics of `values` and reorders them.
 Distribution Distribute(std::vector<double>& values);
 
-/// One direction of motion (axial or transverse), from the sensor to the wire.
+/// Motion in one direction (axial or transverse), from the sensor to the wire.
 struct MotionAgreement {
-  std::int64_t sensor_counts = 0;  ///< that the sensor produced since the first sample
+  std::int64_t sensor_counts = 0;  ///< counts of the sensor since the first sample
   std::int64_t held_counts = 0;    ///< of these while clutch held, sensor lifted or at fault
   double hand = 0;                 ///< the rest, calibrated; mm or rad
-  double wire = 0;          ///< by how far the wire moved since its start, carried rest included
+  double wire = 0;          ///< motion of the wire since its start, carried remainder included
   double error_counts = 0;  ///< |wire - hand - healed| in counts
 };
 
-/// Counts by which wire and hand may differ: the resolution of the sensor.
+/// Allowed difference between wire and hand in counts: the resolution of the sensor.
 inline constexpr double kMotionToleranceCounts = 1.0;
 
-/// An instrument and the device that drove it. -1 where the log does not say.
+/// Instrument and the device that drove it. A value of -1 is unknown.
 struct InstrumentReport {
   std::string name;
   std::string device;                  ///< serial number; empty: no device drove it
-  std::int64_t reports_sent = -1;      ///< made by the device, as the emulator says
-  std::int64_t reports_received = -1;  ///< by the daemon, as its health says
+  std::int64_t reports_sent = -1;      ///< made by the device, according to the emulator
+  std::int64_t reports_received = -1;  ///< received by the daemon, according to its health
   std::int64_t reports_lost = -1;      ///< sent less received; otherwise gaps in their numbers
   std::int64_t reports_unfetched =
-      0;                      ///< of the lost: the device made the next before it was asked
+      0;  ///< of the lost: replaced by the next report before the host fetched it
   std::int64_t samples = 0;   ///< in the log
   std::int64_t commands = 0;  ///< in the log
   double duration_s = 0;      ///< from its first sample to its last
-  double healed_mm = 0;       ///< lost motion that was made up for at the end switch
+  double healed_mm = 0;       ///< lost motion that was corrected at the end switch
   MotionAgreement axial;      ///< counts, mm
   MotionAgreement rotation;   ///< counts, rad
-  Distribution latency_ms;    ///< from the hand to the state that first shows it being published
+  Distribution latency_ms;    ///< from hand motion to publishing of the first state with it
 
   bool driven() const { return !device.empty(); }
   /// No report was lost, and the instrument went where the hand went.
@@ -66,23 +65,24 @@ struct InstrumentReport {
   }
 };
 
-/// What torquer-report prints.
+/// Report that torquer-report prints.
 struct SessionReport {
   std::string scene;
   std::string scene_file;
   std::string method;
-  /// From the first sample of any device to the last; without devices from state to state.
+  /// From the first sample of any device to the last; without devices from the first state to the
+  /// last.
   double duration_s = 0;
 
   std::vector<InstrumentReport> instruments;  ///< the innermost first
 
   std::int64_t states = 0;            ///< in the log
-  std::int64_t shapes = 0;            ///< of these with the curve, and not its ends alone
+  std::int64_t shapes = 0;            ///< of these: with the full curve, not only its ends
   std::int64_t states_missing = 0;    ///< gaps in the ticks: lost by the bus or the logger
   std::int64_t undecodable = 0;       ///< messages that are not of their channel's type
-  std::vector<std::string> gaps;      ///< what the log lacks, as LogGaps describes it
-  std::vector<std::string> silences;  ///< what it may lack, the same way
-  std::map<std::string, std::int64_t> unknown;  ///< messages by channel that is like ours but none
+  std::vector<std::string> gaps;      ///< missing messages, as LogGaps describes them
+  std::vector<std::string> silences;  ///< late or missing periodic messages (LogGaps)
+  std::map<std::string, std::int64_t> unknown;  ///< counts by unknown TORQUER... channel
   LogDamage damage;                             ///< of the log
   bool ended = false;                           ///< the log holds the end of every daemon
   std::int64_t started_us = 0;  ///< the logger's wall clock at its first record; 0: unknown
@@ -92,56 +92,55 @@ struct SessionReport {
   double residual = 0;  ///< of the last state
   int status = 0;       ///< of the last state, bits of WireStatus
   torquer_lcm::scene_description_t description;
-  torquer_lcm::wire_state_t last_state;  ///< the last with its shape, which motion is judged by
-  std::int64_t ticks_after_shape = 0;    ///< that the log has after that
-  std::int64_t first_tick =
-      0;  ///< where the log begins; after the start motion is judged from there
-  torquer_lcm::readings_t readings{};  ///< the last; without names where the scene has no observer
+  torquer_lcm::wire_state_t last_state;  ///< last state with a shape; motion is graded by it
+  std::int64_t ticks_after_shape = 0;    ///< ticks in the log after `last_state`
+  std::int64_t first_tick = 0;  ///< first tick of the log; if not 0, motion is graded from there
+  torquer_lcm::readings_t readings{};  ///< last readings; no names without an observer
 
   SessionCourse course;
 
-  /// Whether the scene names this effect, such as "fluoroscopy".
+  /// True if the scene names this effect, such as "fluoroscopy".
   bool Has(const std::string& effect) const;
-  /// Every instrument that a device drove is good, and the log is whole.
+  /// True if every instrument driven by a device is good and the log is complete.
   bool Good() const;
 };
 
 /// Gathers a SessionReport from the messages of a session in their recorded order.
 class SessionReporter {
  public:
-  /// Takes (axial, transverse) counts of a device to (mm, rad): its calibration. `cpi`: resolution
-  /// of its sensor in the first sample, counts an inch.
+  /// Calibration of a device: maps (axial, transverse) counts to (mm, rad). `cpi`: resolution of
+  /// its sensor in the first sample, counts per inch.
   using MotionPerCount = std::function<Eigen::Matrix2d(const std::string& device, int cpi)>;
 
-  /// Handlers that feed this object; it must outlive them.
+  /// Handlers that feed this object, which must outlive them.
   SessionHandlers Handlers();
 
-  /// The figures of all messages so far. Throws UserError when a kind of message without which
-  /// there is no report is missing.
+  /// Returns the figures of all messages so far. Throws UserError if a required message type is
+  /// missing.
   SessionReport Finish(const MotionPerCount& motion_per_count) const;
 
  private:
-  // What the hand has done since the first sample, when a sample was taken.
+  // Motion of the hand from the first sample to a later one.
   struct Motion {
     std::int64_t origin_us = 0;
     MotionAgreement axial;
     MotionAgreement rotation;
   };
 
-  // What was heard of one instrument.
+  // Data gathered for one instrument.
   struct Channel {
     std::optional<torquer_lcm::device_sample_t> first_sample;
     std::optional<torquer_lcm::device_sample_t> last_sample;
     std::map<std::string, std::int64_t> daemon_counters;
-    std::optional<torquer_lcm::hand_motion_t> truth;  // when the daemon counted, or just before
-    std::int64_t counted_us = -1;                     // when that was
-    bool ended = false;                               // the daemon said that it stops
-    std::deque<Motion> recent;                        // after what the last state shows
-    Motion shown;                                     // what the last state shows
-    Motion shown_with_shape;                          // what the last state with its shape shows
-    std::optional<Motion> begin;  // what the first shape shows that shows a sample of the log
-    Eigen::Vector2d begin_wire = Eigen::Vector2d::Zero();  // where the wire was then, mm and rad
-    std::optional<std::int64_t> first_healed_um;           // as the daemon said first
+    std::optional<torquer_lcm::hand_motion_t> truth;  // at or just before the daemon's counters
+    std::int64_t counted_us = -1;                     // time of the daemon's counters
+    bool ended = false;                               // the daemon reported that it stops
+    std::deque<Motion> recent;                        // samples later than the last state shows
+    Motion shown;                                     // motion that the last state shows
+    Motion shown_with_shape;      // motion that the last state with a shape shows
+    std::optional<Motion> begin;  // motion at the first shape that shows a sample of the log
+    Eigen::Vector2d begin_wire = Eigen::Vector2d::Zero();  // position of the wire then, mm and rad
+    std::optional<std::int64_t> first_healed_um;           // first value from the daemon
     bool last_held = false;
     std::int64_t resets = 0;
     std::int64_t command_clock_id = 0;
@@ -171,7 +170,7 @@ class SessionReporter {
   std::int64_t first_state_us_ = 0;
   std::int64_t first_tick_ = 0;
   std::optional<torquer_lcm::wire_state_t> last_state_;
-  std::optional<torquer_lcm::wire_state_t> last_shape_;  // the last state that has one
+  std::optional<torquer_lcm::wire_state_t> last_shape_;  // last state with a shape
   std::optional<torquer_lcm::scene_description_t> scene_;
   torquer_lcm::readings_t readings_{};
   std::vector<double> solve_us_;
@@ -180,7 +179,7 @@ class SessionReporter {
   SessionReport report_;
 };
 
-/// Arc length of the published nodes up to the tip of an instrument, mm.
+/// Arc length along the published nodes up to the tip of an instrument, mm.
 double ArcLengthMm(const torquer_lcm::wire_state_t& state, std::size_t instrument);
 
 }  // namespace torquer

@@ -1,4 +1,4 @@
-// What a session was like over time, in memory that does not grow with the session.
+// Time series of a session, in memory that does not grow with the session.
 #pragma once
 
 #include <cstddef>
@@ -6,28 +6,29 @@
 
 namespace torquer {
 
-/// One value at one time.
+/// Value at one time.
 struct SeriesPoint {
   double time_s = 0;
   double value = 0;
 };
 
-/// A measurement over time. Of a session of any length at most kMostPoints points are kept: the
-/// lowest and the highest value of each of equal stretches of time, and the first and last value.
-/// A peak is never lost, and its time is exact.
+/// Time series of one measurement. It keeps at most kMostPoints points for a session of any length.
+/// These are the minimum and maximum of equal time intervals, and the first and last value. A peak
+/// is never lost, and its time is exact.
 class Series {
  public:
   static constexpr std::size_t kMostPoints = 2000;
-  /// Values and times beyond it, of either sign, cannot be drawn and are no measurements.
+  /// Values and times of larger magnitude are treated as invalid.
   static constexpr double kMost = 1e12;
 
-  /// What is not finite or beyond kMost is left out. A time before the newest one counts as that.
+  /// Ignores a point that is not finite or beyond kMost. A time before the newest one is replaced
+  /// by it.
   void Add(double time_s, double value);
 
   bool empty() const { return stretches_.empty(); }
-  /// The newest point; only where there is one.
+  /// Newest point; the series must not be empty.
   const SeriesPoint& last() const { return last_; }
-  /// What was kept; times do not descend.
+  /// Kept points; times never decrease.
   std::vector<SeriesPoint> Points() const;
 
  private:
@@ -42,29 +43,29 @@ class Series {
   void DoubleStretches();
 
   double stretch_s_ = 1e-3;
-  std::vector<Stretch> stretches_;  // from the first point's time on
+  std::vector<Stretch> stretches_;  // consecutive, starting at the first point's time
   SeriesPoint first_;
   SeriesPoint last_;
 };
 
-/// From when to when.
+/// Time interval.
 struct Span {
   double begin_s = 0;
   double end_s = 0;
 };
 
-/// When something was on. Where it went on more than kMostSpans times, those nearest to each other
-/// are shown as one; the total stays exact.
+/// Intervals in which something was on. If there are more than kMostSpans, the closest ones are
+/// merged; the total stays exact.
 class Spans {
  public:
   static constexpr std::size_t kMostSpans = 500;
 
-  /// Whether it is on from `time_s` until the next call. A time before the newest one counts as
-  /// that; one that is not finite or beyond Series::kMost is left out.
+  /// Sets the state from `time_s` until the next call. A time before the newest one is replaced by
+  /// it. A time that is not finite or beyond Series::kMost is ignored.
   void Set(double time_s, bool on);
 
-  const std::vector<Span>& spans() const { return spans_; }  ///< in order, apart
-  double total_s() const { return total_s_; }                ///< up to the newest call
+  const std::vector<Span>& spans() const { return spans_; }  ///< in order, without overlap
+  double total_s() const { return total_s_; }                ///< up to the newest call of Set
 
  private:
   void JoinNearest();

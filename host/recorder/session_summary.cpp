@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kSummaryVersion = 1;
 constexpr char kEnding[] = ".session.json";
-constexpr int kMostEntries = 10'000;  // of a folder that are looked at
+constexpr int kMostEntries = 10'000;  // entries of a folder that are examined
 constexpr double kMostValue = 1e12;
 
 std::optional<bool> AsTruth(const std::optional<double>& reading) {
@@ -24,7 +24,7 @@ std::optional<bool> AsTruth(const std::optional<double>& reading) {
   return *reading != 0;
 }
 
-// One field after the other out of a file.
+// Reader of the fields of a summary file.
 class Fields {
  public:
   Fields(const std::string& path, const std::string& text)
@@ -84,7 +84,7 @@ bool IsOwn(const std::filesystem::path& file) {
   return lstat(file.c_str(), &status) == 0 && S_ISREG(status.st_mode) && status.st_uid == geteuid();
 }
 
-// `take` gets the entries of a folder; none where it cannot be read.
+// Calls `take` for each entry of a folder; for none if the folder cannot be read.
 void LookThrough(const std::filesystem::path& folder,
                  const std::function<void(const std::filesystem::directory_entry&)>& take) {
   std::error_code error;
@@ -96,7 +96,7 @@ void LookThrough(const std::filesystem::path& folder,
   }
 }
 
-// The newest names first, because sessions are named by the time.
+// Sorts names in descending order: the newest come first, because sessions are named by time.
 std::vector<std::string> FindSummaries(const std::string& page) {
   namespace fs = std::filesystem;
   const fs::path own = fs::absolute(SummaryPath(page)).lexically_normal();

@@ -1,4 +1,4 @@
-// A session in a few figures, kept beside its page so that later sessions can be compared with it.
+// Session summary: a few figures, kept beside the page for comparison with later sessions.
 #pragma once
 
 #include <cstddef>
@@ -11,52 +11,52 @@
 
 namespace torquer {
 
-/// What learning shows in. Nothing where the scene does not measure it.
+/// Figures that show learning progress. A figure has no value if the scene does not measure it.
 struct SessionSummary {
   std::string scene;
   std::int64_t started_us = 0;  ///< wall clock, since 1970
-  double procedure_s = 0;       ///< as assessed, otherwise from the first tick to the last
+  double procedure_s = 0;       ///< from the assessment, otherwise from the first tick to the last
   std::optional<bool> target_reached;
-  std::optional<bool> safe;  ///< reached, and no force above the limit
+  std::optional<bool> safe;  ///< target reached, and no force above the limit
   std::optional<double> target_s;
-  std::optional<double> wall_force_mN;  ///< largest, of a patch
+  std::optional<double> wall_force_mN;  ///< largest wall force of a patch
   std::optional<double> fluoroscopy_s;  ///< time with the X-ray pedal down
   std::optional<double> contrast_mL;    ///< injected
-  double tip_path_mm = 0;               ///< as assessed, otherwise the course's
+  double tip_path_mm = 0;               ///< from the assessment, otherwise from the course
   std::int64_t reversals = 0;           ///< of all instruments
 
   bool operator==(const SessionSummary&) const = default;
 };
 
-/// The figures of a session: those of its assessment where it has one.
+/// Summarizes a session; uses the figures of its assessment if it has one.
 SessionSummary Summarize(const SessionReport& report);
 
-/// As one JSON object, the line ended.
+/// Formats one JSON object on a line that ends with a newline.
 std::string FormatSummary(const SessionSummary& summary);
 
-/// The file at `path`, which FormatSummary wrote. Throws UserError naming the file and what is
-/// wrong with it.
+/// Reads the file at `path`, written by FormatSummary. Throws UserError with the file and its
+/// error.
 SessionSummary ReadSummary(const std::string& path);
 
-/// Where the summary of a session lies whose page is `page`: "report.html" has
-/// "report.session.json" beside it.
+/// Path of the summary that belongs to `page`: "report.html" has "report.session.json" beside it.
 std::string SummaryPath(const std::string& page);
 
 /// Earlier sessions of the same scene.
 struct EarlierSessions {
-  static constexpr std::size_t kMost = 30;          ///< sessions, the newest
-  static constexpr std::size_t kMostFiles = 500;    ///< that are read
+  static constexpr std::size_t kMost = 30;          ///< sessions; the newest are kept
+  static constexpr std::size_t kMostFiles = 500;    ///< files that are read
   static constexpr std::size_t kMostBytes = 16384;  ///< of one file
-  static constexpr std::size_t kMostRefused = 10;   ///< that are named
+  static constexpr std::size_t kMostRefused = 10;   ///< damaged files that are named
 
   std::vector<SessionSummary> sessions;  ///< in the order in which they began
-  std::vector<std::string> refused;      ///< damaged files: which, and what is wrong
+  std::vector<std::string> refused;      ///< damaged files, each with its error
 };
 
-/// Reads the summaries that may belong to sessions before `now`, whose page is `page`: all
-/// NAME.session.json in the folder of the page, and, of the folders beside that one, the file named
-/// as the page's own where it belongs to the same user. Sessions of other scenes, `now` itself and
-/// later ones are left out. Never throws UserError: what cannot be read is in `refused`.
+/// Reads the summaries of earlier sessions than `now`, the session of `page`. It reads all
+/// NAME.session.json in the page's folder. In each sibling folder it reads the file named like the
+/// page's own summary. That file must belong to the same user. Sessions of other scenes, `now`
+/// itself and later sessions are excluded. Never throws UserError: unreadable files are listed in
+/// `refused`.
 EarlierSessions ReadEarlierSessions(const std::string& page, const SessionSummary& now);
 
 }  // namespace torquer

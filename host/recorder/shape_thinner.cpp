@@ -14,7 +14,7 @@ std::span<const std::uint8_t> ShapeThinner::Take(std::span<const std::uint8_t> m
                                                  std::int64_t time_us) {
   owed_.clear();
   if (!bus::DecodeMessage(message.data(), message.size(), state_)) return message;
-  // Numbers on a bus may be anything, but for a difference.
+  // Tick numbers from a bus are untrusted: the comparison before the subtraction prevents overflow.
   const bool follows = last_tick_ && last_tick_ < state_.tick && state_.tick - 1 == *last_tick_;
   const bool repeated = last_tick_ == state_.tick;
   last_tick_ = state_.tick;

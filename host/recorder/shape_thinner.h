@@ -1,4 +1,4 @@
-// Wire states on their way into a log that has shapes less often than ticks.
+// Shape thinner: reduces how often wire states in a log carry a shape.
 #pragma once
 
 #include <cstdint>
@@ -10,25 +10,26 @@
 
 namespace torquer {
 
-/// Between two shapes states become outlines (host/bus/state_outline.h), which have all that a
-/// replay and a report of motion need. What a state says of the ticks before it is in the log
-/// already; it stays with the shapes, after a gap, and every kPastTicks, so that a replay gets over
-/// damage to the log.
+/// Between two shapes, states are reduced to outlines (host/bus/state_outline.h). Outlines have all
+/// data for a replay and a motion report. Data about past ticks in a state is already in the log,
+/// so it is dropped. It is kept with shapes, after a gap, and every kPastTicks. A replay can thus
+/// recover from damage to the log.
 class ShapeThinner {
  public:
   static constexpr std::int64_t kPastTicks = 16;
 
-  /// At most so many shapes a second, > 0.
+  /// `shapes_hz`: maximum number of shapes per second, > 0.
   explicit ShapeThinner(double shapes_hz);
 
-  /// What is to be written for a message of the channel of wire states, which came at `time_us`;
-  /// valid until the next call. What is no wire state is written as it came.
+  /// Returns the bytes to write for a message of the wire state channel that arrived at `time_us`.
+  /// They are valid until the next call. An undecodable message is returned unchanged.
   std::span<const std::uint8_t> Take(std::span<const std::uint8_t> message, std::int64_t time_us);
 
-  /// The next state has its shape.
+  /// Makes the next state keep its shape.
   void WantShape() { last_shape_us_.reset(); }
 
-  /// The newest state as it came, where the log has it as an outline: a log ends with a shape.
+  /// Newest state with its shape if the log has only its outline, else empty. The recorder writes
+  /// it last, so that a log ends with a shape.
   std::span<const std::uint8_t> Owed() const { return owed_; }
 
  private:

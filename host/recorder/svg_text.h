@@ -1,4 +1,4 @@
-// What the picture and the plots of a session have in common: text for SVG, round numbers.
+// SVG text and round numbers, shared by the picture and the plots of a session.
 #pragma once
 
 #include <fmt/format.h>
@@ -8,15 +8,15 @@
 
 namespace torquer {
 
-/// Formats to the end of `out`.
+/// Appends formatted text to `out`.
 template <class... Values>
 void Append(std::string& out, fmt::format_string<Values...> format, Values&&... values) {
   // Not format_to, which compiles all of {fmt} into each source that uses it.
   out += fmt::format(format, std::forward<Values>(values)...);
 }
 
-/// The largest of 1, 2 and 5 times a power of ten that is not above `most`, which is finite and
-/// > 0: the length of a scale bar, the distance of an axis's ticks.
+/// Largest of 1, 2 and 5 times a power of ten that is not above `most` (finite, > 0). Used for the
+/// length of a scale bar and the distance of axis ticks.
 double RoundBelow(double most);
 
 }  // namespace torquer

@@ -18,10 +18,11 @@ struct LitTriangle {
   double outward;   // 1 when (b - a) x (c - a) points out of the lumen, else -1
 };
 
-// Scanned surfaces are coarse and rough; so many times each normal is averaged with its neighbors.
+// Number of times that each normal is averaged with its neighbors: scanned surfaces are coarse and
+// rough.
 constexpr int kSmoothingRounds = 2;
 
-// Points that are the same but for rounding in a file are one vertex.
+// Points that differ only by rounding in a file are one vertex.
 std::array<std::int64_t, 3> VertexKey(const Eigen::Vector3d& point) {
   constexpr double kPerMm = 1e4;
   return {std::llround(point.x() * kPerMm), std::llround(point.y() * kPerMm),
@@ -74,7 +75,7 @@ std::vector<LitTriangle> WithNormals(const PictureVessel& vessel, const PatientA
   return triangles;
 }
 
-// The longest of the sides as projected: its length, and the corner where it starts.
+// Length of the longest projected side, and the corner where it starts.
 std::pair<double, std::size_t> LongestSide(const LitTriangle& triangle) {
   std::pair<double, std::size_t> longest{0, 0};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -90,8 +91,8 @@ double LongestAllowed(const LitTriangle& triangle, const ShadingDetail& detail) 
   return detail.fine_region_mm.intersects(seen) ? detail.fine_side_mm : detail.side_mm;
 }
 
-// Halves the longest side of each triangle that is too large, until none is. False, with the work
-// undone, when that makes too many.
+// Halves the longest side of each triangle until no side is above the limit. If that gives too many
+// triangles, returns false and leaves `triangles` unchanged.
 bool Divide(std::vector<LitTriangle>& triangles, const ShadingDetail& detail, double scale) {
   std::vector<LitTriangle> divided = triangles;
   for (std::size_t i = 0; i < divided.size();) {
@@ -117,7 +118,7 @@ bool Divide(std::vector<LitTriangle>& triangles, const ShadingDetail& detail, do
   return true;
 }
 
-// A lamp above the viewer's left shoulder, and a rim that darkens as a glass tube's does.
+// Lighting model: a lamp above the viewer's left shoulder, and darkened rims as on a glass tube.
 double Light(const Eigen::Vector3d& normal_to_viewer) {
   static const Eigen::Vector3d lamp = Eigen::Vector3d(-0.45, 0.45, -0.77).normalized();
   const double facing = std::clamp(-normal_to_viewer.z(), 0.0, 1.0);

@@ -25,7 +25,8 @@ namespace {
 
 constexpr char kInstallFfmpeg[] = "install it (host/install_packages build)";
 constexpr std::size_t kMostMessageBytes = 4096;
-// In ffmpeg; above them, so that none is overwritten before it is copied, lie the originals.
+// Descriptors in ffmpeg. The originals lie above them, so that none is overwritten before it is
+// copied.
 constexpr int kOutputInChild = 3;
 constexpr int kSubtitlesInChild = 4;
 constexpr int kAboveChild = 10;
@@ -34,7 +35,7 @@ constexpr int kAboveChild = 10;
   throw UserError(fmt::format("ffmpeg: {}: {}", what, std::strerror(error)));
 }
 
-// A copy of a descriptor, above those that the child uses.
+// Copies a descriptor to a number above those that the child uses.
 int Copy(int descriptor) {
   const int copy = descriptor < 0 ? -1 : fcntl(descriptor, F_DUPFD_CLOEXEC, kAboveChild);
   if (copy < 0) Refuse("cannot be given its files", errno);
@@ -43,7 +44,7 @@ int Copy(int descriptor) {
 
 class Descriptor {
  public:
-  /// Takes over `fd`, wherever it is.
+  /// Takes ownership of `fd` and moves it above those that the child uses.
   explicit Descriptor(int fd) : fd_(Copy(fd)) { close(fd); }
   ~Descriptor() {
     if (fd_ >= 0) close(fd_);
@@ -69,11 +70,11 @@ void WriteAll(int file, std::string_view text) {
 std::vector<std::string> Words(const VideoFormat& format) {
   std::vector<std::string> words = {
       "ffmpeg", "-nostdin", "-hide_banner", "-loglevel", "error", "-xerror",
-      // What comes in.
+      // Input.
       "-f", "rawvideo", "-pixel_format", "gray", "-video_size",
       fmt::format("{}x{}", format.width, format.height), "-framerate",
       fmt::format("{}", format.frames_per_s), "-i", "pipe:0",
-      // What is done with it.
+      // Filter and pixel format of the output.
       "-vf", fmt::format("format=yuv420p,ass=/proc/self/fd/{}", kSubtitlesInChild), "-pix_fmt",
       "yuv420p", "-an"};
   const std::vector<std::string> mp4 = {"-c:v", "libx264",   "-preset",    "medium", "-crf",
@@ -83,12 +84,12 @@ std::vector<std::string> Words(const VideoFormat& format) {
                                          "-row-mt", "1",          "-f",   "webm"};
   const std::vector<std::string>& kind = format.kind == VideoFormat::Kind::kMp4 ? mp4 : webm;
   words.insert(words.end(), kind.begin(), kind.end());
-  // -y: the file is there, and empty.
+  // -y (overwrite): the file already exists and is empty.
   words.insert(words.end(), {"-y", fmt::format("/proc/self/fd/{}", kOutputInChild)});
   return words;
 }
 
-// The end of the last lines, in one.
+// End of the last messages, joined into one line.
 std::string LastMessages(int file) {
   std::string text(kMostMessageBytes, '\0');
   const off_t size = lseek(file, 0, SEEK_END);
@@ -171,7 +172,7 @@ void VideoEncoder::Finish() {
   }
   process_ = -1;
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
-    // The descriptor itself may be for writing alone.
+    // The descriptor itself may be write-only, so the file is opened again for reading.
     const std::string name = fmt::format("/proc/self/fd/{}", output_);
     const Descriptor file(open(name.c_str(), O_RDONLY | O_CLOEXEC));
     const bool video = kind_ == VideoFormat::Kind::kMp4 ? IsMp4(file.get()) : IsWebm(file.get());

@@ -1,4 +1,4 @@
-// A video made by Debian's ffmpeg.
+// Video encoder: runs Debian's ffmpeg.
 #pragma once
 
 #include <sys/types.h>
@@ -18,30 +18,31 @@ struct VideoFormat {
   int frames_per_s = 0;
 };
 
-/// A child process that takes gray frames, draws subtitles on them, and writes a file. Nothing of
-/// it goes through a shell or by a name in a folder: frames, subtitles and file are descriptors.
+/// Child process that takes gray frames, draws subtitles on them, and writes a file. No shell and
+/// no path in a folder is involved: frames, subtitles and file are descriptors.
 class VideoEncoder {
  public:
   /// `subtitles` is a file of Advanced SubStation Alpha; `output` a descriptor of an empty file,
   /// which must stay open.
   /// Throws UserError when ffmpeg cannot be started.
   VideoEncoder(const VideoFormat& format, const std::string& subtitles, int output);
-  /// Kills it where it still runs.
+  /// Kills ffmpeg if it still runs.
   ~VideoEncoder();
   VideoEncoder(const VideoEncoder&) = delete;
   VideoEncoder& operator=(const VideoEncoder&) = delete;
 
-  /// A frame of width x height pixels. False once ffmpeg takes no more; Finish() then says why.
+  /// Adds a frame of width x height pixels. Returns false once ffmpeg accepts no more; Finish()
+  /// then reports why.
   bool Add(std::span<const std::uint8_t> pixels);
 
-  /// Waits until the file is whole. Throws UserError with what ffmpeg said where it is not, also
-  /// where ffmpeg ended well but took not all frames or wrote no video.
+  /// Waits until the file is complete. Throws UserError with ffmpeg's messages if encoding failed.
+  /// It also throws if ffmpeg exited with status 0 but did not take all frames or wrote no video.
   void Finish();
 
  private:
   VideoFormat::Kind kind_;
   int output_ = -1;
-  bool refused_ = false;  // it took no more
+  bool refused_ = false;  // ffmpeg accepts no more frames
   int frames_ = -1;       // socket to its standard input
   int messages_ = -1;     // file without a name that holds its standard error
   pid_t process_ = -1;

@@ -15,7 +15,7 @@ std::int64_t SizeOfVideo(int file) {
   return fstat(file, &status) == 0 ? status.st_size : 0;
 }
 
-// Up to `size` bytes at `offset`.
+// Reads up to `size` bytes at `offset`.
 std::string BytesAt(int file, std::int64_t offset, std::size_t size) {
   std::string bytes(size, '\0');
   const ssize_t got = pread(file, bytes.data(), size, offset);
@@ -41,7 +41,7 @@ bool IsMp4(int file) {
     if (head.size() < 8) return false;
     const std::string kind = head.substr(4, 4);
     std::uint64_t length = BigEndian(head.substr(0, 4));
-    // The length of a long box follows its kind.
+    // The 64-bit length of a large box follows its type.
     if (length == 1 && head.size() == kHeader) length = BigEndian(head.substr(8));
     if (length < 8 || length > static_cast<std::uint64_t>(size - at)) return false;
     if (at == 0 && kind != "ftyp") return false;

@@ -1,11 +1,11 @@
-// Tells a video by its container.
+// Check of a video file by its container format.
 #pragma once
 
 namespace torquer {
 
-/// True where the file is an MP4 of whole boxes, with ftyp first, moov and mdat.
+/// True if the file is an MP4 of complete boxes, with ftyp first, moov and mdat.
 bool IsMp4(int file);
-/// True where the file begins as WebM does, and its segment follows.
+/// True if the file begins with a WebM header followed by a segment.
 bool IsWebm(int file);
 
 }  // namespace torquer
