@@ -14,7 +14,7 @@ struct PlacesOfScene {
   std::vector<double> places_mm;
 };
 
-// Insertions at which a stretch of 10 mm is measured.
+// Scenes, and insertions in mm at which a stretch of 10 mm is measured.
 std::vector<PlacesOfScene> Scenes(bool quick) {
   if (quick) {
     return {{"ty_phantom", {130, 220}}, {"neuro_arch", {400, 470}}, {"abdominal_aorta", {80, 160}}};
@@ -97,7 +97,7 @@ class AccuracyStudy final : public Study {
   }
 
   std::string folder_;
-  std::map<std::string, std::vector<std::string>> left_out_;  // scenes, by case
+  std::map<std::string, std::vector<std::string>> left_out_;  // scenes; key: case
 };
 
 }  // namespace

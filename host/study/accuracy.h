@@ -1,4 +1,4 @@
-// The study of accuracy: what it costs in time, setting by setting.
+// Accuracy study: computing time needed for accuracy, setting by setting.
 #pragma once
 
 #include <memory>

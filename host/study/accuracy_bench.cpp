@@ -16,14 +16,14 @@ namespace torquer::study {
 namespace {
 
 constexpr double kSlipMm = 0.005;
-constexpr double kFeedMm = 0.1;          // an action of Newton's: 100 mm/s at 1 kHz
+constexpr double kFeedMm = 0.1;          // feed per action of Newton's method: 100 mm/s at 1 kHz
 constexpr double kTurnRadPerMm = 0.05;   // the hand turns while it feeds
 constexpr double kTight = 1e-9;          // tolerance of references and companions
-constexpr double kAnotherBasinMm = 0.5;  // nearer than this is an error, not another basin
+constexpr double kAnotherBasinMm = 0.5;  // a smaller distance is an error, not another basin
 constexpr int kPlenty = 20000;
 
-// A tick that ends after a time of this thread. The first unit is always granted, or nothing would
-// ever move.
+// Budget by processor time of this thread. The first unit is always granted, otherwise nothing
+// would ever move.
 class TimedBudget final : public WorkBudget {
  public:
   explicit TimedBudget(double budget_us) : end_s_(ThreadCpuSeconds() + 1e-6 * budget_us) {}
@@ -33,7 +33,7 @@ class TimedBudget final : public WorkBudget {
   double end_s_;
 };
 
-// One relaxation by Newton's method with its own friction.
+// Relaxation by Newton's method with its own friction.
 struct NewtonBench {
   NewtonBench(const WireModel& model, const ClearanceField& field, const WallModel& wall_model,
               double coefficient, double tolerance)
@@ -46,7 +46,7 @@ struct NewtonBench {
     settings.tolerance = tolerance;
     return settings;
   }
-  // The hand still until the wire rests.
+  // Holds the hand still until the wire is in equilibrium.
   bool Settle(WireState& state) {
     TickReport report;
     for (int k = 0; k < 5 && !report.converged; ++k) {
@@ -196,7 +196,7 @@ const AccuracyBench::Companion& AccuracyBench::CompanionFor(const AccuracyCase& 
   return companion;
 }
 
-// Bending and wall, in the case's own terms.
+// Bending and wall energy, with the case's own field and wall model.
 double AccuracyBench::Energy(const AccuracyCase& c, const WireModel& model,
                              const WireState& state) {
   const std::vector<EnergyTerm*> none;
@@ -208,7 +208,8 @@ double AccuracyBench::Energy(const AccuracyCase& c, const WireModel& model,
 }
 
 double AccuracyBench::Expected(const AccuracyCase& c) const {
-  // A PR cycle of 250 segments takes 15 ms, and more with the cube of n; a Newton action 0.3 ms.
+  // A PR cycle of 250 segments takes 15 ms and grows with the cube of n. A Newton action takes 0.3
+  // ms.
   double seconds = 0;
   for (const double place : places_mm_) {
     const double n = place / c.segment_mm / 250;

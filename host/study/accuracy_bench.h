@@ -1,4 +1,4 @@
-// One scene, its references, and a case measured against them.
+// Accuracy bench: measures cases in one scene against reference solutions.
 #pragma once
 
 #include <map>
@@ -13,21 +13,21 @@
 
 namespace torquer::study {
 
-/// How a case relaxes.
+/// Relaxation method of a case.
 enum class AccuracyMethod {
-  kNewtonTolerance,  ///< each action to a residual
-  kNewtonBudget,     ///< each action for a time
+  kNewtonTolerance,  ///< each action until a residual tolerance
+  kNewtonBudget,     ///< each action for a time budget
   kPaper,            ///< Tip Relaxation and cycles
 };
 
-/// The vessel that a case feels.
+/// Clearance field that a case uses.
 enum class FieldKind {
-  kScene,      ///< as shipped
+  kScene,      ///< field of the shipped scene
   kSpline,     ///< quadratic B-splines on voxels
-  kTrilinear,  ///< linear between the same distances: continuous, its gradient not
+  kTrilinear,  ///< linear between the same distances: continuous, but with a discontinuous gradient
 };
 
-/// A setting. What it does not name is the scene's own.
+/// Setting of one case. All other parameters are those of the scene.
 struct AccuracyCase {
   std::string name;
   double segment_mm = 1;
@@ -35,29 +35,29 @@ struct AccuracyCase {
   double tolerance = 1e-6;  ///< kNewtonTolerance
   double budget_us = 0;     ///< kNewtonBudget
   PaperCycles cycles = PaperCycles::kNone;
-  int cycle_count = 0;  ///< an action, kPaper
+  int cycle_count = 0;  ///< cycles per action, kPaper
   UpdateRule rule = UpdateRule::kAbsolute;
   BendingLaw law = BendingLaw::kExact;
-  int contact_points = 2;  ///< a segment
+  int contact_points = 2;  ///< contact points per segment
   FieldKind field = FieldKind::kScene;
-  double voxel_mm = 0;                  ///< of the case's field
-  std::optional<double> friction = {};  ///< coefficient; the scene's if not given
-  bool against_finest_field = false;    ///< the reference has the finest field
+  double voxel_mm = 0;                  ///< voxel size of the case's field
+  std::optional<double> friction = {};  ///< friction coefficient; the scene's if not given
+  bool against_finest_field = false;    ///< the reference uses the finest field
 };
 
 struct AccuracyOutcome {
   std::vector<double> action_ms;
   double fed_mm = 0;
   int places = 0;
-  int basin_changes = 0;     ///< places whose end lies in another basin than the reference's
-  int unconverged = 0;       ///< actions
-  double error_mean_mm = 0;  ///< of places without a change of basin; NaN when there is none
+  int basin_changes = 0;     ///< places that end in another basin than the reference
+  int unconverged = 0;       ///< number of actions that did not converge
+  double error_mean_mm = 0;  ///< over places without a change of basin; NaN if there are none
   double error_max_mm = 0;
-  double solver_error_mean_mm = 0;  ///< the same against the same setting solved to 1e-9
+  double solver_error_mean_mm = 0;  ///< same, but against this setting solved to 1e-9
   double solver_error_max_mm = 0;
   double residual = 0;             ///< largest after the last action of a place, 1/mm
   double residual_per_length = 0;  ///< 1/mm^2, see ResidualPerLength
-  double energy_gap = 0;  ///< sum of the excess over the same setting solved to 1e-9, over its sum
+  double energy_gap = 0;  ///< summed energy excess over this setting solved to 1e-9, relative
   double penetration_mm = 0;
   double Quantile(double q) const;
   double MsPerMm() const;
@@ -68,18 +68,18 @@ class AccuracyBench {
   struct Options {
     double reference_segment_mm = 0.1;
     double finest_voxel_mm = 0.125;
-    double stretch_mm = 10;  ///< that each place is measured over
+    double stretch_mm = 10;  ///< length of the measured stretch at each place
   };
-  /// `places_mm`: insertions, ascending, at which a measured stretch begins; multiples of 10.
-  /// Approaches them with the scene's own wire and method.
+  /// `places_mm`: insertions, ascending, at which a measured stretch begins; multiples of 10. The
+  /// wire is fed to these places with the scene's own wire and method.
   AccuracyBench(const std::string& scene_path, std::vector<double> places_mm,
                 const Options& options);
 
   const scene::Scene& scene() const { return *scene_; }
-  /// References measured so far that did not come to their tolerance.
+  /// Number of references so far that did not reach their tolerance.
   int reference_unconverged() const { return reference_unconverged_; }
 
-  /// Seconds that a case is expected to take, from the paper's growth with n.
+  /// Expected time of a case in s, from the paper's growth with n.
   double Expected(const AccuracyCase& c) const;
   AccuracyOutcome Measure(const AccuracyCase& c);
 

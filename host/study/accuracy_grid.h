@@ -1,4 +1,4 @@
-// The settings that the study of accuracy measures.
+// Accuracy grid: the settings that the accuracy study measures.
 #pragma once
 
 #include <string>
@@ -8,19 +8,19 @@
 
 namespace torquer::study {
 
-/// Settings that differ in one thing, in order.
+/// Ordered settings that differ in one parameter.
 struct AccuracyAxis {
   std::string title;
-  std::string x_label;  ///< of its picture
+  std::string x_label;  ///< label of the x axis
   bool logarithmic = false;
-  std::vector<double> x;  ///< one a case; empty where the cases are names
+  std::vector<double> x;  ///< one value per case; empty if the cases have names only
   std::vector<AccuracyCase> cases;
 };
 
-/// What the simulator does unless a scene says otherwise.
+/// Default settings of the simulator.
 AccuracyCase DefaultCase();
 
-/// Segment length x method: what the Pareto front is made of. The default is the first.
+/// Combinations of segment length and method for the Pareto front. The default is the first.
 std::vector<AccuracyCase> FrontCases(bool quick);
 
 /// One axis at a time around the default: friction, bending law, contact points, field; and the

@@ -8,7 +8,7 @@
 namespace torquer::study {
 namespace {
 
-// In the order of the legend.
+// Groups in the order of the legend.
 constexpr const char* kGroups[] = {"newton, 2.5 mm", "newton, 1 mm",       "newton, 0.4 mm",
                                    "newton, 0.2 mm", "newton, for a time", "paper: tip only",
                                    "paper: PR",      "paper: PR + GR"};
@@ -73,7 +73,7 @@ std::vector<std::string> Header() {
           "solver's um", "residual 1/mm2", "energy gap", "depth um", "other basin"};
 }
 
-// Points that every scene has, as geometric means over the scenes.
+// Points measured in every scene, as geometric means over the scenes.
 std::vector<FrontPoint> OverScenes(const std::vector<FrontPoint>& any,
                                    const std::map<std::string, MeasuredCases>& measured) {
   std::vector<FrontPoint> points;
@@ -115,7 +115,7 @@ const AccuracyOutcome* Find(const MeasuredCases& cases, const std::string& name)
   return found == cases.end() ? nullptr : &found->second.outcome;
 }
 
-// One line a scene: a figure of the cases `names` over x.
+// Plot with one line per scene: a figure of the cases `names` over x.
 Plot LinesOfScenes(const std::string& title, const Axis& x_axis, const Axis& y_axis,
                    const AccuracyResults& results, const std::vector<double>& x,
                    const std::vector<std::string>& names,
@@ -139,7 +139,7 @@ double ErrorOf(const AccuracyOutcome& o) { return o.error_mean_mm; }
 double SolverErrorOf(const AccuracyOutcome& o) { return o.solver_error_mean_mm; }
 double TimeOf(const AccuracyOutcome& o) { return o.MsPerMm(); }
 
-// What is known of the grid's cases by their names: x and name, in the order of x.
+// Ladder: cases that differ in one parameter x, as x and case name, in ascending order of x.
 struct Ladder {
   std::vector<double> x;
   std::vector<std::string> names;
@@ -190,7 +190,7 @@ Ladder Budgets(const AccuracyResults& results) {
       [](const AccuracyCase& c) { return c.budget_us; });
 }
 
-// The ends of a ladder in one scene: how a figure falls and what that costs.
+// Compares the ends of a ladder in each scene: decrease of the error and increase of the time.
 void SayDigit(StudyRun& run, const AccuracyResults& results) {
   const Ladder tolerances = Tolerances(results);
   const Ladder segments = Segments(results);
@@ -210,7 +210,7 @@ void SayDigit(StudyRun& run, const AccuracyResults& results) {
       return gained;
     };
     double solver_factor = 1;
-    // Down to 1e-7: below, the companion's own tolerance is near.
+    // Tolerances down to 1e-7 only: lower ones are close to the companion's own tolerance.
     std::string tight = tolerances.names.front();
     for (std::size_t k = 0; k < tolerances.x.size(); ++k) {
       if (tolerances.x[k] > 5e-8) {
@@ -253,7 +253,7 @@ void ReportFront(StudyRun& run, const AccuracyResults& results) {
   SayDigit(run, results);
 }
 
-// What one setting after the other does, all else as by default.
+// Reports one setting at a time; all others have their defaults.
 void ReportLadders(StudyRun& run, const AccuracyResults& results) {
   run.Section("Tolerance");
   const Ladder tolerances = Tolerances(results);
@@ -279,7 +279,7 @@ void ReportLadders(StudyRun& run, const AccuracyResults& results) {
            "Cut short, a tick leaves residual and motion to the next one.");
 }
 
-// One point a scene and setting.
+// Plot with one point for each scene and setting.
 Plot PointsOfScenes(const std::string& title, const AccuracyResults& results,
                     const std::vector<std::string>& names) {
   Plot plot{title, {"ms for a millimeter of motion", true}, {"mean error, mm", true}, {}};

@@ -1,4 +1,4 @@
-// Tables and pictures of the study of accuracy.
+// Report of the accuracy study: tables and pictures.
 #pragma once
 
 #include <map>
@@ -15,9 +15,9 @@ struct Measured {
   AccuracyCase setting;
   AccuracyOutcome outcome;
 };
-using MeasuredCases = std::map<std::string, Measured>;  // by the case's name
+using MeasuredCases = std::map<std::string, Measured>;  // key: name of the case
 
-/// A setting's place in the picture of error against time.
+/// Point of a setting in the plot of error against time.
 struct FrontPoint {
   std::string name;
   std::string group;
@@ -25,16 +25,16 @@ struct FrontPoint {
   double error_mm;
 };
 
-/// The points that no other one beats in both time and error, fastest first.
+/// Pareto front: points that no other point beats in both time and error, fastest first.
 std::vector<FrontPoint> ParetoFront(std::vector<FrontPoint> points);
 
 struct AccuracyResults {
   const std::vector<AccuracyAxis>& axes;
-  const std::map<std::string, MeasuredCases>& measured;             ///< by scene
-  const std::map<std::string, std::vector<std::string>>& left_out;  ///< scenes, by case
+  const std::map<std::string, MeasuredCases>& measured;             ///< key: scene
+  const std::map<std::string, std::vector<std::string>>& left_out;  ///< scenes; key: case
 };
 
-/// Everything of the report; also records what one more digit costs.
+/// Writes the whole report; also records the cost of one more digit of accuracy.
 void ReportAccuracy(StudyRun& run, const AccuracyResults& results);
 
 }  // namespace torquer::study

@@ -1,5 +1,5 @@
-// Time that this thread has computed: what the figures of a study are measured in, because it
-// leaves out what other programs of the machine take.
+// Processor time of the calling thread. The studies use it because it excludes time that other
+// programs take.
 #pragma once
 
 #include <time.h>

@@ -1,4 +1,4 @@
-// The hand with which the price of effects is measured.
+// Effect drive: the hand motion for measuring the cost of effects.
 #pragma once
 
 #include <algorithm>
@@ -7,12 +7,12 @@
 
 namespace torquer::study {
 
-/// Length of the wire at the end of the feeds, mm. The quick one is for tests.
+/// Length of the wire at the end of the feeds, mm. The quick value is for tests.
 inline constexpr double kDrivenMm = 250;
 inline constexpr double kDrivenQuickMm = 100;
 
-/// Feeds a wire of up to `length_mm` by 0.02 to 0.1 mm a tick, pedal and contrast button held, a
-/// tick a millisecond.
+/// Feeds a wire up to `length_mm` by 0.02 to 0.1 mm per tick of 1 ms. The X-ray pedal and the
+/// contrast button are held down.
 class EffectDrive {
  public:
   EffectDrive(scene::Scene& scene, double length_mm)
@@ -21,14 +21,14 @@ class EffectDrive {
     command_.target = session_.target();
   }
 
-  /// Fast, to where `ticks` feeds end at that length.
+  /// Inserts fast, up to the point from which `ticks` feeds reach `length_mm`.
   void Insert(int ticks) {
     while (command_.target[0].insertion_mm < length_mm_ - ticks * 0.17 / 3) {
       command_.target[0].insertion_mm += 0.5;
       Tick();
     }
   }
-  /// One feed.
+  /// Makes one feed in one tick.
   TickReport Feed() {
     constexpr double kFeeds[] = {0.02, 0.05, 0.1};
     command_.target[0].insertion_mm += kFeeds[feeds_++ % 3];

@@ -1,5 +1,5 @@
-// torquer-effect-ticks: the ticks whose instructions torquer-study effects counts.
-// Under callgrind with --instr-atstart=no there is a profile for the feeds of each scene.
+// torquer-effect-ticks: runs ticks for torquer-study effects, which counts their instructions.
+// Under callgrind with --instr-atstart=no the feeds of each scene give one profile.
 
 #include <string>
 #include <vector>

@@ -24,7 +24,7 @@ namespace {
 
 using Names = std::vector<std::string>;
 
-// A wire of 250 segments in the phantom, for all cases alike.
+// Scene of all cases: a wire of 250 segments in the phantom.
 constexpr char kScene[] = R"(name = "effects"
 [vessel]
 kind = "ty_phantom"
@@ -40,8 +40,7 @@ tip_mm = 10
 tip_angle_deg = 30
 linear_density_g_m = 0.7
 )";
-// What lies around it, where a case has more than one instrument: they pay for sliding in each
-// other.
+// Outer instruments of cases with more than one instrument: sliding in each other costs time.
 constexpr const char* kAround[] = {R"([[instrument]]
 name = "microcatheter"
 max_length_mm = 250
@@ -58,21 +57,22 @@ inner_radius_mm = 0.6
 radius_mm = 0.9
 rigidity_N_mm2 = 0.05
 )"};
-// Feeds whose instructions are counted: each takes some 5 ms.
+// Number of feeds with counted instructions: each takes some 5 ms.
 constexpr int kCounted = 60;
 constexpr int kCountedQuick = 15;
 
-// A scene that is measured.
+// Measured scene: its effects and number of instruments.
 struct Case {
   Names effects;
   int instruments = 1;
-  bool is_pair = false;  // of effects that shipped scenes have together
+  bool is_pair = false;  // pair of effects from a shipped scene
   bool operator==(const Case& other) const {
     return effects == other.effects && instruments == other.instruments;
   }
 };
 
-// What a scene would say to have the effect, as it does here. Friction's is the paper's vessel.
+// TOML tables that switch on each effect. The friction coefficient is that of the paper's vessel,
+// the T-Y phantom.
 const std::map<std::string, std::string>& Tables() {
   static const std::map<std::string, std::string> tables = {
       {"torsion", "[effects.torsion]\n"},
@@ -133,7 +133,7 @@ std::string SceneWith(const Case& one) {
   return text;
 }
 
-// What an effect needs besides itself comes first.
+// Adds the effects that the named ones depend on; dependencies come first.
 Names WithNeeds(const Names& names) {
   std::set<std::string> wanted(names.begin(), names.end());
   for (bool grown = true; grown;) {
@@ -192,7 +192,7 @@ Price Measure(const std::string& scene_file, int ticks, bool quick) {
   return price;
 }
 
-// Every pair of effects that a shipped scene names.
+// All pairs of effects that shipped scenes name.
 std::vector<Names> ShippedPairs(const std::string& scenes) {
   std::set<Names> pairs;
   for (const auto& entry : std::filesystem::directory_iterator(scenes)) {
@@ -208,8 +208,8 @@ std::vector<Names> ShippedPairs(const std::string& scenes) {
   return {pairs.begin(), pairs.end()};
 }
 
-// No effect, more instruments, without and with torsion, each effect, the pairs that shipped scenes
-// have, and all.
+// Cases: no effect; more instruments, without and with torsion; each effect; the pairs of shipped
+// scenes; all effects.
 std::vector<Case> Cases(const std::string& scenes) {
   std::vector<Case> cases = {{}};
   for (std::size_t k = 0; k < std::size(kAround); ++k) {
@@ -255,7 +255,7 @@ std::vector<std::string> WriteScenes(const std::vector<Case>& cases, const std::
 
 std::vector<Price> MeasureAll(StudyRun& run, const std::vector<Case>& cases,
                               const std::vector<std::string>& files) {
-  // The first run builds what the library builds once.
+  // Warm-up run: it builds data that the library builds only once.
   Measure(files[0], 50, run.quick());
   std::vector<Price> prices;
   for (std::size_t k = 0; k < files.size(); ++k) {
@@ -294,7 +294,7 @@ Table PriceTable(const std::vector<Case>& cases, const std::vector<Price>& price
   return table;
 }
 
-// One row a case; the effects alone suffice to see.
+// Plot with one row per case, labeled by its effects.
 Plot PricePlot(const std::vector<Case>& cases, const std::vector<Price>& prices) {
   Plot plot{"A tick by effects",
             {.label = "median of a tick, us", .logarithmic = true},

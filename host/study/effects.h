@@ -1,4 +1,4 @@
-// What every effect costs.
+// Effects study: computing time of every effect.
 #pragma once
 
 #include <memory>
@@ -7,8 +7,8 @@
 
 namespace torquer::study {
 
-/// `torquer-study effects`: a tick of the T-Y phantom's wire, n = 250, without any effect, with
-/// each alone, with each pair that a shipped scene names, and with all.
+/// `torquer-study effects`: cost of a tick of the T-Y phantom's wire, n = 250. Measured are no
+/// effect, each effect alone, each pair from a shipped scene, and all effects.
 std::unique_ptr<Study> MakeEffectsStudy();
 
 }  // namespace torquer::study

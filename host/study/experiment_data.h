@@ -1,11 +1,12 @@
-// What others have measured on slender rods: plain figures, each with where it was read.
+// Published measurements on slender rods, each with its source.
 #pragma once
 
 #include <array>
 
 namespace torquer::study {
 
-/// A steel strip clamped level at one end, bent by its own weight and a weight on its other end.
+/// Steel strip, clamped horizontally at one end, bent by its own weight and a weight on its free
+/// end.
 ///
 /// T. Belendez, C. Neipp and A. Belendez, "Numerical and Experimental Analysis of a Cantilever
 /// Beam: a Laboratory Project to Introduce Geometric Nonlinearity in Mechanics of Materials",
@@ -16,40 +17,42 @@ namespace strip {
 inline constexpr double kLengthMm = 400;
 inline constexpr double kWidthMm = 25;
 inline constexpr double kThicknessMm = 0.4;
-inline constexpr double kYoungGPa = 194.3;  ///< the authors got it from this same strip
-inline constexpr double kWeightN = 0.3032;  ///< of the whole strip
-/// No error is stated. The readings are given to a millimeter, and so is the length taken to be.
+inline constexpr double kYoungGPa = 194.3;  ///< fitted by the authors to this same strip
+inline constexpr double kWeightN = 0.3032;  ///< weight of the whole strip
+/// The source states no error. The readings are given to a millimeter; the same is assumed for the
+/// length.
 inline constexpr double kReadingMm = 1;
 
 struct Reading {
-  double force_N;      ///< on the free end, down
-  double measured_mm;  ///< how far the free end is below the clamp
+  double force_N;      ///< force on the free end, downward
+  double measured_mm;  ///< distance of the free end below the clamp
 };
 inline constexpr std::array<Reading, 7> kReadings = {
     {{0, 89}, {0.098, 149}, {0.196, 195}, {0.294, 227}, {0.392, 251}, {0.490, 268}, {0.588, 281}}};
 
 }  // namespace strip
 
-/// A needle of steel, 90 mm deep in a phantom that bends it to one side, with sensors of curvature
-/// inside.
+/// Steel needle with curvature sensors inside, 90 mm deep in a phantom that bends it to one side.
 ///
 /// dlezcan1/shape-sensing, commit 4a6abd5, src/needleshape_fmincon_v2.m (by J. S. Kim), experiment
-/// 1, single bend: rod, places of the sensors, what they said, and the tip's deflection. Which
-/// sensor is where is said in src/main_singlebend_v2_tissue_90total.m of the same commit, and that
-/// it was used for ICRA 2017. The phantom loads the needle evenly in the model there, which makes
-/// the curvature fall with the square of the distance from the tip.
+/// 1, single bend: rod, sensor positions, sensor readings, and the tip's deflection. The file
+/// src/main_singlebend_v2_tissue_90total.m of the same commit assigns the sensors to their
+/// positions. It also says that the data was used for ICRA 2017. In the model there the phantom
+/// loads the needle uniformly. The curvature is then proportional to the square of the distance
+/// from the tip.
 namespace needle {
 
 inline constexpr double kLengthMm = 90;
 inline constexpr double kDiameterMm = 0.9;
 inline constexpr double kYoungGPa = 200;  ///< stainless steel 304
-/// From where the needle enters. A third sensor, at 79 mm, reads less than its own noise.
+/// Distances from the needle's entry point. A third sensor, at 79 mm, reads less than its own
+/// noise.
 inline constexpr std::array<double, 2> kSensorsMm = {20, 64};
 
 struct Insertion {
-  double tip_mm;                                ///< deflection; no error is stated
-  std::array<double, 2> in_plane_1_per_mm;      ///< curvature in the plane of the bend
-  std::array<double, 2> out_of_plane_1_per_mm;  ///< across it, where none should be
+  double tip_mm;                            ///< deflection of the tip; the source states no error
+  std::array<double, 2> in_plane_1_per_mm;  ///< curvature in the plane of the bend
+  std::array<double, 2> out_of_plane_1_per_mm;  ///< curvature across this plane, ideally zero
 };
 inline constexpr std::array<Insertion, 7> kInsertions = {{
     {5.1224, {0.001409425, 0.000190242}, {-6.56572e-05, -3.20545e-05}},
@@ -63,12 +66,12 @@ inline constexpr std::array<Insertion, 7> kInsertions = {{
 
 }  // namespace needle
 
-/// Round bars pressed between two clamps until they give way.
+/// Round bars compressed between two clamps until they buckle.
 ///
 /// s-aclaux/Various-Specimen-Buckling-Laboratory, commit 850c7f6, scripts/MoMBucklingLabCode.m: a
-/// laboratory report of an undergraduate at the University of Washington; moduli, sections, ends
-/// (effective length half the length), slenderness and peak stress of every specimen. No errors are
-/// stated, and one specimen was pressed of each.
+/// laboratory report of an undergraduate at the University of Washington; moduli, sections, end
+/// conditions (effective length half the length), slenderness and peak stress of every specimen. No
+/// errors are stated, and only one specimen of each kind was tested.
 namespace columns {
 
 struct Bar {
@@ -76,7 +79,7 @@ struct Bar {
   double young_GPa;  ///< nominal
   double area_mm2;
   double second_moment_mm4;
-  /// The peak stress of the shortest specimen, slenderness 29: what the metal bears.
+  /// Strength of the metal: peak stress of the shortest specimen, slenderness 29.
   double bears_MPa;
 };
 inline constexpr Bar kAluminum = {"aluminum", 68.947, 31.76919859, 80.31769662, 303.5552069};
@@ -87,7 +90,7 @@ struct Specimen {
   double slenderness;  ///< length over radius of gyration
   double peak_MPa;
 };
-/// Those that bend before they yield: the others are no matter of bending alone.
+/// Specimens that buckle before they yield; the others do not depend on bending alone.
 inline constexpr std::array<Specimen, 6> kSpecimens = {{{kAluminum, 151.6981131, 136.9937201},
                                                         {kAluminum, 214.254317, 66.45888579},
                                                         {kAluminum, 314.2586749, 26.91182389},
@@ -97,16 +100,16 @@ inline constexpr std::array<Specimen, 6> kSpecimens = {{{kAluminum, 151.6981131,
 
 }  // namespace columns
 
-/// A guidewire pushed into a stiff phantom with a T and a Y, beside the wire that was simulated.
+/// Guidewire pushed into a stiff phantom with a T and a Y, compared with the simulated wire.
 ///
 /// Baier, Baier-Saip, Schilling and Oliveira, "Simulator for Minimally Invasive Vascular
 /// Interventions", Presence 25(2), 2016, section 4.1 and Fig. 12.
 namespace phantom {
 
 inline constexpr double kMeanMm = 0.262;       ///< average separation of the two wires
-inline constexpr double kDeviationMm = 0.227;  ///< standard deviation of it along the wire
+inline constexpr double kDeviationMm = 0.227;  ///< its standard deviation along the wire
 inline constexpr double kSegmentMm = 1;
-inline constexpr int kCycles = 100;  ///< of Physical and Geometrical Relaxation
+inline constexpr int kCycles = 100;  ///< cycles of Physical and Geometrical Relaxation
 
 }  // namespace phantom
 

@@ -17,7 +17,7 @@ using effects::Gravity;
 using effects::PointLoad;
 using Eigen::Vector3d;
 
-// A rod along x, loaded along y.
+// Rod along x, loaded along y.
 class LoadedRod {
  public:
   LoadedRod(double length_mm, double rigidity_N_mm2, double weight_N_mm, double segment_mm)
@@ -55,7 +55,7 @@ class LoadedRod {
   WireState state_;
 };
 
-// The force of a rod between two clamps that stand nearer than it is long.
+// Axial force of a rod between two clamps that are closer together than its length.
 struct Pressed {
   double shortening_mm;
   double force_N;
@@ -96,18 +96,18 @@ EvenLoad BendTo(ClampedRod rod, double curvature_1_per_mm, double from_clamp_mm,
                 double segment_mm) {
   const double beyond_mm = rod.length_mm - from_clamp_mm;
   rod.weight_N_mm = 2 * rod.rigidity_N_mm2 * curvature_1_per_mm / (beyond_mm * beyond_mm);
-  for (int k = 0; k < 4; ++k) {  // nearly linear: each time the error falls to a hundredth
+  for (int k = 0; k < 4; ++k) {  // nearly linear: each iteration reduces the error to a hundredth
     rod.weight_N_mm *= curvature_1_per_mm / Bend(rod, segment_mm).CurvatureAt(from_clamp_mm);
   }
   return {rod.weight_N_mm, Bend(rod, segment_mm)};
 }
 
 double BucklingForce(double length_mm, double rigidity_N_mm2, int segments) {
-  // The far clamp holds the last segment as a whole: up to its middle the rod is free to bend.
+  // The far clamp holds the whole last segment: the rod is free to bend up to its middle.
   const double segment_mm = length_mm / (segments - 0.5);
   const double cut_mm = segments * segment_mm;
   const double unit_N = rigidity_N_mm2 / (length_mm * length_mm);
-  // So little a weight only says to which side the rod bends out.
+  // This tiny weight only selects the side to which the rod buckles.
   LoadedRod rod(cut_mm, rigidity_N_mm2, 1e-6 * unit_N / length_mm, segment_mm);
   EndLoad clamp;
   clamp.hold_N_mm = 1e5 * unit_N / length_mm;

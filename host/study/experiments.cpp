@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kNotStated = std::numeric_limits<double>::quiet_NaN();
 
-// A figure, and by how much it may be wrong: one standard deviation, or kNotStated.
+// Value with its error: one standard deviation, or kNotStated.
 struct Estimate {
   double value = 0;
   double error = kNotStated;
@@ -29,13 +29,14 @@ std::string Text(const Estimate& e) {
   return Number(e.value, 4) + (std::isnan(e.error) ? "" : " +- " + Number(e.error, 2));
 }
 
-// How far two figures are apart, in units of what both may be wrong by.
+// Difference of two values, in units of their combined error.
 double Apart(const Estimate& ours, const Estimate& theirs) {
   const double stated = std::isnan(theirs.error) ? 0 : theirs.error;
   return (ours.value - theirs.value) / std::hypot(ours.error, stated);
 }
 
-// `at`: what a model gives with segments of a length. The error is what halving them changes.
+// Evaluates the model `at` with a segment length. The error is the change from halving the
+// segments.
 template <class Model>
 Estimate Refined(double segment_mm, const Model& at) {
   const double fine = at(segment_mm / 2);
@@ -48,7 +49,7 @@ double Mean(const std::vector<double>& values) {
   return sum / static_cast<double>(values.size());
 }
 
-// Of a sample: with one degree of freedom less than there are values.
+// Sample standard deviation: divides by the number of values less one.
 double Deviation(const std::vector<double>& values) {
   const double mean = Mean(values);
   double sum = 0;
@@ -67,7 +68,7 @@ class Comparison {
     run_.Record(experiment + "/" + quantity, "apart", apart, "");
     table_.rows.back().push_back(Number(apart, 2));
   }
-  // Of figures that mean different things: only their sizes can be compared.
+  // Adds values of different meaning: only their magnitudes can be compared.
   void AddSize(const std::string& experiment, const std::string& quantity, const Estimate& theirs,
                const Estimate& ours, const std::string& unit) {
     Put(experiment, quantity, theirs, ours, unit);
@@ -97,7 +98,7 @@ struct Part {
   Comparison& comparison;
 };
 
-// Points with an error in x or y: the points, and a line through each.
+// Series for points with an error in x or y: the points, and an error bar for each.
 std::array<Series, 2> WithErrors(const std::string& label, const std::vector<double>& x,
                                  const std::vector<double>& y, const std::vector<double>& x_error,
                                  const std::vector<double>& y_error, int color) {
@@ -128,7 +129,7 @@ void BendStrip(Part& part) {
     part.run.Progress("strip", 0.1 * reading.force_N / strip::kReadings.back().force_N);
     Estimate ours = Refined(
         kCutMm, [&](double cut_mm) { return tip_mm(reading.force_N, strip::kLengthMm, cut_mm); });
-    // As many segments, each a little longer or shorter.
+    // Changes the length of each segment, not their number.
     const auto by_length = [&](double change_mm) {
       const double length_mm = strip::kLengthMm + change_mm;
       return tip_mm(reading.force_N, length_mm, kCutMm * length_mm / strip::kLengthMm);
@@ -159,7 +160,7 @@ void BendStrip(Part& part) {
   part.run.Draw(plot, "Error bars of 1 mm are smaller than the points.");
 }
 
-// What a sensor reads across the bend, where nothing should be, root mean square.
+// Sensor noise: root mean square of the reading across the bend, which is ideally zero.
 double SensorNoise(std::size_t sensor) {
   double sum = 0;
   for (const needle::Insertion& insertion : needle::kInsertions) {
@@ -202,7 +203,7 @@ void BendNeedle(Part& part) {
                                  .rod.CurvatureAt(needle::kSensorsMm[1]));
     ratio.push_back(ours.value / insertion.tip_mm);
   }
-  // The load is even: an error of the first sensor is passed on in proportion.
+  // The load is uniform, so an error of the first sensor propagates in proportion.
   const double passed_on = 1e3 * noise[0] * Mean(ours_far) / Mean(seen);
   part.comparison.Add("needle", "curvature at 64 mm, mean", {Mean(far), 1e3 * noise[1]},
                       {Mean(ours_far), passed_on}, "1/m");
@@ -291,7 +292,7 @@ void PressColumns(Part& part) {
   part.run.Draw(plot, "Error bars: the scatter of the six about their common ratio to ours.");
 }
 
-// The paper's wire in our phantom at rest, in segments of a length, near a given shape.
+// Equilibrium of the paper's wire in our phantom, near a given shape.
 struct Resting {
   PaperBench bench;
   WireState state;
@@ -333,7 +334,7 @@ bool LayInPhantom(Part& part) {
   const Resting coarse = changed([](PaperBench::Setup& s) { s.segment_mm = phantom::kSegmentMm; });
   const Resting stiffer = changed([](PaperBench::Setup& s) { s.rigidity_N_mm2 *= 1.1; });
   const Resting harder = changed([](PaperBench::Setup& s) { s.wall_N_mm2 *= 10; });
-  // To the wire a lumen is wider by what the wire is thinner.
+  // A thinner wire has the same effect as a wider lumen.
   const Resting wider = changed([](PaperBench::Setup& s) { s.radius_mm -= 0.1; });
   const auto from_fine = [&](const PaperBench& bench, const WireState& state) {
     return Distances(bench.model(), state, fine.bench.model(), fine.state);

@@ -1,4 +1,4 @@
-// Experiments that others have published, done again by the simulator: ours beside theirs.
+// Experiments study: published experiments, simulated and compared with the measurements.
 #pragma once
 
 #include <memory>

@@ -13,7 +13,8 @@
 namespace torquer::study {
 namespace {
 
-// Standard output and error go to `log`. The exit status; 127 when it cannot be started.
+// Runs a command with standard output and error written to `log`. Returns the exit status; 127 if
+// it cannot be started.
 int Run(std::vector<std::string> words, const std::string& log) {
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
@@ -33,7 +34,7 @@ int Run(std::vector<std::string> words, const std::string& log) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
 }
 
-// What a profile of callgrind has counted in all.
+// Total count of a callgrind profile; nothing if the profile has none.
 std::optional<double> Total(const std::string& profile) {
   std::ifstream in(profile);
   for (std::string line; std::getline(in, line);) {
@@ -79,7 +80,7 @@ InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int 
     return Problem("valgrind ended with " + std::to_string(status) + ": " + LastLine(log));
   InstructionCounts counts;
   for (std::size_t k = 0; k < scenes.size(); ++k) {
-    // A profile for each time that the program asks for one.
+    // callgrind writes one profile for each request of the program.
     const std::optional<double> total = Total(profile + "." + std::to_string(k + 1));
     if (!total || *total <= 0) return Problem("valgrind counted nothing in " + scenes[k]);
     counts.per_tick.push_back(*total / feeds);

@@ -1,4 +1,4 @@
-// How many instructions ticks take, counted by callgrind.
+// Instruction counts of ticks, measured by callgrind.
 #pragma once
 
 #include <string>
@@ -7,12 +7,13 @@
 namespace torquer::study {
 
 struct InstructionCounts {
-  std::vector<double> per_tick;  ///< mean over the feeds of each scene; empty when not counted
-  std::string problem;           ///< why not, in a sentence; "" when counted
+  std::vector<double> per_tick;  ///< mean over the feeds of each scene; empty if counting failed
+  std::string problem;           ///< reason for the failure, in a sentence; "" on success
 };
 
-/// Runs torquer-effect-ticks, which stands beside this program, under valgrind: `feeds` ticks of
-/// EffectDrive in each scene, of a wire of 100 mm when `quick`. `folder` takes what the two write.
+/// Runs torquer-effect-ticks from this program's folder under valgrind: `feeds` ticks of
+/// EffectDrive in each scene. With `quick` the wire is 100 mm long. Output files of both programs
+/// go to `folder`.
 InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int feeds, bool quick,
                                     const std::string& folder);
 

@@ -6,7 +6,8 @@
 namespace torquer::study {
 namespace {
 
-// Whether the lumen is somewhere above or below a place: a place outside by c has none within c.
+// True if there is lumen at some z for this x and y. A point at distance c outside the lumen has no
+// lumen within c, which allows large steps.
 bool InView(const ClearanceField& field, const Eigen::AlignedBox3d& bounds_mm, double x_mm,
             double y_mm, double step_mm) {
   double z_mm = bounds_mm.min()[2];
@@ -29,7 +30,7 @@ std::vector<LumenRun> SeeLumen(const ClearanceField& field, const Eigen::Aligned
   for (int line = 0; line <= lines; ++line) {
     const double y_mm = low[1] + line * step_mm;
     const auto in_view = [&](double x_mm) { return InView(field, bounds_mm, x_mm, y_mm, step_mm); };
-    // Between a place outside and one inside.
+    // Bisection between a point outside and a point inside.
     const auto edge = [&](double outside_mm, double inside_mm) {
       while (std::abs(inside_mm - outside_mm) > 0.01 * step_mm) {
         const double middle_mm = (outside_mm + inside_mm) / 2;

@@ -1,4 +1,4 @@
-// The lumen of a vessel as seen along an axis, from the field that is simulated.
+// Lumen view: the lumen of a vessel as seen along the z axis, from the simulated field.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -8,16 +8,16 @@
 
 namespace torquer::study {
 
-/// A stretch of one line of the view that is within the lumen, somewhere along z.
+/// Part of one line of the view with lumen at some z.
 struct LumenRun {
-  double y_mm = 0;  ///< of the line
+  double y_mm = 0;  ///< y of the line
   double from_mm = 0;
   double to_mm = 0;  ///< x, from_mm < to_mm
 };
 
-/// What one who looks along z sees of the lumen within `bounds_mm`: a line every `step_mm` (> 0),
-/// in ascending order. Ends are true to a hundredth of that; gaps and parts narrower than it may be
-/// missed.
+/// Projects the lumen within `bounds_mm` along z. There is one line every `step_mm` (> 0), in
+/// ascending order. Ends are accurate to a hundredth of `step_mm`. Gaps and parts narrower than
+/// `step_mm` may be missed.
 std::vector<LumenRun> SeeLumen(const ClearanceField& field, const Eigen::AlignedBox3d& bounds_mm,
                                double step_mm);
 

@@ -1,4 +1,4 @@
-// torquer-study: measures what the simulator does, and writes it down.
+// torquer-study: measures the simulator and writes reports.
 
 #include <filesystem>
 #include <memory>
@@ -19,7 +19,7 @@
 namespace torquer::study {
 namespace {
 
-// The table of studies: every subcommand has its line here.
+// Table of studies: every subcommand has its line here.
 std::vector<std::unique_ptr<Study>> AllStudies() {
   std::vector<std::unique_ptr<Study>> studies;
   studies.push_back(MakeAccuracyStudy());

@@ -1,4 +1,4 @@
-// torquer-study paper: what Baier et al. (2016) measured, measured again.
+// Paper study (torquer-study paper): repeats the measurements of Baier et al. (2016).
 #pragma once
 
 #include <memory>

@@ -15,7 +15,7 @@ constexpr double kTipMm = 5;
 std::vector<WireSection> Sections(const PaperBench::Setup& setup) {
   const double curvature = setup.tip_angle_rad / kTipMm;
   if (curvature == 0) return {{0, setup.rigidity_N_mm2, setup.radius_mm, 0, 0}};
-  // The step to the straight shaft falls between two joints.
+  // The step to the straight shaft lies between two joints.
   const double end = kTipMm + 0.25 * setup.segment_mm;
   return {{0, setup.rigidity_N_mm2, setup.radius_mm, curvature, 0},
           {end, setup.rigidity_N_mm2, setup.radius_mm, curvature, 0},
@@ -57,7 +57,7 @@ double PaperBench::InsertFast() {
   state_ = WireState(model_);
   relaxation.Restart(state_);
   const double before = ThreadCpuSeconds();
-  // One segment a tick: the report tells how deep the wire went on the way.
+  // One segment per tick, so that the report shows the penetration of each insertion step.
   for (int k = 1; k <= full_segments(); ++k) {
     CountedBudget budget(2);
     const TickReport report = relaxation.Tick({k * model_.segment_mm(), 0}, budget, state_);

@@ -1,4 +1,4 @@
-// The paper's wire in our T-Y phantom: what the paper study measures with.
+// Paper bench: the paper's wire in our T-Y phantom, for the paper study.
 #pragma once
 
 #include <cstdint>
@@ -13,24 +13,24 @@
 
 namespace torquer::study {
 
-/// The angle of the paper's curved tip.
+/// Angle of the paper's curved tip.
 inline constexpr double kPaperTipRad = std::numbers::pi / 4;
 
 /// One GR cycle and the PR cycle before it.
 struct PaperCycle {
   double physical_s = 0;
   double geometrical_s = 0;
-  GeometricalInterval interval;  ///< of length 0 where none was found
-  double energy_mJ = 0;          ///< after both
+  GeometricalInterval interval;  ///< length 0 if none was found
+  double energy_mJ = 0;          ///< energy after both cycles
   double residual = 0;
 };
 
-/// A wire of 250 mm, its last 5 mm the tip; the rest as set up.
+/// Wire of 250 mm with a tip of 5 mm; Setup gives all other parameters.
 class PaperBench {
  public:
   struct Setup {
     double segment_mm = 1;
-    double tip_angle_rad = 0;  ///< over the tip's 5 mm
+    double tip_angle_rad = 0;  ///< bending angle over the tip's 5 mm
     BendingLaw law = BendingLaw::kG1;
     PhysicalSettings physical = {};
     double rigidity_N_mm2 = 6.35e-3;
@@ -41,21 +41,21 @@ class PaperBench {
 
   PaperBench(const vessel::TubeVessel& phantom, const Setup& setup);
 
-  int full_segments() const;  ///< n of the whole wire
+  int full_segments() const;  ///< number of segments n of the whole wire
   const WireModel& model() const { return model_; }
   const WireState& state() const { return state_; }
-  /// Takes over the shape of a wire of the same length and segments.
+  /// Copies the shape of a wire of the same length and number of segments.
   void SetShape(const WireState& other);
 
-  /// Fast insertion of the whole wire, Tip Relaxations only. Seconds.
+  /// Inserts the whole wire fast, with Tip Relaxations only. Returns the time taken, s.
   double InsertFast();
-  /// The largest penetration during it so far, mm.
+  /// Largest penetration during InsertFast() so far, mm.
   double deepest_mm() const { return deepest_mm_; }
 
-  /// One PR cycle, and a GR cycle after it where asked for.
+  /// Runs one PR cycle, followed by a GR cycle if `with_geometrical` is set.
   PaperCycle Cycle(bool with_geometrical);
 
-  /// Contact share of every node (0 .. n) and mean |du| of every segment over PR cycles, looked at
+  /// Contact share of every node (0 .. n) and mean |du| of every segment over PR cycles, sampled
   /// after every iteration of a cycle.
   struct Bouncing {
     std::vector<double> contact_share;
@@ -63,10 +63,10 @@ class PaperBench {
   };
   Bouncing Observe(int cycles);
 
-  /// The equilibrium near the present shape, by Newton's method; `converged` may be null.
+  /// Equilibrium near the present shape, by Newton's method; `converged` may be null.
   WireState Equilibrium(bool* converged);
 
-  /// Energy and residual now.
+  /// Energy and residual of the present shape.
   const Expansion& Assess();
   std::int64_t lookups() const { return physical_.lookups(); }
 

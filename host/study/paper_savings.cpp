@@ -10,9 +10,9 @@ namespace torquer::study {
 namespace {
 
 constexpr double kAngledTip = std::numbers::pi / 4;
-constexpr double kGoal = 0.10;  // of the first excess
+constexpr double kGoal = 0.10;  // share of the initial excess energy
 
-// Energy over equilibrium, as a part of the first, against the time that the cycles took.
+// Descent: excess energy over equilibrium against the time of the cycles.
 struct Descent {
   std::vector<double> time_s;
   std::vector<double> excess_mJ;
@@ -59,7 +59,7 @@ std::vector<SavingsCase> Cases(bool quick) {
   return cases;
 }
 
-// The same start with PR alone and with PR and GR.
+// Descents from the same start with PR alone and with PR and GR.
 struct Savings {
   Descent alone, both;
 
@@ -73,7 +73,8 @@ Savings Compare(PaperPart& part, const SavingsCase& c) {
   const WireState start = bench.state();
   const int cycles = c.lambda < 1 ? 40 : part.run.quick() ? 50 : 100;
   Savings savings{Descend(bench, start, false, cycles), Descend(bench, start, true, cycles)};
-  // Newton's equilibria from where the cycles end: the lower one counts.
+  // Newton's method finds the equilibria from where the cycles end; the lower energy is the
+  // reference.
   double lowest = std::numeric_limits<double>::infinity();
   for (const WireState* end : {&savings.alone.end, &savings.both.end}) {
     bench.SetShape(*end);

@@ -10,9 +10,9 @@
 namespace torquer::study {
 namespace {
 
-// Fig. 16: contacts at each stiffness of the wall; those of the first, the phantom's, are drawn.
+// Fig. 16: contacts for each wall stiffness. The plot shows the first, which is the phantom's.
 PaperBench::Bouncing MeasureWalls(PaperPart& part, int settle) {
-  // How the updates grow with the wall's stiffness shows where they come from.
+  // The growth of the updates with wall stiffness shows their cause.
   constexpr double kWalls[] = {0.01, 0.1, 1};
   PaperBench::Bouncing seen;
   Table table{"Bouncing and the wall's stiffness, n = 250",
@@ -95,7 +95,7 @@ void MeasureBouncing(PaperPart& part) {
   DrawUpdates(part, seen);
 }
 
-// Fig. 17.
+// Compares the bending laws (Fig. 17).
 void CompareBendingLaws(PaperPart& part) {
   part.run.Section("Bending laws (4.5, Fig. 17)");
   Plot plot;
@@ -125,7 +125,7 @@ void CompareBendingLaws(PaperPart& part) {
                       error(BendingLaw::kG2), "%", "none: a formula");
 }
 
-// The angles of joints that rest straight, degrees.
+// Angles of joints that are straight at rest, degrees.
 struct Angles {
   double mean = 0;
   double largest = 0;
@@ -146,13 +146,14 @@ Angles AnglesOf(const WireModel& model, const WireState& state) {
   return angles;
 }
 
-// 4.5: relaxed with g1 and, from the same shape, with the predecessor's g2 and signed denominator.
+// Section 4.5: PR cycles from the same shape with g1, with the predecessor's g2, and with g2 and
+// its signed denominator.
 struct LawComparison {
   int cycles = 0;
-  double distance_mm = 0;     // of the wires with g1 and g2
-  double predecessor_mm = 0;  // of g1 from g2 with the signed denominator
-  double restless_mm = 0;     // of the wire with g1 from itself, a quarter of the cycles before
-  double equilibria_mm = 0;   // of Newton's equilibria with g1 and g2
+  double distance_mm = 0;     // distance of the wires with g1 and g2
+  double predecessor_mm = 0;  // distance of g1 from g2 with the signed denominator
+  double restless_mm = 0;     // motion with g1 in the last quarter of the cycles
+  double equilibria_mm = 0;   // distance of Newton's equilibria with g1 and g2
   Angles angles;
 };
 

@@ -13,9 +13,9 @@
 namespace torquer::study {
 namespace {
 
-constexpr int kCycles = 100;  // of Table 1
+constexpr int kCycles = 100;  // number of cycles in Table 1
 
-// What the paper prints: Table 1, (33).
+// Times printed in the paper: Table 1, (33).
 struct PaperTimes {
   double physical_s, geometrical_s;
 };
@@ -27,7 +27,7 @@ double Median(std::vector<double> values) {
   return *middle;
 }
 
-// The plane of the phantom's T, with the lumen and wires in it.
+// Lumen in the plane of the phantom's T, as an area for the plot.
 Series Lumen(const vessel::TubeVessel& phantom) {
   constexpr double kStepMm = 0.25;
   Series series{"lumen", Mark::kArea, {}, {}, {}, 7};
@@ -95,7 +95,7 @@ void MeasureInsertion(PaperPart& part) {
                " mm: the paper's own limit, a huge rigidity \"perforates\" the artery.");
 }
 
-// The predecessor's slow insertion with full cycles: what Tip Relaxations replace.
+// Predecessor's slow insertion with full cycles, which Tip Relaxations replace.
 void MeasurePredecessor(PaperPart& part) {
   const double lambda = part.run.quick() ? 2.5 : 1;
   PaperBench bench(part.phantom, {.segment_mm = lambda, .law = BendingLaw::kG2});
@@ -127,16 +127,17 @@ void MeasurePredecessor(PaperPart& part) {
 struct Resolution {
   double lambda = 0;
   WireState inserted;     // the green curve of Fig. 12
-  WireState relaxed;      // the blue one
-  WireState equilibrium;  // Newton's
-  double physical_s = 0;  // of 100 cycles
+  WireState relaxed;      // the blue curve of Fig. 12
+  WireState equilibrium;  // by Newton's method
+  double physical_s = 0;  // time of 100 cycles
   double geometrical_s = 0;
   double literal_s = 0;                                           // PR without skipped look-ups
-  GeometricalInterval interval = {};                              // the last one of full length
+  GeometricalInterval interval = {};                              // last interval of full length
   std::map<int, std::vector<double>> geometrical_by_length = {};  // s
 };
 
-// 100 cycles from the fast insertion; fewer where that would take minutes, scaled.
+// Times 100 cycles after the fast insertion. If that would take minutes, fewer are run and the time
+// is scaled.
 Resolution Relax(PaperPart& part, double lambda, double progress) {
   const PaperBench::Setup setup{.segment_mm = lambda, .tip_angle_rad = kPaperTipRad};
   PaperBench bench(part.phantom, setup);
@@ -172,7 +173,7 @@ Resolution Relax(PaperPart& part, double lambda, double progress) {
     r.literal_s += unaccelerated.Cycle(false).physical_s * kCycles / some;
   }
 
-  // Intervals of many more lengths: other ideas of what is near the wall give others.
+  // Other thresholds for "near the wall" give intervals of other lengths.
   for (double near = 0.05; near < 2; near *= 1.25) {
     GeometricalSettings settings;
     settings.near_wall_mm = near;
@@ -189,7 +190,7 @@ Resolution Relax(PaperPart& part, double lambda, double progress) {
   return r;
 }
 
-// Times of 100 cycles by the number of segments; hundreds: N = n/100.
+// Times of 100 cycles against the number of segments; hundreds: N = n/100.
 struct Growth {
   std::vector<double> hundreds;
   std::vector<double> physical_s;
@@ -197,13 +198,13 @@ struct Growth {
   std::vector<double> geometrical_s;
 };
 
-// c[0] N^first + c[1] N^(first + 1).
+// Polynomial c[0] N^first + c[1] N^(first + 1).
 struct Fit {
   std::vector<double> c;
   int first = 0;
 };
 
-// (20) and (32) of the paper, s.
+// Fits (20) and (32) of the paper, s.
 const Fit& PaperPhysicalFit() {
   static const Fit fit{{0.716, 0.310}, 2};
   return fit;

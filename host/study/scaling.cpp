@@ -28,7 +28,7 @@ double Quantile(std::vector<double> values, double q) {
   return values[k];
 }
 
-// A wire in the T-Y phantom, relaxed by Newton's method.
+// Wire in the T-Y phantom, relaxed by Newton's method.
 class NewtonRun {
  public:
   NewtonRun(const vessel::TubeVessel& vessel, const StudyWire& wire, double segment_mm,
@@ -65,7 +65,7 @@ class NewtonRun {
   InstrumentPlaces target_;
 };
 
-// A scene as it is shipped: its vessel, wire, friction and method.
+// Shipped scene with its own vessel, wire, friction and method.
 class SceneRun {
  public:
   explicit SceneRun(const std::string& path)
@@ -98,7 +98,7 @@ struct ActionCost {
   double worst_residual = 0;
 };
 
-// The hand's usual feeds: 0.02, 0.05 and 0.1 mm in turn, the last stretch before `to_mm`.
+// Measures typical feeds of 0.02, 0.05 and 0.1 mm in turn, in the last stretch before `to_mm`.
 template <class AnyRun>
 ActionCost MeasureFeeds(AnyRun& run, double to_mm, int actions) {
   constexpr double kFeeds[] = {0.02, 0.05, 0.1};
@@ -116,8 +116,8 @@ ActionCost MeasureFeeds(AnyRun& run, double to_mm, int actions) {
   return cost;
 }
 
-// Time until the energy is at or below what cycles of the literal method reach from the same start:
-// the wire after 250 insertions with Tip Relaxations only.
+// Race: time until the energy reaches that of cycles of the literal method from the same start. The
+// start is the wire after 250 insertions with Tip Relaxations only.
 class Race {
  public:
   struct Result {
@@ -152,7 +152,7 @@ class Race {
     return result;
   }
 
-  // Newton's method on the same energy (its law, its contacts), iteration by iteration.
+  // Runs Newton's method on the same energy (law and contacts), iteration by iteration.
   Result RunNewton(double energy_mJ) const {
     const std::vector<EnergyTerm*> none;
     std::vector<double> ms;
@@ -246,7 +246,7 @@ class ScalingStudy final : public Study {
     Add(run, name, MeasureFeeds(newton, 250, actions));
   }
 
-  // A shipped scene with so many segments inserted.
+  // Measures a shipped scene with `n` segments inserted.
   void MeasureScene(StudyRun& run, const std::string& scene, int n, int actions) {
     SceneRun session(folder_ + "/" + scene + ".toml");
     Add(run, "newton/" + scene + "/n=" + std::to_string(n),
@@ -267,7 +267,8 @@ class ScalingStudy final : public Study {
                            std::to_string(cost.unconverged), Number(cost.worst_residual)});
   }
 
-  // The same wire at the same insertion, cut ever finer: ms = a n^exponent by least squares.
+  // Measures the same wire at the same insertion with ever finer segments. Fits ms = a n^exponent
+  // by least squares.
   static void MeasureGrowth(StudyRun& run, const vessel::TubeVessel& vessel, double tip) {
     Series series{"median", Mark::kLineAndPoints, {}, {}};
     double sx = 0;

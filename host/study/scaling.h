@@ -1,4 +1,5 @@
-// What an equilibrium costs at sensor rate, and how that grows with the number of segments.
+// Scaling study: computing time of an equilibrium at sensor rate, and its growth with the number of
+// segments.
 #pragma once
 
 #include <memory>

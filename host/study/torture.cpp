@@ -23,13 +23,13 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-// What the runs of one case by one method came to.
+// Results over all runs of one case with one method.
 struct Tally {
   int runs = 0;
   int ticks = 0;
   int converged = 0;
   int snaps = 0;
-  int at_rest = 0;  // runs whose wire rested in the end
+  int at_rest = 0;  // runs that ended in equilibrium
   double deepest_mm = 0;
   double worst_rise = 0;
 };
@@ -68,13 +68,13 @@ class TortureStudy final : public Study {
   }
 
  private:
-  // A seed decides all: the case, the method and what the case leaves open.
+  // The seed determines the case, the method and the random parameters of the case.
   bool Draw(StudyRun& run) {
     const std::vector<HardCase> cases = HardCases();
     const unsigned seconds = seconds_.value_or(run.quick() ? 10 : 60);
     for (unsigned seed = seed_;; ++seed) {
       std::mt19937 random(seed);
-      // Every other one is drawn freely; the rest are those that have a name.
+      // Half of the runs use "anything at random"; the rest use one of the named cases.
       const std::size_t drawn =
           random() % 2 == 0 ? cases.size() - 1 : random() % (cases.size() - 1);
       const HardCase& hard = cases[drawn];

@@ -1,4 +1,4 @@
-// The study that tries to break things.
+// Torture study: randomly drawn hard cases that try to break the relaxation.
 #pragma once
 
 #include <memory>

@@ -14,7 +14,7 @@
 namespace torquer::study {
 namespace {
 
-// A tick with the attempts in it, as indices into those of the whole script.
+// Tick with its attempts, as a range of indices into the attempts of the whole script.
 struct TracedTick {
   double time_s = 0;
   std::size_t first = 0;
@@ -82,7 +82,7 @@ std::vector<double> Each(const Items& items, Value value) {
   return values;
 }
 
-// Median, 99 of 100, and the largest of some figure.
+// Adds the median, 99th percentile and maximum of a figure.
 void Summarize(StudyRun& run, Table& table, const std::string& name, const std::string& metric,
                const std::vector<double>& values) {
   const double p50 = PartOf(values, 0.5);
@@ -161,7 +161,7 @@ void ShowHardest(StudyRun& run, const Trace& trace) {
   run.Show(table);
 }
 
-// A figure of every attempt: of those that were accepted, and of those that were not.
+// Plots a figure of every attempt: one series for accepted and one for refused attempts.
 template <class Value>
 void DrawAttempts(StudyRun& run, const Trace& trace, const std::string& title, const Axis& axis,
                   const std::string& caption, Value value) {

@@ -1,4 +1,4 @@
-// What the solver does in every iteration of a script: where tuning begins.
+// Trace study: solver data of every iteration of a script, for tuning.
 #pragma once
 
 #include <memory>

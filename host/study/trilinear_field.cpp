@@ -70,7 +70,7 @@ void TrilinearField::EvaluateHessian(const Vector3d& point_mm, ClearanceSample& 
       const int b = (axis + 1) % 3;
       const int c = (axis + 2) % 3;
       out.gradient[axis] += value * slope[axis] * weight[b] * weight[c];
-      // Within a cell only the mixed second derivatives are not zero.
+      // Within a cell only the mixed second derivatives are nonzero.
       const double mixed = value * slope[b] * slope[c] * weight[axis];
       out.hessian(b, c) += mixed;
       out.hessian(c, b) += mixed;

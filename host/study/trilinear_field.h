@@ -1,7 +1,7 @@
-// A clearance field that is linear between grid points: continuous, with a gradient that jumps.
+// Trilinear clearance field: linear between grid points, continuous, with a discontinuous gradient.
 //
-// What many simulators use, and a counterexample here: the study of accuracy shows what a field
-// without a continuous gradient does to a relaxation.
+// Many simulators use such a field. It is a counterexample here: the accuracy study shows the
+// effect of a discontinuous gradient on a relaxation.
 #pragma once
 
 #include <array>
@@ -15,17 +15,17 @@ namespace torquer::study {
 
 class TrilinearField final : public ClearanceField {
  public:
-  /// Samples `source`, which must outlive it, every voxel_mm; where it is looked at. For one
-  /// thread.
+  /// Samples `source` every voxel_mm, lazily around queried points. `source` must outlive this
+  /// object. Not thread-safe.
   TrilinearField(const ClearanceField& source, double voxel_mm);
 
   double Clearance(const Eigen::Vector3d& point_mm) const override;
   void EvaluateGradient(const Eigen::Vector3d& point_mm, ClearanceSample& out) const override;
   void EvaluateHessian(const Eigen::Vector3d& point_mm, ClearanceSample& out) const override;
-  double LipschitzBound() const override { return 1.8; }  // sqrt(3), of slopes up to 1 an axis
+  double LipschitzBound() const override { return 1.8; }  // > sqrt(3): slopes <= 1 per axis
 
  private:
-  static constexpr int kEdge = 8;  // cells of a block
+  static constexpr int kEdge = 8;  // cells along each edge of a block
   static constexpr int kNodes = kEdge + 1;
   using Block = std::array<float, kNodes * kNodes * kNodes>;
 

@@ -19,15 +19,15 @@ constexpr double kFedMm = 70;
 constexpr double kSteel = 0.77;  // GJ / EI
 constexpr double kStiffest = 1000;
 
-// A wire with a bent tip, fed round a bend and turned there by half a turn.
+// Wire with a bent tip, fed around a bend and turned there by half a turn.
 struct Journey {
-  std::vector<std::vector<Vector3d>> nodes_mm;  // at every tenth of a radian
+  std::vector<std::vector<Vector3d>> nodes_mm;  // nodes at every tenth of a radian
   double ms = 0;
   int iterations = 0;
   int unconverged = 0;
 };
 
-// `ratio`: GJ / EI; 0: a wire that does not twist.
+// `ratio`: GJ / EI; 0: a wire rigid in torsion.
 Journey Travel(double ratio, double tip_curvature_1_per_mm) {
   const WireModel model = MakeWire({.rigidity_N_mm2 = 1,
                                     .torsional_rigidity_N_mm2 = ratio,

@@ -1,4 +1,5 @@
-// How far a wire that does not twist, and stiffer and softer ones, lie from a wire of steel.
+// Twist study: distance of a wire rigid in torsion, and of stiffer and softer ones, from a steel
+// wire.
 #pragma once
 
 #include <memory>

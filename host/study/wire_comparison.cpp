@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// The point of a wire at a distance from its distal end along the polyline.
+// Point of a wire at a given distance from its distal end along the polyline.
 Vector3d PointFromTip(const WireModel& model, const WireState& state, double from_tip_mm) {
   const double lambda = model.segment_mm();
   const int last = state.segments() - 1;
@@ -37,7 +37,7 @@ WireState ComeToRest(const WireModel& model, const ClearanceField& field, const 
 
 WireState Recut(const WireModel& model, const WireState& from) {
   std::vector<Vector3d> path(from.nodes().begin() + 1, from.nodes().end());
-  // Chords fall short of the arc: the last one needs a way to end on.
+  // Chords are shorter than the arc, so the path is extended by one segment for the last node.
   if (from.segments() > 0)
     path.emplace_back(path.back() + model.segment_mm() * from.tangents().back());
   return WireState::Along(model, path, {from.insertion_mm(), from.rotation_rad()});

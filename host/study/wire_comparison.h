@@ -1,4 +1,4 @@
-// What tells two shapes of one wire apart, whatever their segments.
+// Wire comparison: differences between two shapes of one wire, also with different segments.
 #pragma once
 
 #include <vector>
@@ -10,12 +10,12 @@
 
 namespace torquer::study {
 
-/// The shape of `from` in the segments of `model`: its nodes on the old polyline, rotation and
-/// insertion the same.
+/// Resamples the shape of `from` with the segments of `model`. The new nodes lie on the old
+/// polyline; rotation and insertion are unchanged.
 WireState Recut(const WireModel& model, const WireState& from);
 
-/// Distance of the same material points of two wires (the same distance from the tip), mm: at the
-/// tip first, then every 0.5 mm, over what both have inserted.
+/// Distances of the same material points of two wires (equal distance from the tip), mm. The first
+/// is at the tip, the next every 0.5 mm, over the length that both have inserted.
 std::vector<double> Distances(const WireModel& model_a, const WireState& a,
                               const WireModel& model_b, const WireState& b);
 
@@ -24,24 +24,24 @@ struct WireDistance {
   double max_mm = 0;
 };
 
-/// Mean and largest of Distances; 0 where there are none.
+/// Mean and maximum of Distances(); 0 if there are none.
 WireDistance Compare(const WireModel& model_a, const WireState& a, const WireModel& model_b,
                      const WireState& b);
 
-/// The largest penetration of the wire's surface into the wall, mm, looked at every 0.1 mm of the
-/// polyline: comparable across segments, unlike that of the contact points.
+/// Largest penetration of the wire's surface into the wall, mm, sampled every 0.1 mm of the
+/// polyline. Unlike the penetration at contact points, it is comparable across segment lengths.
 double DeepestPenetration(const WireModel& model, const ClearanceField& field,
                           const WireState& state);
 
-/// The largest out-of-balance moment over segments, a millimeter of segment, over the local EI:
-/// 1/mm^2. A moment a length is the transverse force that nothing balances; over EI/(1 mm)^2, the
-/// force that bends a millimeter of this wire by a radian, it is a number that refining segments
-/// does not change. `gradient` is that of an Expansion at `state`.
+/// Largest unbalanced moment over the segments, per segment length and divided by the local EI,
+/// 1/mm^2. A moment per length is an unbalanced transverse force. It is divided by EI/(1 mm)^2, the
+/// force that bends a millimeter of this wire by a radian. The result does not depend on the
+/// segment length. `gradient` is that of an Expansion at `state`.
 double ResidualPerLength(const WireModel& model, const WireState& state,
                          const std::vector<Eigen::Vector2d>& gradient);
 
-/// Whether two shapes of equal insertion lie in one basin: relaxed without friction, both come to
-/// rest in the same minimum (nearer than `tolerance_mm` everywhere).
+/// True if two shapes of equal insertion lie in one basin. Relaxed without friction, both then
+/// reach the same minimum (closer than `tolerance_mm` everywhere).
 bool InOneBasin(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                 const WireState& a, const WireState& b, double tolerance_mm);
 

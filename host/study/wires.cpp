@@ -18,7 +18,8 @@ StudyWire Tapered(const std::string& name, double segment_mm, double tip_N_mm2, 
   StudyWire wire{name, {}, kTipMm, wall_N_mm2};
   const double a = std::pow(tip_N_mm2, 0.25);
   const double b = std::pow(shaft_N_mm2, 0.25);
-  // Curved up to a joint and not beyond: the step falls between two joints.
+  // The curved part ends between two joints, so that the step in curvature does not fall on a
+  // joint.
   const double curved_mm = kTipMm + 0.5 * segment_mm;
   std::vector<double> stations = {0, curved_mm, curved_mm + 1e-3 * segment_mm};
   if (a != b) {

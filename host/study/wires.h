@@ -1,4 +1,4 @@
-// The wires that studies run: the paper's, and two that are sold.
+// Study wires: the paper's wire, and two wires of commercial types.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace torquer::study {
 
-/// A wire and the wall that suits it.
+/// Wire and a matching wall stiffness.
 struct StudyWire {
   std::string name;
   std::vector<WireSection> sections;
-  double tip_mm = 10;  ///< of this length, the tip is curved
+  double tip_mm = 10;  ///< length of the tip, which is curved
   double wall_stiffness_N_mm2 = 0;
 };
 

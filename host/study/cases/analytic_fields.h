@@ -1,4 +1,5 @@
-// Small vessels with closed forms: what a wire rests on can be written down for them.
+// Analytic fields: small vessels with closed-form clearance, for which equilibria can be written
+// down.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,7 +11,7 @@
 
 namespace torquer::study {
 
-/// A field that gives value, gradient and Hessian in one function.
+/// Field that computes value, gradient and Hessian in one function.
 class AnalyticField : public ClearanceField {
  public:
   double Clearance(const Eigen::Vector3d& point_mm) const override {
@@ -27,7 +28,7 @@ class AnalyticField : public ClearanceField {
   double LipschitzBound() const override { return 1; }
 };
 
-/// Nothing within reach.
+/// Free space: no wall within reach.
 class FreeSpace final : public AnalyticField {
  public:
   void EvaluateHessian(const Eigen::Vector3d&, ClearanceSample& out) const override {
@@ -36,7 +37,7 @@ class FreeSpace final : public AnalyticField {
   }
 };
 
-/// A plane wall; the lumen is on the side to which `normal` (unit) points.
+/// Plane wall; the lumen is on the side to which `normal` (unit) points.
 class HalfSpace final : public AnalyticField {
  public:
   HalfSpace(const Eigen::Vector3d& point, const Eigen::Vector3d& normal)
@@ -52,18 +53,18 @@ class HalfSpace final : public AnalyticField {
   Eigen::Vector3d normal_;
 };
 
-/// Where the lumen of a round wall is.
+/// Side of a round wall on which the lumen is.
 enum class Side { kInside, kOutside };
 
-/// The wall at a distance `radius_mm` from a straight line, a ring or a stretch of a line.
+/// Wall at a distance `radius_mm` from a straight line, a ring or a line segment.
 class RoundWall : public AnalyticField {
  public:
   RoundWall(Side side, double radius_mm)
       : sign_(side == Side::kInside ? -1 : 1), radius_mm_(radius_mm) {}
 
  protected:
-  // From the offset w to the nearest point of the axis and the part of the identity in which w
-  // moves with the point; the rest of the Hessian of |w| is added by the caller.
+  // Computes a sample from the offset w to the nearest point of the axis. `moves` is the derivative
+  // of w with respect to the point.
   void FromOffset(const Eigen::Vector3d& w, const Eigen::Matrix3d& moves,
                   ClearanceSample& out) const {
     const double d = std::max(w.norm(), 1e-12);

@@ -14,7 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-// No step raises the energy. Pushing a wire off an unstable balance does by a little.
+// Allowed relative rise of the energy. No step should raise it, but pushing a wire off an unstable
+// equilibrium does so slightly.
 constexpr double kAllowedRise = 1e-3;
 
 WireState StartOf(const HardScene& scene) {
@@ -37,7 +38,7 @@ std::unique_ptr<Relaxation> MakeRelaxation(Way way, const HardScene& scene,
                                             terms);
 }
 
-// How deep the wire would be if nothing bent it.
+// Depth of the wire in the wall if nothing bent it.
 double UnbentDepth(const HardScene& scene) {
   double length_mm = scene.start_mm;
   for (const InstrumentPlaces& target : scene.script) {
@@ -58,7 +59,7 @@ double UnbentDepth(const HardScene& scene) {
   return deepest_mm;
 }
 
-// One case on its way: the state, what checks it, what came of it.
+// Run of one case: the state, its checker and the outcome.
 class HardRun {
  public:
   HardRun(HardScene scene, Way way, const std::function<void(int)>& watch)
@@ -72,7 +73,7 @@ class HardRun {
         state_(StartOf(scene_)),
         checker_(scene_.model, *scene_.field, state_) {
     relaxation_->Restart(state_);
-    // A wire that starts in the wall may be deeper there than any unbent one.
+    // A wire that starts inside the wall may be deeper than any unbent wire.
     outcome_.tip_stands_off_mm = scene_.tip_stands_off_mm;
     outcome_.unbent_mm = std::max(
         UnbentDepth(scene_), checker_.DeepestPenetration(state_, scene_.wall.points_per_segment));
@@ -94,7 +95,7 @@ class HardRun {
     return true;
   }
 
-  // Returns whether all holds.
+  // Returns true if all checks passed.
   bool Tick(const InstrumentPlaces& target, int units) {
     CountedBudget budget(units);
     report_ = relaxation_->Tick(target, budget, state_);
@@ -132,7 +133,7 @@ class HardRun {
     return true;
   }
 
-  // Steps of Newton's one by one, with the hand at rest.
+  // Runs single steps of Newton's method with the hand at rest.
   bool Step(const InstrumentPlaces& target) {
     constexpr int kSteps = 10;
     for (int k = 0; k < kSteps && !report_.converged; ++k) {
@@ -151,7 +152,7 @@ class HardRun {
 
   bool ComeToRest() {
     const InstrumentPlaces last = scene_.script.back();
-    // Small budgets may have left the hand's way undone.
+    // With small budgets the wire may not have reached the target yet.
     constexpr int kMostToArrive = 400;
     for (int k = 0; k < kMostToArrive && way_ != Way::kPaper && !report_.arrived(); ++k) {
       if (!Tick(last, 400)) return false;
@@ -165,7 +166,7 @@ class HardRun {
   }
 
   bool DrawOut() {
-    // A start that was laid does not come back.
+    // A start laid along a path cannot be reproduced.
     const int most = scene_.start_mm > 0 ? 1 : 2000;
     for (int k = 0; k < most && (state_.insertion_mm() > 0 || state_.rotation_rad() != 0); ++k) {
       if (!Tick({0, 0}, scene_.start_mm > 0 ? scene_.units : 400)) return false;
@@ -173,7 +174,7 @@ class HardRun {
     return true;
   }
 
-  // The first ticks once more: all that was in between must leave no trace.
+  // Repeats the first ticks: everything in between must have no lasting effect.
   void BeginAnew() {
     if (HashState(state_) != HashState(WireState(scene_.model))) {
       outcome_.broken = "drawn out and turned back, the wire is not as at the start";
@@ -222,13 +223,13 @@ double UnbalancedBend(const WireModel& model, const ClearanceField& field, const
   const auto tangent = [&](int i) {
     return i < 0 ? model.sheath().direction : state.tangents()[static_cast<std::size_t>(i)];
   };
-  // The pull of joint j on the direction of either of its segments: along the other one.
+  // Pull of joint j on the direction of either adjacent segment; it acts along the other segment.
   const auto pull = [&](int j) {
     if (j >= n) return 0.0;
     const double y = (tangent(j) - tangent(j - 1)).squaredNorm() / 2;
     return JointStiffness(model, state, j) * EvaluateBending(model.law(), y).slope;
   };
-  // What turns the joint's proximal segment about itself: the moment of a joint that rests curved.
+  // Torque of a joint with a curved rest shape about the axis of its proximal segment.
   const auto torque = [&](int j) {
     if (j == 0 || n - j >= model.first_straight_joint()) return 0.0;
     const Vector3d rest = RestDirection(model, state, j);
@@ -236,13 +237,13 @@ double UnbalancedBend(const WireModel& model, const ClearanceField& field, const
     const double slope = EvaluateBending(model.law(), y).slope;
     return JointStiffness(model, state, j) * slope * rest.cross(tangent(j)).dot(tangent(j - 1));
   };
-  // A twisting moment takes the binormal's direction from one tangent to the next.
+  // A twisting moment at a joint acts along the binormal of its two tangents.
   const auto binormal = [&](int j) {
     return Vector3d(tangent(j - 1).cross(tangent(j)) / (1 + tangent(j - 1).dot(tangent(j))));
   };
   const int points = wall.points_per_segment;
   double largest = 0;
-  double twisting = 0;                 // beyond the segment's distal joint, with that
+  double twisting = 0;  // twisting moment beyond the segment's distal joint, inclusive
   Vector3d beyond = Vector3d::Zero();  // force of the wall on all that is distal to the segment
   for (int i = n - 1; i >= 0; --i) {
     const double length = state.SegmentLength(model, i);
@@ -262,7 +263,7 @@ double UnbalancedBend(const WireModel& model, const ClearanceField& field, const
       own += force;
       lever += t * force;
     }
-    // The distal joint of the last segment is no joint; others must rest straight.
+    // The last segment has no distal joint; all others must be straight at rest.
     const double turned = i + 1 < n ? torque(i + 1) : 0;
     const bool straight = n - i - 1 >= model.first_straight_joint() || i == n - 1;
     if (straight && n - i >= model.first_straight_joint()) {
@@ -286,7 +287,7 @@ std::string Objection(const HardCase& hard, Way way, const HardOutcome& outcome)
       outcome.tip_stands_off_mm;
   if (paper && hard.paper.or_unbent) allowed_mm = std::max(allowed_mm, outcome.unbent_mm);
   std::ostringstream what;
-  // Written so that NaN is too deep.
+  // Written so that NaN counts as too deep.
   if (!(depth_mm <= allowed_mm)) {
     what << depth_mm << " mm deep in the wall" << (paper ? "" : " at rest") << ", allowed are "
          << allowed_mm << ". ";

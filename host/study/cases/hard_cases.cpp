@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 
 constexpr double kNominalRigidity = 6.35e-3;
 
-// The phantom outlives its users here; it is built once.
+// The phantom is built once and outlives its users.
 const vessel::TubeVessel& Phantom() {
   static const vessel::TubeVessel vessel = vessel::MakeTyPhantom();
   return vessel;
@@ -39,7 +39,7 @@ std::vector<Vector3d> PhantomPath() {
 
 Sheath PhantomEntry() { return {Phantom().entry_point_mm(), Phantom().entry_direction()}; }
 
-// Targets from a to b in steps.
+// Targets from `from` to `to` in equal steps of at most `step_mm`.
 std::vector<InstrumentPlaces> Feed(double from, double to, double step_mm,
                                    double rotation_rad = 0) {
   std::vector<InstrumentPlaces> script;
@@ -54,7 +54,7 @@ void Append(std::vector<InstrumentPlaces> more, std::vector<InstrumentPlaces>& s
   script.insert(script.end(), more.begin(), more.end());
 }
 
-// A wire into the phantom, its tip curved by 45 degrees.
+// Wire into the phantom, with a tip curved by 45 degrees.
 HardScene IntoPhantom(WireParameters p, double stiffness_N_mm2,
                       std::vector<InstrumentPlaces> script) {
   p.sheath = PhantomEntry();
@@ -65,7 +65,7 @@ HardScene IntoPhantom(WireParameters p, double stiffness_N_mm2,
   return {PhantomField(), MakeWire(p), {.stiffness_N_mm2 = stiffness_N_mm2}, std::move(script)};
 }
 
-// The same with a straight tip: head-on into the T.
+// Wire into the phantom with a straight tip: head-on into the T.
 HardScene StraightIntoPhantom(WireParameters p, double stiffness_N_mm2,
                               std::vector<InstrumentPlaces> script) {
   p.sheath = PhantomEntry();
@@ -101,7 +101,7 @@ void AddSpeed(Extent extent, std::vector<HardCase>& cases) {
                      std::vector<InstrumentPlaces> script;
                      script.reserve(static_cast<std::size_t>(actions));
                      for (int k = 0; k < actions; ++k) {
-                       // Now every tick, now for as long as the way takes.
+                       // Reversals either every tick, or after enough ticks for the whole way.
                        const int half = k / 50000 % 2 == 0 ? 1 : 300;
                        script.emplace_back(k / half % 2 ? 0.0 : 150.0,
                                            std::uniform_real_distribution<double>(-3, 3)(random));
@@ -131,7 +131,7 @@ void AddStiffness(std::vector<HardCase>& cases) {
                                                 Feed(0, 150, 2.5));
                    },
                    0.02});
-  // The stiffest hardly bends: it perforates a wall of 0.01 N/mm^2 nearly straight on.
+  // The stiffest wire hardly bends: it perforates a wall of 0.01 N/mm^2 almost straight.
   using Depth = std::optional<double>;
   for (const auto& [factor, deepest] :
        {std::pair(1e-4, Depth(1e-4)), std::pair(1e-2, Depth(1e-3)), std::pair(1e2, Depth(0.5)),
@@ -177,7 +177,7 @@ void AddSizes(Extent extent, std::vector<HardCase>& cases) {
     name << "segments of " << lambda << " mm";
     cases.push_back({name.str(),
                      [lambda](std::mt19937&) {
-                       // The fine ones start at the T, so that they need not come all the way.
+                       // Cases with fine segments start at the T to save the way there.
                        HardScene s =
                            IntoPhantom({.segment_mm = lambda, .max_length_mm = 160}, 0.01,
                                        lambda < 1 ? Feed(110, 112, 0.2) : Feed(0, 140, 1));
@@ -249,8 +249,8 @@ void AddShapes(std::vector<HardCase>& cases) {
     };
   };
   cases.push_back({"a wire coiled up in a ball", ball(0), 0.05});
-  // Rigid in torsion and without friction, the coil's shape turns the tip and the tip the coil:
-  // they may go round for ever (core/README.md, section 3).
+  // In a wire rigid in torsion, without friction, the coil's shape turns the tip and the tip turns
+  // the coil. They may rotate forever (core/README.md, section 3).
   cases.push_back({.name = "a wire with a bent tip coiled up in a ball",
                    .make = ball(0.1),
                    .deepest_mm = 0.05,
@@ -305,7 +305,7 @@ void AddShapes(std::vector<HardCase>& cases) {
        0.05});
 }
 
-// What encloses several parts: the clearance is the largest of theirs.
+// Voxel field of a union of parts: its clearance is the largest of theirs.
 template <class Function>
 std::shared_ptr<const ClearanceField> Voxels(Function clearance, const Eigen::AlignedBox3d& box) {
   vessel::BrickFieldOptions options;
@@ -434,39 +434,40 @@ void AddRandom(std::vector<HardCase>& cases) {
                      s.tip_stands_off_mm = (1 - std::cos(curvature * p.tip_mm)) / curvature;
                      return s;
                    },
-                   // Against no softer a wall, no stiffer a wire than "rigidity 10000 times
-                   // nominal", which is 2.9 mm deep where its tip is straight.
+                   // The wall is no softer and the wire no stiffer than in "rigidity 10000 times
+                   // nominal". That case is 2.9 mm deep with a straight tip.
                    6.0});
 }
 
-// Where the paper's method does otherwise than PaperExpectation says.
+// Sets the cases in which the paper's method differs from the default PaperExpectation.
 void AddPaper(std::vector<HardCase>& cases) {
   const std::map<std::string, PaperExpectation> rows = {
-      // Out of reach of the wall, or drawn back from it: nothing hinders its cycles.
+      // The wire is out of reach of the wall or drawn back from it: nothing hinders the cycles.
       {"full insert and retract in turn", {.settles = true}},
       {"n = 1", {.deepest_mm = 0.0, .settles = true}},
       {"n = 2", {.deepest_mm = 0.0, .settles = true}},
       {"n = 3", {.deepest_mm = 0.0, .settles = true}},
       {"a septum of one voxel, head-on", {.deepest_mm = 1e-3, .settles = true}},
-      // Laid in folds that are exact it has no torque, and stays folded.
+      // A wire laid in exact folds has no torque and stays folded.
       {"antiparallel neighbors", {.deepest_mm = 1e-3, .settles = true}},
-      // Against a soft wall its cycles converge fast, and Newton's wire is as deep.
+      // Against a soft wall the cycles converge fast; Newton's method gives the same depth.
       {"wall of 1e-06 N/mm^2", {.deepest_mm = 4, .settles = true}},
       {"wall of 0.001 N/mm^2", {.deepest_mm = 0.1, .settles = true}},
-      // Few cycles find no balance yet: coarse or stiff joints turn by little in each.
+      // A few cycles do not reach equilibrium: coarse or stiff joints turn little in each cycle.
       {"segments of 10 mm", {.deepest_mm = 1}},
       {"rigidity 100 times nominal", {.deepest_mm = 1}},
-      // Head-on there is no force across the wire, (16) to (19) leave it as it is: it perforates.
+      // Head-on there is no transverse force, so (16) to (19) leave the wire unchanged: it
+      // perforates.
       {"a blind end: the wire buckles", {.deepest_mm = {}, .settles = true}},
       {"a wire coiled up in a ball", {.deepest_mm = {}, .settles = true}},
       {"rigidity 10000 times nominal", {.deepest_mm = {}}},
       {"rigidity 1e+06 times nominal", {.deepest_mm = {}, .settles = true}},
-      // Laid through the wall, it comes back by less than that in the time it has.
+      // A wire laid through the wall does not come back far enough in the given time.
       {"a start straight through the wall, 80 mm long", {.deepest_mm = {}}},
       {"a start straight through the wall, 240 mm long", {.deepest_mm = {}}},
       {"a start with tangents at random", {.deepest_mm = {}}},
-      // As for Newton: "rigidity 10000 times nominal" is 8.6 mm deep. But with two cycles a tick a
-      // wire 700 times as stiff as nominal was 26 mm deep, unbent 45.
+      // As for Newton: "rigidity 10000 times nominal" is 8.6 mm deep. With two cycles per tick, a
+      // wire with 700 times the nominal stiffness was 26 mm deep; unbent it would be 45 mm.
       {"anything at random", {.deepest_mm = 15, .or_unbent = true}},
   };
   std::size_t used = 0;

@@ -1,7 +1,8 @@
-// Scenes and hands that try to break a relaxation, and what has to hold meanwhile.
+// Hard cases: scenes and hand motions that try to break a relaxation, and the conditions that must
+// hold.
 //
-// The table serves the stability tests and longer runs alike: a case draws what is left open from
-// a seed, so that other seeds make other cases.
+// The table serves the stability tests and longer runs. A case draws its random parameters from a
+// seed, so other seeds give other cases.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,35 +32,36 @@ struct HardScene {
   std::shared_ptr<const ClearanceField> field;
   WireModel model;
   WallModel wall;
-  std::vector<InstrumentPlaces> script;  ///< one a tick
-  int units = 40;                        ///< budget of a tick
+  std::vector<InstrumentPlaces> script;  ///< one target per tick
+  int units = 40;                        ///< work budget of a tick
   int settle_ticks = 40;  ///< of 400 units each, with the hand still after the script
-  double start_mm = 0;    ///< laid along start_path before the script
+  double start_mm = 0;    ///< length laid along start_path before the script
   std::vector<Eigen::Vector3d> start_path = {};
-  std::vector<Eigen::Vector3d> start_tangents = {};  ///< or with these tangents
-  /// How far a shaped tip stands off the straight wire, where the case's bound on the depth is one
-  /// for straight wires: a stiff tip in a soft wall lies so much deeper.
+  std::vector<Eigen::Vector3d> start_tangents = {};  ///< optional tangents of the start
+  /// Offset of a shaped tip from the straight wire, for cases with a depth bound for straight
+  /// wires. A stiff tip in a soft wall lies deeper by this offset.
   double tip_stands_off_mm = 0;
 };
 
-/// What the paper's method does with a case. Its cycles move the wire by less and less: within the
-/// work of a script it is near its balance and hardly ever at rest, so that its depth is bounded in
-/// all ticks and not only in those that converged. Where it differs from this, the table says why.
+/// Expected behavior of the paper's method in a case. Its cycles move the wire by less and less.
+/// Within the work of a script it gets near its equilibrium but rarely converges. Its depth is
+/// therefore bounded in all ticks, not only in the converged ones. The table gives the reasons for
+/// exceptions.
 struct PaperExpectation {
-  /// Deepest penetration in any tick. None: that of an unbent wire.
+  /// Deepest penetration allowed in any tick. No value: that of an unbent wire.
   std::optional<double> deepest_mm = 0.2;
-  bool settles = false;    ///< it comes to rest after the script all the same
-  bool or_unbent = false;  ///< as deep as an unbent wire, where that is deeper
+  bool settles = false;    ///< it converges after the script nevertheless
+  bool or_unbent = false;  ///< may be as deep as an unbent wire, if that is deeper
 };
 
 struct HardCase {
   std::string name;
   std::function<HardScene(std::mt19937& random)> make;
-  /// Deepest penetration where a tick of Newton's converged: twice to five times what was measured.
-  /// None: HardOutcome::unbent_mm, which no balance of forces passes.
+  /// Deepest penetration allowed in a converged tick of Newton's method: two to five times the
+  /// measured one. No value: HardOutcome::unbent_mm, which no equilibrium exceeds.
   std::optional<double> deepest_mm = {};
   bool for_paper = true;  ///< the paper's method takes n^2 to n^3 time
-  bool settles = true;    ///< Newton's wire comes to rest after the script
+  bool settles = true;    ///< Newton's method converges after the script
   PaperExpectation paper = {};
 };
 
@@ -72,37 +74,37 @@ enum class Extent {
 std::vector<HardCase> HardCases(Extent extent = Extent::kTests);
 
 struct HardOutcome {
-  std::string broken;  ///< what did not hold, at which tick; empty when all did
+  std::string broken;  ///< violated condition and its tick; empty if none
   int ticks = 0;
   int converged = 0;
   int snaps = 0;
-  double deepest_mm = 0;  ///< of all ticks
-  double at_rest_mm = 0;  ///< deepest of the converged ones
-  /// Of a straight wire, as long as the script ever asks for, from the sheath on; at least how deep
-  /// the wire lies at the start.
+  double deepest_mm = 0;  ///< deepest penetration in all ticks
+  double at_rest_mm = 0;  ///< deepest penetration in the converged ticks
+  /// Depth of a straight wire from the sheath, of the largest length in the script; not less than
+  /// the wire's depth at the start.
   double unbent_mm = 0;
   double tip_stands_off_mm = 0;  ///< HardScene's
-  bool settled = false;          ///< with the hand still, in the end
+  bool settled = false;          ///< converged at the end with the hand still
   double last_residual = 0;
   int longest_work = 0;
-  double worst_rise = 0;  ///< of the energy over one of Newton's steps, as a part of the energy
+  double worst_rise = 0;  ///< relative rise of the energy over one step of Newton's method
 };
 
-/// Runs a case: the script, then the hand rests, then all is drawn out and begins again. After
-/// every tick it checks geometry, report and the tip's way (TickChecker); where Newton's wire came
-/// to rest without friction, that its penetrations are what balances the bending (UnbalancedBend);
-/// while the hand rests, that no step of Newton's raises the energy. `watch`, if given, gets
-/// every tick.
+/// Runs a case: the script, then a resting hand, then full retraction and a restart. After every
+/// tick it checks geometry, report and the tip's motion (TickChecker). If Newton's method converged
+/// without friction, it checks that the wall forces balance the bending (UnbalancedBend). While the
+/// hand rests, it checks that no step of Newton's method raises the energy. `watch`, if given, is
+/// called after every tick.
 HardOutcome RunHardCase(const HardCase& hard, Way way, unsigned seed,
                         const std::function<void(int ticks)>& watch = nullptr);
 
-/// What of an outcome is beyond what its case allows, in words: `broken`, depth, or a wire that
-/// does not come to rest; empty when nothing is.
+/// Violations of the case's limits by an outcome, in words: `broken`, depth, or no convergence;
+/// empty if there are none.
 std::string Objection(const HardCase& hard, Way way, const HardOutcome& outcome);
 
-/// The largest moment, over the local EI/(1 mm), that bending and the wall's pressure leave
-/// unbalanced on a segment without rest bends: from positions, clearances and the bending law
-/// alone, apart from the expansions that the methods use.
+/// Largest unbalanced moment of bending and wall forces on a segment without rest bends, divided by
+/// the local EI/(1 mm). It is computed from positions, clearances and the bending law alone,
+/// independent of the expansions that the methods use.
 double UnbalancedBend(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                       const WireState& state);
 

@@ -1,4 +1,4 @@
-// A wire of one rigidity with or without a curved tip, by a few numbers.
+// Simple wire: uniform rigidity, with or without a curved tip, from a few parameters.
 #pragma once
 
 #include <vector>
@@ -7,14 +7,14 @@
 
 namespace torquer::study {
 
-/// The paper's wire, unless set otherwise.
+/// Parameters of a wire; the defaults are the paper's wire.
 struct WireParameters {
   double segment_mm = 1;
   double rigidity_N_mm2 = 6.35e-3;
-  double torsional_rigidity_N_mm2 = 0;  ///< 0: a wire that does not twist
+  double torsional_rigidity_N_mm2 = 0;  ///< 0: rigid in torsion
   double radius_mm = 0.178;
   double tip_mm = 0;
-  double tip_curvature_1_per_mm = 0;  ///< over tip_mm
+  double tip_curvature_1_per_mm = 0;  ///< rest curvature over tip_mm
   double max_length_mm = 100;
   BendingLaw law = BendingLaw::kExact;
   Sheath sheath = {};

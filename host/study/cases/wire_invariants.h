@@ -1,4 +1,4 @@
-// What holds for every wire after every action, whatever was done to it.
+// Wire invariants: conditions that hold for every wire after every action.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,8 +17,9 @@
 
 namespace torquer::study {
 
-/// What is wrong with a state as such, in words; empty when nothing is: finite, unit tangents and
-/// normals across them, lengths to 1e-9, material as much as was fed.
+/// Violated invariants of a state, in words; empty if there are none. Checked are finite values,
+/// unit tangents, perpendicular unit normals, lengths to 1e-9, and arc length equal to the
+/// insertion.
 inline std::string BrokenGeometry(const WireModel& model, const WireState& state) {
   std::ostringstream what;
   what.precision(17);
@@ -53,7 +54,7 @@ inline std::string BrokenGeometry(const WireModel& model, const WireState& state
     const Eigen::Vector3d& u = state.tangents()[k];
     const Eigen::Vector3d& normal = state.normals()[k];
     const double length = (state.nodes()[k + 1] - state.nodes()[k]).norm();
-    // Written so that NaN is broken too.
+    // Written so that NaN counts as broken.
     const bool fine = std::abs(u.norm() - 1) < 1e-12 && std::abs(normal.norm() - 1) < 1e-9 &&
                       std::abs(normal.dot(u)) < 1e-9 &&
                       std::abs(length - state.SegmentLength(model, i)) < 1e-9 &&
@@ -74,7 +75,7 @@ inline std::string BrokenGeometry(const WireModel& model, const WireState& state
   return what.str();
 }
 
-/// What is wrong with a tick: the report's figures against the state itself, and the tip's motion.
+/// Checker of a tick: compares the report with the state, and checks the tip's motion.
 class TickChecker {
  public:
   TickChecker(const WireModel& model, const ClearanceField& field, const WireState& before)
@@ -82,8 +83,8 @@ class TickChecker {
     Remember(before);
   }
 
-  /// After a tick towards `target`; empty when nothing is wrong. `points_per_segment` as in the
-  /// WallModel of the relaxation.
+  /// Checks after a tick towards `target`; returns the errors, empty if there are none.
+  /// `points_per_segment` as in the WallModel of the relaxation.
   std::string Check(const InstrumentPlaces& target, const TickReport& report,
                     const WireState& state, int points_per_segment) {
     std::ostringstream what;
@@ -106,9 +107,8 @@ class TickChecker {
     if (!(std::abs(penetration - report.max_penetration_mm) < 1e-9 * (1 + penetration))) {
       what << "penetration " << penetration << " reported as " << report.max_penetration_mm << ". ";
     }
-    // Slid along itself and spun, the wire's own bend would carry the tip this far and no farther.
-    // What is reported as a snap is more than that; what is four times that and two lumens more is
-    // reported.
+    // Sliding along itself and turning, the wire can move the tip at most this far. A reported snap
+    // must be larger. A motion of more than four times this plus two lumens must be reported.
     const double turn_rad = std::abs(state.rotation_rad() - rotation_rad_);
     const double explained = std::abs(state.insertion_mm() - insertion_mm_) +
                              2 * bend_mm_ * std::sin(std::min(turn_rad, std::numbers::pi) / 2);
@@ -147,7 +147,7 @@ class TickChecker {
   }
 
  private:
-  // How far a free wire's tip is from the line of its straight part, mm.
+  // Distance of a free wire's tip from the line of its straight part, mm.
   static double BendOf(const WireModel& model) {
     Eigen::Quaterniond along = Eigen::Quaterniond::Identity();
     Eigen::Vector3d tip = Eigen::Vector3d::Zero();
