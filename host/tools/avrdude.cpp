@@ -71,7 +71,7 @@ AvrdudeEnding RunAvrdude(const std::vector<std::string>& arguments, const std::s
     const bool stopped = options.stop();
     if (stopped || std::chrono::steady_clock::now() > end) {
       kill(-child, SIGKILL);
-      kill(child, SIGKILL);  // in case it has not its own group yet
+      kill(child, SIGKILL);  // the child may not have its own process group yet
       waitpid(child, &status, 0);
       return stopped ? AvrdudeEnding::kStopped : AvrdudeEnding::kTooLong;
     }

@@ -1,4 +1,4 @@
-// Runs avrdude, which writes boards with Caterina and speaks to ISP programmers.
+// Runner of avrdude, which writes boards with Caterina and controls ISP programmers.
 #pragma once
 
 #include <filesystem>
@@ -10,15 +10,16 @@ namespace torquer::tools {
 
 struct AvrdudeOptions {
   std::string avrdude = "avrdude";  ///< program
-  int timeout_s = 60;  ///< after which avrdude is killed: it waits for ever for a lost board
-  /// Whether the user wants to stop.
+  int timeout_s = 60;  ///< timeout after which avrdude is killed: it waits forever for a lost board
+  /// Returns true if the user wants to stop.
   std::function<bool()> stop = [] { return false; };
 };
 
-/// A folder for files that avrdude reads and writes; removed with its contents in the end.
+/// Temporary folder for files that avrdude reads and writes; the destructor removes it with its
+/// contents.
 class WorkFolder {
  public:
-  /// Throws UserError when it cannot be created.
+  /// Throws UserError if the folder cannot be created.
   WorkFolder();
   ~WorkFolder();
   WorkFolder(const WorkFolder&) = delete;
@@ -32,13 +33,13 @@ class WorkFolder {
 
 enum class AvrdudeEnding { kDone, kFailed, kTooLong, kStopped };
 
-/// Runs it with `arguments`, its output in the file `log`. It and its children are killed after the
-/// time in `options`, or when the user stops. Throws UserError naming `needed_for` if it is not
-/// installed.
+/// Runs avrdude with `arguments` and writes its output to the file `log`. It and its children are
+/// killed after the timeout in `options`, or if the user stops. Throws UserError with `needed_for`
+/// if avrdude is not installed.
 AvrdudeEnding RunAvrdude(const std::vector<std::string>& arguments, const std::string& log,
                          const std::string& needed_for, const AvrdudeOptions& options);
 
-/// The text in a file; "" if there is none.
+/// Contents of a text file; "" if it cannot be read.
 std::string FileContents(const std::string& path);
 
 }  // namespace torquer::tools

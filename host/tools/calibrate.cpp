@@ -1,4 +1,4 @@
-// torquer-calibrate: guides a person through the calibration of a bench device, and keeps the
+// torquer-calibrate: guides a person through the calibration of a bench device, and saves the
 // result.
 
 #include <fmt/chrono.h>
@@ -111,7 +111,7 @@ std::unique_ptr<ReadingSource> OpenReadings(const Arguments& arguments) {
   return std::make_unique<PacedOperator>(OpenDevice(arguments), std::move(script));
 }
 
-// Asks a person; Enter alone keeps the value in brackets.
+// Asks the user; Enter alone keeps the value in brackets.
 void AskForReference(ProcedureSettings& settings) {
   const auto ask = [](const char* question, double& value) {
     for (;;) {
@@ -131,13 +131,13 @@ void AskForReference(ProcedureSettings& settings) {
       settings.length_error_mm);
 }
 
-// The procedure, its source and the terminal.
+// Guided calibration: connects the procedure, its source and the terminal.
 class GuidedRun : public ReadingSink {
  public:
   GuidedRun(const ProcedureSettings& settings, Terminal& terminal, const std::atomic<bool>& stop)
       : procedure_(settings), terminal_(terminal), stop_(stop) {}
 
-  // False when it was given up.
+  // Returns false if the calibration was aborted.
   bool Run(ReadingSource& source) {
     while (!quit_ && !stop_ && procedure_.step() != Step::kDone) {
       ShowPrompt();
@@ -237,14 +237,14 @@ void MakeFolderOf(const std::string& path) {
   }
 }
 
-// Without --plot beside the calibration.
+// Path of the plot: --plot, or beside the calibration file without --plot.
 std::string PlotPath(const Arguments& arguments, const std::string& calibration) {
   if (!arguments.plot.empty()) return arguments.plot;
   return std::filesystem::path(calibration).replace_extension(".svg").string();
 }
 
-// Before the work, so that it is not lost: refuses paths at which nothing can be written. The
-// folder of the calibration may be made at the end.
+// Rejects paths that cannot be written, before the calibration, so that no work is lost. The folder
+// of the calibration may be created at the end.
 void CheckPaths(const Arguments& arguments, const std::string& path) {
   for (const std::string& file : {path, PlotPath(arguments, path)}) {
     const std::filesystem::path folder = std::filesystem::path(file).parent_path();
@@ -293,7 +293,7 @@ int Run(const Arguments& arguments) {
   ProcedureSettings settings = arguments.settings;
   settings.length_mm = arguments.length_mm.value_or(settings.length_mm);
   const std::unique_ptr<ReadingSource> source = OpenReadings(arguments);
-  static_cast<void>(Procedure(settings));  // refuses settings before anything is done
+  static_cast<void>(Procedure(settings));  // rejects invalid settings before anything is done
   if (!arguments.length_mm && arguments.script.empty() && torquer::tools::CanAsk()) {
     AskForReference(settings);
   }

@@ -22,7 +22,7 @@ using calibration::MotionKind;
 using calibration::ProcedureResult;
 using calibration::ProcedureSettings;
 
-// Used strokes of one kind: their number in the run, and what is left of them.
+// Used strokes of one kind: their number in the run, and their residuals.
 struct Residuals {
   std::vector<int> number;
   std::vector<double> insertion_mm;

@@ -17,7 +17,7 @@ namespace {
 constexpr char kFirstLine[] = "torquer-calibrate script 1";
 constexpr double kLongestS = 3600.0;
 
-// A statement's numbers, with the range of each.
+// Number in a statement, with its range.
 struct Number {
   const char* name;
   double low, high;
@@ -25,7 +25,7 @@ struct Number {
 struct Form {
   const char* name;
   Statement::Kind kind;
-  const char* word;  ///< what the first word after the name is; nullptr: there is none
+  const char* word;  ///< meaning of the first word after the name; nullptr: no word
   std::vector<Number> numbers;
 };
 

@@ -1,7 +1,8 @@
-// Scripts for torquer-calibrate: what the operator, and if wanted the device, does.
+// Calibration scripts: actions of the operator, and optionally of the device, for
+// torquer-calibrate.
 //
-// A text of one statement a line; blank lines and what follows # are skipped. The first line is
-// exactly "torquer-calibrate script 1". Of the operator:
+// A script has one statement per line; blank lines and text after # are skipped. The first line is
+// exactly "torquer-calibrate script 1". Statements of the operator:
 //
 //   mark                             press Enter
 //   undo                             forget the last stroke
@@ -9,8 +10,8 @@
 //   quit                             give up, as Ctrl-C does
 //
 // With --source, `mark` waits until the hand has moved by 2 mm since the last mark of the step and
-// has rested for 0.3 s, and `skip` waits for its step. Without --source nothing waits, and the
-// script moves its own device, which its first statement names (readings every millisecond):
+// has rested for 0.3 s. `skip` waits for its step. Without --source nothing waits, and the script
+// moves its own device with readings every millisecond. Its first statement names this device:
 //
 //   device SERIAL CPI
 //   rest SECONDS
@@ -51,7 +52,7 @@ struct Script {
   std::vector<Statement> statements;
 };
 
-/// Throws UserError naming file, line, what is wrong and what is wanted.
+/// Throws UserError with the file, the line, the error and the expected input.
 Script ParseScript(const std::string& text, const std::string& path);
 Script ReadScript(const std::string& path);
 

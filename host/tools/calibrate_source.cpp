@@ -25,10 +25,10 @@ constexpr std::int64_t kFirstDeviceUs = 5000000;
 // Surface quality (features / 8) below which the daemon holds motion as well.
 constexpr int kPoorSurface = 10;
 
-// A script marks a place once the hand has moved by so much, and rested for so long.
+// A script marks a position once the hand has moved by kMovedCounts and rested for kRestedUs.
 constexpr double kMovedCounts = 100.0;
 constexpr std::int64_t kRestedUs = 300000;
-// How long it waits for the hand, by the device's clock, and for the device, by the host's.
+// Timeouts for the hand (by the device's clock) and for the device (by the host's clock).
 constexpr std::int64_t kIdleUs = 60000000;
 constexpr std::int64_t kGoneUs = 60000000;
 
@@ -113,7 +113,7 @@ void DeviceReadings::CheckIdentity(const std::string& place) {
   try {
     serial = device::ReadSerial(*source_);
   } catch (const device::DeviceGone&) {
-    return;  // the source reports it and tries again
+    return;  // the source reports it and retries
   } catch (const device::FeatureError& error) {
     throw UserError(fmt::format("{}: the device does not report its identity ({}); {}", place,
                                 error.what(), device::kFlashRemedy));
@@ -164,7 +164,7 @@ void DeviceReadings::Wait(int timeout_ms, ReadingSink& sink) {
 
 // --- a device, and a script for its operator -----------------------------------------------------
 
-// Passes readings on, and shows each to the script.
+// Forwards readings, and passes each to the script.
 class PacedOperator::Watcher : public ReadingSink {
  public:
   Watcher(PacedOperator& script, ReadingSink& sink) : operator_(script), sink_(sink) {}
@@ -235,7 +235,7 @@ void PacedOperator::Follow(const Reading& reading, ReadingSink& sink) {
       break;
     }
     case Statement::Kind::kUndo:
-      if (rested_us < 3 * kRestedUs) return;  // by then the mark before it is taken
+      if (rested_us < 3 * kRestedUs) return;  // by then the previous mark has been taken
       sink.Press(Key::kUndo);
       marked_step_ = Step::kRest;  // the next mark is a first one
       break;

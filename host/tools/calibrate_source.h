@@ -1,4 +1,4 @@
-// Where the readings and keys of a calibration come from: a device and a person, or a script.
+// Calibration sources: readings and keys from a device and a person, or from a script.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace torquer::tools {
 
-/// What must be known of a device before it is calibrated.
+/// Device properties that must be known before calibration.
 struct DeviceFacts {
   std::string serial;
   int cpi = calibration::kNominalCpi;
@@ -21,7 +21,7 @@ struct DeviceFacts {
   bool has_joystick = true;
 };
 
-/// Gets what a source delivers.
+/// Receiver of the data from a source.
 class ReadingSink {
  public:
   virtual ~ReadingSink() = default;
@@ -35,14 +35,15 @@ class ReadingSink {
 class ReadingSource {
  public:
   virtual ~ReadingSource() = default;
-  /// Waits for the device, for 5 s; throws UserError when there is none or it cannot be used.
+  /// Waits up to 5 s for the device; throws UserError if it is missing or unusable.
   virtual DeviceFacts Connect() = 0;
-  /// Delivers what arrives within `timeout_ms`; returns early after Interrupt(). Throws UserError.
+  /// Delivers data that arrives within `timeout_ms`; returns early after Interrupt(). Throws
+  /// UserError.
   virtual void Wait(int timeout_ms, ReadingSink& sink) = 0;
   virtual void Interrupt() = 0;
 };
 
-/// A device, read as the daemon reads it.
+/// Device, read in the same way as by the daemon.
 class DeviceReadings : public ReadingSource {
  public:
   DeviceReadings(std::unique_ptr<device::ReportSource> source, bool ordinary_mouse,
@@ -60,10 +61,10 @@ class DeviceReadings : public ReadingSource {
   std::vector<calibration::Reading> early_;  // arrived during Connect()
 };
 
-/// A device with a script as its operator: keys are pressed when the hand rests.
+/// Device with a script as its operator: keys are pressed when the hand rests.
 class PacedOperator : public ReadingSource {
  public:
-  /// Throws UserError when the script moves the device itself.
+  /// Throws UserError if the script moves the device itself.
   PacedOperator(std::unique_ptr<ReadingSource> device, Script script);
   DeviceFacts Connect() override { return device_->Connect(); }
   void Wait(int timeout_ms, ReadingSink& sink) override;
@@ -76,17 +77,17 @@ class PacedOperator : public ReadingSource {
   std::unique_ptr<ReadingSource> device_;
   Script script_;
   std::size_t next_ = 0;
-  calibration::Reading rest_{};  // the place of the hand since it last moved
+  calibration::Reading rest_{};  // position of the hand since it last moved
   bool any_ = false;
-  std::int64_t marked_axial_ = 0, marked_transverse_ = 0;  // at the last mark
+  std::int64_t marked_axial_ = 0, marked_transverse_ = 0;  // position at the last mark
   calibration::Step marked_step_ = calibration::Step::kRest;
-  std::int64_t last_reading_us_ = 0;  // by the host's clock
+  std::int64_t last_reading_us_ = 0;  // time by the host's clock
 };
 
-/// A script that moves its own device.
+/// Script that moves its own simulated device.
 class ScriptedDevice : public ReadingSource {
  public:
-  /// Throws UserError when the script names no device.
+  /// Throws UserError if the script names no device.
   explicit ScriptedDevice(Script script);
   DeviceFacts Connect() override;
   void Wait(int timeout_ms, ReadingSink& sink) override;

@@ -46,7 +46,7 @@ void Terminal::Print(const std::string& line) {
 
 void Terminal::Change(const std::string& line) {
   if (!screen_) return;
-  // A line that wraps could not be overwritten.
+  // Truncated, because a wrapped line cannot be overwritten.
   changing_ = line.substr(0, static_cast<std::size_t>(columns_ - 1));
   std::printf("\r\033[K%s", changing_.c_str());
   std::fflush(stdout);

@@ -1,4 +1,5 @@
-// The terminal of a guided calibration: single keys in, lasting lines and one changing line out.
+// Terminal of a guided calibration: single-key input, permanent lines and one status line as
+// output.
 #pragma once
 
 #include <termios.h>
@@ -11,22 +12,22 @@ namespace torquer::tools {
 
 class Terminal {
  public:
-  /// Where standard input is a terminal, keys are read as they are pressed, without echo, until the
-  /// destructor restores it.
+  /// If standard input is a terminal, keys are read one by one without echo until the destructor
+  /// restores it.
   Terminal();
   ~Terminal();
   Terminal(const Terminal&) = delete;
   Terminal& operator=(const Terminal&) = delete;
 
-  /// The key that was pressed, if any; Enter is '\n'.
+  /// Returns the next pressed key, if any; Enter is '\n'.
   std::optional<char> Key();
 
-  /// A lasting line, above the changing one.
+  /// Prints a permanent line above the status line.
   void Print(const std::string& line);
-  /// Replaces the changing line; does nothing where standard output is not a terminal.
+  /// Replaces the status line; does nothing if standard output is not a terminal.
   void Change(const std::string& line);
 
-  /// Columns of the terminal; 80 where there is none.
+  /// Columns of the terminal; 80 if there is no terminal.
   int columns() const { return columns_; }
 
  private:
@@ -38,10 +39,10 @@ class Terminal {
   std::string changing_;
 };
 
-/// Asks on standard output and reads a line of standard input; "" at the end of the input as well.
+/// Asks on standard output and reads a line of standard input; also "" at the end of the input.
 std::string Ask(const std::string& question);
 
-/// Whether a person can be asked: standard input and output are both a terminal.
+/// True if the user can be asked: standard input and output are both a terminal.
 bool CanAsk();
 
 }  // namespace torquer::tools

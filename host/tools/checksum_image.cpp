@@ -1,4 +1,5 @@
-// torquer-checksum-image: the last step of the firmware's build.
+// torquer-checksum-image: writes the image trailer with length and CRC as the last step of the
+// firmware's build.
 #include <cstdint>
 #include <string>
 #include <vector>

@@ -1,4 +1,4 @@
-// torquer-flash: installs firmware on a bench device, whatever state it is in.
+// torquer-flash: installs firmware on a bench device in any state.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -19,7 +19,7 @@ namespace {
 using torquer::tools::FlashImage;
 using torquer::tools::FlashRequest;
 
-// One line that grows; nothing where standard output is no terminal.
+// Progress bar on one line; prints nothing if standard output is not a terminal.
 class ProgressBar {
  public:
   ~ProgressBar() { Break(); }
@@ -38,7 +38,7 @@ class ProgressBar {
   }
 
  private:
-  // Ends a line that is not full.
+  // Ends an incomplete line.
   void Break() {
     if (open_) fmt::print("\n");
     std::fflush(stdout);

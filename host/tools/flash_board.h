@@ -1,5 +1,5 @@
-// Boards that torquer-flash may find, and the reports that it exchanges with those that are ours:
-// an interface to libusb, and in tests to the emulator.
+// Board interface of torquer-flash: boards on the USB, and feature reports of our own boards.
+// libusb implements it, and in tests the emulator.
 #pragma once
 
 #include <memory>
@@ -11,25 +11,25 @@
 
 namespace torquer::tools {
 
-/// What runs on a board.
+/// Program that runs on a board.
 enum class BoardMode {
   kFirmware,    ///< our firmware
   kBootloader,  ///< our bootloader
   kCaterina,    ///< the bootloader of Arduino boards, for 8 s after a reset
   kSketch,      ///< an Arduino program, on a board with Caterina
-  kDfu          ///< the bootloader that the chip's factory installs
+  kDfu          ///< the chip's factory bootloader
 };
 
 struct Board {
   BoardMode mode = BoardMode::kFirmware;
-  std::string place;    ///< where it is plugged in, as "1-2.3"; the same in every mode
-  std::string serial;   ///< with our firmware; else empty
-  std::string port;     ///< with Caterina or an Arduino program: its serial port; empty: none yet
-  int clock_mhz = 0;    ///< if its USB ids say so; 0: unknown
-  std::string problem;  ///< why it cannot be used, with the remedy; empty if it can
+  std::string place;    ///< USB port, such as "1-2.3"; the same in every mode
+  std::string serial;   ///< serial number with our firmware; else empty
+  std::string port;     ///< serial port with Caterina or an Arduino program; empty: none yet
+  int clock_mhz = 0;    ///< from its USB ids; 0: unknown
+  std::string problem;  ///< reason why it is unusable, with the remedy; empty if usable
 };
 
-/// The board is gone.
+/// Error: the board was disconnected.
 class BoardLost : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -47,10 +47,10 @@ class Boards {
   virtual ~Boards() = default;
 
   virtual std::vector<Board> List() = 0;
-  /// Opens a board with our firmware or bootloader. Throws BoardLost; UserError naming the remedy
-  /// if it may not be used. While a link is open nobody else can use the board.
+  /// Opens a board with our firmware or bootloader. Throws BoardLost; UserError with the remedy if
+  /// access is denied. While a link is open, no other program can use the board.
   virtual std::unique_ptr<FeatureLink> Open(const Board& board) = 0;
-  /// Lets time pass.
+  /// Waits.
   virtual void Sleep(int milliseconds) = 0;
 };
 

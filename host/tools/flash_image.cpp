@@ -34,8 +34,8 @@ std::optional<ImageTrailer> TrailerIn(std::span<const std::uint8_t> flash) {
   return trailer;
 }
 
-// The bytes of one line, without the colon; nothing if it is not made of pairs of hexadecimal
-// digits.
+// Decodes the bytes of one line after the colon; nothing if the line is not made of pairs of
+// hexadecimal digits.
 std::optional<std::vector<std::uint8_t>> BytesOfLine(const std::string& line) {
   if (line.size() % 2 == 0) return std::nullopt;
   std::vector<std::uint8_t> bytes;
@@ -154,7 +154,7 @@ std::vector<std::uint8_t> ReadHexFile(const std::string& path) {
           throw wrong("is beyond the chip's flash");
         }
         break;
-      default:  // a start address means nothing to this chip
+      default:  // a start address has no meaning for this chip
         break;
     }
   }

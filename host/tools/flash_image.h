@@ -1,5 +1,5 @@
-// A firmware image as the firmware's build makes it: an Intel HEX file with the application and its
-// trailer (protocol/firmware_image.h).
+// Firmware image from the firmware's build: an Intel HEX file with the application and its trailer
+// (protocol/firmware_image.h).
 #pragma once
 
 #include <cstdint>
@@ -21,38 +21,38 @@ struct FirmwareVersion {
 
 FirmwareVersion VersionOf(const protocol::ImageTrailer& trailer);
 
-/// A complete image: its CRC is right, and it is for our board.
+/// Complete image with a correct CRC for our board.
 class FlashImage {
  public:
-  /// Throws UserError naming file and line, and the remedy, for a file that holds no such image.
+  /// Reads a file. Throws UserError with file, line and remedy if it has no such image.
   static FlashImage FromFile(const std::string& path);
-  /// The same from the contents of the flash from address 0; `name` is for messages.
+  /// Reads the contents of the flash from address 0; `name` is for messages.
   static FlashImage FromFlash(std::span<const std::uint8_t> flash, const std::string& name);
 
   const protocol::ImageTrailer& trailer() const { return trailer_; }
   FirmwareVersion version() const { return VersionOf(trailer_); }
   /// Pages of the application, from address 0.
   int pages() const { return static_cast<int>(bytes_.size() / protocol::kFlashPageBytes); }
-  /// One of them; index pages() is the page of the trailer.
+  /// Contents of one page; index pages() is the page of the trailer.
   std::vector<std::uint8_t> Page(int index) const;
-  /// The address of that page.
+  /// Address of that page.
   std::uint16_t PageAddress(int index) const;
 
  private:
-  std::vector<std::uint8_t> bytes_;  // the application, filled with 0xff to the end of its page
+  std::vector<std::uint8_t> bytes_;  // the application, padded with 0xff to a whole page
   protocol::ImageTrailer trailer_{};
 };
 
-/// The contents of the flash in an Intel HEX file, 0xff where the file has none. Throws UserError
-/// naming file and line.
+/// Reads the flash contents from an Intel HEX file; missing bytes are 0xff. Throws UserError with
+/// file and line.
 std::vector<std::uint8_t> ReadHexFile(const std::string& path);
 
-/// Writes such a file with the pages `first` .. `last` - 1 only.
-/// Throws UserError if it cannot be written.
+/// Writes an Intel HEX file with the pages `first` .. `last` - 1 only. Throws UserError if it
+/// cannot be written.
 void WriteHexFile(const std::string& path, const FlashImage& image, int first, int last);
 
-/// The trailer that is compiled into `flash`, with length and CRC filled in. Throws UserError
-/// naming the file if there is none, or no application.
+/// Returns the trailer that is compiled into `flash`, with length and CRC filled in. Throws
+/// UserError with the file if there is no trailer or no application.
 protocol::ImageTrailer MakeTrailer(std::span<const std::uint8_t> flash, const std::string& name);
 
 }  // namespace torquer::tools

@@ -18,17 +18,17 @@ using protocol::IdentityReport;
 using protocol::PageReport;
 
 constexpr int kLookMs = 50;
-// Time for udev to grant permissions, and for the kernel to make a serial port.
+// Time for udev to grant permissions, and for the kernel to create a serial port.
 constexpr int kSettleMs = 2000;
-// From the firmware to its bootloader and back: resets, and the host's enumeration.
+// Timeout for a change between firmware and bootloader: reset, and enumeration by the host.
 constexpr int kChangeMs = 30000;
-// The sensor needs some 100 ms after the start.
+// Timeout for the sensor, which needs some 100 ms after the start.
 constexpr int kSensorMs = 2000;
 
 constexpr std::uint8_t kApplicationGood = 1 << 0, kSettingsGood = 1 << 1, kSensorGood = 1 << 2;
 
 constexpr char kAgain[] = "Run the same command again: it finishes the update.";
-// The state of a board that was lost, by the time of the loss.
+// State of a lost board, depending on the time of the loss.
 constexpr char kUntouched[] = "Nothing was changed. ";
 constexpr char kOldOrNone[] =
     "The board still has its old firmware, or none and waits in its bootloader. ";
@@ -119,7 +119,7 @@ int FlashProcedure::LoadSensorImage(const std::string& path) {
     return 0;
   }
   try {
-    // A board that was just plugged in still starts its sensor.
+    // The sensor of a board that was just plugged in may still be starting.
     for (int waited = 0; waited < kSensorMs; waited += kLookMs) {
       {
         const auto link = boards_.Open(found.board);
@@ -328,7 +328,7 @@ void FlashProcedure::StopIfWanted(const std::string& state) const {
 
 bool FlashProcedure::IsSame(const Board& board, const Found& before) {
   if (!board.problem.empty()) return false;
-  // The kernel may still be making its serial port.
+  // The kernel may not have created its serial port yet.
   if (board.mode == BoardMode::kCaterina && board.port.empty()) return false;
   if (before.serial.empty()) return before.board.place.empty() || board.place == before.board.place;
   switch (board.mode) {
@@ -348,7 +348,7 @@ bool FlashProcedure::IsSame(const Board& board, const Found& before) {
   return false;
 }
 
-// Waits until the board runs its firmware, or else one of its bootloaders.
+// Waits until the board runs its firmware if `firmware` is set, else one of its bootloaders.
 std::optional<Board> FlashProcedure::WaitFor(const Found& before, int milliseconds, bool firmware) {
   for (int waited = 0; waited < milliseconds; waited += kLookMs) {
     for (const Board& board : boards_.List()) {
@@ -357,7 +357,7 @@ std::optional<Board> FlashProcedure::WaitFor(const Found& before, int millisecon
       if (firmware ? board.mode != BoardMode::kFirmware : !is_bootloader) continue;
       try {
         if (IsSame(board, before)) return board;
-      } catch (const std::runtime_error&) {  // no error: not ready yet
+      } catch (const std::runtime_error&) {  // not an error: the board is not ready yet
       }
     }
     boards_.Sleep(kLookMs);
@@ -375,7 +375,7 @@ Board FlashProcedure::EnterBootloader(const Found& found) {
                                        protocol::kCommandEnterBootloader,
                                        protocol::kCommandKey,
                                        {}});
-  } catch (const BoardLost&) {  // no error: it has restarted already
+  } catch (const BoardLost&) {  // not an error: the board has already restarted
   } catch (const ReportRefused&) {
     throw UserError(
         found.serial +

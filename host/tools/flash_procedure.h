@@ -1,6 +1,6 @@
-// How firmware is installed on a board: find the board, check the image, enter the bootloader,
-// write, verify, commit, and read the self-test of the new firmware. It can start in any state of
-// the board.
+// Flash procedure: installs firmware on a board. Its steps: find the board, check the image, enter
+// the bootloader, write, verify, commit, and read the self-test of the new firmware. It can start
+// in any state of the board.
 #pragma once
 
 #include <functional>
@@ -16,38 +16,39 @@
 namespace torquer::tools {
 
 struct FlashRequest {
-  std::string image;         ///< file; empty: the one in `image_folder` for the board's clock
-  std::string image_folder;  ///< with the images of the build
-  std::string device;        ///< serial number; empty: the only board there is
+  std::string image;         ///< image file; empty: the one in `image_folder` for the board's clock
+  std::string image_folder;  ///< folder with the images of the build
+  std::string device;        ///< serial number; empty: the only connected board
   /// Serial port of a board in Caterina, or of one with an Arduino program that may be overwritten;
   /// empty: find a board.
   std::string port;
-  bool force = false;    ///< an older version may replace a newer one
-  bool dry_run = false;  ///< report what would be done, and do nothing
+  bool force = false;    ///< allow an older version to replace a newer one
+  bool dry_run = false;  ///< report the planned actions without executing them
 };
 
-/// What the procedure calls.
+/// Callbacks of the procedure.
 struct FlashHooks {
-  /// A line for the user.
+  /// Prints a line for the user.
   std::function<void(const std::string& line)> say = [](const std::string&) {};
-  /// `done` of `total` steps of `what` are done.
+  /// Reports progress: `done` of `total` steps of `what` are done.
   std::function<void(const std::string& what, int done, int total)> progress =
       [](const std::string&, int, int) {};
-  /// Whether the user wants to stop.
+  /// Returns true if the user wants to stop.
   std::function<bool()> stop = [] { return false; };
-  /// Writes the image by the Caterina at a serial port; throws FlashUnfinished.
+  /// Writes the image through Caterina at a serial port; throws FlashUnfinished.
   std::function<void(const std::string& port, const FlashImage& image)> flash_caterina;
   /// Asks the Arduino program at a serial port to start its bootloader; throws UserError.
   std::function<void(const std::string& port)> ask_sketch;
 };
 
-/// Something was begun and is not finished. what() names the state of the board and the remedy.
+/// Error: the update was started but not finished. what() names the state of the board and the
+/// remedy.
 class FlashUnfinished : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// What the new firmware reports about itself.
+/// Identity and self-test of the new firmware.
 struct FlashOutcome {
   FirmwareVersion version;
   std::string serial;
@@ -60,14 +61,14 @@ class FlashProcedure {
  public:
   FlashProcedure(Boards& boards, FlashRequest request, FlashHooks hooks);
 
-  /// Nothing after a dry run. Throws UserError if nothing was changed, otherwise FlashUnfinished;
-  /// run again, it continues from there.
+  /// Runs the procedure; returns nothing after a dry run. On failure it throws UserError if nothing
+  /// was changed, otherwise FlashUnfinished. Another run continues from there.
   std::optional<FlashOutcome> Run();
 
-  /// Loads the sensor maker's image in the file `path` into the sensor of the board, which must run
-  /// our firmware, and keeps a copy for the daemon (device/sensor_firmware.h); returns the number
-  /// that the sensor then runs, 0 after a dry run. Throws
-  /// UserError naming file or board and the remedy; the sensor then runs without an image.
+  /// Loads the sensor vendor's image from the file `path` into the board's sensor. Keeps a copy for
+  /// the daemon (device/sensor_firmware.h). The board must run our firmware. Returns the image
+  /// number that the sensor then runs, 0 after a dry run. Throws UserError with the file or board
+  /// and the remedy; the sensor then runs without an image.
   int LoadSensorImage(const std::string& path);
 
  private:
@@ -75,8 +76,8 @@ class FlashProcedure {
     Board board;
     std::string serial;
     int clock_mhz = 0;
-    std::optional<FirmwareVersion> installed;  // of a valid application
-    std::string state;                         // for the user
+    std::optional<FirmwareVersion> installed;  // version of a valid application
+    std::string state;                         // description for the user
   };
 
   Found Find();

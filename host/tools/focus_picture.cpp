@@ -20,7 +20,7 @@ int At(const FocusPicture& picture, int row, int column) {
   return picture[static_cast<std::size_t>(row * kFocusSide + column)];
 }
 
-// Of the terminal's 24 grays, the darkest 232.
+// Color index among the terminal's 24 grays; 232 is the darkest.
 int Gray(int brightness) { return 232 + brightness * 23 / kFocusWhite; }
 
 }  // namespace

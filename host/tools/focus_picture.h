@@ -1,4 +1,4 @@
-// The picture of the sensor's camera and what it says, as text and as PNG. No I/O.
+// Focus picture: the sensor's camera picture and its verdict, as text and as PNG. No I/O.
 #pragma once
 
 #include <string>
@@ -7,16 +7,16 @@
 
 namespace torquer::tools {
 
-/// kFocusSide columns; each line shows two rows of pixels, as half blocks in shades of gray
-/// (`gray`: escape sequences of a terminal with 256 colors) or as one of ten characters, dark to
-/// bright. Lines end with \n.
+/// Formats the picture with kFocusSide columns; each line shows two rows of pixels. With `gray`
+/// these are half blocks in shades of gray (escape sequences of a terminal with 256 colors).
+/// Otherwise each is one of ten characters, dark to bright. Lines end with \n.
 std::string FocusText(const calibration::FocusPicture& picture, bool gray);
 
-/// A PNG of 10 x 10 points a pixel.
+/// Encodes a PNG with 10 x 10 points for each pixel.
 std::string FocusPng(const calibration::FocusPicture& picture);
 
-/// The figures in one line, and each finding in one more; `surface_quality` is SQUAL. Lines end
-/// with \n.
+/// Formats the figures in one line, and each finding in a further line; `surface_quality` is SQUAL.
+/// Lines end with \n.
 std::string FocusVerdictText(const calibration::FocusVerdict& verdict, int surface_quality);
 
 }  // namespace torquer::tools

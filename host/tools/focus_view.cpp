@@ -22,10 +22,10 @@ namespace {
 
 using calibration::FocusPicture;
 
-// Of as many a verdict is made: what stays dark in all of them is dirt.
+// Number of pictures for a verdict: pixels that stay dark in all of them are dirt.
 constexpr std::size_t kPictures = 4;
 constexpr std::int64_t kFirstDeviceUs = 5000000;
-// After the start, and after each picture, the sensor is started again; then the hand moves on.
+// Pause after the start and after each picture: the sensor restarts, then the hand moves on.
 constexpr std::int64_t kBetweenUs = 400000;
 
 void WaitForDevice(device::ReportSource& source, const std::atomic<bool>& stop) {
@@ -52,7 +52,7 @@ void LetTimePass(device::ReportSource& source, std::int64_t us, const std::atomi
 
 bool ShowFocus(device::ReportSource& source, const std::string& png_path,
                const std::atomic<bool>& stop) {
-  if (!png_path.empty()) AtomicFile{png_path};  // refused before the work
+  if (!png_path.empty()) AtomicFile{png_path};  // checked before the work
   WaitForDevice(source, stop);
   device::SourceReports reports(source);
   LetTimePass(source, kBetweenUs, stop);
@@ -74,7 +74,7 @@ bool ShowFocus(device::ReportSource& source, const std::string& png_path,
       const std::string text =
           FocusText(pictures.back(), live) + FocusVerdictText(verdict, picture.surface_quality);
       if (live || pictures.size() == kPictures) {
-        // Over the picture before.
+        // Overwrite the previous picture.
         if (live && lines > 0) fmt::print("\033[{}A\033[J", lines);
         fmt::print("{}", text);
         std::fflush(stdout);

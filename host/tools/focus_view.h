@@ -1,5 +1,5 @@
-// What torquer-calibrate --focus shows: the sensor's picture, live, with a verdict on how the
-// sensor sits over the cylinder.
+// Focus view (torquer-calibrate --focus): the live sensor picture, with a verdict on the sensor's
+// position over the cylinder.
 #pragma once
 
 #include <atomic>
@@ -9,9 +9,9 @@
 
 namespace torquer::tools {
 
-/// On a terminal pictures follow each other until q, or until `stop` is set; elsewhere a few are
-/// taken. The last one is written as PNG to `png_path`, unless that is "". Returns whether the
-/// verdict is good. Throws UserError when there is no device or no picture.
+/// Shows pictures on a terminal until q is pressed or `stop` is set; without a terminal a few are
+/// taken. The last picture is written as PNG to `png_path`, unless that is "". Returns true if the
+/// verdict is good. Throws UserError if there is no device or no picture.
 bool ShowFocus(device::ReportSource& source, const std::string& png_path,
                const std::atomic<bool>& stop);
 

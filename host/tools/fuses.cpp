@@ -13,7 +13,7 @@ namespace {
 
 // Typical level in volts of each BODLEVEL; 0: no brown-out detection.
 constexpr double kBrownOut_v[] = {4.3, 3.5, 3.4, 2.6, 2.4, 2.2, 2.0, 0};
-// The levels that firmware/bootloader/README.md has reasons for.
+// Levels required by firmware/bootloader/README.md, which gives the reasons.
 constexpr double kFor16Mhz_v = 4.3, kFor8Mhz_v = 2.6;
 
 std::string BrownOut(double level_v, bool& good) {
@@ -79,7 +79,7 @@ FuseVerdict JudgeFuses(const Fuses& fuses) {
     verdict.lines.push_back(good ? yes : no);
     verdict.good = verdict.good && good;
   };
-  // CKSEL3..1 = 111: a crystal of 8 to 16 MHz.
+  // CKSEL3..1 = 111 selects a crystal of 8 to 16 MHz.
   say((fuses.low & 0x0e) == 0x0e, "clock: the crystal",
       "clock: not the crystal, so that the USB does not work; write lfuse 0xff");
   if ((fuses.low & 0x80) == 0) {

@@ -1,4 +1,4 @@
-// The chip's fuses: read by avrdude through an ISP programmer, and judged.
+// Fuses of the chip: read by avrdude through an ISP programmer, and checked.
 #pragma once
 
 #include <cstdint>
@@ -9,24 +9,25 @@
 
 namespace torquer::tools {
 
-/// As avrdude prints them; a bit that is 0 is programmed.
+/// Fuse bytes as printed by avrdude; a 0 bit is programmed.
 struct Fuses {
   std::uint8_t low = 0xff, high = 0xff, extended = 0xff, lock = 0xff;
 };
 
-/// Reads them from the chip at the ISP programmer `programmer` (avrdude -c) and, where it needs
-/// one, its serial port `port`. Throws UserError with the output of avrdude and the remedy.
+/// Reads the fuses through the ISP programmer `programmer` (avrdude -c) and, if it needs one, its
+/// serial port `port`. Throws UserError with the output of avrdude and the remedy.
 Fuses ReadFuses(const std::string& programmer, const std::string& port,
                 const AvrdudeOptions& options);
 
 struct FuseVerdict {
-  /// False if with these fuses neither a board of 8 MHz nor one of 16 MHz is safe.
+  /// False if these fuses are unsafe for boards of 8 MHz and of 16 MHz alike.
   bool good = true;
-  /// A line for each thing that the fuses decide.
+  /// One line for each function that the fuses control.
   std::vector<std::string> lines;
 };
 
-/// By the data sheet of the ATmega32U4, against what firmware/bootloader/README.md writes.
+/// Checks the fuses by the data sheet of the ATmega32U4 against the values in
+/// firmware/bootloader/README.md.
 FuseVerdict JudgeFuses(const Fuses& fuses);
 
 }  // namespace torquer::tools

@@ -14,9 +14,9 @@
 namespace torquer::tools {
 namespace {
 
-// Beyond it a time in a message is wrong.
+// Larger latencies mean that a time in a message is wrong.
 constexpr double kLongestLatencyUs = 60e6;
-// Sums of them stay within their type, whatever a message says.
+// Limit of a count from a message, so that sums cannot overflow.
 constexpr std::int64_t kMostLost = 1'000'000'000'000;
 
 constexpr std::array<std::pair<std::int32_t, const char*>, 6> kStatusWords = {{
@@ -46,10 +46,10 @@ std::string ForceText(const std::map<std::string, double>& readings) {
                      value("wall_force_largest_ever_mN"), value("wall_force_events"));
 }
 
-// Names of instruments and devices are short.
+// Limits names of instruments and devices to 40 characters.
 std::string Name(const std::string& text) { return Printable(text, 40); }
 
-// How long ago, in whole seconds.
+// Age in whole seconds.
 std::string Age(std::int64_t heard_us, std::int64_t now_us) {
   return fmt::format("{} s", (now_us - heard_us) / 1'000'000);
 }
@@ -79,7 +79,7 @@ void LiveStatus::Add(const torquer_lcm::wire_state_t& state, const bus::Sender& 
   max_penetration_um_ = std::max(max_penetration_um_, state.max_penetration_um);
   state_ = state;
   if (state_->instruments.size() > kMostShown) state_->instruments.resize(kMostShown);
-  // Another simulator has other instruments.
+  // Another simulator may have other instruments.
   std::erase_if(command_sequences_, [this](const auto& entry) {
     return std::none_of(state_->instruments.begin(), state_->instruments.end(),
                         [&](const auto& instrument) { return instrument.name == entry.first; });
@@ -122,7 +122,7 @@ std::string LiveStatus::Add(const torquer_lcm::health_t& health, std::int64_t no
                      Name(health.state), Printable(health.message));
 }
 
-// Any before a state is known.
+// True if the scene has this instrument; also true before the first state.
 bool LiveStatus::HasInstrument(const std::string& name) const {
   return !state_ || std::any_of(state_->instruments.begin(), state_->instruments.end(),
                                 [&](const auto& instrument) { return instrument.name == name; });
@@ -169,7 +169,7 @@ std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
     now[readings.names[i]] = readings.values[i];
   readings_.swap(now);
   const std::map<std::string, double>& before = now;
-  // What was already so before the first readings is no change.
+  // The first readings only give the initial values, not a change.
   if (before.empty()) return "";
   const auto grown = [&](const std::string& name) {
     const auto was = before.find(name);
@@ -191,7 +191,7 @@ std::string LiveStatus::Add(const torquer_lcm::readings_t& readings) {
 }
 
 std::string LiveStatus::Line(double interval_s, std::int64_t now_us) {
-  // First what matters most: a narrow terminal cuts the end off.
+  // The most important data comes first: a narrow terminal cuts off the end.
   const std::string conflict = simulators_.Conflict(now_us);
   std::string line = (conflict.empty() ? scene_ : conflict) + Instruments(now_us);
   std::int64_t lost = 0;

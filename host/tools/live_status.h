@@ -1,4 +1,4 @@
-// The status of a running session in a line. No I/O, no clock.
+// Live status: one status line of a running session. No I/O, no clock.
 #pragma once
 
 #include <cstdint>
@@ -17,35 +17,37 @@
 
 namespace torquer::tools {
 
-/// Bits of wire_state_t::status that matter to a person, in words; "ok" for none.
+/// Describes the bits of wire_state_t::status that matter to users; "ok" for none.
 std::string StatusWords(std::int32_t status);
 
-/// Gathers messages, and describes those since it was last asked. What has not come for some time
-/// is shown as that old, and not as the present state. All text of messages comes out Printable.
+/// Collects messages, and describes those since the last call of Line(). Outdated data is shown
+/// with its age, not as the present state. All text from messages is passed through Printable.
 ///
-/// `now_us` is the time of the call, by bus::MonotonicUs(), ascending.
+/// `now_us` is the time of the call from bus::MonotonicUs(); it must not decrease.
 class LiveStatus {
  public:
-  /// `clock_id` is this process's clock; latencies by other clocks are left out.
+  /// `clock_id` is this process's clock; latencies by other clocks are ignored.
   explicit LiveStatus(std::int64_t clock_id) : clock_id_(clock_id) {}
 
   void Add(const torquer_lcm::device_sample_t& sample);
   void Add(const torquer_lcm::wire_state_t& state, const bus::Sender& sender, std::int64_t now_us);
   void Add(const torquer_lcm::scene_description_t& scene, const bus::Sender& sender);
-  /// A line about what has changed, or "".
+  /// Returns a line about changes, or "".
   std::string Add(const torquer_lcm::health_t& health, std::int64_t now_us);
-  /// The same: a new event of the wall force, or that the target was reached.
+  /// Returns a line about a new wall force event or a reached target, or "".
   std::string Add(const torquer_lcm::readings_t& readings);
 
-  /// One line without its end: scene, place of each instrument, status, wall force where the scene
-  /// measures it, devices, rates, latency, residual, penetration. `interval_s` is the time since
-  /// the last call, > 0.
+  /// Formats the status line without a newline. It has scene, position of each instrument, status,
+  /// and wall force if the scene measures it. Devices, rates, latency, residual and penetration
+  /// follow. `interval_s` is the time since the last call, > 0.
   std::string Line(double interval_s, std::int64_t now_us);
 
-  /// A state is published five times a second at least, health once a second.
+  /// Ages at which data counts as outdated. A state is published at least five times a second,
+  /// health once a second.
   static constexpr std::int64_t kStateOldUs = 1'000'000;
   static constexpr std::int64_t kHealthOldUs = 2'500'000;
-  /// Most daemons and instruments that are shown. A daemon of an instrument of the scene goes last.
+  /// Maximum numbers of daemons and of instruments shown. Daemons of the scene's instruments are
+  /// dropped last.
   static constexpr std::size_t kMostShown = 16;
 
  private:

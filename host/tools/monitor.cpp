@@ -1,4 +1,4 @@
-// torquer-monitor: reports on the session that is on the bus.
+// torquer-monitor: reports on the session on the bus.
 
 #include <fmt/format.h>
 #include <sys/ioctl.h>
@@ -21,7 +21,7 @@
 
 namespace {
 
-// Columns of the terminal; 0 where there is none.
+// Columns of the terminal; 0 if there is no terminal.
 std::size_t TerminalWidth() {
   winsize size{};
   if (isatty(STDOUT_FILENO) == 0) return 0;
@@ -35,7 +35,7 @@ void Show(const std::string& line, bool lasting, std::size_t width) {
   } else if (lasting) {
     fmt::print("\r\033[K{}\n", line);
   } else {
-    // A line that wraps could not be overwritten.
+    // Truncated, because a wrapped line cannot be overwritten.
     fmt::print("\r\033[K{}", line.substr(0, width - 1));
   }
   std::fflush(stdout);
@@ -73,7 +73,7 @@ int Run(const std::string& url, std::optional<double> duration_s) {
   std::int64_t shown_us = start_us;
   bool ended = false;
   while (!ended) {
-    // In batches: a wake-up for each message would take from what it watches.
+    // Messages are handled in batches: a wake-up for each would slow down the observed session.
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     bus.Handle(0);
     const std::int64_t now_us = torquer::bus::MonotonicUs();

@@ -23,7 +23,7 @@ constexpr std::uint8_t kGetReport = 0x01;  // HID 1.11, 7.2
 constexpr std::uint8_t kSetReport = 0x09;
 constexpr std::uint16_t kFeatureReport = 0x0300;
 
-// It may just be starting, or leaving.
+// The board may be starting or disconnecting.
 constexpr char kSilent[] =
     "it does not answer; unplug it, plug it in and run the same command again";
 
@@ -35,7 +35,7 @@ struct KnownBoard {
   std::uint16_t vendor, product;
   BoardMode mode;
   int clock_mhz;
-  const char* name;  // the product string that ours must have; null: any
+  const char* name;  // product string required for our boards; null: any
 };
 constexpr KnownBoard kKnownBoards[] = {
     {protocol::kUsbVendorId, protocol::kUsbProductId, BoardMode::kFirmware, 0,
@@ -57,7 +57,7 @@ constexpr KnownBoard kKnownBoards[] = {
     {0x03eb, 0x2ff4, BoardMode::kDfu, 0, nullptr},
 };
 
-// The known boards among `usb`.
+// Calls `visit` for each known board in `usb`.
 template <typename Visit>
 void ForEachBoard(const device::UsbDevices& usb, Visit visit) {
   usb.ForEach([&](libusb_device* device, const libusb_device_descriptor& descriptor) {
@@ -69,7 +69,7 @@ void ForEachBoard(const device::UsbDevices& usb, Visit visit) {
   });
 }
 
-// As the kernel names it.
+// USB port name in the kernel's format.
 std::string PlaceOf(libusb_device* device) {
   std::array<std::uint8_t, 8> ports{};
   const int depth = libusb_get_port_numbers(device, ports.data(), static_cast<int>(ports.size()));
@@ -80,7 +80,7 @@ std::string PlaceOf(libusb_device* device) {
   return place;
 }
 
-// The serial port that the kernel made of a device; empty if it has not yet.
+// Serial port that the kernel created for a device; empty if not yet.
 std::string SerialPortAt(const std::string& place) {
   std::error_code error;
   const std::string interface = fmt::format("/sys/bus/usb/devices/{}:1.0/tty", place);
