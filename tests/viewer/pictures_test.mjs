@@ -38,7 +38,14 @@ async function pulses(count) {
   const start = await pictures();
   await hold("Space", `${count} pictures`, async () => (await pictures()) >= start + count);
   await until("the lamp is off", async () => (await text("#lamp")).includes("OFF"));
-  await page.waitForTimeout(300); // the last one has come
+  // The last one has come and is drawn: a busy computer takes its time to decode it.
+  let drawn = "";
+  await until("the last picture stays", async () => {
+    await page.waitForTimeout(400);
+    const before = drawn;
+    drawn = await canvas();
+    return drawn === before;
+  });
 }
 async function mode(wanted) {
   for (let k = 0; k < 4 && (await text("#system-M span")) !== wanted; ++k) {
