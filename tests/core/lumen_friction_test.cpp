@@ -77,6 +77,7 @@ TEST_CASE("Friction in a lumen has the gradient of finite differences") {
 TEST_CASE("The sweep with friction in a lumen solves the dense system") {
   const InstrumentPlaces places = GENERATE(kWireLeads, kThreeCatheterLeads);
   const double ratio = GENERATE(0.0, 0.7);
+  if (kUnderSanitizer && (ratio == 0 || places.size() == 3)) return;
   Slid slid(places, 2, ratio, 0.04);
   TwoCurves& curves = slid.curves;
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },

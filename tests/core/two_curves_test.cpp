@@ -34,6 +34,7 @@ TEST_CASE("The sweep of two curves solves the dense Newton system") {
   const InstrumentPlaces places =
       GENERATE(kWireLeads, kCatheterLeads, kThreeWireLeads, kThreeCatheterLeads);
   const double ratio = GENERATE(0.0, 0.7);
+  if (kUnderSanitizer && (ratio > 0) == (places.size() == 3)) return;
   const double weight = ratio > 0 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
   // No spring is so close to contact that the finite differences cross its kink.
   TwoCurves curves(places, 2, 11, ratio);
