@@ -8,7 +8,7 @@ import { join, resolve } from "node:path";
 const BROWSER = "/usr/bin/chromium";
 const PATIENCE_MS = 20000; // for a busy machine; nothing is measured by it
 
-/** What `condition` gives, once it is true; an error that says what did not come otherwise. */
+/** Polls `condition` and returns its first true value. Throws an error that names `what` on timeout. */
 export async function until(what, condition) {
   const end = Date.now() + PATIENCE_MS;
   while (Date.now() < end) {
@@ -30,7 +30,7 @@ export function startBrowser(root) {
 }
 
 export class BrowserSession {
-  /** Of a scene in host/scenes; `more`: "device", as tests/viewer/session has it. `programs`: the folder of a build's programs. */
+  /** Starts a session with a scene of host/scenes. `programs`: program folder of a build. `more`: "device", as in tests/viewer/session. */
   static async start(root, programs, scene, ...more) {
     const session = new BrowserSession();
     session.folder = mkdtempSync(join(tmpdir(), "torquer-page-"));
@@ -50,7 +50,7 @@ export class BrowserSession {
     return session;
   }
 
-  /** What a process of the session has printed; "" where there is nothing yet. */
+  /** Output of a process of the session; "" before it has printed. */
   read(name) {
     const path = join(this.folder, name);
     return existsSync(path) ? readFileSync(path, "utf8") : "";

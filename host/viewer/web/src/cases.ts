@@ -48,7 +48,7 @@ export class CaseScreen {
     return this.cases;
   }
 
-  /** Whether it lies over the page, which then takes no keys. */
+  /** True if the case list covers the page, which then takes no keys. */
   get covers(): boolean {
     return this.cases !== null && this.cases.phase !== "running";
   }

@@ -107,7 +107,7 @@ export interface Readings {
   values: Record<string, number>;
 }
 
-/** What is chosen on the X-ray system; 0 pulses and mode 0 are what the scene says. */
+/** Settings of the X-ray system. Zero pulses and mode 0 select those of the scene. */
 export interface Imaging {
   mode: number;
   pulses_per_s: number;
@@ -129,7 +129,7 @@ export interface Viewer extends Imaging {
   problem?: string; // simulators that are in each other's way
 }
 
-/** What a device says of its hand. */
+/** State of one input device and its hand. */
 export interface Hand {
   instrument: string;
   uncalibrated: boolean;
@@ -138,7 +138,7 @@ export interface Hand {
   fault: boolean; // the sensor does not answer
 }
 
-/** Of torquer-replay, which has no other kind of page. */
+/** State of torquer-replay; its page is always a replay page. */
 export interface Replay {
   kind: "replay";
   at_s: number;
@@ -163,7 +163,7 @@ export interface TrainingCase {
   picture: boolean; // cases/NAME.jpg
 }
 
-/** Of a torquer-viewer that starts simulators itself. */
+/** Case list of a torquer-viewer that starts simulators itself. */
 export interface Cases {
   kind: "cases";
   cases: TrainingCase[];
@@ -253,7 +253,7 @@ function readVessel(view: DataView, buffer: ArrayBuffer): VesselSurface {
   };
 }
 
-/** What a message holds. Throws where it is of another version than this page. */
+/** Decodes a message. Throws if its version differs from that of this page. */
 export function read(data: string | ArrayBuffer): Incoming {
   if (typeof data === "string") return JSON.parse(data) as Incoming;
   const view = new DataView(data);

@@ -37,7 +37,7 @@ export class Pad implements Source {
     this.stick.addEventListener("lostpointercapture", () => this.moveTo(0, 0));
   }
 
-  /** What the scene has no use for is not offered. */
+  /** Hides the buttons of effects and instruments that the scene does not have. */
   setEffects(xray: boolean, contrast: boolean, instruments: number): void {
     this.xray.button.hidden = !xray;
     this.contrast.button.hidden = !contrast;

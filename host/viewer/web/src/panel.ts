@@ -89,7 +89,7 @@ export class Panel {
     return health.instrument === "" && ["simulator", "emulator"].includes(health.process);
   }
 
-  /** Of a daemon whose instrument the scene does not have: so much in words. */
+  /** Remark on a daemon whose instrument the scene does not have; "" for all others. */
   private lacks(health: Health): string {
     if (health.process !== "daemon" || this.scene === null) return "";
     const has = this.scene.instruments.some(({ name }) => name === health.instrument);
@@ -131,7 +131,7 @@ export class Panel {
     return history;
   }
 
-  /** Of the daemons the first that has no device, in words; "" where none is missing. */
+  /** Message about the first daemon without a device; "" if every daemon has one. */
   missingDevice(nowMs: number): string {
     for (const { health, heardMs } of this.processes.values()) {
       if (health.process !== "daemon" || this.lacks(health) !== "") continue;

@@ -18,7 +18,7 @@ export class Prices {
     setText(element("#prices-off"), scene.off.length === 0 ? "" : `not simulated: ${scene.off.map(Prices.words).join(", ")}`);
   }
 
-  /** Of the simulator: once a second. Without a tick in that time the last prices stand. */
+  /** Shows the prices that the simulator reports once a second. Without a tick the last ones stay. */
   take(health: Health): void {
     if (this.scene === null) return;
     const prices = new Map<string, number>();

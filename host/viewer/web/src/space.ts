@@ -24,7 +24,7 @@ const ROUTE_COLOR = "#8fd3ff";
 const SOFTWARE_TRIANGLES = 12000;
 const SOFTWARE_FRAME_MS = 20; // from frame to frame, at least
 
-/** Whether this browser draws 3D by the processor. */
+/** True if this browser renders 3D in software. */
 function drawsBySoftware(): boolean {
   const probe = document.createElement("canvas").getContext("webgl2");
   const names = probe?.getExtension("WEBGL_debug_renderer_info");
@@ -228,7 +228,7 @@ export class Space {
     return [((at.x + 1) / 2) * this.canvas.clientWidth, ((1 - at.y) / 2) * this.canvas.clientHeight];
   }
 
-  /** What the camera is: for who checks where points fall. */
+  /** Camera parameters, for tests that project points. */
   cameraOf(): { position: number[]; target: number[]; fovDeg: number } {
     return {
       position: this.camera.position.toArray(), target: this.orbit.target.toArray(), fovDeg: this.camera.fov,
@@ -315,7 +315,7 @@ export class Space {
     ++this.frames;
   }
 
-  /** What guides the eye: for tests. */
+  /** Visible guides (lines and target), for tests. */
   guidesShown(): { lines: number; target: [number, number, number] | null } {
     return {
       lines: this.guides.children.filter((child) => child instanceof THREE.Line).length,

@@ -9,7 +9,7 @@ const TURN_RAD_S = Math.PI;
 const ARM_RAD_S = Math.PI / 6;
 const BEAT_MS = 100;
 
-/** What one source wants now; rates as shares of the full speed, -1 to 1. */
+/** Current demand of one input source; rates are shares of the full speed, -1 to 1. */
 export interface Held {
   xray: boolean;
   contrast: boolean;

@@ -26,7 +26,7 @@ export class XraySystem {
     }
   }
 
-  /** What is chosen now, as torquer-viewer says; a page that cannot steer shows none of it. */
+  /** Takes over the current settings from torquer-viewer. A page that cannot steer hides them. */
   take(imaging: Imaging, enabled: boolean): void {
     if (performance.now() - this.chosenMs > ECHO_MS) this.now = imaging;
     this.enabled = enabled;
