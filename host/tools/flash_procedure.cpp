@@ -357,7 +357,7 @@ std::optional<Board> FlashProcedure::WaitFor(const Found& before, int millisecon
       if (firmware ? board.mode != BoardMode::kFirmware : !is_bootloader) continue;
       try {
         if (IsSame(board, before)) return board;
-      } catch (const std::runtime_error&) {  // not an error: the board is not ready yet
+      } catch (const std::runtime_error&) {  // no error: the board is not ready yet
       }
     }
     boards_.Sleep(kLookMs);
@@ -375,7 +375,7 @@ Board FlashProcedure::EnterBootloader(const Found& found) {
                                        protocol::kCommandEnterBootloader,
                                        protocol::kCommandKey,
                                        {}});
-  } catch (const BoardLost&) {  // not an error: the board has already restarted
+  } catch (const BoardLost&) {  // no error: the board has already restarted
   } catch (const ReportRefused&) {
     throw UserError(
         found.serial +

@@ -180,7 +180,7 @@ TEST_CASE("random cuts in a row never lose both copies") {
     REQUIRE(settings.Set(next, 3));
     try {
       for (int poll = 0; poll < 20; ++poll) settings.Poll();
-    } catch (const PowerLost&) {  // expected: the settings must survive it
+    } catch (const PowerLost&) {  // no error: the settings must survive it
     }
     board().writes_until_loss.reset();
     const Settings after = Loaded();
