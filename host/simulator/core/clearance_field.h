@@ -1,4 +1,4 @@
-// What a vessel must answer.
+// Clearance field: the interface of a vessel to the relaxation.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,15 +9,15 @@ namespace torquer {
 struct ClearanceSample {
   double clearance_mm = 0;                             ///< distance to the wall, > 0 in the lumen
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< d clearance / d point; about unit length
-  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();   ///< 1/mm; only where it was asked for
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();   ///< 1/mm; only from EvaluateHessian
 };
 
-/// A vessel as the relaxation sees it: the signed distance to its wall as a smooth function.
+/// Signed distance to the vessel wall as a smooth function, as the relaxation uses it.
 ///
-/// Continuous with continuous gradient (a merely continuous one stalls Newton steps), defined and
-/// finite for every finite point, outside the vessel too. A value is a function of the point alone:
-/// never of what was asked before, so that replays are bit-exact. Safe to call from several
-/// threads. Allocates nothing in the steady state (a first look-up in a region may build it).
+/// The value and its gradient are continuous: a discontinuous gradient stalls Newton steps. Both
+/// are finite at every finite point, also outside the vessel. A value depends on the point alone,
+/// never on earlier look-ups, so replays are bit-exact. Thread-safe. Allocates nothing in the
+/// steady state; a first look-up in a region may build it.
 class ClearanceField {
  public:
   ClearanceField() = default;
@@ -31,10 +31,11 @@ class ClearanceField {
   virtual void EvaluateGradient(const Eigen::Vector3d& point_mm, ClearanceSample& out) const = 0;
   /// Value, gradient and Hessian.
   virtual void EvaluateHessian(const Eigen::Vector3d& point_mm, ClearanceSample& out) const = 0;
-  /// Largest |gradient| that occurs: |c(p) - c(q)| <= bound |p - q|. Lets a caller skip look-ups.
+  /// Largest |gradient| that occurs: |c(p) - c(q)| <= bound |p - q|. Callers use it to skip
+  /// look-ups.
   virtual double LipschitzBound() const = 0;
-  /// For a vessel that moves: how far any place of its wall can have gone since the start, mm;
-  /// never falls. A former look-up says nothing about what may have come nearer since.
+  /// For a moving vessel: upper bound of the distance that any wall point has moved since the
+  /// start, mm. Never decreases. An earlier look-up does not bound wall motion after it.
   virtual double TravelMm() const { return 0; }
 };
 

@@ -27,7 +27,7 @@ void ContactPoints::Forget() {
 
 void ContactPoints::TakeRadii() {
   if (stack_ != nullptr) {
-    Forget();  // who touches the wall at a point has changed, too
+    Forget();  // the instrument that touches the wall at a point may have changed, too
     return;
   }
   const auto per_segment = static_cast<std::size_t>(wall_.points_per_segment);
@@ -72,7 +72,7 @@ void ContactPoints::Reserve(PointSet& points) const {
   }
 }
 
-// The points of the curve that is not the one which touches the wall.
+// Places the points of the curve that does not touch the wall.
 void ContactPoints::PlaceCovered(const WireState& state, PointSet& points) const {
   const WireState& second = *state.second();
   const int per_segment = points.per_segment;
@@ -91,7 +91,7 @@ void ContactPoints::PlaceCovered(const WireState& state, PointSet& points) const
   }
 }
 
-// Where both curves are it is the outer one that touches the wall. The state outlives what it
+// At points of both curves the outer one touches the wall. The state outlives what it
 // gives. NOLINTBEGIN(bugprone-return-const-ref-from-parameter)
 const WireState& ContactPoints::CurveAt(const WireState& state, int q) const {
   const WireState* const second = state.second();

@@ -1,4 +1,4 @@
-// The points at which the wire may touch the wall, and the field look-ups that they take.
+// Contact points: the points at which the wire may touch the wall, and their field look-ups.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,57 +16,56 @@ namespace torquer {
 /// Points closer to touching than this are `near`: the next step may make them touch.
 inline constexpr double kNearMm = 0.05;
 
-/// Where the wall is stiffer or softer.
+/// Wall stiffness as a function of place.
 class WallStiffness {
  public:
   virtual ~WallStiffness() = default;
-  /// k at a place of the vessel, N/mm^2, > 0.
+  /// k at a point of the vessel, N/mm^2, > 0.
   virtual double At(const Eigen::Vector3d& point_mm) const = 0;
 };
 
 /// The wall as a spring: U = 1/2 k (length of wire) penetration^2 for every contact point.
 struct WallModel {
   double stiffness_N_mm2 = 1;  ///< k, per length of wire; 1e-6 .. 1e3
-  int points_per_segment = 2;  ///< contact points; 1 .. 8. One, as in the paper, makes sliding
-                               ///< rugged with the period of the segments.
-  /// Instead of stiffness_N_mm2, where it is not the same everywhere. Taken over by every contact
-  /// point when the wire is moved, and constant until it is moved again.
+  int points_per_segment = 2;  ///< contact points; 1 .. 8. With one, as in the paper, sliding is
+                               ///< rough with the period of the segments.
+  /// Replaces stiffness_N_mm2 if the stiffness varies with place; otherwise null. Every contact
+  /// point samples it when the wire is moved, and keeps the sample until the next move.
   const WallStiffness* by_place = nullptr;
 };
 
 /// Places the contact points of states of one wire. Remembers the last look-up of each material
-/// point: until it has moved by its clearance over the field's Lipschitz bound it cannot touch and
-/// is not looked up. Nothing changes by that, to the bit.
+/// point. A point cannot touch until it has moved by its clearance over the field's Lipschitz
+/// bound. Until then its look-up is skipped, which leaves the results bit-identical.
 class ContactPoints {
  public:
-  /// Keeps references to all. `stack`: of instruments on two curves, the outer of which touch the
-  /// wall where both are; null where there is one curve.
+  /// Keeps references to all. `stack`: instruments on two curves, or null for one curve. Where both
+  /// curves exist, the outer one touches the wall.
   ContactPoints(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                 const InstrumentStack* stack);
 
-  /// Places the points of a state and finds which are near the wall and which touch it; Hessians of
-  /// the near ones only where asked for.
+  /// Places the points of a state and finds those near the wall and those that touch it. Computes
+  /// Hessians of the near ones only if `with_hessian`.
   void Place(const WireState& state, bool with_hessian, PointSet& points);
-  /// Takes over the wall's stiffness at every point. To be called after a move; where the vessel
-  /// has moved since, Place does it by itself.
+  /// Samples the wall's stiffness at every point. Call it after each move of the wire. Place does
+  /// so itself after a move of the vessel.
   void TakeStiffness(const WireState& state);
-  /// Takes over the radii of the model where they have grown. To be called after they changed, as
-  /// those of a rod of several instruments do.
+  /// Updates the radii to those of the model where they have grown. Call it after they changed, as
+  /// the radii of a rod of several instruments do.
   void TakeRadii();
-  /// Forgets what look-ups of former states allow to skip. Needed when the state was replaced
-  /// rather than moved.
+  /// Forgets the stored look-ups. Call it after the state was replaced rather than moved.
   void Forget();
-  /// Skips what `twin`, the same points on the same vessel, would skip.
+  /// Takes over the stored look-ups of `twin`, which has the same points on the same vessel.
   void CopyFrom(const ContactPoints& twin);
-  /// Makes room in `points` for the longest wire.
+  /// Reserves room in `points` for the longest wire.
   void Reserve(PointSet& points) const;
-  /// The most points that a wire has.
+  /// Largest number of points of a wire.
   std::size_t capacity() const { return last_.size(); }
-  /// Look-ups since construction.
+  /// Number of look-ups since construction.
   std::int64_t lookups() const { return lookups_done_; }
 
  private:
-  // Within `free_mm` of `at`, less what the vessel has moved by, the point cannot touch.
+  // The point cannot touch within `free_mm` of `at`, less the travel of the vessel.
   struct Lookup {
     Eigen::Vector3d at;
     double free_mm;
@@ -80,11 +79,10 @@ class ContactPoints {
   const ClearanceField& field_;
   const WallModel& wall_;
   double lipschitz_;
-  std::vector<Lookup> last_;       // by PointSet::FromTip
-  std::vector<double> radius_mm_;  // by segment from the tip; of the look-ups
-  std::vector<double>
-      stiffness_N_mm2_;             // by PointSet::FromTip; empty where it is the same everywhere
-  double stiffness_travel_mm_ = 0;  // of the field, when they were taken
+  std::vector<Lookup> last_;             // by PointSet::FromTip
+  std::vector<double> radius_mm_;        // by segment from the tip; used by the look-ups
+  std::vector<double> stiffness_N_mm2_;  // by PointSet::FromTip; empty for uniform stiffness
+  double stiffness_travel_mm_ = 0;       // travel of the field when the stiffness was sampled
   std::int64_t lookups_done_ = 0;
 };
 

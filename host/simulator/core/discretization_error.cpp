@@ -47,8 +47,8 @@ void DiscretizationDefect::FindMoments(const WireModel& model, const WireState& 
   }
 }
 
-// The angle between two chords is the mean of the curvature over a hat; the joint takes it at the
-// node, and its law is that of chords.
+// The angle between two chords is a mean of the curvature, weighted by a hat function. The joint
+// samples the moment at the node, and its law is that of chords.
 Vector3d DiscretizationDefect::MissedBend(const WireModel& model, const WireState& state,
                                           int joint) const {
   const int n = state.segments();
@@ -58,7 +58,7 @@ Vector3d DiscretizationDefect::MissedBend(const WireModel& model, const WireStat
   const auto i = static_cast<std::size_t>(joint);
   Vector3d bend = law_rad_[i];
   if (n < 4) return bend;
-  // Second derivative, of the nearest joint with a segment on either side.
+  // Second derivative at the nearest joint with a segment on either side.
   const auto middle = static_cast<std::size_t>(std::clamp(joint, 2, n - 2));
   const Vector3d second =
       (moment_mJ_[middle + 1] - 2 * moment_mJ_[middle] + moment_mJ_[middle - 1]) /
@@ -83,7 +83,7 @@ void DiscretizationDefect::Put(const WireModel& model, const WireState& state,
     const auto at = static_cast<std::size_t>(i);
     const double length = state.SegmentLength(model, i);
     const double shorter = curvature_[at].squaredNorm() * length * length / 24;
-    // Loads act where the arc is, beside the chord, and on shorter levers.
+    // Loads act on the arc, beside the chord, and on shorter levers.
     Vector3d lever =
         length * change_beyond_N - shorter * length * expansion.distal_gradient[at + 1];
     if (expansion.load_index[at] >= 0) {

@@ -1,4 +1,4 @@
-// How a wire state is fed: README, section 8.
+// Feeding of a wire state: README, section 8.
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -9,8 +9,9 @@ namespace torquer {
 
 using Eigen::Vector3d;
 
-// Segment 0 has become two. The same twist per length stays everywhere: the middles of the first
-// two segments were at 3/4 and 2 of a segment's length, those of the three are at 1/4, 1 and 2.
+// Splits the twist after segment 0 was split in two. The twist per length stays the same
+// everywhere. The middles of the first two segments were at 3/4 and 2 segment lengths. The middles
+// of the three are at 1/4, 1 and 2.
 void WireState::SplitTwist() {
   const Vector3d tangent = tangents_.front();
   const double back = twist_rad_[0] * (2.0 / 3);
@@ -21,7 +22,7 @@ void WireState::SplitTwist() {
   if (tangents_.size() > 2) twist_rad_[1] -= on;
   twist_rad_.insert(twist_rad_.begin() + 1, back + on);
   if (turns_rad_.empty()) return;
-  // What instruments are twisted against the frames that were turned just now.
+  // The instruments' twists against the frames that were just turned.
   turns_rad_.insert(turns_rad_.begin(), turns_rad_.front());
   for (int k = 0; k < places_.size(); ++k) {
     const auto at = static_cast<std::size_t>(k);
@@ -32,8 +33,8 @@ void WireState::SplitTwist() {
   }
 }
 
-// Segments 0 and 1 are about to become one, whose middle is `part` of the way from that of segment
-// 1 to that of segment 0.
+// Joins the twist before segments 0 and 1 are joined. The middle of the joined segment lies at the
+// fraction `part` from the middle of segment 1 to that of segment 0.
 void WireState::JoinTwist(double part) {
   const double back = twist_rad_[1] * part;
   normals_[1] = TurnedAbout(tangents_[1], normals_[1], -back);
@@ -57,7 +58,7 @@ void WireState::MoveInstruments(const WireModel& model, const InstrumentPlaces& 
     const auto part = [&](int joint) {
       return std::min(1.0, std::abs(slid_mm) / JointLength(model, *this, joint));
     };
-    // What was at a place is farther on now, or less far.
+    // The twist slides along with the instrument's material, distally or proximally.
     if (slid_mm > 0) {
       for (int i = n - 1; i >= 0; --i) {
         turns_rad_[static_cast<std::size_t>(i)][at] -= part(i) * TwistOf(i, k);
@@ -73,8 +74,8 @@ void WireState::MoveInstruments(const WireModel& model, const InstrumentPlaces& 
   SetPlaces(places);
 }
 
-// Fits segment 0 to insertion_mm_, which has changed by at most lambda/2: splits it in two or joins
-// it with the next one when it leaves its range.
+// Fits segment 0 to insertion_mm_, which has changed by at most lambda/2. Outside its length range
+// the segment is split in two or joined with the next one.
 void WireState::FitFirstSegment(const WireModel& model) {
   const double lambda = model.segment_mm();
   const double shortest = lambda / 2;  // a shorter one would be stiffer than any other
@@ -88,7 +89,7 @@ void WireState::FitFirstSegment(const WireModel& model) {
     }
     return;
   }
-  // From the insertion rather than by adding up: no drift, however often it is fed.
+  // Computed from the insertion rather than by increments: no drift, however often the wire is fed.
   first_segment_mm_ = insertion_mm_ - (segments() - 1) * lambda;
   if (first_segment_mm_ >= 1.5 * lambda) {
     SplitFirst(model);
@@ -112,7 +113,7 @@ void WireState::SplitFirst(const WireModel& model) {
   if (model.spins() > 0) SplitTwist();
 }
 
-// Of two segments or more.
+// Joins the first two segments; needs at least two.
 void WireState::JoinFirst(const WireModel& model) {
   const double lambda = model.segment_mm();
   const Vector3d joined = first_segment_mm_ * tangents_[0] + lambda * tangents_[1];
@@ -129,8 +130,9 @@ void WireState::JoinFirst(const WireModel& model) {
 }
 
 void WireState::Slide(const WireModel& model, double fed_mm) {
-  // (23): node i slides by `fed_mm` along the polyline, so each chord turns towards the next (or,
-  // when retracting, the former) segment. The tip keeps its directions: it has its own rest shape.
+  // (23): node i slides by `fed_mm` along the polyline. So each chord turns towards the next
+  // segment, or towards the previous one when retracting. The tip keeps its directions, because it
+  // has its own rest shape.
   const int shaft = segments() - model.tip_segments();
   const double part = std::abs(fed_mm) / model.segment_mm();
   Vector3d* const tangents = tangents_.data();
@@ -173,8 +175,8 @@ void WireState::FeedAtBase(const WireModel& model, double to_mm) {
 }
 
 void WireState::InsertSegment(const WireModel& model, int at, const Vector3d& tangent) {
-  // One inserted at the sheath goes before the short first one only in name: lengths are properties
-  // of places, and place 0 keeps its own.
+  // A segment inserted at the sheath precedes the short first one only in name. Lengths belong to
+  // places, and place 0 keeps its length.
   if (segments() == 0) {
     first_segment_mm_ = model.segment_mm();
     insertion_mm_ = 0;

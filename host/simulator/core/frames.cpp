@@ -12,9 +12,9 @@ Vector3d ParallelTransport(const Vector3d& normal, const Vector3d& from, const V
   if (one_plus_cos < 1e-12) return normal;
   // Rotation about from x to, in a form without trigonometry; valid because normal is across from.
   const Vector3d carried = normal - (normal.dot(to) / one_plus_cos) * (from + to);  // (10)
-  // Removes what rounding adds along `to` and to the length, so that both stay at rounding.
+  // Removes the rounding errors along `to` and in the length, so that they do not accumulate.
   const Vector3d across = carried - carried.dot(to) * to;
-  if (one_plus_cos < 0.1) return across.normalized();  // where rounding is large
+  if (one_plus_cos < 0.1) return across.normalized();  // rounding errors are large here
   return across * (1.5 - 0.5 * across.squaredNorm());
 }
 

@@ -6,13 +6,14 @@
 namespace torquer {
 
 /// Carries a unit vector across unit `from` to one across unit `to` by the smallest rotation that
-/// takes `from` to `to` (README (10)); where they are opposite, by half a turn about the vector
-/// itself.
+/// takes `from` to `to` (README (10)). For opposite tangents it rotates by half a turn about the
+/// vector itself.
 Eigen::Vector3d ParallelTransport(const Eigen::Vector3d& normal, const Eigen::Vector3d& from,
                                   const Eigen::Vector3d& to);
 
-/// The turn of a joint's frames: cosine and sine of the angle about `to`, from `to_normal`
-/// backwards to `normal` carried there from `from` by parallel transport (README (11)).
+/// Turn of a joint's frames, as cosine and sine of an angle about `to`. The angle is counted
+/// backwards from `to_normal` to `normal`, carried there from `from` by parallel transport (README
+/// (11)).
 Eigen::Vector2d FrameTurn(const Eigen::Vector3d& from, const Eigen::Vector3d& normal,
                           const Eigen::Vector3d& to, const Eigen::Vector3d& to_normal);
 

@@ -1,6 +1,6 @@
-// FNV-1a by 64-bit words over the exact bits of numbers: eight times fewer steps than by bytes, and
-// it runs every tick. A product carries bits upwards alone, so the upper half is brought down after
-// each: without that, two numbers that change their sign leave the hash as it is.
+// FNV-1a hash by 64-bit words over the exact bits of numbers. It runs every tick, and words take an
+// eighth of the steps of bytes. A product carries bits only upwards, so each step folds the upper
+// half down. Without that, two sign changes would leave the hash unchanged.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-// Where instruments are, as their hands have moved them.
+// Instrument places: insertion and rotation of each instrument.
 #pragma once
 
 #include <array>
@@ -10,9 +10,9 @@ namespace torquer {
 /// The most instruments of one stack.
 inline constexpr int kMostInstruments = 4;
 
-/// How far an instrument has been pushed and turned since the start.
+/// Insertion and rotation of an instrument since the start.
 struct InstrumentPlace {
-  double insertion_mm = 0;  ///< past the sheath
+  double insertion_mm = 0;  ///< length past the sheath
   double rotation_rad = 0;  ///< of the proximal end
   friend bool operator==(const InstrumentPlace&, const InstrumentPlace&) = default;
 };
@@ -24,7 +24,7 @@ class InstrumentPlaces {
   explicit InstrumentPlaces(int count = 1) : count_(count) {
     assert(count >= 1 && count <= kMostInstruments);
   }
-  /// That of a lone wire.
+  /// The place of a lone wire.
   InstrumentPlaces(double insertion_mm, double rotation_rad) : count_(1) {
     places_[0] = {insertion_mm, rotation_rad};
   }
@@ -42,7 +42,7 @@ class InstrumentPlaces {
   const InstrumentPlace* begin() const { return places_.data(); }
   const InstrumentPlace* end() const { return places_.data() + count_; }
 
-  /// The one that reaches farthest; of several, the innermost.
+  /// Index of the instrument that reaches farthest; of equals, the innermost.
   int Leader() const {
     int leader = 0;
     for (int k = 1; k < count_; ++k) {
@@ -50,7 +50,7 @@ class InstrumentPlaces {
     }
     return leader;
   }
-  /// How far that one reaches, mm.
+  /// Reach of the leader past the sheath, mm.
   double reach_mm() const { return (*this)[Leader()].insertion_mm; }
 
   friend bool operator==(const InstrumentPlaces& a, const InstrumentPlaces& b) {

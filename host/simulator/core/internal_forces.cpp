@@ -11,7 +11,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// What bends joint i: of its distal on its proximal side (README section 15).
+// Bending moment at joint i, of its distal on its proximal side (README section 15).
 Vector3d BendingMoment(const WireModel& model, const WireState& state, int joint) {
   const auto i = static_cast<std::size_t>(joint);
   const Vector3d rest = RestDirection(model, state, joint);
@@ -37,8 +37,9 @@ void FindFriction(const PointSet& points, const std::vector<EnergyTerm*>& terms,
   }
 }
 
-// The surface touches the wall a radius away from the axis, against the wall's normal. What acts
-// between points and is shared by them has the normal of the one that is near the wall.
+// Torque of surface friction: the surface touches the wall a radius away from the axis, against the
+// wall's normal. Friction between points is shared by them; it takes the normal of the point near
+// the wall.
 void FindSurfaceTorques(const PointSet& points, InternalForces& out) {
   int done = -1;
   const auto take = [&](int q, int near) {
@@ -60,14 +61,14 @@ void FindSurfaceTorques(const PointSet& points, InternalForces& out) {
   }
 }
 
-// Shares what acts on the points between the nodes before and after each, by the lever: the same
-// force and the same moment.
+// Shares the loads on the points between the nodes before and after each, by the lever rule. This
+// keeps force and moment.
 void FindContacts(const Expansion& at, InternalForces& out) {
   const PointSet& points = at.points;
   const auto nodes = out.contact_N.size();
   const auto per_segment = static_cast<std::size_t>(points.per_segment);
   std::vector<Vector3d>& force = out.contact_N;
-  std::vector<double>& length_mm = out.tension_N;  // not needed yet
+  std::vector<double>& length_mm = out.tension_N;  // a temporary buffer: filled with tensions later
   std::fill(length_mm.begin(), length_mm.end(), 0);
   const auto share = [&](std::size_t q, const auto& add) {
     const std::size_t i = q / per_segment;
@@ -101,7 +102,7 @@ void FindTension(const WireModel& model, const WireState& state, const Expansion
   const std::vector<Vector3d>& tangents = state.tangents();
   out.tension_N[0] = -at.distal_gradient[0].dot(model.sheath().direction);
   for (std::size_t i = 1; i <= n; ++i) {
-    // What acts at the node itself is half on either side, but at the end.
+    // The load at the node itself counts half on either side; at the end it counts in full.
     const Vector3d& at_node = out.loads.point_gradient_N[per_segment * i - 1];
     out.tension_N[i] = i == n ? -at_node.dot(tangents[i - 1])
                               : -(at.distal_gradient[i] + at_node / 2)
@@ -109,7 +110,7 @@ void FindTension(const WireModel& model, const WireState& state, const Expansion
   }
 }
 
-// What joint i bears of what twists, all instruments together.
+// Twisting moment at joint i of a wire that twists: the sum over all instruments.
 double TwistingMoment(const WireModel& model, const WireState& state, int joint) {
   double torque = 0;
   for (int k = 0; k < model.spins(); ++k) {
@@ -118,7 +119,7 @@ double TwistingMoment(const WireModel& model, const WireState& state, int joint)
   return torque;
 }
 
-// What friction in the lumen turns the surface of the first of two curves with, at a place.
+// Torque of lumen friction on the surface of the first of two curves, at a place.
 double LumenTorque(const WireState& state, const BetweenCurves::Slide& slide) {
   return -slide.load.gradient[1] *
          (state.outer_leads() ? slide.outer_spin_mm : slide.inner_spin_mm);
@@ -136,13 +137,13 @@ void FindMoments(const WireModel& model, const WireState& state, const Expansion
   out.bending_mJ[static_cast<std::size_t>(n)] = end.norm();
   double torque = 0;
   double surface = 0;
-  std::size_t slides = at.between.slides.size();  // that are not yet counted
+  std::size_t slides = at.between.slides.size();  // slides not yet counted
   for (int i = n - 1; i >= 0; --i) {
     const auto k = static_cast<std::size_t>(i);
     const Vector3d moment = BendingMoment(model, state, i);
     const Vector3d& before = i == 0 ? model.sheath().direction : state.tangents()[k - 1];
     out.bending_mJ[k] = moment.norm();
-    // A wire that does not twist hands on what turns its bent tip and its surface.
+    // A wire that does not twist transmits the torques on its bent tip and on its surface.
     const double own = moment.dot(before);
     for (std::size_t q = per_segment * k; q < per_segment * (k + 1); ++q) {
       if (!at.points.OnSecond(static_cast<int>(q))) surface += out.surface_torque_mJ[q];
@@ -202,8 +203,8 @@ void FindCurveLoads(const WireState& state, const Expansion& at, bool second, Cu
     if (!(spring.penetration_mm > 0)) continue;
     const Vector3d force_N =
         -spring.stiffness_N_mm * spring.penetration_mm * spring.approach.segment<3>(part);
-    // It is across the outer curve: what leans of the inner one is pushed along, which is felt
-    // where the shorter curve is pushed.
+    // The force is across the outer curve. It pushes an inclined inner curve along itself, and only
+    // the shorter curve feels that.
     const double along_N =
         force_N.dot(inner_curve.tangents()[static_cast<std::size_t>(spring.segment)]);
     add(spring, force_N, inner == second ? 0 : along_N);

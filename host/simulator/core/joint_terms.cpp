@@ -49,8 +49,8 @@ void ExpandJoint(BendingLaw law, double stiffness_mJ, const Vector3d& proximal_t
 
 namespace {
 
-// The work of a twisting moment on the twist of a joint, (27) to (29): part = 1/(1 + c), h_p, h_d,
-// and T_p' T_d by rows.
+// Adds the work of a twisting moment on the twist of a joint, (27) to (29): part = 1/(1 + c), h_p,
+// h_d, and T_p' T_d by rows.
 inline void BearTorque(double torque_mJ, double part, Pair h_p, Pair h_d, const Pair (&across)[2],
                        JointTerms& bending, TurnTerms& turn) {
   const double weight = torque_mJ * part;
@@ -156,7 +156,7 @@ void BearTwist(double stiffness_mJ, double torque_mJ, const TwistGeometry& geome
   const Vector2d& g_d = geometry.g_d;
   bending.gradient_proximal += torque_mJ * g_p;
   bending.gradient_distal += torque_mJ * g_d;
-  // The areas of triangles, to second order.
+  // Areas of triangles, to second order.
   const double half = torque_mJ * geometry.part / 2;
   const auto symmetric = [](const Vector2d& a, const Vector2d& b) {
     Matrix2d m;
@@ -169,7 +169,7 @@ void BearTwist(double stiffness_mJ, double torque_mJ, const TwistGeometry& geome
   bending.hessian_distal +=
       stiffness_mJ * g_d * g_d.transpose() - half * symmetric(g_d, geometry.h_d);
   const Matrix2d& across = geometry.across;
-  Matrix2d turned;  // the columns of `across`, a quarter turn on
+  Matrix2d turned;  // the columns of `across`, rotated by a quarter turn
   turned << across(0, 1), -across(0, 0), across(1, 1), -across(1, 0);
   bending.hessian_cross += stiffness_mJ * g_p * g_d.transpose() +
                            (torque_mJ * geometry.part) * (turned - geometry.h_p * g_d.transpose());

@@ -25,8 +25,8 @@ struct JointTerms {
   Eigen::Matrix<double, 2, 2, Eigen::RowMajor> hessian_cross;  ///< rows: proximal, columns: distal
 };
 
-/// What the spins zeta_{i-1} and zeta_i of the segments of joint i add to its expansion, for a wire
-/// that twists: turns about the tangents as they are after the steps xi. mJ.
+/// Spin terms of a joint's expansion, for a wire that twists. The spins zeta_{i-1} and zeta_i turn
+/// the segments about their tangents, as these are after the steps xi. mJ.
 struct TwistTerms {
   double gradient_proximal;
   double gradient_distal;
@@ -37,11 +37,11 @@ struct TwistTerms {
   Eigen::Vector2d proximal_distal;    ///< d2 / d zeta_{i-1} d xi_i
   Eigen::Vector2d distal_proximal;    ///< d2 / d zeta_i d xi_{i-1}
   Eigen::Vector2d distal_distal;      ///< d2 / d zeta_i d xi_i
-  /// d2 / d zeta_i d (displacement of node i); loads on the segment alone have it. N.
+  /// d2 / d zeta_i d (displacement of node i); only loads on the segment contribute. N.
   Eigen::Vector3d distal_displacement;
 };
 
-/// What the spin of the proximal segment does to the bending of a joint that rests curved.
+/// Effect of the proximal segment's spin on the bending of a joint that rests curved.
 struct RestSpinTerms {
   double gradient = 0;                  ///< d / d zeta_{i-1}, mJ
   double hessian = 0;                   ///< d2 / d zeta_{i-1}^2, mJ
@@ -49,30 +49,31 @@ struct RestSpinTerms {
   Eigen::Vector2d with_distal{0, 0};    ///< d2 / d zeta_{i-1} d xi_i, mJ
 };
 
-/// Joint i of a wire that does not twist: how the untwisted frames turn about their tangents,
-/// zeta_i = zeta_{i-1} + proximal . xi_{i-1} + distal . xi_i (README (36)), and what that does to
-/// the joint itself where it rests curved.
+/// Turn of the untwisted frames about their tangents at joint i of a wire that does not twist:
+/// zeta_i = zeta_{i-1} + proximal . xi_{i-1} + distal . xi_i (README (36)). `rest` is its effect on
+/// the joint itself if the joint rests curved.
 struct TurnTerms {
   Eigen::Vector2d proximal;
   Eigen::Vector2d distal;
   RestSpinTerms rest;
 };
 
-/// Second-order expansion of one joint; `rest` is the rest direction of `tangent`, carried by the
-/// proximal segment with tangent `proximal_tangent` and normal `proximal_normal`.
-/// `stiffness_mJ` = EI / (length that the joint stands for). Adds the energy to `energy_mJ`.
+/// Second-order expansion of one joint. `rest` is the rest direction of `tangent`, carried by the
+/// proximal segment with tangent `proximal_tangent` and normal `proximal_normal`. `stiffness_mJ` =
+/// EI / (length that the joint stands for). Adds the energy to `energy_mJ`.
 void ExpandJoint(BendingLaw law, double stiffness_mJ, const Eigen::Vector3d& proximal_tangent,
                  const Eigen::Vector3d& proximal_normal, const Eigen::Vector3d& rest,
                  const Eigen::Vector3d& tangent, const Eigen::Vector3d& normal, double& energy_mJ,
                  JointTerms& out);
 
-/// The same for a joint that rests straight, with the frames given: a tenth of the work.
+/// Like ExpandJoint, for a joint that rests straight and with the frames given: a tenth of the
+/// work.
 void ExpandStraightJoint(BendingLaw law, double stiffness_mJ,
                          const Eigen::Vector3d& proximal_tangent, const Frame& proximal_frame,
                          const Eigen::Vector3d& tangent, const Frame& frame, double& energy_mJ,
                          JointTerms& out);
 
-/// How a joint's twist grows with the steps of its segments, xi: by g_p.xi_{i-1} + g_d.xi_i, (27).
+/// Growth of a joint's twist with the steps xi of its segments: g_p.xi_{i-1} + g_d.xi_i, (27).
 struct TwistGeometry {
   TwistGeometry(const Eigen::Vector3d& proximal_tangent, const Frame& proximal_frame,
                 const Eigen::Vector3d& tangent, const Frame& frame);
@@ -84,31 +85,31 @@ struct TwistGeometry {
   double part;
 };
 
-/// Adds what a joint's twist, of this stiffness and with this torque, adds to the expansion of its
-/// bending, (28), (29); without the energy.
+/// Adds the twist terms (28), (29) of a joint with this stiffness and torque to the expansion of
+/// its bending. Does not add the energy.
 void BearTwist(double stiffness_mJ, double torque_mJ, const TwistGeometry& geometry,
                JointTerms& bending);
 
-/// Adds the energy `stiffness_mJ` twist_rad^2 / 2 of a twisted joint, stiffness_mJ = GJ / (length
-/// that the joint stands for), to the expansion of the same joint's bending.
+/// Adds the energy `stiffness_mJ` twist_rad^2 / 2 of a twisted joint to the expansion of the same
+/// joint's bending. stiffness_mJ = GJ / (length that the joint stands for).
 void AddTwist(double stiffness_mJ, double twist_rad, const Eigen::Vector3d& proximal_tangent,
               const Frame& proximal_frame, const Eigen::Vector3d& tangent, const Frame& frame,
               double& energy_mJ, JointTerms& bending, TwistTerms& out);
 
-/// The same where the twisting moment `torque_mJ` passes: adds its work on the twist of the joint,
-/// to second order in the steps of its segments, and says in `turn` how far these turn the
-/// untwisted frames. `turn.rest` stays as it is.
+/// Like ExpandStraightJoint above, for a joint that transmits the twisting moment `torque_mJ`. Adds
+/// the moment's work on the joint's twist, to second order in the steps of the joint's segments.
+/// Sets in `turn` the turn of the untwisted frames; `turn.rest` is unchanged.
 void ExpandStraightJoint(BendingLaw law, double stiffness_mJ,
                          const Eigen::Vector3d& proximal_tangent, const Frame& proximal_frame,
                          const Eigen::Vector3d& tangent, const Frame& frame, double torque_mJ,
                          double& energy_mJ, JointTerms& out, TurnTerms& turn);
 
-/// Adds what the twisting moment does to the expansion of a joint that rests curved.
+/// Adds the effect of the twisting moment to the expansion of a joint that rests curved.
 void AddTorque(double torque_mJ, const Eigen::Vector3d& proximal_tangent,
                const Frame& proximal_frame, const Eigen::Vector3d& tangent, const Frame& frame,
                JointTerms& bending, TurnTerms& turn);
 
-/// What the spin of the proximal segment does to the bending of a joint that rests curved. All as
+/// Effect of the proximal segment's spin on the bending of a joint that rests curved. Arguments as
 /// for ExpandJoint.
 RestSpinTerms SpinOfRest(BendingLaw law, double stiffness_mJ,
                          const Eigen::Vector3d& proximal_tangent,

@@ -1,8 +1,8 @@
-// Two doubles in one register, for loops whose cost is their number of instructions.
+// Two doubles in one register, for loops whose cost is their instruction count.
 //
-// Eigen's small matrices leave half of a register empty at three components; a pair holds the same
-// component of both columns of a tangent frame instead. The lanes are computed as scalars would
-// be: the same bits on every machine.
+// Eigen's three-component matrices leave half of a register empty. A pair instead holds the same
+// component of both columns of a tangent frame. The lanes are computed as scalars would be, so the
+// bits are the same on every machine.
 #pragma once
 
 #include <cstring>
@@ -21,9 +21,9 @@ inline Pair Both(double x) { return Pair{x, x}; }
 inline Pair Swapped(Pair v) { return __builtin_shufflevector(v, v, 1, 0); }
 inline Pair Firsts(Pair a, Pair b) { return __builtin_shufflevector(a, b, 0, 2); }
 inline Pair Seconds(Pair a, Pair b) { return __builtin_shufflevector(a, b, 1, 3); }
-/// The sum of the lanes, in both.
+/// Sum of the lanes, in both lanes.
 inline Pair Summed(Pair v) { return v + Swapped(v); }
-/// The sums of the lanes of a and of b.
+/// Sums of the lanes of a and of b.
 inline Pair Sums(Pair a, Pair b) { return Firsts(a, b) + Seconds(a, b); }
 
 }  // namespace torquer

@@ -13,8 +13,8 @@ bool Grant(WorkBudget& budget, TickReport& report) {
   return true;
 }
 
-// Whether the tip has gone much farther than the hands explain: a turn moves a bent tip by as many
-// times its length as it has radians, and 10 mm is a long one.
+// True if the tip moved much farther than the hands explain. A turn moves a bent tip by its length
+// times the angle in radians, and 10 mm is a long tip.
 bool Snapped(const Eigen::Vector3d& tip_before, const InstrumentPlaces& before,
              const WireState& state) {
   constexpr double kBentTipMm = 10;

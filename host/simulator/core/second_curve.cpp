@@ -1,4 +1,4 @@
-// The second curve of a state: README, section 18.
+// Second curve of a state: README, section 18.
 #include <algorithm>
 #include <cassert>
 #include <utility>
@@ -53,8 +53,8 @@ void WireState::FeedSecond(const WireModel& second, int segments_before, double 
   other.FitEnd(second, segments(), reach_mm);
 }
 
-// Cuts the end off, or goes on straight, so that the last segment is that into which `reach_mm`
-// falls, but `most` at the most.
+// Shortens the end, or extends it straight on, so that `reach_mm` lies in the last segment. Keeps
+// at most `most` segments.
 void WireState::FitEnd(const WireModel& model, int most, double reach_mm) {
   const auto begin_mm = [&](int segment) {
     return segment == 0 ? 0 : first_segment_mm_ + (segment - 1) * model.segment_mm();

@@ -27,7 +27,7 @@ WireMechanics::WireMechanics(const WireModel& model, const ClearanceField& field
   second_ = std::make_unique<WireMechanics>(*stack->second_rod(), field, wall, kNoTerms);
 }
 
-// Terms that act between points have a few more places than there are points.
+// Extra room: terms that act between points use a few more places than there are points.
 namespace {
 constexpr std::size_t kMostMoments = 16;
 }  // namespace
@@ -43,7 +43,7 @@ Expansion WireMechanics::MakeExpansion() const {
   e.distal_gradient.reserve(n + 1);
   e.gradient.reserve(n);
   if (model_.spins() > 0) {
-    // Where two curves change places, so do the numbers of their spins.
+    // Two curves may exchange roles, and then the numbers of their spins.
     const std::size_t spins = model_.twists() ? 1 : kMostInstruments;
     (model_.twists() ? e.twists.reserve(n) : e.stack.reserve(n));
     e.spin_gradient.reserve(n * spins);
@@ -91,8 +91,8 @@ void WireMechanics::ExpandWall(bool with_hessian, Expansion& out) const {
     spring.hessian.noalias() =
         spring.stiffness_N_mm * sample.gradient * sample.gradient.transpose();
     if (!out.points.touches[p]) continue;
-    // The curvature of the wall, where it stiffens or no more than halves the spring: deep in a
-    // corner it would make the whole Hessian indefinite.
+    // Curvature of the wall. It is kept in full if it stiffens the spring or at most halves it. In
+    // a deep corner the full curvature would make the whole Hessian indefinite.
     const double bend = spring.penetration_mm * sample.hessian.norm();
     const double keep = bend > 0.5 ? 0.5 / bend : 1;
     spring.hessian -= (spring.stiffness_N_mm * spring.penetration_mm * keep) * sample.hessian;
@@ -101,7 +101,8 @@ void WireMechanics::ExpandWall(bool with_hessian, Expansion& out) const {
 
 void WireMechanics::ExpandJoints(const WireState& state, Expansion& out) const {
   const int n = state.segments();
-  const int curved_from = n - model_.first_straight_joint() + 1;  // joints from here rest curved
+  const int curved_from =
+      n - model_.first_straight_joint() + 1;  // joints from this index on rest curved
   double curved = 0;
   double straight = 0;
   for (int i = 0; i < n; ++i) {
@@ -112,7 +113,7 @@ void WireMechanics::ExpandJoints(const WireState& state, Expansion& out) const {
       ExpandStraightJoint(model_.law(), stiffness, tangent_p, frame_p, state.tangents()[i],
                           out.frames[i], i < curved_from ? straight : curved, out.joints[i]);
     } else {
-      // The clamp's normals are never turned: any will do.
+      // The normals of the clamp never turn, so any normal will do.
       const Vector3d& normal_p = i == 0 ? model_.sheath_normal() : state.normals()[i - 1];
       ExpandJoint(model_.law(), stiffness, tangent_p, normal_p, RestDirection(model_, state, i),
                   state.tangents()[i], state.normals()[i], curved, out.joints[i]);
@@ -121,7 +122,8 @@ void WireMechanics::ExpandJoints(const WireState& state, Expansion& out) const {
   out.energy_mJ += straight + curved;
 }
 
-// From the tip to the sheath: the twisting moment is what turns all curved joints beyond.
+// Goes from the tip to the sheath: the twisting moment is the sum of the torques of all curved
+// joints beyond.
 void WireMechanics::ExpandTurningJoints(const WireState& state, Expansion& out) const {
   const int n = state.segments();
   const int curved_from = n - model_.first_straight_joint() + 1;
@@ -229,7 +231,7 @@ bool WireMechanics::SlidesInLumen() const {
                      [](const EnergyTerm* term) { return term->SlidesInLumen(); });
 }
 
-// The gradient by the spins is that of the segments; all else is between them.
+// The spin gradient is added to the segments; all other terms go to `between`.
 void WireMechanics::AddSlideLoads(const WireState& state, Expansion& out) const {
   Expansion& second = out.second.front();
   out.between.TakeSlides(*stack_, state, out.points, out.derivatives.in_lumen, out.frames,
@@ -268,7 +270,7 @@ void WireMechanics::AddLoad(int point, bool on_second, double length_mm, const V
   load.h2 += (t * t) * *hessian;
 }
 
-// What terms do to the points, or to the covered ones.
+// Adds the loads of the terms on the points, or on the covered points.
 void WireMechanics::AddLoads(const WireState& state, const PositionDerivatives& loads, bool covered,
                              Expansion& out) const {
   for (std::size_t p = 0; p < loads.used.size(); ++p) {
@@ -317,7 +319,8 @@ void WireMechanics::Model(const WireState& state, const std::vector<std::uint8_t
       state, [&active](std::size_t k) { return active[k] != 0; }, out);
 }
 
-// The gradient by the spins of a segment; the largest of their squares, over the local GJ/(1 mm).
+// Sets the gradient by the spins of a segment. Returns the largest squared value over the local
+// GJ/(1 mm).
 double WireMechanics::SumSpins(const WireState& state, int segment, Expansion& out) const {
   const int n = state.segments();
   const auto i = static_cast<std::size_t>(segment);
@@ -352,7 +355,7 @@ double WireMechanics::SumGradient(const WireState& state, Expansion& out) const 
   return SumGradient(state, nullptr, 0, out);
 }
 
-// `between`: what presses two curves on each other, of which this one has the entries from `at` on.
+// `between`: contact loads between two curves; this curve has their entries from `part` on.
 double WireMechanics::SumGradient(const WireState& state, const BetweenCurves* between,
                                   Eigen::Index part, Expansion& out) const {
   const int n = state.segments();
@@ -381,7 +384,7 @@ double WireMechanics::SumGradient(const WireState& state, const BetweenCurves* b
     if (i + 1 < n) g += Load(out.joints[i + 1].gradient_proximal.data());
     if (between != nullptr) g += Load(pressed.data());
     Store(g, out.gradient[i].data());
-    // The softer of the segment's two joints: what an out-of-balance moment bends most.
+    // Uses the softer of the segment's two joints: an out-of-balance moment bends it most.
     const double rigidity =
         std::min(model_.rigidity_N_mm2(n - i), model_.rigidity_N_mm2(n - i - 1));
     residual = std::max(residual, Summed(g * g)[0] / (rigidity * rigidity));

@@ -5,12 +5,13 @@
 // so that lengths stay exact and node i + 1 moves by the sum of l_k T_k xi_k over k <= i. Joint i
 // couples xi_{i-1} and xi_i; the points of segment i feel the displacement of node i and xi_i.
 //
-// Of a wire that does not twist the untwisted frames turn with the steps: a joint that rests curved
-// feels all segments before it. What turns it goes back along the wire as a twisting moment.
+// The untwisted frames of a wire that does not twist turn with the steps. So a joint that rests
+// curved depends on all segments before it. Its effect goes back along the wire as a twisting
+// moment.
 //
-// A wire that twists has normals that are fixed to its material, and one more unknown a segment:
-// its spin zeta_i, which turns the normal about the tangent. Of a stack that twists each instrument
-// has a spin, which turns it against the normal.
+// A wire that twists has normals that are fixed to its material, and one more unknown per segment.
+// This is its spin zeta_i, which turns the normal about the tangent. In a stack that twists each
+// instrument has a spin, which turns it against the normal.
 #pragma once
 
 #include <Eigen/Core>
@@ -28,17 +29,17 @@
 
 namespace torquer {
 
-/// Second-order expansion of the wall's spring at a near point: what it is where the point touches,
-/// and what it would be if the spring pulled as well as it pushes where it does not.
+/// Second-order expansion of the wall's spring at a near point. If the point does not touch, it is
+/// the expansion of a spring that also pulls.
 struct WallSpring {
   double stiffness_N_mm;    ///< k times the length that the point stands for
-  double penetration_mm;    ///< negative: how far it is from touching
+  double penetration_mm;    ///< negative: minus the distance to contact
   Eigen::Matrix3d hessian;  ///< N/mm
 };
 
-/// Sums over the points of one segment, t their distance past its proximal node: of the gradient
-/// g, of t g, and of H, t H, t^2 H. A load on the tangent itself adds its gradient to g1 and its
-/// Hessian to h2.
+/// Sums over the points of one segment of the gradient g and Hessian H: g, t g, H, t H, t^2 H. t is
+/// the distance of a point past the segment's proximal node. A load on the tangent itself adds its
+/// gradient to g1 and its Hessian to h2.
 struct LoadTerms {
   Eigen::Vector3d g0;
   Eigen::Vector3d g1;
@@ -47,19 +48,19 @@ struct LoadTerms {
   Eigen::Matrix3d h2;
 };
 
-/// The expansion of the whole energy at one state. Buffers are made once; no heap after that.
-/// Of two curves the arrays of segments, joints and loads are those of the first; the second has
-/// its own, in an Expansion without points, and between them is what holds them together.
+/// Expansion of the whole energy at one state. Buffers are allocated once; no heap after that. For
+/// two curves, the arrays of segments, joints and loads are those of the first curve. The second
+/// curve has its own Expansion, without points. `between` couples the two.
 struct Expansion {
-  double energy_mJ = 0;      ///< what relaxing decreases
-  double dissipated_mJ = 0;  ///< of this, what terms with EnergyTerm::Dissipates add
+  double energy_mJ = 0;      ///< the quantity that relaxing decreases
+  double dissipated_mJ = 0;  ///< its part from terms with EnergyTerm::Dissipates
   double residual = 0;  ///< largest out-of-balance moment over the local EI/(1 mm) (torque, GJ)
   double max_penetration_mm = 0;   ///< of the wire's surface; 0 without contact
-  std::vector<Frame> frames;       ///< n, one a segment
-  std::vector<JointTerms> joints;  ///< n, one a joint; joint 0 has no proximal unknown
-  std::vector<TwistTerms> twists;  ///< the same for a wire that twists; otherwise empty
-  std::vector<TurnTerms> turns;    ///< the same for one that does not and rests curved somewhere
-  std::vector<StackTerms> stack;   ///< the same for a stack that twists
+  std::vector<Frame> frames;       ///< n, one per segment
+  std::vector<JointTerms> joints;  ///< n, one per joint; joint 0 has no proximal unknown
+  std::vector<TwistTerms> twists;  ///< n, one per joint of a wire that twists; otherwise empty
+  std::vector<TurnTerms> turns;    ///< n, for a wire that does not twist and rests curved somewhere
+  std::vector<StackTerms> stack;   ///< n, for a stack that twists
   std::vector<int> load_index;     ///< n, into `loads`, -1 for a segment free of load
   std::vector<LoadTerms> loads;    ///< of the loaded segments
   std::vector<Eigen::Vector3d> distal_gradient;  ///< n + 1: sum of the gradients beyond node i,
@@ -69,36 +70,36 @@ struct Expansion {
   PointSet points;
   std::vector<WallSpring> springs;  ///< one for each of points.near
   PointDerivatives derivatives;     ///< of the terms, without the wall
-  std::vector<Expansion> second;    ///< none, or that of the second curve
-  BetweenCurves between;            ///< of two curves
+  std::vector<Expansion> second;    ///< empty, or one entry: that of the second curve
+  BetweenCurves between;            ///< contact between two curves
 };
 
-/// Evaluates expansions. One per simulated wire; not for several threads at once.
+/// Evaluates expansions. One per simulated wire; not thread-safe.
 class WireMechanics {
  public:
-  /// Keeps references to all; `terms` may grow only before the first evaluation. `stack`: of
-  /// instruments on two curves, of which `model` is the first rod; null where there is one.
+  /// Keeps references to all; `terms` may grow only before the first evaluation. `stack`:
+  /// instruments on two curves, with `model` as the first rod; null for one curve.
   WireMechanics(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                 const std::vector<EnergyTerm*>& terms, const InstrumentStack* stack = nullptr);
 
-  /// An expansion with room for the longest wire.
+  /// Returns an expansion with room for the longest wire.
   Expansion MakeExpansion() const;
 
   /// Energy, gradient and Hessian blocks with the tangent planes given by state.normals.
   void Expand(const WireState& state, Expansion& out);
-  /// Makes the loads those of the model in which exactly the near points with `active` (one a near
-  /// point) feel the wall. Everything else stays that of the state.
+  /// Replaces the loads by those of the model in which the wall acts on exactly the near points
+  /// with `active`. `active` has one entry per near point. Everything else stays that of the state.
   void Model(const WireState& state, const std::vector<std::uint8_t>& active, Expansion& out) const;
-  /// The same of the places where two curves are near each other, one of Expansion::between.springs
-  /// each.
+  /// Like Model, for the springs between two curves. `active` has one entry per spring of
+  /// Expansion::between.springs.
   static void ModelBetween(const std::vector<std::uint8_t>& active, Expansion& out) {
     out.between.Sum([&active](std::size_t k) { return active[k] != 0; });
   }
 
-  /// The same without Hessians (and without Hessian look-ups).
+  /// Like Expand, without Hessians and Hessian look-ups.
   void ExpandGradient(const WireState& state, Expansion& out);
 
-  /// Where the wire may touch; see ContactPoints for what must be called after a move.
+  /// The contact points; see ContactPoints for the calls needed after a move.
   ContactPoints& points() { return points_; }
   const ContactPoints& points() const { return points_; }
 
@@ -139,7 +140,7 @@ class WireMechanics {
   const InstrumentStack* stack_;
   const Frame sheath_frame_;
   ContactPoints points_;
-  std::unique_ptr<WireMechanics> second_;  // of the second rod
+  std::unique_ptr<WireMechanics> second_;  // for the second rod
 };
 
 }  // namespace torquer

@@ -88,7 +88,7 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
     if (!rest.isZero(0)) first_straight_ = k + 1;
     rest_direction_.push_back(BentBy(rest));
   }
-  // A wire whose last section is curved is curved to its proximal end.
+  // If the last section is curved, the wire is curved up to its proximal end.
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
   most_curved_ = std::min(first_straight_, max_segments_);
 
@@ -124,7 +124,7 @@ void WireModel::ReplaceJoints(const std::vector<Joint>& joints,
   twisting_ = twisting;
   stack_spins_ = count;
   first_spin_ = first;
-  // What cancels out as the hands are now need not when they turn.
+  // Rests that cancel at the present rotations need not cancel after a turn.
   first_straight_ = 0;
   for (std::size_t k = 0; k < twisting.size(); ++k) {
     for (const TwistingJoint::Share& share : twisting[k].of) {

@@ -1,4 +1,4 @@
-// What does not change about a wire while it is simulated.
+// Wire model: the properties of a wire that stay constant while it is simulated.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,60 +16,60 @@ struct WireSection {
   double rigidity_N_mm2 = 0;      ///< flexural rigidity EI, > 0
   double radius_mm = 0;           ///< > 0
   double curvature_1_per_mm = 0;  ///< intrinsic (rest) curvature towards the wire's first normal
-  double curvature_2_per_mm = 0;  ///< the same towards its second normal
-  /// Torsional rigidity GJ, > 0 everywhere; or 0 everywhere: a wire that does not twist at all.
+  double curvature_2_per_mm = 0;  ///< same, towards its second normal
+  /// Torsional rigidity GJ, > 0 everywhere; or 0 everywhere for a wire that does not twist at all.
   double torsional_rigidity_N_mm2 = 0;
 };
 
-/// Where the wire enters the vessel: the end of the sheath, which clamps it.
+/// End of the sheath: the point at which the wire enters the vessel and is clamped.
 struct Sheath {
   Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit
 };
 
-/// The unit direction, in the frame (first normal, second normal, tangent), of a segment whose
-/// joint is bent by an angle towards the first and second normal, rad.
+/// Unit direction of a segment whose joint is bent by an angle towards the first and second normal,
+/// rad. Given in the frame (first normal, second normal, tangent).
 Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad);
 
-/// A wire cut into segments. Everything is indexed by the number of segments between a node (or
-/// the joint at it) and the distal end, because that is what stays the same when the wire moves.
+/// A wire cut into segments. The index is the number of segments between a node (or the joint at
+/// it) and the distal end. It stays the same while the wire moves.
 class WireModel {
  public:
-  /// `sections` in ascending from_tip_mm, at least one; the last continues proximally for ever.
-  /// `tip_mm`: length of the tip, the part that the paper's method treats as curved; 0 if none.
+  /// `sections` in ascending from_tip_mm, at least one; the last continues proximally without end.
+  /// `tip_mm`: length of the tip, the part that the paper's method treats as curved; 0 for no tip.
   /// Throws std::invalid_argument naming the field, its value and the valid range.
   WireModel(double segment_mm, std::vector<WireSection> sections, double tip_mm,
             double max_length_mm, BendingLaw law, const Sheath& sheath);
 
-  /// What a joint is, and the segment distal of it.
+  /// Properties of a joint, and of the segment distal of it.
   struct Joint {
     double rigidity_N_mm2;
     double radius_mm;
-    Eigen::Vector2d rest_rad;  ///< angle by which it rests bent, towards first and second normal
+    Eigen::Vector2d rest_rad;  ///< rest angle, towards first and second normal
   };
-  /// Replaces all joints: for instruments that slide within each other, whose sum is not the same
-  /// as before when they have moved (stack/instrument_stack.h). Joint k is `from_tip` k; the last
-  /// goes on proximally. `tip_segments`: as tip_mm says it. Only of a wire that does not twist. No
-  /// heap.
+  /// Replaces all joints. Instruments that slide within each other need this after a move, because
+  /// their sum changes (stack/instrument_stack.h). Joint k is `from_tip` k; the last continues
+  /// proximally. `tip_segments`: the tip's length, like tip_mm, in segments. Only for a wire that
+  /// does not twist. No heap.
   void ReplaceJoints(const std::vector<Joint>& joints, int tip_segments);
 
-  /// What instruments that twist, each by itself, are at a joint of the rod that they make
-  /// together. The joint rests at the sum of weight times rest_rad, each turned with its own
-  /// instrument (README (30)).
+  /// Instruments, each with its own twist, at a joint of their common rod. The joint rests at the
+  /// sum of weight times rest_rad, each turned with its own instrument (README (30)).
   struct TwistingJoint {
     struct Share {
-      Eigen::Vector2d rest_rad = Eigen::Vector2d::Zero();  ///< as Joint::rest_rad, by itself
-      double weight = 0;                                   ///< of its rest in that of the rod, 0..1
-      /// GJ, > 0. Goes on beyond its tip, where nothing turns it.
+      Eigen::Vector2d rest_rad =
+          Eigen::Vector2d::Zero();  ///< like Joint::rest_rad, for the instrument alone
+      double weight = 0;            ///< of its rest in the rest of the rod, 0..1
+      /// GJ, > 0. Continues beyond its tip, where no torque acts.
       double torsional_rigidity_N_mm2 = 0;
     };
     std::array<Share, kMostInstruments> of;  ///< by instrument
-    /// [a][b], a < b: EI with which two that rest differently hold each other bent, N mm^2
+    /// [a][b], a < b: EI with which two instruments of different rest bend each other, N mm^2
     /// (README (38)).
     std::array<std::array<double, kMostInstruments>, kMostInstruments> mutual_N_mm2 = {};
   };
-  /// The same of `count` >= 1 instruments of a stack that twist, the innermost of which is number
-  /// `first`; one for each of `joints`.
+  /// The same for `count` >= 1 instruments of a stack that twist; the innermost is number `first`.
+  /// `twisting` has one entry for each of `joints`.
   void ReplaceJoints(const std::vector<Joint>& joints, const std::vector<TwistingJoint>& twisting,
                      int first, int count, int tip_segments);
 
@@ -79,30 +79,30 @@ class WireModel {
   double max_length_mm() const { return max_length_mm_; }  ///< insertion never exceeds this
   BendingLaw law() const { return law_; }
   const Sheath& sheath() const { return sheath_; }
-  /// A unit vector across the sheath's direction: the first normal of an unrotated wire there.
+  /// Unit vector across the sheath's direction: the first normal there of an unrotated wire.
   const Eigen::Vector3d& sheath_normal() const { return sheath_normal_; }
 
   /// EI of the joint `from_tip` segments from the distal end, N mm^2.
   double rigidity_N_mm2(int from_tip) const { return rigidity_[Clamp(from_tip)]; }
   double radius_mm(int from_tip) const { return radius_[Clamp(from_tip)]; }
-  /// Whether the wire twists under a torque. Otherwise its distal end turns as the proximal one.
+  /// True if the wire twists under a torque. Otherwise its distal end turns like the proximal one.
   bool twists() const { return !torsional_rigidity_.empty(); }
-  /// How many spins a segment has: 0 where nothing twists, 1 of a lone wire that does, and one for
-  /// each instrument of a stack of those.
+  /// Number of spins of a segment: 0 without twist, 1 for a lone wire that twists. A stack that
+  /// twists has one for each instrument.
   int spins() const { return twists() ? 1 : stack_spins_; }
-  /// True of a rod of instruments of a stack that twist, each by itself.
+  /// True for a rod of instruments that twist, each by itself.
   bool stack_twists() const { return stack_spins_ > 0; }
-  /// The instrument whose spin is a segment's first in such a rod; the others follow.
+  /// In such a rod: the instrument of the first spin of a segment. The other spins follow in order.
   int first_spin() const { return first_spin_; }
-  /// The joint of such a rod.
+  /// Joint of such a rod.
   const TwistingJoint& twisting_joint(int from_tip) const { return twisting_[Clamp(from_tip)]; }
-  /// GJ of the joint, N mm^2. Only of a wire that twists.
+  /// GJ of the joint, N mm^2. Only for a wire that twists.
   double torsional_rigidity_N_mm2(int from_tip) const {
     return torsional_rigidity_[Clamp(from_tip)];
   }
   /// Joints at and beyond this distance from the tip rest straight.
   int first_straight_joint() const { return first_straight_; }
-  /// The largest that first_straight_joint() will ever be.
+  /// Upper bound of first_straight_joint().
   int most_curved_joints() const { return most_curved_; }
   /// Unit direction in which the distal segment of a joint rests, in the frame (untwisted normal,
   /// second normal, tangent) of the proximal one. (0, 0, 1) from first_straight_joint() on.
@@ -129,7 +129,7 @@ class WireModel {
   std::vector<double> rigidity_;
   std::vector<double> radius_;
   std::vector<double> torsional_rigidity_;  // empty for a wire that does not twist
-  std::vector<TwistingJoint> twisting_;     // of a stack that twists
+  std::vector<TwistingJoint> twisting_;     // for a stack that twists
   int stack_spins_ = 0;
   int first_spin_ = 0;
   std::vector<Eigen::Vector3d> rest_direction_;

@@ -14,13 +14,13 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Products and conjugates of unit complex numbers, whose angles add up.
+// Products and conjugates of unit complex numbers; their angles add up.
 Vector2d Times(const Vector2d& a, const Vector2d& b) {
   return {a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]};
 }
 Vector2d Conjugate(const Vector2d& a) { return {a[0], -a[1]}; }
 
-// The angle with a cosine and a sine; without the library's function where it is small.
+// Angle from its cosine and sine; small angles avoid the library function.
 double Angle(double cosine, double sine) {
   const double square = sine * sine;
   if (!(cosine > 0) || square > 4e-3) return std::atan2(sine, cosine);
@@ -63,7 +63,8 @@ WireState WireState::Along(const WireModel& model, const std::vector<Vector3d>& 
   const int n = std::max(1, static_cast<int>(std::floor(state.insertion_mm_ / lambda + 0.5)));
   state.first_segment_mm_ = state.insertion_mm_ - (n - 1) * lambda;
 
-  // Follow the leader: the next node is where the path leaves the sphere around the last one.
+  // Follow-the-leader: the next node is the point at which the path leaves the sphere around the
+  // last node.
   std::size_t leg = 0;
   Vector3d at = model.sheath().point_mm;
   Vector3d direction = model.sheath().direction;
@@ -186,7 +187,7 @@ void WireState::UpdateFrames(const WireModel& model) {
     const Vector3d* const to = &tangents_[i];
     const Vector3d* const to_normal = &normals_[i];
     product = Times(product, FrameTurn(*from, *normal, *to, *to_normal));
-    // Now and then is enough: a factor is off by rounding alone.
+    // Occasional normalization suffices, because each factor is off only by rounding.
     if (i % 32 == 31) product.normalize();
     from = to;
     normal = to_normal;
@@ -217,7 +218,7 @@ void WireState::TurnDistal(const WireModel& model, const std::vector<Vector3d>& 
   PlaceAgain(model);
 }
 
-// How the reference twist of the joints beyond a segment changes with that segment's tangent.
+// Updates the reference twist of the joints beyond a segment whose tangent has changed.
 void WireState::TurnReference(const WireModel& model, int segment, const Vector3d& old_tangent,
                               const Vector3d& old_normal) {
   const int n = segments();
@@ -275,7 +276,7 @@ void WireState::Step(const WireModel& model, const WireState& from,
     const Vector3d longer = u + frames[i] * xi;  // (4)
     const double length = longer.norm();
     const Vector3d tangent = longer / length;
-    // ParallelTransport(normal, u, tangent), whose scalar products are known here.
+    // ParallelTransport(normal, u, tangent), with scalar products that are known here.
     const Vector3d carried = from.normals_[i] - (xi[0] / (1 + length)) * (u + tangent);
     const Vector3d normal = carried - carried.dot(tangent) * tangent;
     tangents_[i] = tangent;
@@ -305,7 +306,7 @@ void WireState::TakeStep(WireState& stepped) {
 
 namespace {
 
-// The rest direction of a joint that stands for `part` of a segment.
+// Rest direction of a joint that stands for the fraction `part` of a segment.
 Vector3d PartOfRest(const Vector3d& rest, double part) {
   const double across = std::hypot(rest[0], rest[1]);
   if (across == 0) return rest;
@@ -347,7 +348,7 @@ Vector3d RestDirection(const WireModel& model, const WireState& state, int joint
     s = turn[1] * twist[0] + turn[0] * twist[1];
   }
   Vector3d rest = model.rest_direction(from_tip);
-  // Next to the sheath a joint stands for another length than a segment's (see JointLength).
+  // Near the sheath a joint stands for a length other than that of a segment (see JointLength).
   if (joint <= 1) {
     const double part = state.first_segment_mm() / model.segment_mm();
     rest = PartOfRest(rest, joint == 0 ? part / 2 : (part + 1) / 2);

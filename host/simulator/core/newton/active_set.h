@@ -1,4 +1,4 @@
-// Which points near the wall feel it in the model of a step.
+// Active set: points with a contact spring in the current quadratic model.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,33 +10,34 @@
 
 namespace torquer {
 
-/// A step of a curve, and the displacement of every segment's proximal node by it.
+/// Step of a curve, with the resulting displacement of every segment's proximal node.
 struct CurveStep {
   const std::vector<Eigen::Vector2d>& xi;
   const std::vector<Eigen::Vector3d>& displacement_mm;
 };
 
-/// In the model every near point is a one-sided spring; those in the set act. One entry for each of
-/// Expansion::springs. No heap after construction.
+/// Active set of the wall springs. In the model every near point is a one-sided spring; springs in
+/// the set act. One entry for each of Expansion::springs. No heap after construction.
 class ActiveSet {
  public:
-  /// `points`: the most that a wire has.
+  /// `points`: largest number of points of a wire.
   explicit ActiveSet(std::size_t points);
 
-  /// Takes over which points press, before the wire is moved.
+  /// Stores the points that touch the wall, before the wire is moved.
   void RememberPressed(const Expansion& expansion);
-  /// As at the start: none pressed.
+  /// Resets to the initial state: no stored contacts.
   void Forget();
-  /// The set to begin with. After a move that which pressed before it: sliding along itself, the
-  /// wire cuts corners by more than it is pressed in, and which points press hardly changes.
+  /// Initializes the set. After a move it takes the points that touched before the move. A wire
+  /// that slides along itself cuts corners by more than its penetration, and its contacts hardly
+  /// change.
   void Begin(const Expansion& expansion, bool moved);
-  /// The set after a step: exactly the points that would press. Returns the most distal segment
-  /// with a change, or -1 where there is none.
+  /// Updates the set to exactly the points that would penetrate the wall after a step. Returns the
+  /// most distal segment with a change, or -1 without a change.
   int Update(const WireState& state, const Expansion& expansion, const CurveStep& step);
-  /// The same of points on two curves.
+  /// Like Update, for points on two curves.
   int Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
              const CurveStep& second);
-  /// The model's energy without a step, with this set instead of the points that press, mJ.
+  /// Model energy without a step, with the springs of this set instead of the touching points, mJ.
   double EnergyAtRest(const Expansion& expansion) const;
 
   const std::vector<std::uint8_t>& active() const { return active_; }
@@ -47,22 +48,22 @@ class ActiveSet {
   int UpdateBy(const WireState& state, const Expansion& expansion, MovedBy moved_by);
 
   std::vector<std::uint8_t> active_;
-  std::vector<std::uint8_t> pressed_;  // before the last move; by PointSet::FromTip
+  std::vector<std::uint8_t> pressed_;  // touched before the last move; by PointSet::FromTip
 };
 
-/// The same of the springs between two curves; without a memory, since what lies in a lumen has its
-/// contacts after a move about where they were.
+/// Active set of the springs between two curves. It keeps no memory, because contacts in a lumen
+/// hardly move when the wire is moved.
 class BetweenSet {
  public:
-  /// `springs`: the most that there are.
+  /// `springs`: largest number of springs.
   explicit BetweenSet(std::size_t springs) { active_.reserve(springs); }
 
-  /// Those that touch.
+  /// Initializes the set with the touching springs.
   void Begin(const BetweenCurves& between);
-  /// The set after a step, as ActiveSet::Update.
+  /// Updates the set after a step, like ActiveSet::Update.
   int Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
              const CurveStep& second);
-  /// As ActiveSet::EnergyAtRest.
+  /// Like ActiveSet::EnergyAtRest.
   double EnergyAtRest(const BetweenCurves& between) const;
 
   const std::vector<std::uint8_t>& active() const { return active_; }

@@ -1,4 +1,4 @@
-// How a wire will relax after a feed, from how it did after the feed before.
+// Feed prediction: extrapolates the relaxation after a feed from that after the previous feed.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,18 +10,18 @@
 
 namespace torquer {
 
-/// A feed is much like the one before. How every segment turned while the wire came to rest after
-/// the last one, in proportion to their lengths, is added at once after the next (README, section
-/// 8). Segments are counted from the tip. No heap after construction.
+/// Predicts the relaxation after a feed (README, section 8). It repeats the turn of every segment
+/// during the relaxation after the previous feed, scaled by the ratio of the feed lengths.
+/// Segments are counted from the tip. No heap after construction.
 class FeedPrediction {
  public:
   explicit FeedPrediction(const WireModel& model);
 
-  /// Nothing to go by: the next feed is not predicted.
+  /// Forgets the previous feed: the next feed is not predicted.
   void Forget() { fed_mm_ = 0; }
-  /// Feeds the state to `to_mm` (WireState::Feed) and turns it by what is predicted: nothing where
-  /// the hand turned back, fed more than six times as much, or a segment would turn by more than
-  /// 0.1 rad.
+  /// Feeds the state to `to_mm` (WireState::Feed) and applies the predicted turns. Predicts nothing
+  /// if the hand turned back, if it fed more than six times as much, or if a segment would turn by
+  /// more than 0.1 rad.
   void Feed(const WireModel& model, double to_mm, WireState& state);
   std::uint64_t Hash(std::uint64_t seed) const;
 
@@ -29,8 +29,8 @@ class FeedPrediction {
   void Turn(const WireModel& model, double ratio, WireState& state);
 
   std::vector<Eigen::Vector3d> fed_;    // tangents right after the last feed
-  std::vector<Eigen::Vector3d> drift_;  // how they have turned since, rad; the most distal first
-  double fed_mm_ = 0;                   // the last feed; 0 if none to go by
+  std::vector<Eigen::Vector3d> drift_;  // their turns since then, rad; the most distal first
+  double fed_mm_ = 0;                   // last feed; 0 without one
 };
 
 }  // namespace torquer

@@ -1,12 +1,13 @@
-// A front: the least cost of all segments beyond the cuts of its curves, and its elimination
-// segment by segment (README, section 6).
+// Front: the minimum cost of all segments beyond the cuts of its curves, eliminated segment by
+// segment (README, section 6).
 //
 // A front has a slot for each curve. Slot of a curve at cut i, between segments i - 1 and i:
 //   dx      displacement of node i                                3 rows
 //   eta     step of segment i - 1                                 2 rows
 //   roll    turn of segment i - 1 that follows from the steps     1 row, or
 //           spin of segment i - 1, of each instrument             kSpins rows
-// Each curve is at any cut. Advance takes one of them to the cut before; Touch couples two.
+// The curves' cuts are independent. Advance moves one curve to the cut before; Touch couples two
+// curves.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,7 +19,7 @@
 
 namespace torquer {
 
-/// Rows of a slot with so many free spins; with none, the roll follows.
+/// Rows of a slot with `spins` free spins; without any, one row holds the dependent roll.
 constexpr int SlotRows(int spins) { return 5 + (spins > 0 ? spins : 1); }
 /// Unknowns of a segment: the control.
 constexpr int SlotControls(int spins) { return 2 + spins; }
@@ -32,45 +33,47 @@ struct FrontSegment {
   const Frame& frame;
   const Eigen::Vector3d& tangent;
   const JointTerms& joint;
-  const LoadTerms* load = nullptr;    ///< null: none
-  const TurnTerms* turn = nullptr;    ///< of a roll that follows; null: nothing rests curved
-  const StackTerms* spins = nullptr;  ///< of free spins
+  const LoadTerms* load = nullptr;    ///< null without load
+  const TurnTerms* turn = nullptr;    ///< for a dependent roll; null if nothing rests curved
+  const StackTerms* spins = nullptr;  ///< for free spins
   double bend_weight_mJ = 0;          ///< proximal weight on the step
-  OfInstruments spin_weight_mJ = {};  ///< and on each spin
+  OfInstruments spin_weight_mJ = {};  ///< same, on each spin
 };
 
-/// The control of a segment is -(of_slots z + constant), z being the slots at the cut before it.
+/// Gain of a segment: its control is -(of_slots z + constant), z being the slots at the cut before
+/// it.
 struct FrontGain {
   double of_slots[kMostControls][kMostFrontRows];
   double constant[kMostControls];
 };
 
-/// The quadratic function V(z) = z'P z/2 + g'z of the slots z that everything beyond the cuts costs
-/// at best. `kRows` is the sum of the slots' rows.
+/// Minimum cost of everything beyond the cuts: the quadratic function V(z) = z'P z/2 + g'z of the
+/// slots z. `kRows` is the sum of the slots' rows.
 template <int kRows>
 struct Front {
   static constexpr int kColumns = (kRows + 1) / 2 * 2;  // so that rows are aligned
   alignas(16) double p[kRows][kColumns] = {};
   alignas(16) double g[kColumns] = {};
-  double force_N[2][3] = {};  ///< by slot: sum of the gradients of the loads beyond
+  double force_N[2][3] = {};  ///< by slot: sum of the gradients of the loads beyond the cut
   double decrease_mJ = 0;
 
-  /// Eliminates segment i of the curve whose slot begins at row kAt. The slot is at cut i + 1, and
-  /// at cut i afterwards. False where the pivot is not positive definite.
+  /// Eliminates segment i of the curve whose slot begins at row kAt. The slot moves from cut i + 1
+  /// to cut i. Returns false if the pivot is not positive definite.
   template <int kAt, int kSpins>
   bool Advance(const FrontSegment& segment, FrontGain& gain);
 
-  /// Adds what couples two curves at cuts i + 1, whose slots begin at rows 0 and kOther.
-  /// `first_slot`: 0 or 1, that of the first curve of `terms`.
+  /// Adds the coupling of two curves at cuts i + 1; their slots begin at rows 0 and kOther.
+  /// `first_slot`: 0 or 1, the slot of the first curve of `terms`.
   template <int kOther>
   void Touch(const BetweenCurves::Terms& terms, int first_slot);
 
-  /// The same of what couples spins with steps and each other. `rows`: of each instrument's spin.
+  /// Adds the coupling of spins with steps and with each other. `rows`: row of each instrument's
+  /// spin.
   template <int kOther>
   void Touch(const BetweenCurves::SpinTerms& terms, int first_slot,
              const std::array<int, kMostInstruments>& rows);
 
-  /// Takes over the front of one curve, whose slot begins at row kAt here.
+  /// Copies the front of one curve, whose slot begins at row kAt here.
   template <int kAt, int kSlotRows>
   void Take(const Front<kSlotRows>& alone);
 
@@ -82,7 +85,8 @@ struct Front {
     double s[kControls][kControls];             // with itself: the pivot
     double c[kControls];                        // gradient
   };
-  // Parts of Advance, apart to be read: calls would cost a third of it.
+  // Parts of Advance, separate for readability; inlined, since calls would cost a third of its
+  // time.
   template <int kAt, int kSpins>
   [[gnu::always_inline]] inline void Substitute(const FrontSegment& segment,
                                                 Couplings<SlotControls(kSpins)>& w) const;
@@ -178,7 +182,7 @@ bool Front<kRows>::Advance(const FrontSegment& segment, FrontGain& gain) {
   return Eliminate(w, gain);
 }
 
-// f = B'P, s = B'P B and c = B'g, where B puts the control into the slot at cut i + 1: by (15) a
+// Computes f = B'P, s = B'P B and c = B'g. B puts the control into the slot at cut i + 1. By (15) a
 // step moves node i + 1, is the step before the cut, and turns the frame by (36).
 template <int kRows>
 template <int kAt, int kSpins>
@@ -229,8 +233,8 @@ void Front<kRows>::Substitute(const FrontSegment& segment,
   }
 }
 
-// The slot at cut i, without the segment's own terms: node i takes node i + 1 along, a roll that
-// follows goes on, and nothing depends on other steps or spins yet.
+// Renews the slot at cut i, without the segment's own terms. Node i takes node i + 1 along, and a
+// dependent roll continues. Nothing depends on other steps or spins yet.
 template <int kRows>
 template <int kAt, int kSpins>
 void Front<kRows>::Renew(const FrontSegment& segment, Couplings<SlotControls(kSpins)>& w) {
@@ -294,8 +298,8 @@ void Front<kRows>::AddJoint(const FrontSegment& segment, Couplings<kControls>& w
   }
 }
 
-// A joint that rests curved feels the roll before it; its gradient is in those of the
-// steps.
+// A joint that rests curved depends on the roll before it. The gradient of that is in the gradients
+// of the steps.
 template <int kRows>
 template <int kAt>
 void Front<kRows>::AddTurn(const RestSpinTerms& rest, Couplings<2>& w) {
@@ -335,8 +339,8 @@ void Front<kRows>::AddSpins(const FrontSegment& segment, Couplings<SlotControls(
   }
 }
 
-// The control that costs least, (20), and what is left, (21) and (22). The pivot is L D L', of
-// which s keeps L D below its diagonal.
+// Finds the optimal control (20), and the remaining cost (21), (22). The pivot is L D L', and s
+// keeps L D below its diagonal.
 template <int kRows>
 template <int kControls>
 bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain) {
@@ -351,14 +355,14 @@ bool Front<kRows>::Eliminate(Couplings<kControls>& w, FrontGain& gain) {
       for (int r = 0; r < kColumns; ++r) w.f[k][r] -= part * w.f[m][r];
       w.c[k] -= part * w.c[m];
     }
-    // Relative, so that a pivot that is zero but for rounding does not pass.
+    // A relative test: it rejects a pivot that is zero up to rounding.
     if (!(w.s[k][k] > 0) || !(pivot > 1e-12 * w.s[k][k])) return false;
     scale[k] = 1 / pivot;
     for (int r = 0; r < kColumns; ++r) solved[k][r] = scale[k] * w.f[k][r];
     gain.constant[k] = scale[k] * w.c[k];
     decrease_mJ += w.c[k] * gain.constant[k] / 2;
   }
-  // All of it, not its upper half: g++ 12 makes wrong code of the copy from one half to the other.
+  // Updates all of it, not its upper half: g++ 12 miscompiles the copy from one half to the other.
   for (int r = 0; r < kRows; ++r) {
     for (int m = 0; m < kColumns; ++m) {
       double sum = w.f[0][r] * solved[0][m];

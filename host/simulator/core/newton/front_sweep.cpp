@@ -32,7 +32,7 @@ FrontSegment FrontSweep::Curve::Segment(int i) const {
     segment.load = &at.loads[static_cast<std::size_t>(load)];
   }
   if (!at.turns.empty()) segment.turn = &at.turns[k];
-  // The softer of its two joints decides.
+  // The softer of its two joints determines the weight.
   segment.bend_weight_mJ =
       weight * std::min(model.rigidity_N_mm2(from_tip), model.rigidity_N_mm2(from_tip - 1));
   const int spins = model.spins();
@@ -77,7 +77,7 @@ bool FrontSweep::SweepOne(const Curve& curve, int first) {
   return true;
 }
 
-// `one` has the first slot, `other` the second; `first_slot` says which of them is the first curve.
+// `one` has the first slot, `other` the second; `first_slot` is the slot of the first curve.
 template <int kSpins, int kOtherSpins>
 bool FrontSweep::SweepSlots(const Curve& one, const Curve& other, int first_slot,
                             const BetweenCurves& between, int first) {
@@ -172,7 +172,7 @@ bool FrontSweep::Factor(const WireModel& model, const WireState& state, const Ex
 bool FrontSweep::Refactor(const WireModel& model, const WireState& state,
                           const Expansion& expansion, double weight, int last_changed) {
   const int checkpoint = (last_changed / kSpacing + 1) * kSpacing;
-  // Beyond the shorter curve no front is kept.
+  // No front is stored beyond the shorter curve.
   const int kept = second_ == nullptr ? state.segments() : state.second()->segments();
   if (checkpoint >= kept) return Factor(model, state, expansion, weight);
   return Sweep(model, state, expansion, weight, checkpoint - 1);
@@ -180,7 +180,7 @@ bool FrontSweep::Refactor(const WireModel& model, const WireState& state,
 
 namespace {
 
-// A curve as the steps from the sheath on move it: its slot, and where its steps go.
+// Output of a curve during the pass from the sheath: its slot, and the destinations of its steps.
 struct Moved {
   double* slot;
   const WireModel& model;
@@ -198,8 +198,8 @@ struct Moved {
     displacement_mm.resize(n);
   }
 
-  // Takes the slot from cut i to cut i + 1. `slots`: of what the gain is a function, `rows` of
-  // them.
+  // Moves the slot from cut i to cut i + 1. `slots`: the arguments of the gain; `rows`: their
+  // number.
   void Advance(int i, const double* slots, int rows) {
     const auto k = static_cast<std::size_t>(i);
     const int spins = model.spins();
@@ -259,7 +259,7 @@ double FrontSweep::Step(const WireModel& model, const WireState& state, const Ex
                second_spin_,
                second_displacement_mm_};
   second.Begin();
-  // Against the order of the sweep.
+  // The order is opposite to that of the sweep.
   Moved* const order[2] = {swapped ? &first : &second, swapped ? &second : &first};
   const int both = second.state.segments();
   for (int i = 0; i < both; ++i) {

@@ -15,10 +15,10 @@
 
 namespace torquer {
 
-/// As RiccatiSweep, which says what its members mean.
+/// Sweep with the members of RiccatiSweep, which documents them.
 class FrontSweep {
  public:
-  /// `second`: the rod on the second curve, which must outlive this; null where there is one curve.
+  /// `second`: the rod on the second curve, which must outlive this; null for one curve.
   FrontSweep(int max_segments, const WireModel* second);
 
   bool Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
@@ -29,7 +29,7 @@ class FrontSweep {
               std::vector<Eigen::Vector2d>& step, std::vector<double>& spin,
               std::vector<Eigen::Vector3d>& displacement_mm);
 
-  /// Steps of the second curve by the last Step.
+  /// Steps of the second curve from the last Step.
   const std::vector<Eigen::Vector2d>& second_step() const { return second_step_; }
   const std::vector<double>& second_spin() const { return second_spin_; }
   const std::vector<Eigen::Vector3d>& second_displacement_mm() const {
@@ -37,7 +37,7 @@ class FrontSweep {
   }
 
  private:
-  // A curve as the sweep reads it, and the place of its gains.
+  // Inputs of the sweep for one curve, and its gains.
   struct Curve {
     const WireModel& model;
     const WireState& state;
@@ -47,12 +47,13 @@ class FrontSweep {
 
     FrontSegment Segment(int i) const;
   };
-  // A front of any size.
+  // Storage for a front of any size.
   struct Checkpoint {
     alignas(16) std::byte front[sizeof(Front<kMostFrontRows>)];
   };
 
-  // All from segment `first` on to the sheath; beyond it is a checkpoint, or the tip.
+  // Sweeps from segment `first` to the sheath. Beyond `first` it starts from a checkpoint or the
+  // tip.
   bool Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
              double weight, int first);
   template <int kSpins>
@@ -69,7 +70,7 @@ class FrontSweep {
   static constexpr int kSpacing = 16;  ///< segments from one checkpoint to the next
   const WireModel* second_;
   std::vector<FrontGain> gains_[2];      ///< by curve and segment
-  std::vector<Checkpoint> checkpoints_;  ///< k: of all segments from k kSpacing on
+  std::vector<Checkpoint> checkpoints_;  ///< entry k: front of all segments from k kSpacing on
   double predicted_decrease_mJ_ = 0;
   std::vector<Eigen::Vector2d> second_step_;
   std::vector<double> second_spin_;

@@ -13,13 +13,14 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 namespace {
-// A balance that is stable but for this weight counts as stable.
+// An equilibrium that is stable with this weight counts as stable.
 constexpr double kStableWeight = 1e-6;
-// Turn of a segment, rad, by which a wire in unstable balance is pushed off it.
+// Turn of a segment, rad, that pushes a wire off an unstable equilibrium.
 constexpr double kPush = 1e-4;
 
-// How much of the way that is left one part goes. All motions go in proportion: by the longest, in
-// parts of `feed_mm` and `turn_rad`, since of a tiny one rounding is all that there is.
+// Fraction of the remaining motion in one part. All motions are proportional, so the longest one
+// defines it, counted in parts of `feed_mm` and `turn_rad`. A tiny motion would consist only of
+// rounding.
 double ShareOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
                   const InstrumentPlaces& goal, double feed_mm, double turn_rad) {
   double longest = 0;
@@ -37,12 +38,12 @@ double ShareOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
   return share;
 }
 
-// How many segments the second curve has less.
+// Number of segments that the second curve lacks against the first.
 int ShortBy(const WireState& state) {
   return state.second() == nullptr ? 0 : state.segments() - state.second()->segments();
 }
 
-// The largest displacement of a node by a step, and by `shift_mm` of each where that is given.
+// Largest displacement of a node by a step, plus its `shift_mm` if given.
 double LongestMm(const WireModel& model, const WireState& curve, const Expansion& at,
                  const CurveStep& step, const std::vector<Vector3d>* shift_mm = nullptr) {
   const auto n = static_cast<std::size_t>(curve.segments());
@@ -106,7 +107,7 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
   step_.reserve(room);
   displacement_mm_.reserve(room);
   if (!kTwists && !kFront) defect_.Reserve(model_.max_segments());
-  // Where two curves change places, so do the numbers of their spins.
+  // Two curves may exchange roles, and then the numbers of their spins.
   spin_step_.reserve(room * (kFront ? kMostInstruments : model_.spins()));
   if (kFront && model_.spins() > 0 && !terms.empty()) {
     balance_.Reserve(model_.max_segments(), wall.points_per_segment);
@@ -159,7 +160,7 @@ template <class Sweep>
 std::uint64_t NewtonMethod<Sweep>::Hash(std::uint64_t seed) const {
   for (const EnergyTerm* term : terms_) seed = term->Hash(seed);
   seed = damping_.Hash(prediction_.Hash(seed));
-  // What a tick that the budget ended hands on to the next.
+  // State that a tick interrupted by the budget passes on to the next.
   seed = HashDouble(iterations_since_move_, seed);
   for (const bool flag : {attempting_, stable_, stalled_, pushed_, part_open_, part_moved_}) {
     seed = HashDouble(flag ? 1 : 0, seed);
@@ -173,7 +174,7 @@ template <class Sweep>
 void NewtonMethod<Sweep>::ExpandTrueLoads(const WireState& state) {
   BringUpToDate(state);
   if (!attempting_) return;
-  // Back from the loads of the model to those of the state.
+  // Restores the loads of the state, which those of the model had replaced.
   BeginModel(state, false);
 }
 
@@ -197,13 +198,13 @@ double NewtonMethod<Sweep>::SolverErrorMm(const WireState& state) {
 template <class Sweep>
 double NewtonMethod<Sweep>::DiscretizationErrorMm(const WireState& state) {
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-  // Of forces that remember, the way counts as well as the place.
+  // Terms with memory depend on the path, not on the position alone.
   const bool remembers = std::any_of(terms_.begin(), terms_.end(),
                                      [](const EnergyTerm* term) { return term->Dissipates(); });
   if (kTwists || kFront || remembers) return kUnknown;
   if (state.segments() == 0) return 0;
   ExpandTrueLoads(state);
-  // Which points touch, and where a tip sinks in, is no smooth function of the mesh.
+  // The set of touching points, and the sinking-in of a tip, are no smooth functions of the mesh.
   if (current_.max_penetration_mm > 0) return kUnknown;
   trial_expansion_ = current_;
   defect_.Put(model_, state, trial_expansion_);
@@ -219,7 +220,7 @@ bool NewtonMethod<Sweep>::Arrived(const InstrumentPlaces& goal, const WireState&
 
 template <class Sweep>
 void NewtonMethod<Sweep>::Begin(WireState& state) {
-  // What the budget cut short goes on as it was begun, unless the vessel has moved under it.
+  // Continues an interrupted part as it was begun, unless the vessel has moved since.
   const bool still = field_.TravelMm() == travel_mm_;
   if (!part_open_ || !still) {
     BeginPart(state);
@@ -248,7 +249,7 @@ void NewtonMethod<Sweep>::BeginPart(const WireState& state) {
   for (EnergyTerm* term : terms_) term->Begin(current_.points);
   part_open_ = true;
   part_moved_ = false;
-  // What the terms took over may have changed the energy.
+  // Begin of the terms may have changed the energy.
   up_to_date_ = up_to_date_ && terms_.empty();
 }
 
@@ -264,7 +265,7 @@ void NewtonMethod<Sweep>::BringUpToDate(const WireState& state) {
   up_to_date_ = true;
 }
 
-// A wire that the budget left as it was moved is relaxed before it is moved again.
+// A wire that the budget left moved but not relaxed is relaxed before the next move.
 template <class Sweep>
 bool NewtonMethod<Sweep>::MayMove() const {
   return current_.residual <= std::max(settings_.part_tolerance, settings_.tolerance) ||
@@ -276,7 +277,7 @@ int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
   const InstrumentPlaces here = state.places();
   const double feed_mm = std::min(settings_.max_feed_mm, model_.segment_mm() / 2);
   const InstrumentPlaces next = stack().Towards(goal, here, feed_mm, settings_.max_turn_rad);
-  // To the terms each part is a tick: what they remember does not depend on how far a tick goes.
+  // For the terms each part is a tick, so their memory does not depend on the length of a tick.
   if (part_moved_) {
     EndPart();
     BeginPart(state);
@@ -289,7 +290,7 @@ int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
   active_set_.RememberPressed(current_);
   MoveTo(next, state);
 
-  // What was wound up is gone with the wire: begun again, it does the same again.
+  // An empty state keeps no twist. Without these memories too, a restart repeats the same motion.
   if (state.segments() == 0) {
     damping_.ForgetMoves();
     prediction_.Forget();
@@ -327,7 +328,7 @@ void NewtonMethod<Sweep>::MoveTo(const InstrumentPlaces& next, WireState& state)
   if (alone) state.Rotate(next[0].rotation_rad);
 }
 
-// Where the other curve is to lead, both reach as far before or after the move (Towards).
+// If the other curve is about to lead, both have the same reach before or after the move (Towards).
 template <class Sweep>
 void NewtonMethod<Sweep>::MoveBothTo(const InstrumentPlaces& next, WireState& state) {
   const WireModel& second = *stack().second_rod();
@@ -343,7 +344,7 @@ void NewtonMethod<Sweep>::MoveBothTo(const InstrumentPlaces& next, WireState& st
   if (equal) exchange_when_equal();
   state.MoveBoth(model_, second, next);
   prediction_.Feed(model_, next.reach_mm(), state);
-  double reach_mm = 0;  // of the curve that is the second now
+  double reach_mm = 0;  // reach of the present second curve
   for (int k = 0; k < next.size(); ++k) {
     if (&state.CurveOf(k) == state.second()) reach_mm = std::max(reach_mm, next[k].insertion_mm);
   }
@@ -354,8 +355,8 @@ void NewtonMethod<Sweep>::MoveBothTo(const InstrumentPlaces& next, WireState& st
   state.UpdateCurves(model_, second);
 }
 
-// Inside another instrument it is that one's surface that touches the wall, and that goes its own
-// way. A wire that twists takes its surface along with its normals.
+// Inside another instrument, the outer instrument's surface touches the wall and follows its own
+// hand. A wire that twists moves its surface along with its normals.
 template <class Sweep>
 void NewtonMethod<Sweep>::MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next) {
   if (kTwists) return;
@@ -375,11 +376,11 @@ void NewtonMethod<Sweep>::MoveSurfaces(const InstrumentPlaces& here, const Instr
 template <class Sweep>
 bool NewtonMethod<Sweep>::AtRest(WireState& state) {
   if (stalled_) return true;
-  if (attempting_) return false;  // current_ holds the loads of the model then
+  if (attempting_) return false;  // current_ then holds the loads of the model
   BringUpToDate(state);
   if (state.segments() == 0) return true;
   if (current_.residual > settings_.tolerance) return false;
-  // The step that says how far it is has a minimum to go to: the balance is stable.
+  // A finite solver error implies that the step has a minimum, so the equilibrium is stable.
   if (settings_.tolerance_mm > 0 && SolverErrorMm(state) > settings_.tolerance_mm) return false;
   if (Stable(state)) return true;
   if (!pushed_) PushOff(state);
@@ -408,7 +409,7 @@ void NewtonMethod<Sweep>::Relax(WireState& state, TickReport& report) {
     record.step_scale = scale;
     record.expected_mJ = model.expected_mJ;
     record.gained_mJ = current_.energy_mJ - trial_expansion_.energy_mJ;
-    // Close to the minimum the gain drowns in the rounding of the energy; there the residual
+    // Near the minimum the gain is below the rounding error of the energy; then the residual
     // decides.
     const double rounding = 1e-12 * std::abs(current_.energy_mJ);
     record.accepted =
@@ -459,7 +460,7 @@ double NewtonMethod<Sweep>::StepScale() const {
   return longest > settings_.max_step_rad ? settings_.max_step_rad / longest : 1;
 }
 
-// The model with the springs that act in the sets.
+// Sums the loads of the model with the springs of the active sets.
 template <class Sweep>
 void NewtonMethod<Sweep>::ModelLoads(const WireState& state) {
   mechanics_.Model(state, active_set_.active(), current_);
@@ -473,7 +474,7 @@ void NewtonMethod<Sweep>::BeginModel(const WireState& state, bool moved) {
   ModelLoads(state);
 }
 
-// The most distal segment with a change of the sets by the step, or -1.
+// Updates the sets for the step; returns the most distal segment with a change, or -1.
 template <class Sweep>
 int NewtonMethod<Sweep>::UpdateModel(const WireState& state) {
   const CurveStep step{step_, displacement_mm_};
@@ -494,8 +495,8 @@ double NewtonMethod<Sweep>::EnergyAtRest() const {
   return sum;
 }
 
-// Minimizes the model in which every near point has a one-sided spring, by Newton's method on its
-// piecewise quadratic.
+// Minimizes the model, in which every near point has a one-sided spring. This is Newton's method on
+// a piecewise quadratic function.
 template <class Sweep>
 typename NewtonMethod<Sweep>::Solution NewtonMethod<Sweep>::SolveModel(const WireState& state) {
   constexpr int kRounds = 6;
@@ -525,7 +526,8 @@ void NewtonMethod<Sweep>::GiveUp(WireState& state) {
   attempting_ = false;
 }
 
-// Whether a state in balance is a minimum: pushed head-on a straight wire is in balance too.
+// True if a state in equilibrium is a minimum: a straight wire pushed head-on is in equilibrium
+// too.
 template <class Sweep>
 bool NewtonMethod<Sweep>::Stable(const WireState& state) {
   if (!stable_) stable_ = sweep_.Factor(model_, state, current_, kStableWeight);
@@ -534,7 +536,7 @@ bool NewtonMethod<Sweep>::Stable(const WireState& state) {
 
 template <class Sweep>
 void NewtonMethod<Sweep>::PushOff(WireState& state) {
-  // Every shape gets its part; which way is arbitrary, and always the same.
+  // A pseudo-random push excites every shape; its direction is arbitrary, but always the same.
   step_.resize(state.tangents().size());
   std::uint32_t random = 1;
   for (Vector2d& xi : step_) {
@@ -546,7 +548,7 @@ void NewtonMethod<Sweep>::PushOff(WireState& state) {
   spin_step_.assign(step_.size() * static_cast<std::size_t>(model_.spins()), 0);
   trial_.Step(model_, state, current_.frames, step_, spin_step_, 1);
   if (kFront && two_curves_) {
-    // Both alike: what lies in a lumen goes along.
+    // Both curves get the same push, because the inner instruments move along in the lumen.
     second_push_.assign(step_.begin(), step_.begin() + state.second()->segments());
     const auto spins = static_cast<std::size_t>(stack().second_rod()->spins());
     second_push_spin_.assign(second_push_.size() * spins, 0);

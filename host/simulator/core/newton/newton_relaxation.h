@@ -1,8 +1,7 @@
-// Equilibrium by Newton's method on the product of spheres, anytime.
+// Newton's method for the equilibrium on the product of spheres; it can stop at any time.
 //
-// Relaxing reads: solve the model -> step -> accept or refuse. The method and its figures are
-// derived in core/README.md, sections 6 to 8; when it moves and when it relaxes is in
-// relaxation.cpp.
+// Relaxing repeats: solve the model, step, accept or refuse. Sections 6 to 8 of core/README.md
+// derive the method and its constants. relaxation.cpp decides when it moves and when it relaxes.
 #pragma once
 
 #include <memory>
@@ -25,26 +24,26 @@ struct NewtonSettings {
   /// Out-of-balance moment over EI/(1 mm) at which a tick ends converged. 1e-2 .. 1e-9; below
   /// about 1e-10 rounding decides.
   double tolerance = 1e-6;
-  /// Largest SolverErrorMm at which a tick ends converged, in addition; 0: whatever it is.
+  /// Largest SolverErrorMm at which a tick ends converged, in addition; 0 for no limit.
   double tolerance_mm = 0;
-  /// Longest feed, mm, before the wire is relaxed again; longer commands are split. At most half
-  /// a segment is used whatever stands here.
+  /// Longest feed, mm, before the wire is relaxed again; longer commands are split. Limited to half
+  /// a segment in any case.
   double max_feed_mm = 0.25;
   /// Largest rotation, rad, before the wire is relaxed again.
   double max_turn_rad = 0.2;
   /// Largest turn of one segment in one step, rad; longer steps are shortened as a whole.
   double max_step_rad = 0.5;
-  /// Residual at which the next part of a split command may follow; the last part is relaxed to the
-  /// tolerance. Parts that are relaxed less let friction lead the wire another way.
+  /// Residual at which the next part of a split command may follow. The last part is relaxed to the
+  /// tolerance. Larger values let friction lead the wire along another path.
   double part_tolerance = 1e-4;
-  /// Iterations after which it follows all the same: a jammed wire that hardly comes to rest still
-  /// goes where its hands want it.
+  /// Number of iterations after which the next part follows in any case. So a jammed wire that
+  /// hardly comes to rest still follows its hands.
   int most_iterations_a_part = 12;
 };
 
-/// `Sweep`: what finds its steps; RiccatiSweep of a lone wire and of instruments on one curve that
-/// do not twist, FrontSweep of all others. A unit of work is a part of the motion, or an attempt at
-/// a step.
+/// `Sweep`: solver of the model. RiccatiSweep serves a lone wire and instruments on one curve that
+/// do not twist; FrontSweep serves all others. A unit of work is a part of the motion, or an
+/// attempt at a step.
 template <class Sweep>
 class NewtonMethod final : public Relaxation {
  public:
@@ -63,9 +62,9 @@ class NewtonMethod final : public Relaxation {
   double DiscretizationErrorMm(const WireState& state) override;
 
  private:
-  // What the model of the energy says of its minimum.
+  // Minimum of the energy model.
   struct Solution {
-    double expected_mJ = -1;  // decrease; negative: there is no minimum, or none was found
+    double expected_mJ = -1;  // decrease; negative if the model has no minimum or none was found
     int rounds = 0;
   };
 
@@ -81,7 +80,7 @@ class NewtonMethod final : public Relaxation {
     }
   }
 
-  // What both public constructors do.
+  // Common part of both public constructors.
   template <class Wires>
   NewtonMethod(std::in_place_t both, Wires& wires, const ClearanceField& field,
                const WallModel& wall, const NewtonSettings& settings,
@@ -95,7 +94,7 @@ class NewtonMethod final : public Relaxation {
   void Relax(WireState& state, TickReport& report) override;
   void End(const WireState& state, bool settled, TickReport& report) override;
 
-  // To the terms every part of a motion is what they call a relaxation.
+  // For the terms, every part of a motion is one relaxation: Begin .. End.
   void BeginPart(const WireState& state);
   void EndPart();
   void FindPressed(const WireState& state);
@@ -126,26 +125,27 @@ class NewtonMethod final : public Relaxation {
   BetweenSet between_set_;
   Damping damping_;
   FeedPrediction prediction_;
-  Expansion current_;  // of the state, where up_to_date_
+  Expansion current_;  // of the state if up_to_date_
   Expansion trial_expansion_;
   WireState trial_;
   std::vector<Eigen::Vector2d> step_;
-  std::vector<double> spin_step_;  // the same about the tangents, the model's spins a segment
-  std::vector<Eigen::Vector3d> displacement_mm_;  // of every segment's proximal node, by the step
-  std::vector<Eigen::Vector2d> second_push_;      // of the second curve, off an unstable balance
-  std::vector<double> second_push_spin_;          // none: zeros
+  std::vector<double> spin_step_;  // same for the spins; model.spins() per segment
+  std::vector<Eigen::Vector3d>
+      displacement_mm_;                       // of every segment's proximal node due to the step
+  std::vector<Eigen::Vector2d> second_push_;  // of the second curve, off an unstable equilibrium
+  std::vector<double> second_push_spin_;      // all zeros
   DiscretizationDefect defect_;
-  HandForces balance_;    // of each instrument, for terms that act between them
-  double travel_mm_ = 0;  // of the vessel, in current_
+  HandForces balance_;    // of each instrument; for terms that act between instruments
+  double travel_mm_ = 0;  // travel of the vessel at current_
   int iterations_since_move_ = 0;
   bool up_to_date_ = true;
-  bool attempting_ = false;  // an iteration has begun, and no attempt of it was taken
-  bool moved_ = false;       // and no step taken since
+  bool attempting_ = false;  // an iteration has begun, and none of its attempts was accepted
+  bool moved_ = false;       // the wire was moved, and no step accepted since
   bool stalled_ = false;     // no step improves the wire
-  bool pushed_ = false;      // off an unstable balance, in this part
-  bool part_open_ = false;   // the terms have begun it, and it is not at its end
-  bool part_moved_ = false;  // and the wire was moved since
-  bool stable_ = false;  // the Hessian was positive definite where the state is, or a step before
+  bool pushed_ = false;      // pushed off an unstable equilibrium, in this part
+  bool part_open_ = false;   // the terms have begun a part that has not ended
+  bool part_moved_ = false;  // the wire was moved in this part
+  bool stable_ = false;      // the Hessian was positive definite at the state, or one step before
 };
 
 extern template class NewtonMethod<RiccatiSweep<BendStage>>;

@@ -8,7 +8,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// (p M) for a symmetric p given by its upper triangle, and a frame by its rows.
+// Product p M of a symmetric p, given by its upper triangle, and a frame, given by its rows.
 inline void Multiply(const Pair (&p)[6], const Pair (&t)[3], Pair (&out)[3]) {
   out[0] = p[0] * t[0] + p[1] * t[1] + p[2] * t[2];
   out[1] = p[1] * t[0] + p[3] * t[1] + p[4] * t[2];
@@ -51,7 +51,7 @@ bool RiccatiSweep<Stage>::Refactor(const WireModel& model, const WireState& stat
                checkpoints_[static_cast<std::size_t>(checkpoint)]);
 }
 
-// The spin's couplings: b with dx, xi, the step and the spin before.
+// Eliminates the spin. Its couplings: b with dx, xi, the step and the spin before.
 template <class Stage>
 bool RiccatiSweep<Stage>::EliminateSpin(const TwistTerms& twist, double weight, Pair length,
                                         const Pair (&t)[3], CostToGo& v, StageCost& w, Gain& gain) {
@@ -100,8 +100,8 @@ bool RiccatiSweep<Stage>::EliminateSpin(const TwistTerms& twist, double weight, 
   return true;
 }
 
-// Beyond node i + 1 the cost has the turn zeta_i of segment i, which is that of the segment before
-// and what the steps of joint i turn (README (36)).
+// Substitutes the turn zeta_i of segment i in the cost beyond node i + 1. It is the turn of the
+// segment before plus the turn by the steps of joint i (README (36)).
 template <class Stage>
 void RiccatiSweep<Stage>::SubstituteSpin(const TurnTerms& turn, Pair length, const Pair (&t)[3],
                                          const CostToGo& v, StageCost& w) {
@@ -130,12 +130,12 @@ void RiccatiSweep<Stage>::SubstituteSpin(const TurnTerms& turn, Pair length, con
   w.with_spin = with_spin + Load(turn.rest.with_distal.data());
   w.spin_with_previous = previous + Load(turn.rest.with_proximal.data());
   w.spin_stiffness = v.spin_stiffness + turn.rest.hessian;
-  w.spin_gradient = v.spin_gradient;  // the joint's own is in the gradients of the steps
+  w.spin_gradient = v.spin_gradient;  // the joint's own part is in the gradients of the steps
 }
 
-// The stage's cost with what it is given (dx, xi before) and its control: what lies beyond, its
-// loads and its joint. In pairs rather than small matrices, which take three times as long; the
-// sweep is a third of an iteration.
+// Assembles the cost of a stage as a function of its state (dx, xi before) and control: the cost
+// beyond, its loads and its joint. It uses pairs because small matrices take three times as long.
+// The sweep is a third of an iteration.
 template <class Stage>
 void RiccatiSweep<Stage>::Assemble(const WireModel& model, const WireState& state,
                                    const Expansion& expansion, double weight, int i, Pair length,
@@ -143,8 +143,8 @@ void RiccatiSweep<Stage>::Assemble(const WireModel& model, const WireState& stat
   const JointTerms& joint = expansion.joints[i];
   const Vector3d& tangent = state.tangents()[i];
 
-  // Beyond node i + 1, by (15) and the third term of (4). T'X is the pivot without what is known by
-  // its diagonal.
+  // Cost beyond node i + 1, by (15) and the third term of (4). T'X is the pivot except for the
+  // terms known by their diagonal.
   Pair x[3];
   Multiply(v.p, t, w.f);
   for (int a = 0; a < 3; ++a) {
@@ -194,14 +194,14 @@ void RiccatiSweep<Stage>::Assemble(const WireModel& model, const WireState& stat
   w.g = Load(joint.gradient_proximal.data());
 }
 
-// The control that costs least, (20), as a function of what the stage is given: S^-1 times F',
-// H_pd' and f. False where the pivot S is not positive definite.
+// Finds the optimal control (20) as a function of the stage's state: S^-1 times F', H_pd' and f.
+// Returns false if the pivot S is not positive definite.
 template <class Stage>
 template <typename RiccatiSweep<Stage>::Spin kSpin>
 bool RiccatiSweep<Stage>::Eliminate(const StageCost& w, Gain& gain) {
   const double product = w.s[0] * w.s[1];
   const double determinant = product - w.cross[0] * w.cross[0];
-  // Relative, so that a pivot that is zero but for rounding does not pass.
+  // A relative test: it rejects a pivot that is zero up to rounding.
   if (!(w.s[0] > 0) || !(determinant > 1e-12 * w.s[0] * w.s[0])) return false;
   const Pair scale = Both(1 / determinant);
   const Pair inverse = scale * Swapped(w.s);
@@ -216,7 +216,7 @@ bool RiccatiSweep<Stage>::Eliminate(const StageCost& w, Gain& gain) {
   return true;
 }
 
-// What the stage and all beyond cost at best: (21), (22), with the control (20) put back.
+// Minimum cost of the stage and all beyond: (21), (22), with the control (20) substituted.
 template <class Stage>
 template <typename RiccatiSweep<Stage>::Spin kSpin>
 void RiccatiSweep<Stage>::Propagate(const StageCost& w, const Gain& gain, CostToGo& v) {

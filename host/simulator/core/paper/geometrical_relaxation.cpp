@@ -29,7 +29,7 @@ struct Segments {
   double OneMinusKappa(int k) const { return (u[k + 1] - u[k]).squaredNorm() / 2; }
 };
 
-// The two directions across x_{i+1} - x_{i-1} in which node i may move.
+// Two directions across x_{i+1} - x_{i-1} in which node i may move.
 Eigen::Matrix<double, 3, 2> PlaneAcross(const Vector3d& chord) {
   Eigen::Index smallest = 0;
   chord.cwiseAbs().minCoeff(&smallest);
@@ -78,7 +78,7 @@ CubicSpline::CubicSpline(const Vector3d& x_mu, const Vector3d& tangent_mu, const
   const double length = chord.norm();
   const double cos_mu = tangent_mu.dot(chord) / length;
   const double cos_nu = tangent_nu.dot(chord) / length;
-  // (29) grows without bound towards 90 degrees, where (30) would select just the worst splines.
+  // (29) grows without bound towards 90 degrees, so (30) would select the worst splines.
   constexpr double kSmallestCosine = 0.1;
   valid_ = length > 0 && cos_mu > kSmallestCosine && cos_nu > kSmallestCosine;
   alignment_ = (1 + cos_mu) * (1 + cos_mu) * (1 + cos_nu) * (1 + cos_nu);
@@ -101,7 +101,8 @@ bool ConstantRigidity(const WireModel& model, int segments, int mu, int nu) {
   return true;
 }
 
-// Merit of the interval; its ends shrunk. Zero if it cannot be used.
+// Computes the merit of the interval and shrinks its ends. The merit is zero if the interval is
+// unusable.
 GeometricalInterval Judge(const WireState& state, int mu, int nu, double shrink) {
   const auto tangent = [&](int i) {
     return (state.tangents()[i - 1] + state.tangents()[i]).normalized().eval();
@@ -129,7 +130,7 @@ std::optional<GeometricalInterval> SelectInterval(const WireModel& model, const 
                                                   const GeometricalSettings& settings) {
   const int n = state.segments();
   GeometricalInterval best;
-  int mu = 0;  // the last node near the wall; 0: none yet
+  int mu = 0;  // last node near the wall; 0: none so far
   for (int i = 1; i <= last; ++i) {
     if (!near_wall[i]) continue;
     if (mu > 0 && i - mu >= settings.fewest_segments && ConstantRigidity(model, n, mu, i)) {
@@ -144,7 +145,7 @@ std::optional<GeometricalInterval> SelectInterval(const WireModel& model, const 
 
 namespace {
 
-// (26), (27): from a point on the chord from curve[i - 1] to curve[i] to the arc over it.
+// (26), (27): moves a point on the chord from curve[i - 1] to curve[i] to the arc over the chord.
 Vector3d ToArc(const std::vector<Vector3d>& curve, int i, const Vector3d& point) {
   const Vector3d chord = curve[i] - curve[i - 1];
   const double length = chord.norm();
@@ -212,7 +213,7 @@ void GeometricalRelaxation::CopyFrom(const GeometricalRelaxation& twin) {
 bool GeometricalRelaxation::Begin(const WireState& state) {
   Interrupt();
   const int n = state.segments();
-  // Not the tip, nor any joint that rests curved; (22) at nu - 1 looks at segment nu + 1.
+  // Excludes the tip and every joint that rests curved; (22) at nu - 1 uses segment nu + 1.
   const int last =
       std::min(n - 1, n - std::max(model_.tip_segments(), model_.first_straight_joint()));
   near_wall_.assign(static_cast<std::size_t>(n) + 1, 0);
@@ -225,7 +226,7 @@ bool GeometricalRelaxation::Begin(const WireState& state) {
   interval_ = *interval;
   sweeps_left_ = interval_.length();
   curve_.assign(state.nodes().begin(), state.nodes().end());
-  // Kept for the whole minimization, so that no segment can shrink to nothing.
+  // Constant during the whole minimization, so that no segment can shrink to zero length.
   planes_.clear();
   for (int i = interval_.mu + 1; i < interval_.nu; ++i) {
     planes_.push_back(PlaneAcross(curve_[i + 1] - curve_[i - 1]));
@@ -250,8 +251,8 @@ void GeometricalRelaxation::Update(int i) {
   hessian(1, 1) = (psi(0, d) - 2 * here + psi(0, -d)) / (d * d);
   hessian(0, 1) = (psi(d, d) - psi(d, -d) - psi(-d, d) + psi(-d, -d)) / (4 * d * d);
   hessian(1, 0) = hessian(0, 1);
-  // Far from the minimum the Hessian may lack a sign; the paper leaves that open. Psi must not
-  // grow: there the gradient is followed, and a step that overshoots is halved.
+  // Far from the minimum the Hessian may be indefinite; the paper leaves that case open. Psi must
+  // not grow. So the step then follows the gradient, and a step that overshoots is halved.
   const double determinant = hessian.determinant();
   const double trace = hessian.trace();
   Vector2d step = determinant > 0 && trace > 0
@@ -289,7 +290,7 @@ bool GeometricalRelaxation::Continue(int sweeps, WireState& state) {
 
   zeta_ = 1;
   if (!Try(1, state)) {
-    // As large as it may be, to a part in a thousand.
+    // Bisection for the largest possible zeta, to a part in a thousand.
     double refused = 1;
     zeta_ = 0;
     for (int k = 0; k < 10; ++k) {

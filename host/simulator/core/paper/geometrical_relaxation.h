@@ -1,13 +1,15 @@
 // Geometrical Relaxation: Baier et al. 2016, section 3.2.
 //
-//        near the wall                      near the wall      Between two nodes mu and nu that lie
-//   ----o====o                                 o====o----      near the wall, with none between,
-//   the
-//       mu    \__o___                    __o__/    nu          wire is bent to the curve of least
-//                    \__o____ ... ____o_/                      energy, whatever its length; then
-//                    all
-//                       free of contact                        nodes past mu slide along the curve
-//                                                              until they are lambda apart again.
+//        near the wall                        near the wall
+//   ----o====o                                   o====o----
+//            mu \__o___                   __o__/ nu
+//                      \__o____ ... ____o_/
+//                        all free of contact
+//
+// Two nodes mu and nu lie near the wall, with none near it between them. The wire between them is
+// bent to the curve of least energy, whatever its length. Then nodes past mu slide along the curve
+// until they are lambda apart again.
+//
 // Equation numbers are the paper's, and so are indices: segment i ends at node i, so the paper's
 // u_i is state.tangents[i - 1].
 #pragma once
@@ -23,18 +25,18 @@
 namespace torquer {
 
 struct GeometricalSettings {
-  /// A node whose surface is closer to the wall than this is near it. The paper: 5 % of the mean
-  /// diameter of the artery; here of a lumen of 8 mm.
+  /// A node is near the wall if its surface is closer to the wall than this, mm. The paper uses 5 %
+  /// of the artery's mean diameter; the default is that of a lumen of 8 mm.
   double near_wall_mm = 0.4;
-  int fewest_segments = 5;         ///< an interval has at least this many
-  double shrink = 0.10;            ///< ends that deviate less than this part of sigma are left out
+  int fewest_segments = 5;  ///< smallest number of segments of an interval
+  double shrink = 0.10;     ///< ends that deviate less than this fraction of sigma are cut off
   bool second_order_slide = true;  ///< (26), (27)
 };
 
-/// Psi, (22): what the bending energy depends on when node i moves. `around` points to x_{i-2} ..
+/// Psi, (22): the part of the bending energy that depends on node i. `around` points to x_{i-2} ..
 /// x_{i+2}.
 double GeometricalEnergy(const Eigen::Vector3d* around);
-/// Its gradient with respect to x_i, (23b).
+/// Gradient of Psi with respect to x_i, (23b).
 Eigen::Vector3d GeometricalGradient(const Eigen::Vector3d* around);
 
 /// The cubic spline (28), (29) through x_mu and x_nu with unit end tangents U_mu and U_nu.
@@ -45,7 +47,8 @@ class CubicSpline {
   Eigen::Vector3d At(double tau) const;  ///< tau in [0, 1]
   /// (1 + U_mu . X)^2 (1 + U_nu . X)^2 with unit X: the weight in (31). 16 for a straight line.
   double alignment() const { return alignment_; }
-  /// Neither end runs across or against X: only then is the spline a shape of a wire.
+  /// True if neither end runs across or against X. Only then is the spline a possible shape of a
+  /// wire.
   bool valid() const { return valid_; }
 
  private:
@@ -62,49 +65,50 @@ struct GeometricalInterval {
   int length() const { return nu - mu; }
 };
 
-/// Selects the interval, 3.2.5. `near_wall` has one entry a node, nonzero where it is near; only
-/// nodes 1 .. last can be ends. None where the wire has no such interval.
+/// Selects the interval, 3.2.5. `near_wall` has one entry per node, nonzero if the node is near the
+/// wall. Only nodes 1 .. last can be ends. Returns nothing if the wire has no such interval.
 std::optional<GeometricalInterval> SelectInterval(const WireModel& model, const WireState& state,
                                                   const std::vector<char>& near_wall, int last,
                                                   const GeometricalSettings& settings);
 
-/// Point slide, 3.2.3: `slid` keeps curve[0 .. mu]; every node past mu goes where the curve leaves
-/// the sphere of radius lambda about the node before it, (24), (25), moved to the arc that the
-/// curve stands for, (26), (27), where `second_order`. Past its end the curve goes on straight.
-/// Both have one entry a node, curve at least two; mu >= 1.
+/// Point slide, 3.2.3. `slid` keeps curve[0 .. mu]. Every node past mu goes to the point at which
+/// the curve leaves the sphere of radius lambda about the node before it, (24), (25). With
+/// `second_order` it is moved to the arc that the curve stands for, (26), (27). Past its end the
+/// curve goes straight on. Both have one entry per node, curve at least two; mu >= 1.
 void SlidePoints(const std::vector<Eigen::Vector3d>& curve, int mu, double lambda,
                  bool second_order, std::vector<Eigen::Vector3d>& slid);
 
-/// Carries out GR cycles. The state is moved only when a cycle ends, so one can be given up.
+/// Carries out GR cycles. A cycle moves the state only at its end, so it can be interrupted.
 class GeometricalRelaxation {
  public:
   GeometricalRelaxation(const WireModel& model, const ClearanceField& field,
                         const GeometricalSettings& settings);
 
-  /// Goes on from where `twin` stands.
+  /// Continues from the state of `twin`.
   void CopyFrom(const GeometricalRelaxation& twin);
 
-  /// Begins a cycle: selects the interval. False when there is none.
+  /// Begins a cycle: selects the interval. Returns false if there is no interval.
   bool Begin(const WireState& state);
   bool active() const { return sweeps_left_ > 0; }
-  /// Gives the cycle up.
+  /// Cancels the cycle.
   void Interrupt() { sweeps_left_ = 0; }
 
-  /// At most `sweeps` more of the cycle's nu - mu; each updates nodes mu + 1 .. nu - 1. True when
-  /// the cycle has ended; the state then lies on the new curve as far as the wall lets it (zeta)
-  /// and its normals are untwisted. Only while active, on the state that it began with.
+  /// Performs at most `sweeps` more of the cycle's nu - mu sweeps; each updates nodes mu + 1 .. nu
+  /// - 1. Returns true when the cycle has ended. The state then lies on the new curve as far as the
+  /// wall allows (zeta), and its normals are untwisted. Call it only while active, on the state
+  /// that Begin got.
   bool Continue(int sweeps, WireState& state);
 
-  const GeometricalInterval& interval() const { return interval_; }  ///< of the last cycle
-  /// Of the last cycle that ended: the part of the way to the new curve that was gone. 0: none.
+  const GeometricalInterval& interval() const { return interval_; }  ///< interval of the last cycle
+  /// Fraction of the way to the new curve in the last cycle that ended; 0 without motion.
   double zeta() const { return zeta_; }
-  /// The new curve: one entry a node, as the sweeps have made it so far.
+  /// New curve, one entry per node, after the sweeps so far.
   const std::vector<Eigen::Vector3d>& curve() const { return curve_; }
 
  private:
   void Update(int i);
-  /// Puts the part `zeta` of the way into slid_; false if that meets the wall or moves the tip too
-  /// far.
+  /// Puts the fraction `zeta` of the way into slid_. Returns false if that meets the wall or moves
+  /// the tip too far.
   bool Try(double zeta, const WireState& state);
 
   const WireModel& model_;

@@ -61,10 +61,10 @@ void PaperRelaxation::CopyFrom(const Relaxation& twin, const WireState& /*state*
   current_ = from.current_;
 }
 
-// What the next action is: whole segments only, what is less than one is carried.
+// Selects the next action: only whole segments move; the remainder is carried.
 PaperRelaxation::Action PaperRelaxation::NextAction(const InstrumentPlaces& goal,
                                                     const WireState& state) const {
-  // A feed that rounding left slightly short of a segment is one.
+  // A feed that is short of a segment only by rounding counts as one.
   constexpr double kWhole = 1 - 1e-9;
   const double left = goal[0].insertion_mm - state.insertion_mm();
   const double last = state.segments() == 1 ? state.first_segment_mm() : model_.segment_mm();
@@ -91,7 +91,7 @@ int PaperRelaxation::Move(const InstrumentPlaces& goal, WireState& state) {
       RetractSegment(model_, state);
       break;
     default: {
-      // One after the other: what there is to feed waits.
+      // One motion after the other: the feed waits.
       const InstrumentPlaces here = state.places();
       const InstrumentPlaces turned(here[0].insertion_mm, goal[0].rotation_rad);
       const InstrumentPlaces next =
@@ -105,7 +105,7 @@ int PaperRelaxation::Move(const InstrumentPlaces& goal, WireState& state) {
   return 1;
 }
 
-// A wire in balance needs no cycle.
+// A wire in equilibrium needs no cycle.
 bool PaperRelaxation::AtRest(WireState& state) {
   if (!ended_) {
     BringUpToDate(state);

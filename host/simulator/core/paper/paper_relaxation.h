@@ -1,6 +1,6 @@
-// The paper's workflow (Baier et al. 2016, section 3.3 and Fig. 10): every action is followed by a
-// Tip Relaxation at once; without action, slices of Physical Relaxation until its cycle ends, then
-// of Geometrical Relaxation, then again. An action interrupts either.
+// The paper's workflow (Baier et al. 2016, section 3.3 and Fig. 10). Every action is followed by a
+// Tip Relaxation at once. Without action, slices of Physical Relaxation run until its cycle ends,
+// then slices of Geometrical Relaxation, then again. An action interrupts either.
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@
 
 namespace torquer {
 
-/// What is done while there is no action.
+/// Relaxation cycles while there is no action.
 enum class PaperCycles {
   kNone,         ///< nothing: Tip Relaxations only, as in the paper's fast insertion
   kPhysical,     ///< PR cycles alone
@@ -27,20 +27,21 @@ struct PaperSettings {
   double tolerance = 1e-3;    ///< residual at which a tick counts as converged
 };
 
-/// Inserts a segment just before the tip, parallel to the one before it (paper, Fig. 1); while
-/// only the tip is inside, at the sheath. False at model.max_length_mm().
+/// Inserts a segment just before the tip, parallel to the one before it (paper, Fig. 1). While only
+/// the tip is inside, it is inserted at the sheath. Returns false at model.max_length_mm().
 bool InsertSegment(const WireModel& model, WireState& state);
-/// The inverse: takes away the segment just before the tip. False when none is left.
+/// Inverse of InsertSegment: removes the segment just before the tip. Returns false if no segment
+/// is left.
 bool RetractSegment(const WireModel& model, WireState& state);
 
-/// Of a lone wire. Whole segments only: what is less than one is carried. One unit of work is an
-/// action with its Tip Relaxation, or a slice: m(m+1)/2 updates of a PR cycle, or m(m+1)/(nu-mu)
-/// sweeps of a GR cycle. A tick ends after the GR cycle that follows a PR cycle (or where
-/// settings.cycles has none, after the PR cycle), at the latest; cycles that the budget cuts go on
-/// in the next tick.
+/// The paper's method for a lone wire. It moves whole segments only and carries the remainder. One
+/// unit of work is an action with its Tip Relaxation, or a slice. A slice is m(m+1)/2 updates of a
+/// PR cycle, or m(m+1)/(nu-mu) sweeps of a GR cycle. A tick ends at the latest after the GR cycle
+/// that follows a PR cycle. If settings.cycles has no GR cycle, it ends after the PR cycle. Cycles
+/// that the budget interrupts continue in the next tick.
 class PaperRelaxation final : public Relaxation {
  public:
-  /// `wall.points_per_segment` must be 1: the paper's contacts are its nodes.
+  /// `wall.points_per_segment` must be 1: in the paper only nodes make contact.
   PaperRelaxation(const WireModel& model, const ClearanceField& field, const WallModel& wall,
                   const PaperSettings& settings);
 
@@ -56,7 +57,7 @@ class PaperRelaxation final : public Relaxation {
 
   bool Arrived(const InstrumentPlaces& goal, const WireState& state) const override;
   void Begin(WireState& state) override;
-  // Fig. 10: an action is always first.
+  // Fig. 10: an action always comes first.
   bool MayMove() const override { return true; }
   int Move(const InstrumentPlaces& goal, WireState& state) override;
   bool AtRest(WireState& state) override;
@@ -74,9 +75,10 @@ class PaperRelaxation final : public Relaxation {
   WireMechanics mechanics_;
   PhysicalRelaxation physical_;
   GeometricalRelaxation geometrical_;
-  bool physical_done_ = false;  // the PR cycle has ended, its GR cycle has not
-  std::optional<bool> ended_;   // the cycles of this tick; none: not asked yet
-  bool up_to_date_ = true;      // current_ is of the state
+  bool physical_done_ = false;  // the PR cycle has ended, but not its GR cycle
+  std::optional<bool>
+      ended_;               // true if the cycles of this tick have ended; empty until first asked
+  bool up_to_date_ = true;  // current_ belongs to the state
   std::int64_t updates_before_ = 0;
   Expansion current_;
 };

@@ -58,7 +58,7 @@ double PhysicalRelaxation::Update(int segment, WireState& state) {
   const double length = state.SegmentLength(model_, segment);
   const Vector3d u = state.tangents()[segment];
 
-  // (6), (8), (10'); for EI(s) each joint brings its own spring constant.
+  // (6), (8), (10'); with EI(s) each joint has its own spring constant.
   Vector3d pull = Vector3d::Zero();
   double rho = 0;
   {
@@ -97,12 +97,12 @@ double PhysicalRelaxation::Update(int segment, WireState& state) {
       step = size / std::abs(rho - along);
       break;
     case UpdateRule::kExactRoot:
-      // With a = 2 lambda sin(phi/2) the equation reads tan phi = |B_perp| / (rho - B_par); the
-      // root in (0, pi) is the minimum. The chord of that turn:
+      // With a = 2 lambda sin(phi/2) the equation reads tan phi = |B_perp| / (rho - B_par). The
+      // root in (0, pi) is the minimum. The step is the chord of that turn.
       step = 2 * std::sin(std::atan2(size, rho - along) / 2);
       break;
   }
-  // (18). A turn by more than two radii is geometrically impossible even without that bound.
+  // (18). A chord longer than two radii is geometrically impossible even without that bound.
   const double bound =
       std::min(2.0, settings_.max_update / std::sqrt(static_cast<double>(n - segment)));
   if (!(std::abs(step) <= bound)) step = std::copysign(bound, step);
@@ -115,7 +115,7 @@ double PhysicalRelaxation::Update(int segment, WireState& state) {
     tangent = u - (step / size) * across;
   }
   const double norm = tangent.norm();
-  if (!(norm > 1e-6)) return 0;  // a step of exactly u's length backwards has no direction
+  if (!(norm > 1e-6)) return 0;  // no direction: the step is exactly u's length backwards
   tangent /= norm;
 
   state.TurnSegment(model_, segment, tangent);
@@ -143,7 +143,7 @@ bool PhysicalRelaxation::ContinueCycle(std::int64_t updates, WireState& state) {
   const int n = state.segments();
   const int iterations = std::min(n, static_cast<int>(std::ceil(settings_.cycle_fraction * n)));
   if (iteration_ == 1 && next_ == 0) {
-    // The increments of nodes and frames gather rounding; once a cycle they are computed again.
+    // The increments of nodes and frames accumulate rounding errors; every cycle recomputes them.
     state.PlaceAgain(model_);
     free_mm_.assign(state.nodes().size(), -1);
     sum_squared_update_ = 0;

@@ -70,7 +70,7 @@ void PredecessorRelaxation::Begin(WireState& /*state*/) {
 int PredecessorRelaxation::Move(const InstrumentPlaces& goal, WireState& state) {
   const InstrumentPlaces next = stack().Towards(
       goal, state.places(), settings_.feed_segments * model_.segment_mm(), settings_.max_turn_rad);
-  // Fed at the base, the wire is pushed forward as it lies.
+  // A feed at the base pushes the wire forward as it lies.
   if (next.reach_mm() != state.insertion_mm()) state.FeedAtBase(model_, next.reach_mm());
   if (next[0].rotation_rad != state.rotation_rad()) state.Rotate(next[0].rotation_rad);
   up_to_date_ = false;

@@ -1,9 +1,9 @@
-// The model that the paper starts from (Konings et al. 2003, Alderliesten et al. 2004), as Baier et
-// al. 2016 describe it in sections 3.1, 4.1 and 4.5: a baseline.
+// Predecessor of the paper's model (Konings et al. 2003, Alderliesten et al. 2004), a baseline.
+// Baier et al. 2016 describe it in sections 3.1, 4.1 and 4.5.
 //
-// Bending energy g2; update (16), whose denominator may vanish or turn negative, without the bound
-// (18); the wire is fed at its proximal end, in steps below lambda/10, with a full cycle after
-// each.
+// Its bending energy is g2. Its update is (16), whose denominator may vanish or turn negative,
+// without the bound (18). The wire is fed at its proximal end, in steps below lambda/10, with a
+// full cycle after each.
 #pragma once
 
 #include <vector>
@@ -14,14 +14,16 @@
 namespace torquer {
 
 struct PredecessorSettings {
-  double feed_segments = 0.0999;  ///< of lambda, one step's feed; "smaller than lambda/10"
-  double max_turn_rad = 0.02;     ///< largest rotation of one step
-  double tolerance = 1e-3;        ///< residual at which a tick counts as converged
+  double feed_segments =
+      0.0999;  ///< feed of one step in units of lambda; the paper: "smaller than lambda/10"
+  double max_turn_rad = 0.02;  ///< largest rotation of one step
+  double tolerance = 1e-3;     ///< residual at which a tick counts as converged
 };
 
-/// Of a lone wire. One unit of work is a step of the feed or of the rotation with its cycle, or a
-/// cycle. A tick in which nothing is to be fed or turned does one cycle. It may diverge: then the
-/// state stays finite and its lengths exact, but energy and residual say that it is no equilibrium.
+/// Predecessor's method for a lone wire. One unit of work is a cycle, or a step of the feed or of
+/// the rotation with its cycle. A tick without feed or rotation does one cycle. The method may
+/// diverge. The state then stays finite with exact lengths, but its residual shows that it is no
+/// equilibrium.
 class PredecessorRelaxation final : public Relaxation {
  public:
   /// `model.law()` must be kG2 and `wall.points_per_segment` 1. Keeps references to the three.
@@ -47,8 +49,8 @@ class PredecessorRelaxation final : public Relaxation {
   const std::vector<EnergyTerm*> no_terms_;
   WireMechanics mechanics_;
   PhysicalRelaxation physical_;
-  bool cycled_ = false;     // in this tick
-  bool up_to_date_ = true;  // current_ is of the state
+  bool cycled_ = false;     // a cycle was done in this tick
+  bool up_to_date_ = true;  // current_ belongs to the state
   std::int64_t updates_before_ = 0;
   Expansion current_;
 };

@@ -11,12 +11,12 @@ using Matrix = BetweenCurves::Matrix;
 
 namespace {
 
-// Within this of the lumen's wall a place takes part in the model of a step.
+// Distance from the lumen's wall, mm, up to which a place takes part in the model of a step.
 constexpr double kNearLumenMm = 0.05;
-// Curves closer than this have no direction in which one is off the other.
+// Offset between the curves, mm, below which it has no usable direction.
 constexpr double kNoOffsetMm = 1e-9;
 
-// Both curves, and where the unknowns of each are in a Vector.
+// Both curves, and the indices of their unknowns in a Vector.
 struct Curves {
   Curves(const InstrumentStack& of, const WireState& state, const WireState& second,
          const std::vector<Frame>& frames, const std::vector<Frame>& second_frames)
@@ -46,7 +46,8 @@ struct Curves {
   Eigen::Index outer_at;
 };
 
-// A place `t` past the proximal node of a segment of each curve.
+// Pair of facing places on a segment of both curves; `t` past the segment's proximal node on the
+// inner one.
 struct Beside {
   Beside(const Curves& both, int of_segment, double past_mm)
       : curves(both),
@@ -65,8 +66,8 @@ struct Beside {
 
   double penetration_mm() const { return offset_mm - (lumen_mm - radius_mm); }
 
-  // How a component along `way` of the inner curve's place, against that of the outer one, follows
-  // from the steps. The outer one's place is `beyond_mm` farther along its own.
+  // Derivative by the steps of the relative position along `way` of the inner place against the
+  // outer one. The outer place is `beyond_mm` farther along its own curve.
   Vector Follow(const Vector3d& way, double beyond_mm) const {
     Vector row;
     row.segment<3>(curves.inner_at) = way;
@@ -76,7 +77,7 @@ struct Beside {
         -(past_end_mm + beyond_mm) * (curves.outer_frames[at].transpose() * way);
     return row;
   }
-  // Adds a component along `way` of how the tangent of a curve turns.
+  // Adds the component along `way` of the turn of a curve's tangent.
   void TurnInner(const Vector3d& way, Vector& row) const {
     row.segment<2>(curves.inner_at + 3) += curves.inner_frames[at].transpose() * way;
   }
@@ -99,8 +100,8 @@ struct Beside {
   double radius_mm;
 };
 
-// Calls visit(segment, past its proximal node mm, length that the place stands for mm, at the end)
-// for every place.
+// Calls visit for every place, with its segment, its distance past the proximal node in mm, the
+// length that it stands for in mm, and true at the end.
 template <class Visit>
 void ForPlaces(const Curves& curves, int segments, int points_per_segment, Visit visit) {
   const int per_segment = BetweenCurves::PlacesPerSegment(points_per_segment);
@@ -114,12 +115,12 @@ void ForPlaces(const Curves& curves, int segments, int points_per_segment, Visit
       visit(i, t, std::clamp(2 * (end_mm - t), 0.0, piece), false);
     }
   }
-  // An edge presses along about as much of what it touches as it is wide.
+  // An edge acts along a length of about its own width.
   visit(segments - 1, std::max(0.0, reach_mm - curves.BeginMm(segments - 1)),
         curves.stack.LumenRadius(places, reach_mm), true);
 }
 
-// The contact of two curves as a function of the state.
+// Contact force of two curves with its directions.
 struct Press {
   double force_N;
   Vector3d normal;    // from the outer curve to the inner one
@@ -142,8 +143,9 @@ void Curve(const Beside& at, const Press& press, Matrix& out) {
   for (Eigen::Index a = 3; a < 5; ++a) out(at.curves.inner_at + a, at.curves.inner_at + a) -= bent;
 }
 
-// Of the work of the force `gradient` along and around the lumen, but for what turns the inner
-// surface: the directions turn with the lumen, and steps are of second order, too.
+// Second derivatives of the work of the force `gradient` along and around the lumen, without the
+// turn of the inner surface. The directions turn with the lumen, and the steps have second-order
+// terms too.
 Matrix Curvature(const Beside& at, const Eigen::Vector2d& gradient, const Vector3d& around) {
   const auto turned = [&at](const Vector3d& way) {
     Vector row = Vector::Zero();
@@ -168,13 +170,13 @@ Matrix Curvature(const Beside& at, const Eigen::Vector2d& gradient, const Vector
   return half + half.transpose();
 }
 
-// From the first normal of a segment to that of an instrument that twists.
+// Angle from the first normal of a segment to that of an instrument that twists.
 double TurnOf(const WireState& curve, std::size_t segment, int instrument) {
   if (curve.turns_rad().empty()) return 0;
   return curve.turns_rad()[segment][static_cast<std::size_t>(instrument)];
 }
 
-// The first normal of the lumen.
+// First normal of the lumen.
 Vector3d LumenNormal(const Beside& at, int outer) {
   const WireState& curve = at.curves.outer;
   return TurnedAbout(at.along, curve.normals()[at.at], TurnOf(curve, at.at, outer));

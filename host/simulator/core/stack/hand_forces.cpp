@@ -23,8 +23,8 @@ const Vector3d& TangentBefore(const WireModel& rod, const WireState& state, int 
                     : state.tangents()[static_cast<std::size_t>(joint) - 1];
 }
 
-// What a straight sheath that lets an instrument through, but holds it against a turn, takes of the
-// push: the energy of its twist per length, (34).
+// Part of the push that a straight sheath takes if it holds an instrument only against turning: the
+// energy of the twist per length, (34).
 double TorsionalThrust(const WireModel& rod, const WireState& state, int instrument) {
   if (rod.spins() == 0) return 0;
   const double twist_rad = state.TwistOf(0, instrument);
@@ -32,14 +32,14 @@ double TorsionalThrust(const WireModel& rod, const WireState& state, int instrum
          (2 * JointLength(rod, state, 0));
 }
 
-// The bend of a joint, as a rotation vector.
+// Bend of a joint, as a rotation vector.
 Vector3d Bend(const Vector3d& before, const Vector3d& after) {
   const Vector3d axis = before.cross(after);
   const double sine = axis.norm();
   return sine > 0 ? Vector3d(std::atan2(sine, before.dot(after)) / sine * axis) : axis;
 }
 
-// The curvature, as a rotation vector over a length, at which an instrument rests.
+// Rest curvature of an instrument, as a rotation vector per length.
 Vector3d RestCurvature(const WireModel& rod, const WireState& state, int joint,
                        const WireModel::Joint& own, int instrument) {
   if (own.rest_rad == Vector2d::Zero()) return Vector3d::Zero();
@@ -70,8 +70,8 @@ HandForces::Curve HandForces::CurveOf(const InstrumentStack& stack, const WireSt
           .loads = loads};
 }
 
-// By the lever, as the contacts: an instrument that touches the wall or the lumen bears what acts
-// there, and the outermost on a curve all else.
+// Shares the loads between nodes by the lever rule, like the contacts. An instrument that touches
+// the wall or the lumen takes the loads there; the outermost on a curve takes all others.
 void HandForces::ShareLoads(const InstrumentStack& stack, const Curve& curve,
                             const PointSet& points) {
   const auto nodes = static_cast<std::size_t>(curve.state.segments()) + 1;
@@ -101,8 +101,8 @@ void HandForces::ShareLoads(const InstrumentStack& stack, const Curve& curve,
   }
 }
 
-// The moment of each instrument at a joint. A joint into which tips fall is, as the rod has it, one
-// piece after the other, all with the same moment: each as curved as those that lie in it make it.
+// Finds the moment of each instrument at a joint. A joint that contains tips consists, as in the
+// rod, of pieces in series with equal moments. The instruments in a piece determine its curvature.
 void HandForces::FindMoments(const InstrumentStack& stack, const Curve& curve, int joint) {
   const WireModel& rod = curve.rod;
   const WireState& state = curve.state;
@@ -155,10 +155,10 @@ void HandForces::FindMoments(const InstrumentStack& stack, const Curve& curve, i
   }
 }
 
-// What the balance of a node asks of each instrument in the segment before it.
+// Balances each instrument at a node: finds its force in the segment before the node.
 void HandForces::Balance(const Curve& curve, int node, const Sliding& sliding) {
   const WireState& state = curve.state;
-  constexpr int kRounds = 3;  // friction depends on the tension that it makes
+  constexpr int kRounds = 3;  // friction depends on the tension, which it changes
   const auto i = static_cast<std::size_t>(node);
   const Vector3d& before = state.tangents()[i - 1];
   const Vector3d& beyond = node < state.segments() ? state.tangents()[i] : state.tangents()[i - 1];
@@ -179,9 +179,9 @@ void HandForces::Balance(const Curve& curve, int node, const Sliding& sliding) {
   }
 }
 
-// Each is pressed against the next one around it by the tensions of it and of all within it. What
-// their bending moments add is left out: where a rest shape or a rigidity steps it is a couple,
-// whose forces are the larger the smaller the clearance is.
+// Friction between instruments. Each is pressed against the next one around it by its own tension
+// and by those of all within it. The contribution of their bending moments is left out. At a step
+// of a rest shape or a rigidity it is a couple, with forces that grow as the clearance shrinks.
 void HandForces::FindFriction(const Curve& curve, int node, const Sliding& sliding) {
   const WireState& state = curve.state;
   const auto i = static_cast<std::size_t>(node);
@@ -220,7 +220,7 @@ void HandForces::Reserve(int segments, int points_per_segment) {
   for (CurveLoads* const loads : {&loads_, &second_loads_}) loads->Reserve(points, places);
 }
 
-// From the tip to the sheath.
+// Balances all instruments of a curve, from the tip to the sheath.
 void HandForces::BalanceAll(const InstrumentStack& stack, const Curve& curve,
                             const PointSet& points, const Sliding& sliding) {
   const WireState& state = curve.state;
@@ -237,8 +237,8 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const Curve& curve,
       bears.moment_mJ = bears.moment_before_mJ;
       bears.force_N = bears.force_before_N;
     }
-    // What turns an instrument that twists comes to its hand as its own torsion; the rest shape
-    // at the clamp is turned by the hand itself.
+    // The torque of an instrument that twists reaches its hand as its own torsion. The hand itself
+    // turns the rest shape at the clamp.
     if (i == 1 && curve.rod.spins() > 0) {
       for (int k = curve.range.first; k < curve.range.last; ++k) {
         hands_[static_cast<std::size_t>(k)].torque_mJ =
@@ -266,7 +266,8 @@ void HandForces::FindPressed(const InstrumentStack& stack, const WireState& stat
     bears_ = {};
     FindCurveLoads(state, expansion, second, loads);
     BalanceAll(stack, curve, expansion.points, sliding);
-    // A node's is half that of each segment beside it, the last one's all of the last.
+    // The force at a node is split equally between its two segments; that at the last node goes to
+    // the last segment.
     for (std::size_t i = 0; i < own; ++i) {
       for (auto k = static_cast<std::size_t>(curve.range.first);
            k < static_cast<std::size_t>(curve.range.last); ++k) {
@@ -298,7 +299,7 @@ void HandForces::Find(const InstrumentStack& stack, const WireState& state,
         forces.surface_torque_mJ[static_cast<std::size_t>(q)];
   }
   if (stack.rod().spins() > 0) return;
-  // Friction in the lumen turns surfaces that do not twist.
+  // Lumen friction turns surfaces that do not twist.
   for (const BetweenCurves::Slide& slide : expansion.between.slides) {
     const LumenContact& contact = points.lumen[static_cast<std::size_t>(slide.load.place)];
     const double around_N = slide.load.gradient[1];
@@ -338,7 +339,7 @@ void HandForces::FindOnCurve(const InstrumentStack& stack, const Curve& curve,
                          rigidity * bend.squaredNorm() / 2 - twisted_N;
     left_N -= hands_[at].axial_N;
   }
-  // So that the sum is that of all on the curve together.
+  // Makes the sum equal to the force of all instruments on the curve together.
   hands_[static_cast<std::size_t>(leader)].axial_N = left_N;
 }
 

@@ -1,4 +1,4 @@
-// What the hands of instruments within each other feel.
+// Hand forces: force and torque at the hand of each instrument of a stack.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,38 +12,39 @@
 
 namespace torquer {
 
-/// What a hand does to its instrument to hold it where it is. A haptic device renders the opposite.
+/// Force and torque of a hand that hold its instrument in place. A haptic device renders the
+/// opposite.
 struct HandForce {
-  double axial_N = 0;    ///< positive where it pushes distally
-  double torque_mJ = 0;  ///< positive where it turns ahead, right-handed about the distal tangent
+  double axial_N = 0;    ///< positive for a distal push
+  double torque_mJ = 0;  ///< positive for a forward turn, right-handed about the distal tangent
 };
 
-/// How instruments slide in each other.
+/// Sliding between instruments.
 struct Sliding {
   double coefficient = 0;  ///< of friction between them, >= 0
-  /// [k][m]: 1 where instrument k slides distally in m, -1 the other way, 0 where it has not yet.
+  /// [k][m]: 1 if instrument k last slid distally in m, -1 for the other way, 0 before any sliding.
   std::array<std::array<int, kMostInstruments>, kMostInstruments> direction = {};
 };
 
-/// Finds the force and torque of every instrument's hand, by the balance of each from its tip to
-/// the sheath, curve by curve (README section 16). Keeps its room from one wire to the next.
+/// Finds the force and torque of every hand (README section 16). It balances each instrument from
+/// its tip to the sheath, curve by curve. Reuses its buffers between calls.
 class HandForces {
  public:
-  /// `forces`: what FindInternalForces found at the state of which `expansion` is. O(n).
+  /// `forces`: result of FindInternalForces for the state of `expansion`. O(n).
   void Find(const InstrumentStack& stack, const WireState& state, const Expansion& expansion,
             const InternalForces& forces, const Sliding& sliding);
-  /// Finds alone what presses each instrument against the next one around it, by segment, as
-  /// PointSet::pressed_N has it, where they lie on one curve. A coefficient of 0 finds nothing.
-  /// O(n); no heap after Reserve.
+  /// Finds only the contact force of each instrument against the next one around it, by segment, as
+  /// in PointSet::pressed_N. Only for instruments on one curve. Does nothing if the coefficient is
+  /// 0. O(n); no heap after Reserve.
   void FindPressed(const InstrumentStack& stack, const WireState& state, const Expansion& expansion,
                    const Sliding& sliding, std::vector<std::array<double, kMostInstruments>>& out);
-  /// Makes room for rods of so many segments.
+  /// Reserves room for rods of `segments` segments.
   void Reserve(int segments, int points_per_segment);
-  /// Of each instrument, the innermost first; nothing for one that is not inside.
+  /// Results per instrument, the innermost first; zero for an instrument that is not inside.
   const std::array<HandForce, kMostInstruments>& hands() const { return hands_; }
 
  private:
-  // A curve with its instruments, `first` to `last` - 1, and what acts on it.
+  // A curve with its instruments `range.first` to `range.last` - 1, and its loads.
   struct Curve {
     const WireModel& rod;
     const WireState& state;
@@ -53,21 +54,22 @@ class HandForces {
     const CurveLoads& loads;
   };
 
-  // What an instrument bears where the balance has come to. Vectors as InternalForces counts them.
+  // Internal loads of an instrument at the current node of the balance. Same vector convention as
+  // InternalForces.
   struct Bears {
     Eigen::Vector3d moment_mJ = Eigen::Vector3d::Zero();         // at the node
     Eigen::Vector3d moment_before_mJ = Eigen::Vector3d::Zero();  // at the node before it
     Eigen::Vector3d force_N = Eigen::Vector3d::Zero();           // in the segment beyond the node
-    Eigen::Vector3d force_before_N = Eigen::Vector3d::Zero();    // in that before it
-    double friction_N = 0;  // of other instruments on it, at the node, distally
-    bool inside = false;    // reaches as far as the node
+    Eigen::Vector3d force_before_N = Eigen::Vector3d::Zero();    // in the segment before the node
+    double friction_N = 0;  // from other instruments, at the node, positive distally
+    bool inside = false;    // it reaches the node
   };
 
-  // What an instrument is at a joint, and all that reach as far as it together.
+  // Properties of an instrument at a joint, and sums over it and those that reach farther.
   struct Share {
     double rigidity_N_mm2 = 0;
     Eigen::Vector3d rest_1_mm = Eigen::Vector3d::Zero();
-    double piece = 0;  // part of the joint in which it is the last of them
+    double piece = 0;  // fraction of the joint in which it is the last of them
     double sum_EI = 0;
     Eigen::Vector3d sum_EI_rest = Eigen::Vector3d::Zero();
   };
@@ -84,15 +86,15 @@ class HandForces {
   void FindFriction(const Curve& curve, int node, const Sliding& sliding);
 
   CurveLoads second_loads_;
-  CurveLoads loads_;  // of the first curve, where no InternalForces have them
+  CurveLoads loads_;  // of the first curve, if no InternalForces are given
   std::array<HandForce, kMostInstruments> hands_;
   std::array<Bears, kMostInstruments> bears_;
-  std::array<int, kMostInstruments> order_ = {};  // on a curve, the one that reaches farthest first
-  int count_ = 0;                                 // of these
-  std::array<Share, kMostInstruments> shares_;    // in that order
-  // On each instrument, one a node.
+  std::array<int, kMostInstruments> order_ = {};  // on a curve, in order of decreasing reach
+  int count_ = 0;                                 // entries of order_ in use
+  std::array<Share, kMostInstruments> shares_;    // in the order of order_
+  // Load on each instrument, one entry per node.
   std::array<std::vector<Eigen::Vector3d>, kMostInstruments> load_N_;
-  // Of each instrument against the next one around it, one a node.
+  // Force of each instrument against the next one around it, one entry per node.
   std::vector<std::array<double, kMostInstruments>> pressed_N_;
 };
 

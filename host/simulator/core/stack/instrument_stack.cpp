@@ -78,7 +78,7 @@ void CheckRoom(const std::vector<WireModel>& instruments, const Clearance& clear
   }
 }
 
-// A rod with room for all; Combine fills it.
+// Rod with room for all instruments; Combine fills it.
 std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments) {
   const WireModel& first = instruments.front();
   double longest_mm = 0;
@@ -131,7 +131,7 @@ InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
   const double feed_part = longest_mm > feed_mm ? feed_mm / longest_mm : 1;
   const double turn_part = most_rad > turn_rad ? turn_rad / most_rad : 1;
   double part = std::min(feed_part, turn_part);
-  // Who passes the leader first, on this part of the way.
+  // Finds the instrument that passes the leader first, on this part of the way.
   const int leader = here.Leader();
   int passing = -1;
   for (int k = 0; k < size(); ++k) {
@@ -148,7 +148,7 @@ InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
   for (int k = 0; k < size(); ++k) {
     const double feed = goal[k].insertion_mm - here[k].insertion_mm;
     const double turn = goal[k].rotation_rad - here[k].rotation_rad;
-    // The longest goes as far as it may, without rounding.
+    // The longest motion uses its exact limit, without rounding.
     const bool whole_feed = part == feed_part && std::abs(feed) == longest_mm;
     const bool whole_turn = part == turn_part && std::abs(turn) == most_rad;
     next[k].insertion_mm += whole_feed ? std::copysign(feed_mm, feed) : part * feed;
@@ -188,8 +188,8 @@ int InstrumentStack::LumenAt(const InstrumentPlaces& places, double arc_mm) cons
   return found;
 }
 
-// Instruments `first` .. `last` - 1 in a rod that ends at `end_mm`: the one that reaches farthest
-// first, and of several that reach as far the innermost. Returns how many.
+// Collects the instruments `first` .. `last` - 1 in a rod that ends at `end_mm`, in order of
+// decreasing reach; of equals, the innermost comes first. Returns their number.
 int InstrumentStack::Gather(const InstrumentPlaces& places, int first, int last, double end_mm,
                             Members& members) const {
   for (int k = first; k < last; ++k) {
@@ -246,9 +246,9 @@ void InstrumentStack::CombineJoints(const Members& members, int count, const Wir
     WireModel::Joint& joint = joints_[k];
     joint = JointAt(*members[0].model, from_tip - members[0].behind_mm);
     joint.rest_rad = Turned(joint.rest_rad, members[0].turn);
-    // The joint stands for the wire half a segment to either side. Along it as many instruments as
-    // have their tips beyond lie side by side: there EI adds up, and along the joint, one piece
-    // after the other, compliances and angles do.
+    // The joint stands for half a segment of wire to either side. At each place of it, the EI of
+    // all instruments that reach the place add up. The pieces along the joint are in series: their
+    // compliances and angles add up.
     double sum_EI = joint.rigidity_N_mm2;
     Vector2d sum_EI_rest = joint.rigidity_N_mm2 * joint.rest_rad;
     double covered = 1;
@@ -280,7 +280,8 @@ void InstrumentStack::CombineTwists(const Members& members, int count, double la
     const double from_tip = static_cast<double>(k) * lambda;
     WireModel::TwistingJoint& joint = twisting_[k];
     joint = WireModel::TwistingJoint();
-    std::array<double, kMostInstruments + 1> part = {};  // of the joint, beside the first so many
+    std::array<double, kMostInstruments + 1> part =
+        {};  // entry m: fraction of the joint that member m covers
     std::array<double, kMostInstruments> rigidity = {};
     for (int m = 0; m < count; ++m) {
       const auto at = static_cast<std::size_t>(m);
@@ -311,7 +312,7 @@ void InstrumentStack::CombineTwists(const Members& members, int count, double la
 
 namespace {
 
-// The node before an arc length, and how far beyond it that is.
+// Node before an arc length, and the distance beyond that node.
 struct Stretch {
   int node;
   double beyond_mm;

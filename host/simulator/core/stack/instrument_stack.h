@@ -1,21 +1,22 @@
-// Instruments within each other, as one rod.
+// Instrument stack: instruments within each other, combined to one rod.
 //
 //   sheath |==========================------------------........   outermost: a guiding catheter,
 //          |                                                       in it a microcatheter, in it
 //          |  all three: EI adds up      two              one      the guidewire
 //
-// All lie on one curve. Where several are, rigidities add up, and the rod rests at
-//   kappa = sum(EI_k kappa_k) / sum(EI_k)                                        (README (30)),
-// every rest curvature turned with its own instrument: as its hand, or where instruments twist, as
-// it is turned there (core/README.md section 17). The one that reaches farthest leads: the segments
-// of the rod are its material. An instrument that slides in the others changes what the rod is, not
-// where it lies; the joint into which a tip falls is partly with and partly without it. Where a tip
-// passes that of the leader they coincide, and so do the segments of either as the leading one. A
-// lone wire is a stack of one: it is the rod.
+// All lie on one curve. At a place with several instruments, rigidities add up, and the rod rests
+// at
+//   kappa = sum(EI_k kappa_k) / sum(EI_k)                                        (README (30)).
+// Every rest curvature turns with its own instrument: with its hand or, with twist, with its local
+// turn (core/README.md section 17). The leader is the instrument that reaches farthest: the
+// segments of the rod are its material. An instrument that slides in the others changes the rod's
+// properties, not its position. A tip divides the joint in which it lies into a part with and a
+// part without the instrument. A tip that passes that of the leader coincides with it, and so do
+// the segments of both. A lone wire is a stack of one: it is the rod.
 //
-// Where a scene gives the lumen of one of them its room, instruments lie on two curves: those
-// inside it on one, it and those around it on the other (core/README.md section 18). That of the
-// leader is the rod; the other is the second rod, on the same grid.
+// With room in the lumen of one instrument, the instruments lie on two curves. One holds those
+// inside the lumen, the other that instrument and those around it (core/README.md section 18). The
+// leader's curve is the rod; the other is the second rod, on the same grid.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,7 +31,7 @@
 
 namespace torquer {
 
-/// Room between the instruments inside a lumen and what they lie in.
+/// Room in a lumen for the instruments inside it.
 struct Clearance {
   int first_outer = 0;  ///< index of the innermost instrument on the outer curve, >= 1; 0: no room
   std::array<double, kMostInstruments> lumen_radius_mm = {};  ///< of each instrument's lumen
@@ -38,7 +39,7 @@ struct Clearance {
   double stiffness_N_mm2 = 0;
 };
 
-/// `v` turned by the angle whose cosine and sine are `turn`.
+/// `v` turned by an angle; `turn` is its cosine and sine.
 inline Eigen::Vector2d Turned(const Eigen::Vector2d& v, const Eigen::Vector2d& turn) {
   return {turn[0] * v[0] - turn[1] * v[1], turn[1] * v[0] + turn[0] * v[1]};
 }
@@ -47,40 +48,40 @@ class InstrumentStack {
  public:
   /// A lone wire, which must outlive this.
   explicit InstrumentStack(const WireModel& wire);
-  /// 1 .. kMostInstruments, the innermost first, all with the same segments, law and sheath; all
-  /// of them twist, or none. Throws std::invalid_argument where that is not so.
+  /// 1 .. kMostInstruments instruments, the innermost first, all with the same segments, law and
+  /// sheath. Either all of them twist or none does. Throws std::invalid_argument otherwise.
   explicit InstrumentStack(std::vector<WireModel> instruments)
       : InstrumentStack(std::move(instruments), Clearance()) {}
-  /// The same with room between some of them. Throws std::invalid_argument where what is inside
-  /// does not fit.
+  /// The same with room between some of them. Throws std::invalid_argument if the inner instruments
+  /// do not fit.
   InstrumentStack(std::vector<WireModel> instruments, const Clearance& clearance);
   InstrumentStack(const InstrumentStack&) = delete;
   InstrumentStack& operator=(const InstrumentStack&) = delete;
 
   int size() const { return static_cast<int>(instruments_.size()); }
   const WireModel& instrument(int k) const { return *instruments_[static_cast<std::size_t>(k)]; }
-  /// What they are together, at the places of the last Combine; with room between them those on
-  /// the leader's curve.
+  /// Rod of all instruments at the places of the last Combine. With room in a lumen, only of those
+  /// on the leader's curve.
   const WireModel& rod() const { return *rod_; }
-  /// Those on the other curve; null where all lie on one. Its end is where that of
-  /// WireState::second() is.
+  /// Rod of the instruments on the other curve; null for one curve. Its end is that of
+  /// WireState::second().
   const WireModel* second_rod() const { return second_.get(); }
   const Clearance& clearance() const { return clearance_; }
-  /// Whether the outer instruments reach farther than all within them.
+  /// True if the outer instruments reach farther than all within them.
   bool OuterLeads(const InstrumentPlaces& places) const {
     return places.Leader() >= clearance_.first_outer;
   }
-  /// How far the instruments of the other curve reach, mm.
+  /// Reach of the instruments on the other curve, mm.
   double SecondReach(const InstrumentPlaces& places) const;
-  /// Radius of the lumen around the inner instruments at an arc length up to which an outer one
-  /// reaches, mm.
+  /// Radius of the lumen around the inner instruments at an arc length, mm. An outer instrument
+  /// must reach that arc length.
   double LumenRadius(const InstrumentPlaces& places, double arc_mm) const;
-  /// The inner instrument whose surface faces the lumen at an arc length, and the outer one whose
-  /// lumen it is there. Where none reaches as far, the one that reaches farthest.
+  /// Instrument whose surface faces the lumen at an arc length, and instrument of that lumen. If
+  /// none reaches it, the one that reaches farthest.
   int InLumenAt(const InstrumentPlaces& places, double arc_mm) const;
   int LumenAt(const InstrumentPlaces& places, double arc_mm) const;
-  /// The instruments on the curve that lies inside the lumen, or on the one around it; of one curve
-  /// all. From `first` to `last` - 1.
+  /// Instruments `first` to `last` - 1 on the curve around the lumen or inside it. For one curve
+  /// these are all instruments.
   struct Range {
     int first;
     int last;
@@ -90,20 +91,20 @@ class InstrumentStack {
     return outer ? Range{clearance_.first_outer, size()} : Range{0, clearance_.first_outer};
   }
 
-  /// Insertions within 0 .. the length of each.
+  /// Limits the insertions to 0 .. the length of each instrument.
   InstrumentPlaces Bounded(const InstrumentPlaces& places) const;
-  /// The next places on the straight way from `here` to `goal`: no insertion changes by more than
-  /// `feed_mm`, no rotation by more than `turn_rad`, but for rounding. All feeds and turns keep
-  /// their proportion and arrive together; where another instrument is about to lead, it stops
-  /// beside the leader. The last step ends at `goal` exactly.
+  /// Next places on the straight line from `here` to `goal`. Up to rounding, no insertion changes
+  /// by more than `feed_mm`, and no rotation by more than `turn_rad`. All feeds and turns keep
+  /// their proportion and arrive together. If another instrument is about to lead, the motion stops
+  /// when it reaches the leader. The last step ends at `goal` exactly.
   InstrumentPlaces Towards(const InstrumentPlaces& goal, const InstrumentPlaces& here,
                            double feed_mm, double turn_rad) const;
-  /// Makes the rod what the instruments are at these places. O(segments), no heap; nothing to do
-  /// for a lone wire. `short_by`: how many segments the second curve has less than the first.
+  /// Sets the rod to the combined instruments at `places`. O(segments), no heap; does nothing for a
+  /// lone wire. `short_by`: number of segments that the second curve lacks against the first.
   void Combine(const InstrumentPlaces& places, int short_by = 0);
 
  private:
-  // An instrument in a rod, and by how much its tip is behind the rod's end.
+  // An instrument in a rod, and the distance of its tip behind the rod's end.
   struct Member {
     const WireModel* model = nullptr;
     std::size_t instrument = 0;
@@ -123,19 +124,19 @@ class InstrumentStack {
   std::unique_ptr<WireModel> combined_;  ///< null for a lone wire
   const WireModel* rod_;
   std::vector<WireModel::Joint> joints_;
-  std::vector<WireModel::TwistingJoint> twisting_;  // empty where none twists
+  std::vector<WireModel::TwistingJoint> twisting_;  // empty without twist
   Clearance clearance_;
-  std::unique_ptr<WireModel> second_;  ///< null where all lie on one curve
+  std::unique_ptr<WireModel> second_;  ///< null for one curve
 };
 
-/// What an instrument is at a distance from its tip, between its joints.
+/// Properties of an instrument at a distance from its tip, interpolated between its joints.
 WireModel::Joint JointAt(const WireModel& model, double from_tip_mm);
 
-/// The nodes of a rod as far as an instrument in it reaches, the last where its tip is. `out` is
-/// overwritten.
+/// Nodes of a rod up to an instrument's insertion; the last is the instrument's tip. Overwrites
+/// `out`.
 void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
               std::vector<Eigen::Vector3d>& out);
-/// Where that tip is.
+/// Position of that tip.
 Eigen::Vector3d PointAt(const WireModel& rod, const WireState& state, double insertion_mm);
 
 }  // namespace torquer

@@ -16,7 +16,7 @@ bool RestsCurved(const Share& share) { return !share.rest_rad.isZero(0) && share
 
 Vector2d QuarterTurn(const Vector2d& a) { return {-a[1], a[0]}; }
 
-// The rests of the instruments at a joint, each as it is turned there, over the joint's length.
+// Rest angles of the instruments at a joint, in their local turn, over the joint's length.
 struct Rests {
   Rests(const WireModel& model, const WireState& state, int joint)
       : twisting(model.twisting_joint(state.segments() - joint)),
@@ -36,7 +36,7 @@ struct Rests {
     }
   }
 
-  // Number k of the rod.
+  // Instrument number k of the rod.
   const Share& Of(int k) const { return twisting.of[static_cast<std::size_t>(first + k)]; }
 
   const WireModel::TwistingJoint& twisting;
@@ -47,7 +47,7 @@ struct Rests {
   bool curved = false;
 };
 
-// Calls `each` with two instruments that hold each other and how stiffly, mJ.
+// Calls `each` with two instruments that bend each other and their mutual stiffness, mJ.
 template <class Each>
 void ForPairs(const Rests& rests, double length_mm, const Each& each) {
   for (int a = 0; a < rests.count; ++a) {
@@ -70,7 +70,8 @@ double Mutual(const Rests& rests, double length_mm) {
   return energy_mJ;
 }
 
-// BentBy with its derivatives, in the frame (first normal, second normal, tangent).
+// BentBy with its first and second derivatives, in the frame (first normal, second normal,
+// tangent).
 struct BentTwice {
   explicit BentTwice(const Vector2d& angle) {
     // cos and sin(x)/x as functions of x^2, with two derivatives.
@@ -155,8 +156,8 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
                 frame.col(0), energy_mJ, bending);
     energy_mJ += Mutual(rests, length_mm);
 
-    // y = 1 - u.r by the spins, through the angle of rest: as in ExpandJoint, where the rest turns
-    // with the proximal segment by e_1 xi_1 + e_2 xi_2.
+    // Derivatives of y = 1 - u.r by the spins, through the rest angle. As in ExpandJoint, the rest
+    // turns with the proximal segment by e_1 xi_1 + e_2 xi_2.
     const double y = (tangent - rest).squaredNorm() / 2;
     const BendingValue v = EvaluateBending(model.law(), y);
     const double slope = stiffness * v.slope;
@@ -168,7 +169,7 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
     const Vector2d y_proximal(-e1.dot(moment), -e2.dot(moment));
     Vector2d y_rest;
     Matrix2d y_rest_rest;
-    Matrix2d rest_proximal;  // rows: the components of the angle of rest
+    Matrix2d rest_proximal;  // rows: the components of the rest angle
     Matrix2d rest_distal;
     for (int a = 0; a < 2; ++a) {
       const Vector3d r = axes * bent.first[a];

@@ -9,9 +9,8 @@
 
 namespace torquer {
 
-/// Terms that the spins of the segments of joint i, one an instrument of the rod, add to its
-/// expansion: TwistTerms of each, and what couples them. Rows beyond the number of instruments are
-/// zero. mJ.
+/// Spin terms in the expansion of joint i, one per instrument of the rod: TwistTerms of each, and
+/// their couplings. Rows beyond the number of instruments are zero. mJ.
 struct StackTerms {
   using Spins = Eigen::Matrix<double, kMostInstruments, 1>;
   using SpinsWithStep = Eigen::Matrix<double, kMostInstruments, 2>;
@@ -28,9 +27,9 @@ struct StackTerms {
   Eigen::Matrix<double, kMostInstruments, 3> distal_displacement;  ///< N
 };
 
-/// Expands joint i: its bending, its twists, and what instruments that rest differently hold each
-/// other with, (38). `proximal_frame` and `frame` are the
-/// tangent planes of its segments. Adds the energy to `energy_mJ`.
+/// Expands joint i: its bending, its twists, and the coupling (38) of instruments that rest
+/// differently. `proximal_frame` and `frame` are the tangent planes of its segments. Adds the
+/// energy to `energy_mJ`.
 void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
                       const Frame& proximal_frame, const Frame& frame, double& energy_mJ,
                       JointTerms& bending, StackTerms& out);
