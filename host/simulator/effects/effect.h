@@ -1,4 +1,4 @@
-// What every effect offers: the roles through which it takes part.
+// Effect interface: the roles through which an effect takes part in a simulation.
 //
 // An effect is one file pair and one line in registry.cpp. It exists only in scenes that name it;
 // the relaxation knows roles, never effects.
@@ -34,47 +34,50 @@ namespace torquer::effects {
 
 class Effect;
 
-/// What effects may know of an instrument besides its mechanics.
+/// Properties of an instrument for the effects, besides its mechanics.
 struct Instrument {
   std::string name;
   const WireModel* model = nullptr;
-  double inner_radius_mm = 0;                       ///< of its lumen; 0: solid
-  std::optional<double> friction_coefficient = {};  ///< on the wall; none: the friction effect's
-  double coating_mm = 0;                            ///< length of the coated end
-  double coating_coefficient = 0;                   ///< of friction, there
-  double linear_density_g_m = 0;                    ///< less that of the blood it displaces
-  double attenuation_1_mm = 0.8;                    ///< of X-rays, by its material
-  double marker_mm = 0;                             ///< length of its opaque distal part
-  double marker_1_mm = 0;                           ///< attenuation there
+  double inner_radius_mm = 0;  ///< of its lumen; 0: solid
+  std::optional<double> friction_coefficient =
+      {};                          ///< on the wall; empty: that of the friction effect
+  double coating_mm = 0;           ///< length of the coated end
+  double coating_coefficient = 0;  ///< friction coefficient of the coated end
+  double linear_density_g_m = 0;   ///< less the density of the displaced blood
+  double attenuation_1_mm = 0.8;   ///< of X-rays in its material
+  double marker_mm = 0;            ///< length of its opaque distal part
+  double marker_1_mm = 0;          ///< attenuation of that part
 };
 
-/// The index of the instrument with a name. Refuses `key` of a table where there is none.
+/// Index of the instrument with a name. Throws UserError for `key` of the table if no instrument
+/// has it.
 int FindInstrument(const std::vector<Instrument>& instruments, const std::string& name,
                    const TableSpec& spec, const std::string& key);
 
-/// What effects may look at while they are made. All outlive the effect. What a bench without a
-/// scene lacks is null or empty.
+/// Inputs for the construction of effects. All outlive the effect. A bench without a scene leaves
+/// some null or empty.
 struct EffectContext {
-  const WireModel& wire;  ///< the rod that the instruments are together
+  const WireModel& wire;  ///< the rod of all instruments
   const WallModel& wall;
   const ClearanceField* field = nullptr;  ///< the vessel at rest
   const vessel::CenterlineNetwork* centerlines = nullptr;
   Eigen::AlignedBox3d bounds_mm = {};  ///< of the vessel
   vessel::PatientAxes axes = {};
-  const std::vector<std::unique_ptr<Effect>>* earlier = nullptr;  ///< made before this one
-  const vessel::MovingField* moving = nullptr;  ///< the vessel as it moves; null where it does not
+  const std::vector<std::unique_ptr<Effect>>* earlier = nullptr;  ///< effects made before this one
+  const vessel::MovingField* moving = nullptr;  ///< the moving vessel; null for a vessel at rest
   std::vector<Instrument> instruments = {};     ///< the innermost first
-  const InstrumentStack* stack = nullptr;       ///< of them
+  const InstrumentStack* stack = nullptr;       ///< the stack of `instruments`
 
-  /// The index of the instrument with a name. Refuses `key` of a table where there is none.
+  /// Index of the instrument with a name. Throws UserError for `key` of the table if no instrument
+  /// has it.
   int FindInstrument(const std::string& name, const TableSpec& spec, const std::string& key) const {
     return effects::FindInstrument(instruments, name, spec, key);
   }
-  /// A unit direction of the vessel's frame.
+  /// Unit direction in the vessel's frame.
   Eigen::Vector3d Direction(const DirectionSpec& spec) const;
 };
 
-/// What the operator has chosen on the X-ray system, besides where the C-arm stands.
+/// Operator's settings of the X-ray system, besides the angles of the C-arm.
 struct Imaging {
   enum class Mode : std::uint8_t { kAsScene, kPlain, kSubtraction, kRoadmap };
   static constexpr double kLeastPulses = 1, kMostPulses = 60;
@@ -82,14 +85,14 @@ struct Imaging {
   static constexpr double kMostShutter = 0.45;
 
   Mode mode = Mode::kAsScene;
-  double pulses_per_s = 0;   ///< kLeastPulses to kMostPulses; 0: as the scene has it
-  double magnification = 1;  ///< 1 to kMostMagnification: how many times narrower the field is
+  double pulses_per_s = 0;   ///< kLeastPulses to kMostPulses; 0: value of the scene
+  double magnification = 1;  ///< 1 to kMostMagnification: factor by which the field is narrower
   /// Share of the picture that each shutter covers, 0 to kMostShutter.
   double left = 0, right = 0, top = 0, bottom = 0;
   bool operator==(const Imaging&) const = default;
 };
 
-/// What the hand does besides moving the instruments.
+/// Operator's controls besides the motion of the instruments.
 struct Controls {
   double lao_rad = 0;  ///< C-arm, positive LAO
   double cra_rad = 0;  ///< C-arm, positive CRA
@@ -98,10 +101,10 @@ struct Controls {
   Imaging imaging{};
 };
 
-/// A tick after its relaxation, for the roles that go on from there.
+/// View of a tick after its relaxation, for the roles that follow.
 struct TickView {
-  double time_s = 0;  ///< simulated, since the start
-  double step_s = 0;  ///< since the tick before; 0 at the start
+  double time_s = 0;  ///< simulated time since the start
+  double step_s = 0;  ///< since the previous tick; 0 at the start
   const Controls& controls;
   const InstrumentPlaces& target;
   const WireState& state;
@@ -109,21 +112,21 @@ struct TickView {
   const TickReport& report;
 };
 
-/// A number that an effect has found, for people and records.
+/// Number found by an effect, for display and records.
 struct Reading {
-  std::string name;  ///< with its unit at the end, as in force_tip_mN
+  std::string name;  ///< ends with the unit, as in force_tip_mN
   double value = 0;
 };
 
-/// Role *timed*: knows how long the tick takes that is about to be relaxed.
+/// Role *timed*: gets the duration of the tick before its relaxation.
 class Timed {
  public:
   virtual ~Timed() = default;
-  /// `step_s`: simulated since the tick before, >= 0.
+  /// `step_s`: simulated time since the previous tick, >= 0.
   virtual void Lapse(double step_s) = 0;
 };
 
-/// Role *evolution*: its own state, carried on once a tick.
+/// Role *evolution*: a state of its own that advances once per tick.
 class Evolution {
  public:
   virtual ~Evolution() = default;
@@ -135,15 +138,15 @@ class Observer {
  public:
   virtual ~Observer() = default;
   virtual void Observe(const TickView& tick) = 0;
-  /// What it has found so far.
+  /// Results so far.
   virtual std::vector<Reading> Readings() const = 0;
-  /// What it has found along the wire in the last tick; null where it looks for nothing there.
+  /// Results along the wire in the last tick; null for an observer without them.
   virtual const InternalForces* AlongWire() const { return nullptr; }
-  /// At the hand of each instrument, the innermost first; null where AlongWire is.
+  /// Hand forces of each instrument, the innermost first; null if AlongWire is null.
   virtual const std::array<HandForce, kMostInstruments>* AtHands() const { return nullptr; }
 };
 
-/// Role *image*: makes pictures, in its own thread where there is one.
+/// Role *image*: renders pictures, in its own thread if there is one.
 class ImageSource {
  public:
   struct Picture {
@@ -154,9 +157,10 @@ class ImageSource {
     std::vector<std::uint8_t> gray;  ///< width * height, row by row from the top left
   };
   virtual ~ImageSource() = default;
-  /// On the thread of the ticks: takes what the next picture shows. Cheap; false where none is due.
+  /// Runs on the tick thread: stores the contents of the next picture. Cheap. Returns false if no
+  /// picture is due.
   virtual bool Take(const TickView& tick) = 0;
-  /// On any one thread: the picture of what was taken last.
+  /// Runs on any one thread: renders the picture stored last.
   virtual void Render(Picture& out) = 0;
 };
 
@@ -167,7 +171,7 @@ class Effect {
   Effect& operator=(const Effect&) = delete;
   virtual ~Effect() = default;
 
-  /// The roles that it takes; null for all others.
+  /// Roles of the effect; null for roles that it does not have.
   virtual EnergyTerm* energy_term() { return nullptr; }
   virtual const WallStiffness* wall_stiffness() { return nullptr; }
   virtual vessel::FieldMotion* motion() { return nullptr; }
@@ -176,14 +180,14 @@ class Effect {
   virtual Observer* observer() { return nullptr; }
   virtual ImageSource* image() { return nullptr; }
 
-  /// Forgets everything, as at the start. Energy terms have their own Reset.
+  /// Clears the effect's memory, as at the start. Energy terms have their own Reset.
   virtual void Restart() {}
-  /// Remembers what `twin`, the same effect of the same scene, remembers. Neither is in a tick, and
-  /// no picture of either is being rendered.
+  /// Copies the memory of `twin`, the same effect of the same scene. Neither effect may be in a
+  /// tick, and no picture of either may be in rendering.
   virtual void CopyFrom(const Effect& twin) { static_cast<void>(twin); }
 };
 
-/// The effect of a type that was made before, or null.
+/// Earlier effect of a type, or null.
 template <class T>
 T* FindEarlier(const EffectContext& context) {
   if (context.earlier == nullptr) return nullptr;
@@ -193,12 +197,12 @@ T* FindEarlier(const EffectContext& context) {
   return nullptr;
 }
 
-/// Role *stage*: what an effect makes of an instrument's sections, before it is cut into segments.
+/// Role *stage*: change of an instrument's sections before it is cut into segments.
 /// `torsional_ratio`: GJ / EI of the instrument.
 using ShapeChange = void (*)(std::vector<WireSection>& sections, double torsional_ratio);
 
-/// Role *stage* of several instruments: the room that an effect gives them. `instruments`: the
-/// innermost first; `wall`: the vessel's. Throws UserError naming file, key, value and remedy.
+/// Role *stage* of several instruments: the clearance that an effect gives them. `instruments`: the
+/// innermost first; `wall`: the vessel's wall. Throws UserError naming file, key, value and remedy.
 using MakeRoom = std::function<Clearance(
     const std::any& spec, const std::vector<Instrument>& instruments, const WallModel& wall)>;
 
@@ -208,15 +212,15 @@ struct EffectKind {
   std::string summary;  ///< one line for people
   std::string roles;
   AnyKeys keys;
-  std::string needs = {};  ///< the effect that must be named too; "" for none
-  /// Makes the effect. Throws UserError naming file, key, value and remedy. Null where the effect
-  /// is nothing but a stage.
+  std::string needs = {};  ///< another effect that must be named too; "" for none
+  /// Makes the effect. Throws UserError naming file, key, value and remedy. Null for an effect that
+  /// is only a stage.
   std::function<std::unique_ptr<Effect>(const std::any& spec, const EffectContext& context)> make;
   ShapeChange shape = nullptr;
   MakeRoom room = nullptr;
 };
 
-/// The function of an EffectKind for keys of type Keys<Spec>.
+/// Wraps a maker for an EffectKind with keys of type Keys<Spec>.
 template <class Spec>
 auto MakeWith(std::unique_ptr<Effect> (*make)(const Spec&, const EffectContext&)) {
   return [make](const std::any& spec, const EffectContext& context) {
@@ -224,10 +228,10 @@ auto MakeWith(std::unique_ptr<Effect> (*make)(const Spec&, const EffectContext&)
   };
 }
 
-/// All effects there are, in the order in which they are made: what needs another comes after it.
+/// Table of all effects, in construction order: an effect comes after those that it needs.
 const std::vector<EffectKind>& AllEffects();
 
-/// The table of effects for people, as text.
+/// Table of effects as text for the user.
 std::string DescribeEffects();
 
 }  // namespace torquer::effects

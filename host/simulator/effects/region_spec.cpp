@@ -10,7 +10,7 @@ using vessel::Region;
 
 namespace {
 
-// A stretch is made of two balls a radius, each of which is compared with each.
+// Limits the cost: a stretch has two balls per radius, and each is compared with every other one.
 constexpr double kMostStretchRadii = 1000;
 
 void CheckShape(const RegionSpec& spec, StrictTable& table) {

@@ -10,10 +10,11 @@ namespace torquer::effects {
 namespace {
 
 constexpr double kMm3PerML = 1e3;
-constexpr double kLongestStepS = 5e-3;    // resolves the pulse
-constexpr double kLargestCourant = 0.9;   // of what a cell gives off in a step, 1 would empty it
-constexpr double kSourceRenewalS = 0.02;  // how often an injecting tip is looked for
-constexpr double kLeastPart = 1e-12;      // of all that was injected: what an edge may forget
+constexpr double kLongestStepS = 5e-3;  // resolves the pulse
+constexpr double kLargestCourant =
+    0.9;  // fraction of a cell's contents given off in a step; 1 would empty it
+constexpr double kSourceRenewalS = 0.02;  // interval between searches for an injecting tip
+constexpr double kLeastPart = 1e-12;  // fraction of the injected dye below which an edge is cleared
 
 // Van Leer's limited difference: second order where smooth, no new extremes.
 double Limited(double behind, double ahead) {
@@ -60,7 +61,7 @@ Contrast::Contrast(const Flow& flow, const ContrastSettings& settings, const Wir
   Restart();
 }
 
-// Where blood goes that comes in at a node.
+// Finds the response of all flows to an inflow at each node.
 void Contrast::TakeAnswers() {
   answers_version_ = flow_.version();
   std::vector<double> inflow(flow_.graph().nodes().size(), 0);
@@ -164,7 +165,7 @@ void Contrast::FindFlows(double time_s, bool injecting) {
   }
   if (injecting) {
     if (answers_version_ != flow_.version()) TakeAnswers();
-    // An inflow within an edge acts on the others as two at its ends, shared by resistance.
+    // An inflow within an edge acts on the other edges like two at its ends, divided by resistance.
     const auto at = static_cast<std::size_t>(source_.edge);
     const FlowEdge& edge = flow_.graph().edges()[at];
     const double to_b = kMm3PerML * settings_.rate_mL_s * source_.beyond;
@@ -196,8 +197,8 @@ int Contrast::UpstreamNode(std::size_t edge) const {
   return -1;
 }
 
-// Every edge after all that flow into the node that it comes from. Pressure falls along the flow,
-// so there is such an order; were there none for rounding, dye would wait a step in a node.
+// Orders the edges: each comes after all that flow into its upstream node. Pressure falls along the
+// flow, so such an order exists. If rounding prevented it, dye would only wait a step in a node.
 void Contrast::OrderEdges() {
   const std::vector<FlowNode>& nodes = flow_.graph().nodes();
   const std::vector<FlowEdge>& edges = flow_.graph().edges();
@@ -247,7 +248,7 @@ void Contrast::Step(double time_s, double step_s, bool injecting) {
   if (injecting) injected_mg_ += settings_.concentration_mg_mL * settings_.rate_mL_s * step_s;
   clear_ = !injecting;
   for (const std::size_t e : order_) {
-    // Each takes its share of what the node before it holds, so that nothing is lost to rounding.
+    // Each edge takes its fraction of the dye in its upstream node, so rounding loses no dye.
     const int from = UpstreamNode(e);
     double inflow_mg_mL = 0;
     if (from >= 0) {
@@ -275,9 +276,9 @@ void Contrast::CarryAlong(std::size_t e, double step_s, double inflow_mg_mL, boo
   const double* const volume = &volume_[cells_[e].first];
   const double* const spread = &spread_mm3_s_[cells_[e].first];
   const EndFlows flow = flows_[e];
-  const std::size_t turn = injects ? source_.cell : n;  // faces beyond it have the flow at b
+  const std::size_t turn = injects ? source_.cell : n;  // faces beyond this one have the flow at b
   const double most_mm3_s = std::max(std::abs(flow.at_a), std::abs(flow.at_b));
-  // A cell with a source in it can give off to both sides.
+  // A cell with a source can give off to both sides.
   const double given_1_s =
       (injects ? 2 : 1) * most_mm3_s / edge_least_mm3_[e] + edge_spread_1_s_[e];
   const int steps = std::max(1, static_cast<int>(std::ceil(step_s * given_1_s / kLargestCourant)));
@@ -290,7 +291,7 @@ void Contrast::CarryAlong(std::size_t e, double step_s, double inflow_mg_mL, boo
     slope_[0] = Limited(flow.at_a > 0 ? c[0] - in_a : 0, c[1] - c[0]);
     for (std::size_t i = 1; i + 1 < n; ++i) slope_[i] = Limited(c[i] - c[i - 1], c[i + 1] - c[i]);
     slope_[n - 1] = Limited(c[n - 1] - c[n - 2], flow.at_b < 0 ? in_b - c[n - 1] : 0);
-    // The mean over the step of what passes a face is the value half a passage upstream of it.
+    // The mean concentration at a face over the step is the value half a step's flow upstream.
     flux_[0] = flow.at_a * (flow.at_a > 0 ? in_a : c[0]);
     const auto faces = [&](std::size_t from, std::size_t to, double q) {
       if (q > 0) {

@@ -1,10 +1,10 @@
-// Contrast agent in the blood: injected while the button is held, carried along the centerlines,
-// spread out, mixed at joints, washed out at the ends.
+// Contrast agent in the blood. It is injected while the button is held, carried along the
+// centerlines, dispersed, mixed at joints, and washed out at the ends.
 //
 //   node --[ cell | cell | cell | cell ]--> node     one mean concentration a cell
 //            F -> F -> F ->  limited second order upwind + dispersion, conservative
 //
-// What is injected adds to the flow: where it is more than the blood that comes, it flows back.
+// The injection adds to the flow. An injection larger than the incoming blood flow flows backwards.
 #pragma once
 
 #include <vector>
@@ -22,13 +22,13 @@ struct ContrastSettings {
   double rate_mL_s = 0;
   double concentration_mg_mL = 0;  ///< of iodine
   double dispersion_mm2_s = 0;
-  double cell_mm = 2;  ///< the longest cell
+  double cell_mm = 2;  ///< longest length of a cell
 };
 
 class Contrast final : public Effect, public Evolution, public Observer {
  public:
-  /// `flow` and `wire`, the rod of all instruments, must outlive this. kEntry injects where the
-  /// wire enters.
+  /// `flow` and `wire`, the rod of all instruments, must outlive this. kEntry injects at the entry
+  /// of the wire.
   Contrast(const Flow& flow, const ContrastSettings& settings, const WireModel& wire);
 
   Evolution* evolution() override { return this; }
@@ -39,14 +39,14 @@ class Contrast final : public Effect, public Evolution, public Observer {
   void Observe(const TickView&) override {}
   std::vector<Reading> Readings() const override;
 
-  /// Carries the dye on by step_s at a time; injects at `tip_mm` or where the settings say.
+  /// Advances the dye by step_s up to time_s; injects at `tip_mm` or at the site in the settings.
   void Advance(double time_s, double step_s, bool injecting, const Eigen::Vector3d& tip_mm);
 
-  /// The cells of one edge of flow().graph(), of equal length, from its node a to its node b.
+  /// Cells of one edge of flow().graph(), of equal length, from its node a to its node b.
   struct Cells {
     std::size_t first = 0;
     std::size_t count = 0;
-    double length_mm = 0;  ///< of one
+    double length_mm = 0;  ///< of one cell
   };
   const std::vector<Cells>& cells() const { return cells_; }
   /// Iodine, mg/mL, of all cells of all edges.
@@ -60,11 +60,11 @@ class Contrast final : public Effect, public Evolution, public Observer {
   bool clear() const { return clear_; }
 
  private:
-  // Where dye comes in.
+  // Injection site.
   struct Source {
     int edge = -1;
     std::size_t cell = 0;  // of that edge
-    double beyond = 0;     // part of the edge's resistance between its node a and here
+    double beyond = 0;     // fraction of the edge's resistance from its node a to the site
   };
   // Flow at the two ends of an edge, mm^3/s, positive from a to b.
   struct EndFlows {
@@ -88,19 +88,19 @@ class Contrast final : public Effect, public Evolution, public Observer {
   std::vector<double> volume_;           // of each cell, mm^3
   std::vector<double> spread_mm3_s_;     // dispersion through a cell's face towards a
   std::vector<double> edge_least_mm3_;   // smallest cell
-  std::vector<double> edge_spread_1_s_;  // largest rate at which a cell gives off by dispersion
+  std::vector<double> edge_spread_1_s_;  // largest dispersion rate of a cell
   std::vector<double> edge_mass_mg_;
   std::vector<std::vector<double>> per_inflow_;  // [node][edge] flow for a unit of inflow there
-  int answers_version_ = -1;                     // of the flow that they are for
+  int answers_version_ = -1;                     // version of the flow for per_inflow_
   std::vector<double> edge_mL_s_;
   Source source_;
   double source_age_s_ = 0;
   std::vector<EndFlows> flows_;
-  std::vector<std::size_t> order_;  // of edges, upstream first
-  std::vector<signed char> signs_;  // of the flows that the order is for
+  std::vector<std::size_t> order_;  // of edges, in upstream-to-downstream order
+  std::vector<signed char> signs_;  // flow signs for which order_ is valid
   std::vector<double> node_mass_mg_;
   std::vector<double> node_out_mm3_s_;
-  std::vector<double> slope_;  // of the edge in hand
+  std::vector<double> slope_;  // of the edge being processed
   std::vector<double> flux_;
   double injected_mg_ = 0;
   double washed_out_mg_ = 0;

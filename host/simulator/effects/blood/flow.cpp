@@ -10,11 +10,11 @@ namespace torquer::effects {
 
 namespace {
 
-constexpr double kEjection = 0.35;        // of a cycle
+constexpr double kEjection = 0.35;        // fraction of a cycle
 constexpr double kStepS = 2e-3;           // resolves the ejection, and a Windkessel to 0.1 %
-constexpr double kObstructionS = 0.05;    // how often devices are looked for
-constexpr double kObstructionStepMm = 2;  // along them
-constexpr double kMostFilled = 0.98;      // of the radius, which leaves a lumen open
+constexpr double kObstructionS = 0.05;    // interval between searches for devices
+constexpr double kObstructionStepMm = 2;  // step along the devices
+constexpr double kMostFilled = 0.98;      // of the radius; keeps the lumen open
 constexpr double kPaPerMmHg = 133.322387415;
 
 }  // namespace
@@ -87,7 +87,7 @@ void Flow::Restart() {
   now_ = mean_;
   moment_count_ = 0;
   if (!stepped_) return;
-  // It begins with what the mean would have stored.
+  // The initial stored pressures are those of the mean flow.
   stored_mmHg_.assign(outlets_.size(), 0);
   for (std::size_t k = 0; k < outlets_.size(); ++k) {
     stored_mmHg_[k] = now_.pressure_mmHg[static_cast<std::size_t>(outlets_[k].node)] -
@@ -139,8 +139,8 @@ std::vector<double> Flow::Resistances(const std::vector<double>& stenosis_flow_m
 
 namespace {
 
-// Moves the flows for which losses were linear halfway to those that come out, which converges at
-// any loss. False where they agree.
+// Moves the linearization flows of the losses halfway to the computed flows, which converges for
+// any loss. Returns false once they agree.
 bool MoveLosses(const std::vector<StenosisLoss>& stenoses, const FlowSolution::Flows& flows,
                 std::vector<double>& flow_mL_s) {
   constexpr double kAgreed = 1e-7;
@@ -174,8 +174,7 @@ void Flow::SolveMean() {
     exchange_ = steady_->Solve(Inflow(0), pressures);
     muscle_ = steady_->Solve(Inflow(0), systolic);
     if (inlet_mmHg_) {
-      // The inlet's mean flow is the one that makes its pressure, which grows with it in
-      // proportion.
+      // Sets the inlet's mean flow to match its pressure, which is linear in the flow.
       const auto at = static_cast<std::size_t>(inlet_);
       const double unit_mmHg = steady_->Solve(Inflow(1), none).pressure_mmHg[at];
       inlet_mL_s_ =
@@ -455,7 +454,7 @@ double RadiusAt(const FlowGraph& graph, int node) {
   return graph.network().At(graph.nodes()[static_cast<std::size_t>(node)].place).radius_mm;
 }
 
-// The outlets that tables name, by node.
+// Outlets named by tables, by node.
 std::vector<FlowEnd> NamedOutlets(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
   std::vector<FlowEnd> named;
   for (const OutletSpec& outlet : spec.outlet) {
@@ -498,7 +497,8 @@ void CheckConnected(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
   }
 }
 
-// All free ends but the inlet: as named, otherwise as the scene says for all.
+// All free ends but the inlet: named ones from their tables, the others from the scene's general
+// setting.
 std::vector<FlowEnd> AllOutlets(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
   std::vector<FlowEnd> ends = NamedOutlets(spec, graph, inlet);
   const bool murray =

@@ -17,7 +17,7 @@ using vessel::CenterlinePlace;
 
 namespace {
 
-// Places of one joint nearer than this on one curve are one place.
+// Places of joints on one curve that are closer than this count as one place.
 constexpr double kSamePlaceMm = 1e-3;
 
 struct Stop {
@@ -64,7 +64,7 @@ FlowGraph::FlowGraph(const CenterlineNetwork& network) : network_(&network) {
       stops[place.curve].push_back({place.s_mm, node});
     }
   }
-  // Joints that share a place are one: two ends may meet a third curve at the same point.
+  // Joints that share a place are merged: two ends may meet a third curve at the same point.
   std::vector<int> same(nodes_.size());
   for (std::size_t i = 0; i < same.size(); ++i) same[i] = static_cast<int>(i);
   const auto root = [&same](int node) {
@@ -100,7 +100,7 @@ FlowGraph::FlowGraph(const CenterlineNetwork& network) : network_(&network) {
       if (a != b) edges_.push_back({c, list[i - 1].s_mm, list[i].s_mm, a, b});
     }
   }
-  // Only roots are nodes.
+  // Only roots become nodes.
   std::vector<int> number(nodes_.size(), -1);
   std::vector<FlowNode> kept;
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
@@ -226,9 +226,9 @@ FlowSolution::Flows FlowSolution::Solve(const std::vector<double>& inflow_mL_s,
   flows.pressure_mmHg.assign(graph_.nodes().size(), 0);
   flows.edge_mL_s.assign(edges.size(), 0);
   flows.end_mL_s.assign(ends_.size(), 0);
-  // The pressures given come first; each round then repairs what is missing at the nodes. Wide
-  // vessels have hardly any resistance, so that differences of pressures alone would lose digits
-  // of the flow; sums of ever smaller corrections do not.
+  // The given pressures come first; each round then corrects the remaining imbalance of the nodes.
+  // Wide vessels have hardly any resistance, so flows from pressure differences alone would lose
+  // digits. Sums of ever smaller corrections do not.
   std::vector<double> step(graph_.nodes().size(), 0);
   for (std::size_t k = 0; k < ends_.size(); ++k) {
     if (ends_[k].is_pressure) step[static_cast<std::size_t>(ends_[k].node)] = end_pressure_mmHg[k];
@@ -266,7 +266,7 @@ FlowSolution::Flows FlowSolution::Solve(const std::vector<double>& inflow_mL_s,
       step[n] = unknown_[n] >= 0 ? change[unknown_[n]] : 0;
     }
   }
-  // What goes out at a given pressure is what comes to it.
+  // At an end with a given pressure, the outflow is the sum of the inflows to its node.
   for (std::size_t k = 0; k < ends_.size(); ++k) {
     if (!ends_[k].is_pressure) continue;
     const int node = ends_[k].node;

@@ -1,4 +1,4 @@
-// Walls that are softer or harder in parts of the vessel.
+// Compliance: softer or harder walls in parts of the vessel.
 #pragma once
 
 #include <vector>
@@ -8,8 +8,9 @@
 
 namespace torquer::effects {
 
-/// The wall's stiffness by region: from what is about a region to the region's own along its edge,
-/// evenly in the logarithm. Later regions lie over earlier ones. Regions move with the vessel.
+/// Wall stiffness by region. Along a region's edge it changes from the surrounding stiffness to the
+/// region's own, evenly in the logarithm. Later regions override earlier ones. Regions move with
+/// the vessel.
 class Compliance final : public Effect, public WallStiffness {
  public:
   struct Part {

@@ -33,8 +33,8 @@ Friction::Friction(double coefficient, double slip_mm, const EffectContext& cont
 
 namespace {
 
-// How the surface that touches moves where the wire turns about its tangent, mm per rad. It touches
-// a radius away from the center, against the wall's normal.
+// Displacement of the touching surface per turn of the wire about its tangent, mm per rad. The
+// surface touches a radius away from the center, against the wall's normal.
 Vector3d SurfacePerRad(const PointSet& points, int q, const Vector3d& normal) {
   return -points.radius_mm[static_cast<std::size_t>(q)] * points.Tangent(q).cross(normal);
 }
@@ -65,7 +65,7 @@ PointSet::Place Friction::PlaceOf(const PointSet& points, std::size_t spot) cons
   const PointSet::Place place =
       points.PlaceAt(static_cast<double>(spot - instrument * stride_) * points.spacing_mm +
                      points.behind_mm[instrument]);
-  // Of two curves a point beyond the tip is one of the other, which goes its own way.
+  // With two curves, a point beyond the tip belongs to the other curve, which moves separately.
   const int q = place.point;
   if (place.before_mm > 0 && q > 0 && points.OnSecond(q) != points.OnSecond(q - 1) &&
       points.SurfaceAt(q) < static_cast<int>(instrument)) {
@@ -74,7 +74,7 @@ PointSet::Place Friction::PlaceOf(const PointSet& points, std::size_t spot) cons
   return place;
 }
 
-// Shares what presses each point between the spots on either side of it, by the lever.
+// Shares the contact force of each point between the spots on either side of it, by the lever rule.
 void Friction::FindPresses(const PointSet& points) {
   for (const std::size_t spot : pressed_) presses_[spot] = Press();
   pressed_.clear();
@@ -168,8 +168,9 @@ Friction::Roll Friction::RollAt(const PointSet& points, std::size_t spot, int po
 
 namespace {
 
-// Shares a load between the points on either side of its place, by the lever: the same force and
-// moment. Both of them moved are stiffer than the place between them by what `moment` takes off.
+// Shares a load between the points on either side of its place, by the lever rule; this keeps force
+// and moment. The two shares are stiffer than a load at the place between the points. `moment`
+// subtracts the excess.
 void Share(const PointSet& points, const PointSet::Place& place, const Vector3d& gradient,
            const Matrix3d& hessian, TangentLoad& moment, PointDerivatives& out) {
   const auto add = [&](int q, double part) {
@@ -180,7 +181,8 @@ void Share(const PointSet& points, const PointSet::Place& place, const Vector3d&
   };
   const double piece_mm = points.PieceMm(place.point);
   const double before = place.before_mm / piece_mm;
-  // Beyond its curve, or with the point before on another one: by the moment about the point.
+  // If the place is beyond its curve, or if the point before lies on the other curve, the load acts
+  // at the point, with a moment about it.
   const bool shared = before >= 0 && (place.point == 0 || points.OnSecond(place.point) ==
                                                               points.OnSecond(place.point - 1));
   if (!shared) {
@@ -248,7 +250,7 @@ double Friction::Add(const PointSet& points, PointDerivatives& out) const {
 
 void Friction::MoveSurfaces(const PointSet& points,
                             const std::array<SurfaceMove, kMostInstruments>& moves) {
-  // Along the wire spots go with their instruments.
+  // Spots move along the wire with their instruments.
   if (std::all_of(moves.begin(), moves.end(),
                   [](const SurfaceMove& move) { return move.turn_rad == 0; })) {
     return;
@@ -267,7 +269,7 @@ void Friction::MoveSurfaces(const PointSet& points,
 void Friction::End(const PointSet& points) {
   for (const std::size_t spot : acting_) {
     if (lies_.empty()) break;
-    // From now on it is a displacement like any other, and no turn since.
+    // Converts the turn into a displacement; the turn then restarts at zero.
     const PointSet::Place place = PlaceOf(points, spot);
     Anchor& anchor = anchors_[spot];
     if (place.point < 0 || anchor.limit_N == 0) continue;
@@ -276,7 +278,8 @@ void Friction::End(const PointSet& points) {
     lies_[spot] = LieOf(points, spot, place.point);
   }
   FindPresses(points);
-  // What lifted off, came to lie within another or left through the sheath forgets its anchor.
+  // A spot without contact forgets its anchor: it lifted off, slid into another instrument, or left
+  // through the sheath.
   for (const std::size_t spot : holding_) {
     if (!presses_[spot].touches) anchors_[spot].holds = false;
   }
@@ -296,7 +299,7 @@ void Friction::End(const PointSet& points) {
       continue;
     }
     Vector3d s = at - anchor.at;
-    // In the plane of the part, where there is one: the force stays as it is.
+    // Uses the contact plane of the part if there is one; the force then stays unchanged.
     const Vector3d normal =
         anchor.limit_N > 0 ? anchor.normal : presses_[spot].normal_N.normalized();
     s -= s.dot(normal) * normal;
@@ -309,7 +312,7 @@ std::uint64_t Friction::Hash(std::uint64_t seed) const {
   for (const std::size_t spot : holding_) {
     const Anchor& anchor = anchors_[spot];
     for (const double component : anchor.at) seed = HashDouble(component, seed);
-    // What the budget cut short goes on with these.
+    // A part that the budget interrupted continues with these values.
     if (anchor.limit_N == 0) continue;
     seed = HashDouble(anchor.limit_N, seed);
     for (const double component : anchor.normal) seed = HashDouble(component, seed);

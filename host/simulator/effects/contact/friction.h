@@ -1,20 +1,20 @@
 // Coulomb friction of the wire on the wall.
 //
-// Spots of each instrument's surface, as far apart as the contact points and fixed to its material,
-// have anchors on the wall. With s the displacement of a spot from its anchor in the plane of
-// contact and N the normal force at the start of the part, the force is that of StickSlip with the
-// limit mu N. After the part an anchor farther away than the slip length d follows to the distance
-// d: the force stays as it is, and nothing creeps while it sticks. A part is what the relaxation
-// moves at once (0.25 mm): the way of the wire does not depend on how far a tick goes or where its
-// budget ends. What slides is the surface: an instrument that is turned
-// moves it around as one that is fed moves it along, and both share one cone. Where the vessel
-// moves, the anchors go with their places on the wall.
+// Spots of each instrument's surface have anchors on the wall. Spots are as far apart as the
+// contact points and fixed to the instrument's material. s is the displacement of a spot from its
+// anchor in the plane of contact. N is the normal force at the start of the part. The force is that
+// of StickSlip with the limit mu N. After the part, an anchor farther away than the slip length d
+// follows to the distance d. So the force stays unchanged, and nothing creeps while it sticks.
 //
-// The points of contact are those of the rod. Of the instrument that leads they are the spots.
-// Those of another lie between them, and take their shares of what presses the points on either
-// side.
+// A part is the motion that the relaxation performs at once (0.25 mm). So the path of the wire does
+// not depend on the length of a tick or on the end of its budget. The surface slides: turning an
+// instrument moves it around, feeding moves it along, and both share one cone. If the vessel moves,
+// the anchors move with their places on the wall.
 //
-//   points of contact, going with the leader    |------o------|------o------|--->
+// The contact points are those of the rod, and they are the spots of the leader. Spots of other
+// instruments lie between them and share the contact forces of the points on either side.
+//
+//   contact points, moving with the leader      |------o------|------o------|--->
 //   spots of a catheter at rest around it           x------x------x------x
 #pragma once
 
@@ -28,13 +28,13 @@ namespace torquer::effects {
 
 class Friction final : public Effect, public EnergyTerm {
  public:
-  /// A part of the vessel whose wall multiplies the coefficient.
+  /// Part of the vessel whose wall multiplies the coefficient.
   struct Part {
     vessel::Region region;
     double factor = 1;  ///< >= 0
   };
-  /// `coefficient` mu in [0, 2] of instruments that have none; `slip_mm` d in [1e-5, 0.1]. Later
-  /// parts lie over earlier ones.
+  /// `coefficient`: mu in [0, 2] of instruments without their own; `slip_mm`: d in [1e-5, 0.1].
+  /// Later parts override earlier ones.
   Friction(double coefficient, double slip_mm, const EffectContext& context,
            std::vector<Part> parts = {});
 
@@ -62,25 +62,26 @@ class Friction final : public Effect, public EnergyTerm {
 
   struct Anchor {
     Eigen::Vector3d at = Eigen::Vector3d::Zero();
-    Eigen::Vector3d at_rest = Eigen::Vector3d::Zero();  // the same of the vessel at rest
+    Eigen::Vector3d at_rest = Eigen::Vector3d::Zero();  // same place in the vessel at rest
     Eigen::Vector3d normal = Eigen::Vector3d::Zero();   // unit, of the wall, at the part's start
     double limit_N = 0;                                 // mu N at the part's start
     bool holds = false;
   };
 
-  // What presses a spot onto the wall.
+  // Contact force of a spot on the wall.
   struct Press {
     Eigen::Vector3d normal_N = Eigen::Vector3d::Zero();  // along the wall's normal
-    double limit_N = 0;                                  // mu times that
+    double limit_N = 0;                                  // mu times normal_N
     bool touches = false;
   };
 
-  // Of what twists: how the spot's segment lay at the part's start.
+  // Position of a spot's segment at the part's start, for an instrument that twists.
   struct Lie {
     Eigen::Vector3d tangent;
     Eigen::Vector3d normal;
   };
-  // How the surface has moved since the part's start by the instrument's turn about itself.
+  // Displacement of the surface since the part's start, due to the instrument's turn about its
+  // axis.
   struct Roll {
     double angle_rad = 0;
     Eigen::Vector3d per_rad_mm = Eigen::Vector3d::Zero();  // displacement of the surface
@@ -88,7 +89,7 @@ class Friction final : public Effect, public EnergyTerm {
     Eigen::Vector3d area = Eigen::Vector3d::Zero();
   };
 
-  // Spots are numbered from the tip of the innermost instrument, then from that of the next.
+  // Spots are numbered from the tip of the innermost instrument, then from that of the next one.
   int InstrumentOf(std::size_t spot) const { return static_cast<int>(spot / stride_); }
   PointSet::Place PlaceOf(const PointSet& points, std::size_t spot) const;
   void FindPresses(const PointSet& points);
@@ -101,14 +102,14 @@ class Friction final : public Effect, public EnergyTerm {
   const double slip_mm_;
   std::vector<Surface> surfaces_;  ///< of each instrument
   const std::vector<Part> parts_;
-  const vessel::MovingField* const moving_;  ///< null where the vessel rests
-  std::size_t stride_;                       ///< spots of an instrument
+  const vessel::MovingField* const moving_;  ///< null for a vessel at rest
+  std::size_t stride_;                       ///< number of spots of an instrument
   std::vector<Anchor> anchors_;
-  std::vector<Lie> lies_;             ///< the same; empty where nothing twists
-  std::vector<Press> presses_;        ///< the same; found by FindPresses
-  std::vector<std::size_t> pressed_;  ///< the spots that have one
-  std::vector<std::size_t> holding_;  ///< the spots whose anchors hold
-  std::vector<std::size_t> acting_;   ///< those of them that have a limit in this part
+  std::vector<Lie> lies_;             ///< by spot; empty if nothing twists
+  std::vector<Press> presses_;        ///< by spot; set by FindPresses
+  std::vector<std::size_t> pressed_;  ///< the spots with a contact force
+  std::vector<std::size_t> holding_;  ///< the spots with a valid anchor
+  std::vector<std::size_t> acting_;   ///< those of holding_ with a limit in this part
 };
 
 EffectKind FrictionKind();

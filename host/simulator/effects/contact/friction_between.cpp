@@ -10,7 +10,7 @@ namespace torquer::effects {
 
 namespace {
 
-// Of an instrument in another, at a segment.
+// Turn of an instrument in another one, at a segment.
 double TurnIn(const PointSet& points, int segment, int inner, int outer) {
   const PointSet::Turns& curve = points.LiesOnSecond(inner) ? points.second_turns : points.turns;
   const OfInstruments& turns = curve.angles_rad[static_cast<std::size_t>(segment)];
@@ -47,7 +47,7 @@ void FrictionBetween::Begin(const PointSet& points) {
   if (in_lumen_) in_lumen_->Begin(points);
   if (anchors_.empty()) return;
   const int segments = points.segments();
-  const bool known = !points.pressed_N.empty();  // otherwise what was found last stays
+  const bool known = !points.pressed_N.empty();  // otherwise the last values remain
   for (int i = 0; i < segments; ++i) {
     const int last = (i + 1) * points.per_segment - 1;
     const double from_tip_mm = points.FromTipMm(last);
@@ -60,7 +60,7 @@ void FrictionBetween::Begin(const PointSet& points) {
         own = Anchor();
         continue;
       }
-      // Between two curves it is the lumen that holds.
+      // Between two curves the lumen friction acts instead.
       const bool same_curve = inner >= 0 && points.LiesOnSecond(inner) == points.LiesOnSecond(k);
       if (inner >= 0 && !same_curve) anchors[static_cast<std::size_t>(inner)] = Anchor();
       if (same_curve) {
@@ -81,7 +81,8 @@ void FrictionBetween::Begin(const PointSet& points) {
       }
       inner = k;
     }
-    if (inner >= 0) anchors[static_cast<std::size_t>(inner)] = Anchor();  // the outermost
+    if (inner >= 0)
+      anchors[static_cast<std::size_t>(inner)] = Anchor();  // the outermost has no anchor
   }
   anchored_ = segments;
 }
@@ -124,8 +125,8 @@ void FrictionBetween::MoveSurfaces(const PointSet& points,
   }
   if (in_lumen_) in_lumen_->MoveSurfaces(points, moves);
   if (anchors_.empty()) return;
-  // Twists that slide along are turns, too: of r times a rate of twist, far less than the way
-  // along.
+  // Twists that slide along also cause turns. Their way, r times a rate of twist, is far less than
+  // the way along and is neglected.
   for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
     Anchors& anchors = AnchorsAt(points, i);
     for (std::size_t k = 0; k < count; ++k) {
@@ -151,7 +152,7 @@ void FrictionBetween::End(const PointSet& points) {
       anchor.turn_rad = turn_rad - slip_mm_ / distance * around_mm / anchor.radius_mm;
     }
   }
-  // What left through the sheath will lie differently when it comes back.
+  // Segments that left through the sheath return in another position, so their anchors are cleared.
   for (int k = points.segments(); k < anchored_; ++k) {
     anchors_[static_cast<std::size_t>(k)] = Anchors();
   }

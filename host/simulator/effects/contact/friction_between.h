@@ -1,14 +1,14 @@
-// Coulomb friction of instruments on each other, with stick and slip.
+// Coulomb friction between instruments, with stick and slip.
 //
-// Along the wire it is internal, since no instrument can be stretched: hands feel it
-// (core/stack/hand_forces), shapes do not. About the wire it holds instruments that twist against
-// each other. At a segment, with N the force that presses an instrument against the next one around
-// it, r its radius and
+// Along the wire it is internal, since no instrument can be stretched. Hands feel it
+// (core/stack/hand_forces); shapes do not depend on it. About the wire it holds instruments that
+// twist against each other. At a segment, N is the force of an instrument against the next one
+// around it, and r its radius. With
 //   s = (way along it, r times turn)
-// how far both have moved against each other since an anchor, its energy is that of StickSlip with
-// the limit mu N: both ways share one cone. What slides along is therefore easily turned.
+// as the relative motion of both since an anchor, the energy is that of StickSlip with the limit mu
+// N. Both ways share one cone, so an instrument that slides along is easily turned.
 //
-// Where a lumen has room, friction acts between its two curves as well, on their shapes, too:
+// With room in a lumen, friction also acts between the two curves, and then on their shapes:
 // lumen_friction.h.
 #pragma once
 
@@ -23,8 +23,8 @@ namespace torquer::effects {
 
 class FrictionBetween final : public Effect, public EnergyTerm {
  public:
-  /// `coefficient` in [0, 2]; `slip_mm` in [1e-5, 0.1]: how far what sticks moves before it slips.
-  /// `context` needs its stack, of two instruments or more.
+  /// `coefficient` in [0, 2]; `slip_mm` in [1e-5, 0.1]: the motion of a sticking contact before it
+  /// slips. `context` needs its stack, of at least two instruments.
   FrictionBetween(double coefficient, double slip_mm, const EffectContext& context);
 
   EnergyTerm* energy_term() override { return this; }
@@ -42,13 +42,13 @@ class FrictionBetween final : public Effect, public EnergyTerm {
   std::uint64_t Hash(std::uint64_t seed) const override;
 
  private:
-  // Of an instrument and the next one around it, by segments from the tip.
+  // Anchor of an instrument in the next one around it, by segments from the tip.
   struct Anchor {
-    int outer = -1;        // the next one around it; -1: none is there
-    double along_mm = 0;   // how far the instrument has slid in it since the anchor
-    double turn_rad = 0;   // of the instrument in it, where the anchor is
+    int outer = -1;        // index of the next one around it; -1 without one
+    double along_mm = 0;   // sliding of the instrument in it since the anchor
+    double turn_rad = 0;   // relative turn of the instrument at the anchor
     double limit_N = 0;    // mu N at the part's start
-    double radius_mm = 0;  // of the instrument
+    double radius_mm = 0;  // radius of the instrument
   };
   using Anchors = std::array<Anchor, kMostInstruments>;  // by instrument; the outermost has none
 
@@ -62,9 +62,9 @@ class FrictionBetween final : public Effect, public EnergyTerm {
   const double slip_mm_;
   const InstrumentStack& stack_;
   Sliding sliding_;
-  std::vector<Anchors> anchors_;           ///< empty where nothing twists
+  std::vector<Anchors> anchors_;           ///< empty if nothing twists
   int anchored_ = 0;                       ///< anchors beyond this many are blank
-  std::optional<LumenFriction> in_lumen_;  ///< none where no lumen has room
+  std::optional<LumenFriction> in_lumen_;  ///< empty if no lumen has room
 };
 
 EffectKind FrictionBetweenKind();

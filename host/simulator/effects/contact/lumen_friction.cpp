@@ -13,7 +13,7 @@ using Eigen::Vector2d;
 
 namespace {
 
-// An angle within half a turn of zero.
+// Reduces an angle to within half a turn of zero.
 double Within(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
 
 }  // namespace
@@ -30,7 +30,7 @@ std::size_t LumenFriction::MemoryOf(const PointSet& points, std::size_t place) {
   return all - place;
 }
 
-// Surfaces that are still those of the part's start.
+// True if the surfaces are still those of the part's start.
 bool LumenFriction::Holds(const Held& held, const LumenContact& contact) {
   return held.limit_N > 0 && contact.inner == held.from.inner && contact.outer == held.from.outer;
 }
@@ -44,7 +44,8 @@ Vector2d LumenFriction::WayMm(const Held& held, const LumenContact& contact) {
 
 void LumenFriction::Begin(const PointSet& points) {
   const auto in_lumen = points.lumen.size();
-  // What lies beyond the lumen, or in the sheath, will lie differently when it comes back.
+  // Places beyond the lumen, or in the sheath, return in another position, so their memory is
+  // cleared.
   const std::size_t first = in_lumen == 0 ? 0 : MemoryOf(points, in_lumen - 2);
   const std::size_t last = in_lumen == 0 ? 0 : MemoryOf(points, 0);
   for (std::size_t k = 1; k < held_.size(); ++k) {

@@ -1,5 +1,5 @@
-// Coulomb's law with a small slip length d, as an energy with two continuous derivatives. With s
-// how far a contact is from its anchor and L = mu N, the force is
+// Stick-slip law: Coulomb's law with a small slip length d, as an energy with two continuous
+// derivatives. With s the displacement of a contact from its anchor and L = mu N, the force is
 //   L (3 x - x^3) / 2,  x = |s|/d <= 1   (sticks, elastically)
 //   L                   beyond           (slips, at the Coulomb cone exactly)
 #pragma once
@@ -8,7 +8,8 @@
 
 namespace torquer::effects {
 
-/// What a contact that is held back by at most `limit_N` has at a distance from its anchor.
+/// Energy and derivatives of a friction contact with the limit `limit_N` at a distance from its
+/// anchor.
 struct StickSlip {
   /// `squared_mm2`: |s|^2; `slip_mm`: d > 0.
   StickSlip(double limit_N, double slip_mm, double squared_mm2) {
@@ -27,8 +28,8 @@ struct StickSlip {
   }
 
   double energy_mJ;
-  double secant_N_mm;      ///< the gradient of the energy is this times s
-  double softening_N_mm3;  ///< the Hessian is the secant, less this times s s'
+  double secant_N_mm;      ///< gradient of the energy = secant times s
+  double softening_N_mm3;  ///< Hessian = secant times identity - softening times s s'
 };
 
 }  // namespace torquer::effects

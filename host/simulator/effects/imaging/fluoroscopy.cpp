@@ -12,16 +12,17 @@ using Mode = FluoroscopySettings::Mode;
 
 namespace {
 
-constexpr float kBackground = 0.56F;  // gray of the mean exposure, of 1
-// Part of the body's contrast that is shown: slow changes are compressed, as systems do, so that
-// thin and thick parts fit the gray range together.
+constexpr float kBackground = 0.56F;  // gray value of the mean exposure, 0 .. 1
+// Displayed fraction of the body's contrast. Slow changes are compressed, as in real systems, so
+// that thin and thick parts fit into the gray range together.
 constexpr float kBodyShown = 0.6F;
-constexpr float kSubtractedBackground = 0.78F;  // of what has not changed
+constexpr float kSubtractedBackground = 0.78F;  // gray value of unchanged pixels
 constexpr float kRoadmapBackground = 0.5F;
-constexpr float kRoadmapDye = 0.6F;                 // how much weaker the map is than dye itself
-constexpr std::uint64_t kMaskPicture = 1ULL << 40;  // the mask's noise is no other picture's
+constexpr float kRoadmapDye = 0.6F;  // weight of the map against the dye itself
+constexpr std::uint64_t kMaskPicture =
+    1ULL << 40;  // gives the mask its own noise, unlike that of any picture
 
-// The interventional reference point (IEC 60601-2-43).
+// Distance of the interventional reference point (IEC 60601-2-43) from the isocenter.
 constexpr double kBeforeIsocenterMm = 150;
 
 double FieldMm(const CArm& arm) { return arm.detector_mm * arm.sod_mm / arm.sid_mm; }
@@ -57,8 +58,8 @@ CArm Fluoroscopy::ArmOf(const Imaging& imaging) const {
   return arm;
 }
 
-// Air kerma of one pulse at the reference point. The current follows the body's thickness and the
-// size of a pixel, so that a pixel always gets the same.
+// Air kerma of one pulse at the reference point. The tube current adapts to the body's thickness
+// and the pixel size, so a pixel always gets the same dose.
 double Fluoroscopy::PulseKermaMGy(const Controls& controls) const {
   constexpr double kThicknessMm = 200;
   const Body& body = settings_.body;
@@ -74,7 +75,7 @@ double Fluoroscopy::PulseKermaMGy(const Controls& controls) const {
   return settings_.tube_mGy_mAs * mA * 1e-3 * settings_.pulse_ms / (distance_m * distance_m);
 }
 
-// Of the beam at the reference point, between the shutters.
+// Open area of the beam at the reference point, between the shutters.
 double Fluoroscopy::OpenAreaCm2(const Imaging& imaging) const {
   const CArm arm = ArmOf(imaging);
   const double width_cm = 0.1 * arm.detector_mm * (arm.sod_mm - kBeforeIsocenterMm) / arm.sid_mm;
@@ -145,7 +146,7 @@ void Fluoroscopy::Restart() {
   std::fill(offsets_.begin(), offsets_.end(), Eigen::Vector3f::Zero());
 }
 
-// Points along every edge, as dense as the lumen is thin.
+// Distributes points along every edge; thin lumens get dense points.
 void Fluoroscopy::LayLumen() {
   constexpr double kStepPerRadius = 0.5;
   constexpr double kLeastStepMm = 0.7;
@@ -203,7 +204,7 @@ bool Fluoroscopy::Take(const TickView& tick) {
   return true;
 }
 
-// Organs move as the vessel does at the isocenter.
+// The organs move like the vessel at the isocenter.
 Vector3d Fluoroscopy::OrgansNow() const {
   vessel::Offset offset;
   for (const vessel::FieldMotion* motion : motions_) {
@@ -212,7 +213,7 @@ Vector3d Fluoroscopy::OrgansNow() const {
   return offset.value;
 }
 
-// Counts pulses by itself: pictures are taken only where somebody looks at them.
+// Counts pulses independently of Take, because pictures are taken only for viewers.
 void Fluoroscopy::Observe(const TickView& tick) {
   const Controls& at = tick.controls;
   field_mm_ = FieldMm(ArmOf(at.imaging));
@@ -254,7 +255,7 @@ void Fluoroscopy::TakeInstruments(const WireState& state, Shot& shot) {
   };
   for (std::size_t k = instruments_.size(); k-- > 0;) {
     const Instrument& instrument = instruments_[k];
-    // Along one polyline, by the distance of each node from the instrument's tip.
+    // Goes along one polyline, by the distance of each node from the instrument's tip.
     const int number = static_cast<int>(k);
     TakePart(wire_, state.CurveOf(number), state.places()[number].insertion_mm, nodes_);
     std::vector<WirePoint>& body = next();
@@ -292,8 +293,8 @@ void Fluoroscopy::TakeDye(Shot& shot) {
     shot.dye_1_mm[i] = scale * (a + place.part * (b - a));
   }
   if (motions_.empty()) return;
-  // A point of the vessel at rest is where its own offset takes it: one step of the fixed point
-  // from where it was in the last picture.
+  // The displaced position of a lumen point solves a fixed-point equation, since its offset is a
+  // function of that position. This is one iteration from the position in the last picture.
   for (std::size_t i = 0; i < lumen_.size(); ++i) {
     if (!(shot.dye_1_mm[i] > 0)) continue;
     vessel::Offset offset;
@@ -306,7 +307,7 @@ void Fluoroscopy::TakeDye(Shot& shot) {
 
 void Fluoroscopy::FindBody(const Shot& shot) {
   const Controls& controls = shot.controls;
-  // Pictures of an earlier session say nothing here.
+  // Data from an earlier session are invalid.
   if (shot.session != seen_session_) has_body_ = has_mask_ = false;
   seen_session_ = shot.session;
   const double magnification = controls.imaging.magnification;
@@ -325,7 +326,7 @@ void Fluoroscopy::FindBody(const Shot& shot) {
   body_lao_rad_ = controls.lao_rad;
   body_cra_rad_ = controls.cra_rad;
   body_magnification_ = magnification;
-  // What was seen from another side, or in another field, says nothing here.
+  // A mask from another angle or field is invalid.
   has_mask_ = false;
 }
 
@@ -371,7 +372,7 @@ void Fluoroscopy::Render(Picture& out) {
   CoverWithShutters(shot.controls.imaging, out);
 }
 
-// Lead is black.
+// Paints the shutters black, like lead.
 void Fluoroscopy::CoverWithShutters(const Imaging& imaging, Picture& out) {
   const auto pixels = [](double share, int of) {
     return static_cast<int>(std::lround(share * of));
@@ -391,7 +392,7 @@ void Fluoroscopy::CoverWithShutters(const Imaging& imaging, Picture& out) {
   }
 }
 
-// Keeps the mask, and the densest dye for the road map.
+// Updates the mask, and the densest dye for the road map.
 void Fluoroscopy::Subtract(const Shot& shot) {
   const Mode mode = ModeOf(shot.controls.imaging);
   if (!has_mask_ || (shot.pedal != mask_pedal_ && mode == Mode::kSubtraction)) {
@@ -410,8 +411,8 @@ void Fluoroscopy::Subtract(const Shot& shot) {
   }
 }
 
-// From attenuation to gray: the logarithm of the counts about their mean. N photons have the
-// standard deviation sqrt(N), their logarithm 1/sqrt(N).
+// Converts attenuation to gray: the logarithm of the counts about their mean. N photons have the
+// standard deviation sqrt(N), so their logarithm has 1/sqrt(N).
 void Fluoroscopy::Expose(const Shot& shot, Picture& out) const {
   const Mode mode = ModeOf(shot.controls.imaging);
   const auto gain = static_cast<float>(settings_.gain) * (mode == Mode::kPlain ? 1.0F : 1.5F);
@@ -426,7 +427,7 @@ void Fluoroscopy::Expose(const Shot& shot, Picture& out) const {
   for (std::size_t i = 0; i < out.gray.size(); ++i) {
     const float thick = body[i] - exposure_;
     const float seen = thick + devices[i] + dye[i];
-    // Even black metal lets a photon or two through; past that the noise would have no sense.
+    // Even black metal transmits a photon or two, so the attenuation is limited for the noise.
     const float deviation = sigma / std::sqrt(std::exp(-std::min(seen, 5.0F)) + scatter);
     float value = 0;
     switch (mode) {

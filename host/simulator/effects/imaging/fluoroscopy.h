@@ -1,5 +1,5 @@
-// The X-ray picture: a C-arm about the patient, the wire, dye in the vessels, a body around them,
-// and the noise of the dose.
+// X-ray picture: a C-arm about the patient, the wire, dye in the vessels, a body around them, and
+// the quantum noise of the dose.
 //
 //   tick thread: Take  --nodes, dye--> newest shot -->  Render: in its own thread
 #pragma once
@@ -18,33 +18,34 @@ namespace torquer::effects {
 struct FluoroscopySettings {
   enum class Mode : std::uint8_t {
     kPlain,
-    kSubtraction,  ///< against the first picture since the pedal went down or the C-arm moved;
-                   ///< organs that have moved since do not cancel
-    kRoadmap       ///< subtraction that keeps the densest dye seen and shows the vessels bright
+    kSubtraction,  ///< difference from the first picture since the pedal went down or the C-arm
+                   ///< moved; organs that moved since then do not cancel
+    kRoadmap       ///< subtraction that keeps the densest dye so far and shows the vessels bright
   };
   Mode mode = Mode::kPlain;
   CArm arm;
   Body body;
   double pictures_per_s = 15;
-  double photons = 600;           ///< that reach a pixel behind the mean of the body, unscattered
-  double scatter_to_primary = 0;  ///< as many more that are scattered, the same in every pixel
-  double gain = 0.4;              ///< of the whole gray range, for a factor e in intensity
+  double photons = 600;  ///< unscattered photons per pixel behind the mean of the body
+  double scatter_to_primary =
+      0;              ///< ratio of scattered to unscattered photons, the same in every pixel
+  double gain = 0.4;  ///< in units of the gray range, for a factor e in intensity
   double iodine_1_mm_mg_mL = 7.6e-4;  ///< attenuation per concentration
-  // Of the tube, for the dose.
+  // Properties of the tube, for the dose.
   double tube_mA = 10;         ///< through 200 mm of tissue
-  double pulse_ms = 8;         ///< of one picture
+  double pulse_ms = 8;         ///< duration of one picture's pulse
   double tube_mGy_mAs = 0.06;  ///< air kerma at 1 m
   std::uint64_t seed = 1;
 };
 
-/// The line integral that a detector sees behind one of `integral`, about that of the mean of the
-/// body, where the scattered photons are `scatter_to_primary` times the others there:
+/// Apparent line integral at a detector for the true one, `integral`; both relative to the mean of
+/// the body. `scatter_to_primary` is the ratio of scattered to other photons at that mean:
 /// -ln((e^-x + s) / (1 + s)), Beer and Lambert's law with an even background.
 float WithScatter(float integral, float scatter_to_primary);
 
 class Fluoroscopy final : public Effect, public ImageSource, public Observer {
  public:
-  /// wire: the rod of all instruments. contrast may be null: no dye then. motions: what moves the
+  /// wire: the rod of all instruments. contrast: null for no dye. motions: the motions of the
   /// vessel. All outlive this. instruments: at least one.
   Fluoroscopy(const FluoroscopySettings& settings, const WireModel& wire, const Contrast* contrast,
               std::vector<const vessel::FieldMotion*> motions, std::vector<Instrument> instruments);
@@ -59,34 +60,35 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   void Render(Picture& out) override;
 
   const FluoroscopySettings& settings() const { return settings_; }
-  /// Of the last picture: mean attenuation that the exposure is set to.
+  /// Mean attenuation of the last picture, which sets its exposure.
   float exposure() const { return exposure_; }
 
  private:
   using Mode = FluoroscopySettings::Mode;
 
-  // What a picture shows.
+  // Contents of a picture.
   struct Shot {
-    std::int64_t session = 0;  // how often it was restarted until then
+    std::int64_t session = 0;  // number of restarts before it
     std::int64_t number = 0;   // since the start
-    std::int64_t pedal = 0;    // how often the pedal went down until then
+    std::int64_t pedal = 0;    // number of pedal presses before it
     double time_s = 0;
     Controls controls;
-    Eigen::Vector3d organs_mm = Eigen::Vector3d::Zero();  // how far they have moved
-    // Each instrument, the outermost first, and after a hollow one what its wall leaves out.
+    Eigen::Vector3d organs_mm = Eigen::Vector3d::Zero();  // displacement of the organs
+    // Each instrument, the outermost first; a hollow one is followed by its lumen, to be
+    // subtracted.
     std::vector<std::vector<WirePoint>> shadows;
     bool has_dye = false;
     std::vector<float> dye_1_mm;           // at each lumen point
-    std::vector<Eigen::Vector3f> offsets;  // of each lumen point, where the vessel moves
+    std::vector<Eigen::Vector3f> offsets;  // of each lumen point, if the vessel moves
   };
-  // The lumen points of one edge, and where in its cells they are.
+  // Lumen points of one edge, and their positions in its cells.
   struct Branch {
     std::size_t first = 0;
     std::size_t count = 0;
   };
   struct CellPlace {
-    std::size_t cell = 0;  // and the next one
-    float part = 0;        // of the next one
+    std::size_t cell = 0;  // index; the next cell is used too
+    float part = 0;        // weight of the next cell
   };
 
   void LayLumen();
@@ -113,7 +115,7 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   std::vector<LumenPoint> lumen_;
   std::vector<CellPlace> cell_places_;
 
-  // On the thread of the ticks.
+  // Used by the tick thread.
   Latest<Shot> shots_;
   std::vector<Eigen::Vector3d> nodes_;
   std::vector<Eigen::Vector3f> offsets_;
@@ -127,11 +129,11 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   bool was_exposed_ = false;
   double air_kerma_mGy_ = 0;
   double kerma_area_Gy_cm2_ = 0;
-  double pulse_mGy_ = 0;  // of the angles and the field below; 0: not known
+  double pulse_mGy_ = 0;  // at the angles and the field below; 0: unknown
   double dose_lao_rad_ = 0, dose_cra_rad_ = 0, dose_magnification_ = 0;
   double field_mm_ = 0;  // width of the picture at the isocenter
 
-  // On the thread that renders.
+  // Used by the render thread.
   LumenPainter painter_;
   std::vector<LumenPoint> painted_lumen_;
   Plane body_plane_, devices_, dye_, scratch_, mask_, mask_body_, densest_dye_;
@@ -145,7 +147,7 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   float exposure_ = 0;
 };
 
-/// With the dye, the motions and the instruments of a scene.
+/// Makes it with the dye, the motions and the instruments of a scene.
 std::unique_ptr<Fluoroscopy> MakeFluoroscopy(const FluoroscopySettings& settings,
                                              const EffectContext& context);
 

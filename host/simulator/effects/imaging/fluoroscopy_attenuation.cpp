@@ -17,7 +17,7 @@ double ChordIntegral(double x, double r) {
   return c * std::sqrt(std::max(0.0, r * r - c * c)) + r * r * std::asin(c / r);
 }
 
-// Narrows [low, high] to where a + b t <= 0.
+// Narrows [low, high] to the range with a + b t <= 0.
 void Narrow(double a, double b, double& low, double& high) {
   if (b > 1e-12) {
     high = std::min(high, -a / b);
@@ -28,13 +28,13 @@ void Narrow(double a, double b, double& low, double& high) {
   }
 }
 
-// The columns of a row that an oriented rectangle about a line on the picture covers.
+// Columns of a row covered by an oriented rectangle about a line on the picture.
 struct Band {
-  double column, row;  // where the line begins
+  double column, row;  // start of the line
   double along_column, along_row;
   double from, to, half_width;  // along the line and across it, pixels
 
-  // False where there are none.
+  // Returns false if no column is covered.
   bool Columns(int at_row, int width, int& first, int& last) const {
     const double y = at_row - row;
     double low = -column;
@@ -48,7 +48,7 @@ struct Band {
     last = std::min(width - 1, static_cast<int>(std::floor(high + column)));
     return first <= last;
   }
-  // Rows that can have any.
+  // Range of rows that may be covered.
   void Rows(int height, int& first, int& last) const {
     const double side = half_width * std::abs(along_column);
     const double a = row + from * along_row;
@@ -58,7 +58,7 @@ struct Band {
   }
 };
 
-constexpr double kNearestMm = 10;  // nothing is drawn nearer to the source
+constexpr double kNearestMm = 10;  // minimum distance from the source for drawing
 
 void AddWirePiece(const Projection& projection, const WirePoint& a, const WirePoint& b,
                   Plane& plane) {
@@ -74,7 +74,7 @@ void AddWirePiece(const Projection& projection, const WirePoint& a, const WirePo
   double along_row = ib.row - ia.row;
   const double length = std::hypot(along_column, along_row);
   const double radius_mm = (a.radius_mm + b.radius_mm) / 2;
-  // A piece seen on end is as deep as it is long; it keeps its mass if it is drawn a little longer.
+  // A piece seen end-on is as deep as it is long. It is drawn slightly longer and keeps its mass.
   constexpr double kLeastPixels = 0.05;
   if (length < 1e-9) {
     along_column = 1;
@@ -84,7 +84,7 @@ void AddWirePiece(const Projection& projection, const WirePoint& a, const WirePo
     along_row /= length;
   }
   const double drawn = std::max(length, kLeastPixels);
-  // Length along the ray for each mm across it, so that the mass of the piece comes out.
+  // Length along the ray per mm across it, which preserves the mass of the piece.
   const double length_mm = (pb - pa).norm();
   const double slant = length_mm / (drawn / pixels_per_mm);
   const double ray =
@@ -129,7 +129,7 @@ void AddWire(const Projection& projection, const std::vector<WirePoint>& wire, P
   }
 }
 
-// A truncated cone in the camera's frame, cut off by two planes.
+// Truncated cone in the camera's frame, cut off by two planes.
 struct LumenPainter::Cone {
   Vector3d begin, end, axis, begin_normal, end_normal;
   double length = 0, begin_radius = 0, end_radius = 0;
@@ -163,7 +163,7 @@ void LumenPainter::Add(const Projection& projection, const LumenPoint* points, s
     cone.axis /= cone.length;
     cone.begin_normal = projection.camera() * a.tangent;
     cone.end_normal = projection.camera() * b.tangent;
-    // Across a sharp corner the planes would cut the cone to pieces.
+    // At a sharp corner the planes would cut the cone to pieces, so the cone's own axis is used.
     constexpr double kLeastCosine = 0.5;
     if (cone.begin_normal.dot(cone.axis) < kLeastCosine) cone.begin_normal = cone.axis;
     if (cone.end_normal.dot(cone.axis) < kLeastCosine) cone.end_normal = cone.axis;
@@ -180,8 +180,8 @@ void LumenPainter::Add(const Projection& projection, const LumenPoint* points, s
   own_pixels_.clear();
 }
 
-// Cones of one vessel share a pixel side by side or one behind the other: their lengths add up. A
-// vessel that is farther than `apart_mm` from itself passes there twice.
+// Cones of one vessel lie in a pixel side by side or behind each other, so their lengths add up. If
+// the gap between them exceeds `apart_mm`, the vessel passes the pixel twice.
 void LumenPainter::Collect(std::size_t pixel, const Stretch& stretch, float apart_mm) {
   Stretch& own = own_[pixel];
   if (has_own_[pixel] == 0) {
@@ -198,7 +198,7 @@ void LumenPainter::Collect(std::size_t pixel, const Stretch& stretch, float apar
   const float sum_mm = own.length_mm + stretch.length_mm;
   const float near_mm = std::min(own.near_mm, stretch.near_mm);
   const float far_mm = std::max(own.far_mm, stretch.far_mm);
-  // Behind each other they are no longer than all of it.
+  // Cones behind each other are at most as long as their total depth range.
   own = {near_mm, far_mm,
          (own.length_mm * own.attenuation_1_mm + stretch.length_mm * stretch.attenuation_1_mm) /
              sum_mm,
@@ -223,7 +223,8 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
     along_column /= length;
     along_row /= length;
   }
-  // The discs at the ends stick out where the vessel runs along the ray or its planes are tilted.
+  // The discs at the ends extend beyond the line if the vessel runs along the ray or its planes are
+  // tilted.
   const double tilt =
       std::max(std::abs(cone.axis[2]) + 0.2,
                std::sqrt(1 - std::min({1.0, std::pow(cone.begin_normal.dot(cone.axis), 2),
@@ -233,8 +234,8 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
   const Band band{from.column, from.row,           along_column, along_row,
                   -stick_out,  length + stick_out, half_width};
 
-  // Rays of a pixel, the more the thinner the lumen, on a lattice in which no two have the same
-  // row, column or diagonal; behind a wide lumen the middle one.
+  // Rays of a pixel: the thinner the lumen, the more rays. They lie on a lattice in which no two
+  // share a row, column or diagonal. For a wide lumen only the middle ray is used.
   constexpr double kWidePx = 5;
   constexpr double kRaysPerRadius = 8;
   struct Lattice {
@@ -284,10 +285,11 @@ void LumenPainter::Paint(const Projection& projection, const Cone& cone) {
   }
 }
 
-// Where one ray runs in a cone; false where it does not.
+// Finds the section of one ray in a cone; returns false without an intersection.
 bool LumenPainter::Meet(const Cone& cone, const Projection& projection, double column, double row,
                         Stretch& stretch) {
-  // The ray d z, z from the middle's depth on: in the cone where a t^2 + 2 b t + c <= 0.
+  // The ray is d z, with z counted from the middle's depth; it is in the cone for a t^2 + 2 b t + c
+  // <= 0.
   const double slope = (cone.end_radius - cone.begin_radius) / cone.length;
   const double steep = 1 + slope * slope;
   const double middle_mm = (cone.begin[2] + cone.end[2]) / 2;
@@ -323,8 +325,9 @@ bool LumenPainter::Meet(const Cone& cone, const Projection& projection, double c
   return stretch.far_mm > stretch.near_mm;
 }
 
-// Two vessels that touch: where both are the union counts. Their parts of a pixel are taken to meet
-// by chance, between those of a branch, which lies in its trunk, and of two ends, side by side.
+// Merges touching vessels: in the overlap their union counts. The overlap of their fractions of a
+// pixel is assumed to be random. That lies between a branch, which is inside its trunk, and two
+// ends side by side.
 void LumenPainter::Insert(std::size_t pixel, Stretch stretch) {
   constexpr float kTouchingMm = 2e-3F;
   Stretch* const known = pixels_[pixel].stretch;
@@ -378,8 +381,8 @@ void LumenPainter::AddTo(const Projection& projection, Plane& plane) {
 
 namespace {
 
-// Where a ray runs within an elliptic cylinder along the patient's axis: its length there, and the
-// place of its middle along that axis.
+// Section of a ray in an elliptic cylinder along the patient's axis: its length, and the position
+// of its middle along that axis.
 struct Chord {
   double length_mm = 0;
   double middle_s_mm = 0;
@@ -399,12 +402,12 @@ Chord EllipseChord(const Vector3d& from, const Vector3d& ray, double half_width_
   return {2 * std::sqrt(discriminant) / a * ray.norm(), from[2] - b / a * ray[2]};
 }
 
-// `organs`: how far they have moved, in the patient's coordinates.
+// `organs`: displacement of the organs, in the patient's coordinates.
 double BodyIntegral(const Body& body, const Vector3d& from, const Vector3d& ray,
                     const Vector3d& organs) {
   const Chord tissue = EllipseChord(from, ray, body.width_mm / 2, body.depth_mm / 2);
   double sum = body.tissue_1_mm * tissue.length_mm;
-  // Vertebrae: a column behind, denser at every 34 mm, with softer edges by two shells.
+  // Vertebrae: a posterior column, denser every 34 mm, with edges softened by two shells.
   const Vector3d spine_from = from - Vector3d(0, 0.28 * body.depth_mm, 0);
   const double size = body.depth_mm / 220;
   for (const double shell : {1.0, 0.75}) {
@@ -412,7 +415,7 @@ double BodyIntegral(const Body& body, const Vector3d& from, const Vector3d& ray,
     const double wave = std::cos(2 * std::numbers::pi * bone.middle_s_mm / (34 * size));
     sum += 0.5 * body.spine_1_mm * bone.length_mm * (0.85 + 0.2 * wave);
   }
-  // Organs: slow waves over the body's middle.
+  // Organs: slow waves over the middle of the body.
   const double t =
       -(from[0] * ray[0] + from[1] * ray[1]) / (ray[0] * ray[0] + ray[1] * ray[1] + 1e-12);
   const Vector3d m = from + t * ray - organs;
@@ -457,7 +460,7 @@ float FillWithBody(const Projection& projection, const Body& body, Plane& plane)
           to_patient * Vector3d(projection.RightOf(c * kGrid), projection.UpOf(r * kGrid), 1);
       const double integral = BodyIntegral(body, from, ray, organs);
       grid[static_cast<std::size_t>(r * columns + c)] = static_cast<float>(integral);
-      // The exposure is measured in the middle of the field, where the patient is.
+      // The exposure is measured in the middle of the field, the position of the patient.
       if (r < rows / 4 || r > rows * 3 / 4 || c < columns / 4 || c > columns * 3 / 4) continue;
       mean += integral;
       ++measured;

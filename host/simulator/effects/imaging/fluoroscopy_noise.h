@@ -1,4 +1,4 @@
-// Quantum noise that repeats: the same seed and picture number give the same noise.
+// Repeatable quantum noise: the same seed and picture number give the same noise.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Where the C-arm stands, and where on its detector a point of the patient falls.
+// C-arm geometry: the position of the C-arm, and the projection of a point onto its detector.
 //
 //   source o--------- SOD --------+ isocenter ------+ detector, SID from the source
 //          (below the table)                        up of the picture: cranial
@@ -11,7 +11,7 @@
 
 namespace torquer::effects {
 
-/// What does not change while a C-arm is moved.
+/// Constants of a C-arm while it moves.
 struct CArm {
   Eigen::Vector3d isocenter_mm = Eigen::Vector3d::Zero();
   vessel::PatientAxes axes;
@@ -23,25 +23,25 @@ struct CArm {
   double pixel_mm() const { return detector_mm / width; }
 };
 
-/// A point on the detector: pixel (0, 0) is centered at column 0, row 0, top left.
+/// Point on the detector: pixel (0, 0) is centered at column 0, row 0, top left.
 struct ImagePoint {
   double column = 0;
   double row = 0;
   double depth_mm = 0;  ///< from the source along the middle ray
 };
 
-/// The C-arm at two angles.
+/// Projection of the C-arm at two angles.
 class Projection {
  public:
-  /// lao_rad: the detector towards the patient's left; cra_rad: then towards the head. At 0, 0 the
-  /// detector is in front of the patient.
+  /// lao_rad turns the detector towards the patient's left, cra_rad then towards the head. At 0, 0
+  /// the detector is in front of the patient.
   Projection(const CArm& arm, double lao_rad, double cra_rad);
 
-  /// The point in the frame (right, up, from source to detector) with the source as its origin.
+  /// Point in the frame (right, up, from source to detector) with the source as its origin.
   Eigen::Vector3d ToCamera(const Eigen::Vector3d& point_mm) const {
     return camera_ * (point_mm - source_mm_);
   }
-  /// Only for points before the source (depth > 0).
+  /// Only for points in front of the source (depth > 0).
   ImagePoint FromCamera(const Eigen::Vector3d& camera_mm) const {
     const double scale = pixels_ / camera_mm[2];
     return {middle_column_ + scale * camera_mm[0], middle_row_ - scale * camera_mm[1],
@@ -50,10 +50,10 @@ class Projection {
   ImagePoint Project(const Eigen::Vector3d& point_mm) const {
     return FromCamera(ToCamera(point_mm));
   }
-  /// Right and up that the ray of a pixel goes for each mm of depth, in the camera's frame.
+  /// Slope of a pixel's ray to the right and up, per mm of depth, in the camera's frame.
   double RightOf(double column) const { return (column - middle_column_) / pixels_; }
   double UpOf(double row) const { return (middle_row_ - row) / pixels_; }
-  /// Pixels that 1 mm across a middle ray at this depth takes.
+  /// Number of pixels of 1 mm across a middle ray at this depth.
   double PixelsPerMm(double depth_mm) const { return pixels_ / depth_mm; }
 
   const Eigen::Vector3d& source_mm() const { return source_mm_; }

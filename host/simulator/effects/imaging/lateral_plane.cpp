@@ -74,7 +74,7 @@ std::unique_ptr<Effect> MakeLateralPlane(const LateralPlaneSpec& spec,
   constexpr double kRadPerDeg = std::numbers::pi / 180;
   const auto* first = FindEarlier<Fluoroscopy>(context);
   FluoroscopySettings settings = first->settings();
-  ++settings.seed;  // its noise is its own
+  ++settings.seed;  // its own noise
   return std::make_unique<LateralPlane>(MakeFluoroscopy(settings, context),
                                         kRadPerDeg * spec.lao_deg, kRadPerDeg * spec.cra_deg);
 }

@@ -1,4 +1,4 @@
-// The second plane of a biplane system: another C-arm, which stands where the scene says.
+// Lateral plane: the second C-arm of a biplane system, at fixed angles of the scene.
 #pragma once
 
 #include <memory>
@@ -10,8 +10,8 @@
 
 namespace torquer::effects {
 
-/// Takes pictures as the fluoroscopy of the scene does, with the same pedal, system and body, from
-/// its own angles; noise and dose are apart.
+/// Takes pictures like the fluoroscopy of the scene, with the same pedal, system and body, but from
+/// its own angles. Noise and dose are separate.
 class LateralPlane final : public Effect, public ImageSource, public Observer {
  public:
   /// `plane` has the settings of the first one. The angles are in rad, LAO and CRA positive.
@@ -22,7 +22,7 @@ class LateralPlane final : public Effect, public ImageSource, public Observer {
   void Restart() override { plane_->Restart(); }
   void CopyFrom(const Effect& twin) override;
   void Observe(const TickView& tick) override;
-  /// Those of the plane's dose, with lateral_ before.
+  /// Readings of the plane's dose, with the prefix lateral_.
   std::vector<Reading> Readings() const override;
   bool Take(const TickView& tick) override;
   void Render(Picture& out) override { plane_->Render(out); }

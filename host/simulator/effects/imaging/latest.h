@@ -1,4 +1,4 @@
-// The newest of a stream of values, handed from one thread to another without waiting.
+// Latest value of a stream, handed from one thread to another without waiting.
 #pragma once
 
 #include <array>
@@ -6,23 +6,24 @@
 
 namespace torquer::effects {
 
-/// One writer, one reader. What the reader does not fetch in time is overwritten.
+/// One writer, one reader. A value that the reader does not fetch in time is overwritten.
 template <class Value>
 class Latest {
  public:
-  /// Where the writer prepares the next value; it holds an old one, whose memory can be used again.
+  /// Slot in which the writer prepares the next value. It holds an old value, whose memory can be
+  /// reused.
   Value& Draft() { return values_[draft_]; }
   /// Makes the draft the newest value.
   void Publish() { draft_ = middle_.exchange(draft_ | kFresh, std::memory_order_acq_rel) & kIndex; }
-  /// Takes the newest value; false when the reader has it already.
+  /// Fetches the newest value; returns false if the reader already has it.
   bool Fetch() {
     if ((middle_.load(std::memory_order_relaxed) & kFresh) == 0) return false;
     held_ = middle_.exchange(held_, std::memory_order_acq_rel) & kIndex;
     return true;
   }
-  /// What the reader took last.
+  /// Value that the reader fetched last.
   const Value& Held() const { return values_[held_]; }
-  /// Holds what `other` holds. Nobody writes or reads either meanwhile.
+  /// Copies the slots of `other`. No thread may write or read either meanwhile.
   void CopyFrom(const Latest& other) {
     values_ = other.values_;
     draft_ = other.draft_;

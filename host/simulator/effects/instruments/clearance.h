@@ -1,11 +1,11 @@
-// Room between instruments: those inside a lumen lie on another curve than those around them.
+// Clearance: room between instruments. Those inside a lumen lie on another curve than those around.
 #pragma once
 
 #include "host/simulator/effects/effect.h"
 
 namespace torquer::effects {
 
-/// Readings of what lies in the lumen. The curves and what holds them together are the core's
+/// Readings of the contact in the lumen. The curves and their coupling belong to the core
 /// (core/README.md section 18).
 class ClearanceObserver final : public Effect, public Observer {
  public:

@@ -1,4 +1,4 @@
-// The weight of the instruments.
+// Gravity: the weight of the instruments.
 #pragma once
 
 #include <utility>
@@ -8,11 +8,11 @@
 
 namespace torquer::effects {
 
-/// A dead force per length of each instrument, spread by the trapezoidal rule over the points of
-/// its curve.
+/// Constant force per length of each instrument, distributed over the points of its curve by the
+/// trapezoidal rule.
 class Gravity final : public Effect, public EnergyTerm {
  public:
-  /// `weights_N_mm`: of a millimeter of each instrument, the innermost first, as vectors.
+  /// `weights_N_mm`: weight per millimeter of each instrument, the innermost first, as vectors.
   explicit Gravity(std::vector<Eigen::Vector3d> weights_N_mm)
       : weights_N_mm_(std::move(weights_N_mm)) {}
 

@@ -17,14 +17,14 @@ namespace {
 // 1 g/m in N s^2/mm^2 and 1 mPa s in N s/mm^2.
 constexpr double kNewton = 1e-9;
 
-// How far a curve reaches past the sheath.
+// Length of a curve past the sheath, mm.
 double Inserted(const PointSet& points, double behind_mm) {
   if (points.size() == 0) return 0;
   return points.per_segment * points.first_spacing_mm +
          (points.size() - points.per_segment) * points.spacing_mm - behind_mm;
 }
 
-// How far the tip of a curve is behind the distal end.
+// Distance of a curve's tip behind the distal end, mm.
 double BehindMm(const PointSet& points, bool second) {
   if (!second) return 0;
   double behind_mm = points.spacing_mm * points.size();
@@ -60,10 +60,10 @@ std::size_t Inertia::NumberOf(const PointSet& points, bool second) {
   return points.first_outer > 0 && second != points.outer_leads ? 1 : 0;
 }
 
-// What moves across: the instruments, the fluid in them, and outside them as much as they displace,
-// which is the added mass of a cylinder. Of the fluid that is twice what the outermost displaces,
-// because the instruments' own densities are less what each displaces. Of two curves the inner one
-// takes that share of it which it has by itself.
+// Mass per length for motion across the wire. It includes the instruments, the fluid in them, and
+// the added mass of a cylinder: as much outer fluid as they displace. So the fluid counts twice the
+// volume displaced by the outermost, because the instruments' own densities are reduced by their
+// displacement. The inner of two curves has the fluid mass that it would have alone.
 double Inertia::DensityAt(const PointSet& points, bool second, int q) const {
   double density_g_m = 0;
   for (int k = 0; k < points.instruments; ++k) {
@@ -96,12 +96,12 @@ Inertia::Seen Inertia::See(const PointSet& points, bool second) const {
 Inertia::Material Inertia::Before(const Seen& seen, int q) const {
   const PointSet& points = seen.points;
   const Curve& curve = seen.curve;
-  // Within the first segment, whose length changes, points do not keep their material.
+  // Points in the first segment do not keep their material, because its length changes.
   const bool keeps = q + 1 >= points.per_segment;
   if (keeps && seen.moved == 0 && seen.last - q < curve.known) {
     return curve.material[static_cast<std::size_t>(seen.last - q)];
   }
-  const double place = seen.last - q + seen.moved;  // in pieces from the first that is known
+  const double place = seen.last - q + seen.moved;  // in pieces from the first stored entry
   if (keeps && place <= curve.known - 1) {
     const int at = std::clamp(static_cast<int>(std::floor(place)), 0, std::max(0, curve.known - 2));
     const Material& here = curve.material[static_cast<std::size_t>(at)];
@@ -118,7 +118,7 @@ Inertia::Material Inertia::Before(const Seen& seen, int q) const {
   Material in_sheath{sheath_.point_mm - std::max(0.0, in_sheath_mm) * sheath_.direction,
                      curve.fed_mm_s * sheath_.direction};
   if (in_sheath_mm >= 0 || curve.known == 0) return in_sheath;
-  // On the first segment as it was: straight, from its end to the sheath.
+  // A place on the former first segment: interpolated from its end to the sheath.
   const Material& end = curve.material[static_cast<std::size_t>(curve.known - 1)];
   const double length_mm =
       curve.inserted_mm - ((curve.known - 1) * points.spacing_mm - curve.beyond_tip_mm);
@@ -136,7 +136,7 @@ void Inertia::CopyFrom(const Effect& twin) {
   kinetic_mJ_ = from.kinetic_mJ_;
 }
 
-// Takes over how far a curve reaches, and which points keep their material.
+// Stores the length of a curve past the sheath, and the points that keep their material.
 void Inertia::Remember(const PointSet& points, bool second, Curve& curve) {
   const int count = points.SizeOf(second);
   const double behind_mm = BehindMm(points, second);
@@ -161,7 +161,7 @@ void Inertia::Begin(const PointSet& points) {
 }
 
 double Inertia::Add(const PointSet& points, PointDerivatives& out) const {
-  if (part_s_ == 0) return 0;  // in no time the wire goes to where it rests
+  if (part_s_ == 0) return 0;  // without elapsed time the wire goes to its equilibrium
   double energy = 0;
   ForCurves(points, [&](bool second) {
     const Seen seen = See(points, second);
@@ -170,7 +170,7 @@ double Inertia::Add(const PointSet& points, PointDerivatives& out) const {
       const Material before = Before(seen, q);
       const double length_mm = points.weight_mm[p];
       const double mass = kNewton * DensityAt(points, second, q) * length_mm / (part_s_ * part_s_);
-      // What lies in a lumen has no blood around it to go through.
+      // An instrument in a lumen has no drag, because no blood surrounds it.
       const double drag_mPa_s = points.OnSecond(q) == second ? settings_.drag_mPa_s : 0;
       const double drag = kNewton * drag_mPa_s * length_mm / part_s_;
       const Vector3d moved = points.PositionOn(second, q) - before.at;

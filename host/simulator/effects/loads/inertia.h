@@ -1,16 +1,16 @@
 // Inertia of the instruments, and the drag of the blood: snaps take time.
 //
-// A part of a motion (0.25 mm at most, or a tick in which the hands rest) is an implicit Euler step
-// of the time dt that it takes: the energy is minimized together with
+// A part of a motion is at most 0.25 mm, or a tick in which the hands rest. It is one backward
+// Euler step of its duration dt: the energy is minimized together with
 //   m / (2 dt^2) |x - x0 - v dt|^2 + c / (2 dt) |x - x0|^2
-// at every point of the wire, x0 and v being position and velocity of the same material when the
-// part began. Its minimum is m a = -grad E - c v at the end of the step; no unknown is added.
+// at every point of the wire. x0 and v are position and velocity of the same material when the part
+// began. At the minimum m a = -grad E - c v holds at the end of the step; no unknown is added.
 //
-// Position and velocity are remembered by the distance from the tip, which is what stays the same
-// of a place of the material while the wire is fed. At a fixed distance from the sheath the
-// material changes, and the acceleration would need the terms of convection. What lies in the
-// sheath is straight and moves as the hand does. Of two curves each remembers its own material, by
-// the distance from its own tip.
+// Position and velocity are stored by the distance from the tip, which is constant for a material
+// point while the wire is fed. At a fixed distance from the sheath the material changes, and the
+// acceleration would need convection terms. The part of the wire in the sheath is straight and
+// moves with the hand. Each of two curves stores its own material, by the distance from its own
+// tip.
 #pragma once
 
 #include <array>
@@ -23,9 +23,10 @@ namespace torquer::effects {
 class Inertia final : public Effect, public EnergyTerm, public Timed, public Observer {
  public:
   struct Settings {
-    /// Of each instrument, the innermost first, less what it displaces of the fluid; >= 0, g/m.
+    /// Per instrument, the innermost first: linear density less that of the displaced fluid; >= 0,
+    /// g/m.
     std::vector<double> linear_density_g_m;
-    double fluid_kg_m3 = 0;  ///< density of what surrounds and fills the instruments, >= 0
+    double fluid_kg_m3 = 0;  ///< density of the fluid around and in the instruments, >= 0
     double drag_mPa_s = 0;   ///< force of the fluid per length and velocity, >= 0
   };
   Inertia(Settings settings, const EffectContext& context);
@@ -35,7 +36,8 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   Timed* timed() override { return this; }
   Observer* observer() override { return this; }
 
-  /// That of the step is neither stored nor lost: the reading kinetic_energy_mJ has what is stored.
+  /// The energy of the step is neither stored nor lost; the reading kinetic_energy_mJ has the
+  /// stored energy.
   bool Dissipates() const override { return true; }
 
   void Lapse(double step_s) override { left_s_ += step_s; }
@@ -50,31 +52,31 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   std::vector<Reading> Readings() const override { return {{"kinetic_energy_mJ", kinetic_mJ_}}; }
 
  private:
-  // Material of the wire when the part began.
+  // State of the material when the part began.
   struct Material {
     Eigen::Vector3d at = Eigen::Vector3d::Zero();  // mm
     Eigen::Vector3d velocity_mm_s = Eigen::Vector3d::Zero();
   };
 
-  // A curve when the part began.
+  // State of a curve when the part began.
   struct Curve {
-    std::vector<Material> material;  // of the points that keep their material, from the tip on
-    int known = 0;                   // of these
-    double beyond_tip_mm = 0;        // how far the first of them is beyond the tip
+    std::vector<Material> material;  // of the points that keep their material, ordered from the tip
+    int known = 0;                   // number of valid entries of material
+    double beyond_tip_mm = 0;        // distance of the first entry beyond the tip
     double inserted_mm = 0;
-    double fed_mm_s = 0;  // velocity of what is in the sheath
+    double fed_mm_s = 0;  // velocity of the part in the sheath
   };
 
-  // A curve of the points beside what is remembered of it.
+  // Points of a curve together with its stored state.
   struct Seen {
     const PointSet& points;
     const Curve& curve;
-    int last;          // of its points
-    double behind_mm;  // its tip, behind the distal end
-    double moved;      // how many pieces its points have moved along its material
+    int last;          // index of its last point
+    double behind_mm;  // distance of its tip behind the distal end
+    double moved;      // motion of its points along its material, in pieces
   };
 
-  // Which of the two curves of `points` that is: 0 that of the innermost instrument, 1 the other.
+  // Number of a curve of `points`: 0 for that of the innermost instrument, 1 for the other.
   static std::size_t NumberOf(const PointSet& points, bool second);
   Seen See(const PointSet& points, bool second) const;
   Material Before(const Seen& seen, int q) const;
@@ -83,12 +85,12 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
 
   const Settings settings_;
   const Sheath sheath_;
-  std::array<Curve, 2> curves_;  // by NumberOf; of one curve the first alone
-  std::vector<Material> next_;   // while a part ends: those of one curve
-  bool begun_ = false;           // since Reset
-  double left_s_ = 0;            // time that no part has simulated
-  double part_s_ = 0;            // what the present part takes of it
-  double kinetic_mJ_ = 0;        // when the last part ended
+  std::array<Curve, 2> curves_;  // by NumberOf; only the first for one curve
+  std::vector<Material> next_;   // of one curve, while a part ends
+  bool begun_ = false;           // Begin was called since Reset
+  double left_s_ = 0;            // time that no part has simulated yet
+  double part_s_ = 0;            // time of the present part
+  double kinetic_mJ_ = 0;        // at the end of the last part
 };
 
 EffectKind InertiaKind();

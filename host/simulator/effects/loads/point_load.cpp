@@ -16,7 +16,7 @@ namespace {
 // Sine of the angle to the axis below which the moment fades.
 constexpr double kFade = 0.1;
 
-// The angle of a direction about a unit axis.
+// Angle of a direction about a unit axis.
 double AngleAbout(const Vector3d& axis, const Vector3d& direction) {
   Eigen::Index smallest = 0;
   axis.cwiseAbs().minCoeff(&smallest);
@@ -102,7 +102,7 @@ struct PointLoadSpec : TableSpec {
   std::optional<DirectionSpec> clamp_direction;
 };
 
-// The magnitude of a load and its direction or place go together.
+// The magnitude of a load requires its direction or place, and vice versa.
 void Check(const PointLoadSpec& spec, StrictTable& table) {
   const auto together = [&](const char* magnitude, const char* with) {
     if (table.Has(magnitude) == table.Has(with)) return;

@@ -1,21 +1,21 @@
-// What acts on the wire's distal end: a force, a moment, a clamp.
+// Point load: a force, a moment or a clamp at the wire's distal end.
 #pragma once
 
 #include "host/simulator/effects/effect.h"
 
 namespace torquer::effects {
 
-/// Everything is at the distal end; what is zero is absent.
+/// Loads at the distal end; zero for those absent.
 struct EndLoad {
-  Eigen::Vector3d force_N = Eigen::Vector3d::Zero();  ///< keeps its direction
+  Eigen::Vector3d force_N = Eigen::Vector3d::Zero();  ///< of constant direction
   /// Turns the last segment about `axis`. The energy is minus the moment times the angle about the
-  /// axis, so the moment about it is constant; it fades where the segment is within 6 degrees of
-  /// the axis, about which nothing could turn it.
+  /// axis, so the moment about it is constant. It fades if the segment is within 6 degrees of the
+  /// axis, because a segment along the axis cannot be turned about it.
   double moment_mJ = 0;
   Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  ///< unit
-  double hold_N_mm = 0;                             ///< spring that holds the end at `place_mm`
+  double hold_N_mm = 0;                             ///< spring that pulls the end to `place_mm`
   Eigen::Vector3d place_mm = Eigen::Vector3d::Zero();
-  double align_mJ = 0;  ///< moment over sine of the angle that holds the last segment's direction
+  double align_mJ = 0;  ///< moment over sine of the angle between the last segment and `direction`
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit
 };
 
@@ -37,7 +37,7 @@ class PointLoad final : public Effect, public EnergyTerm {
   double Turn(const Eigen::Vector3d& tangent, TangentLoad& out) const;
 
   EndLoad load_;
-  /// About the axis at the tick's start, full turns included.
+  /// Angle about the axis at the part's start, full turns included.
   double angle_rad_ = 0;
 };
 

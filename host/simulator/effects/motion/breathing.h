@@ -1,14 +1,14 @@
-// The vessel below a moving diaphragm.
+// Breathing: periodic motion of the vessel below the diaphragm.
 #pragma once
 
 #include "host/simulator/effects/motion/periodic_motion.h"
 
 namespace torquer::effects {
 
-/// Slowly in, a short hold, slowly out, a pause.
+/// Pulse of a breath: slow inhalation, a short hold, slow exhalation, a pause.
 class Breathing final : public PeriodicMotion {
  public:
-  /// Parts of a breath, > 0, together at most 1; the pause takes what is left.
+  /// Fractions of a breath, > 0, together at most 1; the pause is the remainder.
   Breathing(Settings settings, double inhale, double hold, double exhale)
       : PeriodicMotion(std::move(settings)), inhale_(inhale), hold_(hold), exhale_(exhale) {}
 

@@ -6,7 +6,7 @@ namespace torquer::effects {
 
 namespace {
 
-// The way back takes this much longer than the way out.
+// Duration of the motion back in units of the motion out.
 constexpr double kBack = 1.3;
 
 }  // namespace

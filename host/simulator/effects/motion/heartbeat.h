@@ -1,14 +1,14 @@
-// The vessel about a beating heart.
+// Heartbeat: periodic motion of the vessel about the heart.
 #pragma once
 
 #include "host/simulator/effects/motion/periodic_motion.h"
 
 namespace torquer::effects {
 
-/// Out in systole, back at once in early diastole, at rest for what is left of the beat.
+/// Pulse of a beat: out in systole, straight back in early diastole, at rest for the remainder.
 class Heartbeat final : public PeriodicMotion {
  public:
-  /// `systole`: part of a beat in which the regions go out, [0.1, 0.4].
+  /// `systole`: fraction of a beat in which the regions move out, [0.1, 0.4].
   Heartbeat(Settings settings, double systole)
       : PeriodicMotion(std::move(settings)), systole_(systole) {}
 

@@ -15,14 +15,14 @@ PeriodicMotion::PeriodicMotion(Settings settings) : settings_(std::move(settings
 void PeriodicMotion::SetTime(double time_s) {
   const double periods = time_s / settings_.period_s + settings_.phase;
   const double now = Pulse(periods - std::floor(periods));
-  // Only times that are set are ever looked at: the way between two of them counts straight.
+  // The vessel is evaluated only at times set here, so the straight distance between them counts.
   travel_mm_ += settings_.way_mm.norm() * std::abs(now - displaced_);
   displaced_ = now;
 }
 
-// The weight of all regions together; false where none is near.
+// Weight of the union of all regions; returns false if no region is near.
 bool PeriodicMotion::Weigh(const Vector3d& point_mm, RegionWeight& all) const {
-  // 1 - weight of the union is the product of what the regions leave.
+  // 1 - weight of the union is the product of 1 - weight over the regions.
   bool any = false;
   for (const vessel::Region& region : settings_.regions) {
     RegionWeight one;

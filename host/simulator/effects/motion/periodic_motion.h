@@ -1,4 +1,4 @@
-// Parts of the vessel that move to and fro: what heartbeat and breathing share.
+// Periodic motion of parts of the vessel: the common base of heartbeat and breathing.
 #pragma once
 
 #include <vector>
@@ -9,14 +9,14 @@
 
 namespace torquer::effects {
 
-/// A displacement that repeats, offset(x, t) = way pulse(t / period + phase) weight(x), with the
-/// weight of a union of regions.
+/// Periodic displacement, offset(x, t) = way pulse(t / period + phase) weight(x), with the weight
+/// of a union of regions.
 class PeriodicMotion : public Effect, public vessel::FieldMotion {
  public:
   struct Settings {
-    Eigen::Vector3d way_mm = Eigen::Vector3d::Zero();  ///< where the regions go
+    Eigen::Vector3d way_mm = Eigen::Vector3d::Zero();  ///< displacement of the regions at pulse 1
     double period_s = 1;
-    double phase = 0;  ///< part of a period at t = 0, in [0, 1)
+    double phase = 0;  ///< fraction of a period at t = 0, in [0, 1)
     std::vector<vessel::Region> regions;
   };
   explicit PeriodicMotion(Settings settings);
@@ -34,27 +34,27 @@ class PeriodicMotion : public Effect, public vessel::FieldMotion {
   double LargestStretch() const override;
 
   const Settings& settings() const { return settings_; }
-  /// How far along its way the motion is at a part of its period, [0, 1): 0 to 1.
+  /// Pulse, 0 to 1, at a fraction of the period, [0, 1).
   double PulseAt(double part) const { return Pulse(part); }
-  /// Share of the way that goes at a point of the moved vessel, 0 to 1.
+  /// Fraction of the displacement that acts at a point of the moved vessel, 0 to 1.
   double WeightAt(const Eigen::Vector3d& point_mm) const;
 
  protected:
-  /// The pulse, 0 .. 1 with two continuous derivatives, at a part of its period, [0, 1).
+  /// Pulse, 0 .. 1, with two continuous derivatives, at a fraction of the period, [0, 1).
   virtual double Pulse(double part) const = 0;
 
  private:
   bool Weigh(const Eigen::Vector3d& point_mm, vessel::RegionWeight& all) const;
 
   const Settings settings_;
-  double displaced_ = 0;  ///< the pulse now
+  double displaced_ = 0;  ///< the present pulse
   double travel_mm_ = 0;
 };
 
-/// Motions that together stretch more than this would nearly fold the vessel.
+/// Largest stretch of all motions together; beyond it the vessel would nearly fold.
 inline constexpr double kMostStretch = 0.8;
 
-/// What all periodic motions have in common.
+/// Keys common to all periodic motions.
 struct MotionSpec : TableSpec {
   double amplitude_mm = 0;
   DirectionSpec direction;
@@ -64,7 +64,7 @@ struct MotionSpec : TableSpec {
 
 const Keys<MotionSpec>& MotionKeys();
 
-/// Throws UserError where the vessel would fold, alone or with the motions made before.
+/// Throws UserError if the vessel would fold, alone or with the motions made before.
 PeriodicMotion::Settings MakeMotion(const MotionSpec& spec, const EffectContext& context,
                                     double period_s);
 

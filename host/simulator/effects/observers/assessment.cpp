@@ -9,11 +9,12 @@ namespace torquer::effects {
 
 namespace {
 
-// Motion below these is the hand's tremor and the sensor's steps.
+// Thresholds for motions: smaller ones are hand tremor and sensor steps.
 constexpr double kPathStepMm = 0.5;
 constexpr double kRetractionMm = 2;
 constexpr double kLookEveryS = 0.02;
-// The tip is in another vessel when it is farther from the route than the route's radius and this.
+// Excess distance, mm: the tip is in another vessel if it is farther from the route than the
+// route's radius plus this.
 constexpr double kOffRouteMm = 2;
 
 }  // namespace

@@ -1,4 +1,4 @@
-// How well a trainee did: the measures by which endovascular skill is judged.
+// Assessment of a trainee: the usual measures of endovascular skill.
 #pragma once
 
 #include <optional>
@@ -11,17 +11,17 @@
 
 namespace torquer::effects {
 
-/// What a session is judged by.
+/// Criteria of a session.
 struct AssessmentTask {
   vessel::Centerline route;     ///< from the entry to the target
   double target_radius_mm = 3;  ///< reached within this distance of the route's end
   double force_limit_mN = 0;    ///< of a single contact
-  int instrument = 0;           ///< whose hand is judged
+  int instrument = 0;           ///< the instrument whose hand is assessed
 };
 
 class Assessment final : public Effect, public Observer {
  public:
-  /// `moving`: the vessel as it moves, or null; the tip's way is that within the vessel. It and
+  /// `moving`: the moving vessel, or null; the tip's path is measured relative to it. It and
   /// `force` must outlive this.
   Assessment(AssessmentTask task, const WallForce& force,
              const vessel::MovingField* moving = nullptr)
@@ -49,12 +49,12 @@ class Assessment final : public Effect, public Observer {
   double time_s_ = 0;
   double xray_s_ = 0;
   double path_mm_ = 0;
-  std::optional<Eigen::Vector3d> tip_;  // where the path was measured last
+  std::optional<Eigen::Vector3d> tip_;  // last point of the measured path
   double since_look_s_ = 0;
   bool off_route_ = false;
   int wrong_vessels_ = 0;
-  double furthest_mm_ = 0;  // insertion since the last retraction ended
-  double nearest_mm_ = 0;   // insertion since the last retraction began
+  double furthest_mm_ = 0;  // largest insertion since the last retraction ended
+  double nearest_mm_ = 0;   // smallest insertion since the last retraction began
   bool retracting_ = false;
   int retractions_ = 0;
   double retracted_mm_ = 0;

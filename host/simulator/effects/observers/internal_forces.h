@@ -1,4 +1,4 @@
-// What the wire bears along its length, and what the hands of its instruments feel.
+// Internal force observer: forces along the wire, and forces at the hands of its instruments.
 #pragma once
 
 #include <array>
@@ -12,8 +12,8 @@ namespace torquer::effects {
 
 class InternalForceObserver final : public Effect, public Observer {
  public:
-  /// `context` needs its stack and instruments. Instruments slide in each other with the friction
-  /// that was made before this, or with none.
+  /// `context` needs its stack and instruments. Friction between instruments is that of the
+  /// friction effect made before this one; without such an effect there is none.
   explicit InternalForceObserver(const EffectContext& context);
 
   Observer* observer() override { return this; }
@@ -30,7 +30,7 @@ class InternalForceObserver final : public Effect, public Observer {
   const InstrumentStack& stack_;
   std::vector<std::string> names_;
   std::vector<EnergyTerm*> terms_;
-  const Sliding* sliding_ = nullptr;  ///< null where there is no friction between instruments
+  const Sliding* sliding_ = nullptr;  ///< null without friction between instruments
   InternalForces forces_;
   HandForces hands_;
 };

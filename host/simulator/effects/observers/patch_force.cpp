@@ -15,13 +15,13 @@ double SpreadAlong::Between(double begin_mm, double end_mm) const {
   return sum;
 }
 
-// The density is constant along a piece, so a stretch that holds the most begins or ends where a
-// piece does.
+// The density is constant along a piece. So a stretch with the largest amount begins or ends at an
+// end of a piece.
 SpreadAlong::Stretch SpreadAlong::LargestOn(double stretch_mm) const {
   Stretch largest;
-  std::size_t first = 0;  // the first piece that reaches into the stretches looked at
+  std::size_t first = 0;  // first piece that overlaps the current stretches
   for (std::size_t i = 0; i < pieces_.size(); ++i) {
-    // Ends at the proximal end of piece i, or begins at its distal end.
+    // Candidates: a stretch that ends at the proximal end of piece i, or begins at its distal end.
     const double ends_mm = pieces_[i].end_mm;
     double sum = 0;
     for (std::size_t k = i; k < pieces_.size(); ++k) {

@@ -50,7 +50,7 @@ void SpeedTrace::AddSample(double position_mm) {
   }
   current_peak_ = std::max(current_peak_, speed);
   if (!rising_allowed_ && speed < current_peak_ / 2) {
-    // The next one begins when the speed grows again: from here on it may.
+    // From now on the next movement may begin, once the speed grows again.
     rising_allowed_ = speed < kMovementMmS || speed > std::abs(smooth_[1]);
   }
 }

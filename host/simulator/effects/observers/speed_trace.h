@@ -1,26 +1,27 @@
-// How smoothly a hand moves: speed from positions, its peaks and its jerk.
+// Speed trace: measures of a hand's smoothness. Speed from positions, its peaks and its jerk.
 #pragma once
 
 #include <array>
 
 namespace torquer::effects {
 
-/// Takes positions as they come, resamples them evenly, smooths the speed over some 0.1 s (a
-/// sensor's counts have steps) and sums up what smoothness is judged by. No heap.
+/// Resamples incoming positions evenly and smooths the speed over some 0.1 s, because a sensor's
+/// counts have steps. Accumulates the smoothness measures. No heap.
 class SpeedTrace {
  public:
   /// Position in mm at a time in s; times must not descend.
   void Add(double time_s, double position_mm);
 
   double peak_mm_s() const { return peak_; }
-  /// Mean of |speed| over the time in which it was above the resting speed of 0.5 mm/s; 0 if never.
+  /// Mean of |speed| over the time with |speed| above the resting speed of 0.5 mm/s; 0 without
+  /// motion.
   double mean_moving_mm_s() const { return moving_s_ > 0 ? moving_mm_ / moving_s_ : 0; }
-  /// Separate movements: times that |speed| rose above 2 mm/s after it had fallen below half of the
-  /// peak before.
+  /// Number of separate movements: |speed| rises above 2 mm/s after it fell below half of the
+  /// previous peak.
   int submovements() const { return submovements_; }
   /// Log dimensionless jerk of the speed v over the whole time T (Balasubramanian et al. 2015):
   ///   -ln( T^3 / v_peak^2  integral of (d2v/dt2)^2 dt );  a single minimum-jerk movement: -5.32.
-  /// The nearer to zero, the smoother. 0 before anything moved.
+  /// Values nearer to zero are smoother. 0 before any motion.
   double log_dimensionless_jerk() const;
 
  private:
@@ -34,7 +35,7 @@ class SpeedTrace {
   double sample_mm_ = 0;
   long samples_ = 0;
   std::array<double, 5> raw_{};     // speeds, the newest last
-  std::array<double, 3> smooth_{};  // the same, smoothed
+  std::array<double, 3> smooth_{};  // smoothed speeds, the newest last
   double peak_ = 0;
   double jerk_integral_ = 0;
   double moving_mm_ = 0;

@@ -36,7 +36,8 @@ void WallForce::Restart() {
   above_ = false;
 }
 
-// A point stands for the wire from the middle of the piece beyond it to that of the piece before.
+// Adds a contact. Its point stands for the wire from the middle of the piece beyond it to that of
+// the piece before it.
 void WallForce::AddContact(const PointSet& points, int q) {
   const auto p = static_cast<std::size_t>(q);
   const ClearanceSample& sample = points.clearance[p];
@@ -51,13 +52,13 @@ void WallForce::AddContact(const PointSet& points, int q) {
   sum_mN_ += force_mN;
   depth_mm2_.Add(begin_mm, begin_mm + length_mm, depth_mm * length_mm);
   radius_mm_mN_.Add(begin_mm, begin_mm + length_mm, points.radius_mm[p] * force_mN);
-  // The clearance falls towards the wall: its gradient is where the wire is pushed to.
+  // The clearance decreases towards the wall, so the wire is pushed along its gradient.
   const double along = -sample.gradient.normalized().dot(points.Tangent(q));
   if (begin_mm < settings_.patch_mm) axial_mN_ += std::max(0.0, along) * force_mN;
 }
 
-// By the mean depth of the whole patch: that of a single point grows without bound as the wire is
-// cut more finely.
+// Uses the mean depth of the whole patch. The depth of a single point grows without bound as the
+// segments get shorter.
 double WallForce::PressureOn(const SpreadAlong::Stretch& patch) const {
   if (patch.amount == 0) return 0;
   const double end_mm = patch.begin_mm + settings_.patch_mm;

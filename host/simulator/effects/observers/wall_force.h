@@ -1,4 +1,4 @@
-// What the wire presses on the wall with: on a stretch of given length, in all, and at the tip.
+// Wall force: the contact force on the wall on a stretch of given length, in total, and at the tip.
 #pragma once
 
 #include <vector>
@@ -8,17 +8,17 @@
 
 namespace torquer::effects {
 
-/// Normal forces of the last tick, and how often and how long they were above a threshold.
+/// Normal forces of the last tick, and number and duration of the times above a threshold.
 ///
-/// The force of a contact is that of a patch: the most on any stretch of the wire of a length that
-/// the scene gives, so that it does not depend on how finely the wire is cut. A tick that did not
-/// converge shows its forces, but they are no peak, no event and no impulse: its time is counted
-/// apart.
+/// The force of a contact is that of a patch: the largest on any stretch of the wire with the patch
+/// length of the scene. So it does not depend on the segmentation of the wire. A tick that did not
+/// converge shows its forces, but they count for no peak, event or impulse. Its time is counted
+/// separately.
 class WallForce final : public Effect, public Observer {
  public:
   struct Settings {
     double threshold_mN = 1;  ///< of a patch, > 0
-    double tip_mm = 5;        ///< this much of the distal end is the tip
+    double tip_mm = 5;        ///< length of the distal end that counts as the tip
     double patch_mm = 2;      ///< length of a patch, > 0
   };
   explicit WallForce(const Settings& settings) : settings_(settings) {}
@@ -31,23 +31,25 @@ class WallForce final : public Effect, public Observer {
 
   double largest_mN() const { return largest_mN_; }  ///< of a patch
   double sum_mN() const { return sum_mN_; }
-  double tip_mN() const { return tip_mN_; }  ///< in all along the tip
-  /// Force per length, mean over the patch with the largest force.
+  double tip_mN() const { return tip_mN_; }  ///< total along the tip
+  /// Mean force per length on the patch with the largest force.
   double line_load_mN_mm() const { return largest_mN_ / settings_.patch_mm; }
-  /// Force per area on that patch: the line load over the width with which the round wire lies in
-  /// the wall, 2 sqrt(2 r d - d^2) at the patch's mean depth d <= r.
+  /// Force per area on that patch: the line load over the width of the round wire in the wall. That
+  /// width is 2 sqrt(2 r d - d^2) at the patch's mean depth d <= r.
   double pressure_kPa() const { return pressure_kPa_; }
-  /// The part of the forces on the last patch that runs along the wire's axis, over the area of its
-  /// end, pi r^2: what may perforate a wall.
+  /// Axial pressure at the tip, which may perforate a wall. It is the component along the wire's
+  /// axis of the forces on the last patch, over the area of the wire's end, pi r^2.
   double tip_pressure_kPa() const { return tip_pressure_kPa_; }
   double largest_ever_mN() const { return peak_mN_; }  ///< of a patch, since the start
   double tip_pressure_ever_kPa() const { return tip_pressure_peak_kPa_; }  ///< since the start
   double impulse_mNs() const { return impulse_mNs_; }  ///< of the sum, since the start
-  int events() const { return events_; }               ///< times that the threshold was passed
+  int events() const { return events_; }  ///< number of times that the threshold was exceeded
   double seconds_above() const { return seconds_above_; }
-  double event_began_s() const { return event_began_s_; }  ///< of the newest event; -1 before one
-  double event_mN() const { return event_mN_; }            ///< largest force of a patch in it
-  double unconverged_s() const { return unconverged_s_; }  ///< of ticks that are not counted
+  double event_began_s() const {
+    return event_began_s_;
+  }                                              ///< of the newest event; -1 without an event
+  double event_mN() const { return event_mN_; }  ///< largest force of a patch in it
+  double unconverged_s() const { return unconverged_s_; }  ///< total time of uncounted ticks
 
  private:
   void FindForces(const TickView& tick);
