@@ -126,7 +126,7 @@ class Timed {
   virtual void Lapse(double step_s) = 0;
 };
 
-/// Role *evolution*: a state of its own that advances once per tick.
+/// Role *evolution*: a state that advances once per tick.
 class Evolution {
  public:
   virtual ~Evolution() = default;
