@@ -70,7 +70,7 @@ Eigen::AlignedBox3d BoundsOf(const Centerline& curve) {
 CenterlineNetwork::CenterlineNetwork(std::vector<Centerline> curves, double join_tolerance_mm)
     : curves_(std::move(curves)) {
   constexpr size_t kNone = std::numeric_limits<size_t>::max();
-  // What joints each curve has, where: a joint can have a place on every curve.
+  // Joints of each curve with their places; one joint can have a place on every curve.
   std::vector<std::vector<std::pair<double, size_t>>> joints_of(curves_.size());
   // The first joint at a place, or whether `wanted` is there.
   const auto find_joint = [&](const CenterlinePlace& place, size_t wanted) {
