@@ -59,7 +59,8 @@ void PictureThread::Run() {
     }
     if (fresh) {
       const std::int64_t began_us = bus::MonotonicUs();
-      source_.Render(picture);
+      // A shot that was rendered before its offer arrived is not published twice.
+      if (!source_.Render(picture)) continue;
       message.number = rendered_++;
       message.time_s = picture.time_s;
       message.lao_rad = picture.controls.lao_rad;

@@ -160,8 +160,9 @@ class ImageSource {
   /// Runs on the tick thread: stores the contents of the next picture. Cheap. Returns false if no
   /// picture is due.
   virtual bool Take(const TickView& tick) = 0;
-  /// Runs on any one thread: renders the picture stored last.
-  virtual void Render(Picture& out) = 0;
+  /// Runs on any one thread: renders the picture stored last. Returns false if the previous call
+  /// rendered the same one.
+  virtual bool Render(Picture& out) = 0;
 };
 
 class Effect {

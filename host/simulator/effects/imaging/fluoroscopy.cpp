@@ -348,8 +348,8 @@ void Fluoroscopy::PaintDye(const Shot& shot, const Projection& projection) {
   Blur(dye_, scratch_);
 }
 
-void Fluoroscopy::Render(Picture& out) {
-  shots_.Fetch();
+bool Fluoroscopy::Render(Picture& out) {
+  const bool is_new = shots_.Fetch();
   const Shot& shot = shots_.Held();
   const CArm arm = ArmOf(shot.controls.imaging);
   FindBody(shot);
@@ -370,6 +370,7 @@ void Fluoroscopy::Render(Picture& out) {
   if (ModeOf(shot.controls.imaging) != Mode::kPlain) Subtract(shot);
   Expose(shot, out);
   CoverWithShutters(shot.controls.imaging, out);
+  return is_new;
 }
 
 // Paints the shutters black, like lead.

@@ -57,7 +57,7 @@ class Fluoroscopy final : public Effect, public ImageSource, public Observer {
   void Observe(const TickView& tick) override;
   std::vector<Reading> Readings() const override;
   bool Take(const TickView& tick) override;
-  void Render(Picture& out) override;
+  bool Render(Picture& out) override;
 
   const FluoroscopySettings& settings() const { return settings_; }
   /// Mean attenuation of the last picture, which sets its exposure.

@@ -25,7 +25,7 @@ class LateralPlane final : public Effect, public ImageSource, public Observer {
   /// Readings of the plane's dose, with the prefix lateral_.
   std::vector<Reading> Readings() const override;
   bool Take(const TickView& tick) override;
-  void Render(Picture& out) override { plane_->Render(out); }
+  bool Render(Picture& out) override { return plane_->Render(out); }
 
  private:
   Controls From(const Controls& first) const;
