@@ -10,11 +10,10 @@
 #include <vector>
 
 #include "host/simulator/core/discretization_error.h"
-#include "host/simulator/core/newton/active_set.h"
-#include "host/simulator/core/newton/damping.h"
-#include "host/simulator/core/newton/feed_prediction.h"
 #include "host/simulator/core/newton/front_sweep.h"
+#include "host/simulator/core/newton/newton_memory.h"
 #include "host/simulator/core/newton/riccati_sweep.h"
+#include "host/simulator/core/newton/step_solver.h"
 #include "host/simulator/core/relaxation.h"
 #include "host/simulator/core/stack/hand_forces.h"
 
@@ -41,9 +40,7 @@ struct NewtonSettings {
   int most_iterations_a_part = 12;
 };
 
-/// `Sweep`: solver of the model. RiccatiSweep serves a lone wire and instruments on one curve that
-/// do not twist; FrontSweep serves all others. A unit of work is a part of the motion, or an
-/// attempt at a step.
+/// `Sweep`: see StepSolver. A unit of work is a part of the motion, or an attempt at a step.
 template <class Sweep>
 class NewtonMethod final : public Relaxation {
  public:
@@ -56,29 +53,14 @@ class NewtonMethod final : public Relaxation {
 
   void Restart(WireState& state) override;
   void CopyFrom(const Relaxation& twin, const WireState& state) override;
-  const Expansion& Current() const override { return current_; }
+  const Expansion& Current() const override { return memory_.current; }
   std::uint64_t Hash(std::uint64_t seed) const override;
   double SolverErrorMm(const WireState& state) override;
   double DiscretizationErrorMm(const WireState& state) override;
 
  private:
-  // Minimum of the energy model.
-  struct Solution {
-    double expected_mJ = -1;  // decrease; negative if the model has no minimum or none was found
-    int rounds = 0;
-  };
-
   static constexpr bool kFront = std::is_same_v<Sweep, FrontSweep>;
   static constexpr bool kTwists = std::is_same_v<Sweep, RiccatiSweep<TwistStage>>;
-
-  static Sweep MakeSweep(int max_segments, const WireModel* second) {
-    if constexpr (kFront) {
-      return FrontSweep(max_segments, second);
-    } else {
-      static_cast<void>(second);
-      return Sweep(max_segments);
-    }
-  }
 
   // Common part of both public constructors.
   template <class Wires>
@@ -94,23 +76,17 @@ class NewtonMethod final : public Relaxation {
   void Relax(WireState& state, TickReport& report) override;
   void End(const WireState& state, bool settled, TickReport& report) override;
 
+  bool two_curves() const { return kFront && stack().second_rod() != nullptr; }
   // For the terms, every part of a motion is one relaxation: Begin .. End.
   void BeginPart(const WireState& state);
   void EndPart();
   void FindPressed(const WireState& state);
-  void MoveTo(const InstrumentPlaces& next, WireState& state);
-  void MoveBothTo(const InstrumentPlaces& next, WireState& state);
-  void MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next);
-  Solution SolveModel(const WireState& state);
-  void BeginModel(const WireState& state, bool moved);
-  int UpdateModel(const WireState& state);
-  void ModelLoads(const WireState& state);
-  double EnergyAtRest() const;
-  void StepTrial(const WireState& state, double scale);
-  double StepScale() const;
-  void GiveUp(WireState& state);
+  AttemptRecord Attempt(const WireState& state, TickReport& report);
+  void Accept(const AttemptRecord& record, WireState& state, TickReport& report);
+  void GiveUp(const WireState& state);
   bool Stable(const WireState& state);
   void PushOff(WireState& state);
+  void Expand(const WireState& state);
   void BringUpToDate(const WireState& state);
   void ExpandTrueLoads(const WireState& state);
 
@@ -118,34 +94,14 @@ class NewtonMethod final : public Relaxation {
   const ClearanceField& field_;
   const NewtonSettings settings_;
   const std::vector<EnergyTerm*>& terms_;
-  const bool two_curves_;
   WireMechanics mechanics_;
-  Sweep sweep_;
-  ActiveSet active_set_;
-  BetweenSet between_set_;
-  Damping damping_;
-  FeedPrediction prediction_;
-  Expansion current_;  // of the state if up_to_date_
+  StepSolver<Sweep> solver_;
+  NewtonMemory memory_;
+  // Work space, which keeps nothing from one call to the next.
   Expansion trial_expansion_;
   WireState trial_;
-  std::vector<Eigen::Vector2d> step_;
-  std::vector<double> spin_step_;  // same for the spins; model.spins() per segment
-  std::vector<Eigen::Vector3d>
-      displacement_mm_;                       // of every segment's proximal node due to the step
-  std::vector<Eigen::Vector2d> second_push_;  // of the second curve, off an unstable equilibrium
-  std::vector<double> second_push_spin_;      // all zeros
   DiscretizationDefect defect_;
-  HandForces balance_;    // of each instrument; for terms that act between instruments
-  double travel_mm_ = 0;  // travel of the vessel at current_
-  int iterations_since_move_ = 0;
-  bool up_to_date_ = true;
-  bool attempting_ = false;  // an iteration has begun, and none of its attempts was accepted
-  bool moved_ = false;       // the wire was moved, and no step accepted since
-  bool stalled_ = false;     // no step improves the wire
-  bool pushed_ = false;      // pushed off an unstable equilibrium, in this part
-  bool part_open_ = false;   // the terms have begun a part that has not ended
-  bool part_moved_ = false;  // the wire was moved in this part
-  bool stable_ = false;      // the Hessian was positive definite at the state, or one step before
+  HandForces balance_;  // of each instrument; for terms that act between instruments
 };
 
 extern template class NewtonMethod<RiccatiSweep<BendStage>>;

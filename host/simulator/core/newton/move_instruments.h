@@ -1,0 +1,38 @@
+// Motion of the instruments of a state by one part of the way to their targets.
+#pragma once
+
+#include <vector>
+
+#include "host/simulator/core/contact_points.h"
+#include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/newton/feed_prediction.h"
+#include "host/simulator/core/stack/instrument_stack.h"
+#include "host/simulator/core/wire_state.h"
+
+namespace torquer {
+
+/// Number of segments that the second curve lacks against the first; 0 for one curve.
+int SegmentsShort(const WireState& state);
+
+/// Fraction of the motion from `here` to `goal` that the motion to `next` covers. All motions are
+/// proportional, so the longest one defines it, counted in parts of `feed_mm` and `turn_rad`. A
+/// tiny motion would consist only of rounding.
+double FractionOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
+                     const InstrumentPlaces& goal, double feed_mm, double turn_rad);
+
+/// Number of insertions and rotations that differ.
+int CountActions(const InstrumentPlaces& here, const InstrumentPlaces& next);
+
+/// Feeds and turns the curves of `state` to `next`, and combines the rods of `stack` for it.
+void MoveInstruments(const InstrumentPlaces& next, InstrumentStack& stack,
+                     FeedPrediction& prediction, ContactPoints& points, WireState& state);
+
+/// Moves the surfaces that `terms` remember at `points` from `here` to `next`, before the points
+/// move. Inside another instrument, the outer instrument's surface touches the wall and follows its
+/// own hand. `turns`: surfaces follow the rotations of the hands too. Those of an instrument that
+/// twists turn with its normals instead.
+void MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next, bool turns,
+                  const PointSet& points, const std::vector<EnergyTerm*>& terms);
+
+}  // namespace torquer

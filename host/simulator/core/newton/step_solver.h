@@ -1,0 +1,79 @@
+// Step of an iteration: the minimum of the quadratic model with one-sided contact springs.
+#pragma once
+
+#include <Eigen/Core>
+#include <type_traits>
+#include <vector>
+
+#include "host/simulator/core/newton/active_set.h"
+#include "host/simulator/core/newton/front_sweep.h"
+#include "host/simulator/core/newton/riccati_sweep.h"
+#include "host/simulator/core/wire_mechanics.h"
+#include "host/simulator/core/wire_state.h"
+
+namespace torquer {
+
+/// Finds a step and applies it. `Sweep`: solver of one quadratic problem. RiccatiSweep serves a
+/// lone wire and instruments on one curve that do not twist; FrontSweep serves all others. No heap
+/// after construction.
+template <class Sweep>
+class StepSolver {
+ public:
+  /// Result of Solve.
+  struct Solution {
+    /// Decrease of the energy that the model predicts, mJ; negative if the model has no minimum or
+    /// none was found. There is no step then.
+    double expected_mJ = -1;
+    int rounds = 0;  ///< active sets that were tried
+  };
+
+  /// `second`: the rod on the second curve; null for one curve. Keeps references to all.
+  StepSolver(const WireMechanics& mechanics, const WireModel* second);
+
+  /// Replaces the loads of `at` by those of the model with the initial active set. `moved`: the
+  /// wire was moved, and no step accepted since.
+  void Begin(const WireState& state, bool moved, ActiveSet& wall_set, Expansion& at);
+  /// Minimizes the model, in which every near point has a one-sided spring. This is Newton's method
+  /// on a piecewise quadratic function. Leaves the loads of the last active set in `at`.
+  Solution Solve(const WireState& state, double weight, bool moved, ActiveSet& wall_set,
+                 Expansion& at);
+  /// Sets `trial` to `state` after the fraction `scale` of the step.
+  void Apply(const WireState& state, const Expansion& at, double scale, WireState& trial) const;
+  /// Largest turn of a segment or spin by the step, rad.
+  double LargestTurn() const;
+
+  /// True if Hessian + damping weight is positive definite with the loads of `at`.
+  bool IsDefinite(const WireState& state, const Expansion& at, double weight);
+  /// Largest displacement of a node by Newton's step without damping, plus the node's `shift_mm` if
+  /// given, mm. NaN if the Hessian is not positive definite. Replaces the step.
+  double NextStepMm(const WireState& state, const Expansion& at,
+                    const std::vector<Eigen::Vector3d>* shift_mm = nullptr);
+  /// Sets `trial` to `state` after a small push that excites every shape. Its direction is
+  /// arbitrary, but always the same. Replaces the step.
+  void Push(const WireState& state, const Expansion& at, WireState& trial);
+
+ private:
+  static constexpr bool kFront = std::is_same_v<Sweep, FrontSweep>;
+
+  static Sweep MakeSweep(int max_segments, const WireModel* second);
+  bool two_curves() const { return kFront && second_ != nullptr; }
+  void TakeLoads(const WireState& state, const ActiveSet& wall_set, Expansion& at) const;
+  int UpdateSets(const WireState& state, const Expansion& at, ActiveSet& wall_set);
+
+  const WireMechanics& mechanics_;
+  const WireModel& model_;
+  const WireModel* const second_;
+  Sweep sweep_;
+  BetweenSet between_set_;
+  std::vector<Eigen::Vector2d> step_;
+  std::vector<double> spin_step_;                 // same for the spins; model.spins() per segment
+  std::vector<Eigen::Vector3d> displacement_mm_;  // by the step, of every segment's proximal node
+  std::vector<Eigen::Vector2d> second_push_;      // of the second curve
+  std::vector<double> second_push_spin_;          // all zeros
+};
+
+extern template class StepSolver<RiccatiSweep<BendStage>>;
+extern template class StepSolver<RiccatiSweep<TwistStage>>;
+extern template class StepSolver<FrontSweep>;
+
+}  // namespace torquer
