@@ -1,0 +1,142 @@
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "host/simulator/effects/imaging/fluoroscopy.h"
+
+namespace torquer::effects {
+
+using Eigen::Vector3d;
+using Mode = FluoroscopySettings::Mode;
+
+namespace {
+
+struct FluoroscopySpec : TableSpec {
+  Mode mode = Mode::kPlain;
+  std::optional<Vector3d> isocenter_mm;
+  std::optional<Vector3d> body_center_mm;
+  int width_px = 512;
+  int height_px = 512;
+  double sid_mm = 1050;
+  double sod_mm = 750;
+  double detector_mm = 300;
+  double pictures_per_s = 15;
+  double photons = 600;
+  double scatter_to_primary = 0;
+  double tube_mA = 10;
+  double pulse_ms = 8;
+  double tube_mGy_mAs = 0.06;
+  double gain = 0.4;
+  double iodine_1_mm_mg_mL = 7.6e-4;
+  double body_width_mm = 320;
+  double body_depth_mm = 220;
+  double tissue_1_mm = 0.018;
+  double spine_1_mm = 0.01;
+  int seed = 1;
+};
+
+const Keys<FluoroscopySpec>& FluoroscopyKeys() {
+  using Spec = FluoroscopySpec;
+  static const Keys<Spec> keys =
+      Keys<Spec>()
+          .Choice("mode", &Spec::mode, {"plain", "subtraction", "roadmap"},
+                  "as the detector sees it; less the first picture since the pedal went down; or "
+                  "that with the densest dye so far as a bright map")
+          .Otherwise("the middle of the vessel")
+          .Point("isocenter_mm", &Spec::isocenter_mm, "mm", "about which the C-arm turns")
+          .Otherwise("the middle of the vessel")
+          .Point("body_center_mm", &Spec::body_center_mm, "mm", "middle of the patient's body")
+          .Integer("width_px", &Spec::width_px, 64, 1024, "columns of the picture")
+          .Integer("height_px", &Spec::height_px, 64, 1024, "rows of the picture")
+          .Number("sid_mm", &Spec::sid_mm, 500, 2000, "mm", "from the source to the detector")
+          .Number("sod_mm", &Spec::sod_mm, 200, 1900, "mm", "from the source to the isocenter")
+          .Number("detector_mm", &Spec::detector_mm, 50, 600, "mm", "width of the detector's field")
+          .Number("pictures_per_s", &Spec::pictures_per_s, 1, 60, "1/s",
+                  "pulses while the pedal is down")
+          .Number("photons", &Spec::photons, 10, 1e7, "",
+                  "that reach a pixel behind the mean of the body without being scattered")
+          .Number("scatter_to_primary", &Spec::scatter_to_primary, 0, 20, "",
+                  "as many scattered photons for each of those, the same in every pixel; 1 to 5 "
+                  "behind a trunk, a fifth of that behind a grid")
+          .Number("tube_mA", &Spec::tube_mA, 0.1, 2000, "mA",
+                  "current through 200 mm of tissue; it follows the body's thickness")
+          .Number("pulse_ms", &Spec::pulse_ms, 0.1, 100, "ms", "length of a pulse")
+          .Number("tube_mGy_mAs", &Spec::tube_mGy_mAs, 1e-4, 1, "mGy/(mA s)",
+                  "air kerma of the tube at 1 m, at its voltage and with its filter")
+          .Number("gain", &Spec::gain, 0.01, 10, "",
+                  "of the gray range, for a factor e in intensity")
+          .Number("iodine_1_mm_mg_mL", &Spec::iodine_1_mm_mg_mL, 0, 0.01, "1/mm per mg/mL",
+                  "attenuation of iodine per concentration")
+          .Number("body_width_mm", &Spec::body_width_mm, 0, 1000, "mm",
+                  "of the body from left to right; 0: no body")
+          .Number("body_depth_mm", &Spec::body_depth_mm, 10, 1000, "mm",
+                  "of the body from front to back")
+          .Number("tissue_1_mm", &Spec::tissue_1_mm, 0, 1, "1/mm", "attenuation of the body")
+          .Number("spine_1_mm", &Spec::spine_1_mm, 0, 1, "1/mm",
+                  "attenuation of the spine beyond the body's")
+          .Integer("seed", &Spec::seed, 0, 1000000000,
+                   "of the noise; the same gives the same pictures")
+          .Checked([](const Spec& spec, StrictTable& table) {
+            if (spec.sod_mm < spec.sid_mm) return;
+            table.Refuse("sod_mm",
+                         "must be less than sid_mm: the isocenter is before the detector");
+          })
+          .Example(
+              "mode = \"subtraction\"\n"
+              "isocenter_mm = [22, -4, -28]\n"
+              "detector_mm = 200\n");
+  return keys;
+}
+
+std::unique_ptr<Effect> MakeFluoroscopy(const FluoroscopySpec& spec, const EffectContext& context) {
+  FluoroscopySettings s;
+  s.mode = spec.mode;
+  s.arm.axes = s.body.axes = context.axes;
+  s.arm.isocenter_mm = spec.isocenter_mm.value_or(context.bounds_mm.center());
+  s.body.center_mm = spec.body_center_mm.value_or(context.bounds_mm.center());
+  s.arm.width = spec.width_px;
+  s.arm.height = spec.height_px;
+  s.arm.sid_mm = spec.sid_mm;
+  s.arm.sod_mm = spec.sod_mm;
+  s.arm.detector_mm = spec.detector_mm;
+  s.pictures_per_s = spec.pictures_per_s;
+  s.photons = spec.photons;
+  s.scatter_to_primary = spec.scatter_to_primary;
+  s.tube_mA = spec.tube_mA;
+  s.pulse_ms = spec.pulse_ms;
+  s.tube_mGy_mAs = spec.tube_mGy_mAs;
+  s.gain = spec.gain;
+  s.iodine_1_mm_mg_mL = spec.iodine_1_mm_mg_mL;
+  s.body.width_mm = spec.body_width_mm;
+  s.body.depth_mm = spec.body_depth_mm;
+  s.body.tissue_1_mm = spec.tissue_1_mm;
+  s.body.spine_1_mm = spec.spine_1_mm;
+  s.seed = static_cast<std::uint64_t>(spec.seed);
+  return MakeFluoroscopy(s, context);
+}
+
+}  // namespace
+
+std::unique_ptr<Fluoroscopy> MakeFluoroscopy(const FluoroscopySettings& settings,
+                                             const EffectContext& context) {
+  std::vector<const vessel::FieldMotion*> motions;
+  if (context.earlier != nullptr) {
+    for (const std::unique_ptr<Effect>& effect : *context.earlier) {
+      if (const vessel::FieldMotion* motion = effect->motion()) motions.push_back(motion);
+    }
+  }
+  return std::make_unique<Fluoroscopy>(settings, context.wire, FindEarlier<Contrast>(context),
+                                       std::move(motions), context.instruments);
+}
+
+EffectKind FluoroscopyKind() {
+  return {.name = "fluoroscopy",
+          .summary = "the X-ray picture under the C-arm's angles, while the pedal is down",
+          .roles = "image, observer",
+          .keys = Any(FluoroscopyKeys()),
+          .make = MakeWith(MakeFluoroscopy)};
+}
+
+}  // namespace torquer::effects

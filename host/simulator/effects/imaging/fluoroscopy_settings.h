@@ -1,0 +1,40 @@
+// Settings of the X-ray picture, and how a choice of the operator changes them.
+#pragma once
+
+#include <cstdint>
+
+#include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/imaging/fluoroscopy_attenuation.h"
+#include "host/simulator/effects/imaging/fluoroscopy_projection.h"
+
+namespace torquer::effects {
+
+struct FluoroscopySettings {
+  enum class Mode : std::uint8_t {
+    kPlain,
+    kSubtraction,  ///< difference from the first picture since the pedal went down or the C-arm
+                   ///< moved; organs that moved since then do not cancel
+    kRoadmap       ///< subtraction that keeps the densest dye so far and shows the vessels bright
+  };
+  Mode mode = Mode::kPlain;
+  CArm arm;
+  Body body;
+  double pictures_per_s = 15;
+  double photons = 600;  ///< unscattered photons per pixel behind the mean of the body
+  double scatter_to_primary =
+      0;              ///< ratio of scattered to unscattered photons, the same in every pixel
+  double gain = 0.4;  ///< in units of the gray range, for a factor e in intensity
+  double iodine_1_mm_mg_mL = 7.6e-4;  ///< attenuation per concentration
+  // Properties of the tube, for the dose.
+  double tube_mA = 10;         ///< through 200 mm of tissue
+  double pulse_ms = 8;         ///< duration of one picture's pulse
+  double tube_mGy_mAs = 0.06;  ///< air kerma at 1 m
+  std::uint64_t seed = 1;
+
+  /// Mode, pulse rate (1/s) and C-arm under the operator's choice.
+  Mode ModeOf(const Imaging& imaging) const;
+  double PulsesPerS(const Imaging& imaging) const;
+  CArm ArmOf(const Imaging& imaging) const;
+};
+
+}  // namespace torquer::effects

@@ -1,0 +1,63 @@
+// Rendering of an X-ray picture: attenuation, subtraction, noise, gray values.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "host/simulator/effects/effect.h"
+#include "host/simulator/effects/imaging/fluoroscopy_attenuation.h"
+#include "host/simulator/effects/imaging/fluoroscopy_settings.h"
+#include "host/simulator/effects/imaging/frame_taker.h"
+
+namespace torquer::effects {
+
+/// Apparent line integral at a detector for the true one, `integral`; both relative to the mean of
+/// the body. `scatter_to_primary` is the ratio of scattered to other photons at that mean:
+/// -ln((e^-x + s) / (1 + s)), Beer and Lambert's law with an even background.
+float WithScatter(float integral, float scatter_to_primary);
+
+/// Renders the frames of one fluoroscopy in their order, on any one thread.
+class PictureRenderer {
+ public:
+  /// Both outlive this.
+  PictureRenderer(const FluoroscopySettings& settings, const DyePoints& dye);
+
+  void Render(const XrayFrame& frame, ImageSource::Picture& out);
+  /// Mean attenuation of the last picture, which sets its exposure.
+  float exposure() const { return memory_.exposure; }
+  /// Continues like `twin`, the renderer of the same scene.
+  void CopyFrom(const PictureRenderer& twin) { memory_ = twin.memory_; }
+
+ private:
+  // Memory that one picture passes on to the next.
+  struct Memory {
+    Plane body_plane;
+    Plane mask, mask_body, densest_dye;
+    std::vector<float> mask_noise;
+    bool has_body = false;
+    double body_lao_rad = 0, body_cra_rad = 0, body_magnification = 0;
+    Eigen::Vector3d body_organs_mm = Eigen::Vector3d::Zero();
+    bool has_mask = false;
+    std::int64_t mask_pedal = 0;
+    std::int64_t seen_session = 0;  // of the last picture
+    float exposure = 0;
+  };
+
+  void FindBody(const XrayFrame& frame);
+  void PaintDye(const XrayFrame& frame, const Projection& projection);
+  void Subtract(const XrayFrame& frame);
+  void Expose(const XrayFrame& frame, ImageSource::Picture& out) const;
+  static void CoverWithShutters(const Imaging& imaging, ImageSource::Picture& out);
+
+  const FluoroscopySettings& settings_;
+  const DyePoints& dye_points_;
+  Memory memory_;
+  // Work space.
+  LumenPainter painter_;
+  std::vector<LumenPoint> painted_;
+  Plane devices_, dye_, scratch_;
+  std::vector<float> noise_;
+};
+
+}  // namespace torquer::effects
