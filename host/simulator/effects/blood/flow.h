@@ -64,21 +64,36 @@ class Flow final : public Effect, public Evolution {
   /// Steady network: its response to additional inflow.
   const FlowSolution& solution() const { return *steady_; }
   /// Grows with each change of solution().
-  int version() const { return version_; }
+  int version() const { return memory_.version; }
   /// Mean over a cycle; stenosis losses are taken at the mean flow.
-  const FlowSolution::Flows& mean() const { return mean_; }
+  const FlowSolution::Flows& mean() const { return memory_.mean; }
   const Pulse& pulse() const { return pulse_; }
   int inlet() const { return inlet_; }
   /// Flow of every edge, mL/s, at a time. Any time is allowed without Windkessels, stenoses and
   /// obstruction; otherwise only times of the last advance.
   void EdgesAt(double time_s, std::vector<double>& edge_mL_s) const;
   /// Pressures and flows of the last step; the mean if the flow is not stepped.
-  const FlowSolution::Flows& now() const { return now_; }
+  const FlowSolution::Flows& now() const { return memory_.now; }
 
  private:
   struct Moment {
     double time_s = 0;
     std::vector<double> edge_mL_s;
+  };
+  // State of the flow, without the solutions, which belong to one graph.
+  struct Memory {
+    std::vector<FlowEnd> outlets;
+    double inlet_mL_s = 0;           // mean
+    std::vector<double> obstructed;  // increase of poiseuille_ by devices
+    int version = 0;
+    FlowSolution::Flows mean, exchange, driven, muscle;
+    std::vector<double> step_losses_mL_s;  // flow through each stenosis for which step_ was made
+    std::vector<double> stored_mmHg;       // at each Windkessel's compliance
+    FlowSolution::Flows now;               // of the last step
+    double time_s = 0;
+    std::vector<Moment> moments;  // of the last advance
+    std::size_t moment_count = 0;
+    double obstruction_age_s = 0;
   };
 
   std::vector<double> Resistances(const std::vector<double>& stenosis_flow_mL_s) const;
@@ -92,28 +107,14 @@ class Flow final : public Effect, public Evolution {
   const int inlet_;
   const std::vector<StenosisLoss> stenoses_;
   const Obstruction obstruction_;
-  std::vector<FlowEnd> outlets_;
   std::optional<double> inlet_mmHg_;
-  double inlet_mL_s_;               // mean
   const double mmHg_s_per_mL_mm3_;  // Poiseuille, for an integral of 1/r^4
   bool has_windkessel_ = false;
   bool stepped_ = false;
   std::vector<double> poiseuille_;  // of each edge, mmHg s/mL
-  std::vector<double> obstructed_;  // increase of poiseuille_ by devices
-
   std::unique_ptr<FlowSolution> steady_;
-  int version_ = 0;
-  FlowSolution::Flows mean_, exchange_, driven_, muscle_;
-
-  // State of the steps.
   std::unique_ptr<FlowSolution> step_;
-  std::vector<double> step_losses_mL_s_;  // flow through each stenosis for which step_ was made
-  std::vector<double> stored_mmHg_;       // at each Windkessel's compliance
-  FlowSolution::Flows now_;
-  double time_s_ = 0;
-  std::vector<Moment> moments_;  // of the last advance
-  std::size_t moment_count_ = 0;
-  double obstruction_age_s_ = 0;
+  Memory memory_;
 };
 
 /// Poiseuille: 8 mu / pi times the integral of 1/r^4.

@@ -9,6 +9,7 @@
 #include "host/simulator/effects/effect.h"
 #include "host/simulator/effects/imaging/fluoroscopy_attenuation.h"
 #include "host/simulator/effects/imaging/fluoroscopy_settings.h"
+#include "host/simulator/effects/imaging/lumen_painter.h"
 
 namespace torquer::effects {
 

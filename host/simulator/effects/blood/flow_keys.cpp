@@ -1,0 +1,303 @@
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "host/simulator/effects/blood/flow.h"
+#include "host/support/error.h"
+
+namespace torquer::effects {
+
+namespace {
+
+enum class CurveEnd { kStart, kEnd };
+enum class Outlets { kAutomatic, kMurray, kPressure };
+
+struct OutletSpec : TableSpec {
+  std::string centerline;
+  CurveEnd end = CurveEnd::kEnd;
+  std::optional<double> pressure_mmHg;
+  std::optional<double> resistance_mmHg_s_mL;
+  double compliance_mL_mmHg = 0;
+  double proximal_mmHg_s_mL = 0;
+  double systolic_mmHg = 0;
+};
+
+struct StenosisSpec : TableSpec {
+  std::string centerline;
+  double from_mm = 0;
+  double to_mm = 0;
+};
+
+struct FlowSpec : TableSpec {
+  std::string inlet;
+  CurveEnd inlet_end = CurveEnd::kStart;
+  std::optional<double> inlet_mL_s;
+  std::optional<double> inlet_mmHg;
+  double viscosity_mPa_s = 3.5;
+  Outlets outlets = Outlets::kAutomatic;
+  double bed_mmHg = 90;
+  double murray_exponent = 3;
+  double outlet_mmHg = 0;
+  double compliance_mL_mmHg = 0;
+  double rate_per_min = 0;
+  double pulsatility = 0.5;
+  bool obstruction = false;
+  std::vector<OutletSpec> outlet;
+  std::vector<StenosisSpec> stenosis;
+};
+
+const Keys<OutletSpec>& OutletKeys() {
+  static const Keys<OutletSpec> keys =
+      Keys<OutletSpec>()
+          .Required()
+          .Text("centerline", &OutletSpec::centerline, "whose free end the outlet is")
+          .Choice("end", &OutletSpec::end, {"start", "end"}, "which end of it")
+          .Otherwise("0 behind a resistance; required without one")
+          .Number("pressure_mmHg", &OutletSpec::pressure_mmHg, -50, 500, "mmHg",
+                  "at the outlet, or behind its resistance")
+          .Otherwise("none: the pressure holds at the outlet")
+          .Number("resistance_mmHg_s_mL", &OutletSpec::resistance_mmHg_s_mL, 1e-6, 1e6, "mmHg s/mL",
+                  "of the vessels behind the outlet")
+          .Number("compliance_mL_mmHg", &OutletSpec::compliance_mL_mmHg, 0, 100, "mL/mmHg",
+                  "of a Windkessel, between the end and the resistance; 0: none")
+          .Number("proximal_mmHg_s_mL", &OutletSpec::proximal_mmHg_s_mL, 0, 1e6, "mmHg s/mL",
+                  "resistance between the end and the compliance")
+          .Number("systolic_mmHg", &OutletSpec::systolic_mmHg, 0, 500, "mmHg",
+                  "by which the heart's muscle presses on the vessels behind the outlet at the "
+                  "height of the ejection; makes the flow of coronary arteries diastolic")
+          .Checked([](const OutletSpec& spec, StrictTable& table) {
+            if (!spec.resistance_mmHg_s_mL && !spec.pressure_mmHg) {
+              table.Refuse("pressure_mmHg", "is missing; give it, or resistance_mmHg_s_mL");
+            }
+            for (const char* key : {"compliance_mL_mmHg", "proximal_mmHg_s_mL", "systolic_mmHg"}) {
+              if (!table.Has(key) || spec.resistance_mmHg_s_mL) continue;
+              table.Refuse(key, "needs resistance_mmHg_s_mL; give that or remove this");
+            }
+          });
+  return keys;
+}
+
+const Keys<StenosisSpec>& StenosisKeys() {
+  static const Keys<StenosisSpec> keys =
+      Keys<StenosisSpec>()
+          .Required()
+          .Text("centerline", &StenosisSpec::centerline, "on which it is")
+          .Required()
+          .Number("from_mm", &StenosisSpec::from_mm, 0, 1e5, "mm",
+                  "where it begins, by arc length; its throat is the narrowest place within")
+          .Required()
+          .Number("to_mm", &StenosisSpec::to_mm, 0, 1e5, "mm",
+                  "where it ends; the wider end is the lumen into which the blood widens");
+  return keys;
+}
+
+void Check(const FlowSpec& spec, StrictTable& table) {
+  if (spec.inlet_mL_s.has_value() == spec.inlet_mmHg.has_value()) {
+    table.Refuse("inlet", "give one of inlet_mL_s and inlet_mmHg with it, not both or none");
+  }
+  if (spec.outlets == Outlets::kMurray && !spec.inlet_mL_s) {
+    table.Refuse("outlets",
+                 "needs inlet_mL_s, of which the outlets' resistances are made; give that instead "
+                 "of inlet_mmHg, or outlets = \"pressure\"");
+  }
+}
+
+const Keys<FlowSpec>& FlowKeys() {
+  static const Keys<FlowSpec> keys =
+      Keys<FlowSpec>()
+          .Required()
+          .Text("inlet", &FlowSpec::inlet, "centerline at whose free end the blood comes in")
+          .Choice("inlet_end", &FlowSpec::inlet_end, {"start", "end"}, "which end of it")
+          .Otherwise("give inlet_mmHg")
+          .Number("inlet_mL_s", &FlowSpec::inlet_mL_s, 1e-3, 1000, "mL/s", "mean flow in")
+          .Otherwise("give inlet_mL_s")
+          .Number("inlet_mmHg", &FlowSpec::inlet_mmHg, -50, 500, "mmHg", "pressure at the inlet")
+          .Number("viscosity_mPa_s", &FlowSpec::viscosity_mPa_s, 0.1, 100, "mPa s", "of blood")
+          .Choice("outlets", &FlowSpec::outlets, {"automatic", "murray", "pressure"},
+                  "all outlets: resistances by Murray's law, or one pressure; automatic: the first "
+                  "with inlet_mL_s, the second with inlet_mmHg")
+          .Number("bed_mmHg", &FlowSpec::bed_mmHg, 1, 500, "mmHg",
+                  "what the vessels behind the outlets take of the pressure at the mean flow")
+          .Number("murray_exponent", &FlowSpec::murray_exponent, 1, 4, "",
+                  "an outlet's share of the flow grows as its radius to this power")
+          .Number("outlet_mmHg", &FlowSpec::outlet_mmHg, -50, 500, "mmHg",
+                  "pressure behind the resistances, or at the outlets where there are none")
+          .Number("compliance_mL_mmHg", &FlowSpec::compliance_mL_mmHg, 0, 100, "mL/mmHg",
+                  "of the vessels behind all outlets by Murray's law together, which makes them "
+                  "Windkessels; 0: none")
+          .Number("rate_per_min", &FlowSpec::rate_per_min, 0, 300, "1/min", "heart rate; 0: steady")
+          .Number("pulsatility", &FlowSpec::pulsatility, 0, 1, "",
+                  "part of the flow in that comes only in systole")
+          .Boolean("obstruction", &FlowSpec::obstruction,
+                   "whether instruments narrow the lumen, as if they lay in its middle")
+          .Tables("outlet", &FlowSpec::outlet, OutletKeys(), 0, "an outlet that differs")
+          .Tables("stenosis", &FlowSpec::stenosis, StenosisKeys(), 0,
+                  "a narrow stretch behind which pressure is lost (Young and Tsai)")
+          .Checked(Check)
+          .Example(
+              "inlet = \"aorta\"\n"
+              "inlet_mL_s = 80\n"
+              "rate_per_min = 72\n"
+              "pulsatility = 0.4\n"
+              "[[effects.flow.outlet]]\n"
+              "centerline = \"lad\"\n"
+              "resistance_mmHg_s_mL = 100\n");
+  return keys;
+}
+
+const char* NameOf(CurveEnd end) { return end == CurveEnd::kStart ? "start" : "end"; }
+
+double RadiusAt(const FlowGraph& graph, int node) {
+  return graph.network().At(graph.nodes()[static_cast<std::size_t>(node)].place).radius_mm;
+}
+
+// Outlets named by tables, by node.
+std::vector<FlowEnd> NamedOutlets(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
+  std::vector<FlowEnd> named;
+  for (const OutletSpec& outlet : spec.outlet) {
+    const std::string side = NameOf(outlet.end);
+    FlowEnd end;
+    try {
+      end.node = graph.NodeAt(outlet.centerline, side);
+    } catch (const UserError& error) {
+      outlet.origin.Refuse("centerline", error.what());
+    }
+    if (!graph.nodes()[static_cast<std::size_t>(end.node)].is_end() || end.node == inlet) {
+      outlet.origin.Refuse("centerline",
+                           "its " + side + " is no outlet: it is " +
+                               (end.node == inlet ? "the inlet" : "joined to others") +
+                               "; name a free end");
+    }
+    for (const FlowEnd& other : named) {
+      if (other.node == end.node) {
+        outlet.origin.Refuse("centerline", "this outlet is named twice");
+      }
+    }
+    end.is_pressure = !outlet.resistance_mmHg_s_mL;
+    end.resistance_mmHg_s_mL = outlet.resistance_mmHg_s_mL.value_or(0);
+    end.pressure_mmHg = outlet.pressure_mmHg.value_or(0);
+    end.compliance_mL_mmHg = outlet.compliance_mL_mmHg;
+    end.proximal_mmHg_s_mL = outlet.proximal_mmHg_s_mL;
+    end.systolic_mmHg = outlet.systolic_mmHg;
+    named.push_back(end);
+  }
+  return named;
+}
+
+void CheckConnected(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
+  const std::vector<bool> reached = graph.ReachedFrom(inlet);
+  for (std::size_t n = 0; n < reached.size(); ++n) {
+    if (reached[n]) continue;
+    spec.origin.Refuse("inlet", "the outlet " + graph.NameOf(static_cast<int>(n)) +
+                                    " is not connected to it; join the curves (their ends must "
+                                    "lie on one another) or take that one away");
+  }
+}
+
+// All free ends but the inlet: named ones from their tables, the others from the scene's general
+// setting.
+std::vector<FlowEnd> AllOutlets(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
+  std::vector<FlowEnd> ends = NamedOutlets(spec, graph, inlet);
+  const bool murray =
+      spec.outlets == Outlets::kMurray || (spec.outlets == Outlets::kAutomatic && spec.inlet_mL_s);
+  std::vector<int> free;
+  double shares = 0;
+  for (std::size_t n = 0; n < graph.nodes().size(); ++n) {
+    const int node = static_cast<int>(n);
+    if (!graph.nodes()[n].is_end() || node == inlet) continue;
+    shares += std::pow(RadiusAt(graph, node), spec.murray_exponent);
+    bool is_named = false;
+    for (const FlowEnd& end : ends) is_named = is_named || end.node == node;
+    if (!is_named) free.push_back(node);
+  }
+  for (const int node : free) {
+    const double share = std::pow(RadiusAt(graph, node), spec.murray_exponent) / shares;
+    ends.push_back({.node = node,
+                    .is_pressure = !murray,
+                    .pressure_mmHg = spec.outlet_mmHg,
+                    .resistance_mmHg_s_mL = murray ? spec.bed_mmHg / (share * *spec.inlet_mL_s) : 0,
+                    .compliance_mL_mmHg = murray ? share * spec.compliance_mL_mmHg : 0});
+  }
+  if (ends.empty()) {
+    spec.origin.Refuse("inlet", "there is no outlet: the network has no other free end");
+  }
+  return ends;
+}
+
+StenosisLoss MakeStenosis(const StenosisSpec& spec, const FlowGraph& graph) {
+  const vessel::CenterlineNetwork& network = graph.network();
+  constexpr double kLookMm = 0.1;
+  const auto radius_at = [&](double s_mm) {
+    try {
+      return network.At(network.Place(spec.centerline, s_mm)).radius_mm;
+    } catch (const UserError& error) {
+      spec.origin.Refuse("centerline", error.what());
+    }
+  };
+  const double wide_mm = std::max(radius_at(spec.from_mm), radius_at(spec.to_mm));
+  if (!(spec.to_mm > spec.from_mm)) spec.origin.Refuse("to_mm", "must be more than from_mm");
+  double throat_mm = wide_mm;
+  double throat_at_mm = spec.from_mm;
+  for (double s_mm = spec.from_mm; s_mm <= spec.to_mm; s_mm += kLookMm) {
+    if (radius_at(s_mm) >= throat_mm) continue;
+    throat_mm = radius_at(s_mm);
+    throat_at_mm = s_mm;
+  }
+  if (!(throat_mm < wide_mm)) {
+    spec.origin.Refuse("from_mm",
+                       "the centerline is nowhere narrower than at the ends of this stretch; move "
+                       "it to the stenosis or remove it");
+  }
+  const auto area = [](double r_mm) { return std::numbers::pi * r_mm * r_mm; };
+  return {.edge = graph.EdgeAt(network.Place(spec.centerline, throat_at_mm)),
+          .loss_mmHg_s2_mL2 = StenosisLossMmHg(area(wide_mm), area(throat_mm))};
+}
+
+std::unique_ptr<Effect> MakeFlow(const FlowSpec& spec, const EffectContext& context) {
+  if (context.centerlines == nullptr || context.centerlines->empty()) {
+    spec.origin.Refuse("inlet",
+                       "this vessel has no centerlines, along which blood could flow; give "
+                       "vessel.centerlines, or remove [effects.flow]");
+  }
+  std::unique_ptr<const FlowGraph> graph;
+  int inlet = 0;
+  const std::string side = NameOf(spec.inlet_end);
+  try {
+    graph = std::make_unique<FlowGraph>(*context.centerlines);
+    inlet = graph->NodeAt(spec.inlet, side);
+  } catch (const UserError& error) {
+    spec.origin.Refuse("inlet", error.what());
+  }
+  if (!graph->nodes()[static_cast<std::size_t>(inlet)].is_end()) {
+    spec.origin.Refuse("inlet", "its " + side + " is joined to other curves; name a free end");
+  }
+  CheckConnected(spec, *graph, inlet);
+  std::vector<FlowEnd> ends = AllOutlets(spec, *graph, inlet);
+  if (spec.inlet_mmHg) {
+    ends.push_back({.node = inlet, .is_pressure = true, .pressure_mmHg = *spec.inlet_mmHg});
+  }
+  std::vector<StenosisLoss> stenoses;
+  for (const StenosisSpec& stenosis : spec.stenosis) {
+    stenoses.push_back(MakeStenosis(stenosis, *graph));
+  }
+  Obstruction obstruction;
+  if (spec.obstruction) obstruction = {&context.wire, context.moving};
+  return std::make_unique<Flow>(
+      std::move(graph), 1e-3 * spec.viscosity_mPa_s, inlet, spec.inlet_mL_s.value_or(0), ends,
+      Pulse{spec.rate_per_min, spec.pulsatility}, std::move(stenoses), obstruction);
+}
+
+}  // namespace
+
+EffectKind FlowKind() {
+  return {.name = "flow",
+          .summary = "blood flow in the centerline network, steady or pulsatile, with Windkessels",
+          .roles = "evolution",
+          .keys = Any(FlowKeys()),
+          .make = MakeWith(MakeFlow)};
+}
+
+}  // namespace torquer::effects
