@@ -1,4 +1,4 @@
-// A step from 0 to 1 without a kink.
+// Smooth step: a step from 0 to 1 without a kink.
 #pragma once
 
 namespace torquer::vessel {
