@@ -69,7 +69,7 @@ class ArcLinePath {
   double length_mm_ = 0;
 };
 
-/// Some unit vector orthogonal to a unit vector; a function of the input alone.
+/// A unit vector orthogonal to a unit vector; it depends on the input alone.
 Eigen::Vector3d AnyOrthogonal(const Eigen::Vector3d& unit);
 
 }  // namespace torquer::vessel

@@ -153,7 +153,7 @@ TubeField::TubeField(const std::vector<Tube>& tubes, double union_width_mm)
     for (const PathPiece& piece : tube.axis.pieces()) {
       const double end = piece.begin_mm + piece.length_mm;
       std::vector<double> cuts{piece.begin_mm};
-      // Knots and pieces ascend together.
+      // Knots and pieces are both in ascending order.
       for (; tube.radii_mm.size() > 1 && knot != tube.radius_at_mm.end(); ++knot) {
         if (*knot >= end - 1e-9) break;
         if (*knot > cuts.back() + 1e-9) cuts.push_back(*knot);

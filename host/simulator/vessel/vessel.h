@@ -26,7 +26,7 @@ struct Vessel {
   CenterlineNetwork centerlines;              ///< may be empty for surfaces
   Eigen::AlignedBox3d bounds_mm;
   std::string description;            ///< one line
-  std::vector<std::string> findings;  ///< what was found and repaired, one sentence each
+  std::vector<std::string> findings;  ///< findings and repairs, one sentence each
   /// Bytes of its files as parsed, surface first. They distinguish this vessel from one that a file
   /// of the same name gave at another time. Scene drops them.
   std::vector<std::string> contents;
