@@ -34,7 +34,7 @@ class ArcLinePath {
   ///
   /// corners_mm: at least two points, consecutive ones further apart than 1e-9 mm.
   /// bend_radius_mm: positive radius at every corner. It is reduced if the neighboring legs are too
-  /// short: an arc takes at most half of a leg between two arcs. Infinity gives the largest radius
+  /// short. An arc takes at most half of a leg between two arcs. Infinity gives the largest radius
   /// that fits. Throws UserError on fewer points or a radius that is not positive. Throws it,
   /// naming the corner, on repeated points, a non-finite coordinate, or a reversal by more than 179
   /// degrees.

@@ -62,8 +62,8 @@ class BrickLevels {
     }
   };
 
-  /// Place of a point in a level: its cell, offset from the cell's center in cells, and index of
-  /// its brick.
+  /// Place of a point in a level: cell, offset from the cell's center in cells, and index of its
+  /// brick.
   struct Place {
     int x, y, z;
     double tx, ty, tz;

@@ -9,10 +9,10 @@ namespace torquer::vessel {
 /// Largest total size of the cached fields in a folder, bytes: about twenty of the largest fields.
 inline constexpr std::int64_t kMostCacheBytes = std::int64_t{4} << 30;
 
-/// Removes files that this user's runs left in a folder of fields (field_cache.h): unfinished files
-/// of dead writers, and the least recently used fields. It stops once the other fields take
-/// `most_bytes` or less. The field at `keep` stays. So does every file that is not a field of this
-/// user, by its name and first bytes.
+/// Removes this user's files from a folder of fields (field_cache.h): unfinished ones of dead
+/// writers, and the least recently used fields. It stops once the other fields take `most_bytes` or
+/// less. The field at `keep` stays. So does every file that is not a field of this user, by its
+/// name and first bytes.
 void TidyCacheFolder(const std::string& folder, const std::string& keep,
                      std::int64_t most_bytes = kMostCacheBytes);
 

@@ -131,7 +131,7 @@ CenterlineNetwork ParseSlicerCurves(const std::vector<CurveFile>& files, double 
 struct CenteredCurve {
   Centerline curve;
   double largest_shift_mm = 0;
-  double cut_at_start_mm = 0, cut_at_end_mm = 0;  ///< lengths outside the lumen at its ends
+  double cut_at_start_mm = 0, cut_at_end_mm = 0;  ///< lengths cut off its ends, outside the lumen
 };
 
 /// Moves a curve's points sideways up the clearance by at most reach_mm and smooths them. Cuts off

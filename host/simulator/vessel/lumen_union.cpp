@@ -104,8 +104,8 @@ std::vector<SurfaceRegion> RegionsOf(const TriangleMesh& mesh) {
   return regions;
 }
 
-// Mean distance of the winding numbers beside a region from integers: 1/2 for a sheet that encloses
-// nothing, near 0 for a wall.
+// Mean distance of the winding numbers beside a region from integers. It is 1/2 for a sheet that
+// encloses nothing, and near 0 for a wall.
 double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh,
                   const SurfaceRegion& region) {
   const size_t stride = region.faces.size() / kSamples + 1;

@@ -27,7 +27,7 @@ constexpr double kWeldPerDiagonal = 2e-5;
 constexpr double kSmallestDiagonalMm = 5, kLargestDiagonalMm = 4000;
 // Single precision, as in STL, resolves 0.1 mm at this distance.
 constexpr double kFarthestMm = 1e6;
-// Largest area share of a hole in the wall: one of the file, and one left by taking the inner side.
+// Largest area share of a hole in the wall: one of the file, and one left around the inner side.
 constexpr double kFileHoleShare = 0.01, kInnerHoleShare = 0.05;
 // Tube-facing share of the area: from kWallShare on a surface is a wall, up to kLumenShare a lumen.
 constexpr double kWallShare = 0.25, kLumenShare = 0.1;

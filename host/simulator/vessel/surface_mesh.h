@@ -57,8 +57,8 @@ struct SurfaceMesh {
   TriangleMesh left_out;  ///< removed walls within the lumen, and sheets
 };
 
-/// Unit with which a surface, in the coordinates of its file, has the size of a vessel; empty if
-/// neither fits. Only for proposals: a scene declares its unit.
+/// Unit in which a surface, with its file's coordinates, has the size of a vessel; empty if neither
+/// fits. Only for proposals: a scene declares its unit.
 std::optional<MeshUnit> GuessUnit(const TriangleMesh& file);
 
 /// Throws UserError that begins with `name` if the diagonal of a surface in mm is outside 5 to 4000

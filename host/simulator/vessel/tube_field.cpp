@@ -284,8 +284,8 @@ void TubeField::Look(const Primitive& primitive, double round_mm, const Vector3d
   if (value > best.value) best = {value, u, &primitive, interior};
 }
 
-// F(p, u) = r(u) - Q(|p - axis(u)|^2) is stationary in u if the contact is interior:
-// gradient F_p, Hessian F_pp - F_pu F_pu^T / F_uu (implicit function theorem).
+// F(p, u) = r(u) - Q(|p - axis(u)|^2) is stationary in u if the contact is interior. Then the
+// gradient is F_p, and the Hessian F_pp - F_pu F_pu^T / F_uu (implicit function theorem).
 template <int kOrder>
 void TubeField::Differentiate(const Contact& contact, double round_mm, const Vector3d& p,
                               Vector3d& gradient, Matrix3d& hessian) {
