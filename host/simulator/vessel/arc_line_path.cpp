@@ -79,7 +79,7 @@ ArcLinePath ArcLinePath::FromCorners(const std::vector<Vector3d>& corners_mm,
   }
   ArcLinePath path(corners_mm.front(), legs.front());
   path.corner_arc_lengths_mm_.push_back(0);
-  double used = 0;  // of the current leg, by the arc at its start
+  double used = 0;  // part of the current leg that the arc at its start uses
   for (size_t i = 0; i < legs.size(); ++i) {
     const double leg = legs[i].norm();
     if (i + 1 == legs.size()) {

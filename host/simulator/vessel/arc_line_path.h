@@ -8,10 +8,10 @@
 
 namespace torquer::vessel {
 
-/// One line or one circular arc of a path.
+/// Piece of a path: one line or one circular arc.
 ///
-/// Point at arc length u from its start, line: start + u tangent; arc of radius R = 1/curvature:
-/// start + R sin(u/R) tangent + R (1 - cos(u/R)) normal.
+/// On a line, the point at arc length u is start + u tangent. On an arc of radius R = 1/curvature,
+/// it is start + R sin(u/R) tangent + R (1 - cos(u/R)) normal.
 struct PathPiece {
   Eigen::Vector3d start_mm;
   Eigen::Vector3d tangent;      ///< unit, at the start
@@ -30,19 +30,20 @@ class ArcLinePath {
   /// Begins an empty path at a point with a direction (normalized here; must not be zero).
   ArcLinePath(const Eigen::Vector3d& start_mm, const Eigen::Vector3d& direction);
 
-  /// A path along a polyline whose corners are rounded by arcs.
+  /// Path along a polyline, with an arc at each corner.
   ///
   /// corners_mm: at least two points, consecutive ones further apart than 1e-9 mm.
-  /// bend_radius_mm: radius at every corner, made smaller where the neighboring legs are too short
-  /// for it (an arc takes at most half of a leg that ends in another corner). Infinity asks for the
-  /// roundest curve that fits. Throws UserError, naming the corner, on fewer points, repeated
-  /// points, a non-finite coordinate, or a reversal by more than 179 degrees.
+  /// bend_radius_mm: positive radius at every corner. It is reduced if the neighboring legs are too
+  /// short. An arc takes at most half of a leg between two arcs. Infinity gives the largest radius
+  /// that fits. Throws UserError on fewer points or a radius that is not positive. Throws it,
+  /// naming the corner, on repeated points, a non-finite coordinate, or a reversal by more than 179
+  /// degrees.
   static ArcLinePath FromCorners(const std::vector<Eigen::Vector3d>& corners_mm,
                                  double bend_radius_mm);
 
-  /// Goes straight on for length_mm > 0.
+  /// Appends a line of length_mm > 0.
   ArcLinePath& Line(double length_mm);
-  /// Turns by angle_rad in (0, 2 pi] on a circle of radius_mm > 0 toward a direction, which is
+  /// Appends an arc of radius_mm > 0 and angle_rad in (0, 2 pi]. It turns toward `toward`, which is
   /// projected orthogonal to the tangent and must not be parallel to it.
   ArcLinePath& Arc(double radius_mm, double angle_rad, const Eigen::Vector3d& toward);
 
@@ -50,8 +51,8 @@ class ArcLinePath {
   double length_mm() const { return length_mm_; }
   /// Smallest radius of curvature, mm; infinity for a straight path.
   double SmallestBendRadius() const;
-  /// Arc length at which each corner given to FromCorners is passed (the middle of its arc), and 0
-  /// and length_mm() for the first and last: one a corner.
+  /// Arc lengths, mm, one for each corner of FromCorners: the middle of the corner's arc. The first
+  /// is 0, the last is length_mm().
   const std::vector<double>& corner_arc_lengths_mm() const { return corner_arc_lengths_mm_; }
 
   /// Point and unit tangent at an arc length, which is clamped to [0, length_mm()].
@@ -68,7 +69,7 @@ class ArcLinePath {
   double length_mm_ = 0;
 };
 
-/// Some unit vector orthogonal to a unit vector; a function of the input alone.
+/// A unit vector orthogonal to a unit vector; it depends on the input alone.
 Eigen::Vector3d AnyOrthogonal(const Eigen::Vector3d& unit);
 
 }  // namespace torquer::vessel

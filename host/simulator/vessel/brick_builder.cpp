@@ -23,8 +23,8 @@ using kernel::kCells;
 
 namespace {
 
-// work(i) for every i below count, by several threads; no more are begun once a stop is asked for.
-// What work throws is thrown again when all threads have ended.
+// Calls work(i) for every i below count on several threads; a requested stop prevents further
+// calls. Rethrows an exception of `work` after all threads have ended.
 template <typename Work>
 void ForEachInThreads(size_t count, int threads, const std::stop_token& stop, Work work) {
   std::atomic<size_t> next{0};
@@ -46,8 +46,8 @@ void ForEachInThreads(size_t count, int threads, const std::stop_token& stop, Wo
   if (failure) std::rethrow_exception(failure);
 }
 
-// Every brick has a place; a complete level has all levels above it complete, and the top one has
-// all its bricks.
+// Checks that every brick has a place in its level. All levels above a complete level must be
+// complete, and a complete top level must have all its bricks.
 bool CanBeAdopted(const BrickLevels& levels, const std::vector<StoredBrick>& bricks,
                   const std::vector<bool>& complete_levels) {
   std::set<std::array<std::int32_t, 3>> at_top;
@@ -98,7 +98,7 @@ BrickBuilder::Entry BrickBuilder::Resolve(int l, const Array3i& brick) const {
   std::atomic_ref<Entry> slot(level.index[level.IndexOf(brick)]);
   Entry found = slot.load(std::memory_order_acquire);
   const auto publish = [&](Entry entry) {
-    // Whoever comes first is right: all fit the same coefficients.
+    // The first entry stays: all threads fit the same coefficients.
     return slot.compare_exchange_strong(found, entry, std::memory_order_acq_rel) ? entry : found;
   };
   if (BrickLevels::IsUsable(found) || found == BrickLevels::kInactive) return found;
@@ -119,15 +119,15 @@ BrickBuilder::Entry BrickBuilder::Resolve(int l, const Array3i& brick) const {
   return winner;
 }
 
-// Null where it is inactive.
+// Null if the brick is inactive.
 std::unique_ptr<BrickBuilder::Brick> BrickBuilder::Make(int l, const Array3i& place) const {
   auto made = std::make_unique<Brick>();
   BrickFit fit(*source_, levels_, l, place, made->coefficients);
   if (!fit.is_active()) return nullptr;
   if (fit.needs_coarse()) {
     const float* coarse = Ensure(l + 1, fit.coarse_brick());
-    // A band lies within the next coarser one's. A kept field that lacks the brick and says that
-    // its level is complete is wrong, and believed no longer.
+    // A band lies within the next coarser level's band, so the brick must exist. A cached field
+    // without it has wrongly marked that level as complete; the mark is removed.
     if (coarse == nullptr) {
       const BrickLevels::Level& above = levels_[l + 1];
       if (!above.Contains(fit.coarse_brick())) return nullptr;
@@ -183,7 +183,7 @@ void BrickBuilder::Prefetch(const Vector3d& point_mm, double radius_mm) const {
   }
 }
 
-// Bricks of a level that may be active: those within the active ones of the level above.
+// Bricks of a level that may be active: those within the active bricks of the level above.
 std::vector<Array3i> BrickBuilder::Candidates(int l, const std::vector<Array3i>& above) const {
   const BrickLevels::Level& level = levels_[l];
   constexpr int kRatio = BrickLevels::kRatio;
@@ -225,7 +225,7 @@ bool BrickBuilder::Build(int finest_level, int threads, const std::stop_token& s
 std::vector<StoredBrick> BrickBuilder::StoredBricks() const {
   std::vector<StoredBrick> bricks;
   for (const StoredBrick& brick : adopted_) {
-    // One that fails its check has been built again and is in the list below.
+    // A brick that failed its check was built again and is in the list below.
     const Array3i place(brick.place[0], brick.place[1], brick.place[2]);
     if (Ensure(brick.level, place) == brick.coefficients) bricks.push_back(brick);
   }

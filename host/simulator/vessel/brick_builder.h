@@ -1,5 +1,5 @@
-// Builds the bricks of a field when they are asked for, by any number of threads, and takes over
-// those that an earlier run built.
+// Brick builder: builds the bricks of a field on demand, from any number of threads. It can also
+// adopt the bricks of an earlier run.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,19 +16,18 @@
 
 namespace torquer::vessel {
 
-/// A brick as a cache file keeps it.
+/// Brick in the form of a cache file.
 struct StoredBrick {
   int32_t level;
   int32_t place[3];
-  /// kernel::kCoefficients of them, in a cache file followed by their Checksum.
+  /// kernel::kCoefficients values; in a cache file, their Checksum follows.
   const float* coefficients;
 
   uint64_t Checksum() const;
 };
 
-/// All methods but Adopt are safe from several threads at once. When, by whom and in which order
-/// bricks are built changes nothing: a brick is a pure function of the distance and of its place,
-/// and whoever publishes it first is right.
+/// All methods except Adopt are thread-safe. The time, thread and order of building do not matter.
+/// A brick depends only on the distance and its place, so the first thread to publish it wins.
 class BrickBuilder {
  public:
   using Entry = BrickLevels::Entry;
@@ -44,10 +43,11 @@ class BrickBuilder {
   BrickBuilder& operator=(const BrickBuilder&) = delete;
   ~BrickBuilder();
 
-  /// Coefficients of a brick, built if need be; null where it is inactive or outside of its level.
-  /// Throws UserError beyond the memory limit.
+  /// Coefficients of a brick, which is built if necessary. Null if it is inactive or outside of its
+  /// level. Throws UserError beyond the memory limit.
   const float* Ensure(int level, const Eigen::Array3i& brick) const;
-  /// Entry of a brick within its level, which is not usable yet: usable from now on, or inactive.
+  /// Resolves the entry of a brick within its level that is not usable yet. The result is usable or
+  /// inactive.
   __attribute__((noinline)) Entry Resolve(int level, const Eigen::Array3i& brick) const;
 
   /// See BrickField.
@@ -58,9 +58,9 @@ class BrickBuilder {
 
   /// All bricks that exist now.
   std::vector<StoredBrick> StoredBricks() const;
-  /// Bricks of a level that exist are all that will (the others are known to be inactive).
+  /// True if all active bricks of a level exist; the others are then known to be inactive.
   bool IsComplete(int level) const { return complete_[static_cast<size_t>(level)].load(); }
-  /// By this object, not taken over.
+  /// Bricks that this object built, without adopted ones.
   size_t built_count() const { return built_count_.load(); }
   size_t built_bytes() const { return built_count() * sizeof(Brick); }
 

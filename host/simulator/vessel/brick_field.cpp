@@ -35,8 +35,8 @@ BrickField::Cell BrickField::LocateAnywhere(const Vector3d& p) const {
   return {nullptr, 0, 0, 0, 0};
 }
 
-// Beyond the box the spline goes on along its slope at the border, which over kFarMm turns into -1
-// a millimeter. With c the nearest point of the box, e = p - c and t = |e|:
+// Continues the spline beyond the box along its slope at the border. Over L = kFarMm the slope
+// tends to -1 per millimeter. With c the nearest point of the box, e = p - c and t = |e|:
 //   f(p) = f(c) + g(c) . e / (1 + t/L) - (t - t / (1 + t/L))
 void BrickField::EvaluateBeyond(const Vector3d& point_mm, ClearanceSample& out) const {
   if (!point_mm.allFinite()) {

@@ -1,7 +1,7 @@
-// A clearance field of quadratic B-spline bricks in nested levels, built where it is looked at.
+// Brick field: a clearance field of quadratic B-spline bricks in nested levels, built on demand.
 //
-// Where the bricks lie is in brick_levels.h, how one is fitted in brick_fit.h, who builds them and
-// when in brick_builder.h, the spline in brick_kernel.h. Here is what a wire asks: the look-up.
+// brick_levels.h lays out the bricks, brick_fit.h fits them, brick_builder.h builds them, and
+// brick_kernel.h evaluates the spline. This file has the look-ups for a wire.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,24 +22,24 @@
 
 namespace torquer::vessel {
 
-/// What a field has built and what that takes.
+/// Number of bricks in a field, and their memory.
 struct BrickFieldStatistics {
   int levels = 0;
   std::vector<size_t> bricks;  ///< by level, finest first; those of a cache file included
   size_t bricks_built = 0;     ///< by this object, not taken from a cache
   size_t brick_bytes = 0;      ///< on the heap
-  size_t index_bytes = 0;      ///< address space; pages never looked at take no memory
+  size_t index_bytes = 0;      ///< address space; untouched pages take no memory
 };
 
 class BrickField final : public ClearanceField {
  public:
-  /// source: the distance; its zero lies within bounds_mm. Throws UserError on options out of range
-  /// and on a vessel too large for them. A look-up that would build a brick beyond the memory limit
-  /// throws UserError.
+  /// source: the distance; its zero level lies within bounds_mm. Throws UserError if options are
+  /// out of range or the vessel is too large for them. A look-up throws UserError if its brick
+  /// would exceed the memory limit.
   BrickField(std::shared_ptr<const DistanceSource> source, const Eigen::AlignedBox3d& bounds_mm,
              const BrickFieldOptions& options);
 
-  /// A field from any function that is nowhere steeper than 1 and whose zero lies within bounds_mm.
+  /// Field of a function that is nowhere steeper than 1 and has its zero level within bounds_mm.
   static std::unique_ptr<BrickField> FromFunction(
       std::function<double(const Eigen::Vector3d&)> function, const Eigen::AlignedBox3d& bounds_mm,
       const BrickFieldOptions& options = {});
@@ -53,19 +53,19 @@ class BrickField final : public ClearanceField {
   }
   double LipschitzBound() const override { return kLipschitzBound; }
 
-  // The same without a virtual call. The point must be finite.
+  // As above without a virtual call. The point must be finite.
   inline double Look(const Eigen::Vector3d& point_mm) const;
   inline void LookGradient(const Eigen::Vector3d& point_mm, ClearanceSample& out) const;
   inline void LookHessian(const Eigen::Vector3d& point_mm, ClearanceSample& out) const;
 
-  /// Builds whatever look-ups within radius_mm of a point will need. Safe beside look-ups and other
-  /// calls of itself: meant for a thread that runs ahead of the wire.
+  /// Builds all bricks that look-ups within radius_mm of a point need. Safe concurrently with
+  /// look-ups and with itself; meant for a thread that runs ahead of the wire.
   void Prefetch(const Eigen::Vector3d& point_mm, double radius_mm) const {
     builder_.Prefetch(point_mm, radius_mm);
   }
 
-  /// Builds every brick of the levels from the coarsest down to finest_level (0: all), on that many
-  /// threads; returns whether it came to its end before a stop was asked for.
+  /// Builds every brick from the coarsest level down to finest_level (0: all levels) on `threads`
+  /// threads. Returns false if a stop was requested before the end.
   bool Build(int finest_level, int threads, const std::stop_token& stop = {}) const {
     return builder_.Build(finest_level, threads, stop);
   }
@@ -77,24 +77,25 @@ class BrickField final : public ClearanceField {
 
   /// All bricks that exist now.
   std::vector<StoredBrick> StoredBricks() const { return builder_.StoredBricks(); }
-  /// Bricks of a level that exist are all that will (the others are known to be inactive).
+  /// True if all active bricks of a level exist; the others are then known to be inactive.
   bool IsComplete(int level) const { return builder_.IsComplete(level); }
-  /// Takes over bricks of an earlier run of the same source and options. They stay where they are:
-  /// `keep` holds that memory alive. Each is checked against its checksum when first looked at, and
-  /// built again if it does not agree. Before the first look-up only. False, and nothing is taken
-  /// over, where the places or the complete levels cannot be those of this field.
+  /// Adopts bricks of an earlier run with the same source and options. They are not copied: `keep`
+  /// keeps their memory alive. The first look-up of a brick checks its checksum, and rebuilds it on
+  /// a mismatch. Call only before the first look-up. Returns false and adopts nothing if places or
+  /// complete levels cannot belong to this field.
   bool Adopt(const std::vector<StoredBrick>& bricks, const std::vector<bool>& complete_levels,
              std::shared_ptr<const void> keep) {
     return builder_.Adopt(bricks, complete_levels, std::move(keep));
   }
 
  private:
-  // Measured: 1.2 on real meshes, at the ridges of small vessels; a distance itself has 1.
+  // Measured: 1.2 on real meshes, at the ridges of small vessels; an exact distance has 1.
   static constexpr double kLipschitzBound = 1.3;
-  static constexpr double kFarMm = 20;  // over which the slope beyond the box turns to -1
+  static constexpr double kFarMm = 20;  // the slope beyond the box tends to -1 over this length
 
   using Entry = BrickLevels::Entry;
-  // What the spline needs: the first of 27 coefficients (null: outside of all levels).
+  // Input of the spline: the first of 27 coefficients (null: outside of all levels) and the place
+  // in the cell.
   struct Cell {
     const float* corner;
     double tx, ty, tz;
@@ -122,7 +123,8 @@ inline BrickField::Cell BrickField::CellOf(const BrickLevels::Level& level,
 }
 
 inline BrickField::Cell BrickField::Locate(const Eigen::Vector3d& p) const {
-  // The finest level first: near the wall it answers, and all else stays out of its way.
+  // The finest level comes first because it serves the look-ups near the wall; the rest is out of
+  // line.
   const BrickLevels::Level& finest = levels_.finest();
   BrickLevels::Place place;
   if (levels_.PlaceOf(finest, p, place)) [[likely]] {
@@ -178,7 +180,7 @@ inline void BrickField::LookHessian(const Eigen::Vector3d& point_mm, ClearanceSa
     return;
   }
   EvaluateBeyond(point_mm, out);
-  // Out there no one needs more than differences.
+  // Beyond the box, differences are accurate enough.
   constexpr double kStep = 1e-3;
   ClearanceSample plus, minus;
   for (int axis = 0; axis < 3; ++axis) {

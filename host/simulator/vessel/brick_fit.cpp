@@ -13,20 +13,21 @@ using kernel::kRow;
 
 namespace {
 
-constexpr int kSamples = kRow + 2;  // along an axis: the fit looks at both neighbors
-// The fit's correction is limited where the distance has a ridge: a full one would overshoot there,
-// and makes the field steeper than a distance. In cell widths; a wall of radius two cells or more
-// is not touched by it.
+constexpr int kSamples = kRow + 2;  // along an axis; the fit needs both neighbors
+// Limit of the fit's second differences, in cell widths. At a ridge of the distance, the full
+// correction would overshoot and make the field steeper than a distance. Walls of radius two cells
+// or more are not affected.
 constexpr double kSecondDifferenceLimit = 0.5;
 
-// Share of the three coarse coefficients about a cell in each of the four fine ones within it
-// (Chaikin's subdivision, twice).
+// Weights of the three coarse coefficients about a cell for each of its four fine ones (Chaikin's
+// subdivision, twice).
 constexpr double kSubdivision[BrickLevels::kRatio][3] = {{6.0 / 16, 10.0 / 16, 0},
                                                          {3.0 / 16, 12.0 / 16, 1.0 / 16},
                                                          {1.0 / 16, 12.0 / 16, 3.0 / 16},
                                                          {0, 10.0 / 16, 6.0 / 16}};
 
-// Coefficient of a fine cell as the coarse level has it; corner: first coarse cell of its brick.
+// Coefficient of a fine cell, subdivided from the coarse level. corner: first coarse cell of the
+// brick.
 double Subdivide(const float* coarse, const Array3i& corner, const Array3i& fine) {
   const Array3i cell(fine.x() >> 2, fine.y() >> 2, fine.z() >> 2);
   const Array3i local = cell - corner;  // -1 to kCells
@@ -47,7 +48,7 @@ double Subdivide(const float* coarse, const Array3i& corner, const Array3i& fine
   return sum;
 }
 
-// 1 up to full, 0 from edge on, with two continuous derivatives between.
+// Weight of the fit: 1 up to full, 0 from edge on, with two continuous derivatives.
 double FineShare(double distance, double full, double edge) {
   const double x = std::clamp((distance - full) / (edge - full), 0.0, 1.0);
   return 1 - x * x * x * (10 + x * (6 * x - 15));
@@ -62,7 +63,7 @@ BrickFit::BrickFit(const DistanceSource& source, const BrickLevels& levels, int 
   if (is_top || !IsFar(source, levels)) Sample(source, levels, is_top);
 }
 
-// Whether no coefficient of a brick lies within its level's band, seen from a few distances.
+// True if a few distances show that no coefficient of the brick lies within its level's band.
 bool BrickFit::IsFar(const DistanceSource& source, const BrickLevels& levels) const {
   const Array3i cell = brick_ * kCells;
   const Vector3d center =
@@ -81,8 +82,8 @@ bool BrickFit::IsFar(const DistanceSource& source, const BrickLevels& levels) co
   return true;
 }
 
-// A fit to second order: the coefficient of a cell is the distance at its center, less an eighth of
-// the second differences.
+// Second-order fit: a cell's coefficient is the distance at its center, minus an eighth of the
+// second differences.
 void BrickFit::Sample(const DistanceSource& source, const BrickLevels& levels, bool is_top) {
   const Array3i corner = brick_ * kCells - 2;
   double axis[3][kSamples];

@@ -1,4 +1,4 @@
-// The coefficients of one brick, fitted to the distance.
+// Brick fit: the coefficients of one brick, fitted to the distance.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,23 +9,24 @@
 
 namespace torquer::vessel {
 
-/// The fit of a brick. A pure function of the distance and of the brick's place, bit for bit.
+/// Fit of a brick: a pure function of the distance and of the brick's place, bit for bit.
 ///
-/// Toward the edge of the level's band the coefficients pass over into the exact subdivision of the
-/// next coarser level's, so that the levels make one function with a continuous gradient.
+/// Toward the edge of the level's band, the coefficients change into the exact subdivision of the
+/// next coarser level's. Thus the levels form one function with a continuous gradient.
 class BrickFit {
  public:
-  /// Samples the distance, and writes the coefficients that it alone gives: kernel::kCoefficients.
+  /// Samples the distance and writes its own fit, without the coarser level, to
+  /// kernel::kCoefficients coefficients.
   BrickFit(const DistanceSource& source, const BrickLevels& levels, int level,
            const Eigen::Array3i& brick, float* coefficients);
 
-  /// False where no coefficient lies within the level's band: then there is no brick.
+  /// False if no coefficient lies within the level's band; there is then no brick.
   bool is_active() const { return largest_share_ > 0; }
-  /// Whether the coefficients of the brick around it on the next coarser level have a share.
+  /// True if the enclosing brick on the next coarser level contributes to the coefficients.
   bool needs_coarse() const { return least_share_ < 1; }
-  /// Place of that brick.
+  /// Place of the enclosing coarser brick.
   Eigen::Array3i coarse_brick() const { return brick_ / BrickLevels::kRatio; }
-  /// Mixes in its coefficients.
+  /// Blends in the coefficients of the coarser brick.
   void Blend(const float* coarse);
 
  private:
@@ -35,7 +36,7 @@ class BrickFit {
   const BrickLevels::Level& level_;
   const Eigen::Array3i brick_;
   float* const coefficients_;
-  double share_[kernel::kRow * kernel::kRow * kernel::kRow];  // of the fit in a coefficient
+  double share_[kernel::kRow * kernel::kRow * kernel::kRow];  // weights of the fit
   double least_share_ = 1;
   double largest_share_ = 0;
 };

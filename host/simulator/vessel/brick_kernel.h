@@ -17,17 +17,17 @@ namespace torquer::vessel::kernel {
 inline constexpr int kCells = 8;
 inline constexpr int kRow = kCells + 2;
 inline constexpr int kPlane = kRow * kRow;
-/// The last row is read one past its end.
+/// Padded, because the last row is read one past its end.
 inline constexpr int kCoefficients = kRow * kRow * kRow + 2;
 
-/// Value and derivatives by cell widths; which ones are filled is the caller's order.
+/// Value and derivatives with respect to cell widths, filled up to kOrder of Evaluate.
 struct Jet {
   double value;
   double d[3];   // x, y, z
   double dd[6];  // xx, yy, zz, xy, xz, yz
 };
 
-// Four lanes as two SSE registers: without AVX the compiler keeps each in one.
+// Four lanes in two SSE registers: without AVX, the compiler keeps each Pair in one register.
 using Pair = double __attribute__((vector_size(16)));
 using FloatPair = float __attribute__((vector_size(8)));
 
@@ -37,7 +37,7 @@ struct Quad {
 
 inline Pair Widen(const float* two) {
 #ifdef __SSE2__
-  // GCC 12 makes two scalar conversions and a shuffle of the portable form.
+  // GCC 12 compiles the portable form to two scalar conversions and a shuffle.
   return _mm_cvtps_pd(_mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(two))));
 #else
   FloatPair floats;
@@ -57,7 +57,7 @@ struct AxisWeights {
   double first_p, first_q, value_p, value_q;
 };
 
-// One axis for all lanes of a vector, up to a derivative.
+// Contracts one axis for all lanes of a vector, up to a derivative.
 template <typename Vector>
 inline void Contract(const Vector& a, const Vector& b, const Vector& c, const AxisWeights& w,
                      Vector& value) {
@@ -82,7 +82,7 @@ inline void Contract(const Vector& a, const Vector& b, const Vector& c, const Ax
 inline Pair Lows(const Pair& a, const Pair& b) { return Pair{a[0], b[0]}; }
 inline Pair Highs(const Pair& a, const Pair& b) { return Pair{a[1], b[1]}; }
 
-// The x axis of two rows at once, lane by lane.
+// Contracts the x axis of two rows at once, lane by lane.
 inline void ContractRows(const Quad& one, const Quad& two, const AxisWeights& w, Pair& value) {
   Contract(Lows(one.low, two.low), Highs(one.low, two.low), Lows(one.high, two.high), w, value);
 }
@@ -92,7 +92,8 @@ inline void ContractRows(const Quad& one, const Quad& two, const AxisWeights& w,
            first);
 }
 
-/// corner: the coefficient of the cell before in x, y and z; tx, ty, tz in [-1/2, 1/2].
+/// corner: coefficient of the previous cell in x, y and z. tx, ty, tz: place in the cell, -1/2 to
+/// 1/2.
 template <int kOrder>
 inline void Evaluate(const float* corner, double tx, double ty, double tz, Jet& jet) {
   const AxisWeights wx(tx), wy(ty), wz(tz);

@@ -32,7 +32,7 @@ void Check(const Eigen::AlignedBox3d& bounds_mm, const BrickFieldOptions& option
   if (!text.str().empty()) throw UserError(text.str());
 }
 
-// Cells and bricks of a level; all_bricks: as many as cover the whole domain.
+// Lays out the cells and bricks of a level. all_bricks: number that covers the whole domain.
 BrickLevels::Level LayOut(const Eigen::AlignedBox3d& box_mm, const BrickFieldOptions& options,
                           double cell_mm, const Array3i& all_bricks, bool is_top) {
   BrickLevels::Level level;
@@ -41,7 +41,7 @@ BrickLevels::Level LayOut(const Eigen::AlignedBox3d& box_mm, const BrickFieldOpt
   level.full_mm = std::max(options.band_mm, 3 * cell_mm);
   level.edge_mm = level.full_mm + 4 * cell_mm;
   const double brick_mm = kCells * cell_mm;
-  // An active brick has a coefficient within the band, and those reach half a cell beyond it.
+  // An active brick has a coefficient within the band; they reach half a cell beyond the brick.
   const double reach = is_top ? options.margin_mm : level.edge_mm + cell_mm;
   const Array3d low = box_mm.min().array() - reach;
   const Array3d high = box_mm.max().array() + reach;
@@ -93,7 +93,7 @@ BrickLevels::BrickLevels(const Eigen::AlignedBox3d& bounds_mm, const BrickFieldO
     }
   }
   for (Level& level : levels_) {
-    // calloc, because pages that no look-up touches then never become memory.
+    // calloc, because then pages that no look-up touches take no memory.
     level.index =
         static_cast<Entry*>(std::calloc(level.count.cast<size_t>().prod(), sizeof(Entry)));
     if (level.index == nullptr) throw std::bad_alloc();

@@ -1,11 +1,11 @@
-// The nested levels of a brick field: where their cells lie, and an index with an entry for each
-// brick.
+// Brick levels: the nested levels of a brick field, with the places of their cells. An index has an
+// entry for each brick.
 //
 //   level 0 (voxel)   level 1 (4 voxels)   level 2 (16) ..    top: everywhere, 200 mm around
 //   ####              . . . .              .       .
 //   #### near wall    . . . . less near    .       .   far
 //
-// A level's bricks of 8^3 cells exist where the wall is within its band.
+// A level has a brick of 8^3 cells at each place with the wall within the level's band.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,33 +23,36 @@ struct BrickFieldOptions {
   /// Cell width of the finest level, mm, 0.02 to 4. A lumen narrower than four voxels, or a wall
   /// between two lumens thinner than one, is not resolved.
   double voxel_mm = 0.25;
-  /// The finest level holds undiluted within this distance of the wall, mm.
+  /// Distance from the wall up to which the finest level is not blended, mm, above 0 to 100. It is
+  /// at least three voxels.
   double band_mm = 1.5;
-  /// How far beyond the vessel's box the field is fitted, mm; further out it is continued.
+  /// Distance around the vessel's box within which the field is fitted, mm, 0 to 10000. It is
+  /// continued further out.
   double margin_mm = 200;
-  /// Most memory that bricks may take; so much address space may the index take, too.
+  /// Largest memory of the bricks, and largest address space of the index.
   size_t memory_limit_bytes = size_t{4} << 30;
 };
 
 class BrickLevels {
  public:
-  /// What is known of a brick: kUnknown, kInactive (the wall is out of its level's band), the
-  /// address of its coefficients + 1 (odd: usable), or + 2 while they wait for their check.
+  /// State of a brick: kUnknown, kInactive (the wall is outside of its level's band), or an
+  /// address. The address of its coefficients + 1 is odd and means usable; + 2 means that they
+  /// await their check.
   using Entry = uintptr_t;
   static constexpr Entry kUnknown = 0, kInactive = 2;
   static bool IsUsable(Entry entry) { return (entry & 1) != 0; }
 
-  static constexpr int kRatio = 4;  ///< cell widths of neighboring levels
+  static constexpr int kRatio = 4;  ///< ratio of the cell widths of neighboring levels
 
   struct Level {
     double cells_per_mm = 0;
-    Eigen::Array3d low, high;  ///< of the level's bricks, in cells from the origin
-    /// Entry of brick (i, j, k): k stride_z + j stride_y + i - offset.
+    Eigen::Array3d low, high;  ///< bounds of the level's bricks, in cells from the origin
+    /// Index of the entry of brick (i, j, k): k stride_z + j stride_y + i - offset.
     ptrdiff_t stride_y = 0, stride_z = 0, offset = 0;
     Entry* index = nullptr;
     double cell_mm = 0;
-    Eigen::Array3i first, count;      ///< bricks
-    double full_mm = 0, edge_mm = 0;  ///< fit undiluted within full, gone beyond edge
+    Eigen::Array3i first, count;      ///< in bricks
+    double full_mm = 0, edge_mm = 0;  ///< fit unblended up to full, absent from edge on
 
     ptrdiff_t IndexOf(const Eigen::Array3i& brick) const {
       return brick.z() * stride_z + brick.y() * stride_y + brick.x() - offset;
@@ -59,14 +62,15 @@ class BrickLevels {
     }
   };
 
-  /// Where a point lies in a level: its cell, from the cell's center, and its brick's index.
+  /// Place of a point in a level: cell, offset from the cell's center in cells, and index of its
+  /// brick.
   struct Place {
     int x, y, z;
     double tx, ty, tz;
     ptrdiff_t index;
   };
 
-  /// Throws UserError on options out of range and on a vessel too large for them.
+  /// Throws UserError if options are out of range or the vessel is too large for them.
   BrickLevels(const Eigen::AlignedBox3d& bounds_mm, const BrickFieldOptions& options);
 
   int count() const { return static_cast<int>(levels_.size()); }
@@ -74,15 +78,15 @@ class BrickLevels {
   const Level& finest() const { return levels_.front(); }
   bool IsTop(int level) const { return level + 1 == count(); }
   const Eigen::Vector3d& origin_mm() const { return origin_mm_; }
-  /// What the top level covers.
+  /// Box that the top level covers.
   const Eigen::AlignedBox3d& domain_mm() const { return domain_mm_; }
   /// Address space of the index; pages that no look-up touches take no memory.
   size_t index_bytes() const;
 
-  /// False where the point is outside of the level.
+  /// False if the point is outside of the level.
   inline bool PlaceOf(const Level& level, const Eigen::Vector3d& p, Place& place) const;
   Eigen::Vector3d CellCenter(const Level& level, const Eigen::Array3i& cell) const {
-    // One formula for a sample wherever it is used: neighbors share coefficients to the bit.
+    // One formula for every use of a sample: neighbors share coefficients to the bit.
     return origin_mm_ + level.cell_mm * (cell.cast<double>() + 0.5).matrix();
   }
 

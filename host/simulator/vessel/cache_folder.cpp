@@ -23,7 +23,7 @@ constexpr std::string_view kEnding = ".field";
 constexpr std::size_t kKeyDigits = 32;
 constexpr std::size_t kRandomLetters = 7;  // ".XXXXXX" of mkostemp
 
-// What a name in the folder is, by its form.
+// Kind of a file in the folder, by its name.
 enum class Form { kOther, kField, kUnfinished };
 
 Form FormOf(const std::string& name) {
@@ -37,12 +37,12 @@ Form FormOf(const std::string& name) {
   return is_unfinished ? Form::kUnfinished : Form::kOther;
 }
 
-// Of this user's ordinary files; a link in its place is none.
+// True for an ordinary file of this user; false for a link in its place.
 bool Own(const std::string& path, struct stat& status) {
   return lstat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode) && status.st_uid == geteuid();
 }
 
-// Whether nobody writes it any more: a writer holds a lock on what it writes.
+// True if no process writes the file any more: a writer holds a lock on it.
 bool IsAbandoned(const std::string& path) {
   const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (fd < 0) return false;

@@ -1,4 +1,4 @@
-// The folder of cached fields, kept in bounds.
+// Cache folder: limits the size of the folder of cached fields.
 #pragma once
 
 #include <cstdint>
@@ -6,13 +6,13 @@
 
 namespace torquer::vessel {
 
-/// Bytes that the cached fields of a folder may take: some twenty of the largest.
+/// Largest total size of the cached fields in a folder, bytes: about twenty of the largest fields.
 inline constexpr std::int64_t kMostCacheBytes = std::int64_t{4} << 30;
 
-/// Removes what this user's runs have left in a folder of fields (field_cache.h): files that a
-/// writer began and, since it is dead, will not finish, and the fields that were used least
-/// recently, until the others take `most_bytes` or less. The field at `keep` stays, and so does
-/// everything that is not a field, by its name and its first bytes, of this user.
+/// Removes this user's files from a folder of fields (field_cache.h): unfinished ones of dead
+/// writers, and the least recently used fields. It stops once the other fields take `most_bytes` or
+/// less. The field at `keep` stays. So does every file that is not a field of this user, by its
+/// name and first bytes.
 void TidyCacheFolder(const std::string& folder, const std::string& keep,
                      std::int64_t most_bytes = kMostCacheBytes);
 

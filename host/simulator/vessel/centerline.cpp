@@ -21,7 +21,7 @@ constexpr double kSamePointMm = 1e-6;
   throw UserError("centerline \"" + name + "\": " + what);
 }
 
-// A cubic Hermite piece of unit end tangents scaled by its chord: position and derivative at x in
+// Cubic Hermite piece with unit end tangents scaled by its chord: position and derivative at x in
 // [0, 1].
 struct Hermite {
   Vector3d position, derivative;
@@ -117,7 +117,7 @@ CenterlineSample Centerline::At(double s_mm) const {
   const double length = arc_mm_[i] - arc_mm_[i - 1];
   double x = (s - arc_mm_[i - 1]) / length;
   const double fraction = x;
-  // The piece's parameter is nearly its arc length: two Newton steps make it so.
+  // The piece's parameter is nearly its arc length: two Newton steps suffice.
   for (int iteration = 0; iteration < 2; ++iteration) {
     const double error = HermiteLength(p0, t0, p1, t1, x) - fraction * length;
     const double speed = HermiteAt(p0, t0, p1, t1, x).derivative.norm();

@@ -21,7 +21,7 @@ constexpr const char* kMarkupsEnding = ".mrk.json";
   throw UserError(path + ": " + what);
 }
 
-// A member of an object, or an error that names it by its place in the file.
+// Member of an object. A missing one is refused, named by its place in the file.
 const json& Member(const std::string& path, const json& object, const std::string& where,
                    const char* name) {
   const auto found = object.is_object() ? object.find(name) : object.end();
@@ -32,7 +32,8 @@ const json& Member(const std::string& path, const json& object, const std::strin
   return *found;
 }
 
-// A value for a message. What is nested is not written out: a file can nest deeper than the stack.
+// Text of a value for a message. Nested values are not written out: a file can nest deeper than the
+// stack.
 std::string Shown(const json& value) {
   const auto nested = [](const json& item) { return item.is_structured(); };
   if (value.is_structured() && std::any_of(value.begin(), value.end(), nested)) return "nested";

@@ -22,10 +22,10 @@ std::string Millimeters(double value) {
   return text.str();
 }
 
-// Names are compared as far as this: the time grows with the product of their lengths.
+// Largest compared length of a name: the time grows with the product of the lengths.
 constexpr size_t kMostCompared = 200;
 
-// How many edits turn one name into another.
+// Number of edits that turn one name into another.
 size_t EditDistance(const std::string& whole_a, const std::string& whole_b) {
   const std::string a = whole_a.substr(0, kMostCompared), b = whole_b.substr(0, kMostCompared);
   std::vector<size_t> row(b.size() + 1);
@@ -58,7 +58,7 @@ void CheckLimits(const std::vector<Centerline>& curves) {
                   Millimeters(kMostCurvesMm) + " mm: check their unit, leave out what is not used");
 }
 
-// The box of a curve's points, which holds all that Centerline::NearestTo looks at.
+// Box of a curve's points. It contains the chords that Centerline::NearestTo searches.
 Eigen::AlignedBox3d BoundsOf(const Centerline& curve) {
   Eigen::AlignedBox3d box;
   for (const Vector3d& point : curve.points_mm()) box.extend(point);
@@ -72,7 +72,7 @@ CenterlineNetwork::CenterlineNetwork(std::vector<Centerline> curves, double join
   constexpr size_t kNone = std::numeric_limits<size_t>::max();
   // Joints of each curve with their places; one joint can have a place on every curve.
   std::vector<std::vector<std::pair<double, size_t>>> joints_of(curves_.size());
-  // The first joint at a place, or whether `wanted` is there.
+  // Finds the first joint at a place; with `wanted`, that joint only.
   const auto find_joint = [&](const CenterlinePlace& place, size_t wanted) {
     size_t found = kNone;
     for (const auto& [s_mm, joint] : joints_of[place.curve]) {
@@ -97,7 +97,7 @@ CenterlineNetwork::CenterlineNetwork(std::vector<Centerline> curves, double join
         if (i == j || boxes[j].exteriorDistance(end) > join_tolerance_mm + 1e-9) continue;
         Centerline::Nearest nearest = curves_[j].NearestTo(end);
         if (nearest.distance_mm > join_tolerance_mm) continue;
-        // An end is met as an end, not as a place a hair before it.
+        // A place near an end counts as the end itself.
         if (nearest.s_mm < join_tolerance_mm) nearest.s_mm = 0;
         if (nearest.s_mm > curves_[j].length_mm() - join_tolerance_mm) {
           nearest.s_mm = curves_[j].length_mm();
@@ -174,7 +174,7 @@ CenterlineSample CenterlineNetwork::At(const CenterlinePlace& place) const {
   return curves_[place.curve].At(place.s_mm);
 }
 
-// Dijkstra over the places that matter: the two asked for and every curve's places at joints.
+// Dijkstra over the two given places and every curve's places at joints.
 Centerline CenterlineNetwork::Path(const CenterlinePlace& from, const CenterlinePlace& to) const {
   assert(from.curve < curves_.size() && to.curve < curves_.size());
   constexpr size_t kNoJoint = std::numeric_limits<size_t>::max();
@@ -235,7 +235,7 @@ Centerline CenterlineNetwork::Path(const CenterlinePlace& from, const Centerline
     if (a.curve != b.curve || std::abs(a.s_mm - b.s_mm) < 1e-3) continue;
     const Centerline part = curves_[a.curve].Part(a.s_mm, b.s_mm, "part");
     for (size_t i = 0; i < part.points_mm().size(); ++i) {
-      // Where two curves meet a little apart, the corner between them is the second's.
+      // Joined curves can be slightly apart; the corner between them then lies on the second one.
       if (i == 0 && !points.empty()) {
         points.pop_back();
         radii.pop_back();
@@ -268,7 +268,7 @@ CenteredCurve CenteredInLumen(const Centerline& curve, const ClearanceField& fie
       const Vector3d tangent = (points[after] - points[before]).normalized();
       ClearanceSample sample;
       field.EvaluateGradient(points[i], sample);
-      // Where there is room the push fades out, or points would go to and fro across the ridge.
+      // If there is room, the push fades out; otherwise points would oscillate across the ridge.
       const bool has_room = sample.clearance_mm > kRoomMm;
       Vector3d push = (has_room ? kPush * (1 - (round + 1.0) / kRounds) : kPush) * sample.gradient;
       if (i > 0 && i < steps) push += 0.4 * ((points[before] + points[after]) / 2 - points[i]);

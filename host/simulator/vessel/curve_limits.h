@@ -1,13 +1,13 @@
-// How many centerlines a vessel may have: each end is compared with each curve.
+// Curve limits: each end of a centerline is compared with each curve, which limits their number.
 #pragma once
 
 #include <cstddef>
 
 namespace torquer::vessel {
 
-/// Most curves of a vessel.
+/// Largest number of curves of a vessel.
 inline constexpr std::size_t kMostCurves = 1000;
-/// Most length of all its curves together, mm. The named arteries of a body have some 10,000 mm.
+/// Largest total length of a vessel's curves, mm. A body's named arteries have about 10,000 mm.
 inline constexpr double kMostCurvesMm = 50'000;
 
 }  // namespace torquer::vessel

@@ -1,4 +1,4 @@
-// The distance that a brick field is fitted to.
+// Distance source: the distance to which a brick field is fitted.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,9 +7,9 @@
 
 namespace torquer::vessel {
 
-/// A signed distance to a wall: positive in the lumen, and nowhere steeper than 1.
+/// Signed distance to a wall, mm: positive in the lumen, and nowhere steeper than 1.
 ///
-/// A pure function of the point, bit for bit, however it is asked; safe from several threads.
+/// A pure function of the point, bit for bit, for every method of this class. Thread-safe.
 class DistanceSource {
  public:
   DistanceSource() = default;
@@ -19,8 +19,8 @@ class DistanceSource {
 
   virtual double Distance(const Eigen::Vector3d& point_mm) const = 0;
 
-  /// Distances at the count^3 points (x[i], y[j], z[k]), i fastest. The three hold count numbers
-  /// each, increasing in equal steps. A source that can share work between neighbors overrides it.
+  /// Distances at the count^3 points (x[i], y[j], z[k]), i fastest. The three arrays hold count
+  /// numbers each, increasing in equal steps. An override can share work between neighbors.
   virtual void SampleGrid(const double* x, const double* y, const double* z, int count,
                           double* distances) const {
     for (int k = 0; k < count; ++k) {

@@ -31,7 +31,7 @@ struct Header {
   uint64_t surface_bytes, surface_checksum;
   uint64_t brick_count, directory_checksum;
   uint8_t complete[kMostLevels];
-  uint64_t checksum;  // of all before
+  uint64_t checksum;  // of all members above
 };
 
 struct DirectoryEntry {
@@ -47,7 +47,7 @@ uint64_t Checksum(const void* bytes, size_t size) {
 
 size_t Padded(size_t size) { return (size + 15) / 16 * 16; }
 
-// A file mapped to memory for as long as someone holds it.
+// File mapped to memory during the lifetime of this object.
 struct Mapping {
   const char* bytes = nullptr;
   size_t size = 0;
@@ -105,7 +105,7 @@ std::string CacheKey::Hex() const {
 }
 
 std::string DefaultCacheFolder() {
-  // Relative paths are to be ignored (XDG Base Directory Specification).
+  // The XDG Base Directory Specification demands that relative paths are ignored.
   const char* cache = std::getenv("XDG_CACHE_HOME");
   if (cache != nullptr && cache[0] == '/') return std::string(cache) + "/torquer";
   const char* home = std::getenv("HOME");
@@ -162,7 +162,7 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
     return refuse("is damaged");
   }
 
-  futimens(file.number, nullptr);  // used now: TidyCacheFolder removes the least recent
+  futimens(file.number, nullptr);  // last use: TidyCacheFolder removes the least recently used
   CachedField field;
   field.surface.assign(mapping->bytes + surface_at,
                        mapping->bytes + surface_at + header.surface_bytes);
@@ -226,7 +226,7 @@ std::string WriteFieldCache(const std::string& path, const CacheKey& key,
     return what + " (" + reason + ")";
   };
   if (file.number < 0) return fail(path + " cannot be written");
-  flock(file.number, LOCK_EX | LOCK_NB);  // for as long as this lives: TidyCacheFolder
+  flock(file.number, LOCK_EX | LOCK_NB);  // until it closes: TidyCacheFolder tests it
   const char padding[16] = {};
   const auto put = [&](const void* bytes, size_t size) {
     return WriteAll(file.number, bytes, size) &&

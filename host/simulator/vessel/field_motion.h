@@ -1,18 +1,18 @@
-// A vessel that moves: what those who move it must answer.
+// Field motion: interface of the motions of a moving vessel.
 #pragma once
 
 #include <Eigen/Core>
 
 namespace torquer::vessel {
 
-/// Where a point of the moved vessel came from, to second order about a point x: the vessel's own
-/// point xi(x) = x - offset(x).
+/// Offset of the moved vessel at a point x, to second order. The point at x was at the rest
+/// position xi(x) = x - offset(x).
 struct Offset {
   Eigen::Vector3d value = Eigen::Vector3d::Zero();     ///< mm
   Eigen::Matrix3d jacobian = Eigen::Matrix3d::Zero();  ///< (i, j): d value_i / d x_j
   Eigen::Matrix3d second[3] = {Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Zero(),
                                Eigen::Matrix3d::Zero()};  ///< Hessian of each component, 1/mm
-  bool rigid = true;  ///< no derivative of it is anything but zero
+  bool rigid = true;                                      ///< all derivatives are zero
 };
 
 /// A smooth motion of the vessel in time, periodic or not.
@@ -23,14 +23,14 @@ class FieldMotion {
   FieldMotion& operator=(const FieldMotion&) = delete;
   virtual ~FieldMotion() = default;
 
-  /// The time, s since the start, of all that is asked next. Finite; need not ascend.
+  /// Sets the time of all calls that follow, s since the start. Finite; may decrease.
   virtual void SetTime(double time_s) = 0;
   /// Adds this motion's offset at a point, up to second derivatives.
   virtual void AddOffset(const Eigen::Vector3d& point_mm, Offset& offset) const = 0;
-  /// Length of the longest way that a place of the wall has gone since the start, mm (an upper
-  /// bound; never falls).
+  /// Longest way that a point of the wall has moved since the start, mm. It is an upper bound and
+  /// never decreases.
   virtual double TravelMm() const = 0;
-  /// Largest norm of the offset's jacobian that occurs, < 1.
+  /// Largest norm of the offset's jacobian at any point and time, < 1.
   virtual double LargestStretch() const = 0;
 };
 

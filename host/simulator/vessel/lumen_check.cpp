@@ -16,7 +16,8 @@ namespace {
 
 constexpr double kLongestWayMm = 100, kLeastWayMm = 1;
 
-// The nearest place on a centerline, or else one reached up the clearance, where the wire fits.
+// Nearest place on a centerline, or else a place up the clearance, with room for the wire. NaN
+// without such a place.
 Vector3d Suggest(const ClearanceField& field, const CenterlineNetwork& centerlines,
                  const Vector3d& point_mm, double wire_radius_mm) {
   if (!centerlines.empty()) {

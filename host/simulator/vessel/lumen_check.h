@@ -1,4 +1,4 @@
-// Whether a wire can begin at a place.
+// Lumen check: decides if a wire can begin at a place.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,17 +9,18 @@
 
 namespace torquer::vessel {
 
-/// What stands about a place where a wire is to enter.
+/// Report on a place for the entry of a wire.
 struct LumenReport {
   double clearance_mm = 0;  ///< from the place to the wall; negative outside
   bool inside = false;      ///< the place is in the lumen
-  bool wire_fits = false;   ///< the wire's whole thickness is
-  /// How far a wire could go straight on before its side touches the wall, mm; at most 100.
+  bool wire_fits = false;   ///< the wire's whole thickness is in the lumen
+  /// Straight free way of a wire before its side touches the wall, mm; at most 100. 0 if no wire
+  /// fits.
   double free_way_mm = 0;
-  /// Somewhere near that would do: on a centerline if there is one, else up the clearance. NaN
-  /// where none was found.
+  /// Usable place nearby: on a centerline if there is one, else up the clearance. The place itself
+  /// if the wire fits. NaN if the search failed.
   Eigen::Vector3d suggestion_mm;
-  /// Empty where the wire can begin here; else one sentence with the values and the remedy.
+  /// Empty if the wire can begin here; else one sentence with the values and the remedy.
   std::string problem;
 };
 

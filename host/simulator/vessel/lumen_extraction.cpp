@@ -19,13 +19,13 @@ namespace {
 constexpr int kRays = 48;
 constexpr int kSampleRays = 24;
 constexpr size_t kSampleFaces = 400;
-// A face looks into a tube when this share of its rays meets the surface again.
+// A face looks into a tube if at least this share of its rays meets the surface again.
 constexpr double kInTube = 0.75;
 constexpr int kDiffusionSteps = 20;
 
-// Share of rays over the hemisphere about a face's normal that meet the surface again. Spiral
-// points, evenly spread over the solid angle but for the flattest tenth, which graze the face's
-// own neighbors.
+// Share of the rays in the hemisphere about a face's normal that meet the surface again. The rays
+// are spiral points, evenly spread over the solid angle. The flattest tenth is omitted: it would
+// graze the face's neighbors.
 double ReturningShare(const TriangleBvh& surface, size_t face, int rays) {
   const TriangleMesh& mesh = surface.mesh();
   const Vector3d normal = mesh.DoubleArea(face).normalized();
@@ -69,7 +69,7 @@ TriangleMesh InnerSide(const TriangleBvh& surface) {
   for (const auto& [edge, uses] : edges) {
     if (uses.size() != 2) continue;
     const int32_t one = uses[0].triangle, two = uses[1].triangle;
-    // The rim of a wall is a sharp edge: votes do not pass over it.
+    // The rim of a wall is a sharp edge, so votes do not pass over it.
     if (mesh.DoubleArea(one).normalized().dot(mesh.DoubleArea(two).normalized()) < 0.3) continue;
     neighbors[one].push_back(two);
     neighbors[two].push_back(one);
@@ -88,7 +88,7 @@ TriangleMesh InnerSide(const TriangleBvh& surface) {
   }
   std::vector<char> inner(count);
   for (size_t i = 0; i < count; ++i) inner[i] = vote[i] >= kInTube - 0.2;
-  // Of each side the largest connected part counts; smaller parts go over to the other side.
+  // The largest connected part of each side stays; smaller parts change sides.
   for (const char side : {char{1}, char{0}, char{1}}) {
     std::vector<int32_t> parent(count);
     std::iota(parent.begin(), parent.end(), 0);

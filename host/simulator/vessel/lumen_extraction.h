@@ -1,4 +1,4 @@
-// From a vessel's wall with thickness, as printed models have it, to the lumen within.
+// Lumen extraction: from a wall with thickness, as in printed models, to the lumen inside.
 #pragma once
 
 #include "host/simulator/vessel/triangle_bvh.h"
@@ -6,15 +6,16 @@
 
 namespace torquer::vessel {
 
-/// Share of a surface's area that looks into a tube: whose outward rays nearly all meet the surface
-/// again. Near 0 for a lumen, near 0.4 for a wall with thickness. From a sample of the faces.
+/// Share of a surface's area that looks into a tube: nearly all outward rays meet the surface
+/// again. Near 0 for a lumen, near 0.4 for a wall with thickness. Estimated from a sample of the
+/// faces.
 double TubeFacingShare(const TriangleBvh& surface);
 
-/// The inner side of a wall with thickness: its faces that look into a tube, oriented as the wall
-/// of the lumen and open where the vessel is. Empty where none do.
+/// Inner side of a wall with thickness: its faces that look into a tube. They are oriented as the
+/// wall of the lumen and open at the vessel's ends. Empty without such faces.
 ///
-/// Rays from every face vote on where it looks, the votes are averaged among neighbors, and islands
-/// of the one side within the other are given up.
+/// Rays from every face vote on its side, and neighbors average their votes. Islands of one side
+/// within the other change sides.
 TriangleMesh InnerSide(const TriangleBvh& surface);
 
 }  // namespace torquer::vessel

@@ -22,23 +22,23 @@ using repair::Place;
 
 namespace {
 
-// Share of the surface that may be wrong before the whole is: numerical dirt, and nicks in a wall.
+// Largest share of a surface that may be wrong: numerical noise, and nicks in a wall.
 constexpr double kNegligibleShare = 0.01;
-// Share of the surface that may enclose something the wrong way round: folds of a rough wall.
+// Largest share of a surface that may enclose a volume inside out: folds of a rough wall.
 constexpr double kMostInverted = 0.05;
-// Share of the surface that may be sheets; of a surface with more the rest would be no vessel.
+// Largest share of a surface that may be sheets; with more, the rest would be no vessel.
 constexpr double kMostOfNothing = 0.3;
-// Of a diagonal, mm: surfaces nearer to one another lie on one another.
+// Share of the diagonal: surfaces within this distance lie on one another.
 constexpr double kContactPerDiagonal = 1e-7;
-// Where that does not come out, parts are moved so much, at most kAttempts times as far.
+// Share of the diagonal by which parts move if the union fails, up to kAttempts times as far.
 constexpr double kMovePerDiagonal = 5e-6;
 constexpr int kAttempts = 3;
-// Share of a surface that is rounding.
+// Share of a surface that counts as rounding.
 constexpr double kNoShare = 1e-9;
-// A region whose winding numbers are on average further than this from whole numbers is a sheet.
+// A region is a sheet if its winding numbers deviate on average more than this from integers.
 constexpr double kSheet = 0.25;
 constexpr size_t kSamples = 64;
-// Pairs of faces that are counted for the report.
+// Largest number of face pairs that the report counts.
 constexpr size_t kMostCuts = 1'000'000;
 
 // The winding number on either side of a face.
@@ -54,15 +54,15 @@ Sides SidesOf(const TriangleBvh& surface, const TriangleMesh& mesh, size_t face)
   return {surface.WindingNumber(at + step), surface.WindingNumber(at - step)};
 }
 
-// Faces joined over edges of two, with the largest of them, in turn, for samples.
+// Faces joined over edges of two faces, sorted by decreasing area for sampling.
 struct SurfaceRegion {
   std::vector<int32_t> faces;
   double area = 0;
-  bool is_bounded = false;   // by an edge that does not balance
-  std::vector<int32_t> rim;  // faces where the surface meets others
+  bool is_bounded = false;   // has an unbalanced edge
+  std::vector<int32_t> rim;  // faces at open edges or edges of several faces
 };
 
-// Whether a face is too narrow for its middle to tell one side from the other.
+// True if a face is too narrow for its middle to distinguish its sides.
 bool IsNarrow(const TriangleMesh& mesh, size_t face) {
   constexpr double kNarrow = 1e-3;
   double longest = 0;
@@ -104,8 +104,8 @@ std::vector<SurfaceRegion> RegionsOf(const TriangleMesh& mesh) {
   return regions;
 }
 
-// How far the winding numbers beside a region are from whole numbers, on average: 1/2 for a sheet
-// that encloses nothing, little for a wall.
+// Mean distance of the winding numbers beside a region from integers. It is 1/2 for a sheet that
+// encloses nothing, and near 0 for a wall.
 double SheetScore(const TriangleBvh& surface, const TriangleMesh& mesh,
                   const SurfaceRegion& region) {
   const size_t stride = region.faces.size() / kSamples + 1;
@@ -130,7 +130,8 @@ TriangleMesh Part(const TriangleMesh& mesh, const std::vector<char>& keep, bool 
   return part;
 }
 
-// Takes sheets out, the clearest first, until every edge balances or no sheet is left; counts them.
+// Removes sheets, the clearest first, until every edge balances or no sheet is left. Returns their
+// number.
 size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& left_out) {
   constexpr int kRounds = 20;
   constexpr double kAsClear = 0.8;
@@ -156,7 +157,7 @@ size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& lef
     Append(left_out, Part(mesh, keep, false));
     mesh = Part(mesh, keep, true);
     dropped += now;
-    // What a sheet held apart is one part now.
+    // Parts that a sheet separated are now one part.
     MeshReport again;
     repair::Orient(mesh, name, again);
     repair::PointOutward(mesh, again);
@@ -164,10 +165,10 @@ size_t DropSheets(TriangleMesh& mesh, const std::string& name, TriangleMesh& lef
   return dropped;
 }
 
-// What becomes of the faces of a surface.
+// Verdict on the faces of a surface.
 struct Verdict {
   std::vector<char> keep;
-  // Areas: of walls on which nothing is enclosed, inside twice, wrong way round, all.
+  // Areas: walls that enclose nothing, walls within the lumen, walls inside out, all walls.
   double nothing = 0, within = 0, inverted = 0, total = 0;
   size_t where_within = 0, where_inverted = 0;
 };
@@ -199,8 +200,8 @@ Verdict Judge(const TriangleBvh& surface) {
     return std::pair(std::lround(sides.outer), std::lround(sides.inner));
   };
   for (const SurfaceRegion& region : RegionsOf(mesh)) {
-    // The same on both sides all over a region, unless it goes on beyond a place where something
-    // passes through it, for want of an edge there.
+    // Winding numbers are constant over a region unless something passes through it without an edge
+    // there.
     const size_t samples = std::min(region.faces.size(), kSamples);
     std::set<std::pair<long, long>> seen;
     for (size_t i = 0; i < samples; ++i) seen.insert(whole(region.faces[i]));
@@ -212,7 +213,7 @@ Verdict Judge(const TriangleBvh& surface) {
   return verdict;
 }
 
-// Of faces that lie on one another one is enough.
+// Keeps only one of several faces that lie on one another.
 void DropCopies(const TriangleMesh& mesh, std::vector<char>& keep) {
   std::set<std::array<int32_t, 3>> seen;
   for (size_t i = 0; i < mesh.triangles.size(); ++i) {
@@ -223,7 +224,7 @@ void DropCopies(const TriangleMesh& mesh, std::vector<char>& keep) {
   }
 }
 
-// Where a result is not the wall of a lumen.
+// Fault of a result that is not the wall of a lumen.
 struct Fault {
   double share = 0;  // of its area
   Vector3d where_mm = Vector3d::Zero();
@@ -249,8 +250,8 @@ Fault FindFault(const TriangleBvh& surface) {
   return fault;
 }
 
-// Parts each moved by a little, in different directions: what nearly lies on one another then
-// clearly passes through or does not. A vertex of several parts goes with one of them.
+// Moves each part a little, in different directions. Parts that nearly lie on one another then
+// clearly intersect or do not. A vertex of several parts moves with one of them.
 TriangleMesh MovedApart(TriangleMesh mesh, double by_mm) {
   int count = 0;
   const std::vector<int> part = repair::Parts(mesh, &count);
@@ -266,9 +267,9 @@ TriangleMesh MovedApart(TriangleMesh mesh, double by_mm) {
   return mesh;
 }
 
-// What became of a surface: the wall of its lumen, and what is not.
+// Result of a union: the wall of the lumen, and the parts left out.
 struct United {
-  std::unique_ptr<TriangleBvh> walls;  // all of it, divided where it meets itself
+  std::unique_ptr<TriangleBvh> walls;  // everything but sheets, divided at intersections
   TriangleMesh wall, inner, sheets;
   size_t sheet_count = 0;
   Verdict verdict;
@@ -276,7 +277,7 @@ struct United {
   bool nothing_goes = false;
 };
 
-// Throws UserError where there is no lumen to speak of.
+// Throws UserError if the surface has no usable lumen.
 United UniteOnce(const TriangleBvh& before, const std::string& name) {
   United united;
   std::optional<TriangleMesh> split =
@@ -307,7 +308,7 @@ United UniteOnce(const TriangleBvh& before, const std::string& name) {
                     "that do not share their vertices); export the lumen's closed surface");
   }
   united.inner = Part(mesh, verdict.keep, false);
-  // Parts that only touch leave at most faces of no area.
+  // Parts that only touch leave at most faces without area.
   united.nothing_goes = united.sheet_count == 0 && united.inner.Area() <= kNoShare * verdict.total;
   if (united.nothing_goes) return united;
   united.wall = Part(mesh, verdict.keep, true);

@@ -1,4 +1,4 @@
-// One lumen from a surface that passes through itself.
+// Lumen union: one lumen from a surface that passes through itself.
 #pragma once
 
 #include <string>
@@ -8,18 +8,18 @@
 
 namespace torquer::vessel {
 
-/// Makes the wall of everything that a surface encloses: inside is where its generalized winding
-/// number (Jacobson et al. 2013) is 1 or more. Walls within the lumen, from parts that overlap or
-/// lie within others or from a surface that passes through itself, go; so do sheets that enclose
-/// nothing: membranes and fins on edges of three faces. The report says what went, and openings
-/// that end within the lumen are no ends any more.
+/// Reduces a surface to the wall of everything that it encloses. Inside means a generalized winding
+/// number (Jacobson et al. 2013) of 1 or more. Walls within the lumen are removed: those of
+/// overlapping or nested parts, or of a surface that passes through itself. Sheets that enclose
+/// nothing are removed, too: membranes and fins on edges of three faces. The report names the
+/// removed parts and drops openings within the lumen.
 ///
-/// surface.mesh: closed but for such sheets, normals outward by parts. Unchanged where no wall has
-/// to go; where one has, the faces that go are added to surface.left_out.
+/// surface.mesh: closed except for such sheets, normals outward in each part. Unchanged if no wall
+/// is removed. Otherwise, the removed faces are added to surface.left_out.
 ///
-/// Throws UserError that begins with `name` where more than 5 % of the surface encloses something
-/// the wrong way round, more than 1 % does not separate inside from outside, or faces pass through
-/// one another nearly everywhere.
+/// Throws UserError that begins with `name` in these cases. More than 5 % of the surface encloses a
+/// volume inside out. More than 30 % encloses nothing. More than 1 % does not separate inside from
+/// outside. Faces pass through one another nearly everywhere. The surface encloses no lumen.
 void Unite(SurfaceMesh& surface, const std::string& name);
 
 }  // namespace torquer::vessel

@@ -1,9 +1,10 @@
-// What torquer-mesh-reader answers on its standard output: a mesh, or why there is none.
+// Mesh answer: a mesh or a refusal, which torquer-mesh-reader writes to its standard output.
 //
-//   'M', vertices (8 bytes), triangles (8 bytes), 3 doubles a vertex, 3 indices of 4 bytes a
-//   triangle 'R', the refusal as text
+//   'M', vertices (8 bytes), triangles (8 bytes), 3 doubles per vertex, 3 indices of 4 bytes per
+//        triangle
+//   'R', the refusal as text
 //
-// Native byte order: reader and asker are of one machine and one build.
+// Native byte order: both programs run on one machine and belong to one build.
 #pragma once
 
 #include <string>
@@ -15,10 +16,9 @@ namespace torquer::vessel {
 std::string MeshAnswer(const TriangleMesh& mesh);
 std::string RefusalAnswer(const std::string& refusal);
 
-/// The mesh of an answer, which may be anything: another program wrote it that may have been taken
-/// over by the file. `path` names the file in messages. Throws UserError with the refusal, made
-/// printable, or where the answer is cut short, names a vertex that is not there or has a
-/// coordinate that is not finite.
+/// Mesh of an answer. The answer is untrusted: the file may have taken over the program that wrote
+/// it. `path` names the file in messages. Throws UserError with the refusal, made printable. Also
+/// throws if the answer is cut short, has no triangle, a missing vertex or a non-finite coordinate.
 TriangleMesh MeshOfAnswer(const std::string& answer, const std::string& path);
 
 }  // namespace torquer::vessel

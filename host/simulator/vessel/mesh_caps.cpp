@@ -18,17 +18,17 @@ namespace {
 
 // Loops of a smaller radius are holes, not ends of vessels.
 constexpr double kSmallestOpeningMm = 0.4;
-// Root mean square distance of an opening's rim from its plane, as a share of its radius.
+// Largest root mean square distance of an opening's rim from its plane, as a share of its radius.
 constexpr double kLeastFlat = 0.25;
-// Square of a rim's length over that of a circle of the same area; ends cut 75 degrees off square
-// have 1.8, ragged ones up to 2.
+// Largest square of a rim's length over that of a circle of the same area. Ends cut 75 degrees off
+// square have 1.8, ragged ones up to 2.
 constexpr double kLeastRound = 2.2;
-// Mean cosine between the cap of a rim and the wall about it, from which on it is a hole.
+// A rim is a hole if the mean cosine between its cap and the wall about it exceeds this.
 constexpr double kLikeWall = 0.7;
-// All holes together, in holes of the largest size.
+// Largest area of all holes together, in areas of the largest allowed hole.
 constexpr double kManyHoles = 5;
 
-// Boundary loops as vertices, each against the direction of its triangles: the way a cap runs.
+// Boundary loops as vertices, in the direction of their caps: opposite to their triangles.
 std::vector<std::vector<int32_t>> BoundaryLoops(const TriangleMesh& mesh) {
   std::multimap<int32_t, int32_t> onward;
   for (const auto& [edge, uses] : EdgesOf(mesh)) {
@@ -44,7 +44,7 @@ std::vector<std::vector<int32_t>> BoundaryLoops(const TriangleMesh& mesh) {
   while (!onward.empty() || !way.empty()) {
     if (way.empty()) way.push_back(onward.begin()->first);
     const auto step = onward.find(way.back());
-    // A border that runs into an edge of several faces is that of a sheet; no cap closes it.
+    // A border that runs into an edge of several faces belongs to a sheet; no cap closes it.
     if (step == onward.end()) {
       way.pop_back();
       continue;
@@ -56,14 +56,14 @@ std::vector<std::vector<int32_t>> BoundaryLoops(const TriangleMesh& mesh) {
       way.push_back(to);
       continue;
     }
-    // A way that meets itself closes a loop and goes on from there.
+    // A way that meets itself closes a loop and continues from there.
     loops.emplace_back(before, way.end());
     way.erase(before + 1, way.end());
   }
   return loops;
 }
 
-// A boundary loop, with what tells an end of a vessel from a hole in its wall.
+// Boundary loop, with the measures that distinguish an end of a vessel from a hole in its wall.
 struct Rim {
   Vector3d center_mm = Vector3d::Zero();
   Vector3d outward;  // unit
@@ -92,7 +92,7 @@ Rim Measure(const TriangleMesh& mesh, const std::vector<int32_t>& loop,
   }
   rim.radius_mm = std::sqrt(area.norm() / M_PI);
   rim.outward = area.normalized();
-  // The wall about a hole looks as its cap does; the wall at an end looks across.
+  // The wall about a hole faces the way of its cap; the wall at an end faces across it.
   double alike = 0;
   for (size_t i = 0; i < count; ++i) {
     rim.off_plane_mm += std::pow(rim.outward.dot(corner(i) - rim.center_mm), 2);

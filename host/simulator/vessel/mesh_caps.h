@@ -8,10 +8,10 @@
 
 namespace torquer::vessel::repair {
 
-/// Closes every boundary loop with a fan about its center. Loops that look like ends of tubes
-/// (flat, round, across the wall about them) are openings, others holes in the wall. Throws on a
-/// hole of more than largest_hole_share of the surface's area, and on five times as much in all
-/// holes.
+/// Closes every boundary loop with a fan about its center. Loops that look like ends of tubes are
+/// openings: flat, round, across the wall about them. Others are holes in the wall. Throws
+/// UserError if a hole exceeds largest_hole_share of the surface's area, or all holes exceed five
+/// times that.
 void CapLoops(TriangleMesh& mesh, const std::string& name, double largest_hole_share,
               MeshReport& report);
 

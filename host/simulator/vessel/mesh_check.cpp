@@ -21,12 +21,12 @@ namespace {
 
 constexpr double kLeastRoomMm = 0.3;
 
-// As a scene will have it.
+// Rounds to the digits that a scene will have.
 Vector3d Rounded(const Vector3d& v, double per_unit) {
   return (v * per_unit).array().round().matrix() / per_unit;
 }
 
-// Down the vessel from an open end, within a diameter: where there is most room.
+// Place with the most room within one diameter behind an open end.
 EntryProposal BehindOpening(const TriangleBvh& surface, const Opening& opening) {
   constexpr int kSteps = 40;
   EntryProposal best;
@@ -42,7 +42,7 @@ EntryProposal BehindOpening(const TriangleBvh& surface, const Opening& opening) 
   return best;
 }
 
-// For a surface without open ends: the middle of its widest place, and the longest way from there.
+// Entry for a surface without open ends: middle of the widest place, along the longest free way.
 EntryProposal WidestPlace(const TriangleBvh& surface) {
   constexpr size_t kFaces = 500;
   constexpr int kDirections = 200;
@@ -90,7 +90,7 @@ std::string Text(const Vector3d& v, int digits) {
   return fmt::format("{:.{}f} x {:.{}f} x {:.{}f}", v.x(), digits, v.y(), digits, v.z(), digits);
 }
 
-// The coarsest of the usual cells of which eight fit across all but the narrowest places.
+// Coarsest of the usual cell widths that fits eight times across all but the narrowest places.
 double ProposeVoxel(const MeshReport& report) {
   for (const double voxel_mm : {1.0, 0.5, 0.25}) {
     if (8 * voxel_mm <= report.width_mm[0]) return voxel_mm;

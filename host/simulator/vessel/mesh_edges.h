@@ -1,4 +1,4 @@
-// The edges of a triangle mesh and who uses them.
+// Edges of a triangle mesh, and the triangles that use them.
 #pragma once
 
 #include <cstdint>

@@ -53,7 +53,7 @@ void AddMeshes(const aiScene& scene, const aiNode& node, const aiMatrix4x4& abov
 constexpr std::size_t kMostPlyHeaderLines = 1000;
 constexpr std::size_t kMostObjNames = 10'000;    // of objects and materials
 constexpr std::size_t kMostObjLibraries = 1000;  // files of materials
-// Cutting a face into triangles takes the square of its corners.
+// The time to triangulate a face grows with the square of its corners.
 constexpr unsigned kMostCorners = 1000;
 
 constexpr const char* kCutShort = "; the file is damaged or cut short: export it again";
@@ -65,7 +65,7 @@ size_t PlyTypeBytes(const std::string& type) {
   return 4;
 }
 
-// Elements that a PLY header announces, and their least size.
+// Elements announced by a PLY header, and their smallest size.
 struct PlyHeader {
   bool is_text = false;
   size_t elements = 0;
@@ -87,7 +87,7 @@ PlyHeader ReadPlyHeader(const std::string& path, std::istream& file, size_t file
       header.is_text = words >> word && word == "ascii";
     } else if (word == "element") {
       words >> word;
-      // An element has a byte at least, in either kind of file.
+      // An element has at least one byte, in text and in binary files.
       if (!(words >> count) || count > file_bytes) {
         RefuseMesh(path, "the header announces more elements than the file has bytes, \"" +
                              Printable(line) + "\"" + kCutShort);
@@ -108,14 +108,14 @@ PlyHeader ReadPlyHeader(const std::string& path, std::istream& file, size_t file
   return header;
 }
 
-// Refuses a PLY without all elements that its header announces: a line each, or their bytes.
+// Refuses a PLY with less than its header announces: one line per element, or the bytes.
 void CheckPlyIsWhole(const std::string& path, std::istream& file, size_t file_bytes) {
   const auto [is_text, elements, least_bytes] = ReadPlyHeader(path, file, file_bytes);
   std::string line;
   if (is_text) {
     size_t lines = 0;
     while (std::getline(file, line)) {
-      // The last line of a whole file ends.
+      // An unterminated last line counts only if it completes the elements.
       const bool whole = !file.eof() || elements == lines + 1;
       if (whole && line.find_first_not_of(" \t\r") != std::string::npos) ++lines;
     }
@@ -134,11 +134,11 @@ void CheckPlyIsWhole(const std::string& path, std::istream& file, size_t file_by
   }
 }
 
-// A whole text STL says that it ends.
+// A complete text STL ends with "endsolid".
 void CheckStlIsWhole(const std::string& path, std::istream& file) {
   std::string line, last;
   std::getline(file, line);
-  // Binary files may begin with the same word.
+  // Binary files may begin with "solid", too.
   if (line.rfind("solid", 0) != 0 || !std::isspace(file.peek())) return;
   while (std::getline(file, line)) {
     if (line.find_first_not_of(" \t\r") != std::string::npos) last = line;
@@ -167,8 +167,8 @@ void CheckObjNames(const std::string& contents, const std::string& path) {
   }
 }
 
-// OBJ says nothing of its length. One whose last line does not end and that has vertices of no face
-// was cut.
+// OBJ does not state its length. The file was cut if its last line is unterminated and some
+// vertices belong to no face.
 void CheckObjIsWhole(const std::string& path, std::istream& file) {
   file.seekg(-1, std::ios::end);
   if (file.get() == '\n') return;
@@ -193,7 +193,7 @@ void CheckObjIsWhole(const std::string& path, std::istream& file) {
   }
 }
 
-// Assimp is content with what it finds of a text file and of a PLY.
+// Assimp accepts truncated text files and truncated PLY files.
 void CheckIsWhole(const std::string& contents, const std::string& path, const std::string& ending) {
   std::istringstream file(contents);
   if (ending == ".ply") CheckPlyIsWhole(path, file, contents.size());
@@ -240,7 +240,7 @@ TriangleMesh ParseMesh(const std::string& contents, const std::string& path, dou
   const aiScene* scene =
       importer.ReadFileFromMemory(contents.data(), contents.size(), 0, ending.c_str() + 1);
   if (scene != nullptr) {
-    // Assimp's own steps follow indices blindly.
+    // Assimp's postprocessing does not check indices.
     CheckIndices(path, *scene);
     scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType);
   }

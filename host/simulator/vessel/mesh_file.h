@@ -1,6 +1,5 @@
-// Triangles from STL, OBJ and PLY files. The library that reads them is not to be trusted with
-// files from anywhere: programs call ImportMesh (mesh_import.h), which does this in another
-// process.
+// Mesh file: triangles from STL, OBJ and PLY files. The library is not safe with files from
+// anywhere. Programs call ImportMesh (mesh_import.h), which runs this in another process.
 #pragma once
 
 #include <string>
@@ -9,8 +8,8 @@
 
 namespace torquer::vessel {
 
-/// The triangles of a surface file, as ImportMesh gives them. Throws UserError as it does, but ends
-/// by a signal, never, or out of memory on some damaged files.
+/// Triangles of a surface file, with the arguments and errors of ImportMesh. On some damaged files
+/// it ends by a signal, does not end or runs out of memory.
 TriangleMesh ParseMesh(const std::string& contents, const std::string& path, double mm_per_unit);
 
 }  // namespace torquer::vessel

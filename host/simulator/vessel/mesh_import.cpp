@@ -57,7 +57,7 @@ class Descriptor {
   int number_ = -1;
 };
 
-// A file in memory with these bytes, at its beginning.
+// Makes `file` a file in memory with these bytes, at its beginning.
 void Fill(Descriptor& file, const std::string& bytes) {
   file.Set(memfd_create("torquer-surface", MFD_CLOEXEC));
   if (file.number() < 0) Fail("memfd_create", errno);
@@ -86,7 +86,7 @@ struct Spawning {
   Spawning& operator=(const Spawning&) = delete;
 };
 
-// The process that reads. It is killed at destruction if it still runs.
+// Process that reads. The destructor kills it if it still runs.
 class Reading {
  public:
   Reading(const MeshReader& reader, const std::string& contents, const std::string& path,
@@ -104,7 +104,7 @@ class Reading {
   }
   ~Reading() {
     if (child_ < 0) return;
-    kill(-child_, SIGKILL);  // its group: with whatever it may have started
+    kill(-child_, SIGKILL);  // its group, with all processes that it started
     Reap(nullptr);
   }
   Reading(const Reading&) = delete;
@@ -112,7 +112,7 @@ class Reading {
 
   enum class Ending { kAnswered, kCrashed, kTooLong, kTooMuch };
 
-  // All that it writes, until it ends or may no more.
+  // Collects its output until it ends or exceeds a limit.
   Ending Wait(std::string& answer) {
     std::vector<char> buffer(std::size_t{1} << 16);
     while (WaitFor(answer_.number())) {
@@ -132,7 +132,7 @@ class Reading {
     posix_spawn_file_actions_adddup2(&spawning.actions, input, STDIN_FILENO);
     posix_spawn_file_actions_adddup2(&spawning.actions, output, STDOUT_FILENO);
     posix_spawn_file_actions_addclosefrom_np(&spawning.actions, STDERR_FILENO + 1);
-    // Not in the group of the program: Ctrl-C in a terminal is for that, which then ends this one.
+    // Own group: Ctrl-C in a terminal then goes to the program alone, which ends this process.
     sigset_t none, all;
     sigemptyset(&none);
     sigfillset(&all);
@@ -156,7 +156,7 @@ class Reading {
                     reader_.program, std::strerror(error)));
   }
 
-  // Whether there is something to read, or the process has ended; false when its time is over.
+  // True if `file` is readable or the process has ended; false when its time is over.
   bool WaitFor(int file) const {
     for (;;) {
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(end_ - Clock::now()).count();
@@ -172,7 +172,7 @@ class Reading {
     const Descriptor process(static_cast<int>(syscall(SYS_pidfd_open, child_, 0)));
     if (process.number() >= 0 && !WaitFor(process.number())) return Ending::kTooLong;
     int status = 0;
-    if (!Reap(&status)) return Ending::kAnswered;  // the answer itself says whether it is whole
+    if (!Reap(&status)) return Ending::kAnswered;  // the answer itself shows if it is complete
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU) return Ending::kTooLong;
     return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? Ending::kAnswered : Ending::kCrashed;
   }

@@ -1,5 +1,5 @@
-// Surface files, read by another process: the library that knows their formats crashes, hangs or
-// takes all memory on some damaged files, and a session is not to end by a file.
+// Mesh import: reads surface files in another process. On some damaged files, the library crashes,
+// hangs or takes all memory. The program must survive them.
 #pragma once
 
 #include <cstdint>
@@ -9,33 +9,33 @@
 
 namespace torquer::vessel {
 
-/// Where torquer-mesh-reader is: in the folder `helpers` beside the program, else where it was
-/// built.
+/// Path of torquer-mesh-reader: libexec/torquer in the installation or build tree (FindInstalled).
+/// Throws UserError if it is missing.
 std::string MeshReaderPath();
 
-/// What reads a surface, and what it may take for it.
+/// Program that reads a surface, and its limits.
 struct MeshReader {
   std::string program = MeshReaderPath();
   std::int64_t memory_bytes = 0;  ///< of address space; no limit in builds with sanitizers
   std::int64_t answer_bytes = 0;
   double cpu_s = 0;    ///< of processor time
-  double clock_s = 0;  ///< until it has answered
+  double clock_s = 0;  ///< until the answer is complete
 
-  /// Several times what any surface of so many bytes takes, on a busy machine too.
+  /// Limits for a file of this size: several times the need of any surface, also on a busy machine.
   static MeshReader For(std::size_t file_bytes);
 };
 
-/// The bytes of a surface file. Throws UserError naming the file and the remedy: missing,
+/// Bytes of a surface file. Throws UserError naming the file and the remedy if it is missing,
 /// unreadable or no ordinary file.
 std::string ReadMeshContents(const std::string& path);
 
-/// The triangles of a surface file as they stand, times mm_per_unit. Vertices come unwelded,
-/// polygons as fans; points and lines are left out. `contents`: the file's bytes; `path` names it
-/// in messages, and its ending says the format.
+/// Triangles of a surface file, unrepaired, multiplied by mm_per_unit. Vertices are not welded;
+/// polygons are triangulated; points and lines are left out. `contents`: the file's bytes. `path`
+/// names it in messages; its extension gives the format.
 ///
-/// Throws UserError naming the file and the remedy: not .stl, .obj or .ply, broken or truncated as
-/// far as its format tells, without triangles, with a coordinate that is not finite (naming the
-/// vertex), or such that its reader crashed, did not end or needed more than it may.
+/// Throws UserError naming the file and the remedy in these cases. The file is not .stl, .obj or
+/// .ply, has no triangles or has a non-finite coordinate (naming the vertex). It is broken, or
+/// truncated as far as its format shows. Its reader crashed, did not end or exceeded its limits.
 TriangleMesh ImportMesh(const std::string& contents, const std::string& path, double mm_per_unit,
                         const MeshReader& reader);
 TriangleMesh ImportMesh(const std::string& contents, const std::string& path, double mm_per_unit);

@@ -16,8 +16,7 @@ namespace {
 constexpr double kPanel = 420, kBorder = 20, kFoot = 40;  // pixels
 constexpr std::size_t kMostTriangles = 20000, kMostEdges = 20000;
 
-// Looks along one axis of the file: `right` and `up` are the others, so that they and the axis
-// towards the eye are right-handed.
+// View along one axis of the file. `right`, `up` and the axis toward the eye are right-handed.
 struct View {
   int right, up, eye;
   const char* name;
@@ -45,7 +44,7 @@ class Panel {
   double scale_, left_;
 };
 
-// How a surface is painted: by how much its faces look at the eye.
+// Paint of a face as SVG attributes. facing: 0 edge-on, 1 toward the eye.
 using Paint = std::string (*)(double facing);
 
 std::string WallPaint(double facing) {
@@ -58,7 +57,7 @@ std::string LeftOutPaint(double facing) {
                      110 + static_cast<int>(80 * facing));
 }
 
-// The farthest first; of a large mesh a part, evenly.
+// Draws the farthest triangles first. A large mesh is thinned evenly.
 void AddTriangles(const TriangleMesh& mesh, Paint paint, const Panel& panel, std::string& out) {
   std::vector<std::pair<double, std::size_t>> order;
   const std::size_t stride = mesh.triangles.size() / kMostTriangles + 1;

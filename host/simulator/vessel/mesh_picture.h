@@ -1,4 +1,4 @@
-// A surface that was checked, as a picture.
+// Mesh picture: a checked surface as SVG.
 #pragma once
 
 #include <string>
@@ -8,9 +8,9 @@
 namespace torquer::vessel {
 
 /// One <svg> with views along z, y and x: the surface that the simulator would take, or else the
-/// file's; open edges of the file in red, edges of more than two triangles in magenta, and the
-/// proposed entries as numbered arrows. Holds no text of the file. Empty where the file has no
-/// triangles.
+/// file's. Open edges of the file are red, edges of more than two triangles magenta, walls left out
+/// orange. The proposed entries are numbered arrows. Contains no text of the file. Empty if the
+/// file has no triangles.
 std::string DrawCheck(const MeshCheck& check);
 
 }  // namespace torquer::vessel

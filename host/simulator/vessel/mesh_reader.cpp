@@ -1,8 +1,7 @@
 // torquer-mesh-reader FILE MM_PER_UNIT MEMORY_BYTES CPU_S: reads a surface from standard input and
-// answers on standard output (mesh_answer.h). Started by ImportMesh (mesh_import.h) only.
+// answers on standard output (mesh_answer.h). Only ImportMesh (mesh_import.h) starts it.
 //
-// FILE names the surface in messages. What a damaged file does to this process, it does to no
-// other.
+// FILE names the surface in messages. A damaged file can harm this process, but no other.
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -26,14 +25,15 @@ void Limit(int resource, rlim_t most, rlim_t grace = 0) {
   if (setrlimit(static_cast<__rlimit_resource>(resource), &limit) != 0) std::exit(1);
 }
 
-// Before the first byte of the file is looked at.
+// Called before the first byte of the file is read.
 void EnterLimits(rlim_t memory_bytes, rlim_t cpu_s) {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  // Sanitizers reserve terabytes and open pipes; and their reports are wanted.
+  // Not with sanitizers: they reserve terabytes and open pipes, and their reports must stay
+  // visible.
   Limit(RLIMIT_AS, memory_bytes);
   const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (nowhere >= 0) dup2(nowhere, STDERR_FILENO);
-  Limit(RLIMIT_NOFILE, 3);  // from here on it opens nothing
+  Limit(RLIMIT_NOFILE, 3);  // no file can be opened any more
 #else
   static_cast<void>(memory_bytes);
 #endif
@@ -44,7 +44,7 @@ void EnterLimits(rlim_t memory_bytes, rlim_t cpu_s) {
   Limit(RLIMIT_CPU, cpu_s, 1);  // SIGXCPU, then SIGKILL
   Limit(RLIMIT_FSIZE, 0);       // the answer goes into a pipe
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  torquer::vessel::AllowOnlyReading();  // where the kernel can; the limits hold anyway
+  torquer::vessel::AllowOnlyReading();  // if the kernel supports it; the limits hold anyway
 #endif
 }
 
@@ -86,5 +86,5 @@ int main(int argc, char** argv) {
   if (argc != 5) return 2;
   EnterLimits(std::strtoull(argv[3], nullptr, 10), std::strtoull(argv[4], nullptr, 10));
   WriteAll(Answer(argv[1], std::strtod(argv[2], nullptr)));
-  _exit(0);  // nothing more of a heap that the file may have damaged is touched
+  _exit(0);  // skips destructors: the file may have damaged the heap
 }

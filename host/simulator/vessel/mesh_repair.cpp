@@ -45,7 +45,7 @@ std::string Number(double value) {
 std::string Direction(const Vector3d& unit) {
   std::string text;
   for (const double component : unit) {
-    // Adding zero takes the sign from a zero that was negative.
+    // Adding zero removes the sign of a negative zero.
     text += (text.empty() ? "(" : ", ") + Number(std::round(1000 * component) / 1000 + 0.0);
   }
   return text + ")";
@@ -250,7 +250,7 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
       const EdgeUse& other = uses[0].triangle == static_cast<int32_t>(i) ? uses[1] : uses[0];
       if (touched[other.triangle]) continue;
       const int32_t d = mesh.triangles[other.triangle][(other.corner + 2) % 3];
-      // The new edge must not be one that exists already.
+      // The new edge must not exist already.
       if (d == c || edges.count(std::minmax(c, d)) > 0) continue;
       mesh.triangles[i] = {a, d, c};
       mesh.triangles[other.triangle] = {d, b, c};
@@ -270,8 +270,8 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
 void PointOutward(TriangleMesh& mesh, MeshReport& report) {
   int count = 0;
   const std::vector<int> part = Parts(mesh, &count);
-  // The middle of an open part's border: from there its volume has the sign of the side to which
-  // it bulges. Of a closed part any point will do.
+  // Middle of an open part's border: from there, the sign of its volume shows the side to which it
+  // bulges. For a closed part any point is suitable.
   std::vector<Vector3d> about(count, Vector3d::Zero());
   std::vector<double> border(count, 0);
   for (const auto& [edge, uses] : EdgesOf(mesh)) {

@@ -1,5 +1,5 @@
-// The steps by which a dirty triangle mesh becomes a clean closed one. Each says what it found in
-// the report, or throws UserError that begins with `name`.
+// Mesh repair: the steps from a dirty triangle mesh to a clean closed one. Each step adds its
+// findings to the report, or throws UserError that begins with `name`.
 #pragma once
 
 #include <array>
@@ -12,47 +12,47 @@
 
 namespace torquer::vessel::repair {
 
-/// Vertices within tolerance_mm of one another become one; unused ones go.
+/// Merges vertices within tolerance_mm of one another. Unused vertices stay.
 void Weld(TriangleMesh& mesh, double tolerance_mm, MeshReport& report);
 
-/// Takes out triangles that repeat a vertex or another triangle.
+/// Removes triangles that repeat a vertex or another triangle.
 void DropUseless(TriangleMesh& mesh, MeshReport& report);
 
-/// Takes out parts, joined to the rest by nothing or by an edge of more than two faces, whose area
-/// is negligible (under 0.1 % of the largest part's).
+/// Removes parts with a negligible area (under 0.1 % of the largest part's). Edges of one face or
+/// of more than two faces bound a part.
 void DropFragments(TriangleMesh& mesh, MeshReport& report);
 
-/// Gives neighbors one orientation. Throws on a one-sided surface.
+/// Gives neighbors one orientation. Throws UserError on a one-sided surface.
 void Orient(TriangleMesh& mesh, const std::string& name, MeshReport& report);
 
-/// Turns the longest edge of faces flatter than tolerance_mm, so that every face has a normal.
+/// Flips the longest edge of faces flatter than tolerance_mm, so that every face has a normal.
 void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report);
 
-/// Turns parts of negative volume, open ones by the cone over their border.
+/// Turns parts of negative volume; an open part is closed by the cone over its border. Removes
+/// unused vertices.
 void PointOutward(TriangleMesh& mesh, MeshReport& report);
 
-/// Counts and reports the edges of four or more faces that are run through as often one way as the
-/// other.
+/// Counts and reports the edges of four or more faces with equally many uses in both directions.
 void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report);
 
-/// Triangles at edges that are run through more often one way than the other: where a surface ends
-/// or does not separate two sides.
+/// Triangles at edges with more uses in one direction than in the other. The surface ends there, or
+/// does not separate two sides.
 std::vector<int32_t> FacesAtUnbalancedEdges(const TriangleMesh& mesh);
 
 /// Pairs of triangles that share an edge.
 std::vector<std::array<int32_t, 2>> Neighbors(const TriangleMesh& mesh);
 
-/// Takes out vertices that no triangle has.
+/// Removes vertices that no triangle has.
 void DropUnusedVertices(TriangleMesh& mesh);
 
-/// Parts of a mesh: for every triangle the index of its part, joined over edges of two faces.
+/// Index of the part of every triangle, joined over edges of two faces. count: number of parts.
 std::vector<int> Parts(const TriangleMesh& mesh, int* count);
 
-/// Edges, as pairs of vertices, that a closed surface does not have.
+/// Edges, as pairs of vertices, that a closed surface must not have.
 struct EdgeFaults {
   std::vector<std::array<int32_t, 2>> open;     ///< of one triangle
   std::vector<std::array<int32_t, 2>> several;  ///< of more than two
-  size_t disagreeing = 0;                       ///< of two that are oriented against each other
+  size_t disagreeing = 0;                       ///< of two with opposite orientations
 };
 EdgeFaults FindEdgeFaults(const TriangleMesh& mesh);
 

@@ -13,10 +13,10 @@ namespace torquer::vessel {
 
 namespace {
 
-// Raise with every change that makes another mesh or other bricks of the same file.
+// Raise it with every change that gives another mesh or other bricks for the same file.
 constexpr double kBuildVersion = 3;
 
-// The surface and its report as bytes; one function says the order for both ways.
+// Surface and report as bytes; one function defines the order for writing and reading.
 class Bytes {
  public:
   Bytes() = default;
@@ -91,7 +91,7 @@ void Do(Bytes& bytes, TriangleMesh& mesh, MeshReport& report) {
   for (double& width : report.width_mm) bytes.Do(width);
 }
 
-// What the field trusts blindly.
+// Checks the properties that the field requires without a check.
 bool IsUsable(const TriangleMesh& mesh, const MeshReport& report) {
   const auto count = static_cast<int64_t>(mesh.vertices_mm.size());
   const auto is_there = [count](int32_t vertex) { return vertex >= 0 && vertex < count; };
@@ -119,7 +119,7 @@ std::unique_ptr<MeshVessel> MeshVessel::Make(const std::string& contents, const 
   if (!options.cache_folder.empty()) {
     CacheKey& key = vessel->key_;
     key.Add(kBuildVersion);
-    // What is said of the file names it.
+    // Messages about the file contain its path.
     key.Add(path.data(), path.size());
     key.Add(contents.data(), contents.size());
     key.Add(options.unit == MeshUnit::kMeter ? 1000 : 1);

@@ -1,5 +1,5 @@
-// A vessel from a surface file: repaired, measured and as a field, with what an earlier run has
-// built.
+// Mesh vessel: a vessel from a surface file, repaired, measured and as a field. It uses the results
+// of an earlier run.
 #pragma once
 
 #include <atomic>
@@ -18,7 +18,7 @@ namespace torquer::vessel {
 struct MeshVesselOptions {
   MeshUnit unit = MeshUnit::kMillimeter;
   BrickFieldOptions field;
-  /// Where built fields are kept; empty: nowhere.
+  /// Folder of built fields; empty: no cache.
   std::string cache_folder = DefaultCacheFolder();
 };
 
@@ -29,7 +29,7 @@ class MeshVessel {
   /// the file.
   static std::unique_ptr<MeshVessel> Open(const std::string& path,
                                           const MeshVesselOptions& options = {});
-  /// The same of the file's bytes; `path` names it in messages, and its ending says the format.
+  /// As Open, from the file's bytes. `path` names it in messages; its extension gives the format.
   static std::unique_ptr<MeshVessel> Make(const std::string& contents, const std::string& path,
                                           const MeshVesselOptions& options = {});
 
@@ -37,14 +37,13 @@ class MeshVessel {
   const TriangleMesh& mesh() const { return surface_->mesh(); }
   const TriangleBvh& surface() const { return *surface_; }
   const MeshReport& report() const { return report_; }
-  /// Sentences about the cache: from where the field came, or why not.
+  /// Sentences about the cache: the origin of the field, or the reason to build it again.
   const std::vector<std::string>& cache_findings() const { return cache_findings_; }
   bool from_cache() const { return from_cache_; }
 
-  /// Keeps what is built for the next run; does nothing where there is no folder, or nothing new
-  /// since this was opened or tried last.
-  /// Safe beside look-ups. Returns why it could not, empty otherwise: a run without a cache is
-  /// slower to start, not wrong.
+  /// Saves the built field for the next run. Does nothing without a folder, or without new results
+  /// since the opening or the last call. Safe concurrently with look-ups. Returns the reason of a
+  /// failure, otherwise empty: a run without a cache starts slower, but is correct.
   std::string SaveCache() const;
 
  private:
@@ -58,7 +57,7 @@ class MeshVessel {
   std::vector<std::string> cache_findings_;
   bool from_cache_ = false;
   mutable std::atomic<std::int64_t> bricks_kept_ =
-      -1;  // of those built here; -1: not even the mesh
+      -1;  // built here at the last save; -1: mesh unsaved
 };
 
 }  // namespace torquer::vessel

@@ -22,7 +22,7 @@ Vector3d MovingField::AtRest(const Vector3d& point_mm) const {
 }
 
 Vector3d MovingField::Moved(const Vector3d& at_rest_mm, const Vector3d& near_mm) const {
-  // Newton's method on x - offset(x) = at rest; the motions do not fold, so there is one solution.
+  // Newton's method on x - offset(x) = at_rest_mm; the motions do not fold, so one solution exists.
   Vector3d at = near_mm;
   for (int k = 0; k < 30; ++k) {
     const Offset offset = OffsetAt(at);
@@ -31,7 +31,7 @@ Vector3d MovingField::Moved(const Vector3d& at_rest_mm, const Vector3d& near_mm)
     if (k < 10) {
       at -= (Matrix3d::Identity() - offset.jacobian).inverse() * miss;
     } else {
-      at -= miss;  // slower, and sure: the jacobian's norm is below 1
+      at -= miss;  // slower, but converges: the jacobian's norm is below 1
     }
   }
   return at;

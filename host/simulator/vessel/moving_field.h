@@ -1,4 +1,4 @@
-// A vessel that moves, as a field: the field at rest, looked up where a point came from.
+// Moving field: the field at rest, looked up at the rest position of a point.
 #pragma once
 
 #include <vector>
@@ -8,18 +8,18 @@
 
 namespace torquer::vessel {
 
-/// c(x, t) = c_0(x - sum of the motions' offsets), so a field that was computed once serves.
+/// c(x, t) = c_0(x - sum of the motions' offsets): the field at rest is computed only once.
 ///
-/// The gradient's length is 1 to first order of the offsets' jacobian; where the offset is a
-/// translation all stays exact.
+/// The gradient's length differs from 1 to first order in the offsets' jacobian. For a translation,
+/// the field is exact.
 class MovingField final : public ClearanceField {
  public:
   /// `at_rest` must outlive this.
   explicit MovingField(const ClearanceField& at_rest) : at_rest_(at_rest) {}
-  /// `motion` must outlive this. Before the first look-up.
+  /// `motion` must outlive this. Call only before the first look-up.
   void Add(FieldMotion& motion) { motions_.push_back(&motion); }
 
-  /// The time of all look-ups that follow, s since the start.
+  /// Sets the time of all look-ups that follow, s since the start.
   void SetTime(double time_s);
 
   double Clearance(const Eigen::Vector3d& point_mm) const override;
@@ -28,10 +28,10 @@ class MovingField final : public ClearanceField {
   double LipschitzBound() const override;
   double TravelMm() const override;
 
-  /// Where a point of the moved vessel was at rest.
+  /// Rest position of a point of the moved vessel, mm.
   Eigen::Vector3d AtRest(const Eigen::Vector3d& point_mm) const;
-  /// Where a point of the vessel at rest is now: the inverse of AtRest, within 1e-12 mm. `near_mm`
-  /// is where it may be; exact there after one look where all about it moves alike.
+  /// Present position of a point of the vessel at rest, mm: the inverse of AtRest, within 1e-12 mm.
+  /// near_mm: first guess; one iteration from it suffices if everything around it moves alike.
   Eigen::Vector3d Moved(const Eigen::Vector3d& at_rest_mm, const Eigen::Vector3d& near_mm) const;
 
  private:

@@ -1,4 +1,4 @@
-// Which way the patient lies.
+// Patient axes: the orientation of the patient.
 #pragma once
 
 #include <Eigen/Core>

@@ -14,7 +14,7 @@ TubeVessel MakeTubeVessel(const std::vector<Tube>& tubes, double union_width_mm,
                           double join_tolerance_mm) {
   double length_mm = 0;
   for (const Tube& tube : tubes) length_mm += tube.axis.length_mm();
-  // Before the centerlines are made, whose points follow from their length.
+  // Checked before the centerlines are made: the length determines their number of points.
   if (length_mm > kMostCurvesMm) {
     throw UserError("the axes of the tubes are " + std::to_string(std::lround(length_mm)) +
                     " mm long in all; a vessel has at most " +
@@ -49,7 +49,7 @@ TubeVessel MakeTyPhantom() {
   const Vector3d across(std::cos(75 * kDegree), std::sin(75 * kDegree), 0);
   const Vector3d out_of_plane(-0.8, 0.2, 0.5), child_side(0.3, -0.2, 1);
 
-  // A tube that began on another's axis would dent the wall across from it: begin inside.
+  // A tube that begins on another's axis would dent the opposite wall, so tubes begin off it.
   ArcLinePath stem(Vector3d::Zero(), Vector3d::UnitX());
   stem.Line(kStem - kUnionWidth - 0.5);
   ArcLinePath crossbar(crossing - kSide * across, across);
@@ -71,7 +71,7 @@ TubeVessel MakeTyPhantom() {
                                   kUnionWidth);
   vessel.bounds_mm = vessel.field->bounds_mm();
 
-  // Main path and side leave the stem together and take the corner with their own bends.
+  // The main path and the side branch share the stem and round the corner with different bends.
   constexpr double kCorner = 6;
   const double setback = kCorner * std::tan(37.5 * kDegree);
   ArcLinePath main(Vector3d::Zero(), Vector3d::UnitX());

@@ -1,11 +1,11 @@
-// What a process may ask of the kernel that reads a file from anywhere.
+// Reading filter: the system calls allowed to a process that reads an untrusted file.
 #pragma once
 
 namespace torquer::vessel {
 
-/// From here on this process may use its memory and the files that it has open, and end. Every
-/// other system call fails with EPERM: it opens, connects, starts and signals nothing. False, and
-/// nothing is changed, where the kernel has no such filter.
+/// Limits this process to its memory, its open files and its end. Every other system call fails
+/// with EPERM: it cannot open, connect, start or signal anything else. Returns false and changes
+/// nothing if the kernel has no such filter.
 bool AllowOnlyReading();
 
 }  // namespace torquer::vessel

@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Balls of this many radii, half a radius apart, hold the tube of one radius.
+// Balls of this many radii, half a radius apart, contain the tube of one radius.
 constexpr double kWidened = 1.035;
 constexpr std::size_t kGroup = 12;
 
@@ -34,7 +34,7 @@ Region Region::Stretch(const Centerline& curve, double from_mm, double to_mm, do
   }
   const double outer = region.radius_mm_ + edge_mm;
   for (const Vector3d& a : region.centers_) {
-    // All balls that a point of this one can also lie in.
+    // All balls that can overlap with this one.
     const auto overlapping =
         std::count_if(region.centers_.begin(), region.centers_.end(),
                       [&](const Vector3d& b) { return (a - b).norm() < 2 * outer; });
@@ -89,7 +89,7 @@ bool Region::Evaluate(const Vector3d& point_mm, RegionWeight& out) const {
     out.hessian = (step.curvature / (edge_mm_ * edge_mm_)) * direction_ * direction_.transpose();
     return true;
   }
-  // 1 - weight is the product of what the balls leave.
+  // 1 - weight is the product of 1 - step over the balls.
   const double outer = radius_mm_ + edge_mm_;
   double rest = 1;
   Vector3d gradient = Vector3d::Zero();
@@ -129,8 +129,8 @@ bool Region::Evaluate(const Vector3d& point_mm, RegionWeight& out) const {
 }
 
 double Region::SteepestSlope() const {
-  // N balls that overlap: the sum of s(w) (1 - w)^(N-1), s ~ 6.46 w^(2/3) the slope of a step where
-  // it has the value w, is at most 2.53 N^(1/3).
+  // For N overlapping balls, the sum of s(w) (1 - w)^(N-1) is at most 2.53 N^(1/3). The slope of a
+  // step at its value w is s(w) ~ 6.46 w^(2/3).
   const double overlap = most_overlapping_ == 1
                              ? kSteepestStep
                              : std::max(kSteepestStep, 2.53 * std::cbrt(most_overlapping_));

@@ -1,4 +1,4 @@
-// A part of the vessel with a soft edge, as a smooth weight.
+// Region: a part of the vessel with a soft edge, as a smooth weight.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,23 +22,23 @@ class Region {
  public:
   /// 1 within `radius_mm` (>= 0) of a point, falling to 0 over `edge_mm` (> 0).
   static Region Ball(const Eigen::Vector3d& center_mm, double radius_mm, double edge_mm);
-  /// The same about every place of a curve from one arc length to another (from < to). Where
-  /// 3 % of the radius counts, the edge begins within that.
+  /// As Ball, about every place of a curve from one arc length to another, mm (from < to). The edge
+  /// begins up to 3.5 % of the radius further out.
   static Region Stretch(const Centerline& curve, double from_mm, double to_mm, double radius_mm,
                         double edge_mm);
-  /// All on the side of a plane to which `direction` (unit) points; 0 at the plane, 1 from
+  /// Half space to which `direction` (unit) points: 0 at the plane through point_mm, 1 from
   /// `edge_mm` (> 0) beyond it.
   static Region Side(const Eigen::Vector3d& point_mm, const Eigen::Vector3d& direction,
                      double edge_mm);
 
   double Weight(const Eigen::Vector3d& point_mm) const;
-  /// Weight and derivatives; false, and `out` untouched, where all of them are zero.
+  /// Weight and derivatives. Returns false and leaves `out` untouched if all of them are zero.
   bool Evaluate(const Eigen::Vector3d& point_mm, RegionWeight& out) const;
-  /// An upper bound of the gradient's length, 1/mm.
+  /// Upper bound of the gradient's length, 1/mm.
   double SteepestSlope() const;
 
-  /// A point with a weight above 1/2 in the lumen (clearance > 0). False where none was found
-  /// near the region's middle nor, for a side, in `bounds_mm` and on the centerlines.
+  /// True if a point with a weight above 1/2 was found in the lumen (clearance > 0). Searches the
+  /// centerlines and grids about the region's balls; for a side, a grid in `bounds_mm`.
   bool MeetsLumen(const ClearanceField& field, const CenterlineNetwork& centerlines,
                   const Eigen::AlignedBox3d& bounds_mm) const;
 
@@ -47,7 +47,7 @@ class Region {
   void AddBall(const Eigen::Vector3d& center_mm);
   void Group();
 
-  // Balls that follow each other along a curve, with one that holds them all.
+  // Consecutive balls along a curve, with one that contains them all.
   struct BallGroup {
     Eigen::Vector3d center = Eigen::Vector3d::Zero();
     double reach_mm = 0;
@@ -57,7 +57,7 @@ class Region {
 
   double radius_mm_;
   double edge_mm_;
-  std::vector<Eigen::Vector3d> centers_;  // none for a side
+  std::vector<Eigen::Vector3d> centers_;  // empty for a side
   std::vector<BallGroup> groups_;
   int most_overlapping_ = 1;
   Eigen::Vector3d point_ = Eigen::Vector3d::Zero();      // of a side

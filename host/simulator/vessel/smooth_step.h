@@ -1,4 +1,4 @@
-// A step from 0 to 1 without a kink.
+// Smooth step: a step from 0 to 1 without a kink.
 #pragma once
 
 namespace torquer::vessel {
@@ -10,7 +10,8 @@ struct Step {
   double curvature = 0;
 };
 
-/// 0 up to x = 0, 1 from x = 1, in between 10 x^3 - 15 x^4 + 6 x^5: two continuous derivatives.
+/// 0 up to x = 0, 1 from x = 1, between them 10 x^3 - 15 x^4 + 6 x^5. Two derivatives are
+/// continuous.
 inline Step SmoothStep(double x) {
   if (x <= 0) return {0, 0, 0};
   if (x >= 1) return {1, 0, 0};

@@ -23,14 +23,13 @@ using repair::Place;
 namespace {
 
 constexpr double kWeldPerDiagonal = 2e-5;
-// No vessel worth a wire is smaller, no body larger.
+// Limits of the diagonal: no usable vessel is smaller, no body larger.
 constexpr double kSmallestDiagonalMm = 5, kLargestDiagonalMm = 4000;
-// Single precision, which STL has, resolves 0.1 mm there.
+// Single precision, as in STL, resolves 0.1 mm at this distance.
 constexpr double kFarthestMm = 1e6;
-// Share of the area that a hole in the wall may have: one that the file has, and one that taking
-// the inner side of a wall left.
+// Largest area share of a hole in the wall: one of the file, and one left around the inner side.
 constexpr double kFileHoleShare = 0.01, kInnerHoleShare = 0.05;
-// Tube-facing share of the area above which a surface is a wall, and below which it is a lumen.
+// Tube-facing share of the area: from kWallShare on a surface is a wall, up to kLumenShare a lumen.
 constexpr double kWallShare = 0.25, kLumenShare = 0.1;
 
 void Close(SurfaceMesh& surface, const std::string& name, double tolerance_mm,
@@ -42,7 +41,7 @@ void Close(SurfaceMesh& surface, const std::string& name, double tolerance_mm,
   Unite(surface, name);
 }
 
-// Wall-to-wall widths along inward normals; a surface that is thin everywhere is no lumen.
+// Measures wall-to-wall widths along inward normals, weighted by area.
 void MeasureWidth(const TriangleBvh& surface, MeshReport& report) {
   const TriangleMesh& mesh = surface.mesh();
   std::vector<std::pair<double, double>> widths;  // width, area
@@ -64,7 +63,7 @@ void MeasureWidth(const TriangleBvh& surface, MeshReport& report) {
   }
 }
 
-// The direction along which the wall near an opening runs: the one that its normals avoid.
+// Direction of the wall near an opening: the one that its normals avoid.
 Vector3d InwardAxis(const TriangleMesh& mesh, const Opening& opening) {
   Eigen::Matrix3d normals = Eigen::Matrix3d::Zero();
   for (size_t i = 0; i < mesh.triangles.size(); ++i) {

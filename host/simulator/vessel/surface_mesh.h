@@ -1,4 +1,4 @@
-// From a surface file as people have it to the closed, outward-oriented wall of a lumen.
+// Surface mesh: from an arbitrary surface file to the closed, outward-oriented wall of a lumen.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,34 +11,34 @@
 
 namespace torquer::vessel {
 
-/// What one unit of a surface file is; declared by the scene, never guessed.
+/// Unit of a surface file; declared by the scene, never guessed.
 enum class MeshUnit { kMillimeter, kMeter };
 
-/// "mm" or "m" (the scene's mesh_unit). Throws UserError naming both on anything else.
+/// Unit of "mm" or "m" (the scene's mesh_unit). Throws UserError naming both on anything else.
 MeshUnit MeshUnitFromText(const std::string& text);
 
-/// An end of the vessel that the file left open: a natural entry point.
+/// Opening: an end of the vessel that the file left open, a natural entry point.
 struct Opening {
   Eigen::Vector3d center_mm;
   Eigen::Vector3d outward;  ///< unit, across the cut, away from the lumen
   double radius_mm = 0;     ///< of the circle of the same area
-  Eigen::Vector3d inward;   ///< unit, along the vessel into the lumen: how a wire would go in
+  Eigen::Vector3d inward;   ///< unit, along the vessel into the lumen, as a wire would enter
 };
 
-/// What was found in a surface and what was done about it.
+/// Findings in a surface, and the repairs.
 struct MeshReport {
-  std::vector<std::string> findings;  ///< sentences for a person, in the order of the work
+  std::vector<std::string> findings;  ///< sentences for a person, in the order of the steps
   std::vector<Opening> openings;      ///< closed by fans, largest first
 
   size_t triangles_read = 0;
   size_t vertices_welded = 0;
-  size_t triangles_dropped = 0;  ///< degenerate, doubled, or in fragments too small to be vessel
-  size_t triangles_turned = 0;   ///< whose orientation disagreed with their neighbors'
-  size_t holes_closed = 0;       ///< in the wall, rather than ends
+  size_t triangles_dropped = 0;  ///< degenerate, doubled, or in fragments too small for a vessel
+  size_t triangles_turned = 0;   ///< orientation disagreed with the neighbors
+  size_t holes_closed = 0;       ///< in the wall, without ends
   size_t slivers_repaired = 0;
   size_t crossed_edges = 0;  ///< edges of four or more faces that were kept
   size_t intersections = 0;  ///< pairs of faces that cut through one another
-  double left_out_mm2 = 0;   ///< of walls within the lumen and of sheets that enclose nothing
+  double left_out_mm2 = 0;   ///< walls within the lumen, and sheets that enclose nothing
   bool was_inward = false;   ///< normals pointed into the lumen
   bool was_shell = false;    ///< the file held a wall with thickness; its lumen was taken
   /// Share of the surface that looks into a tube: about 0 for a lumen, about 0.4 for a shell.
@@ -47,35 +47,36 @@ struct MeshReport {
   Eigen::AlignedBox3d bounds_mm;
   double area_mm2 = 0;
   double volume_mm3 = 0;
-  /// Wall-to-wall width along inward normals, by area: 5 %, 50 % and 95 % of the surface have less.
+  /// Wall-to-wall widths along inward normals, mm: 5 %, 50 % and 95 % of the area have less.
   double width_mm[3] = {0, 0, 0};
 };
 
 struct SurfaceMesh {
   TriangleMesh mesh;
   MeshReport report;
-  TriangleMesh left_out;  ///< walls within the lumen and sheets, as they were
+  TriangleMesh left_out;  ///< removed walls within the lumen, and sheets
 };
 
-/// The unit by which a surface, as its file has it, is of the size of a vessel; none where neither
-/// does. For proposals: a scene declares it.
+/// Unit in which a surface, with its file's coordinates, has the size of a vessel; empty if neither
+/// fits. Only for proposals: a scene declares its unit.
 std::optional<MeshUnit> GuessUnit(const TriangleMesh& file);
 
-/// Throws UserError that begins with `name` where a surface in mm has no size of a vessel, or lies
-/// so far from the origin that its coordinates are coarse.
+/// Throws UserError that begins with `name` if the diagonal of a surface in mm is outside 5 to 4000
+/// mm. Also throws if it lies over 1e6 mm from the origin: its coordinates are then coarse.
 void CheckSize(const TriangleMesh& mesh, const std::string& name);
 
-/// Vertices of a surface that are nearer to one another are one, mm.
+/// Weld tolerance, mm: vertices of a surface that are nearer to one another are merged.
 double WeldToleranceMm(const TriangleMesh& mesh);
 
-/// Reads a surface file and makes it usable. Throws UserError naming the file, what is wrong, where
-/// and the remedy for what cannot be repaired.
+/// Reads and repairs a surface file. If it cannot be repaired, throws UserError naming the file,
+/// the fault, the place and the remedy.
 SurfaceMesh ReadSurface(const std::string& path, MeshUnit unit);
 
-/// The same of the file's bytes; `path` names it in messages, and its ending says the format.
+/// As ReadSurface, from the bytes. `path` names the file in messages; its extension gives the
+/// format.
 SurfaceMesh ParseSurface(const std::string& contents, const std::string& path, MeshUnit unit);
 
-/// The same from triangles in mm; `name` stands for the file in messages.
+/// As ReadSurface, from triangles in mm. `name` stands for the file in messages.
 SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name);
 
 }  // namespace torquer::vessel

@@ -15,7 +15,7 @@ namespace {
 
 using Cell = std::array<int, 3>;
 
-// Look-ups are made for blocks of so many cells a side, most of which the surface misses.
+// Cells per side of a block. Most blocks do not meet the surface and need one look-up.
 constexpr int kBlock = 8;
 
 class SurfaceNet {
@@ -23,7 +23,7 @@ class SurfaceNet {
   SurfaceNet(const ClearanceField& field, const Eigen::AlignedBox3d& bounds_mm, double cell_mm)
       : field_(field),
         cell_mm_(cell_mm),
-        // A margin of a cell closes the surface where it touches the bounds.
+        // A margin of one cell closes the surface at the bounds.
         origin_mm_(bounds_mm.min() - Eigen::Vector3d::Constant(cell_mm)) {
     for (int axis = 0; axis < 3; ++axis) {
       count_[static_cast<std::size_t>(axis)] =
@@ -51,7 +51,7 @@ class SurfaceNet {
   void VisitBlock(const Cell& first) {
     const Eigen::Vector3d center =
         PointMm(first) + Eigen::Vector3d::Constant(0.5 * kBlock * cell_mm_);
-    // Corners reach one cell beyond the block.
+    // One cell of margin around the block.
     const double reach_mm = 0.5 * std::sqrt(3.0) * (kBlock + 2) * cell_mm_;
     if (std::abs(field_.Clearance(center)) > field_.LipschitzBound() * reach_mm) return;
 
@@ -77,8 +77,8 @@ class SurfaceNet {
     }
   }
 
-  // The cell's vertex is the mean of where the surface crosses its edges; the three edges at its
-  // first corner are noted, so that each edge is noted once.
+  // A cell's vertex is the mean of the crossings of its edges. The three edges at its first corner
+  // are recorded, so that each edge is recorded once.
   template <class ClearanceAt>
   void VisitCell(const Cell& cell, const ClearanceAt& clearance_at) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -105,7 +105,7 @@ class SurfaceNet {
     mesh_.vertices_mm.emplace_back(PointMm(cell) + cell_mm_ / crossings * sum);
   }
 
-  // Across the edge that starts at `corner`, between the vertices of the four cells around it.
+  // Adds a quadrilateral across the edge at `corner`, between the vertices of its four cells.
   void AddQuadrilateral(const Cell& corner, int axis, bool inside_first) {
     const auto u = static_cast<std::size_t>((axis + 1) % 3);
     const auto v = static_cast<std::size_t>((axis + 2) % 3);
@@ -146,7 +146,7 @@ TriangleMesh SurfaceInAbout(std::size_t triangles, const ClearanceField& field,
   const double coarse_mm = bounds_mm.sizes().maxCoeff() / 80;
   TriangleMesh coarse = SurfaceOf(field, bounds_mm, coarse_mm);
   if (coarse.triangles.empty()) return coarse;
-  // Their number goes with the inverse square of the cell.
+  // The number of triangles is proportional to the inverse square of the cell width.
   const double share =
       static_cast<double>(coarse.triangles.size()) / static_cast<double>(triangles);
   return SurfaceOf(field, bounds_mm, coarse_mm * std::sqrt(share));

@@ -18,7 +18,7 @@ namespace {
 
 using Polygon = std::vector<Vector3d>;  // convex, flat, counterclockwise about its face's normal
 
-// A vessel's faces pass through a few others each, where two branches meet.
+// Faces of a vessel pass through only a few others, at junctions of branches.
 constexpr size_t kMostCuts = 1'000'000, kMostPieces = 100'000, kMostPiecesPerFace = 10;
 
 struct Segment {
@@ -32,7 +32,7 @@ struct Plane {
   double Height(const Vector3d& p) const { return normal.dot(p) - offset_mm; }
 };
 
-// What cuts a face: a plane, as far as the segment that it has in common with the face.
+// Cutter of a face: a plane, limited to the segment that it shares with the face.
 struct Cutter {
   Plane plane;
   Segment segment;
@@ -43,7 +43,7 @@ Plane PlaneThrough(const Vector3d& point, const Vector3d& normal) {
   return {unit, unit.dot(point)};
 }
 
-// The part of a segment within a polygon or at most slack_mm outside of it.
+// Part of a segment within a polygon or at most slack_mm outside of it.
 std::optional<Segment> Clip(const Segment& segment, const Polygon& polygon, const Vector3d& normal,
                             double slack_mm) {
   double begin = 0, end = 1;
@@ -84,8 +84,8 @@ class Splitter {
   }
   bool HasPlane(int32_t face) const { return mesh_.DoubleArea(face).norm() > 0; }
 
-  // What face `other` has in common with the plane of `face`, cut to `face`: nothing, a segment, or
-  // where both lie in one plane the edges of `other`.
+  // Part of face `other` in the plane of `face`, clipped to `face`: nothing or a segment. If both
+  // lie in one plane, the edges of `other`.
   std::vector<Cutter> CuttersBy(int32_t face, int32_t other) const {
     const Plane plane = PlaneOf(face), cutting = PlaneOf(other);
     const Polygon corners = Corners(face), others = Corners(other);
@@ -100,7 +100,7 @@ class Splitter {
     std::vector<Cutter> found;
     const auto add = [&](const Plane& by, const Segment& segment) {
       const auto within = Clip(segment, corners, plane.normal, tolerance_mm_);
-      // Faces that touch in a point do not cut one another.
+      // Faces that touch at a point do not cut one another.
       if (within && within->Length() > 4 * tolerance_mm_) found.push_back({by, *within});
     };
     if (above == 0 && below == 0) {
@@ -124,7 +124,7 @@ class Splitter {
     return found;
   }
 
-  // Neighbors meet in their common edge; they lie on one another where they are folded.
+  // True if two neighbors meet only in their common edge. Folded neighbors lie on one another.
   bool MeetInEdge(int32_t face, int32_t other) const {
     const auto &one = mesh_.triangles[face], &two = mesh_.triangles[other];
     int common = 0, own = 0, others = 0;
@@ -143,9 +143,9 @@ class Splitter {
     return inward.dot(tip - from) <= 0;
   }
 
-  // False where there are too many.
+  // False if there are too many cutters.
   bool FindCutters() {
-    size_t cuts = 0;  // half the sum of squares over the faces: how the pieces may grow
+    size_t cuts = 0;  // half the sum of squares over the faces, as the pieces may grow
     std::vector<int32_t> near;
     for (int32_t face = 0; face < static_cast<int32_t>(mesh_.triangles.size()); ++face) {
       if (!HasPlane(face)) continue;
@@ -167,7 +167,7 @@ class Splitter {
     return true;
   }
 
-  // Both sides of a polygon; one alone where the plane only touches it.
+  // Adds both sides of a polygon to `pieces`, or the polygon itself if the plane only touches it.
   void CutPolygon(const Polygon& polygon, const Plane& plane, std::vector<Polygon>& pieces) const {
     std::vector<double> height(polygon.size());
     bool above = false, below = false;
@@ -196,7 +196,7 @@ class Splitter {
     pieces.push_back(std::move(down));
   }
 
-  // False where there are too many pieces.
+  // False if there are too many pieces.
   bool CutFaces() {
     const size_t most = kMostPieces + kMostPiecesPerFace * mesh_.triangles.size();
     size_t count = 0;
@@ -241,8 +241,7 @@ class Splitter {
     }
   }
 
-  // The piece with those of the corners that lie on its edges; the corners in the order of one
-  // coordinate.
+  // The piece with the corners that lie on its edges. corners: sorted by coordinate `axis`.
   std::vector<int32_t> WithCornersOnEdges(const std::vector<int32_t>& piece,
                                           const std::vector<int32_t>& corners, int axis) const {
     const std::vector<Vector3d>& points = welder_.points_mm();
@@ -274,7 +273,7 @@ class Splitter {
     return whole;
   }
 
-  // A corner of one piece on the edge of another becomes a corner of both, so that they meet in
+  // A corner of one piece on the edge of another becomes a corner of both. Pieces then meet in
   // whole edges.
   TriangleMesh Join() {
     std::vector<std::vector<int32_t>> neighbors(mesh_.triangles.size());
@@ -311,8 +310,8 @@ class Splitter {
     return Triangulate(whole);
   }
 
-  // Fans about the middle: the same for two pieces that lie on one another, and sound where corners
-  // lie in a row.
+  // Fans about the middle: the same for two pieces that lie on one another, and valid for collinear
+  // corners.
   TriangleMesh Triangulate(const std::vector<std::vector<int32_t>>& polygons) {
     TriangleMesh split;
     for (const auto& polygon : polygons) {
@@ -337,11 +336,11 @@ class Splitter {
   const TriangleBvh& surface_;
   const TriangleMesh& mesh_;
   double tolerance_mm_;
-  std::vector<std::vector<int32_t>> partners_;  // of a face: those that it meets
+  std::vector<std::vector<int32_t>> partners_;  // per face: the faces that it meets
   std::vector<std::vector<Cutter>> cutters_;
   VertexWelder welder_{2 * tolerance_mm_};
-  std::vector<int32_t> own_number_;                       // of the surface's vertices
-  std::vector<std::vector<std::vector<int32_t>>> faces_;  // of a face: its pieces
+  std::vector<int32_t> own_number_;                       // number of each vertex of the surface
+  std::vector<std::vector<std::vector<int32_t>>> faces_;  // per face: its pieces
 };
 
 }  // namespace

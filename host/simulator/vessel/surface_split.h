@@ -1,4 +1,4 @@
-// A surface cut along the curves where it passes through itself or lies on itself.
+// Surface split: cuts a surface along the curves at which it passes through or lies on itself.
 #pragma once
 
 #include <optional>
@@ -8,13 +8,13 @@
 
 namespace torquer::vessel {
 
-/// The same surface in triangles none of which passes through another one: they meet in whole
-/// edges, or lie on one another as a whole. Triangles that touch no other stay as they are, and
-/// vertices within tolerance_mm (above 0) of one another are one.
+/// Splits a surface into triangles that do not pass through one another. They meet in whole edges,
+/// or lie on one another completely. Triangles that touch no other stay as they are. Vertices
+/// within twice tolerance_mm (above 0) of one another are merged.
 ///
-/// Every triangle is cut by the planes of those that pass through it, and, where two lie in one
-/// plane, by the other's edges. None where so many pass through so many that the pieces would be
-/// beyond number: that is no surface.
+/// Every triangle is cut by the planes of those that pass through it. Triangles in one plane are
+/// cut by each other's edges. Returns nothing if there are too many cuts or pieces: the input is no
+/// surface.
 std::optional<TriangleMesh> SplitAtIntersections(const TriangleBvh& surface, double tolerance_mm);
 
 }  // namespace torquer::vessel

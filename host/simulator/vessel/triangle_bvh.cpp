@@ -18,10 +18,10 @@ namespace {
 constexpr int kLeafTriangles = 4;
 constexpr int kStackDepth = 128;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// Boxes are left out only when they are further than the best by more than rounding: whichever way
-// a search goes, it meets every triangle that could be the nearest.
+// Boxes are skipped only if they are further than the best by more than rounding. Thus a search in
+// any order meets every triangle that could be the nearest.
 constexpr double kSlack = 1 + 1e-9, kRoundingMm = 1e-9;
-// A face less high than this share of its longest edge has no normal to rely on.
+// Least height of a face with a reliable normal, as a share of its longest edge.
 constexpr double kSliver = 1e-3;
 // Nodes further away than this many times their reach count as one dipole.
 constexpr double kDipoleRatio = 3;
@@ -37,7 +37,7 @@ double SolidAngle(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
                         la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
 }
 
-// Whether the segment pq passes through the inside of triangle abc.
+// True if the segment pq passes through the interior of triangle abc.
 bool Pierces(const Vector3d& p, const Vector3d& q, const Vector3d& a, const Vector3d& b,
              const Vector3d& c) {
   const Vector3d normal = (b - a).cross(c - a);
@@ -78,8 +78,8 @@ TriangleBvh::TriangleBvh(TriangleMesh mesh) : mesh_(std::move(mesh)) {
   MarkDoubtful();
 }
 
-// Splits at the middle of the longest side of the centers' box: on surfaces as good as a costlier
-// rule, for a tree that is built once.
+// Splits at the median along the longest side of the centers' box. On surfaces this is as good as a
+// costlier rule, for a tree that is built once.
 int32_t TriangleBvh::BuildNode(int32_t first, int32_t count, const std::vector<AlignedBox3d>& boxes,
                                const std::vector<Vector3d>& centers) {
   const auto index = static_cast<int32_t>(nodes_.size());
@@ -264,14 +264,14 @@ TriangleBvh::Nearest TriangleBvh::NearestTo(const Vector3d& point_mm) const {
   return {std::sqrt(hit.squared), hit.triangle, point_mm - hit.from};
 }
 
-// Neighboring samples have few triangles in common that could be nearest: those within the block's
-// own size of the nearest to its center. And the distance to a triangle is a convex function: it is
-// nowhere below its tangent at the center, which costs next to nothing to look at.
+// Few triangles can be nearest to the samples of a block. Their distance from its center exceeds
+// the least one by at most the block's diagonal. The distance to a triangle is convex, so it is
+// nowhere below its tangent at the center. The tangent is a cheap lower bound.
 void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, int count,
                              double* distances) const {
   constexpr int kBlock = 3;
   thread_local std::vector<Candidate> candidates;
-  int32_t last = 0;  // nearest triangle of the block before: a first guess
+  int32_t last = 0;  // nearest triangle of the sample before: a first guess
   for (int k0 = 0; k0 < count; k0 += kBlock) {
     for (int j0 = 0; j0 < count; j0 += kBlock) {
       for (int i0 = 0; i0 < count; i0 += kBlock) {
@@ -310,8 +310,8 @@ void TriangleBvh::SampleGrid(const double* x, const double* y, const double* z, 
   }
 }
 
-// Down the tree: into nodes that `enters` wants, and to `leaf` with each triangle there, until it
-// wants no more.
+// Walks down the tree into nodes for which `enters` is true. Calls `leaf` with each triangle there,
+// until it returns false.
 template <typename Enters, typename Leaf>
 void TriangleBvh::Walk(Enters enters, Leaf leaf) const {
   int32_t stack[kStackDepth];
@@ -332,8 +332,8 @@ void TriangleBvh::Walk(Enters enters, Leaf leaf) const {
   }
 }
 
-// All triangles within limit_mm of a point, with the tangents of their distances. None and false
-// where there are so many that a search for each sample is quicker.
+// All triangles within limit_mm of a point, with the tangents of their distances. Returns false and
+// no triangle if there are too many: a search for each sample is then quicker.
 bool TriangleBvh::Gather(const Vector3d& p, double limit_mm,
                          std::vector<Candidate>& candidates) const {
   constexpr size_t kMost = 400;
@@ -365,7 +365,7 @@ double TriangleBvh::CastRay(const Vector3d& from_mm, const Vector3d& direction,
       double t0 = (node.box.min()[axis] - from_mm[axis]) * inverse[axis];
       double t1 = (node.box.max()[axis] - from_mm[axis]) * inverse[axis];
       if (t0 > t1) std::swap(t0, t1);
-      // A comparison with NaN (on a face, along it) keeps the box.
+      // A comparison with NaN (ray on a face, along it) keeps the box.
       enter = t0 > enter ? t0 : enter;
       leave = t1 < leave ? t1 : leave;
     }

@@ -16,14 +16,13 @@ namespace torquer::vessel {
 /// Distances to a mesh by a tree of boxes.
 ///
 /// The sign is that of the angle-weighted pseudonormal of the nearest face, edge or vertex
-/// (Baerentzen & Aanaes 2005); near edges that are not shared by just two faces, near slivers and
-/// where the surface cuts through itself, that of the winding number (inside above 1/2).
-/// Among equally near triangles the one with the lowest index counts, so every answer is a function
-/// of the point alone.
+/// (Baerentzen & Aanaes 2005). Near edges without exactly two faces, slivers and
+/// self-intersections, it comes from the winding number (inside above 1/2). Among equally near
+/// triangles the lowest index counts, so every result depends on the point alone.
 class TriangleBvh final : public DistanceSource {
  public:
-  /// mesh: closed (every edge is run through as often one way as the other), outward normals, at
-  /// least one triangle.
+  /// mesh: closed (every edge has equally many uses in both directions), outward normals, at least
+  /// one triangle.
   explicit TriangleBvh(TriangleMesh mesh);
 
   double Distance(const Eigen::Vector3d& point_mm) const override;
@@ -44,17 +43,17 @@ class TriangleBvh final : public DistanceSource {
   double CastRay(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction,
                  double least_mm) const;
 
-  /// How often the surface goes round a point: 1 inside a simple one, 0 outside.
+  /// Winding number of the surface about a point: 1 inside a simple surface, 0 outside.
   double WindingNumber(const Eigen::Vector3d& point_mm) const;
 
-  /// The triangles whose boxes touch a box.
+  /// Finds the triangles with boxes that touch a box.
   void FindTouching(const Eigen::AlignedBox3d& box, std::vector<int32_t>& triangles) const;
 
-  /// Pairs of triangles that cut through one another (neighbors that share a vertex are not looked
-  /// at), at most `limit` of them.
+  /// Pairs of triangles that cut through one another, at most `limit` of them. Triangles that share
+  /// a vertex are not tested.
   std::vector<std::pair<int32_t, int32_t>> FindIntersections(size_t limit) const;
 
-  /// Whether the sign near a triangle is taken from the winding number.
+  /// True if the sign near a triangle comes from the winding number.
   bool IsDoubtful(int32_t triangle) const { return faces_[triangle].doubtful; }
 
  private:
@@ -67,8 +66,8 @@ class TriangleBvh final : public DistanceSource {
   };
   struct Node {
     Eigen::AlignedBox3d box;
-    int32_t first = 0, count = 0;  // triangles of a leaf; of an inner node first is the right child
-    // For winding numbers from afar: summed area vectors about their mean place.
+    int32_t first = 0, count = 0;  // leaf: its triangles; inner node: first is the right child
+    // For distant winding numbers: summed area vectors about their mean place.
     Eigen::Vector3d area = Eigen::Vector3d::Zero(), place = Eigen::Vector3d::Zero();
     double reach = 0;
   };
@@ -77,14 +76,14 @@ class TriangleBvh final : public DistanceSource {
     double squared = std::numeric_limits<double>::infinity();
     int32_t triangle = -1;
     int feature = 0;
-    Eigen::Vector3d from = Eigen::Vector3d::Zero();  // nearest point to p
+    Eigen::Vector3d from = Eigen::Vector3d::Zero();  // from the nearest point to p
 
     bool Beats(const Hit& other) const {
       return squared < other.squared || (squared == other.squared && triangle < other.triangle);
     }
   };
 
-  // A triangle that may be nearest to points about a center, and its distance's tangent there.
+  // Candidate for the nearest triangle about a center, with its distance's tangent there.
   struct Candidate {
     double distance;
     Eigen::Vector3d gradient;

@@ -17,7 +17,7 @@ struct TriangleMesh {
   const Eigen::Vector3d& Corner(size_t triangle, int corner) const {
     return vertices_mm[triangles[triangle][corner]];
   }
-  /// Twice the area, along the outward normal.
+  /// Outward normal with twice the area as its length, mm^2.
   Eigen::Vector3d DoubleArea(size_t triangle) const {
     const Eigen::Vector3d& a = Corner(triangle, 0);
     return (Corner(triangle, 1) - a).cross(Corner(triangle, 2) - a);
@@ -37,9 +37,9 @@ struct TriangleMesh {
     for (size_t i = 0; i < triangles.size(); ++i) sum += DoubleArea(i).norm() / 2;
     return sum;
   }
-  /// Enclosed volume, mm^3: positive where normals point outward. Of a closed mesh only.
+  /// Enclosed volume of a closed mesh, mm^3: positive if normals point outward.
   double Volume() const {
-    // About a corner of the box rather than the origin, which may be far away.
+    // About a vertex of the mesh rather than the origin, which may be far away.
     const Eigen::Vector3d about = triangles.empty() ? Eigen::Vector3d::Zero() : Corner(0, 0);
     double sum = 0;
     for (size_t i = 0; i < triangles.size(); ++i) {
@@ -49,7 +49,7 @@ struct TriangleMesh {
   }
 };
 
-/// Adds another surface, as parts not joined to the first.
+/// Adds another surface, in parts not joined to the first.
 inline void Append(TriangleMesh& mesh, const TriangleMesh& other) {
   const auto first = static_cast<int32_t>(mesh.vertices_mm.size());
   mesh.vertices_mm.insert(mesh.vertices_mm.end(), other.vertices_mm.begin(),

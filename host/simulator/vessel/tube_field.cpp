@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Distance d to the axis as a function Q of u = d^2, rounded for d < round: the even polynomial
+// Distance d to the axis as a function Q of u = d^2, rounded for d < round. The even polynomial
 // round (3/8 + 3/4 (d/round)^2 - 1/8 (d/round)^4) meets d with two derivatives at d = round.
 struct RoundedDistance {
   double value, first, second;  // Q, dQ/du, d2Q/du2
@@ -94,7 +94,7 @@ TubeField::Primitive TubeField::MakePrimitive(const PathPiece& piece, double fro
     primitive.half_angle = primitive.length / (2 * radius);
     primitive.cos_half = std::cos(primitive.half_angle);
     primitive.sin_half = std::sin(primitive.half_angle);
-    // A full circle has no ends: no rounding may make one.
+    // A full circle has no ends: rounding must not make one.
     if (primitive.half_angle > M_PI * (1 - 1e-12)) primitive.cos_half = -2;
   } else {
     primitive.origin = piece.PointAt(u0);
@@ -102,7 +102,7 @@ TubeField::Primitive TubeField::MakePrimitive(const PathPiece& piece, double fro
     primitive.y = AnyOrthogonal(piece.tangent);
   }
   primitive.z = primitive.x.cross(primitive.y);
-  // The radius' cubic, from the knots on either side.
+  // Cubic of the radius, from the knots on either side.
   const auto& at = tube.radius_at_mm;
   const double middle = (from + to) / 2;
   const size_t after = std::upper_bound(at.begin(), at.end(), middle) - at.begin();
@@ -153,7 +153,7 @@ TubeField::TubeField(const std::vector<Tube>& tubes, double union_width_mm)
     for (const PathPiece& piece : tube.axis.pieces()) {
       const double end = piece.begin_mm + piece.length_mm;
       std::vector<double> cuts{piece.begin_mm};
-      // Knots and pieces ascend together.
+      // Knots and pieces are both in ascending order.
       for (; tube.radii_mm.size() > 1 && knot != tube.radius_at_mm.end(); ++knot) {
         if (*knot >= end - 1e-9) break;
         if (*knot > cuts.back() + 1e-9) cuts.push_back(*knot);
@@ -164,7 +164,7 @@ TubeField::TubeField(const std::vector<Tube>& tubes, double union_width_mm)
         const Primitive& made = data.primitives.back();
         box.extend(made.ball_center);
       }
-      // Samples bound the lumen closer than the balls do; the sagitta between them is added.
+      // Samples bound the lumen more tightly than the balls; the sagitta between them is added.
       for (int i = 0; i <= 64; ++i) {
         const Vector3d at = piece.PointAt(piece.length_mm * i / 64);
         const double turn = piece.curvature_per_mm * piece.length_mm / 128;
@@ -187,8 +187,8 @@ TubeField::TubeField(const std::vector<Tube>& tubes, double union_width_mm)
 
 namespace {
 
-// Where a point stands to the sphere of the axis at u: v = p - axis(u), its part along the tangent
-// t, and v . axis''(u).
+// Offset of a point from the axis at u: v = p - axis(u). along: v's component along the tangent t.
+// curved: v . axis''(u).
 struct Offset {
   Vector3d v, t;
   double along, curved;
@@ -245,7 +245,7 @@ void TubeField::Look(const Primitive& primitive, double round_mm, const Vector3d
     if (along >= primitive.cos_half * in_plane) {
       const double off = in_plane - primitive.bend_radius;
       distance2 = height * height + off * off;
-      // Where along the arc is asked for only by a changing radius and by derivatives.
+      // Only a changing radius needs u here; for a constant one, Differentiate finds it.
       u = primitive.constant_radius
               ? 0
               : (std::atan2(across, along) + primitive.half_angle) * primitive.bend_radius;
@@ -261,7 +261,7 @@ void TubeField::Look(const Primitive& primitive, double round_mm, const Vector3d
   if (primitive.constant_radius) {
     value = primitive.r0 - Rounded(distance2, round_mm).value;
   } else {
-    // The sphere that reaches furthest is not the one nearest: climb from there.
+    // The sphere that reaches furthest is not the nearest one: Newton steps climb from there.
     for (int iteration = 0; iteration < 20; ++iteration) {
       const Offset offset = OffsetAt(primitive, p, u);
       const RoundedDistance q = Rounded(offset.v.squaredNorm(), round_mm);
@@ -284,8 +284,8 @@ void TubeField::Look(const Primitive& primitive, double round_mm, const Vector3d
   if (value > best.value) best = {value, u, &primitive, interior};
 }
 
-// With F(p, u) = r(u) - Q(|p - axis(u)|^2), stationary in u where the contact is interior:
-// gradient F_p, Hessian F_pp - F_pu F_pu^T / F_uu (implicit function theorem).
+// F(p, u) = r(u) - Q(|p - axis(u)|^2) is stationary in u if the contact is interior. Then the
+// gradient is F_p, and the Hessian F_pp - F_pu F_pu^T / F_uu (implicit function theorem).
 template <int kOrder>
 void TubeField::Differentiate(const Contact& contact, double round_mm, const Vector3d& p,
                               Vector3d& gradient, Matrix3d& hessian) {
@@ -315,7 +315,7 @@ void TubeField::Differentiate(const Contact& contact, double round_mm, const Vec
       const double bend = 2 * primitive.r2 + 6 * u * primitive.r3 +
                           2 * q.first * (offset.curved - 1) -
                           4 * q.second * offset.along * offset.along;
-      // On the axis of a bend, far outside the lumen, every sphere is as near: bounded there.
+      // On the axis of a bend, far outside the lumen, all spheres are equally near: bounded there.
       hessian -= mixed * mixed.transpose() / std::min(bend, -0.02 * 2 * q.first);
     }
   }
@@ -330,7 +330,7 @@ double TubeField::Evaluate(const Vector3d& p, ClearanceSample* out) const {
   for (const TubeData& tube : tubes_) {
     Contact contact{-std::numeric_limits<double>::infinity(), 0, &tube.primitives.front(), false};
     if (!first) {
-      // A tube whose every sphere stays below the blend changes nothing.
+      // A tube changes nothing if all its spheres stay below the blend.
       const double reach = tube.ball_radius - (value - union_width_mm_);
       if (reach <= 0 || (p - tube.ball_center).squaredNorm() > reach * reach) continue;
     }
@@ -353,7 +353,8 @@ double TubeField::Evaluate(const Vector3d& p, ClearanceSample* out) const {
       }
       continue;
     }
-    // max + h^3 / (6 w^2), with weights of the two and its second derivative h / w^2.
+    // Blend: max + h^3 / (6 w^2). Its first derivatives are the weights of the two, its second is h
+    // / w^2.
     const double w2 = union_width_mm_ * union_width_mm_;
     value = std::max(value, contact.value) + h * h * h / (6 * w2);
     if constexpr (kOrder >= 1) {

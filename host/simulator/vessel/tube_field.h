@@ -22,22 +22,21 @@ namespace torquer::vessel {
 struct Tube {
   std::string name;
   ArcLinePath axis;
-  /// Radius at each of radius_at_mm (increasing arc lengths of the axis); one alone holds
-  /// everywhere. Between them a monotone cubic with continuous slope, beyond them constant. The
+  /// Radius, mm, at each of radius_at_mm (increasing arc lengths of the axis); a single one holds
+  /// everywhere. A monotone cubic with continuous slope between them, constant beyond them. The
   /// slope must stay below 0.5, and the radius below 95 % of the axis' bend radius.
   std::vector<double> radii_mm;
   std::vector<double> radius_at_mm;
 };
 
-/// The smooth union of tubes.
+/// Smooth union of tubes.
 ///
-/// Within a tube the value is the exact distance to its wall except near the axis, where the cone's
-/// tip is rounded off: further than half the smallest radius from the axis it is exact. Where two
-/// tubes meet, values within union_width_mm of one another are blended (cubic, two continuous
-/// derivatives), which rounds the edge and adds at most a sixth of the width.
-/// Gradient continuous and at most 1 everywhere in and near the lumen; the Hessian is exact, and
-/// jumps where the axis passes from line to arc. Outside, on the points that are equally far from
-/// two parts of one tube, the gradient turns, as that of any distance does.
+/// Within a tube, the value is the exact distance to the wall. Nearer to the axis than half the
+/// smallest radius, the tip of the cone is rounded off. At junctions, values of two tubes within
+/// union_width_mm of one another are blended (cubic, two continuous derivatives). This rounds the
+/// edge and adds at most a sixth of the width. In and near the lumen, the gradient is continuous
+/// and at most 1. The Hessian is exact and jumps between line and arc of the axis. Outside, at
+/// points equally far from two parts of one tube, the gradient jumps, as for any distance.
 class TubeField final : public ClearanceField {
  public:
   /// tubes: at least one. union_width_mm >= 0 (0: sharp edges, the gradient jumps there). Throws
@@ -54,12 +53,12 @@ class TubeField final : public ClearanceField {
   double smallest_radius_mm() const { return smallest_radius_mm_; }
 
  private:
-  // A line or arc with one cubic for the radius, in the form that look-ups need.
+  // Line or arc with one cubic for the radius, in a form for look-ups.
   struct Primitive {
     bool is_arc = false;
     bool constant_radius = true;
-    // Line: origin is the start, x the tangent. Arc: origin is the circle's center, x points to
-    // the middle of the arc, y is the tangent there, z the axis of the bend.
+    // Line: origin is the start, x the tangent. Arc: origin is the circle's center, x points to the
+    // middle of the arc. y is the tangent there, z the axis of the bend.
     Eigen::Vector3d origin, x, y, z;
     double bend_radius = 0, half_angle = 0, cos_half = 0, sin_half = 0;
     double length = 0;
@@ -69,11 +68,11 @@ class TubeField final : public ClearanceField {
   };
   struct TubeData {
     std::vector<Primitive> primitives;
-    double round_mm = 0;  // the axis' cone is rounded within this distance
+    double round_mm = 0;  // distance from the axis within which the cone is rounded
     Eigen::Vector3d ball_center;
     double ball_radius = 0;
   };
-  // The best sphere of a tube for a point.
+  // Sphere of a tube with the largest value for a point.
   struct Contact {
     double value = 0;
     double u = 0;

@@ -1,4 +1,4 @@
-// Points that nearly coincide become one.
+// Vertex welder: merges points that nearly coincide.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +11,7 @@
 
 namespace torquer::vessel {
 
-/// Numbers points; one within tolerance_mm of an earlier one gets that one's number.
+/// Numbers points; a point within tolerance_mm of an earlier one gets its number.
 class VertexWelder {
  public:
   /// tolerance_mm: above 0.
@@ -35,7 +35,7 @@ class VertexWelder {
   }
 
   const std::vector<Eigen::Vector3d>& points_mm() const { return points_mm_; }
-  /// The points, by number. The welder is spent.
+  /// The points, by number. The welder must not be used afterwards.
   std::vector<Eigen::Vector3d> Take() { return std::move(points_mm_); }
 
  private:

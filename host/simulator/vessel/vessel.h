@@ -19,16 +19,16 @@
 
 namespace torquer::vessel {
 
-/// A vessel as people and the relaxation see it.
+/// Vessel, with the data for people and for the relaxation.
 struct Vessel {
   std::shared_ptr<const ClearanceField> field;
-  std::shared_ptr<const MeshVessel> surface;  ///< where it came from, if from a surface
+  std::shared_ptr<const MeshVessel> surface;  ///< the source surface; null for other kinds
   CenterlineNetwork centerlines;              ///< may be empty for surfaces
   Eigen::AlignedBox3d bounds_mm;
   std::string description;            ///< one line
-  std::vector<std::string> findings;  ///< what was found and repaired, one sentence each
-  /// The bytes of the files that it was made of, as they were parsed, surface first: what tells
-  /// this vessel from one that a file of the same name gave before or after. Scene drops them.
+  std::vector<std::string> findings;  ///< findings and repairs, one sentence each
+  /// Bytes of its files as parsed, surface first. They distinguish this vessel from one that a file
+  /// of the same name gave at another time. Scene drops them.
   std::vector<std::string> contents;
 };
 
@@ -36,8 +36,8 @@ struct Vessel {
 struct VesselKind {
   std::string name;     ///< vessel.kind
   std::string summary;  ///< one line for people
-  AnyKeys keys;         ///< besides those that every vessel has
-  /// Builds it; paths are relative to `folder`. Throws UserError.
+  AnyKeys keys;         ///< in addition to the keys of every vessel
+  /// Builds a vessel; paths are relative to `folder`. Throws UserError.
   std::function<Vessel(const std::any& spec, const std::filesystem::path& folder)> build;
 };
 
@@ -51,7 +51,6 @@ VesselKind MakeVesselKind(std::string name, std::string summary, const Keys<Spec
           }};
 }
 
-/// All kinds there are.
 const std::vector<VesselKind>& AllVesselKinds();
 
 }  // namespace torquer::vessel

@@ -70,7 +70,7 @@ Vessel Build(const SurfaceSpec& spec, const std::filesystem::path& folder) {
   } catch (const UserError& error) {
     spec.origin.Refuse("file", error.what());
   }
-  // The coarse levels serve wherever the wire never goes; the fine bricks come as it comes.
+  // The coarse levels suffice far from the wire; look-ups build the fine bricks near it.
   vessel.surface->field().Build(1, static_cast<int>(std::thread::hardware_concurrency()));
   vessel.field = std::shared_ptr<const ClearanceField>(vessel.surface, &vessel.surface->field());
   const MeshReport& report = vessel.surface->report();

@@ -1,4 +1,4 @@
-// The phantom of the paper.
+// T-Y phantom, after Baier et al. (2016).
 #pragma once
 
 #include "host/simulator/vessel/vessel.h"
