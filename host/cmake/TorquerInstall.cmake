@@ -26,7 +26,7 @@ set(documents host/python/examples/*.py)
 foreach(ending md svg png jpg csv scad)
   list(APPEND documents *.${ending} calibration/*.${ending} firmware/*.${ending}
     firmware/*/*.${ending} hardware/*.${ending} hardware/*/*.${ending} protocol/*.${ending}
-    host/*/*.${ending} host/*/*/*.${ending} host/*/*/*/*.${ending})
+    host/*.${ending} host/*/*.${ending} host/*/*/*.${ending} host/*/*/*/*.${ending})
 endforeach()
 file(GLOB documents CONFIGURE_DEPENDS RELATIVE ${PROJECT_SOURCE_DIR} ${documents})
 list(FILTER documents EXCLUDE REGEX "^host/scenes/.*[.]csv$")
