@@ -15,22 +15,46 @@ import torquer.export
 SIMULATOR = pathlib.Path(torquer.__file__).absolute().parents[3] / "bin/torquer-simulator"
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("states")
+def run_both(folder, scene):
     (folder / "s.csv").write_text(
         "time_s,guidewire.insertion_mm\n" + "".join(f"{0.1 * k:.1f},{3 * k}\n" for k in range(6))
     )
     for name in ("states.bin", "states.jsonl"):
         subprocess.run(
-            [SIMULATOR, "--scene", torquer.scene_path("ty_phantom"), "--script", folder / "s.csv",
-             "--states", folder / name],
+            [SIMULATOR, "--scene", scene, "--script", folder / "s.csv", "--states", folder / name],
             check=True, capture_output=True,
         )
     return folder
 
 
-def test_both_formats_give_the_same_arrays(folder):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return run_both(tmp_path_factory.mktemp("states"), torquer.scene_path("ty_phantom"))
+
+
+# Two curves, whose numbers of nodes differ.
+ROOM = """
+[[instrument]]
+name = "catheter"
+max_length_mm = 200
+inserted_at_start_mm = 60
+radius_mm = 1
+inner_radius_mm = 0.6
+rigidity_N_mm2 = [40]
+from_tip_mm = [0]
+
+[effects.clearance]
+[effects.internal_forces]
+"""
+
+
+@pytest.mark.parametrize("scene", ["ty_phantom", "room"])
+def test_both_formats_give_the_same_arrays(tmp_path, scene):
+    path = torquer.scene_path("ty_phantom")
+    if scene == "room":
+        path = tmp_path / "room.toml"
+        path.write_text(pathlib.Path(torquer.scene_path("ty_phantom")).read_text() + ROOM)
+    folder = run_both(tmp_path, path)
     binary = torquer.read_states(folder / "states.bin")
     text = torquer.read_states(folder / "states.jsonl")
     lines = [json.loads(line) for line in (folder / "states.jsonl").read_text().splitlines()]
@@ -49,6 +73,8 @@ def test_both_formats_give_the_same_arrays(folder):
     assert [str(value) for value in binary["state_hash"]] == [line["state_hash"] for line in lines]
     assert binary["time_s"].tolist() == [0.1 * k if k != 3 else 0.3 for k in range(6)]
     assert binary.units["energy_mJ"] == "mJ"
+    if scene == "room":
+        assert len(binary["guidewire.nodes_mm"][0]) != len(binary["catheter.nodes_mm"][0])
     # The inserted length grows from row to row.
     assert len(binary["nodes_mm"][5]) > len(binary["nodes_mm"][0])
     with pytest.raises(KeyError, match="no field 'energy'.*energy_mJ"):
@@ -81,8 +107,12 @@ def test_a_file_that_is_cut_is_refused_where_it_ends(folder, tmp_path):
     path.write_bytes(data[:12])
     with pytest.raises(torquer.Error, match="12 bytes, no header"):
         torquer.read_states(path)
-    path.write_bytes(data[:8] + struct.pack("<I", 2) + data[12:])
-    with pytest.raises(torquer.Error, match="version 2; this Torquer reads version 1"):
+    path.write_bytes(data[:8] + struct.pack("<I", 1) + data[12:])
+    with pytest.raises(torquer.Error, match="version 1; this Torquer reads version 2"):
+        torquer.read_states(path)
+    header = b'{"fields": []}  '
+    path.write_bytes(data[:12] + struct.pack("<I", len(header)) + header + bytes(64))
+    with pytest.raises(torquer.Error, match="does not name fields"):
         torquer.read_states(path)
     with pytest.raises(torquer.Error, match="cannot be read"):
         torquer.read_states(tmp_path / "none")

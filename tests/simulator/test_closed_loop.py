@@ -231,18 +231,21 @@ def decode(data):
     """Binary states, as host/simulator/README.md lays them out."""
     assert data[:8] == b"TQSTATES"
     version, size = struct.unpack("<II", data[8:16])
-    assert version == 1 and size % 8 == 0
+    assert version == 2 and size % 8 == 0
     fields = json.loads(data[16 : 16 + size])["fields"]
     at, rows = 16 + size, []
     while at < len(data):
-        (nodes,) = struct.unpack_from("<Q", data, at)
-        at += 8
+        nodes = {}
+        for field in fields:
+            if field["shape"]:
+                (nodes[field["name"]],) = struct.unpack_from("<Q", data, at)
+                at += 8
         row = {}
         for field in sorted(fields, key=lambda field: field["shape"] != []):
             code = {"f8": "d", "i8": "q", "u8": "Q"}[field["type"]]
             count = 1
             for size in field["shape"]:
-                count *= nodes if size == "nodes" else size
+                count *= nodes[field["name"]] if size == "nodes" else size
             row[field["name"]] = struct.unpack_from(f"<{count}{code}", data, at)
             at += 8 * count
         rows.append(row)

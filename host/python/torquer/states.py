@@ -17,7 +17,7 @@ Array = npt.NDArray[Any]
 Path = Union[str, "os.PathLike[str]"]
 
 MAGIC = b"TQSTATES"
-_VERSION = 1
+_VERSION = 2
 _MOST_HEADER_BYTES = 1 << 20
 _MOST_NODES = 100_000
 _SHAPES = {(): 0, ("nodes",): 1, ("nodes", 3): 3}
@@ -72,7 +72,7 @@ def _header(path: str, data: bytes) -> Any:
             and (not field["shape"] or field["type"] == "f8")
             for field in fields
         )
-        known = known and len(set(names)) == len(names)
+        known = known and 0 < len(set(names)) == len(names)
     except (ValueError, KeyError, TypeError):
         known = False
     if not known:
@@ -89,15 +89,17 @@ def _read_binary(path: str, data: bytes) -> States:
     arrays: Dict[str, List[Array]] = {field["name"]: [] for field in of_nodes}
     while at < len(data):
         left = len(data) - at
-        nodes = struct.unpack_from("<Q", data, at)[0] if left >= 8 else 0
-        if nodes > _MOST_NODES:
-            raise Error(f"{path}: row {len(words) + 1} has {nodes} nodes, not up to {_MOST_NODES}; {_AGAIN}")
-        size = 8 * (1 + len(single) + nodes * sum(columns))
+        size = 8 * (len(columns) + len(single))
+        counts = struct.unpack_from(f"<{len(columns)}Q", data, at) if size <= left else ()
+        if counts and max(counts) > _MOST_NODES:
+            raise Error(f"{path}: row {len(words) + 1} has {max(counts)} nodes, not up to {_MOST_NODES}; {_AGAIN}")
+        size += 8 * sum(nodes * count for nodes, count in zip(counts, columns))
         if size > left:
             raise Error(f"{path}: row {len(words) + 1} ends after {left} of {size} bytes; {_AGAIN}")
-        words.append(np.frombuffer(data, "<u8", len(single), at + 8))
-        begin = at + 8 * (1 + len(single))
-        for field, count in zip(of_nodes, columns):
+        begin = at + 8 * len(columns)
+        words.append(np.frombuffer(data, "<u8", len(single), begin))
+        begin += 8 * len(single)
+        for field, nodes, count in zip(of_nodes, counts, columns):
             values = np.frombuffer(data, "<f8", nodes * count, begin)
             arrays[field["name"]].append(values.reshape(nodes, 3) if count == 3 else values)
             begin += 8 * nodes * count

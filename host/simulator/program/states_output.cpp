@@ -3,7 +3,8 @@
 #include <fmt/format.h>
 
 #include <bit>
-#include <cstring>
+#include <cassert>
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <type_traits>
 #include <utility>
@@ -91,22 +92,25 @@ std::string StatesOutput::AsJson(const StateRow& row) const {
 }
 
 std::string StatesOutput::AsBytes(const StateRow& row) const {
-  std::string bytes;
-  Append(bytes, static_cast<std::uint64_t>(row.simulation().node_count()));
+  std::string counts;
+  std::string scalars;
   std::string nodes;
   for (const StateField& field : fields_) {
     const StateValue value = field.get(row);
     if (const auto* values = std::get_if<std::vector<double>>(&value)) {
+      const std::size_t width = static_cast<std::size_t>(field.values_of_node);
+      assert(values->size() % width == 0);
+      Append(counts, std::uint64_t{values->size() / width});
       nodes.append(reinterpret_cast<const char*>(values->data()), 8 * values->size());
     } else {
       std::visit(
-          [&bytes](const auto& one) {
-            if constexpr (std::is_arithmetic_v<std::decay_t<decltype(one)>>) Append(bytes, one);
+          [&scalars](const auto& one) {
+            if constexpr (std::is_arithmetic_v<std::decay_t<decltype(one)>>) Append(scalars, one);
           },
           value);
     }
   }
-  return bytes + nodes;
+  return counts + scalars + nodes;
 }
 
 }  // namespace torquer::program

@@ -12,7 +12,7 @@
 namespace torquer::program {
 
 /// Of binary states (host/simulator/README.md); a change of the layout changes it.
-inline constexpr int kStatesVersion = 1;
+inline constexpr int kStatesVersion = 2;
 
 class StatesOutput {
  public:
