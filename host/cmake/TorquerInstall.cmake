@@ -22,8 +22,8 @@ install(FILES ${CMAKE_CURRENT_BINARY_DIR}/torquer-daemon@.service DESTINATION li
 
 
 # The texts with the pictures that they show, under the paths by which they link to each other.
-set(documents host/python/examples/*.py)
-foreach(ending md svg png jpg csv scad)
+set(documents .github/*.md tests/*.md tests/hil/*.md tests/hil/*/*.md)
+foreach(ending md svg png jpg webm csv scad)
   list(APPEND documents *.${ending} calibration/*.${ending} firmware/*.${ending}
     firmware/*/*.${ending} hardware/*.${ending} hardware/*/*.${ending} protocol/*.${ending}
     host/*.${ending} host/*/*.${ending} host/*/*/*.${ending} host/*/*/*/*.${ending})

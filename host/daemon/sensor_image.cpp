@@ -18,17 +18,29 @@ void SensorImage::OnConnected(const std::string& serial) {
   serial_ = serial;
   lost_ = false;
   working_ = false;
+  OnReset();
+}
+
+void SensorImage::OnReset() {
   tries_left_ = kTries;
+  reported_.reset();
 }
 
 void SensorImage::OnReport(std::uint8_t flags) {
   const bool lost = (flags & protocol::kFlagSromLost) != 0;
-  if (lost && !lost_) tries_left_ = kTries;
+  if (lost && !lost_) OnReset();
   lost_ = lost;
   working_ = (flags & protocol::kFlagSensorFault) == 0;
 }
 
 std::optional<std::string> SensorImage::Load(device::ReportSource& source) {
+  std::optional<std::string> outcome = Try(source);
+  if (outcome == reported_) return std::nullopt;
+  reported_ = outcome;
+  return outcome;
+}
+
+std::optional<std::string> SensorImage::Try(device::ReportSource& source) {
   const int tries_left = std::exchange(tries_left_, 0) - 1;
   const std::optional<std::string> path = device::KeptSromPath(serial_);
   std::error_code unreadable;  // reported by ReadSromFile()

@@ -20,15 +20,15 @@ class SensorImage {
   void OnConnected(const std::string& serial);
   /// The device has restarted: its sensor has lost the image, and the device does not know that one
   /// was loaded.
-  void OnReset() { tries_left_ = kTries; }
+  void OnReset();
   /// The flags (protocol::ReportFlag) of each report.
   void OnReport(std::uint8_t flags);
 
   /// True if Load() should be called now: tries are left and the sensor works.
   bool due() const { return tries_left_ > 0 && working_; }
   /// Loads the stored image, in some 0.3 s. Returns the outcome as a sentence for the user, or
-  /// nullopt if there was nothing to do. A device that refuses or does not answer gets at most
-  /// three tries per loss. Throws device::DeviceGone.
+  /// nullopt if there was nothing to do or the outcome is that of the previous try. A device that
+  /// refuses or does not answer gets at most three tries per loss. Throws device::DeviceGone.
   std::optional<std::string> Load(device::ReportSource& source);
 
   /// Number of times an image was loaded.
@@ -37,10 +37,13 @@ class SensorImage {
  private:
   static constexpr int kTries = 3;
 
+  std::optional<std::string> Try(device::ReportSource& source);
+
   std::string serial_;
   bool lost_ = false;  // the device reports the image as lost
   int tries_left_ = 0;
   bool working_ = false;
+  std::optional<std::string> reported_;  // outcome of the tries since the last loss
   std::int64_t loaded_ = 0;
 };
 

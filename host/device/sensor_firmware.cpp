@@ -62,13 +62,11 @@ int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image) {
     if (after.sensor_fault_cause == protocol::kSensorSromRefused) {
       throw UserError(
           "the sensor did not take the firmware image: it is damaged, or for another sensor than "
-          "the "
-          "PMW3360. It runs without it");
+          "the PMW3360. It runs without it");
     }
     throw UserError(
         "the device refused the firmware image: its sensor does not answer (check its wiring), or "
-        "its "
-        "firmware is too old for this (run torquer-flash)");
+        "its firmware is too old for this (run torquer-flash)");
   }
   const int id = RunningSrom(reports);
   if (id == 0) {

@@ -1,8 +1,10 @@
 // Recovery by the daemon: a lost firmware image of the sensor, and motion that the sensor missed.
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "tests/daemon/daemon_chain.h"
 
@@ -87,6 +89,12 @@ TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost"
     for (int i = 0; i < 20; ++i) report(kLost);
     REQUIRE(says("the sensor did not take the firmware image"));
     REQUIRE(listener.UntilCommands(21));
+    // The daemon tries again every 50 ms, at most three times in all.
+    for (int i = 0; i < 10; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      report(kLost);
+    }
+    REQUIRE(listener.UntilCommands(31));
     device.Unplug();
     REQUIRE(listener.UntilHealth("waiting for device", ""));
     const std::string said = daemon.Error();

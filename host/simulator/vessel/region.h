@@ -44,7 +44,6 @@ class Region {
 
  private:
   Region(double radius_mm, double edge_mm) : radius_mm_(radius_mm), edge_mm_(edge_mm) {}
-  void AddBall(const Eigen::Vector3d& center_mm);
   void Group();
 
   // Consecutive balls along a curve, with one that contains them all.

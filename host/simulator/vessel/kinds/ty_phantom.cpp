@@ -16,7 +16,7 @@ const Keys<TyPhantomSpec>& TyPhantomKeys() {
 }
 
 Vessel Build(const TyPhantomSpec& /*spec*/, const std::filesystem::path& /*folder*/) {
-  return FromTubes(MakeTyPhantom(), "T-Y phantom, radius 4 mm, main path 285 mm");
+  return FromTubes(MakeTyPhantom(), "T-Y phantom, radius 4 mm, main path 284 mm");
 }
 
 }  // namespace
