@@ -53,7 +53,7 @@ def _scene(case: Case) -> Scene:
 
 
 def run(case: Case) -> Result:
-    """Runs a case. Raises torquer.Error for what the simulator refuses."""
+    """Runs a case. Raises torquer.Error if the simulator refuses it."""
     scene = _scene(case)
     simulation = Simulation(scene)
     names = [info.name for info in scene.instruments]
