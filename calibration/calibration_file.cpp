@@ -149,7 +149,7 @@ Calibration ReadTable(const std::string& text, const std::string& path) {
 std::string FormatCalibration(const Calibration& calibration) {
   const MotionModel& motion = calibration.motion;
   const std::string text = fmt::format(
-      "# What turns this device's counts into motion. Written by torquer-calibrate;\n"
+      "# Factors from this device's counts to motion. Written by torquer-calibrate;\n"
       "# the last line guards every byte above it.\n"
       "format = \"{}\"\nversion = {}\ndevice = {}\nnote = {}\n"
       "\n# Pairs: [of one axial count, of one transverse count].\n[motion]\n"

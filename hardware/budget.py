@@ -1,6 +1,6 @@
-"""What one count is worth and what the hardware gets wrong: the numbers in hardware/README.md.
+"""Scale and errors of the hardware: the numbers in hardware/README.md.
 
-Every function is its own formula, with its source beside it; mm, N and rad, degrees where it
+Every function is one formula, with its source beside it; mm, N and rad, or degrees if the name
 says so. Lengths come from parts/bench_device.scad: its definitions are evaluated here, so that the
 printed parts and this page share one derivation.
 """
@@ -21,19 +21,19 @@ MAXIMUM_SPEED_IPS = 250
 CPIS = (400, 800, 1200, 1600, 3200, 6400, 12000)
 RADII_MM = (4.0, 5.0, 6.0, 8.0)
 HALF_VIEW_MM = 0.5  # of what the sensor sees, at a magnification of 1:1; assumed
-# Of the sensor's LED against the vertical: assumed, from the flat light that such sensors use. With
-# it the shading across the cylinder is what an ordinary mouse sensor shows on one, about 1.7 to 1.
+# Angle of the sensor's LED light to the vertical: assumed, because such sensors use flat light. It gives the shading
+# across the cylinder that an ordinary mouse sensor shows on one, about 1.7 to 1.
 LIGHT_ANGLE_DEG = 69.0
 
-# What printing and buying leave uncertain, each +-, mm.
-PRINT_MM = 0.1  # a height of a printed part, in layers of 0.2
-FLANGE_MM = 0.05  # the lens in its board
+# Uncertainties from printing and from bought parts, each +-, mm.
+PRINT_MM = 0.1  # height of a printed part, in layers of 0.2
+FLANGE_MM = 0.05  # position of the lens in its board
 RADIUS_MM_ERROR = 0.05  # the caliper's check: 9.9 to 10.1 mm over paper and core
 
 AIR_KG_M3 = 1.2
-DISCHARGE = 0.6  # of a hole with a sharp edge
+DISCHARGE = 0.6  # of a sharp-edged hole
 PLA_KG_M3 = 1240
-PRINTED_SHARE = 0.6  # of a part's volume that is plastic: three walls and 20 % infill
+PRINTED_SHARE = 0.6  # plastic fraction of a part's volume: three walls and 20 % infill
 FRICTION_PAPER_PLA = 0.3  # assumed
 GRAVITY_M_S2 = 9.81
 
@@ -44,7 +44,7 @@ _OPERATORS = {
 
 
 def _evaluate(node: ast.AST, values: dict[str, float]) -> float:
-    """A number, a name of `values`, or a sum, difference, product or quotient of such. Raises
+    """Evaluates a number, a name in `values`, or their sum, difference, product or quotient. Raises
     KeyError for anything else."""
     if isinstance(node, ast.Constant):
         return float(node.value)
@@ -59,8 +59,8 @@ def _evaluate(node: ast.AST, values: dict[str, float]) -> float:
 
 
 def model_values(path: str = os.path.join(HERE, "parts", "bench_device.scad")) -> dict[str, float]:
-    """The numbers that the model defines, those derived from others included; lists and what needs
-    more than arithmetic left out."""
+    """Numbers that the model defines, including those derived from others. Omits lists and
+    expressions beyond arithmetic."""
     values: dict[str, float] = {}
     with open(path, encoding="utf-8") as file:
         for name, expression in re.findall(r"^(\w+) = ([^;]+);", file.read(), re.M):
@@ -90,12 +90,12 @@ def counts_a_turn(cpi: float, radius_mm: float) -> float:
 
 
 def false_rotation_rad(angle_rad: float, stroke_mm: float, radius_mm: float) -> float:
-    """What pushing by `stroke_mm` looks like as rotation, the sensor turned by `angle_rad`."""
+    """Apparent rotation from pushing by `stroke_mm`, with the sensor turned by `angle_rad`."""
     return stroke_mm * math.sin(angle_rad) / radius_mm
 
 
 def false_insertion_mm(angle_rad: float, rotation_rad: float, radius_mm: float) -> float:
-    """What turning looks like as insertion, the sensor turned by `angle_rad`."""
+    """Apparent insertion from turning, with the sensor turned by `angle_rad`."""
     return rotation_rad * radius_mm * math.sin(angle_rad)
 
 
@@ -105,25 +105,25 @@ def gain_loss(angle_rad: float) -> float:
 
 
 def sag_mm(half_view_mm: float, radius_mm: float) -> float:
-    """How much lower the cylinder lies at the edge of the view than in its middle."""
+    """Drop of the cylinder's surface from the middle to the edge of the view."""
     return radius_mm - math.sqrt(radius_mm**2 - half_view_mm**2)
 
 
 def foreshortening(half_view_mm: float, radius_mm: float) -> float:
-    """Share by which motion around the cylinder looks shorter, averaged over the view: the surface
-    moves along the arc and the sensor sees its projection, cos(asin(y / R)) of it."""
+    """Fraction by which motion around the cylinder looks shorter, averaged over the view. The surface
+    moves along the arc, and the sensor sees the projection, with the factor cos(asin(y / R))."""
     w, r = half_view_mm, radius_mm
     mean = (w * math.sqrt(r * r - w * w) + r * r * math.asin(w / r)) / (2 * w * r)
     return 1 - mean
 
 
 def offset_foreshortening(offset_mm: float, radius_mm: float) -> float:
-    """The same for a sensor that looks `offset_mm` beside the cylinder's crest."""
+    """Foreshortening for a sensor that looks `offset_mm` beside the cylinder's crest."""
     return 1 - math.sqrt(1 - (offset_mm / radius_mm) ** 2)
 
 
 def brightness(y_mm: float, radius_mm: float, light_angle_rad: float, across: bool) -> float:
-    """Light on matt paper at `y_mm` beside the crest, by Lambert's cosine: the surface faces away by
+    """Light on matt paper at `y_mm` beside the crest, by Lambert's cosine. The surface is tilted by
     asin(y / R), and the light comes flat, across the cylinder or along it."""
     normal = (0.0, y_mm / radius_mm, math.sqrt(1 - (y_mm / radius_mm) ** 2))
     flat, steep = math.sin(light_angle_rad), math.cos(light_angle_rad)
@@ -139,8 +139,9 @@ def shading(half_view_mm: float, radius_mm: float, light_angle_rad: float, acros
 
 
 def focus_mm() -> dict[str, tuple[float, float]]:
-    """Lens to surface, least and largest: as printed and not adjusted, and with the height set to
-    half a step; the cylinder at rest on the floor of its bore, and lifted to the ceiling."""
+    """Smallest and largest distance of lens and surface: as printed without adjustment, and with
+    the height set to half a step. The cylinder rests on the floor of its bore, or is lifted to the
+    ceiling."""
     rest = MODEL["lens_plane"] - MODEL["crest_at_rest"]
     lifted = MODEL["lens_plane"] - MODEL["crest_lifted"]
     # The board's seat and the flat on the pipe are printed heights, over which the lens and the
@@ -156,7 +157,7 @@ def focus_mm() -> dict[str, tuple[float, float]]:
 
 
 def roll_rad(clearance_mm: float, radius_mm: float) -> float:
-    """Rotation that is counted when the cylinder shifts sideways by its whole play."""
+    """Rotation counted if the cylinder shifts sideways by its whole play."""
     return 2 * clearance_mm / radius_mm
 
 
@@ -165,14 +166,14 @@ def radius_error_deg_a_turn(radius_error_mm: float, radius_mm: float) -> float:
 
 
 def cap_openings_mm2(vents: float) -> float:
-    """Of one cap: around the wire, and the vents."""
+    """Openings of one cap: around the wire, and the vents."""
     hole, wire = MODEL["wire_diameter"] + 0.6, MODEL["wire_diameter"]
     return math.pi / 4 * (hole**2 - wire**2 + vents * MODEL["vent_diameter"] ** 2)
 
 
 def piston_force_n(speed_m_s: float, radius_mm: float, opening_mm2: float) -> float:
-    """What the air in front of the cylinder pushes back with: all of it leaves through the cap, a
-    hole with a sharp edge (Bernoulli); what passes beside the cylinder is left out."""
+    """Force of the air in front of the cylinder. All of it leaves through the cap, a sharp-edged hole
+    (Bernoulli); the flow beside the cylinder is neglected."""
     area_m2 = math.pi * (radius_mm / 1000) ** 2
     jet_m_s = area_m2 * speed_m_s / (DISCHARGE * opening_mm2 * 1e-6)
     return AIR_KG_M3 / 2 * jet_m_s**2 * area_m2

@@ -1,4 +1,4 @@
-"""Writes the tables of hardware/README.md from the files that they are made of.
+"""Writes the tables of hardware/README.md from their source files.
 """
 
 import argparse
@@ -71,7 +71,7 @@ def tables() -> dict[str, str]:
 
 
 def with_tables(text: str) -> str:
-    """The README with every table between its marks replaced; raises KeyError for an unknown one."""
+    """README with every table between its marks replaced; raises KeyError for a missing mark."""
     made = tables()
     missing = [name for name in made if f"<!-- table {name} -->" not in text]
     if missing:

@@ -1,9 +1,9 @@
-"""The wiring of the bench device: wiring.csv checked against the firmware, and drawn.
+"""Wiring of the bench device: checks wiring.csv against the firmware, and draws it.
 
 The diagram goes to standard output: hardware/wiring.py > hardware/pictures/wiring.svg
 
-Volts are those of a controller at 3.3 V. With one at 5 V the nets of domain "controller" carry 5 V
-instead, and the module's level shifter keeps that from the sensor.
+Voltages are those of a controller at 3.3 V. With one at 5 V the nets of domain "controller" carry
+5 V, and the module's level shifter keeps that from the sensor.
 """
 
 import argparse
@@ -56,9 +56,9 @@ def load(path: str = os.path.join(HERE, "wiring.csv")) -> list[Wire]:
 
 
 def firmware_pins(pins_header: str, readme: str) -> dict[str, tuple[str, str]]:
-    """Signal to (port of the chip, pin name on the board), from pins.h; SPI from the README's table.
+    """Map of signal to (port of the chip, pin name on the board), from pins.h; SPI from the README.
 
-    Raises ValueError where the two disagree.
+    Raises ValueError if the two disagree.
     """
     table = {
         CONTROLLER_SIGNALS[what]: (port, pin)
@@ -95,7 +95,7 @@ def firmware_pins(pins_header: str, readme: str) -> dict[str, tuple[str, str]]:
 
 
 def problems(wires: list[Wire], pins: dict[str, tuple[str, str]]) -> list[str]:
-    """What is wrong with the wiring; empty if nothing."""
+    """Errors in the wiring; empty if there are none."""
     found = []
     volts: dict[str, float] = {}
     net_at: dict[tuple[str, str], str] = {}
@@ -129,7 +129,7 @@ def problems(wires: list[Wire], pins: dict[str, tuple[str, str]]) -> list[str]:
 
 
 def connected_problems(wires: list[Wire]) -> list[str]:
-    """Nets whose wires do not hang together."""
+    """Nets whose wires are not all connected."""
     found = []
     for net in {wire.net for wire in wires}:
         edges = [(wire.start, wire.end) for wire in wires if wire.net == net]
@@ -179,7 +179,7 @@ TITLES = {"controller": "Pro Micro (ATmega32U4)", "PMW3360": "PMW3360 + LM19-LSI
 
 
 def pin_places() -> dict[tuple[str, str], list[tuple[float, float, int]]]:
-    """Where each pin is, and to which side its wire leaves (-1 left, 1 right)."""
+    """Place of each pin, and the side on which its wire leaves (-1 left, 1 right)."""
     places: dict[tuple[str, str], list[tuple[float, float, int]]] = {}
     for part, (x, y, width, left, right) in PLACES.items():
         for names, px, side in ((left, x, -1), (right, x + width, 1)):
@@ -236,7 +236,7 @@ def draw(wires: list[Wire]) -> str:
             continue
         (x0, y0, _), (x1, y1, _) = sorted(ends)
         column = "left" if x1 <= 440 else "right"
-        # A lane for each wire, so chosen that no two of a column cross.
+        # Each wire has its own lane, so that no two wires of a column cross.
         direction = "up" if y1 < y0 else "down"
         lane[column, direction] = lane.get((column, direction), 0) + 1
         bend = {"left": 426, "right": 740}[column] - 12 * lane[column, direction]
@@ -258,7 +258,7 @@ def draw(wires: list[Wire]) -> str:
 
 
 def nearest(starts, ends):
-    """The two places of a wire's pins that face each other."""
+    """Two places of a wire's pins that face each other."""
     return min(
         ((a, b) for a in starts for b in ends),
         key=lambda pair: abs(pair[0][0] - pair[1][0]) + (1000 if pair[0][2] == pair[1][2] else 0),
@@ -268,7 +268,7 @@ def nearest(starts, ends):
 def flag(place, label: str, color: str) -> list[str]:
     x, y, side = place
     if side > 0 and x == MODULE[0]:
-        return []  # seen from the cable's side
+        return []  # hidden on the cable's side
     tip = x + side * 18
     anchor = "start" if side > 0 else "end"
     return [

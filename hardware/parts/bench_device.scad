@@ -1,13 +1,13 @@
-// The printed parts of the bench device, in mm. Each is drawn as it is printed; "assembly" shows
-// them in place. One part to a file:  openscad -D 'part="pipe_end"' -o pipe_end.stl bench_device.scad
+// Printed parts of the bench device, in mm, in their print orientation; "assembly" shows them in place. One part per
+// file:  openscad -D 'part="pipe_end"' -o pipe_end.stl bench_device.scad
 //
 // Frame of the assembly: x along the wire, distal positive; y to the operator's left; z up; the
 // origin on the pipe's axis in the middle of the window.
 part = "assembly";
-cut = false;  // take away what is distal of the window's middle, for a look inside
+cut = false;  // removes the half distal of the window's middle, to show the inside
 
 /* [Wire and cylinder] */
-cylinder_radius = 5;      // with its paper: what the calibration calls the radius
+cylinder_radius = 5;      // including its paper; the radius of the calibration
 cylinder_length = 170;
 pipe_length = 320;        // travel is pipe_length - cylinder_length
 wire_diameter = 0.9;      // 0.035 inch is 0.89; thinner wires get a sleeve of this diameter
@@ -19,29 +19,29 @@ pipe_wall = 1.9;
 window_length = 14;       // must be below 2 cylinder_length - pipe_length
 window_width = 9;
 middle_length = 60;       // the part with the window
-socket_depth = 12;        // how deep an end of the pipe sits in it
+socket_depth = 12;        // depth to which an end of the pipe enters it
 fit = 0.15;               // radial, between printed parts that are glued
-vent_count = 6;           // in each cap, so that the cylinder is no piston
+vent_count = 6;           // in each cap, so that the cylinder is not a piston
 vent_diameter = 2.4;
 
 /* [End switch, optional: a plunger switch of the D2F size; measure yours] */
 end_switch = false;
-switch_length = 13;       // the body, with room
+switch_length = 13;       // body, with room
 switch_thickness = 6;
 switch_height = 6.5;
 switch_wall = 0.6;        // of the cap, below the plunger
-switch_plunger_x = 2.5;   // the plunger's hole, from the body's middle
+switch_plunger_x = 2.5;   // plunger's hole, from the body's middle
 switch_plunger_y = 4.2;   // from the wire
 
 /* [Sensor module: measure yours] */
-focus_low = 2.2;          // lens reference plane to surface: what the PMW3360 allows
+focus_low = 2.2;          // lens reference plane to surface: range of the PMW3360
 focus_high = 2.6;
-lens_to_surface = 2.55;   // the cylinder on the floor of the bore, where its weight keeps it
-focus_step = 0.1;         // the height is set in steps of this: shims, and sheets of paper
+lens_to_surface = 2.55;   // with the cylinder resting on the floor of the bore by its weight
+focus_step = 0.1;         // step of the height adjustment: shims, and sheets of paper
 lens_height = 3.4;        // lens reference plane below the board's underside
 shim_thickness = 0.2;
-shims_fitted = 2;         // below the carrier, so that it can be set lower as well as higher
-board_x = 28.3;           // the module's long side, along the wire: so the light falls along it too
+shims_fitted = 2;         // below the carrier, so that it can be lowered as well as raised
+board_x = 28.3;           // the module's long side, along the wire, so that the light falls along it too
 board_y = 21.1;           // its short side, across
 board_z = 1.6;
 board_lens_x = 13.6;      // optical center from one end of the long side
@@ -54,7 +54,7 @@ catheter_diameter = 2.4;  // 7 French is 2.33
 button_hole = 16.2;
 jack_hole = 6.2;
 joystick_hole = 26;
-joystick_screws = [20, 26];  // distances; the panel has slots, for modules differ
+joystick_screws = [20, 26];  // distances; the panel has slots, because modules differ
 stick_height = 25;
 
 /* [Screws] */
@@ -79,9 +79,9 @@ box_width = 72;
 wall = 2.4;
 end_wall = 6;
 
-// The height of the lens, from the pipe's axis upward; hardware/budget.py reads these lines, and
-// nothing else says where the focus is. The cylinder lies on the floor of its bore: its crest is
-// lower by the clearance. Lifted to the ceiling, it is higher by twice that.
+// Height of the lens above the pipe's axis. hardware/budget.py reads these lines, which are the only source for the
+// focus. The cylinder lies on the floor of its bore, so its crest is lower by the clearance. Lifted to the ceiling, it
+// is higher by twice the clearance.
 crest_at_rest = cylinder_radius - bore_clearance;
 crest_lifted = crest_at_rest + 2 * bore_clearance;
 lens_plane = crest_at_rest + lens_to_surface;
@@ -89,7 +89,7 @@ board_seat = lens_plane + lens_height;               // the board's underside
 carrier_bottom = block_top + shims_fitted * shim_thickness;
 seat_in_carrier = board_seat - carrier_bottom;
 crown_flat = lens_plane - (shims_fitted + 1) * shim_thickness - 0.2;  // of the pipe, below the lens
-farthest_surface = lens_to_surface + focus_step / 2;  // the height set as well as its steps allow
+farthest_surface = lens_to_surface + focus_step / 2;  // with the height set as well as the steps allow
 nearest_surface = lens_plane - crest_lifted - focus_step / 2;
 
 assert(window_length < 2 * cylinder_length - pipe_length, "the cylinder must always fill the window");
@@ -101,7 +101,7 @@ assert(board_lens_x > lens_x / 2 && board_x - board_lens_x > lens_x / 2, "the bo
 module slab(x, y, z) { translate([-x / 2, -y / 2, 0]) cube([x, y, z]); }
 module each_corner(x, y) { for (i = [-1, 1], j = [-1, 1]) translate([i * x, j * y, 0]) children(); }
 
-// --- what moves -----------------------------------------------------------------------------
+// --- moving parts ---------------------------------------------------------------------------
 
 // The core of the cylinder, to be wrapped in paper. Print upright, with a brim.
 module cylinder_core() {
@@ -118,7 +118,7 @@ module cylinder_core() {
   }
 }
 
-// --- what guides it -------------------------------------------------------------------------
+// --- guiding parts --------------------------------------------------------------------------
 
 module pipe_end() {
   difference() {
@@ -131,7 +131,7 @@ module pipe_end() {
 
 // End stop: a cup on the pipe's end, with a hole for the wire and vents around it.
 cap_wall = 3;
-vent_radius = bore_radius - vent_diameter / 2 - 0.2;  // of the circle they are on
+vent_radius = bore_radius - vent_diameter / 2 - 0.2;  // of the circle of vents
 module pipe_cap() {
   difference() {
     cylinder(r = pipe_radius + 2.4, h = 10 + cap_wall);
@@ -146,8 +146,8 @@ module cap_openings(vents) {
     cylinder(d = vent_diameter, h = cap_wall + 2, $fn = 24);
 }
 
-// The proximal cap with a place for an end switch, which the cylinder presses when it is all the way
-// back: the switch lies beside the wire, its plunger in the hole.
+// Proximal cap with a place for an end switch, which the fully retracted cylinder presses. The switch lies beside the
+// wire, with its plunger in the hole.
 switch_block = switch_height - cap_wall + switch_wall;  // beyond the cap's wall
 module pipe_cap_switch() {
   translate([0, 0, switch_block]) difference() {
@@ -157,7 +157,7 @@ module pipe_cap_switch() {
         cube([switch_length + 3.2, switch_plunger_y + switch_thickness / 2 + 4.6, switch_block + cap_wall]);
     }
     translate([0, 0, cap_wall]) cylinder(r = pipe_radius + fit, h = 11);
-    cap_openings(3);  // those that the switch leaves
+    cap_openings(3);  // those beside the switch
     translate([0, 0, -switch_block - 1]) cylinder(d = wire_diameter + 0.6, h = 20, $fn = 24);
     translate([-switch_length / 2, switch_plunger_y - switch_thickness / 2, -switch_block - 1])
       cube([switch_length, switch_thickness, switch_block + cap_wall - switch_wall + 1]);
@@ -165,8 +165,8 @@ module pipe_cap_switch() {
   }
 }
 
-// The middle of the pipe, with the window and the flat on which the carrier is aligned. In the frame
-// of the assembly; printed as it stands.
+// Middle of the pipe, with the window and the flat for the alignment of the carrier. In the frame of the assembly;
+// printed in this orientation.
 module pipe_middle() {
   difference() {
     union() {
@@ -190,8 +190,8 @@ module pipe_middle() {
   }
 }
 
-// Holds the sensor's board over the window: its height sets the focus, its slots the alignment.
-// Drawn with its underside at z = 0. Print upside down.
+// Holds the sensor's board over the window: its height sets the focus, its slots the alignment. Drawn with its
+// underside at z = 0. Print upside down.
 carrier_height = seat_in_carrier + board_z;
 module sensor_carrier() {
   difference() {
@@ -207,7 +207,7 @@ module sensor_carrier() {
       translate([x, j * (board_y / 2 + 2.4), 2]) cylinder(d = m3_pilot, h = carrier_height, $fn = 24);
     // Slots around the optical axis.
     each_slot() translate([0, 0, -1]) cylinder(d = m3_hole, h = carrier_height + 2, $fn = 24);
-    // The cable leaves here.
+    // Exit of the cable.
     translate([middle_length / 2, 0, seat_in_carrier]) slab(middle_length, board_y - 2, board_z + 1);
   }
 }
@@ -226,9 +226,9 @@ module carrier_shim() {
   }
 }
 
-// --- what holds it --------------------------------------------------------------------------
+// --- supporting parts -----------------------------------------------------------------------
 
-// One half of the box; the other is the same, turned round. Joint at x = 0, end at x = box_length.
+// One half of the box; the other is the same, turned around. Joint at x = 0, end at x = box_length.
 module support_box() {
   difference() {
     union() {
@@ -261,8 +261,8 @@ module support_box() {
   }
 }
 
-// Lower part of the catheter's clamp; stands at the proximal end of the box, around the cap. x = 0
-// at the end wall, growing away from it; z = 0 on the axis.
+// Lower part of the catheter's clamp, at the proximal end of the box, around the cap. x = 0 at the end wall, growing
+// away from it; z = 0 on the axis.
 clamp_cavity = pipe_length / 2 + cap_wall - box_length + 3
   + (end_switch ? switch_block : 0);  // the cap, and room for a finger nail
 clamp_length = clamp_cavity + 24;
@@ -282,7 +282,7 @@ module catheter_clamp() {
   }
 }
 
-// Its lid, printed upside down: the groove is 0.2 mm shallower, so that it grips.
+// Lid of the clamp, printed upside down. The groove is 0.2 mm shallower, so that it grips.
 module catheter_lid() {
   difference() {
     translate([clamp_cavity + 2, -14, 0]) cube([22, 28, 6]);
@@ -313,7 +313,7 @@ module control_panel() {
   }
 }
 
-// --- all of it ------------------------------------------------------------------------------
+// --- assembly -------------------------------------------------------------------------------
 
 module assembly_piece(name) {
   if (name == "placed_support_box") {

@@ -1,4 +1,4 @@
-"""Draws the printed parts as pictures: OpenSCAD to STL, and its own small renderer to PNG.
+"""Draws the printed parts as pictures: OpenSCAD to STL, and a small renderer to PNG.
 
 Needs openscad, and no display. Pictures are shaded by the direction of each face, with a z buffer
 and 2 x 2 samples a pixel.
@@ -44,7 +44,7 @@ ASSEMBLY = {
     "placed_control_panel": (150, 158, 170),
     "placed_wire": (40, 40, 46),
 }
-# Where a part is looked at from, if not from above: azimuth and elevation in degrees.
+# View direction of parts that are not seen from above: azimuth and elevation in degrees.
 VIEWS = {"pipe_cap": (-60, -40), "pipe_cap_switch": (60, -40)}
 SAMPLES = 2
 BACKGROUND = (255, 255, 255)
@@ -93,7 +93,7 @@ def normal_of(triangle):
 
 
 def draw(pieces, axes, size: int, margin: int = 24):
-    """Rows of RGB samples of (triangles, color) pieces, the longer side `size` pixels."""
+    """Renders (triangles, color) pieces to rows of RGB samples; the longer side has `size` pixels."""
     right, up, toward = axes
     light = tuple(0.45 * right[i] * -0.6 + 0.55 * up[i] + 0.75 * toward[i] for i in range(3))
     length = math.sqrt(dot(light, light))
@@ -126,7 +126,7 @@ def draw(pieces, axes, size: int, margin: int = 24):
         if abs(area) < 1e-9:
             continue
         for y in range(max(0, int(min(ay, by, cy))), min(rows - 1, int(max(ay, by, cy)) + 1) + 1):
-            # The stretch of the row that lies inside, and the depth along it.
+            # Part of the row inside the triangle, and the depth along it.
             py = y + 0.5
             crossings = []
             for px, pyy, pz, qx, qy, qz in (
@@ -152,7 +152,7 @@ def draw(pieces, axes, size: int, margin: int = 24):
 
 
 def outline(image, depth, scale: float) -> None:
-    """Darkens pixels behind which the surface falls away, so that edges show."""
+    """Darkens pixels at large steps in depth, so that edges show."""
     step = max(1.5, 3.0 / scale)
     for y in range(1, len(depth)):
         above, row = depth[y - 1], depth[y]

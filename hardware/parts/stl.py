@@ -1,4 +1,4 @@
-"""STL files as OpenSCAD writes them: reading, and the checks that a slicer would have to trust."""
+"""Reads STL files as OpenSCAD writes them, and checks the surfaces for slicers."""
 
 from collections import Counter
 
@@ -7,7 +7,7 @@ Triangle = tuple[Point, Point, Point]
 
 
 def read_stl(path: str) -> list[Triangle]:
-    """The triangles of an ASCII STL file, as printed in it (normals are left out)."""
+    """Reads the triangles of an ASCII STL file, without normals."""
     corners: list[Point] = []
     with open(path, encoding="ascii") as file:
         for line in file:
@@ -36,7 +36,7 @@ def bounds(triangles: list[Triangle]) -> tuple[Point, Point]:
 
 
 def defects(triangles: list[Triangle]) -> list[str]:
-    """What keeps the surface from being closed, orientable and facing outward; empty if nothing.
+    """Defects of a surface that must be closed, orientable and facing outward; empty if there are none.
 
     Each edge must be shared by exactly two triangles, which pass it in opposite directions.
     """

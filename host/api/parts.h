@@ -1,4 +1,4 @@
-// What the public classes of torquer.h hold.
+// Private data of the public classes of torquer.h.
 #pragma once
 
 #include <Eigen/Core>
@@ -27,8 +27,8 @@ struct Scene::Parts {
   /// As Scene::KeepField.
   std::string KeepField() const;
 
-  /// A scene for a simulation alone, whose effects remember: this one, or a twin where another
-  /// simulation has this one. These parts must outlive it.
+  /// Returns a scene for one simulation only, because effects have state. It is this scene, or a
+  /// twin if another simulation uses this one. These parts must outlive it.
   std::shared_ptr<scene::Scene> Lend() const;
 
   const std::unique_ptr<scene::Scene> scene;
@@ -46,11 +46,11 @@ struct Simulation::Parts {
   simulator::Simulation simulation;
   simulator::RowRun rows;
   std::vector<Picture> pictures;   ///< of each plane
-  std::vector<bool> pictures_due;  ///< one was taken that `pictures` does not show
+  std::vector<bool> pictures_due;  ///< a picture was taken that `pictures` does not have
   mutable Usage<Error> usage;
 };
 
-/// Calls what may refuse what the user gave; what it throws is an Error then.
+/// Calls `call`, and converts its UserError to Error.
 template <class Call>
 auto Guarded(Call call) -> decltype(call()) {
   try {

@@ -25,7 +25,7 @@ std::vector<Point> Walk(const vessel::Centerline& curve, double step_mm) {
   return points;
 }
 
-// A file that is named without a folder is in the working one.
+// An empty folder is the working folder.
 std::string Absolute(const std::filesystem::path& folder) {
   return std::filesystem::absolute(folder.empty() ? "." : folder).lexically_normal().string();
 }

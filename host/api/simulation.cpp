@@ -84,7 +84,7 @@ Simulation& Simulation::operator=(const Simulation& other) {
   const auto look = other.parts().usage.Look();
   if (parts_ == nullptr || parts_->scene.parts_ != other.parts_->scene.parts_) {
     auto built = std::make_unique<Parts>(*other.parts_);
-    // Whoever uses what was here is refused or has ended.
+    // Throws if another call still uses the replaced parts.
     if (parts_ != nullptr) static_cast<void>(parts_->usage.Change());
     parts_ = std::move(built);
     return *this;

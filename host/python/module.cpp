@@ -1,4 +1,4 @@
-// torquer._torquer: torquer.h for Python. What people import is the package around it.
+// torquer._torquer: torquer.h for Python. Users import the package around it.
 #include "host/python/module.h"
 
 #include <algorithm>
@@ -81,7 +81,7 @@ py::array_t<double> Clearances(const Scene& scene, const Rows& points_mm) {
   return out;
 }
 
-// Where the wire lies now. The array has its own memory, and nobody writes to it.
+// Copy of the present nodes, in memory that is read-only for Python.
 py::array_t<double> Nodes(const Simulation& simulation) {
   auto kept = std::make_unique<std::vector<double>>();
   simulation.WhileStill([&] {
@@ -123,7 +123,7 @@ py::object PictureOf(Simulation& simulation, int plane) {
   return out;
 }
 
-// What Python calls the modes, in their order.
+// Python's names of the modes, in the order of the enumerators.
 constexpr const char* kModes[] = {"as_scene", "plain", "subtraction", "roadmap"};
 
 torquer::Imaging::Mode ModeOf(const std::string& name) {
@@ -134,7 +134,7 @@ torquer::Imaging::Mode ModeOf(const std::string& name) {
   throw torquer::Error("mode is '" + name + "'; give as_scene, plain, subtraction or roadmap");
 }
 
-// Only False ends a step: what returns nothing goes on.
+// Only False ends a step; a call without a result continues it.
 std::function<bool(const torquer::StepReport&)> ToAfterTick(const py::object& call) {
   if (call.is_none()) return EndsAtInterruption();
   return [&call, interruption = Interruption()](const torquer::StepReport& tick) mutable {

@@ -15,7 +15,7 @@
 
 namespace torquer::python {
 
-// An object that __new__ made without __init__ has memory, but nothing in it.
+// Refuses an object that __new__ made without __init__, because its memory has no value.
 template <class Type>
 class MadeCaster : public pybind11::detail::type_caster_base<Type> {
  public:
@@ -54,7 +54,7 @@ namespace torquer::python {
 using Rows = pybind11::array_t<double, pybind11::array::c_style | pybind11::array::forcecast>;
 using NoGil = pybind11::call_guard<pybind11::gil_scoped_release>;
 
-/// Ends what runs long without Python's lock when Ctrl-C was pressed: asks for it now and then.
+/// Ends long work without Python's lock after Ctrl-C: checks for it every 100 ms.
 class Interruption {
  public:
   void Check() {
@@ -69,7 +69,7 @@ class Interruption {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-/// The same as a step's call after its ticks.
+/// Makes the `after_tick` of a step from an Interruption.
 inline std::function<bool(const StepReport&)> EndsAtInterruption() {
   return [interruption = Interruption()](const StepReport&) mutable {
     interruption.Check();
@@ -77,7 +77,7 @@ inline std::function<bool(const StepReport&)> EndsAtInterruption() {
   };
 }
 
-/// Refuses an array that is not of rows of so many columns.
+/// Throws if the array does not consist of rows with this number of columns.
 void RequireColumns(const Rows& rows, const char* name, int columns);
 
 void AddNavigation(pybind11::module_& module);

@@ -12,14 +12,14 @@ namespace torquer::python {
 
 namespace {
 
-// How many points of the wire, from its tip, and of the route, from the nearest on, a vector shows,
-// and how far apart they are.
+// Points in an observed vector: of the wire from its tip, and of the route from the nearest one on.
+// kApart_mm is their spacing.
 constexpr std::size_t kWirePoints = 4;
 constexpr std::size_t kRoutePoints = 4;
 constexpr double kApart_mm = 5;
 constexpr double kLargest = std::numeric_limits<double>::max();
 
-// A route may pass the same place twice, so that it is looked at near where the tip was.
+// Search range around the last point, in points, because a route may pass the same place twice.
 constexpr std::size_t kReach = 30;
 
 double Distance(const Point& a, const Point& b) {
@@ -77,7 +77,7 @@ void Navigation::FindOnRoute(std::size_t reach) {
   fact(Fact::kRemaining_mm) = static_cast<double>(task_.route.size() - 1 - nearest_) + least_mm;
 }
 
-// What a reset leaves, of which a step makes more.
+// Sets the facts after a reset; a step adds to them.
 void Navigation::Conclude() {
   facts_ = {};
   steps_ = 0;
@@ -95,7 +95,7 @@ void Navigation::CheckRotation(double rotation_rad) {
 
 void Navigation::CheckAction(const double* action) const {
   for (std::size_t k = 0; k < action_size(); ++k) {
-    // Beyond -1 .. 1 it is clamped; no number at all would be too.
+    // Step clamps finite values to -1 .. 1; NaN and infinity are errors.
     RequireWithin<Error>("a value of the action", action[k], -kLargest, kLargest);
   }
 }
@@ -164,7 +164,7 @@ void Navigation::Write(float* out) const {
   const auto node = [nodes_mm](std::size_t k) {
     return Point{nodes_mm[3 * k], nodes_mm[3 * k + 1], nodes_mm[3 * k + 2]};
   };
-  // Where hardly any wire is in, its points are those at the entry.
+  // With hardly any wire inside, the points are those at the entry.
   const double segment_mm = count > 2 ? Distance(node(count - 1), node(count - 2)) : kApart_mm;
   const auto every = static_cast<std::size_t>(std::max(1L, std::lround(kApart_mm / segment_mm)));
   for (std::size_t k = 1; k <= kWirePoints; ++k) {

@@ -1,5 +1,4 @@
-// The environment of torquer.envs without Python: hands move, and what comes of it is observed and
-// judged.
+// The environment of torquer.envs without Python: moves hands, observes and judges the result.
 #pragma once
 
 #include <torquer/torquer.h>
@@ -14,7 +13,7 @@
 
 namespace torquer::python {
 
-/// As torquer.envs.Task has it.
+/// Values of torquer.envs.Task.
 struct NavigationTask {
   std::size_t instrument = 0;
   double within_mm = 0;
@@ -23,11 +22,11 @@ struct NavigationTask {
   double largest_turn_rad = 0;
   double force_limit_mN = 0;
   int max_steps = 0;
-  bool pictures = false;     ///< whether X-ray is on
-  std::vector<Point> route;  ///< from the entry to the target, 1 mm apart
+  bool pictures = false;     ///< true if X-ray is on
+  std::vector<Point> route;  ///< points from the entry to the target, 1 mm apart
 };
 
-/// What a step or a reset has led to; numpy sees the rows of an array in their place.
+/// Results of a step or a reset; numpy sees them as the rows of an array.
 enum class Fact {
   kReward,
   kTerminated,
@@ -41,29 +40,29 @@ enum class Fact {
 };
 inline constexpr std::size_t kFacts = 9;
 
-/// An episode after another. It belongs to one thread at a time, and refuses a second.
+/// Runs episodes in turn. It belongs to one thread at a time, and refuses a second one.
 class Navigation {
  public:
   using AfterTick = std::function<bool(const StepReport& tick)>;
 
-  /// The scene has [effects.wall_force], and pictures where the task has.
+  /// `scene` needs [effects.wall_force], and makes pictures if the task has them.
   Navigation(const Scene& scene, NavigationTask task);
 
   std::size_t action_size() const { return 2 * instruments_; }
   std::size_t vector_size() const;
 
-  /// Back to the start, with the task's instrument turned by `rotation_rad` from there.
-  /// `after_tick` is that of Simulation::Step.
+  /// Returns to the start, turns the task's instrument by `rotation_rad`, and makes a step.
+  /// `after_tick`: as in Simulation::Step.
   void Reset(double rotation_rad, const AfterTick& after_tick = {});
-  /// `action`: of each instrument feed and turn, -1 .. 1 of what the task allows.
+  /// `action`: feed and turn of each instrument, -1 .. 1 as fractions of the task's limits.
   void Step(const double* action, const AfterTick& after_tick = {});
-  /// Refuse what Reset and Step refuse.
+  /// Throw for the arguments that Reset and Step refuse.
   static void CheckRotation(double rotation_rad);
   void CheckAction(const double* action) const;
   std::array<double, kFacts> facts() const;
   /// Writes vector_size() values.
   void Observe(float* out) const;
-  /// The last picture, or that of a millisecond later where none was taken yet.
+  /// Last picture; before the first one, a picture of a millisecond later.
   const Picture& TakePicture();
 
   Simulation& simulation() { return simulation_; }
@@ -82,7 +81,7 @@ class Navigation {
   const Simulation start_;
   Picture first_picture_;
   Point tip_{};
-  std::size_t nearest_ = 0;  // on the route
+  std::size_t nearest_ = 0;  // index of the nearest point of the route
   int steps_ = 0;
   double worst_mN_ = 0;
   std::array<double, kFacts> facts_{};

@@ -22,8 +22,8 @@ py::array_t<float> VectorOf(const Navigation& navigation) {
   return out;
 }
 
-// The package checks what users give; a pool reads as many values as it needs, so their number is
-// checked here.
+// The package checks the arguments of users. Their number is checked here, because a pool reads a
+// fixed number of values.
 void RequireValues(py::ssize_t given, std::size_t wanted, const char* what) {
   if (given == static_cast<py::ssize_t>(wanted)) return;
   throw Error(std::string(what) + " has " + std::to_string(given) + " values; give " +

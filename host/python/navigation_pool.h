@@ -1,4 +1,4 @@
-// Environments that step side by side in threads, and write where numpy reads.
+// Environments that step in parallel threads, and write into memory that numpy reads.
 #pragma once
 
 #include <unistd.h>
@@ -19,15 +19,15 @@
 
 namespace torquer::python {
 
-/// Where the environments write: row by row, one an environment.
+/// Output of the environments: one row for each.
 struct NavigationBuffers {
   float* vectors = nullptr;          ///< null: pictures are observed
   std::uint8_t* pictures = nullptr;  ///< null: vectors are observed
   std::size_t picture_bytes = 0;
-  double* facts = nullptr;  ///< kFacts rows of a value an environment
+  double* facts = nullptr;  ///< kFacts rows with one value for each environment
 };
 
-/// Its threads are of the process that made it: a forked child is refused.
+/// Its threads belong to the process that made it: calls of a forked child are refused.
 class NavigationPool {
  public:
   /// `count` and `threads` > 0. The buffers must outlive this.
@@ -40,22 +40,22 @@ class NavigationPool {
   std::size_t count() const { return environments_.size(); }
   std::size_t action_size() const { return environments_.front()->action_size(); }
 
-  /// Has an environment reset itself; it is not at work.
+  /// Starts the reset of an environment, which must not be at work.
   void Reset(std::size_t index, double rotation_rad);
-  /// Has it step.
+  /// Starts a step of an environment, which must not be at work.
   void Step(std::size_t index, std::vector<double> action);
-  /// Waits until `count` of those at work have finished, or all of them: which ones, the first to
-  /// finish first. Throws what one of them has thrown.
+  /// Waits until `count` environments at work, or all of them, have finished. Returns them in the
+  /// order of finishing. Throws the exception of one of them.
   std::vector<std::size_t> Wait(std::size_t count);
-  /// The same, but returns nothing where they take longer than `longest`.
+  /// As Wait, but returns nothing after `longest`.
   std::optional<std::vector<std::size_t>> WaitFor(std::size_t count,
                                                   std::chrono::milliseconds longest);
-  /// Refuses what Reset and Step refuse; what is refused here has begun nothing.
+  /// Throw for the arguments that Reset and Step refuse, before any environment begins.
   void CheckRotation(double rotation_rad) const { Navigation::CheckRotation(rotation_rad); }
   void CheckAction(const double* action) const { environments_.front()->CheckAction(action); }
   /// True in a forked child of the process that has the threads.
   bool forked() const { return getpid() != process_; }
-  /// How many are at work, or finished and not yet waited for.
+  /// Number of environments at work, or finished and not yet returned.
   std::size_t at_work() const;
 
  private:
@@ -84,7 +84,7 @@ class NavigationPool {
   std::vector<std::thread> threads_;
 };
 
-/// Ends a pool; in a forked child it is left as it is, since nobody there ends its threads.
+/// Deletes a pool, except in a forked child, which does not have its threads.
 struct NavigationPoolEnd {
   void operator()(NavigationPool* pool) const {
     if (!pool->forked()) delete pool;

@@ -4,7 +4,7 @@
 
 namespace torquer::simulator {
 
-// A term that says how long it took.
+// Wrapper of an energy term that measures its time.
 class EffectPrices::WatchedTerm final : public EnergyTerm {
  public:
   WatchedTerm(EffectPrices& prices, std::size_t effect, EnergyTerm* term)

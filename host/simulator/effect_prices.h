@@ -1,4 +1,4 @@
-// What each effect takes of the ticks, by the clock.
+// Measures the computing time of each effect in a tick.
 #pragma once
 
 #include <cstdint>
@@ -11,44 +11,46 @@
 
 namespace torquer::simulator {
 
-/// Measures one tick in kEvery: the roles that an effect takes in a tick, one by one. What it costs
-/// in look-ups of the vessel (heartbeat, breathing, compliance) and what it does to the number of
-/// iterations is part of the solver's time. Changes nothing that is simulated.
+/// Measures one tick in kEvery, separately for each role that an effect takes in a tick. The
+/// solver's time includes an effect's look-ups of the vessel (heartbeat, breathing, compliance). It
+/// also includes the additional iterations that an effect causes. The measurement does not affect
+/// the simulation.
 class EffectPrices {
  public:
   static constexpr int kEvery = 16;
   using ClockNs = std::int64_t (*)();
 
-  /// Names of the effects, by their number.
+  /// `effects`: names of the effects by index. `now_ns`: clock, ns.
   EffectPrices(std::vector<std::string> effects, ClockNs now_ns);
   ~EffectPrices();
   EffectPrices(const EffectPrices&) = delete;
   EffectPrices& operator=(const EffectPrices&) = delete;
 
-  /// Stands in for `term` of an effect; this and the term must outlive its use.
+  /// Returns a stand-in that measures the time of `term`. This object and `term` must outlive it.
   EnergyTerm* Watch(std::size_t effect, EnergyTerm* term);
 
-  /// A tick begins.
+  /// Marks the beginning of a tick.
   void BeginTick();
-  /// Whether it is measured.
+  /// True if the present tick is measured.
   bool measures() const { return measures_; }
-  /// Calls `act`, and counts its time as that of the effect, not as the solver's.
+  /// Calls `act` and adds its time to the effect, not to the solver.
   template <class Act>
   decltype(auto) Measure(std::size_t effect, Act&& act) {
     const Stopwatch stopwatch(*this, spent_ns_[effect]);
     return act();
   }
-  /// Calls `act`, the relaxation of the tick.
+  /// Calls `act`, the relaxation of the tick, and adds its time to the solver.
   template <class Act>
   decltype(auto) MeasureSolver(Act&& act) {
     const Stopwatch stopwatch(*this, solver_ns_);
     return act();
   }
 
-  /// A price by its name.
+  /// Name, and time in us a tick.
   using Price = std::pair<std::string, double>;
-  /// Of the ticks since this was called last, us a tick: each effect that took a part in them, and
-  /// "solver", the relaxation without the effects' energies. None where no tick was measured.
+  /// Mean times of the measured ticks since the last call, us a tick. Lists each effect that ever
+  /// took time, and "solver", the relaxation without the effects' energies. Empty if no tick was
+  /// measured.
   std::vector<Price> Take();
 
  private:
@@ -71,10 +73,10 @@ class EffectPrices {
   const std::vector<std::string> names_;
   const ClockNs now_ns_;
   std::vector<std::unique_ptr<WatchedTerm>> terms_;
-  std::vector<std::int64_t> spent_ns_;   // of effects, beside the relaxation
-  std::vector<std::int64_t> within_ns_;  // of their energies, within it
-  std::vector<bool> takes_part_;         // has a role that is measured
-  std::int64_t solver_ns_ = 0;           // all of the relaxation
+  std::vector<std::int64_t> spent_ns_;   // of each effect, outside the relaxation
+  std::vector<std::int64_t> within_ns_;  // of each effect's energy term, within the relaxation
+  std::vector<bool> takes_part_;         // the effect ever took time
+  std::int64_t solver_ns_ = 0;           // of the whole relaxation
   int measured_ = 0;
   int ticks_ = 0;
   bool measures_ = false;

@@ -17,7 +17,8 @@ struct Cost {
   double p99_us = 0;
 };
 
-// Ticks of a hand that feeds the innermost instrument by 0.05 mm, with at least half of it inside.
+// Measures ticks that insert the innermost instrument by 0.05 mm, starting at half its length or
+// more.
 Cost Measure(Simulation& simulation) {
   constexpr int kTicks = 400;
   constexpr int kWarmUp = 20;

@@ -1,4 +1,4 @@
-// What a scene simulates, in words.
+// Describes in words what a scene simulates.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace torquer::simulator {
 
-/// Vessel, wire, method and effects of a scene, what is off, and what a tick costs, measured on the
-/// spot.
+/// Text: vessel, instruments, method and effects of a scene, the unused effects, and a tick's time.
+/// The call runs ticks to measure the time.
 std::string Explain(scene::Scene& scene);
 
 }  // namespace torquer::simulator

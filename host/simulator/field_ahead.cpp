@@ -9,8 +9,8 @@ namespace torquer::simulator {
 
 namespace {
 
-constexpr double kReachMm = 12;  // around the tip
-constexpr double kStepMm = 3;    // the tip's way, or a centerline's, between two looks
+constexpr double kReachMm = 12;  // radius around the tip
+constexpr double kStepMm = 3;    // distance of the tip or along a centerline between two requests
 
 }  // namespace
 
@@ -43,7 +43,7 @@ bool FieldAhead::NextTip(const std::stop_token& stop, bool may_wait, Eigen::Vect
 }
 
 void FieldAhead::RunUntilProblem(const std::stop_token& stop) {
-  LeaveRealtime();  // bricks take longer than a tick
+  LeaveRealtime();  // building bricks takes longer than a tick
   try {
     Run(stop);
   } catch (const std::exception& error) {

@@ -1,4 +1,4 @@
-// Builds a vessel's field ahead of the wire, so that no tick has to.
+// Builds a vessel's field ahead of the wire, so that ticks need not build it.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,10 +11,10 @@
 
 namespace torquer::simulator {
 
-/// A thread beside the real-time loop: first what lies around the tip, again whenever the tip has
-/// moved, then along the centerlines, then it rests. Without a surface there is nothing to build
-/// and no thread. The field's values are the same with and without it, so that the session goes on
-/// without should the memory run out; standard error says so.
+/// Thread beside the real-time loop. It builds the field around the tip, again whenever the tip has
+/// moved, and between these along the centerlines. Without a surface it starts no thread. The
+/// field's values are the same with and without it. If the memory runs out, the thread ends with a
+/// message on standard error, and the session goes on.
 class FieldAhead {
  public:
   /// `vessel` must outlive this.
@@ -23,10 +23,10 @@ class FieldAhead {
   FieldAhead& operator=(const FieldAhead&) = delete;
   ~FieldAhead();
 
-  /// Whether the thread has ended before its time, for want of memory.
+  /// True if the thread ended early because of an error, usually lack of memory.
   bool gave_up() const { return gave_up_; }
 
-  /// Where the tip is. Never waits.
+  /// Sets the position of the tip. Never waits. Call it from one thread only.
   void Follow(const Eigen::Vector3d& tip_mm);
 
  private:
@@ -40,7 +40,7 @@ class FieldAhead {
   Eigen::Vector3d tip_mm_;
   bool tip_waits_ = false;
   std::atomic<bool> gave_up_ = false;
-  Eigen::Vector3d last_tip_mm_;  // of the calling thread
+  Eigen::Vector3d last_tip_mm_;  // used only by the thread that calls Follow
   std::jthread thread_;
 };
 

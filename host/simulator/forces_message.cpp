@@ -8,7 +8,7 @@ namespace torquer::simulator {
 
 namespace {
 
-// Every stride-th value and the last, in another unit.
+// Every stride-th value and the last one, converted from N to mN.
 std::vector<float> Strided(const std::vector<double>& values, std::size_t stride) {
   std::vector<float> strided;
   for (std::size_t i = 0; i + 1 < values.size(); i += stride) {
@@ -18,7 +18,8 @@ std::vector<float> Strided(const std::vector<double>& values, std::size_t stride
   return strided;
 }
 
-// The same of forces, of which none may be lost.
+// Every stride-th node and the last one, mN. Each has the forces of the skipped nodes before it,
+// too.
 std::vector<std::vector<float>> StridedSums(const std::vector<Eigen::Vector3d>& forces_N,
                                             std::size_t stride) {
   std::vector<std::vector<float>> sums;

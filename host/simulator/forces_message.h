@@ -1,4 +1,4 @@
-// TORQUER_WIRE_FORCES: what a scene with [effects.internal_forces] finds along the wire.
+// Channel TORQUER_WIRE_FORCES: forces along the wire in a scene with [effects.internal_forces].
 #pragma once
 
 #include <torquer_lcm/wire_forces_t.hpp>
@@ -7,11 +7,11 @@
 
 namespace torquer::simulator {
 
-/// Most nodes of one message; longer wires are sent with a stride.
+/// Maximum number of nodes in one message; longer wires are sent with a stride.
 inline constexpr int kMostNodesInForces = 1000;
 
-/// The forces of the present state, all but the time of sending. Only where simulation.forces() is
-/// not null.
+/// Fills `out` with the forces of the present state, except publish_us. Requires that
+/// simulation.forces() is not null.
 void DescribeForces(const Simulation& simulation, torquer_lcm::wire_forces_t& out);
 
 }  // namespace torquer::simulator

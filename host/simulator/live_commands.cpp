@@ -15,15 +15,16 @@ namespace {
 
 constexpr std::int64_t kNameRefusalsEveryUs = 60'000'000;
 
-// Whether a number comes at or after another one in a sender's count, which starts at zero again
-// after the largest (protocol::NextSequence). The same number is a command that was repeated.
+// True if a sequence number equals or follows another one of the same sender. After the largest
+// number the sequence restarts at zero (protocol::NextSequence). An equal number is a repeated
+// command.
 bool Follows(std::int64_t sequence, std::int64_t last) {
   const std::uint64_t ahead =
       (static_cast<std::uint64_t>(sequence) - static_cast<std::uint64_t>(last)) & INT64_MAX;
   return ahead < std::uint64_t{1} << 62;
 }
 
-// The first value of a command that cannot be followed, in words; "" where all can.
+// Text that names the first unusable values of a command; "" if all are usable.
 std::string Unusable(const torquer_lcm::instrument_command_t& message, const InstrumentPlace& place,
                      const effects::Controls& controls) {
   if (!Usable(place)) {
@@ -87,7 +88,7 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
   source.silent = false;
   command_.target[k] = place;
   if (k == 0) command_.controls = controls;
-  // Times of another clock, or none at all, are not to be compared with ours.
+  // Missing times and times of another clock cannot be compared with ours.
   const auto usable_time = [&](std::int64_t time_us) {
     return message.clock_id == clock_id_ && time_us > 0 && time_us <= now_us;
   };
@@ -132,7 +133,7 @@ void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus
   sent_us_ = 0;
 }
 
-// Whether a sender may command, and its command comes after those before; the refusal is named.
+// True if the sender may command and the sequence number is in order; else reports the refusal.
 bool LiveCommands::Accepts(Source& source, const std::string& what, std::int64_t sequence,
                            const bus::Sender& sender, std::int64_t now_us) {
   const bool owned = Owns(source, now_us);
@@ -183,7 +184,7 @@ void LiveCommands::Refuse(Source& source, Refusal kind, std::int64_t now_us,
   Say(what);
 }
 
-// A few names a minute: anybody may make them up.
+// Reports only a few names a minute, because any sender can invent names.
 void LiveCommands::SayUnknown(const std::string& instrument, const bus::Sender& sender,
                               std::int64_t now_us) {
   constexpr std::size_t kMostNames = 4;

@@ -19,20 +19,20 @@ namespace torquer::simulator {
 namespace {
 
 constexpr std::int64_t kTickUs = 1000;
-// A daemon or a screen that comes while the wire rests learns within this time where it is.
+// Within this time a daemon or screen that starts while the wire rests receives the state.
 constexpr std::int64_t kRepeatUs = 200'000;
 
 class Deadline final : public WorkBudget {
  public:
   explicit Deadline(std::int64_t end_us) : end_us_(end_us) {}
-  // One unit in any case: on a machine that is too slow the wire comes late, but it comes.
+  // Always allows one unit, so that the wire moves, though late, on a machine that is too slow.
   bool Allows(int done) override { return done == 0 || bus::MonotonicUs() < end_us_; }
 
  private:
   std::int64_t end_us_;
 };
 
-// The loop's parts, and what passes between them.
+// Connects the parts of the loop.
 class LiveLoop {
  public:
   LiveLoop(Simulation& simulation, bus::Bus& bus)
@@ -55,7 +55,7 @@ class LiveLoop {
         [this](const torquer_lcm::instrument_command_t& message, const bus::Arrival& arrival) {
           commands_.Take(message, arrival.sender, arrival.received_us);
         },
-        // All of them: a short queue would keep the oldest, and the newest is the one that counts.
+        // 0: no limit. A short queue would keep the oldest commands, but the newest one is valid.
         0);
     bus.SubscribeWithArrival<torquer_lcm::imaging_command_t>(
         protocol::kImagingCommandChannel,

@@ -10,18 +10,19 @@
 
 namespace torquer::simulator {
 
-/// What a run of the loop did.
+/// Statistics of a run.
 struct LiveStatistics {
   std::int64_t ticks = 0;
   std::int64_t commands = 0;
   std::int64_t unconverged = 0;
-  TimeHistogram command_to_state;  ///< from a command's publishing to its state's
+  TimeHistogram command_to_state;  ///< from a command's publication to its state's
   TimeHistogram solve;
 };
 
-/// Runs until `stop`: a tick for every command (the newest of each instrument counts), and while
-/// the wire is not at rest one every millisecond. Publishes every state, at rest the last one again
-/// five times a second, the scene once a second, and health.
+/// Runs until `stop`. Each command makes a tick; the newest command of each instrument is valid.
+/// While the wire is not at rest or the scene evolves, there is a tick every millisecond. Publishes
+/// every state, and repeats the last one five times a second at rest. Also publishes the scene once
+/// a second, and health.
 LiveStatistics RunLive(Simulation& simulation, bus::Bus& bus, const std::atomic<bool>& stop);
 
 }  // namespace torquer::simulator

@@ -1,4 +1,4 @@
-// What a scene's observers have found, published while it runs live.
+// Publishes the readings of a scene's observers while it runs live.
 #pragma once
 
 #include <cstdint>
@@ -8,16 +8,17 @@
 
 namespace torquer::simulator {
 
-/// Between two messages, us.
+/// Interval between two messages, us.
 inline constexpr std::int64_t kReadingsEveryUs = 100'000;
 
-/// Publishes Session::Readings(); nothing at all in a scene without observers.
+/// Publishes Simulation::Readings(); publishes nothing in a scene without observers.
 class LiveReadings {
  public:
-  /// Both outlive this.
+  /// Both arguments must outlive this.
   LiveReadings(const Simulation& simulation, bus::Bus& bus);
 
-  /// Publishes when the last message is kReadingsEveryUs old. `now_us` by bus::MonotonicUs().
+  /// Publishes if the last message is at least kReadingsEveryUs old. `now_us`: by
+  /// bus::MonotonicUs().
   void PublishWhenDue(std::int64_t now_us);
   /// Publishes now.
   void Publish();

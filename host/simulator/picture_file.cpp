@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-// After <cstdio>, which it needs and does not include.
+// jpeglib.h needs <cstdio> and does not include it.
 #include <jpeglib.h>
 
 #include "host/support/atomic_file.h"
@@ -17,7 +17,7 @@ namespace {
 
 using Picture = effects::ImageSource::Picture;
 
-// Every pixel the mean of four.
+// Half the size; each pixel is the mean of four.
 Picture Halved(const Picture& picture) {
   Picture half;
   half.width = picture.width / 2;
@@ -68,7 +68,7 @@ void JpegEncoder::EncodeAt(const effects::ImageSource::Picture& picture, int qua
   jpeg_set_quality(&compress, quality, TRUE);
   jpeg_start_compress(&compress, TRUE);
   while (compress.next_scanline < compress.image_height) {
-    // The library takes no const, and writes nothing.
+    // The library takes no pointer to const, but does not write.
     auto* row = const_cast<JSAMPLE*>(picture.gray.data()) +
                 static_cast<std::size_t>(compress.next_scanline) * compress.image_width;
     jpeg_write_scanlines(&compress, &row, 1);
@@ -94,7 +94,7 @@ const Jpeg& JpegEncoder::Encode(const effects::ImageSource::Picture& picture,
   if (jpeg_.bytes.size() > most_bytes && picture.width > 1 && picture.height > 1) {
     return Encode(Halved(picture), most_bytes);
   }
-  // With room to spare the next one may be better.
+  // Well below the limit the next picture may have a better quality.
   if (jpeg_.bytes.size() < most_bytes * 7 / 10) quality_ = std::min(kBest, quality_ + kStep);
   return jpeg_;
 }

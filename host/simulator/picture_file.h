@@ -23,9 +23,9 @@ struct Jpeg {
 /// Compresses pictures to gray JPEG of a limited size.
 class JpegEncoder {
  public:
-  /// The picture in at most `most_bytes` (of 10,000 or more): the quality, 90 at best, is lowered
-  /// until it fits, and kept in mind for the next picture. One that does not fit at the lowest
-  /// quality, which is nearly white noise, comes at half its width and height.
+  /// Compresses a picture to at most `most_bytes` (>= 10,000). The quality, 90 at best, is lowered
+  /// until it fits, and is the first one tried for the next picture. If the lowest quality does not
+  /// fit, as for white noise, width and height are halved.
   const Jpeg& Encode(const effects::ImageSource::Picture& picture, std::size_t most_bytes);
 
  private:

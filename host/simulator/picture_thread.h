@@ -12,24 +12,25 @@
 
 namespace torquer::simulator {
 
-/// Largest JPEG of a message; LCM loses reordered fragments beyond 65,499 bytes in all.
+/// Largest JPEG of a message. LCM loses reordered fragments of messages beyond 65,499 bytes.
 inline constexpr std::size_t kMostPictureBytes = 60000;
 
-/// One thread that renders the newest of what was taken; what comes while it is busy and is not the
-/// newest is dropped. Repeats the last picture once a second while nothing newer is taken.
+/// Thread that renders the newest shot of `source`. Older shots that come while it is busy are
+/// dropped. Repeats the last picture once a second while no new shot comes.
 class PictureThread {
  public:
-  /// All outlive this.
+  /// All arguments must outlive this.
   PictureThread(effects::ImageSource& source, bus::Bus& bus, const char* channel);
   ~PictureThread();
   PictureThread(const PictureThread&) = delete;
   PictureThread& operator=(const PictureThread&) = delete;
 
-  /// From the thread of the ticks: the source has taken something. Never waits for a picture.
+  /// Reports that the source has taken a shot. Called by the thread of the ticks; never waits for a
+  /// picture.
   void Offer();
 
   std::int64_t rendered() const { return rendered_; }
-  /// What the last picture took to render and compress; 0 before the first.
+  /// Time to render and compress the last picture; 0 before the first one.
   std::int64_t last_us() const { return last_us_; }
 
  private:

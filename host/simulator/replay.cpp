@@ -19,7 +19,7 @@ namespace torquer::simulator {
 
 namespace {
 
-// What a status says of the wire itself, and not of commands or of the time that was left.
+// Status bits of the wire itself, without those of commands and time limits.
 constexpr std::int32_t kRepeatedStatus =
     protocol::kWireConverged | protocol::kWireOutsideLumen | protocol::kWireSnapped;
 
@@ -44,8 +44,8 @@ class Repeater {
                                   log_, recorded.tick, recorded.instrument_count, scene_.path(),
                                   scene_.stack().size()));
     }
-    // In a thinned log not every state says what was before it; after a gap such states wait for
-    // one that does.
+    // In a thinned log only some states describe the ticks before them. After a gap the other
+    // states wait for such a state.
     if (!waiting_.empty() && recorded.tick < waiting_.back().tick) RefuseGap(recorded);
     if (!Reaches(recorded)) {
       const bool may_wait = recorded.tick > expected_tick_ && recorded.past_count == 0 &&
@@ -63,7 +63,7 @@ class Repeater {
     Take(recorded);
   }
 
-  // After the last state.
+  // Call it after the last state.
   void Finish() const {
     if (!waiting_.empty()) RefuseGap(waiting_.front());
   }
@@ -84,8 +84,8 @@ class Repeater {
     return result_.states > 0 && recorded.tick == expected_tick_ - 1;
   }
 
-  // Whether nothing is missing before this state that it does not say itself. The start, tick 0, is
-  // the scene's and takes no work.
+  // True if this state's own past covers all missing states before it. Tick 0, the start, comes
+  // from the scene and takes no work.
   bool Reaches(const torquer_lcm::wire_state_t& recorded) const {
     if (IsRepeated(recorded)) return true;
     return recorded.tick >= expected_tick_ &&
@@ -120,9 +120,9 @@ class Repeater {
     if (differs_) Note(recorded.tick);
   }
 
-  // Whether a recorded state says, to the bit, what the simulation says that it does. What it does
-  // not know, it is given: times, and what concerns the commands' way. What the recorder has left
-  // out is left out here too.
+  // True if a recorded state equals the simulated one bit for bit. Fields that the simulation does
+  // not know, such as times and senders' numbers, are copied from the record. Parts that the
+  // recorder omitted are omitted here too.
   bool IsWhereItWas(const torquer_lcm::wire_state_t& recorded) {
     expected_ = recorded;
     simulation_.Describe(expected_);
@@ -140,7 +140,7 @@ class Repeater {
     return bytes;
   }
 
-  // What was not recorded up to tick `end`, from what a later state says of the ticks before it.
+  // Repeats the missing states before tick `end` from the past that a later state describes.
   void RepeatMissing(std::int64_t end, const torquer_lcm::wire_state_t& later) {
     for (; expected_tick_ < end; ++expected_tick_) {
       ++result_.missing;
@@ -168,13 +168,13 @@ class Repeater {
   Simulation simulation_;
   ReplayResult result_;
   std::int64_t expected_tick_ = 0;
-  bool differs_ = false;  // the newest state
+  bool differs_ = false;  // the newest state differs
   std::vector<torquer_lcm::wire_state_t> waiting_;
   torquer_lcm::wire_state_t expected_;
   std::vector<std::uint8_t> expected_bytes_, recorded_bytes_;
 };
 
-// Feeds the messages of a log to `repeater`, as long as `go_on` says.
+// Feeds the messages of a log to `repeater` until `go_on` returns false.
 void Read(EventLogReader& log, Repeater& repeater,
           const std::function<bool(const ReplayResult&)>& go_on) {
   torquer_lcm::scene_description_t description;

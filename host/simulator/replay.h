@@ -1,4 +1,4 @@
-// A recorded session repeated: the same work, not the same time.
+// Replays a recorded session: repeats the same work, but not at the same times.
 #pragma once
 
 #include <functional>
@@ -11,25 +11,24 @@ namespace torquer::simulator {
 
 struct ReplayResult {
   std::int64_t states = 0;             ///< repeated and compared
-  std::int64_t differing = 0;          ///< of these, in their hash or in what else they say
-  std::int64_t first_difference = -1;  ///< its tick
-  std::int64_t outlines = 0;           ///< of the repeated: in the log without their shape
-  std::int64_t missing = 0;            ///< not in the log, repeated from what later ones say
-  std::int64_t undecodable = 0;        ///< states and descriptions that are none
-  LogDamage damage;                    ///< what of the log could not be read
-  bool ended = false;                  ///< the log holds the end of the simulator
+  std::int64_t differing = 0;          ///< states whose hash or other fields differ
+  std::int64_t first_difference = -1;  ///< tick of the first differing state; -1: none
+  std::int64_t outlines = 0;           ///< repeated states that are in the log without their shape
+  std::int64_t missing = 0;            ///< states that are not in the log, repeated from later ones
+  std::int64_t undecodable = 0;        ///< messages that cannot be decoded
+  LogDamage damage;                    ///< parts of the log that cannot be read
+  bool ended = false;                  ///< the log contains the simulator's end
 
-  /// All that was recorded was seen, and none of it differs.
+  /// True if all records were read and no state differs.
   bool Good() const { return differing == 0 && undecodable == 0 && !damage.any(); }
 };
 
-/// Repeats the wire states of an LCM log: each with the command and the units of work that it
-/// records, and compares their hashes and all else that follows from the commands. States that were
-/// not recorded are repeated too, as long as no more than kMostPastInMessage in a row are missing.
-/// Of outlines (host/bus/state_outline.h) the hash and all but the shape and contacts are compared.
-/// Throws UserError when the log cannot be read, holds no state, has a longer gap, or was recorded
-/// with another scene. `go_on`, where there is one, gets what has been found after each record;
-/// where it answers false, the rest is left out.
+/// Repeats the wire states of an LCM log, each with its recorded command and units of work.
+/// Compares their hashes and all other fields that follow from the commands. Missing states are
+/// repeated too, if at most kMostPastInMessage in a row are missing. The shape and contacts of
+/// outlines (host/bus/state_outline.h) are not compared. Throws UserError when the log cannot be
+/// read, holds no state, has a longer gap, or belongs to another scene. `go_on`, if set,
+/// gets the result so far after each record, and stops the replay by false.
 ReplayResult Replay(scene::Scene& scene, const std::string& log,
                     const std::function<bool(const ReplayResult&)>& go_on = {});
 

@@ -1,4 +1,4 @@
-// A motion, row by row: what a script and a program that steps have in common.
+// Runs a motion row by row, for scripts and for programs that step.
 #pragma once
 
 #include <functional>
@@ -10,30 +10,30 @@
 
 namespace torquer::simulator {
 
-/// What a scene's instruments are to who moves them; the innermost first.
+/// Public descriptions of a scene's instruments, the innermost first.
 std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene);
 
-/// What is chosen on the X-ray system, as effects take it.
+/// Converts settings of the X-ray system to the type that effects take.
 effects::Imaging ToEffects(const Imaging& imaging);
 
-/// Carries out rows one after another, each in the ticks that ScriptTicks cuts it into, with the
-/// budget that the scene gives a script's tick.
+/// Runs rows one after another. ScriptTicks divides each row into ticks, each with the scene's
+/// budget for a script's tick.
 class RowRun {
  public:
-  /// `simulation` is at its start, and must outlive this.
+  /// `simulation` must be at its start, and must outlive this.
   explicit RowRun(Simulation& simulation);
 
-  /// As Simulation::Step of torquer.h: goes on to `row`, whose time is after that of the row
-  /// before, and has its instruments.
+  /// Advances to `row`, as Simulation::Step of torquer.h. `row` must be later than the row before,
+  /// and have the same instruments.
   StepReport GoTo(const torquer::Command& row,
                   const std::function<bool(const StepReport& tick)>& after_tick);
-  /// Where that has come.
+  /// Command of the last tick; before the first one, the start.
   const torquer::Command& command() const { return command_; }
-  /// Whether it has gone anywhere since the start.
+  /// True if a tick has run since the start.
   bool begun() const { return begun_; }
-  /// Goes on from where `twin` is.
+  /// Copies the state of `twin`.
   void CopyFrom(const RowRun& twin);
-  /// To be called after the simulation was restarted.
+  /// Call it after a restart of the simulation.
   void Restart();
 
  private:

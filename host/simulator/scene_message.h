@@ -1,4 +1,4 @@
-// A scene as others on the bus see it.
+// Message that describes a scene on the bus.
 #pragma once
 
 #include <torquer_lcm/scene_description_t.hpp>

@@ -1,4 +1,4 @@
-// What the columns of a script mean.
+// Reads the columns of a script.
 #pragma once
 
 #include <cstddef>
@@ -11,22 +11,22 @@
 
 namespace torquer::simulator {
 
-/// The columns of a script, by name: time_s, ascending, and any of NAME.insertion_mm and
-/// NAME.rotation_rad of each instrument, absolute since the start, lao_deg, cra_deg, xray and
-/// contrast (0 or 1). Errors are UserError naming file, line, value and remedy.
+/// Columns of a script by name. time_s is required and ascends. Optional columns of each instrument
+/// are NAME.insertion_mm and NAME.rotation_rad, measured from the start. Others are lao_deg,
+/// cra_deg, xray and contrast (0 or 1). Errors are UserError naming file, line, value and remedy.
 class ScriptColumns {
  public:
-  /// Looks at the header alone. `scene`: what messages call the scene that has these instruments.
-  /// `table` must outlive this.
+  /// Reads only the header. `scene`: the name of the instruments' scene in messages. `table` must
+  /// outlive this.
   ScriptColumns(const CsvTable& table, std::string scene, std::vector<InstrumentInfo> instruments);
 
-  /// The next row; it is after the row before.
+  /// Reads the next row, which must be later than the row before.
   torquer::Command Read(const CsvRow& row);
 
  private:
   struct Column {
     std::size_t index;
-    std::size_t instrument;  // of those that have one
+    std::size_t instrument;  // of columns that belong to one
     double lowest;
     double highest;
     bool whole;
@@ -42,7 +42,7 @@ class ScriptColumns {
   std::optional<double> before_s_;
 };
 
-/// The rows of a script file.
+/// Reads all rows of a script file. Throws UserError as ScriptColumns.
 std::vector<torquer::Command> ReadScript(const std::string& script, const std::string& scene,
                                          const std::vector<InstrumentInfo>& instruments);
 

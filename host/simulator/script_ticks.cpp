@@ -7,7 +7,7 @@ namespace torquer::simulator {
 bool ScriptTicks::Next(torquer::Command& tick) {
   if (done_) return false;
   tick = row_;
-  // A row that ends so close to a step, in parts of it, ends with it.
+  // Tolerance, in steps, within which a row and a step end together.
   constexpr double kRounding = 1e-6;
   ++count_;
   const double until_s =

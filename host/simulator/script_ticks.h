@@ -1,4 +1,4 @@
-// A row of a script, cut into ticks.
+// Divides a row of a script into ticks.
 #pragma once
 
 #include <cstdint>
@@ -7,18 +7,18 @@
 
 namespace torquer::simulator {
 
-/// The ticks from one row of a script to the next: they end at the multiples of a step of time
-/// since the start, and at the row, so that they do not depend on how a motion is cut into rows.
-/// The hands move evenly from row to row; all else is as the row has it.
+/// Ticks from one row of a script to the next. They end at the multiples of a time step since the
+/// start, and at the row. The multiples do not depend on the division of a motion into rows. The
+/// hands move linearly from row to row; all other values are those of the row.
 class ScriptTicks {
  public:
-  /// `row` is after `before`, times since the start, and has the same instruments. `step_s` > 0;
-  /// infinite: the row is one tick.
+  /// `row` is later than `before`, with times since the start, and has the same instruments.
+  /// `step_s` > 0; infinite: the row is one tick.
   ScriptTicks(const torquer::Command& before, const torquer::Command& row, double step_s)
       : before_(before), row_(row), step_s_(step_s) {}
-  /// The next of them; false after the one that ends with the row.
+  /// Sets the next tick; returns false after the one that ends with the row.
   bool Next(torquer::Command& tick);
-  /// Whether the one that ends with the row was the last.
+  /// True after the tick that ends with the row.
   bool done() const { return done_; }
 
  private:

@@ -10,7 +10,7 @@ namespace torquer::simulator {
 
 namespace {
 
-constexpr std::int64_t kRoomBytes = 65536;  // several times what a record has
+constexpr std::int64_t kRoomBytes = 65536;  // several times the size of a record
 
 std::string NeedObserver(const std::string& path, const std::string& scene, bool observed) {
   if (observed) return path;

@@ -1,4 +1,4 @@
-// How a session went, as one JSON object in a file.
+// Record of a session, as one JSON object in a file.
 #pragma once
 
 #include <string>
@@ -8,26 +8,26 @@
 
 namespace torquer::simulator {
 
-/// Version of the record's format: another meaning or another name of a field makes a new one.
+/// Version of the record's format; changes with the meaning or the name of a field.
 inline constexpr int kRecordVersion = 2;
 
-/// The record: what was simulated, how far it went, and every reading of the scene's observers, of
-/// which [effects.assessment] has the trainee's measures. Fields: host/simulator/effects/README.md.
+/// Record of the simulated scene, its last state, and every reading of the scene's observers.
+/// [effects.assessment] adds the trainee's measures. Fields: host/simulator/effects/README.md.
 class SessionRecord {
  public:
-  /// Before the session runs: `path` is opened for writing, and room for it set aside, so that an
-  /// hour is not lost. `observed`: whether `scene`, a file, has an observer.
-  /// Throws UserError when it cannot be, or when the scene has no observer to record.
+  /// Call it before the session. Opens `path` for writing and reserves disk space, so that the
+  /// record of a long session is not lost. `observed`: true if `scene`, a file, has an observer.
+  /// Throws UserError if `path` cannot be written, or if the scene has no observer.
   SessionRecord(const std::string& path, const std::string& scene, bool observed);
 
-  /// Writes the record, which is whole then. Throws UserError when that fails.
+  /// Writes the complete record. Throws UserError on failure.
   void Finish(const std::string& record);
 
  private:
   AtomicFile file_;
 };
 
-/// A record as text, with its line end.
+/// Text of a record, with its line end.
 std::string FormatRecord(const Simulation& simulation);
 
 }  // namespace torquer::simulator

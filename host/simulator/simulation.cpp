@@ -19,7 +19,7 @@ bool Usable(const InstrumentPlaces& target) {
 
 }  // namespace
 
-// Each comparison is false for what is not a number.
+// Each comparison is false for NaN.
 bool Usable(const InstrumentPlace& place) {
   return std::abs(place.insertion_mm) <= kFarthestPlace &&
          std::abs(place.rotation_rad) <= kFarthestPlace;
@@ -27,7 +27,7 @@ bool Usable(const InstrumentPlace& place) {
 
 bool Usable(const effects::Imaging& imaging) {
   using effects::Imaging;
-  // Not a number fails each of these.
+  // NaN fails each of these.
   const auto shutter = [](double share) { return share >= 0 && share <= Imaging::kMostShutter; };
   return imaging.mode <= Imaging::Mode::kRoadmap &&
          (imaging.pulses_per_s == 0 || (imaging.pulses_per_s >= Imaging::kLeastPulses &&
@@ -120,7 +120,7 @@ void Simulation::CopyFrom(const Simulation& twin) {
 const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   status_ = command.in_doubt ? protocol::kWireInDoubt : 0;
   const bool places = Usable(command.target);
-  // Nobody asks for the X-ray system of a scene that has none.
+  // The settings of the X-ray system have no meaning in a scene that has none.
   const bool controls =
       Usable(command.controls) && (images_.empty() || Usable(command.controls.imaging));
   if (places) target_ = command.target;
@@ -133,7 +133,7 @@ const TickReport& Simulation::Tick(const Command& command, WorkBudget& budget) {
   Relax(budget);
   ++tick_;
   done_.push_front({target_, time_s_, report_.work});
-  // One more than a message holds: the newest stands in its own fields.
+  // Keeps one more than a message's past, because the newest tick has its own fields.
   if (done_.size() > kMostPastInMessage + 1) done_.pop_back();
   updates_ += report_.updates;
   Observe();
@@ -228,7 +228,8 @@ void Simulation::Describe(torquer_lcm::wire_state_t& out) const {
 void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
   const InstrumentPlaces& places = state_.places();
   const InstrumentPlaces start = scene_.start();
-  // With less than half a segment inside there is no segment yet, and all of it is carried.
+  // With less than half a segment inside there is no segment yet, and the whole insertion is
+  // carried.
   const bool any = state_.segments() > 0;
   out.instruments.resize(static_cast<std::size_t>(places.size()));
   out.instrument_count = places.size();

@@ -1,4 +1,4 @@
-// A scene, tick by tick: no clock, no bus.
+// Runs a scene tick by tick, without a clock and without a bus.
 #pragma once
 
 #include <array>
@@ -15,24 +15,25 @@
 
 namespace torquer::simulator {
 
-/// What the hands want.
+/// Command to a tick.
 struct Command {
-  /// Of each instrument, past the entry point: the hand's motion and what lay in at the start.
+  /// Target of each instrument, past the entry point: the hand's motion plus the inserted length at
+  /// the start.
   InstrumentPlaces target;
-  bool in_doubt = false;  ///< lift, sensor fault, no device, or no commands any more
-  bool refused = false;   ///< what was wanted was not usable, and this is what was before
-  /// Simulated, since the start, ascending; negative: a millisecond after the tick before.
+  bool in_doubt = false;  ///< lift, sensor fault, no device, or commands have stopped
+  bool refused = false;   ///< the new command was not usable, and this is the one before
+  /// Simulated time since the start, ascending; negative: 1 ms after the tick before.
   double time_s = -1;
   effects::Controls controls;
 };
 
-/// The farthest that an instrument can be wanted, mm or rad, either way.
+/// Largest distance and angle that a target may have, mm or rad, in both directions.
 inline constexpr double kFarthestPlace = 1e5;
-/// Whether it can be wanted there: finite, and within kFarthestPlace.
+/// True if a place is finite and within kFarthestPlace.
 bool Usable(const InstrumentPlace& place);
-/// Whether an X-ray system can be set so: all within their ranges.
+/// True if all settings of the X-ray system are within their ranges.
 bool Usable(const effects::Imaging& imaging);
-/// Whether the C-arm can be turned so: finite, and within half a turn. Not of `imaging`.
+/// True if the C-arm's angles are finite and within half a turn. Does not check `imaging`.
 bool Usable(const effects::Controls& controls);
 
 /// Runs a scene. The same commands and budgets give the same states, bit for bit.
@@ -40,88 +41,89 @@ class Simulation {
  public:
   /// `scene` must outlive the simulation.
   explicit Simulation(scene::Scene& scene) : Simulation(scene, nullptr) {}
-  /// With the price of each effect of the scene, which must outlive the simulation; null: none.
+  /// `prices` measures each effect of the scene and must outlive the simulation; null: no
+  /// measurement.
   Simulation(scene::Scene& scene, EffectPrices* prices);
-  /// Where `twin` stands, which runs another scene of the same spec; see CopyFrom.
+  /// Starts in the state of `twin`, which runs another scene of the same spec; see CopyFrom.
   Simulation(scene::Scene& scene, const Simulation& twin);
 
-  /// One tick towards `command`. Places or angles that are not Usable are refused: the last good
-  /// ones stand, and the state says so.
+  /// Makes one tick towards `command`. Places or controls that are not Usable are refused: the last
+  /// usable ones stay valid, and the status reports it.
   const TickReport& Tick(const Command& command, WorkBudget& budget);
-  /// Appends a record of every attempt of the method from now on; null: none.
+  /// Appends a record of every attempt of the method from now on; null: no records.
   void RecordAttempts(std::vector<AttemptRecord>* records) { relaxation_->Record(records); }
-  /// Back to the start of the scene.
+  /// Returns to the start of the scene.
   void Restart();
-  /// Goes on from where `twin` stands, which runs a scene of the same spec: the same commands then
-  /// give the same states, bit for bit. Neither is in a tick.
+  /// Copies the state of `twin`, which runs a scene of the same spec. The same commands then give
+  /// the same states, bit for bit. Neither may be in a tick.
   void CopyFrom(const Simulation& twin);
 
   const scene::Scene& scene() const { return scene_; }
   const WireState& state() const { return state_; }
   const Relaxation& relaxation() const { return *relaxation_; }
-  /// Of the present state; see Relaxation::SolverErrorMm.
+  /// Error of the present state; see Relaxation::SolverErrorMm.
   double SolverErrorMm() { return relaxation_->SolverErrorMm(state_); }
-  /// The same; see Relaxation::DiscretizationErrorMm.
+  /// Error of the present state; see Relaxation::DiscretizationErrorMm.
   double DiscretizationErrorMm() { return relaxation_->DiscretizationErrorMm(state_); }
   const TickReport& report() const { return report_; }
-  /// Of all that decides the motion from here on: the wire, and what the method and the energy
-  /// terms remember.
+  /// Hash of everything that decides the further motion: the wire, and the memory of the method and
+  /// the energy terms.
   std::uint64_t state_hash() const { return hash_; }
   std::int64_t tick() const { return tick_; }
   int status() const { return status_; }     ///< protocol::WireStatus bits
-  double time_s() const { return time_s_; }  ///< simulated, since the start
-  /// Whether the scene goes on by itself, so that ticks count even where the hands rest.
+  double time_s() const { return time_s_; }  ///< simulated time since the start
+  /// True if the scene evolves by itself, so that ticks go on while the hands rest.
   bool lives() const { return lives_; }
-  /// The longest tick, s, with which what depends on time is true: 1 ms, as live, where the wire
-  /// has inertia; 5 ms where the vessel moves or an effect evolves (within 2 um of 0.5 ms);
-  /// infinite where a long tick is the same as two short ones.
+  /// Longest tick, s, for accurate effects that depend on time. 1 ms, as live, if the wire has
+  /// inertia. 5 ms if the vessel moves or an effect evolves (within 2 um of 0.5 ms). Infinite if
+  /// one long tick equals two short ones.
   double longest_tick_s() const;
-  /// Whether the wire is at rest where the hands want it.
+  /// True if the wire is at rest at its targets.
   bool at_rest() const { return report_.converged && report_.arrived(); }
-  /// Where the wire touches the wall: one a segment at most, with the deepest of its points.
+  /// Contact of the wire with the wall: at most one for each segment, at its deepest point.
   struct Contact {
-    int node = 0;  ///< the distal one of the segment
+    int node = 0;  ///< distal node of the segment
     double penetration_mm = 0;
   };
   std::vector<Contact> Contacts() const;
-  /// What the observers of the scene have found.
+  /// Readings of the observers of the scene.
   std::vector<effects::Reading> Readings() const;
-  /// Along the wire, of the present state; null where no effect looks for it.
+  /// Forces along the wire in the present state; null if no effect computes them.
   const InternalForces* forces() const {
     return along_wire_ == nullptr ? nullptr : along_wire_->AlongWire();
   }
-  /// At the hand of each instrument; null where forces() is.
+  /// Forces at the hand of each instrument; null if forces() is null.
   const std::array<HandForce, kMostInstruments>* hands() const {
     return along_wire_ == nullptr ? nullptr : along_wire_->AtHands();
   }
-  /// How many planes make pictures of the scene, the C-arm's being the first.
+  /// Number of planes with pictures of the scene; the first one is the C-arm's.
   std::size_t image_count() const { return images_.size(); }
-  /// One of them; null where there is none.
+  /// Picture source of a plane; null if there is none.
   effects::ImageSource* image(std::size_t plane = 0) const {
     return plane < images_.size() ? images_[plane].role : nullptr;
   }
-  /// Whether the last tick took something for a picture of it.
+  /// True if the last tick took a shot in the plane.
   bool picture_due(std::size_t plane = 0) const {
     return plane < images_.size() && pictures_due_[plane];
   }
-  /// Null where none are looked for.
+  /// Null if effects are not measured.
   EffectPrices* prices() const { return prices_; }
-  /// Absolute: past the entry point.
+  /// Absolute targets, past the entry point.
   const InstrumentPlaces& target() const { return target_; }
 
-  /// Fills all that the simulation knows of a message; times, and what concerns commands, stay as
-  /// they are.
+  /// Fills all fields of a message that the simulation knows. Clock times and fields about commands
+  /// stay unchanged.
   void Describe(torquer_lcm::wire_state_t& out) const;
 
  private:
-  // What a tick was given, and did.
+  // Input and work of a tick.
   struct Done {
     InstrumentPlaces target;
     double time_s = 0;
     int work = 0;
   };
 
-  // A role, and the number of the effect that takes it.
+  // A role, and the index of the effect that takes it.
   template <class T>
   struct Part {
     T* role;
@@ -161,9 +163,9 @@ class Simulation {
   int status_ = 0;
 };
 
-/// Most nodes of one message; longer wires are sent with a stride.
+/// Maximum number of nodes in one message; longer wires are sent with a stride.
 inline constexpr int kMostNodesInMessage = 2000;
-/// Most earlier ticks of one message, so that a replay can make up for states that were lost.
+/// Maximum number of earlier ticks in one message, from which a replay restores lost states.
 inline constexpr int kMostPastInMessage = 32;
 
 }  // namespace torquer::simulator

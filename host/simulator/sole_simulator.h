@@ -17,18 +17,18 @@ class SoleSimulator {
   /// Throws UserError naming the process and the scene of the simulator that has the claim.
   SoleSimulator(const std::string& url, const std::string& scene);
 
-  /// Throws UserError when wire states of another user's simulator, or of a log player, come within
-  /// kListenUs of the construction; waits until then.
+  /// Waits until kListenUs after the construction. Throws UserError if wire states of another
+  /// user's simulator, or of a log player, come until then.
   void Listen();
 
-  /// A simulator publishes its state after 200 ms at the latest.
+  /// Longer than the 200 ms after which a simulator repeats its state at the latest.
   static constexpr std::int64_t kListenUs = 300'000;
 
  private:
   std::optional<bus::Bus> listener_;  // until Listen() is done
   const bus::Claim claim_;
   std::int64_t began_us_;
-  std::string heard_;  // from whom, and which instruments
+  std::string heard_;  // sender, and instruments of its states
 };
 
 }  // namespace torquer::simulator

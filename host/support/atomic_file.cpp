@@ -20,7 +20,7 @@
 namespace torquer {
 namespace {
 
-constexpr int kMostLinks = 40;  // as Linux follows at most
+constexpr int kMostLinks = 40;  // limit of Linux
 constexpr char kRemedy[] = "name a file in a folder that exists and that you may write to";
 constexpr char kRoomRemedy[] = "free space on the disk, or name a file elsewhere";
 
@@ -46,8 +46,8 @@ std::string FolderOf(const std::string& file) {
   return folder.empty() ? "." : folder;
 }
 
-// The next name for a file beside the target, since a rename cannot leave its file system. It is
-// short, since the target's name may be as long as names can be.
+// Next name for a file beside the target, because a rename cannot leave its file system. It is
+// short, because the target's name may have the maximum length.
 std::string TemporaryName(const std::string& target) {
   static std::atomic<unsigned> count{0};
   return fmt::format("{}/.torquer-{}-{}.tmp", FolderOf(target), getpid(), ++count);
@@ -55,9 +55,9 @@ std::string TemporaryName(const std::string& target) {
 
 std::string LinkTo(int fd) { return fmt::format("/proc/self/fd/{}", fd); }
 
-// Creates a file in the same folder: one without a name where the file system has those, so that
-// even a process that is killed leaves nothing, otherwise one with a new name. The file descriptor,
-// or -1 with errno.
+// Creates a file in the same folder. It is unnamed if the file system supports that, so that a
+// killed process leaves nothing. Otherwise it has a new name. Returns the descriptor, or -1 with
+// errno.
 int CreateBeside(const std::string& target, std::string& temporary) {
   int fd = open(FolderOf(target).c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, 0666);
   if (fd >= 0 && access(LinkTo(fd).c_str(), F_OK) == 0) return fd;
@@ -69,8 +69,8 @@ int CreateBeside(const std::string& target, std::string& temporary) {
   }
 }
 
-// A folder that may be written to but not be read cannot be opened for it; its file system can be
-// synced by way of the file. Some network file systems cannot sync a folder and need not.
+// A folder that is writable but not readable cannot be opened. Then syncfs on the file syncs its
+// file system. Some network file systems cannot sync a folder and need not.
 void SyncFolder(const std::string& path, const std::string& file) {
   const int folder = open(FolderOf(file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   const int fd = folder >= 0 ? folder : open(file.c_str(), O_WRONLY | O_CLOEXEC);
@@ -85,7 +85,7 @@ void SyncFolder(const std::string& path, const std::string& file) {
 
 }  // namespace
 
-// A stream buffer over a file descriptor, so that the file can be synced; it keeps the errno of the
+// Stream buffer over a file descriptor, so that the file can be synced. It keeps the errno of the
 // first failure.
 class AtomicFile::Buffer : public std::streambuf {
  public:
@@ -111,7 +111,7 @@ class AtomicFile::Buffer : public std::streambuf {
     return error_ == 0;
   }
 
-  /// Writes and syncs everything. 0, or the errno of the first failure.
+  /// Writes and syncs everything. Returns 0, or the errno of the first failure.
   int Sync() {
     sync();
     if (error_ == 0 && reserved_ && ftruncate(fd_, written_) != 0) error_ = errno;
@@ -119,8 +119,8 @@ class AtomicFile::Buffer : public std::streambuf {
     return error_;
   }
 
-  /// Cuts off what is not to be kept, so that the rest may be closed in good order. Whether it is
-  /// safe on the disk.
+  /// Cuts the file to the part to be kept, so that this part can be closed normally. Returns true
+  /// if it is safe on the disk.
   bool CutToKept() {
     error_ = 0;
     return ftruncate(fd_, kept_) == 0 && fsync(fd_) == 0;
@@ -161,8 +161,8 @@ class AtomicFile::Buffer : public std::streambuf {
   int error_ = 0;
   bool reserved_ = false;
   std::int64_t written_ = 0;
-  std::int64_t kept_ = 0;            // the last mark that was written
-  std::vector<std::int64_t> marks_;  // of what is still in memory
+  std::int64_t kept_ = 0;            // newest mark that was written
+  std::vector<std::int64_t> marks_;  // marks in the data still in memory
   std::array<char, 65536> bytes_{};
 };
 
@@ -209,7 +209,7 @@ void AtomicFile::Reserve(std::int64_t bytes) {
 
 bool AtomicFile::KeepSoFar() { return buffer_->KeepSoFar(); }
 
-// Gives the file a name, if need be, closes it, and renames it. The reason why not, or "".
+// Gives an unnamed file a name, closes it, and renames it. Returns the reason of a failure, or "".
 std::string AtomicFile::NameIt(const std::string& name) {
   while (temporary_.empty()) {
     const std::string link = TemporaryName(target_);
@@ -224,7 +224,7 @@ std::string AtomicFile::NameIt(const std::string& name) {
   return "";
 }
 
-// Keeps what KeepSoFar() said to keep. What is to be said of it.
+// Keeps the data up to the last KeepSoFar(). Returns a part of the message about it.
 std::string AtomicFile::SavePartial() {
   if (buffer_->kept() == 0 || buffer_->fd() < 0 || !buffer_->CutToKept()) return "";
   const std::string name = target_ + ".partial";

@@ -1,4 +1,4 @@
-// Files that are there complete, or not at all.
+// Files that appear complete, or not at all.
 #pragma once
 
 #include <cstdint>
@@ -9,31 +9,31 @@
 
 namespace torquer {
 
-/// A file that is written beside its final name and takes that name with Finish(). Whatever goes
-/// wrong before, a power cut or a signal included, the name stands for what it stood for; a file
-/// that is not finished leaves nothing behind (where the file system has no files without a name, a
-/// killed process leaves `.torquer-PID-N.tmp`).
+/// A file that is written beside its final name and takes that name with Finish(). Until then the
+/// old file under that name stays unchanged, even after a power cut or a signal. An unfinished file
+/// leaves nothing behind. Only on a file system without unnamed files a killed process leaves
+/// `.torquer-PID-N.tmp`.
 ///
-/// Only ordinary files are replaced. Where the path is a symbolic link, the file behind the link is
-/// replaced and the link stays. A replaced file keeps its permissions.
+/// Only ordinary files are replaced. If the path is a symbolic link, its target is replaced and the
+/// link stays. A replaced file keeps its permissions.
 class AtomicFile {
  public:
-  /// Throws UserError naming `path`, the reason and the remedy when no file can be written there:
-  /// it is a folder, device, pipe or socket, it is write-protected, its folder is missing or may
-  /// not be written to, its name is too long, or its symbolic links form a loop.
+  /// Throws UserError naming `path`, the reason and the remedy if no file can be written there. The
+  /// path may be a folder, device, pipe or socket, write-protected, or too long. Its folder may be
+  /// missing or not writable, and its symbolic links may form a loop.
   explicit AtomicFile(const std::string& path);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  /// Where the contents go. It fails silently, as streams do; Finish() reports it.
+  /// Stream for the contents. It fails silently, as streams do; Finish() reports it.
   std::ostream& out() { return out_; }
 
-  /// The file, still empty, for a program that writes it in place of out().
+  /// Descriptor of the empty file, for a program that writes it in place of out().
   int descriptor() const;
 
-  /// Sets room on the disk aside, so that a file of up to `bytes` cannot fail for want of it later.
-  /// Throws UserError when there is not as much.
+  /// Reserves disk space, so that a file of up to `bytes` cannot fail later because the disk is
+  /// full. Throws UserError if there is not enough space.
   void Reserve(std::int64_t bytes);
 
   /// Marks the contents so far as useful by themselves. If the disk fails later, Finish() keeps the
@@ -41,10 +41,10 @@ class AtomicFile {
   /// failed.
   bool KeepSoFar();
 
-  /// Writes what is still in memory, syncs the file to the disk, renames it to its final name and
-  /// syncs the folder. Call it once. Throws UserError naming the path and the reason when not all
-  /// of this could be done. Then the name stands for what it stood for; what KeepSoFar() said to
-  /// keep lies beside it in PATH.partial, and the message says so.
+  /// Writes the buffered data, syncs the file to the disk, renames it to its final name and syncs
+  /// the folder. Call it once. Throws UserError naming the path and the reason if a step fails.
+  /// Then the old file stays; the data kept by KeepSoFar() is in PATH.partial, and the message says
+  /// so.
   void Finish();
 
  private:
@@ -55,7 +55,7 @@ class AtomicFile {
 
   std::string path_;       // as given, for messages
   std::string target_;     // `path_` with its symbolic links followed
-  std::string temporary_;  // beside the target; empty where the file has no name yet
+  std::string temporary_;  // beside the target; empty while the file has no name
   std::unique_ptr<Buffer> buffer_;
   std::ostream out_;
 };

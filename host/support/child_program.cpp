@@ -54,12 +54,12 @@ ChildProgram::ChildProgram(const std::vector<std::string>& words, const std::str
   sigset_t none, all;
   sigemptyset(&none);
   sigfillset(&all);
-  posix_spawnattr_setpgroup(&spawning.attributes, 0);  // Ctrl-C is for this program
+  posix_spawnattr_setpgroup(&spawning.attributes, 0);  // keeps Ctrl-C away from the child
   posix_spawnattr_setsigmask(&spawning.attributes, &none);
   posix_spawnattr_setsigdefault(&spawning.attributes, &all);
   posix_spawnattr_setflags(&spawning.attributes,
                            POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-  // setpriv (util-linux) asks the kernel for the signal and becomes the program.
+  // setpriv (util-linux) requests the signal from the kernel and then becomes the program.
   std::vector<std::string> all_words = {"setpriv", "--pdeathsig", "TERM", "--"};
   all_words.insert(all_words.end(), words.begin(), words.end());
   std::vector<char*> argv;

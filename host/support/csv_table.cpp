@@ -15,13 +15,13 @@
 namespace torquer {
 namespace {
 
-// Excel begins a file in UTF-8 with it.
+// Excel writes this mark at the beginning of UTF-8 files.
 constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 
-// A table of more is none that people or programs make for Torquer; each name is compared with all.
+// Larger than any useful table; each name is compared with all others.
 constexpr std::size_t kMostColumns = 1000;
 
-// Without the spaces around it, and without the quotes that R's write.csv gives names.
+// Removes the spaces around a cell, and the quotes that R's write.csv adds to names.
 std::string Trimmed(const std::string& cell) {
   const auto first = cell.find_first_not_of(" \t");
   if (first == std::string::npos) return "";
@@ -44,8 +44,8 @@ std::vector<std::string> Split(const std::string& line) {
   throw UserError(fmt::format("{}:{}: {}", path, line, problem));
 }
 
-// Takes a line into the table: as its header, or as the row that is returned. `header`: what the
-// first line must be; "" for anything.
+// Adds a line to the table as its header, or returns it as a row. `header`: required first line; ""
+// for any.
 std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
                                const std::string& header) {
   if (number == 1 && line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());

@@ -16,7 +16,8 @@ namespace {
 constexpr std::size_t kMostBytesOfLine = 10'000;
 constexpr int kWaitForRoomMs = 200;
 
-// Keeps SIGPIPE from this thread: a reader of messages that goes away must not end the program.
+// Blocks SIGPIPE in this thread, so that a reader of messages that goes away does not end the
+// program.
 class WithoutPipeSignal {
  public:
   WithoutPipeSignal() noexcept {
@@ -55,7 +56,7 @@ std::string PrintableLinesOf(std::string_view text) {
 void OccupyStandardStreams() noexcept {
   for (int stream = STDIN_FILENO; stream <= STDERR_FILENO; ++stream) {
     if (fcntl(stream, F_GETFD) >= 0 || errno != EBADF) continue;
-    // The lowest number that is free is this one. Opened the wrong way, it refuses every use.
+    // open() uses the lowest free number, which is this one. The wrong mode makes every use fail.
     const int mode = stream == STDIN_FILENO ? O_WRONLY : O_RDONLY;
     if (open("/dev/null", mode) < 0) return;
   }

@@ -1,4 +1,4 @@
-// Messages on standard error: the one place where programs write them.
+// Writes messages to standard error, for all programs.
 #pragma once
 
 #include <fmt/format.h>
@@ -11,16 +11,16 @@
 
 namespace torquer {
 
-/// Opens /dev/null for each of the first three descriptors that is closed, so that no file of the
-/// program gets its number and, with it, the messages. What is written to it is still refused.
+/// Opens /dev/null for each closed descriptor among the first three. Otherwise a file of the
+/// program would get its number and the messages. A write to it still fails.
 void OccupyStandardStreams() noexcept;
 
-/// Writes `text` to standard error. Line ends stay; other control characters become escapes, as
-/// Printable() has them. A stream that is full, closed or without a reader loses the message, and
-/// neither throws nor ends the program.
+/// Writes `text` to standard error. Line ends stay; Printable() escapes other control characters. A
+/// full or closed stream, or one without a reader, loses the message. The call neither throws nor
+/// ends the program.
 void WriteError(std::string_view text) noexcept;
 
-/// The same for a line that shows progress on a terminal: `text` is the program's own, unescaped.
+/// Same for a line of progress on a terminal: `text` comes from the program and is not escaped.
 void WriteProgress(std::string_view text) noexcept;
 
 /// Formats a message and writes it as WriteError() does.
@@ -33,8 +33,8 @@ void PrintError(fmt::format_string<Arguments...> format, Arguments&&... argument
   }
 }
 
-/// The remedy for an error of the system that a limit or the machine's state causes, such as "raise
-/// the limit of open files (ulimit -n)"; "" for every other.
+/// Remedy for a system error that a limit or the machine's state causes, or "". Example: "raise the
+/// limit of open files (ulimit -n)".
 std::string RemedyOf(const std::error_code& error);
 
 }  // namespace torquer

@@ -11,7 +11,7 @@ namespace {
 constexpr std::array<std::uint8_t, 4> kSync = {0xed, 0xa1, 0xda, 0x01};
 constexpr std::size_t kHeaderBytes = 28;
 constexpr std::int64_t kMostChannelBytes = 63;       // LCM's own limit
-constexpr std::int64_t kMostDataBytes = 64LL << 20;  // a thousand times the largest of our messages
+constexpr std::int64_t kMostDataBytes = 64LL << 20;  // a thousand times our largest message
 constexpr std::int64_t kMostNumber = 1LL << 40;      // years at a million records a second
 constexpr std::size_t kWindowBytes = 1U << 16;
 
@@ -30,7 +30,7 @@ std::string Counted(std::int64_t count, const std::string& what) {
 std::int64_t ElapsedUs(std::int64_t first_us, std::int64_t time_us) {
   constexpr std::int64_t kYearUs = 365LL * 24 * 3600 * 1'000'000;
   if (time_us <= first_us) return 0;
-  // In unsigned numbers a difference cannot be too large.
+  // The unsigned difference cannot overflow.
   const std::uint64_t elapsed_us =
       static_cast<std::uint64_t>(time_us) - static_cast<std::uint64_t>(first_us);
   return elapsed_us < kYearUs ? static_cast<std::int64_t>(elapsed_us) : kYearUs;
@@ -50,7 +50,7 @@ std::string LogDamage::Describe() const {
 EventLogReader::EventLogReader(const std::string& path)
     : file_(path, "give a log that torquer-recorder wrote") {}
 
-// `size` bytes from `offset` on; null where the file has fewer.
+// `size` bytes from `offset` on; null if the file has fewer.
 const std::uint8_t* EventLogReader::At(std::int64_t offset, std::size_t size) {
   if (offset < window_at_ || offset + static_cast<std::int64_t>(size) >
                                  window_at_ + static_cast<std::int64_t>(window_.size())) {
@@ -58,13 +58,13 @@ const std::uint8_t* EventLogReader::At(std::int64_t offset, std::size_t size) {
     window_.resize(std::max(size, kWindowBytes));
     window_at_ = offset;
     window_.resize(file_.ReadAt(offset, window_.data(), window_.size()));
-    if (window_.size() < size) return nullptr;  // it has become shorter since it was opened
+    if (window_.size() < size) return nullptr;  // the file has become shorter since it was opened
   }
   return window_.data() + (offset - window_at_);
 }
 
 EventLogReader::Kind EventLogReader::Look(std::int64_t offset, Header& header) const {
-  // Not by way of the window: a hostile log names places all over the file.
+  // Reads without the window, because a hostile log can name places all over the file.
   std::array<std::uint8_t, kHeaderBytes + kMostChannelBytes> head;
   const std::size_t got = file_.ReadAt(offset, head.data(), head.size());
   const std::uint8_t* const bytes = head.data();
@@ -96,7 +96,7 @@ bool EventLogReader::RecordFollows(std::int64_t offset) const {
   return Look(offset, header) != Kind::kNone;
 }
 
-// Where the first record begins from `from` on, but before `limit`; `limit` where there is none.
+// Position of the first record in [from, limit); `limit` if there is none.
 std::int64_t EventLogReader::FindRecord(std::int64_t from, std::int64_t limit) {
   for (std::int64_t at = from; at < limit; ++at) {
     const std::uint8_t* first = At(at, 1);
@@ -114,8 +114,8 @@ bool EventLogReader::Place(Header& header) {
     const Kind kind = Look(at_, header);
     const bool whole = kind == Kind::kRecord;
     if (whole && RecordFollows(header.end)) return true;
-    // Where another record begins within this one, its lengths are wrong; where none does, what
-    // follows it is damaged.
+    // If another record begins within this one, its lengths are wrong. Otherwise the bytes after it
+    // are damaged.
     const std::int64_t limit = whole ? header.end : file_.bytes();
     const std::int64_t next = FindRecord(at_ + 1, limit);
     if (whole && next == limit) return true;

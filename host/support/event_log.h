@@ -1,8 +1,8 @@
-// Logs of LCM messages, as event_log_writer and lcm-logger write them: read past damage, and with
-// an account of it.
+// Reads logs of LCM messages, written by event_log_writer or lcm-logger. Skips damage and reports
+// it.
 //
 // A record: the word 0xEDA1DA01, its number (8 bytes), its time (8), the lengths of channel and
-// data (4 each), channel, data; all numbers in network byte order. Records follow each other
+// data (4 each), channel, data. All numbers are in network byte order. Records follow each other
 // without a gap, and their numbers rise by one.
 #pragma once
 
@@ -16,24 +16,24 @@
 
 namespace torquer {
 
-/// One record; views are valid until the next is read.
+/// One record; its views are valid until the next record is read.
 struct LogRecord {
   std::int64_t number = 0;
-  std::int64_t time_us = 0;  ///< when the logger received it, its wall clock
+  std::int64_t time_us = 0;  ///< wall clock of the logger at reception
   std::string_view channel;
   std::span<const std::uint8_t> data;
-  std::int64_t data_at = 0;  ///< the place of `data` in the file
+  std::int64_t data_at = 0;  ///< position of `data` in the file
 };
 
-/// From the time of a log's first record to that of another, us: 0 to a year, since times that were
-/// recorded may be anything.
+/// Time from a log's first record to another, us. Limited to 0 to a year, because recorded times
+/// are not trusted.
 std::int64_t ElapsedUs(std::int64_t first_us, std::int64_t time_us);
 
 /// Damage: the parts of a log that could not be read.
 struct LogDamage {
-  std::int64_t places = 0;   ///< stretches that are no records, and records with a wrong number
+  std::int64_t places = 0;   ///< stretches without records, and records with a wrong number
   std::int64_t bytes = 0;    ///< in these stretches
-  std::int64_t missing = 0;  ///< records that were there, by the numbers of those beside them
+  std::int64_t missing = 0;  ///< lost records, by the numbers of their neighbors
   bool cut = false;          ///< the log ends within a record
 
   bool any() const { return places > 0 || missing > 0 || cut; }
@@ -41,9 +41,9 @@ struct LogDamage {
   std::string Describe() const;
 };
 
-/// Reads a log record by record, in memory that does not grow with it. Whatever the bytes are, it
-/// comes to the end: a record counts where its header is plausible and where another record or the
-/// end of the file follows it, and what lies between such records is counted and skipped.
+/// Reads a log record by record, with limited memory. It reaches the end for any bytes. A record is
+/// valid if its header is plausible and another record or the end of the file follows it. Bytes
+/// between valid records are counted and skipped.
 class EventLogReader {
  public:
   /// Reads a log and its parts, as LogInput does. Throws UserError naming the file when it cannot
@@ -53,7 +53,7 @@ class EventLogReader {
   /// Reads the next whole record; false at the end of the log.
   bool Next(LogRecord& record);
 
-  /// So far; complete after Next() returned false.
+  /// Damage so far; complete after Next() returned false.
   const LogDamage& damage() const { return damage_; }
 
  private:
@@ -74,10 +74,10 @@ class EventLogReader {
   bool NumberFits(const Header& header);
 
   LogInput file_;
-  std::vector<std::uint8_t> window_;  // of the file, from window_at_ on
+  std::vector<std::uint8_t> window_;  // part of the file from window_at_ on
   std::int64_t window_at_ = 0;
   std::int64_t at_ = 0;
-  std::int64_t expected_ = -1;  // the next number
+  std::int64_t expected_ = -1;  // number of the next record
   LogDamage damage_;
 };
 

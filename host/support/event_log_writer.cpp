@@ -69,7 +69,7 @@ void EventLogWriter::Finish() {
 }
 
 void EventLogWriter::Fail(int reason) {
-  // Part of a record would read as damage.
+  // A partial record would look like damage.
   const bool whole = ftruncate(file_, kept_bytes_) == 0;
   throw UserError(fmt::format(
       "{}: cannot be written ({}); it ends {} record {}, and {} are lost; "

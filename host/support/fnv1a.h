@@ -18,7 +18,7 @@ constexpr std::uint64_t Fnv1a(std::string_view bytes, std::uint64_t hash = 0xcbf
   return hash;
 }
 
-/// A hash as it is printed everywhere: 16 hexadecimal digits.
+/// Text of a hash for all outputs: 16 hexadecimal digits.
 inline std::string Hex(std::uint64_t value) { return fmt::format("{:016x}", value); }
 
 }  // namespace torquer

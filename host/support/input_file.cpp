@@ -18,9 +18,9 @@ InputFile::InputFile(const std::string& path, const std::string& remedy)
     : path_(path), remedy_(remedy) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) Refuse(std::strerror(errno));
-  // Before it is opened: that alone would wake the writer of a pipe, or start a device.
+  // Checked before the opening, which would wake the writer of a pipe, or start a device.
   if (!S_ISREG(status.st_mode)) Refuse(std::string("it is ") + FileKind(status.st_mode));
-  // And should it be replaced by one meanwhile, this does not wait.
+  // Does not wait if a pipe replaces the file meanwhile.
   fd_ = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (fd_ < 0) Refuse(std::strerror(errno));
   if (fstat(fd_, &status) == 0 && S_ISREG(status.st_mode)) {
@@ -57,7 +57,7 @@ std::string ReadInputFile(const std::string& path, const std::string& remedy,
     throw UserError(fmt::format("{}: has {} bytes, and at most {} are read; {}", path, file.bytes(),
                                 most_bytes, remedy));
   }
-  // The kernel's own files say that they are empty, so that the end alone counts.
+  // Files of the kernel report a size of 0, so only the end of the data counts.
   std::string contents;
   constexpr std::int64_t kLeast = 4096;
   auto step = static_cast<std::size_t>(std::max(file.bytes() + 1, kLeast));

@@ -1,4 +1,4 @@
-// Files that a user gives to be read.
+// Input files named by a user.
 #pragma once
 
 #include <cstddef>
@@ -7,11 +7,11 @@
 
 namespace torquer {
 
-/// Most bytes that ReadInputFile takes into memory.
+/// Maximum number of bytes that ReadInputFile reads into memory.
 inline constexpr std::int64_t kMostInputBytes = std::int64_t{1} << 30;
 
-/// An ordinary file, open for reading. A folder, pipe, device or socket in its place is refused, so
-/// that nobody waits for a writer that never comes.
+/// An ordinary file, open for reading. A folder, pipe, device or socket is refused, because a pipe
+/// could wait forever for a writer.
 class InputFile {
  public:
   /// Throws UserError "PATH: cannot be read: REASON; REMEDY".
@@ -21,10 +21,10 @@ class InputFile {
   InputFile& operator=(const InputFile&) = delete;
 
   const std::string& path() const { return path_; }
-  std::int64_t bytes() const { return bytes_; }  ///< when it was opened
+  std::int64_t bytes() const { return bytes_; }  ///< size when it was opened
 
-  /// Reads `size` bytes from `offset` on. Returns how many there were: fewer only at the end of the
-  /// file. Throws UserError when the disk cannot be read.
+  /// Reads `size` bytes from `offset` on. Returns the number of bytes read, which is smaller only
+  /// at the end of the file. Throws UserError if the disk cannot be read.
   std::size_t ReadAt(std::int64_t offset, void* to, std::size_t size) const;
 
  private:
@@ -36,7 +36,7 @@ class InputFile {
   int fd_ = -1;
 };
 
-/// The contents of an InputFile. Throws UserError as that does, and where the file has more than
+/// Contents of an InputFile. Throws UserError as that does, and if the file has more than
 /// `most_bytes`.
 std::string ReadInputFile(const std::string& path, const std::string& remedy,
                           std::int64_t most_bytes = kMostInputBytes);

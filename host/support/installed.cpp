@@ -10,7 +10,7 @@
 namespace torquer {
 namespace {
 
-// The file of the program or of the shared library that this is linked into.
+// File of the program or of the shared library that contains this code.
 std::filesystem::path OwnFile() {
   Dl_info self = {};
   link_map* loaded = nullptr;
@@ -27,7 +27,7 @@ std::filesystem::path OwnFile() {
 std::filesystem::path FindInstalled(const std::filesystem::path& below_prefix) {
   const std::filesystem::path file = OwnFile();
   std::filesystem::path folder = file.parent_path();
-  // It is in bin, in bin/helpers, in lib, or in the machine's folder of lib.
+  // The file is in bin, in bin/helpers, in lib, or in the machine's folder of lib.
   for (int up = 0; up < 2 && folder.has_relative_path(); ++up) {
     folder = folder.parent_path();
     std::error_code missing;

@@ -24,7 +24,7 @@ std::string Listed(const std::vector<std::string>& names, const char* mark) {
   return all;
 }
 
-// A text in quotes, as TOML reads it back.
+// Quotes a text for TOML.
 std::string Quoted(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) {
@@ -78,7 +78,7 @@ Key& Key::operator=(Key&&) noexcept = default;
 Key::~Key() = default;
 
 struct KeyTable::Entry {
-  std::size_t key = 0;  // of keys_
+  std::size_t key = 0;  // index into keys_
   ReadEntry read;
   WriteEntry write;
 };
@@ -145,7 +145,7 @@ TomlWriter& TomlWriter::Table(const std::string& key, bool list) {
 
 std::string TomlWriter::Text() const {
   std::string text;
-  // The heading of a table that holds nothing but tables is theirs.
+  // A table that contains only tables needs no heading.
   if (!table_.empty() && (list_ || !values_.empty() || tables_.empty())) {
     text += list_ ? "\n[[" + table_ + "]]\n" : "\n[" + table_ + "]\n";
   }

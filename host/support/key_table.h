@@ -1,5 +1,4 @@
-// Tables of keys, defined once: how a TOML table is read into plain data, checked, written again
-// and documented.
+// Tables of keys: one definition to read, check, write and document a TOML table.
 //
 //   Keys<FrictionSpec>  --Read-->  FrictionSpec  --Write-->  TOML
 //          |
@@ -22,15 +21,16 @@ namespace torquer {
 
 /// Base of the plain data of one table.
 struct TableSpec {
-  TableOrigin origin;  ///< where it was read, for errors that are found later
+  TableOrigin origin;  ///< place in the file, for errors that are found later
 };
 
-/// A direction of the vessel's frame, or by its name one of the patient.
+/// A direction in the vessel's frame, or the name of a patient's direction.
 struct DirectionSpec {
-  std::string name;  ///< one of PatientDirections(), or "": `vector` then
+  std::string name;  ///< one of PatientDirections(); "": `vector` is valid
   Eigen::Vector3d vector = Eigen::Vector3d::Zero();
 };
-/// left, right, posterior, anterior, superior, inferior: each followed by its opposite.
+/// Names of directions: left, right, posterior, anterior, superior, inferior. Each is followed by
+/// its opposite.
 const std::vector<std::string>& PatientDirections();
 
 /// Type of value that a key takes.
@@ -50,7 +50,7 @@ enum class KeyKind {
 
 class KeyTable;
 
-/// One key, as it is documented.
+/// Documentation of one key.
 struct Key {
   Key();
   Key(const Key&);
@@ -61,14 +61,14 @@ struct Key {
 
   std::string name;
   KeyKind kind = KeyKind::kNumber;
-  std::string unit;   ///< "" for none
+  std::string unit;   ///< "": none
   double lowest = 0;  ///< of numbers
   double highest = 0;
-  std::size_t fewest = 0;            ///< of points and tables
+  std::size_t fewest = 0;            ///< least number of points or tables
   std::vector<std::string> choices;  ///< of a choice
-  std::string meaning;               ///< a part of a sentence
+  std::string meaning;               ///< part of a sentence
   bool required = false;
-  std::string fallback;             ///< otherwise: the value that holds without the key, or words
+  std::string fallback;             ///< value that is valid without the key, or words about it
   const KeyTable* table = nullptr;  ///< of a table or tables
 
   /// Permitted values in words: "number from 0 to 2".
@@ -78,11 +78,11 @@ struct Key {
 /// Writes TOML: keys first, then the tables inside.
 class TomlWriter {
  public:
-  /// `table`: full name of the table to be, "" for the file itself.
+  /// `table`: full name of the table, "" for the file itself.
   explicit TomlWriter(std::string table = "") : table_(std::move(table)) {}
-  /// A value as TOML writes it.
+  /// `toml`: value in TOML syntax.
   void Value(const std::string& key, const std::string& toml);
-  /// A table inside; what it returns is written after all values.
+  /// Adds a table inside. Its contents are written after all values.
   TomlWriter& Table(const std::string& key, bool list = false);
   std::string Text() const;
 
@@ -93,16 +93,16 @@ class TomlWriter {
   std::vector<std::unique_ptr<TomlWriter>> tables_;
 };
 
-/// All keys of one table, whatever its data. What does not depend on the type of the data is here,
-/// compiled once: tables of keys are many, and each is compiled for its own type.
+/// All keys of one table, without the type of the data. This common code is compiled once, because
+/// each table of keys is compiled for its own type.
 class KeyTable {
  public:
   const std::vector<Key>& keys() const { return keys_; }
-  /// A table as a user may write it, without its heading.
+  /// Example of a table without its heading, as a user may write it.
   const std::string& example() const { return example_; }
 
  protected:
-  /// Reads one key into a spec; writes it where it differs from `base`.
+  /// Read one key into a spec, and write it if it differs from `base`.
   using ReadEntry = std::function<void(const Key&, StrictTable&, TableSpec&)>;
   using WriteEntry =
       std::function<void(const Key&, const TableSpec&, const TableSpec& base, TomlWriter&)>;
@@ -114,14 +114,14 @@ class KeyTable {
 
   void RequireNext() { required_ = true; }
   void OtherwiseNext(std::string_view words) { otherwise_ = words; }
-  /// Appends a key, which is the one that the functions below are about.
+  /// Appends a key, to which the functions below apply.
   Key& Add(std::string_view name, KeyKind kind, std::string_view meaning);
   Key& AddNumber(std::string_view name, KeyKind kind, double lowest, double highest,
                  std::string_view unit, std::string_view meaning);
   const Key& newest() const { return keys_.back(); }
   void SetFallback(const std::string& value);
   void SetEntry(ReadEntry read, WriteEntry write);
-  /// Appends all keys of `base`, which `read` and `write` take together.
+  /// Appends all keys of `base`; `read` and `write` handle them together.
   void AddAllOf(const KeyTable& base, ReadEntry read, WriteEntry write);
   void SetExample(std::string_view toml) { example_ = toml; }
 
@@ -140,7 +140,7 @@ class KeyTable {
 
 namespace key_values {
 
-// One value each: read from a table, written as TOML.
+// Functions for single values: read from a table, write as TOML.
 void Read(StrictTable& table, const Key& key, double& value);
 void Read(StrictTable& table, const Key& key, int& value);
 void Read(StrictTable& table, const Key& key, bool& value);
@@ -169,10 +169,10 @@ struct IsOptional<std::optional<T>> : std::true_type {};
 
 }  // namespace key_values
 
-/// The table of a Spec, which derives from TableSpec. Made once, by a chain of calls, one a key:
-/// the name, the member that takes it, what is allowed, unit and meaning. A key whose member is a
-/// std::optional may be missing; one after Required() must be given; for any other the value that a
-/// new Spec has holds without it.
+/// Table of a Spec, which derives from TableSpec. It is made once by a chain of calls, one for each
+/// key. A call gives the name, the member, the range, unit and meaning. A key whose member is a
+/// std::optional may be missing; one after Required() must be given. Any other missing key keeps
+/// the value of a new Spec.
 template <class Spec>
 class Keys final : public KeyTable {
  public:
@@ -183,7 +183,7 @@ class Keys final : public KeyTable {
     RequireNext();
     return *this;
   }
-  /// Without the next key, which is optional, `words` say what holds.
+  /// `words` describe the meaning of the missing next key, which is optional.
   Keys& Otherwise(std::string_view words) {
     OtherwiseNext(words);
     return *this;
@@ -210,7 +210,7 @@ class Keys final : public KeyTable {
     Add(name, KeyKind::kText, meaning);
     return Take(member);
   }
-  /// `choices` in the order of the enumerators.
+  /// `choices`: in the order of the enumerators.
   template <class Enum>
   Keys& Choice(std::string_view name, Enum Spec::*member, std::vector<std::string> choices,
                std::string_view meaning) {
@@ -290,7 +290,7 @@ class Keys final : public KeyTable {
         });
     return *this;
   }
-  /// All keys of a base of Spec. `base` must outlive this.
+  /// Adds all keys of a base of Spec. `base` must outlive this.
   template <class Base>
   Keys& Include(const Keys<Base>& base) {
     AddAllOf(
@@ -308,7 +308,7 @@ class Keys final : public KeyTable {
     check_ = check;
     return *this;
   }
-  /// A table as a user may write it.
+  /// Example of a table, as a user may write it.
   Keys& Example(std::string_view toml) {
     SetExample(toml);
     return *this;
@@ -325,15 +325,15 @@ class Keys final : public KeyTable {
     ReadAll(table, spec);
     if (check_ != nullptr) check_(spec, table);
   }
-  /// Writes what differs from a new Spec, and what must be given.
+  /// Writes the values that differ from a new Spec, and the required ones.
   void Write(const Spec& spec, TomlWriter& out) const { WriteAll(spec, base_, out); }
-  /// The same, but what differs from `base`, into which it will be read again with ReadInto.
+  /// Writes the values that differ from `base`. ReadInto() with `base` reads them again.
   void Write(const Spec& spec, const Spec& base, TomlWriter& out) const {
     WriteAll(spec, base, out);
   }
 
  private:
-  // The newest key is that of a value.
+  // The newest key takes a value.
   template <class T>
   Keys& Take(T Spec::*member) {
     if constexpr (key_values::IsOptional<T>::value) {
@@ -368,18 +368,18 @@ class Keys final : public KeyTable {
     return *this;
   }
 
-  const Spec base_ = Spec();  // what holds where nothing is given
+  const Spec base_ = Spec();  // values without any key
   Check check_ = nullptr;
 };
 
-/// A table for those who do not know the type of its data: one of several kinds, chosen by name.
+/// Table of keys with a hidden type of data, for one of several kinds chosen by name.
 struct AnyKeys {
   const KeyTable* table = nullptr;
   std::function<std::any(StrictTable&)> read;
   std::function<void(const std::any&, TomlWriter&)> write;
 };
 
-/// `keys` must outlive what is made of it.
+/// `keys` must outlive the result.
 template <class Spec>
 AnyKeys Any(const Keys<Spec>& keys) {
   return {&keys, [&keys](StrictTable& table) { return std::any(keys.Read(table)); },

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::string_view kMark = ".part";
 
-// The number of a part by its name without the log's own; 0 where that is not how parts are named.
+// Number of a part from the end of the name; 0 if it does not name a part.
 int PartNumber(std::string_view suffix) {
   if (!suffix.starts_with(kMark)) return 0;
   suffix.remove_prefix(kMark.size());
@@ -25,7 +25,7 @@ int PartNumber(std::string_view suffix) {
   return whole && number >= 2 && fmt::format("{:03}", number) == suffix ? number : 0;
 }
 
-// As a log and the number of the part.
+// Splits a path into the log and the number of the part.
 std::pair<std::string, int> SplitPartPath(const std::string& path) {
   const std::size_t mark = path.rfind(kMark);
   const int number =
@@ -34,7 +34,7 @@ std::pair<std::string, int> SplitPartPath(const std::string& path) {
   return {path.substr(0, mark), number};
 }
 
-// Numbers of the parts after `first`, in rising order.
+// Numbers of the parts after `first`, ascending.
 std::vector<int> LaterNumbers(const std::string& log, int first) {
   std::vector<int> numbers;
   const std::filesystem::path path(log);
@@ -102,7 +102,7 @@ std::size_t LogInput::ReadAt(std::int64_t offset, void* to, std::size_t size) co
     const std::size_t got = Open(static_cast<std::size_t>(part - parts_.begin()))
                                 .ReadAt(at, static_cast<char*>(to) + done, want);
     done += got;
-    if (got < want) break;  // it has become shorter
+    if (got < want) break;  // the file has become shorter
   }
   return done;
 }

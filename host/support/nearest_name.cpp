@@ -8,10 +8,10 @@
 namespace torquer {
 namespace {
 
-// Fewer letters are the beginning of too many names.
+// Shorter texts begin too many names.
 constexpr std::size_t kShortestBeginning = 3;
 
-// Without the dashes of an option, in lower case, with one sign between words.
+// Removes the dashes of an option, and makes letters lower case and word separators equal.
 std::string Plain(std::string_view name) {
   name.remove_prefix(std::min(name.find_first_not_of('-'), name.size()));
   std::string plain;
@@ -23,7 +23,8 @@ std::string Plain(std::string_view name) {
   return plain;
 }
 
-// Letters to insert, remove, replace or exchange with their neighbor (optimal string alignment).
+// Number of letters to insert, remove, replace or exchange with their neighbor (optimal string
+// alignment).
 std::size_t EditDistance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> distance(a.size() + 1,
                                                  std::vector<std::size_t>(b.size() + 1));
@@ -41,15 +42,15 @@ std::size_t EditDistance(const std::string& a, const std::string& b) {
   return distance[a.size()][b.size()];
 }
 
-// How unlikely it is that `name` was meant, in half edits; more than `limit` when it is not near.
+// Distance of `name` from the meaning of `given`, in half edits; more than `limit` if not near.
 std::size_t Unlikeliness(const std::string& given, const std::string& name, std::size_t limit) {
   const auto& [shorter, longer] =
       std::minmax(given, name, [](const auto& a, const auto& b) { return a.size() < b.size(); });
-  // No fewer edits than that turn one into the other; a file's name can be as long as the file.
+  // Lower bound, which avoids the search for names as long as a file.
   const std::size_t fewest = 2 * (longer.size() - shorter.size());
   std::size_t best = fewest > limit ? fewest : 2 * EditDistance(given, name);
   if (shorter.size() >= kShortestBeginning && longer.starts_with(shorter)) {
-    // A whole word is missing, such as the unit; otherwise the name was cut short or has too much.
+    // A missing whole word, such as the unit, is likelier than a cut or an overlong name.
     const bool whole_word = given.size() <= name.size() &&
                             (longer.size() == shorter.size() || longer[shorter.size()] == '_');
     best = std::min({best, whole_word ? std::size_t{1} : std::size_t{3}, limit});

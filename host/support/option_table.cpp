@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kColumns = 80;
 constexpr std::size_t kHelpColumn = 26;
 
-// Fills lines of kColumns; `indent` columns are left free before all lines but the first.
+// Breaks text into lines of kColumns, and indents all lines but the first by `indent` columns.
 std::string Wrapped(const std::string& text, std::size_t column, std::size_t indent) {
   std::string lines;
   for (std::size_t begin = 0; begin < text.size();) {
@@ -66,7 +66,7 @@ std::string UsageOf(const OptionTable& table, const std::string& words) {
   return usage + '\n';
 }
 
-// A bash word that no character of `text` has a meaning in.
+// Quotes `text` for bash, so that no character has a special meaning.
 std::string ShellQuoted(const std::string& text) {
   std::string quoted = "'";
   for (const char character : text) {
@@ -79,7 +79,7 @@ std::string Words(const std::vector<std::string>& words) {
   return ShellQuoted(fmt::format("{}", fmt::join(words, " ")));
 }
 
-// The command that prints what a value can be; empty when nothing can be said.
+// Command that prints the possible values; empty if they are not known.
 std::string CandidatesOf(const OptionEntry& entry) {
   if (!entry.choices.empty())
     return fmt::format("compgen -W {} -- \"$current\"", Words(entry.choices));
@@ -94,7 +94,7 @@ std::string CandidatesOf(const OptionEntry& entry) {
   return "";
 }
 
-// The body of the completion for one table: first the value of the option before, else words.
+// Body of the completion for one table: completes the value of an option, otherwise words.
 std::string CompletionOf(const OptionTable& table, const std::string& indent) {
   std::string body;
   std::vector<std::string> names;

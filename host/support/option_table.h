@@ -1,5 +1,5 @@
-// The table of a program's options, and what is printed from it: --help and the completion script.
-// Programs declare their options through program.h.
+// Table of a program's options, from which --help and the completion script are printed. Programs
+// declare their options through program.h.
 #pragma once
 
 #include <functional>
@@ -13,23 +13,23 @@ namespace torquer {
 
 /// One option or operand.
 struct OptionEntry {
-  std::string name;         ///< "--length"; of an operand "LOG"
-  std::string letter;       ///< "-h"; empty without one
-  std::string placeholder;  ///< of its value; empty for a flag
+  std::string name;         ///< "--length"; "LOG" for an operand
+  std::string letter;       ///< "-h"; "": none
+  std::string placeholder;  ///< stands for the value; empty for a flag
   std::string help;
   std::string group;
-  std::string range;                 ///< "0.1 to 1000"; empty without one
-  std::string fallback;              ///< the default, as --help shows it; empty without one
+  std::string range;                 ///< "0.1 to 1000"; "": none
+  std::string fallback;              ///< default, as --help shows it; "": none
   std::vector<std::string> choices;  ///< empty: anything
   ValueKind kind = ValueKind::kText;
   bool repeats = false;
-  /// Gets each value (or "" for a flag); throws UsageError.
+  /// Receives each value (or "" for a flag); throws UsageError.
   std::function<void(const std::string& text)> take;
 };
 
 /// Options, operands and subcommands of a program or a subcommand.
 struct OptionTable {
-  std::string name;  ///< of the program ("torquer-study"), or of the subcommand ("paper")
+  std::string name;  ///< "torquer-study", or "paper" for a subcommand
   std::string summary;
   std::vector<OptionEntry> options;
   std::vector<OptionEntry> operands;

@@ -13,11 +13,11 @@ struct Character {
   std::size_t bytes = 0;  // 0: not UTF-8
 };
 
-// The first character of `text`, which is not empty.
+// First character of `text`, which must not be empty.
 Character First(std::string_view text) {
   const auto byte = [&](std::size_t k) { return static_cast<std::uint8_t>(text[k]); };
   if (byte(0) < 0x80) return {byte(0), 1};
-  // Smallest code that needs so many bytes: a longer form of the same is no UTF-8.
+  // Smallest code for each number of bytes; longer forms of the same code are not UTF-8.
   constexpr std::array<std::uint32_t, 5> kSmallest = {0, 0, 0x80, 0x800, 0x10000};
   const std::size_t bytes = byte(0) >= 0xf0 ? 4 : byte(0) >= 0xe0 ? 3 : 2;
   if (byte(0) < 0xc0 || byte(0) >= 0xf8 || bytes > text.size()) return {};
@@ -31,7 +31,7 @@ Character First(std::string_view text) {
   return {code, bytes};
 }
 
-// Has no picture and no place, or changes how its neighbors are shown.
+// True if the character is invisible, or changes the display of neighbors.
 bool Hides(std::uint32_t code) {
   const auto within = [code](std::uint32_t first, std::uint32_t last) {
     return code >= first && code <= last;

@@ -1,4 +1,4 @@
-// Text of any origin, made harmless for a terminal.
+// Makes text of any origin safe for a terminal.
 #pragma once
 
 #include <cstddef>
@@ -7,11 +7,11 @@
 
 namespace torquer {
 
-/// `text` with everything that is no visible character or space written out as an escape: control
-/// characters and bytes that are not UTF-8 as \x1b, characters that hide or turn text around as
-/// \u{202e}. What is printed can then neither move the cursor nor pretend to be another line. Of a
-/// text longer than `most_bytes` the beginning and "..". For all that came in a message, a log or a
-/// file, and is printed; text that the program wrote itself stays as it is.
+/// Copy of `text` with escapes in place of all invisible characters except spaces. Control
+/// characters and bytes that are not UTF-8 become \x1b; characters that hide or reverse text become
+/// \u{202e}. The output can neither move the cursor nor imitate another line. A text longer than
+/// `most_bytes` is cut and ends with "..". Use it for printed text from messages, logs and files,
+/// not for the program's own text.
 std::string Printable(std::string_view text, std::size_t most_bytes = 500);
 
 }  // namespace torquer

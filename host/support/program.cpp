@@ -25,7 +25,7 @@ namespace {
 
 constexpr char kGeneral[] = "General";
 
-/// Ends the parsing: `text` is to be printed, and nothing else done.
+/// Ends the parsing: the program only prints `text`.
 struct Print {
   std::string text;
 };
@@ -70,7 +70,7 @@ std::vector<std::string> CommandsOf(const OptionTable& table) {
   return names;
 }
 
-// Hands over the texts that were given for one entry; CLI11 leaves their number to this.
+// Passes the texts for one entry to it; CLI11 leaves the check of their number to this.
 void TakeAll(const OptionTable& table, const OptionEntry& entry,
              const std::vector<std::string>& texts) {
   if (!entry.repeats && texts.size() > 1) {
@@ -90,7 +90,7 @@ void TakeAll(const OptionTable& table, const OptionEntry& entry,
   }
 }
 
-// Declares the entries of `table` for CLI11, which gives back only texts.
+// Declares the entries of `table` for CLI11, which returns only texts.
 void Declare(const OptionTable& table, CLI::App& app) {
   app.set_help_flag();
   for (const OptionEntry& entry : table.options) {
@@ -120,7 +120,7 @@ std::string DidYouMean(const std::string& given, const std::vector<std::string>&
   return near.empty() ? "" : fmt::format("; did you mean {}?", near);
 }
 
-// The words that belong to no option or operand.
+// Refuses words that belong to no option or operand.
 [[noreturn]] void RefuseExtras(const OptionTable& table, const std::vector<std::string>& extras) {
   const auto option = std::find_if(extras.begin(), extras.end(), [](const std::string& word) {
     return word.starts_with('-') && word.size() > 1;
@@ -139,7 +139,7 @@ std::string DidYouMean(const std::string& given, const std::vector<std::string>&
                                fmt::join(commands, ", ")));
 }
 
-// Says what happened, and returns the exit status.
+// Prints the problem, and returns the exit status.
 int PrintException(const std::string& program, const std::exception& error) {
   const auto* const of_system = dynamic_cast<const std::system_error*>(&error);
   std::string remedy = of_system == nullptr ? "" : RemedyOf(of_system->code());
@@ -362,8 +362,8 @@ int Program::ParseAndRun(int argc, char** argv, const std::function<int()>& run)
   CLI::App app;
   Declare(table, app);
   std::vector<std::string> words(argv + 1, argv + argc);
-  std::reverse(words.begin(), words.end());  // as CLI11 takes them
-  // Notes the subcommand that was parsed before an error, so that messages refer to its help.
+  std::reverse(words.begin(), words.end());  // CLI11 expects this order
+  // Stores the subcommand that was parsed before an error, so that messages refer to its help.
   const auto note_subcommand = [&] {
     for (const CLI::App* given : app.get_subcommands()) impl_->subcommand = given->get_name();
   };
@@ -374,8 +374,8 @@ int Program::ParseAndRun(int argc, char** argv, const std::function<int()>& run)
     note_subcommand();
     RefuseExtras(impl_->Given(), app.remaining(true));
   } catch (const CLI::ArgumentMismatch& mismatch) {
-    // Its message begins with the option: "--length: ..." when its value is missing, or
-    // "json was given ..." when a flag has one.
+    // The library's message begins with the option: "--length: ..." if its value is missing. For a
+    // flag with a value it is "json was given ...".
     note_subcommand();
     const std::string message = mismatch.what();
     const std::string name = message.substr(0, message.find_first_of(": "));
@@ -403,7 +403,7 @@ int Program::Main(int argc, char** argv, const std::function<int()>& run) {
   int status = kExitSuccess;
   const std::string& name = impl_->table.name;
   OccupyStandardStreams();
-  // A file that may not grow is then an error of the write, as a full disk is.
+  // Then the file size limit causes an error of the write, as a full disk does.
   std::signal(SIGXFSZ, SIG_IGN);
   try {
     status = ParseAndRun(argc, argv, run);

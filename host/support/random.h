@@ -8,9 +8,9 @@
 
 namespace torquer {
 
-/// The standard fixes the numbers of std::mt19937_64, but not what std::uniform_real_distribution
-/// and its like make of them; those are written out here. The same seed gives the same numbers,
-/// but for the last bit of Normal(), which depends on the C library's logarithm.
+/// The standard defines the numbers of std::mt19937_64, but not of std::uniform_real_distribution
+/// and similar classes; these are implemented here. The same seed gives the same numbers. Only the
+/// last bit of Normal() depends on the C library's logarithm.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -18,16 +18,16 @@ class Random {
   /// 64 random bits.
   std::uint64_t Next() { return engine_(); }
 
-  /// In [low, high), in steps of 2^-53 of the range.
+  /// Uniform in [low, high), in steps of 2^-53 of the range.
   double Uniform(double low = 0.0, double high = 1.0) {
     return low + (high - low) * (static_cast<double>(Next() >> 11) * 0x1p-53);
   }
 
-  /// An integer in [low, high], each as likely as any other.
+  /// Uniformly distributed integer in [low, high].
   std::int64_t Integer(std::int64_t low, std::int64_t high) {
     assert(low <= high);
     const auto base = static_cast<std::uint64_t>(low);
-    const std::uint64_t count = static_cast<std::uint64_t>(high) - base + 1;  // 0: all of them
+    const std::uint64_t count = static_cast<std::uint64_t>(high) - base + 1;  // 0: 2^64
     if (count == 0) return static_cast<std::int64_t>(Next());
     // The numbers below 2^64 mod `count` would make small results more likely.
     const std::uint64_t unfair = (0 - count) % count;
@@ -36,7 +36,7 @@ class Random {
     return static_cast<std::int64_t>(base + number % count);
   }
 
-  /// True with that probability, 0 .. 1.
+  /// True with this probability, 0 .. 1.
   bool Chance(double probability) { return Uniform() < probability; }
 
   /// Normally distributed with mean 0 and standard deviation 1 (Marsaglia's polar method, SIAM

@@ -15,7 +15,7 @@ namespace torquer {
 
 namespace {
 
-// Below the kernel's threads for interrupts, which bring the device's reports.
+// Lower than the kernel's threads for interrupts, which bring the device's reports.
 constexpr int kPriority = 20;
 
 std::atomic<bool> entered = false;

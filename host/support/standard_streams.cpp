@@ -16,7 +16,7 @@ namespace torquer {
 namespace {
 
 constexpr std::size_t kMostBytes = 1'000'000;
-// How long a signal that comes just before the wait can be overlooked.
+// Longest time for which a signal just before the wait stays unnoticed.
 constexpr int kLookAgainMs = 200;
 
 }  // namespace

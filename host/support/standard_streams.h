@@ -1,4 +1,4 @@
-// Standard input and output as the two ends of a conversation with another program.
+// Standard input and output for a dialog with another program.
 #pragma once
 
 #include <atomic>
@@ -8,24 +8,24 @@
 
 namespace torquer {
 
-/// On a command line in the place of a file: standard input or output.
+/// Stands for standard input or output in place of a file on a command line.
 inline constexpr char kStandardStream[] = "-";
 
-/// A line that came and its answer, in turn. Nothing is read ahead of what the other side sent, and
-/// nothing is kept back.
+/// Reads lines and writes answers in turn. It never waits for more input than one line, and does
+/// not delay output.
 class StandardStreams {
  public:
-  /// Waiting ends with `stop`, which must outlive this. `answers`: whether Write is used. Then a
-  /// reader that goes away ends no program by SIGPIPE.
+  /// `stop` ends waiting and must outlive this. `answers`: true if Write is used. Then a missing
+  /// reader does not end the program by SIGPIPE.
   StandardStreams(const std::atomic<bool>& stop, bool answers);
 
-  /// Waits for a line; without its end. None at the end of the input, once `stop` is set, and when
-  /// the reader of the answers has gone. Throws UserError where the input cannot be read, or a line
-  /// has more than a million bytes.
+  /// Waits for a line and returns it without its end. Returns none after the last line, once `stop`
+  /// is set, or when the reader of the answers has gone. Throws UserError if the input cannot be
+  /// read, or a line has more than a million bytes.
   std::optional<std::string> NextLine();
 
-  /// Hands `text` over at once. False when its reader has gone, or does not read until `stop` is
-  /// set; UserError when it cannot be written otherwise.
+  /// Writes `text` at once. Returns false if the reader has gone, or does not read until `stop` is
+  /// set. Throws UserError for other failures.
   bool Write(std::string_view text);
 
   bool reader_gone() const { return reader_gone_; }
@@ -37,7 +37,7 @@ class StandardStreams {
 
   const std::atomic<bool>& stop_;
   const bool answers_;
-  std::string received_;  // not yet given out
+  std::string received_;  // received, but not yet returned
   bool ended_ = false;
   bool reader_gone_ = false;
 };

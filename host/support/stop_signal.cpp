@@ -15,7 +15,7 @@ const std::atomic<bool>& StopOnSignal() {
   action.sa_handler = [](int) { requested = true; };
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  // nohup has it ignored, and so it stays.
+  // nohup ignores SIGHUP, and this must stay so.
   struct sigaction present {};
   if (sigaction(SIGHUP, nullptr, &present) != 0 || present.sa_handler != SIG_IGN) {
     sigaction(SIGHUP, &action, nullptr);

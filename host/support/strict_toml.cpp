@@ -32,12 +32,12 @@ struct StrictTable::Impl {
 
 namespace {
 
-// The value as the file has it. A number in as few digits as say what it is, as people write it.
+// Value as in the file. A number has the fewest digits that identify it, as people write it.
 std::string Written(const toml::node& node) {
   if (node.is_table()) return "{ .. }";
   if (node.is_floating_point()) {
     const std::string number = fmt::to_string(*node.value<double>());
-    // TOML's mark of a number that is no integer.
+    // In TOML a number without a fraction would be an integer.
     return number + (number.find_first_not_of("-0123456789") == std::string::npos ? ".0" : "");
   }
   if (const toml::array* array = node.as_array()) {
@@ -50,7 +50,7 @@ std::string Written(const toml::node& node) {
   return text;
 }
 
-// The same in one line, cut where it is long.
+// Value in one line, shortened if it is long.
 std::string Show(const toml::node& node) {
   constexpr std::size_t kLongest = 60;
   const std::string text = Written(node);
@@ -62,16 +62,15 @@ std::string Show(const toml::node& node) {
   return line.size() > kLongest ? line.substr(0, kLongest - 3) + "..." : line;
 }
 
-// The TOML library recurses with every level, and overflows the stack where there are too many.
+// The TOML library recurses with every level, so too many levels overflow the stack.
 constexpr int kMostDepth = 32;     // of arrays and inline tables
 constexpr int kMostKeyParts = 32;  // of a dotted key or the name of a table
-// Outside of texts and comments, of a key or value: nothing that a reader takes is longer.
+// Limit for a key or value, outside of texts and comments. All valid ones are shorter.
 constexpr int kMostPieceBytes = 4096;
 // Limit for one list of tables: readers may compare each table with each other one.
 constexpr std::size_t kMostTables = 1000;
 
-// Where the string that begins at `at` ends: behind its closing quotes, at the end of the line or
-// of the text.
+// End of the string that begins at `at`: behind its closing quotes, or the end of the line or text.
 std::size_t EndOfString(const std::string& text, std::size_t at) {
   const char quote = text[at];
   const bool several_lines = text.compare(at, 3, std::string(3, quote)) == 0;
@@ -84,7 +83,7 @@ std::size_t EndOfString(const std::string& text, std::size_t at) {
   return text.size();
 }
 
-// Refuses what is nested too deeply or too long in one piece, before anything recurses.
+// Refuses too deep nesting and too long pieces before the recursion of the library.
 void CheckDepth(const std::string& text, const std::string& path) {
   int depth = 0, parts = 1, bytes = 0;
   for (std::size_t at = 0; at < text.size();) {

@@ -1,4 +1,4 @@
-// TOML read strictly: every key is read or refused, every value checked where it stands.
+// Strict TOML reader: refuses unread keys, and checks every value.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,10 +10,10 @@
 
 namespace torquer {
 
-/// Where the keys of a table stood, for what is found wrong with them after the file is closed.
+/// Places of a table's keys in the file, for errors found after the file is closed.
 class TableOrigin {
  public:
-  /// Origin of a table that is in no file; `name` is its full name.
+  /// Origin of a table outside of any file; `name` is its full name.
   explicit TableOrigin(std::string name = "");
   TableOrigin(const TableOrigin&);
   TableOrigin(TableOrigin&&) noexcept;
@@ -21,7 +21,7 @@ class TableOrigin {
   TableOrigin& operator=(TableOrigin&&) noexcept;
   ~TableOrigin();
 
-  /// True if the table gave the key.
+  /// True if the table contained the key.
   bool Has(const std::string& key) const;
   /// Throws a UserError "file:line: table.key = value: problem".
   [[noreturn]] void Refuse(const std::string& key, const std::string& problem) const;
@@ -32,20 +32,20 @@ class TableOrigin {
     std::string where;  // "file:line"
     std::string value;
   };
-  std::string name_;   // "effects.friction"; "" of the file itself
-  std::string where_;  // of the table
+  std::string name_;   // "effects.friction"; "" for the file
+  std::string where_;  // place of the table
   std::map<std::string, Place> keys_;
 };
 
-/// A table of a TOML file. Getters throw UserError naming file, line, key, value and remedy; they
-/// remember what was asked for, so that RefuseUnread() can name every key that nobody reads.
+/// A table of a TOML file. Getters throw UserError naming file, line, key, value and remedy. They
+/// record the requested keys, so that RefuseUnread() can name every unread key.
 ///
 /// A getter without `fallback` refuses a missing key.
 class StrictTable {
  public:
-  /// Reads a file. Throws UserError when it cannot be read or is not TOML.
+  /// Reads a file. Throws UserError if it cannot be read or is not TOML.
   static StrictTable Read(const std::string& path);
-  /// The same from text, `path` for messages.
+  /// Reads a text; `path` is for messages.
   static StrictTable Parse(const std::string& text, const std::string& path);
 
   StrictTable(StrictTable&&) noexcept;
@@ -56,7 +56,7 @@ class StrictTable {
   /// True if the table has the key and its value is a text.
   bool IsText(const std::string& key) const;
 
-  /// A number in [lowest, highest]; NaN and infinities never are.
+  /// A number in [lowest, highest]; NaN and infinities are refused.
   double Number(const std::string& key, double lowest, double highest);
   double Number(const std::string& key, double lowest, double highest, double fallback);
   int Integer(const std::string& key, int lowest, int highest);
@@ -79,23 +79,23 @@ class StrictTable {
 
   /// A table inside this one.
   StrictTable& Table(const std::string& key);
-  /// The same; null when it is missing.
+  /// A table inside this one; null if it is missing.
   StrictTable* OptionalTable(const std::string& key);
-  /// [[key]] tables, in order, at most 1000; empty when there is none.
+  /// [[key]] tables, in order, at most 1000; empty if there are none.
   std::vector<StrictTable*> Tables(const std::string& key);
-  /// Where this table and its keys stand.
+  /// Place of this table and its keys.
   TableOrigin Origin() const;
-  /// The whole name of a key of this table, such as "effects.friction.region".
+  /// Full name of a key of this table, such as "effects.friction.region".
   std::string NameOf(const std::string& key) const;
-  /// All keys that this table has.
+  /// All keys of this table.
   std::vector<std::string> Keys() const;
 
-  /// Throws for the first key, here or in a table inside, that nobody asked for; the message names
-  /// the keys that were asked for there, and the one that was probably meant.
+  /// Throws for the first key, here or in a table inside, that was never read. The message names
+  /// the keys that were read there, and the nearest name.
   void RefuseUnread();
   /// Throws a UserError "file:line: key = value: problem".
   [[noreturn]] void Refuse(const std::string& key, const std::string& problem) const;
-  /// "file:line", of a key or of the table itself.
+  /// "file:line" of a key, or of the table itself.
   std::string Where(const std::string& key = "") const;
 
  private:

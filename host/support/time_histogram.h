@@ -1,4 +1,4 @@
-// How long something took, over a run of any length, in a room that does not grow.
+// Distribution of times over a run of any length, in fixed memory.
 #pragma once
 
 #include <algorithm>
@@ -12,24 +12,24 @@ namespace torquer {
 /// Counts times in bins that are 2 % wide, from 0.1 us to 15 minutes.
 class TimeHistogram {
  public:
-  /// >= 0; what is beyond the bins counts in the first or the last.
+  /// Adds a time >= 0; times beyond the bins count in the first or the last one.
   void Add(double us) {
     ++counts_[BinOf(us)];
     ++count_;
     largest_us_ = std::max(largest_us_, us);
   }
   std::int64_t count() const { return count_; }
-  /// The largest, exactly; 0 where there is none.
+  /// Exact largest time; 0 if there is none.
   double largest_us() const { return largest_us_; }
-  /// The smallest time that a share of 0 < `share` <= 1 of all does not exceed (nearest rank), to
-  /// 1 %; 0 where there is none.
+  /// Smallest time that is not exceeded by a share of 0 < `share` <= 1 of all times (nearest rank).
+  /// Accurate to 1 %; 0 if there are no times.
   double Quantile(double share) const {
     const auto rank = std::max<std::int64_t>(
         1, static_cast<std::int64_t>(std::ceil(share * static_cast<double>(count_))));
     std::int64_t below = 0;
     for (std::size_t bin = 0; bin < kBins; ++bin) {
       below += counts_[bin];
-      // The bin's middle, in the logarithm.
+      // Logarithmic middle of the bin.
       if (below >= rank) return std::min(kLeastUs * std::pow(kRatio, bin + 0.5), largest_us_);
     }
     return 0;

@@ -1,4 +1,4 @@
-// A thing that belongs to one thread at a time, and that refuses the others.
+// Guards an object that belongs to one thread at a time.
 #pragma once
 
 #include <atomic>
@@ -6,12 +6,12 @@
 
 namespace torquer {
 
-/// Either any number of calls look at a thing, or one thread changes it. A change may call back:
-/// that thread then looks at the thing within its change. What is refused throws `Thrown`.
+/// Any number of calls read the object, or one thread changes it. A change may call back: its
+/// thread may then read the object within the change. A refused call throws `Thrown`.
 template <class Thrown>
 class Usage {
  public:
-  /// A call, as long as it lasts.
+  /// Lock for the duration of a call.
   class Hold {
    public:
     Hold(const Hold&) = delete;
@@ -36,7 +36,7 @@ class Usage {
     bool changes_;
   };
 
-  /// For what only reads.
+  /// Lock for a call that only reads.
   [[nodiscard]] Hold Look() {
     int users = users_.load();
     while (users >= 0) {
@@ -46,14 +46,14 @@ class Usage {
     return {*this, false, false};
   }
 
-  /// For what moves it.
+  /// Lock for a call that moves the object.
   [[nodiscard]] Hold Change() {
     if (Take()) return {*this, true, true};
     if (IsChanger()) throw Thrown("a step is in use of it; move it after the step, not within");
     RefuseOther();
   }
 
-  /// For what writes beside what moves, and may come within a change.
+  /// Lock for a call that writes other data than the motion; allowed within a change.
   [[nodiscard]] Hold Work() {
     if (Take()) return {*this, true, true};
     if (!IsChanger()) RefuseOther();
@@ -72,7 +72,7 @@ class Usage {
     throw Thrown("another thread uses it; let one thread at a time, or give each a copy");
   }
 
-  std::atomic<int> users_ = 0;  // who look; -1: one who changes
+  std::atomic<int> users_ = 0;  // number of readers; -1: one changer
   std::atomic<std::thread::id> changer_;
 };
 

@@ -27,7 +27,7 @@ std::optional<std::string> DeviceFilePath(const std::string& serial, const std::
   } else {
     return std::nullopt;
   }
-  // A slash would leave the folder, and so would a name of dots alone.
+  // A slash or a name of dots alone would lead out of the folder.
   std::string name;
   for (const char character : serial) {
     const bool plain = std::isalnum(static_cast<unsigned char>(character)) != 0 ||

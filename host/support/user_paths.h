@@ -1,4 +1,4 @@
-// Where programs of one user meet when the user names no place.
+// Default paths that the programs of one user share.
 #pragma once
 
 #include <optional>
@@ -6,14 +6,13 @@
 
 namespace torquer {
 
-/// The socket at which torquer-emulator listens and at which torquer-daemon and torquer-calibrate
-/// look for it: $XDG_RUNTIME_DIR/torquer-emulator.sock, or /tmp/torquer-emulator-UID.sock without
-/// that variable.
+/// Default socket of torquer-emulator, torquer-daemon and torquer-calibrate:
+/// $XDG_RUNTIME_DIR/torquer-emulator.sock, or /tmp/torquer-emulator-UID.sock without that variable.
 std::string DefaultSocketPath();
 
-/// Where a file about the device with this serial number is kept unless the user says otherwise:
-/// named after it, with `ending` (".toml"), in "torquer" in $XDG_CONFIG_HOME, without that variable
-/// in ~/.config. Nothing where neither names a folder.
+/// Default path of a file about the device with this serial number: the number with `ending`
+/// (".toml"). The folder is "torquer" in $XDG_CONFIG_HOME, or in ~/.config without that variable.
+/// Returns nothing if neither names a folder.
 std::optional<std::string> DeviceFilePath(const std::string& serial, const std::string& ending);
 
 }  // namespace torquer

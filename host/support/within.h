@@ -1,4 +1,4 @@
-// Numbers that come from outside, checked where they come in.
+// Range check of numbers from outside.
 #pragma once
 
 #include <fmt/format.h>
@@ -7,7 +7,7 @@
 
 namespace torquer {
 
-/// Refuses a number that is not from `lowest` to `highest`; one that is not a number is not.
+/// Throws `Thrown` if a number is NaN or outside of `lowest` to `highest`.
 template <class Thrown>
 void RequireWithin(std::string_view what, double value, double lowest, double highest) {
   if (value >= lowest && value <= highest) return;

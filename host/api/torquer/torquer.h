@@ -1,4 +1,4 @@
-// Torquer: guidewires and catheters in a patient's arteries, for programs.
+// Torquer library: simulates guidewires and catheters in a patient's arteries.
 //
 //   torquer::Scene scene = torquer::Scene::FromFile("neuro_arch.toml");
 //   torquer::Simulation simulation(scene);
@@ -8,12 +8,12 @@
 //     command.hands[0].insertion_mm += 1;
 //     simulation.Step(command);
 //   }
-//   simulation.nodes_mm();  // where the wire lies
+//   simulation.nodes_mm();  // shape of the wire
 //
-// Lengths are in mm, angles in rad (those of the C-arm in degrees), times in s, in the frame of the
-// vessel's file. The same commands give the same states, bit for bit. One simulation belongs to one
-// thread at a time, and refuses a second; simulations of one scene may run in threads beside each
-// other.
+// Lengths are in mm, angles in rad (those of the C-arm in degrees), times in s. Positions are in
+// the frame of the vessel's file. The same commands give the same states, bit for bit. One
+// simulation belongs to one thread at a time, and refuses a second one. Simulations of one scene
+// may run in parallel threads.
 #pragma once
 
 #include <array>
@@ -33,11 +33,11 @@
 
 namespace torquer {
 
-/// The version of the library, as "0.1.0".
+/// Version of the library, such as "0.1.0".
 TORQUER_API const char* Version();
 
-/// Something that was given cannot be used. what() names the file, line or field, the value and the
-/// remedy. All that can fail here throws it; what throws has changed nothing.
+/// Error of all calls here: an argument or a file cannot be used. what() names the file, line or
+/// field, the value and the remedy. A call that throws it has changed nothing.
 class TORQUER_API Error : public std::runtime_error {
  public:
   explicit Error(const std::string& message);
@@ -47,7 +47,7 @@ class TORQUER_API Error : public std::runtime_error {
 /// x, y, z, mm.
 using Point = std::array<double, 3>;
 
-/// Where a hand has brought its instrument.
+/// Insertion and rotation of an instrument.
 struct Hand {
   double insertion_mm = 0;  ///< past the entry point, >= 0
   double rotation_rad = 0;
@@ -58,17 +58,17 @@ struct InstrumentInfo {
   std::string name;
   double max_length_mm = 0;
   double tip_radius_mm = 0;
-  double inner_radius_mm = 0;  ///< of its lumen; 0: solid
+  double inner_radius_mm = 0;  ///< radius of the lumen; 0: solid
   Hand start;
 };
 
-/// What a scene file says, read and checked, with its vessel. Cheap to copy: copies share it.
+/// Checked contents of a scene file, with its vessel. Copies are cheap and share the data.
 class TORQUER_API Scene {
  public:
-  /// Reads a scene file, or the scene of that name that Torquer has, and opens what it names. Takes
-  /// seconds for a large surface, less when an earlier run has cached its field.
+  /// Reads a scene file, or a scene of Torquer by its name, and opens the files that it names.
+  /// Takes seconds for a large surface, less if an earlier run has cached its field.
   static Scene FromFile(const std::string& path);
-  /// The same of the text of a scene file; paths in it are relative to `folder`.
+  /// Reads the text of a scene file; `folder` is the base of relative paths.
   static Scene FromText(const std::string& toml, const std::string& folder);
 
   Scene(const Scene&);
@@ -76,36 +76,36 @@ class TORQUER_API Scene {
   ~Scene();
 
   const std::string& name() const;
-  /// Of its file; "scene" where it was made of a text.
+  /// Path of the file; "scene" if the scene was read from a text.
   const std::string& path() const;
-  /// All keys of the scene with their values, as a scene file: FromText makes it again, in
-  /// folder().
+  /// Text of a scene file without the keys that have their default. FromText makes the scene again
+  /// from text() and folder().
   std::string text() const;
   const std::string& folder() const;
-  /// Of the text and of the files that it names.
+  /// Hash of the text without [case], and of the files that it names.
   std::uint64_t content_hash() const;
-  /// The innermost first.
+  /// Instruments, the innermost first.
   const std::vector<InstrumentInfo>& instruments() const;
   std::vector<std::string> effects() const;
-  /// What was found in the vessel's file and repaired, one sentence each.
+  /// Defects that were found in the vessel's file and repaired, one sentence each.
   const std::vector<std::string>& findings() const;
 
-  /// What was built of the vessel's field is kept for the next program that opens the scene, when
-  /// the last copy of this one goes. This keeps it now, and returns why it cannot be kept: empty
-  /// where it is, or where there is nothing new.
+  /// Caches the part of the vessel's field built so far, for the next program that opens the scene.
+  /// The last copy of the scene does so when it is destroyed. Returns the reason of a failure;
+  /// empty after success, or if there is nothing new.
   std::string KeepField() const;
 
-  /// Two corners of a box around the vessel.
+  /// Minimum and maximum corner of a box around the vessel.
   std::array<Point, 2> bounds_mm() const;
-  /// Distance from the wall, mm: positive in the lumen, negative beyond; exact within about 3 mm of
-  /// the wall, a lower bound farther inside.
+  /// Distance from the wall, mm: positive in the lumen, negative outside. It is exact within about
+  /// 3 mm of the wall, and a lower bound farther inside.
   double ClearanceMm(const Point& point_mm) const;
-  /// Names of the centerlines; none where the scene has no file of them.
+  /// Names of the centerlines; empty if the scene has no file of them.
   std::vector<std::string> centerlines() const;
-  /// Points along a centerline, `step_mm` (> 0) apart, its end included; a million at most.
+  /// Points along a centerline, `step_mm` (> 0) apart, with its end; a million at most.
   std::vector<Point> CenterlineMm(const std::string& name, double step_mm) const;
-  /// The same along the shortest way from the entry point to a place on a centerline, `at_mm` from
-  /// its start.
+  /// Points along the shortest way from the entry point to a place on a centerline, as
+  /// CenterlineMm. `at_mm`: distance of the place from the centerline's start.
   std::vector<Point> RouteMm(const std::string& centerline, double at_mm, double step_mm) const;
 
  private:
@@ -116,69 +116,69 @@ class TORQUER_API Scene {
   std::shared_ptr<const Parts> parts_;
 };
 
-/// What is chosen on the X-ray system. Needs [effects.fluoroscopy] to be seen.
+/// Settings of the X-ray system. They have an effect only with [effects.fluoroscopy].
 struct Imaging {
   enum class Mode : std::uint8_t {
-    kAsScene,      ///< as its `mode` says
-    kPlain,        ///< as the detector sees it
-    kSubtraction,  ///< less the first picture since the pedal went down
-    kRoadmap,      ///< that, with the densest dye so far as a bright map
+    kAsScene,      ///< `mode` of the scene
+    kPlain,        ///< image of the detector
+    kSubtraction,  ///< minus the first picture since the pedal was pressed
+    kRoadmap,      ///< kSubtraction, with the densest dye so far as a bright map
   };
   Mode mode = Mode::kAsScene;
-  double pulses_per_s = 0;   ///< 1 to 60; 0: as the scene has it
-  double magnification = 1;  ///< 1 to 4: how many times narrower the field is
-  /// Share of the picture that each shutter covers, 0 to 0.45.
+  double pulses_per_s = 0;   ///< 1 to 60; 0: value of the scene
+  double magnification = 1;  ///< 1 to 4: the field is narrower by this factor
+  /// Fraction of the picture that each shutter covers, 0 to 0.45.
   double left = 0;
   double right = 0;
   double top = 0;
   double bottom = 0;
 };
 
-/// What the hands and feet want at a time.
+/// Command of the hands and feet for a time.
 struct Command {
   double time_s = 0;        ///< since the start; ascending, the first one >= 0
-  std::vector<Hand> hands;  ///< one an instrument; |each| <= 1e5
-  double lao_deg = 0;       ///< of the C-arm, positive to the patient's left; -180 .. 180
-  double cra_deg = 0;       ///< positive towards the head; -180 .. 180
+  std::vector<Hand> hands;  ///< one for each instrument; |each| <= 1e5
+  double lao_deg = 0;       ///< C-arm angle, positive to the patient's left; -180 .. 180
+  double cra_deg = 0;       ///< C-arm angle, positive towards the head; -180 .. 180
   bool xray = false;
   bool contrast = false;
   Imaging imaging = {};
 };
 
-/// How a step went, or a tick of it.
+/// Report of a step, or of one tick.
 struct StepReport {
-  int ticks = 0;              ///< that it was cut into; of a tick: 1
+  int ticks = 0;              ///< number of ticks in the step; 1 for a tick
   int iterations = 0;         ///< of the relaxation
   int work = 0;               ///< units of the budget
   bool converged = false;     ///< relaxed to the scene's tolerance
-  bool budget_spent = false;  ///< the budget ended its last tick: motion is carried over
+  bool budget_spent = false;  ///< the budget ended the last tick: motion is carried over
   bool stalled = false;       ///< ended out of balance: no step came nearer to it
-  bool snapped = false;       ///< the tip went much farther than the hands, in one of its ticks
-  bool finished = true;       ///< false: `after_tick` ended it before its time
+  bool snapped = false;       ///< the tip moved much farther than the hands, in a tick
+  bool finished = true;       ///< false: `after_tick` ended the step early
 };
 
-/// Where an instrument is.
+/// State of an instrument.
 struct InstrumentState {
-  Hand hand;     ///< as far as it was carried out
-  Hand carried;  ///< what was asked for and is left for the next step
+  Hand hand;     ///< place that was reached
+  Hand carried;  ///< commanded motion that is left for the next step
   Point tip_mm;
 };
 
-/// Where the wire is pressed against the wall: in a segment, with the deepest of its points.
+/// Contact of the wire with the wall: a segment, and its deepest point.
 struct Contact {
-  std::size_t node = 0;       ///< the one at the segment's end, towards the tip
+  std::size_t node = 0;       ///< node at the segment's end, towards the tip
   double penetration_mm = 0;  ///< of the wire's surface into the wall, > 0
 };
 
 struct Reading {
-  std::string name;  ///< with its unit at the end, as in force_tip_mN
+  std::string name;  ///< ends with its unit, as in force_tip_mN
   double value = 0;
 };
 
-/// Along the wire, of every node (node 0 is at the entry point).
+/// Forces along the wire at every node (node 0 is at the entry point).
 struct Forces {
-  std::vector<Point> contact_mN;        ///< of the wall on the wire
-  std::vector<double> line_load_mN_mm;  ///< of the wall
+  std::vector<Point> contact_mN;        ///< force of the wall on the wire
+  std::vector<double> line_load_mN_mm;  ///< load of the wall
   std::vector<double> tension_mN;       ///< negative: compression
   std::vector<double> bending_mN_mm;    ///< moment
   std::vector<double> twisting_mN_mm;   ///< moment
@@ -186,7 +186,7 @@ struct Forces {
 
 /// An X-ray picture.
 struct Picture {
-  int width = 0;  ///< 0: none was taken yet
+  int width = 0;  ///< 0: no picture was taken yet
   int height = 0;
   double time_s = 0;
   double lao_deg = 0;
@@ -194,12 +194,12 @@ struct Picture {
   std::vector<std::uint8_t> gray;  ///< width * height, row by row from the top left
 };
 
-/// A scene as it goes on. One that was moved from refuses all but assignment. Copies go on by
-/// themselves from where the original was, which is how a state is saved and restored; assignment
-/// within one scene takes no time to build.
+/// A running scene. A moved-from object refuses all calls except assignment. A copy continues on
+/// its own from the state of the original: this saves a state, and assignment restores it.
+/// Assignment within one scene only copies values, and is fast.
 class TORQUER_API Simulation {
  public:
-  /// At the start of the scene.
+  /// Begins at the start of the scene.
   explicit Simulation(const Scene& scene);
   Simulation(const Simulation& other);
   Simulation& operator=(const Simulation& other);
@@ -208,58 +208,58 @@ class TORQUER_API Simulation {
   ~Simulation();
 
   const Scene& scene() const;
-  /// Back to the start.
+  /// Returns to the start of the scene.
   void Restart();
-  /// Goes on to a command; the hands move evenly from the one before. A step is cut into ticks as a
-  /// row of a script is (torquer-simulator --script), so that both get the same states.
+  /// Advances to a command; the hands move linearly from the command before. A step is divided into
+  /// ticks like a row of a script (torquer-simulator --script). Both get the same states.
   StepReport Step(const Command& command);
-  /// The same, and calls `after_tick` when a tick has been, with how it went: to take each picture,
-  /// to show how far a long step is, to end it. It may look at this simulation, and take pictures
-  /// of it, but not move it. Where it returns false, or throws, the step ends there: command() is
-  /// then where the hands have come, and the next step goes on from there.
+  /// Calls `after_tick` after each tick with its report: to take each picture, show progress, or
+  /// end the step. It may read this simulation and take its pictures, but not move it. If it
+  /// returns false or throws, the step ends. Then command() is the place that was reached, and the
+  /// next step starts there.
   StepReport Step(const Command& command,
                   const std::function<bool(const StepReport& tick)>& after_tick);
-  /// The last one, or that of the start.
+  /// Command of the last tick, or that of the start.
   const Command& command() const;
 
-  /// Calls `look` while no thread moves this: what nodes_mm(), command() and LastPicture() refer to
-  /// stays as it is until `look` returns.
+  /// Calls `look` while no thread moves this simulation. The data of nodes_mm(), command() and
+  /// LastPicture() does not change until `look` returns.
   void WhileStill(const std::function<void()>& look) const;
 
   double time_s() const;
-  /// The nodes of the wire that all instruments are together, x, y, z of each, from the entry point
-  /// to the tip: node_count() * 3 values, good until the next step, restart or assignment.
+  /// Nodes of the combined wire of all instruments: x, y, z of each, from the entry point to the
+  /// tip. Has node_count() * 3 values, valid until the next step, restart or assignment.
   const double* nodes_mm() const;
   std::size_t node_count() const;
-  /// Along an instrument, the innermost being number 0, from the entry point to its tip. All lie on
-  /// the curve of nodes_mm() but with [effects.clearance], which gives them two.
+  /// Nodes of an instrument, from the entry point to its tip; number 0 is the innermost. All
+  /// instruments lie on the curve of nodes_mm(). Only [effects.clearance] gives them two curves.
   std::vector<Point> InstrumentNodesMm(std::size_t instrument) const;
-  /// The innermost first.
+  /// States of the instruments, the innermost first.
   std::vector<InstrumentState> instruments() const;
-  double energy_mJ() const;      ///< of bending, wall and effects, without what is dissipated
+  double energy_mJ() const;      ///< of bending, wall and effects, without the dissipated part
   double dissipated_mJ() const;  ///< by friction since contacts stuck, and by steps of inertia
   double residual() const;       ///< largest out-of-balance moment over the local EI/(1 mm)
-  /// About how far the wire is from where relaxing to the end would bring it; NaN near no minimum.
+  /// Estimated distance of a node from its fully relaxed position; NaN if near no minimum.
   double SolverErrorMm();
-  /// About how far it is from where it would be with ever finer segments; NaN where it touches the
-  /// wall, twists, or has friction, inertia or room in a lumen.
+  /// Estimated distance of a node from its position with ever finer segments. NaN if the wire
+  /// touches the wall, twists, or has friction, inertia or room in a lumen.
   double DiscretizationErrorMm();
   double max_penetration_mm() const;  ///< of the wire's surface into the wall
-  bool outside_lumen() const;         ///< whether a part of the wire's middle line is
-  /// From the entry point to the tip, one a segment at most.
+  bool outside_lumen() const;         ///< true if the wire's center curve leaves it
+  /// Contacts from the entry point to the tip, at most one for each segment.
   std::vector<Contact> contacts() const;
-  std::uint64_t state_hash() const;  ///< of all that decides how it goes on
-  /// What the observers of the scene have found; see host/simulator/effects/README.md.
+  std::uint64_t state_hash() const;  ///< of everything that decides the further motion
+  /// Readings of the observers of the scene; see host/simulator/effects/README.md.
   std::vector<Reading> readings() const;
-  /// The record of the session, as torquer-simulator --record writes it: JSON, with the readings.
+  /// Record of the session as JSON, with the readings, as torquer-simulator --record writes it.
   std::string Record() const;
-  /// Empty where the scene has no [effects.internal_forces].
+  /// Forces along the wire; empty without [effects.internal_forces].
   Forces forces() const;
   int picture_planes() const;  ///< 0 without [effects.fluoroscopy], 2 with [effects.lateral_plane]
-  /// Whether a picture was taken in a plane that LastPicture has not given yet. A step may take
-  /// several, of which the last is given: see `after_tick`.
+  /// True if a plane has a new picture that LastPicture has not returned yet. A step may take
+  /// several, and LastPicture returns the last one: see `after_tick`.
   bool picture_due(int plane = 0) const;
-  /// The last X-ray picture of a plane, rendered when it is asked for. Needs [effects.fluoroscopy].
+  /// Renders and returns the last X-ray picture of a plane. Needs [effects.fluoroscopy].
   const Picture& LastPicture(int plane = 0);
 
  private:

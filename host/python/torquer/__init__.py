@@ -44,7 +44,7 @@ __all__ = [
 def _scene_folder() -> pathlib.Path:
     package = pathlib.Path(__file__).resolve()
     for folder in package.parents:
-        # Installed, and in the source tree.
+        # In an installation, or in the source tree.
         for candidate in (folder / "share/torquer/scenes", folder / "host/scenes"):
             if candidate.is_dir():
                 return candidate
@@ -52,12 +52,12 @@ def _scene_folder() -> pathlib.Path:
 
 
 def scene_names() -> list[str]:
-    """The scenes that Torquer ships."""
+    """Names of the scenes that Torquer ships."""
     return sorted(path.stem for path in _scene_folder().glob("*.toml"))
 
 
 def scene_path(name: str) -> str:
-    """The file of a scene that Torquer ships."""
+    """Path of a scene that Torquer ships."""
     if name not in scene_names():
         raise Error(f"there is no scene {name!r}; there are: {', '.join(scene_names())}")
     return str(_scene_folder() / f"{name}.toml")

@@ -1,4 +1,4 @@
-"""What a worker of torquer-batch does: one case from its first row to its last."""
+"""Runs one case of torquer-batch in a worker, from its first row to its last."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _lock = threading.Lock()
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """What is kept of a case."""
+    """Stored results of a case."""
 
     readings: Dict[str, Any]
     """One row of the table: numbers, true or false, and the hash of the last state as text."""
     columns: List[str]
-    """Of the series: time_s, places and tips of the instruments, every reading."""
+    """Columns of the series: time_s, places and tips of the instruments, every reading."""
     series: npt.NDArray[np.float64]
-    """(rows of the motion, columns)."""
+    """Shape (rows of the motion, columns)."""
     shapes: List[npt.NDArray[np.float64]]
-    """Nodes of the wire, (nodes, 3), mm: of no row, of the last, or of each."""
+    """Nodes of the wire, shape (nodes, 3), mm: for no row, the last row, or each row."""
 
 
 @functools.lru_cache(maxsize=4)
@@ -39,7 +39,7 @@ def _load(text: str, folder: str, files: Tuple[str, ...]) -> Scene:
         if tuple(file_hashes(parse_toml(folder, text), pathlib.Path(folder), {})) != files:
             raise Error(f"{folder}: a file of the scene is another than when the case was made; run the command again")
 
-    # Before and after: what is between them is what was loaded.
+    # Equal hashes before and after the loading prove that these files were loaded.
     require_same()
     scene = Scene.from_text(text, folder)
     require_same()
@@ -47,13 +47,13 @@ def _load(text: str, folder: str, files: Tuple[str, ...]) -> Scene:
 
 
 def _scene(case: Case) -> Scene:
-    # Of threads that want the same scene one loads it.
+    # Only one of the threads that need a scene loads it.
     with _lock:
         return _load(case.text, case.folder, case.files)
 
 
 def run(case: Case) -> Result:
-    """Runs a case. Raises torquer.Error for what the simulator refuses."""
+    """Runs a case. Raises torquer.Error if the simulator refuses it."""
     scene = _scene(case)
     simulation = Simulation(scene)
     names = [info.name for info in scene.instruments]
@@ -77,7 +77,7 @@ def run(case: Case) -> Result:
     outside = False
     for number, row in enumerate(case.rows):
         for index, instrument, what in columns:
-            # As in a script: lengths from where the instrument starts, angles as they are.
+            # As in a script: lengths are measured from the instrument's start, angles are absolute.
             hands[instrument, what] = row[index] + (start[instrument, 0] if what == 0 else 0)
         flags: Dict[str, Any] = {
             name: row[index] if name.endswith("_deg") else row[index] != 0 for index, name in controls

@@ -1,4 +1,4 @@
-"""The page about a batch: one HTML file that needs nothing else."""
+"""Page about a batch: one HTML file that needs no other files."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ._batch_study import Study
 
 _MOST_PLOTS = 6
 _MOST_LISTED = 200
-# Fewer values of something drawn show nothing.
+# Fewer values of a random key show no trend.
 _FEWEST_DRAWN = 6
-# What says how a case was computed, not what came of it.
+# Readings about the computation of a case, not about its result.
 _WORK = ("rows", "ticks", "iterations", "unconverged_rows", "solver_error_mm", "state_hash")
 _COLORS = ("#1b6ca8", "#c8553d", "#3b7d4f", "#7a5195", "#b8860b", "#4a4a4a")
 
@@ -33,7 +33,7 @@ td.number, th.number { text-align: right }
 
 
 def name(labels: Dict[str, Any]) -> str:
-    """What a case is called, in a line."""
+    """Name of a case, in one line."""
     return ", ".join(f"{key} = {value}" if key not in ("scene", "motion") else str(value) for key, value in labels.items())
 
 
@@ -75,7 +75,7 @@ def _groups(rows: List[Dict[str, Any]], axis: str, reading: str) -> Dict[Any, Li
 
 
 def _explained(rows: List[Dict[str, Any]], axis: str, reading: str, drawn: bool) -> float:
-    """The part of a reading's variance that goes with an axis, 0 to 1: the mean of scenes and motions."""
+    """Share of a reading's variance that an axis explains, 0 to 1: mean over scenes and motions."""
     kinds: Dict[Tuple[str, str], List[Dict[str, Any]]] = {}
     for row in rows:
         kinds.setdefault((row["scene"], row["motion"]), []).append(row)
@@ -106,7 +106,7 @@ def _pyplot() -> Any:
 
 
 def _plot(rows: List[Dict[str, Any]], axis: str, reading: str, drawn: bool) -> str:
-    """A reading against an axis: the mean of the cases of each motion and scene, and all of them as points."""
+    """Plots a reading against an axis: the mean for each motion and scene, and all cases as points."""
     plt = _pyplot()
     figure, axes = plt.subplots(figsize=(5, 3.4), layout="constrained")
     kinds = sorted({(row["scene"], row["motion"]) for row in rows})
@@ -133,7 +133,7 @@ def _plot(rows: List[Dict[str, Any]], axis: str, reading: str, drawn: bool) -> s
 
 
 def _spread(rows: List[Dict[str, Any]], reading: str) -> str:
-    """How often a reading has which value."""
+    """Histogram of a reading."""
     plt = _pyplot()
     figure, axes = plt.subplots(figsize=(5, 3.4), layout="constrained")
     kinds = sorted({(row["scene"], row["motion"]) for row in rows})
@@ -163,7 +163,7 @@ def _plots(study: Study, rows: List[Dict[str, Any]], readings: List[str]) -> str
             explained = _explained(rows, axis, reading, drawn)
             if explained > 0.05:
                 ranked.append((explained, axis, reading, drawn))
-    # Each reading once: against what it depends on most.
+    # Each reading appears once, against the axis that explains it best.
     best: Dict[str, Tuple[float, str, str, bool]] = {}
     for entry in sorted(ranked, key=lambda entry: -entry[0]):
         best.setdefault(entry[2], entry)
@@ -172,7 +172,7 @@ def _plots(study: Study, rows: List[Dict[str, Any]], readings: List[str]) -> str
         return "<p>All cases have the same readings.</p>"
     try:
         drawings = [_plot(rows, axis, reading, drawn) for _, axis, reading, drawn in chosen]
-        # Where nothing was varied but seeds and motions.
+        # Histograms if no axis explains a reading, as with only seeds and motions.
         drawings = drawings or [_spread(rows, reading) for reading in readings[:_MOST_PLOTS]]
     except ImportError:
         return "<p>Plots need the package python3-matplotlib: install it and run the command again.</p>"
@@ -180,7 +180,7 @@ def _plots(study: Study, rows: List[Dict[str, Any]], readings: List[str]) -> str
 
 
 def page(study: Study, rows: List[Dict[str, Any]], failures: List[Dict[str, Any]]) -> str:
-    """The page, of the cases that are stored and of those that failed in the last run."""
+    """Page about the stored cases, and about those that failed in the last run."""
     labels = ["scene", "motion", "seed", *study.axes, *study.random]
     readings = _varying(rows, labels)
     varied: List[Tuple[str, str]] = [("scene", ", ".join(sorted({row["scene"] for row in rows}) or study.scenes))]

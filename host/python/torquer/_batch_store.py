@@ -1,18 +1,18 @@
-"""The folder in which torquer-batch keeps what it has found.
+"""Folder with the results of torquer-batch.
 
-    torquer-batch.jsonl  the mark of a folder that is torquer-batch's, its lock, and the record of
-                     what is written there; only added to
-    readings.jsonl   a line for each case: its key, what it is called, its readings; only added to
+    torquer-batch.jsonl  mark and lock of a folder of torquer-batch, and record of the files
+                     that are written there; only added to
+    readings.jsonl   a line for each case: its key, its labels, its readings; only added to
     shapes/KEY.zip   zarr of each case: "series" (rows, columns), and nodes of the wire
-    failures.jsonl   of the last run: a line for each case that failed
-    readings.csv, report.html   made of these
+    failures.jsonl   a line for each case that failed in the last run
+    readings.csv, report.html   made from these
 
-A case is stored when its line is: its shapes are on the disk by then. What a run that was killed
-left half-written is not stored, and is written again.
+A case is stored once its line is written: its shapes are on the disk by then. A case that a killed
+run left half-written is not stored, and is run again.
 
-The mark is written into a folder that is empty. A file is removed or written over only where the
-record has it: each shape by its key, each of the last three by the hash of its bytes. No symbolic
-link is followed: every name is opened in its folder's descriptor.
+The mark is written only into an empty folder. A file is removed or overwritten only if the record
+has it: each shape by its key, each of the last three by the hash of its bytes. Symbolic links are
+not followed: every name is opened in its folder's descriptor.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ _FILE_FLAGS = os.O_NOFOLLOW | os.O_CLOEXEC
 
 
 class Stopped(Error):
-    """A run that cannot go on; what was done is stored."""
+    """A run that cannot continue; completed cases are stored."""
 
 
 class _Folder:
-    """A folder by its descriptor, whose files are opened and replaced without following links."""
+    """Folder with a descriptor. Its files are opened and replaced without following links."""
 
     def __init__(self, path: pathlib.Path, at: Optional[int] = None) -> None:
         self.path = path
@@ -60,7 +60,7 @@ class _Folder:
             raise
 
     def has(self, name: str) -> bool:
-        """True where there is such a file. Raises Error where the name is a link or no plain file."""
+        """True if the file exists. Raises Error if the name is a link or no plain file."""
         try:
             mode = os.stat(name, dir_fd=self.descriptor, follow_symlinks=False).st_mode
         except FileNotFoundError:
@@ -71,7 +71,7 @@ class _Folder:
         return True
 
     def append(self, name: str) -> Any:
-        """A file to read, and to add to."""
+        """Opens a file for reading and appending."""
         self.has(name)
         flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | _FILE_FLAGS
         return os.fdopen(os.open(name, flags, 0o666, dir_fd=self.descriptor), "r+b")
@@ -85,7 +85,7 @@ class _Folder:
             os.unlink(name, dir_fd=self.descriptor)
 
     def create(self, name: str) -> Any:
-        """A new file to write."""
+        """Creates a file for writing."""
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | _FILE_FLAGS
         return os.fdopen(os.open(name, flags, 0o666, dir_fd=self.descriptor), "w+b")
 
@@ -102,7 +102,7 @@ def _hash(data: bytes) -> str:
 
 
 class _Record:
-    """The mark of a folder: what torquer-batch has written there."""
+    """Mark of a folder, which records the files that torquer-batch has written there."""
 
     def __init__(self, folder: _Folder) -> None:
         path = folder.path
@@ -114,9 +114,9 @@ class _Record:
                 )
         self._file = folder.append(_MARK)
         self.shapes: Set[str] = set()
-        """Keys of cases whose shapes were written, or about to be."""
+        """Keys of cases whose shapes were written, or are about to be written."""
         self.finished: Set[Tuple[str, str]] = set()
-        """Names of files that are written over, with the hashes of all their contents so far."""
+        """Names of files that are overwritten, with the hashes of all their contents so far."""
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -166,12 +166,12 @@ class _Record:
 
 
 class Store:
-    """Open for one run at a time."""
+    """Stored results, open for one run at a time."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder
         self.readings: Dict[str, Dict[str, Any]] = {}
-        """By the key of the case."""
+        """Readings by the key of the case."""
         self._zarr = need("zarr", "python3-zarr")
         self._open_ones: List[Any] = []
         try:
@@ -215,7 +215,7 @@ class Store:
         except FileExistsError:
             pass
         self._shapes = self._opened(_Folder(self.folder / "shapes", self._own.descriptor))
-        # A run that was killed left these half-written.
+        # A killed run may have left these half-written.
         self._own.remove(_PART)
         self._shapes.remove(_PART)
         for key in self._record.shapes - self.readings.keys():
@@ -246,10 +246,10 @@ class Store:
             raise Error(f"{self.folder / name}: is not as torquer-batch wrote it; move it away, and it is written again")
 
     def keep(self, case: Case, result: Result) -> None:
-        """Stores a case, on the disk when this returns. Raises Error where the disk does not take it."""
+        """Stores a case; it is on the disk when this returns. Raises Error if the disk fails."""
         arrays: Dict[str, Any] = {"series": result.series}
         if result.shapes:
-            # One after the other; row k has the nodes from first_node[k] to first_node[k + 1].
+            # Concatenated: row k has the nodes from first_node[k] to first_node[k + 1].
             arrays["nodes_mm"] = np.concatenate(result.shapes)
             arrays["first_node"] = np.cumsum([0, *(len(shape) for shape in result.shapes)])
         name = f"{case.key}.zip"
@@ -257,7 +257,7 @@ class Store:
             if self._shapes.has(name) and case.key not in self._record.shapes:
                 raise Stopped(f"{self._shapes.path / name}: is there, but not by torquer-batch; move it away, run the command again")
             with self._shapes.create(_PART) as part:
-                # By the descriptor, not by its name, which another may link elsewhere.
+                # Opened by the descriptor, because another process may link the name elsewhere.
                 with self._zarr.ZipStore(f"/proc/self/fd/{part.fileno()}", mode="w") as zipped:
                     group = self._zarr.group(zipped)
                     group.attrs.update({"case": case.labels, "columns": result.columns})
@@ -293,7 +293,7 @@ class Store:
             raise Stopped(f"{self.folder}: {error.strerror}; the cases are stored, run the command again") from None
 
     def _write_whole(self, name: str, data: bytes) -> None:
-        """Writes a file that is the old one or the new one at any moment."""
+        """Replaces a file, which is the old one or the new one at any moment."""
         self._require_recorded(name)
         with self._own.create(_PART) as file:
             file.write(data)

@@ -1,4 +1,4 @@
-"""Study files of torquer-batch: what they hold, and the cases that they stand for."""
+"""Study files of torquer-batch: their contents, and their cases."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _MOST_KEY_PARTS = 16
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One run: what a worker needs, and what it is called in tables."""
+    """One run: the input of a worker, and labels for tables."""
 
-    key: str  # of all that decides the result; 64 hexadecimal digits
+    key: str  # hash of all that decides the result; 64 hexadecimal digits
     text: str  # the scene, with its overrides
-    folder: str  # that its paths start from
-    files: Tuple[str, ...]  # hashes of what it names there
+    folder: str  # base of its paths
+    files: Tuple[str, ...]  # hashes of the files that it names there
     columns: Tuple[str, ...]  # of the rows
     rows: Tuple[Tuple[float, ...], ...]
     shapes: str
@@ -57,7 +57,7 @@ class Study:
     shapes: str
 
     def count(self) -> int:
-        """How many cases there are."""
+        """Number of cases."""
         combinations = math.prod(len(values) for values in self.axes.values())
         return len(self.scenes) * combinations * len(self.motions) * len(self.seeds)
 
@@ -138,7 +138,7 @@ def _check_key(where: str, key: str) -> None:
 
 
 def _scene_files(file: pathlib.Path, names: List[Any]) -> List[str]:
-    # Listed once: a study can name very many.
+    # Listed once, because a study can name many scenes.
     shipped = {name: scene_path(name) for name in scene_names()}
     found = []
     for name in names:
@@ -219,13 +219,13 @@ def read_study(path: str) -> Study:
 
 
 def _override(table: Dict[str, Any], key: str, value: Any, where: str) -> None:
-    """Sets a key of a scene, as "effects.friction.coefficient" or "instrument.guidewire.device". A table
-    is kept or taken out by true and false."""
+    """Sets a key of a scene, as "effects.friction.coefficient" or "instrument.guidewire.device". True
+    keeps the table of an effect, and false removes it."""
     steps = key.split(".")
     for depth, step in enumerate(steps[:-1]):
         inner = table.setdefault(step, {})
         if isinstance(inner, list):
-            # Of several tables the one of the name that follows.
+            # Selects the table with the name that follows in the key.
             wanted = steps[depth + 1] if depth + 2 < len(steps) else ""
             named = [entry for entry in inner if entry.get("name") == wanted]
             if not named:
@@ -262,9 +262,9 @@ def _bytes_hash(path: pathlib.Path) -> str:
 
 
 def file_hashes(scene: Dict[str, Any], folder: pathlib.Path, known: Dict[pathlib.Path, str]) -> List[str]:
-    """Hashes of the files and folders that a scene's vessel names, in order, and of the devices that Torquer has.
+    """Hashes of the files and folders that a scene's vessel names, in order, and of its devices of Torquer.
 
-    known: of files that were read before, by a caller to whom they are still the same.
+    known: hashes of files read before, which the caller takes as unchanged.
     """
     devices = pathlib.Path(scene_path(scene_names()[0])).parents[1] / "devices"
     texts = sorted({text for text in _strings(scene.get("vessel")) if text and "\0" not in text and len(text) < 1000})
@@ -280,19 +280,19 @@ def file_hashes(scene: Dict[str, Any], folder: pathlib.Path, known: Dict[pathlib
                     known[file] = _bytes_hash(file)
                 found.append(known[file])
         except OSError:
-            continue  # what cannot be read is the simulator's to refuse
+            continue  # the simulator refuses files that cannot be read
     return found
 
 
 @functools.lru_cache(maxsize=None)
 def library_hash() -> str:
-    """Of the library that simulates: another build may find another result."""
+    """Hash of the library that simulates, because another build may find another result."""
     for line in pathlib.Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
         fields = line.split(maxsplit=5)
         if len(fields) < 6 or "/libtorquer.so" not in fields[5]:
             continue
         path = pathlib.Path(fields[5])
-        # The file of that name may be that of another build meanwhile.
+        # Another build may have replaced the file meanwhile.
         if path.exists() and path.stat().st_ino == int(fields[4]):
             return _bytes_hash(path)
         raise Error(f"{path}: was replaced since this process began; start it again")
@@ -300,7 +300,7 @@ def library_hash() -> str:
 
 
 def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], List[Tuple[float, ...]]]:
-    """The rows of a script for torquer-simulator --script."""
+    """Reads columns and rows of a script for torquer-simulator --script."""
     instruments = [f"{info.name}.{what}" for info in scene.instruments for what in ("insertion_mm", "rotation_rad")]
     known = ["time_s", *instruments, "lao_deg", "cra_deg", *_SWITCHES]
     text = io.StringIO(read_text(path), newline="")
@@ -353,7 +353,7 @@ def _generated_rows(
             columns.append(f"{instrument}.{column}")
             steady = np.full(count, float(hand.get(speed, 0)))
             if motion["spread"] > 0:
-                # A hand that goes faster and slower: another factor each second.
+                # The hand's speed varies by a new factor each second.
                 generator = np.random.default_rng([seed, *columns[-1].encode()])
                 factors = generator.normal(1, motion["spread"], int(times[-1]) + 1)
                 steady = steady * factors[np.minimum(times.astype(int), len(factors) - 1)]
@@ -363,15 +363,15 @@ def _generated_rows(
 
 
 def cases(study: Study) -> Iterable[Case]:
-    """All cases of a study, in the order of its file. Raises Error for what its scenes do not have."""
+    """All cases of a study, in the order of the file. Raises Error for keys that a scene cannot have."""
     writer = _writer()
     known: Dict[pathlib.Path, str] = {}
     for scene_file in study.scenes:
         file = pathlib.Path(scene_file)
         folder = file.parent.resolve()
-        # For the names of its instruments; what the overrides change is read where it is run.
+        # Read for the names of the instruments only; a worker reads the scene with its overrides.
         plain = Scene(scene_file)
-        # A motion by its name; one that is drawn, by its seed too.
+        # Keyed by the motion's name, and by the seed if the motion is random.
         rows: Dict[Tuple[str, int], Tuple[Tuple[str, ...], List[Tuple[float, ...]], str]] = {}
         combinations = itertools.product(*study.axes.values())
         for values in combinations:
@@ -410,7 +410,7 @@ def _writer() -> Any:
 
 
 def need(module: str, package: str) -> Any:
-    """A module of a Debian package that only torquer-batch needs."""
+    """Imports a module of a Debian package that only torquer-batch needs."""
     try:
         return importlib.import_module(module)
     except ImportError:

@@ -1,4 +1,4 @@
-"""How each command ends, whatever its standard streams are: closed, full, limited or without a reader."""
+"""Ends each command correctly if a standard stream is closed, full, limited or without a reader."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SUCCESS, _USER_ERROR, _INTERRUPTED = 0, 2, 130
 
 
 class _Errors(io.TextIOBase):
-    """Standard error. What it cannot take is lost, and changes nothing: the loss can be said nowhere."""
+    """Standard error. Failed writes are ignored, because there is no place to report them."""
 
     encoding = "utf-8"
     errors = "backslashreplace"
@@ -42,22 +42,22 @@ def _write_whole(descriptor: int, text: str) -> bool:
 
 
 def _occupy_standard_streams() -> None:
-    """Keeps the numbers of closed streams, so that no file that is opened gets the messages."""
+    """Occupies the numbers of closed streams, so that no opened file gets the messages."""
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
         except OSError as error:
             if error.errno != errno.EBADF:
                 continue
-            # The lowest number that is free is this one. Opened the wrong way, it refuses every use.
+            # open() uses the lowest free number, which is this one. The wrong mode makes every use fail.
             os.set_inheritable(os.open(os.devnull, os.O_WRONLY if descriptor == 0 else os.O_RDONLY), True)
 
 
 def run(name: str, main: Callable[[], int]) -> int:
-    """The exit status of a command: that of `main`, or 2 where what it printed could not be written."""
+    """Exit status of a command: that of `main`, or 2 if its output could not be written."""
     _occupy_standard_streams()
     output = io.StringIO()
-    # Written at the end: until then nothing of it can fail, in argparse neither.
+    # Written at the end, so that no print fails before, not even in argparse.
     sys.stdout = output
     sys.stderr = cast(TextIO, _Errors())
     try:

@@ -1,4 +1,4 @@
-"""Files that a user gives: opened and parsed in one place, so that each bad one is a torquer.Error."""
+"""Opens and parses the files of users, so that each bad file raises torquer.Error."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from . import _torquer
 Error = _torquer.Error
 Path = Union[str, "os.PathLike[str]"]
 
-# As the simulator has them for its scenes.
+# Limits of the simulator for its scenes.
 _DEEPEST = 32
 _MOST_KEY_PARTS = 32
 _MOST_PIECE_BYTES = 4096
 _MOST_BYTES = 256 << 20
-# Texts and comments of TOML. Each ends with the file, so that no place is looked at twice.
+# Texts and comments of TOML. Each may end with the file, so that no position is searched twice.
 _TOML_TEXTS = re.compile(
     r'"""(?:\\.?|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:\\.?|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*', re.DOTALL
 )
@@ -27,10 +27,10 @@ _TOML_PIECES = re.compile(r"[^\[\]{}=,\n]+|[\[\]{}]")
 
 
 def open_file(path: Path) -> BinaryIO:
-    """An ordinary file to read: nobody waits for a writer to a pipe, or reads a device without end."""
+    """Opens an ordinary file. Pipes may wait forever for a writer, and devices may have no end."""
     path = os.fspath(path)
     try:
-        # Before it is opened, which alone would start a device; and after, should it be another by then.
+        # Checked before the opening, which could start a device, and after it, in case of a replacement.
         if stat.S_ISREG(os.stat(path).st_mode):
             file = os.fdopen(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY), "rb")
             if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -44,7 +44,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def read_text(path: Path) -> str:
-    """The text of a file in UTF-8, with or without a mark of the byte order."""
+    """Reads a file in UTF-8, with or without a byte order mark."""
     with open_file(path) as file:
         try:
             data = file.read(_MOST_BYTES + 1)
@@ -80,7 +80,7 @@ def _refuse_deep(value: Any) -> None:
 
 
 def load_json(text: Union[str, bytes]) -> Any:
-    """As json.loads. ValueError also for what is nested too deeply, and for what JSON has no number of."""
+    """As json.loads. Raises ValueError also for too deep nesting, NaN and infinity."""
     try:
         value = json.loads(text, parse_constant=_refuse_constant)
     except RecursionError:
@@ -90,7 +90,7 @@ def load_json(text: Union[str, bytes]) -> Any:
 
 
 def _check_toml(where: str, text: str) -> None:
-    """Refuses what tomllib takes the square of its length for, or overflows the stack by."""
+    """Refuses texts for which tomllib takes quadratic time, or overflows the stack."""
     depth = 0
     bare = _TOML_TEXTS.sub(lambda match: '"' + "\n" * match[0].count("\n"), text)
     for match in _TOML_PIECES.finditer(bare):
@@ -109,7 +109,7 @@ def _check_toml(where: str, text: str) -> None:
 
 
 def parse_toml(where: str, text: str) -> Dict[str, Any]:
-    """The table of a text, `where` for messages."""
+    """Parses a text; `where` is for messages."""
     _check_toml(where, text)
     try:
         table = tomllib.loads(text)
@@ -120,5 +120,5 @@ def parse_toml(where: str, text: str) -> Dict[str, Any]:
 
 
 def read_toml(path: Path) -> Dict[str, Any]:
-    """The table of a file."""
+    """Parses a file."""
     return parse_toml(os.fspath(path), read_text(path))

@@ -1,9 +1,9 @@
-"""Many runs: scenes x parameters x motions x seeds, by Dask (torquer-batch, or python3 -m torquer.batch).
+"""Runs scenes x parameters x motions x seeds by Dask (torquer-batch, or python3 -m torquer.batch).
 
     torquer.batch.run("study.toml", "results", workers=2)
 
-What is stored is neither run again nor lost, whatever is killed meanwhile; see the README of the
-package for the study file and for clusters.
+Stored cases are not run again, and no kill loses them. The README of the package describes the
+study file and clusters.
 """
 
 from __future__ import annotations
@@ -28,30 +28,30 @@ from ._batch_study import Case, cases, library_hash, need, read_study
 
 __all__ = ["Stopped", "Summary", "main", "run"]
 
-# Beyond what runs: enough that no worker waits, few enough that the scheduler stays small.
+# Cases submitted ahead of the workers: enough that no worker waits, few enough for the scheduler.
 _AHEAD = 4
 _LEAST_AHEAD = 64
-# A scheduler that does not answer for so long is not there.
+# A scheduler that does not answer within this time counts as missing.
 _SCHEDULER_S = 10.0
-# A case that ended so many workers is its own fault.
+# A case that ends more workers than this has failed.
 _MOST_DEATHS = 3
 
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """What a run has done."""
+    """Result of a run."""
 
     cases: int
     stored_before: int
     done: int
     failures: List[Dict[str, Any]]
-    """Of each: "case", what it is called, and "message"."""
+    """Each has "case", its labels, and "message"."""
     seconds: float
     folder: str
 
 
 class _Progress:
-    """One line, written over where a person watches; every ten seconds a line where not."""
+    """Progress: on a terminal one line that is overwritten, otherwise a line every ten seconds."""
 
     def __init__(self, out: Optional[TextIO], total: int) -> None:
         self._out = out
@@ -90,7 +90,7 @@ def _work(case: Case, library: str) -> Any:
 class _WithoutMain:
     """While one is open, Dask's workers of this process do not import its main script.
 
-    A case needs nothing of it, and a script without a guard would begin a batch in each worker, which
+    Cases do not need the script. Without a guard it would begin a batch in each worker, which
     multiprocessing ends and Dask restarts, without end.
     """
 
@@ -123,7 +123,7 @@ class _WithoutMain:
 
 
 def _connect(workers: int, scheduler: Optional[str]) -> Any:
-    """A client of Dask: of threads here, of processes here, or of a cluster."""
+    """Client of Dask for threads or processes of this machine, or for a cluster."""
     need("dask", "python3-distributed").config.set(
         {
             "distributed.scheduler.allowed-failures": _MOST_DEATHS,
@@ -167,7 +167,7 @@ def _client(workers: int, scheduler: Optional[str]) -> Iterator[Any]:
 
 
 def _each_result(client: Any, waiting: Iterator[Case]) -> Iterator[tuple[Case, Any]]:
-    """Cases as they end, with their result or what was raised."""
+    """Yields cases as they end, with their result or exception."""
     distributed = need("distributed", "python3-distributed")
     library = library_hash()
     running: Dict[str, Case] = {}
@@ -176,7 +176,7 @@ def _each_result(client: Any, waiting: Iterator[Case]) -> Iterator[tuple[Case, A
     number = itertools.count()
 
     def submit(case: Case) -> None:
-        # Another key each time: a cluster may remember the results of another run.
+        # A new key each time, because a cluster may have stored results of another run.
         future = client.submit(_work, case, library, key=f"torquer-{case.key}-{os.getpid()}-{next(number)}", pure=False)
         running[future.key] = case
         ended.add(future)
@@ -200,7 +200,7 @@ def _each_result(client: Any, waiting: Iterator[Case]) -> Iterator[tuple[Case, A
                     raised = future.exception()
                     result = future.result() if raised is None else raised
                 except broken as error:
-                    # It ended, but the worker that had its result did too.
+                    # The case has ended, but so has the worker with its result.
                     if client.status != "running":
                         raise _lost(repr(error)) from None
                     submit(case)
@@ -227,13 +227,13 @@ def run(
 ) -> Summary:
     """Runs the cases of a study file that are not stored in the folder `out` yet.
 
-    workers: processes on this machine; 0: threads of this process, one a core.
-    scheduler: the address of Dask's, as "tcp://node1:8786", in place of both.
-    progress: where a line about it goes.
+    workers: processes on this machine; 0: threads of this process, one for each core.
+    scheduler: address of Dask's scheduler, as "tcp://node1:8786", in place of both.
+    progress: stream for a line about the progress.
     on_case: called after each case that was stored.
 
-    Raises Error naming the file, the key, its value and the remedy; when the scheduler is lost or
-    the disk full, what was done is stored.
+    Raises Error naming the file, the key, its value and the remedy. If the scheduler is lost or
+    the disk is full, completed cases are stored.
     """
     read = read_study(study)
     began = time.monotonic()
@@ -273,7 +273,7 @@ def _unexpected(error: Exception) -> str:
 
 
 class _Completion(argparse.Action):
-    """Prints what bash completes by: the options and files."""
+    """Prints the completion for bash: options and files."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
         options = [option for action in parser._actions for option in action.option_strings if option.startswith("--")]

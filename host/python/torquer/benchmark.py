@@ -1,4 +1,4 @@
-"""How fast environments step on this machine, and how far from the accurate shape: torquer benchmark."""
+"""Measures speed and error of environments on this machine: torquer benchmark."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from . import __version__, envs, scene_path
 _EPISODES = 3
 _STEPS = 200
 _COUNT = 16
-# What a scene that is simulated for its own sake has.
+# Default tolerance of a scene.
 _ACCURATE = 1e-6
 
 
 def _actions(size: int) -> npt.NDArray[np.float64]:
-    """Of each episode: forward more than back, and any turns."""
+    """Random actions of each episode, more forward than backward."""
     random = np.random.default_rng(7)
     actions = random.uniform(-1, 1, (_EPISODES, _STEPS, size))
     actions[:, :, ::2] = random.uniform(-0.2, 1, (_EPISODES, _STEPS, size // 2))
@@ -30,7 +30,7 @@ def _actions(size: int) -> npt.NDArray[np.float64]:
 
 
 def _single(name: str, task: envs.Task, observation: str) -> Tuple[Dict[str, float], npt.NDArray[np.float64]]:
-    """Steps a second, by the clock and of a core; and the tip after each step."""
+    """Steps per second of the clock and of a core, and the tip after each step."""
     env = envs.NavigationEnv(scene_path(name), task, observation)
     tips: List[npt.NDArray[np.float64]] = []
     wall_s = core_s = 0.0
@@ -105,7 +105,7 @@ def as_json(result: Dict[str, Any]) -> str:
 
 
 def as_table(result: Dict[str, Any]) -> str:
-    """As Markdown."""
+    """Result as a table in Markdown."""
     lines = [
         "| task | accuracy | observation | steps/s a core | in threads, a core | "
         f"in threads, by the clock ({result['cores']} cores) | tip error p50, p95, mm |",

@@ -1,4 +1,4 @@
-"""Centerlines of VMTK (.vtp) as the curves that the key "centerlines" of a scene reads.
+"""Converts centerlines of VMTK (.vtp) to curves for the key "centerlines" of a scene.
 
     torquer.centerlines.convert("centerline.vtp", "curves")  # curves/line_1.mrk.json and so on
 """
@@ -42,7 +42,7 @@ class Line:
 
 
 class _Xml:
-    """The elements of a file, without a document type, which could define entities."""
+    """Parses a file, and refuses a document type, which could define entities."""
 
     def __init__(self, path: str, text: bytes) -> None:
         self._path = path
@@ -83,7 +83,7 @@ class _Reader:
             raise Error(f"{path}: cannot be read ({error.strerror}); check the disk") from None
         if len(contents) > _MOST_BYTES:
             raise Error(f"{path}: larger than {_MOST_BYTES} bytes; give the centerlines alone")
-        # Raw appended data is no XML, so the parser does not see it.
+        # Raw appended data is no XML, so it is removed before the parsing.
         self._appended = b""
         self._appended_base64 = False
         at = contents.find(b"<AppendedData")
@@ -121,7 +121,7 @@ class _Reader:
         return int(text)
 
     def array(self, parent: Optional[Element], name: Optional[str], size: int, columns: int = 1) -> Any:
-        """The values of a DataArray, of which there must be size * columns."""
+        """Values of a DataArray, which must have size * columns values."""
         arrays: List[Element] = [] if parent is None else parent.findall("DataArray")
         found = [a for a in arrays if name is None or a.get("Name") == name]
         shown = name or "Points"
@@ -139,7 +139,7 @@ class _Reader:
         if form == "ascii":
             values = self._ascii(shown, array.text or "", size * columns, dtype)
         elif form == "binary":
-            # Layout may break the text; appended text is not broken.
+            # Inline text may have line breaks; appended text has none.
             text = "".join((array.text or "").split()).encode()
             values = self._binary(shown, text, True, size * columns, dtype)
         elif form == "appended":
@@ -189,7 +189,7 @@ class _Reader:
                 raise self.refuse(f"{name} has {length} bytes, not {wanted}")
             return np.frombuffer(self._take(name, data, encoded, width + wanted)[width:], dtype)
         blocks, full, last = words(3)
-        # Each block holds a byte at least, so that there are no more of them than bytes.
+        # Each block has at least one byte, so that there are not more blocks than bytes.
         if blocks > wanted or (blocks and (blocks - (last > 0)) * full + last != wanted):
             raise self.refuse(f"{name} has {blocks} blocks of {full} bytes, which is not {wanted} bytes")
         sizes = words(3 + blocks)[3:]
@@ -202,7 +202,7 @@ class _Reader:
             length = last if last and k == blocks - 1 else full
             stream = zlib.decompressobj()
             try:
-                # One byte more than there may be shows a block that is too long.
+                # One byte more than allowed shows a block that is too long.
                 part = stream.decompress(packed[at : at + size], length + 1)
             except zlib.error as error:
                 raise self.refuse(f"{name}, block {k}: {error}") from None
@@ -216,7 +216,7 @@ class _Reader:
 
 
 def read_vtp(path: Union[str, "os.PathLike[str]"]) -> List[Line]:
-    """The centerlines in a file of VMTK: ascii, base64 or raw, with zlib or without."""
+    """Reads the centerlines in a file of VMTK: ascii, base64 or raw, with zlib or without."""
     reader = _Reader(os.fspath(path))
     pieces = reader.root.findall("PolyData/Piece")
     if len(pieces) != 1:
@@ -241,7 +241,7 @@ def read_vtp(path: Union[str, "os.PathLike[str]"]) -> List[Line]:
 
 
 def convert(source: Union[str, "os.PathLike[str]"], folder: Union[str, "os.PathLike[str]"]) -> str:
-    """Writes each line of a .vtp as a curve in a new folder; returns what was written, in words."""
+    """Writes each line of a .vtp as a curve in a new folder; returns a description."""
     lines = read_vtp(source)
     write_folder(
         folder,

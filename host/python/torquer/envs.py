@@ -8,8 +8,8 @@
 
     many = torquer.envs.VectorEnv("ty_phantom", 64)  # in threads
 
-Where gymnasium is installed its spaces are used, the environments are gymnasium.Env and
-gymnasium.vector.VectorEnv, and register() makes them known to gymnasium.make as "torquer/NAME-v0". It is not needed.
+Gymnasium is optional. With it, its spaces are used, and the environments are gymnasium.Env and
+gymnasium.vector.VectorEnv. Then register() makes them known to gymnasium.make as "torquer/NAME-v0".
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ except ImportError:
     gymnasium = None
 
     class _PlainBox:
-        """What of gymnasium.spaces.Box the environments and simple agents use."""
+        """Part of gymnasium.spaces.Box that the environments and simple agents use."""
 
         def __init__(
             self, low: Any, high: Any, shape: Optional[Tuple[int, ...]] = None, dtype: Any = None
@@ -75,7 +75,7 @@ Array = npt.NDArray[Any]
 
 
 def _with_keys(text: str, section: str, values: Dict[str, Any]) -> str:
-    """The text of a scene with these keys of a section, which may be missing yet."""
+    """Text of a scene with these keys set in a section, which is added if it is missing."""
     kept: List[str] = []
     at = ""
     for line in text.splitlines():
@@ -93,7 +93,7 @@ def _with_keys(text: str, section: str, values: Dict[str, Any]) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """Where the tip of an instrument has to go, and how fast hands may go there."""
+    """Target for the tip of an instrument, and limits for the motion of hands."""
 
     centerline: str
     at_mm: float
@@ -101,26 +101,26 @@ class Task:
     instrument: int = 0
     step_s: float = 0.1
     longest_mm: float = 2.0
-    """Of the motion of one step."""
+    """Largest insertion or retraction in one step."""
     largest_turn_rad: float = 0.5
-    """The same."""
+    """Largest turn in one step."""
     force_limit_mN: float = math.inf
-    """Of a patch of the wall; above it no success is safe."""
+    """Force on a patch of the wall; above it no success is safe."""
     max_steps: int = 400
     tolerance: float = 1e-4
-    """To which a step is relaxed; a scene that is simulated for its own sake takes 1e-6."""
+    """Tolerance to which a step is relaxed; a scene's default is 1e-6."""
     segment_mm: Optional[float] = None
-    """Of the wire; None: as the scene has it. Longer ones are faster and coarser."""
+    """Segment length of the wire; None: that of the scene. Longer ones are faster and coarser."""
     picture_px: Optional[int] = None
-    """Width and height of pictures, 64 to 1024; None: as the scene has them."""
+    """Width and height of pictures, 64 to 1024; None: those of the scene."""
 
     def for_training(self) -> Task:
-        """The same, faster and less accurate: see the table in host/python/README.md."""
+        """Task with faster, less accurate steps: see the table in host/python/README.md."""
         return dataclasses.replace(self, tolerance=1e-3, segment_mm=2.0, longest_mm=1.0)
 
 
 def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
-    """The scene as a task wants it, and with an observer of the wall's force."""
+    """Scene with the settings of a task, and with an observer of the wall's force."""
     keys: Dict[str, Any] = {"tolerance": task.tolerance}
     if task.segment_mm is not None:
         keys["segment_mm"] = float(task.segment_mm)
@@ -136,14 +136,14 @@ def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
 
 
 def _whole(what: str, value: Any, lowest: int, highest: int) -> int:
-    """A whole number that a user gave."""
+    """Checks a whole number that a user gave."""
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool) and lowest <= value <= highest:
         return int(value)
     raise Error(f"{what} is {value!r}; give a whole number from {lowest} to {highest}")
 
 
 class _Prepared:
-    """What a single environment and a vector of them have in common."""
+    """Common parts of a single environment and a vector of them."""
 
     def __init__(self, scene: Union[Scene, str], task: Task, observation: str, sees: bool) -> None:
         if observation not in ("vector", "picture"):
@@ -172,7 +172,7 @@ class _Prepared:
 
     def observation_space(self, observation: str) -> Any:
         if observation == "vector":
-            # No point of a wire is farther from the entry than the wire is long.
+            # No point of a wire is farther from the entry than the wire's length.
             longest_mm = [one.max_length_mm for one in self.scene.instruments]
             steps_mm = np.diff(self.route, axis=0, prepend=self.navigation.simulation.nodes_mm[:1])
             far_mm = 2 * max(longest_mm) + np.linalg.norm(steps_mm, axis=1).sum()
@@ -186,7 +186,7 @@ class _Prepared:
 
 
 def _chosen_rotation(options: Optional[Dict[str, Any]]) -> Optional[float]:
-    """That of the options, if there is one."""
+    """Rotation in the options, or None."""
     if options is not None and not isinstance(options, dict):
         raise Error(f"options are {options!r}; give a dict, as {{'rotation_rad': 0.5}}")
     chosen = (options or {}).get("rotation_rad")
@@ -211,20 +211,21 @@ _INFO = ("success", "safe_success", "wall_force_mN", "path_mm", "remaining_mm", 
 
 
 class NavigationEnv(_Env):  # type: ignore[misc]
-    """The tip of an instrument goes to a place on a centerline.
+    """Moves the tip of an instrument to a place on a centerline.
 
-    Actions: of each instrument its feed and its turn, -1 .. 1 of what Task allows in a step; shape
+    Actions: feed and turn of each instrument, -1 .. 1 as fractions of the limits in Task; shape
     (2 * instruments,), float32.
 
-    Observations "vector", float32, in mm unless said otherwise: for the instrument of the task the
-    last points of the wire about 5 mm apart, the next points of the route about 5 mm apart and the
-    target, all from the tip on; then of each instrument its insertion and the cosine and sine of
-    its rotation. "picture": the X-ray of the scene's [effects.fluoroscopy], shape (height, width,
-    1), uint8. Bounds of the space are finite and hold wherever the hands go.
+    Observations "vector", float32, in mm unless stated otherwise. They have the last points of the
+    wire about 5 mm apart, the next points of the route about 5 mm apart, and the target. All of
+    these are relative to the tip of the task's instrument. Then follow the insertions, cosines and
+    sines of the rotations of all instruments. Observations "picture": the X-ray picture of
+    [effects.fluoroscopy], shape (height, width, 1), uint8. The finite bounds of the space are valid
+    for all motions.
 
-    Reward: the way gained along the route in mm / 10, -0.01 a step, +10 at the target. `info` keeps
-    apart "success" (the target was reached) and "safe_success" (and no force was above the limit),
-    "wall_force_mN", the "path_mm" that the tip went, "remaining_mm" along the route and "time_s".
+    Reward: progress along the route in mm / 10, -0.01 for each step, +10 at the target. `info` has
+    "success" (the target was reached), "safe_success" (and no force was above the limit),
+    "wall_force_mN", "path_mm" of the tip, "remaining_mm" along the route, and "time_s".
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -250,14 +251,14 @@ class NavigationEnv(_Env):  # type: ignore[misc]
 
     @property
     def simulation(self) -> Simulation:
-        """What the environment steps. Step it by the environment alone."""
+        """Simulation of the environment. Only the environment may step it."""
         return self._navigation.simulation
 
     def reset(
         self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[Array, Dict[str, Any]]:
-        """Back to the start. options: "rotation_rad", of the task's instrument before it begins;
-        without it, any rotation, by the seed."""
+        """Returns to the start. options: "rotation_rad", that of the task's instrument at the start.
+        Without it the rotation is random, by the seed."""
         chosen = _chosen_rotation(options)
         if chosen is not None:
             self._navigation.check_rotation(chosen)
@@ -276,13 +277,13 @@ class NavigationEnv(_Env):  # type: ignore[misc]
         return self._observe(), facts[0], facts[1] != 0, facts[2] != 0, self._info(facts)
 
     def render(self) -> Optional[Array]:
-        """The X-ray picture as rgb, shape (height, width, 3)."""
+        """X-ray picture as RGB, shape (height, width, 3)."""
         if self.render_mode is None:
             return None
         return np.repeat(self._navigation.take_picture()[:, :, None], 3, axis=2)
 
     def close(self) -> None:
-        """Nothing is kept open."""
+        """Does nothing, because nothing is open."""
 
     def _observe(self) -> Array:
         if self.observation == "picture":
@@ -309,21 +310,21 @@ TASKS: Dict[str, Task] = {
 def make(
     name: str, observation: str = "vector", render_mode: Optional[str] = None
 ) -> NavigationEnv:
-    """The task of a scene that Torquer ships: one of TASKS."""
+    """Environment of a task in TASKS."""
     if name not in TASKS:
         raise Error(f"there is no task {name!r}; there are: {', '.join(TASKS)}")
     return NavigationEnv(scene_path(name), TASKS[name], observation, render_mode)
 
 
 class VectorEnv(_VectorEnv):  # type: ignore[misc]
-    """Many environments of one task, which step in threads; the interface is gymnasium.vector's.
+    """Many environments of one task that step in threads, with the interface of gymnasium.vector.
 
-    Each gives what a NavigationEnv gives with the same seed and actions, bit for bit, whatever the
-    number of threads. One whose episode has ended is reset by the next step, whose action it
-    ignores and whose reward is 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays.
+    Each gives the same as a NavigationEnv with the same seed and actions, bit for bit, for any
+    number of threads. The step after the end of an episode only resets its environment, ignores the
+    action, and gives the reward 0 (Gymnasium's autoreset mode NEXT_STEP). `info` has arrays.
 
-    step() is send() and recv(), which may be called by themselves: send() actions for some of the
-    environments, and recv() those that finish first, while the others go on.
+    step() is send() and recv(), which may be called separately. send() starts some of the
+    environments, and recv() returns those that finish first, while the others go on.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": "NextStep"}
@@ -340,8 +341,8 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         copy: bool = True,
     ) -> None:
         """name: one of TASKS; or, with a task, a scene or its file. threads: one for each core by
-        default. copy: whether observations of all are copies; without, the next step overwrites
-        them."""
+        default. copy: True: observations of all environments are copies. False: the next step
+        overwrites them."""
         count = _whole("count", count, 1, 100_000)
         if threads is not None:
             threads = _whole("threads", threads, 1, 1024)
@@ -364,7 +365,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
             dtype=single.dtype,
         )
         self.action_space = _Box(-1.0, 1.0, (count, prepared.action_size), np.float32)
-        # Since Gymnasium 1.1.
+        # Gymnasium has these modes since 1.1.
         modes = getattr(getattr(gymnasium, "vector", None), "AutoresetMode", None)
         if modes is not None:
             self.metadata = {**self.metadata, "autoreset_mode": modes.NEXT_STEP}
@@ -384,8 +385,8 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         seed: Union[None, int, Sequence[Optional[int]]] = None,
         options: Optional[Dict[str, Any]] = None,
     ) -> Tuple[Array, Dict[str, Any]]:
-        """All back to the start. seed: of the first, one more for each; or one for each. options: as
-        of NavigationEnv.reset."""
+        """Returns all to the start. seed: that of the first, one more for each next; or one for each.
+        options: as in NavigationEnv.reset."""
         if self._at_work.any():
             raise Error("environments are at work; recv() them before reset()")
         seeds: Sequence[Optional[int]]
@@ -398,7 +399,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
             seeds = [first + k for k in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise Error(f"there are {len(seeds)} seeds; give {self.num_envs}, or one")
-        # All that may be refused, before the first begins.
+        # Checks all arguments before the first environment begins.
         chosen = _chosen_rotation(options)
         if chosen is not None:
             self._pool.check_rotation(chosen)
@@ -416,7 +417,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         return self.recv()
 
     def send(self, actions: npt.ArrayLike, ids: Optional[npt.ArrayLike] = None) -> None:
-        """Has the environments `ids`, or all of them, begin a step, and returns at once."""
+        """Starts a step of the environments `ids`, or of all, and returns at once."""
         try:
             which = np.arange(self.num_envs) if ids is None else np.asarray(ids).ravel()
             rows = np.asarray(actions, float)
@@ -441,9 +442,9 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         self._at_work[which] = True
 
     def recv(self, count: Optional[int] = None) -> Tuple[Array, Array, Array, Array, Dict[str, Any]]:
-        """What came of the `count` that finish first, or of all that are at work: observations,
-        rewards, terminated, truncated and info, in the order of info["env_id"]. Where one of them
-        cannot go on, all are waited for, and its error is raised."""
+        """Results of the `count` that finish first, or of all that are at work: observations,
+        rewards, terminated, truncated and info, in the order of info["env_id"]. If one of them
+        fails, this waits for all, and raises the error."""
         if not self._at_work.any():
             raise Error("no environment is at work; send() actions first")
         if count is not None:
@@ -466,7 +467,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         return observations, facts[0], terminated, truncated, info
 
     def close(self, **_: Any) -> None:
-        """Waits for those at work. Gymnasium calls it for one that could not be made too."""
+        """Waits for those at work. Gymnasium calls it also for an object that could not be made."""
         if hasattr(self, "_pool"):
             self._wait_for_all()
         self.closed = True

@@ -4,7 +4,7 @@
     torquer.export.write(states, "wire.pvd")  # or .vtp, .mrk.json, .csv
     torquer.export.to_meshio(torquer.export.State.of(simulation))
 
-A file is written under a temporary name and then renamed, so that it is whole or not there.
+A file is written under a temporary name and then renamed, so that it is complete or absent.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from .states import read_states as read_fields
 Array = npt.NDArray[np.float64]
 Path = Union[str, "os.PathLike[str]"]
 
-# Fields of a line of --states with a value for each node, and how many numbers a value has.
+# Fields of --states with a value for each node, and the number of columns of a value.
 _NODE_FIELDS = {
     "contact_force_mN": 3,
     "line_load_mN_mm": 1,
@@ -52,11 +52,11 @@ class State:
     nodes_mm: Array
     """Shape (n, 3)."""
     point_data: Dict[str, Array]
-    """Of each node: contact_force_mN (n, 3), tension_mN and others (n,); empty without forces."""
+    """Values of each node: contact_force_mN (n, 3), tension_mN and others (n,); empty without forces."""
 
     @staticmethod
     def of(simulation: Simulation) -> State:
-        """A copy of where a simulation is."""
+        """Copies the present state of a simulation."""
         forces = dict(simulation.forces())
         if "contact_mN" in forces:
             forces["contact_force_mN"] = forces.pop("contact_mN")
@@ -142,7 +142,7 @@ def _read_binary(path: str) -> List[State]:
 
 
 def read_states(path: Path) -> List[State]:
-    """The states in a file that torquer-simulator --states wrote, JSON or binary."""
+    """Reads the states in a file of torquer-simulator --states, JSON or binary."""
     path = os.fspath(path)
     if next(_lines(path), b"").startswith(MAGIC):
         return _read_binary(path)
@@ -197,7 +197,7 @@ def _vtp(state: State) -> str:
 
 
 def slicer_curve(points: Array, radii: Union[Array, None] = None) -> str:
-    """Points as a curve of 3D Slicer: mm, left-posterior-superior, as surfaces of patients are."""
+    """Curve of 3D Slicer through points: mm, left-posterior-superior, as in surfaces of patients."""
     markup: Dict[str, Any] = {
         "type": "Curve",
         "coordinateSystem": "LPS",
@@ -257,7 +257,7 @@ def _write_text(path: pathlib.Path, text: str) -> None:
 
 
 def write_folder(folder: Path, files: Dict[str, str]) -> None:
-    """A new folder with these files, by their names: all of them, or none."""
+    """Makes a folder with these files, by their names: all of them, or none."""
     folder = pathlib.Path(folder)
     if os.path.lexists(folder):
         raise Error(f"{folder}: exists already; remove it, or give another name")
@@ -290,10 +290,10 @@ def _write_series(states: Sequence[State], path: pathlib.Path) -> None:
 
 
 def write(states: Sequence[State], path: Path) -> str:
-    """Writes states as the ending of path says, and returns what was written, in words.
+    """Writes states in the format of the path's ending, and returns a description.
 
-    .pvd: a series for ParaView, with a .vtp a state in the folder of the same name, which must not
-    exist yet. .csv: a row a node. .vtp and .mrk.json, which hold one shape: the last state.
+    .pvd: a series for ParaView, with a .vtp for each state in the folder of the same name, which
+    must not exist yet. .csv: a row for each node. .vtp and .mrk.json: only the last state.
     """
     path = pathlib.Path(path)
     if not states:

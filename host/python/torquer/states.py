@@ -1,4 +1,4 @@
-"""What torquer-simulator --states wrote, as arrays of numpy."""
+"""Reads the files of torquer-simulator --states into arrays of numpy."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ _AGAIN = "write the file again with torquer-simulator --states"
 class States(Mapping[str, Union[Array, List[Array]]]):
     """The states of a run, field by field.
 
-    states["time_s"] has the shape (rows,). What the nodes of the wire have is a list with an array
-    for each row, since their number changes: states["nodes_mm"][k] has the shape (nodes, 3),
+    states["time_s"] has the shape (rows,). A field of the wire's nodes is a list with an array for
+    each row, because their number changes: states["nodes_mm"][k] has the shape (nodes, 3),
     states["tension_mN"][k] the shape (nodes,).
     """
 
     def __init__(self, fields: Dict[str, Union[Array, List[Array]]], units: Dict[str, str], rows: int) -> None:
         self._fields = fields
         self.units = units
-        """Of each field, as "mm" or "mN/mm"; "1" where it has none. Empty for a file of JSON."""
+        """Unit of each field, as "mm" or "mN/mm"; "1": no unit. Empty for a file of JSON."""
         self.rows = rows
 
     def __getitem__(self, name: str) -> Union[Array, List[Array]]:
@@ -126,7 +126,7 @@ def _column(path: str, name: str, values: List[Any]) -> Union[Array, List[Array]
         elif all(type(value) is int for value in values):
             return np.array(values, np.int64)
         else:
-            # A number that is none is null.
+            # NaN is null in the file.
             return np.array([np.nan if value is None else value + 0.0 for value in values])
     except (ValueError, TypeError, OverflowError):
         pass
@@ -148,9 +148,9 @@ def _read_json(path: str, data: bytes) -> States:
 
 
 def read_states(path: Path) -> States:
-    """What torquer-simulator --states wrote, JSON or binary (.bin); also a .partial of either.
+    """Reads a file of torquer-simulator --states, JSON or binary (.bin), or a .partial of either.
 
-    Nothing of a binary file is copied but what each state has once; arrays cannot be written to.
+    Arrays of nodes share the memory of a binary file, and cannot be written to. Other fields are copied.
     """
     path = os.fspath(path)
     try:

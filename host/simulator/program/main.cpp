@@ -33,7 +33,7 @@
 
 namespace {
 
-// What the run has built of the vessel's field is kept for the next one, however this one ends.
+// Saves the built part of the vessel's field for the next run, however this run ends.
 template <class Keep>
 class AtTheEnd {
  public:
@@ -68,7 +68,7 @@ std::int64_t NowNs() {
 
 int Live(torquer::scene::Scene& scene, const std::string& url, const std::string& record_file,
          bool realtime, bool json) {
-  if (realtime) torquer::EnterRealtime();  // the bus's thread too
+  if (realtime) torquer::EnterRealtime();  // before the bus, whose thread inherits it
   torquer::bus::Bus bus(url);
   torquer::simulator::SoleSimulator sole(bus.url(), scene.name());
   torquer::simulator::EffectPrices prices(scene.names_of_effects(), NowNs);
@@ -182,7 +182,7 @@ void Check(const Arguments& arguments) {
   }
 }
 
-// As any program can, by torquer.h alone.
+// Uses only torquer.h, as any other program can.
 int RunByScript(const Arguments& arguments) {
   const torquer::Scene scene = torquer::Scene::FromFile(arguments.scene);
   Say(scene.findings());

@@ -39,7 +39,7 @@ class PictureFolder {
     std::error_code error;
     std::filesystem::create_directories(path_, error);
     if (error) throw UserError(path_ + ": cannot be made (" + error.message() + ")");
-    AtomicFile{NameOf(1)};  // refused before the run, not in it
+    AtomicFile{NameOf(1)};  // fails before the run, not during it
   }
   void Write(Simulation& simulation) {
     if (path_.empty()) return;
@@ -57,10 +57,10 @@ class PictureFolder {
   }
 
   const std::string path_;
-  std::vector<int> counts_;  // of each plane
+  std::vector<int> counts_;  // pictures of each plane
 };
 
-// Says once of each instrument how far it is commanded beyond its length.
+// Warns once for each instrument that is commanded beyond its length.
 class ClampingWarning {
  public:
   explicit ClampingWarning(const Scene& scene)
@@ -86,7 +86,7 @@ class ClampingWarning {
   std::vector<bool> said_;
 };
 
-// Where rows come from: a file, all of which is checked first, or standard input, row by row.
+// Source of rows: a file that is checked completely first, or standard input row by row.
 class ScriptRows {
  public:
   ScriptRows(const std::string& script, const Scene& scene, StandardStreams& streams)
@@ -117,7 +117,7 @@ class ScriptRows {
     return command;
   }
 
-  // As far as is known.
+  // Number of rows that are known so far.
   std::size_t count() const { return reader_ ? given_ : file_.size(); }
   bool from_file() const { return !reader_; }
 
@@ -166,7 +166,7 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
       start_us = bus::MonotonicUs();
       return !stop;
     };
-    // A row may be an hour of ticks; one that is left unfinished has no state.
+    // A row may have an hour of ticks, so `stop` can interrupt it. An unfinished row has no state.
     cost.row = simulation.Step(row, after_tick);
     if (!cost.row.finished) break;
     result.unconverged += !cost.row.converged;
@@ -177,7 +177,7 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
     }
   }
   result.rows = rows.count();
-  // All were done before anybody asked to stop.
+  // All rows were done before the request to stop.
   if (rows.from_file() && result.done == result.rows) result.end = ScriptEnd::kLastRow;
   if (streams.reader_gone()) result.end = ScriptEnd::kReaderGone;
   if (shows_progress) WriteProgress("\n");

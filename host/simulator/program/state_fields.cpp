@@ -17,7 +17,7 @@ namespace torquer::program {
 
 namespace {
 
-// A name ends with its unit, in which "_" stands for "times" but after a load or a speed.
+// A name ends with its unit. "_" in a unit means "times", but "per" in a load or a speed.
 std::string UnitOf(std::string_view name) {
   constexpr std::array<std::pair<std::string_view, std::string_view>, 16> kUnits = {{
       {"_load_mN_mm", "mN/mm"},
@@ -45,7 +45,7 @@ std::string UnitOf(std::string_view name) {
 
 class List {
  public:
-  // The type is that of what is got.
+  // The result type of `get` decides the field's type.
   template <class Get>
   void Add(const std::string& name, Get get) {
     using Value = std::invoke_result_t<Get, const StateRow&>;
@@ -78,7 +78,7 @@ std::vector<double> ContactForces(const StateRow& row) {
   return values;
 }
 
-// The same as on the bus, of every node.
+// Same forces as on the bus, for every node.
 void AddForces(List& list) {
   list.AddNodes("contact_force_mN", 3, ContactForces);
   const auto add = [&list](const std::string& name, std::vector<double> Forces::*values) {
@@ -90,7 +90,7 @@ void AddForces(List& list) {
   add("twisting_mN_mm", &Forces::twisting_mN_mm);
 }
 
-// Along each instrument, where they do not lie on one curve.
+// Nodes along one instrument, for scenes whose instruments do not share one curve.
 std::vector<double> NodesAlong(const StateRow& row, std::size_t instrument) {
   std::vector<double> values;
   for (const Point& node : row.simulation().InstrumentNodesMm(instrument)) {
@@ -109,7 +109,7 @@ void AddInstrument(List& list, const std::string& name, std::size_t k) {
   add(".carried_rad", &InstrumentState::carried, &Hand::rotation_rad);
 }
 
-// The bits that a state has on the bus.
+// Status bits as on the bus.
 std::int64_t StatusOf(const StateRow& row) {
   const StepReport& last = row.cost().last_tick;
   return (last.converged ? protocol::kWireConverged : 0) |

@@ -21,7 +21,7 @@ void Append(std::string& bytes, const T& value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
 }
 
-// What the rows hold, for programs and people.
+// Header of a binary file: the list of fields as JSON.
 std::string Header(const std::vector<StateField>& fields) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const StateField& field : fields) {
@@ -64,7 +64,7 @@ StatesOutput::StatesOutput(const std::string& path, std::vector<StateField> fiel
 bool StatesOutput::Write(const StateRow& row) {
   if (!file_) return streams_.Write(AsJson(row));
   file_->out() << (binary_ ? AsBytes(row) : AsJson(row));
-  // A disk that has failed ends the run, since no later row can be kept.
+  // A disk failure ends the run, because no later row can be kept.
   if (!file_->KeepSoFar()) file_->Finish();
   return true;
 }
@@ -79,7 +79,7 @@ std::string StatesOutput::AsJson(const StateRow& row) const {
     line[field.name] = std::visit(
         [&field](const auto& value) -> nlohmann::json {
           using Value = std::decay_t<decltype(value)>;
-          // Of a number that large, many readers of JSON lose digits.
+          // Many readers of JSON lose digits of such large integers.
           if constexpr (std::is_same_v<Value, std::uint64_t>) return std::to_string(value);
           if constexpr (std::is_same_v<Value, std::vector<double>>) {
             return ToJson(value, field.values_of_node);

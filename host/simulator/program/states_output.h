@@ -1,4 +1,4 @@
-// Where the states of a script go: JSON lines or binary, to a file or to standard output.
+// Writes the states of a script as JSON lines or binary, to a file or to standard output.
 #pragma once
 
 #include <optional>
@@ -11,18 +11,19 @@
 
 namespace torquer::program {
 
-/// Of binary states (host/simulator/README.md); a change of the layout changes it.
+/// Version of the binary format (host/simulator/README.md); changes with the layout.
 inline constexpr int kStatesVersion = 2;
 
 class StatesOutput {
  public:
-  /// `path`: kStandardStream; a file that ends in ".bin", which gets them binary; or any other one,
-  /// which gets a JSON object a line. `streams` must outlive this. Throws UserError as AtomicFile.
+  /// `path`: kStandardStream or a file. A file that ends in ".bin" gets binary states; otherwise
+  /// the output is one JSON object a line. `streams` must outlive this. Throws UserError as
+  /// AtomicFile.
   StatesOutput(const std::string& path, std::vector<StateField> fields, StandardStreams& streams);
 
-  /// False where nobody reads any more. Throws UserError when writing has failed.
+  /// Returns false if the reader has gone. Throws UserError if writing fails.
   bool Write(const StateRow& row);
-  /// Puts a file in its place; as AtomicFile::Finish.
+  /// Moves the file to its final name; see AtomicFile::Finish.
   void Finish();
 
  private:

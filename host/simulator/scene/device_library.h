@@ -9,43 +9,43 @@
 
 namespace torquer::scene {
 
-/// A published figure from which the rigidity at one place of a device follows. Of the figures
-/// below it has those of one kind.
+/// Published figure that gives the bending rigidity at one place of a device. It has values of
+/// exactly one of the kinds below.
 struct DeviceSource : TableSpec {
   std::string citation;
   std::string figure;      ///< as published, with its range
-  double from_tip_mm = 0;  ///< the place
-  // The flexural modulus of a round section.
+  double from_tip_mm = 0;  ///< arc length from the tip to that place
+  // Flexural modulus of a round section.
   std::optional<double> flexural_modulus_GPa;
   std::optional<double> outer_diameter_mm;
   double inner_diameter_mm = 0;
-  // Bending at three points.
+  // Three-point bending.
   std::optional<double> span_mm;
   std::optional<double> force_N;
   std::optional<double> deflection_mm;
-  // The load, in grams of weight, under which a free end that is pushed onto a plate buckles.
+  // Load, in grams-force, under which a free end that is pushed onto a plate buckles.
   std::optional<double> tip_load_gf;
   std::optional<double> free_length_mm;
-  // The rigidity itself.
+  // Measured rigidity.
   std::optional<double> measured_N_mm2;
 };
 
-/// A device as its file has it.
+/// Contents of a device's file.
 struct DeviceSpec : TableSpec {
   enum class Kind { kWire, kCatheter };
   Kind kind = Kind::kWire;
   std::string product;
-  std::string assumed;  ///< what no source says
+  std::string assumed;  ///< text: values without a source, and their basis
   InstrumentSpec instrument;
   std::vector<DeviceSource> sources;
 };
 
-/// The folder of the devices, of the installation or of the sources (host/support/installed.h).
+/// Path of the device folder, in the installation or in the source tree (host/support/installed.h).
 std::string DeviceFolder();
-/// All devices of that folder by name, in order of the alphabet.
+/// Names of all devices in that folder, in alphabetical order.
 std::vector<std::string> DeviceNames();
-/// Reads the device of a name of DeviceNames(). Throws UserError naming file, line, key, value and
-/// remedy.
+/// Reads the device `name`, one of DeviceNames(). Throws UserError naming file, line, key, value
+/// and remedy.
 DeviceSpec ReadDevice(const std::string& name);
 
 }  // namespace torquer::scene

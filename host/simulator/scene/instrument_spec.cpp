@@ -14,9 +14,9 @@ namespace torquer::scene {
 
 namespace {
 
-// Two distances that are the same are a step: the second stands this much farther.
+// Two equal distances make a step: the second one is moved this much away from the tip.
 constexpr double kStepMm = 1e-6;
-// A value at a distance is looked for from the tip on.
+// Limit on the sections, because ValueAt() searches them one by one.
 constexpr std::size_t kMostSections = 1000;
 constexpr double kSolid_1_mm = 0.8;
 constexpr double kHollow_1_mm = 0.4;
@@ -71,7 +71,7 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
   }
 }
 
-// The value at a distance from the tip, linear in between.
+// Value at the distance s from the tip, by linear interpolation.
 double ValueAt(const std::vector<double>& at, const std::vector<double>& values, double s) {
   if (values.size() == 1 || s <= at.front()) return values.front();
   for (std::size_t k = 1; k < at.size(); ++k) {
@@ -184,8 +184,8 @@ std::vector<WireSection> MakeSections(const InstrumentSpec& spec, double segment
   for (std::size_t k = 1; k < at.size(); ++k) {
     if (at[k] == at[k - 1]) at[k] += kStepMm;
   }
-  // The tip's joints are all equal and have its angle together: the step to the straight shaft
-  // falls between two joints.
+  // All joints of the tip bend equally and add up to its angle. The step to the straight shaft lies
+  // between two joints.
   const double joints = std::max(1.0, std::floor(spec.tip_mm / segment_mm + 0.5));
   const double tip_end = (joints + 0.5) * segment_mm;
   const double angle_rad = spec.tip_angle_deg * (std::numbers::pi / 180);

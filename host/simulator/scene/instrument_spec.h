@@ -1,4 +1,4 @@
-// An instrument as a scene writes it: [[instrument]].
+// Keys of an instrument in a scene file: [[instrument]].
 #pragma once
 
 #include <optional>
@@ -11,16 +11,16 @@
 
 namespace torquer::scene {
 
-/// The name of an instrument that has none.
+/// Default name of an instrument.
 inline constexpr char kGuidewire[] = "guidewire";
 
 struct InstrumentSpec : TableSpec {
   std::string name = kGuidewire;
-  std::string device;  ///< of the library, whose values hold where the scene gives none; "": none
+  std::string device;  ///< library device for the values that the scene omits; "": none
   double max_length_mm = 0;
   double inserted_at_start_mm = 0;
 
-  // Along the instrument, from its tip: one value, or one for each of from_tip_mm.
+  // Values along the instrument from its tip: one for all, or one for each of from_tip_mm.
   std::vector<double> from_tip_mm = {0};
   std::vector<double> rigidity_N_mm2;
   std::vector<double> radius_mm;
@@ -41,21 +41,21 @@ struct InstrumentSpec : TableSpec {
 };
 
 const Keys<InstrumentSpec>& InstrumentKeys();
-/// Those of them that say how it is built, which a device of the library has.
+/// Subset of InstrumentKeys() that describes the build; a device of the library has these keys.
 const Keys<InstrumentSpec>& BuildKeys();
-/// Reads an [[instrument]]: what its device has, and over it what the table gives. Throws
+/// Reads an [[instrument]]: the values of the device, overridden by those of the table. Throws
 /// UserError.
 InstrumentSpec ReadInstrument(StrictTable& table);
-/// Writes what differs from its device, or without one from the defaults.
+/// Writes the values that differ from the device, or from the defaults if there is no device.
 void WriteInstrument(const InstrumentSpec& spec, TomlWriter& out);
 
-/// Its sections, cut so that the bent tip ends between two joints of segments of this length.
+/// Sections of the instrument for segments of `segment_mm`. A bent tip ends between two joints.
 std::vector<WireSection> MakeSections(const InstrumentSpec& spec, double segment_mm);
 
-/// What effects may know of it.
+/// Description for effects. `model` must outlive it.
 effects::Instrument Describe(const InstrumentSpec& spec, const WireModel& model);
 
-/// The largest radius, mm.
+/// Largest outer radius along the instrument, mm.
 double OuterRadius(const InstrumentSpec& spec);
 
 }  // namespace torquer::scene

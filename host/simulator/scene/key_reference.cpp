@@ -104,7 +104,7 @@ const KeyTable& KeysOf(const std::vector<Section>& sections, const std::string& 
   throw std::logic_error("no section " + name);
 }
 
-// One alternative for each kind: each has its own keys.
+// One alternative for each kind, because each kind has its own keys.
 Json VesselSchema(const std::vector<Section>& sections) {
   Json kinds = Json::array();
   for (const vessel::VesselKind& kind : vessel::AllVesselKinds()) {

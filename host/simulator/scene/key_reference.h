@@ -1,15 +1,15 @@
-// The reference of all keys of a scene file, from the tables that read them.
+// Reference of all keys of a scene file, generated from the tables that read them.
 #pragma once
 
 #include <string>
 
 namespace torquer::scene {
 
-/// For a terminal.
+/// Plain text for a terminal.
 std::string KeysAsText();
-/// host/scenes/README.md from the heading "Keys" on.
+/// Text of host/scenes/README.md from the heading "Keys" on.
 std::string KeysAsMarkdown();
-/// JSON Schema (draft 7), as editors of TOML use it.
+/// JSON Schema (draft 7) for TOML editors.
 std::string KeysAsJsonSchema();
 
 }  // namespace torquer::scene

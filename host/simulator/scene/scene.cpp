@@ -98,7 +98,7 @@ void Scene::MakeEntry() {
       start_path_mm_.push_back(way.At(s).position_mm);
     }
   };
-  // Towards a place: along the way there. Otherwise along the curve.
+  // With `towards` the start path follows the way to that place, otherwise the curve.
   if (entry.towards) {
     const vessel::CenterlinePlace to = place("towards", *entry.towards, entry.towards_at_mm);
     try {
@@ -161,7 +161,7 @@ void Scene::MakeStack() {
   }
 }
 
-// The thickest instrument must have room where it enters.
+// The thickest instrument must fit into the lumen at the entry.
 void Scene::CheckFit() const {
   double radius_mm = 0;
   for (const InstrumentSpec& spec : spec_.instruments) {
@@ -194,7 +194,7 @@ void Scene::SetRelaxation() {
 
 void Scene::MakeEffect(const EffectSpec& spec) {
   const effects::EffectKind& kind = KindOf(spec);
-  if (kind.make == nullptr) return;  // it has shaped the instruments
+  if (kind.make == nullptr) return;  // this kind only shapes the instruments
   effects_.push_back(kind.make(spec.keys, {.wire = rod(),
                                            .wall = wall_,
                                            .field = vessel_.field.get(),
@@ -229,7 +229,7 @@ void Scene::HashContent() {
   content_hash_ = Fnv1a(WriteScene(simulated));
   for (const InstrumentSpec& instrument : spec_.instruments) {
     if (instrument.device.empty()) continue;
-    // What the device has, too, which the scene's text does not say.
+    // The scene's text omits the values that come from the device.
     TomlWriter out;
     InstrumentKeys().Write(instrument, out);
     content_hash_ = Fnv1a(out.Text(), content_hash_);

@@ -1,4 +1,4 @@
-// A scene, built: the vessel, the instruments and just the effects that its spec calls for.
+// Scene in memory: the vessel, the instruments, and only the effects that its spec names.
 #pragma once
 
 #include <cstddef>
@@ -23,16 +23,16 @@
 
 namespace torquer::scene {
 
-/// Immovable: its parts refer to each other.
+/// Not movable, because its parts refer to each other.
 class Scene {
  public:
-  /// Opens what the spec names and builds everything. Throws UserError naming file, line, key,
-  /// value and remedy.
+  /// Opens the files that the spec names and builds all parts. Throws UserError naming file, line,
+  /// key, value and remedy.
   explicit Scene(SceneSpec spec);
-  /// The same of a file.
+  /// Reads the spec with ReadScene(path) first.
   explicit Scene(const std::string& path) : Scene(ReadScene(path)) {}
-  /// Another scene of the same spec in the same vessel, whose field both build and use: for several
-  /// simulations of one scene, also in threads beside each other.
+  /// Builds another scene of the same spec, which shares this scene's vessel and field. Both may be
+  /// simulated at the same time in different threads.
   std::unique_ptr<Scene> MakeTwin() const;
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
@@ -43,37 +43,38 @@ class Scene {
   const vessel::Vessel& vessel() const { return vessel_; }
   const vessel::PatientAxes& axes() const { return axes_; }
   const InstrumentStack& stack() const { return *stack_; }
-  /// What the instruments are together.
+  /// Combined rod of all instruments.
   const WireModel& rod() const { return stack_->rod(); }
-  /// The innermost first.
+  /// All instruments, the innermost first.
   const std::vector<effects::Instrument>& instruments() const { return instruments_; }
-  /// The innermost instrument cut otherwise, for comparisons. Throws std::invalid_argument as
-  /// WireModel does.
+  /// The innermost instrument with another segment length and bending law, for comparisons. Throws
+  /// std::invalid_argument as WireModel does.
   std::unique_ptr<WireModel> MakeWire(double segment_mm, BendingLaw law) const;
   const WallModel& wall() const { return wall_; }
   Method method() const { return spec_.relaxation.method; }
-  double budget_us() const { return spec_.relaxation.budget_us; }  ///< of a tick in real time
-  int budget_units() const { return budget_units_; }               ///< of a tick of a script
+  double budget_us() const { return spec_.relaxation.budget_us; }  ///< of a live tick
+  int budget_units() const { return budget_units_; }               ///< of a script's tick
   std::vector<std::string> effect_names() const;
-  /// In the order in which they were made; one for every name but those that only shape the wire.
+  /// Effects in the order of construction, without those that only shape the wire.
   const std::vector<std::unique_ptr<effects::Effect>>& effects() const { return effects_; }
-  /// Their names.
+  /// Names of effects(), in the same order.
   const std::vector<std::string>& names_of_effects() const { return names_of_effects_; }
-  /// The vessel as it moves; null where it does not.
+  /// Field of the moving vessel; null if the vessel does not move.
   vessel::MovingField* moving_field() { return moving_.get(); }
-  /// FNV-1a of the spec as WriteScene writes it, and of the bytes that were parsed of the files
-  /// that it names.
+  /// FNV-1a of the spec as WriteScene writes it, without [case]. It includes the devices' values
+  /// and the parsed bytes of the vessel's files.
   std::uint64_t content_hash() const { return content_hash_; }
 
-  /// A relaxation with this scene's method, wall and effects. One at a time: effects remember.
+  /// Makes a relaxation with this scene's method, wall and effects. Use one at a time, because
+  /// effects have state.
   std::unique_ptr<Relaxation> MakeRelaxation();
-  /// The same with what `stand_in` gives for the energy term of each effect, by its number in
-  /// effects().
+  /// The energy term of each effect is replaced by the result of `stand_in`. `effect` is an index
+  /// into effects().
   using StandIn = std::function<EnergyTerm*(std::size_t effect, EnergyTerm* term)>;
   std::unique_ptr<Relaxation> MakeRelaxation(const StandIn& stand_in);
-  /// Where the instruments are at the start.
+  /// Places of the instruments at the start.
   InstrumentPlaces start() const;
-  /// The wire at the start: nothing inserted, or laid along the path and relaxed.
+  /// Wire at the start: nothing inserted, or laid along the start path and relaxed.
   WireState MakeStart(Relaxation& relaxation) const;
 
  private:
@@ -105,8 +106,7 @@ class Scene {
   int budget_units_ = 0;
   std::vector<std::unique_ptr<effects::Effect>> effects_;
   std::vector<std::string> names_of_effects_;
-  std::vector<EnergyTerm*>
-      terms_;  // of the relaxation that was made last, which looks them up here
+  std::vector<EnergyTerm*> terms_;  // of the newest relaxation, which refers to this list
   std::unique_ptr<vessel::MovingField> moving_;
   std::uint64_t content_hash_ = 0;
 };

@@ -55,7 +55,7 @@ struct WallSpec : TableSpec {
   double wall_stiffness_N_mm2 = 0;
 };
 
-// What every kind of vessel has besides its own keys.
+// Keys that every kind of vessel has besides its own.
 const Keys<WallSpec>& WallKeys() {
   static const Keys<WallSpec> keys = Keys<WallSpec>().Required().Number(
       "wall_stiffness_N_mm2", &WallSpec::wall_stiffness_N_mm2, 1e-6, 1e3, "N/mm^2",
@@ -222,7 +222,7 @@ std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& re
   return specs;
 }
 
-// What instruments must be to each other and to the rest.
+// Checks the instruments against each other and against the rest of the scene.
 void CheckInstruments(const SceneSpec& spec) {
   const std::vector<InstrumentSpec>& all = spec.instruments;
   if (all.size() > static_cast<std::size_t>(kMostInstruments)) {

@@ -1,6 +1,6 @@
-// A scene as plain data: what a file says, read and checked, with no mesh opened.
+// Contents of a scene file as plain data, read and checked without opening a mesh.
 //
-//   file --ReadScene--> SceneSpec --BuildScene (scene.h)--> Scene
+//   file --ReadScene--> SceneSpec --Scene (scene.h)--> Scene
 //    ^                      |
 //    +------ WriteScene ----+
 #pragma once
@@ -18,21 +18,21 @@
 
 namespace torquer::scene {
 
-/// [case]: what a trainee reads who chooses a case. Changes nothing that is simulated.
+/// [case]: texts for a trainee who chooses a case. They do not affect the simulation.
 struct CaseSpec : TableSpec {
   std::string title;
   std::string task;
   int difficulty = 1;  ///< 1, for beginners, to 5
 };
 
-/// [vessel]: what every vessel has, and the keys of its kind.
+/// [vessel]: the keys that all vessels have, and those of one kind.
 struct VesselSpec : TableSpec {
   std::string kind;  ///< one of vessel::AllVesselKinds()
   double wall_stiffness_N_mm2 = 0;
-  std::any keys;  ///< of the kind
+  std::any keys;  ///< spec of that kind
 };
 
-/// [patient_axes]: directions of the file's frame, such as "+x".
+/// [patient_axes]: directions in the file's frame, such as "+x".
 struct PatientAxesSpec : TableSpec {
   enum class Direction { kPlusX, kMinusX, kPlusY, kMinusY, kPlusZ, kMinusZ };
   Direction left = Direction::kPlusX;
@@ -40,7 +40,7 @@ struct PatientAxesSpec : TableSpec {
   Direction superior = Direction::kPlusZ;
 };
 
-/// [entry]: where the instruments enter, at a point or at a place on a centerline.
+/// [entry]: entry of the instruments, at a point or at a place on a centerline.
 struct EntrySpec : TableSpec {
   std::optional<Eigen::Vector3d> point_mm;
   std::optional<Eigen::Vector3d> direction;
@@ -52,14 +52,14 @@ struct EntrySpec : TableSpec {
 
 enum class Method { kNewton, kPaper };
 
-/// [relaxation.paper]: of the paper's method alone.
+/// [relaxation.paper]: settings of the paper's method only.
 struct PaperSpec : TableSpec {
   double max_update = 0.1;
   int margin = 5;
   UpdateRule update_rule = UpdateRule::kAbsolute;
 };
 
-/// [relaxation]: how the instruments are cut into segments and relaxed.
+/// [relaxation]: segments of the instruments, and the method that relaxes them.
 struct RelaxationSpec : TableSpec {
   double segment_mm = 1;
   BendingLaw bending_law = BendingLaw::kExact;
@@ -75,35 +75,36 @@ struct RelaxationSpec : TableSpec {
 /// [effects.NAME]
 struct EffectSpec {
   std::string name;    ///< one of effects::AllEffects()
-  std::any keys;       ///< of that effect
-  TableOrigin origin;  ///< of [effects]
+  std::any keys;       ///< spec of that effect
+  TableOrigin origin;  ///< origin of [effects]
 };
 
 struct SceneSpec : TableSpec {
   std::string name;
-  std::string path;              ///< of the file; for messages
-  std::filesystem::path folder;  ///< that paths are relative to
+  std::string path;              ///< path of the file, for messages
+  std::filesystem::path folder;  ///< base of relative paths
   std::optional<CaseSpec> training_case;
   VesselSpec vessel;
   PatientAxesSpec axes;
   EntrySpec entry;
   std::vector<InstrumentSpec> instruments;  ///< the innermost first
   RelaxationSpec relaxation;
-  std::vector<EffectSpec> effects;  ///< in the order in which they are made
+  std::vector<EffectSpec> effects;  ///< in the order of construction
 
   bool Has(const std::string& effect) const;
 };
 
-/// The file of a scene: `given`, or where that is a name (letters, digits, _) and no file is called
-/// so, the scene of that name in share/torquer/scenes. Throws UserError naming the scenes there.
+/// Path of a scene file. `given` is a path, or the name (letters, digits, _) of a scene in
+/// share/torquer/scenes. A file that is called so has priority. Throws UserError naming the scenes
+/// there.
 std::string ScenePath(const std::string& given);
 
 /// Reads a scene by ScenePath(given). Throws UserError naming file, line, key, value and remedy.
 SceneSpec ReadScene(const std::string& given);
-/// The same from text: `path` for messages, paths relative to `folder`.
+/// Reads a scene from text. `path` is for messages; `folder` is the base of relative paths.
 SceneSpec ParseScene(const std::string& text, const std::string& path,
                      const std::filesystem::path& folder);
-/// As a file: what differs from the defaults, and what must be given.
+/// Text of a scene file: the required keys, and the keys that differ from their defaults.
 std::string WriteScene(const SceneSpec& spec);
 
 /// One section of a scene file, for documentation.
@@ -113,7 +114,7 @@ struct Section {
   std::string summary;
   const KeyTable* keys;
 };
-/// All sections that there are.
+/// All sections of a scene file.
 std::vector<Section> AllSections();
 
 }  // namespace torquer::scene

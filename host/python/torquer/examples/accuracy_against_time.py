@@ -1,4 +1,4 @@
-"""What finer segments cost and bring: a wire pushed 60 mm through the paper's phantom.
+"""Cost and accuracy of finer segments: a wire pushed 60 mm through the paper's phantom.
 
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.accuracy_against_time [PICTURE]
 """
@@ -13,7 +13,7 @@ import torquer
 
 
 def push(segment_mm):
-    """The wire at every 0.5 mm of its length after 60 mm, and the ms that each of them took."""
+    """Wire at every 0.5 mm of arc length after 60 mm, and the ms for each millimeter of motion."""
     path = pathlib.Path(torquer.scene_path("ty_phantom"))
     text = path.read_text() + f"\n[relaxation]\nsegment_mm = {segment_mm}\n"
     simulation = torquer.Simulation(torquer.Scene.from_text(text, str(path.parent)))
@@ -30,7 +30,7 @@ def push(segment_mm):
 
 
 def main(picture="accuracy_against_time.png"):
-    """The table, printed and drawn."""
+    """Prints and draws the table."""
     reference, taken_ms = push(0.1)
     print(f"reference, segments of 0.10 mm: {taken_ms:6.2f} ms for each mm")
     segments_mm = (2.5, 1.5, 1, 0.6, 0.4, 0.25)

@@ -1,4 +1,4 @@
-"""How hard a hand must push a wire through a bent tube, for four coefficients of friction.
+"""Force of a hand that pushes a wire through a bent tube, for four coefficients of friction.
 
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.friction_sweep [PICTURE]
 """
@@ -12,7 +12,7 @@ import torquer
 
 
 def main(picture="friction_sweep.png"):
-    """The forces, printed and drawn."""
+    """Prints and draws the forces."""
     path = pathlib.Path(torquer.scene_path("drill_tube"))
     figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
     print("drill_tube, pushed 220 mm at 20 mm/s")

@@ -38,7 +38,7 @@ tip_angle_deg = 45
 
 
 def main(picture="own_surface.png"):
-    """The shapes, printed and drawn."""
+    """Prints and draws the shapes."""
     folder = pathlib.Path(torquer.scene_path("abdominal_aorta")).parent
     scene = torquer.Scene.from_text(SCENE, str(folder))
     for finding in scene.findings:
@@ -54,7 +54,7 @@ def main(picture="own_surface.png"):
             print(f"{mm} mm in: tip at {np.round(simulation.tips_mm[0], 1)} mm, "
                   f"{1e3 * simulation.max_penetration_mm:.0f} um into the wall")
 
-    # The slice through the wire's two widest directions.
+    # Slice in the wire's two widest directions.
     middle = shapes[-1][1].mean(axis=0)
     across = np.linalg.svd(shapes[-1][1] - middle)[2][:2]
     figure, axes = plt.subplots(figsize=(8, 3), layout="constrained")

@@ -1,4 +1,4 @@
-"""Pushes the guidewire of a live session 10 mm in 2 s. Types first, in the root of the repository:
+"""Pushes the guidewire of a live session 10 mm in 2 s. First generate the types, in the root of the repository:
 
     lcm-gen -p --ppath build/lcm_python protocol/lcm/*.lcm
     PYTHONPATH=build/lcm_python /usr/bin/python3 host/python/torquer/examples/steer.py

@@ -1,5 +1,5 @@
-"""How far the tip of a wire is behind the hand that turns its other end, for three coefficients of
-friction. The wire is of a kind that twists easily: GJ is a tenth of EI (steel: 0.77).
+"""Lag of a wire's tip behind the hand that turns its other end, for three coefficients of
+friction. The wire twists easily: GJ is a tenth of EI (steel: 0.77).
 
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.torque_lag [PICTURE]
 """
@@ -13,14 +13,14 @@ import torquer
 
 
 def tip_angle_rad(simulation):
-    """Where the tip's bend points, across the tube, whose last part runs straight along x."""
+    """Direction of the tip's bend across the tube, whose last part is straight along x."""
     nodes_mm = simulation.nodes_mm
     bend = nodes_mm[-1, 1:] - 2 * nodes_mm[-6, 1:] + nodes_mm[-11, 1:]
     return np.arctan2(bend[1], bend[0])
 
 
 def main(picture="torque_lag.png"):
-    """The lags, printed and drawn."""
+    """Prints and draws the lags."""
     path = pathlib.Path(torquer.scene_path("drill_tube"))
     figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
     print("drill_tube, pushed 275 mm, then turned by 720 degrees in 8 s")

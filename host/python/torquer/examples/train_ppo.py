@@ -1,7 +1,7 @@
-"""Teaches a policy to steer a wire into the first diagonal branch of a beating heart, by proximal policy optimization
-(Schulman et al. 2017) with generalized advantages, in PyTorch (Debian's python3-torch). What it has learned is tried
-in 30 episodes that it has not seen, at the training accuracy and at that of the task: how many reach the target, how
-many of them safely, and the same of a hand that only pushes.
+"""Trains a policy to steer a wire into the first diagonal branch of a beating heart, by proximal policy optimization
+(Schulman et al. 2017) with generalized advantages, in PyTorch (Debian's python3-torch). The policy is then tested in
+30 unseen episodes, at the training accuracy and at that of the task. The script prints how many reach the target, and
+how many of them safely. A hand that only pushes is tested, too.
 
     PYTHONPATH=build/release/lib/python /usr/bin/python3 -m torquer.examples.train_ppo [PICTURE [UPDATES [SEED]]]
 """
@@ -22,7 +22,7 @@ EPOCHS = 6
 BATCH = 256
 DISCOUNT, TRACE, CLIP = 0.99, 0.95, 0.2
 HELD_OUT = 30  # episodes
-HELD_OUT_SEED = 10_000  # of the first; training has 0 to 15 and what follows from them
+HELD_OUT_SEED = 10_000  # of the first episode; training by default has 0 to 15 and random numbers from them
 FORCE_LIMIT_MN = 25.0  # of a patch of the wall; above it a success is not safe
 
 
@@ -34,7 +34,7 @@ def network(inputs, outputs, gain):
 
 
 class Policy(nn.Module):
-    """Normally distributed actions about a mean by the observation, and the value of an observation."""
+    """Normally distributed actions whose mean depends on the observation, and the value of an observation."""
 
     def __init__(self, inputs, outputs):
         super().__init__()
@@ -47,14 +47,14 @@ class Policy(nn.Module):
 
 
 def scaled(observations):
-    """Millimeters become numbers about one; cosine and sine stay."""
+    """Scales millimeters to about one; cosine and sine stay."""
     out = torch.tensor(observations, dtype=torch.float32)
     out[:, :-2] /= 50
     return out
 
 
 def held_out(act, task):
-    """How many of the held-out episodes reach the target, and do so safely; the largest force on a patch of the wall."""
+    """Numbers of held-out episodes that reach the target, and do so safely; largest force on a patch of the wall."""
     env = torquer.envs.VectorEnv(torquer.scene_path("coronary"), HELD_OUT, task=task)
     observations, _ = env.reset(seed=HELD_OUT_SEED)
     going, reached, safe, largest_mN = np.ones(HELD_OUT, bool), 0, 0, 0.0
@@ -72,7 +72,7 @@ def push(x):
 
 
 def main(picture="train_ppo.png", updates=25, seed=1):
-    """Teaches, tries, and draws the learning curve."""
+    """Trains and tests the policy, and draws the learning curve."""
     updates, seed = int(updates), int(seed)
     torch.manual_seed(seed)
     torch.set_num_threads(1)  # the networks are small; the cores belong to the environments
