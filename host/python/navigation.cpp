@@ -43,11 +43,18 @@ NavigationTask Checked(NavigationTask task, std::size_t instruments) {
   return task;
 }
 
+std::vector<double> LengthsMm(const Scene& scene) {
+  std::vector<double> lengths_mm;
+  for (const InstrumentInfo& each : scene.instruments()) lengths_mm.push_back(each.max_length_mm);
+  return lengths_mm;
+}
+
 }  // namespace
 
 Navigation::Navigation(const Scene& scene, NavigationTask task)
     : task_(Checked(std::move(task), scene.instruments().size())),
       instruments_(scene.instruments().size()),
+      lengths_mm_(LengthsMm(scene)),
       simulation_(scene),
       start_(simulation_) {
   Conclude();
@@ -121,7 +128,9 @@ void Navigation::Step(const double* action, const AfterTick& after_tick) {
   for (std::size_t k = 0; k < instruments_; ++k) {
     Hand& hand = command.hands[k];
     const double feed = std::clamp(action[2 * k], -1.0, 1.0);
-    hand.insertion_mm = std::max(0.0, hand.insertion_mm + task_.longest_mm * feed);
+    // A hand beyond the instrument's end would have to come back before the instrument moves.
+    hand.insertion_mm =
+        std::clamp(hand.insertion_mm + task_.longest_mm * feed, 0.0, lengths_mm_[k]);
     hand.rotation_rad += task_.largest_turn_rad * std::clamp(action[2 * k + 1], -1.0, 1.0);
   }
   simulation_.Step(command, after_tick);

@@ -77,6 +77,7 @@ class Navigation {
 
   NavigationTask task_;
   std::size_t instruments_;
+  std::vector<double> lengths_mm_;  // of each instrument
   Simulation simulation_;
   const Simulation start_;
   Picture first_picture_;

@@ -75,6 +75,7 @@ bool StandardStreams::Write(std::string_view text) {
     if (written >= 0) {
       text.remove_prefix(static_cast<std::size_t>(written));
     } else if (errno == EAGAIN) {
+      if (stop_) return false;
       pollfd room = {STDOUT_FILENO, POLLOUT, 0};
       poll(&room, 1, kLookAgainMs);
     } else if (errno == EPIPE) {

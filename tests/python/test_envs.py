@@ -99,6 +99,17 @@ def test_a_vector_shows_wire_route_and_target_from_the_tip(env):
     assert math.hypot(cosine, sine) == pytest.approx(1, abs=1e-5)
 
 
+def test_a_hand_stops_at_the_end_of_its_instrument(env):
+    env.reset(seed=1)
+    length = env.scene.instruments[0].max_length_mm
+    push(env, int(length / 2) + 20)
+    assert env.simulation.hands[0, 0] == length
+    # So the wire comes back with the first step.
+    before = env.simulation.places[0, 0]
+    push(env, 1, (-1.0, 0.0))
+    assert env.simulation.places[0, 0] < before - 1
+
+
 def test_the_way_along_the_route_is_the_reward(env):
     _, info = env.reset(seed=1, options={"rotation_rad": 0.0})
     before = info["remaining_mm"]

@@ -11,6 +11,7 @@ import select
 import signal
 import struct
 import subprocess
+import termios
 import time
 
 import pytest
@@ -195,6 +196,30 @@ def test_a_signal_ends_the_wait_for_a_row():
     assert loop.process.wait(timeout=60) == 1
     status, message = loop.end()
     assert "asked to stop; 1 of 1 rows are done and written" in message
+
+
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_signal_ends_the_wait_for_a_reader(tmp_path, waits):
+    (tmp_path / "script.csv").write_text(HEADER + "".join(f"{k},{k % 7},0\n" for k in range(3000)))
+    reading, writing = os.pipe()
+    fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)
+    if not waits:
+        fcntl.fcntl(writing, fcntl.F_SETFL, os.O_NONBLOCK)
+    process = subprocess.Popen(
+        command("--script", tmp_path / "script.csv", "--states", "-"), stdout=writing, stderr=subprocess.PIPE
+    )
+    os.close(writing)
+    # The pipe is full when it holds as many bytes as fit.
+    held = bytearray(4)
+    for _ in range(1200):
+        fcntl.ioctl(reading, termios.FIONREAD, held)
+        if struct.unpack("i", held)[0] >= 4096:
+            break
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=120)
+    os.close(reading)
+    assert process.returncode == 0 or b"row" in error, error
 
 
 def test_rows_from_standard_input_into_a_file_and_a_record(tmp_path):

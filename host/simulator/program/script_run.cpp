@@ -169,8 +169,8 @@ ScriptResult RunScript(const Scene& scene, const std::string& script, const Scri
     // A row may have an hour of ticks, so `stop` can interrupt it. An unfinished row has no state.
     cost.row = simulation.Step(row, after_tick);
     if (!cost.row.finished) break;
-    result.unconverged += !cost.row.converged;
     if (states && !states->Write({simulation, next->time_s, cost})) break;
+    result.unconverged += !cost.row.converged;
     ++result.done;
     if (shows_progress && (result.done % 64 == 1 || result.done == rows.count())) {
       WriteProgress(fmt::format("\rrow {} of {}", result.done, rows.count()));
