@@ -219,7 +219,7 @@ def test_a_signal_ends_the_wait_for_a_reader(tmp_path, waits):
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=120)
     os.close(reading)
-    assert process.returncode == 0 or b"row" in error, error
+    assert process.returncode == 1 and b"asked to stop" in error, error
 
 
 def test_rows_from_standard_input_into_a_file_and_a_record(tmp_path):
