@@ -390,12 +390,12 @@ def test_a_forked_child_is_told_to_make_its_own(at_work):
 
 
 def test_what_a_thread_throws_is_raised():
-    # Hand targets are limited to 1e5 mm.
-    task = torquer.envs.Task("side", 40.0, longest_mm=2e5)
+    # Hand targets are limited to 1e5 rad.
+    task = torquer.envs.Task("side", 40.0, largest_turn_rad=2e5)
     many = torquer.envs.VectorEnv(torquer.scene_path("ty_phantom"), 2, 2, task=task)
     many.reset(seed=1)
     with pytest.raises(torquer.Error, match="within 1e5"):
-        many.step(np.array([[1, 0], [0, 0]]))
+        many.step(np.array([[0, 1], [0, 0]]))
     many.send(np.zeros((1, 2)), [1])
     assert many.recv()[4]["env_id"].tolist() == [1]
 

@@ -90,7 +90,7 @@ def test_files_of_states_that_are_nested_deeply(tmp_path):
         with pytest.raises(torquer.Error, match=f"^{path}:1: not valid JSON .*flatten it"):
             read(path)
     header = b"[" * 80_000
-    path.write_bytes(b"TQSTATES" + (1).to_bytes(4, "little") + len(header).to_bytes(4, "little") + header)
+    path.write_bytes(b"TQSTATES" + (2).to_bytes(4, "little") + len(header).to_bytes(4, "little") + header)
     with pytest.raises(torquer.Error, match="its header does not name fields"):
         torquer.read_states(path)
 

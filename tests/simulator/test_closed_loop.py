@@ -209,13 +209,14 @@ def test_a_signal_ends_the_wait_for_a_reader(tmp_path, waits):
         command("--script", tmp_path / "script.csv", "--states", "-"), stdout=writing, stderr=subprocess.PIPE
     )
     os.close(writing)
-    # The pipe is full when it holds as many bytes as fit.
-    held = bytearray(4)
-    for _ in range(1200):
+    # The pipe is full when it holds something that grows no more.
+    before, held = b"", bytearray(4)
+    for _ in range(240):
         fcntl.ioctl(reading, termios.FIONREAD, held)
-        if struct.unpack("i", held)[0] >= 4096:
+        if any(held) and held == before:
             break
-        time.sleep(0.1)
+        before = bytes(held)
+        time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=120)
     os.close(reading)
