@@ -56,14 +56,23 @@ class Ticks {
   double height_mm_ = 0;
 };
 
-TEST_CASE("Ticks never wait for pictures, and the newest of them is always shown") {
+// Ticks, and the pictures that their thread has published.
+struct PublishedPictures {
   Ticks ticks;
-  bus::Bus bus("memq://");
+  bus::Bus bus{"memq://"};
   std::vector<torquer_lcm::picture_t> pictures;
-  bus.Subscribe<torquer_lcm::picture_t>(
-      protocol::kPictureChannel,
-      [&](const torquer_lcm::picture_t& picture) { pictures.push_back(picture); }, 0);
-  PictureThread thread(ticks.fluoroscopy(), bus, protocol::kPictureChannel);
+  PictureThread thread{ticks.fluoroscopy(), bus, protocol::kPictureChannel};
+
+  PublishedPictures() {
+    bus.Subscribe<torquer_lcm::picture_t>(
+        protocol::kPictureChannel,
+        [this](const torquer_lcm::picture_t& picture) { pictures.push_back(picture); }, 0);
+  }
+};
+
+TEST_CASE("Ticks never wait for pictures, and the newest of them is always shown") {
+  PublishedPictures published;
+  auto& [ticks, bus, pictures, thread] = published;
   const torquer_lcm::health_t health{};
   constexpr int kTicks = 300;
   for (int k = 0; k < kTicks; ++k) {
@@ -90,13 +99,8 @@ TEST_CASE("Ticks never wait for pictures, and the newest of them is always shown
 }
 
 TEST_CASE("A shot that was rendered before its offer arrives is not published twice") {
-  Ticks ticks;
-  bus::Bus bus("memq://");
-  std::vector<torquer_lcm::picture_t> pictures;
-  bus.Subscribe<torquer_lcm::picture_t>(
-      protocol::kPictureChannel,
-      [&](const torquer_lcm::picture_t& picture) { pictures.push_back(picture); }, 0);
-  PictureThread thread(ticks.fluoroscopy(), bus, protocol::kPictureChannel);
+  PublishedPictures published;
+  auto& [ticks, bus, pictures, thread] = published;
   // The first offer renders the second shot, whose own offer comes later.
   REQUIRE(ticks.Next());
   REQUIRE(ticks.Next());
