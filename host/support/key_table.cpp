@@ -57,7 +57,7 @@ std::string Key::Form() const {
     case KeyKind::kPoint:
       return "[x, y, z]";
     case KeyKind::kNumbers:
-      return "a number, or a list of them, from " + range;
+      return "number, or list of numbers, from " + range;
     case KeyKind::kPoints:
       return fmt::format("list of at least {} points [x, y, z]", fewest);
     case KeyKind::kDirection:
@@ -129,8 +129,9 @@ void KeyTable::WriteAll(const TableSpec& spec, const TableSpec& base, TomlWriter
 }
 
 void KeyTable::RefuseTooFew(const StrictTable& table, const Key& key) {
-  table.Refuse(key.name, "is missing; add " + std::string(key.fewest > 1 ? "tables" : "a table") +
-                             " [[" + table.NameOf(key.name) + "]] with " + key.meaning);
+  table.Refuse(key.name,
+               fmt::format("is missing; add at least {} table{} [[{}]] ({})", key.fewest,
+                           key.fewest > 1 ? "s" : "", table.NameOf(key.name), key.meaning));
 }
 
 void TomlWriter::Value(const std::string& key, const std::string& toml) {

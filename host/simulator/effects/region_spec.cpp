@@ -85,25 +85,28 @@ Region MakeOne(const RegionSpec& spec, const EffectContext& context) {
 const Keys<RegionSpec>& RegionKeys() {
   static const Keys<RegionSpec> keys =
       Keys<RegionSpec>()
-          .Otherwise("not a ball")
-          .Point("center_mm", &RegionSpec::center_mm, "mm", "middle of a ball")
-          .Otherwise("not a ball or stretch")
+          .Otherwise("unset: the region is not a ball")
+          .Point("center_mm", &RegionSpec::center_mm, "mm", "center of the ball")
+          .Otherwise("unset: the region is neither a ball nor a stretch")
           .Number("radius_mm", &RegionSpec::radius_mm, 0.1, 1e4, "mm",
-                  "of a ball, or about a stretch")
-          .Otherwise("not a stretch")
-          .Text("centerline", &RegionSpec::centerline, "curve of a stretch")
+                  "radius of the ball, or radius of the stretch around its centerline")
+          .Otherwise("unset: the region is not a stretch")
+          .Text("centerline", &RegionSpec::centerline, "centerline that the stretch follows")
           .Otherwise("0")
           .Number("from_mm", &RegionSpec::from_mm, 0, 1e5, "mm",
-                  "where the stretch begins, by arc length")
-          .Otherwise("the curve's end")
-          .Number("to_mm", &RegionSpec::to_mm, 0, 1e5, "mm", "where it ends")
-          .Otherwise("not a side of a plane")
-          .Point("side_of_mm", &RegionSpec::side_of_mm, "mm", "a point of a plane")
-          .Otherwise("not a side of a plane")
-          .Direction("side", &RegionSpec::side, "the side of the plane")
+                  "arc length along the centerline at which the stretch begins")
+          .Otherwise("end of the centerline")
+          .Number("to_mm", &RegionSpec::to_mm, 0, 1e5, "mm",
+                  "arc length along the centerline at which the stretch ends")
+          .Otherwise("unset: the region is not a side of a plane")
+          .Point("side_of_mm", &RegionSpec::side_of_mm, "mm",
+                 "point on the plane that bounds the region")
+          .Otherwise("unset: the region is not a side of a plane")
+          .Direction("side", &RegionSpec::side,
+                     "direction from the plane into the region, normal to the plane")
           .Otherwise("half of radius_mm")
           .Number("edge_mm", &RegionSpec::edge_mm, 0.01, 1000, "mm",
-                  "how far outside of it the region fades")
+                  "width of the region's soft edge, over which its weight falls from 1 to 0")
           .Checked(CheckShape)
           .Example(
               "centerline = \"lad\"\n"

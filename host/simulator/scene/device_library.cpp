@@ -28,23 +28,28 @@ const Keys<DeviceSource>& SourceKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Required()
-          .Text("citation", &Spec::citation, "author, journal, year")
+          .Text("citation", &Spec::citation, "citation of the source: author, journal, year")
           .Required()
-          .Text("figure", &Spec::figure, "as published, with its range")
+          .Text("figure", &Spec::figure, "figure as published, with its range")
           .Required()
-          .Number("from_tip_mm", &Spec::from_tip_mm, 0, 5000, "mm", "place that it is about")
+          .Number("from_tip_mm", &Spec::from_tip_mm, 0, 5000, "mm",
+                  "distance from the tip to the place that the figure describes")
           .Number("flexural_modulus_GPa", &Spec::flexural_modulus_GPa, 1e-4, 1e3, "GPa",
-                  "of the round section")
-          .Number("outer_diameter_mm", &Spec::outer_diameter_mm, 0.01, 10, "mm", "of it")
-          .Number("inner_diameter_mm", &Spec::inner_diameter_mm, 0, 10, "mm", "of it")
-          .Number("span_mm", &Spec::span_mm, 1, 1000, "mm", "of bending at three points")
-          .Number("force_N", &Spec::force_N, 1e-6, 1000, "N", "in its middle")
-          .Number("deflection_mm", &Spec::deflection_mm, 1e-4, 100, "mm", "under that force")
+                  "flexural modulus of the round section")
+          .Number("outer_diameter_mm", &Spec::outer_diameter_mm, 0.01, 10, "mm",
+                  "outer diameter of the round section")
+          .Number("inner_diameter_mm", &Spec::inner_diameter_mm, 0, 10, "mm",
+                  "inner diameter of the round section")
+          .Number("span_mm", &Spec::span_mm, 1, 1000, "mm", "span of a three-point bending test")
+          .Number("force_N", &Spec::force_N, 1e-6, 1000, "N", "force at the middle of the span")
+          .Number("deflection_mm", &Spec::deflection_mm, 1e-4, 100, "mm",
+                  "deflection at the middle of the span under force_N")
           .Number("tip_load_gf", &Spec::tip_load_gf, 1e-3, 1000, "gf",
-                  "under which the free end buckles")
-          .Number("free_length_mm", &Spec::free_length_mm, 0.1, 100, "mm", "of that end")
+                  "load at which the free end buckles")
+          .Number("free_length_mm", &Spec::free_length_mm, 0.1, 100, "mm",
+                  "length of the free end that buckles")
           .Number("measured_N_mm2", &Spec::measured_N_mm2, 1e-7, 1e6, "N mm^2",
-                  "the rigidity itself")
+                  "measured flexural rigidity EI")
           .Checked(CheckSource);
   return keys;
 }
@@ -54,12 +59,13 @@ const Keys<DeviceSpec>& DeviceKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Required()
-          .Choice("kind", &Spec::kind, {"guidewire", "catheter"}, "of device")
+          .Choice("kind", &Spec::kind, {"guidewire", "catheter"}, "kind of device")
           .Required()
-          .Text("product", &Spec::product, "its name and size")
+          .Text("product", &Spec::product, "name and size of the product")
           .Required()
-          .Text("assumed", &Spec::assumed, "what no source says")
-          .Tables("source", &Spec::sources, SourceKeys(), 1, "published figures");
+          .Text("assumed", &Spec::assumed, "assumed values, which no source states")
+          .Tables("source", &Spec::sources, SourceKeys(), 1,
+                  "published figures, each with its source");
   return keys;
 }
 

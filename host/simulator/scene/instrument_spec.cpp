@@ -91,39 +91,47 @@ const Keys<InstrumentSpec>& BuildKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Numbers("from_tip_mm", &Spec::from_tip_mm, 0, 5000, "mm",
-                   "distances from the tip at which the values below hold; linear in between, the "
-                   "same distance twice makes a step")
+                   "distances from the tip for the lists below, which are interpolated linearly; a "
+                   "repeated distance makes a step")
           .Otherwise("required without a device")
           .Numbers("rigidity_N_mm2", &Spec::rigidity_N_mm2, 1e-7, 1e6, "N mm^2",
-                   "flexural rigidity EI: one, or one for each of from_tip_mm")
+                   "flexural rigidity EI: one value, or one per distance in from_tip_mm")
           .Otherwise("required without a device")
           .Numbers("radius_mm", &Spec::radius_mm, 0.01, 5, "mm",
-                   "outer radius: one, or one for each of from_tip_mm")
+                   "outer radius: one value, or one per distance in from_tip_mm")
           .Numbers("curvature_1_per_mm", &Spec::curvature_1_per_mm, -2, 2, "1/mm",
-                   "rest curvature towards the first normal: one, or one for each of from_tip_mm")
+                   "rest curvature towards the first normal: one value, or one per distance in "
+                   "from_tip_mm")
           .Numbers("curvature_2_per_mm", &Spec::curvature_2_per_mm, -2, 2, "1/mm",
-                   "the same towards the second normal")
-          .Number("tip_mm", &Spec::tip_mm, 0, 300, "mm", "length of the tip")
+                   "rest curvature towards the second normal: one value, or one per distance in "
+                   "from_tip_mm")
+          .Number("tip_mm", &Spec::tip_mm, 0, 300, "mm", "length of the shaped tip")
           .Number("tip_angle_deg", &Spec::tip_angle_deg, 0, 330, "deg",
-                  "by which the tip is bent in all, evenly")
+                  "total bend angle of the tip, distributed evenly along tip_mm")
           .Number("torsional_rigidity_ratio", &Spec::torsional_rigidity_ratio, 0.01, 10, "",
-                  "GJ / EI, where [effects.torsion] is on; 1 / (1 + Poisson's ratio) of a round "
-                  "wire: 0.77 of steel, 0.75 of nitinol")
+                  "ratio GJ / EI, used by [effects.torsion]; 1 / (1 + Poisson's ratio) for a round "
+                  "wire: 0.77 for steel, 0.75 for nitinol")
           .Number("inner_radius_mm", &Spec::inner_radius_mm, 0, 5, "mm",
-                  "radius of the lumen, wider than what lies in it; 0: solid")
-          .Otherwise("that of [effects.friction]")
-          .Number("friction_coefficient", &Spec::friction_coefficient, 0, 2, "",
-                  "of its surface on the wall")
-          .Number("coating_mm", &Spec::coating_mm, 0, 5000, "mm", "length of a coated distal part")
-          .Otherwise("no coating")
-          .Number("coating_coefficient", &Spec::coating_coefficient, 0, 2, "", "of friction, there")
+                  "inner radius of the lumen, which must exceed the outer radius of the instrument "
+                  "inside; 0: solid")
+          .Otherwise("coefficient of [effects.friction]")
+          .Number(
+              "friction_coefficient", &Spec::friction_coefficient, 0, 2, "",
+              "coefficient of Coulomb friction, mu, between the instrument's surface and the wall")
+          .Number("coating_mm", &Spec::coating_mm, 0, 5000, "mm",
+                  "length of the coated distal part")
+          .Otherwise("none: no coating")
+          .Number("coating_coefficient", &Spec::coating_coefficient, 0, 2, "",
+                  "coefficient of Coulomb friction, mu, between the coated part and the wall")
           .Number("linear_density_g_m", &Spec::linear_density_g_m, 0, 1000, "g/m",
-                  "mass, less that of the blood it displaces")
-          .Otherwise("0.8 of a solid, 0.4 of a hollow instrument")
+                  "effective mass per length: mass minus that of the displaced blood")
+          .Otherwise("0.8 for a solid, 0.4 for a hollow instrument")
           .Number("attenuation_1_mm", &Spec::attenuation_1_mm, 0, 20, "1/mm",
-                  "of X-rays, by its material")
-          .Number("marker_mm", &Spec::marker_mm, 0, 1000, "mm", "length of an opaque distal part")
-          .Number("marker_1_mm", &Spec::marker_1_mm, 0, 20, "1/mm", "attenuation of that part");
+                  "X-ray attenuation coefficient of the instrument's material")
+          .Number("marker_mm", &Spec::marker_mm, 0, 1000, "mm",
+                  "length of the radiopaque distal marker")
+          .Number("marker_1_mm", &Spec::marker_1_mm, 0, 20, "1/mm",
+                  "X-ray attenuation coefficient of the marker");
   return keys;
 }
 
@@ -131,16 +139,16 @@ const Keys<InstrumentSpec>& InstrumentKeys() {
   using Spec = InstrumentSpec;
   static const Keys<Spec> keys =
       Keys<Spec>()
-          .Text("name", &Spec::name, "by which commands, scripts and states name it")
+          .Text("name", &Spec::name, "name of the instrument in commands, scripts and states")
           .Otherwise("none")
-          .Text(
-              "device", &Spec::device,
-              "of host/devices, from which it has all that is not given here, from from_tip_mm on")
+          .Text("device", &Spec::device,
+                "name of a device in host/devices, which supplies every value from from_tip_mm on "
+                "that is not given here")
           .Required()
           .Number("max_length_mm", &Spec::max_length_mm, 1, 5000, "mm",
-                  "that can be inserted; what is commanded beyond is clamped to it")
+                  "largest insertion of the instrument; a larger command is clamped to it")
           .Number("inserted_at_start_mm", &Spec::inserted_at_start_mm, 0, 5000, "mm",
-                  "inside at the start, along the centerline")
+                  "insertion at the start of the scene, along the centerline")
           .Include(BuildKeys())
           .Checked(Check)
           .Example(

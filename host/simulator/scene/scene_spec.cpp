@@ -29,7 +29,7 @@ struct NameSpec : TableSpec {
 const Keys<NameSpec>& NameKeys() {
   static const Keys<NameSpec> keys = Keys<NameSpec>()
                                          .Required()
-                                         .Text("name", &NameSpec::name, "of the scene")
+                                         .Text("name", &NameSpec::name, "name of the scene")
                                          .Example("name = \"my_scene\"\n");
   return keys;
 }
@@ -39,11 +39,11 @@ const Keys<CaseSpec>& CaseKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Required()
-          .Text("title", &Spec::title, "that a trainee reads in the list of cases")
+          .Text("title", &Spec::title, "title of the case in the list of cases")
           .Required()
-          .Text("task", &Spec::task, "what the trainee is to do")
+          .Text("task", &Spec::task, "task that the trainee has to perform")
           .Required()
-          .Integer("difficulty", &Spec::difficulty, 1, 5, "from 1, for beginners, to 5")
+          .Integer("difficulty", &Spec::difficulty, 1, 5, "difficulty from 1 (for beginners) to 5")
           .Example(
               "title = \"Cerebral angiogram\"\n"
               "task = \"Bring the tip into the left common carotid artery.\"\n"
@@ -59,7 +59,7 @@ struct WallSpec : TableSpec {
 const Keys<WallSpec>& WallKeys() {
   static const Keys<WallSpec> keys = Keys<WallSpec>().Required().Number(
       "wall_stiffness_N_mm2", &WallSpec::wall_stiffness_N_mm2, 1e-6, 1e3, "N/mm^2",
-      "of the wall, per length of wire that presses on it");
+      "stiffness of the vessel's wall, per length of wire in contact");
   return keys;
 }
 
@@ -69,11 +69,14 @@ const Keys<PatientAxesSpec>& AxesKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Required()
-          .Choice("left", &Spec::left, names, "direction of the file's frame to the patient's left")
+          .Choice("left", &Spec::left, names,
+                  "direction in the file's frame that points to the patient's left")
           .Required()
-          .Choice("posterior", &Spec::posterior, names, "the same to the back")
+          .Choice("posterior", &Spec::posterior, names,
+                  "direction in the file's frame that points to the patient's back")
           .Required()
-          .Choice("superior", &Spec::superior, names, "the same to the head")
+          .Choice("superior", &Spec::superior, names,
+                  "direction in the file's frame that points to the patient's head")
           .Example(
               "left = \"+y\"\n"
               "posterior = \"-z\"\n"
@@ -101,16 +104,22 @@ const Keys<EntrySpec>& EntryKeys() {
   using Spec = EntrySpec;
   static const Keys<Spec> keys =
       Keys<Spec>()
-          .Otherwise("give centerline")
-          .Point("point_mm", &Spec::point_mm, "mm", "where the instruments enter")
-          .Otherwise("give centerline")
-          .Point("direction", &Spec::direction, "", "in which they enter")
-          .Otherwise("give point_mm and direction")
-          .Text("centerline", &Spec::centerline, "curve on which they enter, in its direction")
-          .Number("at_mm", &Spec::at_mm, 0, 1e5, "mm", "place on that curve, by arc length")
-          .Otherwise("along the curve")
-          .Text("towards", &Spec::towards, "curve towards which they enter")
-          .Number("towards_at_mm", &Spec::towards_at_mm, 0, 1e5, "mm", "place on that curve")
+          .Otherwise("unset: give centerline")
+          .Point("point_mm", &Spec::point_mm, "mm", "entry point of the instruments")
+          .Otherwise("unset: give centerline")
+          .Point("direction", &Spec::direction, "",
+                 "direction of the instruments at the entry point")
+          .Otherwise("unset: give point_mm and direction")
+          .Text("centerline", &Spec::centerline,
+                "centerline on which the instruments enter, in its direction of increasing arc "
+                "length")
+          .Number("at_mm", &Spec::at_mm, 0, 1e5, "mm",
+                  "arc length of the entry along its centerline")
+          .Otherwise("none: they point along centerline")
+          .Text("towards", &Spec::towards,
+                "second centerline, to which the instruments point at the entry")
+          .Number("towards_at_mm", &Spec::towards_at_mm, 0, 1e5, "mm",
+                  "arc length of the target place along the centerline in towards")
           .Checked(CheckEntry)
           .Example(
               "centerline = \"curve_14\"\n"
@@ -124,12 +133,13 @@ const Keys<PaperSpec>& PaperKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Number("max_update", &Spec::max_update, 1e-4, 2, "rad",
-                  "largest turn of a segment, du_max of (18)")
+                  "largest rotation of a segment in one update, du_max in equation (18)")
           .Integer("margin", &Spec::margin, 1, 1000,
-                   "segments past the tip that a Tip Relaxation updates fully")
+                   "number of segments proximal to the tip that a Tip Relaxation updates fully")
           .Choice("update_rule", &Spec::update_rule,
                   {"signed", "rho_only", "absolute", "exact_root"},
-                  "(16), (17), (19), or the root of the equation before (19)")
+                  "update rule of a segment: equation (16), (17) or (19), or the exact root of the "
+                  "equation before (19)")
           .Example("update_rule = \"exact_root\"\n");
   return keys;
 }
@@ -139,23 +149,25 @@ const Keys<RelaxationSpec>& RelaxationKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Number("segment_mm", &Spec::segment_mm, 0.05, 10, "mm",
-                  "length of the segments that the instruments are cut into")
+                  "length of a segment, into which the instruments are divided")
           .Choice("bending_law", &Spec::bending_law, {"exact", "g1", "g2"},
-                  "energy of a bend: exact, or an approximation of it")
+                  "bending energy law: exact, or one of its approximations g1 and g2")
           .Choice("method", &Spec::method, {"newton", "paper"},
-                  "Newton's method, or that of Baier et al. (2016)")
+                  "relaxation method: Newton's method, or that of Baier et al. (2016)")
           .Integer("contact_points_per_segment", &Spec::contact_points_per_segment, 1, 8,
-                   "points at which a segment can touch the wall")
-          .Otherwise("1e-6; 1e-3 of the paper's method")
+                   "number of points per segment at which contact with the wall is computed")
+          .Otherwise("1e-6; 1e-3 with method = \"paper\"")
           .Number("tolerance", &Spec::tolerance, 1e-10, 1, "1/mm",
-                  "residual at which a tick ends: out-of-balance moment over the local EI")
+                  "residual at which a tick ends, as the out-of-balance moment over the local EI")
           .Number("tolerance_mm", &Spec::tolerance_mm, 0, 10, "mm",
-                  "solver_error_mm at which a tick may end, in addition; 0: any")
-          .Number("budget_us", &Spec::budget_us, 20, 1e6, "us", "of a tick, live")
-          .Otherwise("1000; 100 of the paper's method")
+                  "estimated solver error (solver_error_mm) below which a tick may end, in "
+                  "addition to tolerance; 0: not used")
+          .Number("budget_us", &Spec::budget_us, 20, 1e6, "us",
+                  "time budget of a tick in a live session")
+          .Otherwise("1000; 100 with method = \"paper\"")
           .Integer("budget_units", &Spec::budget_units, 1, 1000000,
-                   "units of work of a tick, of a script: actions and attempts at a step")
-          .Table("paper", &Spec::paper, PaperKeys(), "settings of the paper's method")
+                   "work budget of a tick in a script, in units of actions and attempted steps")
+          .Table("paper", &Spec::paper, PaperKeys(), "settings of method = \"paper\"")
           .Checked([](const Spec& spec, StrictTable& table) {
             if (spec.method == Method::kPaper) {
               if (table.Has("contact_points_per_segment")) {
@@ -357,22 +369,24 @@ std::string WriteScene(const SceneSpec& spec) {
 }
 
 std::vector<Section> AllSections() {
-  std::vector<Section> all = {{"", "", "the file itself", &NameKeys()},
-                              {"[case]", "case", "what the list of cases says", &CaseKeys()},
-                              {"[vessel]", "vessel", "every kind of vessel", &WallKeys()}};
+  std::vector<Section> all = {
+      {"", "", "keys at the top of the scene file", &NameKeys()},
+      {"[case]", "case", "entry of the scene in the list of cases", &CaseKeys()},
+      {"[vessel]", "vessel", "keys of every kind of vessel", &WallKeys()}};
   for (const vessel::VesselKind& kind : vessel::AllVesselKinds()) {
     all.push_back({"[vessel]", "vessel." + kind.name,
                    "kind = \"" + kind.name + "\": " + kind.summary, kind.keys.table});
   }
   all.push_back({"[patient_axes]", "patient_axes",
-                 "how the patient lies in the file's frame; without it left is +x, posterior +y, "
+                 "orientation of the patient in the file's frame; default: left +x, posterior +y, "
                  "superior +z",
                  &AxesKeys()});
-  all.push_back({"[entry]", "entry", "where the instruments enter", &EntryKeys()});
+  all.push_back({"[entry]", "entry", "entry of the instruments into the vessel", &EntryKeys()});
   all.push_back({"[[instrument]]", "instrument",
                  "one table for each instrument of the coaxial stack, the innermost first",
                  &InstrumentKeys()});
-  all.push_back({"[relaxation]", "relaxation", "segments, method and budget", &RelaxationKeys()});
+  all.push_back({"[relaxation]", "relaxation", "segments, method and budget of the relaxation",
+                 &RelaxationKeys()});
   for (const effects::EffectKind& kind : effects::AllEffects()) {
     std::string summary = kind.summary;
     if (!kind.needs.empty()) summary += "; needs [effects." + kind.needs + "]";

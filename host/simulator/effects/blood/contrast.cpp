@@ -361,23 +361,25 @@ const Keys<ContrastSpec>& ContrastKeys() {
       Keys<ContrastSpec>()
           .Required()
           .Number("rate_mL_s", &ContrastSpec::rate_mL_s, 0.01, 50, "mL/s",
-                  "injected while the button is held")
+                  "rate of injection while the button is held")
           .Number("concentration_mg_mL", &ContrastSpec::concentration_mg_mL, 1, 500, "mg/mL",
-                  "iodine in the agent")
+                  "concentration of iodine in the contrast agent")
           .Number("dispersion_mm2_s", &ContrastSpec::dispersion_mm2_s, 0, 5000, "mm^2/s",
-                  "spreads the dye along the vessel")
+                  "dispersion coefficient of the contrast agent along the vessel")
           .Number("cell_mm", &ContrastSpec::cell_mm, 0.25, 20, "mm",
-                  "length of a cell along the vessel")
+                  "length of a computing cell along the vessel")
           .Choice("at", &ContrastSpec::at, {"entry", "tip", "place"},
-                  "where it comes in: at the sheath, at the tip of an instrument (on the "
-                  "centerline nearest to it), or at a place on a centerline")
-          .Otherwise("the innermost")
-          .Text("instrument", &ContrastSpec::instrument, "at = \"tip\": whose tip")
-          .Otherwise("not at a place")
-          .Text("centerline", &ContrastSpec::centerline, "at = \"place\": the centerline")
-          .Otherwise("not at a place")
+                  "place of injection: the sheath, the tip of an instrument (on the nearest "
+                  "centerline), or a place on a centerline")
+          .Otherwise("the innermost instrument")
+          .Text("instrument", &ContrastSpec::instrument,
+                "instrument whose tip injects, for at = \"tip\"")
+          .Otherwise("unset: at is not \"place\"")
+          .Text("centerline", &ContrastSpec::centerline,
+                "centerline of the injection, for at = \"place\"")
+          .Otherwise("unset: at is not \"place\"")
           .Number("at_mm", &ContrastSpec::at_mm, 0, 1e5, "mm",
-                  "at = \"place\": arc length on the centerline")
+                  "arc length of the injection along its centerline, for at = \"place\"")
           .Checked(Check)
           .Example(
               "rate_mL_s = 2\n"
@@ -410,12 +412,14 @@ std::unique_ptr<Effect> MakeContrast(const ContrastSpec& spec, const EffectConte
 }  // namespace
 
 EffectKind ContrastKind() {
-  return {.name = "contrast",
-          .summary = "contrast agent, injected with the button, carried by the flow and washed out",
-          .roles = "evolution, observer",
-          .keys = Any(ContrastKeys()),
-          .needs = "flow",
-          .make = MakeWith(MakeContrast)};
+  return {
+      .name = "contrast",
+      .summary =
+          "contrast agent, injected while the button is held, carried by the flow and washed out",
+      .roles = "evolution, observer",
+      .keys = Any(ContrastKeys()),
+      .needs = "flow",
+      .make = MakeWith(MakeContrast)};
 }
 
 }  // namespace torquer::effects

@@ -53,21 +53,23 @@ const Keys<OutletSpec>& OutletKeys() {
   static const Keys<OutletSpec> keys =
       Keys<OutletSpec>()
           .Required()
-          .Text("centerline", &OutletSpec::centerline, "whose free end the outlet is")
-          .Choice("end", &OutletSpec::end, {"start", "end"}, "which end of it")
+          .Text("centerline", &OutletSpec::centerline, "centerline whose free end is the outlet")
+          .Choice("end", &OutletSpec::end, {"start", "end"},
+                  "end of the centerline at which the outlet lies")
           .Otherwise("0 behind a resistance; required without one")
           .Number("pressure_mmHg", &OutletSpec::pressure_mmHg, -50, 500, "mmHg",
-                  "at the outlet, or behind its resistance")
-          .Otherwise("none: the pressure holds at the outlet")
+                  "pressure at the outlet, or behind its resistance if it has one")
+          .Otherwise("none: the pressure acts at the outlet itself")
           .Number("resistance_mmHg_s_mL", &OutletSpec::resistance_mmHg_s_mL, 1e-6, 1e6, "mmHg s/mL",
-                  "of the vessels behind the outlet")
-          .Number("compliance_mL_mmHg", &OutletSpec::compliance_mL_mmHg, 0, 100, "mL/mmHg",
-                  "of a Windkessel, between the end and the resistance; 0: none")
+                  "resistance of the vessels behind the outlet")
+          .Number(
+              "compliance_mL_mmHg", &OutletSpec::compliance_mL_mmHg, 0, 100, "mL/mmHg",
+              "compliance of a Windkessel between the outlet and its resistance; 0: no Windkessel")
           .Number("proximal_mmHg_s_mL", &OutletSpec::proximal_mmHg_s_mL, 0, 1e6, "mmHg s/mL",
-                  "resistance between the end and the compliance")
+                  "proximal resistance, between the outlet and the compliance")
           .Number("systolic_mmHg", &OutletSpec::systolic_mmHg, 0, 500, "mmHg",
-                  "by which the heart's muscle presses on the vessels behind the outlet at the "
-                  "height of the ejection; makes the flow of coronary arteries diastolic")
+                  "peak pressure of the heart muscle on the vessels behind the outlet; it makes "
+                  "coronary flow diastolic")
           .Checked([](const OutletSpec& spec, StrictTable& table) {
             if (!spec.resistance_mmHg_s_mL && !spec.pressure_mmHg) {
               table.Refuse("pressure_mmHg", "is missing; give it, or resistance_mmHg_s_mL");
@@ -84,13 +86,15 @@ const Keys<StenosisSpec>& StenosisKeys() {
   static const Keys<StenosisSpec> keys =
       Keys<StenosisSpec>()
           .Required()
-          .Text("centerline", &StenosisSpec::centerline, "on which it is")
+          .Text("centerline", &StenosisSpec::centerline, "centerline on which the stenosis lies")
           .Required()
           .Number("from_mm", &StenosisSpec::from_mm, 0, 1e5, "mm",
-                  "where it begins, by arc length; its throat is the narrowest place within")
+                  "arc length at which the stenosis begins; its throat is the narrowest place "
+                  "between from_mm and to_mm")
           .Required()
           .Number("to_mm", &StenosisSpec::to_mm, 0, 1e5, "mm",
-                  "where it ends; the wider end is the lumen into which the blood widens");
+                  "arc length at which the stenosis ends; the wider of its two ends is the lumen "
+                  "into which the jet expands");
   return keys;
 }
 
@@ -109,33 +113,38 @@ const Keys<FlowSpec>& FlowKeys() {
   static const Keys<FlowSpec> keys =
       Keys<FlowSpec>()
           .Required()
-          .Text("inlet", &FlowSpec::inlet, "centerline at whose free end the blood comes in")
-          .Choice("inlet_end", &FlowSpec::inlet_end, {"start", "end"}, "which end of it")
+          .Text("inlet", &FlowSpec::inlet, "centerline whose free end is the inlet")
+          .Choice("inlet_end", &FlowSpec::inlet_end, {"start", "end"},
+                  "end of the centerline at which the inlet lies")
           .Otherwise("give inlet_mmHg")
-          .Number("inlet_mL_s", &FlowSpec::inlet_mL_s, 1e-3, 1000, "mL/s", "mean flow in")
+          .Number("inlet_mL_s", &FlowSpec::inlet_mL_s, 1e-3, 1000, "mL/s", "mean flow at the inlet")
           .Otherwise("give inlet_mL_s")
           .Number("inlet_mmHg", &FlowSpec::inlet_mmHg, -50, 500, "mmHg", "pressure at the inlet")
-          .Number("viscosity_mPa_s", &FlowSpec::viscosity_mPa_s, 0.1, 100, "mPa s", "of blood")
+          .Number("viscosity_mPa_s", &FlowSpec::viscosity_mPa_s, 0.1, 100, "mPa s",
+                  "dynamic viscosity of the blood")
           .Choice("outlets", &FlowSpec::outlets, {"automatic", "murray", "pressure"},
-                  "all outlets: resistances by Murray's law, or one pressure; automatic: the first "
-                  "with inlet_mL_s, the second with inlet_mmHg")
+                  "model of all outlets: resistances by Murray's law, or one pressure; automatic: "
+                  "murray with inlet_mL_s, pressure with inlet_mmHg")
           .Number("bed_mmHg", &FlowSpec::bed_mmHg, 1, 500, "mmHg",
-                  "what the vessels behind the outlets take of the pressure at the mean flow")
+                  "pressure drop over the vessels behind the outlets at the mean flow")
           .Number("murray_exponent", &FlowSpec::murray_exponent, 1, 4, "",
-                  "an outlet's share of the flow grows as its radius to this power")
+                  "exponent of Murray's law: an outlet's share of the flow grows as its radius to "
+                  "this power")
           .Number("outlet_mmHg", &FlowSpec::outlet_mmHg, -50, 500, "mmHg",
-                  "pressure behind the resistances, or at the outlets where there are none")
+                  "pressure behind the resistances, or at outlets without one")
           .Number("compliance_mL_mmHg", &FlowSpec::compliance_mL_mmHg, 0, 100, "mL/mmHg",
-                  "of the vessels behind all outlets by Murray's law together, which makes them "
-                  "Windkessels; 0: none")
-          .Number("rate_per_min", &FlowSpec::rate_per_min, 0, 300, "1/min", "heart rate; 0: steady")
+                  "total compliance of the Windkessels behind the outlets with resistances by "
+                  "Murray's law; 0: no Windkessels")
+          .Number("rate_per_min", &FlowSpec::rate_per_min, 0, 300, "1/min",
+                  "heart rate; 0: steady flow")
           .Number("pulsatility", &FlowSpec::pulsatility, 0, 1, "",
-                  "part of the flow in that comes only in systole")
+                  "fraction of the inlet flow that enters only during systole")
           .Boolean("obstruction", &FlowSpec::obstruction,
-                   "whether instruments narrow the lumen, as if they lay in its middle")
-          .Tables("outlet", &FlowSpec::outlet, OutletKeys(), 0, "an outlet that differs")
+                   "true: instruments narrow the lumen, as if each lay on the centerline")
+          .Tables("outlet", &FlowSpec::outlet, OutletKeys(), 0,
+                  "outlets with values other than the common ones")
           .Tables("stenosis", &FlowSpec::stenosis, StenosisKeys(), 0,
-                  "a narrow stretch behind which pressure is lost (Young and Tsai)")
+                  "stenoses with a pressure loss by Young and Tsai")
           .Checked(Check)
           .Example(
               "inlet = \"aorta\"\n"

@@ -43,10 +43,10 @@ const Keys<CompliancePartSpec>& CompliancePartKeys() {
           .Include(RegionKeys())
           .Otherwise("give stiffness_N_mm2")
           .Number("factor", &CompliancePartSpec::factor, 1e-4, 1e4, "",
-                  "times vessel.wall_stiffness_N_mm2")
+                  "factor on vessel.wall_stiffness_N_mm2 in the region")
           .Otherwise("give factor")
           .Number("stiffness_N_mm2", &CompliancePartSpec::stiffness_N_mm2, 1e-6, 1e3, "N/mm^2",
-                  "of the wall there")
+                  "stiffness of the wall in the region, per length of wire")
           .Checked([](const CompliancePartSpec& spec, StrictTable& table) {
             if (spec.factor.has_value() != spec.stiffness_N_mm2.has_value()) return;
             table.Refuse("factor", "give either factor or stiffness_N_mm2, not both or none");
@@ -57,8 +57,9 @@ const Keys<CompliancePartSpec>& CompliancePartKeys() {
 const Keys<ComplianceSpec>& ComplianceKeys() {
   static const Keys<ComplianceSpec> keys =
       Keys<ComplianceSpec>()
-          .Tables("region", &ComplianceSpec::regions, CompliancePartKeys(), 1,
-                  "the parts of the vessel; later ones lie over earlier ones")
+          .Tables(
+              "region", &ComplianceSpec::regions, CompliancePartKeys(), 1,
+              "regions of the wall with another stiffness; a later region overrides an earlier one")
           .Example(
               "[[effects.compliance.region]]\n"
               "centerline = \"lad\"\n"
@@ -82,12 +83,11 @@ std::unique_ptr<Effect> MakeCompliance(const ComplianceSpec& spec, const EffectC
 }  // namespace
 
 EffectKind ComplianceKind() {
-  return {
-      .name = "compliance",
-      .summary = "walls that are softer or harder, as calcified ones are, in parts of the vessel",
-      .roles = "wall stiffness",
-      .keys = Any(ComplianceKeys()),
-      .make = MakeWith(MakeCompliance)};
+  return {.name = "compliance",
+          .summary = "softer or harder walls in regions of the vessel, such as calcified walls",
+          .roles = "wall stiffness",
+          .keys = Any(ComplianceKeys()),
+          .make = MakeWith(MakeCompliance)};
 }
 
 }  // namespace torquer::effects

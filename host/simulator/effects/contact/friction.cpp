@@ -333,11 +333,12 @@ struct FrictionSpec : TableSpec {
 };
 
 const Keys<FrictionPartSpec>& FrictionPartKeys() {
-  static const Keys<FrictionPartSpec> keys = Keys<FrictionPartSpec>()
-                                                 .Include(RegionKeys())
-                                                 .Required()
-                                                 .Number("factor", &FrictionPartSpec::factor, 0, 20,
-                                                         "", "times the coefficient, on that wall");
+  static const Keys<FrictionPartSpec> keys =
+      Keys<FrictionPartSpec>()
+          .Include(RegionKeys())
+          .Required()
+          .Number("factor", &FrictionPartSpec::factor, 0, 20, "",
+                  "factor on the coefficient of friction in the region");
   return keys;
 }
 
@@ -346,11 +347,13 @@ const Keys<FrictionSpec>& FrictionKeys() {
       Keys<FrictionSpec>()
           .Required()
           .Number("coefficient", &FrictionSpec::coefficient, 0, 2, "",
-                  "of Coulomb's law, mu; an instrument may have another (friction_coefficient)")
+                  "coefficient of Coulomb friction on the wall, mu; an instrument may override it "
+                  "(friction_coefficient)")
           .Number("slip_mm", &FrictionSpec::slip_mm, 1e-5, 0.1, "mm",
                   "displacement at which a sticking contact begins to slip")
-          .Tables("region", &FrictionSpec::regions, FrictionPartKeys(), 0,
-                  "parts of the vessel with another friction; later ones lie over earlier ones")
+          .Tables(
+              "region", &FrictionSpec::regions, FrictionPartKeys(), 0,
+              "regions of the wall with other friction; a later region overrides an earlier one")
           .Example("coefficient = 0.08\n");
   return keys;
 }

@@ -186,10 +186,11 @@ const Keys<FrictionBetweenSpec>& FrictionBetweenKeys() {
   static const Keys<FrictionBetweenSpec> keys =
       Keys<FrictionBetweenSpec>()
           .Required()
-          .Number("coefficient", &FrictionBetweenSpec::coefficient, 0, 2, "",
-                  "of Coulomb's law, mu, between instruments within each other")
+          .Number(
+              "coefficient", &FrictionBetweenSpec::coefficient, 0, 2, "",
+              "coefficient of Coulomb friction, mu, between an instrument and the one around it")
           .Number("slip_mm", &FrictionBetweenSpec::slip_mm, 1e-5, 0.1, "mm",
-                  "displacement at which what sticks begins to slip")
+                  "displacement at which a sticking contact begins to slip")
           .Example("coefficient = 0.05\n");
   return keys;
 }
@@ -209,8 +210,8 @@ std::unique_ptr<Effect> MakeFrictionBetween(const FrictionBetweenSpec& spec,
 EffectKind FrictionBetweenKind() {
   return {.name = "friction_between",
           .summary =
-              "Coulomb friction of instruments on each other, with stick and slip: hands "
-              "feel it, and with torsion one may hold another's turn",
+              "Coulomb friction between instruments, with stick and slip; it acts on the hands "
+              "and, with torsion, on the twist",
           .roles = "energy term",
           .keys = Any(FrictionBetweenKeys()),
           .make = MakeWith(MakeFrictionBetween)};

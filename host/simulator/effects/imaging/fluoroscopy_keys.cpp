@@ -42,42 +42,47 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Choice("mode", &Spec::mode, {"plain", "subtraction", "roadmap"},
-                  "as the detector sees it; less the first picture since the pedal went down; or "
-                  "that with the densest dye so far as a bright map")
-          .Otherwise("the middle of the vessel")
-          .Point("isocenter_mm", &Spec::isocenter_mm, "mm", "about which the C-arm turns")
-          .Otherwise("the middle of the vessel")
-          .Point("body_center_mm", &Spec::body_center_mm, "mm", "middle of the patient's body")
-          .Integer("width_px", &Spec::width_px, 64, 1024, "columns of the picture")
-          .Integer("height_px", &Spec::height_px, 64, 1024, "rows of the picture")
-          .Number("sid_mm", &Spec::sid_mm, 500, 2000, "mm", "from the source to the detector")
-          .Number("sod_mm", &Spec::sod_mm, 200, 1900, "mm", "from the source to the isocenter")
-          .Number("detector_mm", &Spec::detector_mm, 50, 600, "mm", "width of the detector's field")
+                  "plain: the detected picture; subtraction: minus the first picture since the "
+                  "pedal went down; roadmap: the densest contrast so far as a bright map")
+          .Otherwise("center of the vessel")
+          .Point("isocenter_mm", &Spec::isocenter_mm, "mm",
+                 "isocenter, the point about which the C-arm turns")
+          .Otherwise("center of the vessel")
+          .Point("body_center_mm", &Spec::body_center_mm, "mm", "center of the patient's body")
+          .Integer("width_px", &Spec::width_px, 64, 1024, "number of columns in the picture")
+          .Integer("height_px", &Spec::height_px, 64, 1024, "number of rows in the picture")
+          .Number("sid_mm", &Spec::sid_mm, 500, 2000, "mm", "source-to-detector distance (SID)")
+          .Number("sod_mm", &Spec::sod_mm, 200, 1900, "mm", "source-to-isocenter distance (SOD)")
+          .Number("detector_mm", &Spec::detector_mm, 50, 600, "mm",
+                  "width of the detector's field of view")
           .Number("pictures_per_s", &Spec::pictures_per_s, 1, 60, "1/s",
-                  "pulses while the pedal is down")
-          .Number("photons", &Spec::photons, 10, 1e7, "",
-                  "that reach a pixel behind the mean of the body without being scattered")
+                  "frame rate: X-ray pulses per second while the pedal is down")
+          .Number(
+              "photons", &Spec::photons, 10, 1e7, "",
+              "number of unscattered photons that reach a pixel behind the body's mean attenuation")
           .Number("scatter_to_primary", &Spec::scatter_to_primary, 0, 20, "",
-                  "as many scattered photons for each of those, the same in every pixel; 1 to 5 "
-                  "behind a trunk, a fifth of that behind a grid")
+                  "ratio of scattered to unscattered photons, equal in every pixel; 1 to 5 behind "
+                  "a trunk, a fifth of that behind a grid")
           .Number("tube_mA", &Spec::tube_mA, 0.1, 2000, "mA",
-                  "current through 200 mm of tissue; it follows the body's thickness")
-          .Number("pulse_ms", &Spec::pulse_ms, 0.1, 100, "ms", "length of a pulse")
+                  "tube current for 200 mm of tissue; automatic exposure adapts it to the body's "
+                  "thickness")
+          .Number("pulse_ms", &Spec::pulse_ms, 0.1, 100, "ms", "duration of an X-ray pulse")
           .Number("tube_mGy_mAs", &Spec::tube_mGy_mAs, 1e-4, 1, "mGy/(mA s)",
-                  "air kerma of the tube at 1 m, at its voltage and with its filter")
+                  "air kerma of the tube at 1 m per mA s, at its voltage and with its filter")
           .Number("gain", &Spec::gain, 0.01, 10, "",
-                  "of the gray range, for a factor e in intensity")
+                  "contrast gain: fraction of the gray range that a factor e in intensity spans")
           .Number("iodine_1_mm_mg_mL", &Spec::iodine_1_mm_mg_mL, 0, 0.01, "1/mm per mg/mL",
-                  "attenuation of iodine per concentration")
+                  "attenuation coefficient of iodine per concentration")
           .Number("body_width_mm", &Spec::body_width_mm, 0, 1000, "mm",
-                  "of the body from left to right; 0: no body")
+                  "width of the patient's body, from left to right; 0: no body")
           .Number("body_depth_mm", &Spec::body_depth_mm, 10, 1000, "mm",
-                  "of the body from front to back")
-          .Number("tissue_1_mm", &Spec::tissue_1_mm, 0, 1, "1/mm", "attenuation of the body")
+                  "depth of the patient's body, from front to back")
+          .Number("tissue_1_mm", &Spec::tissue_1_mm, 0, 1, "1/mm",
+                  "attenuation coefficient of the body")
           .Number("spine_1_mm", &Spec::spine_1_mm, 0, 1, "1/mm",
-                  "attenuation of the spine beyond the body's")
+                  "attenuation coefficient of the spine, in addition to that of the body")
           .Integer("seed", &Spec::seed, 0, 1000000000,
-                   "of the noise; the same gives the same pictures")
+                   "seed of the picture noise; the same seed repeats the same pictures")
           .Checked([](const Spec& spec, StrictTable& table) {
             if (spec.sod_mm < spec.sid_mm) return;
             table.Refuse("sod_mm",
@@ -133,7 +138,7 @@ std::unique_ptr<Fluoroscopy> MakeFluoroscopy(const FluoroscopySettings& settings
 
 EffectKind FluoroscopyKind() {
   return {.name = "fluoroscopy",
-          .summary = "the X-ray picture under the C-arm's angles, while the pedal is down",
+          .summary = "X-ray picture at the C-arm's angles, while the pedal is down",
           .roles = "image, observer",
           .keys = Any(FluoroscopyKeys()),
           .make = MakeWith(MakeFluoroscopy)};

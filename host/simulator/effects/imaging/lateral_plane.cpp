@@ -63,8 +63,9 @@ const Keys<LateralPlaneSpec>& LateralPlaneKeys() {
   static const Keys<Spec> keys =
       Keys<Spec>()
           .Number("lao_deg", &Spec::lao_deg, -180, 180, "deg",
-                  "where its detector stands: positive LAO, negative RAO")
-          .Number("cra_deg", &Spec::cra_deg, -90, 90, "deg", "the same: positive CRA, negative CAU")
+                  "LAO angle of the second plane's detector; negative: RAO")
+          .Number("cra_deg", &Spec::cra_deg, -90, 90, "deg",
+                  "CRA angle of the second plane's detector; negative: CAU")
           .Example("lao_deg = 90\n");
   return keys;
 }
@@ -83,7 +84,7 @@ std::unique_ptr<Effect> MakeLateralPlane(const LateralPlaneSpec& spec,
 
 EffectKind LateralPlaneKind() {
   return {.name = "lateral_plane",
-          .summary = "the second picture of a biplane system, from angles that stay",
+          .summary = "second picture of a biplane system, at fixed angles",
           .roles = "image, observer",
           .keys = Any(LateralPlaneKeys()),
           .needs = "fluoroscopy",

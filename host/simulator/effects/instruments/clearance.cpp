@@ -36,12 +36,13 @@ struct ClearanceSpec : TableSpec {
 const Keys<ClearanceSpec>& ClearanceKeys() {
   static const Keys<ClearanceSpec> keys =
       Keys<ClearanceSpec>()
-          .Otherwise("the one around the innermost")
-          .Text("around", &ClearanceSpec::around, "the instrument in whose lumen there is room")
-          .Otherwise("that of the vessel's wall")
+          .Otherwise("the instrument around the innermost")
+          .Text("around", &ClearanceSpec::around,
+                "instrument in whose lumen the inner instruments can move")
+          .Otherwise("stiffness of the vessel's wall")
           .Number("stiffness_N_mm2", &ClearanceSpec::stiffness_N_mm2, 1e-3, 1e3, "N/mm^2",
-                  "of the lumen's wall, per length of wire; one that is much harder than its "
-                  "instruments are stiff takes several times as long")
+                  "stiffness of the lumen's wall per length of wire; a wall much stiffer than the "
+                  "instruments takes several times as long to compute")
           .Example("around = \"catheter\"\n");
   return keys;
 }
@@ -78,7 +79,7 @@ Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instr
 
 EffectKind ClearanceKind() {
   return {.name = "clearance",
-          .summary = "what lies in a lumen has room there: two curves in contact",
+          .summary = "radial clearance of instruments in a lumen: two curves in contact",
           .roles = "stage, observer",
           .keys = Any(ClearanceKeys()),
           .make = MakeWith(MakeClearance),

@@ -21,7 +21,7 @@ void Twist(std::vector<WireSection>& sections, double torsional_ratio) {
 
 EffectKind TorsionKind() {
   return {.name = "torsion",
-          .summary = "instruments twist: the tip may lag behind the hand and whip round",
+          .summary = "torsion of the instruments: the tip may lag behind the hand and whip",
           .roles = "stage",
           .keys = Any(TorsionKeys()),
           .make = nullptr,

@@ -33,9 +33,9 @@ const Keys<GravitySpec>& GravityKeys() {
   static const Keys<GravitySpec> keys =
       Keys<GravitySpec>()
           .Number("acceleration_m_s2", &GravitySpec::acceleration_m_s2, 0, 1000, "m/s^2",
-                  "of gravity")
+                  "gravitational acceleration")
           .Direction("direction", &GravitySpec::direction,
-                     "where things fall to; posterior: the patient lies on the back")
+                     "direction of gravity; posterior: the patient lies on the back")
           .Example("direction = \"posterior\"\n");
   return keys;
 }
@@ -61,7 +61,7 @@ std::unique_ptr<Effect> MakeGravity(const GravitySpec& spec, const EffectContext
 
 EffectKind GravityKind() {
   return {.name = "gravity",
-          .summary = "the weight of the instruments (their linear_density_g_m)",
+          .summary = "weight of the instruments, from their linear_density_g_m",
           .roles = "energy term",
           .keys = Any(GravityKeys()),
           .make = MakeWith(MakeGravity)};

@@ -242,9 +242,10 @@ const Keys<InertiaSpec>& InertiaKeys() {
   static const Keys<InertiaSpec> keys =
       Keys<InertiaSpec>()
           .Number("drag_mPa_s", &InertiaSpec::drag_mPa_s, 0, 1e6, "mPa s",
-                  "force of the blood on the instruments per length and velocity; 4 pi viscosity / "
-                  "(ln(length / diameter) + 0.84) across a thin rod, with 3.5 mPa s and 200 "
-                  "diameters 7 (Tirado and Garcia de la Torre, J Chem Phys 1979;71:2581)")
+                  "drag coefficient of the blood: transverse force on an instrument per length and "
+                  "velocity. The default holds for a thin rod of 200 diameters at 3.5 mPa s, from "
+                  "4 pi viscosity / (ln(length / diameter) + 0.84) (Tirado and Garcia de la Torre, "
+                  "J Chem Phys 1979;71:2581)")
           .Example("drag_mPa_s = 7\n");
   return keys;
 }
@@ -272,8 +273,8 @@ std::unique_ptr<Effect> MakeInertia(const InertiaSpec& spec, const EffectContext
 EffectKind InertiaKind() {
   return {.name = "inertia",
           .summary =
-              "the mass of the instruments (their linear_density_g_m) and the drag of the "
-              "blood: snaps take time",
+              "mass of the instruments, from their linear_density_g_m, and drag of the blood; they "
+              "give a snap its duration",
           .roles = "energy term, timed, observer",
           .keys = Any(InertiaKeys()),
           .make = MakeWith(MakeInertia)};

@@ -124,22 +124,25 @@ const Keys<PointLoadSpec>& PointLoadKeys() {
   static const Keys<PointLoadSpec> keys =
       Keys<PointLoadSpec>()
           .Number("force_mN", &PointLoadSpec::force_mN, 0, 1e6, "mN",
-                  "that pulls the end towards force_direction")
-          .Otherwise("no force")
+                  "magnitude of the force on the distal end")
+          .Otherwise("none: no force")
           .Direction("force_direction", &PointLoadSpec::force_direction,
-                     "of the force, which keeps it")
+                     "direction of the force, fixed in the vessel frame")
           .Number("moment_mN_mm", &PointLoadSpec::moment_mN_mm, -1e8, 1e8, "mN mm",
-                  "that turns the last segment about moment_axis")
-          .Otherwise("no moment")
-          .Direction("moment_axis", &PointLoadSpec::moment_axis, "about which the moment turns")
+                  "moment on the last segment, right-handed about moment_axis")
+          .Otherwise("none: no moment")
+          .Direction("moment_axis", &PointLoadSpec::moment_axis, "axis of the moment")
           .Number("clamp_N_mm", &PointLoadSpec::clamp_N_mm, 0, 1e4, "N/mm",
-                  "stiffness of a spring from the end to clamp_point_mm")
-          .Otherwise("no spring")
-          .Point("clamp_point_mm", &PointLoadSpec::clamp_point_mm, "mm", "where the end is held")
+                  "stiffness of the spring that holds the distal end at clamp_point_mm")
+          .Otherwise("none: no spring")
+          .Point("clamp_point_mm", &PointLoadSpec::clamp_point_mm, "mm",
+                 "point at which the spring holds the distal end")
           .Number("clamp_mN_mm", &PointLoadSpec::clamp_mN_mm, 0, 1e8, "mN mm",
-                  "moment that holds the end in clamp_direction, by the sine of the angle between")
-          .Otherwise("no moment")
-          .Direction("clamp_direction", &PointLoadSpec::clamp_direction, "in which it is held")
+                  "moment that holds the last segment in clamp_direction, per sine of the angle "
+                  "between them")
+          .Otherwise("none: no clamping moment")
+          .Direction("clamp_direction", &PointLoadSpec::clamp_direction,
+                     "direction in which the clamp holds the last segment")
           .Checked(Check)
           .Example(
               "force_mN = 2\n"
@@ -165,7 +168,7 @@ std::unique_ptr<Effect> MakePointLoad(const PointLoadSpec& spec, const EffectCon
 
 EffectKind PointLoadKind() {
   return {.name = "point_load",
-          .summary = "a force, a moment or a clamp at the distal end",
+          .summary = "force, moment or clamp at the distal end",
           .roles = "energy term",
           .keys = Any(PointLoadKeys()),
           .make = MakeWith(MakePointLoad)};

@@ -21,10 +21,13 @@ struct BreathingSpec : MotionSpec {
 const Keys<BreathingSpec>& BreathingKeys() {
   static const Keys<BreathingSpec> keys =
       Keys<BreathingSpec>()
-          .Number("rate_per_min", &BreathingSpec::rate_per_min, 2, 60, "1/min", "breaths")
-          .Number("inhale", &BreathingSpec::inhale, 0.1, 0.5, "", "part of a breath that goes in")
-          .Number("hold", &BreathingSpec::hold, 0, 0.5, "", "part of a breath that is held")
-          .Number("exhale", &BreathingSpec::exhale, 0.1, 0.8, "", "part of a breath that goes out")
+          .Number("rate_per_min", &BreathingSpec::rate_per_min, 2, 60, "1/min", "breathing rate")
+          .Number("inhale", &BreathingSpec::inhale, 0.1, 0.5, "",
+                  "inhalation time, as a fraction of the breath")
+          .Number("hold", &BreathingSpec::hold, 0, 0.5, "",
+                  "time of the held breath after inhalation, as a fraction of the breath")
+          .Number("exhale", &BreathingSpec::exhale, 0.1, 0.8, "",
+                  "exhalation time, as a fraction of the breath; the remainder is a pause")
           .Include(MotionKeys())
           .Checked([](const BreathingSpec& spec, StrictTable& table) {
             if (spec.inhale + spec.hold + spec.exhale <= 1) return;
@@ -50,7 +53,7 @@ std::unique_ptr<Effect> MakeBreathing(const BreathingSpec& spec, const EffectCon
 
 EffectKind BreathingKind() {
   return {.name = "breathing",
-          .summary = "parts of the vessel that move with the breath",
+          .summary = "periodic motion of vessel regions with the breath",
           .roles = "vessel motion",
           .keys = Any(BreathingKeys()),
           .make = MakeWith(MakeBreathing)};

@@ -26,9 +26,9 @@ struct HeartbeatSpec : MotionSpec {
 const Keys<HeartbeatSpec>& HeartbeatKeys() {
   static const Keys<HeartbeatSpec> keys =
       Keys<HeartbeatSpec>()
-          .Number("rate_per_min", &HeartbeatSpec::rate_per_min, 20, 250, "1/min", "beats")
+          .Number("rate_per_min", &HeartbeatSpec::rate_per_min, 20, 250, "1/min", "heart rate")
           .Number("systole", &HeartbeatSpec::systole, 0.1, 0.4, "",
-                  "part of a beat in which the regions go out")
+                  "systole: fraction of the beat during which the regions move out")
           .Include(MotionKeys())
           .Example(
               "rate_per_min = 72\n"
@@ -50,7 +50,7 @@ std::unique_ptr<Effect> MakeHeartbeat(const HeartbeatSpec& spec, const EffectCon
 
 EffectKind HeartbeatKind() {
   return {.name = "heartbeat",
-          .summary = "parts of the vessel that move with the heart",
+          .summary = "periodic motion of vessel regions with the heartbeat",
           .roles = "vessel motion",
           .keys = Any(HeartbeatKeys()),
           .make = MakeWith(MakeHeartbeat)};

@@ -69,13 +69,14 @@ const Keys<MotionSpec>& MotionKeys() {
       Keys<MotionSpec>()
           .Required()
           .Number("amplitude_mm", &MotionSpec::amplitude_mm, 0.001, 200, "mm",
-                  "how far the regions go")
+                  "amplitude of the motion: largest displacement of the regions")
           .Required()
-          .Direction("direction", &MotionSpec::direction, "where the regions go")
+          .Direction("direction", &MotionSpec::direction,
+                     "direction in which the regions move from rest")
           .Number("phase", &MotionSpec::phase, 0, 1, "",
-                  "part of a period at which the session starts")
+                  "phase of the motion at the start of the session, as a fraction of the period")
           .Tables("region", &MotionSpec::regions, RegionKeys(), 1,
-                  "the parts of the vessel that move");
+                  "regions of the vessel that move");
   return keys;
 }
 

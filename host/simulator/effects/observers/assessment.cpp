@@ -139,18 +139,19 @@ const Keys<AssessmentSpec>& AssessmentKeys() {
   static const Keys<AssessmentSpec> keys =
       Keys<AssessmentSpec>()
           .Required()
-          .Text("target_centerline", &AssessmentSpec::target_centerline, "centerline of the target")
+          .Text("target_centerline", &AssessmentSpec::target_centerline,
+                "centerline on which the target lies")
           .Required()
           .Number("target_at_mm", &AssessmentSpec::target_at_mm, 0, 1e5, "mm",
-                  "place of the target on its centerline")
+                  "arc length of the target along its centerline")
           .Number("target_radius_mm", &AssessmentSpec::target_radius_mm, 0.1, 50, "mm",
-                  "reached when the tip is this near to the target")
+                  "distance from the target within which the tip has reached it")
           .Required()
           .Number("force_limit_mN", &AssessmentSpec::force_limit_mN, 0.01, 1e5, "mN",
-                  "a patch of wall_force above it makes a success unsafe")
-          .Otherwise("the innermost")
+                  "largest force on a patch of wall_force in a safe success")
+          .Otherwise("the innermost instrument")
           .Text("instrument", &AssessmentSpec::instrument,
-                "whose hand is judged: speed and retractions")
+                "instrument for which hand speed and retractions are assessed")
           .Example(
               "target_centerline = \"lad\"\n"
               "target_at_mm = 95\n"
@@ -186,7 +187,7 @@ std::unique_ptr<Effect> MakeAssessment(const AssessmentSpec& spec, const EffectC
 
 EffectKind AssessmentKind() {
   return {.name = "assessment",
-          .summary = "clinical measures of a session: times, path, speed, force, success",
+          .summary = "clinical metrics of a session: times, path length, speed, force, success",
           .roles = "observer",
           .keys = Any(AssessmentKeys()),
           .needs = "wall_force",

@@ -136,11 +136,11 @@ const Keys<WallForceSpec>& WallForceKeys() {
       Keys<WallForceSpec>()
           .Required()
           .Number("threshold_mN", &WallForceSpec::threshold_mN, 0.01, 1e5, "mN",
-                  "force on a patch of the wall that counts as an event")
+                  "force on a patch of the wall above which an event is counted")
           .Number("tip_mm", &WallForceSpec::tip_mm, 0, 300, "mm",
-                  "length of the distal end that is the tip")
+                  "length of the distal part that counts as the tip")
           .Number("patch_mm", &WallForceSpec::patch_mm, 0.1, 50, "mm",
-                  "length of wire along which a contact's force is summed; at least a segment")
+                  "length of a patch, along which contact forces are summed; at least one segment")
           .Example("threshold_mN = 30\n");
   return keys;
 }
@@ -159,7 +159,7 @@ std::unique_ptr<Effect> MakeWallForce(const WallForceSpec& spec, const EffectCon
 EffectKind WallForceKind() {
   return {.name = "wall_force",
           .summary =
-              "force and pressure on the wall: largest, summed, at the tip, and events above a "
+              "force and pressure on the wall: largest, total and at the tip, with events above a "
               "threshold",
           .roles = "observer",
           .keys = Any(WallForceKeys()),

@@ -17,9 +17,10 @@ const Keys<StraightTubeSpec>& StraightTubeKeys() {
   static const Keys<StraightTubeSpec> keys =
       Keys<StraightTubeSpec>()
           .Required()
-          .Number("length_mm", &StraightTubeSpec::length_mm, 1, 5000, "mm", "of the axis, along +x")
+          .Number("length_mm", &StraightTubeSpec::length_mm, 1, 5000, "mm",
+                  "length of the tube's axis, along +x")
           .Required()
-          .Number("radius_mm", &StraightTubeSpec::radius_mm, 0.1, 50, "mm", "of the lumen")
+          .Number("radius_mm", &StraightTubeSpec::radius_mm, 0.1, 50, "mm", "radius of the lumen")
           .Example(
               "kind = \"straight_tube\"\n"
               "wall_stiffness_N_mm2 = 1\n"
@@ -37,7 +38,7 @@ Vessel Build(const StraightTubeSpec& spec, const std::filesystem::path& /*folder
 }  // namespace
 
 VesselKind StraightTubeKind() {
-  return MakeVesselKind("straight_tube", "a straight tube from the origin along +x",
+  return MakeVesselKind("straight_tube", "straight tube from the origin along +x",
                         StraightTubeKeys(), Build);
 }
 

@@ -23,15 +23,17 @@ const Keys<SurfaceSpec>& SurfaceKeys() {
   static const Keys<SurfaceSpec> keys =
       Keys<SurfaceSpec>()
           .Required()
-          .Text("file", &SurfaceSpec::file, "surface, relative to the scene: STL, OBJ or PLY")
+          .Text("file", &SurfaceSpec::file,
+                "surface file (STL, OBJ or PLY); its path is relative to the scene file")
           .Required()
           .Choice("mesh_unit", &SurfaceSpec::unit, {"mm", "m"}, "unit of the file's coordinates")
           .Number("voxel_mm", &SurfaceSpec::voxel_mm, 0.02, 4, "mm",
-                  "finest cell of the distance field; half the thickness of the thinnest wall "
-                  "between two lumens, or less")
+                  "finest cell of the distance field; at most half the thickness of the thinnest "
+                  "wall between two lumens")
           .Otherwise("none")
           .Text("centerlines", &SurfaceSpec::centerlines,
-                "folder with curves of 3D Slicer (.mrk.json) in the file's frame and unit")
+                "folder with centerlines from 3D Slicer (.mrk.json), in the frame and unit of the "
+                "surface file")
           .Example(
               "kind = \"surface\"\n"
               "file = \"meshes/neuro_arch/surface.obj\"\n"
@@ -86,7 +88,8 @@ Vessel Build(const SurfaceSpec& spec, const std::filesystem::path& folder) {
 }  // namespace
 
 VesselKind SurfaceKind() {
-  return MakeVesselKind("surface", "a surface from a file, as scans give it", SurfaceKeys(), Build);
+  return MakeVesselKind("surface", "surface from a file, such as a segmented scan", SurfaceKeys(),
+                        Build);
 }
 
 }  // namespace torquer::vessel

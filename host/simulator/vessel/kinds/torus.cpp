@@ -20,11 +20,12 @@ const Keys<TorusSpec>& TorusKeys() {
   static const Keys<TorusSpec> keys =
       Keys<TorusSpec>()
           .Required()
-          .Number("bend_radius_mm", &TorusSpec::bend_radius_mm, 1, 5000, "mm", "of the axis")
+          .Number("bend_radius_mm", &TorusSpec::bend_radius_mm, 1, 5000, "mm",
+                  "bend radius of the arc's axis")
           .Required()
-          .Number("radius_mm", &TorusSpec::radius_mm, 0.1, 50, "mm", "of the lumen")
+          .Number("radius_mm", &TorusSpec::radius_mm, 0.1, 50, "mm", "radius of the lumen")
           .Required()
-          .Number("angle_deg", &TorusSpec::angle_deg, 1, 360, "deg", "of the arc")
+          .Number("angle_deg", &TorusSpec::angle_deg, 1, 360, "deg", "angle that the arc spans")
           .Example(
               "kind = \"torus\"\n"
               "wall_stiffness_N_mm2 = 1\n"
@@ -44,8 +45,8 @@ Vessel Build(const TorusSpec& spec, const std::filesystem::path& /*folder*/) {
 }  // namespace
 
 VesselKind TorusKind() {
-  return MakeVesselKind("torus", "an arc of a torus, from the origin along +x towards +y",
-                        TorusKeys(), Build);
+  return MakeVesselKind("torus", "arc of a torus, from the origin along +x towards +y", TorusKeys(),
+                        Build);
 }
 
 }  // namespace torquer::vessel

@@ -28,14 +28,14 @@ const Keys<TubeSpec>& TubeKeys() {
   static const Keys<TubeSpec> keys =
       Keys<TubeSpec>()
           .Required()
-          .Text("name", &TubeSpec::name, "of the tube and of its centerline")
+          .Text("name", &TubeSpec::name, "name of the tube and of its centerline")
           .Required()
           .Points("points_mm", &TubeSpec::points_mm, 2, "mm", "corners of the tube's axis")
           .Number("bend_radius_mm", &TubeSpec::bend_radius_mm, 0.1, 1e6, "mm",
                   "largest radius of the arcs that round the corners")
           .Required()
           .Numbers("radii_mm", &TubeSpec::radii_mm, 0.1, 50, "mm",
-                   "radius of the lumen: one, or one for each of points_mm")
+                   "radius of the lumen: one value, or one per point in points_mm")
           .Checked([](const TubeSpec& spec, StrictTable& table) {
             if (spec.radii_mm.size() == 1 || spec.radii_mm.size() == spec.points_mm.size()) return;
             table.Refuse("radii_mm", fmt::format("needs one radius, or one for each of the {} "
@@ -54,10 +54,11 @@ const Keys<TubesSpec>& TubesKeys() {
   static const Keys<TubesSpec> keys =
       Keys<TubesSpec>()
           .Number("union_width_mm", &TubesSpec::union_width_mm, 0, 20, "mm",
-                  "width over which edges between tubes are rounded")
+                  "width over which the edges between tubes are rounded")
           .Number("join_tolerance_mm", &TubesSpec::join_tolerance_mm, 0.01, 50, "mm",
-                  "an end of a tube this near to another's axis joins it")
-          .Tables("tube", &TubesSpec::tubes, TubeKeys(), 1, "the tubes; the first is the main one")
+                  "distance to another tube's axis within which the end of a tube joins it")
+          .Tables("tube", &TubesSpec::tubes, TubeKeys(), 1,
+                  "tubes of the vessel; the first is the main tube")
           .Example(
               "kind = \"tubes\"\n"
               "wall_stiffness_N_mm2 = 5\n"
@@ -100,7 +101,8 @@ Vessel Build(const TubesSpec& spec, const std::filesystem::path& /*folder*/) {
 }  // namespace
 
 VesselKind TubesKind() {
-  return MakeVesselKind("tubes", "tubes along lines and arcs, joined smoothly", TubesKeys(), Build);
+  return MakeVesselKind("tubes", "tubes along lines and arcs, with smooth junctions", TubesKeys(),
+                        Build);
 }
 
 }  // namespace torquer::vessel

@@ -23,7 +23,7 @@ Vessel Build(const TyPhantomSpec& /*spec*/, const std::filesystem::path& /*folde
 
 VesselKind TyPhantomKind() {
   return MakeVesselKind("ty_phantom",
-                        "a T-like and a Y-like bifurcation, as the phantom of Baier et al. (2016)",
+                        "phantom of Baier et al. (2016), with a T-like and a Y-like bifurcation",
                         TyPhantomKeys(), Build);
 }
 
