@@ -46,31 +46,34 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   torquer::device::AddSourceOptions(options, arguments.source);
   options.Group("Calibration");
   options.Text("--calibration", "FILE", arguments.calibration,
-               "calibration of the device; without it the one that torquer-calibrate keeps for its "
-               "serial number",
+               "calibration file of the device; without it the file that torquer-calibrate keeps "
+               "for the serial number",
                torquer::ValueKind::kFile);
   options.Flag("--uncalibrated", arguments.uncalibrated,
-               "use nominal gains instead; every command says so");
+               "use nominal gains instead of a calibration; every published command is marked as "
+               "uncalibrated");
   options.Group("Bus");
   options.Text("--instrument", "NAME", arguments.instrument,
-               "instrument of the scene that the device drives");
-  options.Text("--lcm-url", "URL", arguments.lcm_url,
-               "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
-  options.Flag("--realtime", arguments.realtime,
-               "before all ordinary programs, with its memory kept in RAM");
+               "name of the instrument in the scene that the device drives");
+  options.Text(
+      "--lcm-url", "URL", arguments.lcm_url,
+      "URL of the message bus; without it LCM_DEFAULT_URL, or else multicast on this machine");
+  options.Flag(
+      "--realtime", arguments.realtime,
+      "run with real-time priority, before all ordinary programs, and lock the memory in RAM");
   options.Group("Output");
   options.Flag("--monitor", arguments.monitor,
                "show the motion of the device as live bars in the terminal");
   options.Flag("--uinput", arguments.uinput,
-               "be an input device of this machine too, for other software: insertion, rotation, "
-               "stick and buttons");
+               "also create an input device on this machine, which gives insertion, rotation, "
+               "joystick and buttons to other software");
   options.Flag("--json", arguments.json, "print statistics as one JSON object at the end");
-  options.Group("Instead of running");
+  options.Group("Actions instead of running");
   options.Flag(
       "--list", arguments.list,
-      "list the devices of this machine: serial number, firmware, path, calibration, user");
+      "list the devices of this machine with serial number, firmware, path, calibration and user");
   options.Flag("--home", arguments.home,
-               "make the present position of the running daemon's instrument its start");
+               "set the present position of the running daemon's instrument as its start position");
 }
 
 sigset_t HandledSignals() {
@@ -187,10 +190,12 @@ int Run(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  torquer::Program program("torquer-daemon",
-                           "Reads a bench device and publishes on the bus where its instrument is "
-                           "to be, until SIGINT or SIGTERM. SIGUSR1 does what --home does.");
-  program.Note("Exit status: 0, or 2 when something cannot be used.");
+  torquer::Program program(
+      "torquer-daemon",
+      "Reads a bench device and publishes the commanded position of its instrument on the bus, "
+      "until SIGINT or SIGTERM. SIGUSR1 has the effect of --home.");
+  program.Note(
+      "Exit status: 0 on success; 2 when an option, a file, a device or the bus cannot be used.");
   Arguments arguments;
   Declare(program.options(), arguments);
   return program.Main(argc, argv, [&] { return Run(arguments); });

@@ -9,15 +9,16 @@ namespace torquer::device {
 
 void AddSourceOptions(Options& options, SourceChoice& choice) {
   options.Group("Device");
-  options.Choice("--source", "KIND", {"usb", "hidraw", "evdev", "socket"}, choice.source,
-                 "where reports come from (usb is the bench device, hidraw the same through the "
-                 "kernel's HID driver, evdev an ordinary mouse and joystick, socket the emulator)");
-  options.Texts("--device", "DEVICE", choice.devices,
-                "with usb and hidraw the serial number, needed when there are several devices; "
-                "with evdev the "
-                "file of the mouse, and then of the joystick, in /dev/input");
+  options.Choice(
+      "--source", "KIND", {"usb", "hidraw", "evdev", "socket"}, choice.source,
+      "source of the reports (usb is the bench device; hidraw is the bench device through the "
+      "kernel's HID driver; evdev is an ordinary mouse and joystick; socket is the emulator)");
+  options.Texts(
+      "--device", "DEVICE", choice.devices,
+      "device to read: with usb and hidraw its serial number, required when there are several "
+      "devices; with evdev the file of the mouse in /dev/input, then that of the joystick");
   options.Text("--socket", "PATH", choice.socket,
-               "with socket the path at which the emulator listens", ValueKind::kFile);
+               "path of the emulator's socket, for --source socket", ValueKind::kFile);
 }
 
 std::unique_ptr<ReportSource> OpenSource(const SourceChoice& choice) {

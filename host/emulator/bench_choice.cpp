@@ -20,28 +20,29 @@ void BenchChoice::Complete() {
 
 void AddBenchOptions(Options& options, BenchChoice& choice) {
   options.Group("Device");
-  options.Text("--firmware", "ELF", choice.firmware,
-               "firmware to run; without it that of this build; none: no firmware, only the "
-               "bootloader",
-               ValueKind::kFile);
-  options.Text("--bootloader", "ELF", choice.bootloader,
-               "bootloader in the last 2 KiB of the flash; without it none", ValueKind::kFile);
   options.Text(
-      "--serial", "TEXT", choice.options.serial,
-      "serial number in the EEPROM, 1 to 16 printable characters; without it as the EEPROM "
-      "is");
+      "--firmware", "ELF", choice.firmware,
+      "firmware image to run; without it the firmware of this build; none: run only the bootloader",
+      ValueKind::kFile);
+  options.Text(
+      "--bootloader", "ELF", choice.bootloader,
+      "bootloader image for the last 2 KiB of the flash; without it the flash has no bootloader",
+      ValueKind::kFile);
+  options.Text("--serial", "TEXT", choice.options.serial,
+               "serial number to write to the EEPROM, 1 to 16 printable characters; without it the "
+               "EEPROM stays unchanged");
   options.Number("--cylinder-radius-mm", "MM", choice.options.cylinder_radius_mm, 0.1, 1000,
-                 "radius of the cylinder that the sensor looks at");
+                 "radius of the cylinder that the sensor observes");
   options.Number("--misalign-deg", "DEG", choice.misalignment_deg, -180, 180,
-                 "angle by which the sensor is mounted askew");
+                 "misalignment angle of the mounted sensor");
   options.Number("--scale", "FACTOR", choice.options.sensor.scale, 0.01, 100,
-                 "counts of the sensor over what they should be");
+                 "ratio of the sensor's counts to the nominal counts");
   options.Number("--lens-distance", "MM", choice.options.optics.distance_mm, 0, 20,
-                 "lens to surface; 2.2 to 2.6 is in focus");
+                 "distance from the lens to the surface; the sensor is in focus from 2.2 to 2.6");
   options.Number("--dirt", "SHARE", choice.options.optics.dirt, 0, 1,
-                 "share of the sensor's view that dirt covers");
+                 "fraction of the sensor's field of view that dirt covers");
   options.Number("--shading", "RATIO", choice.options.optics.shading, 1, 100,
-                 "brightness of one edge of the sensor's view over that of the other");
+                 "brightness ratio between opposite edges of the sensor's field of view");
 }
 
 }  // namespace torquer::emulator

@@ -52,41 +52,46 @@ void Declare(torquer::Options& options, Arguments& arguments) {
                    [&list](const std::string& text) { list.push_back(ParseInterval(text)); });
   };
   options.Group("Hand");
-  options.Text("--motion", "FILE", run.motion,
-               "CSV file with the columns time_s, insertion_mm, rotation_rad, joystick_x, "
-               "joystick_y, buttons; without it the hand follows TORQUER_HAND_MOTION on LCM",
-               ValueKind::kFile);
+  options.Text(
+      "--motion", "FILE", run.motion,
+      "CSV file of the hand's motion with the columns time_s, insertion_mm, rotation_rad, "
+      "joystick_x, joystick_y, buttons; without it the hand follows TORQUER_HAND_MOTION on LCM",
+      ValueKind::kFile);
   options.Number("--duration", "S", run.duration_s, 0, kLongestS,
-                 "end after this much of the motion; without it at the end of the file");
-  options.Flag("--wait-client", run.wait_client, "begin the motion when a client has connected");
-  options.Flag("--fast", run.fast, "run as fast as the client takes the reports, not in real time");
+                 "duration of the motion to run; without it the run ends with the file");
+  options.Flag("--wait-client", run.wait_client, "start the motion when the first client connects");
+  options.Flag("--fast", run.fast,
+               "run as fast as the client accepts reports, instead of in real time");
 
   options.Group("Connections");
   options.Text("--socket", "PATH", run.socket,
-               "where the device listens for torquer-daemon --source socket", ValueKind::kFile);
+               "path of the socket for torquer-daemon --source socket", ValueKind::kFile);
   options.Text("--lcm-url", "URL", arguments.lcm_url,
-               "message bus; without it LCM_DEFAULT_URL, else multicast on this machine; none: no "
-               "bus");
+               "URL of the message bus; without it LCM_DEFAULT_URL, or else multicast on this "
+               "machine; none: no bus");
 
   torquer::emulator::AddBenchOptions(options, arguments.bench);
-  options.Text("--eeprom", "FILE", run.eeprom_file, "EEPROM of the device, kept from run to run",
-               ValueKind::kFile);
+  options.Text("--eeprom", "FILE", run.eeprom_file,
+               "file with the device's EEPROM, which is kept between runs", ValueKind::kFile);
   options.Integer("--start-time-us", "T", arguments.bench.options.start_time_us, 0, 4294967295,
-                  "device time at each start");
+                  "device time at each start of the firmware");
   options.Number("--noise", "COUNTS", arguments.bench.options.sensor.noise_counts, 0, 1000,
-                 "standard deviation of the noise in each moving reading");
+                 "standard deviation of the noise in each reading during motion");
   options.Integer("--seed", "N", arguments.bench.options.seed, 0, 4294967295,
-                  "seed of everything that is random");
+                  "seed of all random numbers");
 
   options.Group("Faults");
   options.Number("--drop", "P", run.drop_probability, 0, 1,
-                 "share of the reports that are lost on their way to the client");
+                 "probability that a report is lost on its way to the client");
   options.Number("--repeat", "P", run.repeat_probability, 0, 1,
-                 "share of the reports that are sent twice");
-  intervals("--lift-at", run.lifts, "the sensor is lifted; times in seconds of the motion");
-  intervals("--fault-at", run.faults, "the sensor does not answer");
-  intervals("--unplug-at", run.unplugs, "the device is unplugged");
-  options.Numbers("--reset-at", "S", run.resets_s, 0, kLongestS, "the reset button is pressed");
+                 "probability that a report is sent twice");
+  intervals(
+      "--lift-at", run.lifts,
+      "interval in which the sensor is lifted, as start and duration in seconds of the motion");
+  intervals("--fault-at", run.faults, "interval in which the sensor does not answer");
+  intervals("--unplug-at", run.unplugs, "interval in which the device is unplugged");
+  options.Numbers("--reset-at", "S", run.resets_s, 0, kLongestS,
+                  "time at which the reset button is pressed");
 
   options.Group("Output");
   options.Flag("--json", arguments.json, "print the summary as one JSON object on the last line");
@@ -151,10 +156,10 @@ int Run(Arguments& arguments) {
 int main(int argc, char** argv) {
   torquer::Program program("torquer-emulator",
                            "Runs the firmware of the bench device with a virtual sensor, joystick "
-                           "and buttons, and offers the device at a socket.");
+                           "and buttons. It offers the device at a socket.");
   program.Note(
-      "Exit status: 0, or 1 when the firmware broke a rule that hardware would punish, or 2 when "
-      "something cannot be used.");
+      "Exit status: 0 on success; 1 when the firmware violated a rule of the hardware; 2 when an "
+      "option, a file or a port cannot be used.");
   Arguments arguments;
   arguments.run.socket = torquer::DefaultSocketPath();
   Declare(program.options(), arguments);

@@ -79,19 +79,20 @@ int Run(Arguments& arguments) {
 int main(int argc, char** argv) {
   torquer::Program program("torquer-emulator-usbip",
                            "Offers the emulated bench device to a Linux kernel by USB/IP on "
-                           "127.0.0.1. The kernel takes it with: usbip attach -r 127.0.0.1 -b 1-1");
+                           "127.0.0.1. Attach it with: usbip attach -r 127.0.0.1 -b 1-1");
   program.Note(
-      "Commands, one a line, each answered by a line: state, move MM RAD SECONDS, then MM RAD "
-      "SECONDS, stick X Y, buttons BITS, unplug, plug, reset, restart, cut OPERATIONS.");
+      "The command port accepts one command per line and answers each with one line: state, move "
+      "MM RAD SECONDS, then MM RAD SECONDS, stick X Y, buttons BITS, unplug, plug, reset, restart, "
+      "cut OPERATIONS.");
   program.Note(
-      "Exit status: 0, or 1 when the firmware broke a rule that hardware would punish, or 2 when "
-      "something cannot be used.");
+      "Exit status: 0 on success; 1 when the firmware violated a rule of the hardware; 2 when an "
+      "option, a file or a port cannot be used.");
   Arguments arguments;
   torquer::Options& options = program.options();
   options.Group("Connections");
-  options.Integer("--port", "N", arguments.port, 0, 65535, "port for USB/IP; 0: one that is free");
+  options.Integer("--port", "N", arguments.port, 0, 65535, "TCP port for USB/IP; 0: any free port");
   options.Integer("--commands", "N", arguments.commands, 0, 65535,
-                  "port for commands; 0: one that is free");
+                  "TCP port for commands; 0: any free port");
   torquer::emulator::AddBenchOptions(options, arguments.bench);
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

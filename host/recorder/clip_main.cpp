@@ -131,20 +131,23 @@ int Run(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  torquer::Program program("torquer-clip",
-                           "Makes a video of the fluoroscopy screen from the log of a session: "
-                           "each picture as long as it stood there, both planes of a biplane "
-                           "system side by side, with X-ray or last image "
-                           "hold, C-arm, time, dose and contrast. Needs ffmpeg.");
+  torquer::Program program(
+      "torquer-clip",
+      "Makes a video of the fluoroscopy screen from the log of a session. Each picture lasts as "
+      "long as in the session. Both planes of a biplane system are side by side. The video also "
+      "shows X-ray or last image hold, C-arm angles, time, dose and contrast. It needs ffmpeg.");
   program.Note(
-      "Exit status: 0 when the video is made; 1 when it is made from a log with damage; 2 when "
-      "none is made.");
+      "Exit status: 0 when the video is complete; 1 when the log was damaged; 2 when no video was "
+      "made.");
   Arguments arguments;
   torquer::Options& options = program.options();
   options.Operand("LOG", arguments.log, "log of the session, written by torquer-recorder");
-  options.Operand("OUT", arguments.out, "video: FILE.mp4 (H.264) or FILE.webm (VP9)");
+  options.Operand("OUT", arguments.out, "video file to write: FILE.mp4 (H.264) or FILE.webm (VP9)");
   options.Number("--from", "S", arguments.from_s, 0, kLongestS,
-                 "begin so long after the first message of the log, not with the first picture");
-  options.Number("--to", "S", arguments.to_s, 0, kLongestS, "end there, not with the log");
+                 "start time of the video, after the first message of the log; without it the "
+                 "video starts with the first picture");
+  options.Number("--to", "S", arguments.to_s, 0, kLongestS,
+                 "end time of the video, after the first message of the log; without it the video "
+                 "ends with the log");
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -128,28 +128,27 @@ int Run(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   torquer::Program program("torquer-report",
-                           "Reports what a recorded session has lost, and whether "
-                           "each instrument went where its hand went.");
+                           "Reports the losses of a recorded session, and compares the motion of "
+                           "each instrument with that of its hand.");
   program.Note(
-      "Exit status: 0 when no report was lost, hand and wire agree within one count of the sensor "
-      "where a device drove them, and the log is whole; 1 when not; 2 when there is nothing to "
-      "judge.");
+      "Exit status: 0 when the log is complete, no report was lost, and every wire follows its "
+      "device within one count; 1 otherwise; 2 when there is no session to judge.");
   Arguments arguments;
   torquer::Options& options = program.options();
   options.Operand("LOG", arguments.log, "log of the session, written by torquer-recorder");
-  options.Texts(
-      "--calibration", "FILE", arguments.calibrations,
-      "calibration that a daemon used, once for each device; without it nominal gains, as "
-      "--uncalibrated has");
+  options.Texts("--calibration", "FILE", arguments.calibrations,
+                "calibration file that a daemon used, once per device; without it nominal gains, "
+                "as with --uncalibrated");
   options.Flag("--json", arguments.json, "print one JSON object instead of text");
   options.Text("--picture", "FILE.svg", arguments.picture,
-               "draw the last state of the wire in its vessel", torquer::ValueKind::kFile);
+               "write a picture of the last state of the wire in its vessel",
+               torquer::ValueKind::kFile);
   options.Text("--page", "FILE.html", arguments.page,
-               "write the session as a page for people, and beside it FILE.session.json, by which "
-               "pages of later sessions know this one",
+               "write a report page of the session, and FILE.session.json beside it, with which "
+               "later pages compare their sessions",
                torquer::ValueKind::kFile);
   options.Text("--scene", "FILE", arguments.scene,
-               "scene with the vessel, where it is not where the simulator had it",
+               "scene file with the vessel (default: the file that the simulator used)",
                torquer::ValueKind::kFile);
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

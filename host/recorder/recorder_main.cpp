@@ -138,26 +138,25 @@ int Run(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  torquer::Program program("torquer-recorder",
-                           "Writes every message of the session on the bus into a log, which "
-                           "torquer-report, torquer-simulator --replay and LCM's own programs "
-                           "read. Ends at SIGINT or SIGTERM.");
+  torquer::Program program(
+      "torquer-recorder",
+      "Writes every message on the bus to a log, until SIGINT or SIGTERM. torquer-report, "
+      "torquer-simulator --replay and LCM's programs read the log.");
   program.Note(
-      "Exit status: 0 when the log is complete; 1 when messages were dropped, or the disk was "
-      "nearly "
-      "full; 2 when it cannot be written.");
+      "Exit status: 0 when the log is complete; 1 when messages were dropped or the disk was "
+      "nearly full; 2 when the log cannot be written.");
   Arguments arguments;
   torquer::Options& options = program.options();
-  options.Operand("LOG", arguments.path, "file to be written; it must not be there yet");
-  options.Text("--lcm-url", "URL", arguments.url,
-               "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
-  options.Number(
-      "--shapes", "HZ", arguments.shapes_hz, 0.1, 10'000,
-      "of the wire's shapes at most so many a second; the other states without shape and "
-      "contacts");
+  options.Operand("LOG", arguments.path, "log file to write; it must not exist yet");
+  options.Text(
+      "--lcm-url", "URL", arguments.url,
+      "URL of the message bus; without it LCM_DEFAULT_URL, or else multicast on this machine");
+  options.Number("--shapes", "HZ", arguments.shapes_hz, 0.1, 10'000,
+                 "largest number of wire shapes recorded per second; further states are recorded "
+                 "without shape and contacts");
   options.Number("--part-mb", "MB", arguments.part_mb, 0.1, 1e6,
-                 "a part that has so much is followed by another: LOG.part002, LOG.part003, ...");
+                 "size at which a new part of the log begins: LOG.part002, LOG.part003, ...");
   options.Integer("--keep", "N", arguments.keep, 1, 100'000,
-                  "of the parts only the newest N stay; the others are removed");
+                  "number of newest parts to keep; older parts are removed");
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -29,12 +29,12 @@ class AccuracyStudy final : public Study {
   std::string name() const override { return "accuracy"; }
   std::string title() const override { return "What accuracy costs in time"; }
   std::string summary() const override {
-    return "error against time: segments, methods, tolerances, laws, fields, friction";
+    return "error and time by segments, methods, tolerances, bending laws, fields and friction";
   }
   void AddOptions(Options& options) override {
     options.Text("--scenes", "FOLDER", folder_,
-                 "folder of scenes with ty_phantom, neuro_arch and abdominal_aorta; without it the "
-                 "scenes that Torquer ships",
+                 "folder with the scenes ty_phantom, neuro_arch and abdominal_aorta; without it "
+                 "the scenes that Torquer ships",
                  ValueKind::kFolder);
   }
 

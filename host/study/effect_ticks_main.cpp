@@ -47,13 +47,14 @@ int Run(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  torquer::Program program("torquer-effect-ticks",
-                           "Runs the ticks whose instructions 'torquer-study effects' counts under "
-                           "callgrind.");
+  torquer::Program program(
+      "torquer-effect-ticks",
+      "Runs the ticks for which 'torquer-study effects' counts instructions under callgrind.");
   Arguments arguments;
-  program.options().Flag("--quick", arguments.quick, "a wire of 100 mm, not of 250 mm");
-  program.options().Operand("FEEDS", arguments.feeds, "feeds to count in each scene, 1 to 1000000",
+  program.options().Flag("--quick", arguments.quick, "use a wire of 100 mm instead of 250 mm");
+  program.options().Operand("FEEDS", arguments.feeds,
+                            "number of feeds to count in each scene, 1 to 1000000",
                             torquer::ValueKind::kText);
-  program.options().Operands("SCENE", arguments.scenes, "scene files");
+  program.options().Operands("SCENE", arguments.scenes, "scene files to run");
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -317,13 +317,13 @@ class EffectsStudy final : public Study {
   std::string name() const override { return "effects"; }
   std::string title() const override { return "What every effect costs"; }
   std::string summary() const override {
-    return "the price list: a tick with no effect, with each, with pairs, with all";
+    return "time of a tick without effects, with each effect, with pairs of effects and with all";
   }
   void AddOptions(Options& options) override {
-    options.Text("--scenes", "FOLDER", scenes_,
-                 "folder of the scenes whose pairs of effects are measured; without it those that "
-                 "Torquer ships",
-                 ValueKind::kFolder);
+    options.Text(
+        "--scenes", "FOLDER", scenes_,
+        "folder with the scenes for the pairs of effects; without it the scenes that Torquer ships",
+        ValueKind::kFolder);
   }
 
   bool Run(StudyRun& run) override {

@@ -394,7 +394,7 @@ class ExperimentsStudy final : public Study {
   std::string name() const override { return "experiments"; }
   std::string title() const override { return "Published experiments, ours beside theirs"; }
   std::string summary() const override {
-    return "experiments of others on wires and rods, beside what the simulator gives for them";
+    return "published experiments on wires and rods, compared with the simulator's results";
   }
   bool Run(StudyRun& run) override {
     run.Say(

@@ -34,12 +34,13 @@ std::vector<std::unique_ptr<Study>> AllStudies() {
 }
 
 void AddCommonOptions(Options& options, StudyRun::Options& common) {
-  options.Group("Every study");
+  options.Group("Options of every study");
   options.Flag("--quick", common.quick, "measure fewer and smaller cases");
   options.Flag("--json", common.json,
-               "print JSON objects on standard output, one a line, instead of text");
+               "print JSON objects on standard output, one per line, instead of text");
   options.Text("--out", "FOLDER", common.folder,
-               "where STUDY.csv, STUDY.jsonl, STUDY.html and STUDY.svg go", ValueKind::kFolder);
+               "output folder for STUDY.csv, STUDY.jsonl, STUDY.html and STUDY.svg",
+               ValueKind::kFolder);
 }
 
 int RunStudy(Study& study, const StudyRun::Options& options) {
@@ -51,10 +52,10 @@ int RunStudy(Study& study, const StudyRun::Options& options) {
 
 int Main(int argc, char** argv) {
   Program program("torquer-study",
-                  "Measures what the simulator does and costs: figures as text, CSV, JSON and a "
-                  "report with plots.");
+                  "Measures the accuracy and the computing time of the simulator. It writes "
+                  "figures as text, CSV, JSON and a report with plots.");
   program.Note(
-      "Exit status: 0, or 1 when something that a study checks did not hold, or 2 when something "
+      "Exit status: 0 on success; 1 when a check of the study failed; 2 when an option or a file "
       "cannot be used.");
   const std::vector<std::unique_ptr<Study>> studies = AllStudies();
   StudyRun::Options common;

@@ -45,7 +45,7 @@ class PaperStudy final : public Study {
   std::string name() const override { return "paper"; }
   std::string title() const override { return "Baier et al. (2016), measured again"; }
   std::string summary() const override {
-    return "the paper's method: its tables and figures beside ours";
+    return "tables and figures of the paper, compared with the simulator's results";
   }
   bool Run(StudyRun& run) override {
     const vessel::TubeVessel phantom = vessel::MakeTyPhantom();

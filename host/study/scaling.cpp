@@ -197,15 +197,14 @@ class ScalingStudy final : public Study {
   std::string name() const override { return "scaling"; }
   std::string title() const override { return "An equilibrium at sensor rate"; }
   std::string summary() const override {
-    return "time of one action to equilibrium, and how it grows with n";
+    return "time of one action to equilibrium as a function of n";
   }
 
   void AddOptions(Options& options) override {
-    options.Text(
-        "--scenes", "FOLDER", folder_,
-        "folder of scenes with neuro_arch and abdominal_aorta; without it those that Torquer "
-        "ships",
-        ValueKind::kFolder);
+    options.Text("--scenes", "FOLDER", folder_,
+                 "folder with the scenes neuro_arch and abdominal_aorta; without it the scenes "
+                 "that Torquer ships",
+                 ValueKind::kFolder);
   }
 
   bool Run(StudyRun& run) override {

@@ -39,14 +39,14 @@ class TortureStudy final : public Study {
   std::string name() const override { return "torture"; }
   std::string title() const override { return "Hard cases, drawn at random"; }
   std::string summary() const override {
-    return "hard cases from seeds until the time is up; fails where an invariant does";
+    return "random hard cases for a given time; fails if an invariant is violated";
   }
   void AddOptions(Options& options) override {
     options.Integer("--seconds", "S", seconds_, 0, 1000000,
-                    "how long; without it 60, with --quick 10; 0: one case");
-    options.Integer("--seed", "N", seed_, 0, 2000000000, "the first seed");
+                    "duration of the study; without it 60, or 10 with --quick; 0: one case");
+    options.Integer("--seed", "N", seed_, 0, 2000000000, "seed of the first case");
     options.Flag("--soak", soak_,
-                 "instead, every case by every method in full, which takes minutes");
+                 "run every case completely by every method instead, which takes minutes");
   }
 
   bool Run(StudyRun& run) override {

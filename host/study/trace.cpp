@@ -226,8 +226,9 @@ class TraceStudy final : public Study {
     return "every attempt of the solver in a script: residual, damping, step, contacts, look-ups";
   }
   void AddOptions(Options& options) override {
-    options.Operand("SCENE", scene_, "scene file; its method must be newton");
-    options.Operand("SCRIPT", script_, "motion, as torquer-simulator --script reads it");
+    options.Operand("SCENE", scene_, "scene file, whose method must be newton");
+    options.Operand("SCRIPT", script_,
+                    "script of the motion, in the format of torquer-simulator --script");
   }
 
   bool Run(StudyRun& run) override {

@@ -86,7 +86,7 @@ class TwistStudy final : public Study {
   std::string name() const override { return "twist"; }
   std::string title() const override { return "What leaving out twist costs in accuracy"; }
   std::string summary() const override {
-    return "a wire that does not twist, beside stiff and soft ones and one of steel";
+    return "torsionally rigid wire, compared with stiff, soft and steel wires";
   }
 
   bool Run(StudyRun& run) override {

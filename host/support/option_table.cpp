@@ -129,7 +129,8 @@ std::string HelpText(const OptionTable& table, const std::string& words) {
       text += Row(subcommand.name, subcommand.summary);
     }
     text +=
-        Wrapped(fmt::format("'{} COMMAND --help' lists the options of one.", words), 0, 0) + '\n';
+        Wrapped(fmt::format("'{} COMMAND --help' lists the options of a command.", words), 0, 0) +
+        '\n';
   }
   if (!table.operands.empty()) text += '\n';
   for (const OptionEntry& operand : table.operands) text += Row(operand.name, HelpOf(operand));

@@ -65,34 +65,36 @@ void Declare(torquer::Options& options, Arguments& arguments) {
   torquer::device::AddSourceOptions(options, arguments.source);
   options.Group("Assembly");
   options.Flag("--focus", arguments.focus,
-               "calibrate nothing: show what the sensor's camera sees, with a verdict on its "
-               "distance, on dirt and shading");
-  options.Text("--picture", "FILE.png", arguments.picture, "with --focus: keep the last picture",
-               torquer::ValueKind::kFile);
+               "show the picture of the sensor's camera, judge its distance, dirt and shading, and "
+               "calibrate nothing");
+  options.Text("--picture", "FILE.png", arguments.picture,
+               "output file for the last picture of --focus", torquer::ValueKind::kFile);
   options.Group("Strokes");
-  options.Number(
-      "--length", "MM", arguments.length_mm, 10, 1000,
-      fmt::format("length of a push; without it you are asked, or it is {:g}", settings.length_mm));
+  options.Number("--length", "MM", arguments.length_mm, 10, 1000,
+                 fmt::format("length of a push; without it the program asks, or uses {:g}",
+                             settings.length_mm));
   options.Number("--length-error", "MM", settings.length_error_mm, 0.001, 100,
-                 "by what the length may be off, one standard deviation");
+                 "standard deviation of the error in the length");
   options.Flag("--ruler", settings.ruler,
-               "read a ruler for each push, instead of going from stop to stop");
-  options.Integer("--turns", "N", settings.turns, 1, 50, "whole turns in a stroke of turns");
+               "enter a ruler reading for each push, instead of pushing from stop to stop");
+  options.Integer("--turns", "N", settings.turns, 1, 50,
+                  "number of whole turns in a turning stroke");
   options.Number("--radius", "MM", settings.cylinder_radius_mm, 0.2, 100,
-                 "radius of the cylinder, about");
-  options.Integer("--pushes", "N", settings.pushes, 3, 100, "good pushes wanted");
+                 "approximate radius of the cylinder");
+  options.Integer("--pushes", "N", settings.pushes, 3, 100, "number of good pushes required");
   options.Integer("--turn-strokes", "N", settings.turn_strokes, 3, 100,
-                  "good strokes of turns wanted");
+                  "number of good turning strokes required");
   options.Group("Files");
   options.Text("--output", "FILE", arguments.output,
-               "the calibration; without it SERIAL.toml in the user's torquer configuration",
+               "calibration file to write; without it SERIAL.toml in the user's Torquer "
+               "configuration folder",
                torquer::ValueKind::kFile);
   options.Text("--plot", "FILE.svg", arguments.plot,
-               "picture of the residuals; without it beside the calibration",
+               "picture of the residuals to write; without it a file beside the calibration",
                torquer::ValueKind::kFile);
   options.Text("--script", "FILE", arguments.script,
-               "operator from a file (see calibration/README.md); without --source the file moves "
-               "its own device",
+               "script file that acts as the operator (see calibration/README.md); without "
+               "--source it moves a simulated device",
                torquer::ValueKind::kFile);
 }
 
@@ -327,17 +329,16 @@ int Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   torquer::Program program(
       "torquer-calibrate",
-      "Guides through pushes between two stops and whole turns, five minutes in all, and keeps "
-      "what "
-      "turns the counts of this device into mm and rad. Without --source it calibrates the bench "
-      "device on the USB.");
+      "Guides the operator through pushes between two stops and through whole turns, in about five "
+      "minutes. It keeps the factors that convert this device's counts to mm and rad. Without "
+      "--source it calibrates the bench device on USB.");
   program.Note(
-      "Keys: Enter marks a place (so does the X-ray button), u forgets the last stroke, s skips a "
-      "step, q or Ctrl-C gives up and changes nothing.");
+      "Keys: Enter or the X-ray button marks a position; u undoes the last stroke; s skips a step; "
+      "q or Ctrl-C quits without a change.");
   program.Note(
-      "Exit status: 0 when the calibration was kept, 1 when it was too poor to be kept, 2 when "
-      "something cannot be used, 130 when it was given up. With --focus: 0 when the sensor sits "
-      "well, 1 when it does not.");
+      "Exit status: 0 when the calibration was saved; 1 when it was too inaccurate to save; 2 when "
+      "an option, a file or a device cannot be used; 130 when the operator quit. With --focus: 0 "
+      "when the sensor's position is good; 1 when it is not.");
   Arguments arguments;
   Declare(program.options(), arguments);
   return program.Main(argc, argv, [&] { return Run(arguments); });

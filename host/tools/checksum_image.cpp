@@ -33,10 +33,10 @@ int Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   torquer::Program program(
       "torquer-checksum-image",
-      "Reads the contents of the flash, as the firmware's build left them, and writes their image "
-      "trailer with length and CRC. The build calls it as its last step.");
+      "Reads the flash contents that the firmware build produced, and writes the image trailer "
+      "with their length and CRC. The build calls this program as its last step.");
   Arguments arguments;
   program.options().Operand("FLASH.bin", arguments.flash, "contents of the flash from address 0");
-  program.options().Operand("TRAILER.bin", arguments.trailer, "where the trailer goes");
+  program.options().Operand("TRAILER.bin", arguments.trailer, "trailer file to write");
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -125,42 +125,45 @@ int Run(Arguments& arguments) {
 
 int main(int argc, char** argv) {
   torquer::Program program("torquer-flash",
-                           "Installs firmware on a bench device, whatever state it is in: writes, "
-                           "verifies, starts it, and reads its self-test.");
+                           "Installs firmware on a bench device in any state: writes it, verifies "
+                           "it, starts it and reads its self-test.");
   program.Note(
-      "Boards: with our firmware or bootloader, an update that was interrupted at any moment is "
-      "completed by running the same command again. A board with Arduino's Caterina is written by "
-      "avrdude: reset it first (a Pro Micro twice within a second), then run torquer-flash within "
-      "8 "
-      "s. The factory bootloader of the chip (DFU) is recognized, with instructions.");
+      "Boards with Torquer's firmware or bootloader: to complete an interrupted update, run the "
+      "same command again. Boards with Arduino's Caterina: avrdude writes the firmware. Reset the "
+      "board first (a Pro Micro twice within a second), then run torquer-flash within 8 s. Boards "
+      "with the chip's factory bootloader (DFU): torquer-flash prints instructions.");
   program.Note(
-      "Exit status: 0 when it is done, 1 when it was begun and not finished (run it again), 2 when "
-      "nothing was changed. With --fuses: 1 when no board is safe with them.");
+      "Exit status: 0 when the installation is complete; 1 when it was started and not finished "
+      "(run it again); 2 when nothing was changed. With --fuses: 1 when the fuses are not safe for "
+      "any board.");
   program.Note(
-      "The sensor's own firmware image (SROM) is its maker's, and no part of this project: the "
-      "sensor runs without it, and better with it on difficult surfaces. It forgets the image with "
-      "its power, in suspend too. --srom keeps a copy for the device, SERIAL.srom beside its "
-      "calibration, and torquer-daemon loads that again whenever it is lost.");
+      "The sensor's firmware image (SROM) belongs to its maker and is not part of this project. "
+      "The sensor works without it, but tracks better with it on difficult surfaces. The sensor "
+      "loses the image without power and in suspend. --srom keeps a copy as SERIAL.srom beside the "
+      "device's calibration, and torquer-daemon loads it again after each loss.");
   Arguments arguments;
   FlashRequest& request = arguments.request;
   torquer::Options& options = program.options();
-  options.Operand("[IMAGE.hex]", request.image,
-                  "firmware image; without it the one of this build for the board's clock");
+  options.Operand(
+      "[IMAGE.hex]", request.image,
+      "firmware image to install; without it the image of this build for the board's clock");
   options.Text("--device", "SERIAL", request.device,
-               "board with this serial number, needed when there are several");
+               "serial number of the board, required when there are several boards");
   options.Text("--port", "TTY", request.port,
-               "serial port of a board in Caterina, where it is not found; of one with an Arduino "
-               "program, which then is overwritten; of the programmer of --fuses",
+               "serial port of a board in Caterina, of a board with an Arduino program (which is "
+               "overwritten), or of the programmer for --fuses",
                torquer::ValueKind::kFile);
   options.Flag("--dry-run", request.dry_run,
-               "report what is there and what would be done, and change nothing");
-  options.Flag("--force", request.force, "install an older version over a newer one");
-  options.Text("--srom", "FILE", arguments.srom,
-               "install no firmware: load the sensor maker's image in this file into the sensor",
-               torquer::ValueKind::kFile);
+               "report the state of the board and the planned steps, and change nothing");
+  options.Flag("--force", request.force,
+               "allow the installation of an older version over a newer one");
+  options.Text(
+      "--srom", "FILE", arguments.srom,
+      "load the sensor maker's image from this file into the sensor, and install no firmware",
+      torquer::ValueKind::kFile);
   options.Text("--fuses", "PROGRAMMER", arguments.programmer,
-               "change nothing: read the chip's fuses through this ISP programmer (avrdude -c) and "
-               "judge them");
+               "read and judge the chip's fuses through this ISP programmer (type for avrdude -c), "
+               "and change nothing");
   return program.Main(argc, argv, [&] {
     try {
       return Run(arguments);

@@ -93,14 +93,14 @@ int Run(const std::string& url, std::optional<double> duration_s) {
 int main(int argc, char** argv) {
   torquer::Program program(
       "torquer-monitor",
-      "Reports on the session that is on the bus: on a terminal in one line "
-      "that changes five times a second, elsewhere in a line a second. Ends at "
-      "SIGINT or SIGTERM.");
+      "Shows the state of the session on the bus, until SIGINT or SIGTERM. On a terminal it "
+      "updates one line five times a second. Otherwise it prints one line per second.");
   std::string url;
   std::optional<double> duration_s;
   torquer::Options& options = program.options();
-  options.Text("--lcm-url", "URL", url,
-               "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
-  options.Number("--duration", "S", duration_s, 0.001, 1e6, "end after so many seconds");
+  options.Text(
+      "--lcm-url", "URL", url,
+      "URL of the message bus; without it LCM_DEFAULT_URL, or else multicast on this machine");
+  options.Number("--duration", "S", duration_s, 0.001, 1e6, "time after which the program ends");
   return program.Main(argc, argv, [&] { return Run(url, duration_s); });
 }

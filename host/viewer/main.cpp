@@ -101,32 +101,33 @@ int Run(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  torquer::Program program(
-      "torquer-viewer",
-      "Shows the session that is on the bus in a browser of this machine: prints the link of the "
-      "page and serves it until SIGINT or SIGTERM.");
+  torquer::Program program("torquer-viewer",
+                           "Shows the session on the bus in a browser on this machine: prints the "
+                           "link of the page and serves it until SIGINT or SIGTERM.");
   program.Note(
-      "A listening socket that systemd's convention passes in (LISTEN_PID, LISTEN_FDS=1) is served "
-      "instead of --port.");
+      "A listening socket replaces --port if it is passed in by systemd's convention (LISTEN_PID, "
+      "LISTEN_FDS=1).");
   Arguments arguments;
   torquer::Options& options = program.options();
   options.Text("--scene", "FILE", arguments.scene,
-               "the scene, by file or name, for the vessel in the 3D view",
-               torquer::ValueKind::kFile);
-  options.Text("--cases", "FOLDER", arguments.cases,
-               "in place of --scene: a folder of scenes, of which the page starts the one that is "
-               "chosen there",
-               torquer::ValueKind::kFolder);
-  options.Text("--start", "CASE", arguments.start, "with --cases: the one that starts at once");
+               "scene, by file or name, with the vessel of the 3D view", torquer::ValueKind::kFile);
+  options.Text(
+      "--cases", "FOLDER", arguments.cases,
+      "folder of scenes, instead of --scene; the page starts the scene that the user chooses",
+      torquer::ValueKind::kFolder);
+  options.Text("--start", "CASE", arguments.start, "case of --cases that starts at once");
   options.Text("--sessions", "FOLDER", arguments.sessions,
-               "with --cases: where logs, records and reports go", torquer::ValueKind::kFolder);
+               "output folder for the logs, records and reports of --cases",
+               torquer::ValueKind::kFolder);
   options.Flag("--steer", arguments.steer,
-               "the page's keys command the instruments, in place of bench devices");
+               "let the page's keys command the instruments, instead of bench devices");
   options.Integer("--port", "PORT", arguments.port, 0, 65535,
-                  "of 127.0.0.1, where the page is served; 0 takes a free one");
+                  "port on 127.0.0.1 that serves the page; 0: any free port");
   options.Text("--token-file", "FILE", arguments.token_file,
-               "keeps the secret part of the link for the next start", torquer::ValueKind::kFile);
-  options.Text("--lcm-url", "URL", arguments.url,
-               "message bus; without it LCM_DEFAULT_URL, else multicast on this machine");
+               "file that keeps the secret part of the link for the next start",
+               torquer::ValueKind::kFile);
+  options.Text(
+      "--lcm-url", "URL", arguments.url,
+      "URL of the message bus; without it LCM_DEFAULT_URL, or else multicast on this machine");
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -81,19 +81,19 @@ int Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   torquer::Program program(
       "torquer-replay",
-      "Plays a session that torquer-recorder recorded, in a browser of this machine: prints the "
-      "link of the page and serves it until SIGINT or SIGTERM. Meanwhile it repeats the session "
-      "and compares every state.");
+      "Plays a recorded session in a browser on this machine: prints the link of the page and "
+      "serves it until SIGINT or SIGTERM. It also repeats the session and compares every state.");
   program.Note(
-      "Exit status: 0 when what was repeated does not differ; 1 when a state differs or the log is "
+      "Exit status: 0 when all repeated states are equal; 1 when a state differs or the log is "
       "damaged; 2 when the log cannot be used.");
   Arguments arguments;
   torquer::Options& options = program.options();
-  options.Operand("LOG", arguments.log, "what torquer-recorder wrote", torquer::ValueKind::kFile);
+  options.Operand("LOG", arguments.log, "log of the session, written by torquer-recorder",
+                  torquer::ValueKind::kFile);
   options.Text("--scene", "FILE", arguments.scene,
-               "the scene as it was (default: the file that the log names)",
+               "scene file of the session (default: the file that the log names)",
                torquer::ValueKind::kFile);
   options.Integer("--port", "PORT", arguments.port, 0, 65535,
-                  "of 127.0.0.1, where the page is served; 0 takes a free one");
+                  "port on 127.0.0.1 that serves the page; 0: any free port");
   return program.Main(argc, argv, [&] { return Run(arguments); });
 }

@@ -8,22 +8,22 @@ from . import Error, __version__, _command, benchmark, centerlines, envs, export
 
 def main() -> int:
     parser = argparse.ArgumentParser(
-        prog="torquer", description="Shapes of wires and vessels in other formats; the speed of environments."
+        prog="torquer", description="Converts wires and vessels to other formats, and measures the speed of environments."
     )
     parser.add_argument("--version", action="version", version=f"torquer {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     convert = commands.add_parser(
         "convert",
-        help="a --states file into .pvd, .vtp, .mrk.json or .csv; centerlines of VMTK (.vtp) into "
-        "a new folder of curves for a scene",
+        help="convert a --states file to .pvd, .vtp, .mrk.json or .csv, or centerlines of VMTK (.vtp) "
+        "to a new folder of curves for a scene",
     )
-    convert.add_argument("source", metavar="IN")
-    convert.add_argument("target", metavar="OUT")
+    convert.add_argument("source", metavar="IN", help="file to read")
+    convert.add_argument("target", metavar="OUT", help="file or folder to write")
     speed = commands.add_parser(
-        "benchmark", help="how many steps a second the environments of torquer.envs take here, and their error"
+        "benchmark", help="measure the steps per second and the error of the environments in torquer.envs"
     )
-    speed.add_argument("--json", action="store_true", help="one line of JSON")
-    speed.add_argument("tasks", metavar="TASK", nargs="*", help=f"of {', '.join(envs.TASKS)} (default: all)")
+    speed.add_argument("--json", action="store_true", help="print one line of JSON")
+    speed.add_argument("tasks", metavar="TASK", nargs="*", help=f"tasks to measure: {', '.join(envs.TASKS)} (default: all)")
     arguments = parser.parse_args()
     try:
         if arguments.command == "benchmark":

@@ -284,19 +284,19 @@ class _Completion(argparse.Action):
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="torquer-batch",
-        description="Runs every case of a study: scenes x parameters x motions x seeds. What is stored is not run again.",
+        description="Runs every case of a study: scenes x parameters x motions x seeds. Stored cases are not run again.",
     )
     parser.add_argument("--version", action="version", version=f"torquer-batch {__version__}")
-    parser.add_argument("study", metavar="STUDY", help="the study file, TOML")
-    parser.add_argument("--out", metavar="FOLDER", help="where results are kept (default: STUDY's name and -results)")
+    parser.add_argument("study", metavar="STUDY", help="study file in TOML format")
+    parser.add_argument("--out", metavar="FOLDER", help="output folder for the results (default: STUDY's name with -results)")
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--workers", metavar="N", type=int, default=0,
-        help="processes on this machine (default: threads of one process, one a core)",
+        help="number of processes on this machine (default: one process with a thread per core)",
     )
-    where.add_argument("--scheduler", metavar="ADDRESS", help="that of a Dask cluster, as tcp://node1:8786")
-    parser.add_argument("--json", action="store_true", help="at the end one line of JSON")
-    parser.add_argument("--completion", choices=["bash"], action=_Completion, help="print the completion for bash")
+    where.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler, such as tcp://node1:8786")
+    parser.add_argument("--json", action="store_true", help="print one line of JSON at the end")
+    parser.add_argument("--completion", choices=["bash"], action=_Completion, help="print a completion script for bash")
     arguments = parser.parse_args()
     out = arguments.out or f"{pathlib.Path(arguments.study).stem}-results"
     try:

@@ -116,50 +116,58 @@ struct Arguments {
 
 void Declare(torquer::Options& options, Arguments& arguments) {
   using torquer::ValueKind;
-  options.Group("Live, until Ctrl-C: follows instrument commands, publishes wire states");
+  options.Group(
+      "Live session, which follows instrument commands and publishes wire states until Ctrl-C");
   options.Text("--scene", "FILE", arguments.scene,
-               "the scene: a file, or the name of one that Torquer has", ValueKind::kFile);
-  options.Text("--lcm-url", "URL", arguments.url, "LCM network (default: LCM_DEFAULT_URL)");
-  options.Flag("--realtime", arguments.realtime,
-               "before all ordinary programs, with its memory kept in RAM");
-  options.Flag("--json", arguments.json, "at the end one line of JSON: ticks, latency, times");
+               "scene file, or name of a scene that Torquer ships", ValueKind::kFile);
+  options.Text(
+      "--lcm-url", "URL", arguments.url,
+      "URL of the message bus; without it LCM_DEFAULT_URL, or else multicast on this machine");
+  options.Flag(
+      "--realtime", arguments.realtime,
+      "run with real-time priority, before all ordinary programs, and lock the memory in RAM");
+  options.Flag("--json", arguments.json,
+               "print ticks, latency and times as one line of JSON at the end");
   options.Text("--record", "FILE", arguments.outputs.record,
-               "at the end what the observers have found, as JSON; with --script too",
+               "write the readings of the observers as JSON at the end; also allowed with --script",
                ValueKind::kFile);
-  options.Group("From a script, without a bus");
+  options.Group("Simulation of a script, without a bus");
   options.Text("--script", "FILE", arguments.script,
-               "CSV with a column time_s, and as needed NAME.insertion_mm and NAME.rotation_rad "
-               "of each instrument, lao_deg, cra_deg, xray, contrast; -: rows from standard "
-               "input, each done as it comes",
+               "CSV file of commands; the column time_s is required; optional columns are "
+               "NAME.insertion_mm and NAME.rotation_rad per instrument, lao_deg, cra_deg, xray, "
+               "contrast; -: read rows from standard input and execute each at once",
                ValueKind::kFile);
   options.Text("--states", "FILE", arguments.outputs.states,
-               "one JSON object for each row, or binary where FILE ends in .bin; -: JSON on "
-               "standard output, each row at once",
+               "write one state per row of the script, as JSON lines, or as binary if FILE ends in "
+               ".bin; -: write JSON to standard output, each row at once",
                ValueKind::kFile);
   options.Text("--fields", "NAME[,NAME...]", arguments.outputs.fields,
-               "of --states these fields alone");
-  options.Text("--render", "FOLDER", arguments.outputs.pictures, "X-ray pictures as PNG",
-               ValueKind::kFolder);
-  options.Group("Again from a log");
+               "write only these fields to --states");
+  options.Text("--render", "FOLDER", arguments.outputs.pictures,
+               "write the X-ray pictures to this folder as PNG files", ValueKind::kFolder);
+  options.Group("Replay of a log");
   options.Text("--replay", "LOG", arguments.log,
-               "repeat a recorded session and compare every state; status 1 if one differs or the "
-               "log is damaged",
+               "repeat a recorded session and compare every state; exit status 1 if a state "
+               "differs or the log is damaged",
                ValueKind::kFile);
-  options.Group("About scenes");
-  options.Text("--explain", "FILE", arguments.explained,
-               "what a scene simulates, what is off, and what a tick takes here", ValueKind::kFile);
+  options.Group("Information on scenes");
+  options.Text(
+      "--explain", "FILE", arguments.explained,
+      "print which effects of a scene are on and off, and the time of a tick on this machine",
+      ValueKind::kFile);
   options.Text("--check-mesh", "FILE", arguments.surface,
-               "what a surface is, what is wrong with it, a picture, and the beginning of a scene; "
-               "status 1 if it does not load",
+               "check a surface file: report its size and defects, draw a picture, and print the "
+               "beginning of a scene; exit status 1 if it does not load",
                ValueKind::kFile);
-  options.Text("--picture", "FILE", arguments.picture,
-               "with --check-mesh: where the picture goes (default: the surface's name and .svg)",
-               ValueKind::kFile);
-  options.Flag("--list-effects", arguments.list_effects,
-               "all effects, and the roles that they take");
-  options.Flag("--list-keys", arguments.list_keys, "all keys of a scene file");
-  options.Flag("--markdown", arguments.markdown, "with --list-keys: the same as Markdown");
-  options.Flag("--json-schema", arguments.schema, "the same as a JSON Schema for editors");
+  options.Text(
+      "--picture", "FILE", arguments.picture,
+      "output file for the picture of --check-mesh (default: the surface's name with .svg)",
+      ValueKind::kFile);
+  options.Flag("--list-effects", arguments.list_effects, "list all effects with their roles");
+  options.Flag("--list-keys", arguments.list_keys, "list all keys of a scene file");
+  options.Flag("--markdown", arguments.markdown, "print --list-keys as Markdown");
+  options.Flag("--json-schema", arguments.schema,
+               "print all keys of a scene file as a JSON Schema for editors");
 }
 
 void Check(const Arguments& arguments) {
