@@ -150,35 +150,37 @@ void AddScene(py::module_& module) {
       .def_readonly("max_length_mm", &torquer::InstrumentInfo::max_length_mm)
       .def_readonly("tip_radius_mm", &torquer::InstrumentInfo::tip_radius_mm)
       .def_readonly("inner_radius_mm", &torquer::InstrumentInfo::inner_radius_mm,
-                    "Of its lumen; 0: solid.");
-  py::class_<Scene>(module, "Scene", "What a scene file says, read and checked, with its vessel.")
+                    "Radius of the lumen in mm; 0: solid.");
+  py::class_<Scene>(module, "Scene", "A scene, read from a file and checked, with its vessel.")
       .def(py::init(&Scene::FromFile), py::arg("path"), NoGil(),
-           "Reads a scene file and opens what it names.")
+           "Reads a scene file and the files that it names.")
       .def_static("from_text", &Scene::FromText, py::arg("text"), py::arg("folder") = ".", NoGil(),
-                  "A scene from the text of a scene file; paths in it are relative to folder.")
+                  "Reads a scene from the text of a scene file; its paths are relative to folder.")
       .def_property_readonly("name", &Scene::name)
-      .def_property_readonly("path", &Scene::path, "Of its file; 'scene' where it is of a text.")
+      .def_property_readonly("path", &Scene::path,
+                             "Path of the scene file; 'scene' for a scene from a text.")
       .def_property_readonly("text", &Scene::text, "All keys with their values, as a scene file.")
       .def_property_readonly("folder", &Scene::folder)
       .def_property_readonly("content_hash", &Scene::content_hash,
-                             "Of the text and of the files that it names.")
-      .def_property_readonly("instruments", &Scene::instruments, "The innermost first.")
+                             "Hash of the scene's text and of the files that it names.")
+      .def_property_readonly("instruments", &Scene::instruments,
+                             "Instruments of the scene, the innermost first.")
       .def_property_readonly("effects", &Scene::effects)
       .def_property_readonly("findings", &Scene::findings,
-                             "What was found in the vessel's file and repaired.")
-      .def_property_readonly("centerlines", &Scene::centerlines, "Their names.")
+                             "Defects that were found in the vessel's file and repaired.")
+      .def_property_readonly("centerlines", &Scene::centerlines, "Names of the centerlines.")
       .def_property_readonly(
           "bounds_mm",
           [](const Scene& scene) {
             const std::array<torquer::Point, 2> box = scene.bounds_mm();
             return ToRows({box[0], box[1]});
           },
-          "Two corners of a box around the vessel, shape (2, 3).")
+          "Two corners of the vessel's bounding box, shape (2, 3).")
       .def("keep_field", &Scene::KeepField, NoGil(),
-           "Keeps what was built of the vessel's field for the next program now, in place of when "
-           "the scene goes; returns why it cannot, else an empty text.")
+           "Stores the built parts of the vessel's field for later programs now, instead of when "
+           "the scene is deleted. Returns the reason if that fails, otherwise an empty text.")
       .def("clearance_mm", &Clearances, py::arg("points_mm"),
-           "Distance of points, shape (n, 3), from the wall: positive in the lumen. Shape (n,).")
+           "Distances of points, shape (n, 3), from the wall, positive in the lumen; shape (n,).")
       .def(
           "centerline_mm",
           [](const Scene& scene, const std::string& name, double step_mm) {
@@ -192,7 +194,8 @@ void AddScene(py::module_& module) {
             return ToRows(scene.RouteMm(centerline, at_mm, step_mm));
           },
           py::arg("centerline"), py::arg("at_mm"), py::arg("step_mm") = 1.0,
-          "The same along the shortest way from the entry to a place on a centerline.")
+          "Points along the shortest route from the entry to a place on a centerline, step_mm "
+          "apart, shape (n, 3).")
       .def(py::pickle(
           [](const Scene& scene) {
             return py::make_tuple(scene.text(), scene.folder(), scene.content_hash());
@@ -202,33 +205,35 @@ void AddScene(py::module_& module) {
                 Scene::FromText(state[0].cast<std::string>(), state[1].cast<std::string>());
             if (scene.content_hash() == state[2].cast<std::uint64_t>()) return scene;
             throw torquer::Error(scene.folder() + ": a file of the pickled scene " + scene.name() +
-                                 " has changed since; pickle it again");
+                                 " has changed since it was pickled; pickle the scene again");
           }));
 }
 
 void AddSimulation(py::module_& module) {
   using torquer::Imaging;
   using torquer::StepReport;
-  py::class_<StepReport>(module, "StepReport", "How a step went.")
-      .def_readonly("ticks", &StepReport::ticks, "That it was cut into.")
+  py::class_<StepReport>(module, "StepReport", "Report of a step.")
+      .def_readonly("ticks", &StepReport::ticks, "Number of ticks that the step was divided into.")
       .def_readonly("iterations", &StepReport::iterations)
-      .def_readonly("work", &StepReport::work, "Units of the budget.")
-      .def_readonly("converged", &StepReport::converged, "Relaxed to the scene's tolerance.")
+      .def_readonly("work", &StepReport::work, "Work done, in units of the budget.")
+      .def_readonly("converged", &StepReport::converged,
+                    "True if every tick relaxed to the scene's tolerance.")
       .def_readonly("budget_spent", &StepReport::budget_spent)
       .def_readonly("stalled", &StepReport::stalled)
-      .def_readonly("snapped", &StepReport::snapped, "The tip went much farther than the hands.")
-      .def_readonly("finished", &StepReport::finished, "False where after_tick ended it.");
-  py::class_<Imaging>(module, "Imaging", "What is chosen on the X-ray system.")
-      .def(
-          py::init([](const std::string& mode, double pulses_per_s, double magnification,
-                      double left, double right, double top, double bottom) {
-            return Imaging{ModeOf(mode), pulses_per_s, magnification, left, right, top, bottom};
-          }),
-          py::arg("mode") = kModes[0], py::kw_only(), py::arg("pulses_per_s") = 0.0,
-          py::arg("magnification") = 1.0, py::arg("left") = 0.0, py::arg("right") = 0.0,
-          py::arg("top") = 0.0, py::arg("bottom") = 0.0,
-          "mode: as_scene, plain, subtraction or roadmap. pulses_per_s: 1 to 60, 0 as the scene "
-          "has it. magnification: 1 to 4. Of the picture each shutter covers a share of 0 to 0.45.")
+      .def_readonly("snapped", &StepReport::snapped,
+                    "True if the tip snapped: it moved much farther than the hands.")
+      .def_readonly("finished", &StepReport::finished, "False if after_tick ended the step early.");
+  py::class_<Imaging>(module, "Imaging", "Settings of the X-ray system.")
+      .def(py::init([](const std::string& mode, double pulses_per_s, double magnification,
+                       double left, double right, double top, double bottom) {
+             return Imaging{ModeOf(mode), pulses_per_s, magnification, left, right, top, bottom};
+           }),
+           py::arg("mode") = kModes[0], py::kw_only(), py::arg("pulses_per_s") = 0.0,
+           py::arg("magnification") = 1.0, py::arg("left") = 0.0, py::arg("right") = 0.0,
+           py::arg("top") = 0.0, py::arg("bottom") = 0.0,
+           "mode: as_scene, plain, subtraction or roadmap. pulses_per_s: 1 to 60; 0: as in the "
+           "scene. magnification: 1 to 4. left, right, top, bottom: fraction of the picture that "
+           "each shutter covers, 0 to 0.45.")
       .def_property_readonly(
           "mode", [](const Imaging& self) { return kModes[static_cast<int>(self.mode)]; })
       .def_readonly("pulses_per_s", &Imaging::pulses_per_s)
@@ -237,13 +242,14 @@ void AddSimulation(py::module_& module) {
       .def_readonly("right", &Imaging::right)
       .def_readonly("top", &Imaging::top)
       .def_readonly("bottom", &Imaging::bottom);
-  py::class_<Simulation>(module, "Simulation", "A scene as it goes on.")
-      .def(py::init<const Scene&>(), py::arg("scene"), NoGil(), "At the start of the scene.")
+  py::class_<Simulation>(module, "Simulation", "A running simulation of a scene.")
+      .def(py::init<const Scene&>(), py::arg("scene"), NoGil(),
+           "Makes a simulation at the start of the scene.")
       .def_property_readonly("scene", [](const Simulation& self) { return self.scene(); })
-      .def("restart", &Simulation::Restart, NoGil(), "Back to the start.")
+      .def("restart", &Simulation::Restart, NoGil(), "Returns to the start of the scene.")
       .def(
           "copy", [](const Simulation& self) { return std::make_unique<Simulation>(self); },
-          NoGil(), "Another simulation that goes on from here by itself.")
+          NoGil(), "Returns an independent copy, which continues from the same state.")
       .def("__copy__", [](const Simulation& self) { return std::make_unique<Simulation>(self); })
       .def(
           "restore",
@@ -255,7 +261,8 @@ void AddSimulation(py::module_& module) {
             }
             self = saved;
           },
-          py::arg("saved"), NoGil(), "Goes on from where a simulation of the same scene is.")
+          py::arg("saved"), NoGil(),
+          "Takes over the state of another simulation of the same scene.")
       .def(
           "step",
           [](Simulation& self, double time_s, const Rows& hands, double lao_deg, double cra_deg,
@@ -274,21 +281,23 @@ void AddSimulation(py::module_& module) {
           py::arg("time_s"), py::arg("hands"), py::kw_only(), py::arg("lao_deg") = 0.0,
           py::arg("cra_deg") = 0.0, py::arg("xray") = false, py::arg("contrast") = false,
           py::arg("imaging") = Imaging(), py::arg("after_tick") = py::none(),
-          "Goes on to time_s, after the step before, with the hands there: shape (instruments, 2), "
-          "insertion past the entry in mm and rotation in rad. The hands move evenly. after_tick "
-          "is called with the report of each tick; where it returns False or raises, the step ends "
-          "there, and the next one goes on from there.")
+          "Advances the simulation to time_s, which must be later than the previous step. hands: "
+          "positions at the end, shape (instruments, 2), insertion past the entry in mm and "
+          "rotation in rad. The hands move at constant speed. after_tick is called with the report "
+          "of each tick. If it returns False or raises, the step ends there, and the next step "
+          "continues from there.")
       .def_property_readonly("time_s", &Simulation::time_s)
       .def_property_readonly("nodes_mm", &Nodes,
-                             "Where the wire lies, from the entry to the tip, shape (n, 3).")
+                             "Nodes of the wire, from the entry to the tip, shape (n, 3).")
       .def(
           "instrument_nodes_mm",
           [](const Simulation& self, std::size_t instrument) {
             return ToRows(self.InstrumentNodesMm(instrument));
           },
           py::arg("instrument"),
-          "Along an instrument, the innermost being number 0, from the entry to its tip, shape "
-          "(n, 3). With [effects.clearance] instruments lie on two curves, else on one.")
+          "Nodes of an instrument, from the entry to its tip, shape (n, 3). The innermost "
+          "instrument is number 0. With [effects.clearance] instruments lie on two curves, "
+          "otherwise on one.")
       .def_property_readonly(
           "hands",
           [](const Simulation& self) {
@@ -296,14 +305,14 @@ void AddSimulation(py::module_& module) {
             self.WhileStill([&] { hands = self.command().hands; });
             return HandsOf(hands.size(), [&](std::size_t k) { return hands[k]; });
           },
-          "Where the last step wanted the hands, shape (instruments, 2).")
+          "Commanded hand positions of the last step, shape (instruments, 2).")
       .def_property_readonly(
           "places",
           [](const Simulation& self) {
             const auto all = self.instruments();
             return HandsOf(all.size(), [&](std::size_t k) { return all[k].hand; });
           },
-          "How far that was carried out, shape (instruments, 2).")
+          "Reached hand positions, shape (instruments, 2).")
       .def_property_readonly(
           "tips_mm",
           [](const Simulation& self) {
@@ -311,19 +320,20 @@ void AddSimulation(py::module_& module) {
             for (const auto& instrument : self.instruments()) tips.push_back(instrument.tip_mm);
             return ToRows(tips);
           },
-          "The tip of each instrument, shape (instruments, 3).")
+          "Tips of the instruments, shape (instruments, 3).")
       .def_property_readonly("energy_mJ", &Simulation::energy_mJ)
-      .def_property_readonly("dissipated_mJ", &Simulation::dissipated_mJ, "No part of energy_mJ.")
+      .def_property_readonly("dissipated_mJ", &Simulation::dissipated_mJ,
+                             "Dissipated energy, which energy_mJ does not include.")
       .def_property_readonly("residual", &Simulation::residual)
       .def_property_readonly("max_penetration_mm", &Simulation::max_penetration_mm)
       .def_property_readonly("outside_lumen", &Simulation::outside_lumen)
       .def_property_readonly("state_hash", &Simulation::state_hash,
-                             "Of all that decides how it goes on.")
+                             "Hash of everything that determines the further simulation.")
       .def("solver_error_mm", &Simulation::SolverErrorMm, NoGil(),
-           "About how far the wire is from where relaxing to the end would bring it.")
+           "Estimated distance of the wire from the fully relaxed wire.")
       .def("discretization_error_mm", &Simulation::DiscretizationErrorMm, NoGil(),
-           "About how far it is from where it would be with ever finer segments; nan where it "
-           "touches the wall, twists, or has friction, inertia or room in a lumen.")
+           "Estimated distance of the wire from the limit of ever finer segments; nan with wall "
+           "contact, torsion, friction, inertia or clearance.")
       .def(
           "readings",
           [](const Simulation& self) {
@@ -333,9 +343,9 @@ void AddSimulation(py::module_& module) {
             }
             return out;
           },
-          "What the observers of the scene have found, by name; units end the names.")
+          "Readings of the scene's observers by name; each name ends with its unit.")
       .def("record", &Simulation::Record,
-           "The record of the session, JSON, as torquer-simulator --record writes it.")
+           "Record of the session as JSON, as torquer-simulator --record writes it.")
       .def(
           "contacts",
           [](const Simulation& self) {
@@ -345,23 +355,22 @@ void AddSimulation(py::module_& module) {
             }
             return out;
           },
-          "Where the wire is pressed against the wall: how deep, mm, by the node at the end of the "
-          "segment.")
+          "Penetrations of the wall in mm, by the node at the end of the segment in contact.")
       .def("forces", &ForcesOf,
-           "Along the wire, one entry a node; empty without [effects.internal_forces].")
+           "Forces along the wire, one entry per node; empty without [effects.internal_forces].")
       .def("picture_due", &Simulation::picture_due, py::arg("plane") = 0,
-           "Whether a picture was taken that picture() has not given yet.")
+           "True if a picture was taken that picture() has not returned yet.")
       .def("picture", &PictureOf, py::arg("plane") = 0,
-           "The last X-ray picture, shape (height, width), uint8; None before the first. Needs "
-           "[effects.fluoroscopy]; plane 1 is that of [effects.lateral_plane].")
+           "Last X-ray picture, shape (height, width), uint8; None before the first picture. It "
+           "needs [effects.fluoroscopy]; plane 1 belongs to [effects.lateral_plane].")
       .def_property_readonly("picture_planes", &Simulation::picture_planes,
-                             "How many planes take X-ray pictures.");
+                             "Number of planes that take X-ray pictures.");
 }
 
 }  // namespace
 
 PYBIND11_MODULE(_torquer, module) {
-  module.doc() = "Guidewires and catheters in a patient's arteries.";
+  module.doc() = "Simulation of guidewires and catheters in a patient's arteries.";
   module.attr("__version__") = torquer::Version();
   py::register_exception<torquer::Error>(module, "Error", PyExc_ValueError);
   AddScene(module);

@@ -33,7 +33,8 @@ void RequireValues(py::ssize_t given, std::size_t wanted, const char* what) {
 }  // namespace
 
 void AddNavigation(py::module_& module) {
-  py::class_<NavigationTask>(module, "NavigationTask", "As torquer.envs.Task has it.")
+  py::class_<NavigationTask>(module, "NavigationTask",
+                             "Task of an environment, with the values of torquer.envs.Task.")
       .def(py::init([](std::size_t instrument, double within_mm, double step_s, double longest_mm,
                        double largest_turn_rad, double force_limit_mN, int max_steps, bool pictures,
                        const Rows& route) {
@@ -55,7 +56,8 @@ void AddNavigation(py::module_& module) {
            py::arg("instrument"), py::arg("within_mm"), py::arg("step_s"), py::arg("longest_mm"),
            py::arg("largest_turn_rad"), py::arg("force_limit_mN"), py::arg("max_steps"),
            py::arg("pictures"), py::arg("route"));
-  py::class_<Navigation>(module, "Navigation", "An environment, episode after episode.")
+  py::class_<Navigation>(module, "Navigation",
+                         "A navigation environment, with one episode after another.")
       .def(py::init<const Scene&, NavigationTask>(), py::arg("scene"), py::arg("task"), NoGil())
       .def(
           "reset",
@@ -75,8 +77,8 @@ void AddNavigation(py::module_& module) {
           py::arg("action"))
       .def_property_readonly(
           "facts", [](const Navigation& self) { return self.facts(); },
-          "Reward, terminated, truncated, success, safe success, force, path, "
-          "what remains, time.")
+          "Reward, terminated, truncated, success, safe success, force, path length, remaining "
+          "distance, time.")
       .def("observe", &VectorOf)
       .def("take_picture",
            [](Navigation& self) {
@@ -86,7 +88,8 @@ void AddNavigation(py::module_& module) {
       .def_property_readonly("simulation", &Navigation::simulation,
                              py::return_value_policy::reference_internal);
   using PoolHolder = std::unique_ptr<NavigationPool, NavigationPoolEnd>;
-  py::class_<NavigationPool, PoolHolder>(module, "NavigationPool", "Environments in threads.")
+  py::class_<NavigationPool, PoolHolder>(module, "NavigationPool",
+                                         "Environments that run in threads.")
       .def(py::init([](const Scene& scene, const NavigationTask& task, std::size_t count,
                        std::size_t threads, py::array_t<double, py::array::c_style>& facts,
                        py::array& observations) {

@@ -27,7 +27,7 @@ std::vector<PlacesOfScene> Scenes(bool quick) {
 class AccuracyStudy final : public Study {
  public:
   std::string name() const override { return "accuracy"; }
-  std::string title() const override { return "What accuracy costs in time"; }
+  std::string title() const override { return "Accuracy and computing time"; }
   std::string summary() const override {
     return "error and time by segments, methods, tolerances, bending laws, fields and friction";
   }

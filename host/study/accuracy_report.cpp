@@ -194,7 +194,7 @@ Ladder Budgets(const AccuracyResults& results) {
 void SayDigit(StudyRun& run, const AccuracyResults& results) {
   const Ladder tolerances = Tolerances(results);
   const Ladder segments = Segments(results);
-  Table table{"What one more digit costs",
+  Table table{"Cost of one more digit",
               {"scene", "solver: time for a tenth of its error", "segments: order of the error",
                "time for a tenth of it"},
               {}};
@@ -261,7 +261,7 @@ void ReportLadders(StudyRun& run, const AccuracyResults& results) {
   run.Draw(LinesOfScenes("Solver's error over tolerance, segments of 1 mm", tolerance_axis,
                          {"mean distance from the same setting at 1e-9, mm", true}, results,
                          tolerances.x, tolerances.names, SolverErrorOf),
-           "What the solver leaves, apart from what the segments leave.");
+           "Error of the solver, without the error of the segments.");
   run.Draw(LinesOfScenes("Time over tolerance, segments of 1 mm", tolerance_axis,
                          {"ms for a millimeter of motion", true}, results, tolerances.x,
                          tolerances.names, TimeOf),

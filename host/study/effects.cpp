@@ -315,7 +315,7 @@ Plot PricePlot(const std::vector<Case>& cases, const std::vector<Price>& prices)
 class EffectsStudy final : public Study {
  public:
   std::string name() const override { return "effects"; }
-  std::string title() const override { return "What every effect costs"; }
+  std::string title() const override { return "Computing time of each effect"; }
   std::string summary() const override {
     return "time of a tick without effects, with each effect, with pairs of effects and with all";
   }

@@ -384,7 +384,7 @@ bool LayInPhantom(Part& part) {
                          {phantom::kMeanMm, phantom::kMeanMm},
                          {},
                          color});
-  part.run.Draw(plot, "What lies well below the dashed line is too small to explain it.");
+  part.run.Draw(plot, "A distance well below the dashed line is too small to explain it.");
   return fine.converged && coarse.converged && stiffer.converged && harder.converged &&
          wider.converged;
 }

@@ -104,7 +104,7 @@ Plot PlotOf(const Savings& savings) {
 }  // namespace
 
 void MeasurePaperSavings(PaperPart& part) {
-  part.run.Section("What Geometrical Relaxation saves (Fig. 15)");
+  part.run.Section("Savings by Geometrical Relaxation (Fig. 15)");
   Table table{"Time until the excess energy has fallen to 10 %, from the fast insertion",
               {"n", "tip", "wall, N/mm^2", "PR alone, s", "PR and GR, s", "ratio"},
               {}};

@@ -138,7 +138,7 @@ class TortureStudy final : public Study {
   }
 
   void Report(StudyRun& run) const {
-    Table table{"What the cases came to",
+    Table table{"Results of the cases",
                 {"case", "runs", "ticks", "at rest, % of ticks", "rested in the end", "snaps",
                  "deepest, mm", "energy rise of a step"},
                 {}};

@@ -95,7 +95,7 @@ void Summarize(StudyRun& run, Table& table, const std::string& name, const std::
 }
 
 void ShowSummary(StudyRun& run, const Trace& trace) {
-  Table table{"What it takes", {"", "median", "p99", "most"}, {}};
+  Table table{"Work of a tick and of an attempt", {"", "median", "p99", "most"}, {}};
   Summarize(run, table, "attempts a tick", "attempts_a_tick",
             Each(trace.ticks, [](const TracedTick& tick) { return tick.count; }));
   Summarize(run, table, "rounds of the active set an attempt", "rounds_an_attempt",
@@ -205,7 +205,7 @@ void DrawAll(StudyRun& run, const Trace& trace) {
   DrawAttempts(run, trace, "Length of the step", {"part of the model's step"},
                "0: the model had no minimum, or none was found in the rounds of the active set.",
                [](const AttemptRecord& one) { return one.step_scale; });
-  DrawAttempts(run, trace, "What the model promised", {"gained / expected"},
+  DrawAttempts(run, trace, "Gained and expected energy", {"gained / expected"},
                "1: the model of the energy was right. Under 0.1 an attempt is refused.",
                [](const AttemptRecord& one) {
                  return one.expected_mJ > 0 ? one.gained_mJ / one.expected_mJ : 0;
@@ -221,7 +221,7 @@ void DrawAll(StudyRun& run, const Trace& trace) {
 class TraceStudy final : public Study {
  public:
   std::string name() const override { return "trace"; }
-  std::string title() const override { return "What the solver does"; }
+  std::string title() const override { return "Steps of the solver"; }
   std::string summary() const override {
     return "every attempt of the solver in a script: residual, damping, step, contacts, look-ups";
   }

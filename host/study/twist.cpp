@@ -84,7 +84,7 @@ Distance Between(const Journey& a, const Journey& b) {
 class TwistStudy final : public Study {
  public:
   std::string name() const override { return "twist"; }
-  std::string title() const override { return "What leaving out twist costs in accuracy"; }
+  std::string title() const override { return "Error of a model without twist"; }
   std::string summary() const override {
     return "torsionally rigid wire, compared with stiff, soft and steel wires";
   }

@@ -200,15 +200,15 @@ def page(study: Study, rows: List[Dict[str, Any]], failures: List[Dict[str, Any]
         f" In {unconverged} some row did not converge; in {outside} the wire was outside the lumen at some time. "
         "All readings are in <code>readings.csv</code>, series and shapes in <code>shapes</code>, by the cases' keys in <code>readings.jsonl</code>.</p>"
     )
-    parts.append("<h2>What was varied</h2>" + _table(("key", "values"), varied))
+    parts.append("<h2>Varied keys</h2>" + _table(("key", "values"), varied))
     if rows:
-        parts.append("<h2>What it changes</h2>" + _plots(study, rows, readings))
+        parts.append("<h2>Effect on the readings</h2>" + _plots(study, rows, readings))
         summary = []
         for key in readings:
             values = sorted(row[key] for row in rows if _is_number(row.get(key)))
             summary.append((key, float(values[0]), float(statistics.median(values)), float(values[-1])))
         if summary:
-            parts.append("<h2>Readings</h2><p>Of the last row of each case; <code>largest.</code>: of all its rows.</p>")
+            parts.append("<h2>Readings</h2><p>Values of the last row of each case; <code>largest.</code>: largest value of all its rows.</p>")
             parts.append(_table(("reading", "lowest", "median", "highest"), summary))
     if failures:
         listed = [(name(failure["case"]), failure["message"]) for failure in failures[:_MOST_LISTED]]
