@@ -18,8 +18,9 @@ constexpr double kRadPerDeg = std::numbers::pi / 180;
 void Check(const Command& command, const Scene& scene) {
   const std::vector<InstrumentInfo>& instruments = scene.instruments();
   if (command.hands.size() != instruments.size()) {
-    throw Error(fmt::format("hands has {} entries, and {} has {} instruments; give one each",
-                            command.hands.size(), scene.name(), instruments.size()));
+    throw Error(fmt::format(
+        "hands has {} entries, but {} has {} instruments; give one entry per instrument",
+        command.hands.size(), scene.name(), instruments.size()));
   }
   for (std::size_t k = 0; k < instruments.size(); ++k) {
     const Hand& hand = command.hands[k];
@@ -70,7 +71,9 @@ Simulation::Parts::Parts(const Parts& other)
 Simulation::Simulation(const Scene& scene) : parts_(std::make_unique<Parts>(scene)) {}
 
 Simulation::Parts& Simulation::parts() const {
-  if (parts_ == nullptr) throw Error("the simulation was moved from; use the one that it went to");
+  if (parts_ == nullptr) {
+    throw Error("this simulation object was moved from; use the object that it was moved to");
+  }
   return *parts_;
 }
 
@@ -127,8 +130,9 @@ StepReport Simulation::Step(const Command& command,
   const double before_s = all.rows.command().time_s;
   const bool after = all.rows.begun() ? command.time_s > before_s : command.time_s >= before_s;
   if (!after || !std::isfinite(command.time_s)) {
-    throw Error(fmt::format("time_s is {}, not after the command before, at {}; let times ascend",
-                            command.time_s, before_s));
+    throw Error(fmt::format(
+        "time_s is {}, not later than the previous command at {}; give increasing times",
+        command.time_s, before_s));
   }
   Check(command, all.scene);
   return all.rows.GoTo(command, [&](const StepReport& tick) {
@@ -165,8 +169,8 @@ std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {
   const WireState& state = parts_->simulation.state();
   const auto count = static_cast<std::size_t>(state.places().size());
   if (instrument >= count) {
-    throw Error(
-        fmt::format("there is no instrument {}; the scene has {}, from 0 on", instrument, count));
+    throw Error(fmt::format("there is no instrument {}; the scene has {}, numbered from 0",
+                            instrument, count));
   }
   const int k = static_cast<int>(instrument);
   std::vector<Eigen::Vector3d> part;
@@ -281,7 +285,7 @@ const Picture& Simulation::LastPicture(int plane) {
                 ": has no X-ray picture to render; add [effects.fluoroscopy]");
   }
   if (plane < 0 || plane >= picture_planes()) {
-    throw Error(fmt::format("plane {}: there is none; give 0 to {}", plane, picture_planes() - 1));
+    throw Error(fmt::format("plane {} does not exist; give 0 to {}", plane, picture_planes() - 1));
   }
   const auto k = static_cast<std::size_t>(plane);
   if (!parts_->pictures_due[k]) return parts_->pictures[k];

@@ -116,7 +116,7 @@ UdpmPlace ReadMulticast(const std::string& url, std::string_view text) {
 // The multicast settings of `url`; nullopt for LCM's other transports.
 std::optional<UdpmPlace> ReadUrl(const std::string& url) {
   const std::size_t scheme_end = url.find("://");
-  if (scheme_end == std::string::npos) Refuse(url, "it has no scheme");
+  if (scheme_end == std::string::npos) Refuse(url, "the URL has no scheme");
   const std::string scheme = url.substr(0, scheme_end);
   if (scheme == "udpm") {
     return ReadMulticast(url, std::string_view(url).substr(scheme_end + 3));
@@ -185,9 +185,9 @@ UdpmReceiver& Bus::Receiver() {
     try {
       receiver_ = std::make_unique<UdpmReceiver>(*udpm_);
     } catch (const std::system_error& error) {
-      throw UserError(fmt::format(
-          "LCM URL '{}': cannot be listened to ({}); check whether another program holds the port",
-          url_, error.what()));
+      throw UserError(
+          fmt::format("LCM URL '{}': cannot listen ({}); check if another program uses the port",
+                      url_, error.what()));
     }
   }
   return *receiver_;
@@ -260,7 +260,7 @@ std::string Bus::TakeNotice(std::int64_t now_us) {
   for (const Subscription& subscription : subscriptions_) {
     const ChannelCounters& counters = subscription.counters;
     add(counters.undecodable, noted_undecodable_[k++],
-        fmt::format("on {} that are no such message, the last from {}", counters.channel,
+        fmt::format("invalid messages on {}, the last from {}", counters.channel,
                     Describe(counters.undecodable_from)));
   }
   if (receiver_ != nullptr) {
@@ -268,7 +268,7 @@ std::string Bus::TakeNotice(std::int64_t now_us) {
     add(damaged.count, noted_damaged_,
         fmt::format("damaged datagrams, the last from {}", Describe(damaged.last_sender)));
   }
-  add(dropped(), noted_dropped_, "dropped, as they came faster than they were handled");
+  add(dropped(), noted_dropped_, "messages dropped, because they arrived too fast");
   if (notice.empty()) return "";
   notice_us_ = now_us;
   return "refused on the bus: " + notice;

@@ -229,7 +229,7 @@ std::string AtomicFile::SavePartial() {
   if (buffer_->kept() == 0 || buffer_->fd() < 0 || !buffer_->CutToKept()) return "";
   const std::string name = target_ + ".partial";
   if (!NameIt(name).empty()) return "";
-  return fmt::format("its first {} bytes, which are whole, are kept in {}, and the rest is lost; ",
+  return fmt::format("its first {} bytes are complete and kept in {}, and the rest is lost; ",
                      buffer_->kept(), name);
 }
 

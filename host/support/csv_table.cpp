@@ -55,15 +55,17 @@ std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
   if (table.header_line == 0) {
     if (cells.size() == 1 && line.find(';') != std::string::npos) {
       Refuse(table.path, number,
-             "semicolons part the columns; save it with commas, and with points in numbers");
+             "semicolons separate the columns; save the file with commas between columns and "
+             "decimal points in numbers");
     }
     if (!header.empty() && cells != Split(header)) {
       Refuse(table.path, number, fmt::format("the header is '{}'; it must be '{}'", line, header));
     }
     if (cells.size() > kMostColumns) {
       Refuse(table.path, number,
-             fmt::format("{} columns; at most {} are read, remove what is not used", cells.size(),
-                         kMostColumns));
+             fmt::format(
+                 "the header has {} columns, but at most {} are allowed; remove unused columns",
+                 cells.size(), kMostColumns));
     }
     table.header_line = number;
     table.columns = std::move(cells);
@@ -71,7 +73,7 @@ std::optional<CsvRow> TakeLine(CsvTable& table, int number, std::string line,
   }
   if (cells.size() != table.columns.size()) {
     Refuse(table.path, number,
-           fmt::format("{} values; the header '{}' names {}", cells.size(),
+           fmt::format("the row has {} values, but the header '{}' names {}", cells.size(),
                        fmt::join(table.columns, ","), table.columns.size()));
   }
   return CsvRow{number, std::move(cells)};
@@ -87,7 +89,7 @@ void CheckHeader(const CsvTable& table, const std::string& header) {
     if (table.columns[k].empty()) Refuse(table.path, table.header_line, "a column has no name");
     if (table.Find(table.columns[k]) == k) continue;
     Refuse(table.path, table.header_line,
-           fmt::format("the column {} stands twice", table.columns[k]));
+           fmt::format("the column {} appears twice", table.columns[k]));
   }
 }
 

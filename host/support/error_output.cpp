@@ -96,8 +96,8 @@ std::string RemedyOf(const std::error_code& error) {
   if (error == std::errc::resource_unavailable_try_again) {
     return "close other programs, or raise the limit of processes and threads (ulimit -u)";
   }
-  if (error == std::errc::no_space_on_device) return "make room on the disk";
-  if (error.value() == EDQUOT) return "make room in your quota of the disk";
+  if (error == std::errc::no_space_on_device) return "free space on the disk";
+  if (error.value() == EDQUOT) return "free space in your disk quota";
   if (error == std::errc::file_too_large) return "raise the limit of a file's size (ulimit -f)";
   if (error == std::errc::permission_denied || error == std::errc::operation_not_permitted) {
     return "check the permissions";
@@ -105,7 +105,7 @@ std::string RemedyOf(const std::error_code& error) {
   if (error == std::errc::no_such_file_or_directory || error == std::errc::not_a_directory) {
     return "check the path";
   }
-  if (error == std::errc::read_only_file_system) return "choose a place that can be written";
+  if (error == std::errc::read_only_file_system) return "choose a writable folder";
   if (error == std::errc::io_error || error == std::errc::bad_file_descriptor) {
     return "is the disk full, or the stream closed?";
   }

@@ -58,7 +58,7 @@ void EnterRealtime() {
   const sched_param priority{.sched_priority = kPriority};
   if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &priority) != 0) {
     munlockall();
-    Refuse(fmt::format("this user may have real-time priorities up to {}, of which {} is needed",
+    Refuse(fmt::format("this user may have real-time priorities up to {}, but {} is needed",
                        LimitOf(RLIMIT_RTPRIO), kPriority),
            fmt::format("USER - rtprio {}", kPriority));
   }

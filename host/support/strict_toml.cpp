@@ -375,7 +375,7 @@ void StrictTable::RefuseUnread() {
     const std::string near = NearestName(key, known);
     const std::string remedy = near.empty() ? "remove it." : fmt::format("did you mean {}?", near);
     Refuse(key, fmt::format("is not a known key; {} {}", remedy,
-                            known.empty() ? std::string("No key is known here.")
+                            known.empty() ? std::string("This table has no keys.")
                                           : fmt::format("Keys here: {}", fmt::join(known, ", "))));
   }
   for (auto& [key, children] : impl_->children) {

@@ -49,7 +49,9 @@ class Usage {
   /// Lock for a call that moves the object.
   [[nodiscard]] Hold Change() {
     if (Take()) return {*this, true, true};
-    if (IsChanger()) throw Thrown("a step is in use of it; move it after the step, not within");
+    if (IsChanger()) {
+      throw Thrown("a step of this object is running; change the object after the step");
+    }
     RefuseOther();
   }
 
@@ -69,7 +71,9 @@ class Usage {
   }
   bool IsChanger() const { return changer_.load() == std::this_thread::get_id(); }
   [[noreturn]] static void RefuseOther() {
-    throw Thrown("another thread uses it; let one thread at a time, or give each a copy");
+    throw Thrown(
+        "another thread uses this object; use it from one thread at a time, or give each thread a "
+        "copy");
   }
 
   std::atomic<int> users_ = 0;  // number of readers; -1: one changer

@@ -401,8 +401,8 @@ TEST_CASE("What cannot be used is refused, and changes nothing", "[api]") {
     CHECK(Show(simulation) == before);
   };
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  refuse([](Command& c) { c.time_s = -1; }, "let times ascend");
-  refuse([&](Command& c) { c.time_s = nan; }, "let times ascend");
+  refuse([](Command& c) { c.time_s = -1; }, "give increasing times");
+  refuse([&](Command& c) { c.time_s = nan; }, "give increasing times");
   refuse([](Command& c) { c.time_s = std::numeric_limits<double>::infinity(); }, "time_s is inf");
   refuse([](Command& c) { c.hands.clear(); }, "hands has 0 entries");
   refuse([](Command& c) { c.hands.emplace_back(); }, "hands has 2 entries");
@@ -415,5 +415,5 @@ TEST_CASE("What cannot be used is refused, and changes nothing", "[api]") {
   refuse([](Command& c) { c.imaging.top = 0.5; }, "top 0.5");
   refuse([](Command& c) { c.imaging.mode = static_cast<torquer::Imaging::Mode>(4); }, "mode 4");
   simulation.Step(simulation.command());
-  CHECK_THROWS_WITH(simulation.Step(simulation.command()), Contains("let times ascend"));
+  CHECK_THROWS_WITH(simulation.Step(simulation.command()), Contains("give increasing times"));
 }

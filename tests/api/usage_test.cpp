@@ -41,9 +41,9 @@ TEST_CASE("A simulation is not moved within its own step") {
   command.time_s = 0.05;
   int looked = 0;
   simulation.Step(command, [&](const torquer::StepReport&) {
-    CHECK_THROWS_WITH(simulation.Restart(), Contains("a step is in use"));
-    CHECK_THROWS_WITH(simulation = saved, Contains("a step is in use"));
-    CHECK_THROWS_WITH(simulation.Step(command), Contains("a step is in use"));
+    CHECK_THROWS_WITH(simulation.Restart(), Contains("a step of this object is running"));
+    CHECK_THROWS_WITH(simulation = saved, Contains("a step of this object is running"));
+    CHECK_THROWS_WITH(simulation.Step(command), Contains("a step of this object is running"));
     simulation.SolverErrorMm();
     looked += Simulation(simulation).state_hash() == simulation.state_hash() ? 1 : 0;
     return true;

@@ -205,13 +205,13 @@ TEST_CASE("Datagrams that are no message are counted and named, once a minute") 
   CHECK(bus.counters().at(0).undecodable == 1);
 
   const std::string from = "port " + std::to_string(stranger.port());
-  CHECK(bus.TakeNotice(2) == "refused on the bus: 1 on B that are no such message, the last from " +
-                                 from + "; 2 damaged datagrams, the last from " + from);
+  CHECK(bus.TakeNotice(2) == "refused on the bus: 1 invalid messages on B, the last from " + from +
+                                 "; 2 damaged datagrams, the last from " + from);
   stranger.Send(torquer::test::WholeDatagram("B", {1, 2, 3}));
   REQUIRE(HandleUntil(bus, [&] { return bus.undecodable() == 4; }));
   CHECK(bus.TakeNotice(60'000'001).empty());
   CHECK(bus.TakeNotice(60'000'002) ==
-        "refused on the bus: 1 on B that are no such message, the last from " + from);
+        "refused on the bus: 1 invalid messages on B, the last from " + from);
   CHECK(bus.TakeNotice(200'000'000).empty());
 }
 
@@ -295,5 +295,5 @@ TEST_CASE("A full queue drops the newest, and says so") {
   REQUIRE(HandleUntil(receiver, [&] { return others == 1; }));
   CHECK(seen == std::vector<std::int64_t>{0, 1, 2});
   CHECK(receiver.TakeNotice(1) ==
-        "refused on the bus: 7 dropped, as they came faster than they were handled");
+        "refused on the bus: 7 messages dropped, because they arrived too fast");
 }

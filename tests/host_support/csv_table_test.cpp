@@ -39,7 +39,7 @@ TEST_CASE("A CSV table is read as spreadsheets and R write it", "[support]") {
   CHECK(torquer::CsvNumber(marked.path, "a,b", rows[0], 1) == 2);
   const Csv semicolons("a;b\n1,5;2\n");
   CHECK_THROWS_WITH(torquer::ReadCsvTable(semicolons.path),
-                    Contains("t.csv:1: semicolons part the columns"));
+                    Contains("t.csv:1: semicolons separate the columns"));
 }
 
 TEST_CASE("A CSV table says what is wrong and where", "[support]") {
@@ -59,7 +59,7 @@ TEST_CASE("A CSV table of more columns than are read is refused", "[support]") {
   for (int k = 1; k < 1000; ++k) header += ",c" + std::to_string(k);
   CHECK(torquer::ReadCsvTable(Csv(header + "\n").path).columns.size() == 1000);
   CHECK_THROWS_WITH(torquer::ReadCsvTable(Csv("# note\n" + header + ",c\n").path),
-                    Contains("t.csv:2: 1001 columns; at most 1000 are read"));
+                    Contains("t.csv:2: the header has 1001 columns, but at most 1000 are allowed"));
 }
 
 TEST_CASE("Lines that come one by one are taken when a row is asked for", "[support]") {
@@ -81,12 +81,13 @@ TEST_CASE("Lines that come one by one are taken when a row is asked for", "[supp
   CHECK(reader.table().Number(*row, 1) == 4);
   CHECK_FALSE(reader.Next());
   lines.emplace_back("5");
-  CHECK_THROWS_WITH(reader.Next(), Contains("here:6: 1 values; the header 'a,b' names 2"));
+  CHECK_THROWS_WITH(reader.Next(),
+                    Contains("here:6: the row has 1 values, but the header 'a,b' names 2"));
   lines = {"# note"};
   taken = 0;
   CHECK_FALSE(torquer::CsvReader("here", next).ReadHeader());
   lines = {"a,a"};
   taken = 0;
   CHECK_THROWS_WITH(torquer::CsvReader("here", next).ReadHeader(),
-                    Contains("here:1: the column a stands twice"));
+                    Contains("here:1: the column a appears twice"));
 }

@@ -133,10 +133,11 @@ TEST_CASE("Without the limits real time is refused, and nothing stays of it") {
     CHECK_THAT(refused(1 << 28, 0),
                Catch::StartsWith("--realtime: this user may lock only 268435456 bytes") &&
                    Catch::Contains("'USER - memlock unlimited'"));
-    CHECK_THAT(refused(RLIM_INFINITY, 19),
-               Catch::StartsWith("--realtime: this user may have real-time priorities up to 19, of "
-                                 "which 20 is needed") &&
-                   Catch::Contains("'USER - rtprio 20'"));
+    CHECK_THAT(
+        refused(RLIM_INFINITY, 19),
+        Catch::StartsWith("--realtime: this user may have real-time priorities up to 19, but "
+                          "20 is needed") &&
+            Catch::Contains("'USER - rtprio 20'"));
     CHECK(refused(RLIM_INFINITY, 20) == "granted");
   }
 }

@@ -65,7 +65,7 @@ TEST_CASE("A key that nobody reads is refused with the keys that exist there", "
                     "Keys here: segment_mm, vessel");
   StrictTable unread = StrictTable::Parse("a = 1\n", "s.toml");
   CHECK_THROWS_WITH(unread.RefuseUnread(),
-                    "s.toml:1: a = 1: is not a known key; remove it. No key is known here.");
+                    "s.toml:1: a = 1: is not a known key; remove it. This table has no keys.");
 }
 
 TEST_CASE("A strict table refuses what is missing and has no default", "[support]") {
