@@ -94,7 +94,7 @@ Line FitLine(std::span<const Stroke> strokes, MotionKind kind) {
   }
   if (count < 2) {
     throw UserError(fmt::format(
-        "there {} {} {}; their scatter shows how sure the result is, so take at least two",
+        "there {} {} {}; take at least two, because their scatter gives the error of the result",
         count == 1 ? "is" : "are", count, kind == MotionKind::kPush ? "pushes" : "turns"));
   }
   for (double& slope : line.slope) slope /= squares;
@@ -184,9 +184,9 @@ void Check(const Stroke& stroke, std::size_t index) {
     require(std::isfinite(value), field, value, "give a finite number");
   }
   require(std::isfinite(stroke.reference) && stroke.reference != 0.0, "reference", stroke.reference,
-          "give what the hand was to do, mm or rad, and not 0");
+          "give the intended motion of the hand in mm or rad, not 0");
   require(stroke.reference_error > 0.0 && std::isfinite(stroke.reference_error), "reference_error",
-          stroke.reference_error, "declare how far the reference may be off, more than 0");
+          stroke.reference_error, "give the standard deviation of the reference, more than 0");
 }
 
 void Check(const CommonErrors& common) {
@@ -194,7 +194,7 @@ void Check(const CommonErrors& common) {
        {std::pair{"push_mm", common.push_mm}, std::pair{"push_turn_rad", common.push_turn_rad},
         std::pair{"turn_rad", common.turn_rad}, std::pair{"turn_push_mm", common.turn_push_mm}}) {
     if (!(value >= 0.0 && std::isfinite(value))) {
-      throw UserError(fmt::format("common error {} = {:g}; declare a standard deviation, 0 or more",
+      throw UserError(fmt::format("common error {} = {:g}; give a standard deviation, 0 or more",
                                   field, value));
     }
   }

@@ -100,9 +100,10 @@ void RequirePictures(std::span<const FocusPicture> pictures) {
   for (const FocusPicture& picture : pictures) {
     const bool whole = picture.size() == kFocusPixels;
     if (!whole || *std::max_element(picture.begin(), picture.end()) > kFocusWhite) {
-      throw UserError("a picture of the sensor has " + std::to_string(picture.size()) +
-                      (whole ? " pixels, but one above 127" : " pixels where it has 1296") +
-                      "; the device's firmware and this program do not fit together");
+      throw UserError(
+          "a picture of the sensor has " + std::to_string(picture.size()) +
+          (whole ? " pixels, but one above 127" : " pixels where it has 1296") +
+          "; the device's firmware and this program are not compatible; run torquer-flash");
     }
   }
 }
@@ -197,9 +198,9 @@ FocusVerdict JudgeFocus(std::span<const FocusPicture> pictures, int surface_qual
     }
   }
   if (surface_quality < kPoorQuality) {
-    found.push_back(
-        Said("The sensor finds little to hold on to (surface %.0f, 16 or more is wanted).",
-             surface_quality));
+    found.push_back(Said(
+        "The surface has too little texture for the sensor (surface %.0f; 16 or more is needed).",
+        surface_quality));
   }
   verdict.good = found.empty();
   if (verdict.good) {

@@ -203,8 +203,8 @@ void Procedure::Rest(const Reading& reading) {
                     reading.surface_quality));
   } else {
     Say(Message::Kind::kRejected,
-        "the count moves though nothing should; keep hands off, and if it still does, look for a "
-        "shiny cylinder, a wrong distance or light from aside");
+        "the count changes at rest; keep your hands off; if it still changes, look for a shiny "
+        "cylinder, a wrong distance or light from the side");
   }
 }
 
@@ -233,9 +233,10 @@ void Procedure::Lift(const Reading& reading) {
     lift_checked_ = moved <= kLiftCounts;
     Say(lift_checked_ ? Message::Kind::kAccepted : Message::Kind::kRejected,
         lift_checked_
-            ? fmt::format("lifting is noticed; the count moved by {:.0f} meanwhile", moved)
-            : fmt::format("lifting is noticed, but the count moved by {:.0f} meanwhile; set the "
-                          "sensor closer, so that it loses the surface sooner",
+            ? fmt::format("the sensor detects lifting; the count changed by {:.0f} while lifted",
+                          moved)
+            : fmt::format("the sensor detects lifting, but the count changed by {:.0f} while "
+                          "lifted; set the sensor closer, so that it loses the surface sooner",
                           moved));
   }
   if (reading.time_us - landed_since_us_ >= kStillUs) GoOn();
@@ -342,14 +343,14 @@ void Procedure::Judge() {
       Say(Message::Kind::kRejected,
           name + (is_new ? " is not used: " : " is no longer used: ") + *rejections_[i]);
     } else if (!is_new && before[i] && !rejections_[i]) {
-      Say(Message::Kind::kAccepted, name + " is used after all");
+      Say(Message::Kind::kAccepted, name + " is used again");
     }
   }
 }
 
 void Procedure::Undo() {
   if (strokes_.empty() || strokes_.back().stroke.kind != kind()) {
-    return Say(Message::Kind::kInfo, "there is no stroke to forget");
+    return Say(Message::Kind::kInfo, "there is no stroke to undo");
   }
   strokes_.pop_back();
   rejections_.pop_back();
@@ -357,7 +358,7 @@ void Procedure::Undo() {
   place_ = Place::kStart;
   marking_ = false;
   current_ = {};
-  Say(Message::Kind::kInfo, "the last stroke is forgotten");
+  Say(Message::Kind::kInfo, "the last stroke is undone");
 }
 
 HandMotion Procedure::SinceMark() const {

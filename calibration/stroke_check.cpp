@@ -46,11 +46,11 @@ Surface SurfaceOf(const Stroke& stroke, const StrokeExpectation& expected) {
 Rejection JudgePush(const Surface& surface, double asked_mm, const StrokeExpectation& expected) {
   const double travel = std::hypot(surface.along_mm, surface.across_mm);
   if (travel < 0.5 * asked_mm / expected.gain_factor) {
-    return fmt::format("too short: about {:.0f} mm where {:.0f} were asked for", travel, asked_mm);
+    return fmt::format("too short: about {:.0f} mm instead of {:.0f} mm", travel, asked_mm);
   }
   if (surface.along_mm < -0.5 * travel) {
-    return "the wrong way: the count went back; push away from you (or the sensor is mounted the "
-           "other way round)";
+    return "wrong direction: the count decreased; push away from you (or the sensor is mounted in "
+           "reverse)";
   }
   if (std::abs(std::atan2(surface.across_mm, surface.along_mm)) > kLargestAngle) {
     return fmt::format("turned while pushing, by about {:.0f} degrees",
@@ -58,9 +58,8 @@ Rejection JudgePush(const Surface& surface, double asked_mm, const StrokeExpecta
   }
   if (travel > asked_mm * expected.gain_factor || travel < asked_mm / expected.gain_factor) {
     return fmt::format(
-        "about {:.0f} mm by the sensor's resolution where {:.0f} were asked for: not the whole "
-        "way, or "
-        "another length than was declared",
+        "about {:.0f} mm by the sensor's resolution instead of {:.0f} mm: the push was incomplete, "
+        "or the declared length is wrong",
         travel, asked_mm);
   }
   return std::nullopt;
@@ -72,29 +71,29 @@ Rejection JudgeTurn(const Surface& surface, double asked_rad, const StrokeExpect
   const double asked_turns = asked_rad / (2.0 * kPi);
   const double factor = expected.gain_factor * expected.radius_factor;
   if (turns < 0.5 * asked_turns / factor) {
-    return fmt::format("too little: about {:.1f} turns where {:.0f} were asked for", turns,
-                       asked_turns);
+    return fmt::format("too little: about {:.1f} turns instead of {:.0f}", turns, asked_turns);
   }
   if (surface.along_mm < -0.5 * travel) {
-    return "the wrong way: turn clockwise as you see it (or the sensor is mounted the other way "
-           "round)";
+    return "wrong direction: turn clockwise as you see it (or the sensor is mounted in reverse)";
   }
   if (std::abs(std::atan2(surface.across_mm, surface.along_mm)) > kLargestAngle) {
     return fmt::format("pushed while turning, by about {:.0f} mm", std::abs(surface.across_mm));
   }
   if (turns > asked_turns * factor || turns < asked_turns / factor) {
     return fmt::format(
-        "about {:.1f} turns by the cylinder's radius where {:.0f} were asked for: miscounted, or "
-        "another radius than was declared",
+        "about {:.1f} turns by the cylinder's radius instead of {:.0f}: the turns were miscounted, "
+        "or the declared radius is wrong",
         turns, asked_turns);
   }
   return std::nullopt;
 }
 
 Rejection JudgeAlone(const RecordedStroke& recorded, const StrokeExpectation& expected) {
-  if (recorded.interrupted) return "the device restarted or was away during it";
-  if (recorded.faulty) return "the sensor did not answer during it";
-  if (recorded.lifted) return "the sensor was lifted, or saw the surface badly, during it";
+  if (recorded.interrupted) return "the device restarted or was disconnected during the stroke";
+  if (recorded.faulty) return "the sensor did not answer during the stroke";
+  if (recorded.lifted) {
+    return "the sensor was lifted, or tracked the surface poorly, during the stroke";
+  }
   const Surface surface = SurfaceOf(recorded.stroke, expected);
   return recorded.stroke.kind == MotionKind::kPush
              ? JudgePush(surface, recorded.stroke.reference, expected)
@@ -155,7 +154,7 @@ std::string PushReason(const Deviation& off, bool along, bool closure,
                        const StrokeExpectation& expected) {
   if (closure && along) {
     return fmt::format(
-        "the way back ended {:.1f} mm from where the stroke began: it slipped, or did not "
+        "the return ended {:.1f} mm from the start of the stroke: the wire slipped, or did not "
         "reach the stop",
         std::abs(off.closure.along_mm));
   }

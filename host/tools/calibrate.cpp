@@ -126,10 +126,11 @@ void AskForReference(ProcedureSettings& settings) {
       fmt::print("'{}' is not a number.\n", answer);
     }
   };
-  ask(settings.ruler ? "How far will you push along the ruler, mm"
-                     : "How far is it from the near stop to the far stop, mm",
+  ask(settings.ruler ? "Length of a push along the ruler, mm"
+                     : "Distance from the near stop to the far stop, mm",
       settings.length_mm);
-  ask(settings.ruler ? "By how much may one reading be off, mm" : "By how much may that be off, mm",
+  ask(settings.ruler ? "Standard deviation of one reading, mm"
+                     : "Standard deviation of that distance, mm",
       settings.length_error_mm);
 }
 
@@ -258,7 +259,7 @@ void CheckPaths(const Arguments& arguments, const std::string& path) {
 int Finish(const Arguments& arguments, const ProcedureSettings& settings, const DeviceFacts& facts,
            ProcedureResult result, const std::string& path, int columns) {
   fmt::print(
-      "\n{} at {} cpi (95 % intervals):\n{}\nReference less model, stroke by stroke:\n{}\n{}",
+      "\n{} at {} cpi (95 % intervals):\n{}\nReference minus model, stroke by stroke:\n{}\n{}",
       facts.serial, settings.cpi, torquer::tools::ParameterTable(result),
       torquer::tools::ResidualChart(result, columns), torquer::tools::Verdict(result, settings));
   if (torquer::tools::GradeOf(result.fit) == torquer::tools::Grade::kPoor) {
@@ -273,7 +274,7 @@ int Finish(const Arguments& arguments, const ProcedureSettings& settings, const 
       plot, torquer::tools::ResidualPicture(
                 result, fmt::format("Calibration of {}, {}", facts.serial, date)));
   torquer::calibration::WriteCalibration(result.calibration, path);
-  fmt::print("Kept as {}, drawn in {}.\n", path, plot);
+  fmt::print("Saved as {}, with a plot in {}.\n", path, plot);
   return torquer::kExitSuccess;
 }
 
@@ -312,13 +313,13 @@ int Run(const Arguments& arguments) {
              facts.ordinary_mouse ? " (assumed until it is measured)" : "", path);
   if (arguments.script.empty()) {
     fmt::print(
-        "Keys: Enter marks a place (so does the X-ray button), u forgets the last stroke,\n"
-        "s skips a step, q gives up.\n");
+        "Keys: Enter or the X-ray button marks a position, u undoes the last stroke,\ns skips a "
+        "step, q quits without a change.\n");
   }
   Terminal terminal;
   GuidedRun run(settings, terminal, stop);
   if (!run.Run(*source)) {
-    terminal.Print("Given up; nothing was written.");
+    terminal.Print("Stopped; nothing was written.");
     return torquer::kExitGivenUp;
   }
   return Finish(arguments, settings, facts, run.procedure().Result(), path, terminal.columns());

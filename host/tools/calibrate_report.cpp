@@ -168,7 +168,7 @@ std::string Verdict(const ProcedureResult& result, const ProcedureSettings& sett
       text += "That is usable.\n";
       break;
     case Grade::kPoor:
-      text += "That is poor: it is not kept.\n";
+      text += "The calibration is too inaccurate, so it is not saved.\n";
       break;
   }
   if (GradeOf(fit) != Grade::kGood) {

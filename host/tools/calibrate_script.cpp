@@ -71,8 +71,8 @@ class Parser {
     if (form == nullptr) {
       std::vector<std::string> known;
       for (const Form& each : Forms()) known.push_back(Usage(each));
-      Refuse(line,
-             fmt::format("'{}' is not known; there are\n  {}", words[0], fmt::join(known, "\n  ")));
+      Refuse(line, fmt::format("'{}' is unknown; known statements:\n  {}", words[0],
+                               fmt::join(known, "\n  ")));
     }
     const std::size_t first_number = form->word != nullptr ? 2 : 1;
     if (words.size() != first_number + form->numbers.size()) {

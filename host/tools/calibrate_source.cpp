@@ -99,8 +99,8 @@ DeviceFacts DeviceReadings::Connect() {
     });
     if (!cpi && bus::MonotonicUs() - start_us > kFirstDeviceUs) {
       throw UserError(
-          fmt::format("no device: nothing at {} for 5 seconds; connect the bench device or start "
-                      "torquer-emulator, and check --source and --device",
+          fmt::format("no device: none found at {} for 5 seconds; connect the bench device or "
+                      "start torquer-emulator, and check --source and --device",
                       source_->place()));
     }
   }
@@ -125,8 +125,7 @@ void DeviceReadings::CheckIdentity(const std::string& place) {
   }
   if (!facts_.serial.empty() && serial != facts_.serial) {
     throw UserError(fmt::format(
-        "the device '{}' is gone and '{}' is there instead; start again with the one that "
-        "is to be calibrated",
+        "the device '{}' was replaced by '{}'; start again with the device to calibrate",
         facts_.serial, serial));
   }
   facts_.serial = serial;
@@ -139,7 +138,7 @@ void DeviceReadings::Wait(int timeout_ms, ReadingSink& sink) {
       case device::SourceEvent::Kind::kConnected:
         decoder_.OnConnected();
         CheckIdentity(event.text);
-        sink.Inform("the device is back");
+        sink.Inform("the device is connected again");
         return;
       case device::SourceEvent::Kind::kDisconnected:
         sink.Inform(event.text + "; waiting for it");
@@ -186,10 +185,10 @@ PacedOperator::PacedOperator(std::unique_ptr<ReadingSource> device, Script scrip
     : device_(std::move(device)), script_(std::move(script)) {
   for (const Statement& statement : script_.statements) {
     if (statement.kind > Statement::Kind::kQuit) {
-      throw UserError(fmt::format(
-          "{}:{}: a script cannot move the device of --source; leave out such lines, or "
-          "run without --source",
-          script_.path, statement.line));
+      throw UserError(
+          fmt::format("{}:{}: a script cannot move the device of --source; remove this line, or "
+                      "run without --source",
+                      script_.path, statement.line));
     }
   }
 }

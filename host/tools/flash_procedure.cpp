@@ -127,10 +127,10 @@ int FlashProcedure::LoadSensorImage(const std::string& path) {
         if (identity.self_test & kSensorGood) {
           const int id = device::LoadSrom(*link, image);
           if (const auto kept = device::KeepSrom(found.serial, image)) {
-            hooks_.say(fmt::format(
-                "kept as {}: torquer-daemon loads it when the sensor has lost it; delete that file "
-                "to do without",
-                *kept));
+            hooks_.say(
+                fmt::format("saved as {}; torquer-daemon loads this copy after each loss; delete "
+                            "the file to stop that",
+                            *kept));
           }
           return id;
         }
@@ -139,8 +139,9 @@ int FlashProcedure::LoadSensorImage(const std::string& path) {
     }
     throw UserError(found.serial + ": its sensor does not answer; check its wiring");
   } catch (const ReportRefused& refused) {
-    throw UserError(fmt::format("{}: the firmware refuses to say how it is ({}); run torquer-flash",
-                                found.serial, refused.what()));
+    throw UserError(
+        fmt::format("{}: the firmware does not report its state ({}); run torquer-flash",
+                    found.serial, refused.what()));
   } catch (const BoardLost& lost) {
     throw UserError(
         fmt::format("{}: the board was lost ({}). Its sensor runs without the image; "
@@ -234,10 +235,10 @@ FlashProcedure::Found FlashProcedure::Examine(const Board& board) {
       case BoardMode::kDfu:
         throw UserError(
             Where(board) +
-            " is in the chip's factory bootloader (DFU), which starts what it finds without a "
-            "check. Install ours by ISP (firmware/bootloader/README.md), or for once: "
-            "dfu-programmer atmega32u4 erase && dfu-programmer atmega32u4 flash FILE.hex && "
-            "dfu-programmer atmega32u4 reset");
+            " is in the chip's factory bootloader (DFU), which starts an application without a "
+            "check. Install Torquer's bootloader by ISP (firmware/bootloader/README.md), or only "
+            "the firmware: dfu-programmer atmega32u4 erase && dfu-programmer atmega32u4 flash "
+            "FILE.hex && dfu-programmer atmega32u4 reset");
     }
   } catch (const BoardLost& lost) {
     throw UserError(
@@ -246,8 +247,8 @@ FlashProcedure::Found FlashProcedure::Examine(const Board& board) {
                     Where(board), lost.what()));
   } catch (const ReportRefused& refused) {
     throw UserError(
-        fmt::format("{}: the board does not report what it is ({}). Nothing was changed. "
-                    "Unplug it, plug it in and run the same command again.",
+        fmt::format("{}: the board does not report its identity ({}). Nothing was changed. Unplug "
+                    "it, plug it in and run the same command again.",
                     Where(board), refused.what()));
   }
   return found;
@@ -310,8 +311,8 @@ FlashImage FlashProcedure::LoadImage(const Found& found) const {
 void FlashProcedure::CheckFits(const Found& found, const FlashImage& image) const {
   if (found.clock_mhz != 0 && found.clock_mhz != image.trailer().clock_mhz) {
     throw UserError(
-        fmt::format("the image is for a board of {} MHz, this one has {} MHz: the USB "
-                    "would not see it any more. Use the other image.",
+        fmt::format("the image is for a board of {} MHz, but this board has {} MHz, so USB would "
+                    "not work. Use the other image.",
                     int{image.trailer().clock_mhz}, found.clock_mhz));
   }
   if (found.installed && image.version().IsOlderThan(*found.installed) && !request_.force) {

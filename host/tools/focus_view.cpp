@@ -36,8 +36,8 @@ void WaitForDevice(device::ReportSource& source, const std::atomic<bool>& stop) 
     });
     if (!here && bus::MonotonicUs() - start_us > kFirstDeviceUs) {
       throw UserError(
-          fmt::format("no device: nothing at {} for 5 seconds; connect the bench device or start "
-                      "torquer-emulator, and check --source and --device",
+          fmt::format("no device: none found at {} for 5 seconds; connect the bench device or "
+                      "start torquer-emulator, and check --source and --device",
                       source.place()));
     }
   }

@@ -167,7 +167,8 @@ TEST_CASE("A run leads through all steps to a calibration") {
   CHECK_THAT(person.heard,
              Contains("at rest it drifts by 0.0 counts a second, surface quality 120"));
   person.LiftAndLand();
-  CHECK_THAT(person.heard, Contains("lifting is noticed; the count moved by 0 meanwhile"));
+  CHECK_THAT(person.heard,
+             Contains("the sensor detects lifting; the count changed by 0 while lifted"));
   CHECK_THAT(person.procedure.prompt().instruction, Contains("near stop"));
   person.MarkAt(person.hand.PushStart());
   CHECK_THAT(person.procedure.prompt().instruction, Contains("far stop, 150.0 mm"));
@@ -300,7 +301,7 @@ TEST_CASE(
       person.sensor.MoveTo({0.01 * i, 0.0});
       person.Wait(Operator::kIntervalMs);
     }
-    CHECK_THAT(person.heard, Contains("the count moves though nothing should"));
+    CHECK_THAT(person.heard, Contains("the count changes at rest"));
   }
   SECTION("no surface") {
     person.reading.lifted = true;
@@ -327,7 +328,7 @@ TEST_CASE("A sensor that counts while it is lifted is reported") {
   person.Wait(300);
   person.reading.lifted = false;
   person.Wait(500);
-  CHECK_THAT(person.heard, Contains("the count moved by") && Contains("set the sensor closer"));
+  CHECK_THAT(person.heard, Contains("the count changed by") && Contains("set the sensor closer"));
   CHECK(person.procedure.step() == Step::kPushes);
 }
 

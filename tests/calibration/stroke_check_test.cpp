@@ -86,7 +86,7 @@ TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason"
   }
   SECTION("a push on whose way back it slipped") {
     run.strokes[kBadPush].back_axial_counts += 400;
-    CHECK_THAT(run.Reason(kBadPush), Contains("the way back ended"));
+    CHECK_THAT(run.Reason(kBadPush), Contains("the return ended"));
   }
   SECTION("a push that slipped, and came back whole") {
     run.Spoil(kBadPush, -8.0, 0.0, /*stays=*/true);
@@ -98,11 +98,11 @@ TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason"
   }
   SECTION("two thirds of a push") {
     run.Spoil(kBadPush, -50.0, 0.0);
-    CHECK_THAT(run.Reason(kBadPush), Contains("not the whole way"));
+    CHECK_THAT(run.Reason(kBadPush), Contains("the push was incomplete"));
   }
   SECTION("a pull") {
     run.Spoil(kBadPush, -300.0, 0.0);
-    CHECK_THAT(run.Reason(kBadPush), Contains("the wrong way"));
+    CHECK_THAT(run.Reason(kBadPush), Contains("wrong direction"));
   }
   SECTION("a little turned while pushing") {
     run.Spoil(kBadPush, 0.0, 15.0 * kDegree_rad);
@@ -122,7 +122,7 @@ TEST_CASE("Outliers, slips, lifts and wrong strokes are refused with the reason"
   }
   SECTION("turned the wrong way") {
     run.Spoil(kBadTurn, 0.0, -1440.0 * kDegree_rad);
-    CHECK_THAT(run.Reason(kBadTurn), Contains("the wrong way"));
+    CHECK_THAT(run.Reason(kBadTurn), Contains("wrong direction"));
   }
   SECTION("a push where a turn was asked for") {
     run.Spoil(kBadTurn, 60.0, -720.0 * kDegree_rad);

@@ -53,7 +53,7 @@ TEST_CASE("the sensor's image goes from a file into the sensor of the board") {
     kept.push_back(entry.path());
   }
   REQUIRE(kept.size() == 1);
-  CHECK_THAT(boards.said, Contains("kept as " + kept[0] + ": torquer-daemon loads it"));
+  CHECK_THAT(boards.said, Contains("saved as " + kept[0] + "; torquer-daemon loads this copy"));
   CHECK(device::ReadSromFile(kept[0]) == TestSrom());
   boards.CheckRules();
 }

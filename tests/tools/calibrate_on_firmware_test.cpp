@@ -199,7 +199,7 @@ TEST_CASE("All steps, a lifted push, noise and the joystick, through the firmwar
       bench.Calibrate(Marks(1 + 8 + 1 + 6), {"--pushes", "3", "--turn-strokes", "3"});
   CAPTURE(bench.said);
   REQUIRE(status == 0);
-  CHECK_THAT(bench.said, Contains("lifting is noticed"));
+  CHECK_THAT(bench.said, Contains("the sensor detects lifting"));
   CHECK_THAT(bench.said, Contains("push 2 is not used: the sensor was lifted"));
   CHECK_THAT(bench.said, Contains("ok push 4"));
   const Calibration calibration = bench.Result();

@@ -92,7 +92,7 @@ TEST_CASE("A run ends with parameters, residuals, a verdict, a file and a pictur
   CHECK_THAT(bench.said, Contains("ok push 6: +7087 axial, +124 transverse counts"));
   CHECK_THAT(bench.said, Contains("misalignment         1.0024 degrees"));
   CHECK_THAT(bench.said, Contains("That is good."));
-  CHECK_THAT(bench.said, Contains("Kept as " + bench.output));
+  CHECK_THAT(bench.said, Contains("Saved as " + bench.output));
 
   const Calibration calibration = ReadCalibration(bench.output);
   CHECK(calibration.device == "SCRIPTED-1");
@@ -139,7 +139,7 @@ TEST_CASE("Bad strokes are reported with the reason, and others asked for") {
   CHECK_THAT(bench.said, Contains("push 5 is not used: the sensor was lifted"));
   CHECK_THAT(bench.said, Contains("push 6 is not used: turned while pushing"));
   CHECK_THAT(bench.said, Contains("push 7 is not used: the device restarted"));
-  CHECK_THAT(bench.said, Contains("the last stroke is forgotten"));
+  CHECK_THAT(bench.said, Contains("the last stroke is undone"));
   CHECK_THAT(bench.said, Contains("turns 3 is not used: about 1.0 turns"));
   CHECK_THAT(bench.said, Contains("turns 4 is not used: pushed while turning"));
   CHECK(ParametersOf(ReadCalibration(bench.output).motion).gain_mm_per_count ==
@@ -150,7 +150,7 @@ TEST_CASE("Whatever ends a run early, the old file stays as it was") {
   Bench bench;
   SECTION("given up") {
     CHECK(bench.Run(kBegin + Pushes(2) + "quit\n") == 130);
-    CHECK_THAT(bench.said, Contains("Given up; nothing was written."));
+    CHECK_THAT(bench.said, Contains("Stopped; nothing was written."));
   }
   SECTION("a script that ends too early") {
     CHECK(bench.Run(kBegin + Pushes(6) + Turns(3)) == 2);
@@ -183,7 +183,7 @@ TEST_CASE("Whatever ends a run early, the old file stays as it was") {
     std::string script = kBegin;
     for (const int axial : {6000, 7000, 8000, 6300, 7600, 8200}) script += Stroke(axial, 0);
     CHECK(bench.Run(script + Turns(5) + "skip joystick\n") == 1);
-    CHECK_THAT(bench.said, Contains("That is poor: it is not kept."));
+    CHECK_THAT(bench.said, Contains("The calibration is too inaccurate, so it is not saved."));
   }
   bench.CheckUntouched();
 }
@@ -202,7 +202,7 @@ TEST_CASE("Ctrl-C in the middle of a run leaves the old file as it was") {
   program.Signal(SIGINT);
   CHECK(program.Wait() == 130);
   CHECK_THAT(program.Output(), Contains("Device SCRIPTED-1 at 1200 cpi"));
-  CHECK_THAT(program.Output(), Contains("Given up; nothing was written."));
+  CHECK_THAT(program.Output(), Contains("Stopped; nothing was written."));
   bench.CheckUntouched();
 }
 

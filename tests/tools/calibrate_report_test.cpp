@@ -95,7 +95,7 @@ TEST_CASE("The verdict is in plain words, and says what would help") {
   CHECK_THAT(torquer::tools::Verdict(Sample(2.0), settings),
              Contains("That is usable.") && Contains("The pushes scatter by 2.31 mm"));
   CHECK(GradeOf(Sample(9.0).fit) == Grade::kPoor);
-  CHECK_THAT(torquer::tools::Verdict(Sample(9.0), settings), Contains("it is not kept"));
+  CHECK_THAT(torquer::tools::Verdict(Sample(9.0), settings), Contains("it is not saved"));
 
   ProcedureResult declared = Sample(0.1);
   std::vector<Stroke> good;

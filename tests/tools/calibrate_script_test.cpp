@@ -42,7 +42,7 @@ TEST_CASE("A script is read line by line") {
 
 TEST_CASE("A bad script is refused with file, line and remedy") {
   const auto [text, expected] = GENERATE(table<std::string, std::string>({
-      {"dance", "a.script:2: 'dance' is not known; there are\n  mark\n"},
+      {"dance", "a.script:2: 'dance' is unknown; known statements:\n  mark\n"},
       {"mark\nmove 1 2", "a.script:3: it has 2 values; write 'move AXIAL TRANSVERSE SECONDS'"},
       {"rest -1", "SECONDS = '-1': must be a number from 0 to 3600"},
       {"rest nan", "SECONDS = 'nan': must be a number"},

@@ -147,7 +147,7 @@ TEST_CASE("What would spoil a calibration ends the run with the reason") {
     bench.source->serial = "SAID-2";
     bench.source->waits.emplace_back(ToldSource::Connect);
     CHECK_THROWS_WITH(bench.readings.Wait(0, bench.heard),
-                      Contains("'SAID-1' is gone and 'SAID-2' is there instead"));
+                      Contains("'SAID-1' was replaced by 'SAID-2'"));
   }
   SECTION("the same device, back again, does not") {
     bench.source->waits.emplace_back([](const ReportSource::Sink& sink) {
@@ -158,7 +158,7 @@ TEST_CASE("What would spoil a calibration ends the run with the reason") {
       ToldSource::Connect(sink);
     });
     bench.readings.Wait(0, bench.heard);
-    CHECK(bench.heard.said == "it was unplugged; waiting for it\nthe device is back\n");
+    CHECK(bench.heard.said == "it was unplugged; waiting for it\nthe device is connected again\n");
     CHECK(bench.After([](InputReport&) {}).interrupted);
   }
 }

@@ -113,7 +113,7 @@ class Desk {
     const ssize_t size = read(terminal_, text, sizeof text);
     if (size <= 0) return false;
     shown.append(text, static_cast<std::size_t>(size));
-    if (!connected_ && shown.find("By how much may that be off") != std::string::npos &&
+    if (!connected_ && shown.find("Standard deviation of that distance") != std::string::npos &&
         shown.ends_with("\n")) {
       connected_ = device_.WaitForHost();
     }
@@ -133,11 +133,11 @@ class Desk {
 
 TEST_CASE("A person is asked, led, shown live numbers, and can give up by Ctrl-C") {
   Desk desk;
-  REQUIRE(desk.Shows("How far is it from the near stop to the far stop, mm [150]:"));
+  REQUIRE(desk.Shows("Distance from the near stop to the far stop, mm [150]:"));
   desk.Type("far\n");
   REQUIRE(desk.Shows("'far' is not a number."));
   desk.Type("149.5\n");
-  REQUIRE(desk.Shows("By how much may that be off, mm [0.5]:"));
+  REQUIRE(desk.Shows("Standard deviation of that distance, mm [0.5]:"));
   desk.Type("\n");
   REQUIRE(desk.Shows("Device SCRIPTED-1 at 1200 cpi"));
   REQUIRE(desk.Shows("Rest: Hands off"));
@@ -152,11 +152,11 @@ TEST_CASE("A person is asked, led, shown live numbers, and can give up by Ctrl-C
   REQUIRE(desk.Shows("counts 3543 axial, 0 transverse | quality 60"));
   CHECK_FALSE(desk.IsAsBefore());
   desk.Type("u");
-  REQUIRE(desk.Shows("there is no stroke to forget"));
+  REQUIRE(desk.Shows("there is no stroke to undo"));
   SECTION("by Ctrl-C") { desk.Type("\x03"); }
   SECTION("by q") { desk.Type("q"); }
   CHECK(desk.End() == 130);
-  CHECK(desk.Shows("Given up; nothing was written."));
+  CHECK(desk.Shows("Stopped; nothing was written."));
   CHECK(desk.IsAsBefore());
   CHECK_FALSE(std::filesystem::exists(desk.folder.Path("calibration.toml")));
 }
