@@ -129,8 +129,8 @@ void Daemon::TakeUpPosition() {
   pipeline_.emplace(HandTracker(options_.calibration, start));
   Announce("waiting for device",
            from.empty() ? fmt::format("starting at zero; waiting for {}", source_->place())
-                        : fmt::format("taking up the position of {}: {}; waiting for {}", from,
-                                      Describe(start), source_->place()));
+                        : fmt::format("continuing from the position of {}: {}; waiting for {}",
+                                      from, Describe(start), source_->place()));
 }
 
 void Daemon::Run() {
@@ -142,10 +142,10 @@ void Daemon::Run() {
       const std::int64_t now_us = bus::MonotonicUs();
       OnTick(now_us);
       if (connections_ == 0 && now_us - start_us > kFirstDeviceS * 1000000LL) {
-        throw UserError(fmt::format(
-            "no device: nothing at {} for {} seconds; connect the bench device or start "
-            "torquer-emulator, and check --source and --device",
-            source_->place(), kFirstDeviceS));
+        throw UserError(
+            fmt::format("no device: none found at {} for {} seconds; connect the bench device or "
+                        "start torquer-emulator, and check --source and --device",
+                        source_->place(), kFirstDeviceS));
       }
     }
   } catch (const std::exception& error) {
@@ -215,8 +215,8 @@ void Daemon::Take(const device::SourceEvent& event) {
     return;  // the source reports it and tries again
   } catch (const device::FeatureError& error) {
     throw UserError(
-        fmt::format("{}: the device does not report its firmware version ({}): it has none, or not "
-                    "ours; {}",
+        fmt::format("{}: the device does not report its firmware version ({}); its firmware is "
+                    "missing or not Torquer's; {}",
                     event.text, error.what(), device::kFlashRemedy));
   }
   // A replugged device has another address, so it needs a new claim.
@@ -239,13 +239,11 @@ void Daemon::Take(const device::SourceEvent& event) {
   pipeline_->OnConnected();
   sensor_image_.OnConnected(serial);
   ++connections_;
-  Announce(
-      "running",
-      connections_ == 1
-          ? fmt::format("reading device {} at {}", serial, event.text)
-          : fmt::format("device {} is back; going on from {}; what the hand moved meanwhile is "
-                        "not known",
-                        serial, Describe(pipeline_->Hold().pose)));
+  Announce("running", connections_ == 1
+                          ? fmt::format("reading device {} at {}", serial, event.text)
+                          : fmt::format("device {} is connected again; continuing from {}; the "
+                                        "motion of the hand in between is unknown",
+                                        serial, Describe(pipeline_->Hold().pose)));
 }
 
 void Daemon::TakeCalibrationOf(const std::string& serial) {
@@ -300,13 +298,14 @@ void Daemon::OnReport(const device::SourceEvent& event) {
     Announce("running", "reports arrive again");
   }
   if (output->sample.epoch_start == device::EpochStart::kJump) {
-    Announce("running",
-             fmt::format("the device's counts jumped faster than any hand; going on from {}",
-                         Describe(output->hand.pose)));
+    Announce(
+        "running",
+        fmt::format("the device's counts jumped faster than a hand can move; continuing from {}",
+                    Describe(output->hand.pose)));
   } else if (output->sample.epoch_start == device::EpochStart::kReset) {
     sensor_image_.OnReset();
-    Announce("running", fmt::format("the device was reset; going on from {}; what the hand moved "
-                                    "meanwhile is not known",
+    Announce("running", fmt::format("the device was reset; continuing from {}; the motion of the "
+                                    "hand in between is unknown",
                                     Describe(output->hand.pose)));
   }
   if (output->hand.mark) AnnounceMark(*output->hand.mark);
@@ -328,7 +327,7 @@ void Daemon::OnTick(std::int64_t now_us) {
   if (home_.exchange(false)) {
     pipeline_->Home();
     if (!connected_) PublishHold(now_us);
-    Announce(health_.state(), "home: the present position is zero now");
+    Announce(health_.state(), "home: the present position is now zero");
   }
   if (connected_ && !silent_ && now_us - last_report_us_ > kSilentAfterUs) {
     silent_ = true;
@@ -370,18 +369,18 @@ void Daemon::LoadSensorImage() {
 
 void Daemon::AnnounceMark(const MarkPassage& mark) {
   if (mark.first) {
-    Announce(health_.state(), "the end switch closed: from now on lost motion shows there");
+    Announce(health_.state(), "the end switch closed; from now on it detects lost motion");
   } else if (mark.refused) {
     Announce(health_.state(),
-             fmt::format("the end switch closed {:.1f} mm from where it did before, which is more "
-                         "than the device's travel: nothing is made up for, and its place is here "
-                         "from now on",
+             fmt::format("the end switch closed {:.1f} mm from its previous position, which is "
+                         "more than the device's travel; no motion is corrected, and the switch is "
+                         "taken to be here from now on",
                          std::abs(mark.lost_mm)));
   } else if (mark.lost_mm != 0.0) {
-    Announce(health_.state(), fmt::format("the end switch shows that {:.1f} mm {} were lost; the "
-                                          "instrument makes up for them",
-                                          std::abs(mark.lost_mm),
-                                          mark.lost_mm > 0 ? "of pushing" : "of pulling back"));
+    Announce(health_.state(),
+             fmt::format(
+                 "the end switch shows that {:.1f} mm {} were lost; the instrument now catches up",
+                 std::abs(mark.lost_mm), mark.lost_mm > 0 ? "of pushing" : "of pulling back"));
   }
 }
 
@@ -393,9 +392,9 @@ void Daemon::AnnounceFlags(std::int32_t flags, std::int64_t now_us) {
   announced_flags_ = flags;
   last_flags_us_ = now_us;
   if ((flags & protocol::kCommandSensorFault) != 0) {
-    Announce("sensor fault", "the sensor does not answer as it should; motion is held");
+    Announce("sensor fault", "the sensor does not answer correctly; motion is held");
   } else if ((flags & protocol::kCommandLift) != 0) {
-    Announce("sensor lifted", "the sensor is lifted or sees the surface badly; motion is held");
+    Announce("sensor lifted", "the sensor is lifted or tracks the surface poorly; motion is held");
   } else {
     Announce("running", "the sensor works again");
   }

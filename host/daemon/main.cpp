@@ -128,10 +128,10 @@ void PrintStatistics(const torquer::daemon::Daemon& daemon) {
 int SendHome(const Arguments& arguments) {
   if (!torquer::bus::SignalClaimHolder(
           torquer::daemon::InstrumentClaimName(arguments.instrument, arguments.lcm_url), SIGUSR1)) {
-    throw UserError(fmt::format(
-        "no torquer-daemon of yours drives the instrument '{}' on this bus; give the --instrument "
-        "and --lcm-url that it was started with",
-        arguments.instrument));
+    throw UserError(
+        fmt::format("no torquer-daemon of this user drives the instrument '{}' on this bus; give "
+                    "the --instrument and --lcm-url of the running daemon",
+                    arguments.instrument));
   }
   return torquer::kExitSuccess;
 }

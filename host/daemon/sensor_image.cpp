@@ -47,8 +47,8 @@ std::optional<std::string> SensorImage::Try(device::ReportSource& source) {
   if (!path || (!std::filesystem::exists(*path, unreadable) && !unreadable)) {
     if (!lost_) return std::nullopt;
     return fmt::format(
-        "the sensor has lost its firmware image, and {} is not there: it runs without; load it "
-        "again with torquer-flash --srom FILE, which keeps a copy",
+        "the sensor has lost its firmware image and works without it, because {} does not exist; "
+        "load the image again with torquer-flash --srom FILE, which keeps a copy",
         path.value_or("a copy of it"));
   }
   try {
@@ -67,13 +67,12 @@ std::optional<std::string> SensorImage::Try(device::ReportSource& source) {
   } catch (const device::DeviceGone&) {
     throw;
   } catch (const UserError& error) {
-    return fmt::format("firmware image {} is not in the sensor, which runs without: {}", *path,
+    return fmt::format("firmware image {} is not in the sensor, which works without it: {}", *path,
                        error.what());
   } catch (const device::ReportRefused& error) {
     tries_left_ = tries_left;
     return fmt::format(
-        "firmware image {} is not in the sensor: the device does not say how it is "
-        "({}); {}",
+        "firmware image {} is not in the sensor: the device does not report its state ({}); {}",
         *path, error.what(), "run torquer-flash");
   }
 }

@@ -75,9 +75,8 @@ UinputDevice::UinputDevice(const std::string& name) : handle_(std::make_unique<H
   libevdev_free(description);
   if (error != 0) {
     throw UserError(fmt::format(
-        "--uinput: /dev/uinput cannot be used ({}); load the module (sudo modprobe uinput), and "
-        "give this user access to the file, which host/daemon/README.md describes, or leave out "
-        "--uinput",
+        "--uinput: /dev/uinput cannot be used ({}); load the module (sudo modprobe uinput) and "
+        "give this user access to the file (see host/daemon/README.md), or leave out --uinput",
         std::strerror(-error)));
   }
 }

@@ -366,13 +366,13 @@ std::vector<std::uint8_t> EvdevSource::GetFeature(std::uint8_t report_id) {
     configuration.cpi = kNominalMouseCpi;
     fill(configuration);
   } else {
-    throw FeatureError("a mouse has no such report");
+    throw FeatureError("a mouse has no feature reports");
   }
   return bytes;
 }
 
 void EvdevSource::SetFeature(std::span<const std::uint8_t> /*report*/) {
-  throw FeatureError("a mouse has nothing to set");
+  throw FeatureError("a mouse has no settings");
 }
 
 }  // namespace torquer::device

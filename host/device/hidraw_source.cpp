@@ -167,10 +167,10 @@ int HidrawSource::Checked(int result) {
   if (result >= 0) return result;
   if (reason == ENODEV || reason == ESHUTDOWN) {
     gone_ = "was unplugged";
-    throw DeviceGone("the device is gone");
+    throw DeviceGone("the device was disconnected");
   }
   if (reason == EPIPE) throw FeatureError("the device refused the request");
-  if (reason == ETIMEDOUT) throw FeatureTimeout("no answer in time");
+  if (reason == ETIMEDOUT) throw FeatureTimeout("the device did not answer in time");
   throw FeatureError(std::strerror(reason));
 }
 
@@ -181,7 +181,7 @@ std::vector<std::uint8_t> HidrawSource::GetFeature(std::uint8_t report_id) {
   const int size = Checked(hid_get_feature_report(device_, report.data(), report.size()));
   report.resize(static_cast<std::size_t>(size));
   if (report.empty() || report[0] != report_id) {
-    throw FeatureError("the answer is not the feature report that was asked for");
+    throw FeatureError("the device answered with another feature report than the requested one");
   }
   return report;
 }

@@ -38,8 +38,8 @@ std::vector<std::uint8_t> ReadSromFile(const std::string& path) {
   bytes.resize(file.ReadAt(0, bytes.data(), bytes.size()));
   if (LooksLikeText(bytes)) {
     throw UserError(path +
-                    ": is text; an image of the PMW3360 is binary. Convert it: a C array or "
-                    "Intel HEX holds the same bytes");
+                    ": is a text file, but an image of the PMW3360 is binary; convert the C array "
+                    "or Intel HEX file to binary");
   }
   if (bytes.size() != protocol::kSromBytes) {
     throw UserError(path + ": has " +
@@ -61,8 +61,8 @@ int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image) {
     const protocol::DiagnosticsReport after = Diagnostics(reports);
     if (after.sensor_fault_cause == protocol::kSensorSromRefused) {
       throw UserError(
-          "the sensor did not take the firmware image: it is damaged, or for another sensor than "
-          "the PMW3360. It runs without it");
+          "the sensor rejected the firmware image: it is damaged, or for another sensor than the "
+          "PMW3360. The sensor works without it");
     }
     throw UserError(
         "the device refused the firmware image: its sensor does not answer (check its wiring), or "

@@ -143,7 +143,7 @@ std::vector<std::uint8_t> SocketSource::GetFeature(std::uint8_t report_id) {
       Request({Kind(SocketPacket::kGetFeature), report_id}, SocketPacket::kFeature);
   answer.erase(answer.begin());
   if (answer.empty() || answer[0] != report_id) {
-    throw FeatureError("the answer is not the feature report that was asked for");
+    throw FeatureError("the device answered with another feature report than the requested one");
   }
   return answer;
 }
@@ -158,13 +158,13 @@ std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>&
                                                 protocol::SocketPacket expected) {
   if (fd_ < 0) throw DeviceGone("no device is connected");
   if (send(fd_, packet.data(), packet.size(), MSG_NOSIGNAL) < 0) {
-    if (errno == EAGAIN) throw FeatureTimeout("it takes no requests");
+    if (errno == EAGAIN) throw FeatureTimeout("the device accepts no requests");
     throw DeviceGone(fmt::format("the request cannot be sent: {}", std::strerror(errno)));
   }
   const std::int64_t deadline_us = bus::MonotonicUs() + kAnswerUs;
   for (;;) {
     const std::int64_t left_us = deadline_us - bus::MonotonicUs();
-    if (left_us <= 0) throw FeatureTimeout("no answer within a second");
+    if (left_us <= 0) throw FeatureTimeout("the device did not answer within a second");
     pollfd event{fd_, POLLIN, 0};
     if (poll(&event, 1, static_cast<int>(left_us / 1000) + 1) <= 0) continue;
     Arrival arrival;
@@ -174,7 +174,7 @@ std::vector<std::uint8_t> SocketSource::Request(const std::vector<std::uint8_t>&
     if (kind == Kind(expected)) return std::move(arrival.packet);
     if (kind == Kind(SocketPacket::kStall)) throw FeatureError("the device refused the request");
     waiting_.push_back(std::move(arrival));
-    if (gone) throw DeviceGone("the device is gone");
+    if (gone) throw DeviceGone("the device was disconnected");
   }
 }
 

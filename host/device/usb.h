@@ -12,8 +12,8 @@ namespace torquer::device {
 /// The remedy for a device that this user may not open.
 inline constexpr char kPermissionRemedy[] =
     "install the udev rule: sudo cp hardware/udev/70-torquer.rules /etc/udev/rules.d/ && sudo "
-    "udevadm control --reload && sudo udevadm trigger; who is not at the machine itself also joins "
-    "its group: sudo groupadd -rf torquer && sudo usermod -aG torquer $USER, and a new login";
+    "udevadm control --reload && sudo udevadm trigger; a user who logs in remotely must also join "
+    "its group: sudo groupadd -rf torquer && sudo usermod -aG torquer $USER, and log in again";
 
 /// The devices on this machine's USB at one moment, with its own libusb context. Where no udev
 /// runs, a context that lives on does not notice new devices, so a new list needs a new object.

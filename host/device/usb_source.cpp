@@ -396,10 +396,12 @@ int UsbSource::Control(std::uint8_t direction, std::uint8_t request, std::uint8_
       static_cast<std::uint16_t>(bytes.size()), kControlTimeoutMs);
   if (result == LIBUSB_ERROR_NO_DEVICE) {
     gone_ = "was unplugged";
-    throw DeviceGone("the device is gone");
+    throw DeviceGone("the device was disconnected");
   }
   if (result == LIBUSB_ERROR_PIPE) throw FeatureError("the device refused the request");
-  if (result == LIBUSB_ERROR_TIMEOUT) throw FeatureTimeout("no answer within a second");
+  if (result == LIBUSB_ERROR_TIMEOUT) {
+    throw FeatureTimeout("the device did not answer within a second");
+  }
   if (result < 0) throw FeatureError(libusb_strerror(result));
   return result;
 }
@@ -409,7 +411,7 @@ std::vector<std::uint8_t> UsbSource::GetFeature(std::uint8_t report_id) {
   const int size = Control(LIBUSB_ENDPOINT_IN, kGetReport, report_id, report);
   report.resize(static_cast<std::size_t>(size));
   if (report.empty() || report[0] != report_id) {
-    throw FeatureError("the answer is not the feature report that was asked for");
+    throw FeatureError("the device answered with another feature report than the requested one");
   }
   return report;
 }

@@ -10,7 +10,9 @@ void BenchChoice::Complete() {
   options.sensor.misalignment_rad = misalignment_deg * std::numbers::pi / 180.0;
   if (firmware == "none") {
     if (bootloader.empty()) {
-      throw UsageError("--firmware none: nothing would run; give a --bootloader, or firmware");
+      throw UsageError(
+          "--firmware none: the device would have no program; give --bootloader, or another "
+          "--firmware");
     }
     firmware.clear();
   } else if (firmware.empty()) {

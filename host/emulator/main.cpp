@@ -107,8 +107,8 @@ void Complete(Arguments& arguments) {
   if (run.use_lcm) run.lcm_url = arguments.lcm_url;
   if (run.motion.empty() && !run.use_lcm && !run.duration_s) {
     throw UsageError(
-        "nothing moves the hand and nothing ends the run; give --motion FILE or --duration S, or "
-        "leave out --lcm-url none");
+        "the run has neither motion nor end; give --motion FILE or --duration S, or leave out "
+        "--lcm-url none");
   }
 }
 

@@ -65,7 +65,8 @@ TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost"
     const ChildProcess daemon(SocketWords(socket));
     REQUIRE(device.WaitForHost());
     report(kLost);
-    REQUIRE(says(kept + " is not there: it runs without; load it again with torquer-flash --srom"));
+    REQUIRE(says("because " + kept +
+                 " does not exist; load the image again with torquer-flash --srom"));
     CHECK(listener.counters["sensor_images_loaded"] == 0);
   }
   SECTION("none was ever loaded: nothing to say") {
@@ -87,7 +88,7 @@ TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost"
     device.Unplug();
     REQUIRE(device.WaitForHost());
     for (int i = 0; i < 20; ++i) report(kLost);
-    REQUIRE(says("the sensor did not take the firmware image"));
+    REQUIRE(says("the sensor rejected the firmware image"));
     REQUIRE(listener.UntilCommands(21));
     // The daemon tries again every 50 ms, at most three times in all.
     for (int i = 0; i < 10; ++i) {
@@ -98,8 +99,8 @@ TEST_CASE("A sensor's firmware image that is kept goes in again when it is lost"
     device.Unplug();
     REQUIRE(listener.UntilHealth("waiting for device", ""));
     const std::string said = daemon.Error();
-    const std::size_t first = said.find("did not take");
-    CHECK(said.find("did not take", first + 1) == std::string::npos);
+    const std::size_t first = said.find("the sensor rejected");
+    CHECK(said.find("the sensor rejected", first + 1) == std::string::npos);
   }
 }
 
@@ -114,7 +115,7 @@ TEST_CASE("Motion lost before the end switch closes again is made up for, and sa
   };
   chain.Push(1000);
   close_switch();
-  REQUIRE(chain.listener.UntilHealth("running", "the end switch closed: from now on"));
+  REQUIRE(chain.listener.UntilHealth("running", "the end switch closed; from now on"));
   chain.Push(2000);
   // The sensor reports only 600 of 2000 counts on the way back: 29.63 mm are missing.
   const double before_mm = chain.Push(-600).insertion_mm;

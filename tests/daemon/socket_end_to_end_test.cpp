@@ -114,7 +114,7 @@ TEST_CASE("An unplugged device is waited for and continued from without a jump")
   const instrument_command_t after = chain.Push(500);
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 450 * kMmPerCount));
   CHECK(after.sequence > before.sequence);
-  REQUIRE(chain.listener.UntilHealth("running", "what the hand moved meanwhile is not known"));
+  REQUIRE(chain.listener.UntilHealth("running", "the motion of the hand in between is unknown"));
   CHECK(chain.listener.counters["connections"] == 2);
   CHECK(chain.listener.counters["reports_lost"] == 0);
 }
@@ -259,7 +259,7 @@ TEST_CASE("A device that returns with other firmware is waited for until it fits
   chain.device.Unplug(/*stay_away=*/true);
   chain.device.identity.protocol_version = torquer::protocol::kProtocolVersion;
   chain.device.Return();
-  REQUIRE(chain.listener.UntilHealth("running", "is back"));
+  REQUIRE(chain.listener.UntilHealth("running", "is connected again"));
   CHECK(chain.Push(100).insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
 }
 
@@ -358,12 +358,12 @@ TEST_CASE("A bad command line is refused with what is wrong") {
       {{"--source", "pigeon", "--uncalibrated"},
        "--source 'pigeon': is not one of usb, hidraw, evdev, socket"},
       {{"--source", "socket", "--socket", socket, "--uncalibrated", "--lcm-url", "hello"},
-       "LCM URL 'hello': it has no scheme"},
+       "LCM URL 'hello': the URL has no scheme"},
       {{"--source", "socket", "--socket", socket, "--uncalibrated", "--instrument", ""},
        "--instrument '': give the name of one of the scene's instruments"},
       {{"--sauce", "x"}, "unknown option '--sauce'; did you mean --source?"},
       {{"--source"}, "--source needs a value"},
-      {{"--source", "socket", "--socket", socket, "--uncalibrated"}, "no device: nothing at"},
+      {{"--source", "socket", "--socket", socket, "--uncalibrated"}, "no device: none found at"},
   }));
   std::vector<std::string> line{torquer::test::kDaemonProgram};
   line.insert(line.end(), words.begin(), words.end());

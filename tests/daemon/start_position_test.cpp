@@ -34,7 +34,8 @@ TEST_CASE("A restarted daemon goes on from the last published position") {
   const instrument_command_t after = chain.Push(100);
   CHECK(after.insertion_mm == Approx(before.insertion_mm + 90 * kMmPerCount));
   CHECK(after.sequence > before.sequence);
-  CHECK(chain.daemon->WaitForError("taking up the position of the previous daemon: 19.05 mm"));
+  CHECK(
+      chain.daemon->WaitForError("continuing from the position of the previous daemon: 19.05 mm"));
 }
 
 TEST_CASE("A position is as old as it is, though the machine slept most of the time") {
@@ -164,5 +165,6 @@ TEST_CASE("Home makes the present place the start") {
   const Ending catheter =
       EndingOf({torquer::test::kDaemonProgram, "--home", "--instrument", "catheter"});
   CHECK(catheter.status == 2);
-  CHECK(Contains(catheter.error, "no torquer-daemon of yours drives the instrument 'catheter'"));
+  CHECK(
+      Contains(catheter.error, "no torquer-daemon of this user drives the instrument 'catheter'"));
 }

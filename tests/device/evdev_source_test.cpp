@@ -185,7 +185,7 @@ TEST_CASE("An unplugged mouse is waited for and continued from") {
   chain.testbed.Unplug(kMouse);
   REQUIRE(chain.listener.UntilHealth("waiting for device", "Mock mouse was unplugged"));
   chain.testbed.Plug(kMouse + 10, Mouse());
-  REQUIRE(chain.listener.UntilHealth("running", "is back"));
+  REQUIRE(chain.listener.UntilHealth("running", "is connected again"));
   REQUIRE(chain.UntilCommand([](const instrument_command_t&) { return true; }));
   chain.testbed.Send(kMouse + 10, {{EV_REL, REL_X, 50}}, MonotonicUs());
   CHECK(chain.UntilCommand([](const instrument_command_t& command) {

@@ -76,7 +76,7 @@ TEST_CASE("a file that is no image is refused with its name, what it has, and wh
   CHECK_THAT(refusal(bytes), Contains("more than 4094 bytes"));
   CHECK_THAT(refusal({}), Contains("has 0 bytes"));
   const std::string text = "0x01, 0x04, 0x8e,\n";
-  CHECK_THAT(refusal({text.begin(), text.end()}), Contains("is text"));
+  CHECK_THAT(refusal({text.begin(), text.end()}), Contains("is a text file"));
   CHECK_THROWS_WITH(ReadSromFile("/nonexistent/srom"), Contains("/nonexistent/srom"));
   CHECK_THROWS_AS(ReadSromFile(folder.Path("")), UserError);
 }

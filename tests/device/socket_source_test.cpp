@@ -66,7 +66,7 @@ TEST_CASE("A device that takes no requests any more is said not to answer") {
     try {
       source.SetFeature(large);
     } catch (const FeatureTimeout& timeout) {
-      full = std::string(timeout.what()) == "it takes no requests";
+      full = std::string(timeout.what()) == "the device accepts no requests";
     }
   }
   CHECK(full);

@@ -152,7 +152,7 @@ TEST_CASE("Other people's devices with the same test ids are left alone") {
   UsbDeviceScript other = Bench();
   other.product = "Coffee machine";
   chain.testbed.Plug(kAddress, other);
-  CHECK(RefusalOf(chain).find("no device: nothing at USB (1209:0001)") != std::string::npos);
+  CHECK(RefusalOf(chain).find("no device: none found at USB (1209:0001)") != std::string::npos);
   CHECK_FALSE(chain.testbed.Claimed(kAddress));
 }
 
@@ -179,7 +179,7 @@ TEST_CASE("Firmware on the USB that does not fit is refused with the command tha
     script.control = [](const ControlRequest&) {
       return ControlAnswer{ControlAnswer::Kind::kSilence};
     };
-    expected = "does not report its firmware version (no answer within a second)";
+    expected = "does not report its firmware version (the device did not answer within a second)";
   }
   SECTION("an identity cut short") {
     const auto healthy = script.control;

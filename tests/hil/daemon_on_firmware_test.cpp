@@ -137,13 +137,13 @@ TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a 
       REQUIRE(bench.listener.UntilHealth("waiting for device", "was unplugged"));
       bench.listener.Forget();
       bench.device.Plug();
-      REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is back"));
+      REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is connected again"));
     }
     CHECK(bench.listener.counters["connections"] == 4);
   }
   SECTION("reset") {
     bench.device.Do([](BenchDevice& device, UsbHost&) { device.ResetByPin(); });
-    REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is back"));
+    REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is connected again"));
     REQUIRE(bench.listener.Until([&] { return bench.listener.counters["device_resets"] == 1; }));
   }
   SECTION("hung, and reset by its watchdog") {
@@ -155,7 +155,7 @@ TEST_CASE("Unplugged, reset, stalled and cut short, the chain goes on without a 
       CHECK(device.chip().resets() > 0);
       device.chip().SetDead(torquer::emulator::Atmega32u4::Part::kNone);
     });
-    REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is back"));
+    REQUIRE(bench.listener.UntilHealth("running", "device HIL-1 is connected again"));
   }
   SECTION("garbage") {
     std::vector<std::uint8_t> bytes(sizeof(torquer::protocol::InputReport));
@@ -233,7 +233,7 @@ TEST_CASE("Two devices drive two instruments, each its own, and one's fate is no
   bench.hand.Push();
   REQUIRE(until_pushed("guidewire"));
   second.Plug();
-  REQUIRE(catheter->WaitForError("device HIL-2 is back"));
+  REQUIRE(catheter->WaitForError("device HIL-2 is connected again"));
   bench.listener.commands.clear();
   REQUIRE(bench.listener.Until([&] { return newest("catheter") != nullptr; }));
   CHECK(newest("catheter")->insertion_mm == Approx(100.0).margin(1.0));
@@ -315,7 +315,7 @@ TEST_CASE("Counts lost on the way are made up for when the cylinder passes the e
     REQUIRE(listener.UntilCommands(listener.commands.size() + 10));
   };
   move_to(-1);
-  REQUIRE(listener.UntilHealth("running", "the end switch closed: from now on"));
+  REQUIRE(listener.UntilHealth("running", "the end switch closed; from now on"));
   move_to(30);
   REQUIRE(listener.Until([&] { return std::abs(inserted_mm() - 25.0) < 0.1; }));
   device.Do([](BenchDevice& bench, UsbHost&) {
@@ -328,7 +328,7 @@ TEST_CASE("Counts lost on the way are made up for when the cylinder passes the e
   REQUIRE(listener.Until([&] { return (listener.commands.back().flags & ~1) == 0; }));
   CHECK(inserted_mm() == Approx(25.0).margin(0.5));
   move_to(-1);
-  REQUIRE(listener.UntilHealth("running", "of pushing were lost; the instrument makes up"));
+  REQUIRE(listener.UntilHealth("running", "of pushing were lost; the instrument now catches up"));
   REQUIRE(listener.Until([&] { return std::abs(inserted_mm() + 6.0) < 0.3; }));
   CHECK(listener.counters["marks_passed"] == 2);
 }
