@@ -75,13 +75,14 @@ void LiveCommands::Take(const torquer_lcm::instrument_command_t& message, const 
   fresh_ = true;
   if (source.refused) {
     Refuse(source, kValue, now_us,
-           fmt::format("a command for the {} from {} is refused, and the last one stands: {}",
-                       found->name, bus::Describe(sender), unusable));
+           fmt::format(
+               "a command for the {} from {} is refused, and the previous one remains valid: {}",
+               found->name, bus::Describe(sender), unusable));
     Combine();
     return;
   }
   if (source.owner && (source.silent || sender != *source.owner)) {
-    Say(fmt::format("the {} is commanded again, by {}", found->name, bus::Describe(sender)));
+    Say(fmt::format("the {} receives commands again, from {}", found->name, bus::Describe(sender)));
   }
   source.owner = sender;
   source.heard_us = now_us;
@@ -115,13 +116,13 @@ void LiveCommands::Take(const torquer_lcm::imaging_command_t& message, const bus
   chosen.top = message.shutters[2];
   chosen.bottom = message.shutters[3];
   if (!known || !Usable(chosen)) {
-    Refuse(imaging_, kValue, now_us,
-           fmt::format("a command for the X-ray system from {} is refused, and the last one "
-                       "stands: mode {}, pulses_per_s {:g}, magnification {:g}, shutters {:g} {:g} "
-                       "{:g} {:g}",
-                       bus::Describe(sender), message.mode, message.pulses_per_s,
-                       message.magnification, message.shutters[0], message.shutters[1],
-                       message.shutters[2], message.shutters[3]));
+    Refuse(
+        imaging_, kValue, now_us,
+        fmt::format(
+            "a command for the X-ray system from {} is refused, and the previous one remains "
+            "valid: mode {}, pulses_per_s {:g}, magnification {:g}, shutters {:g} {:g} {:g} {:g}",
+            bus::Describe(sender), message.mode, message.pulses_per_s, message.magnification,
+            message.shutters[0], message.shutters[1], message.shutters[2], message.shutters[3]));
     return;
   }
   imaging_.owner = sender;
@@ -138,15 +139,17 @@ bool LiveCommands::Accepts(Source& source, const std::string& what, std::int64_t
                            const bus::Sender& sender, std::int64_t now_us) {
   const bool owned = Owns(source, now_us);
   if (owned && sender != *source.owner) {
-    Refuse(source, kSender, now_us,
-           fmt::format("commands for the {} from {} are refused: it is commanded by {}", what,
-                       bus::Describe(sender), bus::Describe(*source.owner)));
+    Refuse(
+        source, kSender, now_us,
+        fmt::format("commands for the {} from {} are refused, because it receives commands from {}",
+                    what, bus::Describe(sender), bus::Describe(*source.owner)));
     return false;
   }
   if (sequence < 0 || (owned && !Follows(sequence, source.sequence))) {
     Refuse(source, kOrder, now_us,
-           fmt::format("a command for the {} from {} is refused: its number {} is before {}", what,
-                       bus::Describe(sender), sequence, source.sequence));
+           fmt::format(
+               "a command for the {} from {} is refused: its sequence number {} is not after {}",
+               what, bus::Describe(sender), sequence, source.sequence));
     return false;
   }
   return true;
@@ -161,7 +164,7 @@ void LiveCommands::Age(std::int64_t now_us) {
     Combine();
     fresh_ = true;
     sent_us_ = 0;
-    Say(fmt::format("no command for the {} from {} any more: it is held{}",
+    Say(fmt::format("commands for the {} from {} have stopped; it is held{}",
                     simulation_.scene().instruments()[k].name, bus::Describe(*source.owner),
                     k == 0 ? ", and the pedals are up" : ""));
   }
@@ -198,8 +201,7 @@ void LiveCommands::SayUnknown(const std::string& instrument, const bus::Sender& 
     has += (has.empty() ? "" : ", ") + one.name;
   }
   Say(fmt::format(
-      "commands for '{}' from {} move nothing: the scene {} has no such instrument; it "
-      "has {}",
+      "commands for '{}' from {} have no effect: the scene {} has no such instrument; it has {}",
       Printable(instrument, 40), bus::Describe(sender), simulation_.scene().name(), has));
 }
 

@@ -32,10 +32,10 @@ class Repeater {
   void Check(const torquer_lcm::scene_description_t& recorded) const {
     const std::string hash = Hex(scene_.content_hash());
     if (recorded.content_hash == hash) return;
-    throw UserError(fmt::format(
-        "{}: was recorded with other contents of the scene {} than {} has ({}, now {}); give the "
-        "scene as it was",
-        log_, recorded.scene_file, scene_.path(), recorded.content_hash, hash));
+    throw UserError(
+        fmt::format("{}: was recorded with other contents of the scene {} than {} has ({}, now "
+                    "{}); give the scene file of the recording",
+                    log_, recorded.scene_file, scene_.path(), recorded.content_hash, hash));
   }
 
   void Add(const torquer_lcm::wire_state_t& recorded) {
@@ -93,11 +93,11 @@ class Repeater {
   }
 
   [[noreturn]] void RefuseGap(const torquer_lcm::wire_state_t& recorded) const {
-    throw UserError(fmt::format(
-        "{}: after the state of tick {} comes that of tick {}; a replay needs the states of one "
-        "run of the simulator, and can make up for {} missing in a row; start the recording "
-        "before the simulator, and leave out none of a log's parts",
-        log_, expected_tick_ - 1, recorded.tick, kMostPastInMessage));
+    throw UserError(
+        fmt::format("{}: the state of tick {} is followed by that of tick {}; a replay needs the "
+                    "states of one run of the simulator, with at most {} missing in a row; start "
+                    "the recording before the simulator, and keep all parts of a log",
+                    log_, expected_tick_ - 1, recorded.tick, kMostPastInMessage));
   }
 
   void Take(const torquer_lcm::wire_state_t& recorded) {

@@ -60,9 +60,10 @@ void ScriptColumns::TakeColumn(std::size_t index) {
     known.push_back(instrument + ".rotation_rad");
   }
   const std::string near = NearestName(name, known);
-  throw UserError(fmt::format(
-      "{}:{}: a script of {} has no column {}; {}it may have: {}", table_.path, table_.header_line,
-      scene_, name, near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
+  throw UserError(
+      fmt::format("{}:{}: a script for {} cannot have the column {}; {}known columns: {}",
+                  table_.path, table_.header_line, scene_, name,
+                  near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
 }
 
 torquer::Command ScriptColumns::Read(const CsvRow& row) {
@@ -81,7 +82,8 @@ torquer::Command ScriptColumns::Read(const CsvRow& row) {
     column.take(column.instrument, value, command);
   }
   if (before_s_ && command.time_s <= *before_s_) {
-    table_.Refuse(row, *table_.Find("time_s"), ", not after the row before; let times ascend");
+    table_.Refuse(row, *table_.Find("time_s"),
+                  ", not later than the previous row; give increasing times");
   }
   before_s_ = command.time_s;
   return command;

@@ -141,8 +141,8 @@ TEST_CASE("Sections that are no wire are refused") {
   const std::string radius = "radius_mm = 0.2\n";
   const Case cases[] = {
       {"from_tip_mm = [0, 5]\nrigidity_N_mm2 = [1, 2, 3]\n" + radius, "one for each of"},
-      {"from_tip_mm = [5, 0]\nrigidity_N_mm2 = [1]\n" + radius, "must ascend"},
-      {"from_tip_mm = [0, 5, 5, 5]\nrigidity_N_mm2 = [1]\n" + radius, "must ascend"},
+      {"from_tip_mm = [5, 0]\nrigidity_N_mm2 = [1]\n" + radius, "must increase"},
+      {"from_tip_mm = [0, 5, 5, 5]\nrigidity_N_mm2 = [1]\n" + radius, "must increase"},
       {"from_tip_mm = [0, nan]\nrigidity_N_mm2 = [1]\n" + radius, "from_tip_mm"},
       {"from_tip_mm = [0]\nrigidity_N_mm2 = [-1]\n" + radius, "rigidity_N_mm2"},
       {"from_tip_mm = [0]\nrigidity_N_mm2 = [1]\n", "radius_mm: is missing"},

@@ -145,7 +145,7 @@ TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
       {With("at_mm = 1", "at_mm = 1\npoint_mm = [1, 0, 0]\ndirection = [1, 0, 0]"),
        {":10: entry.point_mm", "one of the two"}},
       {With("tip_mm = 10", "tip_mm = 0"), {"instrument[0].tip_angle_deg", "needs tip_mm"}},
-      {With("tip_mm = 10", "tip_mm = 0.5"), {":14: instrument[0].tip_mm", "at least a segment"}},
+      {With("tip_mm = 10", "tip_mm = 0.5"), {":14: instrument[0].tip_mm", "at least one segment"}},
       {With("tip_angle_deg = 30", "tip_angle_deg = 400"), {"instrument[0].tip_angle_deg = 400"}},
       {With("tip_angle_deg = 30", "tip_angle_deg = 30\ncurvature_1_per_mm = 0.1"),
        {"instrument[0].tip_angle_deg", "keep one"}},
@@ -176,13 +176,13 @@ TEST_CASE("A scene is refused with line, key, value and remedy", "[scene]") {
       {kGood + kCatheter + kCatheter, {"instrument[2].name", "another instrument"}},
       {kGood + WithIn(kCatheter, "inner_radius_mm = 0.3", "inner_radius_mm = 0.2"),
        {":21: instrument[1].inner_radius_mm = 0.2", "more than the radius of guidewire, 0.2 mm",
-        "innermost first"}},
+        "innermost instrument first"}},
       {kGood + WithIn(kCatheter, "inner_radius_mm = 0.3\n", ""),
        {"instrument[1].inner_radius_mm", "more than the radius of guidewire"}},
       {kGood + WithIn(kCatheter, "radius_mm = 0.5", "radius_mm = [0.5, 0.3]\nfrom_tip_mm = [0, 9]"),
        {":21: instrument[1].inner_radius_mm = 0.3", "less than the outer radius, 0.3 mm"}},
       {kGood + kCatheter + "[relaxation]\nmethod = \"paper\"\n",
-       {":19: instrument[1].name", "lone wire", "newton"}},
+       {":19: instrument[1].name", "single instrument", "newton"}},
   };
   for (const Case& one : cases) {
     INFO(one.text);

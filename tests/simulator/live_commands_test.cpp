@@ -95,8 +95,9 @@ TEST_CASE(
   CHECK(commands.command().in_doubt);
   CHECK(fixture.WantedMm() == 127);
   CHECK(commands.State() == "no commands for guidewire");
-  CHECK(commands.TakeNews() ==
-        "no command for the guidewire from port 1001 any more: it is held, and the pedals are up");
+  CHECK(
+      commands.TakeNews() ==
+      "commands for the guidewire from port 1001 have stopped; it is held, and the pedals are up");
   commands.Settle();
   commands.Age(kStartUs + 900'000);
   CHECK_FALSE(commands.fresh());
@@ -107,7 +108,7 @@ TEST_CASE(
   CHECK(commands.command().controls.xray);
   CHECK_FALSE(commands.command().in_doubt);
   CHECK(commands.State() == "running");
-  CHECK(commands.TakeNews() == "the guidewire is commanded again, by port 1001");
+  CHECK(commands.TakeNews() == "the guidewire receives commands again, from port 1001");
 }
 
 TEST_CASE("An instrument has one sender, until that is silent for a second", "[simulator]") {
@@ -120,7 +121,8 @@ TEST_CASE("An instrument has one sender, until that is silent for a second", "[s
   CHECK(fixture.WantedMm() == 121);
   CHECK(fixture.Count("refused_senders") == 5);
   CHECK(commands.TakeNews() ==
-        "commands for the guidewire from port 1002 are refused: it is commanded by port 1001");
+        "commands for the guidewire from port 1002 are refused, because it receives commands from "
+        "port 1001");
   // The other instrument has no owner yet.
   instrument_command_t other = fixture.Command(3, 4);
   other.instrument = "microcatheter";
@@ -133,7 +135,7 @@ TEST_CASE("An instrument has one sender, until that is silent for a second", "[s
   CHECK(fixture.WantedMm() == 122);
   commands.Take(fixture.Command(1, 3), kStranger, kStartUs + 1'500'000);
   CHECK(fixture.WantedMm() == 123);
-  CHECK(commands.TakeNews() == "the guidewire is commanded again, by port 1002");
+  CHECK(commands.TakeNews() == "the guidewire receives commands again, from port 1002");
   // Now the first sender is refused; within the same minute that is not reported again.
   commands.Take(fixture.Command(102, 9), kHand, kStartUs + 1'600'000);
   CHECK(fixture.WantedMm() == 123);
@@ -216,10 +218,9 @@ TEST_CASE(
     CHECK_FALSE(fixture.TickRefuses(commands.command()));
   }
   CHECK(fixture.Count("refused_values") == static_cast<std::int64_t>(hostile.size()));
-  CHECK_THAT(
-      commands.TakeNews(),
-      Catch::StartsWith("a command for the guidewire from port 1001 is refused, and the last "
-                        "one stands: "));
+  CHECK_THAT(commands.TakeNews(),
+             Catch::StartsWith("a command for the guidewire from port 1001 is refused, and the "
+                               "previous one remains valid: "));
   // A sender of refused commands only counts as silent.
   instrument_command_t bad = good;
   bad.sequence += 1;

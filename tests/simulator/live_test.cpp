@@ -212,7 +212,7 @@ TEST_CASE("Live, a second hand moves nothing, and health names it", "[simulator]
     return refused > 0 && live.At("guidewire").commanded_insertion_mm == 123;
   }));
   CHECK_THAT(said, Catch::Contains("commands for the guidewire from port ") &&
-                       Catch::Contains(" are refused: it is commanded by port "));
+                       Catch::Contains(" are refused, because it receives commands from port "));
 }
 
 TEST_CASE("Live, every instrument follows the box that names it, and a replay repeats it",

@@ -152,8 +152,8 @@ TEST_CASE("A log without most shapes is repeated, over gaps too, and says so", "
     };
   };
   CHECK_THROWS_WITH(replay(unbridged(60, 95)),
-                    Contains("after the state of tick 59 comes that of"));
-  CHECK_THROWS_WITH(replay(unbridged(145, 147)), Contains("after the state of tick 144 comes"));
+                    Contains("the state of tick 59 is followed by that of"));
+  CHECK_THROWS_WITH(replay(unbridged(145, 147)), Contains("the state of tick 144 is followed by"));
 }
 
 TEST_CASE("A replay finds one flipped bit in what a state says", "[simulator]") {

@@ -157,7 +157,7 @@ TEST_CASE("A column of an instrument that a scene does not have is refused by na
     for (const std::string& part : said) {
       CHECK_THROWS_WITH(torquer::program::RunScript(scene, file.Beside("s.csv"), {}),
                         Contains("s.csv:2: ") && Contains("small.toml") &&
-                            Contains("no column " + column) && Contains(part));
+                            Contains("cannot have the column " + column) && Contains(part));
     }
   };
   // The message lists the existing columns, or the nearest one.
@@ -201,7 +201,7 @@ TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
     CHECK_FALSE(std::filesystem::exists(file.Beside("s.jsonl.part")));
   };
   refuse("time,guidewire.insertion_mm\n", "s.csv:1: there is no column time_s");
-  refuse("time_s,xray,xray\n", "s.csv:1: the column xray stands twice");
+  refuse("time_s,xray,xray\n", "s.csv:1: the column xray appears twice");
   refuse("time_s,xray\n0,0.5\n", "s.csv:2: xray is '0.5'; give 0 or 1");
   refuse("time_s,lao_deg\n0,0\n1,200\n", "s.csv:3: lao_deg is '200'; give -180 to 180");
   refuse(std::string(kHeader) + "0,0,0\n1,nan,0\n", "s.csv:3: guidewire.insertion_mm is 'nan'");
@@ -210,7 +210,7 @@ TEST_CASE("A bad script is refused and leaves nothing behind", "[simulator]") {
   refuse(std::string(kHeader) + "0,0,-2e5\n",
          "s.csv:2: guidewire.rotation_rad is '-2e5'; give -100000 to 100000");
   refuse(std::string(kHeader) + "1,0,0\n1,0,0\n",
-         "s.csv:3: time_s is '1', not after the row before");
+         "s.csv:3: time_s is '1', not later than the previous row");
 }
 
 TEST_CASE("A record names the scene and all that its observers found", "[simulator]") {

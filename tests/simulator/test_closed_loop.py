@@ -102,8 +102,8 @@ def loop_start():
         ("time,xray\n", 0, "standard input:1: there is no column time_s"),
         ("time_s,guidwire.insertion_mm\n", 0, "did you mean guidewire.insertion_mm?"),
         (HEADER + "0,0,0\n0.1,abc,0\n", 1, "standard input:3: guidewire.insertion_mm is 'abc'; give a finite"),
-        (HEADER + "0,0,0\n# no row\n0.1,1\n", 1, "standard input:4: 2 values; the header"),
-        (HEADER + "0,0,0\n0,1,0\n", 1, "standard input:3: time_s is '0', not after the row before"),
+        (HEADER + "0,0,0\n# no row\n0.1,1\n", 1, "standard input:4: the row has 2 values, but the header"),
+        (HEADER + "0,0,0\n0,1,0\n", 1, "standard input:3: time_s is '0', not later than the previous row"),
         (HEADER + "0,0," + "0" * 1_100_000, 0, "a line has more than 1000000 bytes"),
     ],
     ids=["empty", "no-time", "column", "number", "short", "time", "long"],
@@ -135,7 +135,7 @@ def test_a_reader_that_goes_ends_it_with_a_sentence():
     # The program notices it while it waits for a row.
     assert loop.process.wait(timeout=60) == 1
     message = loop.process.stderr.read().decode()
-    assert "nobody reads standard output any more; 1 of 1 rows are done" in message
+    assert "the reader of standard output has closed it; 1 of 1 rows are done" in message
     loop.process.stdin.close()
     loop.process.stderr.close()
 
@@ -153,9 +153,9 @@ def test_a_reader_that_goes_while_rows_come():
     )
     os.close(writing)
     assert done.returncode == 1
-    assert b"nobody reads standard output any more; 0 of " in done.stderr
+    assert b"the reader of standard output has closed it; 0 of " in done.stderr
     assert waiting.wait(timeout=60) == 1
-    assert b"nobody reads standard output any more; 0 of 0 rows" in waiting.stderr.read()
+    assert b"the reader of standard output has closed it; 0 of 0 rows" in waiting.stderr.read()
     waiting.stdin.close()
     waiting.stderr.close()
 
@@ -240,7 +240,7 @@ def test_fields(tmp_path):
     assert [json.loads(line) for line in some] == [{name: row[name] for name in wanted} for row in all_fields]
     for names, said in [
         ("time_s,energy", "has no field 'energy'; did you mean energy_mJ? there are: "),
-        ("time_s,time_s", "time_s is there twice"),
+        ("time_s,time_s", "time_s is given twice"),
         ("time_s,", "has no field ''"),
     ]:
         done = subprocess.run(

@@ -476,7 +476,7 @@ TEST_CASE("a surface that is inside out beyond a crossing is refused, with the p
   CapTubeMesh(eight, 48);
   CHECK_THROWS_AS(RepairSurface(eight, "eight.stl"), UserError);
   CHECK_THROWS_WITH(RepairSurface(eight, "eight.stl"),
-                    Contains("eight.stl: ") && Contains("wrong way round") &&
+                    Contains("eight.stl: ") && Contains("inside out") &&
                         Contains("for instance at (") && Contains("repair"));
 }
 

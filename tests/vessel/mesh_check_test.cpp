@@ -31,8 +31,8 @@ TEST_CASE("a surface's faults are counted, and its unit is guessed") {
   CHECK(CheckOf(MakeTubeMesh(), 0.001).unit == MeshUnit::kMeter);
   const MeshCheck huge = CheckOf(MakeTubeMesh(), 1000);
   CHECK_FALSE(huge.unit);
-  CHECK_THAT(huge.refusal, Contains("no size of a vessel"));
-  CHECK_THAT(DescribeCheck(huge), Contains("no size of a vessel in mm or m"));
+  CHECK_THAT(huge.refusal, Contains("not the size of a vessel"));
+  CHECK_THAT(DescribeCheck(huge), Contains("not the size of a vessel in mm or m"));
 
   TriangleMesh bad = MakeClosedTube();
   std::swap(bad.triangles[100][0], bad.triangles[100][1]);

@@ -204,7 +204,7 @@ int RunByScript(const Arguments& arguments) {
   if (result.end == torquer::program::ScriptEnd::kLastRow) return torquer::kExitSuccess;
   const bool stopped = result.end == torquer::program::ScriptEnd::kStopped;
   torquer::PrintError("torquer-simulator: {}; {} of {} rows are done and written\n",
-                      stopped ? "asked to stop" : "nobody reads standard output any more",
+                      stopped ? "asked to stop" : "the reader of standard output has closed it",
                       result.done, result.rows);
   return torquer::kExitFailure;
 }
@@ -225,12 +225,12 @@ int Repeat(torquer::scene::Scene& scene, const std::string& log) {
                result.outlines);
   }
   if (result.missing > 0) {
-    fmt::print("{} that were not recorded were repeated from what later ones say\n",
+    fmt::print("{} states that were not recorded were repeated from later states\n",
                result.missing);
   }
   if (result.differing > 0) fmt::print("the first at tick {}\n", result.first_difference);
   if (!result.ended) {
-    fmt::print("the log ends before the simulator did; what came after was not seen\n");
+    fmt::print("the log ends before the simulator did; later states were not compared\n");
   }
   if (result.undecodable > 0) fmt::print("{} messages cannot be decoded\n", result.undecodable);
   if (result.damage.any()) fmt::print("the log is damaged: {}\n", result.damage.Describe());
@@ -248,7 +248,8 @@ int CheckSurface(const std::string& file, const std::string& picture) {
     fmt::print("  picture:      {}\n", torquer::Printable(path, 4096));
   }
   if (!check.surface) return torquer::kExitFailure;
-  fmt::print("\nA scene beside it may begin with\n\n{}", torquer::vessel::ProposeScene(check));
+  fmt::print("\nA scene in the same folder may begin with\n\n{}",
+             torquer::vessel::ProposeScene(check));
   return torquer::kExitSuccess;
 }
 

@@ -183,7 +183,7 @@ std::vector<StateField> StateFields(const Simulation& simulation, const std::str
     const std::string name = wanted.substr(begin, end - begin);
     begin = end + 1;
     if (std::find(names.begin(), names.end(), name) != names.end()) {
-      throw UserError(fmt::format("--fields: {} is there twice; name each field once", name));
+      throw UserError(fmt::format("--fields: {} is given twice; name each field once", name));
     }
     names.push_back(name);
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;

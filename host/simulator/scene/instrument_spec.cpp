@@ -45,21 +45,21 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
   for (std::size_t k = 1; k < at.size(); ++k) {
     const bool step = at[k] == at[k - 1] && (k < 2 || at[k] > at[k - 2]);
     if (at[k] > at[k - 1] || step) continue;
-    table.Refuse("from_tip_mm", "must ascend; the same distance twice makes a step");
+    table.Refuse("from_tip_mm", "must increase; a repeated distance makes a step");
   }
   CheckAlong(spec, table, "rigidity_N_mm2", spec.rigidity_N_mm2);
   CheckAlong(spec, table, "radius_mm", spec.radius_mm);
   CheckAlong(spec, table, "curvature_1_per_mm", spec.curvature_1_per_mm);
   CheckAlong(spec, table, "curvature_2_per_mm", spec.curvature_2_per_mm);
   if (spec.inserted_at_start_mm > spec.max_length_mm) {
-    table.Refuse("inserted_at_start_mm", "is more than max_length_mm");
+    table.Refuse("inserted_at_start_mm", "is more than max_length_mm; give at most that");
   }
   if (spec.tip_angle_deg > 0 && spec.tip_mm == 0) {
     table.Refuse("tip_angle_deg", "needs tip_mm, the length of the bent tip");
   }
   if (spec.tip_angle_deg > 0 && table.Has("curvature_1_per_mm")) {
     table.Refuse("tip_angle_deg",
-                 "stands beside curvature_1_per_mm, which says the same; keep one");
+                 "and curvature_1_per_mm both define the shape of the tip; keep one");
   }
   const double thinnest = *std::min_element(spec.radius_mm.begin(), spec.radius_mm.end());
   if (spec.inner_radius_mm >= thinnest) {

@@ -82,7 +82,7 @@ void Scene::MakeEntry() {
   const vessel::CenterlineNetwork& network = vessel_.centerlines;
   if (network.empty()) {
     entry.origin.Refuse("centerline",
-                        "this vessel has no centerlines to enter by; give point_mm and direction");
+                        "this vessel has no centerlines; give point_mm and direction");
   }
   const auto place = [&](const char* key, const std::string& curve, double at_mm) {
     try {
@@ -213,7 +213,7 @@ void Scene::MakeEffect(const EffectSpec& spec) {
   if (method() == Method::kPaper &&
       (term != nullptr || stiffness != nullptr || motion != nullptr)) {
     spec.origin.Refuse(spec.name,
-                       "changes the energy of the wire, which the paper's method does not know; "
+                       "changes the energy of the wire, which the paper's method does not support; "
                        "remove it or choose relaxation.method = \"newton\"");
   }
   if (stiffness != nullptr) wall_.by_place = stiffness;

@@ -87,17 +87,19 @@ const Keys<PatientAxesSpec>& AxesKeys() {
 void CheckEntry(const EntrySpec& spec, StrictTable& table) {
   if (spec.point_mm.has_value() == spec.centerline.has_value()) {
     table.Refuse(spec.point_mm ? "point_mm" : "centerline",
-                 spec.point_mm ? "stands beside centerline; give one of the two"
+                 spec.point_mm ? "and centerline exclude each other; give one of the two"
                                : "is missing; give centerline, or point_mm and direction");
   }
   if (spec.point_mm.has_value() != spec.direction.has_value()) {
-    table.Refuse("direction", spec.direction ? "belongs to point_mm; give that or remove this"
+    table.Refuse("direction", spec.direction ? "needs point_mm; give point_mm or remove direction"
                                              : "is missing; point_mm needs it");
   }
   if (spec.direction && !(spec.direction->norm() > 1e-9)) {
     table.Refuse("direction", "has no length; give a direction");
   }
-  if (spec.towards && !spec.centerline) table.Refuse("towards", "belongs to centerline");
+  if (spec.towards && !spec.centerline) {
+    table.Refuse("towards", "needs centerline; give centerline or remove towards");
+  }
 }
 
 const Keys<EntrySpec>& EntryKeys() {
@@ -172,15 +174,17 @@ const Keys<RelaxationSpec>& RelaxationKeys() {
             if (spec.method == Method::kPaper) {
               if (table.Has("contact_points_per_segment")) {
                 table.Refuse("contact_points_per_segment",
-                             "does not go with the paper's method, which has one; remove it");
+                             "is not supported by the paper's method, which has one contact point; "
+                             "remove it");
               }
               if (table.Has("tolerance_mm")) {
                 table.Refuse(
                     "tolerance_mm",
-                    "does not go with the paper's method, which knows no error; remove it");
+                    "is not supported by the paper's method, which estimates no error; remove it");
               }
             } else if (spec.paper) {
-              table.Refuse("paper", "belongs to method = \"paper\"; give that or remove this");
+              table.Refuse("paper",
+                           "needs method = \"paper\"; give that method or remove this table");
             }
           })
           .Example(
@@ -222,12 +226,12 @@ std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& re
     if (keys == nullptr) continue;
     if (!kind.needs.empty() && !table.Has(kind.needs)) {
       table.Refuse(kind.name, "needs [effects." + kind.needs +
-                                  "], which this scene does not name; add it or remove this");
+                                  "], which this scene does not have; add it or remove this table");
     }
     if (kind.shape != nullptr && relaxation.method == Method::kPaper) {
       table.Refuse(kind.name,
-                   "is not known to the paper's method, whose wire does not twist; remove it or "
-                   "choose relaxation.method = \"newton\"");
+                   "is not supported by the paper's method, whose wire does not twist; remove it "
+                   "or choose relaxation.method = \"newton\"");
     }
     specs.push_back({kind.name, kind.keys.read(*keys), table.Origin()});
   }
@@ -243,8 +247,8 @@ void CheckInstruments(const SceneSpec& spec) {
   }
   if (spec.relaxation.method == Method::kPaper && all.size() > 1) {
     all[1].origin.Refuse("name",
-                         "the paper's method knows a lone wire; remove this instrument or choose "
-                         "relaxation.method = \"newton\"");
+                         "the paper's method supports a single instrument; remove this instrument "
+                         "or choose relaxation.method = \"newton\"");
   }
   for (std::size_t k = 0; k < all.size(); ++k) {
     const InstrumentSpec& outer = all[k];
@@ -253,18 +257,20 @@ void CheckInstruments(const SceneSpec& spec) {
       outer.origin.Refuse("name", "another instrument of this scene has this name; choose another");
     }
     if (outer.tip_angle_deg > 0 && !(outer.tip_mm >= spec.relaxation.segment_mm)) {
-      outer.origin.Refuse("tip_mm", "must be at least a segment for a tip with an angle");
+      outer.origin.Refuse("tip_mm",
+                          "must be at least one segment long for a tip with tip_angle_deg");
     }
     if (outer.inserted_at_start_mm > 0 && !spec.entry.centerline) {
       outer.origin.Refuse("inserted_at_start_mm",
-                          "needs a centerline to lie along; give the entry as a place on one");
+                          "needs a centerline along which the instrument lies; give "
+                          "entry.centerline instead of entry.point_mm");
     }
     if (k == 0) continue;
     const InstrumentSpec& inner = all[k - 1];
     if (!(outer.inner_radius_mm > OuterRadius(inner))) {
       outer.origin.Refuse("inner_radius_mm",
                           fmt::format("must be more than the radius of {}, {:g} mm, which lies in "
-                                      "it; instruments stand in a scene with the innermost first",
+                                      "it; list the innermost instrument first",
                                       inner.name, OuterRadius(inner)));
     }
   }

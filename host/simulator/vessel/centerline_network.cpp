@@ -128,7 +128,7 @@ size_t CenterlineNetwork::Find(const std::string& name) const {
   }
   std::sort(near.begin(), near.end());
   std::string text = candidates.empty() ? "no centerline is called \"" + name + "\""
-                                        : "several centerlines answer to \"" + name + "\"";
+                                        : "several centerlines match \"" + name + "\"";
   if (near.empty()) throw UserError(text + "; the vessel has no centerlines");
   text += "; the nearest names are";
   for (size_t i = 0; i < std::min<size_t>(3, near.size()); ++i) {
@@ -142,7 +142,7 @@ CenterlinePlace CenterlineNetwork::Place(const std::string& curve, const std::st
   if (end == "start") return {index, 0};
   if (end == "end") return {index, curves_[index].length_mm()};
   throw UserError("\"" + end + "\" is no end of centerline \"" + curve +
-                  "\"; say \"start\" or \"end\"");
+                  "\"; give \"start\" or \"end\"");
 }
 
 CenterlinePlace CenterlineNetwork::Place(const std::string& curve, double s_mm) const {
@@ -218,11 +218,12 @@ Centerline CenterlineNetwork::Path(const CenterlinePlace& from, const Centerline
     return "\"" + curves_[place.curve].name() + "\" at " + Millimeters(place.s_mm) + " mm";
   };
   if (distance[1] == kFar) {
-    throw UserError("no way along the centerlines from " + describe(from) + " to " + describe(to) +
+    throw UserError("no connected route along the centerlines from " + describe(from) + " to " +
+                    describe(to) +
                     "; the curves between them do not meet: choose two connected places");
   }
   if (distance[1] < 1e-3) {
-    throw UserError("the way from " + describe(from) + " to " + describe(to) +
+    throw UserError("the route from " + describe(from) + " to " + describe(to) +
                     " has no length; choose two places apart");
   }
   std::vector<size_t> way{1};
@@ -293,7 +294,7 @@ CenteredCurve CenteredInLumen(const Centerline& curve, const ClearanceField& fie
       std::ostringstream text;
       text << "centerline \"" << curve.name() << "\" leaves the lumen at (" << points[i].transpose()
            << ") mm, " << -clearance[i]
-           << " mm outside the wall, and cannot be centered; choose another way or repair the "
+           << " mm outside the wall, and cannot be centered; choose another route or repair the "
               "surface";
       throw UserError(text.str());
     }

@@ -284,8 +284,8 @@ United UniteOnce(const TriangleBvh& before, const std::string& name) {
       SplitAtIntersections(before, kContactPerDiagonal * before.mesh().Bounds().diagonal().norm());
   if (!split) {
     throw UserError(name +
-                    ": the surface's faces pass through one another nearly everywhere; it "
-                    "is no wall of a lumen: export it again");
+                    ": the surface's faces intersect one another nearly everywhere, so it bounds "
+                    "no lumen; export it again");
   }
   united.sheet_count = DropSheets(*split, name, united.sheets);
   united.walls = std::make_unique<TriangleBvh>(std::move(*split));
@@ -294,10 +294,10 @@ United UniteOnce(const TriangleBvh& before, const std::string& name) {
   verdict = Judge(*united.walls);
   if (verdict.inverted > kMostInverted * verdict.total) {
     throw UserError(name + ": " + Number(100 * verdict.inverted / verdict.total) +
-                    " % of the surface encloses something the wrong way round, for instance at " +
+                    " % of the surface is inside out, for instance at " +
                     Place(mesh.Centroid(verdict.where_inverted)) +
-                    " (the surface passes through itself and is inside out there, so that the "
-                    "lumen is ambiguous); repair the surface there");
+                    " (the surface intersects itself there, so the lumen is ambiguous); repair the "
+                    "surface there");
   }
   DropCopies(mesh, verdict.keep);
   const double sheets_mm2 = united.sheets.Area();
@@ -329,24 +329,21 @@ void Report(const United& united, const TriangleMesh& before,
         " nothing (the first at " + Place(united.sheets.Centroid(0)) + "), left out.");
   }
   if (!cuts.empty()) {
-    report.findings.push_back(repair::Count(cuts.size(), "pair", "pairs") +
-                              " of faces cut through one another, the first at " +
-                              Place(before.Centroid(cuts.front().first)) +
-                              ": divided where they meet.");
+    report.findings.push_back(
+        repair::Count(cuts.size(), "pair", "pairs") + " of faces intersect, the first at " +
+        Place(before.Centroid(cuts.front().first)) + ": divided where they meet.");
   }
   if (verdict.within > kNoShare * verdict.total) {
     report.findings.push_back(
         Number(100 * verdict.within / verdict.total) +
         " % of the surface lay within the lumen of another part of it, for instance at " +
         Place(mesh.Centroid(verdict.where_within)) +
-        ": left out, the lumen is the union of what the parts enclose.");
+        ": left out; the lumen is the union of the enclosed volumes.");
   }
   if (verdict.inverted > kNoShare * verdict.total) {
-    report.findings.push_back(
-        Number(100 * verdict.inverted / verdict.total) +
-        " % of the surface is folded over and encloses something the wrong way round, for "
-        "instance at " +
-        Place(mesh.Centroid(verdict.where_inverted)) + ": left out.");
+    report.findings.push_back(Number(100 * verdict.inverted / verdict.total) +
+                              " % of the surface is folded over and inside out, for instance at " +
+                              Place(mesh.Centroid(verdict.where_inverted)) + ": left out.");
   }
 }
 

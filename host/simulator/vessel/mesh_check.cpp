@@ -134,24 +134,26 @@ std::string DescribeCheck(const MeshCheck& check) {
   };
   if (check.triangles_read > 0) {
     line("triangles",
-         fmt::format("{}, {} vertices after {} that coincide were made one", check.triangles_read,
-                     check.raw.vertices_mm.size(), check.vertices_welded));
+         fmt::format("{}, with {} vertices after {} coincident ones were merged",
+                     check.triangles_read, check.raw.vertices_mm.size(), check.vertices_welded));
     const Vector3d& size = check.size;
     std::string unit =
-        fmt::format("{:.4g} x {:.4g} x {:.4g}, which is no size of a vessel in mm or m", size.x(),
-                    size.y(), size.z());
+        fmt::format("{:.4g} x {:.4g} x {:.4g}, which is not the size of a vessel in mm or m",
+                    size.x(), size.y(), size.z());
     if (check.unit) {
-      unit =
-          fmt::format("{:.4g} x {:.4g} x {:.4g}: taken for {}; a vessel of {} mm", size.x(),
-                      size.y(), size.z(), Text(*check.unit), Text(check.raw.Bounds().sizes(), 1));
+      unit = fmt::format("{:.4g} x {:.4g} x {:.4g}, interpreted as {}; the vessel measures {} mm",
+                         size.x(), size.y(), size.z(), Text(*check.unit),
+                         Text(check.raw.Bounds().sizes(), 1));
     }
     line("size", unit);
   }
   if (check.components > 0) {
     line("components", std::to_string(check.components));
     line("open edges", std::to_string(check.edges.open.size()));
-    line("shared edges", fmt::format("{} of more than two triangles", check.edges.several.size()));
-    line("orientation", fmt::format("{} edges where neighbors disagree", check.edges.disagreeing));
+    line("shared edges",
+         fmt::format("{} with more than two triangles", check.edges.several.size()));
+    line("orientation", fmt::format("{} edges between triangles of opposite orientation",
+                                    check.edges.disagreeing));
   }
   if (check.surface) {
     const MeshReport& report = check.surface->report;

@@ -221,8 +221,8 @@ TriangleMesh ImportMesh(const std::string& contents, const std::string& path, do
                                ? fmt::format("did not end within {:g} s", reader.cpu_s)
                                : "gave more triangles than the file can hold";
   throw UserError(fmt::format(
-      "{}: the reader of surfaces {}; the file is damaged: export it again, as .obj if you can",
-      path, what));
+      "{}: the surface reader {}; the file is damaged: export it again, as .obj if you can", path,
+      what));
 }
 
 TriangleMesh ImportMesh(const std::string& contents, const std::string& path, double mm_per_unit) {

@@ -110,7 +110,7 @@ void DropUseless(TriangleMesh& mesh, MeshReport& report) {
   }
   if (doubled > 0) {
     report.findings.push_back(Count(doubled, "triangle", "triangles") +
-                              " on top of another, left out.");
+                              " that duplicate another, left out.");
   }
 }
 
@@ -220,7 +220,7 @@ void Orient(TriangleMesh& mesh, const std::string& name, MeshReport& report) {
   report.triangles_turned += turned;
   if (turned > 0) {
     report.findings.push_back(Count(turned, "triangle", "triangles") +
-                              " oriented against the neighbors, turned.");
+                              " oriented against their neighbors, flipped.");
   }
 }
 
@@ -263,7 +263,7 @@ void MendSlivers(TriangleMesh& mesh, double tolerance_mm, MeshReport& report) {
   report.slivers_repaired += repaired;
   if (repaired > 0) {
     report.findings.push_back(Count(repaired, "sliver", "slivers") +
-                              " repaired by turning an edge.");
+                              " repaired by flipping an edge.");
   }
 }
 
@@ -302,9 +302,9 @@ void PointOutward(TriangleMesh& mesh, MeshReport& report) {
   if (2 * turned > part.size()) report.was_inward = true;
   if (turned > 0) {
     report.findings.push_back(turned == part.size()
-                                  ? "All normals pointed into the lumen: turned outward."
+                                  ? "All normals pointed into the lumen: flipped outward."
                                   : Count(turned, "triangle", "triangles") +
-                                        " had inward normals: turned outward.");
+                                        " had inward normals: flipped outward.");
   }
   DropUnusedVertices(mesh);
 }
@@ -326,9 +326,9 @@ void CountCrossedEdges(const TriangleMesh& mesh, MeshReport& report) {
   }
   report.crossed_edges += crossed;
   if (crossed > 0) {
-    report.findings.push_back(
-        Count(crossed, "edge", "edges") +
-        " shared by four or more faces: kept, inside and outside decided by the winding number.");
+    report.findings.push_back(Count(crossed, "edge", "edges") +
+                              " shared by four or more faces: kept; the winding number "
+                              "distinguishes inside from outside.");
   }
 }
 

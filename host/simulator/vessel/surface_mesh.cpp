@@ -84,7 +84,7 @@ Vector3d InwardAxis(const TriangleMesh& mesh, const Opening& opening) {
 MeshUnit MeshUnitFromText(const std::string& text) {
   if (text == "mm") return MeshUnit::kMillimeter;
   if (text == "m") return MeshUnit::kMeter;
-  throw UserError("mesh_unit = \"" + text + "\" is not known; say \"mm\" or \"m\"");
+  throw UserError("mesh_unit = \"" + text + "\" is unknown; give \"mm\" or \"m\"");
 }
 
 std::optional<MeshUnit> GuessUnit(const TriangleMesh& file) {
@@ -110,7 +110,7 @@ void CheckSize(const TriangleMesh& mesh, const std::string& name) {
   if (diagonal >= kSmallestDiagonalMm && diagonal <= kLargestDiagonalMm) return;
   std::ostringstream text;
   text << name << ": the surface is " << Number(box.sizes().x()) << " x " << Number(box.sizes().y())
-       << " x " << Number(box.sizes().z()) << " mm, which is no size of a vessel; ";
+       << " x " << Number(box.sizes().z()) << " mm, which is not the size of a vessel; ";
   if (diagonal < kSmallestDiagonalMm && diagonal * 1000 >= kSmallestDiagonalMm) {
     text << "if the file is in meters, declare mesh_unit = \"m\"";
   } else if (diagonal > kLargestDiagonalMm && diagonal / 1000 <= kLargestDiagonalMm) {
@@ -156,10 +156,9 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
     report.tube_facing_share = TubeFacingShare(closed);
     const std::string share = Number(100 * report.tube_facing_share) + " % of the surface";
     if (report.tube_facing_share > kLumenShare && report.tube_facing_share < kWallShare) {
-      throw UserError(
-          name + ": " + share +
-          " looks into a tube, so it is neither clearly a lumen (under 10 %) nor a wall "
-          "with thickness (over 25 %); export the lumen's surface alone");
+      throw UserError(name + ": " + share +
+                      " faces into a tube, so it is neither clearly a lumen (under 10 %) nor a "
+                      "wall with thickness (over 25 %); export the lumen's surface alone");
     }
     if (report.tube_facing_share >= kWallShare) {
       report.was_shell = true;
@@ -168,7 +167,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
       mesh = InnerSide(closed);
       report.findings.push_back(
           share +
-          " looks into a tube: this is a wall with thickness, not a lumen. Its inner side (" +
+          " faces into a tube: this is a wall with thickness, not a lumen. Its inner side (" +
           std::to_string(mesh.triangles.size()) + " triangles) was taken and closed at its ends.");
       if (mesh.triangles.empty()) {
         throw UserError(name + ": the wall's inner side was not found; export the lumen's surface");
@@ -191,7 +190,7 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
   report.volume_mm3 = mesh.Volume();
   report.findings.push_back("Lumen of " + Number(report.volume_mm3) + " mm^3, " +
                             Number(report.width_mm[0]) + " to " + Number(report.width_mm[2]) +
-                            " mm wide (half of it under " + Number(report.width_mm[1]) + " mm).");
+                            " mm wide (median " + Number(report.width_mm[1]) + " mm).");
   return surface;
 }
 

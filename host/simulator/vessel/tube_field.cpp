@@ -135,7 +135,7 @@ TubeField::Primitive TubeField::MakePrimitive(const PathPiece& piece, double fro
 TubeField::TubeField(const std::vector<Tube>& tubes, double union_width_mm)
     : union_width_mm_(union_width_mm),
       smallest_radius_mm_(std::numeric_limits<double>::infinity()) {
-  if (tubes.empty()) throw UserError("a vessel of no tubes; give at least one");
+  if (tubes.empty()) throw UserError("the vessel has no tubes; give at least one");
   if (!(union_width_mm >= 0)) {
     throw UserError("union width " + std::to_string(union_width_mm) + " mm; give 0 or more");
   }
