@@ -47,7 +47,7 @@ torquer::ClipSpan SpanOf(const Arguments& arguments, const torquer::ScreenCourse
   span.frames = (length_us * torquer::ClipSpan::kFramesPerS + 999'999) / 1'000'000;
   if (length_us <= 0 || course.At(span.TimeUs(span.frames - 1)).planes[0].picture < 0) {
     throw UserError(fmt::format(
-        "{}: nothing of its pictures is in the span; they stand from {:.2f} s to {:.2f} s",
+        "{}: has no picture in the chosen time; its pictures are from {:.2f} s to {:.2f} s",
         arguments.log, 1e-6 * static_cast<double>(course.first_picture_us()),
         1e-6 * static_cast<double>(course.length_us())));
   }
@@ -92,9 +92,9 @@ Shown AddFrames(const torquer::ScreenCourse& course, const torquer::ClipSpan& sp
 
 int Run(const Arguments& arguments) {
   if (arguments.log.empty()) throw UsageError("LOG is missing; name the log of a session");
-  if (arguments.out.empty()) throw UsageError("OUT is missing; name the video to be written");
+  if (arguments.out.empty()) throw UsageError("OUT is missing; name the video file to write");
   if (arguments.from_s && arguments.to_s && *arguments.to_s <= *arguments.from_s) {
-    throw UsageError("--to is not after --from; there is nothing between them");
+    throw UsageError("--to is not later than --from; give a later --to");
   }
   torquer::VideoFormat format{.kind = KindOf(arguments.out),
                               .frames_per_s = torquer::ClipSpan::kFramesPerS};
@@ -111,7 +111,8 @@ int Run(const Arguments& arguments) {
   const Shown shown = AddFrames(course, span, format, encoder);
   encoder.Finish();
   if (shown.pictures == 0) {
-    throw UserError(arguments.log + ": no picture in the span is whole; choose another span");
+    throw UserError(arguments.log +
+                    ": no picture in the chosen time is complete; choose another --from and --to");
   }
   out.Finish();
   fmt::print("{} pictures in {} frames, {:.2f} s, {} x {} in {}\n", shown.pictures, span.frames,

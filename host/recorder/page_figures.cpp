@@ -27,7 +27,7 @@ std::string DoubtOf(const InstrumentReport& instrument) {
   if (instrument.reports_lost > 0) {
     return fmt::format(" lost {} reports of its device.", instrument.reports_lost);
   }
-  return fmt::format(" did not go where the hand went: {:.1f} counts of its sensor apart.",
+  return fmt::format(" did not follow its hand: they are {:.1f} counts of the sensor apart.",
                      CountsApart(instrument));
 }
 
@@ -50,7 +50,7 @@ std::string PageFigures::Patch() const {
 PageVerdict PageFigures::Verdict() const {
   if (!now_.target_reached) {
     return {PageVerdict::Kind::kOpen, "Not assessed",
-            "This scene sets no task, so nobody was judged. What was measured is below."};
+            "This scene has no task, so the session is not judged. The measured values are below."};
   }
   const bool reached = *now_.target_reached;
   const bool safe = now_.safe.value_or(false);
@@ -100,7 +100,7 @@ std::vector<std::string> PageFigures::Doubts() const {
   }
   if (scene_changed_) {
     doubts.emplace_back(
-        "The scene file has changed since the session: limits and vessel are those of now.");
+        "The scene file has changed since the session; limits and vessel are the present ones.");
   }
   const double unsettled_s = Reading("wall_force_unconverged_s").value_or(0);
   if (unsettled_s > 0.01 * now_.procedure_s) {
@@ -225,11 +225,12 @@ std::vector<PageRow> PageFigures::Solver() const {
   return {
       {"Simulated", fmt::format("{} ticks", solver.ticks)},
       {"Not in equilibrium at the end of a tick", Share(solver.unconverged)},
-      {"&#x2003;for lack of time", Share(solver.budget_spent)},
-      {"&#x2003;because no step came nearer", Share(solver.stalled)},
+      {"&#x2003;because the time budget was spent", Share(solver.budget_spent)},
+      {"&#x2003;because no step reduced the residual", Share(solver.stalled)},
       {"Outside the vessel", Share(solver.outside)},
-      {"Sprang to another shape", Share(solver.snapped)},
-      {"Deepest in the wall", fmt::format("{:.1f} &#xb5;m", report_.max_penetration_um)},
+      {"Snapped to another shape", Share(solver.snapped)},
+      {"Largest penetration of the wall",
+       fmt::format("{:.1f} &#xb5;m", report_.max_penetration_um)},
       {"Largest residual in equilibrium", fmt::format("{:.1e} (no unit)", solver.largest_residual)},
       {"Time for a tick", fmt::format("{:.0f} &#xb5;s median, {:.0f} &#xb5;s 99th percentile",
                                       report_.solve_us.p50, report_.solve_us.p99)}};

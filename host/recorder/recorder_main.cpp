@@ -84,14 +84,15 @@ class Recorder {
     fmt::print("\n");
     if (!has_room_) {
       torquer::PrintError(
-          "torquer-recorder: {}: ends here, and is whole: its disk has less than {} MB free, "
-          "which are left to other programs; free space, record to another disk, or record "
+          "torquer-recorder: {}: ends here and is complete: its disk has less than {} MB free, "
+          "which are reserved for other programs; free space, record to another disk, or record "
           "less (--shapes, --part-mb with --keep)\n",
           arguments_.path, torquer::RotatingLog::kLeastFreeBytes / 1'000'000);
     }
     if (bus_.dropped() > 0) {
       torquer::PrintError(
-          "torquer-recorder: {} messages are missing: they came faster than {} takes\n",
+          "torquer-recorder: {} messages are missing: they arrived faster than {} could be "
+          "written\n",
           bus_.dropped(), arguments_.path);
     }
     return has_room_ && bus_.dropped() == 0 ? torquer::kExitSuccess : torquer::kExitFailure;
@@ -124,10 +125,9 @@ class Recorder {
 };
 
 int Run(const Arguments& arguments) {
-  if (arguments.path.empty())
-    throw torquer::UsageError("LOG is missing; name the file to be written");
+  if (arguments.path.empty()) throw torquer::UsageError("LOG is missing; name the file to write");
   if (arguments.keep && !arguments.part_mb) {
-    throw torquer::UsageError("--keep is of parts; give --part-mb too");
+    throw torquer::UsageError("--keep needs --part-mb; give both");
   }
   const std::atomic<bool>& stop = torquer::StopOnSignal();
   Recorder recorder(arguments);

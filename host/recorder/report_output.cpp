@@ -35,7 +35,8 @@ std::string FormatInstrument(const InstrumentReport& report) {
                   KnownCount(report.reports_received), KnownCount(report.reports_lost));
   if (report.reports_unfetched > 0) {
     text += fmt::format(
-        "               {} of the lost were not fetched in time; their motion came with the next\n",
+        "               {} of the lost were not fetched in time; the next report contained their "
+        "motion\n",
         report.reports_unfetched);
   }
   text += fmt::format(
@@ -44,7 +45,7 @@ std::string FormatInstrument(const InstrumentReport& report) {
       report.axial.sensor_counts, report.axial.held_counts, Signed(report.axial.hand, 3),
       Printable(report.name), Signed(report.axial.wire, 3), report.axial.error_counts);
   if (report.healed_mm != 0) {
-    text += fmt::format("               {} mm were lost, and made up for at the end switch\n",
+    text += fmt::format("               {} mm were lost, and corrected at the end switch\n",
                         Signed(report.healed_mm, 3));
   }
   text += fmt::format(
@@ -121,9 +122,9 @@ std::string FormatReport(const SessionReport& report) {
       fmt::format("  wire         {} nodes, residual {:.2g}, largest penetration {:.1f} um\n",
                   report.last_state.segment_count + 1, report.residual, report.max_penetration_um);
   if (report.shapes < report.states) {
-    text +=
-        fmt::format("  shapes       of {} of the states; of all their hashes, places and tips\n",
-                    report.shapes);
+    text += fmt::format(
+        "  shapes       of {} of the states; hashes, positions and tips of all states\n",
+        report.shapes);
   }
   for (std::size_t i = 0; i < report.readings.names.size(); ++i) {
     text += fmt::format("  {:<13}{} {:.6g}\n", i == 0 ? "readings" : "",

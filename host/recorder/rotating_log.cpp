@@ -24,10 +24,10 @@ RotatingLog::RotatingLog(const std::string& path, std::int64_t part_bytes, int k
   }
   const std::int64_t free = FreeBytes();
   if (free < kLeastFreeBytes) {
-    throw UserError(fmt::format(
-        "{}: its disk has {} MB free, and a recording leaves {} MB to other programs; free space, "
-        "or record to another disk",
-        path, free / 1'000'000, kLeastFreeBytes / 1'000'000));
+    throw UserError(
+        fmt::format("{}: its disk has {} MB free, but a recording reserves {} MB for other "
+                    "programs; free space, or record to another disk",
+                    path, free / 1'000'000, kLeastFreeBytes / 1'000'000));
   }
   part_.emplace(path);
 }

@@ -159,7 +159,7 @@ std::optional<GrayPicture> ScreenCourse::ReadPicture(int plane, std::int64_t pic
   torquer_lcm::picture_t message;
   if (file_.ReadAt(found.place, bytes.data(), bytes.size()) != bytes.size() ||
       !Decode({bytes.data(), bytes.size()}, message)) {
-    throw UserError(file_.path() + ": has been changed meanwhile; " + kRemedy);
+    throw UserError(file_.path() + ": was changed while it was read; " + kRemedy);
   }
   return ReadGrayJpeg({message.data.data(), message.data.size()});
 }

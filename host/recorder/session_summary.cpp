@@ -160,7 +160,7 @@ std::string FormatSummary(const SessionSummary& summary) {
 
 SessionSummary ReadSummary(const std::string& path) {
   const Fields fields(
-      path, ReadInputFile(path, "give it back, or delete it", EarlierSessions::kMostBytes));
+      path, ReadInputFile(path, "restore the file, or delete it", EarlierSessions::kMostBytes));
   if (fields.Count("session_summary") != kSummaryVersion) fields.Refuse("it has another version");
   SessionSummary summary;
   summary.scene = fields.Text("scene");

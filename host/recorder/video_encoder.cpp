@@ -178,14 +178,14 @@ void VideoEncoder::Finish() {
     const bool video = kind_ == VideoFormat::Kind::kMp4 ? IsMp4(file.get()) : IsWebm(file.get());
     if (video && !refused_) return;
     throw UserError(fmt::format("ffmpeg: ended with status 0, but {}; {}",
-                                refused_ ? "took not all frames" : "wrote no whole video",
+                                refused_ ? "did not accept all frames" : "wrote no complete video",
                                 kInstallFfmpeg));
   }
   const std::string said = LastMessages(messages_);
-  throw UserError(fmt::format("ffmpeg: ended with {} {}: {}",
-                              WIFSIGNALED(status) ? "signal" : "status",
-                              WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status),
-                              said.empty() ? "it said nothing; is there room on the disk?" : said));
+  throw UserError(
+      fmt::format("ffmpeg: ended with {} {}: {}", WIFSIGNALED(status) ? "signal" : "status",
+                  WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status),
+                  said.empty() ? "it printed no message; check the free space on the disk" : said));
 }
 
 }  // namespace torquer

@@ -152,9 +152,8 @@ bool CaseStation::Start(std::size_t number, std::int64_t now_us) {
   looked_us_ = now_us;
   if (stranger_us_ && now_us - *stranger_us_ < kStrangerUs) {
     problem_ =
-        "another torquer-simulator publishes on this network, and two would steer one page; end "
-        "it, "
-        "or start the viewer with another --lcm-url";
+        "another torquer-simulator publishes on this network; end it, or start the viewer with "
+        "another --lcm-url";
     return true;
   }
   if (!HasRoom()) return true;

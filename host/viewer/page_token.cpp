@@ -53,9 +53,9 @@ std::string KeptToken(const std::string& path) {
   const bool usable = file >= 0 && fstat(file, &status) == 0 && S_ISREG(status.st_mode);
   const ssize_t size = usable ? read(file, text.data(), text.size()) : -1;
   if (file >= 0) close(file);
-  if (size < 0) Refuse(path, "is there and cannot be read; name another, or remove it");
+  if (size < 0) Refuse(path, "exists but cannot be read; name another file, or remove this one");
   if (status.st_uid != geteuid() || (status.st_mode & 077) != 0) {
-    Refuse(path, "may be read by others; remove it, and a new one is made for you alone");
+    Refuse(path, "other users may read it; remove it, and the viewer makes a new private one");
   }
   const std::string token(text.data(), static_cast<std::size_t>(size));
   if (token.size() != kDigits || token.find_first_not_of("0123456789abcdef") != std::string::npos) {

@@ -46,7 +46,7 @@ std::optional<torquer::scene::SceneSpec> SceneOf(const viewer::Recording& record
     try {
       return torquer::scene::ReadScene(description.scene_file);
     } catch (const torquer::UserError& error) {
-      torquer::PrintError("torquer-replay: no vessel is shown and nothing compared: {}\n",
+      torquer::PrintError("torquer-replay: the vessel is not shown and no state is compared: {}\n",
                           torquer::Printable(error.what(), 400));
     }
   }

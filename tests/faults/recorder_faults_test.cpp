@@ -121,7 +121,7 @@ TEST_CASE("A recording ends before its disk is full, and does not begin on such 
   have(99'999'999);
   CHECK(recorder.Wait() == 1);
   CHECK_THAT(recorder.Output(), Catch::StartsWith("500 messages"));
-  CHECK_THAT(recorder.Error(), Catch::Contains(path + ": ends here, and is whole"));
+  CHECK_THAT(recorder.Error(), Catch::Contains(path + ": ends here and is complete"));
   CHECK(RecordsIn(path, false) == 500);
 }
 

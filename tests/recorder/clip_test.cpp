@@ -409,9 +409,9 @@ TEST_CASE("What makes no clip is said, and leaves nothing") {
   refuses({program, log, folder.Path("none/clip.mp4")}, "cannot be written");
   refuses({program, folder.Path("none"), clip}, "cannot be read");
   refuses({program, folder.Path("no_pictures"), clip}, "holds no picture");
-  refuses({program, log, clip, "--from", "2", "--to", "2"}, "--to is not after --from");
-  refuses({program, log, clip, "--from", "3.5"}, "they stand from 0.50 s to 3.00 s");
-  refuses({program, log, clip, "--to", "0.4"}, "they stand from 0.50 s to 3.00 s");
+  refuses({program, log, clip, "--from", "2", "--to", "2"}, "--to is not later than --from");
+  refuses({program, log, clip, "--from", "3.5"}, "its pictures are from 0.50 s to 3.00 s");
+  refuses({program, log, clip, "--to", "0.4"}, "its pictures are from 0.50 s to 3.00 s");
   refuses({"/usr/bin/env", "PATH=/none", program, log, clip},
           "ffmpeg: cannot be started: No such file or directory; install it");
 }

@@ -103,7 +103,7 @@ TEST_CASE("The page says what the assessment found, against which limits") {
                        Catch::Contains("Balasubramanian"));
   CHECK_THAT(page, Row("Simulated", "1000 ticks") &&
                        Row("Not in equilibrium at the end of a tick", "10 ticks (1.00 %)") &&
-                       Row("Deepest in the wall", "12.5 &#xb5;m") &&
+                       Row("Largest penetration of the wall", "12.5 &#xb5;m") &&
                        Row("Largest residual in equilibrium", "3.0e-07 (no unit)"));
   CHECK_THAT(page, Row("guidewire: reports of the device lost", "0 reports"));
   CHECK(page.find("<b>Note:</b>") == std::string::npos);
@@ -149,7 +149,7 @@ TEST_CASE("What makes the figures doubtful is said") {
   report.damage.bytes = 91;
   report.ended = false;
   std::string page = FormatPage(report, parts);
-  CHECK_THAT(page, Catch::Contains("did not go where the hand went: 7.0 counts") &&
+  CHECK_THAT(page, Catch::Contains("did not follow its hand: they are 7.0 counts") &&
                        Catch::Contains("3 messages of the recording cannot be read") &&
                        Catch::Contains("damaged: 2 damaged places") &&
                        Catch::Contains("ends before the session") &&

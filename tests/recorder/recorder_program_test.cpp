@@ -153,5 +153,5 @@ TEST_CASE("A log that cannot be made is refused before anything is recorded") {
   CHECK_THAT(recorder.Error(), Catch::StartsWith("torquer-recorder: /none/log: cannot be made"));
   ChildProcess keeper({ProgramPath("torquer-recorder"), "/none/log", "--keep", "2"});
   CHECK(keeper.Wait() == 2);
-  CHECK_THAT(keeper.Error(), Catch::Contains("--keep is of parts; give --part-mb too"));
+  CHECK_THAT(keeper.Error(), Catch::Contains("--keep needs --part-mb; give both"));
 }

@@ -222,7 +222,7 @@ TEST_CASE("Motion that was made up for at the end switch is no error, and is sai
   CHECK(report.Good());
   CHECK(report.instruments.at(0).axial.error_counts < 1e-3);
   CHECK_THAT(FormatReport(report),
-             Catch::Contains("-1.500 mm were lost, and made up for at the end switch"));
+             Catch::Contains("-1.500 mm were lost, and corrected at the end switch"));
   CHECK_THAT(FormatReport(Report({})), !Catch::Contains("end switch"));
 }
 
