@@ -68,7 +68,7 @@ double Navigation::Force() const {
   for (const Reading& reading : simulation_.readings()) {
     if (reading.name == "wall_force_largest_mN") return reading.value;
   }
-  throw Error("the scene looks for no force on the wall; add [effects.wall_force]");
+  throw Error("the scene does not measure wall force; add [effects.wall_force]");
 }
 
 void Navigation::FindOnRoute(std::size_t reach) {

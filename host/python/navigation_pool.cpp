@@ -28,9 +28,7 @@ NavigationPool::~NavigationPool() {
 
 void NavigationPool::RequireOwnProcess() const {
   if (!forked()) return;
-  throw Error(
-      "the environments step in threads of the process that this one was forked from; make them "
-      "after the fork");
+  throw Error("these environments run in threads of the parent process; make them after the fork");
 }
 
 void NavigationPool::Add(Job job) {

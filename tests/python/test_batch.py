@@ -139,7 +139,7 @@ def test_a_surface_that_changes_while_processes_live(study, tmp_path):
     write_tube(surface, 2)
     # A case made with the former file is refused, and so is a scene pickled with it.
     torquer._batch_case._load.cache_clear()
-    with pytest.raises(torquer.Error, match="a file of the scene is another than when the case was made"):
+    with pytest.raises(torquer.Error, match="a file of the scene has changed since the case was made"):
         torquer._batch_case.run(old[0])
     with pytest.raises(torquer.Error, match="a file of the pickled scene own has changed since"):
         pickle.loads(pickled)
@@ -242,7 +242,7 @@ def test_a_cluster_whose_scheduler_is_lost(study, tmp_path, cluster):
     scheduler.kill()
     output, error = process.communicate(timeout=120)
     assert process.returncode == 1
-    assert "the scheduler is gone (" in error and "what is done is stored, run the command again" in error
+    assert "the scheduler is gone (" in error and "the finished cases are stored; run the command again" in error
     stored = lines(out)
     assert 20 <= stored < 600
     status, output, error = finish(path, out, "--workers", 1)
@@ -272,14 +272,14 @@ def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
     [
         ("scenes = [", "study.toml: "),
         (MOTION, "scenes is None; give a list"),
-        (f'scenes = ["ty_fantom"]\n{MOTION}', "nor a scene 'ty_fantom' of Torquer's; these are: "),
+        (f'scenes = ["ty_fantom"]\n{MOTION}', "nor a shipped scene 'ty_fantom'; shipped scenes: "),
         (f'scenes = ["ty_phantom"]\nseds = [1]\n{MOTION}', "no key seds; did you mean seeds?"),
         (f'scenes = ["{"a" * 300}"]\n{MOTION}', "File name too long; name scenes or their files"),
         ('scenes = ["ty_phantom"]\n', "there is no motion; add one"),
         (f'scenes = ["ty_phantom"]\nseeds = [1, 1]\n{MOTION}', "seeds has a number twice"),
         (f'scenes = ["ty_phantom"]\nseeds = [-1]\n{MOTION}', "seeds has -1; give whole numbers from 0"),
         (f'scenes = ["ty_phantom"]\nshapes = "all"\n{MOTION}', "shapes is 'all'; give one of last, rows, none"),
-        (f'scenes = ["ty_phantom"]\n{MOTION}{MOTION}', "two motions have one name"),
+        (f'scenes = ["ty_phantom"]\n{MOTION}{MOTION}', "two motions have the same name"),
         (f'scenes = ["ty_phantom"]\n{MOTION.replace("guidewire", "catheter")}', "no such instrument; it has: guidewire"),
         (f'scenes = ["ty_phantom"]\n{MOTION.replace("duration_s = 1", "duration_s = 0")}', "duration_s is 0; give a number"),
         (f'scenes = ["ty_phantom"]\n{MOTION.replace("spread", "spred")}', "no key spred; did you mean spread?"),
@@ -288,7 +288,7 @@ def test_a_case_that_fails_is_listed_and_the_rest_goes_on(study, tmp_path):
         (f'scenes = ["ty_phantom"]\n[axes]\n"a" = [1, 1]\n{MOTION}', "axes.a has a value twice"),
         (f'scenes = ["ty_phantom"]\n[random]\n"a" = [2, 1]\n{MOTION}', "random.a is [2, 1]; give the lowest and the highest"),
         ('scenes = ["ty_phantom"]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "none.csv: cannot be read (No such file"),
-        ('scenes = ["ty_phantom"]\nseeds = [1, 2]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "nothing is drawn by them"),
+        ('scenes = ["ty_phantom"]\nseeds = [1, 2]\n[[motion]]\nname = "m"\nscript = "none.csv"\n', "the study draws no random value"),
     ],
 )
 def test_a_study_that_makes_no_sense_is_refused(study, tmp_path, text, said):
@@ -312,12 +312,12 @@ def test_a_study_of_very_many_scenes_is_read_at_once(study, monkeypatch):
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        ("", "there is nothing in it"),
-        ("time_s,guidewire.speed\n1,2\n", ":1: column 'guidewire.speed' is twice there or unknown"),
+        ("", "the file is empty"),
+        ("time_s,guidewire.speed\n1,2\n", ":1: column 'guidewire.speed' is unknown or given twice"),
         ("guidewire.insertion_mm\n1\n", ":1: there is no column time_s"),
-        ("time_s;guidewire.insertion_mm\n1;2\n", ":1: semicolons part the columns"),
-        ("time_s\n1\n1\n", ":3: time_s is 1, not after the row before"),
-        ("# rows\ntime_s\n1,2\n", ":3: 2 values for 1 columns"),
+        ("time_s;guidewire.insertion_mm\n1;2\n", ":1: semicolons separate the columns"),
+        ("time_s\n1\n1\n", ":3: time_s is 1, not later than the previous row"),
+        ("# rows\ntime_s\n1,2\n", ":3: the row has 2 values, but the header names 1"),
         ("time_s\nx\n", ":2: 'x' are not all numbers"),
         ("time_s\ninf\n", ":2: 'inf' are not all finite"),
     ],

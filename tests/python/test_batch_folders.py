@@ -115,7 +115,7 @@ def test_files_of_a_user_beside_results_stay(ran, study, tmp_path):
     record = out / "torquer-batch.jsonl"
     record.write_text("".join(line for line in record.read_text().splitlines(True) if "shape" not in line))
     (out / "readings.jsonl").write_bytes(b"")
-    with pytest.raises(torquer.Error, match="zip: is there, but not by torquer-batch; move it away"):
+    with pytest.raises(torquer.Error, match="zip: exists, but torquer-batch did not write it; move it away"):
         torquer.batch.run(str(study(cases(2))), str(out))
 
 

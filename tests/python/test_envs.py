@@ -215,9 +215,9 @@ def test_some_are_sent_and_the_first_to_finish_received():
     other = torquer.envs.VectorEnv("ty_phantom", 4, 1)
     other.reset(seed=5)
     many.send(SOME[0, [2, 0]], [2, 0])
-    with pytest.raises(torquer.Error, match="at work already"):
+    with pytest.raises(torquer.Error, match="running already"):
         many.send(SOME[0, :1], [2])
-    with pytest.raises(torquer.Error, match="at work; recv"):
+    with pytest.raises(torquer.Error, match="are running; call recv"):
         many.reset()
     first = many.recv(1)
     second = many.recv()

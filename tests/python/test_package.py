@@ -244,8 +244,8 @@ def test_record_and_contacts(beating):
 @pytest.mark.parametrize(
     "time_s, hands, said",
     [
-        (-1.0, None, "let times ascend"),
-        (float("nan"), None, "let times ascend"),
+        (-1.0, None, "give increasing times"),
+        (float("nan"), None, "give increasing times"),
         (1.0, [[0, 0], [0, 0]], "2 entries"),
         (1.0, [0, 0], r"shape \(2\)"),
         (1.0, [[0, 0, 0]], r"shape \(1, 3\)"),
@@ -320,7 +320,7 @@ def test_a_step_in_use_is_not_moved(phantom, beating):
 
     def after_tick(tick):
         for call in (simulation.restart, lambda: simulation.restore(saved), lambda: simulation.step(9, simulation.hands)):
-            with pytest.raises(torquer.Error, match="a step is in use of it"):
+            with pytest.raises(torquer.Error, match="a step of this object is running"):
                 call()
             refused.append(call)
 
@@ -339,7 +339,7 @@ def test_a_step_in_use_is_not_moved(phantom, beating):
 
     report = simulation.step(0.05, simulation.hands, after_tick=after_tick)
     assert len(refused) == 3 * report.ticks and len(others) == 4 * report.ticks
-    assert all("another thread uses it" in text for text in others)
+    assert all("another thread uses this object" in text for text in others)
     other = torquer.Simulation(beating)
     scene = simulation.scene
     with pytest.raises(torquer.Error, match="give one of the same scene"):

@@ -37,7 +37,7 @@ class Result:
 def _load(text: str, folder: str, files: Tuple[str, ...]) -> Scene:
     def require_same() -> None:
         if tuple(file_hashes(parse_toml(folder, text), pathlib.Path(folder), {})) != files:
-            raise Error(f"{folder}: a file of the scene is another than when the case was made; run the command again")
+            raise Error(f"{folder}: a file of the scene has changed since the case was made; run the command again")
 
     # Equal hashes before and after the loading prove that these files were loaded.
     require_same()

@@ -110,7 +110,7 @@ class _Record:
             others = sorted(set(os.listdir(folder.descriptor)) - {_MARK})
             if others:
                 raise Error(
-                    f"{path}: holds {others[0]}, and no mark of torquer-batch ({_MARK}); choose an empty or a new folder with --out"
+                    f"{path}: contains {others[0]}, but no mark of torquer-batch ({_MARK}); choose an empty or a new folder with --out"
                 )
         self._file = folder.append(_MARK)
         self.shapes: Set[str] = set()
@@ -243,7 +243,7 @@ class Store:
 
     def _require_recorded(self, name: str) -> None:
         if self._own.has(name) and (name, _hash(self._own.read(name))) not in self._record.finished:
-            raise Error(f"{self.folder / name}: is not as torquer-batch wrote it; move it away, and it is written again")
+            raise Error(f"{self.folder / name}: was changed since torquer-batch wrote it; move it away, and torquer-batch writes it again")
 
     def keep(self, case: Case, result: Result) -> None:
         """Stores a case; it is on the disk when this returns. Raises Error if the disk fails."""
@@ -255,7 +255,7 @@ class Store:
         name = f"{case.key}.zip"
         try:
             if self._shapes.has(name) and case.key not in self._record.shapes:
-                raise Stopped(f"{self._shapes.path / name}: is there, but not by torquer-batch; move it away, run the command again")
+                raise Stopped(f"{self._shapes.path / name}: exists, but torquer-batch did not write it; move it away, and run the command again")
             with self._shapes.create(_PART) as part:
                 # Opened by the descriptor, because another process may link the name elsewhere.
                 with self._zarr.ZipStore(f"/proc/self/fd/{part.fileno()}", mode="w") as zipped:
@@ -271,7 +271,7 @@ class Store:
             self._lines.flush()
             os.fsync(self._lines.fileno())
         except OSError as error:
-            raise Stopped(f"{self.folder}: {error.strerror}; what was stored before is kept, run the command again") from None
+            raise Stopped(f"{self.folder}: {error.strerror}; the cases stored before are kept; run the command again") from None
         self.readings[case.key] = result.readings
 
     def finish(self, rows: List[Dict[str, Any]], failures: Iterable[Dict[str, Any]], page: str) -> None:
@@ -290,7 +290,7 @@ class Store:
             for name, text in zip(_FINISHED, texts):
                 self._write_whole(name, text.encode())
         except OSError as error:
-            raise Stopped(f"{self.folder}: {error.strerror}; the cases are stored, run the command again") from None
+            raise Stopped(f"{self.folder}: {error.strerror}; the cases are stored; run the command again") from None
 
     def _write_whole(self, name: str, data: bytes) -> None:
         """Replaces a file, which is the old one or the new one at any moment."""

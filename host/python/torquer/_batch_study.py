@@ -101,14 +101,14 @@ def _read_motion(path: pathlib.Path, index: int, motion: Any) -> Dict[str, Any]:
     if "script" in motion:
         for key in motion:
             if key not in ("name", "script"):
-                raise Error(f"{where}: {key} does not go with script, which says all; remove one of them")
+                raise Error(f"{where}: {key} and script exclude each other; remove one of them")
         if not isinstance(motion["script"], str):
             raise Error(f"{where}: script is {motion['script']!r}; name a file of rows, as for torquer-simulator --script")
         return {"name": name, "script": path.parent / motion["script"]}
     hands = motion.get("hands", {})
     if not isinstance(hands, dict) or not hands:
         raise Error(
-            f"{where}: it has neither script nor hands; name a file, or say how an instrument moves, as "
+            f"{where}: it has neither script nor hands; name a script file, or give the motion of an instrument, as "
             "hands.guidewire = { speed_mm_s = 10 }"
         )
     for instrument, hand in hands.items():
@@ -151,8 +151,8 @@ def _scene_files(file: pathlib.Path, names: List[Any]) -> List[str]:
             raise Error(f"{file}: scenes has {name[:40]!r}..: {error.strerror}; name scenes or their files") from None
         if path is None:
             raise Error(
-                f"{file}: scenes: there is neither a file {own} nor a scene {name!r} of Torquer's; "
-                f"these are: {', '.join(shipped)}"
+                f"{file}: scenes: there is neither a file {own} nor a shipped scene {name!r}; "
+                f"shipped scenes: {', '.join(shipped)}"
             )
         found.append(path)
     return found
@@ -202,10 +202,10 @@ def read_study(path: str) -> Study:
     motions = [_read_motion(file, index, motion) for index, motion in enumerate(listed)]
     names = [motion["name"] for motion in motions]
     if len(set(names)) < len(names):
-        raise Error(f"{file}: two motions have one name; give each its own")
+        raise Error(f"{file}: two motions have the same name; give each its own")
     if len(seeds) > 1 and not random and not any(motion.get("spread") for motion in motions):
         raise Error(
-            f"{file}: seeds has {len(seeds)} numbers, but nothing is drawn by them; add a range to [random], "
+            f"{file}: seeds has {len(seeds)} numbers, but the study draws no random value; add a range to [random], "
             "or spread to a motion"
         )
 
@@ -214,7 +214,7 @@ def read_study(path: str) -> Study:
         raise Error(f"{file}: shapes is {shapes!r}; give one of {', '.join(SHAPES)}")
     study = Study(file, scenes, axes, random, seeds, motions, shapes)
     if study.count() > _MOST_CASES:
-        raise Error(f"{file}: these are {study.count()} cases; at most {_MOST_CASES} are run")
+        raise Error(f"{file}: the study has {study.count()} cases, but at most {_MOST_CASES} are allowed; vary fewer values")
     return study
 
 
@@ -306,24 +306,24 @@ def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], Lis
     text = io.StringIO(read_text(path), newline="")
     lines = [(number, line) for number, line in enumerate(text, 1) if line.strip() and not line.startswith("#")]
     if not lines:
-        raise Error(f"{path}: there is nothing in it; the first line names the columns")
+        raise Error(f"{path}: the file is empty; the first line must name the columns")
     try:
         rows = list(csv.reader(line for _, line in lines))
     except csv.Error as error:
-        raise Error(f"{path}: {error}; give rows of numbers, parted by commas") from None
+        raise Error(f"{path}: {error}; give rows of numbers, separated by commas") from None
     columns = tuple(cell.strip() for cell in rows[0])
     if len(columns) == 1 and ";" in columns[0]:
-        raise Error(f"{path}:{lines[0][0]}: semicolons part the columns; save it with commas, and with points in numbers")
+        raise Error(f"{path}:{lines[0][0]}: semicolons separate the columns; save the file with commas between columns and decimal points in numbers")
     for column in columns:
         if column not in known or columns.count(column) > 1:
-            raise Error(f"{path}:{lines[0][0]}: column {column!r} is twice there or unknown; there may be: {', '.join(known)}")
+            raise Error(f"{path}:{lines[0][0]}: column {column!r} is unknown or given twice; known columns: {', '.join(known)}")
     if "time_s" not in columns:
         raise Error(f"{path}:{lines[0][0]}: there is no column time_s; a script needs one")
     read: List[Tuple[float, ...]] = []
     time = columns.index("time_s")
     for (number, _), cells in zip(lines[1:], rows[1:]):
         if len(cells) != len(columns):
-            raise Error(f"{path}:{number}: {len(cells)} values for {len(columns)} columns")
+            raise Error(f"{path}:{number}: the row has {len(cells)} values, but the header names {len(columns)}")
         try:
             values = tuple(float(cell) for cell in cells)
         except ValueError:
@@ -331,10 +331,10 @@ def _script_rows(path: pathlib.Path, scene: Scene) -> Tuple[Tuple[str, ...], Lis
         if not all(map(math.isfinite, values)):
             raise Error(f"{path}:{number}: {', '.join(cells)!r} are not all finite")
         if read and values[time] <= read[-1][time]:
-            raise Error(f"{path}:{number}: time_s is {values[time]:g}, not after the row before; let times ascend")
+            raise Error(f"{path}:{number}: time_s is {values[time]:g}, not later than the previous row; give increasing times")
         read.append(values)
     if not read:
-        raise Error(f"{path}: there is no row below the names of the columns")
+        raise Error(f"{path}: there is no row below the header; give at least one")
     return columns, read
 
 

@@ -214,7 +214,7 @@ def _each_result(client: Any, waiting: Iterator[Case]) -> Iterator[tuple[Case, A
 
 
 def _lost(why: str) -> Error:
-    return Stopped(f"the scheduler is gone ({why}); what is done is stored, run the command again")
+    return Stopped(f"the scheduler is gone ({why}); the finished cases are stored; run the command again")
 
 
 def run(
@@ -307,7 +307,7 @@ def main() -> int:
         print(f"torquer-batch: {error}", file=sys.stderr)
         return 1 if isinstance(error, Stopped) else 2
     except KeyboardInterrupt:
-        print(f"\ntorquer-batch: stopped; what is done is stored in {out}, run the command again", file=sys.stderr)
+        print(f"\ntorquer-batch: stopped; the finished cases are stored in {out}; run the command again", file=sys.stderr)
         return 130
     if arguments.json:
         print(json.dumps(dataclasses.asdict(summary)))

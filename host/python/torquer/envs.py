@@ -128,7 +128,7 @@ def _scene_of(scene: Scene, task: Task, sees: bool) -> Scene:
     if "wall_force" not in scene.effects:
         text = _with_keys(text, "effects.wall_force", {"threshold_mN": 100.0})
     if sees and "fluoroscopy" not in scene.effects:
-        raise Error(f"{scene.name} makes no pictures; add [effects.fluoroscopy]")
+        raise Error(f"{scene.name} has no X-ray pictures; add [effects.fluoroscopy]")
     if sees and task.picture_px is not None:
         size = _whole("picture_px", task.picture_px, 64, 1024)
         text = _with_keys(text, "effects.fluoroscopy", {"width_px": size, "height_px": size})
@@ -388,7 +388,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         """Returns all to the start. seed: that of the first, one more for each next; or one for each.
         options: as in NavigationEnv.reset."""
         if self._at_work.any():
-            raise Error("environments are at work; recv() them before reset()")
+            raise Error("environments are running; call recv() before reset()")
         seeds: Sequence[Optional[int]]
         if seed is None:
             seeds = [None] * self.num_envs
@@ -434,7 +434,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         if len(np.unique(which)) != len(which) or ((which < 0) | (which >= self.num_envs)).any():
             raise Error(f"ids are {which.tolist()}; give each once, 0 to {self.num_envs - 1}")
         if self._at_work[which].any():
-            raise Error("an environment is at work already; recv() it before the next send()")
+            raise Error("an environment is running already; call recv() before the next send()")
         ended = self._ended[which]
         self._pool.step(which[~ended], rows[~ended])
         for k in which[ended]:
@@ -446,7 +446,7 @@ class VectorEnv(_VectorEnv):  # type: ignore[misc]
         rewards, terminated, truncated and info, in the order of info["env_id"]. If one of them
         fails, this waits for all, and raises the error."""
         if not self._at_work.any():
-            raise Error("no environment is at work; send() actions first")
+            raise Error("no environment is running; call send() with actions first")
         if count is not None:
             count = _whole("count", count, 1, 2**31 - 1)
         try:
