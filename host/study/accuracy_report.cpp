@@ -237,12 +237,12 @@ void ReportFront(StudyRun& run, const AccuracyResults& results) {
   const std::vector<FrontPoint> all =
       OverScenes(PointsOf(results.measured.begin()->second), results.measured);
   run.Draw(DrawFront("Error against time, over all scenes", all),
-           "Each point is a setting, its time and error geometric means over the scenes; only "
-           "settings that were measured and stayed in their basin somewhere in every scene. Error: "
-           "mean distance of the wire from a wire of ten times finer segments, relaxed to 1e-9, "
-           "after 10 mm of feeding and turning from that wire's own state. Newton's method feeds "
-           "in actions of 0.1 mm and has friction, the paper's in segments and has none; each is "
-           "compared with its own reference physics.");
+           "Each point is a setting; its time and error are geometric means over the scenes. A "
+           "setting is shown if it stayed in its basin in every scene. Error: mean distance of the "
+           "wire from a reference wire, after 10 mm of feeding and turning. The reference has ten "
+           "times finer segments and is relaxed to 1e-9; both start from its state. Newton's "
+           "method feeds in actions of 0.1 mm and has friction. The paper's method feeds in "
+           "segments and has no friction. Each method is compared with its own reference physics.");
   Table front{"The Pareto front", {"setting", "ms/mm", "mean error um"}, {}};
   for (const FrontPoint& point : ParetoFront(all)) {
     front.rows.push_back({point.name, Number(point.ms_per_mm), Number(1e3 * point.error_mm)});
@@ -265,18 +265,18 @@ void ReportLadders(StudyRun& run, const AccuracyResults& results) {
   run.Draw(LinesOfScenes("Time over tolerance, segments of 1 mm", tolerance_axis,
                          {"ms for a millimeter of motion", true}, results, tolerances.x,
                          tolerances.names, TimeOf),
-           "Newton's last digits come at a step each.");
+           "Near the solution each Newton step gains several digits.");
   run.Section("Segment length");
   const Ladder segments = Segments(results);
   run.Draw(LinesOfScenes("Error over segment length, tolerance 1e-6", {"segment length, mm", true},
                          {"mean error, mm", true}, results, segments.x, segments.names, ErrorOf),
-           "Finer segments are what buys accuracy; time grows in proportion to their number.");
+           "Finer segments increase the accuracy; the time grows in proportion to their number.");
   run.Section("Budget");
   const Ladder budgets = Budgets(results);
   run.Draw(LinesOfScenes("Error over the budget of an action, segments of 1 mm",
                          {"budget of an action, us", true}, {"mean error, mm", true}, results,
                          budgets.x, budgets.names, ErrorOf),
-           "Cut short, a tick leaves residual and motion to the next one.");
+           "A tick that spends its budget leaves residual and motion to the next tick.");
 }
 
 // Plot with one point for each scene and setting.
@@ -308,10 +308,11 @@ void ReportAxis(StudyRun& run, const AccuracyResults& results, const AccuracyAxi
   if (!axis.x.empty()) {
     run.Draw(LinesOfScenes(axis.title, {axis.x_label}, {"mean error, mm", true}, results, axis.x,
                            names, ErrorOf),
-             "All else as by default.");
+             "All other settings have their defaults.");
   } else {
     run.Draw(PointsOfScenes(axis.title, results, names),
-             "One point a scene; the first setting that stayed in its basin has the scene's name.");
+             "Each scene has one point; the first setting that stayed in its basin is labeled with "
+             "the scene.");
   }
   for (const auto& [scene, cases] : results.measured) {
     Table table{axis.title + ", " + scene, Header(), {}};
@@ -327,7 +328,7 @@ void ReportScenes(StudyRun& run, const AccuracyResults& results) {
   for (const auto& [scene, cases] : results.measured) {
     run.Section(scene);
     run.Draw(DrawFront("Error against time, " + scene, PointsOf(cases)),
-             "Every setting of segments and method in this scene.");
+             "All settings of segments and method in this scene.");
     Table table{"Segments and methods, " + scene, Header(), {}};
     for (const FrontPoint& point : PointsOf(cases)) {
       table.rows.push_back(Row(point.name, *Find(cases, point.name)));
@@ -343,7 +344,7 @@ void SayLeftOut(StudyRun& run, const AccuracyResults& results) {
     for (const std::string& scene : scenes) left_out += (scene == scenes[0] ? "" : ", ") + scene;
     left_out += ")";
   }
-  if (!left_out.empty()) run.Say("Left out, because they would take too long: " + left_out + ".");
+  if (!left_out.empty()) run.Say("Omitted because of their computing time: " + left_out + ".");
 }
 
 }  // namespace

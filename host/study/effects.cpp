@@ -335,7 +335,7 @@ class EffectsStudy final : public Study {
     run.Say(DescribeMachine());
     std::string folder = std::filesystem::temp_directory_path() / "torquer-effects-XXXXXX";
     if (mkdtemp(folder.data()) == nullptr) {
-      throw UserError(folder + ": the folder cannot be created; free space there");
+      throw UserError(folder + ": the folder cannot be created; free space on its disk");
     }
     const std::vector<std::string> files = WriteScenes(cases, folder);
     run.Progress("instructions", 0);
@@ -349,16 +349,15 @@ class EffectsStudy final : public Study {
     run.Section("The price list");
     run.Show(PriceTable(cases, prices, counts));
     run.Say(
-        "Heap: what scene and simulation hold more than without any effect. An effect that another "
-        "needs is in its row too. What a scene does not name is not made: no memory, no "
-        "instruction (tests/effects/cost).");
+        "Heap: additional memory of scene and simulation, compared with no effect. The row of an "
+        "effect includes the effects that it needs. An effect that a scene does not name takes no "
+        "memory and no instruction (tests/effects/cost).");
     run.Say(counts.problem.empty()
-                ? "Instructions: the mean of a tick, counted by callgrind; the same on every run."
+                ? "Instructions: mean per tick, counted by callgrind; equal on every run."
                 : "Instructions are not counted: " + counts.problem + ".");
-    run.Draw(
-        PricePlot(cases, prices),
-        "From above: no effect, two and three instruments, each effect alone (with what it needs), "
-        "all of them.");
+    run.Draw(PricePlot(cases, prices),
+             "Rows from top to bottom: no effect, two and three instruments, each effect alone "
+             "(with the effects that it needs), all effects.");
     return true;
   }
 

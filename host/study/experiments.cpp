@@ -88,7 +88,7 @@ class Comparison {
   }
 
   StudyRun& run_;
-  Table table_{"Published experiments and ours",
+  Table table_{"Published and simulated experiments",
                {"experiment: quantity", "published", "ours", "unit", "apart, in errors"},
                {}};
 };
@@ -113,10 +113,10 @@ std::array<Series, 2> WithErrors(const std::string& label, const std::vector<dou
 void BendStrip(Part& part) {
   part.run.Section("A steel strip under weights (Belendez, Neipp and Belendez 2003)");
   part.run.Say(
-      "A strip of 400 x 25 x 0.4 mm, clamped level, its end bent down by up to 0.7 of its length. "
-      "Assumed: readings and length good to 1 mm, as no error is stated; E = 194.3 GPa as the "
-      "authors got it from this same strip, so the height of the curve is theirs and its shape is "
-      "the test. Our error: halved segments, and the length longer and shorter by 1 mm.");
+      "A steel strip of 400 x 25 x 0.4 mm is clamped level. Weights bend its end down by up to 0.7 "
+      "of its length. Assumptions: readings and length are accurate to 1 mm, because no error is "
+      "stated. E = 194.3 GPa is the authors' value for this strip, so only the shape of the curve "
+      "is a test. Our error: difference to halved segments, and to a length changed by 1 mm.");
   constexpr double kRigidity = 1e3 * strip::kYoungGPa * strip::kWidthMm * strip::kThicknessMm *
                                strip::kThicknessMm * strip::kThicknessMm / 12;
   constexpr double kCutMm = 2;
@@ -172,12 +172,12 @@ double SensorNoise(std::size_t sensor) {
 void BendNeedle(Part& part) {
   part.run.Section("A needle bent in a phantom (J. S. Kim)");
   part.run.Say(
-      "A needle of steel, 0.9 mm thick, 90 mm deep in a phantom that bends it to one side. The "
-      "curvature at the first sensor, 20 mm from the entry, sets the load; how far the tip is "
-      "off, and the curvature at 64 mm, follow. Assumed: clamped at the entry, an even load across "
-      "it (as in the model there), nothing else. E = 200 GPa cancels out. Our error: halved "
-      "segments, and what the sensor reads across the bend, where it should read nothing. Theirs "
-      "of the tip is not stated.");
+      "A steel needle, 0.9 mm thick, is 90 mm deep in a phantom that bends it to one side. The "
+      "curvature at the first sensor, 20 mm from the entry, sets the load. The simulator predicts "
+      "the deflection of the tip and the curvature at 64 mm. Assumptions: the needle is clamped at "
+      "the entry and has a uniform transverse load, as in the authors' model. E = 200 GPa cancels "
+      "out. Our error: difference to halved segments, and the sensor's reading across the bend, "
+      "which should be zero. The authors state no error of the tip.");
   const double rigidity =
       1e3 * needle::kYoungGPa * std::numbers::pi * std::pow(needle::kDiameterMm, 4) / 64;
   constexpr double kCutMm = 1;
@@ -209,9 +209,9 @@ void BendNeedle(Part& part) {
                       {Mean(ours_far), passed_on}, "1/m");
   part.run.Record("needle", "tip_ratio_mean", Mean(ratio), "");
   part.run.Record("needle", "tip_ratio_deviation", Deviation(ratio), "");
-  part.run.Say("Ours over theirs, of the tip: " + Number(Mean(ratio)) + " +- " +
+  part.run.Say("Ratio of our tip deflection to theirs: " + Number(Mean(ratio)) + " +- " +
                Number(Deviation(ratio), 2) +
-               ". That is one shortfall seven times, not seven errors.");
+               ". This is one systematic difference in seven cases, not seven errors.");
   Plot plot;
   plot.title = "A needle bent in a phantom";
   plot.x.label = "curvature 20 mm from the entry, 1/m";
@@ -225,7 +225,7 @@ void BendNeedle(Part& part) {
   for (Series& s : WithErrors("measured", seen, tip, seen_error, none, 1)) {
     plot.series.push_back(std::move(s));
   }
-  part.run.Draw(plot, "Error bars: what the sensor reads where it should read nothing.");
+  part.run.Draw(plot, "Error bars: the sensor's reading across the bend, which should be zero.");
 }
 
 double PeakStress(const columns::Bar& bar, double slenderness, int segments) {
@@ -237,11 +237,11 @@ double PeakStress(const columns::Bar& bar, double slenderness, int segments) {
 void PressColumns(Part& part) {
   part.run.Section("Bars pressed between clamps (A. Claux)");
   part.run.Say(
-      "Round bars of 6 mm, 240 to 500 mm long. Assumed: ends that neither turn nor move across, "
-      "straight bars, nominal moduli, no yielding; compared are only those whose computed stress "
-      "is below half of what the shortest bar of the metal bore. No error is stated and each bar "
-      "was pressed once, so theirs is the scatter of the six about their common ratio to ours. "
-      "Ours: halved segments.");
+      "Round bars of 6 mm are 240 to 500 mm long. Assumptions: the ends neither turn nor move "
+      "sideways, the bars are straight, the moduli are nominal, and nothing yields. Only bars with "
+      "a computed stress below half of that in the metal's shortest bar are compared. No error is "
+      "stated and each bar was pressed once. Their error is thus the scatter of the six bars about "
+      "the common ratio. Our error: difference to halved segments.");
   constexpr int kSegments = 100;
   struct Pair {
     const columns::Specimen* specimen;
@@ -289,7 +289,8 @@ void PressColumns(Part& part) {
     }
     ++color;
   }
-  part.run.Draw(plot, "Error bars: the scatter of the six about their common ratio to ours.");
+  part.run.Draw(plot,
+                "Error bars: scatter of the six bars about their common ratio to our results.");
 }
 
 // Equilibrium of the paper's wire in our phantom, near a given shape.
@@ -308,13 +309,13 @@ struct Resting {
 bool LayInPhantom(Part& part) {
   part.run.Section("A guidewire in a phantom (Baier et al. 2016, Fig. 12)");
   part.run.Say(
-      "The paper lays a wire of 250 mm into a stiff phantom with a T and a Y, and finds it "
-      "0.262 +- 0.227 mm (standard deviation along the wire) from the simulated one. Its artery is "
-      "published as a picture only, so that wire cannot be laid again. What can be said is how "
-      "much of this the method itself may be wrong by: the paper's wire and method in our phantom "
-      "of the same parts (lumen 8 mm), beside the same wire in balance and in fine segments. "
-      "Assumed: a straight wire, no friction, a wall of 0.01 N/mm^2, which the paper does not "
-      "give.");
+      "The paper inserts a wire of 250 mm into a stiff phantom with a T and a Y. The wire is 0.262 "
+      "+- 0.227 mm (standard deviation along the wire) from the simulated wire. The artery is "
+      "published as a picture only, so the experiment cannot be repeated. This comparison gives "
+      "the error of the method itself. It uses the paper's wire and method in our phantom of the "
+      "same parts (lumen 8 mm). The reference is the same wire in equilibrium with fine segments. "
+      "Assumptions: a straight wire, no friction, and a wall of 0.01 N/mm^2, which the paper does "
+      "not give.");
   const bool quick = part.run.quick();
   const vessel::TubeVessel vessel = vessel::MakeTyPhantom();
   PaperBench theirs(vessel, {.segment_mm = phantom::kSegmentMm});
@@ -347,11 +348,11 @@ bool LayInPhantom(Part& part) {
   const Wire cases[] = {
       {"the paper's method, " + std::to_string(phantom::kCycles) + " cycles, 1 mm", "paper_method",
        from_fine(theirs, theirs.state())},
-      {"ours, in balance, 1 mm", "ours", from_fine(coarse.bench, coarse.state)},
-      {"a wire a tenth stiffer", "stiffer_wire", from_fine(stiffer.bench, stiffer.state)},
-      {"a wall ten times as hard", "harder_wall", from_fine(harder.bench, harder.state)},
-      {"a lumen 0.1 mm wider all round", "wider_lumen", from_fine(wider.bench, wider.state)}};
-  Table table{"Distance from a wire in balance with segments of " + Number(fine_mm) + " mm, mm",
+      {"ours, in equilibrium, 1 mm", "ours", from_fine(coarse.bench, coarse.state)},
+      {"wire stiffer by a tenth", "stiffer_wire", from_fine(stiffer.bench, stiffer.state)},
+      {"wall ten times as stiff", "harder_wall", from_fine(harder.bench, harder.state)},
+      {"lumen radius larger by 0.1 mm", "wider_lumen", from_fine(wider.bench, wider.state)}};
+  Table table{"Distance from a wire in equilibrium with segments of " + Number(fine_mm) + " mm, mm",
               {"wire", "mean", "deviation", "largest"},
               {}};
   for (const Wire& c : cases) {
@@ -371,7 +372,7 @@ bool LayInPhantom(Part& part) {
   Plot plot;
   plot.title = "A guidewire in a phantom";
   plot.x.label = "distance from the tip, mm";
-  plot.y.label = "distance from the wire in balance, mm";
+  plot.y.label = "distance from the wire in equilibrium, mm";
   int color = 0;
   for (const Wire& c : cases) {
     Series line{c.name, Mark::kLine, {}, c.mm, {}, color++};
@@ -392,14 +393,14 @@ bool LayInPhantom(Part& part) {
 class ExperimentsStudy final : public Study {
  public:
   std::string name() const override { return "experiments"; }
-  std::string title() const override { return "Published experiments, ours beside theirs"; }
+  std::string title() const override { return "Published experiments compared with the simulator"; }
   std::string summary() const override {
     return "published experiments on wires and rods, compared with the simulator's results";
   }
   bool Run(StudyRun& run) override {
     run.Say(
-        "Errors are standard deviations. The last column is ours minus theirs over the root of the "
-        "sum of both errors' squares; an error that is not stated counts as none.");
+        "Errors are standard deviations. The last column is our value minus theirs, divided by the "
+        "root of the sum of both squared errors. An unstated error counts as zero.");
     Comparison comparison(run);
     Part part{run, comparison};
     BendStrip(part);

@@ -60,12 +60,12 @@ InstructionCounts Problem(const std::string& text) { return {{}, text}; }
 InstructionCounts CountInstructions(const std::vector<std::string>& scenes, int feeds, bool quick,
                                     const std::string& folder) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  return Problem("valgrind runs no build with sanitizers");
+  return Problem("valgrind cannot run a build with sanitizers");
 #endif
   const std::filesystem::path program =
       std::filesystem::read_symlink("/proc/self/exe").parent_path() / "torquer-effect-ticks";
   if (!std::filesystem::exists(program)) {
-    return Problem(program.string() + " is not there; build it (host/build)");
+    return Problem(program.string() + " does not exist; build it (host/build)");
   }
   const std::string log = folder + "/valgrind.log";
   const std::string profile = folder + "/profile";

@@ -43,7 +43,7 @@ namespace {
 class PaperStudy final : public Study {
  public:
   std::string name() const override { return "paper"; }
-  std::string title() const override { return "Baier et al. (2016), measured again"; }
+  std::string title() const override { return "Repeated measurements of Baier et al. (2016)"; }
   std::string summary() const override {
     return "tables and figures of the paper, compared with the simulator's results";
   }
@@ -53,11 +53,12 @@ class PaperStudy final : public Study {
     PaperPart part{run, phantom, comparison};
     run.Say(
         "The method of Baier et al., \"Simulator for Minimally Invasive Vascular Interventions\", "
-        "Presence 25(2), 2016, coded equation by equation and measured as in its section 4. The "
-        "wire is the paper's: 250 mm, EI = 6.35e-9 N m^2. The artery of its Fig. 12 is published "
-        "as a picture only; ours has the same parts, a T and then a Y, with a lumen of 8 mm, a "
-        "wall spring of 0.01 N/mm a node at lambda = 1 mm and a wire of 0.356 mm diameter. So "
-        "times, ratios, exponents and sizes of errors can be compared, coordinates cannot.");
+        "Presence 25(2), 2016, is coded equation by equation. The measurements follow its section "
+        "4. The wire is the paper's: 250 mm, EI = 6.35e-9 N m^2. The artery of Fig. 12 is "
+        "published as a picture only. Our artery has the same parts, a T and then a Y. Its lumen "
+        "is 8 mm wide, and its wall has 0.01 N/mm per node at lambda = 1 mm. The wire has a "
+        "diameter of 0.356 mm. Times, ratios, exponents and sizes of errors can thus be compared, "
+        "but coordinates cannot.");
     if (run.quick()) {
       run.Say("Quick run: fewer cycles at n = 625, their times scaled to 100 cycles.");
     }

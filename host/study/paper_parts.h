@@ -22,8 +22,8 @@ class PaperComparison {
 
  private:
   StudyRun& run_;
-  Table table_{"Ours beside the paper's (i7-4500U, 2013)",
-               {"what", "paper", "ours", "unit", "paper / ours", "where the difference comes from"},
+  Table table_{"Our values and the paper's (i7-4500U, 2013)",
+               {"what", "paper", "ours", "unit", "paper / ours", "reason for the difference"},
                {}};
 };
 

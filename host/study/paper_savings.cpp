@@ -91,7 +91,7 @@ Plot PlotOf(const Savings& savings) {
   Plot plot;
   plot.title = "Relaxation with and without GR (Fig. 15)";
   plot.x = {"processor time, s", false, {}};
-  plot.y = {"excess energy, part of the first", true, {}};
+  plot.y = {"excess energy, fraction of the initial value", true, {}};
   for (const auto& [d, label] :
        {std::pair{&savings.alone, "PR alone"}, {&savings.both, "PR and GR"}}) {
     Series series{label, Mark::kLineAndPoints, d->time_s, d->excess_mJ};
@@ -126,22 +126,22 @@ void MeasurePaperSavings(PaperPart& part) {
     if (c.lambda == 1 && c.angle != 0 && c.wall == 0.01) plot = PlotOf(savings);
   }
   part.run.Show(table);
-  part.run.Draw(plot,
-                "Energy over that of the equilibrium, n = 250, tip of 45 degrees; every point "
-                "is a cycle. Below a few per cent the contacts' bouncing takes over, with or "
-                "without GR.");
+  part.run.Draw(
+      plot,
+      "Energy in excess of the equilibrium, n = 250, tip of 45 degrees; each point is a cycle. "
+      "Below a few percent the bouncing of the contacts dominates, with or without GR.");
   if (largest > 0) {
     part.comparison.Add("t_P / t_G to within 10 % of equilibrium (Fig. 15)", "figure15",
                         "largest_t_P_over_t_G", 3.73, largest, "",
-                        "the paper chose a hindered start; see the section");
+                        "the paper chose a hindered start; see this section");
   }
   part.run.Say(
-      "The paper picks one hindered start and finds 3.73, and says that the gain is not always "
-      "noticeable. From the fast insertion into our phantom it is small, at any stiffness of the "
-      "wall. The reason: a GR cycle of nu - mu sweeps of single nodes takes out waves of a few "
-      "segments (nine tenths of a wave of 4 segments, but not three tenths of one as long as an "
-      "interval of 30), and those a PR cycle has mostly taken out before; for the long waves that "
-      "are left a fourth-order problem would need about (nu - mu)^4 sweeps.");
+      "The paper chooses one hindered start and finds 3.73. It states that the gain is not always "
+      "noticeable. From the fast insertion into our phantom the gain is small, at any stiffness of "
+      "the wall. The reason is the length of the waves. A GR cycle of nu - mu sweeps of single "
+      "nodes removes waves of a few segments: nine tenths of a wave of 4 segments, but less than "
+      "three tenths of a wave of 30. A PR cycle has already removed most of these short waves. For "
+      "the remaining long waves a fourth-order problem needs about (nu - mu)^4 sweeps.");
 }
 
 }  // namespace torquer::study

@@ -33,9 +33,10 @@ PaperBench::Bouncing MeasureWalls(PaperPart& part, int settle) {
     for (const double share : now.contact_share) contacts += share;
     const std::string name = "figure16/wall=" + Number(wall);
     if (wall == kWalls[0]) {
-      part.comparison.Add("largest mean update |du| of a segment (Fig. 16)", name,
-                          "largest_mean_update", 9.2e-3, *largest, "",
-                          "the wall's stiffness, which the paper does not give; see the section");
+      part.comparison.Add(
+          "largest mean update |du| of a segment (Fig. 16)", name, "largest_mean_update", 9.2e-3,
+          *largest, "",
+          "the stiffness of the wall, which the paper does not give; see this section");
     } else {
       part.run.Record(name, "largest_mean_update", *largest, "");
     }
@@ -55,7 +56,7 @@ void DrawContacts(PaperPart& part, const PaperBench::Bouncing& seen, int settle)
   Plot contacts;
   contacts.title = "Time in contact (Fig. 16)";
   contacts.x.label = "node";
-  contacts.y = {"share of the time, %", false, std::pair{0.0, 100.0}};
+  contacts.y = {"fraction of the time, %", false, std::pair{0.0, 100.0}};
   contacts.height = 300;
   Series bars{"", Mark::kBars, {}, {}, {}, 1};
   for (std::size_t j = 0; j < seen.contact_share.size(); ++j) {
@@ -63,10 +64,10 @@ void DrawContacts(PaperPart& part, const PaperBench::Bouncing& seen, int settle)
     bars.y.push_back(100 * seen.contact_share[j]);
   }
   contacts.series.push_back(bars);
-  part.run.Draw(contacts, "After " + std::to_string(settle) +
-                              " cycles at n = 250 and 0.01 N/mm^2: " + Number(touched) +
-                              " nodes are ever in contact, most of them now and then, as in the "
-                              "paper.");
+  part.run.Draw(
+      contacts,
+      "After " + std::to_string(settle) + " cycles at n = 250 and 0.01 N/mm^2: " + Number(touched) +
+          " nodes touch the wall at some time, most of them only temporarily, as in the paper.");
 }
 
 void DrawUpdates(PaperPart& part, const PaperBench::Bouncing& seen) {
@@ -82,9 +83,9 @@ void DrawUpdates(PaperPart& part, const PaperBench::Bouncing& seen) {
   }
   updates.series.push_back(line);
   part.run.Draw(updates,
-                "Updates drop past every contact, whose force is in the sum (9) no more. "
-                "They never come to rest: a PR step takes the bending's stiffness for the "
-                "whole, so where k lambda^3 N > 4 EI/lambda it overshoots.");
+                "Updates decrease distally of each contact, because its force is no longer in the "
+                "sum (9). They never vanish: a PR step considers only the bending stiffness, so it "
+                "overshoots where k lambda^3 N > 4 EI/lambda.");
 }
 
 void MeasureBouncing(PaperPart& part) {
@@ -113,7 +114,8 @@ void CompareBendingLaws(PaperPart& part) {
     }
     plot.series.push_back(series);
   }
-  part.run.Draw(plot, "Up to 0.1 rad the three agree; at 1 rad only g1 still follows.");
+  part.run.Draw(plot,
+                "Up to 0.1 rad the three laws agree; at 1 rad only g1 is close to the exact law.");
   const double y = 2 * std::pow(std::sin(0.05), 2);
   const double exact = EvaluateBending(BendingLaw::kExact, y).g;
   const auto error = [&](BendingLaw law) {
@@ -203,7 +205,7 @@ void CompareEquilibria(PaperPart& part) {
   };
   constexpr Paper kPaper[] = {{0.121, 4.7, 13.6}, {0.052, 1.9, 6.7}, {0.010, 0.75, 2.9}};
   Table table{"Wires relaxed with g1 and with g2 from the same shape (4.5)",
-              {"n", "PR cycles", "distance, mm", "of PR from itself, mm", "equilibria (Newton), mm",
+              {"n", "PR cycles", "distance, mm", "drift of PR, mm", "equilibria (Newton), mm",
                "predecessor, mm", "mean angle, deg", "largest, deg"},
               {}};
   for (std::size_t k = 0; k < 3; ++k) {
@@ -212,25 +214,26 @@ void CompareEquilibria(PaperPart& part) {
     const std::string n = CaseOf(lambda).substr(2);
     const std::string name = "section4.5/" + CaseOf(lambda);
     part.comparison.Add("distance of g1 and g2, n = " + n, name, "distance", kPaper[k].distance,
-                        c.distance_mm, "mm", "PR does not come to rest; see the section");
+                        c.distance_mm, "mm", "PR does not converge; see this section");
     part.run.Record(name, "distance_of_equilibria", c.equilibria_mm, "mm");
     part.run.Record(name, "distance_of_pr_from_itself", c.restless_mm, "mm");
     part.run.Record(name, "distance_of_predecessor", c.predecessor_mm, "mm");
     part.comparison.Add("mean angle, n = " + n, name, "mean_angle", kPaper[k].mean_deg,
-                        c.angles.mean, "deg", "bends of another artery");
+                        c.angles.mean, "deg", "different bends of the artery");
     part.comparison.Add("largest angle, n = " + n, name, "largest_angle", kPaper[k].largest_deg,
-                        c.angles.largest, "deg", "bends of another artery");
+                        c.angles.largest, "deg", "different bends of the artery");
     table.rows.push_back({n, std::to_string(c.cycles), Number(c.distance_mm), Number(c.restless_mm),
                           Number(c.equilibria_mm), Number(c.predecessor_mm), Number(c.angles.mean),
                           Number(c.angles.largest)});
   }
   part.run.Show(table);
   part.run.Say(
-      "\"Of PR from itself\" is how far the wire relaxed with g1 moved in the last quarter of its "
-      "cycles: distances about as large are of PR's unrest, not of the bending law. Newton's "
-      "equilibria show what the law alone does at these angles. \"Predecessor\": with g2 and also "
-      "the signed denominator (16), without the bound (18); where the contacts are stiff for the "
-      "segment, nothing holds its steps and it diverges. Angles are of joints that rest straight.");
+      "\"Drift of PR\" is the motion of the wire with g1 in the last quarter of its cycles. "
+      "Distances of this size come from the unconverged PR, not from the bending law. Newton's "
+      "equilibria show the effect of the law alone at these angles. \"Predecessor\": g2 with the "
+      "signed denominator (16) and without the bound (18). It diverges where the contacts are "
+      "stiff for the segment, because nothing limits its steps. Angles are those of joints that "
+      "are straight at rest.");
 }
 
 }  // namespace

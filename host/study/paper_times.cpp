@@ -75,7 +75,7 @@ void MeasureInsertion(PaperPart& part) {
       const double time = Median(times);
       if (lambda == 1 && angle != 0) {
         part.comparison.Add("fast insertion, 250 segments", name, "time", 0.24, time, "s",
-                            "processor; look-ups skipped where no contact is possible");
+                            "processor; look-ups are skipped where contact is impossible");
       } else {
         part.run.Record(name, "time", time, "s");
       }
@@ -90,9 +90,9 @@ void MeasureInsertion(PaperPart& part) {
                    {.segment_mm = 1, .tip_angle_rad = kPaperTipRad, .rigidity_N_mm2 = 6.35e1});
   stiff.InsertFast();
   part.run.Record("insertion/n=250/EI=1e4x", "deepest_penetration", stiff.deepest_mm(), "mm");
-  part.run.Say("With a rigidity 10,000 times larger the same insertion leaves the lumen by up to " +
+  part.run.Say("With a rigidity 10,000 times larger the wire leaves the lumen by up to " +
                Number(stiff.deepest_mm()) +
-               " mm: the paper's own limit, a huge rigidity \"perforates\" the artery.");
+               " mm. The paper states this limit: a huge rigidity \"perforates\" the artery.");
 }
 
 // Predecessor's slow insertion with full cycles, which Tip Relaxations replace.
@@ -118,8 +118,8 @@ void MeasurePredecessor(PaperPart& part) {
   part.run.Record(name, "ratio_to_tip_relaxations", slow / quick, "");
   part.run.Record(name, "deepest_penetration_at_end", report.max_penetration_mm, "mm");
   part.run.Say(
-      "The model that the paper starts from (g2, signed denominator, no bound, feeds below "
-      "lambda/10 at the base with a full cycle after each) takes " +
+      "The predecessor's model (g2, signed denominator, no bound, feeds below lambda/10 at the "
+      "base, each followed by a full cycle) takes " +
       Number(slow) + " s for the same insertion at lambda = " + Number(lambda) + " mm, " +
       Number(slow / quick) + " times as long as Tip Relaxations.");
 }
@@ -230,10 +230,10 @@ Growth ReportTimes(PaperPart& part, const std::vector<Resolution>& resolutions) 
     const std::string name = "table1/" + CaseOf(r.lambda);
     const std::string n = CaseOf(r.lambda).substr(2);
     part.comparison.Add("100 PR cycles, n = " + n, name, "pr", paper.physical_s, r.physical_s, "s",
-                        "processor; look-ups skipped where no contact is possible");
+                        "processor; look-ups are skipped where contact is impossible");
     part.run.Record(name, "pr_every_lookup", r.literal_s, "s");
     part.comparison.Add("100 GR cycles, n = " + n, name, "gr", paper.geometrical_s, r.geometrical_s,
-                        "s", "processor; other intervals in another artery");
+                        "s", "processor; different intervals in a different artery");
     part.run.Record(name, "pr_over_gr", r.physical_s / r.geometrical_s, "");
     part.run.Record(name, "pr_over_gr_every_lookup", r.literal_s / r.geometrical_s, "");
     part.run.Record(name, "pr_over_gr_paper", paper.physical_s / paper.geometrical_s, "");
@@ -283,12 +283,12 @@ void ReportExponents(PaperPart& part, const Growth& growth, const Growth& paper)
     part.comparison.Add("exponent of PR time, " + step, name, "pr", exponent(paper.physical_s, k),
                         exponent(growth.physical_s, k), "",
                         "skipped look-ups save more in long wires");
-    part.comparison.Add("the same, every look-up", name, "pr_every_lookup",
+    part.comparison.Add("exponent of PR time, every look-up", name, "pr_every_lookup",
                         exponent(paper.physical_s, k), exponent(growth.literal_s, k), "",
                         "n^3: look-ups dominate; the paper's have a larger n^2 part");
     part.comparison.Add("exponent of GR time, " + step, name, "gr",
                         exponent(paper.geometrical_s, k), exponent(growth.geometrical_s, k), "",
-                        "which intervals are chosen");
+                        "chosen intervals");
   }
 }
 
@@ -318,9 +318,9 @@ void DrawGrowth(PaperPart& part, const Growth& growth, const Growth& paper, cons
   plot.series.push_back({"PR", Mark::kPoints, n, growth.physical_s, {}, 0});
   plot.series.push_back({"GR", Mark::kPoints, n, growth.geometrical_s, {}, 2});
   part.run.Draw(plot,
-                "Points are measured, dashed lines are the fits. The growth is the paper's: "
-                "PR between n^2 and n^3, GR between n and n^2, and the two part further with "
-                "every refinement.");
+                "Points are measured; dashed lines are fits. The growth agrees with the paper: PR "
+                "grows between n^2 and n^3, GR between n and n^2. Their difference increases with "
+                "each refinement.");
 }
 
 void ReportTable1(PaperPart& part, const std::vector<Resolution>& resolutions) {
@@ -361,8 +361,8 @@ void ReportShapes(PaperPart& part, const std::vector<Resolution>& resolutions) {
     plot.callouts.push_back({p[0], p[1], node == b.interval.mu ? "mu" : "nu"});
   }
   part.run.Draw(plot,
-                "The phantom from above; its far part also rises out of the plane. mu and nu: "
-                "the interval of the last Geometrical Relaxation at n = 250, nodes " +
+                "The phantom from above; its far part rises out of the plane. mu and nu: interval "
+                "of the last Geometrical Relaxation at n = 250, nodes " +
                     std::to_string(b.interval.mu) + " to " + std::to_string(b.interval.nu) +
                     "; at n = 100 it was " + std::to_string(a.interval.mu) + " to " +
                     std::to_string(a.interval.nu) + ".");
@@ -407,13 +407,12 @@ void ReportIntervals(PaperPart& part, const std::vector<Resolution>& resolutions
   }
   part.comparison.Add("quadratic coefficients of (34), n = 250 over n = 625", "fit34",
                       "quadratic_ratio", 0.003663 / 0.003586, quadratic[0] / quadratic[1], "",
-                      "should be 1: an update costs the same in any wire");
+                      "expected 1, because an update costs the same in any wire");
   part.run.Draw(plot,
                 "Medians over cycles of equal length; dashed: fits of (34). An update costs " +
                     Number(1e3 * quadratic[1]) +
-                    " us whatever the number of segments. Lengths that the workflow did not "
-                    "choose by itself were measured with other thresholds for what is near "
-                    "the wall.");
+                    " us for any number of segments. Lengths that the workflow did not choose were "
+                    "measured with other thresholds for contact.");
 }
 
 }  // namespace

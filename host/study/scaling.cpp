@@ -344,9 +344,9 @@ class ScalingStudy final : public Study {
       lowest = std::min(lowest, ratio);
     }
     run.Record("against_paper", "ratio", lowest, "");
-    run.Section("Against the paper's method");
+    run.Section("Comparison with the paper's method");
     run.Show(table);
-    if (run.quick()) run.Say("Quick: 10 cycles instead of 100.");
+    if (run.quick()) run.Say("Quick run: 10 cycles instead of 100.");
   }
 
   std::string folder_;

@@ -161,7 +161,7 @@ std::string SceneFolder(const std::string& given) {
 void RequireScene(const std::string& folder, const std::string& scene) {
   const std::string path = folder + "/" + scene + ".toml";
   if (!std::filesystem::exists(path)) {
-    throw UserError(path + ": no such scene; name the folder of scenes with --scenes");
+    throw UserError(path + ": there is no such scene; name the folder of scenes with --scenes");
   }
 }
 
@@ -170,7 +170,7 @@ void MakeFolder(const std::string& path) {
   std::filesystem::create_directories(path, error);
   if (!error) return;
   throw UserError(path + ": the folder cannot be made: " + error.message() +
-                  "; name one with --out where you may write");
+                  "; name a writable folder with --out");
 }
 
 void WriteWhole(const std::string& path, const std::string& text) {

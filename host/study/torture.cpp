@@ -37,7 +37,7 @@ struct Tally {
 class TortureStudy final : public Study {
  public:
   std::string name() const override { return "torture"; }
-  std::string title() const override { return "Hard cases, drawn at random"; }
+  std::string title() const override { return "Random hard cases"; }
   std::string summary() const override {
     return "random hard cases for a given time; fails if an invariant is violated";
   }
@@ -139,7 +139,7 @@ class TortureStudy final : public Study {
 
   void Report(StudyRun& run) const {
     Table table{"Results of the cases",
-                {"case", "runs", "ticks", "at rest, % of ticks", "rested in the end", "snaps",
+                {"case", "runs", "ticks", "at rest, % of ticks", "at rest at the end", "snaps",
                  "deepest, mm", "energy rise of a step"},
                 {}};
     for (const auto& [name, t] : tallies_) {

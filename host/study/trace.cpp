@@ -194,27 +194,26 @@ void DrawAll(StudyRun& run, const Trace& trace) {
   plot.x.label = "time of the script, s";
   plot.y.label = "attempts";
   plot.series = {attempts};
-  run.Draw(plot,
-           "Where the solver works hard: contacts that change, tips that pass an opening, snaps.");
+  run.Draw(plot, "Difficult ticks: contacts change, tips pass an opening, or the wire snaps.");
   DrawAttempts(run, trace, "Residual", {"residual before the attempt", true},
-               "Newton's method at its end: from one attempt to the next the residual is squared.",
+               "Near the solution of Newton's method each attempt squares the residual.",
                [](const AttemptRecord& one) { return one.residual; });
   DrawAttempts(run, trace, "Damping", {"weight", true},
                "In units of the local EI/(1 mm). Attempts without damping are not on this axis.",
                [](const AttemptRecord& one) { return one.weight; });
-  DrawAttempts(run, trace, "Length of the step", {"part of the model's step"},
-               "0: the model had no minimum, or none was found in the rounds of the active set.",
+  DrawAttempts(run, trace, "Length of the step", {"fraction of the model's step"},
+               "0: the model had no minimum, or the active set did not converge.",
                [](const AttemptRecord& one) { return one.step_scale; });
   DrawAttempts(run, trace, "Gained and expected energy", {"gained / expected"},
-               "1: the model of the energy was right. Under 0.1 an attempt is refused.",
+               "1: the energy model was exact. Below 0.1 the attempt is refused.",
                [](const AttemptRecord& one) {
                  return one.expected_mJ > 0 ? one.gained_mJ / one.expected_mJ : 0;
                });
   DrawAttempts(run, trace, "Rounds of the active set", {"solutions of the model"},
-               "One: no contact opened or closed in the step.",
+               "1: no contact opened or closed in the step.",
                [](const AttemptRecord& one) { return one.active_set_rounds; });
   DrawAttempts(run, trace, "Look-ups of the vessel's field", {"look-ups", true},
-               "Points that cannot have reached the wall since their last look-up have none.",
+               "A point that cannot have reached the wall since its last look-up needs no look-up.",
                [](const AttemptRecord& one) { return one.lookups; });
 }
 
@@ -251,7 +250,7 @@ class TraceStudy final : public Study {
     MakeFolder(run.folder());
     const std::string file = run.folder() + "/trace_attempts.csv";
     WriteAttempts(trace, file);
-    run.Say("All figures of every attempt: " + file + ".");
+    run.Say("All values of every attempt: " + file + ".");
     return true;
   }
 

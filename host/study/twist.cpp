@@ -92,10 +92,10 @@ class TwistStudy final : public Study {
   bool Run(StudyRun& run) override {
     run.Section("A bent tip turned in a bend of 30 mm");
     run.Say(
-        "Mean distance of all nodes, and of the tip, over half a turn of the hand, from a wire of "
-        "steel (GJ/EI 0.77) and from the stiffest one (1000). 70 mm of wire, its tip of 12 mm "
-        "bent.");
-    table_ = {.caption = "How far a wire lies from others by its torsional rigidity",
+        "Mean distances of all nodes and of the tip over half a turn of the hand. The references "
+        "are a steel wire (GJ/EI 0.77) and the stiffest wire (1000). The wire is 70 mm long and "
+        "has a bent tip of 12 mm.");
+    table_ = {.caption = "Distance between wires of different torsional rigidity",
               .header = {"tip 1/mm, GJ/EI", "from steel mm", "its tip mm", "from stiff mm",
                          "its tip mm", "largest mm", "time ms"},
               .rows = {}};
