@@ -104,7 +104,7 @@ TEST_CASE("A demo writes into its own folder, and removes what it made and nothi
   // A session folder stays if the user added a file to it, and so does that file.
   Write(bench.Session(first + "/notes.txt"), "mine");
   REQUIRE(bench.Run("--keep 1") == 2);
-  CHECK_THAT(bench.Error(), Catch::Contains(first + " has files that are not of the demo"));
+  CHECK_THAT(bench.Error(), Catch::Contains(first + " has files that the demo did not write"));
   REQUIRE(bench.Sessions().size() == 1);
   const std::string second = bench.Sessions()[0];
   CHECK(second != first);
@@ -125,7 +125,7 @@ TEST_CASE("A demo writes into its own folder, and removes what it made and nothi
   REQUIRE(bench.Run("--keep 1") == 2);
   CHECK(Contents(bench.folder.Path("elsewhere/wire.svg")) == "mine");
   CHECK(fs::read_symlink(bench.Session("latest")) == bench.folder.Path("elsewhere"));
-  CHECK_THAT(bench.Error(), Catch::Contains("latest is not a link of the demo"));
+  CHECK_THAT(bench.Error(), Catch::Contains("latest is not a link that the demo made"));
   CHECK(bench.Sessions().size() == 1);
   CheckAreThere(users);
 
