@@ -226,7 +226,7 @@ TEST_CASE("Strokes that cannot tell are refused") {
   strokes = Few();
   strokes[1].reference_error = 0.0;
   CHECK_THROWS_WITH(FitMotion(strokes, {}, 1200),
-                    Catch::Contains("stroke 2: reference_error = 0; declare"));
+                    Catch::Contains("stroke 2: reference_error = 0; give"));
   strokes = Few();
   strokes[2].axial_counts = std::nan("");
   CHECK_THROWS_WITH(FitMotion(strokes, {}, 1200), Catch::Contains("stroke 3: axial_counts = nan"));
@@ -234,7 +234,7 @@ TEST_CASE("Strokes that cannot tell are refused") {
   strokes[3].reference = 0.0;
   CHECK_THROWS_WITH(FitMotion(strokes, {}, 1200), Catch::Contains("stroke 4: reference = 0; give"));
   CHECK_THROWS_WITH(FitMotion(Few(), {.push_mm = -1.0}, 1200),
-                    Catch::Contains("common error push_mm = -1; declare"));
+                    Catch::Contains("common error push_mm = -1; give"));
 }
 
 TEST_CASE("A joystick's center, ends and dead zone are found") {

@@ -85,7 +85,7 @@ TEST_CASE("A device unplugged with transfers in flight is waited for and read on
     CHECK(chain.listener.holds.back().insertion_mm == before_mm);
 
     chain.testbed.Plug(kAddress + round + 1, Bench());
-    REQUIRE(chain.listener.UntilHealth("running", "device BENCH-7 is back"));
+    REQUIRE(chain.listener.UntilHealth("running", "device BENCH-7 is connected again"));
     chain.report = StillReport();
     chain.report.boot_id = static_cast<std::uint8_t>(50 + round);
     const instrument_command_t after = chain.Push(kAddress + round + 1, 10, 10);
@@ -142,7 +142,7 @@ TEST_CASE("Among several devices the serial number chooses") {
     REQUIRE(chain.listener.UntilHealth("waiting for device", "was unplugged"));
     chain.testbed.Plug(kAddress + 2, Bench("THIRD-3"));
     chain.testbed.Plug(kAddress + 3, Bench("RIGHT-2"));
-    REQUIRE(daemon->WaitForError("device RIGHT-2 is back"));
+    REQUIRE(daemon->WaitForError("device RIGHT-2 is connected again"));
     CHECK_FALSE(chain.testbed.Claimed(kAddress + 2));
   }
 }

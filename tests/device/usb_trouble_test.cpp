@@ -46,7 +46,7 @@ TEST_CASE("A device that fails and is never plugged in again is read on") {
     chain.testbed.Lose(kAddress);
     REQUIRE(chain.listener.UntilHealth("waiting for device", "was unplugged"));
   }
-  REQUIRE(chain.listener.UntilHealth("running", "device BENCH-7 is back"));
+  REQUIRE(chain.listener.UntilHealth("running", "device BENCH-7 is connected again"));
   chain.report = StillReport();
   CHECK(chain.Push(kAddress, 10, 10).insertion_mm == Approx(before_mm + 90 * kMmPerCount));
 }
@@ -109,7 +109,7 @@ TEST_CASE("A device that comes back unusable does not end the daemon, which says
   CHECK(Count(daemon->Error(), said) == 1);
   chain.testbed.Unplug(kAddress + 1);
   chain.testbed.Plug(kAddress + 2, Bench());
-  REQUIRE(chain.listener.UntilHealth("running", "device BENCH-7 is back"));
+  REQUIRE(chain.listener.UntilHealth("running", "device BENCH-7 is connected again"));
   chain.report = StillReport();
   CHECK(chain.Push(kAddress + 2, 10, 10).insertion_mm == Approx(before_mm + 90 * kMmPerCount));
   daemon->Signal(SIGTERM);

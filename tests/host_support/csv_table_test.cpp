@@ -49,7 +49,8 @@ TEST_CASE("A CSV table says what is wrong and where", "[support]") {
   CHECK_THROWS_WITH(torquer::ReadCsv(wrong.path, "a,b"),
                     Contains("t.csv:1: the header is 'b,a'; it must be 'a,b'"));
   const Csv ragged("a,b\n1,2\n1\n");
-  CHECK_THROWS_WITH(torquer::ReadCsv(ragged.path, "a,b"), Contains("t.csv:3: 1 values"));
+  CHECK_THROWS_WITH(torquer::ReadCsv(ragged.path, "a,b"),
+                    Contains("t.csv:3: the row has 1 values"));
   const Csv empty("");
   CHECK_THROWS_WITH(torquer::ReadCsv(empty.path, "a,b"), Contains("empty"));
 }

@@ -166,7 +166,7 @@ def test_a_surface_that_changes_while_it_is_read(study, tmp_path, monkeypatch):
 
     monkeypatch.setattr(torquer._batch_case.Scene, "from_text", slow)
     summary = torquer.batch.run(str(path), str(tmp_path / "out"))
-    assert summary.done == 0 and "a file of the scene is another" in summary.failures[0]["message"]
+    assert summary.done == 0 and "a file of the scene has changed" in summary.failures[0]["message"]
     assert lines(tmp_path / "out") == 0
 
 

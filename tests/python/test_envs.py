@@ -293,7 +293,7 @@ def test_a_vector_refuses_what_it_cannot_use():
     ]:
         with pytest.raises(torquer.Error, match=said):
             many.send(actions, ids)
-    with pytest.raises(torquer.Error, match="no environment is at work"):
+    with pytest.raises(torquer.Error, match="no environment is running"):
         many.recv()
     with pytest.raises(torquer.Error, match="2 seeds; give 3"):
         many.reset(seed=[1, 2])

@@ -116,8 +116,7 @@ struct Arguments {
 
 void Declare(torquer::Options& options, Arguments& arguments) {
   using torquer::ValueKind;
-  options.Group(
-      "Live session, which follows instrument commands and publishes wire states until Ctrl-C");
+  options.Group("Live session with commands from the bus, until Ctrl-C");
   options.Text("--scene", "FILE", arguments.scene,
                "scene file, or name of a scene that Torquer ships", ValueKind::kFile);
   options.Text(

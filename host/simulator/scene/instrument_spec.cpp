@@ -58,8 +58,9 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
     table.Refuse("tip_angle_deg", "needs tip_mm, the length of the bent tip");
   }
   if (spec.tip_angle_deg > 0 && table.Has("curvature_1_per_mm")) {
-    table.Refuse("tip_angle_deg",
-                 "and curvature_1_per_mm both define the shape of the tip; keep one");
+    table.Refuse(
+        "tip_angle_deg",
+        "cannot be given together with curvature_1_per_mm, which also bends the tip; keep one");
   }
   const double thinnest = *std::min_element(spec.radius_mm.begin(), spec.radius_mm.end());
   if (spec.inner_radius_mm >= thinnest) {
@@ -67,7 +68,7 @@ void Check(const InstrumentSpec& spec, StrictTable& table) {
                  fmt::format("must be less than the outer radius, {:g} mm", thinnest));
   }
   if (spec.coating_coefficient.has_value() != (spec.coating_mm > 0)) {
-    table.Refuse("coating_mm", "and coating_coefficient need each other; give both");
+    table.Refuse("coating_mm", "must be given together with coating_coefficient; give both");
   }
 }
 

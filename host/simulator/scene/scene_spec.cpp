@@ -87,7 +87,7 @@ const Keys<PatientAxesSpec>& AxesKeys() {
 void CheckEntry(const EntrySpec& spec, StrictTable& table) {
   if (spec.point_mm.has_value() == spec.centerline.has_value()) {
     table.Refuse(spec.point_mm ? "point_mm" : "centerline",
-                 spec.point_mm ? "and centerline exclude each other; give one of the two"
+                 spec.point_mm ? "cannot be given together with centerline; give one of the two"
                                : "is missing; give centerline, or point_mm and direction");
   }
   if (spec.point_mm.has_value() != spec.direction.has_value()) {
