@@ -156,12 +156,12 @@ double Simulation::time_s() const {
 const double* Simulation::nodes_mm() const {
   const auto hold = parts().usage.Look();
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
-  return parts_->simulation.state().nodes().front().data();
+  return parts_->simulation.state().Farthest().nodes().front().data();
 }
 
 std::size_t Simulation::node_count() const {
   const auto hold = parts().usage.Look();
-  return parts_->simulation.state().nodes().size();
+  return parts_->simulation.state().Farthest().nodes().size();
 }
 
 std::vector<Point> Simulation::InstrumentNodesMm(std::size_t instrument) const {

@@ -73,7 +73,7 @@ std::string Explain(scene::Scene& scene) {
   out += fmt::format(
       "  a tick that feeds 0.05 mm takes here, with {:.4g} mm inside, {:.4g} us (median), {:.4g} "
       "us (p99)\n",
-      simulation.state().insertion_mm(), cost.median_us, cost.p99_us);
+      simulation.state().Farthest().insertion_mm(), cost.median_us, cost.p99_us);
   return out;
 }
 

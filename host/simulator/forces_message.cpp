@@ -52,7 +52,7 @@ void DescribeForces(const Simulation& simulation, torquer_lcm::wire_forces_t& ou
     out.hand_torque_mN_mm.push_back(1e3 * hand.torque_mJ);
   }
   out.instrument_count = static_cast<std::int32_t>(out.names.size());
-  const int n = simulation.state().segments();
+  const int n = simulation.state().Farthest().segments();
   out.stride = n / kMostNodesInForces + 1;
   const auto stride = static_cast<std::size_t>(out.stride);
   out.contact_force_mN = StridedSums(forces.contact_N, stride);

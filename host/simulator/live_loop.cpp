@@ -105,7 +105,7 @@ class LiveLoop {
     }
     const auto solve_us = static_cast<double>(end_us - now_us);
     PublishState(solve_us);
-    ahead_.Follow(simulation_.state().tip());
+    ahead_.Follow(simulation_.state().Farthest().tip());
     Count(report, solve_us);
     commands_.Settle();
   }

@@ -52,6 +52,8 @@ std::string Key::Form() const {
       return "true or false";
     case KeyKind::kText:
       return "text";
+    case KeyKind::kTexts:
+      return "text, or a list of texts";
     case KeyKind::kChoice:
       return Listed(choices, "\"");
     case KeyKind::kPoint:
@@ -167,6 +169,9 @@ void Read(StrictTable& table, const Key& key, bool& value) {
   value = table.Boolean(key.name, false);
 }
 void Read(StrictTable& table, const Key& key, std::string& value) { value = table.Text(key.name); }
+void Read(StrictTable& table, const Key& key, std::vector<std::string>& value) {
+  value = table.Texts(key.name);
+}
 void Read(StrictTable& table, const Key& key, Vector3d& value) { value = table.Point(key.name); }
 void Read(StrictTable& table, const Key& key, std::vector<double>& value) {
   value = table.Numbers(key.name, key.lowest, key.highest);
@@ -188,6 +193,12 @@ std::string Write(const Key& /*key*/, double value) { return fmt::format("{}", v
 std::string Write(const Key& /*key*/, int value) { return fmt::format("{}", value); }
 std::string Write(const Key& /*key*/, bool value) { return value ? "true" : "false"; }
 std::string Write(const Key& /*key*/, const std::string& value) { return Quoted(value); }
+std::string Write(const Key& key, const std::vector<std::string>& value) {
+  if (value.size() == 1) return Quoted(value.front());
+  std::vector<std::string> texts;
+  for (const std::string& text : value) texts.push_back(Write(key, text));
+  return fmt::format("[{}]", fmt::join(texts, ", "));
+}
 std::string Write(const Key& /*key*/, const Vector3d& value) {
   return fmt::format("[{}, {}, {}]", value[0], value[1], value[2]);
 }

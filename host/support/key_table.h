@@ -39,6 +39,7 @@ enum class KeyKind {
   kInteger,
   kBoolean,
   kText,
+  kTexts,  ///< a list, or one text
   kChoice,
   kPoint,      ///< [x, y, z]
   kNumbers,    ///< a list, or one number
@@ -145,6 +146,7 @@ void Read(StrictTable& table, const Key& key, double& value);
 void Read(StrictTable& table, const Key& key, int& value);
 void Read(StrictTable& table, const Key& key, bool& value);
 void Read(StrictTable& table, const Key& key, std::string& value);
+void Read(StrictTable& table, const Key& key, std::vector<std::string>& value);
 void Read(StrictTable& table, const Key& key, Eigen::Vector3d& value);
 void Read(StrictTable& table, const Key& key, std::vector<double>& value);
 void Read(StrictTable& table, const Key& key, std::vector<Eigen::Vector3d>& value);
@@ -153,6 +155,7 @@ std::string Write(const Key& key, double value);
 std::string Write(const Key& key, int value);
 std::string Write(const Key& key, bool value);
 std::string Write(const Key& key, const std::string& value);
+std::string Write(const Key& key, const std::vector<std::string>& value);
 std::string Write(const Key& key, const Eigen::Vector3d& value);
 std::string Write(const Key& key, const std::vector<double>& value);
 std::string Write(const Key& key, const std::vector<Eigen::Vector3d>& value);
@@ -208,6 +211,11 @@ class Keys final : public KeyTable {
   template <class T>
   Keys& Text(std::string_view name, T Spec::*member, std::string_view meaning) {
     Add(name, KeyKind::kText, meaning);
+    return Take(member);
+  }
+  Keys& Texts(std::string_view name, std::vector<std::string> Spec::*member,
+              std::string_view meaning) {
+    Add(name, KeyKind::kTexts, meaning);
     return Take(member);
   }
   /// `choices`: in the order of the enumerators.

@@ -251,6 +251,23 @@ std::string StrictTable::Text(const std::string& key, const std::string& fallbac
   return impl_->Find(key) == nullptr ? fallback : Text(key);
 }
 
+std::vector<std::string> StrictTable::Texts(const std::string& key) {
+  if (IsText(key)) return {Text(key)};
+  const toml::node* node = impl_->Find(key);
+  if (node == nullptr) Refuse(key, "is missing; give a list of texts");
+  const toml::array* array = node->as_array();
+  if (array == nullptr || array->empty()) Refuse(key, "is not a list of texts; give one or more");
+  std::vector<std::string> texts;
+  for (const toml::node& element : *array) {
+    const auto text = element.value<std::string>();
+    if (!element.is_string() || !text || text->empty()) {
+      Refuse(key, "holds " + Show(element) + "; give a list of texts");
+    }
+    texts.push_back(*text);
+  }
+  return texts;
+}
+
 int StrictTable::Choice(const std::string& key, const std::vector<std::string>& choices) {
   const std::string given = Text(key);
   const auto found = std::find(choices.begin(), choices.end(), given);

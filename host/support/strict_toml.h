@@ -67,6 +67,8 @@ class StrictTable {
   std::string Text(const std::string& key, const std::string& fallback);
   /// A text that may be empty.
   std::string AnyText(const std::string& key);
+  /// Texts that are not empty; at least one. A plain text is a list of one.
+  std::vector<std::string> Texts(const std::string& key);
   /// One of the names in `choices`; returns its index.
   int Choice(const std::string& key, const std::vector<std::string>& choices);
   int Choice(const std::string& key, const std::vector<std::string>& choices, int fallback);

@@ -335,27 +335,29 @@ void CheckTwo(int long_slot, unsigned seed) {
   REQUIRE(factor.info() == Eigen::Success);
   const double decrease = dense.gradient.dot(factor.solve(dense.gradient)) / 2;
 
-  Front<kOther + SlotRows(kOtherSpins)> front;
+  using AnyFront = Front<kOther + SlotRows(kOtherSpins)>;
+  AnyFront front;
   FrontGain gain;
   if (long_slot == 0) {
     Front<SlotRows(kSpins)> alone;
     for (int i = kSegments - 1; i >= kBoth; --i) {
-      REQUIRE(alone.template Advance<0, kSpins>(segments[0][static_cast<std::size_t>(i)], gain));
+      REQUIRE(alone.template Advance<0, 0, kSpins>(segments[0][static_cast<std::size_t>(i)], gain));
     }
-    front.template Take<0>(alone);
+    front.template Take<0, 0>(alone);
   } else {
     Front<SlotRows(kOtherSpins)> alone;
     for (int i = kSegments - 1; i >= kBoth; --i) {
-      REQUIRE(
-          alone.template Advance<0, kOtherSpins>(segments[1][static_cast<std::size_t>(i)], gain));
+      REQUIRE(alone.template Advance<0, 0, kOtherSpins>(segments[1][static_cast<std::size_t>(i)],
+                                                        gain));
     }
-    front.template Take<kOther>(alone);
+    front.template Take<1, kOther>(alone);
   }
   for (std::size_t i = kBoth; i-- > 0;) {
-    front.template Touch<kOther>(terms[i], 0);
-    front.template Touch<kOther>(spin_terms[i], 0, spin_rows);
-    REQUIRE(front.template Advance<0, kSpins>(segments[0][i], gain));
-    REQUIRE(front.template Advance<kOther, kOtherSpins>(segments[1][i], gain));
+    const typename AnyFront::Slots slots{0, 1, 0, kOther};
+    front.Touch(terms[i], slots);
+    front.Touch(spin_terms[i], slots, spin_rows);
+    REQUIRE(front.template Advance<0, 0, kSpins>(segments[0][i], gain));
+    REQUIRE(front.template Advance<1, kOther, kOtherSpins>(segments[1][i], gain));
   }
   // Minimum of the quadratic model: it contains all pivots and all gradients.
   CHECK(front.decrease_mJ == Approx(decrease).epsilon(1e-11));

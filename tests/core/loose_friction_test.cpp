@@ -14,18 +14,22 @@ TEST_CASE("Friction of two curves on the wall has the gradient of finite differe
   TwoCurves curves(places, points_per_segment, 3);
   effects::EffectContext context{curves.model, curves.wall};
   context.instruments.resize(2);
+  context.stack = &curves.stack;
   effects::Friction friction(0.5, 0.05, context);
   curves.terms.push_back(&friction);
   curves.at = curves.mechanics.MakeExpansion();
   const auto expand = [&] {
-    curves.mechanics.points().Forget();
+    curves.Forget();
     curves.mechanics.Expand(curves.state, curves.at);
   };
   // Sets the anchors at rest, then moves the curves by less than the slip length.
   expand();
-  friction.Begin(curves.at.points);
-  friction.End(curves.at.points);
-  friction.Begin(curves.at.points);
+  for (int c = 0; c < 2; ++c) {
+    const PointSet& points = curves.at.curve(c).points;
+    friction.Begin(points);
+    friction.End(points);
+    friction.Begin(points);
+  }
   Eigen::VectorXd x = Eigen::VectorXd::Constant(curves.unknowns(), 8e-4);
   for (Eigen::Index k = 0; k < x.size(); k += 3) x[k] = -5e-4;
   curves.state = curves.Stepped(x);

@@ -27,7 +27,7 @@ struct Slid {
     return context;
   }
   void Expand() {
-    curves.mechanics.points().Forget();
+    curves.Forget();
     curves.mechanics.Expand(curves.state, curves.at);
   }
   Slid(const InstrumentPlaces& places, int points, double ratio, double slip_mm)
@@ -35,16 +35,19 @@ struct Slid {
     curves.terms.push_back(&friction);
     curves.at = curves.mechanics.MakeExpansion();
     Expand();
-    // Forces that press two instruments on one curve against each other.
-    if (ratio > 0) {
-      curves.at.points.pressed_N.assign(static_cast<std::size_t>(curves.state.segments()),
-                                        {1e-3, 2e-3, 3e-3, 0});
-    }
-    friction.Begin(curves.at.points);
     std::array<SurfaceMove, kMostInstruments> moves = {};
     moves[0] = {.along_mm = 0.01, .turn_rad = 0.03};
     moves[1] = {.along_mm = -0.004, .turn_rad = -0.01};
-    friction.MoveSurfaces(curves.at.points, moves);
+    for (int c = 0; c < curves.stack.curves(); ++c) {
+      PointSet& points_of = curves.at.curve(c).points;
+      // Forces that press two instruments on one curve against each other.
+      if (ratio > 0) {
+        points_of.pressed_N.assign(static_cast<std::size_t>(points_of.segments()),
+                                   {1e-3, 2e-3, 3e-3, 0});
+      }
+      friction.Begin(points_of);
+      friction.MoveSurfaces(points_of, moves);
+    }
     Eigen::VectorXd x(curves.unknowns());
     std::mt19937 random(7);
     std::uniform_real_distribution<double> turn(-8e-4, 8e-4);
@@ -82,31 +85,25 @@ TEST_CASE("The sweep with friction in a lumen solves the dense system") {
   TwoCurves& curves = slid.curves;
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },
                                       Eigen::VectorXd::Zero(curves.unknowns()), 1e-4);
-  Eigen::VectorXd unit(curves.unknowns());
-  unit << UnitWeight(curves.model, curves.state), UnitWeight(curves.second, *curves.state.second());
+  const Eigen::VectorXd unit = curves.Unit();
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       hessian, Eigen::MatrixXd(unit.asDiagonal()));
   const double weight = 1 - eigen.eigenvalues()[0];
   hessian.diagonal() += weight * unit;
   const Eigen::VectorXd dense = -hessian.llt().solve(curves.Gradient());
-  FrontSweep sweep(curves.model.max_segments(), curves.stack.second_rod());
+  FrontSweep sweep = curves.Sweep();
   const auto swept = [&] {
-    REQUIRE(sweep.Factor(curves.model, curves.state, curves.at, weight));
-    std::vector<Vector2d> step;
-    std::vector<double> spin;
-    std::vector<Vector3d> displacement;
-    sweep.Step(curves.model, curves.state, curves.at, step, spin, displacement);
-    Eigen::VectorXd all(curves.unknowns());
-    all << Unknowns(curves.model, step, spin),
-        Unknowns(curves.second, sweep.second_step(), sweep.second_spin());
-    return all;
+    REQUIRE(sweep.Factor(curves.state, curves.at, weight));
+    std::vector<CurveStep> steps(static_cast<std::size_t>(curves.stack.curves()));
+    sweep.Step(curves.state, curves.at, steps);
+    return curves.All(steps);
   };
   // The sweep leaves out the second derivatives of the sliding paths.
   const double apart = (swept() - dense).norm();
   CHECK(apart < 0.005 * dense.norm());
   // Without the coupling of spins, the step must differ.
   if (ratio == 0) return;
-  for (BetweenCurves::SpinTerms& terms : curves.at.between.spin_terms) terms.any = false;
+  for (BetweenCurves::SpinTerms& terms : curves.at.between[0].spin_terms) terms.any = false;
   CHECK((swept() - dense).norm() > 3 * apart);
 }
 
@@ -183,7 +180,7 @@ TEST_CASE("A wire that is turned in a lumen climbs its side to the angle of fric
   PulledWire wire({.room_mm = 0.1, .gj_N_mm2 = gj});
   wire.Go(0, 2 * way, 20);
   const Vector3d center = PulledWire::kRing * wire.stack.rod().sheath_normal();
-  const WireState& lumen = *wire.state.second();
+  const Curve& lumen = wire.state.curve(1);
   const std::size_t middle = lumen.nodes().size() / 2;
   const Vector3d& tangent = lumen.tangents()[middle];
   const Vector3d inwards = (center - lumen.nodes()[middle]).normalized();
@@ -195,12 +192,16 @@ TEST_CASE("A wire that is turned in a lumen climbs its side to the angle of fric
 
 TEST_CASE(
     "Turned by its hand, a lumen slides by its radius and a wire by its own, in one direction") {
-  const WireModel model = MakeWire({});
+  const InstrumentStack stack(
+      {MakeWire({}), MakeWire({.radius_mm = 0.6})},
+      {.has_room = {false, true}, .lumen_radius_mm = {0, 0.5}, .stiffness_N_mm2 = 1});
   const WallModel wall;
-  effects::LumenFriction friction(0.2, 0.01, {model, wall});
+  effects::EffectContext context{stack.rod(), wall};
+  context.stack = &stack;
+  effects::LumenFriction friction(0.2, 0.01, context);
   PointSet points;
   points.per_segment = 1;
-  points.position.resize(1);
+  points.position.resize(2);
   LumenContact contact;
   contact.outer = 1;
   contact.radius_mm = 0.2;

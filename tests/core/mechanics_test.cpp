@@ -204,7 +204,7 @@ TEST_CASE(
   WireMechanics mechanics(model, field, wall, none);
   PointSet points = mechanics.MakeExpansion().points;
   const WireState state = LayStraight(model, 9.1);
-  mechanics.points().Place(state, false, points);
+  mechanics.points().Place(state, 0, false, points);
   REQUIRE(points.size() == 4 * state.segments());
   double sum = 0;
   for (const double w : points.weight_mm) sum += w;

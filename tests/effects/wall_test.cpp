@@ -173,7 +173,7 @@ TEST_CASE("Friction has the coefficient of the wire's coating and of the wall's 
 TEST_CASE("Each instrument of a stack has its own friction, its own coating and its own end") {
   Row row;
   // The catheter ends 3 mm behind the wire's tip.
-  row.points.instruments = 2;
+  row.points.last_instrument = 2;
   row.points.behind_mm = {0, 3};
   effects::EffectContext context{row.model, row.wall};
   context.instruments = {

@@ -31,7 +31,7 @@ struct Loose {
 
   Loose(std::vector<WireModel> instruments, double lumen_radius_mm, const Vector3d& force_N,
         int points_per_segment, double stiffness_N_mm2, double tolerance = 1e-9)
-      : stack(std::move(instruments), {.first_outer = 1,
+      : stack(std::move(instruments), {.has_room = {false, true},
                                        .lumen_radius_mm = {0, lumen_radius_mm},
                                        .stiffness_N_mm2 = stiffness_N_mm2}),
         wall{.points_per_segment = points_per_segment},
@@ -111,7 +111,7 @@ double ApartWithRoom(double room_mm, const InstrumentPlaces& places) {
   WireState state(stack.rod(), 2);
   relaxation->Restart(state);
   REQUIRE(Settle(*relaxation, places, state, 400).converged);
-  return LargestDistance(loose.state, state);
+  return LargestDistance(loose.state.Farthest(), state);
 }
 
 TEST_CASE("With ever less room two curves come to the one of instruments without") {
@@ -144,7 +144,7 @@ TEST_CASE("Pulled round a bend a wire lies at the inner side of the lumen") {
   const Vector3d pull = pull_N * (std::cos(angle) * Vector3d::UnitX() + std::sin(angle) * normal);
   Loose loose({wire, catheter}, kWireRadius_mm + kRoom_mm, pull, 2, 100, 1e-7);
   loose.MoveTo({{inside_mm + 5, 0}, {inside_mm, 0}});
-  const BetweenCurves& between = loose.relaxation->Current().between;
+  const BetweenCurves& between = loose.relaxation->Current().between[0];
   CAPTURE(segment_mm, between.pressed_N, between.end_pressed_N, between.largest_offset_mm);
   const double pressed_N = pull_N * (angle - std::sqrt(2 * kRoom_mm / kBend_mm));
   CHECK(between.pressed_N == Approx(pressed_N).epsilon(0.015));
@@ -168,8 +168,8 @@ TEST_CASE("A force across on the catheter alone is borne by both") {
   const double alone_mm = 1e-6 * b * b * b / (3 * kWire_N_mm2);
   const double held_mm = 1e-6 * 1000.0 / (3 * kWire_N_mm2);
   CAPTURE(alone_mm, held_mm);
-  CHECK(loose.state.tip()[2] < alone_mm);
-  CHECK(loose.state.tip()[2] > held_mm);
+  CHECK(loose.state.curve(1).tip()[2] < alone_mm);
+  CHECK(loose.state.curve(1).tip()[2] > held_mm);
 }
 
 }  // namespace

@@ -102,17 +102,17 @@ TEST_CASE("The hand's force is the energy that a push takes, of each instrument"
 
 // The innermost instrument has clearance in the lumens of the others.
 constexpr Clearance kRoom{
-    .first_outer = 1, .lumen_radius_mm = {0, 0.35, 0.35}, .stiffness_N_mm2 = 0.5};
+    .has_room = {false, true}, .lumen_radius_mm = {0, 0.35, 0.35}, .stiffness_N_mm2 = 0.5};
 
 TEST_CASE("With room, too, the hand's force is the energy that a push takes") {
   const int count = GENERATE(2, 3);
   const double torsional_ratio = GENERATE(0.0, 0.1);
   const bool outer_leads = GENERATE(false, true);
-  const double segment_mm = 0.5;
+  const double segment_mm = 0.25;  // forces have a ripple with the period of a segment
   InstrumentPlaces places = Inside(count, 0);
   if (outer_leads) std::swap(places[0].insertion_mm, places[1].insertion_mm);
   Round round(Bent(count, segment_mm, torsional_ratio), places, kRoom);
-  REQUIRE(round.relaxation->Current().between.pressed_N > 1e-3);
+  REQUIRE(round.relaxation->Current().between[0].pressed_N > 1e-3);
   double sum_N = 0;
   for (int k = 0; k < count; ++k) {
     const HandForce hand = round.Hand(k);
@@ -160,7 +160,9 @@ TEST_CASE("Of what twists the hand's torque is the energy that a turn takes") {
   const bool room = GENERATE(false, true);
   if (count == 1 && room) return;
   const InstrumentPlaces places = Inside(count, 0.4);
-  Round round(Bent(count, 0.5, 0.1), places, room ? kRoom : Clearance());
+  // The work of the bulges is left out, an error of second order.
+  const double segment_mm = room ? 0.25 : 0.5;
+  Round round(Bent(count, segment_mm, 0.1), places, room ? kRoom : Clearance());
   for (int k = 0; k < count; ++k) {
     const double torque = round.Hand(k).torque_mJ;
     const auto turned = [&](double by_rad) {

@@ -3,16 +3,18 @@
 
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
+#include <type_traits>
 #include <vector>
 
+#include "host/simulator/core/newton/front_sweep.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
 
 /// Gradient with respect to all unknowns: for each segment its step, then its spins.
-inline Eigen::VectorXd DenseGradient(const WireModel& model, const WireState& state,
-                                     const Expansion& at) {
+inline Eigen::VectorXd DenseGradient(const WireModel& model, const Curve& state,
+                                     const CurveExpansion& at) {
   const Eigen::Index spins = model.spins();
   const Eigen::Index each = 2 + spins;
   Eigen::VectorXd gradient(each * state.segments());
@@ -40,7 +42,7 @@ inline Eigen::VectorXd Unknowns(const WireModel& model, const std::vector<Vector
 
 /// Diagonal for a weight of one: the softer of a segment's two joints. `model` is a rod of
 /// instruments; `state` is its curve.
-inline Eigen::VectorXd UnitWeight(const WireModel& model, const WireState& state) {
+inline Eigen::VectorXd UnitWeight(const WireModel& model, const Curve& state) {
   const Eigen::Index each = 2 + model.spins();
   const int n = state.segments();
   Eigen::VectorXd unit(each * n);
@@ -68,18 +70,29 @@ void CheckSweepIsDense(Sweep& sweep, const WireModel& model, const WireState& st
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       hessian, Eigen::MatrixXd(unit.asDiagonal()));
   const double lift = -eigen.eigenvalues()[0];
-  CHECK_FALSE(sweep.Factor(model, state, at, lift - 1e-3));
-  CHECK(sweep.Factor(model, state, at, lift + 1e-3));
+  const auto factor = [&](double with) {
+    if constexpr (std::is_same_v<Sweep, FrontSweep>) {
+      return sweep.Factor(state, at, with);
+    } else {
+      return sweep.Factor(model, state, at, with);
+    }
+  };
+  CHECK_FALSE(factor(lift - 1e-3));
+  CHECK(factor(lift + 1e-3));
 
   hessian.diagonal() += (lift + weight) * unit;
   const Eigen::VectorXd gradient = DenseGradient(model, state, at);
   const Eigen::VectorXd dense = -hessian.llt().solve(gradient);
-  REQUIRE(sweep.Factor(model, state, at, lift + weight));
-  std::vector<Vector2d> step;
-  std::vector<double> spin;
-  std::vector<Vector3d> displacement;
-  const double predicted = sweep.Step(model, state, at, step, spin, displacement);
-  CHECK((Unknowns(model, step, spin) - dense).norm() < 1e-5 * dense.norm());
+  REQUIRE(factor(lift + weight));
+  std::vector<CurveStep> steps(1);
+  CurveStep& step = steps.front();
+  double predicted = 0;
+  if constexpr (std::is_same_v<Sweep, FrontSweep>) {
+    predicted = sweep.Step(state, at, steps);
+  } else {
+    predicted = sweep.Step(model, state, at, step.xi, step.spin, step.displacement_mm);
+  }
+  CHECK((Unknowns(model, step.xi, step.spin) - dense).norm() < 1e-5 * dense.norm());
   CHECK(predicted == Approx(-gradient.dot(dense) / 2).epsilon(1e-5));
 }
 

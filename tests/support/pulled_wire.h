@@ -67,10 +67,11 @@ struct PulledWire {
   }
   static Clearance Room(const Settings& settings) {
     if (settings.in_sheath) {
-      return {.first_outer = 2, .lumen_radius_mm = {0, 0, 1}, .stiffness_N_mm2 = 0.01};
+      return {
+          .has_room = {false, false, true}, .lumen_radius_mm = {0, 0, 1}, .stiffness_N_mm2 = 0.01};
     }
     if (settings.room_mm == 0) return {};
-    return {.first_outer = 1,
+    return {.has_room = {false, true},
             .lumen_radius_mm = {0, kRadius + settings.room_mm},
             .stiffness_N_mm2 = settings.stiffness_N_mm2};
   }
@@ -123,15 +124,20 @@ struct PulledWire {
   }
   // Angle in rad of the wire's tip relative to the catheter.
   double TipTurn() const {
-    const OfInstruments& turns = state.turns_rad().back();
-    if (&state.CurveOf(1) == &state) return turns[0] - turns[1];
-    const WireState& catheter = *state.second();
-    const auto last = catheter.tangents().size() - 1;
-    const Vector3d& tangent = state.tangents()[last];
-    const Vector3d wire = TurnedAbout(tangent, state.normals()[last], state.turns_rad()[last][0]);
-    const Vector3d& around = catheter.tangents()[last];
+    if (&state.CurveOf(1) == &state) {
+      const OfInstruments& turns = state.turns_rad().back();
+      return turns[0] - turns[1];
+    }
+    const Curve& catheter = state.CurveOf(1);
+    const Vector3d& around = catheter.tangents().back();
     const Vector3d outer =
-        TurnedAbout(around, catheter.normals()[last], catheter.turns_rad()[last][1]);
+        TurnedAbout(around, catheter.normals().back(), catheter.turns_rad().back()[1]);
+    // The wire's segment that has the middle of the catheter's last one.
+    std::size_t facing = 0;
+    const Vector3d middle = (catheter.nodes().back() + catheter.nodes().end()[-2]) / 2;
+    while ((state.nodes()[facing + 1] - middle).dot(around) < 0) ++facing;
+    const Vector3d wire = TurnedAbout(state.tangents()[facing], state.normals()[facing],
+                                      state.turns_rad()[facing][0]);
     return std::atan2(outer.cross(wire).dot(around), outer.dot(wire));
   }
 };

@@ -14,8 +14,8 @@
 namespace torquer::test {
 
 // State after x: for each segment a step, and a spin of each instrument.
-inline WireState StackStep(const WireModel& model, const WireState& from,
-                           const Eigen::VectorXd& x) {
+template <class AnyCurve>
+AnyCurve StackStep(const WireModel& model, const AnyCurve& from, const Eigen::VectorXd& x) {
   const int spins = model.spins();
   const Eigen::Index each = 2 + spins;
   std::vector<Frame> frames;
@@ -27,7 +27,7 @@ inline WireState StackStep(const WireModel& model, const WireState& from,
     xi.emplace_back(x.segment<2>(each * i));
     for (int k = 0; k < spins; ++k) zeta.push_back(x[each * i + 2 + k]);
   }
-  WireState to = from;
+  AnyCurve to = from;
   to.Step(model, from, frames, xi, zeta, 1);
   return to;
 }

@@ -1,10 +1,13 @@
-// Bent wire in a bent catheter with clearance.
+// Bent instruments with clearance in each other's lumens.
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <random>
 #include <vector>
 
+#include "host/simulator/core/newton/front_sweep.h"
+#include "host/simulator/core/newton/move_instruments.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_mechanics.h"
 #include "tests/support/analytic_fields.h"
@@ -15,14 +18,13 @@
 
 namespace torquer::test {
 
-// A bent wire in a bent catheter with clearance, both shaken, in the wall of a torus. Their tips
-// are at any place within a segment.
+// Two to four bent instruments within each other, shaken, in the wall of a torus. Their tips are at
+// any place within a segment. `rooms`: the instruments that have room in their lumens.
 struct TwoCurves {
   static constexpr double kSoftest = 6.35e-3;  // N mm^2
   Sheath sheath{Vector3d(21.8, 0, 0), Vector3d::UnitY()};
   InstrumentStack stack;
   const WireModel& model = stack.rod();
-  const WireModel& second = *stack.second_rod();
   Torus field{Side::kInside, 20, 2};
   WallModel wall;
   EndForce force{Vector3d(1e-4, 2e-4, 3e-4)};
@@ -36,91 +38,114 @@ struct TwoCurves {
     std::vector<WireModel> all;
     all.push_back(Bent(kSoftest, ratio, 5.2, 0.1, 0, 0.2, sheath));
     all.push_back(Bent(2 * kSoftest, ratio, 4.1, 0.02, -0.03, 0.5, sheath));
-    if (count > 2) all.push_back(Bent(3 * kSoftest, ratio, 3.1, -0.01, 0.02, 0.9, sheath));
+    const double third_mm = count > 3 ? 0.75 : 0.9;
+    if (count > 2) all.push_back(Bent(3 * kSoftest, ratio, 3.1, -0.01, 0.02, third_mm, sheath));
+    if (count > 3) all.push_back(Bent(4 * kSoftest, ratio, 2.1, 0.01, 0.02, 0.95, sheath));
     return all;
   }
 
-  TwoCurves(const InstrumentPlaces& places, int points_per_segment, unsigned seed, double ratio = 0)
-      : stack(Instruments(sheath, ratio, places.size()),
-              {.first_outer = 1, .lumen_radius_mm = {0, 0.28, 0.6}, .stiffness_N_mm2 = 2e-3}),
+  TwoCurves(const InstrumentPlaces& places, int points_per_segment, unsigned seed, double ratio = 0,
+            const std::array<bool, kMostInstruments>& rooms = {false, true, false, false})
+      : stack(
+            Instruments(sheath, ratio, places.size()),
+            {.has_room = rooms, .lumen_radius_mm = {0, 0.28, 0.6, 0.82}, .stiffness_N_mm2 = 2e-3}),
         wall{.stiffness_N_mm2 = 2e-3, .points_per_segment = points_per_segment},
-        mechanics(model, field, wall, terms, &stack),
+        mechanics(stack, field, wall, terms),
         at(mechanics.MakeExpansion()) {
     std::mt19937 random(seed);
     std::vector<Vector3d> arc;
     for (double a = 0.02; a < 1; a += 0.02) {
       arc.emplace_back(22 * std::cos(a), 22 * std::sin(a), 0.2);
     }
+    stack.Combine(places);
     state = WireState::Along(model, arc, places);
-    Shake(model, 0.03, random, state);
-    state.LaySecond(second, stack.SecondReach(places), 1, stack.OuterLeads(places));
-    stack.Combine(places, state.segments() - state.second()->segments());
-    mechanics.points().TakeRadii();
+    LayCurves(stack, state);
+    for (int c = 0; c < stack.curves(); ++c) {
+      mechanics.points(c).TakeRadii();
+      std::mt19937 alike(seed);  // all curves are shaken alike, so that they stay near each other
+      Shake(stack.rod(c), 0.03, alike, state.curve(c));
+    }
     std::uniform_real_distribution<double> turn(-0.04, 0.04);
     Eigen::VectorXd x(unknowns());
     for (double& component : x) component = turn(random);
     // Spins accumulate from the sheath on, as twists of either sign.
-    for (const Part& part : {Part{model, state, 0}, Part{second, *state.second(), Own(0)}}) {
-      for (int k = 0; k < part.model.spins(); ++k) {
+    for (int c = 0; c < stack.curves(); ++c) {
+      const int spins = stack.rod(c).spins();
+      for (int k = 0; k < spins; ++k) {
         double sum = 0;
-        for (int i = 0; i < part.curve.segments(); ++i) {
+        for (int i = 0; i < state.curve(c).segments(); ++i) {
           sum += 0.2 - 0.15 * k + 5 * turn(random);
-          x[part.first + (2 + part.model.spins()) * i + 2 + k] = sum;
+          x[First(c) + (2 + spins) * i + 2 + k] = sum;
         }
       }
     }
     state = Stepped(x);
+    mechanics.PairCurves(state);
     mechanics.Expand(state, at);
   }
 
-  // A curve and its first unknown: for each segment a step, and a spin of each instrument.
-  struct Part {
-    const WireModel& model;
-    const WireState& curve;
-    Eigen::Index first;
-  };
-  // Number of unknowns of a curve; 0 is the first curve.
+  // Number of unknowns of a curve: for each segment a step, and a spin of each instrument.
   Eigen::Index Own(int curve) const {
-    return curve == 0 ? (2 + model.spins()) * state.segments()
-                      : (2 + second.spins()) * state.second()->segments();
+    return (2 + stack.rod(curve).spins()) * state.curve(curve).segments();
   }
-  Eigen::Index unknowns() const { return Own(0) + Own(1); }
-  // State after the unknowns x: first those of the first curve, then of the second.
+  // First unknown of a curve.
+  Eigen::Index First(int curve) const {
+    Eigen::Index first = 0;
+    for (int c = 0; c < curve; ++c) first += Own(c);
+    return first;
+  }
+  Eigen::Index unknowns() const { return First(stack.curves()); }
+  // State after the unknowns x.
   WireState Stepped(const Eigen::VectorXd& x) const {
-    struct Moves {
-      std::vector<Frame> frames;
-      std::vector<Vector2d> xi;
-      std::vector<double> spin;
-    };
-    const auto take = [&x](const Part& part) {
-      Moves moves;
-      const Eigen::Index each = 2 + part.model.spins();
-      for (Eigen::Index i = 0; i < part.curve.segments(); ++i) {
-        const auto k = static_cast<std::size_t>(i);
-        moves.frames.push_back(TangentFrame(part.curve.tangents()[k], part.curve.normals()[k]));
-        moves.xi.emplace_back(x.segment<2>(part.first + each * i));
-        for (Eigen::Index m = 2; m < each; ++m) moves.spin.push_back(x[part.first + each * i + m]);
-      }
-      return moves;
-    };
-    const Moves of_first = take({model, state, 0});
-    const Moves of_second = take({second, *state.second(), Own(0)});
     WireState to = state;
-    to.Step(model, state, of_first.frames, of_first.xi, of_first.spin, 1);
-    to.StepSecond(second, state, of_second.frames, of_second.xi, of_second.spin, 1);
+    for (int c = 0; c < stack.curves(); ++c) {
+      to.curve(c) =
+          StackStep(stack.rod(c), state.curve(c), Eigen::VectorXd(x.segment(First(c), Own(c))));
+    }
     return to;
+  }
+  void Forget() {
+    for (int c = 0; c < stack.curves(); ++c) mechanics.points(c).Forget();
   }
   double Energy(const Eigen::VectorXd& x) {
     Expansion there = mechanics.MakeExpansion();
-    mechanics.points().Forget();
+    Forget();
     mechanics.ExpandGradient(Stepped(x), there);
     return there.energy_mJ;
   }
   Eigen::VectorXd Gradient() const {
     Eigen::VectorXd gradient(unknowns());
-    gradient << DenseGradient(model, state, at),
-        DenseGradient(second, *state.second(), at.second.front());
+    for (int c = 0; c < stack.curves(); ++c) {
+      gradient.segment(First(c), Own(c)) = DenseGradient(stack.rod(c), state.curve(c), at.curve(c));
+    }
     return gradient;
+  }
+  // Diagonal for a weight of one.
+  Eigen::VectorXd Unit() const {
+    Eigen::VectorXd unit(unknowns());
+    for (int c = 0; c < stack.curves(); ++c) {
+      unit.segment(First(c), Own(c)) = UnitWeight(stack.rod(c), state.curve(c));
+    }
+    return unit;
+  }
+  FrontSweep Sweep() const {
+    std::vector<const WireModel*> rods;
+    for (int c = 0; c < stack.curves(); ++c) rods.push_back(&stack.rod(c));
+    return FrontSweep(rods);
+  }
+  // Unknowns of the steps of all curves.
+  Eigen::VectorXd All(const std::vector<CurveStep>& steps) const {
+    Eigen::VectorXd all(unknowns());
+    for (int c = 0; c < stack.curves(); ++c) {
+      const CurveStep& step = steps[static_cast<std::size_t>(c)];
+      all.segment(First(c), Own(c)) = Unknowns(stack.rod(c), step.xi, step.spin);
+    }
+    return all;
+  }
+  double PressedN() const {
+    double sum = 0;
+    for (const BetweenCurves& between : at.between) sum += between.pressed_N;
+    return sum;
   }
 };
 

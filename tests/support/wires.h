@@ -31,8 +31,8 @@ inline WireState LayStraight(const WireModel& model, double length_mm) {
 
 /// State after every tangent took the step xi in its tangent plane, with normals transported in
 /// time. WireMechanics expands the energy along this motion.
-inline WireState Stepped(const WireModel& model, const WireState& from,
-                         const std::vector<Vector2d>& xi) {
+template <class AnyCurve>
+AnyCurve Stepped(const WireModel& model, const AnyCurve& from, const std::vector<Vector2d>& xi) {
   std::vector<Vector3d> tangents = from.tangents();
   std::vector<Vector3d> normals = from.normals();
   for (std::size_t i = 0; i < xi.size(); ++i) {
@@ -48,7 +48,7 @@ inline WireState Stepped(const WireModel& model, const WireState& from,
     normals[i] -= normals[i].dot(tangents[i]) * tangents[i];
     normals[i].normalize();
   }
-  WireState to = from;
+  AnyCurve to = from;
   to.SetDirections(model, tangents, normals);
   to.UpdateFrames(model);
   return to;
@@ -81,8 +81,7 @@ inline WireState StepAndSpin(const WireModel& model, const WireState& from,
 }
 
 /// Turns every segment randomly by up to about `angle_rad`; frames stay untwisted.
-inline void Shake(const WireModel& model, double angle_rad, std::mt19937& random,
-                  WireState& state) {
+inline void Shake(const WireModel& model, double angle_rad, std::mt19937& random, Curve& state) {
   std::uniform_real_distribution<double> turn(-angle_rad, angle_rad);
   std::vector<Vector2d> xi;
   for (int i = 0; i < state.segments(); ++i) {
@@ -132,6 +131,7 @@ class EndForce final : public EnergyTerm {
   void SetForce(const Vector3d& force_N) { force_N_ = force_N; }
   void Begin(const PointSet&) override {}
   double Add(const PointSet& points, PointDerivatives& out) const override {
+    if (!points.is_farthest) return 0;
     const int q = points.size() - 1;
     if (q < 0) return 0;
     out.Touch(q);
@@ -176,7 +176,7 @@ inline TickReport Settle(Relaxation& relaxation, const InstrumentPlaces& target,
 }
 
 /// Largest distance in mm between the nodes of two states with equally many segments.
-inline double LargestDistance(const WireState& a, const WireState& b) {
+inline double LargestDistance(const Curve& a, const Curve& b) {
   double largest = 0;
   for (std::size_t i = 0; i < a.nodes().size(); ++i) {
     largest = std::max(largest, (a.nodes()[i] - b.nodes()[i]).norm());

@@ -232,7 +232,7 @@ class TORQUER_API Simulation {
   const double* nodes_mm() const;
   std::size_t node_count() const;
   /// Nodes of an instrument, from the entry point to its tip; number 0 is the innermost. All
-  /// instruments lie on the curve of nodes_mm(). Only [effects.clearance] gives them two curves.
+  /// instruments lie on the curve of nodes_mm(). Only [effects.clearance] gives them several.
   std::vector<Point> InstrumentNodesMm(std::size_t instrument) const;
   /// States of the instruments, the innermost first.
   std::vector<InstrumentState> instruments() const;

@@ -7,9 +7,10 @@ namespace torquer {
 using Eigen::Vector3d;
 
 ContactPoints::ContactPoints(const WireModel& model, const ClearanceField& field,
-                             const WallModel& wall, const InstrumentStack* stack)
+                             const WallModel& wall, const InstrumentStack* stack, int curve)
     : model_(model),
       stack_(stack),
+      number_(curve),
       field_(field),
       wall_(wall),
       lipschitz_(field.LipschitzBound()),
@@ -26,10 +27,6 @@ void ContactPoints::Forget() {
 }
 
 void ContactPoints::TakeRadii() {
-  if (stack_ != nullptr) {
-    Forget();  // the instrument that touches the wall at a point may have changed, too
-    return;
-  }
   const auto per_segment = static_cast<std::size_t>(wall_.points_per_segment);
   for (std::size_t j = 0; j < radius_mm_.size(); ++j) {
     const double radius_mm = model_.radius_mm(static_cast<int>(j));
@@ -59,68 +56,54 @@ void ContactPoints::Reserve(PointSet& points) const {
   points.stiffness_N_mm2.reserve(last_.size());
   points.near.reserve(last_.size());
   const auto segments = static_cast<std::size_t>(model_.max_segments()) + 1;
-  for (PointSet::Turns* const turns : {&points.turns, &points.second_turns}) {
-    if (model_.spins() > 0) turns->normals.reserve(segments);
-    if (model_.stack_twists()) turns->angles_rad.reserve(segments);
-    if (stack_ == nullptr) break;
-  }
-  if (stack_ != nullptr) {
-    points.on_second.reserve(last_.size());
-    points.tangent.reserve(last_.size());
-    points.covered.reserve(last_.size());
-    points.covered_radius_mm.reserve(last_.size());
-  }
+  if (model_.spins() > 0) points.turns.normals.reserve(segments);
+  if (model_.stack_twists()) points.turns.angles_rad.reserve(segments);
 }
 
-// Places the points of the curve that does not touch the wall.
-void ContactPoints::PlaceCovered(const WireState& state, PointSet& points) const {
-  const WireState& second = *state.second();
-  const int per_segment = points.per_segment;
-  const auto count = static_cast<std::size_t>(second.segments() * per_segment);
-  points.covered.resize(count);
-  points.covered_radius_mm.resize(count);
-  for (std::size_t q = 0; q < count; ++q) {
-    const auto i = q / static_cast<std::size_t>(per_segment);
-    const int k = static_cast<int>(q) % per_segment + 1;
-    const bool on_second = !points.OnSecond(static_cast<int>(q));
-    const WireState& curve = on_second ? second : state;
-    const WireModel& rod = on_second ? *stack_->second_rod() : model_;
-    const double length_mm = state.SegmentLength(model_, static_cast<int>(i));
-    points.covered[q] = curve.nodes()[i] + (length_mm * k / per_segment) * curve.tangents()[i];
-    points.covered_radius_mm[q] = rod.radius_mm(curve.segments() - 1 - static_cast<int>(i));
-  }
-}
-
-// At points of both curves the outer one touches the wall. The state outlives what it
-// gives. NOLINTBEGIN(bugprone-return-const-ref-from-parameter)
-const WireState& ContactPoints::CurveAt(const WireState& state, int q) const {
-  const WireState* const second = state.second();
-  if (stack_ == nullptr || second == nullptr || state.outer_leads()) return state;
-  const int per_segment = wall_.points_per_segment;
-  if (q / per_segment >= second->segments()) return state;
-  const double behind_mm = state.insertion_mm() - stack_->SecondReach(state.places());
-  const int from_tip = state.segments() * per_segment - 1 - q;
-  return from_tip * model_.segment_mm() >= behind_mm * per_segment ? *second : state;
-}
-// NOLINTEND(bugprone-return-const-ref-from-parameter)
-
-void ContactPoints::TakeStiffness(const WireState& state) {
+void ContactPoints::TakeStiffness(const Curve& curve) {
   if (wall_.by_place == nullptr) return;
   stiffness_travel_mm_ = field_.TravelMm();
   const int per_segment = wall_.points_per_segment;
-  std::size_t q = static_cast<std::size_t>(state.segments() * per_segment);
-  for (int i = 0; i < state.segments(); ++i) {
-    const double length = state.SegmentLength(model_, i);
+  std::size_t q = static_cast<std::size_t>(curve.segments() * per_segment);
+  for (int i = 0; i < curve.segments(); ++i) {
+    const double length = curve.SegmentLength(model_, i);
     for (int k = 1; k <= per_segment; ++k) {
-      const WireState& curve = CurveAt(state, i * per_segment + k - 1);
       stiffness_N_mm2_[--q] =
           wall_.by_place->At(curve.nodes()[i] + (length * k / per_segment) * curve.tangents()[i]);
     }
   }
 }
 
-void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& points) {
-  const int n = state.segments();
+// Sets what the points know of the instruments on the curve.
+void ContactPoints::PlaceInstruments(const Curve& curve, double in_lumen_mm,
+                                     PointSet& points) const {
+  constexpr double kRoundingMm = 1e-9;
+  const InstrumentStack::Range range = stack_ == nullptr
+                                           ? InstrumentStack::Range{0, curve.places().size()}
+                                           : stack_->OnCurve(number_);
+  points.curve = number_;
+  points.first_instrument = range.first;
+  points.last_instrument = range.last;
+  points.start = curve.nodes().front();
+  points.spacing_mm = model_.segment_mm() / points.per_segment;
+  points.first_spacing_mm = curve.first_segment_mm() / points.per_segment;
+  for (int k = range.first; k < range.last; ++k) {
+    points.behind_mm[static_cast<std::size_t>(k)] =
+        curve.insertion_mm() - curve.places()[k].insertion_mm;
+  }
+  if (model_.spins() > 0) points.turns.normals = curve.normals();
+  points.turns.angles_rad = curve.turns_rad();
+  points.in_lumen = 0;
+  if (in_lumen_mm <= 0) return;
+  const int count = points.size();
+  const double inside_mm = in_lumen_mm + kRoundingMm;
+  const auto arc_mm = [&](int q) { return curve.insertion_mm() - points.FromTipMm(q); };
+  while (points.in_lumen < count && arc_mm(points.in_lumen) <= inside_mm) ++points.in_lumen;
+}
+
+void ContactPoints::Place(const Curve& curve, double in_lumen_mm, bool with_hessian,
+                          PointSet& points) {
+  const int n = curve.segments();
   const int per_segment = wall_.points_per_segment;
   const auto count = static_cast<std::size_t>(n * per_segment);
   points.per_segment = per_segment;
@@ -131,53 +114,28 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
   points.clearance.resize(count);
   points.stiffness_N_mm2.resize(count);
   points.near.clear();
-  points.start = state.nodes().front();
-  const auto take_turns = [this](const WireState& curve, PointSet::Turns& turns) {
-    if (model_.spins() > 0) turns.normals = curve.normals();
-    turns.angles_rad = curve.turns_rad();
-  };
-  take_turns(state, points.turns);
-  if (stack_ != nullptr) {
-    take_turns(*state.second(), points.second_turns);
-    points.first_outer = stack_->clearance().first_outer;
-    points.outer_leads = state.outer_leads();
-  }
-  points.instruments = state.places().size();
-  points.spacing_mm = model_.segment_mm() / per_segment;
-  points.first_spacing_mm = state.first_segment_mm() / per_segment;
-  for (int k = 0; k < points.instruments; ++k) {
-    points.behind_mm[static_cast<std::size_t>(k)] =
-        state.insertion_mm() - state.places()[k].insertion_mm;
-  }
+  PlaceInstruments(curve, in_lumen_mm, points);
   const double travel = field_.TravelMm();
-  if (travel != stiffness_travel_mm_) TakeStiffness(state);
+  if (travel != stiffness_travel_mm_) TakeStiffness(curve);
   const double used_mm = travel / lipschitz_;
-  if (stack_ != nullptr) {
-    points.on_second.resize(count);
-    points.tangent.resize(count);
-  }
   std::size_t q = 0;
   for (int i = 0; i < n; ++i) {
-    const double length = state.SegmentLength(model_, i);
-    double radius = model_.radius_mm(n - 1 - i);
+    const double length = curve.SegmentLength(model_, i);
+    const double radius = model_.radius_mm(n - 1 - i);
     const double piece = length / per_segment;
     const double beyond = i + 1 < n ? points.spacing_mm : 0;
     for (int k = 1; k <= per_segment; ++k, ++q) {
-      const WireState& curve = CurveAt(state, static_cast<int>(q));
       const Vector3d at =
           k == per_segment
               ? curve.nodes()[static_cast<std::size_t>(i) + 1]
               : Vector3d(curve.nodes()[i] + (length * k / per_segment) * curve.tangents()[i]);
-      if (stack_ != nullptr) {
-        const bool second = &curve != &state;
-        points.on_second[q] = second;
-        points.tangent[q] = curve.tangents()[i];
-        radius = second ? stack_->second_rod()->radius_mm(curve.segments() - 1 - i)
-                        : model_.radius_mm(n - 1 - i);
-      }
       points.position[q] = at;
       points.weight_mm[q] = k == per_segment ? (piece + beyond) / 2 : piece;
       points.radius_mm[q] = radius;
+      if (static_cast<int>(q) < points.in_lumen) {
+        points.touches[q] = 0;
+        continue;
+      }
       Lookup& look = last_[count - 1 - q];
       const double free = look.free_mm - used_mm;
       if (free > 0 && (at - look.at).squaredNorm() < free * free) {
@@ -200,7 +158,6 @@ void ContactPoints::Place(const WireState& state, bool with_hessian, PointSet& p
           stiffness_N_mm2_.empty() ? wall_.stiffness_N_mm2 : stiffness_N_mm2_[count - 1 - q];
     }
   }
-  if (stack_ != nullptr) PlaceCovered(state, points);
 }
 
 }  // namespace torquer

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "host/simulator/core/clearance_field.h"
+#include "host/simulator/core/curve.h"
 #include "host/simulator/core/energy_term.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "host/simulator/core/wire_model.h"
-#include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
@@ -34,22 +34,23 @@ struct WallModel {
   const WallStiffness* by_place = nullptr;
 };
 
-/// Places the contact points of states of one wire. Remembers the last look-up of each material
+/// Places the contact points of one curve. Remembers the last look-up of each material
 /// point. A point cannot touch until it has moved by its clearance over the field's Lipschitz
 /// bound. Until then its look-up is skipped, which leaves the results bit-identical.
 class ContactPoints {
  public:
-  /// Keeps references to all. `stack`: instruments on two curves, or null for one curve. Where both
-  /// curves exist, the outer one touches the wall.
+  /// Keeps references to all. `stack`: of several instruments, of which `curve` is one curve; null
+  /// for a lone curve with all instruments of its states.
   ContactPoints(const WireModel& model, const ClearanceField& field, const WallModel& wall,
-                const InstrumentStack* stack);
+                const InstrumentStack* stack, int curve);
 
-  /// Places the points of a state and finds those near the wall and those that touch it. Computes
-  /// Hessians of the near ones only if `with_hessian`.
-  void Place(const WireState& state, bool with_hessian, PointSet& points);
+  /// Places the points of a state and finds those near the wall and those that touch it. The first
+  /// `in_lumen_mm` are away from the wall. Computes Hessians of the near points only if
+  /// `with_hessian`.
+  void Place(const Curve& curve, double in_lumen_mm, bool with_hessian, PointSet& points);
   /// Samples the wall's stiffness at every point. Call it after each move of the wire. Place does
   /// so itself after a move of the vessel.
-  void TakeStiffness(const WireState& state);
+  void TakeStiffness(const Curve& curve);
   /// Updates the radii to those of the model where they have grown. Call it after they changed, as
   /// the radii of a rod of several instruments do.
   void TakeRadii();
@@ -71,11 +72,11 @@ class ContactPoints {
     double free_mm;
   };
 
-  const WireState& CurveAt(const WireState& state, int q) const;
-  void PlaceCovered(const WireState& state, PointSet& points) const;
+  void PlaceInstruments(const Curve& curve, double in_lumen_mm, PointSet& points) const;
 
   const WireModel& model_;
   const InstrumentStack* stack_;
+  int number_;  // of the curve
   const ClearanceField& field_;
   const WallModel& wall_;
   double lipschitz_;

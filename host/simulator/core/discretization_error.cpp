@@ -16,8 +16,8 @@ void DiscretizationDefect::Reserve(int max_segments) {
   for (auto* vectors : {&moment_mJ_, &law_rad_, &curvature_, &shift_mm_}) vectors->reserve(room);
 }
 
-void DiscretizationDefect::FindMoments(const WireModel& model, const WireState& state) {
-  const auto n = static_cast<std::size_t>(state.segments());
+void DiscretizationDefect::FindMoments(const WireModel& model, const Curve& curve) {
+  const auto n = static_cast<std::size_t>(curve.segments());
   moment_mJ_.resize(n);
   law_rad_.resize(n);
   curvature_.resize(n);
@@ -25,35 +25,35 @@ void DiscretizationDefect::FindMoments(const WireModel& model, const WireState& 
   Vector3d before = Vector3d::Zero();
   for (std::size_t i = 0; i < n; ++i) {
     const int joint = static_cast<int>(i);
-    const Vector3d& u = state.tangents()[i];
-    const Vector3d rest = RestDirection(model, state, joint);
+    const Vector3d& u = curve.tangents()[i];
+    const Vector3d rest = RestDirection(model, curve, joint);
     const Vector3d across = rest.cross(u);
     const double sine = across.norm();
     const double slope = EvaluateBending(model.law(), (u - rest).squaredNorm() / 2).slope;
-    moment_mJ_[i] = JointStiffness(model, state, joint) * slope * across;
+    moment_mJ_[i] = JointStiffness(model, curve, joint) * slope * across;
     const double angle = std::atan2(sine, rest.dot(u));
     law_rad_[i] = sine > 0 ? Vector3d((angle / sine - slope) * across) : Vector3d::Zero();
-    const Vector3d& previous = i == 0 ? model.sheath().direction : state.tangents()[i - 1];
-    const Vector3d bend = (u - previous) / JointLength(model, state, joint);
+    const Vector3d& previous = i == 0 ? model.sheath().direction : curve.tangents()[i - 1];
+    const Vector3d bend = (u - previous) / JointLength(model, curve, joint);
     if (i > 0) curvature_[i - 1] = (before + bend) / 2;
     before = bend;
   }
   if (n > 0) curvature_[n - 1] = before;
   shift_mm_[0].setZero();
   for (std::size_t i = 0; i < n; ++i) {
-    const double length = state.SegmentLength(model, static_cast<int>(i));
+    const double length = curve.SegmentLength(model, static_cast<int>(i));
     const double shorter = curvature_[i].squaredNorm() * length * length / 24;
-    shift_mm_[i + 1] = shift_mm_[i] - shorter * length * state.tangents()[i];
+    shift_mm_[i + 1] = shift_mm_[i] - shorter * length * curve.tangents()[i];
   }
 }
 
 // The angle between two chords is a mean of the curvature, weighted by a hat function. The joint
 // samples the moment at the node, and its law is that of chords.
-Vector3d DiscretizationDefect::MissedBend(const WireModel& model, const WireState& state,
+Vector3d DiscretizationDefect::MissedBend(const WireModel& model, const Curve& curve,
                                           int joint) const {
-  const int n = state.segments();
+  const int n = curve.segments();
   const double lambda = model.segment_mm();
-  const double first = state.first_segment_mm();
+  const double first = curve.first_segment_mm();
   const double rigidity = model.rigidity_N_mm2(n - joint);
   const auto i = static_cast<std::size_t>(joint);
   Vector3d bend = law_rad_[i];
@@ -74,26 +74,26 @@ Vector3d DiscretizationDefect::MissedBend(const WireModel& model, const WireStat
   return bend - first * first / 6 * slope - first * first * first / 24 * second;
 }
 
-void DiscretizationDefect::Put(const WireModel& model, const WireState& state,
-                               Expansion& expansion) {
-  FindMoments(model, state);
+void DiscretizationDefect::Put(const WireModel& model, const Curve& curve,
+                               CurveExpansion& expansion) {
+  FindMoments(model, curve);
   Vector3d change_beyond_N = Vector3d::Zero();
   Vector3d moment_beyond = Vector3d::Zero();
-  for (int i = state.segments() - 1; i >= 0; --i) {
+  for (int i = curve.segments() - 1; i >= 0; --i) {
     const auto at = static_cast<std::size_t>(i);
-    const double length = state.SegmentLength(model, i);
+    const double length = curve.SegmentLength(model, i);
     const double shorter = curvature_[at].squaredNorm() * length * length / 24;
     // Loads act on the arc, beside the chord, and on shorter levers.
     Vector3d lever =
         length * change_beyond_N - shorter * length * expansion.distal_gradient[at + 1];
     if (expansion.load_index[at] >= 0) {
       const LoadTerms& load = expansion.loads[static_cast<std::size_t>(expansion.load_index[at])];
-      const Vector3d along = -shorter * state.tangents()[at];
+      const Vector3d along = -shorter * curve.tangents()[at];
       const Vector3d bulge_N = (length * load.h1 - load.h2) * curvature_[at] / 2;
       change_beyond_N += load.h0 * shift_mm_[at] + load.h1 * along - bulge_N;
       lever += load.h1 * shift_mm_[at] + load.h2 * along - length / 2 * bulge_N - shorter * load.g1;
     }
-    const Vector3d moment = JointStiffness(model, state, i) * MissedBend(model, state, i);
+    const Vector3d moment = JointStiffness(model, curve, i) * MissedBend(model, curve, i);
     const Vector3d turn = moment - moment_beyond;
     moment_beyond = moment;
     const Frame& frame = expansion.frames[at];

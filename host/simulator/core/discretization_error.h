@@ -4,9 +4,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "host/simulator/core/wire_mechanics.h"
+#include "host/simulator/core/curve.h"
+#include "host/simulator/core/curve_mechanics.h"
 #include "host/simulator/core/wire_model.h"
-#include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
@@ -17,14 +17,14 @@ class DiscretizationDefect {
   void Reserve(int max_segments);
   /// Replaces the gradients of `expansion`, which is that of `state`, by those of the defect. Minus
   /// the Newton step for them turns the segments to those of the smooth wire.
-  void Put(const WireModel& model, const WireState& state, Expansion& expansion);
+  void Put(const WireModel& model, const Curve& curve, CurveExpansion& expansion);
   /// Backward shift of every node along its own curve, mm, because arcs are longer than their
   /// chords. Add it to the node displacements of the step.
   const std::vector<Eigen::Vector3d>& shift_mm() const { return shift_mm_; }
 
  private:
-  void FindMoments(const WireModel& model, const WireState& state);
-  Eigen::Vector3d MissedBend(const WireModel& model, const WireState& state, int joint) const;
+  void FindMoments(const WireModel& model, const Curve& curve);
+  Eigen::Vector3d MissedBend(const WireModel& model, const Curve& curve, int joint) const;
 
   std::vector<Eigen::Vector3d> moment_mJ_;  // of each joint's spring, acting on its distal segment
   std::vector<Eigen::Vector3d> law_rad_;    // excess bend of each joint due to its bending law

@@ -13,26 +13,28 @@
 
 namespace torquer {
 
-/// Place at which the inner of two curves lies beside the lumen wall of the outer one (README,
-/// section 18). All fields are functions of the state; friction in the lumen depends on their
-/// changes. The first normal of a surface is fixed to the material of an instrument that twists.
-/// Otherwise it is fixed to the segment.
+/// Place at which a curve lies beside the lumen wall of a curve around it (README, section 18). All
+/// fields are functions of the state; friction in the lumen depends on their changes. The first
+/// normal of a surface is fixed to the material of an instrument that twists. Otherwise it is fixed
+/// to the segment.
 struct LumenContact {
-  int inner = 0;         ///< instrument whose surface faces the lumen's wall
-  int outer = 0;         ///< instrument whose lumen it is
-  double radius_mm = 0;  ///< of the inner one
-  double lumen_mm = 0;   ///< radius of the lumen
-  double force_N = 0;    ///< contact force between the curves; 0 without contact
-  double ahead_mm =
-      0;  ///< lead of the inner curve's place over the outer one's, along the outer curve
+  int inner = 0;           ///< instrument whose surface faces the lumen's wall
+  int outer = 0;           ///< instrument whose lumen it is
+  int outer_from_tip = 0;  ///< segment of the outer curve at the foot, counted from its tip
+  double radius_mm = 0;    ///< of the inner one
+  double lumen_mm = 0;     ///< radius of the lumen
+  double force_N = 0;      ///< contact force between the curves; 0 without contact
+  /// Position of the inner instrument's material along that of the outer one, up to a constant.
+  double ahead_mm = 0;
   /// Offset of the inner curve from the outer one, across it, in the first and second normal of the
   /// lumen.
   Eigen::Vector2d offset_mm = Eigen::Vector2d::Zero();
   double turn_rad = 0;  ///< from the first normal of the lumen to that of the inner surface
 };
 
-/// Points of the wire at which wall and effects act: K per segment, at fractions 1/K .. 1 of it.
-/// Point q belongs to segment q / K. All arrays have one entry per point.
+/// Points of a curve at which wall and effects act: K per segment, at fractions 1/K .. 1 of it.
+/// Point q belongs to segment q / K. All arrays have one entry per point. Without room in a lumen,
+/// all instruments are on curve 0.
 struct PointSet {
   int per_segment = 1;                    ///< K
   std::vector<Eigen::Vector3d> position;  ///< mm
@@ -54,32 +56,30 @@ struct PointSet {
     /// One per segment; empty for a lone wire.
     std::vector<std::array<double, kMostInstruments>> angles_rad;
   };
-  Turns turns;               ///< of the first curve
-  Turns second_turns;        ///< of the second one
-  int first_outer = 0;       ///< innermost instrument on the outer of two curves; 0 for one curve
-  bool outer_leads = false;  ///< true if the first curve is the outer one
+  Turns turns;
+  int curve = 0;             ///< number of the curve, from the innermost
+  int first_instrument = 0;  ///< the innermost on the curve
+  int last_instrument = 1;   ///< one past the outermost on the curve
+  /// Number of points, from the sheath on, that lie in the lumen of another curve. They cannot
+  /// touch the wall.
+  int in_lumen = 0;
+  /// For curves around others: radius of the curve inside at the same way from the sheath, 0 beyond
+  /// its end. Otherwise empty.
+  std::vector<double> inside_mm;
+  bool is_farthest = true;        ///< the curve reaches farthest; of equals, the innermost
+  double behind_farthest_mm = 0;  ///< distance of the curve's end behind that of the farthest one
   /// Contact force of each instrument against the next one around it, N; one entry per segment.
   /// Only for a stack that twists, only if a term has EnergyTerm::SlidingBetween. Updated when a
   /// part of the motion begins.
   std::vector<std::array<double, kMostInstruments>> pressed_N;
-  /// For instruments on two curves: 1 at a point of the second curve, and the unit tangent of the
-  /// curve at each point. Otherwise empty.
-  std::vector<std::uint8_t> on_second;
-  std::vector<Eigen::Vector3d> tangent;
-  /// For two curves, at the points of the segments that both have: position and radius of the curve
-  /// that cannot touch the wall there. The second curve extends beyond its tip to the end of its
-  /// last segment. Otherwise empty.
-  std::vector<Eigen::Vector3d> covered;
-  std::vector<double> covered_radius_mm;
-  /// For two curves, if a term has EnergyTerm::SlidesInLumen: the places in the lumen. There are
-  /// `lumen_per_segment` for each segment of the second curve, from the sheath on. The last entry
-  /// is the end of the shorter curve. Otherwise empty.
+  /// For a curve with another one around it, if a term has EnergyTerm::SlidesInLumen: the places in
+  /// the lumen, `lumen_per_segment` for each segment, from the sheath to the mouth or the tip.
+  /// Otherwise empty.
   std::vector<LumenContact> lumen;
   int lumen_per_segment = 2;
-  int instruments = 1;  ///< number in the stack
   std::array<double, kMostInstruments> behind_mm =
-      {};                       ///< distance of each tip behind the distal end
-  double spacing_mm = 1;        ///< distance between points, lambda / K
+      {};                 ///< distance of the tip of each instrument on the curve behind its end
+  double spacing_mm = 1;  ///< distance between points, lambda / K
   double first_spacing_mm = 1;  ///< distance between points of the first segment
 
   int size() const { return static_cast<int>(position.size()); }
@@ -89,26 +89,21 @@ struct PointSet {
   /// Normal of the segment of point q, fixed to the material of an instrument.
   Eigen::Vector3d NormalOf(int instrument, int q) const {
     const auto i = static_cast<std::size_t>(q / per_segment);
-    const Turns& of = LiesOnSecond(instrument) ? second_turns : turns;
-    if (of.angles_rad.empty()) return of.normals[i];
-    return TurnedAbout(Tangent(q), of.normals[i],
-                       of.angles_rad[i][static_cast<std::size_t>(instrument)]);
-  }
-  /// True where an instrument lies on the second curve.
-  bool LiesOnSecond(int instrument) const {
-    return first_outer > 0 && (instrument >= first_outer) != outer_leads;
+    if (turns.angles_rad.empty()) return turns.normals[i];
+    return TurnedAbout(Tangent(q), turns.normals[i],
+                       turns.angles_rad[i][static_cast<std::size_t>(instrument)]);
   }
   /// Normal, as of NormalOf, of the surface that touches the wall at the point.
   Eigen::Vector3d Normal(int q) const { return NormalOf(SurfaceAt(q), q); }
-  /// Outermost of the instruments `first` to `last` - 1 that reaches the point; `first` if none
-  /// does.
-  int OutermostAt(int first, int last, int q) const {
-    int k = last - 1;
-    while (k > first && behind_mm[static_cast<std::size_t>(k)] > FromTip(q) * spacing_mm) --k;
+  /// The outermost instrument of the curve that reaches the point; its surface touches the wall.
+  int SurfaceAt(int q) const {
+    int k = last_instrument - 1;
+    while (k > first_instrument &&
+           behind_mm[static_cast<std::size_t>(k)] > FromTip(q) * spacing_mm) {
+      --k;
+    }
     return k;
   }
-  /// The instrument, counted from the innermost, whose surface touches the wall at the point.
-  int SurfaceAt(int q) const { return OutermostAt(0, instruments, q); }
   /// Distance of the point from the tip of that instrument, mm.
   double FromTipOf(int instrument, int q) const {
     return FromTip(q) * spacing_mm - behind_mm[static_cast<std::size_t>(instrument)];
@@ -122,17 +117,6 @@ struct PointSet {
     const double reached_mm = std::clamp(from_tip_mm, -before_mm, beyond_mm);
     return (before_mm + reached_mm) / (before_mm + beyond_mm);
   }
-  /// Number of points of a curve.
-  int SizeOf(bool second) const { return second ? static_cast<int>(covered.size()) : size(); }
-  /// Position of a curve at one of its points.
-  const Eigen::Vector3d& PositionOn(bool second, int q) const {
-    const auto p = static_cast<std::size_t>(q);
-    return OnSecond(q) == second ? position[p] : covered[p];
-  }
-  /// True if the point lies on the second curve.
-  bool OnSecond(int q) const {
-    return !on_second.empty() && on_second[static_cast<std::size_t>(q)] != 0;
-  }
   /// Distance of the point from the distal end, mm.
   double FromTipMm(int q) const {
     const int in_first =
@@ -144,7 +128,6 @@ struct PointSet {
   /// The unit tangent of the segment that the point belongs to.
   Eigen::Vector3d Tangent(int q) const {
     const auto p = static_cast<std::size_t>(q);
-    if (!tangent.empty()) return tangent[p];
     return (position[p] - (q == 0 ? start : position[p - 1])) / PieceMm(q);
   }
 
@@ -180,7 +163,6 @@ struct TangentLoad {
   int segment;
   Eigen::Vector3d gradient;  ///< mJ
   Eigen::Matrix3d hessian;   ///< mJ, symmetric; valid only if PositionDerivatives::with_hessian
-  bool on_second = false;    ///< true for a segment of the second of two curves
 };
 
 /// Derivatives with respect to a spin: a turn of the wire about its tangent at a point. Only for a
@@ -214,8 +196,9 @@ struct SlideLoad {
   Eigen::Matrix2d hessian;   ///< N/mm, symmetric
 };
 
-/// Derivatives with respect to positions.
-struct PositionDerivatives {
+/// Output of the energy terms on a curve: derivatives with respect to positions of points, to
+/// tangents of segments that bear a moment, to spins, and to slides in a lumen.
+struct PointDerivatives {
   bool with_hessian = false;
   /// Stored derivatives of a point.
   enum Use : std::uint8_t { kNothing, kGradient, kBoth };
@@ -223,11 +206,15 @@ struct PositionDerivatives {
   std::vector<Eigen::Vector3d> gradient;  ///< N
   std::vector<Eigen::Matrix3d> hessian;   ///< N/mm, symmetric
 
-  /// Resizes to `size` positions and marks all as unused.
+  /// Resizes to `size` positions, marks all as unused, and removes all loads.
   void Clear(std::size_t size) {
     used.assign(size, kNothing);
     gradient.resize(size);
     hessian.resize(size);
+    on_tangents.clear();
+    on_spins.clear();
+    between.clear();
+    in_lumen.clear();
   }
   /// Allocates room for `size` positions.
   void Reserve(std::size_t size) {
@@ -251,26 +238,16 @@ struct PositionDerivatives {
     gradient[k].setZero();
     used[k] = kGradient;
   }
-};
 
-/// Output of the energy terms: derivatives with respect to point positions, to tangents of segments
-/// that bear a moment, to spins, and to slides in a lumen.
-struct PointDerivatives : PositionDerivatives {
-  PositionDerivatives covered;           ///< with respect to PointSet::covered
   std::vector<TangentLoad> on_tangents;  ///< in any order; they add up
   std::vector<SpinLoad> on_spins;        ///< as above; room for one per point
   std::vector<BetweenLoad> between;      ///< as above; room for one per segment and instrument
   std::vector<SlideLoad> in_lumen;       ///< as above; room for one per place
-
-  /// Derivatives of a curve at one of its points (PointSet::PositionOn).
-  PositionDerivatives& On(const PointSet& points, bool second, int q) {
-    return points.OnSecond(q) == second ? *this : covered;
-  }
 };
 
 /// Motion of an instrument's surface, driven by its hand, relative to the points.
 struct SurfaceMove {
-  double along_mm = 0;  ///< along the wire, distally if positive
+  double along_mm = 0;  ///< along its curve, distally if positive
   double turn_rad = 0;  ///< about the tangent, right-handed
 };
 
@@ -279,7 +256,7 @@ struct Sliding;
 /// Role *energy term*: an energy of the positions of the wire's points, of its tangents and, if it
 /// twists, of its normals. It may couple a point with its spin, but no other two of them. Its
 /// gradient must be continuous. Its Hessian may be replaced by a positive semidefinite
-/// approximation.
+/// approximation. Every call with a PointSet is made for each curve, from the innermost outwards.
 class EnergyTerm {
  public:
   EnergyTerm() = default;
@@ -303,7 +280,7 @@ class EnergyTerm {
   /// Sliding between instruments, for a term that acts between them and needs PointSet::pressed_N.
   /// Null for all other terms.
   virtual const Sliding* SlidingBetween() const { return nullptr; }
-  /// True if the term depends on the relative sliding of the surfaces of two curves. It then needs
+  /// True if the term depends on the relative sliding of the surfaces of curves. It then needs
   /// PointSet::lumen.
   virtual bool SlidesInLumen() const { return false; }
   /// Returns the energy, mJ, and adds its derivatives to `out`.

@@ -1,9 +1,9 @@
-// Feeding of a wire state: README, section 8.
+// Feeding of a curve: README, section 8.
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 
-#include "host/simulator/core/wire_state.h"
+#include "host/simulator/core/curve.h"
 
 namespace torquer {
 
@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 // Splits the twist after segment 0 was split in two. The twist per length stays the same
 // everywhere. The middles of the first two segments were at 3/4 and 2 segment lengths. The middles
 // of the three are at 1/4, 1 and 2.
-void WireState::SplitTwist() {
+void Curve::SplitTwist() {
   const Vector3d tangent = tangents_.front();
   const double back = twist_rad_[0] * (2.0 / 3);
   const double on = tangents_.size() > 2 ? twist_rad_[1] * (1.0 / 5) : 0;
@@ -35,7 +35,7 @@ void WireState::SplitTwist() {
 
 // Joins the twist before segments 0 and 1 are joined. The middle of the joined segment lies at the
 // fraction `part` from the middle of segment 1 to that of segment 0.
-void WireState::JoinTwist(double part) {
+void Curve::JoinTwist(double part) {
   const double back = twist_rad_[1] * part;
   normals_[1] = TurnedAbout(tangents_[1], normals_[1], -back);
   twist_rad_[0] += twist_rad_[1] - back;
@@ -48,10 +48,15 @@ void WireState::JoinTwist(double part) {
   turns_rad_.erase(turns_rad_.begin());
 }
 
-void WireState::MoveInstruments(const WireModel& model, const InstrumentPlaces& places) {
-  const double fed_mm = places.reach_mm() - places_.reach_mm();
+void Curve::MoveInstruments(const WireModel& model, const InstrumentPlaces& places) {
   const int n = segments();
   const int first = model.first_spin();
+  const auto reach_mm = [&](const InstrumentPlaces& of) {
+    double reach = 0;
+    for (int k = first; k < first + model.spins(); ++k) reach = std::max(reach, of[k].insertion_mm);
+    return reach;
+  };
+  const double fed_mm = reach_mm(places) - reach_mm(places_);
   for (int k = first; model.stack_twists() && k < first + model.spins(); ++k) {
     const auto at = static_cast<std::size_t>(k);
     const double slid_mm = places[k].insertion_mm - places_[k].insertion_mm - fed_mm;
@@ -76,7 +81,7 @@ void WireState::MoveInstruments(const WireModel& model, const InstrumentPlaces& 
 
 // Fits segment 0 to insertion_mm_, which has changed by at most lambda/2. Outside its length range
 // the segment is split in two or joined with the next one.
-void WireState::FitFirstSegment(const WireModel& model) {
+void Curve::FitFirstSegment(const WireModel& model) {
   const double lambda = model.segment_mm();
   const double shortest = lambda / 2;  // a shorter one would be stiffer than any other
   if (segments() == 0) {
@@ -106,7 +111,7 @@ void WireState::FitFirstSegment(const WireModel& model) {
   }
 }
 
-void WireState::SplitFirst(const WireModel& model) {
+void Curve::SplitFirst(const WireModel& model) {
   first_segment_mm_ -= model.segment_mm();
   tangents_.insert(tangents_.begin(), tangents_.front());
   normals_.insert(normals_.begin(), normals_.front());
@@ -114,7 +119,7 @@ void WireState::SplitFirst(const WireModel& model) {
 }
 
 // Joins the first two segments; needs at least two.
-void WireState::JoinFirst(const WireModel& model) {
+void Curve::JoinFirst(const WireModel& model) {
   const double lambda = model.segment_mm();
   const Vector3d joined = first_segment_mm_ * tangents_[0] + lambda * tangents_[1];
   if (model.spins() > 0) JoinTwist(first_segment_mm_ / (first_segment_mm_ + lambda));
@@ -129,7 +134,7 @@ void WireState::JoinFirst(const WireModel& model) {
   first_segment_mm_ += lambda;
 }
 
-void WireState::Slide(const WireModel& model, double fed_mm) {
+void Curve::Slide(const WireModel& model, double fed_mm) {
   // (23): node i slides by `fed_mm` along the polyline. So each chord turns towards the next
   // segment, or towards the previous one when retracting. The tip keeps its directions, because it
   // has its own rest shape.
@@ -152,7 +157,7 @@ void WireState::Slide(const WireModel& model, double fed_mm) {
   }
 }
 
-void WireState::Feed(const WireModel& model, double to_mm) {
+void Curve::Feed(const WireModel& model, double to_mm) {
   const double target = insertion_mm_ + (to_mm - insertion_mm_);
   const double fed = target - insertion_mm_;
   assert(to_mm >= 0 && to_mm <= model.max_length_mm() &&
@@ -166,7 +171,7 @@ void WireState::Feed(const WireModel& model, double to_mm) {
   PlaceAgain(model);
 }
 
-void WireState::FeedAtBase(const WireModel& model, double to_mm) {
+void Curve::FeedAtBase(const WireModel& model, double to_mm) {
   insertion_mm_ = to_mm;
   if (places_.size() == 1) places_[0].insertion_mm = to_mm;
   FitFirstSegment(model);
@@ -174,7 +179,7 @@ void WireState::FeedAtBase(const WireModel& model, double to_mm) {
   UntwistFrames(model);
 }
 
-void WireState::InsertSegment(const WireModel& model, int at, const Vector3d& tangent) {
+void Curve::InsertSegment(const WireModel& model, int at, const Vector3d& tangent) {
   // A segment inserted at the sheath precedes the short first one only in name. Lengths belong to
   // places, and place 0 keeps its length.
   if (segments() == 0) {
@@ -188,7 +193,7 @@ void WireState::InsertSegment(const WireModel& model, int at, const Vector3d& ta
   UntwistFrames(model);
 }
 
-void WireState::RemoveSegment(const WireModel& model, int at) {
+void Curve::RemoveSegment(const WireModel& model, int at) {
   const bool last = segments() == 1;
   tangents_.erase(tangents_.begin() + at);
   insertion_mm_ = last ? 0 : insertion_mm_ - model.segment_mm();

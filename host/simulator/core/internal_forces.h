@@ -11,20 +11,22 @@
 
 namespace torquer {
 
-/// Force of one of two curves on the other at a place in the lumen.
+/// Force of another curve on a curve at a place in a lumen.
 struct LumenLoad {
   int segment;
   double past_mm;           ///< distance past the segment's proximal node
+  bool in_own_lumen;        ///< the place is in the lumen of this curve
   Eigen::Vector3d force_N;  ///< on the curve
-  /// Part of the force along the curve that the hand does not feel. The contact place stays if the
-  /// longer curve slides along itself, and moves along with the shorter one.
+  /// Part of the force along the curve that its hand does not feel. A wire that slides along itself
+  /// leaves the contact as it is: only the end of the contact, a mouth or a tip, moves with its
+  /// curve. So the hand of that curve feels the push along.
   double unfelt_N;
 };
 
 /// Forces on a curve; moments are not included.
 struct CurveLoads {
   std::vector<Eigen::Vector3d> point_gradient_N;  ///< at its points: minus the force there
-  std::vector<LumenLoad> in_lumen;                ///< from the other curve; ordered from the sheath
+  std::vector<LumenLoad> in_lumen;                ///< from the other curves
   /// Allocates for `points` points and `places` places in a lumen.
   void Reserve(std::size_t points, std::size_t places) {
     point_gradient_N.reserve(points);
@@ -45,20 +47,21 @@ struct InternalForces {
   std::vector<double> twisting_mJ;
   Eigen::Vector3d clamp_force_N = Eigen::Vector3d::Zero();    ///< on the wire at the clamp
   Eigen::Vector3d clamp_moment_mJ = Eigen::Vector3d::Zero();  ///< the same, a moment about node 0
-  PointDerivatives friction;  ///< at the points: sum over the terms that act on the surface
-  /// At the points of a wire that does not twist: torque of surface friction about the axis,
+  /// By curve, at its points: sum over the terms that act on the surface.
+  std::vector<PointDerivatives> friction;
+  /// By curve, at its points if it does not twist: torque of surface friction about the axis,
   /// right-handed. The hand feels it; the wire's shape and the moment at the clamp do not.
-  std::vector<double> surface_torque_mJ;
+  std::vector<std::vector<double>> surface_torque_mJ;
   CurveLoads loads;
 };
 
 /// Finds the loads on a curve of `state`. `expansion`: that of `state`. O(points); allocates only
 /// if `out` is too small.
-void FindCurveLoads(const WireState& state, const Expansion& expansion, bool second,
-                    CurveLoads& out);
+void FindCurveLoads(const WireState& state, const Expansion& expansion, int curve, CurveLoads& out);
 
-/// Finds the internal forces of `state` (README section 15). `expansion`: that of `state`; `terms`:
-/// those of the expansion. O(n); allocates only if `out` is too small for the wire.
+/// Finds the internal forces of `state` (README section 15). `model`: that of the curve that
+/// reaches farthest; `expansion`: that of `state`; `terms`: those of the expansion. O(n); allocates
+/// only if `out` is too small for the wire.
 void FindInternalForces(const WireModel& model, const WireState& state, const Expansion& expansion,
                         const std::vector<EnergyTerm*>& terms, InternalForces& out);
 

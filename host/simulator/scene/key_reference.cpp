@@ -56,6 +56,11 @@ Json SchemaOf(const Key& key) {
       return {{"type", "boolean"}};
     case KeyKind::kText:
       return {{"type", "string"}, {"minLength", 1}};
+    case KeyKind::kTexts: {
+      const Json text = {{"type", "string"}, {"minLength", 1}};
+      return {
+          {"anyOf", Json::array({text, {{"type", "array"}, {"items", text}, {"minItems", 1}}})}};
+    }
     case KeyKind::kChoice:
       return {{"type", "string"}, {"enum", key.choices}};
     case KeyKind::kPoint:

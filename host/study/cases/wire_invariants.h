@@ -20,7 +20,7 @@ namespace torquer::study {
 /// Violated invariants of a state, in words; empty if there are none. Checked are finite values,
 /// unit tangents, perpendicular unit normals, lengths to 1e-9, and arc length equal to the
 /// insertion.
-inline std::string BrokenGeometry(const WireModel& model, const WireState& state) {
+inline std::string BrokenGeometry(const WireModel& model, const Curve& state) {
   std::ostringstream what;
   what.precision(17);
   const int n = state.segments();

@@ -13,7 +13,7 @@ ActiveSet::ActiveSet(std::size_t points) {
   pressed_.assign(points, 0);
 }
 
-void ActiveSet::RememberPressed(const Expansion& expansion) {
+void ActiveSet::RememberPressed(const CurveExpansion& expansion) {
   Forget();
   for (const int q : expansion.points.near) {
     pressed_[static_cast<std::size_t>(expansion.points.FromTip(q))] =
@@ -23,7 +23,7 @@ void ActiveSet::RememberPressed(const Expansion& expansion) {
 
 void ActiveSet::Forget() { std::fill(pressed_.begin(), pressed_.end(), 0); }
 
-void ActiveSet::Begin(const Expansion& expansion, bool moved) {
+void ActiveSet::Begin(const CurveExpansion& expansion, bool moved) {
   active_.resize(expansion.springs.size());
   for (std::size_t k = 0; k < active_.size(); ++k) {
     active_[k] =
@@ -33,17 +33,16 @@ void ActiveSet::Begin(const Expansion& expansion, bool moved) {
   }
 }
 
-template <class MovedBy>
-int ActiveSet::UpdateBy(const WireState& state, const Expansion& expansion, MovedBy moved_by) {
+int ActiveSet::Update(const Curve& curve, const CurveExpansion& expansion, const CurveStep& step) {
   int last_changed = -1;
   const int per_segment = expansion.points.per_segment;
   const double lambda_mm = expansion.points.spacing_mm * per_segment;
   for (std::size_t k = 0; k < expansion.springs.size(); ++k) {
     const int q = expansion.points.near[k];
     const int i = q / per_segment;
-    const double length = i == 0 ? state.first_segment_mm() : lambda_mm;
+    const double length = i == 0 ? curve.first_segment_mm() : lambda_mm;
     const double t = length * (q % per_segment + 1) / per_segment;
-    const Vector3d moved = moved_by(q, i, t);
+    const Vector3d moved = step.displacement_mm[i] + expansion.frames[i] * (t * step.xi[i]);
     const double penetration =
         expansion.springs[k].penetration_mm -
         expansion.points.clearance[static_cast<std::size_t>(q)].gradient.dot(moved);
@@ -53,22 +52,6 @@ int ActiveSet::UpdateBy(const WireState& state, const Expansion& expansion, Move
     last_changed = i;
   }
   return last_changed;
-}
-
-int ActiveSet::Update(const WireState& state, const Expansion& expansion, const CurveStep& step) {
-  return UpdateBy(state, expansion, [&](int /*q*/, int i, double t) -> Vector3d {
-    return step.displacement_mm[i] + expansion.frames[i] * (t * step.xi[i]);
-  });
-}
-
-int ActiveSet::Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
-                      const CurveStep& second) {
-  return UpdateBy(state, expansion, [&](int q, int i, double t) -> Vector3d {
-    const bool on_second = expansion.points.OnSecond(q);
-    const CurveStep& own = on_second ? second : step;
-    const Expansion& of = on_second ? expansion.second.front() : expansion;
-    return own.displacement_mm[i] + of.frames[i] * (t * own.xi[i]);
-  });
 }
 
 namespace {
@@ -88,7 +71,7 @@ double AtRest(const std::vector<Spring>& springs, const std::vector<std::uint8_t
 
 }  // namespace
 
-double ActiveSet::EnergyAtRest(const Expansion& expansion) const {
+double ActiveSet::EnergyAtRest(const CurveExpansion& expansion) const {
   return AtRest(expansion.springs, active_);
 }
 
@@ -99,24 +82,28 @@ void BetweenSet::Begin(const BetweenCurves& between) {
   }
 }
 
-int BetweenSet::Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
-                       const CurveStep& second) {
-  const double lambda_mm = expansion.points.spacing_mm * expansion.points.per_segment;
+int BetweenSet::Update(const WireState& state, const WireMechanics& mechanics,
+                       const Expansion& expansion, const BetweenCurves& between,
+                       const std::vector<CurveStep>& steps) {
   int last_changed = -1;
+  const auto unknowns = [&](int curve, int segment) {
+    const auto i = static_cast<std::size_t>(segment);
+    const CurveStep& own = steps[static_cast<std::size_t>(curve)];
+    const double length_mm = state.curve(curve).SegmentLength(mechanics.model(curve), segment);
+    Eigen::Matrix<double, 5, 1> moved;
+    moved << own.displacement_mm[i] + expansion.curve(curve).frames[i] * (length_mm * own.xi[i]),
+        own.xi[i];
+    return moved;
+  };
   for (std::size_t k = 0; k < active_.size(); ++k) {
-    const BetweenCurves::Spring& spring = expansion.between.springs[k];
-    const auto i = static_cast<std::size_t>(spring.segment);
-    const double length_mm = i == 0 ? state.first_segment_mm() : lambda_mm;
-    const auto node_beyond = [&](const Expansion& of, const CurveStep& own) -> Vector3d {
-      return own.displacement_mm[i] + of.frames[i] * (length_mm * own.xi[i]);
-    };
+    const BetweenCurves::Spring& spring = between.springs[k];
+    const SegmentPair& on = between.groups[static_cast<std::size_t>(spring.group)];
     BetweenCurves::Vector moved;
-    moved << node_beyond(expansion, step), step.xi[i],
-        node_beyond(expansion.second.front(), second), second.xi[i];
+    moved << unknowns(between.inner, on.inner), unknowns(between.outer, on.outer);
     const std::uint8_t presses = spring.penetration_mm + spring.approach.dot(moved) > 0;
     if (presses == active_[k]) continue;
     active_[k] = presses;
-    last_changed = spring.segment;
+    last_changed = spring.group;
   }
   return last_changed;
 }

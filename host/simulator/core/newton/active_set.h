@@ -5,48 +5,37 @@
 #include <cstdint>
 #include <vector>
 
+#include "host/simulator/core/newton/curve_step.h"
 #include "host/simulator/core/wire_mechanics.h"
-#include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
-/// Step of a curve, with the resulting displacement of every segment's proximal node.
-struct CurveStep {
-  const std::vector<Eigen::Vector2d>& xi;
-  const std::vector<Eigen::Vector3d>& displacement_mm;
-};
-
-/// Active set of the wall springs. In the model every near point is a one-sided spring; springs in
-/// the set act. One entry for each of Expansion::springs. No heap after construction.
+/// Active set of the wall springs of a curve. In the model every near point is a one-sided spring;
+/// springs in the set act. One entry for each of CurveExpansion::springs. No heap after
+/// construction.
 class ActiveSet {
  public:
-  /// `points`: largest number of points of a wire.
+  /// `points`: largest number of points of a curve.
   explicit ActiveSet(std::size_t points);
 
   /// Stores the points that touch the wall, before the wire is moved.
-  void RememberPressed(const Expansion& expansion);
+  void RememberPressed(const CurveExpansion& expansion);
   /// Resets to the initial state: no stored contacts.
   void Forget();
   /// Initializes the set. After a move it takes the points that touched before the move. A wire
   /// that slides along itself cuts corners by more than its penetration, and its contacts hardly
   /// change.
-  void Begin(const Expansion& expansion, bool moved);
+  void Begin(const CurveExpansion& expansion, bool moved);
   /// Updates the set to exactly the points that would penetrate the wall after a step. Returns the
   /// most distal segment with a change, or -1 without a change.
-  int Update(const WireState& state, const Expansion& expansion, const CurveStep& step);
-  /// Like Update, for points on two curves.
-  int Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
-             const CurveStep& second);
+  int Update(const Curve& curve, const CurveExpansion& expansion, const CurveStep& step);
   /// Model energy without a step, with the springs of this set instead of the touching points, mJ.
-  double EnergyAtRest(const Expansion& expansion) const;
+  double EnergyAtRest(const CurveExpansion& expansion) const;
 
   const std::vector<std::uint8_t>& active() const { return active_; }
   std::uint64_t Hash(std::uint64_t seed) const;
 
  private:
-  template <class MovedBy>
-  int UpdateBy(const WireState& state, const Expansion& expansion, MovedBy moved_by);
-
   std::vector<std::uint8_t> active_;
   std::vector<std::uint8_t> pressed_;  // touched before the last move; by PointSet::FromTip
 };
@@ -60,9 +49,10 @@ class BetweenSet {
 
   /// Initializes the set with the touching springs.
   void Begin(const BetweenCurves& between);
-  /// Updates the set after a step, like ActiveSet::Update.
-  int Update(const WireState& state, const Expansion& expansion, const CurveStep& step,
-             const CurveStep& second);
+  /// Updates the set after a step, like ActiveSet::Update. Returns the most distal group of
+  /// segments with a change, or -1.
+  int Update(const WireState& state, const WireMechanics& mechanics, const Expansion& expansion,
+             const BetweenCurves& between, const std::vector<CurveStep>& steps);
   /// Like ActiveSet::EnergyAtRest.
   double EnergyAtRest(const BetweenCurves& between) const;
 

@@ -23,34 +23,34 @@ FeedPrediction::FeedPrediction(const WireModel& model) {
   drift_.reserve(room);
 }
 
-void FeedPrediction::Feed(const WireModel& model, double to_mm, WireState& state) {
-  const std::size_t before = state.tangents().size();
+void FeedPrediction::Feed(const WireModel& model, double to_mm, Curve& curve) {
+  const std::size_t before = curve.tangents().size();
   drift_.clear();
   if (fed_mm_ != 0 && fed_.size() == before) {
     for (std::size_t k = 0; k < before; ++k) {
       const std::size_t i = before - 1 - k;
-      drift_.push_back(fed_[i].cross(state.tangents()[i]));
+      drift_.push_back(fed_[i].cross(curve.tangents()[i]));
     }
   }
-  const double feed_mm = to_mm - state.insertion_mm();
-  state.Feed(model, to_mm);
-  fed_ = state.tangents();
+  const double feed_mm = to_mm - curve.insertion_mm();
+  curve.Feed(model, to_mm);
+  fed_ = curve.tangents();
   const double ratio = fed_mm_ != 0 ? feed_mm / fed_mm_ : 0;
   fed_mm_ = feed_mm;
-  if (ratio > 0 && ratio < kLargestRatio) Turn(model, ratio, state);
+  if (ratio > 0 && ratio < kLargestRatio) Turn(model, ratio, curve);
 }
 
-void FeedPrediction::Turn(const WireModel& model, double ratio, WireState& state) {
+void FeedPrediction::Turn(const WireModel& model, double ratio, Curve& curve) {
   double longest = 0;
   for (const Vector3d& turn : drift_) longest = std::max(longest, turn.squaredNorm());
   if (ratio * std::sqrt(longest) > kLargestTurnRad) return;
-  const std::size_t n = state.tangents().size();
+  const std::size_t n = curve.tangents().size();
   drift_.resize(std::min(n, drift_.size()));
   for (std::size_t k = 0; k < drift_.size(); ++k) {
-    const Vector3d& u = state.tangents()[n - 1 - k];
+    const Vector3d& u = curve.tangents()[n - 1 - k];
     drift_[k] = (u + ratio * drift_[k].cross(u)).normalized();
   }
-  state.TurnDistal(model, drift_);
+  curve.TurnDistal(model, drift_);
 }
 
 std::uint64_t FeedPrediction::Hash(std::uint64_t seed) const {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "host/simulator/core/curve.h"
 #include "host/simulator/core/wire_model.h"
-#include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
@@ -19,14 +19,14 @@ class FeedPrediction {
 
   /// Forgets the previous feed: the next feed is not predicted.
   void Forget() { fed_mm_ = 0; }
-  /// Feeds the state to `to_mm` (WireState::Feed) and applies the predicted turns. Predicts nothing
+  /// Feeds the curve to `to_mm` (Curve::Feed) and applies the predicted turns. Predicts nothing
   /// if the hand turned back, if it fed more than six times as much, or if a segment would turn by
   /// more than 0.1 rad.
-  void Feed(const WireModel& model, double to_mm, WireState& state);
+  void Feed(const WireModel& model, double to_mm, Curve& curve);
   std::uint64_t Hash(std::uint64_t seed) const;
 
  private:
-  void Turn(const WireModel& model, double ratio, WireState& state);
+  void Turn(const WireModel& model, double ratio, Curve& curve);
 
   std::vector<Eigen::Vector3d> fed_;    // tangents right after the last feed
   std::vector<Eigen::Vector3d> drift_;  // their turns since then, rad; the most distal first

@@ -24,7 +24,8 @@ constexpr int SlotRows(int spins) { return 5 + (spins > 0 ? spins : 1); }
 /// Unknowns of a segment: the control.
 constexpr int SlotControls(int spins) { return 2 + spins; }
 
-inline constexpr int kMostFrontRows = 2 * 5 + kMostInstruments;
+/// Four curves, each with a roll or a spin.
+inline constexpr int kMostFrontRows = 6 * kMostInstruments;
 inline constexpr int kMostControls = 2 + kMostInstruments;
 
 /// A segment of a curve, with its joint and its loads.
@@ -54,27 +55,32 @@ struct Front {
   static constexpr int kColumns = (kRows + 1) / 2 * 2;  // so that rows are aligned
   alignas(16) double p[kRows][kColumns] = {};
   alignas(16) double g[kColumns] = {};
-  double force_N[2][3] = {};  ///< by slot: sum of the gradients of the loads beyond the cut
+  /// By slot: sum of the gradients of the loads beyond the cut.
+  double force_N[kMostInstruments][3] = {};
   double decrease_mJ = 0;
 
-  /// Eliminates segment i of the curve whose slot begins at row kAt. The slot moves from cut i + 1
-  /// to cut i. Returns false if the pivot is not positive definite.
-  template <int kAt, int kSpins>
+  /// Eliminates segment i of the curve whose slot, number kSlot, begins at row kAt. The slot moves
+  /// from cut i + 1 to cut i. Returns false if the pivot is not positive definite.
+  template <int kSlot, int kAt, int kSpins>
   bool Advance(const FrontSegment& segment, FrontGain& gain);
 
-  /// Adds the coupling of two curves at cuts i + 1; their slots begin at rows 0 and kOther.
-  /// `first_slot`: 0 or 1, the slot of the first curve of `terms`.
-  template <int kOther>
-  void Touch(const BetweenCurves::Terms& terms, int first_slot);
+  /// Slots of the inner and the outer of two curves, and their first rows.
+  struct Slots {
+    int inner;
+    int outer;
+    int inner_at;
+    int outer_at;
+  };
+  /// Adds the coupling of two curves, each at the cut behind its segment.
+  void Touch(const BetweenCurves::Terms& terms, const Slots& slots);
 
   /// Adds the coupling of spins with steps and with each other. `rows`: row of each instrument's
-  /// spin.
-  template <int kOther>
-  void Touch(const BetweenCurves::SpinTerms& terms, int first_slot,
+  /// spin, -1 without.
+  void Touch(const BetweenCurves::SpinTerms& terms, const Slots& slots,
              const std::array<int, kMostInstruments>& rows);
 
-  /// Copies the front of one curve, whose slot begins at row kAt here.
-  template <int kAt, int kSlotRows>
+  /// Copies the front of one curve, whose slot, number kSlot, begins at row kAt here.
+  template <int kSlot, int kAt, int kSlotRows>
   void Take(const Front<kSlotRows>& alone);
 
  private:
@@ -107,37 +113,35 @@ struct Front {
 };
 
 template <int kRows>
-template <int kOther>
-void Front<kRows>::Touch(const BetweenCurves::Terms& terms, int first_slot) {
-  constexpr int kSlots[2] = {0, kOther};
+void Front<kRows>::Touch(const BetweenCurves::Terms& terms, const Slots& slots) {
+  const int at[2] = {slots.inner_at, slots.outer_at};
   for (int c = 0; c < 2; ++c) {
-    const int of = 5 * (first_slot == c ? 0 : 1);
     for (int a = 0; a < 5; ++a) {
-      g[kSlots[c] + a] += terms.gradient[of + a];
+      g[at[c] + a] += terms.gradient[5 * c + a];
       for (int d = 0; d < 2; ++d) {
-        const int with = 5 * (first_slot == d ? 0 : 1);
         for (int b = 0; b < 5; ++b) {
-          p[kSlots[c] + a][kSlots[d] + b] += terms.hessian(with + b, of + a);
+          p[at[c] + a][at[d] + b] += terms.hessian(5 * d + b, 5 * c + a);
         }
       }
     }
-    for (int d = 0; d < 3; ++d) force_N[c][d] += terms.gradient[of + d];
+  }
+  for (int d = 0; d < 3; ++d) {
+    force_N[slots.inner][d] += terms.gradient[d];
+    force_N[slots.outer][d] += terms.gradient[5 + d];
   }
 }
 
 template <int kRows>
-template <int kOther>
-void Front<kRows>::Touch(const BetweenCurves::SpinTerms& terms, int first_slot,
+void Front<kRows>::Touch(const BetweenCurves::SpinTerms& terms, const Slots& slots,
                          const std::array<int, kMostInstruments>& rows) {
-  constexpr int kSlots[2] = {0, kOther};
+  const int at[2] = {slots.inner_at, slots.outer_at};
   for (int k = 0; k < kMostInstruments; ++k) {
     const int row = rows[static_cast<std::size_t>(k)];
     if (row < 0) continue;
     for (int c = 0; c < 2; ++c) {
-      const int of = 5 * (first_slot == c ? 0 : 1);
       for (int a = 0; a < 5; ++a) {
-        p[row][kSlots[c] + a] += terms.with_steps(k, of + a);
-        p[kSlots[c] + a][row] += terms.with_steps(k, of + a);
+        p[row][at[c] + a] += terms.with_steps(k, 5 * c + a);
+        p[at[c] + a][row] += terms.with_steps(k, 5 * c + a);
       }
     }
     for (int m = 0; m < kMostInstruments; ++m) {
@@ -148,23 +152,23 @@ void Front<kRows>::Touch(const BetweenCurves::SpinTerms& terms, int first_slot,
 }
 
 template <int kRows>
-template <int kAt, int kSlotRows>
+template <int kSlot, int kAt, int kSlotRows>
 void Front<kRows>::Take(const Front<kSlotRows>& alone) {
   for (int a = 0; a < kSlotRows; ++a) {
     for (int b = 0; b < kSlotRows; ++b) p[kAt + a][kAt + b] = alone.p[a][b];
     g[kAt + a] = alone.g[a];
   }
-  for (int d = 0; d < 3; ++d) force_N[kAt == 0 ? 0 : 1][d] = alone.force_N[0][d];
-  decrease_mJ = alone.decrease_mJ;
+  for (int d = 0; d < 3; ++d) force_N[kSlot][d] = alone.force_N[0][d];
+  decrease_mJ += alone.decrease_mJ;
 }
 
 template <int kRows>
-template <int kAt, int kSpins>
+template <int kSlot, int kAt, int kSpins>
 bool Front<kRows>::Advance(const FrontSegment& segment, FrontGain& gain) {
   Couplings<SlotControls(kSpins)> w;
   Substitute<kAt, kSpins>(segment, w);
   Renew<kAt, kSpins>(segment, w);
-  double(&beyond_N)[3] = force_N[kAt == 0 ? 0 : 1];
+  double(&beyond_N)[3] = force_N[kSlot];
   double along = 0;  // (14)
   for (int d = 0; d < 3; ++d) along += segment.length_mm * beyond_N[d] * segment.tangent[d];
   if (segment.load != nullptr) {

@@ -4,43 +4,54 @@
 #include <cassert>
 #include <cstring>
 #include <type_traits>
+#include <utility>
 
 namespace torquer {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-FrontSweep::FrontSweep(int max_segments, const WireModel* second) : second_(second) {
-  const auto n = static_cast<std::size_t>(max_segments) + 1;
-  gains_[0].reserve(n);
-  checkpoints_.reserve(n / kSpacing + 1);
-  if (second == nullptr) return;
-  gains_[1].reserve(n);
-  second_step_.reserve(n);
-  second_spin_.reserve(n * kMostInstruments);
-  second_displacement_mm_.reserve(n);
+FrontSweep::FrontSweep(std::vector<const WireModel*> rods) : rods_(std::move(rods)) {
+  const auto n = static_cast<std::size_t>(rods_.front()->max_segments()) + 1;
+  const std::size_t curves = rods_.size();
+  spin_rows_.fill(-1);
+  for (std::size_t c = 0; c < curves; ++c) {
+    slot_at_[c] = rows_;
+    for (int m = 0; m < rods_[c]->spins(); ++m) {
+      spin_rows_[static_cast<std::size_t>(rods_[c]->first_spin() + m)] = rows_ + 5 + m;
+    }
+    rows_ += SlotRows(rods_[c]->spins());
+    inputs_[c].model = rods_[c];
+    gains_.emplace_back().reserve(n);
+    of_segments_.emplace_back().reserve(n);
+  }
+  of_groups_.resize(curves * (curves - 1) / 2);
+  for (std::vector<int>& groups : of_groups_) groups.reserve(2 * n);
+  const std::size_t operations = n * (curves + 2 * of_groups_.size());
+  operations_.reserve(operations);
+  checkpoints_.reserve(operations / kSpacing + 1);
 }
 
-FrontSegment FrontSweep::Curve::Segment(int i) const {
+FrontSegment FrontSweep::Inputs::Segment(int i) const {
   const auto k = static_cast<std::size_t>(i);
-  const int from_tip = state.segments() - i;
-  FrontSegment segment{.length_mm = state.SegmentLength(model, i),
-                       .frame = at.frames[k],
-                       .tangent = state.tangents()[k],
-                       .joint = at.joints[k]};
-  if (const int load = at.load_index[k]; load >= 0) {
-    segment.load = &at.loads[static_cast<std::size_t>(load)];
+  const int from_tip = curve->segments() - i;
+  FrontSegment segment{.length_mm = curve->SegmentLength(*model, i),
+                       .frame = at->frames[k],
+                       .tangent = curve->tangents()[k],
+                       .joint = at->joints[k]};
+  if (const int load = at->load_index[k]; load >= 0) {
+    segment.load = &at->loads[static_cast<std::size_t>(load)];
   }
-  if (!at.turns.empty()) segment.turn = &at.turns[k];
+  if (!at->turns.empty()) segment.turn = &at->turns[k];
   // The softer of its two joints determines the weight.
   segment.bend_weight_mJ =
-      weight * std::min(model.rigidity_N_mm2(from_tip), model.rigidity_N_mm2(from_tip - 1));
-  const int spins = model.spins();
+      weight * std::min(model->rigidity_N_mm2(from_tip), model->rigidity_N_mm2(from_tip - 1));
+  const int spins = model->spins();
   if (spins == 0) return segment;
-  segment.spins = &at.stack[k];
-  const WireModel::TwistingJoint& before = model.twisting_joint(from_tip);
-  const WireModel::TwistingJoint& beyond = model.twisting_joint(from_tip - 1);
-  const auto first = static_cast<std::size_t>(model.first_spin());
+  segment.spins = &at->stack[k];
+  const WireModel::TwistingJoint& before = model->twisting_joint(from_tip);
+  const WireModel::TwistingJoint& beyond = model->twisting_joint(from_tip - 1);
+  const auto first = static_cast<std::size_t>(model->first_spin());
   for (std::size_t m = 0; m < static_cast<std::size_t>(spins); ++m) {
     const std::size_t spin = first + m;
     segment.spin_weight_mJ[m] = weight * std::min(before.of[spin].torsional_rigidity_N_mm2,
@@ -49,133 +60,213 @@ FrontSegment FrontSweep::Curve::Segment(int i) const {
   return segment;
 }
 
-template <class AnyFront>
-void FrontSweep::Keep(int segment, const AnyFront& front) {
-  if (segment % kSpacing != 0) return;
-  Checkpoint& to = checkpoints_[static_cast<std::size_t>(segment / kSpacing)];
-  static_assert(std::is_trivially_copyable_v<AnyFront> && sizeof front <= sizeof to.front);
-  std::memcpy(to.front, &front, sizeof front);
-}
-
-template <class AnyFront>
-void FrontSweep::Restore(int segment, AnyFront& front) const {
-  assert(segment % kSpacing == 0);
-  const Checkpoint& from = checkpoints_[static_cast<std::size_t>(segment / kSpacing)];
-  std::memcpy(&front, from.front, sizeof front);
-}
-
-template <int kSpins>
-bool FrontSweep::SweepOne(const Curve& curve, int first) {
-  Front<SlotRows(kSpins)> front;
-  if (first + 1 < curve.state.segments()) Restore(first + 1, front);
-  for (int i = first; i >= 0; --i) {
-    const auto k = static_cast<std::size_t>(i);
-    if (!front.template Advance<0, kSpins>(curve.Segment(i), curve.gains[k])) return false;
-    Keep(i, front);
+void FrontSweep::AdvanceTo(int curve, int cut, std::array<int, kMostInstruments>& cuts) {
+  int& at = cuts[static_cast<std::size_t>(curve)];
+  std::vector<int>& of = of_segments_[static_cast<std::size_t>(curve)];
+  while (at > cut) {
+    --at;
+    of[static_cast<std::size_t>(at)] = static_cast<int>(operations_.size());
+    operations_.push_back({curve, -1, at});
   }
-  predicted_decrease_mJ_ = front.decrease_mJ;
-  return true;
 }
 
-// `one` has the first slot, `other` the second; `first_slot` is the slot of the first curve.
-template <int kSpins, int kOtherSpins>
-bool FrontSweep::SweepSlots(const Curve& one, const Curve& other, int first_slot,
-                            const BetweenCurves& between, int first) {
-  constexpr int kOther = SlotRows(kSpins);
-  Front<SlotRows(kSpins) + SlotRows(kOtherSpins)> front;
-  const int both = std::min(one.state.segments(), other.state.segments());
-  std::array<int, kMostInstruments> rows;
-  rows.fill(-1);
-  for (int m = 0; m < kSpins; ++m)
-    rows[static_cast<std::size_t>(one.model.first_spin() + m)] = 5 + m;
-  for (int m = 0; m < kOtherSpins; ++m) {
-    rows[static_cast<std::size_t>(other.model.first_spin() + m)] = kOther + 5 + m;
+// Orders the operations: a contact comes when both of its curves are at the cuts behind its
+// segments. Contacts of several pairs are merged so that no curve has to go back.
+void FrontSweep::Schedule(const WireState& state, const Expansion& expansion) {
+  operations_.clear();
+  const auto& between = expansion.between;
+  const int curves = state.curves();
+  std::array<int, kMostInstruments> cuts = {};
+  for (int c = 0; c < curves; ++c) {
+    const int segments = state.curve(c).segments();
+    of_segments_[static_cast<std::size_t>(c)].assign(static_cast<std::size_t>(segments), -1);
+    cuts[static_cast<std::size_t>(c)] = curves == 1 ? segments : 0;
   }
-  const auto alone = [&]<int kAt, int kOwnSpins>(const Curve& curve) {
-    Front<SlotRows(kOwnSpins)> beyond;
-    for (int i = curve.state.segments() - 1; i >= both; --i) {
-      const auto k = static_cast<std::size_t>(i);
-      if (!beyond.template Advance<0, kOwnSpins>(curve.Segment(i), curve.gains[k])) return false;
-    }
-    front.template Take<kAt>(beyond);
-    return true;
+  std::array<int, 6> left = {};  // groups of each pair that are not yet in the order
+  static_assert(kMostInstruments * (kMostInstruments - 1) / 2 <= 6);
+  for (std::size_t k = 0; k < between.size(); ++k) {
+    of_groups_[k].resize(between[k].groups.size());
+    left[k] = static_cast<int>(between[k].groups.size());
+    if (left[k] == 0) continue;
+    const SegmentPair& last = between[k].groups.back();
+    int& inner = cuts[static_cast<std::size_t>(between[k].inner)];
+    int& outer = cuts[static_cast<std::size_t>(between[k].outer)];
+    inner = std::max(inner, last.inner + 1);
+    outer = std::max(outer, last.outer + 1);
+  }
+  common_ = cuts;
+  const auto next = [&](std::size_t k) {
+    return between[k].groups[static_cast<std::size_t>(left[k]) - 1];
   };
-  if (first + 1 < both) {
-    Restore(first + 1, front);
-  } else {
-    first = both - 1;
-    const bool definite = first_slot == 0 ? alone.template operator()<0, kSpins>(one)
-                                          : alone.template operator()<kOther, kOtherSpins>(other);
-    if (!definite) return false;
+  // Segment of a curve in the next group of a pair, or -1.
+  const auto segment_on = [&](std::size_t k, int curve) {
+    if (left[k] == 0) return -1;
+    if (between[k].inner == curve) return next(k).inner;
+    return between[k].outer == curve ? next(k).outer : -1;
+  };
+  for (;;) {
+    std::size_t chosen = between.size();
+    for (std::size_t k = 0; k < between.size(); ++k) {
+      if (left[k] == 0) continue;
+      if (chosen == between.size()) chosen = k;
+      bool waits = false;
+      for (std::size_t m = 0; m < between.size(); ++m) {
+        waits = waits || segment_on(m, between[k].inner) > next(k).inner ||
+                segment_on(m, between[k].outer) > next(k).outer;
+      }
+      if (waits) continue;
+      chosen = k;
+      break;
+    }
+    if (chosen == between.size()) break;
+    const SegmentPair pair = next(chosen);
+    AdvanceTo(between[chosen].inner, pair.inner + 1, cuts);
+    AdvanceTo(between[chosen].outer, pair.outer + 1, cuts);
+    --left[chosen];
+    of_groups_[chosen][static_cast<std::size_t>(left[chosen])] =
+        static_cast<int>(operations_.size());
+    operations_.push_back({-1, static_cast<int>(chosen), left[chosen]});
   }
-  for (int i = first; i >= 0; --i) {
+  for (int c = 0; c < curves; ++c) AdvanceTo(c, 0, cuts);
+  checkpoints_.resize(operations_.size() / kSpacing + 1);
+}
+
+// Sweeps the segments beyond all contacts.
+template <int kSpins>
+bool FrontSweep::SweepAlone(int curve, Front<SlotRows(kSpins)>& beyond) {
+  const auto c = static_cast<std::size_t>(curve);
+  for (int i = inputs_[c].curve->segments() - 1; i >= common_[c]; --i) {
     const auto k = static_cast<std::size_t>(i);
-    if (between.terms[k].any) front.template Touch<kOther>(between.terms[k], first_slot);
-    if (!between.spin_terms.empty() && between.spin_terms[k].any) {
-      front.template Touch<kOther>(between.spin_terms[k], first_slot, rows);
+    if (!beyond.template Advance<0, 0, kSpins>(inputs_[c].Segment(i), gains_[c][k])) return false;
+  }
+  return true;
+}
+
+// `kSpins`: of each curve.
+template <int... kSpins>
+bool FrontSweep::SweepSlots(const Expansion& expansion, int first) {
+  constexpr int kCurves = sizeof...(kSpins);
+  constexpr std::array<int, kCurves> kSpinsOf = {kSpins...};
+  constexpr auto kAt = [](int curve) {
+    constexpr std::array<int, kCurves> kOf = {kSpins...};
+    int at = 0;
+    for (int c = 0; c < curve; ++c) at += SlotRows(kOf[static_cast<std::size_t>(c)]);
+    return at;
+  };
+  using AnyFront = Front<kAt(kCurves)>;
+  static_assert(std::is_trivially_copyable_v<AnyFront> && sizeof(AnyFront) <= sizeof(Checkpoint));
+  AnyFront front;
+  constexpr auto kEach = std::make_integer_sequence<int, kCurves>();
+  const auto begin = [&]<int... c>(std::integer_sequence<int, c...> /*curves*/) {
+    return ([&] {
+      Front<SlotRows(kSpinsOf[c])> beyond;
+      if (!SweepAlone<kSpinsOf[c]>(c, beyond)) return false;
+      front.template Take<c, kAt(c)>(beyond);
+      return true;
+    }() && ...);
+  };
+  const auto advance = [&]<int... c>(std::integer_sequence<int, c...> /*curves*/, int curve,
+                                     int segment) {
+    const auto i = static_cast<std::size_t>(segment);
+    bool definite = true;
+    ((curve == c ? static_cast<void>(definite = front.template Advance<c, kAt(c), kSpinsOf[c]>(
+                                         inputs_[c].Segment(segment), gains_[c][i]))
+                 : static_cast<void>(0)),
+     ...);
+    return definite;
+  };
+  if (first > 0) {
+    assert(first % kSpacing == 0);
+    std::memcpy(&front, checkpoints_[static_cast<std::size_t>(first / kSpacing)].front,
+                sizeof front);
+  } else if (!begin(kEach)) {
+    return false;
+  }
+  for (int k = first; k < static_cast<int>(operations_.size()); ++k) {
+    if (k % kSpacing == 0) {
+      std::memcpy(checkpoints_[static_cast<std::size_t>(k / kSpacing)].front, &front, sizeof front);
     }
-    if (!front.template Advance<0, kSpins>(one.Segment(i), one.gains[k]) ||
-        !front.template Advance<kOther, kOtherSpins>(other.Segment(i), other.gains[k])) {
-      return false;
+    const Operation& operation = operations_[static_cast<std::size_t>(k)];
+    if (operation.pair < 0) {
+      if (!advance(kEach, operation.curve, operation.index)) return false;
+      continue;
     }
-    Keep(i, front);
+    const BetweenCurves& between = expansion.between[static_cast<std::size_t>(operation.pair)];
+    const auto group = static_cast<std::size_t>(operation.index);
+    const typename AnyFront::Slots slots{between.inner, between.outer,
+                                         slot_at_[static_cast<std::size_t>(between.inner)],
+                                         slot_at_[static_cast<std::size_t>(between.outer)]};
+    if (between.terms[group].any) front.Touch(between.terms[group], slots);
+    if (!between.spin_terms.empty() && between.spin_terms[group].any) {
+      front.Touch(between.spin_terms[group], slots, spin_rows_);
+    }
   }
   predicted_decrease_mJ_ = front.decrease_mJ;
   return true;
 }
 
-// The curve with fewer spins has the first slot.
-bool FrontSweep::SweepCurves(const Curve& one, const Curve& second, const BetweenCurves& between,
-                             int first) {
-  const bool swap = one.model.spins() > second.model.spins();
-  const Curve& a = swap ? second : one;
-  const Curve& b = swap ? one : second;
-  const int slot = swap ? 1 : 0;
-  if (a.model.spins() == 0) return SweepSlots<0, 0>(a, b, slot, between, first);
-  if (a.model.spins() == 2) return SweepSlots<2, 2>(a, b, slot, between, first);
-  switch (b.model.spins()) {
-    case 1:
-      return SweepSlots<1, 1>(a, b, slot, between, first);
-    case 2:
-      return SweepSlots<1, 2>(a, b, slot, between, first);
+bool FrontSweep::Sweep(const WireState& state, const Expansion& expansion, double weight,
+                       int first) {
+  int key = 0;  // spins of the curves as decimal digits, after a 1
+  for (int c = 0; c < state.curves(); ++c) {
+    Inputs& inputs = inputs_[static_cast<std::size_t>(c)];
+    inputs.curve = &state.curve(c);
+    inputs.at = &expansion.curve(c);
+    inputs.weight = weight;
+    key = 10 * (c == 0 ? 1 : key) + inputs.model->spins();
+  }
+  switch (key) {
+    case 12:
+      return SweepSlots<2>(expansion, first);
+    case 13:
+      return SweepSlots<3>(expansion, first);
+    case 14:
+      return SweepSlots<4>(expansion, first);
+    case 100:
+      return SweepSlots<0, 0>(expansion, first);
+    case 1000:
+      return SweepSlots<0, 0, 0>(expansion, first);
+    case 10000:
+      return SweepSlots<0, 0, 0, 0>(expansion, first);
+    case 111:
+      return SweepSlots<1, 1>(expansion, first);
+    case 112:
+      return SweepSlots<1, 2>(expansion, first);
+    case 121:
+      return SweepSlots<2, 1>(expansion, first);
+    case 122:
+      return SweepSlots<2, 2>(expansion, first);
+    case 113:
+      return SweepSlots<1, 3>(expansion, first);
+    case 131:
+      return SweepSlots<3, 1>(expansion, first);
+    case 1111:
+      return SweepSlots<1, 1, 1>(expansion, first);
+    case 1112:
+      return SweepSlots<1, 1, 2>(expansion, first);
+    case 1121:
+      return SweepSlots<1, 2, 1>(expansion, first);
+    case 1211:
+      return SweepSlots<2, 1, 1>(expansion, first);
     default:
-      return SweepSlots<1, 3>(a, b, slot, between, first);
+      assert(key == 11111);
+      return SweepSlots<1, 1, 1, 1>(expansion, first);
   }
 }
 
-bool FrontSweep::Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
-                       double weight, int first) {
-  const Curve curve{model, state, expansion, weight, gains_[0]};
-  if (second_ != nullptr) {
-    const Curve other{*second_, *state.second(), expansion.second.front(), weight, gains_[1]};
-    return SweepCurves(curve, other, expansion.between, first);
+bool FrontSweep::Factor(const WireState& state, const Expansion& expansion, double weight) {
+  for (int c = 0; c < state.curves(); ++c) {
+    gains_[static_cast<std::size_t>(c)].resize(state.curve(c).tangents().size());
   }
-  switch (model.spins()) {
-    case 2:
-      return SweepOne<2>(curve, first);
-    case 3:
-      return SweepOne<3>(curve, first);
-    default:
-      return SweepOne<kMostInstruments>(curve, first);
-  }
+  Schedule(state, expansion);
+  return Sweep(state, expansion, weight, 0);
 }
 
-bool FrontSweep::Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
-                        double weight) {
-  const auto n = state.tangents().size();
-  gains_[0].resize(n);
-  checkpoints_.resize(n / kSpacing + 1);
-  if (second_ != nullptr) gains_[1].resize(state.second()->tangents().size());
-  return Sweep(model, state, expansion, weight, state.segments() - 1);
-}
-
-bool FrontSweep::Refactor(const WireModel& model, const WireState& state,
-                          const Expansion& expansion, double weight, int last_changed) {
-  const int checkpoint = (last_changed / kSpacing + 1) * kSpacing;
-  // No front is stored beyond the shorter curve.
-  const int kept = second_ == nullptr ? state.segments() : state.second()->segments();
-  if (checkpoint >= kept) return Factor(model, state, expansion, weight);
-  return Sweep(model, state, expansion, weight, checkpoint - 1);
+bool FrontSweep::Refactor(const WireState& state, const Expansion& expansion, double weight,
+                          int first) {
+  const int checkpoint = first / kSpacing * kSpacing;
+  if (checkpoint <= 0) return Factor(state, expansion, weight);
+  return Sweep(state, expansion, weight, checkpoint);
 }
 
 namespace {
@@ -184,23 +275,21 @@ namespace {
 struct Moved {
   double* slot;
   const WireModel& model;
-  const WireState& state;
-  const Expansion& at;
+  const Curve& curve;
+  const CurveExpansion& at;
   const std::vector<FrontGain>& gains;
-  std::vector<Vector2d>& step;
-  std::vector<double>& spin;
-  std::vector<Vector3d>& displacement_mm;
+  CurveStep& step;
 
-  void Begin() {
-    const auto n = static_cast<std::size_t>(state.segments());
-    step.resize(n);
-    spin.resize(n * static_cast<std::size_t>(model.spins()));
-    displacement_mm.resize(n);
+  void Begin() const {
+    const auto n = static_cast<std::size_t>(curve.segments());
+    step.xi.resize(n);
+    step.spin.resize(n * static_cast<std::size_t>(model.spins()));
+    step.displacement_mm.resize(n);
   }
 
   // Moves the slot from cut i to cut i + 1. `slots`: the arguments of the gain; `rows`: their
   // number.
-  void Advance(int i, const double* slots, int rows) {
+  void Advance(int i, const double* slots, int rows) const {
     const auto k = static_cast<std::size_t>(i);
     const int spins = model.spins();
     double control[kMostControls] = {};
@@ -210,9 +299,9 @@ struct Moved {
       control[c] = -sum;
     }
     const Vector2d xi(control[0], control[1]);
-    displacement_mm[k] = {slot[0], slot[1], slot[2]};
-    step[k] = xi;
-    const Vector3d moved = state.SegmentLength(model, i) * (at.frames[k] * xi);
+    step.displacement_mm[k] = {slot[0], slot[1], slot[2]};
+    step.xi[k] = xi;
+    const Vector3d moved = curve.SegmentLength(model, i) * (at.frames[k] * xi);
     for (int d = 0; d < 3; ++d) slot[d] += moved[d];
     if (!at.turns.empty()) {
       slot[5] += at.turns[k].proximal.dot(Vector2d(slot[3], slot[4])) + at.turns[k].distal.dot(xi);
@@ -221,51 +310,33 @@ struct Moved {
     slot[4] = xi[1];
     for (int m = 0; m < spins; ++m) {
       slot[5 + m] = control[2 + m];
-      spin[k * static_cast<std::size_t>(spins) + static_cast<std::size_t>(m)] = control[2 + m];
+      step.spin[k * static_cast<std::size_t>(spins) + static_cast<std::size_t>(m)] = control[2 + m];
     }
   }
 };
 
 }  // namespace
 
-double FrontSweep::Step(const WireModel& model, const WireState& state, const Expansion& expansion,
-                        std::vector<Vector2d>& step, std::vector<double>& spin,
-                        std::vector<Vector3d>& displacement_mm) {
+double FrontSweep::Step(const WireState& state, const Expansion& expansion,
+                        std::vector<CurveStep>& steps) {
   double slots[kMostFrontRows] = {};
-  const int n = state.segments();
-  const int rows = SlotRows(model.spins());
-  const WireState* const other = second_ == nullptr ? nullptr : state.second();
-  const int other_rows = other == nullptr ? 0 : SlotRows(second_->spins());
-  const bool swapped = other != nullptr && model.spins() > second_->spins();
-  Moved first{slots + (swapped ? other_rows : 0),
-              model,
-              state,
-              expansion,
-              gains_[0],
-              step,
-              spin,
-              displacement_mm};
-  first.Begin();
-  if (other == nullptr) {
-    for (int i = 0; i < n; ++i) first.Advance(i, slots, rows);
-    return predicted_decrease_mJ_;
-  }
-  Moved second{slots + (swapped ? 0 : rows),
-               *second_,
-               *other,
-               expansion.second.front(),
-               gains_[1],
-               second_step_,
-               second_spin_,
-               second_displacement_mm_};
-  second.Begin();
+  const auto moved = [&](int curve) {
+    const auto c = static_cast<std::size_t>(curve);
+    return Moved{slots + slot_at_[c],    *rods_[c], state.curve(curve),
+                 expansion.curve(curve), gains_[c], steps[c]};
+  };
+  for (int c = 0; c < state.curves(); ++c) moved(c).Begin();
   // The order is opposite to that of the sweep.
-  Moved* const order[2] = {swapped ? &first : &second, swapped ? &second : &first};
-  const int both = second.state.segments();
-  for (int i = 0; i < both; ++i) {
-    for (Moved* curve : order) curve->Advance(i, slots, rows + other_rows);
+  for (auto operation = operations_.rbegin(); operation != operations_.rend(); ++operation) {
+    if (operation->pair < 0) moved(operation->curve).Advance(operation->index, slots, rows_);
   }
-  for (int i = both; i < n; ++i) first.Advance(i, first.slot, rows);
+  for (int c = 0; c < state.curves(); ++c) {
+    const Moved alone = moved(c);
+    const int rows = SlotRows(rods_[static_cast<std::size_t>(c)]->spins());
+    for (int i = common_[static_cast<std::size_t>(c)]; i < state.curve(c).segments(); ++i) {
+      alone.Advance(i, alone.slot, rows);
+    }
+  }
   return predicted_decrease_mJ_;
 }
 

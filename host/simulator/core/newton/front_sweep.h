@@ -1,49 +1,60 @@
-// Newton step of instruments that twist, or lie on two curves, in O(n): one front for all of them
-// (README, sections 6, 17 and 18).
+// Newton step of instruments that twist, or lie on several curves, in O(n): one front for all of
+// them (README, sections 6, 17 and 18).
 //
-//   segments  0 ............. m-1 | m ............. n-1
-//   first     ====================|====================   the leader's curve
-//   second    --------------------|
-//                both in a front  |  the first alone
+//   inner    ====================|====================
+//   outer    --------------------|                      within: an operation at a time, from the
+//   mouth
+//                in one front    |  the inner alone     to the sheath
+//
+// An operation advances one curve by one segment, or adds the contact of two segments.
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <vector>
 
+#include "host/simulator/core/newton/curve_step.h"
 #include "host/simulator/core/newton/front.h"
 
 namespace torquer {
 
-/// Sweep with the members of RiccatiSweep, which documents them.
+/// Sweep like RiccatiSweep, for all curves of a state.
 class FrontSweep {
  public:
-  /// `second`: the rod on the second curve, which must outlive this; null for one curve.
-  FrontSweep(int max_segments, const WireModel* second);
+  /// `rods`: the model of each curve, which must outlive this.
+  explicit FrontSweep(std::vector<const WireModel*> rods);
 
-  bool Factor(const WireModel& model, const WireState& state, const Expansion& expansion,
-              double weight);
-  bool Refactor(const WireModel& model, const WireState& state, const Expansion& expansion,
-                double weight, int last_changed);
-  double Step(const WireModel& model, const WireState& state, const Expansion& expansion,
-              std::vector<Eigen::Vector2d>& step, std::vector<double>& spin,
-              std::vector<Eigen::Vector3d>& displacement_mm);
+  /// Eliminates all segments. Returns false if a pivot is not positive definite. `weight`: proximal
+  /// weight, in units of the local EI/(1 mm).
+  bool Factor(const WireState& state, const Expansion& expansion, double weight);
+  /// Like Factor, if since the last one only operations from number `first` on have other loads.
+  bool Refactor(const WireState& state, const Expansion& expansion, double weight, int first);
+  /// Steps of all curves. Returns the predicted decrease of the energy, mJ.
+  double Step(const WireState& state, const Expansion& expansion, std::vector<CurveStep>& steps);
 
-  /// Steps of the second curve from the last Step.
-  const std::vector<Eigen::Vector2d>& second_step() const { return second_step_; }
-  const std::vector<double>& second_spin() const { return second_spin_; }
-  const std::vector<Eigen::Vector3d>& second_displacement_mm() const {
-    return second_displacement_mm_;
+  /// Number of the operation that eliminates a segment, or that adds group `group` of
+  /// Expansion::between[pair]. -1 for segments beyond all contacts.
+  int OperationOf(int curve, int segment) const {
+    return of_segments_[static_cast<std::size_t>(curve)][static_cast<std::size_t>(segment)];
+  }
+  int OperationOfGroup(int pair, int group) const {
+    return of_groups_[static_cast<std::size_t>(pair)][static_cast<std::size_t>(group)];
   }
 
  private:
+  // Advances `curve` over segment `index`, or if `pair` >= 0 adds its group `index`.
+  struct Operation {
+    int curve;
+    int pair;
+    int index;
+  };
   // Inputs of the sweep for one curve, and its gains.
-  struct Curve {
-    const WireModel& model;
-    const WireState& state;
-    const Expansion& at;
-    double weight;
-    std::vector<FrontGain>& gains;
+  struct Inputs {
+    const WireModel* model = nullptr;
+    const Curve* curve = nullptr;
+    const CurveExpansion* at = nullptr;
+    double weight = 0;
 
     FrontSegment Segment(int i) const;
   };
@@ -52,29 +63,28 @@ class FrontSweep {
     alignas(16) std::byte front[sizeof(Front<kMostFrontRows>)];
   };
 
-  // Sweeps from segment `first` to the sheath. Beyond `first` it starts from a checkpoint or the
-  // tip.
-  bool Sweep(const WireModel& model, const WireState& state, const Expansion& expansion,
-             double weight, int first);
+  void Schedule(const WireState& state, const Expansion& expansion);
+  void AdvanceTo(int curve, int cut, std::array<int, kMostInstruments>& cuts);
+  bool Sweep(const WireState& state, const Expansion& expansion, double weight, int first);
+  template <int... kSpins>
+  bool SweepSlots(const Expansion& expansion, int first);
   template <int kSpins>
-  bool SweepOne(const Curve& curve, int first);
-  bool SweepCurves(const Curve& one, const Curve& second, const BetweenCurves& between, int first);
-  template <int kSpins, int kOtherSpins>
-  bool SweepSlots(const Curve& one, const Curve& other, int first_slot,
-                  const BetweenCurves& between, int first);
-  template <class AnyFront>
-  void Keep(int segment, const AnyFront& front);
-  template <class AnyFront>
-  void Restore(int segment, AnyFront& front) const;
+  bool SweepAlone(int curve, Front<SlotRows(kSpins)>& beyond);
 
-  static constexpr int kSpacing = 16;  ///< segments from one checkpoint to the next
-  const WireModel* second_;
-  std::vector<FrontGain> gains_[2];      ///< by curve and segment
-  std::vector<Checkpoint> checkpoints_;  ///< entry k: front of all segments from k kSpacing on
+  static constexpr int kSpacing = 16;  ///< operations from one checkpoint to the next
+  std::vector<const WireModel*> rods_;
+  std::array<int, kMostInstruments> slot_at_ = {};  ///< first row of each curve's slot
+  int rows_ = 0;
+  std::array<int, kMostInstruments> spin_rows_ = {};  ///< row of each instrument's spin, -1 without
+  std::array<Inputs, kMostInstruments> inputs_;
+  std::vector<Operation> operations_;
+  /// By curve: number of segments in the common front. The others are swept alone.
+  std::array<int, kMostInstruments> common_ = {};
+  std::vector<std::vector<int>> of_segments_;  ///< by curve
+  std::vector<std::vector<int>> of_groups_;    ///< by pair of curves
+  std::vector<std::vector<FrontGain>> gains_;  ///< by curve and segment
+  std::vector<Checkpoint> checkpoints_;        ///< entry k: before operation k kSpacing
   double predicted_decrease_mJ_ = 0;
-  std::vector<Eigen::Vector2d> second_step_;
-  std::vector<double> second_spin_;
-  std::vector<Eigen::Vector3d> second_displacement_mm_;
 };
 
 }  // namespace torquer

@@ -4,45 +4,21 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 #include "host/simulator/core/wire_model.h"
 
 namespace torquer {
 
-namespace {
-
-// If the other curve is about to lead, both have the same reach before or after the move (Towards).
-void MoveTwoCurves(const InstrumentPlaces& next, InstrumentStack& stack, FeedPrediction& prediction,
-                   ContactPoints& points, WireState& state) {
-  const WireModel& first = stack.rod();
-  const WireModel& second = *stack.second_rod();
-  const auto exchange_when_equal = [&] {
-    if (stack.OuterLeads(next) == state.outer_leads()) return;
-    if (state.segments() != state.second()->segments()) return;
-    state.ExchangeCurves();
-    prediction.Forget();
-  };
-  const double fed_mm = next.reach_mm() - state.insertion_mm();
-  const int segments = state.segments();
-  const bool equal = stack.SecondReach(state.places()) == state.insertion_mm();
-  if (equal) exchange_when_equal();
-  state.MoveBoth(first, second, next);
-  prediction.Feed(first, next.reach_mm(), state);
-  double reach_mm = 0;  // reach of the present second curve
-  for (int k = 0; k < next.size(); ++k) {
-    if (&state.CurveOf(k) == state.second()) reach_mm = std::max(reach_mm, next[k].insertion_mm);
+void LayCurves(const InstrumentStack& stack, WireState& state) {
+  const std::vector<Eigen::Vector3d> path_mm(state.nodes().begin() + 1, state.nodes().end());
+  const InstrumentPlaces places = state.places();
+  state.RemoveAround(stack.curves());
+  for (int c = 0; c < stack.curves(); ++c) {
+    Curve& curve =
+        c == 0 ? state : state.AddAround(stack.rod(c), places.size(), stack.OnCurve(c).first);
+    curve.LayAlong(stack.rod(c), path_mm, places, stack.Reach(c, places));
   }
-  state.FeedSecond(second, segments, fed_mm, reach_mm);
-  if (!equal) exchange_when_equal();
-  stack.Combine(next, SegmentsShort(state));
-  points.TakeRadii();
-  state.UpdateCurves(first, second);
-}
-
-}  // namespace
-
-int SegmentsShort(const WireState& state) {
-  return state.second() == nullptr ? 0 : state.segments() - state.second()->segments();
 }
 
 double FractionOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
@@ -72,34 +48,39 @@ int CountActions(const InstrumentPlaces& here, const InstrumentPlaces& next) {
 }
 
 void MoveInstruments(const InstrumentPlaces& next, InstrumentStack& stack,
-                     FeedPrediction& prediction, ContactPoints& points, WireState& state) {
-  if (stack.second_rod() != nullptr) {
-    MoveTwoCurves(next, stack, prediction, points, state);
-    return;
-  }
+                     std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
+                     WireState& state) {
   const bool alone = next.size() == 1;
-  if (!alone) {
-    stack.Combine(next);
-    points.TakeRadii();
-    state.MoveInstruments(stack.rod(), next);
+  if (!alone) stack.Combine(next);
+  for (int c = 0; c < stack.curves(); ++c) {
+    Curve& curve = state.curve(c);
+    if (!alone) {
+      mechanics.points(c).TakeRadii();
+      curve.MoveInstruments(stack.rod(c), next);
+    }
+    predictions[static_cast<std::size_t>(c)].Feed(stack.rod(c), stack.Reach(c, next), curve);
   }
-  prediction.Feed(stack.rod(), next.reach_mm(), state);
   if (alone) state.Rotate(next[0].rotation_rad);
 }
 
-void MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next, bool turns,
-                  const PointSet& points, const std::vector<EnergyTerm*>& terms) {
-  const double fed_mm = next.reach_mm() - here.reach_mm();
+void MoveSurfaces(const InstrumentStack& stack, const InstrumentPlaces& here,
+                  const InstrumentPlaces& next, bool turns, const Expansion& at,
+                  const std::vector<EnergyTerm*>& terms) {
   std::array<SurfaceMove, kMostInstruments> moves = {};
   bool any = false;
-  for (int k = 0; k < here.size(); ++k) {
-    SurfaceMove& move = moves[static_cast<std::size_t>(k)];
-    move.along_mm = next[k].insertion_mm - here[k].insertion_mm - fed_mm;
-    if (turns) move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
-    any = any || move.along_mm != 0 || move.turn_rad != 0;
+  for (int c = 0; c < stack.curves(); ++c) {
+    const double fed_mm = stack.Reach(c, next) - stack.Reach(c, here);
+    for (int k = stack.OnCurve(c).first; k < stack.OnCurve(c).last; ++k) {
+      SurfaceMove& move = moves[static_cast<std::size_t>(k)];
+      move.along_mm = next[k].insertion_mm - here[k].insertion_mm - fed_mm;
+      if (turns) move.turn_rad = next[k].rotation_rad - here[k].rotation_rad;
+      any = any || move.along_mm != 0 || move.turn_rad != 0;
+    }
   }
   if (!any) return;
-  for (EnergyTerm* term : terms) term->MoveSurfaces(points, moves);
+  for (EnergyTerm* term : terms) {
+    for (int c = 0; c < stack.curves(); ++c) term->MoveSurfaces(at.curve(c).points, moves);
+  }
 }
 
 }  // namespace torquer

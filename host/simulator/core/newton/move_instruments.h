@@ -3,17 +3,18 @@
 
 #include <vector>
 
-#include "host/simulator/core/contact_points.h"
 #include "host/simulator/core/energy_term.h"
 #include "host/simulator/core/instrument_place.h"
 #include "host/simulator/core/newton/feed_prediction.h"
 #include "host/simulator/core/stack/instrument_stack.h"
+#include "host/simulator/core/wire_mechanics.h"
 #include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
-/// Number of segments that the second curve lacks against the first; 0 for one curve.
-int SegmentsShort(const WireState& state);
+/// Gives a state that was laid as one curve (WireState::Along) all curves of `stack`, each along
+/// the same path as far as its instruments reach.
+void LayCurves(const InstrumentStack& stack, WireState& state);
 
 /// Fraction of the motion from `here` to `goal` that the motion to `next` covers. All motions are
 /// proportional, so the longest one defines it, counted in parts of `feed_mm` and `turn_rad`. A
@@ -25,14 +26,17 @@ double FractionOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
 int CountActions(const InstrumentPlaces& here, const InstrumentPlaces& next);
 
 /// Feeds and turns the curves of `state` to `next`, and combines the rods of `stack` for it.
+/// `predictions`: one for each curve.
 void MoveInstruments(const InstrumentPlaces& next, InstrumentStack& stack,
-                     FeedPrediction& prediction, ContactPoints& points, WireState& state);
+                     std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
+                     WireState& state);
 
-/// Moves the surfaces that `terms` remember at `points` from `here` to `next`, before the points
-/// move. Inside another instrument, the outer instrument's surface touches the wall and follows its
-/// own hand. `turns`: surfaces follow the rotations of the hands too. Those of an instrument that
-/// twists turn with its normals instead.
-void MoveSurfaces(const InstrumentPlaces& here, const InstrumentPlaces& next, bool turns,
-                  const PointSet& points, const std::vector<EnergyTerm*>& terms);
+/// Moves the surfaces that `terms` remember at the points of `at` from `here` to `next`, before the
+/// points move. Inside another instrument, the outer instrument's surface touches the wall and
+/// follows its own hand. `turns`: surfaces follow the rotations of the hands too. Those of an
+/// instrument that twists turn with its normals instead.
+void MoveSurfaces(const InstrumentStack& stack, const InstrumentPlaces& here,
+                  const InstrumentPlaces& next, bool turns, const Expansion& at,
+                  const std::vector<EnergyTerm*>& terms);
 
 }  // namespace torquer

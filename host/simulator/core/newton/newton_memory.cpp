@@ -4,37 +4,54 @@
 
 namespace torquer {
 
+void NewtonMemory::Reserve(const WireMechanics& mechanics) {
+  const auto curves = static_cast<std::size_t>(mechanics.curves());
+  active_sets.reserve(curves);
+  predictions.reserve(curves);
+  for (int c = 0; c < mechanics.curves(); ++c) {
+    active_sets.emplace_back(mechanics.points(c).capacity());
+    predictions.emplace_back(mechanics.model(c));
+  }
+}
+
 void NewtonMemory::Forget() {
-  active_set.Forget();
+  for (ActiveSet& active_set : active_sets) active_set.Forget();
   damping.Forget();
-  prediction.Forget();
+  ForgetPredictions();
   phase = Phase::kIdle;
   part = Part::kClosed;
   moved = pushed = stable = false;
-  iterations_since_move = 0;
+  paired = true;
+  pairings = iterations_since_move = 0;
 }
 
 void NewtonMemory::Move() {
   damping.Move();
   phase = Phase::kIdle;
-  moved = true;
+  moved = paired = true;
   pushed = stable = false;
-  iterations_since_move = 0;
+  pairings = iterations_since_move = 0;
 }
 
 std::uint64_t NewtonMemory::Hash(std::uint64_t seed) const {
   // Names every member, so that a struct with another one does not compile. The scene and the state
   // determine the last three.
-  const auto& [phase_now, part_now, was_moved, was_pushed, is_stable, iterations, contacts, damper,
-               feed, travel, is_current, expansion] = *this;
-  seed = damper.Hash(feed.Hash(seed));
+  const auto& [phase_now, part_now, was_moved, was_pushed, is_stable, is_paired, times_paired,
+               iterations, contacts, damper, feeds, travel, is_current, expansion] = *this;
+  for (const FeedPrediction& feed : feeds) seed = feed.Hash(seed);
+  seed = damper.Hash(seed);
   seed = HashWord(static_cast<std::uint64_t>(iterations), seed);
   seed = HashWord(static_cast<std::uint64_t>(phase_now), seed);
   seed = HashWord(static_cast<std::uint64_t>(part_now), seed);
   for (const bool flag : {was_moved, was_pushed, is_stable}) seed = HashWord(flag ? 1 : 0, seed);
+  // Only several curves have pairs.
+  if (feeds.size() > 1) {
+    seed = HashWord(static_cast<std::uint64_t>(2 * times_paired + (is_paired ? 1 : 0)), seed);
+  }
   // Only an unfinished iteration uses these.
   if (phase_now == Phase::kAttempting) seed = damper.HashAttempt(seed);
-  if (was_moved) seed = contacts.Hash(seed);
+  if (!was_moved) return seed;
+  for (const ActiveSet& of_curve : contacts) seed = of_curve.Hash(seed);
   return seed;
 }
 

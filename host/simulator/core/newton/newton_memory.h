@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "host/simulator/core/newton/active_set.h"
 #include "host/simulator/core/newton/damping.h"
@@ -30,19 +31,27 @@ struct NewtonMemory {
   bool moved = false;   ///< the wire was moved, and no step accepted since
   bool pushed = false;  ///< pushed off an unstable equilibrium, in this part
   bool stable = false;  ///< the Hessian was positive definite at the state, or one step before
+  bool paired = true;   ///< the pairs of the curves (CurvePairs) are those of the state
+  int pairings = 0;     ///< since the move
   int iterations_since_move = 0;
-  ActiveSet active_set;
-  Damping damping;
-  FeedPrediction prediction;
-  double travel_mm = 0;    ///< travel of the vessel at `current`
-  bool up_to_date = true;  ///< `current` belongs to the state
-  Expansion current;       ///< expansion at the state; while attempting with the loads of the model
+  std::vector<ActiveSet> active_sets{};  ///< of the wall; by curve
+  Damping damping{};
+  std::vector<FeedPrediction> predictions{};  ///< by curve
+  double travel_mm = 0;                       ///< travel of the vessel at `current`
+  bool up_to_date = true;                     ///< `current` belongs to the state
+  Expansion current;  ///< expansion at the state; while attempting with the loads of the model
 
   bool attempting() const { return phase == Phase::kAttempting; }
   bool stalled() const { return phase == Phase::kStalled; }
 
+  /// Makes what is kept for each curve.
+  void Reserve(const WireMechanics& mechanics);
   /// Forgets the motion and the iterations, but keeps `current`.
   void Forget();
+  /// Forgets the motion that the next feed of each curve continues.
+  void ForgetPredictions() {
+    for (FeedPrediction& prediction : predictions) prediction.Forget();
+  }
   /// Call it after each move.
   void Move();
   /// Mixes the memory into a hash of the state. Two memories with the same hash continue alike.

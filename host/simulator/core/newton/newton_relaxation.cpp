@@ -37,18 +37,17 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
       field_(field),
       settings_(settings),
       terms_(terms),
-      mechanics_(model_, field, wall, terms, two_curves() ? &stack() : nullptr),
-      solver_(mechanics_, stack().second_rod()),
-      memory_{.active_set = ActiveSet(mechanics_.points().capacity()),
-              .damping = Damping(),
-              .prediction = FeedPrediction(model_),
-              .current = mechanics_.MakeExpansion()},
+      mechanics_(stack(), field, wall, terms),
+      solver_(mechanics_),
+      memory_{.current = mechanics_.MakeExpansion()},
       trial_expansion_(mechanics_.MakeExpansion()),
       trial_(model_, stack().size()) {
-  assert(kFront == (two_curves() || model_.stack_twists()));
+  assert(kFront == (several_curves() || model_.stack_twists()));
   assert(kFront || kTwists == model_.twists());
-  if (two_curves()) {
-    trial_.LaySecond(*stack().second_rod(), 0, stack().clearance().first_outer, false);
+  memory_.Reserve(mechanics_);
+  trial_.RemoveAround(stack().curves());
+  for (int c = 1; c < stack().curves(); ++c) {
+    trial_.AddAround(stack().rod(c), stack().size(), stack().OnCurve(c).first);
   }
   if (!kTwists && !kFront) defect_.Reserve(model_.max_segments());
   if (kFront && model_.spins() > 0 && !terms.empty()) {
@@ -58,14 +57,15 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
 
 template <class Sweep>
 void NewtonMethod<Sweep>::Restart(WireState& state) {
-  if (two_curves()) {
-    state.LaySecond(*stack().second_rod(), stack().SecondReach(state.places()),
-                    stack().clearance().first_outer, stack().OuterLeads(state.places()));
+  stack().Combine(state.places());
+  if (state.curves() != stack().curves()) LayCurves(stack(), state);
+  for (int c = 0; c < state.curves(); ++c) {
+    ContactPoints& points = mechanics_.points(c);
+    points.TakeRadii();
+    points.Forget();
+    points.TakeStiffness(state.curve(c));
   }
-  stack().Combine(state.places(), SegmentsShort(state));
-  mechanics_.points().TakeRadii();
-  mechanics_.points().Forget();
-  mechanics_.points().TakeStiffness(state);
+  mechanics_.PairCurves(state);
   for (EnergyTerm* term : terms_) term->Reset();
   memory_.Forget();
   memory_.travel_mm = field_.TravelMm();
@@ -75,15 +75,15 @@ void NewtonMethod<Sweep>::Restart(WireState& state) {
 template <class Sweep>
 void NewtonMethod<Sweep>::CopyFrom(const Relaxation& twin, const WireState& state) {
   const auto& from = dynamic_cast<const NewtonMethod&>(twin);
-  stack().Combine(state.places(), SegmentsShort(state));
-  mechanics_.points().CopyFrom(from.mechanics_.points());
+  stack().Combine(state.places());
+  mechanics_.CopyFrom(from.mechanics_);
   memory_ = from.memory_;
 }
 
 template <class Sweep>
 std::uint64_t NewtonMethod<Sweep>::Hash(std::uint64_t seed) const {
   for (const EnergyTerm* term : terms_) seed = term->Hash(seed);
-  return memory_.Hash(seed);
+  return memory_.Hash(mechanics_.Hash(seed));
 }
 
 template <class Sweep>
@@ -94,7 +94,14 @@ void NewtonMethod<Sweep>::Expand(const WireState& state) {
 
 template <class Sweep>
 void NewtonMethod<Sweep>::BringUpToDate(const WireState& state) {
-  if (!memory_.up_to_date) Expand(state);
+  if (memory_.up_to_date) return;
+  // A part without motion begins with the pairs of its state; a move finds them itself.
+  if (memory_.part == Part::kOpen) {
+    mechanics_.PairCurves(state);
+    memory_.paired = true;
+    memory_.pairings = 0;
+  }
+  Expand(state);
 }
 
 template <class Sweep>
@@ -102,14 +109,20 @@ void NewtonMethod<Sweep>::ExpandTrueLoads(const WireState& state) {
   BringUpToDate(state);
   if (!memory_.attempting()) return;
   // Restores the loads of the state, which those of the model had replaced.
-  solver_.Begin(state, false, memory_.active_set, memory_.current);
+  solver_.Begin(state, false, memory_.active_sets, memory_.current);
 }
 
 template <class Sweep>
 double NewtonMethod<Sweep>::SolverErrorMm(const WireState& state) {
-  if (state.segments() == 0) return 0;
+  if (state.Farthest().segments() == 0) return 0;
   ExpandTrueLoads(state);
-  return solver_.NextStepMm(state, memory_.current);
+  if (!several_curves() || memory_.paired) return solver_.NextStepMm(state, memory_.current);
+  // The next step with the pairs of this state. The solver keeps its own.
+  mechanics_.ExchangePairs();
+  mechanics_.PairCurves(state);
+  mechanics_.Expand(state, trial_expansion_);
+  mechanics_.ExchangePairs();
+  return solver_.NextStepMm(state, trial_expansion_);
 }
 
 template <class Sweep>
@@ -119,7 +132,7 @@ double NewtonMethod<Sweep>::DiscretizationErrorMm(const WireState& state) {
   const bool remembers = std::any_of(terms_.begin(), terms_.end(),
                                      [](const EnergyTerm* term) { return term->Dissipates(); });
   if (kTwists || kFront || remembers) return kUnknown;
-  if (state.segments() == 0) return 0;
+  if (state.Farthest().segments() == 0) return 0;
   ExpandTrueLoads(state);
   // The set of touching points, and the sinking-in of a tip, are no smooth functions of the mesh.
   if (memory_.current.max_penetration_mm > 0) return kUnknown;
@@ -154,23 +167,27 @@ void NewtonMethod<Sweep>::FindPressed(const WireState& state) {
   });
   if (between == terms_.end()) return;
   Expansion& at = memory_.current;
-  at.points.pressed_N.clear();
+  for (int c = 0; c < state.curves(); ++c) at.curve(c).points.pressed_N.clear();
   if (at.residual > std::max(settings_.part_tolerance, settings_.tolerance)) return;
-  balance_.FindPressed(stack(), state, at, *(*between)->SlidingBetween(), at.points.pressed_N);
+  balance_.FindPressed(stack(), state, *(*between)->SlidingBetween(), at);
 }
 
 template <class Sweep>
 void NewtonMethod<Sweep>::BeginPart(const WireState& state) {
   if (kFront && model_.spins() > 0) FindPressed(state);
-  for (EnergyTerm* term : terms_) term->Begin(memory_.current.points);
+  for (EnergyTerm* term : terms_) {
+    for (int c = 0; c < state.curves(); ++c) term->Begin(memory_.current.curve(c).points);
+  }
   memory_.part = Part::kOpen;
-  // Begin of the terms may have changed the energy.
-  memory_.up_to_date = memory_.up_to_date && terms_.empty();
+  // Begin of the terms, or other pairs of the curves, may change the energy.
+  memory_.up_to_date = memory_.up_to_date && terms_.empty() && !several_curves();
 }
 
 template <class Sweep>
 void NewtonMethod<Sweep>::EndPart() {
-  for (EnergyTerm* term : terms_) term->End(memory_.current.points);
+  for (EnergyTerm* term : terms_) {
+    for (int c = 0; c < mechanics_.curves(); ++c) term->End(memory_.current.curve(c).points);
+  }
   memory_.part = Part::kClosed;
 }
 
@@ -195,18 +212,21 @@ int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
   if (!terms_.empty()) {
     const double share = FractionOfWay(here, next, goal, feed_mm, settings_.max_turn_rad);
     for (EnergyTerm* term : terms_) term->TakeShare(share);
-    MoveSurfaces(here, next, model_.spins() == 0, memory_.current.points, terms_);
+    MoveSurfaces(stack(), here, next, model_.spins() == 0, memory_.current, terms_);
   }
-  memory_.active_set.RememberPressed(memory_.current);
-  MoveInstruments(next, stack(), memory_.prediction, mechanics_.points(), state);
+  for (int c = 0; c < state.curves(); ++c) {
+    memory_.active_sets[static_cast<std::size_t>(c)].RememberPressed(memory_.current.curve(c));
+  }
+  MoveInstruments(next, stack(), memory_.predictions, mechanics_, state);
+  mechanics_.PairCurves(state);
 
   // An empty state keeps no twist. Without these memories too, a restart repeats the same motion.
-  if (state.segments() == 0) {
+  if (state.Farthest().segments() == 0) {
     memory_.damping.ForgetMoves();
-    memory_.prediction.Forget();
+    memory_.ForgetPredictions();
   }
   memory_.Move();
-  mechanics_.points().TakeStiffness(state);
+  for (int c = 0; c < state.curves(); ++c) mechanics_.points(c).TakeStiffness(state.curve(c));
   Expand(state);
   return CountActions(here, next);
 }
@@ -216,14 +236,28 @@ bool NewtonMethod<Sweep>::AtRest(WireState& state) {
   if (memory_.stalled()) return true;
   if (memory_.attempting()) return false;  // memory_.current then holds the loads of the model
   BringUpToDate(state);
-  if (state.segments() == 0) return true;
+  if (state.Farthest().segments() == 0) return true;
   if (memory_.current.residual > settings_.tolerance) return false;
+  if (!Paired(state)) return false;
   // A finite solver error implies that the step has a minimum, so the equilibrium is stable.
   if (settings_.tolerance_mm > 0 && SolverErrorMm(state) > settings_.tolerance_mm) return false;
   if (Stable(state)) return true;
   if (!memory_.pushed) PushOff(state);
   memory_.pushed = true;
   return false;
+}
+
+// True if the curves are in equilibrium with the pairs of this state. Otherwise pairs them and goes
+// on, a few times.
+template <class Sweep>
+bool NewtonMethod<Sweep>::Paired(const WireState& state) {
+  constexpr int kMostPairings = 4;
+  if (!several_curves() || memory_.paired || memory_.pairings == kMostPairings) return true;
+  mechanics_.PairCurves(state);
+  Expand(state);
+  memory_.paired = true;
+  ++memory_.pairings;
+  return memory_.current.residual <= settings_.tolerance;
 }
 
 template <class Sweep>
@@ -249,17 +283,17 @@ AttemptRecord NewtonMethod<Sweep>::Attempt(const WireState& state, TickReport& r
   record.residual = current.residual;
   record.energy_mJ = current.energy_mJ;
   record.weight = memory_.damping.weight();
-  record.lookups = -mechanics_.points().lookups();
+  record.lookups = -mechanics_.lookups();
 
   const auto solution =
-      solver_.Solve(state, record.weight, memory_.moved, memory_.active_set, current);
+      solver_.Solve(state, record.weight, memory_.moved, memory_.active_sets, current);
   record.active_set_rounds = solution.rounds;
   if (solution.expected_mJ >= 0) {
     const double turn = solver_.LargestTurn();
     const double scale = turn > settings_.max_step_rad ? settings_.max_step_rad / turn : 1;
     solver_.Apply(state, current, scale, trial_);
     mechanics_.Expand(trial_, trial_expansion_);
-    report.updates += state.segments();
+    for (int c = 0; c < state.curves(); ++c) report.updates += state.curve(c).segments();
     record.step_scale = scale;
     record.expected_mJ = solution.expected_mJ;
     record.gained_mJ = current.energy_mJ - trial_expansion_.energy_mJ;
@@ -270,7 +304,7 @@ AttemptRecord NewtonMethod<Sweep>::Attempt(const WireState& state, TickReport& r
         record.gained_mJ >= 0.1 * scale * solution.expected_mJ ||
         (record.gained_mJ >= -rounding && trial_expansion_.residual < current.residual);
   }
-  record.lookups += mechanics_.points().lookups();
+  record.lookups += mechanics_.lookups();
   return record;
 }
 
@@ -282,7 +316,7 @@ void NewtonMethod<Sweep>::Accept(const AttemptRecord& record, WireState& state,
   memory_.stable = memory_.damping.weight() == 0;
   const bool well = record.step_scale == 1 && record.gained_mJ >= 0.5 * record.expected_mJ;
   memory_.damping.Accept(record.residual, well, memory_.moved);
-  memory_.moved = false;
+  memory_.moved = memory_.paired = false;
   memory_.phase = Phase::kIdle;
   ++memory_.iterations_since_move;
   ++report.iterations;
@@ -310,7 +344,7 @@ template <class Sweep>
 void NewtonMethod<Sweep>::PushOff(WireState& state) {
   solver_.Push(state, memory_.current, trial_);
   state.TakeStep(trial_);
-  memory_.moved = false;
+  memory_.moved = memory_.paired = false;
   memory_.phase = Phase::kIdle;
   Expand(state);
 }
@@ -357,7 +391,7 @@ std::unique_ptr<Relaxation> MakeNewtonRelaxation(InstrumentStack& stack,
                                                  const ClearanceField& field, const WallModel& wall,
                                                  const NewtonSettings& settings,
                                                  const std::vector<EnergyTerm*>& terms) {
-  if (stack.second_rod() != nullptr || stack.rod().stack_twists()) {
+  if (stack.curves() > 1 || stack.rod().stack_twists()) {
     return std::make_unique<NewtonMethod<FrontSweep>>(stack, field, wall, settings, terms);
   }
   return MakeLone(stack, stack.rod().twists(), field, wall, settings, terms);

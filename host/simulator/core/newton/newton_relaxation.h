@@ -76,7 +76,7 @@ class NewtonMethod final : public Relaxation {
   void Relax(WireState& state, TickReport& report) override;
   void End(const WireState& state, bool settled, TickReport& report) override;
 
-  bool two_curves() const { return kFront && stack().second_rod() != nullptr; }
+  bool several_curves() const { return kFront && stack().curves() > 1; }
   // For the terms, every part of a motion is one relaxation: Begin .. End.
   void BeginPart(const WireState& state);
   void EndPart();
@@ -85,6 +85,7 @@ class NewtonMethod final : public Relaxation {
   void Accept(const AttemptRecord& record, WireState& state, TickReport& report);
   void GiveUp(const WireState& state);
   bool Stable(const WireState& state);
+  bool Paired(const WireState& state);
   void PushOff(WireState& state);
   void Expand(const WireState& state);
   void BringUpToDate(const WireState& state);

@@ -34,20 +34,21 @@ RiccatiSweep<Stage>::RiccatiSweep(int max_segments) {
 }
 
 template <class Stage>
-bool RiccatiSweep<Stage>::Factor(const WireModel& model, const WireState& state,
-                                 const Expansion& expansion, double weight) {
-  const auto n = state.tangents().size();
+bool RiccatiSweep<Stage>::Factor(const WireModel& model, const Curve& curve,
+                                 const CurveExpansion& expansion, double weight) {
+  const auto n = curve.tangents().size();
   gains_.resize(n);
   checkpoints_.resize(n / kSpacing + 1);
-  return Sweep(model, state, expansion, weight, state.segments() - 1, CostToGo{});
+  return Sweep(model, curve, expansion, weight, curve.segments() - 1, CostToGo{});
 }
 
 template <class Stage>
-bool RiccatiSweep<Stage>::Refactor(const WireModel& model, const WireState& state,
-                                   const Expansion& expansion, double weight, int last_changed) {
+bool RiccatiSweep<Stage>::Refactor(const WireModel& model, const Curve& curve,
+                                   const CurveExpansion& expansion, double weight,
+                                   int last_changed) {
   const int checkpoint = last_changed / kSpacing + 1;
-  if (checkpoint * kSpacing >= state.segments()) return Factor(model, state, expansion, weight);
-  return Sweep(model, state, expansion, weight, checkpoint * kSpacing - 1,
+  if (checkpoint * kSpacing >= curve.segments()) return Factor(model, curve, expansion, weight);
+  return Sweep(model, curve, expansion, weight, checkpoint * kSpacing - 1,
                checkpoints_[static_cast<std::size_t>(checkpoint)]);
 }
 
@@ -137,11 +138,11 @@ void RiccatiSweep<Stage>::SubstituteSpin(const TurnTerms& turn, Pair length, con
 // beyond, its loads and its joint. It uses pairs because small matrices take three times as long.
 // The sweep is a third of an iteration.
 template <class Stage>
-void RiccatiSweep<Stage>::Assemble(const WireModel& model, const WireState& state,
-                                   const Expansion& expansion, double weight, int i, Pair length,
-                                   const Pair (&t)[3], CostToGo& v, StageCost& w) {
+void RiccatiSweep<Stage>::Assemble(const WireModel& model, const Curve& curve,
+                                   const CurveExpansion& expansion, double weight, int i,
+                                   Pair length, const Pair (&t)[3], CostToGo& v, StageCost& w) {
   const JointTerms& joint = expansion.joints[i];
-  const Vector3d& tangent = state.tangents()[i];
+  const Vector3d& tangent = curve.tangents()[i];
 
   // Cost beyond node i + 1, by (15) and the third term of (4). T'X is the pivot except for the
   // terms known by their diagonal.
@@ -180,7 +181,7 @@ void RiccatiSweep<Stage>::Assemble(const WireModel& model, const WireState& stat
     }
   }
   // (17)
-  const int n = state.segments();
+  const int n = curve.segments();
   const double rigidity = std::min(model.rigidity_N_mm2(n - i), model.rigidity_N_mm2(n - i - 1));
   w.s = t[0] * x[0] + t[1] * x[1] + t[2] * x[2] + v.r +
         Pair{joint.hessian_distal(0, 0), joint.hessian_distal(1, 1)} + Both(weight * rigidity) -
@@ -250,32 +251,32 @@ void RiccatiSweep<Stage>::Propagate(const StageCost& w, const Gain& gain, CostTo
 }
 
 template <class Stage>
-bool RiccatiSweep<Stage>::Sweep(const WireModel& model, const WireState& state,
-                                const Expansion& expansion, double weight, int first,
+bool RiccatiSweep<Stage>::Sweep(const WireModel& model, const Curve& curve,
+                                const CurveExpansion& expansion, double weight, int first,
                                 const CostToGo& cost) {
   if constexpr (Stage::kTwists) {
-    return SweepWith<Spin::kFree>(model, state, expansion, weight, first, cost);
+    return SweepWith<Spin::kFree>(model, curve, expansion, weight, first, cost);
   } else if (expansion.turns.empty()) {
-    return SweepWith<Spin::kNone>(model, state, expansion, weight, first, cost);
+    return SweepWith<Spin::kNone>(model, curve, expansion, weight, first, cost);
   } else {
-    return SweepWith<Spin::kFollows>(model, state, expansion, weight, first, cost);
+    return SweepWith<Spin::kFollows>(model, curve, expansion, weight, first, cost);
   }
 }
 
 template <class Stage>
 template <typename RiccatiSweep<Stage>::Spin kSpin>
-bool RiccatiSweep<Stage>::SweepWith(const WireModel& model, const WireState& state,
-                                    const Expansion& expansion, double weight, int first,
+bool RiccatiSweep<Stage>::SweepWith(const WireModel& model, const Curve& curve,
+                                    const CurveExpansion& expansion, double weight, int first,
                                     CostToGo v) {
   for (int i = first; i >= 0; --i) {
     const double* const frame = expansion.frames[i].data();
-    const Pair length = Both(state.SegmentLength(model, i));
+    const Pair length = Both(curve.SegmentLength(model, i));
     const Pair t[3] = {Load(frame), Load(frame + 2), Load(frame + 4)};
     Gain& gain = gains_[i];
     StageCost cost;
-    Assemble(model, state, expansion, weight, i, length, t, v, cost);
+    Assemble(model, curve, expansion, weight, i, length, t, v, cost);
     if constexpr (kSpin == Spin::kFree) {
-      const int n = state.segments();
+      const int n = curve.segments();
       const double torsional = std::min(model.torsional_rigidity_N_mm2(n - i),
                                         model.torsional_rigidity_N_mm2(n - i - 1));
       if (!EliminateSpin(expansion.twists[i], weight * torsional, length, t, v, cost, gain)) {
@@ -294,27 +295,27 @@ bool RiccatiSweep<Stage>::SweepWith(const WireModel& model, const WireState& sta
 }
 
 template <class Stage>
-double RiccatiSweep<Stage>::Step(const WireModel& model, const WireState& state,
-                                 const Expansion& expansion, std::vector<Control>& step,
+double RiccatiSweep<Stage>::Step(const WireModel& model, const Curve& curve,
+                                 const CurveExpansion& expansion, std::vector<Control>& step,
                                  std::vector<double>& spin,
                                  std::vector<Vector3d>& displacement_mm) const {
   if constexpr (Stage::kTwists) {
-    StepWith<Spin::kFree>(model, state, expansion, step, spin, displacement_mm);
+    StepWith<Spin::kFree>(model, curve, expansion, step, spin, displacement_mm);
   } else if (expansion.turns.empty()) {
-    StepWith<Spin::kNone>(model, state, expansion, step, spin, displacement_mm);
+    StepWith<Spin::kNone>(model, curve, expansion, step, spin, displacement_mm);
   } else {
-    StepWith<Spin::kFollows>(model, state, expansion, step, spin, displacement_mm);
+    StepWith<Spin::kFollows>(model, curve, expansion, step, spin, displacement_mm);
   }
   return predicted_decrease_;
 }
 
 template <class Stage>
 template <typename RiccatiSweep<Stage>::Spin kSpin>
-void RiccatiSweep<Stage>::StepWith(const WireModel& model, const WireState& state,
-                                   const Expansion& expansion, std::vector<Control>& step,
+void RiccatiSweep<Stage>::StepWith(const WireModel& model, const Curve& curve,
+                                   const CurveExpansion& expansion, std::vector<Control>& step,
                                    std::vector<double>& spin,
                                    std::vector<Vector3d>& displacement_mm) const {
-  const int n = state.segments();
+  const int n = curve.segments();
   step.resize(static_cast<std::size_t>(n));
   displacement_mm.resize(static_cast<std::size_t>(n));
   if constexpr (kSpin == Spin::kFree) spin.resize(static_cast<std::size_t>(n));
@@ -341,7 +342,7 @@ void RiccatiSweep<Stage>::StepWith(const WireModel& model, const WireState& stat
     }
     Store(xi, step[i].data());
     displacement_mm[i] = {dx[0][0], dx[1][0], dx[2][0]};
-    const Pair turned = Both(state.SegmentLength(model, i)) * xi;
+    const Pair turned = Both(curve.SegmentLength(model, i)) * xi;
     const double* frame = expansion.frames[i].data();
     for (int a = 0; a < 3; ++a)
       dx[a] += Summed(Load(frame + static_cast<std::ptrdiff_t>(2 * a)) * turned);

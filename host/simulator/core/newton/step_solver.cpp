@@ -4,8 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-
-#include "host/simulator/core/instrument_place.h"
+#include <utility>
 
 namespace torquer {
 
@@ -15,7 +14,7 @@ using Eigen::Vector3d;
 namespace {
 
 // Largest displacement of a node by a step, plus its `shift_mm` if given.
-double LongestMm(const WireModel& model, const WireState& curve, const Expansion& at,
+double LongestMm(const WireModel& model, const Curve& curve, const CurveExpansion& at,
                  const CurveStep& step, const std::vector<Vector3d>* shift_mm = nullptr) {
   const auto n = static_cast<std::size_t>(curve.segments());
   if (n == 0) return 0;
@@ -37,125 +36,178 @@ double LongestMm(const WireModel& model, const WireState& curve, const Expansion
 }  // namespace
 
 template <class Sweep>
-Sweep StepSolver<Sweep>::MakeSweep(int max_segments, const WireModel* second) {
+Sweep StepSolver<Sweep>::MakeSweep(const WireMechanics& mechanics) {
   if constexpr (kFront) {
-    return FrontSweep(max_segments, second);
+    std::vector<const WireModel*> rods;
+    for (int c = 0; c < mechanics.curves(); ++c) rods.push_back(&mechanics.model(c));
+    return FrontSweep(std::move(rods));
   } else {
-    static_cast<void>(second);
-    return Sweep(max_segments);
+    return Sweep(mechanics.model().max_segments());
   }
 }
 
 template <class Sweep>
-StepSolver<Sweep>::StepSolver(const WireMechanics& mechanics, const WireModel* second)
+StepSolver<Sweep>::StepSolver(const WireMechanics& mechanics)
     : mechanics_(mechanics),
-      model_(mechanics.model()),
-      second_(second),
-      sweep_(MakeSweep(model_.max_segments(), second)),
-      between_set_(second == nullptr ? 0 : mechanics.points().capacity() + 1) {
-  const auto room = static_cast<std::size_t>(model_.max_segments()) + 1;
-  step_.reserve(room);
-  displacement_mm_.reserve(room);
-  // Two curves may exchange roles, and then the numbers of their spins.
-  spin_step_.reserve(room * (kFront ? kMostInstruments : model_.spins()));
-  if (two_curves()) {
-    second_push_.reserve(room);
-    second_push_spin_.reserve(room * kMostInstruments);
+      sweep_(MakeSweep(mechanics)),
+      steps_(static_cast<std::size_t>(mechanics.curves())) {
+  for (int c = 0; c < curves(); ++c) {
+    const WireModel& model = mechanics.model(c);
+    steps_[static_cast<std::size_t>(c)].Reserve(static_cast<std::size_t>(model.max_segments()) + 1,
+                                                static_cast<std::size_t>(model.spins()));
+  }
+  if (curves() == 1) return;
+  for (const BetweenCurves& between : mechanics.MakeExpansion().between) {
+    between_sets_.emplace_back(between.springs.capacity());
+  }
+}
+
+template <class Sweep>
+bool StepSolver<Sweep>::Factor(const WireState& state, const Expansion& at, double weight) {
+  if constexpr (kFront) {
+    return sweep_.Factor(state, at, weight);
+  } else {
+    return sweep_.Factor(mechanics_.model(), state, at, weight);
+  }
+}
+
+template <class Sweep>
+bool StepSolver<Sweep>::Refactor(const WireState& state, const Expansion& at, double weight,
+                                 int changed) {
+  if constexpr (kFront) {
+    return sweep_.Refactor(state, at, weight, changed);
+  } else {
+    return sweep_.Refactor(mechanics_.model(), state, at, weight, changed);
+  }
+}
+
+template <class Sweep>
+double StepSolver<Sweep>::Step(const WireState& state, const Expansion& at) {
+  if constexpr (kFront) {
+    return sweep_.Step(state, at, steps_);
+  } else {
+    CurveStep& step = steps_.front();
+    return sweep_.Step(mechanics_.model(), state, at, step.xi, step.spin, step.displacement_mm);
   }
 }
 
 // Sums the loads of the model with the springs of the active sets.
 template <class Sweep>
-void StepSolver<Sweep>::TakeLoads(const WireState& state, const ActiveSet& wall_set,
+void StepSolver<Sweep>::TakeLoads(const WireState& state, const std::vector<ActiveSet>& wall_sets,
                                   Expansion& at) const {
-  mechanics_.Model(state, wall_set.active(), at);
-  if (two_curves()) WireMechanics::ModelBetween(between_set_.active(), at);
+  for (int c = 0; c < curves(); ++c) {
+    mechanics_.Model(state, c, wall_sets[static_cast<std::size_t>(c)].active(), at);
+  }
+  for (std::size_t k = 0; k < between_sets_.size(); ++k) {
+    WireMechanics::ModelBetween(between_sets_[k].active(), at.between[k]);
+  }
 }
 
 template <class Sweep>
-void StepSolver<Sweep>::Begin(const WireState& state, bool moved, ActiveSet& wall_set,
+void StepSolver<Sweep>::Begin(const WireState& state, bool moved, std::vector<ActiveSet>& wall_sets,
                               Expansion& at) {
-  wall_set.Begin(at, moved);
-  if (two_curves()) between_set_.Begin(at.between);
-  TakeLoads(state, wall_set, at);
+  for (int c = 0; c < curves(); ++c) {
+    wall_sets[static_cast<std::size_t>(c)].Begin(at.curve(c), moved);
+  }
+  for (std::size_t k = 0; k < between_sets_.size(); ++k) between_sets_[k].Begin(at.between[k]);
+  TakeLoads(state, wall_sets, at);
 }
 
-// Updates the sets for the step; returns the most distal segment with a change, or -1.
+// Updates the sets for the step. Returns the most distal change, as Refactor takes it, or -1.
 template <class Sweep>
 int StepSolver<Sweep>::UpdateSets(const WireState& state, const Expansion& at,
-                                  ActiveSet& wall_set) {
-  const CurveStep step{step_, displacement_mm_};
-  if constexpr (kFront) {
-    if (second_ != nullptr) {
-      const CurveStep second{sweep_.second_step(), sweep_.second_displacement_mm()};
-      const int last = wall_set.Update(state, at, step, second);
-      return std::max(last, between_set_.Update(state, at, step, second));
+                                  std::vector<ActiveSet>& wall_sets) {
+  if constexpr (!kFront) {
+    return wall_sets.front().Update(state, at, steps_.front());
+  } else {
+    bool any = false;
+    int first = std::numeric_limits<int>::max();
+    for (int c = 0; c < curves(); ++c) {
+      const auto k = static_cast<std::size_t>(c);
+      const int segment = wall_sets[k].Update(state.curve(c), at.curve(c), steps_[k]);
+      if (segment < 0) continue;
+      any = true;
+      first = std::min(first, sweep_.OperationOf(c, segment));
     }
+    for (std::size_t k = 0; k < between_sets_.size(); ++k) {
+      const int group = between_sets_[k].Update(state, mechanics_, at, at.between[k], steps_);
+      if (group < 0) continue;
+      any = true;
+      first = std::min(first, sweep_.OperationOfGroup(static_cast<int>(k), group));
+    }
+    return any ? std::max(first, 0) : -1;
   }
-  return wall_set.Update(state, at, step);
+}
+
+template <class Sweep>
+double StepSolver<Sweep>::EnergyAtRest(const std::vector<ActiveSet>& wall_sets,
+                                       const Expansion& at) const {
+  double energy_mJ = 0;
+  for (int c = 0; c < curves(); ++c) {
+    energy_mJ += wall_sets[static_cast<std::size_t>(c)].EnergyAtRest(at.curve(c));
+  }
+  for (std::size_t k = 0; k < between_sets_.size(); ++k) {
+    energy_mJ += between_sets_[k].EnergyAtRest(at.between[k]);
+  }
+  return energy_mJ;
 }
 
 template <class Sweep>
 typename StepSolver<Sweep>::Solution StepSolver<Sweep>::Solve(const WireState& state, double weight,
-                                                              bool moved, ActiveSet& wall_set,
+                                                              bool moved,
+                                                              std::vector<ActiveSet>& wall_sets,
                                                               Expansion& at) {
   constexpr int kRounds = 6;
-  Begin(state, moved, wall_set, at);
-  int last_changed = state.segments() - 1;
+  Begin(state, moved, wall_sets, at);
+  int changed = kFront ? 0 : state.segments() - 1;
   for (int round = 1;; ++round) {
-    if (!sweep_.Refactor(model_, state, at, weight, last_changed)) return {.rounds = round};
-    const double decrease = sweep_.Step(model_, state, at, step_, spin_step_, displacement_mm_);
+    if (!Refactor(state, at, weight, changed)) return {.rounds = round};
+    const double decrease = Step(state, at);
     if (!std::isfinite(decrease)) return {.rounds = round};
-    double at_rest = wall_set.EnergyAtRest(at);
-    if (two_curves()) at_rest += between_set_.EnergyAtRest(at.between);
-    last_changed = UpdateSets(state, at, wall_set);
-    if (last_changed < 0 || round == kRounds) {
+    const double at_rest = EnergyAtRest(wall_sets, at);
+    changed = UpdateSets(state, at, wall_sets);
+    if (changed < 0 || round == kRounds) {
       return {.expected_mJ = decrease - at_rest, .rounds = round};
     }
-    TakeLoads(state, wall_set, at);
+    TakeLoads(state, wall_sets, at);
   }
 }
 
 template <class Sweep>
 void StepSolver<Sweep>::Apply(const WireState& state, const Expansion& at, double scale,
                               WireState& trial) const {
-  trial.Step(model_, state, at.frames, step_, spin_step_, scale);
-  if constexpr (kFront) {
-    if (second_ == nullptr) return;
-    trial.StepSecond(*second_, state, at.second.front().frames, sweep_.second_step(),
-                     sweep_.second_spin(), scale);
+  for (int c = 0; c < curves(); ++c) {
+    const CurveStep& step = steps_[static_cast<std::size_t>(c)];
+    trial.curve(c).Step(mechanics_.model(c), state.curve(c), at.curve(c).frames, step.xi, step.spin,
+                        scale);
   }
 }
 
 template <class Sweep>
 double StepSolver<Sweep>::LargestTurn() const {
   double squared = 0;
-  if constexpr (kFront) {
-    for (const Vector2d& xi : sweep_.second_step()) squared = std::max(squared, xi.squaredNorm());
-    for (const double zeta : sweep_.second_spin()) squared = std::max(squared, zeta * zeta);
+  for (const CurveStep& step : steps_) {
+    for (const Vector2d& xi : step.xi) squared = std::max(squared, xi.squaredNorm());
+    for (const double zeta : step.spin) squared = std::max(squared, zeta * zeta);
   }
-  for (const Vector2d& xi : step_) squared = std::max(squared, xi.squaredNorm());
-  for (const double zeta : spin_step_) squared = std::max(squared, zeta * zeta);
   return std::sqrt(squared);
 }
 
 template <class Sweep>
 bool StepSolver<Sweep>::IsDefinite(const WireState& state, const Expansion& at, double weight) {
-  return sweep_.Factor(model_, state, at, weight);
+  return Factor(state, at, weight);
 }
 
 template <class Sweep>
 double StepSolver<Sweep>::NextStepMm(const WireState& state, const Expansion& at,
                                      const std::vector<Vector3d>* shift_mm) {
   if (!IsDefinite(state, at, 0)) return std::numeric_limits<double>::quiet_NaN();
-  sweep_.Step(model_, state, at, step_, spin_step_, displacement_mm_);
-  double longest_mm = LongestMm(model_, state, at, {step_, displacement_mm_}, shift_mm);
-  if constexpr (kFront) {
-    if (second_ != nullptr) {
-      longest_mm =
-          std::max(longest_mm, LongestMm(*second_, *state.second(), at.second.front(),
-                                         {sweep_.second_step(), sweep_.second_displacement_mm()}));
-    }
+  Step(state, at);
+  double longest_mm = 0;
+  for (int c = 0; c < curves(); ++c) {
+    longest_mm = std::max(
+        longest_mm, LongestMm(mechanics_.model(c), state.curve(c), at.curve(c),
+                              steps_[static_cast<std::size_t>(c)], c == 0 ? shift_mm : nullptr));
   }
   return longest_mm;
 }
@@ -163,22 +215,20 @@ double StepSolver<Sweep>::NextStepMm(const WireState& state, const Expansion& at
 template <class Sweep>
 void StepSolver<Sweep>::Push(const WireState& state, const Expansion& at, WireState& trial) {
   constexpr double kPush = 1e-4;  // largest turn of a segment, rad
-  step_.resize(state.tangents().size());
-  std::uint32_t random = 1;
-  for (Vector2d& xi : step_) {
-    for (double& component : xi) {
-      random = 1664525 * random + 1013904223;
-      component = kPush * (random / 2147483648.0 - 1);
+  // All curves get the same push, because the inner instruments move along in the lumen.
+  for (int c = 0; c < curves(); ++c) {
+    CurveStep& step = steps_[static_cast<std::size_t>(c)];
+    step.xi.resize(state.curve(c).tangents().size());
+    std::uint32_t random = 1;
+    for (Vector2d& xi : step.xi) {
+      for (double& component : xi) {
+        random = 1664525 * random + 1013904223;
+        component = kPush * (random / 2147483648.0 - 1);
+      }
     }
+    step.spin.assign(step.xi.size() * static_cast<std::size_t>(mechanics_.model(c).spins()), 0);
   }
-  spin_step_.assign(step_.size() * static_cast<std::size_t>(model_.spins()), 0);
-  trial.Step(model_, state, at.frames, step_, spin_step_, 1);
-  if (!two_curves()) return;
-  // Both curves get the same push, because the inner instruments move along in the lumen.
-  second_push_.assign(step_.begin(), step_.begin() + state.second()->segments());
-  const auto spins = static_cast<std::size_t>(second_->spins());
-  second_push_spin_.assign(second_push_.size() * spins, 0);
-  trial.StepSecond(*second_, state, at.second.front().frames, second_push_, second_push_spin_, 1);
+  Apply(state, at, 1, trial);
 }
 
 template class StepSolver<RiccatiSweep<BendStage>>;

@@ -27,16 +27,16 @@ class StepSolver {
     int rounds = 0;  ///< active sets that were tried
   };
 
-  /// `second`: the rod on the second curve; null for one curve. Keeps references to all.
-  StepSolver(const WireMechanics& mechanics, const WireModel* second);
+  /// Keeps a reference.
+  explicit StepSolver(const WireMechanics& mechanics);
 
-  /// Replaces the loads of `at` by those of the model with the initial active set. `moved`: the
-  /// wire was moved, and no step accepted since.
-  void Begin(const WireState& state, bool moved, ActiveSet& wall_set, Expansion& at);
+  /// Replaces the loads of `at` by those of the model with the initial active sets. `moved`: the
+  /// wire was moved, and no step accepted since. `wall_sets`: one for each curve.
+  void Begin(const WireState& state, bool moved, std::vector<ActiveSet>& wall_sets, Expansion& at);
   /// Minimizes the model, in which every near point has a one-sided spring. This is Newton's method
   /// on a piecewise quadratic function. Leaves the loads of the last active set in `at`.
-  Solution Solve(const WireState& state, double weight, bool moved, ActiveSet& wall_set,
-                 Expansion& at);
+  Solution Solve(const WireState& state, double weight, bool moved,
+                 std::vector<ActiveSet>& wall_sets, Expansion& at);
   /// Sets `trial` to `state` after the fraction `scale` of the step.
   void Apply(const WireState& state, const Expansion& at, double scale, WireState& trial) const;
   /// Largest turn of a segment or spin by the step, rad.
@@ -55,21 +55,20 @@ class StepSolver {
  private:
   static constexpr bool kFront = std::is_same_v<Sweep, FrontSweep>;
 
-  static Sweep MakeSweep(int max_segments, const WireModel* second);
-  bool two_curves() const { return kFront && second_ != nullptr; }
-  void TakeLoads(const WireState& state, const ActiveSet& wall_set, Expansion& at) const;
-  int UpdateSets(const WireState& state, const Expansion& at, ActiveSet& wall_set);
+  static Sweep MakeSweep(const WireMechanics& mechanics);
+  int curves() const { return static_cast<int>(steps_.size()); }
+  bool Factor(const WireState& state, const Expansion& at, double weight);
+  bool Refactor(const WireState& state, const Expansion& at, double weight, int changed);
+  double Step(const WireState& state, const Expansion& at);
+  void TakeLoads(const WireState& state, const std::vector<ActiveSet>& wall_sets,
+                 Expansion& at) const;
+  int UpdateSets(const WireState& state, const Expansion& at, std::vector<ActiveSet>& wall_sets);
+  double EnergyAtRest(const std::vector<ActiveSet>& wall_sets, const Expansion& at) const;
 
   const WireMechanics& mechanics_;
-  const WireModel& model_;
-  const WireModel* const second_;
   Sweep sweep_;
-  BetweenSet between_set_;
-  std::vector<Eigen::Vector2d> step_;
-  std::vector<double> spin_step_;                 // same for the spins; model.spins() per segment
-  std::vector<Eigen::Vector3d> displacement_mm_;  // by the step, of every segment's proximal node
-  std::vector<Eigen::Vector2d> second_push_;      // of the second curve
-  std::vector<double> second_push_spin_;          // all zeros
+  std::vector<BetweenSet> between_sets_;  // by pair of curves
+  std::vector<CurveStep> steps_;          // by curve
 };
 
 extern template class StepSolver<RiccatiSweep<BendStage>>;

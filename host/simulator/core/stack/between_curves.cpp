@@ -1,6 +1,7 @@
 #include "host/simulator/core/stack/between_curves.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 
 namespace torquer {
@@ -16,131 +17,150 @@ constexpr double kNearLumenMm = 0.05;
 // Offset between the curves, mm, below which it has no usable direction.
 constexpr double kNoOffsetMm = 1e-9;
 
-// Both curves, and the indices of their unknowns in a Vector.
-struct Curves {
-  Curves(const InstrumentStack& of, const WireState& state, const WireState& second,
-         const std::vector<Frame>& frames, const std::vector<Frame>& second_frames)
-      : stack(of),
-        first(state),
-        inner(state.outer_leads() ? second : state),
-        outer(state.outer_leads() ? state : second),
-        inner_frames(state.outer_leads() ? second_frames : frames),
-        outer_frames(state.outer_leads() ? frames : second_frames),
-        inner_rod(state.outer_leads() ? *of.second_rod() : of.rod()),
-        inner_at(state.outer_leads() ? 5 : 0),
-        outer_at(state.outer_leads() ? 0 : 5) {}
+using Geometry = BetweenCurves::Geometry;
 
-  double LengthMm(int segment) const { return first.SegmentLength(inner_rod, segment); }
-  double BeginMm(int segment) const {
-    return segment == 0 ? 0 : first.first_segment_mm() + (segment - 1) * inner_rod.segment_mm();
-  }
+// First unknowns of each curve in a Vector.
+constexpr Eigen::Index kInner = 0;
+constexpr Eigen::Index kOuter = 5;
 
-  const InstrumentStack& stack;
-  const WireState& first;
-  const WireState& inner;
-  const WireState& outer;
-  const std::vector<Frame>& inner_frames;
-  const std::vector<Frame>& outer_frames;
-  const WireModel& inner_rod;
-  Eigen::Index inner_at;
-  Eigen::Index outer_at;
-};
-
-// Pair of facing places on a segment of both curves; `t` past the segment's proximal node on the
-// inner one.
+// Place on the inner curve with its foot on the line of the outer segment, both as chords: the
+// bulges change nothing in the way that surfaces slide.
 struct Beside {
-  Beside(const Curves& both, int of_segment, double past_mm)
-      : curves(both),
-        segment(of_segment),
-        at(static_cast<std::size_t>(of_segment)),
-        t(past_mm),
-        past_end_mm(t - both.LengthMm(of_segment)),
-        inward(both.inner.tangents()[at]),
-        along(both.outer.tangents()[at]),
-        apart(both.inner.nodes()[at] + t * inward - both.outer.nodes()[at] - t * along),
-        ahead_mm(along.dot(apart)),
-        across(apart - ahead_mm * along),
-        offset_mm(across.norm()),
-        lumen_mm(both.stack.LumenRadius(both.first.places(), both.BeginMm(segment) + t)),
-        radius_mm(both.inner_rod.radius_mm(both.inner.segments() - 1 - segment)) {}
+  Beside(const LumenPlace& of, const Geometry& inner_curve, const Geometry& outer_curve)
+      : place(of),
+        i(static_cast<std::size_t>(of.segment)),
+        m(static_cast<std::size_t>(of.outer_segment)),
+        inner(inner_curve),
+        outer(outer_curve),
+        inward(inner.curve.tangents()[i]),
+        along(outer.curve.tangents()[m]),
+        apart(inner.curve.nodes()[i] + of.past_mm * inward - outer.curve.nodes()[m]),
+        foot_mm(along.dot(apart)),
+        across(apart - foot_mm * along),
+        past_end_mm(of.past_mm - inner.curve.SegmentLength(inner.rod, of.segment)),
+        foot_past_end_mm(foot_mm - outer.curve.SegmentLength(outer.rod, of.outer_segment)) {}
 
-  double penetration_mm() const { return offset_mm - (lumen_mm - radius_mm); }
-
-  // Derivative by the steps of the relative position along `way` of the inner place against the
-  // outer one. The outer place is `beyond_mm` farther along its own curve.
-  Vector Follow(const Vector3d& way, double beyond_mm) const {
-    Vector row;
-    row.segment<3>(curves.inner_at) = way;
-    row.segment<2>(curves.inner_at + 3) = past_end_mm * (curves.inner_frames[at].transpose() * way);
-    row.segment<3>(curves.outer_at) = -way;
-    row.segment<2>(curves.outer_at + 3) =
-        -(past_end_mm + beyond_mm) * (curves.outer_frames[at].transpose() * way);
-    return row;
-  }
+  // Derivative by the steps of the position along `way` of the place against its foot.
+  Vector Follow(const Vector3d& way) const { return Follow(way, foot_past_end_mm); }
+  // The same against the distal node of the outer segment.
+  Vector FollowNode(const Vector3d& way) const { return Follow(way, 0); }
   // Adds the component along `way` of the turn of a curve's tangent.
   void TurnInner(const Vector3d& way, Vector& row) const {
-    row.segment<2>(curves.inner_at + 3) += curves.inner_frames[at].transpose() * way;
+    row.segment<2>(kInner + 3) += inner.frames[i].transpose() * way;
   }
   void TurnOuter(const Vector3d& way, Vector& row) const {
-    row.segment<2>(curves.outer_at + 3) += curves.outer_frames[at].transpose() * way;
+    row.segment<2>(kOuter + 3) += outer.frames[m].transpose() * way;
   }
 
-  const Curves& curves;
-  int segment;
-  std::size_t at;
-  double t;
-  double past_end_mm;      // negative: before the distal node
+  const LumenPlace& place;
+  std::size_t i;  // segment of the inner curve
+  std::size_t m;  // segment of the outer curve
+  const Geometry& inner;
+  const Geometry& outer;
   const Vector3d& inward;  // tangent of the inner curve
   const Vector3d& along;   // tangent of the outer curve
-  Vector3d apart;
-  double ahead_mm;
+  Vector3d apart;          // from the proximal node of the outer segment
+  double foot_mm;
   Vector3d across;
-  double offset_mm;
-  double lumen_mm;
-  double radius_mm;
+  double past_end_mm;       // negative: before the distal node of the inner segment
+  double foot_past_end_mm;  // same, of the foot on the outer segment
+
+ private:
+  Vector Follow(const Vector3d& way, double outer_past_end_mm) const {
+    Vector row;
+    row.segment<3>(kInner) = way;
+    row.segment<2>(kInner + 3) = past_end_mm * (inner.frames[i].transpose() * way);
+    row.segment<3>(kOuter) = -way;
+    row.segment<2>(kOuter + 3) = -outer_past_end_mm * (outer.frames[m].transpose() * way);
+    return row;
+  }
 };
 
-// Calls visit for every place, with its segment, its distance past the proximal node in mm, the
-// length that it stands for in mm, and true at the end.
-template <class Visit>
-void ForPlaces(const Curves& curves, int segments, int points_per_segment, Visit visit) {
-  const int per_segment = BetweenCurves::PlacesPerSegment(points_per_segment);
-  const InstrumentPlaces& places = curves.first.places();
-  const double reach_mm = curves.stack.SecondReach(places);
-  for (int i = 0; i < segments; ++i) {
-    const double piece = curves.LengthMm(i) / per_segment;
-    const double end_mm = reach_mm - curves.BeginMm(i);
-    for (int k = 0; k < per_segment; ++k) {
-      const double t = (k + 0.5) * piece;
-      visit(i, t, std::clamp(2 * (end_mm - t), 0.0, piece), false);
-    }
-  }
-  // An edge acts along a length of about its own width.
-  visit(segments - 1, std::max(0.0, reach_mm - curves.BeginMm(segments - 1)),
-        curves.stack.LumenRadius(places, reach_mm), true);
+// Derivative of a vector that is fixed to a segment, by the segment's step. By (5) it turns by phi
+// = [second normal, -normal] xi.
+Frame Turning(const Frame& frame, const Vector3d& vector) {
+  Frame turning;
+  turning.col(0) = frame.col(1).cross(vector);
+  turning.col(1) = -frame.col(0).cross(vector);
+  return turning;
 }
 
-// Contact force of two curves with its directions.
-struct Press {
-  double force_N;
-  Vector3d normal;    // from the outer curve to the inner one
-  Vector3d sideways;  // around the lumen
+// Point of one curve and the tangent of the other at its foot, both with their bulges: each is
+// fixed to its segment. The point is on the inner curve, but for the mouth.
+struct Pressed {
+  Pressed(const LumenPlace& of, const Geometry& inner, const Geometry& outer)
+      : place(of), point_at(of.is_mouth ? kOuter : kInner), foot_at(of.is_mouth ? kInner : kOuter) {
+    const Geometry& own = of.is_mouth ? outer : inner;
+    const Geometry& other = of.is_mouth ? inner : outer;
+    const int segment = of.is_mouth ? of.outer_segment : of.segment;
+    const int faced = of.is_mouth ? of.segment : of.outer_segment;
+    const auto i = static_cast<std::size_t>(segment);
+    const auto m = static_cast<std::size_t>(faced);
+    frame = own.frames[i];
+    foot_frame = other.frames[m];
+    const double length_mm = own.curve.SegmentLength(own.rod, segment);
+    const double faced_mm = other.curve.SegmentLength(other.rod, faced);
+    const Vector3d& chord = other.curve.tangents()[m];
+    const double past_end_mm = of.is_mouth ? 0 : of.past_mm - length_mm;
+    past_node = past_end_mm * own.curve.tangents()[i] + frame * of.bulge_mm;
+    along = (chord + foot_frame * of.foot_slope).normalized();
+    // The foot slides along that tangent.
+    const Vector3d begin = ((of.is_mouth ? of.past_mm : of.foot_mm) - faced_mm) * chord +
+                           foot_frame * of.foot_bulge_mm;
+    const Vector3d apart =
+        own.curve.nodes()[i + 1] + past_node - other.curve.nodes()[m + 1] - begin;
+    const double way_mm = along.dot(apart);
+    foot_past_node = begin + way_mm * along;
+    foot_mm = faced_mm + chord.dot(foot_past_node);
+    across = apart - way_mm * along;
+    offset_mm = across.norm();
+  }
+  double penetration_mm() const { return offset_mm - (place.lumen_mm - place.radius_mm); }
+
+  // Derivative by the steps of the position along `way` of the point against its foot.
+  Vector Follow(const Vector3d& way) const {
+    Vector row;
+    row.segment<3>(point_at) = way;
+    row.segment<2>(point_at + 3) = Turning(frame, past_node).transpose() * way;
+    row.segment<3>(foot_at) = -way;
+    row.segment<2>(foot_at + 3) = -Turning(foot_frame, foot_past_node).transpose() * way;
+    return row;
+  }
+
+  const LumenPlace& place;
+  Eigen::Index point_at;  // first unknowns of the curve with the point
+  Eigen::Index foot_at;   // same, of the curve with the foot
+  Frame frame;
+  Frame foot_frame;
+  Vector3d past_node;       // from the distal node of the point's segment
+  Vector3d along;           // tangent at the foot
+  Vector3d foot_past_node;  // from the distal node of the faced segment
+  double foot_mm;           // past the proximal node of the faced segment
+  Vector3d across;
+  double offset_mm;
 };
 
 // Second-order terms of (43).
-void Curve(const Beside& at, const Press& press, Matrix& out) {
-  const double force_N = press.force_N;
-  const Vector sideways = at.Follow(press.sideways, at.ahead_mm);
-  const Vector onwards = at.Follow(at.along, at.ahead_mm);
-  Vector tilt = Vector::Zero();
-  at.TurnOuter(press.normal, tilt);
+void Bend(const Pressed& at, double force_N, const Vector3d& normal, Matrix& out) {
+  const Vector sideways = at.Follow(at.along.cross(normal));
+  const Vector onwards = at.Follow(at.along);
+  Vector tilt = Vector::Zero();  // of the tangent at the foot, along the normal
+  tilt.segment<2>(at.foot_at + 3) = Turning(at.foot_frame, at.along).transpose() * normal;
   out = (force_N / at.offset_mm) * sideways * sideways.transpose() -
         (force_N * at.offset_mm) * tilt * tilt.transpose();
   const Matrix turned = force_N * tilt * onwards.transpose();
   out -= turned + turned.transpose();
-  // Third term of (4).
-  const double bent = force_N * at.past_end_mm * press.normal.dot(at.inward);
-  for (Eigen::Index a = 3; a < 5; ++a) out(at.curves.inner_at + a, at.curves.inner_at + a) -= bent;
+  // A vector r that turns by phi also moves by (phi (phi.r) - r |phi|^2)/2.
+  const auto add = [&](const Frame& frame, const Vector3d& r, double sign, Eigen::Index at_row) {
+    const Eigen::Vector2d by_normal(frame.col(1).dot(normal), -frame.col(0).dot(normal));
+    const Eigen::Vector2d by_r(frame.col(1).dot(r), -frame.col(0).dot(r));
+    Eigen::Matrix2d work = by_normal * by_r.transpose();
+    work = (work + work.transpose().eval()) / 2;
+    work.diagonal().array() -= normal.dot(r);
+    out.block<2, 2>(at_row, at_row) += sign * force_N * work;
+  };
+  add(at.frame, at.past_node, 1, at.point_at + 3);
+  add(at.foot_frame, at.foot_past_node, -1, at.foot_at + 3);
 }
 
 // Second derivatives of the work of the force `gradient` along and around the lumen, without the
@@ -155,134 +175,141 @@ Matrix Curvature(const Beside& at, const Eigen::Vector2d& gradient, const Vector
   Matrix half = Matrix::Zero();
   for (int d = 0; d < 3; ++d) {
     const Vector3d axis = Vector3d::Unit(d);
-    half += gradient[0] * turned(axis) *
-            (at.Follow(axis, 0) + at.past_end_mm * turned(axis)).transpose();
+    half += gradient[0] * turned(axis) * at.FollowNode(axis).transpose();
   }
   half -=
-      gradient[1] * turned(around) * (at.Follow(at.along, 0) + turned(at.across) / 2).transpose();
-  const double on_outer = gradient[0] * (at.ahead_mm + at.past_end_mm) / 2;
+      gradient[1] * turned(around) * (at.FollowNode(at.along) + turned(at.across) / 2).transpose();
+  const double on_outer = gradient[0] * at.foot_past_end_mm / 2;
   const double on_inner =
       at.past_end_mm * at.inward.dot(gradient[0] * at.along + gradient[1] * around) / 2;
   for (Eigen::Index a = 3; a < 5; ++a) {
-    half(at.curves.outer_at + a, at.curves.outer_at + a) -= on_outer;
-    half(at.curves.inner_at + a, at.curves.inner_at + a) -= on_inner;
+    half(kOuter + a, kOuter + a) -= on_outer;
+    half(kInner + a, kInner + a) -= on_inner;
   }
   return half + half.transpose();
 }
 
 // Angle from the first normal of a segment to that of an instrument that twists.
-double TurnOf(const WireState& curve, std::size_t segment, int instrument) {
+double TurnOf(const Curve& curve, std::size_t segment, int instrument) {
   if (curve.turns_rad().empty()) return 0;
   return curve.turns_rad()[segment][static_cast<std::size_t>(instrument)];
 }
 
 // First normal of the lumen.
-Vector3d LumenNormal(const Beside& at, int outer) {
-  const WireState& curve = at.curves.outer;
-  return TurnedAbout(at.along, curve.normals()[at.at], TurnOf(curve, at.at, outer));
+Vector3d LumenNormal(const Beside& at) {
+  const Curve& curve = at.outer.curve;
+  return TurnedAbout(at.along, curve.normals()[at.m], TurnOf(curve, at.m, at.place.outer));
 }
 
 LumenContact ContactAt(const Beside& at) {
-  const Curves& curves = at.curves;
-  const InstrumentPlaces& places = curves.first.places();
-  const double arc_mm = curves.BeginMm(at.segment) + at.t;
   LumenContact contact;
-  contact.inner = curves.stack.InLumenAt(places, arc_mm);
-  contact.outer = curves.stack.LumenAt(places, arc_mm);
-  contact.radius_mm = at.radius_mm;
-  contact.lumen_mm = at.lumen_mm;
-  contact.ahead_mm = at.ahead_mm;
-  const Vector3d normal = LumenNormal(at, contact.outer);
+  contact.inner = at.place.inner;
+  contact.outer = at.place.outer;
+  contact.outer_from_tip = at.outer.curve.segments() - 1 - at.place.outer_segment;
+  contact.radius_mm = at.place.radius_mm;
+  contact.lumen_mm = at.place.lumen_mm;
+  contact.ahead_mm = at.place.ahead_mm + at.foot_mm;
+  const Vector3d normal = LumenNormal(at);
   const Vector3d second_normal = at.along.cross(normal);
-  contact.offset_mm << at.across.dot(normal), at.across.dot(second_normal);
-  const Vector3d& inner_normal = curves.inner.normals()[at.at];
+  const Eigen::Vector2d& bulge_mm = at.place.lumen_bulge_mm;
+  contact.offset_mm << at.across.dot(normal) + bulge_mm[0],
+      at.across.dot(second_normal) + bulge_mm[1];
+  const Vector3d& inner_normal = at.inner.curve.normals()[at.i];
   contact.turn_rad = std::atan2(inner_normal.dot(second_normal), inner_normal.dot(normal)) +
-                     TurnOf(curves.inner, at.at, contact.inner);
+                     TurnOf(at.inner.curve, at.i, contact.inner);
   return contact;
+}
+
+// Spot of the inner piece that has a place.
+std::size_t SpotOf(const LumenPairs& pairs, const LumenPlace& place, const Geometry& inner) {
+  const int pieces_per_segment = pairs.pieces_per_segment;
+  const double piece_mm = inner.curve.SegmentLength(inner.rod, place.segment) / pieces_per_segment;
+  const int piece = std::min(static_cast<int>(place.past_mm / piece_mm), pieces_per_segment - 1);
+  const int spot = place.segment * pieces_per_segment + piece - pairs.first_spot;
+  return static_cast<std::size_t>(std::clamp(spot, 0, static_cast<int>(pairs.spots.size()) - 1));
 }
 
 }  // namespace
 
-void BetweenCurves::Reserve(int segments, int points_per_segment) {
-  const auto n = static_cast<std::size_t>(segments) + 1;
-  springs.reserve(MostPlaces(segments, points_per_segment));
-  slides.reserve(MostPlaces(segments, points_per_segment));
-  terms.reserve(n);
-  spin_terms.reserve(n);
+void BetweenCurves::Reserve(const LumenPairs& pairs) {
+  groups.reserve(pairs.groups.capacity());
+  springs.reserve(pairs.places.capacity());
+  slides.reserve(pairs.spots.capacity());
+  terms.reserve(pairs.groups.capacity());
+  spin_terms.reserve(pairs.groups.capacity());
 }
 
-void BetweenCurves::Place(const InstrumentStack& stack, const WireState& state,
-                          int points_per_segment, const std::vector<Frame>& frames,
-                          const std::vector<Frame>& second_frames,
+void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
+                          const Geometry& inner_curve, const Geometry& outer_curve,
                           std::vector<LumenContact>* lumen) {
+  inner = pairs.inner;
+  outer = pairs.outer;
+  at_mouth = pairs.at_mouth;
+  groups = pairs.groups;
   springs.clear();
   slides.clear();
   spin_terms.clear();
-  if (lumen != nullptr) lumen->clear();
   energy_mJ = pressed_N = end_pressed_N = largest_offset_mm = 0;
-  const int segments = state.second()->segments();
-  terms.resize(static_cast<std::size_t>(segments));
-  if (segments == 0) return;
-  const Curves curves(stack, state, *state.second(), frames, second_frames);
-  const auto press = [&](int segment, double t, double weight_mm, bool end) {
-    if (lumen == nullptr && weight_mm == 0) return;
-    const Beside at(curves, segment, t);
-    if (lumen != nullptr) lumen->push_back(ContactAt(at));
-    if (weight_mm == 0) return;
+  terms.resize(groups.size());
+  LumenContact* contacts = nullptr;
+  if (lumen != nullptr) {
+    for (const LumenPlace& spot : pairs.spots) {
+      lumen->push_back(ContactAt(Beside(spot, inner_curve, outer_curve)));
+    }
+    if (!pairs.spots.empty()) contacts = lumen->data() + (lumen->size() - pairs.spots.size());
+  }
+  for (const LumenPlace& place : pairs.places) {
+    const Pressed at(place, inner_curve, outer_curve);
     largest_offset_mm = std::max(largest_offset_mm, at.offset_mm);
     const double penetration_mm = at.penetration_mm();
-    if (penetration_mm < -kNearLumenMm || !(at.offset_mm > kNoOffsetMm)) return;
+    if (penetration_mm < -kNearLumenMm || !(at.offset_mm > kNoOffsetMm)) continue;
     Spring& spring = springs.emplace_back();
-    spring.segment = segment;
-    spring.past_mm = t;
-    spring.ahead_mm = at.ahead_mm;
-    spring.stiffness_N_mm = stack.clearance().stiffness_N_mm2 * weight_mm;
+    spring.group = place.group;
+    spring.past_mm = place.is_mouth ? at.foot_mm : place.past_mm;
+    spring.foot_mm = place.is_mouth ? place.foot_mm : at.foot_mm;
+    spring.stiffness_N_mm = stiffness_N_mm2 * place.weight_mm;
     spring.penetration_mm = penetration_mm;
     const Vector3d normal = at.across / at.offset_mm;
-    spring.approach = at.Follow(normal, at.ahead_mm);
-    if (penetration_mm <= 0) return;
+    spring.approach = at.Follow(normal);
+    if (penetration_mm <= 0) continue;
     const double force_N = spring.stiffness_N_mm * penetration_mm;
     energy_mJ += force_N * penetration_mm / 2;
     pressed_N += force_N;
-    if (end) end_pressed_N += force_N;
-    if (lumen != nullptr) lumen->back().force_N = force_N;
-    Curve(at, {force_N, normal, at.along.cross(normal)}, spring.curvature);
-  };
-  ForPlaces(curves, segments, points_per_segment, press);
+    if (&place == &pairs.places.back()) end_pressed_N += force_N;
+    if (contacts != nullptr) {
+      contacts[SpotOf(pairs, place, inner_curve)].force_N += force_N;
+    }
+    Bend(at, force_N, normal, spring.curvature);
+  }
 }
 
-void BetweenCurves::TakeSlides(const InstrumentStack& stack, const WireState& state,
-                               const PointSet& points, const std::vector<SlideLoad>& loads,
-                               const std::vector<Frame>& frames,
-                               const std::vector<Frame>& second_frames) {
+void BetweenCurves::TakeSlides(const LumenPairs& pairs, const Geometry& inner_curve,
+                               const Geometry& outer_curve, const std::vector<LumenContact>& lumen,
+                               const std::vector<SlideLoad>& loads) {
   slides.clear();
-  if (loads.empty()) return;
-  const bool twists = stack.rod().stack_twists();
-  if (twists) spin_terms.resize(terms.size());
+  const bool twists = inner_curve.rod.stack_twists();
+  if (twists && !loads.empty()) spin_terms.resize(terms.size());
   for (SpinTerms& term : spin_terms) term.any = false;
-  const Curves curves(stack, state, *state.second(), frames, second_frames);
-  const int segments = state.second()->segments();
-  const int last = static_cast<int>(points.lumen.size()) - 1;
   for (const SlideLoad& load : loads) {
-    const LumenContact& contact = points.lumen[static_cast<std::size_t>(load.place)];
-    const int i = load.place == last ? segments - 1 : load.place / points.lumen_per_segment;
-    const double t = load.place == last
-                         ? std::max(0.0, stack.SecondReach(state.places()) - curves.BeginMm(i))
-                         : (load.place % points.lumen_per_segment + 0.5) * curves.LengthMm(i) /
-                               points.lumen_per_segment;
-    const Beside at(curves, i, t);
+    const int spot = load.place - pairs.first_spot;
+    if (spot < 0 || spot >= static_cast<int>(pairs.spots.size())) continue;
+    const LumenContact& contact = lumen[static_cast<std::size_t>(load.place)];
+    const LumenPlace& place = pairs.spots[static_cast<std::size_t>(spot)];
+    const Beside at(place, inner_curve, outer_curve);
     Slide& slide = slides.emplace_back();
     slide.load = load;
-    slide.segment = i;
-    slide.past_mm = t;
-    slide.ahead_mm = at.ahead_mm;
-    slide.along = at.Follow(at.along, 0);
+    slide.group = place.group;
+    slide.past_mm = place.past_mm;
+    slide.foot_mm = at.foot_mm;
+    slide.inner = place.inner;
+    slide.outer = place.outer;
+    slide.along = at.FollowNode(at.along);
     at.TurnOuter(at.across, slide.along);
     // (47)
-    const Vector3d normal = LumenNormal(at, contact.outer);
+    const Vector3d normal = LumenNormal(at);
     const Vector3d around = load.around[0] * normal + load.around[1] * at.along.cross(normal);
-    slide.around = at.Follow(around, at.ahead_mm);
-    const Vector3d& inner_normal = curves.inner.normals()[at.at];
+    slide.around = at.Follow(around);
+    const Vector3d& inner_normal = inner_curve.curve.normals()[at.i];
     const double inclined = at.along.dot(inner_normal);
     const Vector3d about =
         contact.radius_mm / (1 - inclined * inclined) * at.along.cross(inner_normal);
@@ -291,12 +318,12 @@ void BetweenCurves::TakeSlides(const InstrumentStack& stack, const WireState& st
     slide.curvature = Curvature(at, load.gradient, around);
     slide.inner_spin_mm = contact.radius_mm;
     slide.outer_spin_mm = -contact.radius_mm - at.across.dot(around.cross(at.along));
-    if (twists) AddSpins(slide, contact);
+    if (twists) AddSpins(slide);
   }
 }
 
-BetweenCurves::Terms& BetweenCurves::TermsOf(int segment) {
-  Terms& to = terms[static_cast<std::size_t>(segment)];
+BetweenCurves::Terms& BetweenCurves::TermsOf(int group) {
+  Terms& to = terms[static_cast<std::size_t>(group)];
   if (to.any) return to;
   to.any = true;
   to.gradient.setZero();
@@ -305,14 +332,14 @@ BetweenCurves::Terms& BetweenCurves::TermsOf(int segment) {
 }
 
 void BetweenCurves::Add(const Spring& spring) {
-  Terms& to = TermsOf(spring.segment);
+  Terms& to = TermsOf(spring.group);
   to.gradient += (spring.stiffness_N_mm * spring.penetration_mm) * spring.approach;
   to.hessian += spring.stiffness_N_mm * spring.approach * spring.approach.transpose();
   if (spring.penetration_mm > 0) to.hessian += spring.curvature;
 }
 
 void BetweenCurves::Add(const Slide& slide) {
-  Terms& to = TermsOf(slide.segment);
+  Terms& to = TermsOf(slide.group);
   const Eigen::Matrix2d& h = slide.load.hessian;
   to.gradient += slide.load.gradient[0] * slide.along + slide.load.gradient[1] * slide.around;
   const Vector with_along = h(0, 0) * slide.along + h(0, 1) * slide.around;
@@ -321,8 +348,8 @@ void BetweenCurves::Add(const Slide& slide) {
                 slide.curvature;
 }
 
-void BetweenCurves::AddSpins(const Slide& slide, const LumenContact& contact) {
-  SpinTerms& to = spin_terms[static_cast<std::size_t>(slide.segment)];
+void BetweenCurves::AddSpins(const Slide& slide) {
+  SpinTerms& to = spin_terms[static_cast<std::size_t>(slide.group)];
   if (!to.any) {
     to.any = true;
     to.with_steps.setZero();
@@ -330,7 +357,7 @@ void BetweenCurves::AddSpins(const Slide& slide, const LumenContact& contact) {
   }
   const Eigen::Matrix2d& h = slide.load.hessian;
   const Vector with = h(1, 0) * slide.along + h(1, 1) * slide.around;
-  const int spins[2] = {contact.inner, contact.outer};
+  const int spins[2] = {slide.inner, slide.outer};
   const double by[2] = {slide.inner_spin_mm, slide.outer_spin_mm};
   for (int a = 0; a < 2; ++a) {
     to.with_steps.row(spins[a]) += by[a] * with.transpose();

@@ -33,11 +33,11 @@ class HandForces {
   /// `forces`: result of FindInternalForces for the state of `expansion`. O(n).
   void Find(const InstrumentStack& stack, const WireState& state, const Expansion& expansion,
             const InternalForces& forces, const Sliding& sliding);
-  /// Finds only the contact force of each instrument against the next one around it, by segment, as
-  /// in PointSet::pressed_N. Only for instruments on one curve. Does nothing if the coefficient is
-  /// 0. O(n); no heap after Reserve.
-  void FindPressed(const InstrumentStack& stack, const WireState& state, const Expansion& expansion,
-                   const Sliding& sliding, std::vector<std::array<double, kMostInstruments>>& out);
+  /// Finds only the contact force of each instrument against the next one around it on its curve,
+  /// by segment: PointSet::pressed_N of `expansion`. Does nothing if the coefficient is 0. O(n); no
+  /// heap after Reserve.
+  void FindPressed(const InstrumentStack& stack, const WireState& state, const Sliding& sliding,
+                   Expansion& expansion);
   /// Reserves room for rods of `segments` segments.
   void Reserve(int segments, int points_per_segment);
   /// Results per instrument, the innermost first; zero for an instrument that is not inside.
@@ -45,11 +45,11 @@ class HandForces {
 
  private:
   // A curve with its instruments `range.first` to `range.last` - 1, and its loads.
-  struct Curve {
+  struct OnCurve {
     const WireModel& rod;
-    const WireState& state;
-    const Expansion& at;
-    bool second;
+    const Curve& curve;
+    const CurveExpansion& at;
+    int number;
     InstrumentStack::Range range;
     const CurveLoads& loads;
   };
@@ -74,19 +74,17 @@ class HandForces {
     Eigen::Vector3d sum_EI_rest = Eigen::Vector3d::Zero();
   };
 
-  static Curve CurveOf(const InstrumentStack& stack, const WireState& state,
-                       const Expansion& expansion, bool second, const CurveLoads& loads);
-  void FindOnCurve(const InstrumentStack& stack, const Curve& curve, const PointSet& points,
-                   const InternalForces& forces, const Sliding& sliding);
-  void BalanceAll(const InstrumentStack& stack, const Curve& curve, const PointSet& points,
-                  const Sliding& sliding);
-  void ShareLoads(const InstrumentStack& stack, const Curve& curve, const PointSet& points);
-  void FindMoments(const InstrumentStack& stack, const Curve& curve, int joint);
-  void Balance(const Curve& curve, int node, const Sliding& sliding);
-  void FindFriction(const Curve& curve, int node, const Sliding& sliding);
+  static OnCurve CurveOf(const InstrumentStack& stack, const WireState& state,
+                         const Expansion& expansion, int number, const CurveLoads& loads);
+  void FindOnCurve(const InstrumentStack& stack, const OnCurve& on, const InternalForces& forces,
+                   const Sliding& sliding);
+  void BalanceAll(const InstrumentStack& stack, const OnCurve& on, const Sliding& sliding);
+  void ShareLoads(const InstrumentStack& stack, const OnCurve& on);
+  void FindMoments(const InstrumentStack& stack, const OnCurve& on, int joint);
+  void Balance(const OnCurve& on, int node, const Sliding& sliding);
+  void FindFriction(const OnCurve& on, int node, const Sliding& sliding);
 
-  CurveLoads second_loads_;
-  CurveLoads loads_;  // of the first curve, if no InternalForces are given
+  CurveLoads loads_;  // of a curve, if no InternalForces have them
   std::array<HandForce, kMostInstruments> hands_;
   std::array<Bears, kMostInstruments> bears_;
   std::array<int, kMostInstruments> order_ = {};  // on a curve, in order of decreasing reach

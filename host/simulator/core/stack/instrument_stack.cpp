@@ -56,25 +56,28 @@ void CheckTogether(const std::vector<WireModel>& instruments) {
 }
 
 void CheckRoom(const std::vector<WireModel>& instruments, const Clearance& clearance) {
-  if (clearance.first_outer == 0) return;
-  const auto count = static_cast<int>(instruments.size());
-  if (clearance.first_outer < 1 || clearance.first_outer >= count) {
+  double inner_mm = 0;  // largest radius of the instruments on the curves inside
+  double own_mm = 0;    // same, on the curve of instrument k
+  for (std::size_t k = 0; k < instruments.size(); ++k) {
+    if (k > 0 && clearance.has_room[k]) {
+      if (!(clearance.stiffness_N_mm2 > 0)) {
+        throw std::invalid_argument("the lumen's stiffness must be above 0");
+      }
+      inner_mm = std::max(inner_mm, own_mm);
+      own_mm = 0;
+    }
+    const WireModel& model = instruments[k];
+    for (int j = 0; j <= model.max_segments(); ++j) own_mm = std::max(own_mm, model.radius_mm(j));
+    const double lumen_mm = clearance.lumen_radius_mm[k];
+    if (inner_mm == 0 || lumen_mm > inner_mm) continue;
+    throw std::invalid_argument("an instrument inside a lumen has a radius of " +
+                                std::to_string(inner_mm) + " mm, and the lumen one of " +
+                                std::to_string(lumen_mm) + " mm; it must be smaller");
+  }
+  if (clearance.has_room[0] ||
+      std::any_of(clearance.has_room.begin() + static_cast<std::ptrdiff_t>(instruments.size()),
+                  clearance.has_room.end(), [](bool has) { return has; })) {
     throw std::invalid_argument("there is no instrument in the lumen that is to have room");
-  }
-  if (!(clearance.stiffness_N_mm2 > 0)) {
-    throw std::invalid_argument("the lumen's stiffness must be above 0");
-  }
-  double inner_mm = 0;
-  for (int k = 0; k < clearance.first_outer; ++k) {
-    const WireModel& model = instruments[static_cast<std::size_t>(k)];
-    for (int j = 0; j <= model.max_segments(); ++j)
-      inner_mm = std::max(inner_mm, model.radius_mm(j));
-  }
-  for (int k = clearance.first_outer; k < count; ++k) {
-    const double lumen_mm = clearance.lumen_radius_mm[static_cast<std::size_t>(k)];
-    if (lumen_mm > inner_mm) continue;
-    throw std::invalid_argument("what is inside has a radius of " + std::to_string(inner_mm) +
-                                " mm, and the lumen one of " + std::to_string(lumen_mm));
   }
 }
 
@@ -93,19 +96,28 @@ std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments) {
 
 }  // namespace
 
-InstrumentStack::InstrumentStack(const WireModel& wire) : instruments_{&wire}, rod_(&wire) {}
+InstrumentStack::InstrumentStack(const WireModel& wire)
+    : instruments_{&wire}, rods_{&wire}, ranges_{{0, 1}} {}
 
 InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clearance& clearance)
     : owned_(std::move(instruments)), clearance_(clearance) {
   CheckTogether(owned_);
   CheckRoom(owned_, clearance);
   for (const WireModel& model : owned_) instruments_.push_back(&model);
-  rod_ = instruments_.front();
-  if (size() == 1) return;
-  combined_ = EmptyRod(owned_);
-  rod_ = combined_.get();
-  if (clearance.first_outer > 0) second_ = EmptyRod(owned_);
-  joints_.resize(static_cast<std::size_t>(rod_->max_segments()) + 1);
+  if (size() == 1) {
+    rods_ = {instruments_.front()};
+    ranges_ = {{0, 1}};
+    return;
+  }
+  for (int k = 0; k < size(); ++k) {
+    if (k == 0 || clearance.has_room[static_cast<std::size_t>(k)]) ranges_.push_back({k, k});
+    ranges_.back().last = k + 1;
+  }
+  for (int c = 0; c < curves(); ++c) {
+    combined_.push_back(EmptyRod(owned_));
+    rods_.push_back(combined_.back().get());
+  }
+  joints_.resize(static_cast<std::size_t>(rod().max_segments()) + 1);
   if (instrument(0).twists()) twisting_.resize(joints_.size());
   Combine(InstrumentPlaces(size()));
 }
@@ -131,17 +143,21 @@ InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
   const double feed_part = longest_mm > feed_mm ? feed_mm / longest_mm : 1;
   const double turn_part = most_rad > turn_rad ? turn_rad / most_rad : 1;
   double part = std::min(feed_part, turn_part);
-  // Finds the instrument that passes the leader first, on this part of the way.
-  const int leader = here.Leader();
+  // Finds the instrument that passes the leader of its curve first, on this part of the way.
+  int passed = -1;
   int passing = -1;
-  for (int k = 0; k < size(); ++k) {
-    const double lead_mm = here[leader].insertion_mm - here[k].insertion_mm;
-    if (lead_mm == 0) continue;
-    const double gain_mm = (goal[k].insertion_mm - here[k].insertion_mm) -
-                           (goal[leader].insertion_mm - here[leader].insertion_mm);
-    if (!(part * gain_mm > lead_mm)) continue;
-    part = lead_mm / gain_mm;
-    passing = k;
+  for (int c = 0; c < curves(); ++c) {
+    const int leader = Leader(c, here);
+    for (int k = OnCurve(c).first; k < OnCurve(c).last; ++k) {
+      const double lead_mm = here[leader].insertion_mm - here[k].insertion_mm;
+      if (lead_mm == 0) continue;
+      const double gain_mm = (goal[k].insertion_mm - here[k].insertion_mm) -
+                             (goal[leader].insertion_mm - here[leader].insertion_mm);
+      if (!(part * gain_mm > lead_mm)) continue;
+      part = lead_mm / gain_mm;
+      passed = leader;
+      passing = k;
+    }
   }
   if (part == 1) return goal;
   InstrumentPlaces next = here;
@@ -154,44 +170,48 @@ InstrumentPlaces InstrumentStack::Towards(const InstrumentPlaces& goal,
     next[k].insertion_mm += whole_feed ? std::copysign(feed_mm, feed) : part * feed;
     next[k].rotation_rad += whole_turn ? std::copysign(turn_rad, turn) : part * turn;
   }
-  if (passing >= 0) next[passing].insertion_mm = next[leader].insertion_mm;
+  if (passing >= 0) next[passing].insertion_mm = next[passed].insertion_mm;
   return next;
 }
 
-double InstrumentStack::SecondReach(const InstrumentPlaces& places) const {
-  const bool outer_leads = OuterLeads(places);
-  const Range other = OnCurve(!outer_leads);
-  double reach_mm = 0;
-  for (int k = other.first; k < other.last; ++k) {
-    reach_mm = std::max(reach_mm, places[k].insertion_mm);
+int InstrumentStack::CurveOf(int instrument) const {
+  int curve = curves() - 1;
+  while (OnCurve(curve).first > instrument) --curve;
+  return curve;
+}
+
+int InstrumentStack::Leader(int curve, const InstrumentPlaces& places) const {
+  const Range range = OnCurve(curve);
+  int leader = range.first;
+  for (int k = range.first + 1; k < range.last; ++k) {
+    if (places[k].insertion_mm > places[leader].insertion_mm) leader = k;
   }
-  return reach_mm;
+  return leader;
 }
 
-double InstrumentStack::LumenRadius(const InstrumentPlaces& places, double arc_mm) const {
-  return clearance_.lumen_radius_mm[static_cast<std::size_t>(LumenAt(places, arc_mm))];
-}
-
-int InstrumentStack::InLumenAt(const InstrumentPlaces& places, double arc_mm) const {
-  int found = clearance_.first_outer - 1;
-  for (int k = found - 1; k >= 0 && places[found].insertion_mm < arc_mm; --k) {
+int InstrumentStack::SurfaceAt(int curve, const InstrumentPlaces& places, double arc_mm) const {
+  const Range range = OnCurve(curve);
+  int found = range.last - 1;
+  for (int k = found - 1; k >= range.first && places[found].insertion_mm < arc_mm; --k) {
     if (places[k].insertion_mm > places[found].insertion_mm) found = k;
   }
   return found;
 }
 
-int InstrumentStack::LumenAt(const InstrumentPlaces& places, double arc_mm) const {
-  int found = clearance_.first_outer;
-  for (int k = found + 1; k < size() && places[found].insertion_mm < arc_mm; ++k) {
+int InstrumentStack::LumenAt(int curve, const InstrumentPlaces& places, double arc_mm) const {
+  const Range range = OnCurve(curve);
+  int found = range.first;
+  for (int k = found + 1; k < range.last && places[found].insertion_mm < arc_mm; ++k) {
     if (places[k].insertion_mm > places[found].insertion_mm) found = k;
   }
   return found;
 }
 
-// Collects the instruments `first` .. `last` - 1 in a rod that ends at `end_mm`, in order of
-// decreasing reach; of equals, the innermost comes first. Returns their number.
-int InstrumentStack::Gather(const InstrumentPlaces& places, int first, int last, double end_mm,
+// Collects the instruments of a curve in a rod that ends at `end_mm`, in order of decreasing reach;
+// of equals, the innermost comes first. Returns their number.
+int InstrumentStack::Gather(const InstrumentPlaces& places, Range range, double end_mm,
                             Members& members) const {
+  const auto [first, last] = range;
   for (int k = first; k < last; ++k) {
     Member& member = members[static_cast<std::size_t>(k - first)];
     const double rotation = places[k].rotation_rad;
@@ -210,22 +230,13 @@ int InstrumentStack::Gather(const InstrumentPlaces& places, int first, int last,
   return count;
 }
 
-void InstrumentStack::Combine(const InstrumentPlaces& places, int short_by) {
-  if (combined_ == nullptr) return;
-  const double reach_mm = places.reach_mm();
+void InstrumentStack::Combine(const InstrumentPlaces& places) {
   Members members;
-  if (second_ == nullptr) {
-    CombineRod(members, 0, Gather(places, 0, size(), reach_mm, members), *combined_);
-    return;
+  for (std::size_t c = 0; c < combined_.size(); ++c) {
+    const int curve = static_cast<int>(c);
+    const int count = Gather(places, OnCurve(curve), Reach(curve, places), members);
+    CombineRod(members, OnCurve(curve).first, count, *combined_[c]);
   }
-  const int first = clearance_.first_outer;
-  const bool outer_leads = OuterLeads(places);
-  const double second_end_mm = reach_mm - short_by * rod_->segment_mm();
-  CombineRod(members, 0, Gather(places, 0, first, outer_leads ? second_end_mm : reach_mm, members),
-             outer_leads ? *second_ : *combined_);
-  CombineRod(members, first,
-             Gather(places, first, size(), outer_leads ? reach_mm : second_end_mm, members),
-             outer_leads ? *combined_ : *second_);
 }
 
 void InstrumentStack::CombineRod(const Members& members, int first, int count, WireModel& rod) {
@@ -318,27 +329,27 @@ struct Stretch {
   double beyond_mm;
 };
 
-Stretch Find(const WireModel& rod, const WireState& state, double insertion_mm) {
-  const double s = std::clamp(insertion_mm, 0.0, state.ArcLength(rod));
-  if (state.segments() == 0 || s <= state.first_segment_mm()) return {0, s};
-  const double past = s - state.first_segment_mm();
-  const int k = std::min(static_cast<int>(past / rod.segment_mm()), state.segments() - 2);
+Stretch Find(const WireModel& rod, const Curve& curve, double insertion_mm) {
+  const double s = std::clamp(insertion_mm, 0.0, curve.ArcLength(rod));
+  if (curve.segments() == 0 || s <= curve.first_segment_mm()) return {0, s};
+  const double past = s - curve.first_segment_mm();
+  const int k = std::min(static_cast<int>(past / rod.segment_mm()), curve.segments() - 2);
   return {k + 1, past - k * rod.segment_mm()};
 }
 
 }  // namespace
 
-Eigen::Vector3d PointAt(const WireModel& rod, const WireState& state, double insertion_mm) {
-  const Stretch at = Find(rod, state, insertion_mm);
-  if (state.segments() == 0) return state.nodes().front();
-  return state.nodes()[at.node] + at.beyond_mm * state.tangents()[at.node];
+Eigen::Vector3d PointAt(const WireModel& rod, const Curve& curve, double insertion_mm) {
+  const Stretch at = Find(rod, curve, insertion_mm);
+  if (curve.segments() == 0) return curve.nodes().front();
+  return curve.nodes()[at.node] + at.beyond_mm * curve.tangents()[at.node];
 }
 
-void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
+void TakePart(const WireModel& rod, const Curve& curve, double insertion_mm,
               std::vector<Eigen::Vector3d>& out) {
-  const Stretch at = Find(rod, state, insertion_mm);
-  out.assign(state.nodes().begin(), state.nodes().begin() + at.node + 1);
-  if (at.beyond_mm > 0) out.push_back(PointAt(rod, state, insertion_mm));
+  const Stretch at = Find(rod, curve, insertion_mm);
+  out.assign(curve.nodes().begin(), curve.nodes().begin() + at.node + 1);
+  if (at.beyond_mm > 0) out.push_back(PointAt(rod, curve, insertion_mm));
 }
 
 }  // namespace torquer

@@ -14,9 +14,9 @@
 // part without the instrument. A tip that passes that of the leader coincides with it, and so do
 // the segments of both. A lone wire is a stack of one: it is the rod.
 //
-// With room in the lumen of one instrument, the instruments lie on two curves. One holds those
-// inside the lumen, the other that instrument and those around it (core/README.md section 18). The
-// leader's curve is the rod; the other is the second rod, on the same grid.
+// Room in a lumen divides the instruments into curves (core/README.md section 18): curve 0 has the
+// innermost ones, and each lumen with room begins another. Each curve has a rod and segments of its
+// own.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,17 +25,18 @@
 #include <utility>
 #include <vector>
 
+#include "host/simulator/core/curve.h"
 #include "host/simulator/core/instrument_place.h"
 #include "host/simulator/core/wire_model.h"
-#include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
-/// Room in a lumen for the instruments inside it.
+/// Room in lumens for the instruments inside them.
 struct Clearance {
-  int first_outer = 0;  ///< index of the innermost instrument on the outer curve, >= 1; 0: no room
+  /// Entry k: instruments within the lumen of instrument k have room there; k >= 1.
+  std::array<bool, kMostInstruments> has_room = {};
   std::array<double, kMostInstruments> lumen_radius_mm = {};  ///< of each instrument's lumen
-  /// Spring of the lumen's wall, per length of wire, N/mm^2, > 0.
+  /// Spring of the lumen's wall, per length of wire, N/mm^2, > 0 if any lumen has room.
   double stiffness_N_mm2 = 0;
 };
 
@@ -60,48 +61,41 @@ class InstrumentStack {
 
   int size() const { return static_cast<int>(instruments_.size()); }
   const WireModel& instrument(int k) const { return *instruments_[static_cast<std::size_t>(k)]; }
-  /// Rod of all instruments at the places of the last Combine. With room in a lumen, only of those
-  /// on the leader's curve.
-  const WireModel& rod() const { return *rod_; }
-  /// Rod of the instruments on the other curve; null for one curve. Its end is that of
-  /// WireState::second().
-  const WireModel* second_rod() const { return second_.get(); }
+  /// Number of curves on which the instruments lie.
+  int curves() const { return static_cast<int>(ranges_.size()); }
+  /// Rod of the instruments of a curve at the places of the last Combine.
+  const WireModel& rod(int curve = 0) const { return *rods_[static_cast<std::size_t>(curve)]; }
   const Clearance& clearance() const { return clearance_; }
-  /// True if the outer instruments reach farther than all within them.
-  bool OuterLeads(const InstrumentPlaces& places) const {
-    return places.Leader() >= clearance_.first_outer;
-  }
-  /// Reach of the instruments on the other curve, mm.
-  double SecondReach(const InstrumentPlaces& places) const;
-  /// Radius of the lumen around the inner instruments at an arc length, mm. An outer instrument
-  /// must reach that arc length.
-  double LumenRadius(const InstrumentPlaces& places, double arc_mm) const;
-  /// Instrument whose surface faces the lumen at an arc length, and instrument of that lumen. If
-  /// none reaches it, the one that reaches farthest.
-  int InLumenAt(const InstrumentPlaces& places, double arc_mm) const;
-  int LumenAt(const InstrumentPlaces& places, double arc_mm) const;
-  /// Instruments `first` to `last` - 1 on the curve around the lumen or inside it. For one curve
-  /// these are all instruments.
+  /// Instruments `first` to `last` - 1 of a curve.
   struct Range {
     int first;
     int last;
   };
-  Range OnCurve(bool outer) const {
-    if (second_ == nullptr) return {0, size()};
-    return outer ? Range{clearance_.first_outer, size()} : Range{0, clearance_.first_outer};
+  Range OnCurve(int curve) const { return ranges_[static_cast<std::size_t>(curve)]; }
+  /// Curve on which an instrument lies.
+  int CurveOf(int instrument) const;
+  /// Instrument of a curve that reaches farthest; of equals, the innermost.
+  int Leader(int curve, const InstrumentPlaces& places) const;
+  /// Its insertion, mm: the reach of the curve.
+  double Reach(int curve, const InstrumentPlaces& places) const {
+    return places[Leader(curve, places)].insertion_mm;
   }
+  /// Instrument of a curve whose lumen, or whose surface, is met at an arc length: the innermost,
+  /// or the outermost, that reaches it. If none does, the one that reaches farthest.
+  int LumenAt(int curve, const InstrumentPlaces& places, double arc_mm) const;
+  int SurfaceAt(int curve, const InstrumentPlaces& places, double arc_mm) const;
 
   /// Limits the insertions to 0 .. the length of each instrument.
   InstrumentPlaces Bounded(const InstrumentPlaces& places) const;
   /// Next places on the straight line from `here` to `goal`. Up to rounding, no insertion changes
   /// by more than `feed_mm`, and no rotation by more than `turn_rad`. All feeds and turns keep
-  /// their proportion and arrive together. If another instrument is about to lead, the motion stops
-  /// when it reaches the leader. The last step ends at `goal` exactly.
+  /// their proportion and arrive together. If another instrument of a curve is about to lead it,
+  /// the motion stops when it reaches the leader. The last step ends at `goal` exactly.
   InstrumentPlaces Towards(const InstrumentPlaces& goal, const InstrumentPlaces& here,
                            double feed_mm, double turn_rad) const;
-  /// Sets the rod to the combined instruments at `places`. O(segments), no heap; does nothing for a
-  /// lone wire. `short_by`: number of segments that the second curve lacks against the first.
-  void Combine(const InstrumentPlaces& places, int short_by = 0);
+  /// Sets the rods to the combined instruments at `places`. O(segments), no heap; does nothing for
+  /// a lone wire.
+  void Combine(const InstrumentPlaces& places);
 
  private:
   // An instrument in a rod, and the distance of its tip behind the rod's end.
@@ -113,20 +107,19 @@ class InstrumentStack {
   };
   using Members = std::array<Member, kMostInstruments>;
 
-  int Gather(const InstrumentPlaces& places, int first, int last, double end_mm,
-             Members& members) const;
+  int Gather(const InstrumentPlaces& places, Range range, double end_mm, Members& members) const;
   void CombineRod(const Members& members, int first, int count, WireModel& rod);
   void CombineJoints(const Members& members, int count, const WireModel& rod);
   void CombineTwists(const Members& members, int count, double lambda);
 
   std::vector<WireModel> owned_;
   std::vector<const WireModel*> instruments_;
-  std::unique_ptr<WireModel> combined_;  ///< null for a lone wire
-  const WireModel* rod_;
+  std::vector<std::unique_ptr<WireModel>> combined_;  // by curve; empty for a lone wire
+  std::vector<const WireModel*> rods_;                // by curve
+  std::vector<Range> ranges_;                         // by curve
   std::vector<WireModel::Joint> joints_;
   std::vector<WireModel::TwistingJoint> twisting_;  // empty without twist
   Clearance clearance_;
-  std::unique_ptr<WireModel> second_;  ///< null for one curve
 };
 
 /// Properties of an instrument at a distance from its tip, interpolated between its joints.
@@ -134,9 +127,9 @@ WireModel::Joint JointAt(const WireModel& model, double from_tip_mm);
 
 /// Nodes of a rod up to an instrument's insertion; the last is the instrument's tip. Overwrites
 /// `out`.
-void TakePart(const WireModel& rod, const WireState& state, double insertion_mm,
+void TakePart(const WireModel& rod, const Curve& curve, double insertion_mm,
               std::vector<Eigen::Vector3d>& out);
 /// Position of that tip.
-Eigen::Vector3d PointAt(const WireModel& rod, const WireState& state, double insertion_mm);
+Eigen::Vector3d PointAt(const WireModel& rod, const Curve& curve, double insertion_mm);
 
 }  // namespace torquer

@@ -18,17 +18,17 @@ Vector2d QuarterTurn(const Vector2d& a) { return {-a[1], a[0]}; }
 
 // Rest angles of the instruments at a joint, in their local turn, over the joint's length.
 struct Rests {
-  Rests(const WireModel& model, const WireState& state, int joint)
-      : twisting(model.twisting_joint(state.segments() - joint)),
+  Rests(const WireModel& model, const Curve& curve, int joint)
+      : twisting(model.twisting_joint(curve.segments() - joint)),
         first(model.first_spin()),
         count(model.spins()) {
-    const double part = JointLength(model, state, joint) / model.segment_mm();
+    const double part = JointLength(model, curve, joint) / model.segment_mm();
     for (int k = 0; k < count; ++k) {
       const auto at = static_cast<std::size_t>(k);
       const Share& share = Of(k);
       own[at].setZero();
       if (!RestsCurved(share)) continue;
-      const double turn = state.TurnBefore(joint, first + k);
+      const double turn = curve.TurnBefore(joint, first + k);
       const Vector2d rest = part * share.rest_rad;
       own[at] = std::cos(turn) * rest + std::sin(turn) * QuarterTurn(rest);
       together += share.weight * own[at];
@@ -116,22 +116,22 @@ struct BentTwice {
 
 }  // namespace
 
-double TwistStiffnessOf(const WireModel& model, const WireState& state, int joint, int instrument) {
-  if (model.twists()) return TwistStiffness(model, state, joint);
-  return model.twisting_joint(state.segments() - joint)
+double TwistStiffnessOf(const WireModel& model, const Curve& curve, int joint, int instrument) {
+  if (model.twists()) return TwistStiffness(model, curve, joint);
+  return model.twisting_joint(curve.segments() - joint)
              .of[static_cast<std::size_t>(instrument)]
              .torsional_rigidity_N_mm2 /
-         JointLength(model, state, joint);
+         JointLength(model, curve, joint);
 }
 
-void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
+void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
                       const Frame& proximal_frame, const Frame& frame, double& energy_mJ,
                       JointTerms& bending, StackTerms& out) {
   const auto i = static_cast<std::size_t>(joint);
-  const Vector3d& proximal = joint == 0 ? model.sheath().direction : state.tangents()[i - 1];
-  const Vector3d& tangent = state.tangents()[i];
-  const double length_mm = JointLength(model, state, joint);
-  const double stiffness = JointStiffness(model, state, joint);
+  const Vector3d& proximal = joint == 0 ? model.sheath().direction : curve.tangents()[i - 1];
+  const Vector3d& tangent = curve.tangents()[i];
+  const double length_mm = JointLength(model, curve, joint);
+  const double stiffness = JointStiffness(model, curve, joint);
   out.gradient_proximal.setZero();
   out.hessian_proximal.setZero();
   out.proximal_proximal.setZero();
@@ -143,7 +143,7 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
   out.distal_distal.setZero();
   out.distal_displacement.setZero();
 
-  const Rests rests(model, state, joint);
+  const Rests rests(model, curve, joint);
   if (!rests.curved) {
     ExpandStraightJoint(model.law(), stiffness, proximal, proximal_frame, tangent, frame, energy_mJ,
                         bending);
@@ -217,7 +217,7 @@ void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
   double sum_torque = 0;
   for (int k = 0; k < rests.count; ++k) {
     const double own = rests.Of(k).torsional_rigidity_N_mm2 / length_mm;
-    const double twist = state.TwistOf(joint, rests.first + k);
+    const double twist = curve.TwistOf(joint, rests.first + k);
     const double torque = own * twist;
     energy_mJ += torque * twist / 2;
     sum_stiffness += own;

@@ -3,9 +3,9 @@
 
 #include <Eigen/Core>
 
+#include "host/simulator/core/curve.h"
 #include "host/simulator/core/joint_terms.h"
 #include "host/simulator/core/wire_model.h"
-#include "host/simulator/core/wire_state.h"
 
 namespace torquer {
 
@@ -30,12 +30,12 @@ struct StackTerms {
 /// Expands joint i: its bending, its twists, and the coupling (38) of instruments that rest
 /// differently. `proximal_frame` and `frame` are the tangent planes of its segments. Adds the
 /// energy to `energy_mJ`.
-void ExpandStackJoint(const WireModel& model, const WireState& state, int joint,
+void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
                       const Frame& proximal_frame, const Frame& frame, double& energy_mJ,
                       JointTerms& bending, StackTerms& out);
 
 /// GJ of an instrument that twists, lone or in a stack, at joint i over the length that the joint
 /// stands for, mJ.
-double TwistStiffnessOf(const WireModel& model, const WireState& state, int joint, int instrument);
+double TwistStiffnessOf(const WireModel& model, const Curve& curve, int joint, int instrument);
 
 }  // namespace torquer

@@ -238,25 +238,43 @@ void Flow::Advance(const TickView& tick) {
     memory_.obstruction_age_s += tick.step_s;
     if (memory_.obstruction_age_s >= kObstructionS) {
       memory_.obstruction_age_s = 0;
-      Obstruct(tick.state, tick.expansion.points);
+      Obstruct(tick.state, tick.expansion);
     }
   }
   AdvanceTo(tick.time_s);
 }
 
-void Flow::Obstruct(const WireState& state, const PointSet& points) {
+void Flow::Obstruct(const WireState& state, const Expansion& expansion) {
+  std::vector<double> more(memory_.obstructed.size(), 0);
+  for (int c = 0; c < state.curves(); ++c) {
+    AddObstruction(state.curve(c), expansion.curve(c).points, more);
+  }
+  constexpr double kNoticed = 1e-3;
+  bool same = true;
+  for (std::size_t e = 0; e < more.size(); ++e) {
+    same =
+        same && std::abs(more[e] - memory_.obstructed[e]) <= kNoticed * (poiseuille_[e] + more[e]);
+  }
+  if (same) return;
+  memory_.obstructed = std::move(more);
+  SolveMean();
+  MakeStep();
+}
+
+// Adds the resistance that a curve makes outside the lumens of others.
+void Flow::AddObstruction(const Curve& curve, const PointSet& points,
+                          std::vector<double>& more) const {
   const WireModel& wire = *obstruction_.wire;
   const vessel::CenterlineNetwork& network = graph_->network();
-  std::vector<double> more(memory_.obstructed.size(), 0);
-  const int n = state.segments();
+  const int n = curve.segments();
   const int stride = std::max(1, static_cast<int>(kObstructionStepMm / wire.segment_mm()));
-  for (int i = 0; i < n; i += stride) {
+  for (int i = points.in_lumen / points.per_segment; i < n; i += stride) {
     const int last = std::min(n, i + stride);
     double length_mm = 0;
-    for (int k = i; k < last; ++k) length_mm += state.SegmentLength(wire, k);
+    for (int k = i; k < last; ++k) length_mm += curve.SegmentLength(wire, k);
     const auto a = static_cast<std::size_t>(i);
     const auto b = static_cast<std::size_t>(last);
-    Eigen::Vector3d middle = (state.nodes()[a] + state.nodes()[b]) / 2;
+    Eigen::Vector3d middle = (curve.nodes()[a] + curve.nodes()[b]) / 2;
     if (obstruction_.moving != nullptr) middle = obstruction_.moving->AtRest(middle);
     double distance_mm = 0;
     const vessel::CenterlinePlace place = network.NearestTo(middle, &distance_mm);
@@ -270,16 +288,6 @@ void Flow::Obstruct(const WireState& state, const PointSet& points) {
         mmHg_s_per_mL_mm3_ * length_mm *
         (AnnulusInverseFourthPower(tube_mm, core_mm) - AnnulusInverseFourthPower(tube_mm, 0));
   }
-  constexpr double kNoticed = 1e-3;
-  bool same = true;
-  for (std::size_t e = 0; e < more.size(); ++e) {
-    same =
-        same && std::abs(more[e] - memory_.obstructed[e]) <= kNoticed * (poiseuille_[e] + more[e]);
-  }
-  if (same) return;
-  memory_.obstructed = std::move(more);
-  SolveMean();
-  MakeStep();
 }
 
 void Flow::EdgesAt(double time_s, std::vector<double>& edge_mL_s) const {

@@ -58,7 +58,8 @@ class Flow final : public Effect, public Evolution {
   /// Advances Windkessels and stenoses to a time.
   void AdvanceTo(double time_s);
   /// Sets the present position of the devices.
-  void Obstruct(const WireState& state, const PointSet& points);
+  void Obstruct(const WireState& state, const Expansion& expansion);
+  void AddObstruction(const Curve& curve, const PointSet& points, std::vector<double>& more) const;
 
   const FlowGraph& graph() const { return *graph_; }
   /// Steady network: its response to additional inflow.

@@ -28,7 +28,13 @@ Friction::Friction(double coefficient, double slip_mm, const EffectContext& cont
   anchors_.resize(spots);
   presses_.resize(spots);
   if (context.wire.spins() > 0) lies_.resize(spots);
-  for (std::vector<std::size_t>* some : {&pressed_, &holding_, &acting_}) some->reserve(spots);
+  on_curves_.resize(context.stack == nullptr ? 1
+                                             : static_cast<std::size_t>(context.stack->curves()));
+  for (Spots& on : on_curves_) {
+    for (std::vector<std::size_t>* some : {&on.pressed, &on.holding, &on.acting}) {
+      some->reserve(spots);
+    }
+  }
 }
 
 namespace {
@@ -62,22 +68,15 @@ void Friction::Place(const Vector3d& at, Anchor& anchor) const {
 
 PointSet::Place Friction::PlaceOf(const PointSet& points, std::size_t spot) const {
   const std::size_t instrument = spot / stride_;
-  const PointSet::Place place =
-      points.PlaceAt(static_cast<double>(spot - instrument * stride_) * points.spacing_mm +
-                     points.behind_mm[instrument]);
-  // With two curves, a point beyond the tip belongs to the other curve, which moves separately.
-  const int q = place.point;
-  if (place.before_mm > 0 && q > 0 && points.OnSecond(q) != points.OnSecond(q - 1) &&
-      points.SurfaceAt(q) < static_cast<int>(instrument)) {
-    return {q - 1, place.before_mm - points.PieceMm(q)};
-  }
-  return place;
+  return points.PlaceAt(static_cast<double>(spot - instrument * stride_) * points.spacing_mm +
+                        points.behind_mm[instrument]);
 }
 
 // Shares the contact force of each point between the spots on either side of it, by the lever rule.
 void Friction::FindPresses(const PointSet& points) {
-  for (const std::size_t spot : pressed_) presses_[spot] = Press();
-  pressed_.clear();
+  Spots& on = SpotsOn(points);
+  for (const std::size_t spot : on.pressed) presses_[spot] = Press();
+  on.pressed.clear();
   if (points.near.empty()) return;
   constexpr double kRounding = 1e-9;
   const double spacing_mm = points.spacing_mm;
@@ -100,7 +99,7 @@ void Friction::FindPresses(const PointSet& points) {
     const auto press = [&](std::size_t from_tip, double share) {
       const std::size_t spot = instrument * stride_ + from_tip;
       Press& here = presses_[spot];
-      if (!here.touches) pressed_.push_back(spot);
+      if (!here.touches) on.pressed.push_back(spot);
       here.touches = true;
       here.normal_N += share * normal_N;
       here.limit_N += share * limit_N;
@@ -115,30 +114,30 @@ void Friction::CopyFrom(const Effect& twin) {
   anchors_ = from.anchors_;
   lies_ = from.lies_;
   presses_ = from.presses_;
-  pressed_ = from.pressed_;
-  holding_ = from.holding_;
-  acting_ = from.acting_;
+  on_curves_ = from.on_curves_;
 }
 
 void Friction::Reset() {
-  for (const auto* spots : {&holding_, &acting_}) {
-    for (const std::size_t spot : *spots) anchors_[spot] = Anchor();
+  for (Spots& on : on_curves_) {
+    for (auto* const spots : {&on.holding, &on.acting}) {
+      for (const std::size_t spot : *spots) anchors_[spot] = Anchor();
+      spots->clear();
+    }
   }
-  holding_.clear();
-  acting_.clear();
 }
 
 void Friction::Begin(const PointSet& points) {
-  for (const std::size_t spot : acting_) anchors_[spot].limit_N = 0;
-  acting_.clear();
+  Spots& on = SpotsOn(points);
+  for (const std::size_t spot : on.acting) anchors_[spot].limit_N = 0;
+  on.acting.clear();
   if (moving_ != nullptr) {
-    for (const std::size_t spot : holding_) {
+    for (const std::size_t spot : on.holding) {
       Anchor& anchor = anchors_[spot];
       anchor.at = moving_->Moved(anchor.at_rest, anchor.at);
     }
   }
   FindPresses(points);
-  for (const std::size_t spot : pressed_) {
+  for (const std::size_t spot : on.pressed) {
     Anchor& anchor = anchors_[spot];
     const Press& press = presses_[spot];
     const double force_N = press.normal_N.norm();
@@ -146,7 +145,7 @@ void Friction::Begin(const PointSet& points) {
     if (!anchor.holds || place.point < 0 || !(force_N > 0)) continue;
     anchor.normal = press.normal_N / force_N;
     anchor.limit_N = press.limit_N;
-    if (anchor.limit_N > 0) acting_.push_back(spot);
+    if (anchor.limit_N > 0) on.acting.push_back(spot);
     if (!lies_.empty()) lies_[spot] = LieOf(points, spot, place.point);
   }
 }
@@ -181,16 +180,6 @@ void Share(const PointSet& points, const PointSet::Place& place, const Vector3d&
   };
   const double piece_mm = points.PieceMm(place.point);
   const double before = place.before_mm / piece_mm;
-  // If the place is beyond its curve, or if the point before lies on the other curve, the load acts
-  // at the point, with a moment about it.
-  const bool shared = before >= 0 && (place.point == 0 || points.OnSecond(place.point) ==
-                                                              points.OnSecond(place.point - 1));
-  if (!shared) {
-    add(place.point, 1);
-    moment.gradient -= place.before_mm * gradient;
-    moment.hessian += place.before_mm * place.before_mm * hessian;
-    return;
-  }
   add(place.point, 1 - before);
   if (before == 0) return;
   if (place.point > 0) add(place.point - 1, before);
@@ -200,8 +189,9 @@ void Share(const PointSet& points, const PointSet::Place& place, const Vector3d&
 }  // namespace
 
 double Friction::Add(const PointSet& points, PointDerivatives& out) const {
+  const Spots& on = on_curves_[static_cast<std::size_t>(points.curve)];
   double energy = 0;
-  for (const std::size_t spot : acting_) {
+  for (const std::size_t spot : on.acting) {
     const Anchor& anchor = anchors_[spot];
     const PointSet::Place place = PlaceOf(points, spot);
     const int q = place.point;
@@ -222,8 +212,7 @@ double Friction::Add(const PointSet& points, PointDerivatives& out) const {
           law.secant_N_mm * (Matrix3d::Identity() - anchor.normal * anchor.normal.transpose()) -
           law.softening_N_mm3 * s * s.transpose();
     }
-    TangentLoad moment{q / points.per_segment, Vector3d::Zero(), Matrix3d::Zero(),
-                       points.OnSecond(q)};
+    TangentLoad moment{q / points.per_segment, Vector3d::Zero(), Matrix3d::Zero()};
     Share(points, place, gradient, hessian, moment, out);
     if (!lies_.empty()) {
       SpinLoad spin{.point = q,
@@ -256,7 +245,7 @@ void Friction::MoveSurfaces(const PointSet& points,
     return;
   }
   FindPresses(points);
-  for (const std::size_t spot : pressed_) {
+  for (const std::size_t spot : SpotsOn(points).pressed) {
     Anchor& anchor = anchors_[spot];
     const PointSet::Place place = PlaceOf(points, spot);
     if (!anchor.holds || place.point < 0) continue;
@@ -267,7 +256,8 @@ void Friction::MoveSurfaces(const PointSet& points,
 }
 
 void Friction::End(const PointSet& points) {
-  for (const std::size_t spot : acting_) {
+  Spots& on = SpotsOn(points);
+  for (const std::size_t spot : on.acting) {
     if (lies_.empty()) break;
     // Converts the turn into a displacement; the turn then restarts at zero.
     const PointSet::Place place = PlaceOf(points, spot);
@@ -280,17 +270,17 @@ void Friction::End(const PointSet& points) {
   FindPresses(points);
   // A spot without contact forgets its anchor: it lifted off, slid into another instrument, or left
   // through the sheath.
-  for (const std::size_t spot : holding_) {
+  for (const std::size_t spot : on.holding) {
     if (!presses_[spot].touches) anchors_[spot].holds = false;
   }
-  holding_.clear();
-  for (const std::size_t spot : pressed_) {
+  on.holding.clear();
+  for (const std::size_t spot : on.pressed) {
     const PointSet::Place place = PlaceOf(points, spot);
     if (place.point < 0) {
       anchors_[spot].holds = false;
       continue;
     }
-    holding_.push_back(spot);
+    on.holding.push_back(spot);
     Anchor& anchor = anchors_[spot];
     const Vector3d at = points.PositionAt(place);
     if (!anchor.holds) {
@@ -309,13 +299,15 @@ void Friction::End(const PointSet& points) {
 }
 
 std::uint64_t Friction::Hash(std::uint64_t seed) const {
-  for (const std::size_t spot : holding_) {
-    const Anchor& anchor = anchors_[spot];
-    for (const double component : anchor.at) seed = HashDouble(component, seed);
-    // A part that the budget interrupted continues with these values.
-    if (anchor.limit_N == 0) continue;
-    seed = HashDouble(anchor.limit_N, seed);
-    for (const double component : anchor.normal) seed = HashDouble(component, seed);
+  for (const Spots& on : on_curves_) {
+    for (const std::size_t spot : on.holding) {
+      const Anchor& anchor = anchors_[spot];
+      for (const double component : anchor.at) seed = HashDouble(component, seed);
+      // A part that the budget interrupted continues with these values.
+      if (anchor.limit_N == 0) continue;
+      seed = HashDouble(anchor.limit_N, seed);
+      for (const double component : anchor.normal) seed = HashDouble(component, seed);
+    }
   }
   return seed;
 }

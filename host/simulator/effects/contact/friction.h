@@ -75,6 +75,13 @@ class Friction final : public Effect, public EnergyTerm {
     bool touches = false;
   };
 
+  // Spots of the instruments on a curve.
+  struct Spots {
+    std::vector<std::size_t> pressed;  // those with a contact force; set by FindPresses
+    std::vector<std::size_t> holding;  // those with a valid anchor
+    std::vector<std::size_t> acting;   // those of `holding` with a limit in this part
+  };
+
   // Position of a spot's segment at the part's start, for an instrument that twists.
   struct Lie {
     Eigen::Vector3d tangent;
@@ -91,6 +98,9 @@ class Friction final : public Effect, public EnergyTerm {
 
   // Spots are numbered from the tip of the innermost instrument, then from that of the next one.
   int InstrumentOf(std::size_t spot) const { return static_cast<int>(spot / stride_); }
+  Spots& SpotsOn(const PointSet& points) {
+    return on_curves_[static_cast<std::size_t>(points.curve)];
+  }
   PointSet::Place PlaceOf(const PointSet& points, std::size_t spot) const;
   void FindPresses(const PointSet& points);
   Lie LieOf(const PointSet& points, std::size_t spot, int point) const;
@@ -105,11 +115,9 @@ class Friction final : public Effect, public EnergyTerm {
   const vessel::MovingField* const moving_;  ///< null for a vessel at rest
   std::size_t stride_;                       ///< number of spots of an instrument
   std::vector<Anchor> anchors_;
-  std::vector<Lie> lies_;             ///< by spot; empty if nothing twists
-  std::vector<Press> presses_;        ///< by spot; set by FindPresses
-  std::vector<std::size_t> pressed_;  ///< the spots with a contact force
-  std::vector<std::size_t> holding_;  ///< the spots with a valid anchor
-  std::vector<std::size_t> acting_;   ///< those of holding_ with a limit in this part
+  std::vector<Lie> lies_;         ///< by spot; empty if nothing twists
+  std::vector<Press> presses_;    ///< by spot; set by FindPresses
+  std::vector<Spots> on_curves_;  ///< by curve
 };
 
 EffectKind FrictionKind();

@@ -12,8 +12,7 @@ namespace {
 
 // Turn of an instrument in another one, at a segment.
 double TurnIn(const PointSet& points, int segment, int inner, int outer) {
-  const PointSet::Turns& curve = points.LiesOnSecond(inner) ? points.second_turns : points.turns;
-  const OfInstruments& turns = curve.angles_rad[static_cast<std::size_t>(segment)];
+  const OfInstruments& turns = points.turns.angles_rad[static_cast<std::size_t>(segment)];
   return turns[static_cast<std::size_t>(inner)] - turns[static_cast<std::size_t>(outer)];
 }
 
@@ -22,9 +21,11 @@ double TurnIn(const PointSet& points, int segment, int inner, int outer) {
 FrictionBetween::FrictionBetween(double coefficient, double slip_mm, const EffectContext& context)
     : slip_mm_(slip_mm), stack_(*context.stack) {
   sliding_.coefficient = coefficient;
-  if (stack_.second_rod() != nullptr) in_lumen_.emplace(coefficient, slip_mm, context);
-  if (stack_.rod().stack_twists()) {
-    anchors_.resize(static_cast<std::size_t>(context.wire.max_segments()) + 1);
+  if (stack_.curves() > 1) in_lumen_.emplace(coefficient, slip_mm, context);
+  on_curves_.resize(static_cast<std::size_t>(stack_.curves()));
+  if (!stack_.rod().stack_twists()) return;
+  for (OnCurve& on : on_curves_) {
+    on.anchors.resize(static_cast<std::size_t>(context.wire.max_segments()) + 1);
   }
 }
 
@@ -32,38 +33,37 @@ void FrictionBetween::CopyFrom(const Effect& twin) {
   const auto& from = dynamic_cast<const FrictionBetween&>(twin);
   sliding_ = from.sliding_;
   in_lumen_ = from.in_lumen_;
-  anchors_ = from.anchors_;
-  anchored_ = from.anchored_;
+  on_curves_ = from.on_curves_;
 }
 
 void FrictionBetween::Reset() {
   sliding_.direction = {};
   if (in_lumen_) in_lumen_->Reset();
-  anchors_.assign(anchors_.size(), Anchors());
-  anchored_ = 0;
+  for (OnCurve& on : on_curves_) {
+    on.anchors.assign(on.anchors.size(), Anchors());
+    on.anchored = 0;
+  }
 }
 
 void FrictionBetween::Begin(const PointSet& points) {
   if (in_lumen_) in_lumen_->Begin(points);
-  if (anchors_.empty()) return;
+  OnCurve& on = AnchorsOn(points);
+  if (on.anchors.empty()) return;
   const int segments = points.segments();
   const bool known = !points.pressed_N.empty();  // otherwise the last values remain
   for (int i = 0; i < segments; ++i) {
     const int last = (i + 1) * points.per_segment - 1;
     const double from_tip_mm = points.FromTipMm(last);
-    Anchors& anchors = AnchorsAt(points, i);
+    Anchors& anchors = on.At(points, i);
     int inner = -1;
-    for (int k = 0; k < stack_.size(); ++k) {
+    for (int k = points.first_instrument; k < points.last_instrument; ++k) {
       const double behind_mm = points.behind_mm[static_cast<std::size_t>(k)];
       Anchor& own = anchors[static_cast<std::size_t>(k)];
       if (from_tip_mm < behind_mm) {
         own = Anchor();
         continue;
       }
-      // Between two curves the lumen friction acts instead.
-      const bool same_curve = inner >= 0 && points.LiesOnSecond(inner) == points.LiesOnSecond(k);
-      if (inner >= 0 && !same_curve) anchors[static_cast<std::size_t>(inner)] = Anchor();
-      if (same_curve) {
+      if (inner >= 0) {
         Anchor& anchor = anchors[static_cast<std::size_t>(inner)];
         if (anchor.outer != k) {
           anchor = Anchor();
@@ -84,15 +84,16 @@ void FrictionBetween::Begin(const PointSet& points) {
     if (inner >= 0)
       anchors[static_cast<std::size_t>(inner)] = Anchor();  // the outermost has no anchor
   }
-  anchored_ = segments;
+  on.anchored = segments;
 }
 
 double FrictionBetween::Add(const PointSet& points, PointDerivatives& out) const {
   double energy_mJ = in_lumen_ ? in_lumen_->Add(points, out) : 0;
-  if (anchors_.empty()) return energy_mJ;
-  for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
-    const Anchors& anchors = AnchorsAt(points, i);
-    for (int k = 0; k < stack_.size(); ++k) {
+  const OnCurve& on = on_curves_[static_cast<std::size_t>(points.curve)];
+  if (on.anchors.empty()) return energy_mJ;
+  for (int i = 0; i < std::min(points.segments(), on.anchored); ++i) {
+    const Anchors& anchors = on.At(points, i);
+    for (int k = points.first_instrument; k < points.last_instrument; ++k) {
       const Anchor& anchor = anchors[static_cast<std::size_t>(k)];
       if (anchor.outer < 0 || anchor.limit_N == 0) continue;
       const double r = anchor.radius_mm;
@@ -117,19 +118,21 @@ void FrictionBetween::MoveSurfaces(const PointSet& points,
   const auto slid_mm = [&moves](std::size_t inner, std::size_t outer) {
     return moves[inner].along_mm - moves[outer].along_mm;
   };
-  const auto count = static_cast<std::size_t>(stack_.size());
-  for (std::size_t k = 0; k < count; ++k) {
+  const auto first = static_cast<std::size_t>(points.first_instrument);
+  const auto count = static_cast<std::size_t>(points.last_instrument);
+  for (std::size_t k = first; k < count; ++k) {
     for (std::size_t m = k + 1; m < count; ++m) {
       if (std::abs(slid_mm(k, m)) > kStillMm) sliding_.direction[k][m] = slid_mm(k, m) > 0 ? 1 : -1;
     }
   }
   if (in_lumen_) in_lumen_->MoveSurfaces(points, moves);
-  if (anchors_.empty()) return;
+  OnCurve& on = AnchorsOn(points);
+  if (on.anchors.empty()) return;
   // Twists that slide along also cause turns. Their way, r times a rate of twist, is far less than
   // the way along and is neglected.
-  for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
-    Anchors& anchors = AnchorsAt(points, i);
-    for (std::size_t k = 0; k < count; ++k) {
+  for (int i = 0; i < std::min(points.segments(), on.anchored); ++i) {
+    Anchors& anchors = on.At(points, i);
+    for (std::size_t k = first; k < count; ++k) {
       if (anchors[k].outer < 0) continue;
       anchors[k].along_mm += slid_mm(k, static_cast<std::size_t>(anchors[k].outer));
     }
@@ -138,10 +141,11 @@ void FrictionBetween::MoveSurfaces(const PointSet& points,
 
 void FrictionBetween::End(const PointSet& points) {
   if (in_lumen_) in_lumen_->End(points);
-  if (anchors_.empty()) return;
-  for (int i = 0; i < std::min(points.segments(), anchored_); ++i) {
-    Anchors& anchors = AnchorsAt(points, i);
-    for (int k = 0; k < stack_.size(); ++k) {
+  OnCurve& on = AnchorsOn(points);
+  if (on.anchors.empty()) return;
+  for (int i = 0; i < std::min(points.segments(), on.anchored); ++i) {
+    Anchors& anchors = on.At(points, i);
+    for (int k = points.first_instrument; k < points.last_instrument; ++k) {
       Anchor& anchor = anchors[static_cast<std::size_t>(k)];
       if (anchor.outer < 0) continue;
       const double turn_rad = TurnIn(points, i, k, anchor.outer);
@@ -153,10 +157,10 @@ void FrictionBetween::End(const PointSet& points) {
     }
   }
   // Segments that left through the sheath return in another position, so their anchors are cleared.
-  for (int k = points.segments(); k < anchored_; ++k) {
-    anchors_[static_cast<std::size_t>(k)] = Anchors();
+  for (int k = points.segments(); k < on.anchored; ++k) {
+    on.anchors[static_cast<std::size_t>(k)] = Anchors();
   }
-  anchored_ = std::min(anchored_, points.segments());
+  on.anchored = std::min(on.anchored, points.segments());
 }
 
 std::uint64_t FrictionBetween::Hash(std::uint64_t seed) const {
@@ -164,11 +168,13 @@ std::uint64_t FrictionBetween::Hash(std::uint64_t seed) const {
   for (const auto& ways : sliding_.direction) {
     for (const int way : ways) seed = HashDouble(way, seed);
   }
-  for (int i = 0; i < anchored_; ++i) {
-    for (const Anchor& anchor : anchors_[static_cast<std::size_t>(i)]) {
-      if (anchor.outer < 0) continue;
-      for (const double value : {anchor.along_mm, anchor.turn_rad, anchor.limit_N}) {
-        seed = HashDouble(value, seed);
+  for (const OnCurve& on : on_curves_) {
+    for (int i = 0; i < on.anchored; ++i) {
+      for (const Anchor& anchor : on.anchors[static_cast<std::size_t>(i)]) {
+        if (anchor.outer < 0) continue;
+        for (const double value : {anchor.along_mm, anchor.turn_rad, anchor.limit_N}) {
+          seed = HashDouble(value, seed);
+        }
       }
     }
   }

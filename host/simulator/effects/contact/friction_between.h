@@ -8,7 +8,7 @@
 // as the relative motion of both since an anchor, the energy is that of StickSlip with the limit mu
 // N. Both ways share one cone, so an instrument that slides along is easily turned.
 //
-// With room in a lumen, friction also acts between the two curves, and then on their shapes:
+// With room in a lumen, friction also acts between curves, and then on their shapes:
 // lumen_friction.h.
 #pragma once
 
@@ -52,18 +52,26 @@ class FrictionBetween final : public Effect, public EnergyTerm {
   };
   using Anchors = std::array<Anchor, kMostInstruments>;  // by instrument; the outermost has none
 
-  Anchors& AnchorsAt(const PointSet& points, int segment) {
-    return anchors_[static_cast<std::size_t>(points.segments() - 1 - segment)];
-  }
-  const Anchors& AnchorsAt(const PointSet& points, int segment) const {
-    return anchors_[static_cast<std::size_t>(points.segments() - 1 - segment)];
+  // Anchors on a curve.
+  struct OnCurve {
+    std::vector<Anchors> anchors;  // by segment from the tip; empty if nothing twists
+    int anchored = 0;              // anchors beyond this many are blank
+
+    Anchors& At(const PointSet& points, int segment) {
+      return anchors[static_cast<std::size_t>(points.segments() - 1 - segment)];
+    }
+    const Anchors& At(const PointSet& points, int segment) const {
+      return anchors[static_cast<std::size_t>(points.segments() - 1 - segment)];
+    }
+  };
+  OnCurve& AnchorsOn(const PointSet& points) {
+    return on_curves_[static_cast<std::size_t>(points.curve)];
   }
 
   const double slip_mm_;
   const InstrumentStack& stack_;
   Sliding sliding_;
-  std::vector<Anchors> anchors_;           ///< empty if nothing twists
-  int anchored_ = 0;                       ///< anchors beyond this many are blank
+  std::vector<OnCurve> on_curves_;         ///< by curve
   std::optional<LumenFriction> in_lumen_;  ///< empty if no lumen has room
 };
 

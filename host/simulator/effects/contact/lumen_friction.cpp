@@ -21,13 +21,14 @@ double Within(double angle_rad) { return std::remainder(angle_rad, 2 * std::numb
 LumenFriction::LumenFriction(double coefficient, double slip_mm, const EffectContext& context)
     : coefficient_(coefficient),
       slip_mm_(slip_mm),
-      held_(BetweenCurves::MostPlaces(context.wire.max_segments(),
-                                      context.wall.points_per_segment)) {}
+      held_(static_cast<std::size_t>(context.stack->curves())) {
+  const auto segments = static_cast<std::size_t>(context.wire.max_segments()) + 1;
+  const int pieces = LumenPairs::PiecesPerSegment(context.wall.points_per_segment);
+  for (std::vector<Held>& held : held_) held.resize(segments * static_cast<std::size_t>(pieces));
+}
 
 std::size_t LumenFriction::MemoryOf(const PointSet& points, std::size_t place) {
-  if (place + 1 == points.lumen.size()) return 0;
-  const auto all = static_cast<std::size_t>(points.segments() * points.lumen_per_segment);
-  return all - place;
+  return static_cast<std::size_t>(points.segments() * points.lumen_per_segment) - 1 - place;
 }
 
 // True if the surfaces are still those of the part's start.
@@ -36,25 +37,27 @@ bool LumenFriction::Holds(const Held& held, const LumenContact& contact) {
 }
 
 Vector2d LumenFriction::WayMm(const Held& held, const LumenContact& contact) {
-  return held.way_mm +
-         Vector2d(contact.ahead_mm - held.from.ahead_mm,
-                  held.around.dot(contact.offset_mm - held.from.offset_mm) +
-                      contact.radius_mm * Within(contact.turn_rad - held.from.turn_rad));
+  Vector2d way_mm = held.way_mm;
+  way_mm[0] += contact.ahead_mm - held.from.ahead_mm;
+  if (Changed(held, contact)) return way_mm;
+  way_mm[1] += held.around.dot(contact.offset_mm - held.from.offset_mm) +
+               contact.radius_mm * Within(contact.turn_rad - held.from.turn_rad);
+  return way_mm;
 }
 
 void LumenFriction::Begin(const PointSet& points) {
   const auto in_lumen = points.lumen.size();
+  std::vector<Held>& all = HeldOn(points);
   // Places beyond the lumen, or in the sheath, return in another position, so their memory is
   // cleared.
-  const std::size_t first = in_lumen == 0 ? 0 : MemoryOf(points, in_lumen - 2);
+  const std::size_t first = in_lumen == 0 ? all.size() : MemoryOf(points, in_lumen - 1);
   const std::size_t last = in_lumen == 0 ? 0 : MemoryOf(points, 0);
-  for (std::size_t k = 1; k < held_.size(); ++k) {
-    if (k < first || k > last) held_[k] = Held();
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (k < first || k > last) all[k] = Held();
   }
-  if (in_lumen == 0) held_[0] = Held();
   for (std::size_t place = 0; place < in_lumen; ++place) {
     const LumenContact& contact = points.lumen[place];
-    Held& held = held_[MemoryOf(points, place)];
+    Held& held = all[MemoryOf(points, place)];
     held.limit_N = coefficient_ * contact.force_N;
     held.from = contact;
     const Vector2d outwards = contact.offset_mm.normalized();
@@ -64,18 +67,25 @@ void LumenFriction::Begin(const PointSet& points) {
 
 double LumenFriction::Add(const PointSet& points, PointDerivatives& out) const {
   double energy_mJ = 0;
+  const std::vector<Held>& all = held_[static_cast<std::size_t>(points.curve)];
   for (std::size_t place = 0; place < points.lumen.size(); ++place) {
     const LumenContact& contact = points.lumen[place];
-    const Held& held = held_[MemoryOf(points, place)];
+    const Held& held = all[MemoryOf(points, place)];
     if (!Holds(held, contact)) continue;
     const Vector2d way_mm = WayMm(held, contact);
     const StickSlip law(held.limit_N, slip_mm_, way_mm.squaredNorm());
     energy_mJ += law.energy_mJ;
-    out.in_lumen.push_back({.place = static_cast<int>(place),
-                            .around = held.around,
-                            .gradient = law.secant_N_mm * way_mm,
-                            .hessian = law.secant_N_mm * Eigen::Matrix2d::Identity() -
-                                       law.softening_N_mm3 * way_mm * way_mm.transpose()});
+    SlideLoad load{.place = static_cast<int>(place),
+                   .around = held.around,
+                   .gradient = law.secant_N_mm * way_mm,
+                   .hessian = law.secant_N_mm * Eigen::Matrix2d::Identity() -
+                              law.softening_N_mm3 * way_mm * way_mm.transpose()};
+    if (Changed(held, contact)) {
+      load.gradient[1] = 0;
+      load.hessian.row(1).setZero();
+      load.hessian.col(1).setZero();
+    }
+    out.in_lumen.push_back(load);
   }
   return energy_mJ;
 }
@@ -83,20 +93,21 @@ double LumenFriction::Add(const PointSet& points, PointDerivatives& out) const {
 // Surfaces that do not twist turn with their hands.
 void LumenFriction::MoveSurfaces(const PointSet& points,
                                  const std::array<SurfaceMove, kMostInstruments>& moves) {
+  std::vector<Held>& all = HeldOn(points);
   for (std::size_t place = 0; place < points.lumen.size(); ++place) {
-    Held& held = held_[MemoryOf(points, place)];
+    Held& held = all[MemoryOf(points, place)];
     if (held.limit_N == 0) continue;
     const SurfaceMove& inner = moves[static_cast<std::size_t>(held.from.inner)];
     const SurfaceMove& outer = moves[static_cast<std::size_t>(held.from.outer)];
-    held.way_mm[0] += inner.along_mm - outer.along_mm;
     held.way_mm[1] += held.from.radius_mm * inner.turn_rad - held.from.lumen_mm * outer.turn_rad;
   }
 }
 
 void LumenFriction::End(const PointSet& points) {
+  std::vector<Held>& all = HeldOn(points);
   for (std::size_t place = 0; place < points.lumen.size(); ++place) {
     const LumenContact& contact = points.lumen[place];
-    Held& held = held_[MemoryOf(points, place)];
+    Held& held = all[MemoryOf(points, place)];
     held.way_mm = Holds(held, contact) ? WayMm(held, contact) : Vector2d(Vector2d::Zero());
     const double distance = held.way_mm.norm();
     if (distance > slip_mm_) held.way_mm *= slip_mm_ / distance;
@@ -104,13 +115,17 @@ void LumenFriction::End(const PointSet& points) {
   }
 }
 
-void LumenFriction::Reset() { held_.assign(held_.size(), Held()); }
+void LumenFriction::Reset() {
+  for (std::vector<Held>& held : held_) held.assign(held.size(), Held());
+}
 
 std::uint64_t LumenFriction::Hash(std::uint64_t seed) const {
-  for (const Held& held : held_) {
-    if (held.limit_N == 0) continue;
-    for (const double value : {held.limit_N, held.way_mm[0], held.way_mm[1]}) {
-      seed = HashDouble(value, seed);
+  for (const std::vector<Held>& all : held_) {
+    for (const Held& held : all) {
+      if (held.limit_N == 0) continue;
+      for (const double value : {held.limit_N, held.way_mm[0], held.way_mm[1]}) {
+        seed = HashDouble(value, seed);
+      }
     }
   }
   return seed;

@@ -1,4 +1,4 @@
-// Coulomb friction between the inner of two curves and the lumen in which it has room
+// Coulomb friction between a curve and the lumen in which it has room
 // (core/README.md, section 18).
 //
 // At every contact place, N is the contact force. With
@@ -29,7 +29,7 @@ class LumenFriction {
   std::uint64_t Hash(std::uint64_t seed) const;
 
  private:
-  // Memory of a place. It moves with the curve that reaches farthest, as the points do.
+  // Memory of a place. It moves with the inner curve.
   struct Held {
     Eigen::Vector2d way_mm = Eigen::Vector2d::Zero();  // since the anchor: along, around
     double limit_N = 0;                                // mu N at the part's start; 0: no friction
@@ -40,12 +40,20 @@ class LumenFriction {
   // Sliding of a place since its anchor, mm.
   static Eigen::Vector2d WayMm(const Held& held, const LumenContact& contact);
   static bool Holds(const Held& held, const LumenContact& contact);
-  // Index of the memory of a place of PointSet::lumen; that of the end comes first.
+  // True if the place faced another segment of the lumen at the part's start. The directions around
+  // the lumen then have no common zero, so it does not slide around until the part ends.
+  static bool Changed(const Held& held, const LumenContact& contact) {
+    return contact.outer_from_tip != held.from.outer_from_tip;
+  }
+  // Memory of the places of PointSet::lumen, from the tip.
+  std::vector<Held>& HeldOn(const PointSet& points) {
+    return held_[static_cast<std::size_t>(points.curve)];
+  }
   static std::size_t MemoryOf(const PointSet& points, std::size_t place);
 
   double coefficient_;
   double slip_mm_;
-  std::vector<Held> held_;
+  std::vector<std::vector<Held>> held_;  // by curve
 };
 
 }  // namespace torquer::effects

@@ -1,5 +1,6 @@
 #include "host/simulator/effects/instruments/clearance.h"
 
+#include <algorithm>
 #include <optional>
 
 namespace torquer::effects {
@@ -14,10 +15,12 @@ void ClearanceObserver::CopyFrom(const Effect& twin) {
 }
 
 void ClearanceObserver::Observe(const TickView& tick) {
-  const BetweenCurves& between = tick.expansion.between;
-  pressed_N_ = between.pressed_N;
-  end_pressed_N_ = between.end_pressed_N;
-  offset_mm_ = between.largest_offset_mm;
+  pressed_N_ = end_pressed_N_ = offset_mm_ = 0;
+  for (const BetweenCurves& between : tick.expansion.between) {
+    pressed_N_ += between.pressed_N;
+    end_pressed_N_ += between.end_pressed_N;
+    offset_mm_ = std::max(offset_mm_, between.largest_offset_mm);
+  }
 }
 
 std::vector<Reading> ClearanceObserver::Readings() const {
@@ -29,7 +32,7 @@ std::vector<Reading> ClearanceObserver::Readings() const {
 namespace {
 
 struct ClearanceSpec : TableSpec {
-  std::string around;
+  std::vector<std::string> around;
   std::optional<double> stiffness_N_mm2;
 };
 
@@ -37,8 +40,9 @@ const Keys<ClearanceSpec>& ClearanceKeys() {
   static const Keys<ClearanceSpec> keys =
       Keys<ClearanceSpec>()
           .Otherwise("the instrument around the innermost")
-          .Text("around", &ClearanceSpec::around,
-                "instrument in whose lumen the inner instruments can move")
+          .Texts(
+              "around", &ClearanceSpec::around,
+              "instrument, or list of instruments, in whose lumen the inner instruments can move")
           .Otherwise("stiffness of the vessel's wall")
           .Number("stiffness_N_mm2", &ClearanceSpec::stiffness_N_mm2, 1e-3, 1e3, "N/mm^2",
                   "stiffness of the lumen's wall per length of wire; a wall much stiffer than the "
@@ -55,19 +59,20 @@ std::unique_ptr<Effect> MakeClearance(const ClearanceSpec& /*spec*/,
 Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instruments,
                  const WallModel& wall) {
   if (instruments.size() < 2) {
-    spec.origin.Refuse("around",
-                       "there is one instrument, and nothing that it lies in; take the table out, "
-                       "or give a second [[instrument]]");
+    spec.origin.Refuse(
+        "around",
+        "there is one instrument; remove [effects.clearance], or add a second [[instrument]]");
   }
-  Clearance clearance{.first_outer = 1,
-                      .stiffness_N_mm2 = spec.stiffness_N_mm2.value_or(wall.stiffness_N_mm2)};
-  if (!spec.around.empty()) {
-    clearance.first_outer = FindInstrument(instruments, spec.around, spec, "around");
-    if (clearance.first_outer == 0) {
+  Clearance clearance{.stiffness_N_mm2 = spec.stiffness_N_mm2.value_or(wall.stiffness_N_mm2)};
+  if (spec.around.empty()) clearance.has_room[1] = true;
+  for (const std::string& name : spec.around) {
+    const int outer = FindInstrument(instruments, name, spec, "around");
+    if (outer == 0) {
       spec.origin.Refuse("around",
                          "this is the innermost instrument, in which nothing lies; name "
                          "one around it");
     }
+    clearance.has_room[static_cast<std::size_t>(outer)] = true;
   }
   for (std::size_t k = 0; k < instruments.size(); ++k) {
     clearance.lumen_radius_mm[k] = instruments[k].inner_radius_mm;
@@ -79,7 +84,7 @@ Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instr
 
 EffectKind ClearanceKind() {
   return {.name = "clearance",
-          .summary = "radial clearance of instruments in a lumen: two curves in contact",
+          .summary = "radial clearance of instruments in lumens: curves in contact",
           .roles = "stage, observer",
           .keys = Any(ClearanceKeys()),
           .make = MakeWith(MakeClearance),

@@ -4,19 +4,17 @@ namespace torquer::effects {
 
 double Gravity::Add(const PointSet& points, PointDerivatives& out) const {
   double energy = 0;
-  for (int k = 0; k < points.instruments; ++k) {
-    const bool second = points.LiesOnSecond(k);
-    const int count = points.SizeOf(second);
+  const bool several = points.last_instrument - points.first_instrument > 1;
+  for (int k = points.first_instrument; k < points.last_instrument; ++k) {
     const Eigen::Vector3d& weight_N_mm = weights_N_mm_[static_cast<std::size_t>(k)];
-    for (int q = 0; q < count; ++q) {
-      const double part = points.instruments == 1 ? 1 : points.PartOf(k, q);
+    for (int q = 0; q < points.size(); ++q) {
+      const double part = several ? points.PartOf(k, q) : 1;
       if (part == 0) break;
       const auto p = static_cast<std::size_t>(q);
       const double length_mm = part * points.weight_mm[p];
-      PositionDerivatives& on = out.On(points, second, q);
-      on.TouchGradient(q);
-      on.gradient[p] -= length_mm * weight_N_mm;
-      energy -= length_mm * weight_N_mm.dot(points.PositionOn(second, q));
+      out.TouchGradient(q);
+      out.gradient[p] -= length_mm * weight_N_mm;
+      energy -= length_mm * weight_N_mm.dot(points.position[p]);
     }
   }
   return energy;

@@ -9,11 +9,10 @@
 // Position and velocity are stored by the distance from the tip, which is constant for a material
 // point while the wire is fed. At a fixed distance from the sheath the material changes, and the
 // acceleration would need convection terms. The part of the wire in the sheath is straight and
-// moves with the hand. Each of two curves stores its own material, by the distance from its own
+// moves with the hand. Each curve stores its own material, by the distance from its own
 // tip.
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "host/simulator/effects/effect.h"
@@ -62,35 +61,25 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   struct Curve {
     std::vector<Material> material;  // of the points that keep their material, ordered from the tip
     int known = 0;                   // number of valid entries of material
-    double beyond_tip_mm = 0;        // distance of the first entry beyond the tip
+    bool begun = false;              // Begin was called since Reset
     double inserted_mm = 0;
     double fed_mm_s = 0;  // velocity of the part in the sheath
   };
 
-  // Points of a curve together with its stored state.
-  struct Seen {
-    const PointSet& points;
-    const Curve& curve;
-    int last;          // index of its last point
-    double behind_mm;  // distance of its tip behind the distal end
-    double moved;      // motion of its points along its material, in pieces
-  };
-
-  // Number of a curve of `points`: 0 for that of the innermost instrument, 1 for the other.
-  static std::size_t NumberOf(const PointSet& points, bool second);
-  Seen See(const PointSet& points, bool second) const;
-  Material Before(const Seen& seen, int q) const;
-  double DensityAt(const PointSet& points, bool second, int q) const;
-  static void Remember(const PointSet& points, bool second, Curve& curve);
+  const Curve& CurveOf(const PointSet& points) const {
+    return curves_[static_cast<std::size_t>(points.curve)];
+  }
+  Material Before(const PointSet& points, int q) const;
+  double DensityAt(const PointSet& points, int q) const;
+  static void Remember(const PointSet& points, Curve& curve);
 
   const Settings settings_;
   const Sheath sheath_;
-  std::array<Curve, 2> curves_;  // by NumberOf; only the first for one curve
-  std::vector<Material> next_;   // of one curve, while a part ends
-  bool begun_ = false;           // Begin was called since Reset
-  double left_s_ = 0;            // time that no part has simulated yet
-  double part_s_ = 0;            // time of the present part
-  double kinetic_mJ_ = 0;        // at the end of the last part
+  std::vector<Curve> curves_;
+  std::vector<Material> next_;  // of one curve, while a part ends
+  double left_s_ = 0;           // time that no part has simulated yet
+  double part_s_ = 0;           // time of the present part
+  double kinetic_mJ_ = 0;       // at the end of the last part
 };
 
 EffectKind InertiaKind();

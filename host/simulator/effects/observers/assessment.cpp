@@ -55,7 +55,7 @@ void Assessment::Observe(const TickView& tick) {
   const double insertion_mm = tick.target[task_.instrument].insertion_mm;
   CountRetractions(insertion_mm);
   speed_.Add(tick.time_s, insertion_mm);
-  const Eigen::Vector3d& tip = tick.state.tip();
+  const Eigen::Vector3d& tip = tick.state.Farthest().tip();
   FollowTip(moving_ == nullptr ? tip : moving_->AtRest(tip), tick.step_s);
 }
 

@@ -27,7 +27,8 @@ void InternalForceObserver::Restart() {
 }
 
 void InternalForceObserver::Observe(const TickView& tick) {
-  FindInternalForces(stack_.rod(), tick.state, tick.expansion, terms_, forces_);
+  FindInternalForces(stack_.rod(tick.state.FarthestCurve()), tick.state, tick.expansion, terms_,
+                     forces_);
   hands_.Find(stack_, tick.state, tick.expansion, forces_,
               sliding_ == nullptr ? Sliding() : *sliding_);
 }

@@ -47,7 +47,7 @@ void WallForce::AddContact(const PointSet& points, int q) {
       1e3 * points.stiffness_N_mm2[p] * length_mm * depth_mm * sample.gradient.norm();
   const double beyond_mm =
       q + 1 < points.size() ? points.FromTipMm(q) - points.FromTipMm(q + 1) : 0;
-  const double begin_mm = points.FromTipMm(q) - beyond_mm / 2;
+  const double begin_mm = points.behind_farthest_mm + points.FromTipMm(q) - beyond_mm / 2;
   force_mN_.Add(begin_mm, begin_mm + length_mm, force_mN);
   sum_mN_ += force_mN;
   depth_mm2_.Add(begin_mm, begin_mm + length_mm, depth_mm * length_mm);
@@ -70,18 +70,21 @@ double WallForce::PressureOn(const SpreadAlong::Stretch& patch) const {
 }
 
 void WallForce::FindForces(const TickView& tick) {
-  const PointSet& points = tick.expansion.points;
   force_mN_.Clear();
   depth_mm2_.Clear();
   radius_mm_mN_.Clear();
   sum_mN_ = axial_mN_ = 0;
-  for (const int q : points.near) {
-    if (points.touches[static_cast<std::size_t>(q)]) AddContact(points, q);
+  for (int c = 0; c < tick.state.curves(); ++c) {
+    const PointSet& of_curve = tick.expansion.curve(c).points;
+    for (const int q : of_curve.near) {
+      if (of_curve.touches[static_cast<std::size_t>(q)]) AddContact(of_curve, q);
+    }
   }
   const SpreadAlong::Stretch patch = force_mN_.LargestOn(settings_.patch_mm);
   largest_mN_ = patch.amount;
   pressure_kPa_ = PressureOn(patch);
   tip_mN_ = force_mN_.Between(0, settings_.tip_mm);
+  const PointSet& points = tick.expansion.curve(tick.state.FarthestCurve()).points;
   const double radius_mm = points.size() == 0 ? 1 : points.radius_mm.back();
   tip_pressure_kPa_ = axial_mN_ / (std::numbers::pi * radius_mm * radius_mm);
 }

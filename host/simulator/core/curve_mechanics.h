@@ -1,0 +1,150 @@
+// Energy of a curve in a vessel, with its derivatives: bending, wall, and the loads of the effects.
+//
+// Unknowns: every tangent u_i on the unit sphere, moved by a step xi_i in its tangent plane,
+//   u_i(xi) = u_i + T_i xi_i - |xi_i|^2/2 u_i + O(3),   T_i = [normal_i, second normal_i],
+// so that lengths stay exact and node i + 1 moves by the sum of l_k T_k xi_k over k <= i. Joint i
+// couples xi_{i-1} and xi_i; the points of segment i feel the displacement of node i and xi_i.
+//
+// The untwisted frames of a wire that does not twist turn with the steps. So a joint that rests
+// curved depends on all segments before it. Its effect goes back along the wire as a twisting
+// moment.
+//
+// A wire that twists has normals that are fixed to its material, and one more unknown per segment.
+// This is its spin zeta_i, which turns the normal about the tangent. In a stack that twists each
+// instrument has a spin, which turns it against the normal.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include "host/simulator/core/clearance_field.h"
+#include "host/simulator/core/contact_points.h"
+#include "host/simulator/core/curve.h"
+#include "host/simulator/core/energy_term.h"
+#include "host/simulator/core/joint_terms.h"
+#include "host/simulator/core/stack/stack_terms.h"
+#include "host/simulator/core/wire_model.h"
+
+namespace torquer {
+
+/// Second-order expansion of the wall's spring at a near point. If the point does not touch, it is
+/// the expansion of a spring that also pulls.
+struct WallSpring {
+  double stiffness_N_mm;    ///< k times the length that the point stands for
+  double penetration_mm;    ///< negative: minus the distance to contact
+  Eigen::Matrix3d hessian;  ///< N/mm
+};
+
+/// Sums over the points of one segment of the gradient g and Hessian H: g, t g, H, t H, t^2 H. t is
+/// the distance of a point past the segment's proximal node. A load on the tangent itself adds its
+/// gradient to g1 and its Hessian to h2.
+struct LoadTerms {
+  Eigen::Vector3d g0;
+  Eigen::Vector3d g1;
+  Eigen::Matrix3d h0;
+  Eigen::Matrix3d h1;
+  Eigen::Matrix3d h2;
+};
+
+/// Expansion of the energy of a curve. Buffers are allocated once; no heap after that.
+struct CurveExpansion {
+  double energy_mJ = 0;  ///< of bending and wall
+  double residual = 0;   ///< largest out-of-balance moment over the local EI/(1 mm) (torque, GJ)
+  double max_penetration_mm = 0;   ///< of the curve's surface; 0 without contact
+  std::vector<Frame> frames;       ///< n, one per segment
+  std::vector<JointTerms> joints;  ///< n, one per joint; joint 0 has no proximal unknown
+  std::vector<TwistTerms> twists;  ///< n, one per joint of a wire that twists; otherwise empty
+  std::vector<TurnTerms> turns;    ///< n, for a wire that does not twist and rests curved somewhere
+  std::vector<StackTerms> stack;   ///< n, for a stack that twists
+  std::vector<int> load_index;     ///< n, into `loads`, -1 for a segment free of load
+  std::vector<LoadTerms> loads;    ///< of the loaded segments
+  /// n for one of several curves, otherwise empty: gradient of the contact with the others by the
+  /// displacement of the segment's distal node (3, N) and its step (2, mJ).
+  std::vector<Eigen::Matrix<double, 5, 1>> touch_gradient;
+  std::vector<Eigen::Vector3d> distal_gradient;  ///< n + 1: sum of the gradients beyond node i,
+                                                 ///< minus the internal force there; N
+  std::vector<Eigen::Vector2d> gradient;         ///< n: d energy / d xi_i
+  std::vector<double> spin_gradient;             ///< n times the model's spins: d energy / d zeta_i
+  PointSet points;
+  std::vector<WallSpring> springs;  ///< one for each of points.near
+  PointDerivatives derivatives;     ///< of the terms, without the wall
+};
+
+/// Evaluates expansions of one curve. Not thread-safe.
+class CurveMechanics {
+ public:
+  /// Keeps references to all. `stack`: of several instruments, of which `curve` is one curve; null
+  /// for a lone curve.
+  CurveMechanics(const WireModel& model, const ClearanceField& field, const WallModel& wall,
+                 const InstrumentStack* stack, int curve);
+
+  /// Reserves room for the longest curve. `terms`: true if energy terms act on it.
+  void Reserve(bool terms, CurveExpansion& out) const;
+  /// Expands bending, twist and wall. The first `in_lumen_mm` lie in the lumen of another curve,
+  /// away from the wall.
+  void Expand(const Curve& curve, double in_lumen_mm, bool with_hessian, CurveExpansion& out);
+  /// Adds the terms' loads on spins to the segments.
+  void AddSpinLoads(const Curve& curve, CurveExpansion& out) const;
+  /// Sums the loads of the springs for which `is_active(k)` is true, and of the terms.
+  template <class IsActive>
+  void SumLoads(const Curve& curve, IsActive is_active, CurveExpansion& out) const;
+  /// Sums the loads of the touching springs, and finds gradient and residual.
+  void SumTrueGradient(const Curve& curve, CurveExpansion& out) const;
+
+  ContactPoints& points() { return points_; }
+  const ContactPoints& points() const { return points_; }
+  const WireModel& model() const { return model_; }
+
+ private:
+  void PrepareSegments(const Curve& curve, CurveExpansion& out) const;
+  void ExpandBending(const Curve& curve, CurveExpansion& out) const;
+  void ExpandJoints(const Curve& curve, CurveExpansion& out) const;
+  void ExpandTurningJoints(const Curve& curve, CurveExpansion& out) const;
+  void ExpandTwists(const Curve& curve, CurveExpansion& out) const;
+  void ExpandStack(const Curve& curve, CurveExpansion& out) const;
+  void ExpandWall(bool with_hessian, CurveExpansion& out) const;
+  double SumSpins(const Curve& curve, int segment, CurveExpansion& out) const;
+  double SumGradient(const Curve& curve, CurveExpansion& out) const;
+  static LoadTerms& LoadsOf(int segment, CurveExpansion& out);
+  static void AddLoad(int point, double length_mm, const Eigen::Vector3d& gradient,
+                      const Eigen::Matrix3d* hessian, CurveExpansion& out);
+
+  const WireModel& model_;
+  const WallModel& wall_;
+  const Frame sheath_frame_;
+  ContactPoints points_;
+};
+
+template <class IsActive>
+void CurveMechanics::SumLoads(const Curve& curve, IsActive is_active, CurveExpansion& out) const {
+  const int per_segment = out.points.per_segment;
+  const bool with_hessian = out.derivatives.with_hessian;
+  out.loads.clear();
+  std::fill(out.load_index.begin(), out.load_index.end(), -1);
+  for (std::size_t k = 0; k < out.springs.size(); ++k) {
+    if (!is_active(k)) continue;
+    const WallSpring& spring = out.springs[k];
+    const int q = out.points.near[k];
+    const Eigen::Vector3d gradient = -(spring.stiffness_N_mm * spring.penetration_mm) *
+                                     out.points.clearance[static_cast<std::size_t>(q)].gradient;
+    AddLoad(q, curve.SegmentLength(model_, q / per_segment), gradient,
+            with_hessian ? &spring.hessian : nullptr, out);
+  }
+  const PointDerivatives& loads = out.derivatives;
+  for (std::size_t p = 0; p < loads.used.size(); ++p) {
+    if (loads.used[p] == PointDerivatives::kNothing) continue;
+    const int q = static_cast<int>(p);
+    const bool both = with_hessian && loads.used[p] == PointDerivatives::kBoth;
+    AddLoad(q, curve.SegmentLength(model_, q / per_segment), loads.gradient[p],
+            both ? &loads.hessian[p] : nullptr, out);
+  }
+  for (const TangentLoad& on : loads.on_tangents) {
+    LoadTerms& load = LoadsOf(on.segment, out);
+    load.g1 += on.gradient;
+    if (with_hessian) load.h2 += on.hessian;
+  }
+}
+
+}  // namespace torquer

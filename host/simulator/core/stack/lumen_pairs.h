@@ -1,0 +1,111 @@
+// Lumen pairs: the places of a curve in the lumen of a curve around it, each with the segment of
+// the outer curve that faces it (README, section 18).
+//
+// A place faces the segment that has its foot, the nearest point of the outer curve. Segments meet
+// at the plane that bisects their angle. The pieces of the inner curve between these planes are
+// divided, so that each place stands for a piece that faces one segment. Distances are those of the
+// smooth curves through the nodes: chords alone would hold a wire that slides from node to node.
+//
+//   outer   |-------- m --------|------ m + 1 ------|
+//   inner      |------- i --------|------ i + 1 ------|      pieces (i, m) (i, m+1) (i+1, m+1)
+//
+// The pairs are those of a state when a part of the motion begins, and stay while it is relaxed. So
+// the energy of that part is smooth.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "host/simulator/core/stack/instrument_stack.h"
+#include "host/simulator/core/wire_state.h"
+
+namespace torquer {
+
+/// Place on a segment of the inner curve, and what it faces. At the mouth, a point at the end of
+/// the outer curve faces the inner curve instead.
+struct LumenPlace {
+  bool is_mouth = false;
+  int segment = 0;        ///< of the inner curve
+  int outer_segment = 0;  ///< of the outer curve
+  int group = 0;          ///< index of both in LumenPairs::groups
+  int inner = 0;          ///< instrument whose surface faces the lumen
+  int outer = 0;          ///< instrument of the lumen
+  double past_mm = 0;     ///< past the proximal node of the inner segment
+  double foot_mm = 0;     ///< of its foot, past the proximal node of the outer segment
+  double weight_mm = 0;   ///< length of the inner curve that the place stands for
+  double radius_mm = 0;   ///< of the inner curve
+  double lumen_mm = 0;    ///< radius of the lumen
+  /// LumenContact::ahead_mm, less the way of the foot past the proximal node of the outer segment.
+  double ahead_mm = 0;
+  /// Segments are chords of smooth curves. Offsets of both curves from their chords at the place
+  /// and at its foot, in the normals of each segment, mm; and the tangent of the faced curve there,
+  /// less that of its chord.
+  Eigen::Vector2d bulge_mm = Eigen::Vector2d::Zero();
+  Eigen::Vector2d foot_bulge_mm = Eigen::Vector2d::Zero();
+  Eigen::Vector2d foot_slope = Eigen::Vector2d::Zero();
+  /// Difference of the bulges in the first and second normal of the lumen, mm.
+  Eigen::Vector2d lumen_bulge_mm = Eigen::Vector2d::Zero();
+};
+
+/// Pair of segments, one of each curve.
+struct SegmentPair {
+  int inner = 0;
+  int outer = 0;
+};
+
+/// Places of two curves.
+struct LumenPairs {
+  int inner = 0;                    ///< number of the inner curve
+  int outer = 0;                    ///< number of the outer curve
+  std::vector<SegmentPair> groups;  ///< from the sheath; neither index decreases
+  /// Contact places, from the sheath. Each stands in the middle of its piece. The last is the edge
+  /// of the outer curve's mouth, or of the inner curve's tip in the lumen.
+  std::vector<LumenPlace> places;
+  /// Places of friction, one in the middle of each of `PiecesPerSegment` pieces of an inner
+  /// segment.
+  std::vector<LumenPlace> spots;
+  bool at_mouth = false;  ///< the last place is the mouth
+  int first_spot = 0;     ///< number of pieces of the inner curve before the first of `spots`
+  int pieces_per_segment = 2;
+
+  /// Pieces of a segment. With one place alone, nodes would go to and fro.
+  static int PiecesPerSegment(int points_per_segment) { return std::max(2, points_per_segment); }
+};
+
+/// Pairs of all curves of a state. No heap after construction.
+class CurvePairs {
+ public:
+  /// Room for the longest curves of `stack`, with `points_per_segment` points each.
+  CurvePairs(const InstrumentStack& stack, int points_per_segment);
+
+  /// Finds the pairs of a state. O(segments).
+  void Find(const InstrumentStack& stack, const WireState& state);
+
+  const std::vector<LumenPairs>& of_curves() const { return pairs_; }
+  /// Arc length, mm, up to which a curve lies in the lumen of another one. Infinite if all of it
+  /// does, 0 for the outermost.
+  double in_lumen_mm(int curve) const { return in_lumen_mm_[static_cast<std::size_t>(curve)]; }
+  std::uint64_t Hash(std::uint64_t seed) const;
+
+ private:
+  struct Walk;
+  bool WalkLumen(const InstrumentStack& stack, const WireState& state, Walk& walk,
+                 LumenPairs& out) const;
+
+  LumenPairs& PairsOf(int inner, int outer);
+
+  // The tip of a curve: the curve around it, or curves_ outside all, and the segment there.
+  struct End {
+    int in_curve = 0;
+    int segment = 0;
+  };
+
+  int curves_;
+  std::vector<LumenPairs> pairs_;
+  std::vector<double> in_lumen_mm_;  // by curve
+  std::vector<End> ends_;            // by curve
+};
+
+}  // namespace torquer
