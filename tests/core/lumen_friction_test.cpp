@@ -34,6 +34,7 @@ struct Slid {
       : curves(places, points, 11, ratio), friction(0.4, slip_mm, Context()) {
     curves.terms.push_back(&friction);
     curves.at = curves.mechanics.MakeExpansion();
+    curves.mechanics.PairCurves(curves.state);
     Expand();
     std::array<SurfaceMove, kMostInstruments> moves = {};
     moves[0] = {.along_mm = 0.01, .turn_rad = 0.03};

@@ -1,4 +1,4 @@
-// Instruments on two curves, the inner ones with clearance in the lumen of the outer ones:
+// Instruments on two to four curves, each with clearance in the lumen of the next one:
 // expansion, sweep, feeding and equilibrium.
 #include "tests/support/two_curves.h"
 
@@ -149,7 +149,7 @@ TEST_CASE("Any budget leaves both curves whole and no heap, and the same work th
   }
   CHECK(HashState(a.state) == HashState(b.state));
   CHECK(a.relaxation->Hash(0) == b.relaxation->Hash(0));
-  // The hash includes the second curve.
+  // The hash includes the outer curve.
   const Curve& outer = a.state.curve(1);
   CHECK(outer.segments() > 0);
   WireState other = a.state;

@@ -50,6 +50,11 @@ TEST_CASE("Room is refused where there is none") {
   refused(std::string(kRoomScene) + kRoom, "one instrument");
   refused(both + kRoom + "around = \"guidewire\"\n", "innermost");
   refused(both + kRoom + "around = \"sheath\"\n", "this scene has: guidewire, catheter");
+  CHECK_NOTHROW(scene::Scene(WriteRoom(folder, both + kRoom + "around = [\"catheter\"]\n")));
+  refused(both + kRoom + "around = [\"catheter\", \"sheath\"]\n", "this scene has");
+  refused(both + kRoom + "around = []\n", "list of texts");
+  refused(both + kRoom + "around = [\"catheter\", 3]\n", "holds 3");
+  refused(both + kRoom + "around = 3\n", "list of texts");
 }
 
 TEST_CASE("With room a scene repeats, restarts and is copied to the bit") {

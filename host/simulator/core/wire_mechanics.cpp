@@ -50,7 +50,7 @@ bool WireMechanics::SlidesInLumen() const {
 }
 
 void WireMechanics::PairCurves(const WireState& state) {
-  if (pairs_) pairs_->Find(*stack_, state);
+  if (pairs_) pairs_->Find(*stack_, state, SlidesInLumen());
 }
 
 std::int64_t WireMechanics::lookups() const {

@@ -26,6 +26,7 @@ FrontSweep::FrontSweep(std::vector<const WireModel*> rods) : rods_(std::move(rod
     of_segments_.emplace_back().reserve(n);
   }
   of_groups_.resize(curves * (curves - 1) / 2);
+  left_.resize(of_groups_.size());
   for (std::vector<int>& groups : of_groups_) groups.reserve(2 * n);
   const std::size_t operations = n * (curves + 2 * of_groups_.size());
   operations_.reserve(operations);
@@ -70,31 +71,30 @@ void FrontSweep::AdvanceTo(int curve, int cut, std::array<int, kMostInstruments>
   }
 }
 
-// Orders the operations: a contact comes when both of its curves are at the cuts behind its
-// segments. Contacts of several pairs are merged so that no curve has to go back.
-void FrontSweep::Schedule(const WireState& state, const Expansion& expansion) {
-  operations_.clear();
-  const auto& between = expansion.between;
-  const int curves = state.curves();
-  std::array<int, kMostInstruments> cuts = {};
-  for (int c = 0; c < curves; ++c) {
+// Finds the cut of each curve beyond which nothing touches it; one curve alone is in the front from
+// its tip on.
+void FrontSweep::FindCommon(const WireState& state, const Expansion& expansion) {
+  for (int c = 0; c < state.curves(); ++c) {
     const int segments = state.curve(c).segments();
     of_segments_[static_cast<std::size_t>(c)].assign(static_cast<std::size_t>(segments), -1);
-    cuts[static_cast<std::size_t>(c)] = curves == 1 ? segments : 0;
+    common_[static_cast<std::size_t>(c)] = state.curves() == 1 ? segments : 0;
   }
-  std::array<int, 6> left = {};  // groups of each pair that are not yet in the order
-  static_assert(kMostInstruments * (kMostInstruments - 1) / 2 <= 6);
-  for (std::size_t k = 0; k < between.size(); ++k) {
-    of_groups_[k].resize(between[k].groups.size());
-    left[k] = static_cast<int>(between[k].groups.size());
-    if (left[k] == 0) continue;
-    const SegmentPair& last = between[k].groups.back();
-    int& inner = cuts[static_cast<std::size_t>(between[k].inner)];
-    int& outer = cuts[static_cast<std::size_t>(between[k].outer)];
+  for (const BetweenCurves& between : expansion.between) {
+    if (between.groups.empty()) continue;
+    const SegmentPair& last = between.groups.back();
+    int& inner = common_[static_cast<std::size_t>(between.inner)];
+    int& outer = common_[static_cast<std::size_t>(between.outer)];
     inner = std::max(inner, last.inner + 1);
     outer = std::max(outer, last.outer + 1);
   }
-  common_ = cuts;
+}
+
+namespace {
+
+// Chooses the pair of curves whose most distal group is next; `left`: groups of each pair that are
+// not yet in the order. A pair waits for another one that touches one of its curves beyond it.
+// Returns the number of pairs if no group is left.
+std::size_t NextPair(const std::vector<BetweenCurves>& between, const std::vector<int>& left) {
   const auto next = [&](std::size_t k) {
     return between[k].groups[static_cast<std::size_t>(left[k]) - 1];
   };
@@ -104,30 +104,42 @@ void FrontSweep::Schedule(const WireState& state, const Expansion& expansion) {
     if (between[k].inner == curve) return next(k).inner;
     return between[k].outer == curve ? next(k).outer : -1;
   };
-  for (;;) {
-    std::size_t chosen = between.size();
-    for (std::size_t k = 0; k < between.size(); ++k) {
-      if (left[k] == 0) continue;
-      if (chosen == between.size()) chosen = k;
-      bool waits = false;
-      for (std::size_t m = 0; m < between.size(); ++m) {
-        waits = waits || segment_on(m, between[k].inner) > next(k).inner ||
-                segment_on(m, between[k].outer) > next(k).outer;
-      }
-      if (waits) continue;
-      chosen = k;
-      break;
+  std::size_t chosen = between.size();
+  for (std::size_t k = 0; k < between.size(); ++k) {
+    if (left[k] == 0) continue;
+    if (chosen == between.size()) chosen = k;
+    bool waits = false;
+    for (std::size_t m = 0; m < between.size(); ++m) {
+      waits = waits || segment_on(m, between[k].inner) > next(k).inner ||
+              segment_on(m, between[k].outer) > next(k).outer;
     }
-    if (chosen == between.size()) break;
-    const SegmentPair pair = next(chosen);
-    AdvanceTo(between[chosen].inner, pair.inner + 1, cuts);
-    AdvanceTo(between[chosen].outer, pair.outer + 1, cuts);
-    --left[chosen];
-    of_groups_[chosen][static_cast<std::size_t>(left[chosen])] =
-        static_cast<int>(operations_.size());
-    operations_.push_back({-1, static_cast<int>(chosen), left[chosen]});
+    if (!waits) return k;
   }
-  for (int c = 0; c < curves; ++c) AdvanceTo(c, 0, cuts);
+  return chosen;
+}
+
+}  // namespace
+
+// Orders the operations: a contact comes when both of its curves are at the cuts behind its
+// segments. Contacts of several pairs are merged so that no curve has to go back.
+void FrontSweep::Schedule(const WireState& state, const Expansion& expansion) {
+  operations_.clear();
+  FindCommon(state, expansion);
+  const std::vector<BetweenCurves>& between = expansion.between;
+  for (std::size_t k = 0; k < between.size(); ++k) {
+    of_groups_[k].resize(between[k].groups.size());
+    left_[k] = static_cast<int>(between[k].groups.size());
+  }
+  std::array<int, kMostInstruments> cuts = common_;
+  for (std::size_t k = NextPair(between, left_); k < between.size(); k = NextPair(between, left_)) {
+    const auto group = static_cast<std::size_t>(--left_[k]);
+    const SegmentPair& pair = between[k].groups[group];
+    AdvanceTo(between[k].inner, pair.inner + 1, cuts);
+    AdvanceTo(between[k].outer, pair.outer + 1, cuts);
+    of_groups_[k][group] = static_cast<int>(operations_.size());
+    operations_.push_back({-1, static_cast<int>(k), left_[k]});
+  }
+  for (int c = 0; c < state.curves(); ++c) AdvanceTo(c, 0, cuts);
   checkpoints_.resize(operations_.size() / kSpacing + 1);
 }
 

@@ -63,6 +63,7 @@ class FrontSweep {
     alignas(16) std::byte front[sizeof(Front<kMostFrontRows>)];
   };
 
+  void FindCommon(const WireState& state, const Expansion& expansion);
   void Schedule(const WireState& state, const Expansion& expansion);
   void AdvanceTo(int curve, int cut, std::array<int, kMostInstruments>& cuts);
   bool Sweep(const WireState& state, const Expansion& expansion, double weight, int first);
@@ -82,6 +83,7 @@ class FrontSweep {
   std::array<int, kMostInstruments> common_ = {};
   std::vector<std::vector<int>> of_segments_;  ///< by curve
   std::vector<std::vector<int>> of_groups_;    ///< by pair of curves
+  std::vector<int> left_;  ///< by pair of curves: groups that Schedule has not ordered yet
   std::vector<std::vector<FrontGain>> gains_;  ///< by curve and segment
   std::vector<Checkpoint> checkpoints_;        ///< entry k: before operation k kSpacing
   double predicted_decrease_mJ_ = 0;

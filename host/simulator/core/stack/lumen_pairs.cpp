@@ -85,7 +85,28 @@ struct PairBuilder {
   const WireModel& outer_rod;
   const Curve& inner;
   const Curve& outer;
+  const bool with_spots;
   LumenPairs& out;
+  // Curvature of the segment that was asked for last, on each curve.
+  struct Last {
+    int segment = -1;
+    Eigen::Vector2d curvature = Eigen::Vector2d::Zero();
+  };
+  Last last_inner = {};
+  Last last_outer = {};
+
+  const Eigen::Vector2d& InnerCurvature(int segment) {
+    if (last_inner.segment != segment) {
+      last_inner = {segment, CurvatureAt(inner_rod, inner, segment)};
+    }
+    return last_inner.curvature;
+  }
+  const Eigen::Vector2d& OuterCurvature(int segment) {
+    if (last_outer.segment != segment) {
+      last_outer = {segment, CurvatureAt(outer_rod, outer, segment)};
+    }
+    return last_outer.curvature;
+  }
 
   LumenPlace PlaceAt(int segment, double past_mm, int outer_segment, double weight_mm) {
     if (out.groups.empty() || out.groups.back().inner != segment ||
@@ -114,12 +135,11 @@ struct PairBuilder {
     // A circle through the ends of a chord is beside it by kappa t (l - t) / 2.
     const double length_mm = inner.SegmentLength(inner_rod, segment);
     const double outer_mm = outer.SegmentLength(outer_rod, outer_segment);
-    const Eigen::Vector2d bend = CurvatureAt(outer_rod, outer, outer_segment);
+    const Eigen::Vector2d& bend = OuterCurvature(outer_segment);
     const double foot_on_mm = std::clamp(foot_mm, 0.0, outer_mm);
-    place.bulge_mm = -past_mm * (length_mm - past_mm) / 2 * CurvatureAt(inner_rod, inner, segment);
+    place.bulge_mm = -past_mm * (length_mm - past_mm) / 2 * InnerCurvature(segment);
     place.foot_bulge_mm = -foot_on_mm * (outer_mm - foot_on_mm) / 2 * bend;
     place.foot_slope = (foot_on_mm - outer_mm / 2) * bend;
-    place.lumen_bulge_mm = LumenBulge(place);
     return place;
   }
 
@@ -150,12 +170,14 @@ struct PairBuilder {
                                      outer_segment, length_mm / count));
       }
     }
+    if (!with_spots) return;
     const double piece_mm = inner.SegmentLength(inner_rod, segment) / out.pieces_per_segment;
     for (int k = 0; k < out.pieces_per_segment; ++k) {
       const double past_mm = (k + 0.5) * piece_mm;
       if (past_mm < from_mm || past_mm >= to_mm) continue;
       if (out.spots.empty()) out.first_spot = segment * out.pieces_per_segment + k;
-      out.spots.push_back(PlaceAt(segment, past_mm, outer_segment, piece_mm));
+      LumenPlace& spot = out.spots.emplace_back(PlaceAt(segment, past_mm, outer_segment, piece_mm));
+      spot.lumen_bulge_mm = LumenBulge(spot);
     }
   }
 
@@ -174,8 +196,8 @@ struct PairBuilder {
     place.is_mouth = true;
     place.foot_bulge_mm = place.bulge_mm;
     place.bulge_mm.setZero();
-    place.foot_slope = (past_mm - inner.SegmentLength(inner_rod, segment) / 2) *
-                       CurvatureAt(inner_rod, inner, segment);
+    place.foot_slope =
+        (past_mm - inner.SegmentLength(inner_rod, segment) / 2) * InnerCurvature(segment);
     out.places.push_back(place);
   }
 };
@@ -187,8 +209,8 @@ bool CurvePairs::WalkLumen(const InstrumentStack& stack, const WireState& state,
                            LumenPairs& out) const {
   const Curve& inner = state.curve(out.inner);
   const Curve& outer = state.curve(out.outer);
-  PairBuilder add{stack, state.places(), stack.rod(out.inner), stack.rod(out.outer), inner, outer,
-                  out};
+  PairBuilder add{stack, state.places(), stack.rod(out.inner), stack.rod(out.outer),
+                  inner, outer,          with_spots_,          out};
   int& m = walk.outer_segment;
   bool begun = false;
   out.at_mouth = false;
@@ -222,7 +244,8 @@ bool CurvePairs::WalkLumen(const InstrumentStack& stack, const WireState& state,
   return true;
 }
 
-void CurvePairs::Find(const InstrumentStack& stack, const WireState& state) {
+void CurvePairs::Find(const InstrumentStack& stack, const WireState& state, bool with_spots) {
+  with_spots_ = with_spots;
   for (LumenPairs& pairs : pairs_) {
     pairs.groups.clear();
     pairs.places.clear();

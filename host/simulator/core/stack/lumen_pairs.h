@@ -80,8 +80,8 @@ class CurvePairs {
   /// Room for the longest curves of `stack`, with `points_per_segment` points each.
   CurvePairs(const InstrumentStack& stack, int points_per_segment);
 
-  /// Finds the pairs of a state. O(segments).
-  void Find(const InstrumentStack& stack, const WireState& state);
+  /// Finds the pairs of a state. `with_spots`: something slides in the lumens. O(segments).
+  void Find(const InstrumentStack& stack, const WireState& state, bool with_spots);
 
   const std::vector<LumenPairs>& of_curves() const { return pairs_; }
   /// Arc length, mm, up to which a curve lies in the lumen of another one. Infinite if all of it
@@ -103,6 +103,7 @@ class CurvePairs {
   };
 
   int curves_;
+  bool with_spots_ = true;
   std::vector<LumenPairs> pairs_;
   std::vector<double> in_lumen_mm_;  // by curve
   std::vector<End> ends_;            // by curve
