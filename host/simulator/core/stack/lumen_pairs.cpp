@@ -1,5 +1,6 @@
 #include "host/simulator/core/stack/lumen_pairs.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
