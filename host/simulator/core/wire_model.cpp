@@ -17,22 +17,6 @@ void CheckPositive(const std::string& field, double value) {
   if (!(value > 0) || !std::isfinite(value)) Refuse(field, value, "a positive number");
 }
 
-WireSection Interpolate(const std::vector<WireSection>& sections, double from_tip_mm) {
-  if (from_tip_mm <= sections.front().from_tip_mm) return sections.front();
-  if (from_tip_mm >= sections.back().from_tip_mm) return sections.back();
-  const auto b = std::find_if(sections.begin(), sections.end(),
-                              [&](const WireSection& s) { return s.from_tip_mm >= from_tip_mm; });
-  const auto a = b - 1;
-  const double t = (from_tip_mm - a->from_tip_mm) / (b->from_tip_mm - a->from_tip_mm);
-  const auto mix = [t](double p, double q) { return p + t * (q - p); };
-  return {from_tip_mm,
-          mix(a->rigidity_N_mm2, b->rigidity_N_mm2),
-          mix(a->radius_mm, b->radius_mm),
-          mix(a->curvature_1_per_mm, b->curvature_1_per_mm),
-          mix(a->curvature_2_per_mm, b->curvature_2_per_mm),
-          mix(a->torsional_rigidity_N_mm2, b->torsional_rigidity_N_mm2)};
-}
-
 }  // namespace
 
 Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad) {
@@ -75,18 +59,20 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
 
   tip_segments_ = static_cast<int>(std::lround(tip_mm / segment_mm));
   max_segments_ = static_cast<int>(std::ceil(max_length_mm / segment_mm)) + 1;
+  // The hat of the last joint lies in the last section, which continues.
   const int tabulated =
-      std::min(max_segments_, static_cast<int>(sections.back().from_tip_mm / segment_mm) + 1);
+      std::min(max_segments_, static_cast<int>(sections.back().from_tip_mm / segment_mm) + 2);
   for (int k = 0; k <= tabulated; ++k) {
-    const WireSection s = Interpolate(sections, k * segment_mm);
-    rigidity_.push_back(s.rigidity_N_mm2);
-    radius_.push_back(s.radius_mm);
-    if (s.torsional_rigidity_N_mm2 > 0) torsional_rigidity_.push_back(s.torsional_rigidity_N_mm2);
+    const double from_tip_mm = k * segment_mm;
+    const JointOfSections joint = IntegrateJoint(sections, from_tip_mm, segment_mm);
+    rigidity_.push_back(joint.rigidity_N_mm2);
+    radius_.push_back(SectionAt(sections, from_tip_mm).radius_mm);
+    if (joint.torsional_rigidity_N_mm2 > 0) {
+      torsional_rigidity_.push_back(joint.torsional_rigidity_N_mm2);
+    }
     // The joint at the distal end (k = 0) joins nothing.
-    const Eigen::Vector2d rest =
-        segment_mm * Eigen::Vector2d(s.curvature_1_per_mm, s.curvature_2_per_mm);
-    if (!rest.isZero(0)) first_straight_ = k + 1;
-    rest_direction_.push_back(BentBy(rest));
+    if (!joint.rest_rad.isZero(0)) first_straight_ = k + 1;
+    rest_direction_.push_back(BentBy(joint.rest_rad));
   }
   // If the last section is curved, the wire is curved up to its proximal end.
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;

@@ -7,19 +7,9 @@
 
 #include "host/simulator/core/bending.h"
 #include "host/simulator/core/instrument_place.h"
+#include "host/simulator/core/wire_sections.h"
 
 namespace torquer {
-
-/// Properties of the wire at a distance from its distal end; linear in between.
-struct WireSection {
-  double from_tip_mm = 0;         ///< distance from the distal end along the wire, >= 0
-  double rigidity_N_mm2 = 0;      ///< flexural rigidity EI, > 0
-  double radius_mm = 0;           ///< > 0
-  double curvature_1_per_mm = 0;  ///< intrinsic (rest) curvature towards the wire's first normal
-  double curvature_2_per_mm = 0;  ///< same, towards its second normal
-  /// Torsional rigidity GJ, > 0 everywhere; or 0 everywhere for a wire that does not twist at all.
-  double torsional_rigidity_N_mm2 = 0;
-};
 
 /// End of the sheath: the point at which the wire enters the vessel and is clamped.
 struct Sheath {
