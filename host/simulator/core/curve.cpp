@@ -318,9 +318,9 @@ Vector2d TwistedRest(const WireModel& model, const Curve& curve, int joint) {
   Vector2d rest = Vector2d::Zero();
   for (int k = model.first_spin(); k < model.first_spin() + model.spins(); ++k) {
     const auto& share = twisting.of[static_cast<std::size_t>(k)];
-    if (share.weight == 0 || share.rest_rad.isZero(0)) continue;
+    if (share.bend_rad.isZero(0)) continue;
     const double turn = curve.TurnBefore(joint, k);
-    rest += share.weight * Times({std::cos(turn), std::sin(turn)}, share.rest_rad);
+    rest += Times({std::cos(turn), std::sin(turn)}, share.bend_rad);
   }
   return JointLength(model, curve, joint) / model.segment_mm() * rest;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace torquer {
 namespace {
@@ -28,23 +29,27 @@ Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad) {
 
 WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, double tip_mm,
                      double max_length_mm, BendingLaw law, const Sheath& sheath)
-    : segment_mm_(segment_mm), max_length_mm_(max_length_mm), law_(law), sheath_(sheath) {
+    : sections_(std::move(sections)),
+      segment_mm_(segment_mm),
+      max_length_mm_(max_length_mm),
+      law_(law),
+      sheath_(sheath) {
   CheckPositive("segment_mm", segment_mm);
   CheckPositive("max_length_mm", max_length_mm);
   if (!(tip_mm >= 0) || !std::isfinite(tip_mm)) Refuse("tip_mm", tip_mm, "zero or more");
   if (max_length_mm / segment_mm > 1e6) {
     Refuse("max_length_mm / segment_mm", max_length_mm / segment_mm, "at most 1e6 segments");
   }
-  if (sections.empty()) throw std::invalid_argument("a wire needs at least one section");
+  if (sections_.empty()) throw std::invalid_argument("a wire needs at least one section");
   double previous = -1;
-  for (const WireSection& s : sections) {
+  for (const WireSection& s : sections_) {
     if (!(s.from_tip_mm >= 0) || !std::isfinite(s.from_tip_mm) || s.from_tip_mm <= previous) {
       Refuse("section from_tip_mm", s.from_tip_mm, "zero or more, and ascending");
     }
     previous = s.from_tip_mm;
     CheckPositive("section rigidity_N_mm2", s.rigidity_N_mm2);
     CheckPositive("section radius_mm", s.radius_mm);
-    const bool twists = sections.front().torsional_rigidity_N_mm2 != 0;
+    const bool twists = sections_.front().torsional_rigidity_N_mm2 != 0;
     if (twists) CheckPositive("section torsional_rigidity_N_mm2", s.torsional_rigidity_N_mm2);
     if (!twists && s.torsional_rigidity_N_mm2 != 0) {
       Refuse("section torsional_rigidity_N_mm2", s.torsional_rigidity_N_mm2,
@@ -61,18 +66,19 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
   max_segments_ = static_cast<int>(std::ceil(max_length_mm / segment_mm)) + 1;
   // The hat of the last joint lies in the last section, which continues.
   const int tabulated =
-      std::min(max_segments_, static_cast<int>(sections.back().from_tip_mm / segment_mm) + 2);
+      std::min(max_segments_, static_cast<int>(sections_.back().from_tip_mm / segment_mm) + 2);
+  RodJoints joints(sections_, segment_mm);
   for (int k = 0; k <= tabulated; ++k) {
     const double from_tip_mm = k * segment_mm;
-    const JointOfSections joint = IntegrateJoint(sections, from_tip_mm, segment_mm);
+    const JointIntegrals& joint = joints.At(k);
+    const Eigen::Vector2d& rest_rad = joint.bend_rad.front();
     rigidity_.push_back(joint.rigidity_N_mm2);
-    radius_.push_back(SectionAt(sections, from_tip_mm).radius_mm);
-    if (joint.torsional_rigidity_N_mm2 > 0) {
-      torsional_rigidity_.push_back(joint.torsional_rigidity_N_mm2);
-    }
+    radius_.push_back(SectionAt(sections_, from_tip_mm).radius_mm);
+    const double torsional = JointTorsionalRigidity(sections_, from_tip_mm, segment_mm);
+    if (torsional > 0) torsional_rigidity_.push_back(torsional);
     // The joint at the distal end (k = 0) joins nothing.
-    if (!joint.rest_rad.isZero(0)) first_straight_ = k + 1;
-    rest_direction_.push_back(BentBy(joint.rest_rad));
+    if (!rest_rad.isZero(0)) first_straight_ = k + 1;
+    rest_direction_.push_back(BentBy(rest_rad));
   }
   // If the last section is curved, the wire is curved up to its proximal end.
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
@@ -114,7 +120,7 @@ void WireModel::ReplaceJoints(const std::vector<Joint>& joints,
   first_straight_ = 0;
   for (std::size_t k = 0; k < twisting.size(); ++k) {
     for (const TwistingJoint::Share& share : twisting[k].of) {
-      if (share.weight > 0 && !share.rest_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
+      if (!share.bend_rad.isZero(0)) first_straight_ = static_cast<int>(k) + 1;
     }
   }
   if (first_straight_ == static_cast<int>(twisting.size())) first_straight_ = max_segments_ + 1;

@@ -44,25 +44,32 @@ class WireModel {
   void ReplaceJoints(const std::vector<Joint>& joints, int tip_segments);
 
   /// Instruments, each with its own twist, at a joint of their common rod. The joint rests at the
-  /// sum of weight times rest_rad, each turned with its own instrument (README (30)).
+  /// sum of bend_rad, each turned with its own instrument (README (30)).
   struct TwistingJoint {
     struct Share {
-      Eigen::Vector2d rest_rad =
-          Eigen::Vector2d::Zero();  ///< like Joint::rest_rad, for the instrument alone
-      double weight = 0;            ///< of its rest in the rest of the rod, 0..1
+      /// Contribution of the instrument to the rest angle of the rod, in the instrument's frame.
+      Eigen::Vector2d bend_rad = Eigen::Vector2d::Zero();
       /// GJ, > 0. Continues beyond its tip, where no torque acts.
       double torsional_rigidity_N_mm2 = 0;
     };
     std::array<Share, kMostInstruments> of;  ///< by instrument
-    /// [a][b], a < b: EI with which two instruments of different rest bend each other, N mm^2
-    /// (README (38)).
-    std::array<std::array<double, kMostInstruments>, kMostInstruments> mutual_N_mm2 = {};
+    /// Energy with which two instruments of different rest bend each other, by the angle D from the
+    /// normals of a to those of b: constant - along cos(D) - across sin(D), mJ (README (38)).
+    struct Mutual {
+      double constant_mJ = 0;
+      double along_mJ = 0;
+      double across_mJ = 0;
+      bool IsZero() const { return along_mJ == 0 && across_mJ == 0; }
+    };
+    std::array<std::array<Mutual, kMostInstruments>, kMostInstruments> mutual;  ///< [a][b], a < b
   };
   /// The same for `count` >= 1 instruments of a stack that twist; the innermost is number `first`.
   /// `twisting` has one entry for each of `joints`.
   void ReplaceJoints(const std::vector<Joint>& joints, const std::vector<TwistingJoint>& twisting,
                      int first, int count, int tip_segments);
 
+  /// Sections of an instrument, as given; those of a rod have no meaning.
+  const std::vector<WireSection>& sections() const { return sections_; }
   double segment_mm() const { return segment_mm_; }        ///< lambda
   int tip_segments() const { return tip_segments_; }       ///< M of the paper
   int max_segments() const { return max_segments_; }       ///< n never exceeds this
@@ -107,6 +114,7 @@ class WireModel {
     return k < last ? k : last;
   }
 
+  std::vector<WireSection> sections_;
   double segment_mm_;
   double max_length_mm_;
   int tip_segments_;

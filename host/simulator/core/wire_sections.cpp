@@ -13,12 +13,15 @@ Vector2d CurvatureOf(const WireSection& section) {
   return {section.curvature_1_per_mm, section.curvature_2_per_mm};
 }
 
-// First section end of an instrument beyond a distance from its tip; `otherwise` if there is none.
-double NextEnd(const std::vector<WireSection>& sections, double from_tip_mm, double otherwise) {
+// First section end of an instrument beyond a place, at most `before_mm`. Its tip is at
+// `behind_mm`.
+double NextEnd(const std::vector<WireSection>& sections, double behind_mm, double from_mm,
+               double before_mm) {
   for (const WireSection& section : sections) {
-    if (section.from_tip_mm > from_tip_mm) return std::min(section.from_tip_mm, otherwise);
+    const double end_mm = behind_mm + section.from_tip_mm;
+    if (end_mm > from_mm) return std::min(end_mm, before_mm);
   }
-  return otherwise;
+  return before_mm;
 }
 
 // A piece of a joint's hat, in which all properties and the weight are linear in s.
@@ -33,16 +36,16 @@ struct Piece {
   double Weight() const { return LengthMm() * (weight_from + weight_to) / 2; }
 };
 
-// Calls `each` with the pieces of the hat of a joint.
-template <class Each>
-void ForPieces(const std::vector<WireSection>& sections, double joint_mm, double segment_mm,
-               const Each& each) {
+// Calls `each` with the pieces of the hat of a joint. `next_kink(from, before)` returns the first
+// place beyond `from` at which a property has a kink or a step, at most `before`.
+template <class NextKink, class Each>
+void ForPieces(double joint_mm, double segment_mm, const NextKink& next_kink, const Each& each) {
   double from_mm = joint_mm - segment_mm;
   double weight_from = 0;
   for (const bool rises : {true, false}) {
     const double half_mm = rises ? joint_mm : joint_mm + segment_mm;
     while (from_mm < half_mm) {
-      const double to_mm = NextEnd(sections, from_mm, half_mm);
+      const double to_mm = next_kink(from_mm, half_mm);
       const double away = std::abs(to_mm - joint_mm) / segment_mm;
       const double weight_to = to_mm < half_mm ? 1 - away : rises ? 1 : 0;
       each(Piece{from_mm, to_mm, weight_from, weight_to});
@@ -90,12 +93,79 @@ class HarmonicMean {
   double highest_ = 0;
 };
 
-// Integral over a piece of the weight times a curvature that is linear from `from` to `to`.
-Vector2d RestAngle(const Piece& piece, const Vector2d& from, const Vector2d& to) {
-  if (from == to) return piece.Weight() * from;
-  const double weight_from = 2 * piece.weight_from + piece.weight_to;
-  const double weight_to = piece.weight_from + 2 * piece.weight_to;
-  return piece.LengthMm() / 6 * (weight_from * from + weight_to * to);
+// A member in a piece: EI and rest curvature, linear from one end to the other.
+struct Linear {
+  double rigidity_from;
+  double rigidity_to;
+  Vector2d curvature_from;
+  Vector2d curvature_to;
+
+  bool Curved() const { return !curvature_from.isZero(0) || !curvature_to.isZero(0); }
+  bool Constant() const { return rigidity_from == rigidity_to && curvature_from == curvature_to; }
+};
+
+// The members that reach a piece.
+struct Present {
+  std::array<Linear, kMostInstruments> of;
+  std::size_t count = 0;
+  double sum_from = 0;  // of EI
+  double sum_to = 0;
+  bool curved = false;
+  bool constant = true;
+
+  void Add(const WireSection& from, const WireSection& to) {
+    const Linear added{from.rigidity_N_mm2, to.rigidity_N_mm2, CurvatureOf(from), CurvatureOf(to)};
+    of[count++] = added;
+    sum_from += added.rigidity_from;
+    sum_to += added.rigidity_to;
+    curved = curved || added.Curved();
+    constant = constant && added.Constant();
+  }
+};
+
+// Adds the integrands at the fraction `t` of a piece. `weight_mm`: of the hat times length.
+void AddAt(const Present& present, double t, double weight_mm, JointIntegrals& out) {
+  const double sum = present.sum_from + t * (present.sum_to - present.sum_from);
+  std::array<double, kMostInstruments> rigidity;
+  std::array<Vector2d, kMostInstruments> curvature;
+  for (std::size_t m = 0; m < present.count; ++m) {
+    const Linear& own = present.of[m];
+    rigidity[m] = own.rigidity_from + t * (own.rigidity_to - own.rigidity_from);
+    const double part_mm = weight_mm * (rigidity[m] / sum);
+    out.share[m] += part_mm;
+    if (!present.curved) continue;
+    curvature[m] = own.curvature_from + t * (own.curvature_to - own.curvature_from);
+    out.bend_rad[m] += part_mm * curvature[m];
+    for (std::size_t k = 0; k < m; ++k) {
+      const double both = part_mm * rigidity[k];
+      const Vector2d& a = curvature[k];
+      const Vector2d& b = curvature[m];
+      JointIntegrals::Pair& pair = out.pairs[k][m];
+      pair.constant_mJ += both * (a.squaredNorm() + b.squaredNorm()) / 2;
+      pair.along_mJ += both * a.dot(b);
+      pair.across_mJ += both * (a[1] * b[0] - a[0] * b[1]);
+      pair.of_a_mJ_mm += both * a;
+      pair.of_b_mJ_mm += both * b;
+    }
+  }
+}
+
+// Adds a piece. Constant members need one place; others get Gauss-Legendre with four, which is
+// exact for one member.
+void AddPiece(const Present& present, const Piece& piece, JointIntegrals& out) {
+  if (present.constant) {
+    AddAt(present, 0, piece.Weight(), out);
+    return;
+  }
+  constexpr double kPlaces[] = {0.0694318442029737124, 0.330009478207571868, 0.669990521792428132,
+                                0.930568155797026288};
+  constexpr double kWeights[] = {0.173927422568726929, 0.326072577431273071, 0.326072577431273071,
+                                 0.173927422568726929};
+  for (std::size_t g = 0; g < 4; ++g) {
+    const double t = kPlaces[g];
+    const double weight = piece.weight_from + t * (piece.weight_to - piece.weight_from);
+    AddAt(present, t, piece.LengthMm() * kWeights[g] * weight, out);
+  }
 }
 
 }  // namespace
@@ -116,22 +186,70 @@ WireSection SectionAt(const std::vector<WireSection>& sections, double from_tip_
           mix(a->torsional_rigidity_N_mm2, b->torsional_rigidity_N_mm2)};
 }
 
-JointOfSections IntegrateJoint(const std::vector<WireSection>& sections, double from_tip_mm,
-                               double segment_mm) {
-  HarmonicMean rigidity;
-  HarmonicMean torsional;
-  JointOfSections joint;
-  const bool twists = sections.front().torsional_rigidity_N_mm2 > 0;
-  ForPieces(sections, from_tip_mm, segment_mm, [&](const Piece& piece) {
-    const WireSection from = SectionAt(sections, piece.from_mm);
-    const WireSection to = SectionAt(sections, piece.to_mm);
-    rigidity.Add(piece, from.rigidity_N_mm2, to.rigidity_N_mm2);
-    joint.rest_rad += RestAngle(piece, CurvatureOf(from), CurvatureOf(to));
-    if (twists) torsional.Add(piece, from.torsional_rigidity_N_mm2, to.torsional_rigidity_N_mm2);
+RodJoints::RodJoints(const std::vector<WireSection>& sections, double segment_mm)
+    : RodJoints({Member{&sections, 0}}, 1, segment_mm) {}
+
+RodJoints::RodJoints(const std::array<Member, kMostInstruments>& members, int count,
+                     double segment_mm)
+    : members_(members),
+      count_(static_cast<std::size_t>(count)),
+      segment_mm_(segment_mm),
+      uniform_from_mm_(0) {
+  for (std::size_t m = 0; m < count_; ++m) {
+    uniform_from_mm_ = std::max(uniform_from_mm_,
+                                members_[m].behind_mm + members_[m].sections->back().from_tip_mm);
+  }
+}
+
+double RodJoints::NextKink(double from_mm, double before_mm) const {
+  for (std::size_t m = 0; m < count_; ++m) {
+    const Member& member = members_[m];
+    if (m > 0 && member.behind_mm > from_mm) return std::min(before_mm, member.behind_mm);
+    before_mm = NextEnd(*member.sections, member.behind_mm, from_mm, before_mm);
+  }
+  return before_mm;
+}
+
+const JointIntegrals& RodJoints::At(int from_tip) {
+  const double joint_mm = from_tip * segment_mm_;
+  const bool uniform = joint_mm - segment_mm_ >= uniform_from_mm_;
+  if (uniform && uniform_) return joint_;
+  uniform_ = uniform;
+  joint_ = JointIntegrals();
+  joint_.bend_rad.fill(Vector2d::Zero());
+  HarmonicMean mean;
+  const auto next_kink = [this](double from_mm, double before_mm) {
+    return NextKink(from_mm, before_mm);
+  };
+  ForPieces(joint_mm, segment_mm_, next_kink, [&](const Piece& piece) {
+    Present present;
+    for (std::size_t m = 0; m < count_; ++m) {
+      const Member& member = members_[m];
+      // The first member continues beyond the rod's end, for the half hat of the last joint.
+      if (m > 0 && member.behind_mm > piece.from_mm) break;
+      present.Add(SectionAt(*member.sections, piece.from_mm - member.behind_mm),
+                  SectionAt(*member.sections, piece.to_mm - member.behind_mm));
+    }
+    mean.Add(piece, present.sum_from, present.sum_to);
+    AddPiece(present, piece, joint_);
   });
-  joint.rigidity_N_mm2 = rigidity.Of(segment_mm);
-  if (twists) joint.torsional_rigidity_N_mm2 = torsional.Of(segment_mm);
-  return joint;
+  joint_.rigidity_N_mm2 = mean.Of(segment_mm_);
+  for (double& share : joint_.share) share /= segment_mm_;
+  return joint_;
+}
+
+double JointTorsionalRigidity(const std::vector<WireSection>& sections, double from_tip_mm,
+                              double segment_mm) {
+  if (sections.front().torsional_rigidity_N_mm2 == 0) return 0;
+  HarmonicMean mean;
+  const auto next_kink = [&](double from_mm, double before_mm) {
+    return NextEnd(sections, 0, from_mm, before_mm);
+  };
+  ForPieces(from_tip_mm, segment_mm, next_kink, [&](const Piece& piece) {
+    mean.Add(piece, SectionAt(sections, piece.from_mm).torsional_rigidity_N_mm2,
+             SectionAt(sections, piece.to_mm).torsional_rigidity_N_mm2);
+  });
+  return mean.Of(segment_mm);
 }
 
 }  // namespace torquer

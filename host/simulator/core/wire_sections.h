@@ -1,8 +1,12 @@
-// Wire sections: the properties of an instrument along its length, and their integrals over joints.
+// Wire sections: the properties of an instrument along its length, and their integrals over the
+// joints of a rod of instruments.
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
+
+#include "host/simulator/core/instrument_place.h"
 
 namespace torquer {
 
@@ -21,20 +25,64 @@ struct WireSection {
 /// end. `sections`: at least one, in ascending from_tip_mm.
 WireSection SectionAt(const std::vector<WireSection>& sections, double from_tip_mm);
 
-/// A joint by the sections of its wire: their integrals over the joint's hat. The hat's weight w(s)
-/// rises from 0 at one neighboring joint to 1 at the joint itself and falls to 0 at the other. So
-/// sections may end anywhere, and the shape still converges with the square of the segment (README
-/// (2)).
-struct JointOfSections {
-  double rigidity_N_mm2 = 0;  ///< segment length over the integral of w / EI
-  /// Integral of w times the rest curvature, towards the first and second normal.
-  Eigen::Vector2d rest_rad = Eigen::Vector2d::Zero();
-  /// Segment length over the integral of w / GJ; 0 for a wire that does not twist.
-  double torsional_rigidity_N_mm2 = 0;
+/// Integrals over the hat of a joint. The hat's weight w(s) rises from 0 at one neighboring joint
+/// to 1 at the joint itself and falls to 0 at the other. Pieces along s act in series, members at
+/// the same s in parallel. So sections and tips may lie anywhere, and the shape still converges
+/// with the square of the segment (README (2), (30)).
+struct JointIntegrals {
+  double rigidity_N_mm2 = 0;  ///< segment length over the integral of w / sum(EI)
+  /// By member: integral of w EI / sum(EI) over the segment length. The member's part of a moment.
+  std::array<double, kMostInstruments> share = {};
+  /// By member, in its own frame: integral of w EI kappa / sum(EI). Their sum is the rest angle.
+  std::array<Eigen::Vector2d, kMostInstruments> bend_rad;
+
+  /// Two members that bend each other with g = EI_a EI_b / sum(EI), if both have the normals of
+  /// their tips.
+  struct Pair {
+    double constant_mJ = 0;  ///< integral of w g (kappa_a^2 + kappa_b^2) / 2
+    double along_mJ = 0;     ///< integral of w g kappa_a . kappa_b
+    double across_mJ = 0;    ///< integral of w g kappa_a . kappa_b turned by a quarter
+    Eigen::Vector2d of_a_mJ_mm =
+        Eigen::Vector2d::Zero();  ///< integral of w g kappa_a, in a's frame
+    Eigen::Vector2d of_b_mJ_mm =
+        Eigen::Vector2d::Zero();  ///< integral of w g kappa_b, in b's frame
+  };
+  /// Entry [a][b], a < b; zero where both are straight.
+  std::array<std::array<Pair, kMostInstruments>, kMostInstruments> pairs;
 };
 
-/// Joint at a distance from the distal end, where the first section continues.
-JointOfSections IntegrateJoint(const std::vector<WireSection>& sections, double from_tip_mm,
-                               double segment_mm);
+/// Instruments of a rod and the joints that they make. Assign members before the first At.
+class RodJoints {
+ public:
+  struct Member {
+    const std::vector<WireSection>* sections = nullptr;
+    double behind_mm = 0;  ///< distance of its tip behind the rod's end, >= 0
+  };
+
+  /// Joints of one instrument.
+  RodJoints(const std::vector<WireSection>& sections, double segment_mm);
+  /// Joints of `count` >= 1 members in order of decreasing reach. The first ends where the rod
+  /// ends. The sections must outlive this.
+  RodJoints(const std::array<Member, kMostInstruments>& members, int count, double segment_mm);
+
+  /// The joint that is `from_tip` segments from the rod's end, where the first member continues.
+  /// The reference is valid until the next call. No heap.
+  const JointIntegrals& At(int from_tip);
+
+ private:
+  double NextKink(double from_mm, double before_mm) const;
+
+  std::array<Member, kMostInstruments> members_;
+  std::size_t count_;
+  double segment_mm_;
+  double uniform_from_mm_;  // no property changes from here on
+  bool uniform_ = false;    // joint_ is one beyond uniform_from_mm_
+  JointIntegrals joint_;
+};
+
+/// GJ of a joint of one instrument, N mm^2: segment length over the integral of w / GJ. Zero for an
+/// instrument that does not twist. The first section continues beyond the tip.
+double JointTorsionalRigidity(const std::vector<WireSection>& sections, double from_tip_mm,
+                              double segment_mm);
 
 }  // namespace torquer

@@ -39,22 +39,23 @@ Vector3d Bend(const Vector3d& before, const Vector3d& after) {
   return sine > 0 ? Vector3d(std::atan2(sine, before.dot(after)) / sine * axis) : axis;
 }
 
-// Rest curvature of an instrument, as a rotation vector per length.
-Vector3d RestCurvature(const WireModel& rod, const Curve& curve, int joint,
-                       const WireModel::Joint& own, int instrument) {
-  if (own.rest_rad == Vector2d::Zero()) return Vector3d::Zero();
+// Vector across the tangent before a joint, with components towards the normals of an instrument's
+// tip, as a rotation vector: bending towards the first normal turns about the second.
+Vector3d FromOwnNormals(const WireModel& rod, const Curve& curve, int joint, int instrument,
+                        const Vector2d& own) {
+  if (own.isZero(0)) return Vector3d::Zero();
   const Vector3d& tangent = TangentBefore(rod, curve, joint);
   const Vector3d& first =
       joint == 0 ? rod.sheath_normal() : curve.normals()[static_cast<std::size_t>(joint) - 1];
   const bool twists = rod.spins() > 0;
   const double turn_rad =
       twists ? curve.TurnBefore(joint, instrument) : curve.places()[instrument].rotation_rad;
-  Vector2d rest = Turned(own.rest_rad, Vector2d(std::cos(turn_rad), std::sin(turn_rad)));
+  Vector2d turned = Turned(own, Vector2d(std::cos(turn_rad), std::sin(turn_rad)));
   if (!twists) {
-    rest =
-        Turned(rest, curve.reference_twist()[static_cast<std::size_t>(curve.segments() - joint)]);
+    turned =
+        Turned(turned, curve.reference_twist()[static_cast<std::size_t>(curve.segments() - joint)]);
   }
-  return tangent.cross(rest[0] * first + rest[1] * tangent.cross(first)) / rod.segment_mm();
+  return tangent.cross(turned[0] * first + turned[1] * tangent.cross(first));
 }
 
 }  // namespace
@@ -100,56 +101,56 @@ void HandForces::ShareLoads(const InstrumentStack& stack, const OnCurve& on) {
   }
 }
 
-// Finds the moment of each instrument at a joint. A joint that contains tips consists, as in the
-// rod, of pieces in series with equal moments. The instruments in a piece determine its curvature.
-void HandForces::FindMoments(const InstrumentStack& stack, const OnCurve& on, int joint) {
+// Finds the moment of each instrument at a joint, as the mean over the joint's hat. The moment M of
+// all instruments is constant there. At each place it bends them to the common curvature
+// (M + sum(EI kappa)) / sum(EI).
+void HandForces::FindMoments(const JointIntegrals& integrals, const OnCurve& on, int joint) {
+  const WireModel& rod = on.rod;
+  const Curve& curve = on.curve;
+  const double length_mm = JointLength(rod, curve, joint);
+  const double part = length_mm / rod.segment_mm();
+  const Vector3d& before = TangentBefore(rod, curve, joint);
+  std::array<Vector3d, kMostInstruments> rest_rad;
+  Vector3d bend_rad = Bend(before, curve.tangents()[static_cast<std::size_t>(joint)]);
+  for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
+    rest_rad[m] = part * FromOwnNormals(rod, curve, joint, order_[m], integrals.bend_rad[m]);
+    bend_rad -= rest_rad[m];
+  }
+  const Vector3d moment_mJ = integrals.rigidity_N_mm2 / length_mm * bend_rad;
+  for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
+    const auto k = static_cast<std::size_t>(order_[m]);
+    bears_[k].moment_before_mJ = integrals.share[m] * moment_mJ;
+    bears_[k].inside = curve.places()[order_[m]].insertion_mm >= PlaceOf(rod, curve, joint + 1);
+    hands_[k].torque_mJ -= before.dot(rest_rad[m].cross(moment_mJ));
+  }
+  FindPairMoments(integrals, on, joint);
+}
+
+// Adds the moments and torques with which instruments of different rest bend each other.
+void HandForces::FindPairMoments(const JointIntegrals& integrals, const OnCurve& on, int joint) {
   const WireModel& rod = on.rod;
   const Curve& curve = on.curve;
   const double lambda = rod.segment_mm();
-  const double length_mm = JointLength(rod, curve, joint);
-  const double s = PlaceOf(rod, curve, joint);
+  const double part = JointLength(rod, curve, joint) / lambda;
   const Vector3d& before = TangentBefore(rod, curve, joint);
-  const Vector3d& after = curve.tangents()[static_cast<std::size_t>(joint)];
-  Vector3d curvature = Bend(before, after) / length_mm;
-  double sum_EI = 0;
-  Vector3d sum_EI_rest = Vector3d::Zero();
-  double compliance = 0;
-  std::array<double, kMostInstruments + 1> part = {};
-  for (int m = 0; m < count_; ++m) {
-    Share& share = shares_[static_cast<std::size_t>(m)];
-    const int k = order_[static_cast<std::size_t>(m)];
-    const InstrumentPlace& place = curve.places()[k];
-    const double beyond_mm = place.insertion_mm - s;
-    part[static_cast<std::size_t>(m)] = m == 0 ? 1 : std::clamp(beyond_mm / lambda + 0.5, 0.0, 1.0);
-    const WireModel::Joint own = JointAt(stack.instrument(k), beyond_mm);
-    share.rigidity_N_mm2 = own.rigidity_N_mm2;
-    share.rest_1_mm = RestCurvature(rod, curve, joint, own, k);
-  }
-  for (int m = 0; m < count_; ++m) {
-    const auto at = static_cast<std::size_t>(m);
-    Share& share = shares_[at];
-    sum_EI += share.rigidity_N_mm2;
-    sum_EI_rest += share.rigidity_N_mm2 * share.rest_1_mm;
-    share.piece = part[at] - part[at + 1];
-    share.sum_EI = sum_EI;
-    share.sum_EI_rest = sum_EI_rest;
-    compliance += share.piece / sum_EI;
-    curvature -= share.piece / sum_EI * sum_EI_rest;
-  }
-  const Vector3d moment_mJ = curvature / compliance;
-  for (int m = 0; m < count_; ++m) {
-    const auto at = static_cast<std::size_t>(m);
-    const auto k = static_cast<std::size_t>(order_[at]);
-    const Share& own = shares_[at];
-    bears_[k].moment_before_mJ.setZero();
-    bears_[k].inside = curve.places()[order_[at]].insertion_mm >= PlaceOf(rod, curve, joint + 1);
-    for (std::size_t p = at; p < static_cast<std::size_t>(count_); ++p) {
-      const Share& piece = shares_[p];
-      if (piece.piece == 0) continue;
-      const Vector3d bent = (moment_mJ + piece.sum_EI_rest) / piece.sum_EI;
-      bears_[k].moment_before_mJ += piece.piece * own.rigidity_N_mm2 * (bent - own.rest_1_mm);
-      hands_[k].torque_mJ -=
-          piece.piece * length_mm * own.rigidity_N_mm2 * before.dot(own.rest_1_mm.cross(bent));
+  for (std::size_t b = 0; b < static_cast<std::size_t>(count_); ++b) {
+    for (std::size_t a = 0; a < b; ++a) {
+      const JointIntegrals::Pair& pair = integrals.pairs[a][b];
+      if (pair.of_a_mJ_mm.isZero(0) && pair.of_b_mJ_mm.isZero(0)) continue;
+      const Vector3d of_a = FromOwnNormals(rod, curve, joint, order_[a], pair.of_a_mJ_mm);
+      const Vector3d of_b = FromOwnNormals(rod, curve, joint, order_[b], pair.of_b_mJ_mm);
+      const auto first = static_cast<std::size_t>(order_[a]);
+      const auto second = static_cast<std::size_t>(order_[b]);
+      bears_[first].moment_before_mJ += (of_b - of_a) / lambda;
+      bears_[second].moment_before_mJ += (of_a - of_b) / lambda;
+      // Turn from the normals of a to those of b.
+      const Vector3d axis_a = FromOwnNormals(rod, curve, joint, order_[a], Vector2d::UnitX());
+      const Vector3d axis_b = FromOwnNormals(rod, curve, joint, order_[b], Vector2d::UnitX());
+      const double cosine = axis_a.dot(axis_b);
+      const double sine = before.dot(axis_a.cross(axis_b));
+      const double torque_mJ = part * (pair.along_mJ * sine - pair.across_mJ * cosine);
+      hands_[first].torque_mJ -= torque_mJ;
+      hands_[second].torque_mJ += torque_mJ;
     }
   }
 }
@@ -233,6 +234,13 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const OnCurve& on,
     return curve.places()[a].insertion_mm > curve.places()[b].insertion_mm;
   });
   ShareLoads(stack, on);
+  std::array<RodJoints::Member, kMostInstruments> members;
+  for (std::size_t m = 0; m < static_cast<std::size_t>(count_); ++m) {
+    const int k = order_[m];
+    members[m] = {&stack.instrument(k).sections(),
+                  curve.insertion_mm() - curve.places()[k].insertion_mm};
+  }
+  RodJoints joints(members, count_, on.rod.segment_mm());
   for (int i = curve.segments(); i > 0; --i) {
     for (Bears& bears : bears_) {
       bears.moment_mJ = bears.moment_before_mJ;
@@ -246,7 +254,7 @@ void HandForces::BalanceAll(const InstrumentStack& stack, const OnCurve& on,
             -TwistStiffnessOf(on.rod, curve, 0, k) * curve.TwistOf(0, k);
       }
     }
-    FindMoments(stack, on, i - 1);
+    FindMoments(joints.At(curve.segments() - (i - 1)), on, i - 1);
     Balance(on, i, sliding);
   }
 }
@@ -332,7 +340,7 @@ void HandForces::FindOnCurve(const InstrumentStack& stack, const OnCurve& on,
     if (k == leader) continue;
     const double inside_mm = curve.places()[k].insertion_mm;
     if (inside_mm <= 0) continue;
-    const double rigidity = JointAt(stack.instrument(k), inside_mm).rigidity_N_mm2;
+    const double rigidity = SectionAt(stack.instrument(k).sections(), inside_mm).rigidity_N_mm2;
     hands_[at].axial_N = -(bears_[at].force_before_N + load_N_[at].front()).dot(entry) -
                          rigidity * bend.squaredNorm() / 2 - twisted_N;
     left_N -= hands_[at].axial_N;

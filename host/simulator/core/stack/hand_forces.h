@@ -65,22 +65,14 @@ class HandForces {
     bool inside = false;    // it reaches the node
   };
 
-  // Properties of an instrument at a joint, and sums over it and those that reach farther.
-  struct Share {
-    double rigidity_N_mm2 = 0;
-    Eigen::Vector3d rest_1_mm = Eigen::Vector3d::Zero();
-    double piece = 0;  // fraction of the joint in which it is the last of them
-    double sum_EI = 0;
-    Eigen::Vector3d sum_EI_rest = Eigen::Vector3d::Zero();
-  };
-
   static OnCurve CurveOf(const InstrumentStack& stack, const WireState& state,
                          const Expansion& expansion, int number, const CurveLoads& loads);
   void FindOnCurve(const InstrumentStack& stack, const OnCurve& on, const InternalForces& forces,
                    const Sliding& sliding);
   void BalanceAll(const InstrumentStack& stack, const OnCurve& on, const Sliding& sliding);
   void ShareLoads(const InstrumentStack& stack, const OnCurve& on);
-  void FindMoments(const InstrumentStack& stack, const OnCurve& on, int joint);
+  void FindMoments(const JointIntegrals& integrals, const OnCurve& on, int joint);
+  void FindPairMoments(const JointIntegrals& integrals, const OnCurve& on, int joint);
   void Balance(const OnCurve& on, int node, const Sliding& sliding);
   void FindFriction(const OnCurve& on, int node, const Sliding& sliding);
 
@@ -89,7 +81,6 @@ class HandForces {
   std::array<Bears, kMostInstruments> bears_;
   std::array<int, kMostInstruments> order_ = {};  // on a curve, in order of decreasing reach
   int count_ = 0;                                 // entries of order_ in use
-  std::array<Share, kMostInstruments> shares_;    // in the order of order_
   // Load on each instrument, one entry per node.
   std::array<std::vector<Eigen::Vector3d>, kMostInstruments> load_N_;
   // Force of each instrument against the next one around it, one entry per node.

@@ -10,31 +10,7 @@ namespace torquer {
 
 using Eigen::Vector2d;
 
-WireModel::Joint JointAt(const WireModel& model, double from_tip_mm) {
-  const double at = std::max(0.0, from_tip_mm / model.segment_mm());
-  const int k = static_cast<int>(at);
-  const double t = at - k;
-  const auto rest = [&model](int joint) -> Vector2d {
-    const Eigen::Vector3d& r = model.rest_direction(joint);
-    const double across = std::hypot(r[0], r[1]);
-    if (across == 0) return Vector2d::Zero();
-    return Vector2d(r[0], r[1]) * (std::atan2(across, r[2]) / across);
-  };
-  const auto mix = [t](const auto& a, const auto& b) { return a + t * (b - a); };
-  const Vector2d a = rest(k);
-  const Vector2d b = rest(k + 1);
-  return {mix(model.rigidity_N_mm2(k), model.rigidity_N_mm2(k + 1)),
-          mix(model.radius_mm(k), model.radius_mm(k + 1)), mix(a, b)};
-}
-
 namespace {
-
-double TorsionalRigidityAt(const WireModel& model, double from_tip_mm) {
-  const double at = std::max(0.0, from_tip_mm / model.segment_mm());
-  const int k = static_cast<int>(at);
-  const double a = model.torsional_rigidity_N_mm2(k);
-  return a + (at - k) * (model.torsional_rigidity_N_mm2(k + 1) - a);
-}
 
 void CheckTogether(const std::vector<WireModel>& instruments) {
   if (instruments.empty() || instruments.size() > static_cast<std::size_t>(kMostInstruments)) {
@@ -240,83 +216,57 @@ void InstrumentStack::Combine(const InstrumentPlaces& places) {
 }
 
 void InstrumentStack::CombineRod(const Members& members, int first, int count, WireModel& rod) {
+  const double lambda = rod.segment_mm();
+  std::array<RodJoints::Member, kMostInstruments> placed;
+  for (std::size_t m = 0; m < static_cast<std::size_t>(count); ++m) {
+    placed[m] = {&members[m].model->sections(), members[m].behind_mm};
+  }
+  RodJoints integrals(placed, count, lambda);
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    const int from_tip = static_cast<int>(k);
+    const double from_tip_mm = from_tip * lambda;
+    const JointIntegrals& integral = integrals.At(from_tip);
+    WireModel::Joint& joint = joints_[k];
+    joint.rigidity_N_mm2 = integral.rigidity_N_mm2;
+    joint.rest_rad.setZero();
+    joint.radius_mm = members[0].model->radius_mm(from_tip);
+    for (std::size_t m = 0; m < static_cast<std::size_t>(count); ++m) {
+      const Member& member = members[m];
+      joint.rest_rad += Turned(integral.bend_rad[m], member.turn);
+      const double beyond_mm = from_tip_mm - member.behind_mm;
+      if (m == 0 || beyond_mm <= 0) continue;
+      // The radius is that of the segment distal of the joint.
+      const double added_mm = SectionAt(member.model->sections(), beyond_mm).radius_mm;
+      joint.radius_mm +=
+          std::min(beyond_mm / lambda, 1.0) * std::max(0.0, added_mm - joint.radius_mm);
+    }
+    if (!twisting_.empty()) {
+      CombineTwists(members, count, integral, from_tip_mm, twisting_[k]);
+    }
+  }
   const int tip_segments = members[0].model->tip_segments();
-  CombineJoints(members, count, rod);
   if (twisting_.empty()) {
     rod.ReplaceJoints(joints_, tip_segments);
-    return;
-  }
-  CombineTwists(members, count, rod.segment_mm());
-  rod.ReplaceJoints(joints_, twisting_, first, count, tip_segments);
-}
-
-void InstrumentStack::CombineJoints(const Members& members, int count, const WireModel& rod) {
-  const double lambda = rod.segment_mm();
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
-    const double from_tip = static_cast<double>(k) * lambda;
-    WireModel::Joint& joint = joints_[k];
-    joint = JointAt(*members[0].model, from_tip - members[0].behind_mm);
-    joint.rest_rad = Turned(joint.rest_rad, members[0].turn);
-    // The joint stands for half a segment of wire to either side. At each place of it, the EI of
-    // all instruments that reach the place add up. The pieces along the joint are in series: their
-    // compliances and angles add up.
-    double sum_EI = joint.rigidity_N_mm2;
-    Vector2d sum_EI_rest = joint.rigidity_N_mm2 * joint.rest_rad;
-    double covered = 1;
-    double compliance = 0;
-    Vector2d rest = Vector2d::Zero();
-    for (int m = 1; m < count; ++m) {
-      const Member& other = members[static_cast<std::size_t>(m)];
-      const double beyond = (from_tip - other.behind_mm) / lambda;
-      const double part = std::clamp(beyond + 0.5, 0.0, 1.0);
-      if (part == 0) break;
-      WireModel::Joint added = JointAt(*other.model, from_tip - other.behind_mm);
-      added.rest_rad = Turned(added.rest_rad, other.turn);
-      compliance += (covered - part) / sum_EI;
-      rest += (covered - part) * (sum_EI_rest / sum_EI);
-      covered = part;
-      sum_EI += added.rigidity_N_mm2;
-      sum_EI_rest += added.rigidity_N_mm2 * added.rest_rad;
-      // The radius is that of the segment distal of the joint.
-      joint.radius_mm +=
-          std::clamp(beyond, 0.0, 1.0) * std::max(0.0, added.radius_mm - joint.radius_mm);
-    }
-    joint.rest_rad = rest + covered * (sum_EI_rest / sum_EI);
-    joint.rigidity_N_mm2 = 1 / (compliance + covered / sum_EI);
+  } else {
+    rod.ReplaceJoints(joints_, twisting_, first, count, tip_segments);
   }
 }
 
-void InstrumentStack::CombineTwists(const Members& members, int count, double lambda) {
-  for (std::size_t k = 0; k < twisting_.size(); ++k) {
-    const double from_tip = static_cast<double>(k) * lambda;
-    WireModel::TwistingJoint& joint = twisting_[k];
-    joint = WireModel::TwistingJoint();
-    std::array<double, kMostInstruments + 1> part =
-        {};  // entry m: fraction of the joint that member m covers
-    std::array<double, kMostInstruments> rigidity = {};
-    for (int m = 0; m < count; ++m) {
-      const auto at = static_cast<std::size_t>(m);
-      const Member& member = members[at];
-      const double own_mm = from_tip - member.behind_mm;
-      const WireModel::Joint own = JointAt(*member.model, own_mm);
-      part[at] = m == 0 ? 1 : std::clamp(own_mm / lambda + 0.5, 0.0, 1.0);
-      rigidity[at] = own.rigidity_N_mm2;
-      joint.of[member.instrument].rest_rad = own.rest_rad;
-      joint.of[member.instrument].torsional_rigidity_N_mm2 =
-          TorsionalRigidityAt(*member.model, own_mm);
-    }
-    double sum_EI = 0;
-    for (std::size_t p = 0; p < static_cast<std::size_t>(count); ++p) {
-      sum_EI += rigidity[p];
-      const double piece = part[p] - part[p + 1];
-      if (piece == 0) continue;
-      for (std::size_t a = 0; a <= p; ++a) {
-        joint.of[members[a].instrument].weight += piece * rigidity[a] / sum_EI;
-        for (std::size_t b = 0; b < a; ++b) {
-          const auto [first, second] = std::minmax(members[a].instrument, members[b].instrument);
-          joint.mutual_N_mm2[first][second] += piece * rigidity[a] * rigidity[b] / sum_EI;
-        }
-      }
+void InstrumentStack::CombineTwists(const Members& members, int count,
+                                    const JointIntegrals& integrals, double from_tip_mm,
+                                    WireModel::TwistingJoint& joint) const {
+  joint = WireModel::TwistingJoint();
+  for (std::size_t b = 0; b < static_cast<std::size_t>(count); ++b) {
+    const Member& member = members[b];
+    WireModel::TwistingJoint::Share& share = joint.of[member.instrument];
+    share.bend_rad = integrals.bend_rad[b];
+    share.torsional_rigidity_N_mm2 = JointTorsionalRigidity(
+        member.model->sections(), from_tip_mm - member.behind_mm, member.model->segment_mm());
+    for (std::size_t a = 0; a < b; ++a) {
+      const JointIntegrals::Pair& pair = integrals.pairs[a][b];
+      const auto [first, second] = std::minmax(members[a].instrument, member.instrument);
+      const double across_mJ = first == member.instrument ? -pair.across_mJ : pair.across_mJ;
+      joint.mutual[first][second] = {pair.constant_mJ, pair.along_mJ, across_mJ};
     }
   }
 }

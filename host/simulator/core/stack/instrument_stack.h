@@ -10,8 +10,8 @@
 // Every rest curvature turns with its own instrument: with its hand or, with twist, with its local
 // turn (core/README.md section 17). The leader is the instrument that reaches farthest: the
 // segments of the rod are its material. An instrument that slides in the others changes the rod's
-// properties, not its position. A tip divides the joint in which it lies into a part with and a
-// part without the instrument. A tip that passes that of the leader coincides with it, and so do
+// properties, not its position. A tip divides the joints around it into parts with and parts
+// without the instrument. A tip that passes that of the leader coincides with it, and so do
 // the segments of both. A lone wire is a stack of one: it is the rod.
 //
 // Room in a lumen divides the instruments into curves (core/README.md section 18): curve 0 has the
@@ -109,8 +109,8 @@ class InstrumentStack {
 
   int Gather(const InstrumentPlaces& places, Range range, double end_mm, Members& members) const;
   void CombineRod(const Members& members, int first, int count, WireModel& rod);
-  void CombineJoints(const Members& members, int count, const WireModel& rod);
-  void CombineTwists(const Members& members, int count, double lambda);
+  void CombineTwists(const Members& members, int count, const JointIntegrals& integrals,
+                     double from_tip_mm, WireModel::TwistingJoint& joint) const;
 
   std::vector<WireModel> owned_;
   std::vector<const WireModel*> instruments_;
@@ -121,9 +121,6 @@ class InstrumentStack {
   std::vector<WireModel::TwistingJoint> twisting_;  // empty without twist
   Clearance clearance_;
 };
-
-/// Properties of an instrument at a distance from its tip, interpolated between its joints.
-WireModel::Joint JointAt(const WireModel& model, double from_tip_mm);
 
 /// Nodes of a rod up to an instrument's insertion; the last is the instrument's tip. Overwrites
 /// `out`.

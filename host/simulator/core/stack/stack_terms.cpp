@@ -12,62 +12,65 @@ namespace {
 
 using Share = WireModel::TwistingJoint::Share;
 
-bool RestsCurved(const Share& share) { return !share.rest_rad.isZero(0) && share.weight > 0; }
-
 Vector2d QuarterTurn(const Vector2d& a) { return {-a[1], a[0]}; }
 
-// Rest angles of the instruments at a joint, in their local turn, over the joint's length.
+// Contributions of the instruments to the rest angle of a joint, in their local turn.
 struct Rests {
   Rests(const WireModel& model, const Curve& curve, int joint)
       : twisting(model.twisting_joint(curve.segments() - joint)),
         first(model.first_spin()),
-        count(model.spins()) {
-    const double part = JointLength(model, curve, joint) / model.segment_mm();
+        count(model.spins()),
+        part(JointLength(model, curve, joint) / model.segment_mm()) {
     for (int k = 0; k < count; ++k) {
       const auto at = static_cast<std::size_t>(k);
-      const Share& share = Of(k);
       own[at].setZero();
-      if (!RestsCurved(share)) continue;
-      const double turn = curve.TurnBefore(joint, first + k);
-      const Vector2d rest = part * share.rest_rad;
-      own[at] = std::cos(turn) * rest + std::sin(turn) * QuarterTurn(rest);
-      together += share.weight * own[at];
+      if (!Curved(k)) continue;
+      turn_rad[at] = curve.TurnBefore(joint, first + k);
+      const Vector2d bend = part * Of(k).bend_rad;
+      own[at] = std::cos(turn_rad[at]) * bend + std::sin(turn_rad[at]) * QuarterTurn(bend);
+      together += own[at];
       curved = true;
     }
   }
 
   // Instrument number k of the rod.
   const Share& Of(int k) const { return twisting.of[static_cast<std::size_t>(first + k)]; }
+  bool Curved(int k) const { return !Of(k).bend_rad.isZero(0); }
 
   const WireModel::TwistingJoint& twisting;
   const int first;
   const int count;
+  const double part;  // length of the joint over that of a segment
+  std::array<double, kMostInstruments> turn_rad;
   std::array<Vector2d, kMostInstruments> own;
   Vector2d together = Vector2d::Zero();
   bool curved = false;
 };
 
-// Calls `each` with two instruments that bend each other and their mutual stiffness, mJ.
+// Energy of two instruments that bend each other, with its derivatives by the turn from a to b.
+struct MutualBend {
+  double energy_mJ;
+  double first;
+  double second;
+};
+
+// Calls `each` with two instruments that bend each other.
 template <class Each>
-void ForPairs(const Rests& rests, double length_mm, const Each& each) {
+void ForPairs(const Rests& rests, const Each& each) {
   for (int a = 0; a < rests.count; ++a) {
     for (int b = a + 1; b < rests.count; ++b) {
-      const double mutual = rests.twisting.mutual_N_mm2[static_cast<std::size_t>(rests.first + a)]
-                                                       [static_cast<std::size_t>(rests.first + b)];
-      if (mutual > 0) each(a, b, mutual / length_mm);
+      const auto& mutual = rests.twisting.mutual[static_cast<std::size_t>(rests.first + a)]
+                                                [static_cast<std::size_t>(rests.first + b)];
+      if (mutual.IsZero()) continue;
+      const double turn =
+          rests.turn_rad[static_cast<std::size_t>(b)] - rests.turn_rad[static_cast<std::size_t>(a)];
+      const double c = std::cos(turn);
+      const double s = std::sin(turn);
+      const double even = rests.part * (mutual.along_mJ * c + mutual.across_mJ * s);
+      const double odd = rests.part * (mutual.along_mJ * s - mutual.across_mJ * c);
+      each(a, b, MutualBend{rests.part * mutual.constant_mJ - even, odd, even});
     }
   }
-}
-
-double Mutual(const Rests& rests, double length_mm) {
-  double energy_mJ = 0;
-  ForPairs(rests, length_mm, [&](int a, int b, double stiffness) {
-    energy_mJ += stiffness *
-                 (rests.own[static_cast<std::size_t>(a)] - rests.own[static_cast<std::size_t>(b)])
-                     .squaredNorm() /
-                 2;
-  });
-  return energy_mJ;
 }
 
 // BentBy with its first and second derivatives, in the frame (first normal, second normal,
@@ -154,7 +157,6 @@ void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
     const Vector3d rest = axes * bent.direction;
     ExpandJoint(model.law(), stiffness, proximal, proximal_frame.col(0), rest, tangent,
                 frame.col(0), energy_mJ, bending);
-    energy_mJ += Mutual(rests, length_mm);
 
     // Derivatives of y = 1 - u.r by the spins, through the rest angle. As in ExpandJoint, the rest
     // turns with the proximal segment by e_1 xi_1 + e_2 xi_2.
@@ -181,8 +183,8 @@ void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
     }
     for (int k = 0; k < rests.count; ++k) {
       const auto at = static_cast<std::size_t>(k);
-      if (!RestsCurved(rests.Of(k))) continue;
-      const Vector2d own = rests.Of(k).weight * rests.own[at];
+      if (!rests.Curved(k)) continue;
+      const Vector2d& own = rests.own[at];
       const Vector2d turned = QuarterTurn(own);
       const double y_k = y_rest.dot(turned);
       out.gradient_proximal[k] += slope * y_k;
@@ -193,22 +195,19 @@ void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
           curvature * y_k * y_distal.transpose() + slope * turned.transpose() * rest_distal;
       for (int m = 0; m < rests.count; ++m) {
         const auto other = static_cast<std::size_t>(m);
-        const Vector2d with = QuarterTurn(rests.Of(m).weight * rests.own[other]);
+        const Vector2d with = QuarterTurn(rests.own[other]);
         out.hessian_proximal(k, m) +=
             curvature * y_k * y_rest.dot(with) + slope * turned.dot(y_rest_rest * with);
       }
     }
-    ForPairs(rests, length_mm, [&](int a, int b, double pair_stiffness) {
-      const Vector2d& rest_a = rests.own[static_cast<std::size_t>(a)];
-      const Vector2d& rest_b = rests.own[static_cast<std::size_t>(b)];
-      const double along = pair_stiffness * rest_a.dot(rest_b);
-      const double across = pair_stiffness * QuarterTurn(rest_a).dot(rest_b);
-      out.gradient_proximal[a] -= across;
-      out.gradient_proximal[b] += across;
-      out.hessian_proximal(a, a) += along;
-      out.hessian_proximal(b, b) += along;
-      out.hessian_proximal(a, b) -= along;
-      out.hessian_proximal(b, a) -= along;
+    ForPairs(rests, [&](int a, int b, const MutualBend& bend) {
+      energy_mJ += bend.energy_mJ;
+      out.gradient_proximal[a] -= bend.first;
+      out.gradient_proximal[b] += bend.first;
+      out.hessian_proximal(a, a) += bend.second;
+      out.hessian_proximal(b, b) += bend.second;
+      out.hessian_proximal(a, b) -= bend.second;
+      out.hessian_proximal(b, a) -= bend.second;
     });
   }
 

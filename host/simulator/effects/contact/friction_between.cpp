@@ -75,9 +75,10 @@ void FrictionBetween::Begin(const PointSet& points) {
               sliding_.coefficient *
               points.pressed_N[static_cast<std::size_t>(i)][static_cast<std::size_t>(inner)];
         }
-        anchor.radius_mm = JointAt(stack_.instrument(inner),
-                                   from_tip_mm - points.behind_mm[static_cast<std::size_t>(inner)])
-                               .radius_mm;
+        anchor.radius_mm =
+            SectionAt(stack_.instrument(inner).sections(),
+                      from_tip_mm - points.behind_mm[static_cast<std::size_t>(inner)])
+                .radius_mm;
       }
       inner = k;
     }
