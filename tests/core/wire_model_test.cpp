@@ -1,6 +1,7 @@
 #include "host/simulator/core/wire_model.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <stdexcept>
@@ -60,11 +61,16 @@ TEST_CASE("A wire that cannot be simulated is refused with field, value and rang
 }
 
 TEST_CASE("Sections are linear in between and constant beyond") {
-  const WireModel model(2, {{0, 1, 0.1, 0, 0}, {10, 11, 0.2, 0, 0}, {30, 11, 0.3, 0, 0}}, 0, 100,
-                        BendingLaw::kExact, {});
-  CHECK(model.rigidity_N_mm2(0) == Approx(1));
-  CHECK(model.rigidity_N_mm2(2) == Approx(5));
-  CHECK(model.rigidity_N_mm2(5) == Approx(11));
+  const std::vector<WireSection> sections = {
+      {0, 1, 0.1, 0, 0}, {10, 11, 0.2, 0, 0}, {30, 11, 0.3, 0, 0}};
+  const WireModel model(2, sections, 0, 100, BendingLaw::kExact, {});
+  CHECK(SectionAt(sections, 4).rigidity_N_mm2 == Approx(5));
+  CHECK(SectionAt(sections, 10).rigidity_N_mm2 == Approx(11));
+  CHECK(SectionAt(sections, 98).rigidity_N_mm2 == Approx(11));
+  // Compliances add up over the hat of a joint: integrals of w / EI in closed form.
+  CHECK(model.rigidity_N_mm2(0) == Approx(2 / (1.5 * std::log(3.0))));
+  CHECK(model.rigidity_N_mm2(5) == Approx(2 / (1 - 4.5 * std::log(11.0 / 9) + 1.0 / 11)));
+  CHECK(model.rigidity_N_mm2(6) == 11);
   CHECK(model.rigidity_N_mm2(49) == Approx(11));
   CHECK(model.radius_mm(10) == Approx(0.25));
   CHECK(model.radius_mm(40) == Approx(0.3));
@@ -79,7 +85,8 @@ TEST_CASE("A curved tip rests curved to its end, and no farther") {
   CHECK(model.first_straight_joint() == 6);
   for (int k = 1; k < 6; ++k) {
     CHECK(model.rest_direction(k).norm() == Approx(1));
-    CHECK(std::acos(model.rest_direction(k)[2]) == Approx(0.2));
+    // Half of the last joint's hat is straight.
+    CHECK(std::acos(model.rest_direction(k)[2]) == Approx(k < 5 ? 0.2 : 0.1));
     CHECK(model.rest_direction(k)[0] > 0);
   }
   CHECK(model.rest_direction(6) == Vector3d(0, 0, 1));

@@ -205,9 +205,10 @@ TEST_CASE("An instrument by sections is the one of its table") {
                   "inner_radius_mm = 0.3\nfrom_tip_mm = [0, 20, 60]\nrigidity_N_mm2 = [1, 5, 9]\n"
                   "radius_mm = [0.4, 0.5, 0.5]\ncurvature_1_per_mm = [0.1, 0, 0]\n"));
   const WireModel& catheter = scene.stack().instrument(1);
-  CHECK(catheter.rigidity_N_mm2(40) == Approx(7));
+  CHECK(SectionAt(catheter.sections(), 40).rigidity_N_mm2 == Approx(7));
+  CHECK(SectionAt(catheter.sections(), 10).curvature_1_per_mm == Approx(0.05));
   CHECK(catheter.radius_mm(10) == Approx(0.45));
-  CHECK(catheter.first_straight_joint() == 20);
+  CHECK(catheter.first_straight_joint() == 21);
 }
 
 }  // namespace

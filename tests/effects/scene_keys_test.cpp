@@ -119,11 +119,11 @@ TEST_CASE("A scene's wire is the one of its sections") {
                    "radius_mm = [0.1, 0.1, 0.2, 0.3]\ncurvature_1_per_mm = [0.05, 0.05, 0, 0]\n"
                    "curvature_2_per_mm = [0, 0.02, 0, 0]\n"));
   const WireModel& wire = scene.rod();
-  CHECK(wire.rigidity_N_mm2(5) == Approx(1));
-  CHECK(wire.rigidity_N_mm2(10) == Approx(1));
-  CHECK(wire.rigidity_N_mm2(11) == Approx(6));
-  CHECK(wire.rigidity_N_mm2(30) == Approx(25));
-  CHECK(wire.rigidity_N_mm2(100) == Approx(45));
+  CHECK(SectionAt(wire.sections(), 5).rigidity_N_mm2 == Approx(1));
+  CHECK(SectionAt(wire.sections(), 10).rigidity_N_mm2 == Approx(1));
+  CHECK(SectionAt(wire.sections(), 11).rigidity_N_mm2 == Approx(6));
+  CHECK(SectionAt(wire.sections(), 30).rigidity_N_mm2 == Approx(25));
+  CHECK(SectionAt(wire.sections(), 100).rigidity_N_mm2 == Approx(45));
   CHECK(wire.radius_mm(5) == Approx(0.1));
   CHECK(wire.radius_mm(30) == Approx(0.25));
   CHECK(wire.first_straight_joint() == 11);

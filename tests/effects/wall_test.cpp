@@ -196,20 +196,16 @@ TEST_CASE("Each instrument of a stack has its own friction, its own coating and 
 TEST_CASE("A cantilever with a step in its rigidity bends by the closed form") {
   constexpr double kLength = 60;
   scene::InstrumentSpec wire;
-  wire.from_tip_mm = {0, 20, 20};
+  constexpr double kStep = 20;
+  wire.from_tip_mm = {0, kStep, kStep};
   wire.rigidity_N_mm2 = {0.5, 0.5, 4};
   wire.radius_mm = {0.2};
-  const std::vector<WireSection> sections = scene::MakeSections(wire, 1);
+  const std::vector<WireSection> sections = scene::MakeSections(wire);
   REQUIRE(sections.size() == 3);
   double error[2];
   int k = 0;
   for (const double segment_mm : {1.0, 0.5}) {
-    // A joint represents half a segment on either side: this puts the step midway between two
-    // joints.
-    const double step_mm = 20 + segment_mm / 2;
-    std::vector<WireSection> shifted = sections;
-    for (std::size_t s = 1; s < shifted.size(); ++s) shifted[s].from_tip_mm += segment_mm / 2;
-    const WireModel model(segment_mm, shifted, 0, 100, BendingLaw::kExact, {});
+    const WireModel model(segment_mm, sections, 0, 100, BendingLaw::kExact, {});
     const FreeSpace field;
     const WallModel wall;
     constexpr double kForce = 1e-6;
@@ -219,7 +215,7 @@ TEST_CASE("A cantilever with a step in its rigidity bends by the closed form") {
     WireState state = LayStraight(model, kLength);
     relaxation.Restart(state);
     REQUIRE(Settle(relaxation, {kLength, 0}, state).converged);
-    const double tip = std::pow(step_mm, 3);
+    const double tip = std::pow(kStep, 3);
     const double expected = kForce * ((std::pow(kLength, 3) - tip) / (3 * 4) + tip / (3 * 0.5));
     error[k++] = state.nodes().back()[1] / expected - 1;
   }

@@ -39,7 +39,7 @@ double RigidityOf(const DeviceSource& source) {
 }
 
 double RigidityAt(const InstrumentSpec& spec, double from_tip_mm) {
-  const auto sections = MakeSections(spec, 1);
+  const auto sections = MakeSections(spec);
   double last_s = 0;
   double last = sections.front().rigidity_N_mm2;
   for (const auto& section : sections) {

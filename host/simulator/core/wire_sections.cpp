@@ -9,6 +9,10 @@ using Eigen::Vector2d;
 
 namespace {
 
+// A step between sections has a short length. Where it begins at a joint, the next hat holds this
+// little of it; the next joint rests straight.
+constexpr double kStraightRad = 1e-12;
+
 Vector2d CurvatureOf(const WireSection& section) {
   return {section.curvature_1_per_mm, section.curvature_2_per_mm};
 }
@@ -235,6 +239,9 @@ const JointIntegrals& RodJoints::At(int from_tip) {
   });
   joint_.rigidity_N_mm2 = mean.Of(segment_mm_);
   for (double& share : joint_.share) share /= segment_mm_;
+  for (Vector2d& bend_rad : joint_.bend_rad) {
+    if (bend_rad.norm() < kStraightRad) bend_rad.setZero();
+  }
   return joint_;
 }
 

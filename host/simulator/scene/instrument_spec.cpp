@@ -188,29 +188,25 @@ void WriteInstrument(const InstrumentSpec& spec, TomlWriter& out) {
   InstrumentKeys().Write(spec, base, out);
 }
 
-std::vector<WireSection> MakeSections(const InstrumentSpec& spec, double segment_mm) {
+std::vector<WireSection> MakeSections(const InstrumentSpec& spec) {
   std::vector<double> at = spec.from_tip_mm;
   for (std::size_t k = 1; k < at.size(); ++k) {
     if (at[k] == at[k - 1]) at[k] += kStepMm;
   }
-  // All joints of the tip bend equally and add up to its angle. The step to the straight shaft lies
-  // between two joints.
-  const double joints = std::max(1.0, std::floor(spec.tip_mm / segment_mm + 0.5));
-  const double tip_end = (joints + 0.5) * segment_mm;
   const double angle_rad = spec.tip_angle_deg * (std::numbers::pi / 180);
   std::vector<double> stations = at;
   if (angle_rad > 0) {
-    stations.insert(stations.end(), {0, tip_end, tip_end + 1e-3 * segment_mm});
+    stations.insert(stations.end(), {0, spec.tip_mm, spec.tip_mm + kStepMm});
     std::sort(stations.begin(), stations.end());
     stations.erase(std::unique(stations.begin(), stations.end()), stations.end());
   }
   std::vector<WireSection> sections;
   for (const double s : stations) {
-    const bool bent = angle_rad > 0 && s <= tip_end;
+    const bool bent = angle_rad > 0 && s <= spec.tip_mm;
     sections.push_back({.from_tip_mm = s,
                         .rigidity_N_mm2 = ValueAt(at, spec.rigidity_N_mm2, s),
                         .radius_mm = ValueAt(at, spec.radius_mm, s),
-                        .curvature_1_per_mm = bent ? angle_rad / (joints * segment_mm)
+                        .curvature_1_per_mm = bent ? angle_rad / spec.tip_mm
                                                    : ValueAt(at, spec.curvature_1_per_mm, s),
                         .curvature_2_per_mm = ValueAt(at, spec.curvature_2_per_mm, s)});
   }

@@ -49,8 +49,8 @@ InstrumentSpec ReadInstrument(StrictTable& table);
 /// Writes the values that differ from the device, or from the defaults if there is no device.
 void WriteInstrument(const InstrumentSpec& spec, TomlWriter& out);
 
-/// Sections of the instrument for segments of `segment_mm`. A bent tip ends between two joints.
-std::vector<WireSection> MakeSections(const InstrumentSpec& spec, double segment_mm);
+/// Sections of the instrument.
+std::vector<WireSection> MakeSections(const InstrumentSpec& spec);
 
 /// Description for effects. `model` must outlive it.
 effects::Instrument Describe(const InstrumentSpec& spec, const WireModel& model);

@@ -117,7 +117,7 @@ void Scene::MakeEntry() {
 
 WireModel Scene::MakeInstrument(const InstrumentSpec& spec, double segment_mm,
                                 BendingLaw law) const {
-  std::vector<WireSection> sections = MakeSections(spec, segment_mm);
+  std::vector<WireSection> sections = MakeSections(spec);
   for (const EffectSpec& effect : spec_.effects) {
     if (const effects::ShapeChange shape = KindOf(effect).shape) {
       shape(sections, spec.torsional_rigidity_ratio);
