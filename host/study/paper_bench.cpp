@@ -15,11 +15,9 @@ constexpr double kTipMm = 5;
 std::vector<WireSection> Sections(const PaperBench::Setup& setup) {
   const double curvature = setup.tip_angle_rad / kTipMm;
   if (curvature == 0) return {{0, setup.rigidity_N_mm2, setup.radius_mm, 0, 0}};
-  // The step to the straight shaft lies between two joints.
-  const double end = kTipMm + 0.25 * setup.segment_mm;
   return {{0, setup.rigidity_N_mm2, setup.radius_mm, curvature, 0},
-          {end, setup.rigidity_N_mm2, setup.radius_mm, curvature, 0},
-          {end + 1e-3 * setup.segment_mm, setup.rigidity_N_mm2, setup.radius_mm, 0, 0}};
+          {kTipMm, setup.rigidity_N_mm2, setup.radius_mm, curvature, 0},
+          {kTipMm + 1e-6, setup.rigidity_N_mm2, setup.radius_mm, 0, 0}};
 }
 
 }  // namespace

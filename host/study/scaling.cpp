@@ -127,7 +127,7 @@ class Race {
 
   Race(const vessel::TubeVessel& vessel, double tip_rad)
       : vessel_(vessel),
-        wire_(PaperWire(1, tip_rad)),
+        wire_(PaperWire(tip_rad)),
         model_(1, wire_.sections, wire_.tip_mm, 255, BendingLaw::kG1,
                {vessel.entry_point_mm(), vessel.entry_direction()}),
         wall_{wire_.wall_stiffness_N_mm2, 1},
@@ -219,13 +219,13 @@ class ScalingStudy final : public Study {
     const double tip = std::numbers::pi / 6;
     run.Say(DescribeMachine());
     run.Progress("actions", 0);
-    Measure(run, vessel, "newton/friction/n=250", PaperWire(1, tip), 1, kFriction, actions);
-    Measure(run, vessel, "newton/frictionless/n=250", PaperWire(1, tip), 1, 0, actions);
+    Measure(run, vessel, "newton/friction/n=250", PaperWire(tip), 1, kFriction, actions);
+    Measure(run, vessel, "newton/frictionless/n=250", PaperWire(tip), 1, 0, actions);
     run.Progress("real wires", 0.2);
-    Measure(run, vessel, "newton/wire014/n=250", Wire014(1), 1, kFriction, actions);
-    Measure(run, vessel, "newton/wire035/n=250", Wire035(1), 1, kFriction, actions);
+    Measure(run, vessel, "newton/wire014/n=250", Wire014(), 1, kFriction, actions);
+    Measure(run, vessel, "newton/wire035/n=250", Wire035(), 1, kFriction, actions);
     run.Progress("n = 2500", 0.3);
-    Measure(run, vessel, "newton/friction/n=2500", PaperWire(0.1, tip), 0.1, kFriction,
+    Measure(run, vessel, "newton/friction/n=2500", PaperWire(tip), 0.1, kFriction,
             run.quick() ? 60 : actions);
     run.Progress("real vessels", 0.35);
     MeasureScene(run, "neuro_arch", 450, actions);
@@ -277,7 +277,7 @@ class ScalingStudy final : public Study {
     for (const int n : {250, 500, 1000, 2500}) {
       run.Progress("growth, n = " + std::to_string(n), 0.4);
       const double segment_mm = 250.0 / n;
-      NewtonRun newton(vessel, PaperWire(segment_mm, tip), segment_mm, 255, kFriction);
+      NewtonRun newton(vessel, PaperWire(tip), segment_mm, 255, kFriction);
       const ActionCost cost = MeasureFeeds(newton, 250, run.quick() ? 45 : 150);
       const double median = Quantile(cost.ms, 0.5);
       run.Record("growth/n=" + std::to_string(n), "ms_p50", median, "ms");
@@ -306,7 +306,7 @@ class ScalingStudy final : public Study {
     run.Progress("whole insertion", 0.6);
     std::vector<double> totals;
     for (int repeat = 0; repeat < 5; ++repeat) {
-      NewtonRun newton(vessel, PaperWire(1, tip), 1, 255, kFriction);
+      NewtonRun newton(vessel, PaperWire(tip), 1, 255, kFriction);
       newton.FeedTo(7);
       const double start_s = ThreadCpuSeconds();
       for (int n = 8; n <= 250; ++n) newton.Feed(1);

@@ -21,8 +21,8 @@ int main() {
   const vessel::CenterlineSample entry = vessel.centerlines.curves()[0].At(1);
   const double bend = std::numbers::pi / 180 * 30 / (10.0 * 1);
   const std::vector<WireSection> sections = {{0, 1, 0.4445, bend, 0},
-                                             {10.5, 1, 0.4445, bend, 0},
-                                             {10.5 + 1e-3, 1, 0.4445, 0, 0},
+                                             {10, 1, 0.4445, bend, 0},
+                                             {10 + 1e-6, 1, 0.4445, 0, 0},
                                              {15, 1, 0.4445, 0, 0},
                                              {80, 40, 0.4445, 0, 0}};
   const WireModel model(1, sections, 10, 280, BendingLaw::kExact,
