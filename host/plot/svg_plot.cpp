@@ -327,7 +327,9 @@ class Drawing {
         "stroke-width=\"2\"/>\n",
         x, y, kInk);
     const bool to_left = x > (left_ + right_) / 2;
-    Text(to_left ? x - 13 : x + 13, y - 8, to_left ? "end" : "start", kInk, callout.label,
+    // Beside the marker in a list, where a label above it would cover the marker of the row above.
+    const double baseline = plot_.y.is_list ? y + 4 : y - 8;
+    Text(to_left ? x - 13 : x + 13, baseline, to_left ? "end" : "start", kInk, callout.label,
          "font-weight=\"600\" stroke=\"#fff\" stroke-width=\"3\" paint-order=\"stroke\"");
   }
 

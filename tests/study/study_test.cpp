@@ -101,6 +101,32 @@ TEST_CASE("a file that cannot be replaced leaves nothing half-written") {
   CHECK(ReadAll(old) == "second");
 }
 
+// Value of an attribute in the first element that contains `mark`.
+double AttributeBefore(const std::string& svg, const std::string& mark, const std::string& name) {
+  const std::size_t start = svg.rfind('<', svg.find(mark) - 1);
+  return std::stod(svg.substr(svg.find(" " + name + "=\"", start) + name.size() + 3));
+}
+
+TEST_CASE("a label in a list stays in its own row") {
+  Plot plot;
+  plot.x = {"time, s", true, {}};
+  plot.y.is_list = true;
+  for (int row = 0; row < 25; ++row) {
+    plot.callouts.push_back({1.0 + row % 3, -1.0 * row, "row " + std::to_string(row) + "."});
+  }
+  plot.series = {{"", Mark::kPoints, {}, {}}};
+  for (const auto& callout : plot.callouts) {
+    plot.series[0].x.push_back(callout.x);
+    plot.series[0].y.push_back(callout.y);
+  }
+  const std::string svg = DrawPlot(plot);
+  const double first = AttributeBefore(svg, ">row 0.</text>", "y");
+  const double second = AttributeBefore(svg, ">row 1.</text>", "y");
+  const double marker = AttributeBefore(svg, "r=\"8\"", "cy");
+  CHECK(second > first);
+  CHECK(std::abs(first - marker) < (second - first) / 2);
+}
+
 TEST_CASE("a plot shows every series and leaves out what its axes cannot show") {
   Plot plot;
   plot.x = {"time, s", true, {}};
