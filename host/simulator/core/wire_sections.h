@@ -51,7 +51,7 @@ struct JointIntegrals {
   std::array<std::array<Pair, kMostInstruments>, kMostInstruments> pairs;
 };
 
-/// Instruments of a rod and the joints that they make. Assign members before the first At.
+/// Instruments of a rod and the joints that they make.
 class RodJoints {
  public:
   struct Member {
