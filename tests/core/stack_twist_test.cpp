@@ -30,6 +30,47 @@ TEST_CASE("Gradient of a stack that twists is that of finite differences") {
         1e-7 * gradient.norm());
 }
 
+// An instrument that bends one way, and from a joint on the other way.
+WireModel DoubleCurve(double rigidity, double curvature, double at_mm) {
+  return WireModel(1,
+                   {{0, rigidity, 0.2, curvature, 0, 0.5},
+                    {at_mm, rigidity, 0.2, curvature, 0, 0.5},
+                    {at_mm + 1e-6, rigidity, 0.2, -curvature, 0, 0.5}},
+                   0, 60, BendingLaw::kExact, {});
+}
+
+TEST_CASE("Instruments bend each other at a joint whose own rest angles cancel") {
+  // Half a hat bends one way, half the other way: the rest angle of joint 4 is 0.
+  const double catheter_curvature = GENERATE(0.05, 0.0);
+  FreeStack both({DoubleCurve(1, 0.1, 4), DoubleCurve(2, catheter_curvature, 4)});
+  const InstrumentPlaces places{{8, 0.3}, {8, 1.7}};
+  both.stack.Combine(places);
+  const WireModel& model = both.stack.rod();
+  REQUIRE(model.twisting_joint(4).of[0].bend_rad.norm() < 1e-6);
+  const FreeSpace field;
+  const WallModel wall;
+  const std::vector<EnergyTerm*> none;
+  WireMechanics mechanics(model, field, wall, none);
+  const WireState state = WireState::Along(model, {}, places);
+  Expansion at = mechanics.MakeExpansion();
+  mechanics.Expand(state, at);
+  const auto energy = [&](const Eigen::VectorXd& x) {
+    Expansion there = mechanics.MakeExpansion();
+    mechanics.ExpandGradient(StackStep(model, state, x), there);
+    return there.energy_mJ;
+  };
+  const Eigen::VectorXd gradient =
+      GradientOf(energy, Eigen::VectorXd::Zero(4 * state.segments()), 1e-3);
+  CHECK((gradient - DenseGradient(model, state, at)).norm() < 1e-7 * gradient.norm());
+  // A straight rod: each instrument bends back by its own curvature, everywhere. But the segments
+  // beside joint 4 may bend to and fro, as the rod rests.
+  const double own_mJ_mm = (1 * 0.1 * 0.1 + 2 * catheter_curvature * catheter_curvature) / 2;
+  const double rest_mJ_mm = (0.1 * 0.1 + std::pow(2 * catheter_curvature, 2) +
+                             2 * 0.1 * 2 * catheter_curvature * std::cos(1.4)) /
+                            (2 * 3);
+  CHECK(at.energy_mJ == Approx(own_mJ_mm * 7.5 - rest_mJ_mm).epsilon(1e-3));
+}
+
 TEST_CASE("The sweep of a stack that twists solves the dense Newton system") {
   const double weight = test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
   TwistedStack stack(GENERATE(2, 3, 4), 5);

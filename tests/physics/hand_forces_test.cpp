@@ -179,6 +179,45 @@ TEST_CASE("Of what twists the hand's torque is the energy that a turn takes") {
   }
 }
 
+// Shaped instruments that cover each other's shape: a straight catheter on a shaped wire, or one
+// with another shape. Tips and sections lie between joints.
+TEST_CASE("Instruments that bend each other push and turn with the energy that this takes") {
+  const double catheter_1_per_mm = GENERATE(0.0, -0.02);
+  const bool shaped_at_clamp = GENERATE(false, true);
+  const double segment_mm = 0.5;
+  std::vector<WireModel> instruments;
+  instruments.push_back(Instrument(segment_mm, 1, 0.2, shaped_at_clamp ? 138.2 : 45.3, 0.03, 0.3));
+  instruments.push_back(
+      Instrument(segment_mm, 2, 0.4, shaped_at_clamp ? 138.2 : 13.4, catheter_1_per_mm, 0.3));
+  const InstrumentPlaces places{{95.3, 0.4}, {71.2, 1.2}};
+  Round round(std::move(instruments), places);
+  const auto work = [&](auto change, double by) {
+    double energy_mJ[2];
+    for (const int way : {1, -1}) {
+      InstrumentPlaces there = places;
+      change(there, way * by);
+      round.GoTo(there);
+      energy_mJ[way == 1] = round.energy();
+    }
+    round.GoTo(places);
+    return (energy_mJ[1] - energy_mJ[0]) / (2 * by);
+  };
+  for (int k = 0; k < 2; ++k) {
+    const HandForce hand = round.Hand(k);
+    const double push_N =
+        work([k](InstrumentPlaces& there, double mm) { there[k].insertion_mm += mm; }, segment_mm);
+    const double turn_mJ =
+        work([k](InstrumentPlaces& there, double rad) { there[k].rotation_rad += rad; }, 0.01);
+    INFO("instrument " << k << ", catheter " << catheter_1_per_mm
+                       << (shaped_at_clamp ? ", shaped at the clamp" : ""));
+    // The sheath holds a shaped instrument straight. A push releases that energy.
+    const double curvature = k == 0 ? 0.03 : catheter_1_per_mm;
+    const double released_N = shaped_at_clamp ? (k + 1) * curvature * curvature / 2 : 0;
+    CHECK(hand.axial_N == Approx(push_N - released_N).epsilon(0.01).margin(1e-5));
+    CHECK(hand.torque_mJ == Approx(turn_mJ).epsilon(1e-3).margin(1e-7));
+  }
+}
+
 TEST_CASE("Friction between instruments is the same on any mesh, whatever steps in them") {
   // Rest shapes and rigidities have steps in a bend, where the exchanged moments are couples.
   const auto friction_N = [](double segment_mm) {

@@ -54,12 +54,12 @@ class WireModel {
     };
     std::array<Share, kMostInstruments> of;  ///< by instrument
     /// Energy with which two instruments of different rest bend each other, by the angle D from the
-    /// normals of a to those of b: constant - along cos(D) - across sin(D), mJ (README (38)).
+    /// normals of a to those of b: constant - along cos(D) - across sin(D), mJ (README (38)). The
+    /// constant is 0 only where both are straight.
     struct Mutual {
       double constant_mJ = 0;
       double along_mJ = 0;
       double across_mJ = 0;
-      bool IsZero() const { return along_mJ == 0 && across_mJ == 0; }
     };
     std::array<std::array<Mutual, kMostInstruments>, kMostInstruments> mutual;  ///< [a][b], a < b
   };

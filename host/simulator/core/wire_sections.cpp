@@ -21,11 +21,10 @@ Vector2d CurvatureOf(const WireSection& section) {
 // `behind_mm`.
 double NextEnd(const std::vector<WireSection>& sections, double behind_mm, double from_mm,
                double before_mm) {
-  for (const WireSection& section : sections) {
-    const double end_mm = behind_mm + section.from_tip_mm;
-    if (end_mm > from_mm) return std::min(end_mm, before_mm);
-  }
-  return before_mm;
+  const auto next = std::upper_bound(
+      sections.begin(), sections.end(), from_mm,
+      [&](double mm, const WireSection& s) { return mm < behind_mm + s.from_tip_mm; });
+  return next == sections.end() ? before_mm : std::min(behind_mm + next->from_tip_mm, before_mm);
 }
 
 // A piece of a joint's hat, in which all properties and the weight are linear in s.
@@ -177,8 +176,9 @@ void AddPiece(const Present& present, const Piece& piece, JointIntegrals& out) {
 WireSection SectionAt(const std::vector<WireSection>& sections, double from_tip_mm) {
   if (from_tip_mm <= sections.front().from_tip_mm) return sections.front();
   if (from_tip_mm >= sections.back().from_tip_mm) return sections.back();
-  const auto b = std::find_if(sections.begin(), sections.end(),
-                              [&](const WireSection& s) { return s.from_tip_mm >= from_tip_mm; });
+  const auto b =
+      std::lower_bound(sections.begin(), sections.end(), from_tip_mm,
+                       [](const WireSection& s, double mm) { return s.from_tip_mm < mm; });
   const auto a = b - 1;
   const double t = (from_tip_mm - a->from_tip_mm) / (b->from_tip_mm - a->from_tip_mm);
   const auto mix = [t](double p, double q) { return p + t * (q - p); };

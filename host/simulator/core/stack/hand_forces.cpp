@@ -136,7 +136,7 @@ void HandForces::FindPairMoments(const JointIntegrals& integrals, const OnCurve&
   for (std::size_t b = 0; b < static_cast<std::size_t>(count_); ++b) {
     for (std::size_t a = 0; a < b; ++a) {
       const JointIntegrals::Pair& pair = integrals.pairs[a][b];
-      if (pair.of_a_mJ_mm.isZero(0) && pair.of_b_mJ_mm.isZero(0)) continue;
+      if (pair.constant_mJ == 0) continue;  // both are straight
       const Vector3d of_a = FromOwnNormals(rod, curve, joint, order_[a], pair.of_a_mJ_mm);
       const Vector3d of_b = FromOwnNormals(rod, curve, joint, order_[b], pair.of_b_mJ_mm);
       const auto first = static_cast<std::size_t>(order_[a]);

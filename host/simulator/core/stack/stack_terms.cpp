@@ -25,9 +25,9 @@ struct Rests {
       const auto at = static_cast<std::size_t>(k);
       own[at].setZero();
       if (!Curved(k)) continue;
-      turn_rad[at] = curve.TurnBefore(joint, first + k);
+      const double turn = curve.TurnBefore(joint, first + k);
       const Vector2d bend = part * Of(k).bend_rad;
-      own[at] = std::cos(turn_rad[at]) * bend + std::sin(turn_rad[at]) * QuarterTurn(bend);
+      own[at] = std::cos(turn) * bend + std::sin(turn) * QuarterTurn(bend);
       together += own[at];
       curved = true;
     }
@@ -41,7 +41,6 @@ struct Rests {
   const int first;
   const int count;
   const double part;  // length of the joint over that of a segment
-  std::array<double, kMostInstruments> turn_rad;
   std::array<Vector2d, kMostInstruments> own;
   Vector2d together = Vector2d::Zero();
   bool curved = false;
@@ -56,14 +55,14 @@ struct MutualBend {
 
 // Calls `each` with two instruments that bend each other.
 template <class Each>
-void ForPairs(const Rests& rests, const Each& each) {
+void ForPairs(const Rests& rests, const Curve& curve, int joint, const Each& each) {
   for (int a = 0; a < rests.count; ++a) {
     for (int b = a + 1; b < rests.count; ++b) {
       const auto& mutual = rests.twisting.mutual[static_cast<std::size_t>(rests.first + a)]
                                                 [static_cast<std::size_t>(rests.first + b)];
-      if (mutual.IsZero()) continue;
+      if (mutual.constant_mJ == 0) continue;  // both are straight
       const double turn =
-          rests.turn_rad[static_cast<std::size_t>(b)] - rests.turn_rad[static_cast<std::size_t>(a)];
+          curve.TurnBefore(joint, rests.first + b) - curve.TurnBefore(joint, rests.first + a);
       const double c = std::cos(turn);
       const double s = std::sin(turn);
       const double even = rests.part * (mutual.along_mJ * c + mutual.across_mJ * s);
@@ -200,16 +199,17 @@ void ExpandStackJoint(const WireModel& model, const Curve& curve, int joint,
             curvature * y_k * y_rest.dot(with) + slope * turned.dot(y_rest_rest * with);
       }
     }
-    ForPairs(rests, [&](int a, int b, const MutualBend& bend) {
-      energy_mJ += bend.energy_mJ;
-      out.gradient_proximal[a] -= bend.first;
-      out.gradient_proximal[b] += bend.first;
-      out.hessian_proximal(a, a) += bend.second;
-      out.hessian_proximal(b, b) += bend.second;
-      out.hessian_proximal(a, b) -= bend.second;
-      out.hessian_proximal(b, a) -= bend.second;
-    });
   }
+  // Even where contributions to the rest angle cancel, instruments bend each other.
+  ForPairs(rests, curve, joint, [&](int a, int b, const MutualBend& bend) {
+    energy_mJ += bend.energy_mJ;
+    out.gradient_proximal[a] -= bend.first;
+    out.gradient_proximal[b] += bend.first;
+    out.hessian_proximal(a, a) += bend.second;
+    out.hessian_proximal(b, b) += bend.second;
+    out.hessian_proximal(a, b) -= bend.second;
+    out.hessian_proximal(b, a) -= bend.second;
+  });
 
   const TwistGeometry geometry(proximal, proximal_frame, tangent, frame);
   double sum_stiffness = 0;
