@@ -1,4 +1,4 @@
-// torquer-emulator: the bench device without the bench.
+// torquer-emulator: the bench device in software.
 #include <fmt/format.h>
 
 #include <cstdio>

@@ -1,4 +1,4 @@
-"""What other projects get: the build installed into an empty folder, and used from outside."""
+"""Installation into an empty folder, used from outside the tree as other projects use it."""
 
 import os
 import pathlib

@@ -1,4 +1,4 @@
-"""The resolution and error budget against values that are computed another way."""
+"""Resolution and error budget, compared with values from an independent computation."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""Renders every printed part with OpenSCAD: closed, facing outward, of the size in the table."""
+"""Renders every printed part with OpenSCAD: it must be closed, face outward and have the size in the table."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""The bill of materials, and hardware/README.md against the files that its tables are made of."""
+"""Bill of materials, and the tables of hardware/README.md compared with their source files."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""wiring.csv against the firmware's pins, and the checks against wiring that is wrong."""
+"""wiring.csv compared with the firmware's pins, and wrong wiring that the checks must refuse."""
 
 import os
 import unittest
@@ -25,7 +25,7 @@ class Wiring(unittest.TestCase):
         self.wires = wiring.load()
 
     def changed(self, net, part, **changes):
-        """The wiring with the one wire of a net that begins or ends at a part replaced."""
+        """Copy of the wiring in which the only wire of a net at a part is replaced."""
         index = next(
             i
             for i, wire in enumerate(self.wires)

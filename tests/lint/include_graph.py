@@ -1,4 +1,4 @@
-"""The #include lines of this project's files, and what they lead to."""
+"""The #include lines of this project's files, and the included files."""
 
 import functools
 import glob
@@ -13,7 +13,7 @@ GENERATED = {"torquer_lcm/": "protocol/lcm/*.lcm", "torquer_version.h": "host/su
 
 
 def origins(name: str, root: str) -> list[str]:
-    """The files that a generated header is made from; empty for a header that no build makes."""
+    """Source files of a generated header; empty for other headers."""
     for beginning, pattern in GENERATED.items():
         if name.startswith(beginning):
             return sorted(glob.glob(os.path.join(root, pattern)))
@@ -28,7 +28,7 @@ def read(path: str) -> bytes:
 
 @functools.cache
 def include_lines(path: str) -> tuple[tuple[int, str], ...]:
-    """(line number, name as written) of each #include in a file, whatever #if it stands in."""
+    """(line number, name as written) of each #include in a file, inside any #if."""
     text = read(path)
     return tuple(
         (text.count(b"\n", 0, match.start()) + 1, (match[1] or match[2]).decode())
@@ -49,8 +49,8 @@ def resolve(name: str, includer: str, folders: tuple[str, ...]) -> str | None:
 def reachable(source: str, folders: tuple[str, ...], root: str) -> set[str]:
     """The source and all files that it includes, directly or not, and that lie in the folders.
 
-    In place of a generated header stand the files that it is made from, so that the answer is the
-    same before a build and after it.
+    Its source files replace a generated header, so that the result is the same before and after a
+    build.
     """
     found = {source}
     waiting = [source]

@@ -1,4 +1,4 @@
-"""The checks of this folder find what they look for, in small trees that are made for that."""
+"""The checks of this folder find their faults in small generated trees."""
 
 import importlib.machinery
 import importlib.util
@@ -115,7 +115,7 @@ class Includes(Tree):
 
 
 class Links(Tree):
-    """What is said of a link from page.md."""
+    """Message about a link from page.md."""
 
     def setUp(self):
         super().setUp()
@@ -142,7 +142,7 @@ class Links(Tree):
 
 
 class BugKeys(Tree):
-    """When the verdict of clang-tidy on a source counts as known."""
+    """Conditions under which the verdict of clang-tidy on a source is known."""
 
     def setUp(self):
         super().setUp()
@@ -247,7 +247,7 @@ class BugKeys(Tree):
 
 
 class Bugs(Tree):
-    """The script itself, with a clang-tidy that objects to sources which hold the word BUG."""
+    """The script, with a stand-in for clang-tidy that reports sources with the word BUG."""
 
     def setUp(self):
         super().setUp()
@@ -268,7 +268,7 @@ class Bugs(Tree):
              for name in self.names]))
 
     def run_bugs(self, *arguments: str) -> tuple[int, set[str], str]:
-        """Exit status, the sources that were looked at, output."""
+        """Exit status, the checked sources, output."""
         looked_at = os.path.join(self.root, "looked_at")
         open(looked_at, "w", encoding="utf-8").close()
         environment = dict(os.environ, LOOKED_AT=looked_at, PATH=self.root + "/bin:" + os.environ["PATH"],
@@ -366,7 +366,7 @@ class Bugs(Tree):
 
 
 class Recipes(unittest.TestCase):
-    """What tests/lint/recipes finds in a guide before it builds anything."""
+    """Findings of tests/lint/recipes in a guide before any build."""
 
     def setUp(self):
         self.recipes = load("recipes")
@@ -392,7 +392,7 @@ class Recipes(unittest.TestCase):
 
 
 class Times(Tree):
-    """The verdict of tests/times on what CTest itself wrote, and where it says that the time went."""
+    """Verdict of tests/times on results of CTest, and its table of times."""
 
     SUITE = """
 add_test("a: good" {measured} sh -c "echo fine")

@@ -58,7 +58,7 @@ def lines(out):
 
 
 def wait_for(process, out, count):
-    """Until as many cases are stored and the run still goes on."""
+    """Waits until this many cases are stored while the run continues."""
     for _ in range(3000):
         if lines(out) >= count:
             break

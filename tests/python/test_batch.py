@@ -1,4 +1,4 @@
-"""Batches: what is stored is neither lost nor run again, whatever is killed; what is refused, and what fails."""
+"""Batches: stored results survive any kill and do not run again; refusals and failures."""
 
 import json
 import multiprocessing
@@ -18,7 +18,7 @@ import zarr
 from batch_runs import ENVIRONMENT, MOTION, PACKAGES, cases, check_whole, finish, lines, start, study, wait_for
 
 def worker_processes(process):
-    """Of a run with --workers: processes that multiprocessing started."""
+    """Worker processes of a run with --workers, which multiprocessing started."""
     found = []
     for folder in pathlib.Path("/proc").iterdir():
         if not folder.name.isdigit():
@@ -209,7 +209,7 @@ def test_a_run_that_is_killed_is_taken_up_again(study, tmp_path):
 
 @pytest.fixture
 def cluster(tmp_path):
-    """A scheduler and a worker, as they are started on machines of a cluster."""
+    """A scheduler and a worker, started as on the machines of a cluster."""
     file = tmp_path / "scheduler.json"
     log = (tmp_path / "cluster.log").open("w")
     common = ["--scheduler-file", str(file), "--no-dashboard"]
@@ -331,7 +331,7 @@ def test_a_script_that_makes_no_sense_is_refused(study, tmp_path, rows, said):
 
 
 def listening(pids):
-    """Addresses at which processes take TCP connections, as /proc/net has them."""
+    """Addresses at which processes accept TCP connections, in the form of /proc/net."""
     inodes = set()
     for pid in pids:
         for entry in pathlib.Path(f"/proc/{pid}/fd").iterdir():

@@ -1,4 +1,4 @@
-"""Folders of results: files of a user that are there stay as they are, and no link is followed."""
+"""Folders of results: existing files of a user stay unchanged, and no link is followed."""
 
 import os
 import shutil
@@ -44,7 +44,7 @@ def put(out, target, files):
 
 
 def tree(folder):
-    """All that is there, with what it holds or links to."""
+    """All entries of a folder, with their contents or link targets."""
     found = {}
     for path in folder.rglob("*"):
         plain = path.is_file() and not path.is_symlink()

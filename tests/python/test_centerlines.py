@@ -1,4 +1,4 @@
-"""Centerlines of VMTK in every encoding of VTK's XML, and what is refused."""
+"""Centerlines of VMTK in every encoding of VTK's XML, and refused files."""
 
 import base64
 import json

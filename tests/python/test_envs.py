@@ -1,4 +1,4 @@
-"""The environments follow Gymnasium's interface, and say what happened."""
+"""The environments follow Gymnasium's interface and report each outcome."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""The examples with pictures run, say what they found, and draw it."""
+"""The examples with pictures run, print their results and draw them."""
 
 import importlib
 import os

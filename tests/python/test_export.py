@@ -1,4 +1,4 @@
-"""What is exported, read back by other means than it was written with."""
+"""Exported files, read back by independent readers."""
 
 import base64
 import csv

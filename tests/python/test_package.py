@@ -1,4 +1,4 @@
-"""The Python package: what it shows is what the simulation has."""
+"""The Python package returns the values of the simulation."""
 
 import copy
 import gc

@@ -1,4 +1,4 @@
-"""torquer.read_states reads what the program writes, and refuses what is damaged."""
+"""torquer.read_states reads the files of the program and refuses damaged ones."""
 
 import json
 import pathlib

@@ -36,7 +36,7 @@ def run(command, *words, closed=(), limited=False, **streams):
 
 @pytest.fixture(params=["full", "no reader", "closed", "limited", "read only"])
 def bad(request, tmp_path):
-    """What stream number `stream` of a run is given so that it cannot be written."""
+    """Setup that makes stream number `stream` of a run unwritable."""
 
     def streams(stream, number):
         if request.param == "closed":

@@ -1,4 +1,4 @@
-"""Files of a user that are nested without end, too long or no files: a torquer.Error that names them, never a traceback."""
+"""Deeply nested, too long or special files of a user: a torquer.Error names them, without a traceback."""
 
 import os
 import time

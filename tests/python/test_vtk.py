@@ -1,4 +1,4 @@
-"""Files for and from other programs, by VTK itself, which ParaView and VMTK read and write with."""
+"""Files for and from other programs, read and written by VTK, which ParaView and VMTK use."""
 
 import numpy as np
 import pytest

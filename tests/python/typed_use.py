@@ -1,4 +1,4 @@
-"""Nothing runs this: mypy reads it as a user's program."""
+"""Source for mypy only, which reads it as a user's program; no test runs it."""
 
 from typing import Dict
 

@@ -1,4 +1,4 @@
-"""torquer-simulator in a conversation: rows in, states out; and its binary states, by their layout.
+"""torquer-simulator in exchange with a program: rows in, states out; and the layout of its binary states.
 
 TORQUER_SIMULATOR is the program."""
 
@@ -45,7 +45,7 @@ class Loop:
         return json.loads(self.process.stdout.readline())
 
     def end(self):
-        """Status and message, once its input has ended."""
+        """Exit status and message after the end of its input."""
         out, err = self.process.communicate(timeout=120)
         assert out == b""
         return self.process.returncode, err.decode()
@@ -254,7 +254,7 @@ def test_fields(tmp_path):
 
 
 def decode(data):
-    """Binary states, as host/simulator/README.md lays them out."""
+    """Binary states in the layout of host/simulator/README.md."""
     assert data[:8] == b"TQSTATES"
     version, size = struct.unpack("<II", data[8:16])
     assert version == 2 and size % 8 == 0

@@ -356,7 +356,7 @@ TEST_CASE("options out of range are refused with the remedy") {
   };
   CHECK_THROWS_WITH(make(Voxel(0), Cube(5)), Contains("voxel_mm") && Contains("0.02 to 4"));
   CHECK_THROWS_AS(make(Voxel(std::nan("")), Cube(5)), UserError);
-  CHECK_THROWS_WITH(make(Voxel(0.5), AlignedBox3d()), Contains("no extent"));
+  CHECK_THROWS_WITH(make(Voxel(0.5), AlignedBox3d()), Contains("bounding box is empty"));
   CHECK_THROWS_WITH(make(Voxel(0.02), Cube(5000)), Contains("larger voxel_mm"));
   BrickFieldOptions tight = Voxel(0.5);
   tight.memory_limit_bytes = 1 << 18;

@@ -183,7 +183,7 @@ TEST_CASE("a torn or altered cache is noticed wherever it is torn, and costs onl
         reopen(whole.substr(0, static_cast<size_t>(share * static_cast<double>(whole.size()))));
     CHECK_FALSE(vessel->from_cache());
     REQUIRE(vessel->cache_findings().size() == 1);
-    CHECK_THAT(vessel->cache_findings()[0], Contains(file) && Contains("building again"));
+    CHECK_THAT(vessel->cache_findings()[0], Contains(file) && Contains("the field is built again"));
     CHECK(Fingerprint(vessel->field()) == expected);
   }
   Random random(33);

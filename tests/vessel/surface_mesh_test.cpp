@@ -305,7 +305,7 @@ TEST_CASE("files that are no usable surface are refused by name, with the remedy
   std::filesystem::create_directory(folder.Path("folder.stl"));
   refused("folder.stl", "cannot be read");
   std::ofstream(folder.Path("model.step")) << "x";
-  refused("model.step", ".stl, .obj and .ply");
+  refused("model.step", ".stl, .obj or .ply");
   std::ofstream(folder.Path("empty.stl")).flush();
   refused("empty.stl", "export");
   std::ofstream(folder.Path("empty.obj")).flush();

@@ -59,7 +59,7 @@ test("the page finds the session", async () => {
 
 test("the space bar is the pedal, and the last picture stays", async () => {
   await hold("Space", "five pictures", () => page.evaluate(() => window.torquer.pictures() >= 5));
-  // A busy computer takes its time to decode them.
+  // A busy computer decodes the pictures with a delay.
   await until("a picture is drawn", async () => (await grays()).kinds > 20);
   await until("the lamp goes out", async () => (await text("#lamp")).includes("OFF"));
   assert.match(await text("#hold"), /Last image hold/);

@@ -38,7 +38,7 @@ async function pulses(count) {
   const start = await pictures();
   await hold("Space", `${count} pictures`, async () => (await pictures()) >= start + count);
   await until("the lamp is off", async () => (await text("#lamp")).includes("OFF"));
-  // The last one has come and is drawn: a busy computer takes its time to decode it.
+  // The last picture has arrived and is drawn: a busy computer decodes it with a delay.
   let drawn = "";
   await until("the last picture stays", async () => {
     await page.waitForTimeout(400);

@@ -20,8 +20,8 @@ void CheckShape(const RegionSpec& spec, StrictTable& table) {
     table.Refuse(spec.center_mm    ? "center_mm"
                  : spec.centerline ? "centerline"
                                    : "side_of_mm",
-                 "a region is one of a ball (center_mm, radius_mm), a stretch (centerline, "
-                 "radius_mm) and a side of a plane (side_of_mm, side, edge_mm); give one");
+                 "a region needs exactly one shape: a ball (center_mm, radius_mm), a stretch "
+                 "(centerline, radius_mm) or a side of a plane (side_of_mm, side, edge_mm)");
   }
   const auto need = [&](bool there, const char* key) {
     if (!there) table.Refuse(key, "is missing; a region of this shape needs it");
@@ -33,7 +33,7 @@ void CheckShape(const RegionSpec& spec, StrictTable& table) {
     need(spec.radius_mm.has_value(), "radius_mm");
   }
   const auto refuse = [&](bool there, const char* key, const char* shape) {
-    if (there) table.Refuse(key, std::string("belongs to ") + shape + "; remove it");
+    if (there) table.Refuse(key, std::string("is valid only for ") + shape + "; remove it");
   };
   refuse(spec.side && !spec.side_of_mm, "side", "a side of a plane");
   refuse(spec.radius_mm && spec.side_of_mm, "radius_mm", "a ball or a stretch");
@@ -123,8 +123,8 @@ Region MakeRegion(const RegionSpec& spec, const EffectContext& context) {
     spec.origin.Refuse(spec.centerline   ? "centerline"
                        : spec.side_of_mm ? "side_of_mm"
                                          : "center_mm",
-                       "this region meets no part of the vessel's lumen; move it there, make it "
-                       "larger or remove it");
+                       "this region contains no part of the vessel's lumen; move it to the lumen, "
+                       "enlarge it or remove it");
   }
   return region;
 }

@@ -62,7 +62,7 @@ ArcLinePath ArcLinePath::FromCorners(const std::vector<Vector3d>& corners_mm,
   }
   if (!(bend_radius_mm > 0)) {
     throw UserError("a tube's bend radius is " + std::to_string(bend_radius_mm) +
-                    " mm; give a positive one");
+                    " mm; give a radius above 0");
   }
   std::vector<Vector3d> legs;
   for (size_t i = 0; i < count; ++i) {

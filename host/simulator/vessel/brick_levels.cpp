@@ -27,7 +27,7 @@ void Check(const Eigen::AlignedBox3d& bounds_mm, const BrickFieldOptions& option
   } else if (!(options.margin_mm >= 0 && options.margin_mm <= 1e4)) {
     text << "margin_mm = " << options.margin_mm << " is out of range; give 0 to 10000";
   } else if (bounds_mm.isEmpty() || !bounds_mm.min().allFinite() || !bounds_mm.max().allFinite()) {
-    text << "the vessel has no extent";
+    text << "the vessel's bounding box is empty or not finite; check the coordinates of the vessel";
   }
   if (!text.str().empty()) throw UserError(text.str());
 }

@@ -61,7 +61,7 @@ Centerline::Centerline(std::string name, const std::vector<Vector3d>& points_mm,
     : name_(std::move(name)) {
   if (radii_mm.size() != points_mm.size()) {
     RefuseCurve(name_, std::to_string(points_mm.size()) + " points but " +
-                           std::to_string(radii_mm.size()) + " radii; give one radius a point");
+                           std::to_string(radii_mm.size()) + " radii; give one radius per point");
   }
   for (size_t i = 0; i < points_mm.size(); ++i) {
     if (!points_mm[i].allFinite() || !std::isfinite(radii_mm[i]) || radii_mm[i] < 0) {
@@ -76,7 +76,8 @@ Centerline::Centerline(std::string name, const std::vector<Vector3d>& points_mm,
     if (!tangents.empty()) tangents_.push_back(tangents[i].normalized());
   }
   if (points_mm_.size() < 2) {
-    RefuseCurve(name_, std::to_string(points_mm_.size()) + " distinct point(s); a curve needs two");
+    RefuseCurve(
+        name_, std::to_string(points_mm_.size()) + " distinct point(s); a curve needs two or more");
   }
   Measure();
 }

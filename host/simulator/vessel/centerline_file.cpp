@@ -68,14 +68,14 @@ Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit) {
   if (!markups.is_array() || markups.size() != 1) {
     RefuseFile(path, "field markups holds " +
                          std::to_string(markups.is_array() ? markups.size() : 0) +
-                         " curves; save one curve a file");
+                         " curves; save exactly one curve per file");
   }
   const std::string where = "markups[0].";
   const json& markup = markups[0];
   const json& type = Member(path, markup, where, "type");
   if (type != "Curve") {
     RefuseFile(path,
-               "field " + where + "type is " + Shown(type) + "; only a \"Curve\" can be used");
+               "field " + where + "type is " + Shown(type) + "; save the markup as \"Curve\"");
   }
   const auto units = markup.find("coordinateUnits");
   if (units != markup.end() && *units != "mm") {
@@ -83,7 +83,9 @@ Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit) {
                          "; save the curve in \"mm\"");
   }
   const json& controls = Member(path, markup, where, "controlPoints");
-  if (!controls.is_array()) RefuseFile(path, "field " + where + "controlPoints is no list");
+  if (!controls.is_array())
+    RefuseFile(path, "field " + where +
+                         "controlPoints is not a list; save the curve again from 3D Slicer");
   std::vector<Vector3d> points;
   std::vector<size_t> used;
   for (size_t i = 0; i < controls.size(); ++i) {
@@ -93,8 +95,8 @@ Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit) {
     if (status != controls[i].end() && *status != "defined") continue;
     const json& position = Member(path, controls[i], at, "position");
     if (!position.is_array() || position.size() != 3) {
-      RefuseFile(path,
-                 "field " + at + "position is " + Shown(position) + "; it needs three numbers");
+      RefuseFile(path, "field " + at + "position is " + Shown(position) +
+                           "; it must be a list of three numbers");
     }
     Vector3d point;
     for (int a = 0; a < 3; ++a) {
@@ -128,7 +130,7 @@ Centerline ParseSlicerCurve(const CurveFile& file, double mm_per_unit) {
     const std::string at = values_at + "controlPointValues[" + std::to_string(i) + "]";
     const double value = mm_per_unit * NumberAt(path, values[i], at);
     if (value < 0)
-      RefuseFile(path, "field " + at + " is " + values[i].dump() + "; a radius is not negative");
+      RefuseFile(path, "field " + at + " is " + values[i].dump() + "; a radius must be 0 or more");
     radii.push_back(value);
   }
   std::string name = std::filesystem::path(path).filename().string();
@@ -160,7 +162,7 @@ std::vector<CurveFile> ReadCurveFiles(const std::string& folder) {
   if (paths.size() > kMostCurves) {
     throw UserError(folder + ": the folder holds " + std::to_string(paths.size()) + " " +
                     kMarkupsEnding + " files; a vessel has at most " + std::to_string(kMostCurves) +
-                    " centerlines: leave out what is not used");
+                    " centerlines: remove unused files from the folder");
   }
   std::sort(paths.begin(), paths.end());
   std::vector<CurveFile> files;

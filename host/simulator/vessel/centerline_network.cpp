@@ -55,7 +55,8 @@ void CheckLimits(const std::vector<Centerline>& curves) {
   if (curves.size() <= kMostCurves && length_mm <= kMostCurvesMm) return;
   throw UserError(std::to_string(curves.size()) + " centerlines of " + Millimeters(length_mm) +
                   " mm in all; a vessel has at most " + std::to_string(kMostCurves) + " of " +
-                  Millimeters(kMostCurvesMm) + " mm: check their unit, leave out what is not used");
+                  Millimeters(kMostCurvesMm) +
+                  " mm: check their unit, or remove unused centerlines");
 }
 
 // Box of a curve's points. It contains the chords that Centerline::NearestTo searches.
@@ -224,7 +225,7 @@ Centerline CenterlineNetwork::Path(const CenterlinePlace& from, const Centerline
   }
   if (distance[1] < 1e-3) {
     throw UserError("the route from " + describe(from) + " to " + describe(to) +
-                    " has no length; choose two places apart");
+                    " has no length; choose two different places");
   }
   std::vector<size_t> way{1};
   while (way.back() != 0) way.push_back(previous[way.back()]);

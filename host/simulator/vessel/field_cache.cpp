@@ -126,9 +126,10 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
     return std::nullopt;
   };
   struct stat status {};
-  if (fstat(file.number, &status) != 0 || !S_ISREG(status.st_mode)) return refuse("is no file");
+  if (fstat(file.number, &status) != 0 || !S_ISREG(status.st_mode))
+    return refuse("is not an ordinary file");
   if (status.st_uid != geteuid() || (status.st_mode & 022) != 0) {
-    return refuse("may have been written by another user");
+    return refuse("belongs to another user, or other users may write it");
   }
   const auto size = static_cast<size_t>(status.st_size);
   if (size < sizeof(Header)) return refuse("is cut short");
@@ -140,9 +141,9 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
 
   Header header;
   std::memcpy(&header, mapping->bytes, sizeof header);
-  if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0) return refuse("is no field");
+  if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0) return refuse("is not a field file");
   if (header.version != kVersion || header.brick_bytes != kBrickBytes) {
-    return refuse("is of another version");
+    return refuse("has the format of another version");
   }
   if (header.checksum != Checksum(&header, offsetof(Header, checksum))) return refuse("is damaged");
   if (header.key[0] != key.words[0] || header.key[1] != key.words[1]) {
@@ -192,7 +193,7 @@ std::string WriteFieldCache(const std::string& path, const CacheKey& key,
   std::error_code error;
   const std::filesystem::path target(path);
   std::filesystem::create_directories(target.parent_path(), error);
-  if (error) return target.parent_path().string() + " cannot be made (" + error.message() + ")";
+  if (error) return target.parent_path().string() + " cannot be created (" + error.message() + ")";
 
   const std::vector<StoredBrick> bricks = field.StoredBricks();
   std::vector<DirectoryEntry> directory;

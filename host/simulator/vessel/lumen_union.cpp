@@ -368,7 +368,7 @@ void Unite(SurfaceMesh& surface, const std::string& name) {
     throw UserError(name + ": " + Number(100 * united.fault.share) +
                     " % of the surface does not separate inside from outside, for instance at " +
                     Place(united.fault.where_mm) +
-                    " (faces missing or too many); repair the surface there");
+                    " (missing or extra faces); repair the surface there");
   }
   Report(united, before.mesh(), cuts, report);
   surface.mesh = std::move(united.wall);

@@ -37,7 +37,7 @@ std::string RefusalAnswer(const std::string& refusal) { return kRefusal + refusa
 
 TriangleMesh MeshOfAnswer(const std::string& answer, const std::string& path) {
   const auto damaged = [&path] {
-    return UserError(path + ": the surface reader gave no usable answer; the file is " +
+    return UserError(path + ": the surface reader returned no usable answer; the file is " +
                      "damaged: export it again");
   };
   if (!answer.empty() && answer[0] == kRefusal) throw UserError(Printable(answer.substr(1), 2000));

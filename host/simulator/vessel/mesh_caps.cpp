@@ -132,14 +132,15 @@ void CapLoops(TriangleMesh& mesh, const std::string& name, double largest_hole_s
   for (const auto& loop : BoundaryLoops(mesh)) {
     const Rim rim = Measure(mesh, loop, normals);
     if (!rim.is_end && rim.fan_mm2 > largest_mm2) {
-      throw UserError(name + ": a hole with a rim of " + std::to_string(loop.size()) + " edges, " +
-                      Number(rim.length_mm) + " mm long, at " + Place(rim.center_mm) +
-                      " is no end of a vessel (neither flat nor round: " +
-                      Number(rim.off_plane_mm) + " mm off a plane, " + Number(rim.roundness) +
-                      " times a circle's rim squared) and too large to be closed (" +
-                      Number(rim.fan_mm2) + " mm^2; at most " + Number(largest_mm2) +
-                      "); part of the surface is missing: fill the hole or cut the vessel off "
-                      "square");
+      throw UserError(
+          name + ": a hole with a rim of " + std::to_string(loop.size()) + " edges, " +
+          Number(rim.length_mm) + " mm long, at " + Place(rim.center_mm) +
+          " is no end of a vessel (neither flat nor round: " + Number(rim.off_plane_mm) +
+          " mm off a plane, " + Number(rim.roundness) +
+          " times the squared perimeter of a circle of equal area) and too large to be closed (" +
+          Number(rim.fan_mm2) + " mm^2; at most " + Number(largest_mm2) +
+          "); part of the surface is missing: fill the hole, or cut the vessel perpendicular to "
+          "its axis");
     }
     Cap(mesh, loop, rim.center_mm);
     if (rim.is_end) {

@@ -187,7 +187,7 @@ void CheckObjIsWhole(const std::string& path, std::istream& file) {
     }
   }
   if (static_cast<long long>(used.size()) < vertices) {
-    RefuseMesh(path, "the last line does not end, and " +
+    RefuseMesh(path, "the last line has no line end, and " +
                          std::to_string(vertices - static_cast<long long>(used.size())) +
                          " vertices belong to no face" + kCutShort);
   }
@@ -216,8 +216,8 @@ void CheckIndices(const std::string& path, const aiScene& scene) {
       }
       for (unsigned i = 0; i < part.mFaces[f].mNumIndices; ++i) {
         if (part.mFaces[f].mIndices[i] < part.mNumVertices) continue;
-        RefuseMesh(path, "face " + std::to_string(f + 1) + " names a vertex that is not there" +
-                             kCutShort);
+        RefuseMesh(path, "face " + std::to_string(f + 1) +
+                             " refers to a vertex that the file does not have" + kCutShort);
       }
     }
   }
@@ -230,7 +230,8 @@ TriangleMesh ParseMesh(const std::string& contents, const std::string& path, dou
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (ending != ".stl" && ending != ".obj" && ending != ".ply") {
-    RefuseMesh(path, "surfaces are read from .stl, .obj and .ply files, not \"" + ending +
+    RefuseMesh(path, "the name of a surface file must end with .stl, .obj or .ply, not \"" +
+                         ending +
                          "\"; convert it (MeshLab, Blender and 3D Slicer export all three)");
   }
   CheckIsWhole(contents, path, ending);
@@ -256,9 +257,9 @@ TriangleMesh ParseMesh(const std::string& contents, const std::string& path, dou
   for (const auto& triangle : mesh.triangles) {
     for (const int32_t vertex : triangle) {
       if (!mesh.vertices_mm[vertex].allFinite()) {
-        RefuseMesh(path,
-                   "vertex " + std::to_string(vertex + 1) +
-                       " has a coordinate that is not a finite number; repair or export again");
+        RefuseMesh(path, "vertex " + std::to_string(vertex + 1) +
+                             " has a coordinate that is not a finite number; repair the file, or "
+                             "export it again");
       }
     }
   }

@@ -219,9 +219,9 @@ TriangleMesh ImportMesh(const std::string& contents, const std::string& path, do
   const std::string what = ending == Reading::Ending::kCrashed ? "crashed"
                            : ending == Reading::Ending::kTooLong
                                ? fmt::format("did not end within {:g} s", reader.cpu_s)
-                               : "gave more triangles than the file can hold";
+                               : "returned more triangles than the file can hold";
   throw UserError(fmt::format(
-      "{}: the surface reader {}; the file is damaged: export it again, as .obj if you can", path,
+      "{}: the surface reader {}; the file is damaged: export it again, preferably as .obj", path,
       what));
 }
 

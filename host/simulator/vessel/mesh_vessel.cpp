@@ -141,7 +141,7 @@ std::unique_ptr<MeshVessel> MeshVessel::Make(const std::string& contents, const 
         why = vessel->cache_path_ + " is damaged";
       }
     }
-    if (!why.empty()) vessel->cache_findings_.push_back(why + ": building again.");
+    if (!why.empty()) vessel->cache_findings_.push_back(why + ": the field is built again.");
   }
   if (!vessel->from_cache_) {
     SurfaceMesh surface = ParseSurface(contents, path, options.unit);
@@ -156,7 +156,7 @@ std::unique_ptr<MeshVessel> MeshVessel::Make(const std::string& contents, const 
         vessel->field_->Adopt(cached.bricks, cached.complete_levels, cached.memory);
     vessel->cache_findings_.push_back(
         adopted ? "Field taken from " + vessel->cache_path_ + "."
-                : vessel->cache_path_ + " has bricks of another field: building again.");
+                : vessel->cache_path_ + " has bricks of another field: the field is built again.");
     vessel->bricks_kept_ = 0;
   }
   return vessel;

@@ -103,8 +103,8 @@ void CheckSize(const TriangleMesh& mesh, const std::string& name) {
   const double far_mm = std::max(box.min().cwiseAbs().maxCoeff(), box.max().cwiseAbs().maxCoeff());
   if (far_mm > kFarthestMm) {
     throw UserError(name + ": the surface lies " + Number(far_mm) +
-                    " mm from the origin of its coordinates, where they are too coarse for a "
-                    "vessel; move it to the origin");
+                    " mm from the origin, and coordinates beyond 1 km are too coarse for a vessel; "
+                    "move it to the origin");
   }
   const double diagonal = box.diagonal().norm();
   if (diagonal >= kSmallestDiagonalMm && diagonal <= kLargestDiagonalMm) return;
@@ -138,7 +138,8 @@ SurfaceMesh RepairSurface(TriangleMesh raw, const std::string& name) {
   TriangleMesh& mesh = surface.mesh;
   MeshReport& report = surface.report;
   report.triangles_read = mesh.triangles.size();
-  if (mesh.triangles.empty()) throw UserError(name + ": the surface has no triangles");
+  if (mesh.triangles.empty())
+    throw UserError(name + ": the surface has no triangles; export the vessel as a surface mesh");
   CheckSize(mesh, name);
   const double tolerance_mm = WeldToleranceMm(mesh);
   report.findings.push_back(std::to_string(report.triangles_read) + " triangles read.");

@@ -57,12 +57,13 @@ void Check(const Tube& tube) {
   const double bend_radius_mm = tube.axis.SmallestBendRadius();
   for (double radius : tube.radii_mm) {
     if (!(radius > 0) || !std::isfinite(radius)) {
-      Refuse(tube, "radius " + std::to_string(radius) + " mm; give a positive one");
+      Refuse(tube, "radius " + std::to_string(radius) + " mm; give a radius above 0");
     }
     if (radius > 0.95 * bend_radius_mm) {
       Refuse(tube, "radius " + std::to_string(radius) + " mm at a bend radius of " +
                        std::to_string(bend_radius_mm) +
-                       " mm folds the wall over; widen the bend or narrow the tube");
+                       " mm folds the wall over; give the bend a larger radius, or the tube a "
+                       "radius of at most 95 % of the bend radius");
     }
   }
   for (size_t i = 1; i < tube.radii_mm.size(); ++i) {
@@ -71,7 +72,7 @@ void Check(const Tube& tube) {
     if (!(span > 0) || 2 * std::abs(tube.radii_mm[i] - tube.radii_mm[i - 1]) > 0.5 * span) {
       Refuse(tube, "the radius goes from " + std::to_string(tube.radii_mm[i - 1]) + " to " +
                        std::to_string(tube.radii_mm[i]) + " mm within " + std::to_string(span) +
-                       " mm of axis; spread the change over a longer way");
+                       " mm of axis; the change must be at most a quarter of that length");
     }
   }
 }

@@ -349,10 +349,10 @@ void Check(const ContrastSpec& spec, StrictTable& table) {
   for (const char* key : {"centerline", "at_mm"}) {
     if (table.Has(key) == place) continue;
     table.Refuse(key, place ? "is missing; at = \"place\" needs it"
-                            : "belongs to at = \"place\"; give that or remove this");
+                            : "is valid only with at = \"place\"; set that, or remove this key");
   }
   if (spec.instrument && spec.at != Site::kTip) {
-    table.Refuse("instrument", "belongs to at = \"tip\"; give that or remove this");
+    table.Refuse("instrument", "is valid only with at = \"tip\"; set that, or remove this key");
   }
 }
 

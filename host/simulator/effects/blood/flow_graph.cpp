@@ -44,8 +44,8 @@ void CheckRadii(const Centerline& curve) {
   for (std::size_t i = 0; i < curve.radii_mm().size(); ++i) {
     if (curve.radii_mm()[i] > 0) continue;
     std::ostringstream text;
-    text << "centerline \"" << curve.name() << "\" has no radius at " << curve.arc_lengths_mm()[i]
-         << " mm, and flow needs one everywhere; save the curve with its radii";
+    text << "centerline \"" << curve.name() << "\" has radius 0 at " << curve.arc_lengths_mm()[i]
+         << " mm; flow needs a radius above 0 everywhere: save the curve with its radii";
     throw UserError(text.str());
   }
 }
@@ -126,8 +126,7 @@ int FlowGraph::NodeAt(const std::string& curve, const std::string& end) const {
     if (end == "end" && edge.to_mm > place.s_mm - kSamePlaceMm) return edge.b;
   }
   throw UserError("centerline \"" + curve +
-                  "\" has no length that other centerlines do not "
-                  "share; name another");
+                  "\" coincides with another centerline at this end; name the other one");
 }
 
 int FlowGraph::EdgeAt(const CenterlinePlace& place) const {
@@ -138,7 +137,7 @@ int FlowGraph::EdgeAt(const CenterlinePlace& place) const {
     if (edges_[e].curve == place.curve) return static_cast<int>(e);
   }
   throw UserError("centerline \"" + network_->curves()[place.curve].name() +
-                  "\" has no length that other centerlines do not share; name another");
+                  "\" coincides with other centerlines over its whole length; name one of them");
 }
 
 std::string FlowGraph::NameOf(int node) const {

@@ -76,7 +76,7 @@ const Keys<OutletSpec>& OutletKeys() {
             }
             for (const char* key : {"compliance_mL_mmHg", "proximal_mmHg_s_mL", "systolic_mmHg"}) {
               if (!table.Has(key) || spec.resistance_mmHg_s_mL) continue;
-              table.Refuse(key, "needs resistance_mmHg_s_mL; give that or remove this");
+              table.Refuse(key, "needs resistance_mmHg_s_mL; give that key, or remove this one");
             }
           });
   return keys;
@@ -100,12 +100,12 @@ const Keys<StenosisSpec>& StenosisKeys() {
 
 void Check(const FlowSpec& spec, StrictTable& table) {
   if (spec.inlet_mL_s.has_value() == spec.inlet_mmHg.has_value()) {
-    table.Refuse("inlet", "give one of inlet_mL_s and inlet_mmHg with it, not both or none");
+    table.Refuse("inlet", "needs exactly one of inlet_mL_s and inlet_mmHg");
   }
   if (spec.outlets == Outlets::kMurray && !spec.inlet_mL_s) {
     table.Refuse("outlets",
-                 "needs inlet_mL_s, of which the outlets' resistances are made; give that instead "
-                 "of inlet_mmHg, or outlets = \"pressure\"");
+                 "needs inlet_mL_s, from which murray computes the resistances of the outlets; "
+                 "give inlet_mL_s instead of inlet_mmHg, or set outlets = \"pressure\"");
   }
 }
 
@@ -177,12 +177,13 @@ std::vector<FlowEnd> NamedOutlets(const FlowSpec& spec, const FlowGraph& graph, 
     if (!graph.nodes()[static_cast<std::size_t>(end.node)].is_end() || end.node == inlet) {
       outlet.origin.Refuse("centerline",
                            "its " + side + " is no outlet: it is " +
-                               (end.node == inlet ? "the inlet" : "joined to others") +
+                               (end.node == inlet ? "the inlet" : "joined to other curves") +
                                "; name a free end");
     }
     for (const FlowEnd& other : named) {
       if (other.node == end.node) {
-        outlet.origin.Refuse("centerline", "this outlet is named twice");
+        outlet.origin.Refuse("centerline",
+                             "this outlet is named twice; remove one of the two tables");
       }
     }
     end.is_pressure = !outlet.resistance_mmHg_s_mL;
@@ -201,8 +202,8 @@ void CheckConnected(const FlowSpec& spec, const FlowGraph& graph, int inlet) {
   for (std::size_t n = 0; n < reached.size(); ++n) {
     if (reached[n]) continue;
     spec.origin.Refuse("inlet", "the outlet " + graph.NameOf(static_cast<int>(n)) +
-                                    " is not connected to it; join the curves (their ends must "
-                                    "lie on one another) or take that one away");
+                                    " is not connected to the inlet; join the curves so that their "
+                                    "ends coincide, or remove that curve");
   }
 }
 
@@ -231,7 +232,9 @@ std::vector<FlowEnd> AllOutlets(const FlowSpec& spec, const FlowGraph& graph, in
                     .compliance_mL_mmHg = murray ? share * spec.compliance_mL_mmHg : 0});
   }
   if (ends.empty()) {
-    spec.origin.Refuse("inlet", "there is no outlet: the network has no other free end");
+    spec.origin.Refuse("inlet",
+                       "there is no outlet: the network has no other free end; add a centerline "
+                       "with a free end, or remove [effects.flow]");
   }
   return ends;
 }
@@ -257,8 +260,8 @@ StenosisLoss MakeStenosis(const StenosisSpec& spec, const FlowGraph& graph) {
   }
   if (!(throat_mm < wide_mm)) {
     spec.origin.Refuse("from_mm",
-                       "the centerline is nowhere narrower than at the ends of this stretch; move "
-                       "it to the stenosis or remove it");
+                       "between from_mm and to_mm the lumen is nowhere narrower than at the wider "
+                       "end; move both to the stenosis, or remove this table");
   }
   const auto area = [](double r_mm) { return std::numbers::pi * r_mm * r_mm; };
   return {.edge = graph.EdgeAt(network.Place(spec.centerline, throat_at_mm)),
@@ -268,7 +271,7 @@ StenosisLoss MakeStenosis(const StenosisSpec& spec, const FlowGraph& graph) {
 std::unique_ptr<Effect> MakeFlow(const FlowSpec& spec, const EffectContext& context) {
   if (context.centerlines == nullptr || context.centerlines->empty()) {
     spec.origin.Refuse("inlet",
-                       "this vessel has no centerlines, along which blood could flow; give "
+                       "blood flow needs centerlines, and this vessel has none; give "
                        "vessel.centerlines, or remove [effects.flow]");
   }
   std::unique_ptr<const FlowGraph> graph;

@@ -206,8 +206,8 @@ std::unique_ptr<Effect> MakeFrictionBetween(const FrictionBetweenSpec& spec,
                                             const EffectContext& context) {
   if (context.instruments.size() < 2) {
     spec.origin.Refuse("coefficient",
-                       "there is one instrument, and nothing that it lies in; take the table out, "
-                       "or give a second [[instrument]]");
+                       "this scene has one instrument, and friction_between needs two; add a "
+                       "second [[instrument]], or remove [effects.friction_between]");
   }
   return std::make_unique<FrictionBetween>(spec.coefficient, spec.slip_mm, context);
 }

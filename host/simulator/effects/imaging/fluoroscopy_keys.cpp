@@ -85,8 +85,9 @@ const Keys<FluoroscopySpec>& FluoroscopyKeys() {
                    "seed of the picture noise; the same seed repeats the same pictures")
           .Checked([](const Spec& spec, StrictTable& table) {
             if (spec.sod_mm < spec.sid_mm) return;
-            table.Refuse("sod_mm",
-                         "must be less than sid_mm: the isocenter is before the detector");
+            table.Refuse(
+                "sod_mm",
+                "must be less than sid_mm: the isocenter lies between source and detector");
           })
           .Example(
               "mode = \"subtraction\"\n"

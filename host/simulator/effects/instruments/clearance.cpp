@@ -59,18 +59,18 @@ std::unique_ptr<Effect> MakeClearance(const ClearanceSpec& /*spec*/,
 Clearance RoomOf(const ClearanceSpec& spec, const std::vector<Instrument>& instruments,
                  const WallModel& wall) {
   if (instruments.size() < 2) {
-    spec.origin.Refuse(
-        "around",
-        "there is one instrument; remove [effects.clearance], or add a second [[instrument]]");
+    spec.origin.Refuse("around",
+                       "this scene has one instrument, and clearance needs two; add a second "
+                       "[[instrument]], or remove [effects.clearance]");
   }
   Clearance clearance{.stiffness_N_mm2 = spec.stiffness_N_mm2.value_or(wall.stiffness_N_mm2)};
   if (spec.around.empty()) clearance.has_room[1] = true;
   for (const std::string& name : spec.around) {
     const int outer = FindInstrument(instruments, name, spec, "around");
     if (outer == 0) {
-      spec.origin.Refuse("around",
-                         "this is the innermost instrument, in which nothing lies; name "
-                         "one around it");
+      spec.origin.Refuse(
+          "around",
+          "the innermost instrument has no other instrument in its lumen; name one around it");
     }
     clearance.has_room[static_cast<std::size_t>(outer)] = true;
   }

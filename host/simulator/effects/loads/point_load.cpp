@@ -107,8 +107,8 @@ void Check(const PointLoadSpec& spec, StrictTable& table) {
   const auto together = [&](const char* magnitude, const char* with) {
     if (table.Has(magnitude) == table.Has(with)) return;
     const bool lone = table.Has(with);
-    table.Refuse(lone ? with : magnitude, std::string("needs ") + (lone ? magnitude : with) +
-                                              " beside it; give both or none");
+    table.Refuse(lone ? with : magnitude,
+                 std::string("needs ") + (lone ? magnitude : with) + "; give both keys or neither");
   };
   together("force_mN", "force_direction");
   together("moment_mN_mm", "moment_axis");
@@ -116,7 +116,9 @@ void Check(const PointLoadSpec& spec, StrictTable& table) {
   together("clamp_mN_mm", "clamp_direction");
   if (spec.force_mN == 0 && spec.moment_mN_mm == 0 && spec.clamp_N_mm == 0 &&
       spec.clamp_mN_mm == 0) {
-    table.Refuse("force_mN", "nothing acts on the end; give a force, a moment or a clamp");
+    table.Refuse("force_mN",
+                 "no load acts on the distal end; give force_mN, moment_mN_mm, clamp_N_mm or "
+                 "clamp_mN_mm a value other than 0");
   }
 }
 

@@ -31,7 +31,7 @@ const Keys<BreathingSpec>& BreathingKeys() {
           .Include(MotionKeys())
           .Checked([](const BreathingSpec& spec, StrictTable& table) {
             if (spec.inhale + spec.hold + spec.exhale <= 1) return;
-            table.Refuse("exhale", "inhale, hold and exhale are more than a breath together");
+            table.Refuse("exhale", "the sum of inhale, hold and exhale must be at most 1");
           })
           .Example(
               "rate_per_min = 14\n"

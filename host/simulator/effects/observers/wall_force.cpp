@@ -150,8 +150,8 @@ const Keys<WallForceSpec>& WallForceKeys() {
 
 std::unique_ptr<Effect> MakeWallForce(const WallForceSpec& spec, const EffectContext& context) {
   if (spec.patch_mm < context.wire.segment_mm()) {
-    spec.origin.Refuse(
-        "patch_mm", fmt::format("must be at least a segment, {:g} mm", context.wire.segment_mm()));
+    spec.origin.Refuse("patch_mm", fmt::format("must be at least the length of a segment, {:g} mm",
+                                               context.wire.segment_mm()));
   }
   return std::make_unique<WallForce>(WallForce::Settings{
       .threshold_mN = spec.threshold_mN, .tip_mm = spec.tip_mm, .patch_mm = spec.patch_mm});
