@@ -313,7 +313,7 @@ TEST_CASE("A program and a script get the same states", "[api]") {
   REQUIRE(status == 0);
   std::ifstream in(states);
   std::string line;
-  std::getline(in, line);  // of the first row, which goes nowhere
+  std::getline(in, line);  // state of the first row, which moves nothing
   for (const std::string& hash : hashes) {
     REQUIRE(std::getline(in, line));
     CHECK(nlohmann::json::parse(line)["state_hash"] == hash);

@@ -149,8 +149,8 @@ class Dense {
 // Rows of one curve from the sheath on, as functions of the controls, at every cut.
 struct Rows {
   std::vector<MatrixXd> displacement;  // 3 rows
-  std::vector<MatrixXd> step;          // 2, of the segment before
-  std::vector<MatrixXd> roll;          // of the segment before: 1, or its spins
+  std::vector<MatrixXd> step;          // 2 rows, of the previous segment
+  std::vector<MatrixXd> roll;          // 1 row or its spins, of the previous segment
 };
 
 Rows RowsOf(const std::vector<FrontSegment>& segments, int spins, Eigen::Index first,

@@ -71,7 +71,7 @@ TEST_CASE("Fed and turned at once, a wire goes the same way in one row and in ma
   struct Way {
     double feed_mm;
     double turn_rad;
-    int rows;  // each about a part
+    int rows;  // rows of about one part each
   };
   const Way way = GENERATE(Way{30, 6, 120}, Way{6, 7, 35}, Way{-10, 5, 40}, Way{0.5, -9, 45});
   CAPTURE(count, way.feed_mm, way.turn_rad);

@@ -136,8 +136,9 @@ TEST_CASE("Drawn through a lumen with room a wire follows the capstan law") {
         Approx(PulledWire::kForce * std::exp(-mu * angle)).epsilon(bound));
 }
 
-// As without clearance (stack_friction_test.cpp), except that the wire climbs the lumen's side to
-// the angle of friction. It presses with F/R, and the sine of that angle gives the friction across.
+// The closed form is that without clearance (stack_friction_test.cpp), with one difference. The
+// wire climbs the lumen's side to the angle of friction. It presses with F/R, and the sine of that
+// angle gives the friction across.
 TEST_CASE("Turned in a lumen with room a wire follows the closed form of a torque lag") {
   const double segment_mm = GENERATE(2.0, 1.0);
   CAPTURE(segment_mm);

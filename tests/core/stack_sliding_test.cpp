@@ -73,7 +73,8 @@ struct DrawnThrough {
     REQUIRE(report.converged);
     REQUIRE(report.arrived());
     const PointSet& points = relaxation->Current().points;
-    for (const int q : points.near) REQUIRE(points.SurfaceAt(q) == 1);  // the wire is in the open
+    for (const int q : points.near)
+      REQUIRE(points.SurfaceAt(q) == 1);  // only the catheter is near a wall
   }
   double WallForce() const {
     double sum = 0;

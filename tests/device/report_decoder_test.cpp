@@ -255,7 +255,7 @@ TEST_CASE("Counts that no hand could move begin again from where they are") {
   report.axial_counts = 100000;
   const std::optional<Sample> before = feed(report);
   report = Next(report);
-  report.axial_counts = 0;  // somebody has zeroed the device
+  report.axial_counts = 0;  // the device began to count from zero again
   const std::optional<Sample> after = feed(report);
   REQUIRE(after);
   CHECK(after->axial_counts == before->axial_counts);

@@ -189,7 +189,7 @@ TEST_CASE("Friction's anchors go with their places on the wall") {
   out.hessian.resize(1);
   friction.Begin(points);
   friction.End(points);
-  field.SetTime(1);  // breath held: moved by the whole way
+  field.SetTime(1);  // breath held: displaced by the full amplitude
   friction.Begin(points);
   CHECK(friction.Add(points, out) > 0);
   CHECK(out.gradient[0].dot(way) < -0.9 * out.gradient[0].norm() * way.norm());

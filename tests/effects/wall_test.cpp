@@ -104,7 +104,7 @@ TEST_CASE("Stiffness goes over along an edge without a step, and later parts lie
   const Compliance compliance(std::move(parts), {model, wall});
   CHECK(compliance.At(Vector3d(-20, 0, 0)) == 2);
   CHECK(compliance.At(Vector3d(-5, 0, 0)) == Approx(200));
-  CHECK(compliance.At(Vector3d(-7.5, 0, 0)) == Approx(20));  // halfway, in the logarithm
+  CHECK(compliance.At(Vector3d(-7.5, 0, 0)) == Approx(20));  // halfway on a logarithmic scale
   CHECK(compliance.At(Vector3d(4, 0.5, 0)) == Approx(0.5));
   double before = 200;
   for (double x = -5; x > -10; x -= 0.01) {

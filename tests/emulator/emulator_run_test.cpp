@@ -299,7 +299,7 @@ TEST_CASE("the program ends with its summary as JSON") {
       outcome.output.substr(outcome.output.rfind('\n', outcome.output.size() - 2) + 1);
   const nlohmann::json summary = nlohmann::json::parse(last);
   CHECK(summary["axial_counts"] == 2362);
-  CHECK(summary["reports_sent"] == 0);  // there was no reader
+  CHECK(summary["reports_sent"] == 0);  // no client read the reports
   CHECK(summary["violations"] == 0);
   CHECK(summary["cycles_used_fraction"] < 0.6);
   CHECK(summary["time_simulated_s"] > 1.25);

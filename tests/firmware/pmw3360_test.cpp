@@ -387,7 +387,7 @@ TEST_CASE("the driver runs on after half a wrap of the clock") {
   Pmw3360 driver;
   sensor.StartUp(&driver);
   for (int i = 0; i < 50; ++i) {
-    board().now_us += 60000000u;  // a minute between frames: nothing but the time matters
+    board().now_us += 60000000u;  // a minute between frames; only the time counts
     REQUIRE_FALSE(sensor.Frame(&driver).fault);
   }
   driver.SetCpi(2400);

@@ -282,7 +282,7 @@ TEST_CASE("no request, whole or aborted, wedges the bootloader or makes it write
       default:
         break;
     }
-    if (setup.type == 0 && setup.request == 5) continue;  // a new address would be obeyed
+    if (setup.type == 0 && setup.request == 5) continue;  // SET_ADDRESS would change the address
     std::vector<std::uint8_t> data;
     if (!(setup.type & 0x80)) {
       data.resize(setup.length);

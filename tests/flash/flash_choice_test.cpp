@@ -164,7 +164,7 @@ TEST_CASE(
   SECTION("not named") {
     CHECK_THROWS_WITH(boards.Flash(request, hooks),
                       Contains("runs an Arduino program") && Contains("--port /dev/ttyACM3"));
-    request.port = "/dev/ttyACM9";  // then a board in Caterina is meant
+    request.port = "/dev/ttyACM9";  // not the port of the Arduino program
     boards.Flash(request, hooks);
     CHECK(log.back() == "waiting for the new firmware");
     CHECK(std::count(log.begin(), log.end(), "asked /dev/ttyACM3") == 0);

@@ -117,7 +117,7 @@ class Budget(unittest.TestCase):
                     budget.shading(0.5, radius, light, False), 1 / math.cos(tilt), places=9)
         across = budget.shading(0.5, 5, math.radians(budget.LIGHT_ANGLE_DEG), True)
         self.assertAlmostEqual(across, 1.7, delta=0.05)
-        # As drawn, the board's long side, and the light with it, is along the wire.
+        # The board's long side lies along the wire as drawn, and the light too.
         self.assertGreater(budget.MODEL["board_x"], budget.MODEL["board_y"])
 
     def test_air_against_the_energy_of_its_jet(self):

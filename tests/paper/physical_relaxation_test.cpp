@@ -312,8 +312,8 @@ TEST_CASE("without a wall cycles bend the tip to its rest shape, whichever way i
   for (int i = 0; i < 10; ++i) {
     CHECK((state.tangents()[i] - RestDirection(model, state, i)).norm() < 1e-5);
   }
-  // Three joints have a rest bend of 0.15 rad, and the joint at the tip's proximal end has half of
-  // it, towards the sheath's first normal turned by the rotation.
+  // Three joints have a rest bend of 0.15 rad. The joint at the tip's proximal end has half of it.
+  // The bend points along the sheath's first normal, turned by the rotation.
   const Vector3d& axis = model.sheath().direction;
   const Vector3d& first = model.sheath_normal();
   const Vector3d way = std::cos(rotation) * first + std::sin(rotation) * axis.cross(first);

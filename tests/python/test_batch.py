@@ -35,7 +35,7 @@ def worker_processes(process):
 
 def test_a_case_is_what_a_single_run_of_the_simulator_is(study, tmp_path):
     script = tmp_path / "moves.csv"
-    # As Excel writes it, with a byte order mark.
+    # Excel writes a byte order mark first.
     script.write_text("\ufefftime_s,guidewire.insertion_mm,guidewire.rotation_rad\n0.5,20,0.5\n1,45,1\n1.5,70,-1\n")
     path = study(
         'scenes = ["ty_phantom"]\nshapes = "rows"\n[axes]\n"effects.friction.coefficient" = [0.05, 0.2]\n'

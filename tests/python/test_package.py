@@ -410,7 +410,7 @@ try:
     {LONG[what]}
 except KeyboardInterrupt:
     print("interrupted", flush=True)
-    os._exit(0)  # what others still step is not waited for
+    os._exit(0)  # ends without waiting for steps of other threads
 """
     child = subprocess.Popen([sys.executable, "-B", "-c", text], stdout=subprocess.PIPE, text=True)
     try:

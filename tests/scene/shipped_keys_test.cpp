@@ -176,7 +176,7 @@ TEST_CASE("Every section of every shipped scene refuses a key that it does not k
       return text;
     };
     int sections = 0;
-    bool first = true;  // of the keys of a section
+    bool first = true;  // true at the first key of a section
     for (std::size_t k = 0; k < lines.size(); ++k) {
       const std::string& line = lines[k];
       INFO(path << " " << line);

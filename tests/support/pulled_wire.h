@@ -94,7 +94,7 @@ struct PulledWire {
     state = WireState::Along(stack.rod(), {}, places);
     relaxation->Restart(state);
     Go(0, 0);
-    Go(0, 0);  // now the mutual contact forces are known
+    Go(0, 0);  // the mutual contact forces are known from here on
   }
   // Direction of the catheter where it has turned by an angle.
   Vector3d Towards(double angle_rad) const {

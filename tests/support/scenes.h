@@ -31,7 +31,7 @@ inline std::string SceneText(const std::string& more = "") {
          more;
 }
 
-/// That scene as a file in a temporary folder.
+/// Scene of SceneText as a file in a temporary folder.
 class SceneFile {
  public:
   explicit SceneFile(const std::string& more = "") { std::ofstream(path_) << SceneText(more); }

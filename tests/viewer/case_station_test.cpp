@@ -97,7 +97,7 @@ TEST_CASE("A case runs from its choice to its report, its programs one after the
   CHECK(Said(station)["chosen"] == -1);
   CHECK(Said(station)["cases"][0]["title"] == "An \"easy\" case");
   CHECK(station.chosen() == nullptr);
-  CHECK(station.Advance(kNow));  // the first call has news
+  CHECK(station.Advance(kNow));  // the first call reports a change
   CHECK_FALSE(station.Advance(kNow));
 
   REQUIRE(station.Start(1, kNow));
@@ -158,7 +158,7 @@ TEST_CASE("What goes wrong with a case is said, and another one can be started")
     REQUIRE(Reaches(station, Phase::kEnded, false));
     CHECK(Said(station)["problem"] ==
           "torquer-simulator has ended too early, with status 2: the scene is broken");
-    CHECK(station.report() != nullptr);  // about the recording so far
+    CHECK(station.report() != nullptr);  // covers the recording up to the end
   }
   SECTION("its simulator is killed") {
     stage.Write("torquer-simulator", "kill -KILL $$");

@@ -128,7 +128,7 @@ test("what the pedal recorded is played again, until the next X-ray", async () =
   const taken = await page.evaluate(() => window.torquer.pictures());
   await hold("Space", "six more pictures", () => page.evaluate((before) => window.torquer.pictures() >= before + 6, taken));
   await until("the pictures end", async () => (await text("#lamp")).includes("OFF") && (await text("#hold")).includes("Last image hold"));
-  await page.waitForTimeout(1200); // the held one has come
+  await page.waitForTimeout(1200); // the held image has arrived
   assert.match(await text("#loop-number"), /loop \d+ of \d+, [\d.]+ s/);
   await page.keyboard.press("KeyL");
   await until("the loop is named", async () => (await text("#hold")).includes("Recorded loop"));

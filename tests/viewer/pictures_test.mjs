@@ -15,7 +15,7 @@ const make = option === "--make";
 // 33.
 const PICTURE_TOLERANCE = 6;
 const PAGE_TOLERANCE = 8;
-let session, page, eye; // the eye is an empty page, which may load pictures
+let session, page, eye; // eye: an empty page that may load pictures
 
 const text = (selector) => page.locator(selector).textContent();
 const pictures = () => page.evaluate(() => window.torquer.pictures());
@@ -145,7 +145,7 @@ test("the last image is held to the bit while the wire moves", async () => {
   const [held, start] = [await canvas(), await insertion()];
   const around = await page.evaluate(() => document.querySelector("#space").toDataURL());
   await hold("ArrowDown", "15 mm out", async () => (await insertion()) < start - 15);
-  await page.waitForTimeout(1500); // the held one comes once a second
+  await page.waitForTimeout(1500); // the held image arrives once a second
   assert.equal(await canvas(), held);
   assert.match(await text("#hold"), /Last image hold/);
   assert.notEqual(await page.evaluate(() => document.querySelector("#space").toDataURL()), around);
@@ -194,7 +194,7 @@ test("subtracted, dye is dark and all else even; a road map keeps it bright when
   assert.ok(filled.size > 15, `${filled.size} blocks were filled`);
   assert.ok(touched.size < 0.5 * 32 * 32, `${touched.size} blocks were touched`);
 
-  await page.waitForTimeout(6000); // it flows away
+  await page.waitForTimeout(6000); // the contrast agent flows away
   await mode("road map");
   const map = await inject(async () => {
     await page.waitForTimeout(DYE_MS);

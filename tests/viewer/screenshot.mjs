@@ -10,7 +10,7 @@ if (output === undefined) {
 }
 const session = await BrowserSession.start(root, programs, "neuro_angio.toml");
 try {
-  const page = await session.browser.newPage({ viewport: { width: 1280, height: 720 } }); // as a laptop has
+  const page = await session.browser.newPage({ viewport: { width: 1280, height: 720 } }); // size of a laptop's screen
   await page.goto(session.url);
   await until("the session runs", async () => (await page.locator("#state").textContent()).includes("Running"));
   const readings = (name) => page.evaluate((wanted) => window.torquer.readings()?.values[wanted] ?? 0, name);

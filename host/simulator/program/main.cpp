@@ -172,20 +172,22 @@ void Declare(torquer::Options& options, Arguments& arguments) {
 void Check(const Arguments& arguments) {
   if (arguments.scene.empty()) throw torquer::UsageError("--scene is missing");
   if (arguments.realtime && !(arguments.script.empty() && arguments.log.empty())) {
-    throw torquer::UsageError("--realtime is for live sessions, without --script and --replay");
+    throw torquer::UsageError(
+        "--realtime is valid only in live sessions; remove it, or remove --script and --replay");
   }
   const bool for_script = !arguments.outputs.states.empty() || !arguments.outputs.pictures.empty();
   if (arguments.script.empty() ? for_script : !for_script && arguments.outputs.record.empty()) {
-    throw torquer::UsageError("--script and --states, --render or --record go together");
+    throw torquer::UsageError(
+        "--script needs --states, --render or --record; --states and --render need --script");
   }
   if (!arguments.outputs.fields.empty() && arguments.outputs.states.empty()) {
     throw torquer::UsageError("--fields needs --states");
   }
   if (!arguments.log.empty() && !arguments.outputs.record.empty()) {
-    throw torquer::UsageError("--record and --replay exclude each other");
+    throw torquer::UsageError("--record and --replay exclude each other; remove one of them");
   }
   if (!arguments.log.empty() && !arguments.script.empty()) {
-    throw torquer::UsageError("--script and --replay exclude each other");
+    throw torquer::UsageError("--script and --replay exclude each other; remove one of them");
   }
 }
 

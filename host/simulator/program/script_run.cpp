@@ -38,7 +38,7 @@ class PictureFolder {
     }
     std::error_code error;
     std::filesystem::create_directories(path_, error);
-    if (error) throw UserError(path_ + ": cannot be made (" + error.message() + ")");
+    if (error) throw UserError(path_ + ": the folder cannot be created (" + error.message() + ")");
     AtomicFile{NameOf(1)};  // fails before the run, not during it
   }
   void Write(Simulation& simulation) {

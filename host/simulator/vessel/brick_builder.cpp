@@ -142,8 +142,7 @@ std::unique_ptr<BrickBuilder::Brick> BrickBuilder::Make(int l, const Array3i& pl
   }
   if ((built_count_.load(std::memory_order_relaxed) + 1) * sizeof(Brick) > memory_limit_bytes_) {
     throw UserError("the vessel's field needs more than " +
-                    std::to_string(memory_limit_bytes_ >> 20) +
-                    " MB; use a larger voxel_mm or allow more memory");
+                    std::to_string(memory_limit_bytes_ >> 20) + " MB; use a larger voxel_mm");
   }
   made->level = l;
   for (int a = 0; a < 3; ++a) made->place[a] = place[a];

@@ -135,7 +135,8 @@ std::optional<CachedField> ReadFieldCache(const std::string& path, const CacheKe
   if (size < sizeof(Header)) return refuse("is cut short");
   auto mapping = std::make_shared<Mapping>();
   void* mapped = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.number, 0);
-  if (mapped == MAP_FAILED) return refuse(std::string("cannot be mapped: ") + std::strerror(errno));
+  if (mapped == MAP_FAILED)
+    return refuse(std::string("cannot be mapped into memory: ") + std::strerror(errno));
   mapping->bytes = static_cast<const char*>(mapped);
   mapping->size = size;
 
@@ -249,7 +250,7 @@ std::string WriteFieldCache(const std::string& path, const CacheKey& key,
     }
   }
   if (!whole) return fail(temporary + " cannot be written");
-  if (fsync(file.number) != 0) return fail(temporary + " cannot be flushed");
+  if (fsync(file.number) != 0) return fail(temporary + " cannot be flushed to the disk");
   if (std::rename(temporary.c_str(), path.c_str()) != 0) return fail(path + " cannot be replaced");
   return "";
 }

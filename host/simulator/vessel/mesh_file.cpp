@@ -89,7 +89,7 @@ PlyHeader ReadPlyHeader(const std::string& path, std::istream& file, size_t file
       words >> word;
       // An element has at least one byte, in text and in binary files.
       if (!(words >> count) || count > file_bytes) {
-        RefuseMesh(path, "the header announces more elements than the file has bytes, \"" +
+        RefuseMesh(path, "the header declares more elements than the file has bytes, \"" +
                              Printable(line) + "\"" + kCutShort);
       }
       header.elements += count;
@@ -108,7 +108,7 @@ PlyHeader ReadPlyHeader(const std::string& path, std::istream& file, size_t file
   return header;
 }
 
-// Refuses a PLY with less than its header announces: one line per element, or the bytes.
+// Refuses a PLY with less than its header declares: one line per element, or the bytes.
 void CheckPlyIsWhole(const std::string& path, std::istream& file, size_t file_bytes) {
   const auto [is_text, elements, least_bytes] = ReadPlyHeader(path, file, file_bytes);
   std::string line;
@@ -120,8 +120,8 @@ void CheckPlyIsWhole(const std::string& path, std::istream& file, size_t file_by
       if (whole && line.find_first_not_of(" \t\r") != std::string::npos) ++lines;
     }
     if (lines < elements) {
-      RefuseMesh(path, "the header announces " + std::to_string(elements) + " elements, but " +
-                           std::to_string(lines) + " are there" + kCutShort);
+      RefuseMesh(path, "the header declares " + std::to_string(elements) +
+                           " elements, but the file has " + std::to_string(lines) + kCutShort);
     }
     return;
   }
@@ -129,8 +129,8 @@ void CheckPlyIsWhole(const std::string& path, std::istream& file, size_t file_by
   file.seekg(0, std::ios::end);
   const auto bytes = static_cast<size_t>(file.tellg() - begin);
   if (bytes < least_bytes) {
-    RefuseMesh(path, "the header announces at least " + std::to_string(least_bytes) +
-                         " bytes, but " + std::to_string(bytes) + " are there" + kCutShort);
+    RefuseMesh(path, "the header declares at least " + std::to_string(least_bytes) +
+                         " bytes, but the file has " + std::to_string(bytes) + kCutShort);
   }
 }
 

@@ -110,7 +110,8 @@ void CheckSize(const TriangleMesh& mesh, const std::string& name) {
   if (diagonal >= kSmallestDiagonalMm && diagonal <= kLargestDiagonalMm) return;
   std::ostringstream text;
   text << name << ": the surface is " << Number(box.sizes().x()) << " x " << Number(box.sizes().y())
-       << " x " << Number(box.sizes().z()) << " mm, which is not the size of a vessel; ";
+       << " x " << Number(box.sizes().z())
+       << " mm, which is not the size of a vessel (diagonal 5 to 4000 mm); ";
   if (diagonal < kSmallestDiagonalMm && diagonal * 1000 >= kSmallestDiagonalMm) {
     text << "if the file is in meters, declare mesh_unit = \"m\"";
   } else if (diagonal > kLargestDiagonalMm && diagonal / 1000 <= kLargestDiagonalMm) {

@@ -109,7 +109,7 @@ TEST_CASE("A tip that goes along with its vessel goes no way and leaves no route
 TEST_CASE("A detour into another vessel and back is counted once, with its path") {
   Trainee trainee;
   trainee.Go({50, 0, 0}, 50, 5);
-  trainee.Go({50, 20, 0}, 70, 2);  // out of the route, 16 mm past its wall
+  trainee.Go({50, 20, 0}, 70, 2);  // off the route, 16 mm outside its wall
   trainee.Go({50, 0, 0}, 50, 2);   // and back
   trainee.Go({90, 0, 0}, 90, 4);
   CHECK(trainee["wrong_vessel_entries"] == 1);

@@ -48,9 +48,10 @@ std::unique_ptr<Effect> MakeGravity(const GravitySpec& spec, const EffectContext
     weights.emplace_back(density_kg_mm * acceleration);
   }
   if (!any) {
-    spec.origin.Refuse("acceleration_m_s2",
-                       "no instrument has a weight; give one its linear_density_g_m, or remove "
-                       "[effects.gravity]");
+    spec.origin.Refuse(
+        "acceleration_m_s2",
+        "no instrument has a weight; set linear_density_g_m of an instrument above 0, or "
+        "remove [effects.gravity]");
   }
   return std::make_unique<Gravity>(std::move(weights));
 }

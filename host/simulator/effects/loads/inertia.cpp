@@ -193,9 +193,10 @@ std::unique_ptr<Effect> MakeInertia(const InertiaSpec& spec, const EffectContext
     settings.linear_density_g_m.push_back(instrument.linear_density_g_m);
   }
   if (!any) {
-    spec.origin.Refuse("drag_mPa_s",
-                       "no instrument has a mass; give one its linear_density_g_m, or remove "
-                       "[effects.inertia]");
+    spec.origin.Refuse(
+        "drag_mPa_s",
+        "no instrument has a mass; set linear_density_g_m of an instrument above 0, or "
+        "remove [effects.inertia]");
   }
   return std::make_unique<Inertia>(std::move(settings), context);
 }

@@ -101,10 +101,11 @@ PeriodicMotion::Settings MakeMotion(const MotionSpec& spec, const EffectContext&
   if (spec.amplitude_mm * slope > room) {
     spec.origin.Refuse(
         "amplitude_mm",
-        fmt::format("would fold the vessel over at the regions' edges{}; give at most {:.3g} mm, "
-                    "or edges {:.3g} times as wide",
-                    others > 0 ? ", with the other motions of this scene" : "", room / slope,
-                    spec.amplitude_mm * slope / std::max(room, 1e-3)));
+        fmt::format(
+            "would fold the vessel over at the edges of the regions{}; give at most {:.3g} mm, "
+            "or make each edge_mm {:.3g} times as large",
+            others > 0 ? ", with the other motions of this scene" : "", room / slope,
+            spec.amplitude_mm * slope / std::max(room, 1e-3)));
   }
   return settings;
 }

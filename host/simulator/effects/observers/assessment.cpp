@@ -162,7 +162,7 @@ const Keys<AssessmentSpec>& AssessmentKeys() {
 std::unique_ptr<Effect> MakeAssessment(const AssessmentSpec& spec, const EffectContext& context) {
   if (context.centerlines == nullptr || context.centerlines->empty()) {
     spec.origin.Refuse("target_centerline",
-                       "this vessel has no centerlines; name some in [vessel], or remove "
+                       "this vessel has no centerlines; give vessel.centerlines, or remove "
                        "[effects.assessment]");
   }
   const vessel::CenterlineNetwork& network = *context.centerlines;
