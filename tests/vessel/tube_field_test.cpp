@@ -162,10 +162,10 @@ TEST_CASE("a tube that cannot be is refused with its name, the value and the rem
   ArcLinePath axis(Vector3d::Zero(), Vector3d::UnitX());
   axis.Line(20).Arc(5, 1, Vector3d::UnitY());
   CHECK_THROWS_WITH(TubeField({{"a", axis, {-1}, {}}}, 0), Contains("\"a\"") && Contains("-1.0"));
-  CHECK_THROWS_WITH(TubeField({{"a", axis, {std::nan("")}, {}}}, 0), Contains("positive"));
-  CHECK_THROWS_WITH(TubeField({{"a", axis, {5}, {}}}, 0), Contains("widen the bend"));
+  CHECK_THROWS_WITH(TubeField({{"a", axis, {std::nan("")}, {}}}, 0), Contains("above 0"));
+  CHECK_THROWS_WITH(TubeField({{"a", axis, {5}, {}}}, 0), Contains("95 % of the bend radius"));
   CHECK_THROWS_WITH(TubeField({{"a", axis, {2, 3}, {0}}}, 0), Contains("one for each"));
-  CHECK_THROWS_WITH(TubeField({{"a", axis, {1, 4}, {0, 5}}}, 0), Contains("longer"));
+  CHECK_THROWS_WITH(TubeField({{"a", axis, {1, 4}, {0, 5}}}, 0), Contains("a quarter"));
   CHECK_THROWS_AS(TubeField({}, 0), UserError);
   CHECK_THROWS_WITH(ArcLinePath::FromCorners({{0, 0, 0}}, 1), Contains("two corners"));
   CHECK_THROWS_WITH(ArcLinePath::FromCorners({{0, 0, 0}, {0, 0, 0}}, 1), Contains("same point"));

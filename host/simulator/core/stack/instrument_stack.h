@@ -31,12 +31,18 @@
 
 namespace torquer {
 
-/// Room in lumens for the instruments inside them.
+/// Room in lumens for the instruments inside them, and instruments that lie beside others.
 struct Clearance {
   /// Entry k: instruments within the lumen of instrument k have room there; k >= 1.
   std::array<bool, kMostInstruments> has_room = {};
   std::array<double, kMostInstruments> lumen_radius_mm = {};  ///< of each instrument's lumen
-  /// Spring of the lumen's wall, per length of wire, N/mm^2, > 0 if any lumen has room.
+  /// Entry k: instrument k lies beside the instruments before it, with a sheath of its own; k >= 1.
+  /// The instruments after it lie around all of them, and need room.
+  std::array<bool, kMostInstruments> is_beside = {};
+  /// Entry k, of an instrument that lies beside others: path along which it lies when it is
+  /// inserted at the start, mm. May be empty.
+  std::array<std::vector<Eigen::Vector3d>, kMostInstruments> start_path_mm = {};
+  /// Contact spring between curves, per length of wire, N/mm^2, > 0 if there are several curves.
   double stiffness_N_mm2 = 0;
 };
 
