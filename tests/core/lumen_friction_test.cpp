@@ -206,7 +206,7 @@ TEST_CASE(
   points.position.resize(2);
   LumenContact contact;
   contact.outer = 1;
-  contact.radius_mm = 0.2;
+  contact.lever_mm = 0.2;
   contact.lumen_mm = 0.5;
   contact.force_N = 1;
   contact.offset_mm = {0.3, 0};

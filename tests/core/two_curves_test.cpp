@@ -17,10 +17,11 @@
 namespace torquer::test {
 namespace {
 
-// Instruments on up to four curves, with the lumens that have room.
+// Instruments on up to four curves: the lumens that have room, and what lies beside others.
 struct Room {
   InstrumentPlaces places;
   std::array<bool, kMostInstruments> rooms;
+  std::array<bool, kMostInstruments> beside = {};
 };
 
 const std::vector<Room>& Rooms() {
@@ -34,6 +35,15 @@ const std::vector<Room>& Rooms() {
       {kThreeCatheterLeads, {false, true, true}},
       {{{15.1, 0.4}, {10.7, -0.8}, {12.3, 0.5}, {6.2, 0}}, {false, true, false, true}},
       {{{15.1, 0.4}, {10.7, -0.8}, {12.3, 0.5}, {6.2, 0}}, {false, true, true, true}},
+      // A second wire beside the first, without and with an instrument around both.
+      {kWireLeads, {}, {false, true}},
+      {kCatheterLeads, {}, {false, true}},
+      {kThreeWireLeads, {false, false, true}, {false, true}},
+      {kThreeWireLeads, {false, true}, {false, false, true}},
+      {{{15.1, 0.4}, {7.7, -0.8}, {12.3, 0.5}}, {false, true}, {false, false, true}},
+      {{{15.1, 0.4}, {10.7, -0.8}, {12.3, 0.5}, {6.2, 0}},
+       {false, true, false, true},
+       {false, false, true}},
   };
   return rooms;
 }
@@ -41,7 +51,7 @@ const std::vector<Room>& Rooms() {
 TEST_CASE("Gradient of several curves is that of finite differences") {
   const auto k = GENERATE(range(std::size_t{0}, Rooms().size()));
   const Room& one = Rooms()[k];
-  TwoCurves curves(one.places, GENERATE(1, 2, 4), 11, GENERATE(0.0, 0.7), one.rooms);
+  TwoCurves curves(one.places, GENERATE(1, 2, 4), 11, GENERATE(0.0, 0.7), one.rooms, one.beside);
   CAPTURE(k, curves.PressedN());
   REQUIRE(curves.at.max_penetration_mm > 0.05);
   REQUIRE(curves.PressedN() > 0);
@@ -71,8 +81,8 @@ TEST_CASE("The sweep of several curves solves the dense Newton system") {
   if (kUnderSanitizer && (k > 0 || ratio == 0)) return;
   const double weight = ratio > 0 || k > 2 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
   unsigned seed = 11;
-  while (!FarFromKinks(TwoCurves(one.places, 2, seed, ratio, one.rooms))) ++seed;
-  TwoCurves curves(one.places, 2, seed, ratio, one.rooms);
+  while (!FarFromKinks(TwoCurves(one.places, 2, seed, ratio, one.rooms, one.beside))) ++seed;
+  TwoCurves curves(one.places, 2, seed, ratio, one.rooms, one.beside);
   CAPTURE(k, weight, ratio, seed);
   REQUIRE(curves.PressedN() > 0);
   Eigen::MatrixXd hessian = HessianOf([&](const Eigen::VectorXd& x) { return curves.Energy(x); },

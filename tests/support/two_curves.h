@@ -19,7 +19,8 @@
 namespace torquer::test {
 
 // Two to four bent instruments within each other, shaken, in the wall of a torus. Their tips are at
-// any place within a segment. `rooms`: the instruments that have room in their lumens.
+// any place within a segment. `rooms`: the instruments that have room in their lumens; `beside`:
+// the one that lies beside the earlier ones.
 struct TwoCurves {
   static constexpr double kSoftest = 6.35e-3;  // N mm^2
   Sheath sheath{Vector3d(21.8, 0, 0), Vector3d::UnitY()};
@@ -33,22 +34,38 @@ struct TwoCurves {
   WireMechanics mechanics;
   Expansion at;
 
+  using Marks = std::array<bool, kMostInstruments>;
+  // Offset of the entry of an instrument that lies beside others, within a third one if that has
+  // room.
+  static double OffsetMm(const Marks& rooms) { return rooms[2] || rooms[3] ? 0.2 : 0.5; }
   // `ratio` is GJ over EI; 0 means no twist. A third instrument lies on the catheter's curve.
-  static std::vector<WireModel> Instruments(const Sheath& sheath, double ratio, int count) {
+  static std::vector<WireModel> Instruments(const Sheath& sheath, double ratio, int count,
+                                            const Marks& rooms, const Marks& beside) {
+    const auto entry = [&](std::size_t k) {
+      Sheath own = sheath;
+      if (beside[k]) own.point_mm[2] += OffsetMm(rooms);
+      return own;
+    };
     std::vector<WireModel> all;
     all.push_back(Bent(kSoftest, ratio, 5.2, 0.1, 0, 0.2, sheath));
-    all.push_back(Bent(2 * kSoftest, ratio, 4.1, 0.02, -0.03, 0.5, sheath));
+    all.push_back(Bent(2 * kSoftest, ratio, 4.1, 0.02, -0.03, 0.5, entry(1)));
     const double third_mm = count > 3 ? 0.75 : 0.9;
-    if (count > 2) all.push_back(Bent(3 * kSoftest, ratio, 3.1, -0.01, 0.02, third_mm, sheath));
-    if (count > 3) all.push_back(Bent(4 * kSoftest, ratio, 2.1, 0.01, 0.02, 0.95, sheath));
+    if (count > 2) all.push_back(Bent(3 * kSoftest, ratio, 3.1, -0.01, 0.02, third_mm, entry(2)));
+    if (count > 3) all.push_back(Bent(4 * kSoftest, ratio, 2.1, 0.01, 0.02, 0.95, entry(3)));
     return all;
+  }
+  static Clearance ClearanceOf(const Marks& rooms, const Marks& beside) {
+    const bool wide = beside[1] || beside[2];
+    return {.has_room = rooms,
+            .lumen_radius_mm = wide ? std::array<double, kMostInstruments>{0, 0.28, 0.75, 1.3}
+                                    : std::array<double, kMostInstruments>{0, 0.28, 0.6, 0.82},
+            .is_beside = beside,
+            .stiffness_N_mm2 = 2e-3};
   }
 
   TwoCurves(const InstrumentPlaces& places, int points_per_segment, unsigned seed, double ratio = 0,
-            const std::array<bool, kMostInstruments>& rooms = {false, true, false, false})
-      : stack(
-            Instruments(sheath, ratio, places.size()),
-            {.has_room = rooms, .lumen_radius_mm = {0, 0.28, 0.6, 0.82}, .stiffness_N_mm2 = 2e-3}),
+            const Marks& rooms = {false, true, false, false}, const Marks& beside = {})
+      : stack(Instruments(sheath, ratio, places.size(), rooms, beside), ClearanceOf(rooms, beside)),
         wall{.stiffness_N_mm2 = 2e-3, .points_per_segment = points_per_segment},
         mechanics(stack, field, wall, terms),
         at(mechanics.MakeExpansion()) {

@@ -13,15 +13,16 @@
 
 namespace torquer {
 
-/// Place at which a curve lies beside the lumen wall of a curve around it (README, section 18). All
-/// fields are functions of the state; friction in the lumen depends on their changes. The first
-/// normal of a surface is fixed to the material of an instrument that twists. Otherwise it is fixed
-/// to the segment.
+/// Place at which a curve lies beside the lumen wall of a curve around it, or beside another curve
+/// (README, section 18). The lumen is then the surface of that other curve. All fields are
+/// functions of the state; friction in the lumen depends on their changes. The first normal of a
+/// surface is fixed to the material of an instrument that twists. Otherwise it is fixed to the
+/// segment.
 struct LumenContact {
   int inner = 0;           ///< instrument whose surface faces the lumen's wall
   int outer = 0;           ///< instrument whose lumen it is
   int outer_from_tip = 0;  ///< segment of the outer curve at the foot, counted from its tip
-  double radius_mm = 0;    ///< of the inner one
+  double lever_mm = 0;     ///< radius of the inner one; minus that radius beside the outer one
   double lumen_mm = 0;     ///< radius of the lumen
   double force_N = 0;      ///< contact force between the curves; 0 without contact
   /// Position of the inner instrument's material along that of the outer one, up to a constant.
@@ -76,6 +77,9 @@ struct PointSet {
   /// the lumen, `lumen_per_segment` for each segment, from the sheath to the mouth or the tip.
   /// Otherwise empty.
   std::vector<LumenContact> lumen;
+  /// Same for the places beside another curve of a higher number. A place that faces nothing has no
+  /// force.
+  std::vector<LumenContact> beside;
   int lumen_per_segment = 2;
   std::array<double, kMostInstruments> behind_mm =
       {};                 ///< distance of the tip of each instrument on the curve behind its end
@@ -187,8 +191,8 @@ struct BetweenLoad {
 };
 
 /// Derivatives with respect to the relative sliding of the two surfaces at a place of
-/// PointSet::lumen. The sliding along the lumen is ahead_mm; around it, around.offset_mm +
-/// radius_mm turn_rad.
+/// PointSet::lumen or PointSet::beside. The sliding along the lumen is ahead_mm; around it,
+/// around.offset_mm + lever_mm turn_rad.
 struct SlideLoad {
   int place;
   Eigen::Vector2d around;    ///< unit, in the normals of the lumen
@@ -215,6 +219,7 @@ struct PointDerivatives {
     on_spins.clear();
     between.clear();
     in_lumen.clear();
+    beside.clear();
   }
   /// Allocates room for `size` positions.
   void Reserve(std::size_t size) {
@@ -242,7 +247,8 @@ struct PointDerivatives {
   std::vector<TangentLoad> on_tangents;  ///< in any order; they add up
   std::vector<SpinLoad> on_spins;        ///< as above; room for one per point
   std::vector<BetweenLoad> between;      ///< as above; room for one per segment and instrument
-  std::vector<SlideLoad> in_lumen;       ///< as above; room for one per place
+  std::vector<SlideLoad> in_lumen;       ///< ascending by place; room for one per place
+  std::vector<SlideLoad> beside;         ///< as above
 };
 
 /// Motion of an instrument's surface, driven by its hand, relative to the points.

@@ -1,6 +1,7 @@
 #include "host/simulator/core/wire_mechanics.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace torquer {
 
@@ -37,8 +38,11 @@ Expansion WireMechanics::MakeExpansion() const {
     curve.points.lumen_per_segment = pieces;
     curve.points.inside_mm.reserve(mechanics.points().capacity());
     if (!SlidesInLumen()) continue;
-    curve.points.lumen.reserve(segments * static_cast<std::size_t>(pieces));
-    curve.derivatives.in_lumen.reserve(segments * static_cast<std::size_t>(pieces));
+    const std::size_t places = segments * static_cast<std::size_t>(pieces);
+    curve.points.lumen.reserve(places);
+    curve.points.beside.reserve(places);
+    curve.derivatives.in_lumen.reserve(places);
+    curve.derivatives.beside.reserve(places);
   }
   for (const LumenPairs& pairs : pairs_->of_curves()) e.between.emplace_back().Reserve(pairs);
   return e;
@@ -77,12 +81,18 @@ BetweenCurves::Geometry WireMechanics::GeometryOf(int curve, const WireState& st
 
 void WireMechanics::ExpandBetween(const WireState& state, Expansion& out) const {
   const bool slides = SlidesInLumen();
-  for (int c = 0; c < curves(); ++c) out.curve(c).points.lumen.clear();
+  for (int c = 0; c < curves(); ++c) {
+    out.curve(c).points.lumen.clear();
+    out.curve(c).points.beside.clear();
+  }
   for (std::size_t k = 0; k < out.between.size(); ++k) {
     const LumenPairs& pairs = pairs_->of_curves()[k];
+    PointSet& points = out.curve(pairs.inner).points;
     out.between[k].Place(pairs, stack_->clearance().stiffness_N_mm2,
                          GeometryOf(pairs.inner, state, out), GeometryOf(pairs.outer, state, out),
-                         slides ? &out.curve(pairs.inner).points.lumen : nullptr);
+                         !slides        ? nullptr
+                         : pairs.beside ? &points.beside
+                                        : &points.lumen);
     out.energy_mJ += out.between[k].energy_mJ;
   }
 }
@@ -95,8 +105,9 @@ void WireMechanics::AddSlideLoads(const WireState& state, Expansion& out) const 
     CurveExpansion& inner = out.curve(pairs.inner);
     CurveExpansion& outer = out.curve(pairs.outer);
     between.TakeSlides(pairs, GeometryOf(pairs.inner, state, out),
-                       GeometryOf(pairs.outer, state, out), inner.points.lumen,
-                       inner.derivatives.in_lumen);
+                       GeometryOf(pairs.outer, state, out),
+                       pairs.beside ? inner.points.beside : inner.points.lumen,
+                       pairs.beside ? inner.derivatives.beside : inner.derivatives.in_lumen);
     if (!model().stack_twists()) continue;
     for (const BetweenCurves::Slide& slide : between.slides) {
       const SegmentPair& on = between.groups[static_cast<std::size_t>(slide.group)];
@@ -119,15 +130,23 @@ void WireMechanics::RelateCurves(const WireState& state, Expansion& out) const {
     points.is_farthest = c == farthest;
     points.behind_farthest_mm =
         state.curve(farthest).insertion_mm() - state.curve(c).insertion_mm();
-    if (c == 0) continue;
-    const Curve& inside = state.curve(c - 1);
-    points.inside_mm.resize(points.position.size());
+    if (c > 0) FindInside(state, c, points);
+  }
+}
+
+// Radius of the curves within a curve; that of a section of the same area if there are two.
+void WireMechanics::FindInside(const WireState& state, int curve, PointSet& points) const {
+  points.inside_mm.assign(points.position.size(), 0);
+  for (int inner = 0; inner < curve; ++inner) {
+    if (stack_->CurveAround(inner) != curve) continue;
+    const Curve& inside = state.curve(inner);
     for (int q = 0; q < points.size(); ++q) {
       const double beyond_mm =
-          state.curve(c).insertion_mm() - points.FromTipMm(q) - inside.insertion_mm();
-      const auto from_tip = static_cast<int>(-beyond_mm / model(c - 1).segment_mm());
-      points.inside_mm[static_cast<std::size_t>(q)] =
-          beyond_mm > 0 ? 0 : model(c - 1).radius_mm(from_tip);
+          state.curve(curve).insertion_mm() - points.FromTipMm(q) - inside.insertion_mm();
+      if (beyond_mm > 0) continue;
+      const auto from_tip = static_cast<int>(-beyond_mm / model(inner).segment_mm());
+      double& inside_mm = points.inside_mm[static_cast<std::size_t>(q)];
+      inside_mm = std::hypot(inside_mm, model(inner).radius_mm(from_tip));
     }
   }
 }

@@ -91,6 +91,7 @@ class WireMechanics {
  private:
   void ExpandAll(const WireState& state, bool with_hessian, Expansion& out);
   void ExpandBetween(const WireState& state, Expansion& out) const;
+  void FindInside(const WireState& state, int curve, PointSet& points) const;
   void RelateCurves(const WireState& state, Expansion& out) const;
   void AddTerms(const WireState& state, Expansion& out) const;
   void AddSlideLoads(const WireState& state, Expansion& out) const;

@@ -8,12 +8,11 @@
 
 namespace torquer {
 
-/// Curves of the instruments, from the innermost outwards (README, section 18).
+/// Curves of the instruments, in the order of the stack (README, section 18).
 ///
 /// Instruments without room between them share a curve. A lone wire, or a stack without room, has
-/// one. The state itself is the innermost curve, curve(0); the next ones outwards are curve(1),
-/// curve(2), .. The segments of a curve are the material of the instrument on it that reaches
-/// farthest.
+/// one. The state itself is the innermost curve, curve(0); the next ones are curve(1), curve(2), ..
+/// The segments of a curve are the material of the instrument on it that reaches farthest.
 class WireState : public Curve {
  public:
   using Curve::Curve;
@@ -24,11 +23,11 @@ class WireState : public Curve {
                          const InstrumentPlaces& places);
 
   /// Number of curves, at least 1.
-  int curves() const { return 1 + static_cast<int>(around_.size()); }
-  /// Curve `c`, counted from the innermost: 0 .. curves() - 1.
-  Curve& curve(int c) { return c == 0 ? *this : around_[static_cast<std::size_t>(c) - 1]; }
+  int curves() const { return 1 + static_cast<int>(others_.size()); }
+  /// Curve `c`, in the order of the stack: 0 .. curves() - 1.
+  Curve& curve(int c) { return c == 0 ? *this : others_[static_cast<std::size_t>(c) - 1]; }
   const Curve& curve(int c) const {
-    return c == 0 ? *this : around_[static_cast<std::size_t>(c) - 1];
+    return c == 0 ? *this : others_[static_cast<std::size_t>(c) - 1];
   }
   /// Number of the curve that reaches farthest; of equals, the innermost.
   int FarthestCurve() const {
@@ -47,26 +46,26 @@ class WireState : public Curve {
     return curve(c);
   }
   /// Removes all curves but the innermost, and reserves room for `count` in all.
-  void RemoveAround(int count) {
-    around_.clear();
-    around_.reserve(static_cast<std::size_t>(count) - 1);
+  void RemoveOthers(int count) {
+    others_.clear();
+    others_.reserve(static_cast<std::size_t>(count) - 1);
     first_.clear();
   }
-  /// Adds a curve around all others. `first`: the innermost instrument on it.
-  Curve& AddAround(const WireModel& model, int instruments, int first) {
+  /// Adds the next curve. `first`: the innermost instrument on it.
+  Curve& AddCurve(const WireModel& model, int instruments, int first) {
     first_.push_back(first);
-    return around_.emplace_back(model, instruments);
+    return others_.emplace_back(model, instruments);
   }
 
   /// Exchanges all curves with a state whose curves were stepped from those of this one.
   void TakeStep(WireState& stepped) {
     Curve::TakeStep(stepped);
-    for (std::size_t k = 0; k < around_.size(); ++k) around_[k].TakeStep(stepped.around_[k]);
+    for (std::size_t k = 0; k < others_.size(); ++k) others_[k].TakeStep(stepped.others_[k]);
   }
 
  private:
-  std::vector<Curve> around_;
-  std::vector<int> first_;  // instrument of each of `around_`
+  std::vector<Curve> others_;
+  std::vector<int> first_;  // instrument of each of `others_`
 };
 
 /// FNV-1a, by 64-bit words, over the exact bits of the state.

@@ -13,11 +13,12 @@ namespace torquer {
 void LayCurves(const InstrumentStack& stack, WireState& state) {
   const std::vector<Eigen::Vector3d> path_mm(state.nodes().begin() + 1, state.nodes().end());
   const InstrumentPlaces places = state.places();
-  state.RemoveAround(stack.curves());
+  state.RemoveOthers(stack.curves());
   for (int c = 0; c < stack.curves(); ++c) {
     Curve& curve =
-        c == 0 ? state : state.AddAround(stack.rod(c), places.size(), stack.OnCurve(c).first);
-    curve.LayAlong(stack.rod(c), path_mm, places, stack.Reach(c, places));
+        c == 0 ? state : state.AddCurve(stack.rod(c), places.size(), stack.OnCurve(c).first);
+    const std::vector<Eigen::Vector3d>& own_mm = stack.StartPath(c);
+    curve.LayAlong(stack.rod(c), own_mm.empty() ? path_mm : own_mm, places, stack.Reach(c, places));
   }
 }
 

@@ -45,9 +45,9 @@ NewtonMethod<Sweep>::NewtonMethod(std::in_place_t /*both*/, Wires& wires,
   assert(kFront == (several_curves() || model_.stack_twists()));
   assert(kFront || kTwists == model_.twists());
   memory_.Reserve(mechanics_);
-  trial_.RemoveAround(stack().curves());
+  trial_.RemoveOthers(stack().curves());
   for (int c = 1; c < stack().curves(); ++c) {
-    trial_.AddAround(stack().rod(c), stack().size(), stack().OnCurve(c).first);
+    trial_.AddCurve(stack().rod(c), stack().size(), stack().OnCurve(c).first);
   }
   if (!kTwists && !kFront) defect_.Reserve(model_.max_segments());
   if (kFront && model_.spins() > 0 && !terms.empty()) {
@@ -290,7 +290,8 @@ AttemptRecord NewtonMethod<Sweep>::Attempt(const WireState& state, TickReport& r
   record.active_set_rounds = solution.rounds;
   if (solution.expected_mJ >= 0) {
     const double turn = solver_.LargestTurn();
-    const double scale = turn > settings_.max_step_rad ? settings_.max_step_rad / turn : 1;
+    const double turning = turn > settings_.max_step_rad ? settings_.max_step_rad / turn : 1;
+    const double scale = std::min(turning, solver_.PassingScale(state, current));
     solver_.Apply(state, current, scale, trial_);
     mechanics_.Expand(trial_, trial_expansion_);
     for (int c = 0; c < state.curves(); ++c) report.updates += state.curve(c).segments();

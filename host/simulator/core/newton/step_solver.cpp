@@ -194,6 +194,32 @@ double StepSolver<Sweep>::LargestTurn() const {
 }
 
 template <class Sweep>
+double StepSolver<Sweep>::PassingScale(const WireState& state, const Expansion& at) const {
+  constexpr double kPartOfDistance = 0.5;
+  constexpr double kPartOfTouching = 0.25;  // for curves that are almost in one place
+  const auto moved_mm = [&](int curve, int segment, double past_mm) {
+    const CurveStep& step = steps_[static_cast<std::size_t>(curve)];
+    const auto i = static_cast<std::size_t>(segment);
+    return Vector3d(step.displacement_mm[i] + at.curve(curve).frames[i] * (past_mm * step.xi[i]));
+  };
+  double scale = 1;
+  for (const BetweenCurves& between : at.between) {
+    for (const BetweenCurves::Neighbor& neighbor : between.neighbors) {
+      const SegmentPair& on = between.groups[static_cast<std::size_t>(neighbor.group)];
+      const Vector3d& along =
+          state.curve(between.outer).tangents()[static_cast<std::size_t>(on.outer)];
+      const Vector3d apart_mm = moved_mm(between.inner, on.inner, neighbor.past_mm) -
+                                moved_mm(between.outer, on.outer, neighbor.foot_mm);
+      const double across_mm = (apart_mm - apart_mm.dot(along) * along).norm();
+      const double most_mm = std::max(kPartOfDistance * neighbor.apart_mm,
+                                      kPartOfTouching * neighbor.touching_mm);
+      if (scale * across_mm > most_mm) scale = most_mm / across_mm;
+    }
+  }
+  return scale;
+}
+
+template <class Sweep>
 bool StepSolver<Sweep>::IsDefinite(const WireState& state, const Expansion& at, double weight) {
   return Factor(state, at, weight);
 }

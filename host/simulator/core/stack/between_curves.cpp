@@ -115,7 +115,9 @@ struct Pressed {
     across = apart - way_mm * along;
     offset_mm = across.norm();
   }
-  double penetration_mm() const { return offset_mm - (place.lumen_mm - place.radius_mm); }
+  // Beside the outer curve, contact begins below the sum of both radii.
+  double sign() const { return place.lever_mm < 0 ? -1 : 1; }
+  double penetration_mm() const { return sign() * (offset_mm - (place.lumen_mm - place.lever_mm)); }
 
   // Derivative by the steps of the position along `way` of the point against its foot.
   Vector Follow(const Vector3d& way) const {
@@ -206,7 +208,7 @@ LumenContact ContactAt(const Beside& at) {
   contact.inner = at.place.inner;
   contact.outer = at.place.outer;
   contact.outer_from_tip = at.outer.curve.segments() - 1 - at.place.outer_segment;
-  contact.radius_mm = at.place.radius_mm;
+  contact.lever_mm = at.place.lever_mm;
   contact.lumen_mm = at.place.lumen_mm;
   contact.ahead_mm = at.place.ahead_mm + at.foot_mm;
   const Vector3d normal = LumenNormal(at);
@@ -220,47 +222,52 @@ LumenContact ContactAt(const Beside& at) {
   return contact;
 }
 
-// Spot of the inner piece that has a place.
-std::size_t SpotOf(const LumenPairs& pairs, const LumenPlace& place, const Geometry& inner) {
-  const int pieces_per_segment = pairs.pieces_per_segment;
-  const double piece_mm = inner.curve.SegmentLength(inner.rod, place.segment) / pieces_per_segment;
-  const int piece = std::min(static_cast<int>(place.past_mm / piece_mm), pieces_per_segment - 1);
-  const int spot = place.segment * pieces_per_segment + piece - pairs.first_spot;
-  return static_cast<std::size_t>(std::clamp(spot, 0, static_cast<int>(pairs.spots.size()) - 1));
-}
-
 }  // namespace
 
 void BetweenCurves::Reserve(const LumenPairs& pairs) {
   groups.reserve(pairs.groups.capacity());
   springs.reserve(pairs.places.capacity());
+  if (pairs.beside) neighbors.reserve(pairs.places.capacity());
   slides.reserve(pairs.spots.capacity());
   terms.reserve(pairs.groups.capacity());
   spin_terms.reserve(pairs.groups.capacity());
 }
+
+namespace {
+
+// Adds the contacts at the spots of a pair. Their index is the number of their piece.
+void AddContacts(const LumenPairs& pairs, const Geometry& inner, const Geometry& outer,
+                 std::vector<LumenContact>& contacts) {
+  for (const LumenPlace& spot : pairs.spots) {
+    contacts.resize(static_cast<std::size_t>(spot.piece) + 1);
+    contacts.back() = ContactAt(Beside(spot, inner, outer));
+  }
+}
+
+}  // namespace
 
 void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
                           const Geometry& inner_curve, const Geometry& outer_curve,
                           std::vector<LumenContact>* lumen) {
   inner = pairs.inner;
   outer = pairs.outer;
+  beside = pairs.beside;
   at_mouth = pairs.at_mouth;
   groups = pairs.groups;
   springs.clear();
   slides.clear();
+  neighbors.clear();
   spin_terms.clear();
   energy_mJ = pressed_N = end_pressed_N = largest_offset_mm = 0;
   terms.resize(groups.size());
-  LumenContact* contacts = nullptr;
-  if (lumen != nullptr) {
-    for (const LumenPlace& spot : pairs.spots) {
-      lumen->push_back(ContactAt(Beside(spot, inner_curve, outer_curve)));
-    }
-    if (!pairs.spots.empty()) contacts = lumen->data() + (lumen->size() - pairs.spots.size());
-  }
+  if (lumen != nullptr) AddContacts(pairs, inner_curve, outer_curve, *lumen);
   for (const LumenPlace& place : pairs.places) {
     const Pressed at(place, inner_curve, outer_curve);
     largest_offset_mm = std::max(largest_offset_mm, at.offset_mm);
+    if (beside) {
+      neighbors.push_back({place.group, place.past_mm, at.foot_mm, at.offset_mm,
+                           place.lumen_mm - place.lever_mm});
+    }
     const double penetration_mm = at.penetration_mm();
     if (penetration_mm < -kNearLumenMm || !(at.offset_mm > kNoOffsetMm)) continue;
     Spring& spring = springs.emplace_back();
@@ -270,16 +277,18 @@ void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
     spring.stiffness_N_mm = stiffness_N_mm2 * place.weight_mm;
     spring.penetration_mm = penetration_mm;
     const Vector3d normal = at.across / at.offset_mm;
-    spring.approach = at.Follow(normal);
+    spring.approach = at.sign() * at.Follow(normal);
     if (penetration_mm <= 0) continue;
     const double force_N = spring.stiffness_N_mm * penetration_mm;
     energy_mJ += force_N * penetration_mm / 2;
     pressed_N += force_N;
     if (&place == &pairs.places.back()) end_pressed_N += force_N;
-    if (contacts != nullptr) {
-      contacts[SpotOf(pairs, place, inner_curve)].force_N += force_N;
+    if (lumen != nullptr && !pairs.spots.empty()) {
+      const int piece =
+          std::clamp(place.piece, pairs.spots.front().piece, pairs.spots.back().piece);
+      (*lumen)[static_cast<std::size_t>(piece)].force_N += force_N;
     }
-    Bend(at, force_N, normal, spring.curvature);
+    Bend(at, at.sign() * force_N, normal, spring.curvature);
   }
 }
 
@@ -290,11 +299,13 @@ void BetweenCurves::TakeSlides(const LumenPairs& pairs, const Geometry& inner_cu
   const bool twists = inner_curve.rod.stack_twists();
   if (twists && !loads.empty()) spin_terms.resize(terms.size());
   for (SpinTerms& term : spin_terms) term.any = false;
+  auto spot = pairs.spots.begin();
   for (const SlideLoad& load : loads) {
-    const int spot = load.place - pairs.first_spot;
-    if (spot < 0 || spot >= static_cast<int>(pairs.spots.size())) continue;
+    while (spot != pairs.spots.end() && spot->piece < load.place) ++spot;
+    if (spot == pairs.spots.end()) break;
+    if (spot->piece != load.place) continue;
     const LumenContact& contact = lumen[static_cast<std::size_t>(load.place)];
-    const LumenPlace& place = pairs.spots[static_cast<std::size_t>(spot)];
+    const LumenPlace& place = *spot;
     const Beside at(place, inner_curve, outer_curve);
     Slide& slide = slides.emplace_back();
     slide.load = load;
@@ -312,12 +323,12 @@ void BetweenCurves::TakeSlides(const LumenPairs& pairs, const Geometry& inner_cu
     const Vector3d& inner_normal = inner_curve.curve.normals()[at.i];
     const double inclined = at.along.dot(inner_normal);
     const Vector3d about =
-        contact.radius_mm / (1 - inclined * inclined) * at.along.cross(inner_normal);
+        contact.lever_mm / (1 - inclined * inclined) * at.along.cross(inner_normal);
     at.TurnInner(-about.dot(at.inward) * inner_normal, slide.around);
     at.TurnOuter(-inclined * about, slide.around);
     slide.curvature = Curvature(at, load.gradient, around);
-    slide.inner_spin_mm = contact.radius_mm;
-    slide.outer_spin_mm = -contact.radius_mm - at.across.dot(around.cross(at.along));
+    slide.inner_spin_mm = contact.lever_mm;
+    slide.outer_spin_mm = -contact.lever_mm - at.across.dot(around.cross(at.along));
     if (twists) AddSpins(slide);
   }
 }

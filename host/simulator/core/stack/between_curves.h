@@ -1,5 +1,5 @@
-// Contact between two curves of a stack: the inner instruments in the lumen of the outer ones
-// (README, section 18).
+// Contact between two curves of a stack: the inner instruments in the lumen of the outer ones, or
+// two curves beside each other (README, section 18).
 #pragma once
 
 #include <Eigen/Core>
@@ -29,6 +29,14 @@ struct BetweenCurves {
     double penetration_mm = 0;  ///< negative: minus the distance to contact
     Vector approach;            ///< d penetration / d steps
     Matrix curvature;           ///< Hessian without stiffness approach approach', mJ, if touching
+  };
+  /// Place of curves beside each other, and the distance of their axes there.
+  struct Neighbor {
+    int group = 0;       ///< as in Spring
+    double past_mm = 0;  ///< as in Spring
+    double foot_mm = 0;  ///< as in Spring
+    double apart_mm = 0;
+    double touching_mm = 0;  ///< distance at which they touch
   };
   /// Place at which a term acts on the relative sliding of the surfaces.
   struct Slide {
@@ -60,10 +68,12 @@ struct BetweenCurves {
 
   int inner = 0;                      ///< number of the inner curve
   int outer = 0;                      ///< number of the outer curve
+  bool beside = false;                ///< the curves lie beside each other, not within
   bool at_mouth = false;              ///< the last place is the outer curve's mouth
   std::vector<SegmentPair> groups;    ///< pairs of segments that face each other, from the sheath
   std::vector<Spring> springs;        ///< ordered from the sheath
   std::vector<Slide> slides;          ///< ordered from the sheath
+  std::vector<Neighbor> neighbors;    ///< ordered from the sheath; empty for curves within
   std::vector<Terms> terms;           ///< one for each of `groups`
   std::vector<SpinTerms> spin_terms;  ///< same; empty if nothing slides or twists
   double energy_mJ = 0;

@@ -12,17 +12,19 @@ using Eigen::Vector2d;
 
 namespace {
 
-void CheckTogether(const std::vector<WireModel>& instruments) {
+void CheckTogether(const std::vector<WireModel>& instruments, const Clearance& clearance) {
   if (instruments.empty() || instruments.size() > static_cast<std::size_t>(kMostInstruments)) {
     throw std::invalid_argument("a stack has " + std::to_string(instruments.size()) +
                                 " instruments; give 1 to " + std::to_string(kMostInstruments));
   }
   if (instruments.size() == 1) return;
   const WireModel& first = instruments.front();
-  for (const WireModel& model : instruments) {
+  for (std::size_t k = 0; k < instruments.size(); ++k) {
+    const WireModel& model = instruments[k];
+    const bool enters_together = model.sheath().point_mm == first.sheath().point_mm &&
+                                 model.sheath().direction == first.sheath().direction;
     if (model.segment_mm() != first.segment_mm() || model.law() != first.law() ||
-        model.sheath().point_mm != first.sheath().point_mm ||
-        model.sheath().direction != first.sheath().direction) {
+        (!enters_together && !clearance.is_beside[k])) {
       throw std::invalid_argument("instruments of a stack need the same segments, law and sheath");
     }
     if (model.twists() != first.twists()) {
@@ -31,35 +33,87 @@ void CheckTogether(const std::vector<WireModel>& instruments) {
   }
 }
 
-void CheckRoom(const std::vector<WireModel>& instruments, const Clearance& clearance) {
-  double inner_mm = 0;  // largest radius of the instruments on the curves inside
-  double own_mm = 0;    // same, on the curve of instrument k
-  for (std::size_t k = 0; k < instruments.size(); ++k) {
-    if (k > 0 && clearance.has_room[k]) {
-      if (!(clearance.stiffness_N_mm2 > 0)) {
-        throw std::invalid_argument("the lumen's stiffness must be above 0");
-      }
-      inner_mm = std::max(inner_mm, own_mm);
-      own_mm = 0;
-    }
-    const WireModel& model = instruments[k];
-    for (int j = 0; j <= model.max_segments(); ++j) own_mm = std::max(own_mm, model.radius_mm(j));
-    const double lumen_mm = clearance.lumen_radius_mm[k];
-    if (inner_mm == 0 || lumen_mm > inner_mm) continue;
-    throw std::invalid_argument("an instrument inside a lumen has a radius of " +
-                                std::to_string(inner_mm) + " mm, and the lumen one of " +
-                                std::to_string(lumen_mm) + " mm; it must be smaller");
+double LargestRadius(const WireModel& model) {
+  double radius_mm = 0;
+  for (int j = 0; j <= model.max_segments(); ++j) {
+    radius_mm = std::max(radius_mm, model.radius_mm(j));
   }
-  if (clearance.has_room[0] ||
-      std::any_of(clearance.has_room.begin() + static_cast<std::ptrdiff_t>(instruments.size()),
-                  clearance.has_room.end(), [](bool has) { return has; })) {
-    throw std::invalid_argument("there is no instrument in the lumen that is to have room");
+  return radius_mm;
+}
+
+// Checks that the instruments beside others enter within the lumen of instrument `k`.
+void CheckEntries(const std::vector<WireModel>& instruments, const Clearance& clearance,
+                  std::size_t k) {
+  const Sheath& own = instruments[k].sheath();
+  for (std::size_t j = 0; j < k; ++j) {
+    if (!clearance.is_beside[j]) continue;
+    const Eigen::Vector3d apart = instruments[j].sheath().point_mm - own.point_mm;
+    const double across_mm = (apart - apart.dot(own.direction) * own.direction).norm();
+    const double most_mm = clearance.lumen_radius_mm[k] - LargestRadius(instruments[j]);
+    if (across_mm <= most_mm) continue;
+    throw std::invalid_argument("an instrument enters " + std::to_string(across_mm) +
+                                " mm beside the axis of the instrument around it; it must be at "
+                                "most " +
+                                std::to_string(most_mm) + " mm");
   }
 }
 
-// Rod with room for all instruments; Combine fills it.
-std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments) {
-  const WireModel& first = instruments.front();
+void CheckRoom(const std::vector<WireModel>& instruments, const Clearance& clearance) {
+  double beside_mm = 0;  // radius of those beside which the present ones lie
+  double inner_mm = 0;   // largest radius of the instruments on the curves inside
+  double own_mm = 0;     // same, on the curve of instrument k
+  bool divided = false;  // the instruments so far lie beside each other
+  for (std::size_t k = 0; k < instruments.size(); ++k) {
+    const bool has_room = k > 0 && clearance.has_room[k];
+    if ((has_room || clearance.is_beside[k]) && !(clearance.stiffness_N_mm2 > 0)) {
+      throw std::invalid_argument("the stiffness of the contact between curves must be above 0");
+    }
+    const double radius_mm = LargestRadius(instruments[k]);
+    if (clearance.is_beside[k]) {
+      if (divided) {
+        throw std::invalid_argument("a stack has two instruments beside others; give one");
+      }
+      beside_mm = std::max(inner_mm, own_mm);
+      inner_mm = 0;
+      own_mm = radius_mm;
+      divided = true;
+      continue;
+    }
+    if (divided && !has_room && beside_mm > 0) {
+      throw std::invalid_argument(
+          "an instrument around instruments that lie beside each other needs room in its lumen");
+    }
+    if (has_room) {
+      inner_mm = std::max(inner_mm, own_mm) + beside_mm;
+      beside_mm = own_mm = 0;
+      CheckEntries(instruments, clearance, k);
+    }
+    own_mm = std::max(own_mm, radius_mm);
+    const double lumen_mm = clearance.lumen_radius_mm[k];
+    if (inner_mm == 0 || lumen_mm > inner_mm) continue;
+    throw std::invalid_argument("the instruments inside a lumen have a radius of " +
+                                std::to_string(inner_mm) + " mm, and the lumen one of " +
+                                std::to_string(lumen_mm) + " mm; it must be larger");
+  }
+}
+
+void CheckCurves(const std::vector<WireModel>& instruments, const Clearance& clearance) {
+  CheckRoom(instruments, clearance);
+  const auto beyond = static_cast<std::ptrdiff_t>(instruments.size());
+  const auto any_beyond = [beyond](const std::array<bool, kMostInstruments>& of) {
+    return of[0] || std::any_of(of.begin() + beyond, of.end(), [](bool is) { return is; });
+  };
+  if (any_beyond(clearance.has_room)) {
+    throw std::invalid_argument("there is no instrument in the lumen that is to have room");
+  }
+  if (any_beyond(clearance.is_beside)) {
+    throw std::invalid_argument("there is no instrument beside which another one is to lie");
+  }
+}
+
+// Rod with room for all instruments, in the sheath of instrument `of`; Combine fills it.
+std::unique_ptr<WireModel> EmptyRod(const std::vector<WireModel>& instruments, int of) {
+  const WireModel& first = instruments[static_cast<std::size_t>(of)];
   double longest_mm = 0;
   for (const WireModel& model : instruments) {
     longest_mm = std::max(longest_mm, model.max_length_mm());
@@ -77,8 +131,8 @@ InstrumentStack::InstrumentStack(const WireModel& wire)
 
 InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clearance& clearance)
     : owned_(std::move(instruments)), clearance_(clearance) {
-  CheckTogether(owned_);
-  CheckRoom(owned_, clearance);
+  CheckTogether(owned_, clearance);
+  CheckCurves(owned_, clearance);
   for (const WireModel& model : owned_) instruments_.push_back(&model);
   if (size() == 1) {
     rods_ = {instruments_.front()};
@@ -86,11 +140,12 @@ InstrumentStack::InstrumentStack(std::vector<WireModel> instruments, const Clear
     return;
   }
   for (int k = 0; k < size(); ++k) {
-    if (k == 0 || clearance.has_room[static_cast<std::size_t>(k)]) ranges_.push_back({k, k});
+    const auto at = static_cast<std::size_t>(k);
+    if (k == 0 || clearance.has_room[at] || clearance.is_beside[at]) ranges_.push_back({k, k});
     ranges_.back().last = k + 1;
   }
   for (int c = 0; c < curves(); ++c) {
-    combined_.push_back(EmptyRod(owned_));
+    combined_.push_back(EmptyRod(owned_, OnCurve(c).first));
     rods_.push_back(combined_.back().get());
   }
   joints_.resize(static_cast<std::size_t>(rod().max_segments()) + 1);
@@ -154,6 +209,17 @@ int InstrumentStack::CurveOf(int instrument) const {
   int curve = curves() - 1;
   while (OnCurve(curve).first > instrument) --curve;
   return curve;
+}
+
+int InstrumentStack::CurveAround(int curve) const {
+  int around = curve + 1;
+  while (around < curves() && LiesBeside(around)) ++around;
+  return around;
+}
+
+bool InstrumentStack::AreBeside(int curve, int outer) const {
+  while (curve < outer) curve = CurveAround(curve);
+  return curve != outer;
 }
 
 int InstrumentStack::Leader(int curve, const InstrumentPlaces& places) const {

@@ -15,8 +15,8 @@
 // the segments of both. A lone wire is a stack of one: it is the rod.
 //
 // Room in a lumen divides the instruments into curves (core/README.md section 18): curve 0 has the
-// innermost ones, and each lumen with room begins another. Each curve has a rod and segments of its
-// own.
+// innermost ones, and each lumen with room begins another. So does an instrument that lies beside
+// the earlier ones. Each curve has a rod and segments of its own.
 #pragma once
 
 #include <Eigen/Core>
@@ -55,12 +55,13 @@ class InstrumentStack {
  public:
   /// A lone wire, which must outlive this.
   explicit InstrumentStack(const WireModel& wire);
-  /// 1 .. kMostInstruments instruments, the innermost first, all with the same segments, law and
-  /// sheath. Either all of them twist or none does. Throws std::invalid_argument otherwise.
+  /// 1 .. kMostInstruments instruments, the innermost first, all with the same segments and law;
+  /// all but one that lies beside others have the same sheath. Either all of them twist or none
+  /// does. Throws std::invalid_argument otherwise.
   explicit InstrumentStack(std::vector<WireModel> instruments)
       : InstrumentStack(std::move(instruments), Clearance()) {}
-  /// The same with room between some of them. Throws std::invalid_argument if the inner instruments
-  /// do not fit.
+  /// The same with room between some of them, or with one beside others. Throws
+  /// std::invalid_argument if the inner instruments do not fit.
   InstrumentStack(std::vector<WireModel> instruments, const Clearance& clearance);
   InstrumentStack(const InstrumentStack&) = delete;
   InstrumentStack& operator=(const InstrumentStack&) = delete;
@@ -80,6 +81,14 @@ class InstrumentStack {
   Range OnCurve(int curve) const { return ranges_[static_cast<std::size_t>(curve)]; }
   /// Curve on which an instrument lies.
   int CurveOf(int instrument) const;
+  /// The next curve around a curve; curves() if there is none.
+  int CurveAround(int curve) const;
+  /// True if `outer`, of a higher number, lies beside a curve; otherwise it lies around it.
+  bool AreBeside(int curve, int outer) const;
+  /// Start path of a curve that lies beside others.
+  const std::vector<Eigen::Vector3d>& StartPath(int curve) const {
+    return clearance_.start_path_mm[static_cast<std::size_t>(OnCurve(curve).first)];
+  }
   /// Instrument of a curve that reaches farthest; of equals, the innermost.
   int Leader(int curve, const InstrumentPlaces& places) const;
   /// Its insertion, mm: the reach of the curve.
@@ -113,6 +122,9 @@ class InstrumentStack {
   };
   using Members = std::array<Member, kMostInstruments>;
 
+  bool LiesBeside(int curve) const {
+    return clearance_.is_beside[static_cast<std::size_t>(OnCurve(curve).first)];
+  }
   int Gather(const InstrumentPlaces& places, Range range, double end_mm, Members& members) const;
   void CombineRod(const Members& members, int first, int count, WireModel& rod);
   void CombineTwists(const Members& members, int count, const JointIntegrals& integrals,

@@ -9,6 +9,10 @@
 //   outer   |-------- m --------|------ m + 1 ------|
 //   inner      |------- i --------|------ i + 1 ------|      pieces (i, m) (i, m+1) (i+1, m+1)
 //
+// Curves beside each other are paired in the same way (beside_pairs.cpp): the surface of the outer
+// curve, seen from outside, is in place of the lumen's wall. The outer one is that of the higher
+// number.
+//
 // The pairs are those of a state when a part of the motion begins, and stay while it is relaxed. So
 // the energy of that part is smooth.
 #pragma once
@@ -35,8 +39,11 @@ struct LumenPlace {
   double past_mm = 0;     ///< past the proximal node of the inner segment
   double foot_mm = 0;     ///< of its foot, past the proximal node of the outer segment
   double weight_mm = 0;   ///< length of the inner curve that the place stands for
-  double radius_mm = 0;   ///< of the inner curve
-  double lumen_mm = 0;    ///< radius of the lumen
+  /// Way from the axis of the inner curve to its contact point, along the normal away from the
+  /// outer axis: its radius in a lumen, minus its radius beside the outer curve.
+  double lever_mm = 0;
+  double lumen_mm = 0;  ///< radius of the lumen, or of the outer curve beside the inner one
+  int piece = 0;        ///< number of its piece of the inner curve, from the sheath
   /// LumenContact::ahead_mm, less the way of the foot past the proximal node of the outer segment.
   double ahead_mm = 0;
   /// Segments are chords of smooth curves. Offsets of both curves from their chords at the place
@@ -58,16 +65,16 @@ struct SegmentPair {
 /// Places of two curves.
 struct LumenPairs {
   int inner = 0;                    ///< number of the inner curve
-  int outer = 0;                    ///< number of the outer curve
+  int outer = 0;                    ///< number of the outer curve, above that of the inner one
+  bool beside = false;              ///< the curves lie beside each other, not within
   std::vector<SegmentPair> groups;  ///< from the sheath; neither index decreases
-  /// Contact places, from the sheath. Each stands in the middle of its piece. The last is the edge
-  /// of the outer curve's mouth, or of the inner curve's tip in the lumen.
+  /// Contact places, from the sheath. In a lumen each stands in the middle of its piece, and the
+  /// last is the edge of the outer curve's mouth, or of the inner curve's tip.
   std::vector<LumenPlace> places;
-  /// Places of friction, one in the middle of each of `PiecesPerSegment` pieces of an inner
-  /// segment.
+  /// Places of friction, ascending by piece: at most one for each of the `PiecesPerSegment` pieces
+  /// of an inner segment. In a lumen none is left out, up to the last.
   std::vector<LumenPlace> spots;
   bool at_mouth = false;  ///< the last place is the mouth
-  int first_spot = 0;     ///< number of pieces of the inner curve before the first of `spots`
   int pieces_per_segment = 2;
 
   /// Pieces of a segment. With one place alone, nodes would go to and fro.
@@ -91,6 +98,13 @@ class CurvePairs {
 
  private:
   struct Walk;
+  // Arc length, mm, at which a curve leaves the lumen of a curve around it.
+  double& LeavesMm(int curve, int lumen) {
+    return leaves_mm_[static_cast<std::size_t>(curve * curves_ + lumen)];
+  }
+  int LumenOf(const InstrumentStack& stack, int curve, double arc_mm) const;
+  void FindInLumens(const InstrumentStack& stack, const WireState& state, int inner);
+  void FindBeside(const InstrumentStack& stack, const WireState& state, LumenPairs& out) const;
   bool WalkLumen(const InstrumentStack& stack, const WireState& state, Walk& walk,
                  LumenPairs& out) const;
 
@@ -107,6 +121,7 @@ class CurvePairs {
   std::vector<LumenPairs> pairs_;
   std::vector<double> in_lumen_mm_;  // by curve
   std::vector<End> ends_;            // by curve
+  std::vector<double> leaves_mm_;    // by curve and lumen
 };
 
 }  // namespace torquer

@@ -1,5 +1,5 @@
-// Coulomb friction between a curve and the lumen in which it has room
-// (core/README.md, section 18).
+// Coulomb friction between a curve and the lumen in which it has room, and between curves beside
+// each other (core/README.md, section 18).
 //
 // At every contact place, N is the contact force. With
 //   s = (way along the lumen, way around it)
@@ -45,15 +45,23 @@ class LumenFriction {
   static bool Changed(const Held& held, const LumenContact& contact) {
     return contact.outer_from_tip != held.from.outer_from_tip;
   }
-  // Memory of the places of PointSet::lumen, from the tip.
-  std::vector<Held>& HeldOn(const PointSet& points) {
-    return held_[static_cast<std::size_t>(points.curve)];
-  }
-  static std::size_t MemoryOf(const PointSet& points, std::size_t place);
+  // Places of a curve in lumens, or beside another curve, and their memory from the tip.
+  struct Side {
+    const std::vector<LumenContact>& contacts;
+    std::vector<Held>& held;
+    std::size_t pieces;  // of the curve
+
+    std::size_t MemoryOf(std::size_t place) const { return pieces - 1 - place; }
+    Held& HeldAt(std::size_t place) const { return held[MemoryOf(place)]; }
+  };
+  static constexpr std::size_t kSides = 2;
+  std::array<Side, kSides> SidesOf(const PointSet& points);
+  static void BeginSide(const Side& side, double coefficient);
+  double AddPlace(const Held& held, const LumenContact& contact, SlideLoad& load) const;
 
   double coefficient_;
   double slip_mm_;
-  std::vector<std::vector<Held>> held_;  // by curve
+  std::vector<std::array<std::vector<Held>, kSides>> held_;  // by curve: in lumens, beside others
 };
 
 }  // namespace torquer::effects

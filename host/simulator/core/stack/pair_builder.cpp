@@ -1,0 +1,160 @@
+#include "host/simulator/core/stack/pair_builder.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace torquer {
+
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kShortestMm = 1e-9;  // shorter pieces have no place
+
+// Curvature of the smooth curve through the nodes, at a segment, in its normals, 1/mm.
+Eigen::Vector2d CurvatureAt(const WireModel& rod, const Curve& curve, int segment) {
+  constexpr double kMostBendRad = 0.5;  // of a segment: a chord of a sharper bend is no chord
+  const auto i = static_cast<std::size_t>(segment);
+  const Vector3d& tangent = curve.tangents()[i];
+  const Vector3d& before = i == 0 ? rod.sheath().direction : curve.tangents()[i - 1];
+  Vector3d curvature = (tangent - before) / JointLength(rod, curve, segment);
+  if (segment + 1 < curve.segments()) {
+    const Vector3d beyond =
+        (curve.tangents()[i + 1] - tangent) / JointLength(rod, curve, segment + 1);
+    curvature = (curvature + beyond) / 2;
+  }
+  const Vector3d& normal = curve.normals()[i];
+  Eigen::Vector2d across(curvature.dot(normal), curvature.dot(tangent.cross(normal)));
+  const double bend_rad = across.norm() * curve.SegmentLength(rod, segment);
+  return bend_rad > kMostBendRad ? Eigen::Vector2d(kMostBendRad / bend_rad * across) : across;
+}
+
+}  // namespace
+
+double ArcMm(const WireModel& rod, const Curve& curve, int segment) {
+  return segment == 0 ? 0 : curve.first_segment_mm() + (segment - 1) * rod.segment_mm();
+}
+
+const Eigen::Vector2d& PairBuilder::InnerCurvature(int segment) {
+  if (last_inner.segment != segment) {
+    last_inner = {segment, CurvatureAt(inner_rod, inner, segment)};
+  }
+  return last_inner.curvature;
+}
+
+const Eigen::Vector2d& PairBuilder::OuterCurvature(int segment) {
+  if (last_outer.segment != segment) {
+    last_outer = {segment, CurvatureAt(outer_rod, outer, segment)};
+  }
+  return last_outer.curvature;
+}
+
+LumenPlace PairBuilder::PlaceAt(int segment, double past_mm, int outer_segment, double weight_mm) {
+  if (out.groups.empty() || out.groups.back().inner != segment ||
+      out.groups.back().outer != outer_segment) {
+    out.groups.push_back({segment, outer_segment});
+  }
+  const Vector3d at = inner.nodes()[static_cast<std::size_t>(segment)] +
+                      past_mm * inner.tangents()[static_cast<std::size_t>(segment)];
+  const auto m = static_cast<std::size_t>(outer_segment);
+  const double foot_mm = outer.tangents()[m].dot(at - outer.nodes()[m]);
+  const double arc_mm = ArcMm(inner_rod, inner, segment) + past_mm;
+  const double outer_begin_mm = ArcMm(outer_rod, outer, outer_segment);
+  LumenPlace place;
+  place.segment = segment;
+  place.outer_segment = outer_segment;
+  place.group = static_cast<int>(out.groups.size()) - 1;
+  place.inner = stack.SurfaceAt(out.inner, instruments, arc_mm);
+  place.outer = out.beside ? stack.SurfaceAt(out.outer, instruments, outer_begin_mm + foot_mm)
+                           : stack.LumenAt(out.outer, instruments, outer_begin_mm + foot_mm);
+  place.past_mm = past_mm;
+  place.foot_mm = foot_mm;
+  place.weight_mm = weight_mm;
+  place.piece = PieceOf(segment, past_mm);
+  const double radius_mm = inner_rod.radius_mm(inner.segments() - 1 - segment);
+  place.lever_mm = out.beside ? -radius_mm : radius_mm;
+  place.lumen_mm = out.beside
+                       ? outer_rod.radius_mm(outer.segments() - 1 - outer_segment)
+                       : stack.clearance().lumen_radius_mm[static_cast<std::size_t>(place.outer)];
+  place.ahead_mm = instruments[place.inner].insertion_mm - arc_mm -
+                   (instruments[place.outer].insertion_mm - outer_begin_mm);
+  // A circle through the ends of a chord is beside it by kappa t (l - t) / 2.
+  const double length_mm = inner.SegmentLength(inner_rod, segment);
+  const double outer_mm = outer.SegmentLength(outer_rod, outer_segment);
+  const Eigen::Vector2d& bend = OuterCurvature(outer_segment);
+  const double foot_on_mm = std::clamp(foot_mm, 0.0, outer_mm);
+  place.bulge_mm = -past_mm * (length_mm - past_mm) / 2 * InnerCurvature(segment);
+  place.foot_bulge_mm = -foot_on_mm * (outer_mm - foot_on_mm) / 2 * bend;
+  place.foot_slope = (foot_on_mm - outer_mm / 2) * bend;
+  return place;
+}
+
+Eigen::Vector2d PairBuilder::LumenBulge(const LumenPlace& place) const {
+  const auto i = static_cast<std::size_t>(place.segment);
+  const auto m = static_cast<std::size_t>(place.outer_segment);
+  const Vector3d& normal = inner.normals()[i];
+  const Vector3d& along = outer.tangents()[m];
+  const double turn_rad =
+      outer.turns_rad().empty() ? 0 : outer.turns_rad()[m][static_cast<std::size_t>(place.outer)];
+  const Vector3d first = TurnedAbout(along, outer.normals()[m], turn_rad);
+  const Vector3d bulge_mm = place.bulge_mm[0] * normal +
+                            place.bulge_mm[1] * inner.tangents()[i].cross(normal) -
+                            place.foot_bulge_mm[0] * outer.normals()[m] -
+                            place.foot_bulge_mm[1] * along.cross(outer.normals()[m]);
+  return {bulge_mm.dot(first), bulge_mm.dot(along.cross(first))};
+}
+
+int PairBuilder::PieceOf(int segment, double past_mm) const {
+  const double piece_mm = inner.SegmentLength(inner_rod, segment) / out.pieces_per_segment;
+  const int piece = std::min(static_cast<int>(past_mm / piece_mm), out.pieces_per_segment - 1);
+  return segment * out.pieces_per_segment + piece;
+}
+
+void PairBuilder::AddBeside(int segment, double past_mm, int outer_segment, double weight_mm) {
+  LumenPlace& place = out.places.emplace_back(PlaceAt(segment, past_mm, outer_segment, weight_mm));
+  if (!with_spots) return;
+  place.lumen_bulge_mm = LumenBulge(place);
+  out.spots.push_back(place);
+}
+
+void PairBuilder::AddPiece(int segment, double from_mm, double to_mm, int outer_segment) {
+  const double length_mm = to_mm - from_mm;
+  if (length_mm > kShortestMm) {
+    constexpr double kRounding = 1e-9;
+    const double parts = length_mm * out.pieces_per_segment / inner_rod.segment_mm();
+    const int count = std::max(1, static_cast<int>(std::ceil(parts - kRounding)));
+    for (int k = 0; k < count; ++k) {
+      out.places.push_back(PlaceAt(segment, from_mm + (k + 0.5) * length_mm / count, outer_segment,
+                                   length_mm / count));
+    }
+  }
+  if (!with_spots) return;
+  const double piece_mm = inner.SegmentLength(inner_rod, segment) / out.pieces_per_segment;
+  for (int k = 0; k < out.pieces_per_segment; ++k) {
+    const double past_mm = (k + 0.5) * piece_mm;
+    if (past_mm < from_mm || past_mm >= to_mm) continue;
+    LumenPlace& spot = out.spots.emplace_back(PlaceAt(segment, past_mm, outer_segment, piece_mm));
+    spot.lumen_bulge_mm = LumenBulge(spot);
+  }
+}
+
+void PairBuilder::AddTip(int outer_segment) {
+  const int segment = inner.segments() - 1;
+  LumenPlace place = PlaceAt(segment, inner.SegmentLength(inner_rod, segment), outer_segment, 0);
+  place.weight_mm = place.lumen_mm;
+  out.places.push_back(place);
+}
+
+void PairBuilder::AddMouth(int segment, double past_mm) {
+  LumenPlace place = PlaceAt(segment, past_mm, outer.segments() - 1, 0);
+  place.weight_mm = place.lumen_mm;
+  place.is_mouth = true;
+  place.foot_bulge_mm = place.bulge_mm;
+  place.bulge_mm.setZero();
+  place.foot_slope =
+      (past_mm - inner.SegmentLength(inner_rod, segment) / 2) * InnerCurvature(segment);
+  out.places.push_back(place);
+}
+
+}  // namespace torquer
