@@ -229,7 +229,7 @@ void FindCurveLoads(const WireState& state, const Expansion& expansion, int curv
       out.in_lumen.push_back(
           {.segment = inner ? on.inner : on.outer,
            .past_mm = inner ? place.past_mm : place.foot_mm,
-           .in_own_lumen = !inner,
+           .in_own_lumen = !inner && !between.beside,
            .force_N = force_N,
            .unfelt_N = unfelt ? force_N.dot(inward[static_cast<std::size_t>(on.inner)]) : 0});
     };
