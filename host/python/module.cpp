@@ -296,8 +296,8 @@ void AddSimulation(py::module_& module) {
           },
           py::arg("instrument"),
           "Nodes of an instrument, from the entry to its tip, shape (n, 3). The innermost "
-          "instrument is number 0. With [effects.clearance] instruments lie on two curves, "
-          "otherwise on one.")
+          "instrument is number 0. With [effects.clearance] or [instrument.entry] "
+          "instruments lie on several curves, otherwise on one.")
       .def_property_readonly(
           "hands",
           [](const Simulation& self) {

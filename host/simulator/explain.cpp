@@ -50,8 +50,9 @@ std::string Explain(scene::Scene& scene) {
   const scene::SceneSpec& spec = scene.spec();
   std::string out = fmt::format("{}\n  vessel: {}\n", scene.name(), scene.vessel().description);
   for (const scene::InstrumentSpec& instrument : spec.instruments) {
-    out += fmt::format("  {}: up to {:.4g} mm, {:.4g} mm inside at the start\n", instrument.name,
-                       instrument.max_length_mm, instrument.inserted_at_start_mm);
+    out += fmt::format("  {}: up to {:.4g} mm, {:.4g} mm inside at the start{}\n", instrument.name,
+                       instrument.max_length_mm, instrument.inserted_at_start_mm,
+                       instrument.entry ? ", beside the earlier ones" : "");
   }
   out += fmt::format("  method: {}, segments of {:.4g} mm, at most {:.4g} us a tick\n",
                      scene.method() == scene::Method::kNewton ? "newton" : "paper",

@@ -44,12 +44,14 @@ std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene) {
   const InstrumentPlaces start = scene.start();
   std::vector<InstrumentInfo> all;
   for (const effects::Instrument& instrument : scene.instruments()) {
-    const InstrumentPlace& place = start[static_cast<int>(all.size())];
+    const std::size_t k = all.size();
+    const InstrumentPlace& place = start[static_cast<int>(k)];
     all.push_back({.name = instrument.name,
                    .max_length_mm = instrument.model->max_length_mm(),
                    .tip_radius_mm = instrument.model->radius_mm(0),
                    .inner_radius_mm = instrument.inner_radius_mm,
-                   .start = {place.insertion_mm, place.rotation_rad}});
+                   .start = {place.insertion_mm, place.rotation_rad},
+                   .is_beside = scene.stack().clearance().is_beside[k]});
   }
   return all;
 }

@@ -228,13 +228,11 @@ void Simulation::Describe(torquer_lcm::wire_state_t& out) const {
 void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
   const InstrumentPlaces& places = state_.places();
   const InstrumentPlaces start = scene_.start();
-  // With less than half a segment inside there is no segment yet, and the whole insertion is
-  // carried.
-  const bool any = state_.segments() > 0;
   out.instruments.resize(static_cast<std::size_t>(places.size()));
   out.instrument_count = places.size();
   for (int k = 0; k < places.size(); ++k) {
     const auto at = static_cast<std::size_t>(k);
+    const Curve& curve = state_.CurveOf(k);
     torquer_lcm::instrument_state_t& instrument = out.instruments[at];
     instrument.name = scene_.instruments()[at].name;
     instrument.inserted_at_start_mm = start[k].insertion_mm;
@@ -242,9 +240,12 @@ void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
     instrument.commanded_rotation_rad = target_[k].rotation_rad;
     instrument.insertion_mm = places[k].insertion_mm;
     instrument.rotation_rad = places[k].rotation_rad;
-    instrument.carried_mm = target_[k].insertion_mm - (any ? places[k].insertion_mm : 0);
+    // With less than half a segment inside there is no segment yet, and the whole insertion is
+    // carried.
+    instrument.carried_mm =
+        target_[k].insertion_mm - (curve.segments() > 0 ? places[k].insertion_mm : 0);
     instrument.carried_rad = target_[k].rotation_rad - places[k].rotation_rad;
-    const Eigen::Vector3d tip = PointAt(scene_.rod(), state_.CurveOf(k), places[k].insertion_mm);
+    const Eigen::Vector3d tip = PointAt(scene_.rod(), curve, places[k].insertion_mm);
     for (int axis = 0; axis < 3; ++axis) instrument.tip_mm[axis] = tip[axis];
   }
 }

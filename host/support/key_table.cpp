@@ -58,6 +58,8 @@ std::string Key::Form() const {
       return Listed(choices, "\"");
     case KeyKind::kPoint:
       return "[x, y, z]";
+    case KeyKind::kPair:
+      return "[a, b], each from " + range;
     case KeyKind::kNumbers:
       return "number, or list of numbers, from " + range;
     case KeyKind::kPoints:
@@ -173,6 +175,14 @@ void Read(StrictTable& table, const Key& key, std::vector<std::string>& value) {
   value = table.Texts(key.name);
 }
 void Read(StrictTable& table, const Key& key, Vector3d& value) { value = table.Point(key.name); }
+void Read(StrictTable& table, const Key& key, Eigen::Vector2d& value) {
+  const std::vector<double> numbers = table.Numbers(key.name, key.lowest, key.highest);
+  if (numbers.size() != 2) {
+    table.Refuse(key.name,
+                 fmt::format("must have two numbers, and has {}; give [a, b]", numbers.size()));
+  }
+  value = {numbers[0], numbers[1]};
+}
 void Read(StrictTable& table, const Key& key, std::vector<double>& value) {
   value = table.Numbers(key.name, key.lowest, key.highest);
 }
@@ -201,6 +211,9 @@ std::string Write(const Key& key, const std::vector<std::string>& value) {
 }
 std::string Write(const Key& /*key*/, const Vector3d& value) {
   return fmt::format("[{}, {}, {}]", value[0], value[1], value[2]);
+}
+std::string Write(const Key& /*key*/, const Eigen::Vector2d& value) {
+  return fmt::format("[{}, {}]", value[0], value[1]);
 }
 std::string Write(const Key& /*key*/, const std::vector<double>& value) {
   if (value.size() == 1) return fmt::format("{}", value.front());

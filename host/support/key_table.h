@@ -42,6 +42,7 @@ enum class KeyKind {
   kTexts,  ///< a list, or one text
   kChoice,
   kPoint,      ///< [x, y, z]
+  kPair,       ///< [a, b]
   kNumbers,    ///< a list, or one number
   kPoints,     ///< a list of points
   kDirection,  ///< [x, y, z], or a patient's direction by name
@@ -148,6 +149,7 @@ void Read(StrictTable& table, const Key& key, bool& value);
 void Read(StrictTable& table, const Key& key, std::string& value);
 void Read(StrictTable& table, const Key& key, std::vector<std::string>& value);
 void Read(StrictTable& table, const Key& key, Eigen::Vector3d& value);
+void Read(StrictTable& table, const Key& key, Eigen::Vector2d& value);
 void Read(StrictTable& table, const Key& key, std::vector<double>& value);
 void Read(StrictTable& table, const Key& key, std::vector<Eigen::Vector3d>& value);
 void Read(StrictTable& table, const Key& key, DirectionSpec& value);
@@ -157,6 +159,7 @@ std::string Write(const Key& key, bool value);
 std::string Write(const Key& key, const std::string& value);
 std::string Write(const Key& key, const std::vector<std::string>& value);
 std::string Write(const Key& key, const Eigen::Vector3d& value);
+std::string Write(const Key& key, const Eigen::Vector2d& value);
 std::string Write(const Key& key, const std::vector<double>& value);
 std::string Write(const Key& key, const std::vector<Eigen::Vector3d>& value);
 std::string Write(const Key& key, const DirectionSpec& value);
@@ -240,6 +243,11 @@ class Keys final : public KeyTable {
   Keys& Point(std::string_view name, T Spec::*member, std::string_view unit,
               std::string_view meaning) {
     AddNumber(name, KeyKind::kPoint, 0, 0, unit, meaning);
+    return Take(member);
+  }
+  Keys& Pair(std::string_view name, Eigen::Vector2d Spec::*member, double lowest, double highest,
+             std::string_view unit, std::string_view meaning) {
+    AddNumber(name, KeyKind::kPair, lowest, highest, unit, meaning);
     return Take(member);
   }
   template <class T>

@@ -53,6 +53,11 @@ void CheckProperties(const torquer::KeyTable& table, const json& schema) {
       CHECK(property["minimum"] == key.lowest);
       CHECK(property["maximum"] == key.highest);
     }
+    if (key.kind == torquer::KeyKind::kPair) {
+      CHECK(property["items"]["maximum"] == key.highest);
+      CHECK(property["minItems"] == 2);
+      CHECK(property["maxItems"] == 2);
+    }
     if (key.kind == torquer::KeyKind::kChoice) CHECK(property["enum"] == key.choices);
     if (key.kind == torquer::KeyKind::kTable) CheckProperties(*key.table, property);
     if (key.kind == torquer::KeyKind::kTables) CheckProperties(*key.table, property["items"]);

@@ -60,6 +60,7 @@ struct InstrumentInfo {
   double tip_radius_mm = 0;
   double inner_radius_mm = 0;  ///< radius of the lumen; 0: solid
   Hand start;
+  bool is_beside = false;  ///< lies beside the earlier instruments, with [instrument.entry]
 };
 
 /// Checked contents of a scene file, with its vessel. Copies are cheap and share the data.
@@ -232,7 +233,8 @@ class TORQUER_API Simulation {
   const double* nodes_mm() const;
   std::size_t node_count() const;
   /// Nodes of an instrument, from the entry point to its tip; number 0 is the innermost. All
-  /// instruments lie on the curve of nodes_mm(). Only [effects.clearance] gives them several.
+  /// instruments lie on the curve of nodes_mm(). With [effects.clearance] or
+  /// [instrument.entry] they lie on several.
   std::vector<Point> InstrumentNodesMm(std::size_t instrument) const;
   /// States of the instruments, the innermost first.
   std::vector<InstrumentState> instruments() const;

@@ -20,6 +20,13 @@ void CheckPositive(const std::string& field, double value) {
 
 }  // namespace
 
+Eigen::Vector3d SheathNormal(const Eigen::Vector3d& direction) {
+  Eigen::Index smallest = 0;
+  direction.cwiseAbs().minCoeff(&smallest);
+  const Eigen::Vector3d axis = Eigen::Vector3d::Unit(smallest);
+  return (axis - axis.dot(direction) * direction).normalized();
+}
+
 Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad) {
   const double angle = angle_rad.norm();
   if (!(angle > 0)) return {0, 0, 1};
@@ -83,11 +90,7 @@ WireModel::WireModel(double segment_mm, std::vector<WireSection> sections, doubl
   // If the last section is curved, the wire is curved up to its proximal end.
   if (rest_direction_.back()[2] != 1) first_straight_ = max_segments_ + 1;
   most_curved_ = std::min(first_straight_, max_segments_);
-
-  Eigen::Index smallest = 0;
-  sheath.direction.cwiseAbs().minCoeff(&smallest);
-  const Eigen::Vector3d axis = Eigen::Vector3d::Unit(smallest);
-  sheath_normal_ = (axis - axis.dot(sheath.direction) * sheath.direction).normalized();
+  sheath_normal_ = SheathNormal(sheath.direction);
 }
 
 void WireModel::ReplaceJoints(const std::vector<Joint>& joints, int tip_segments) {

@@ -17,6 +17,10 @@ struct Sheath {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit
 };
 
+/// Unit vector across a unit direction: the first normal of an unrotated wire in a sheath of that
+/// direction.
+Eigen::Vector3d SheathNormal(const Eigen::Vector3d& direction);
+
 /// Unit direction of a segment whose joint is bent by an angle towards the first and second normal,
 /// rad. Given in the frame (first normal, second normal, tangent).
 Eigen::Vector3d BentBy(const Eigen::Vector2d& angle_rad);

@@ -138,7 +138,10 @@ std::vector<StateField> AllFields(const Simulation& simulation) {
   list.Add("status", StatusOf);
   const std::vector<InstrumentInfo>& instruments = simulation.scene().instruments();
   const std::vector<std::string> effects = simulation.scene().effects();
-  const bool curves = std::find(effects.begin(), effects.end(), "clearance") != effects.end();
+  const bool curves =
+      std::find(effects.begin(), effects.end(), "clearance") != effects.end() ||
+      std::any_of(instruments.begin(), instruments.end(),
+                  [](const InstrumentInfo& instrument) { return instrument.is_beside; });
   for (std::size_t k = 0; k < instruments.size(); ++k) {
     AddInstrument(list, instruments[k].name, k);
     if (!curves) continue;

@@ -150,6 +150,11 @@ const Keys<InstrumentSpec>& InstrumentKeys() {
                   "largest insertion of the instrument; a larger command is clamped to it")
           .Number("inserted_at_start_mm", &Spec::inserted_at_start_mm, 0, 5000, "mm",
                   "insertion at the start of the scene, along the centerline")
+          .Otherwise("none: it enters at [entry] and lies around the earlier instruments")
+          .Table(
+              "entry", &Spec::entry, EntryKeys(),
+              "entry of an instrument that lies beside the earlier ones; one instrument may have "
+              "it")
           .Include(BuildKeys())
           .Checked(Check)
           .Example(

@@ -7,6 +7,7 @@
 
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/effects/effect.h"
+#include "host/simulator/scene/entry_spec.h"
 #include "host/support/key_table.h"
 
 namespace torquer::scene {
@@ -19,6 +20,7 @@ struct InstrumentSpec : TableSpec {
   std::string device;  ///< library device for the values that the scene omits; "": none
   double max_length_mm = 0;
   double inserted_at_start_mm = 0;
+  std::optional<EntrySpec> entry;  ///< of an instrument beside the earlier ones
 
   // Values along the instrument from its tip: one for all, or one for each of from_tip_mm.
   std::vector<double> from_tip_mm = {0};

@@ -65,6 +65,8 @@ Json SchemaOf(const Key& key) {
       return {{"type", "string"}, {"enum", key.choices}};
     case KeyKind::kPoint:
       return Point();
+    case KeyKind::kPair:
+      return {{"type", "array"}, {"items", number}, {"minItems", 2}, {"maxItems", 2}};
     case KeyKind::kNumbers:
       return {{"anyOf",
                Json::array({number, {{"type", "array"}, {"items", number}, {"minItems", 1}}})}};

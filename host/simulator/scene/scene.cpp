@@ -1,5 +1,7 @@
 #include "host/simulator/scene/scene.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
@@ -13,6 +15,8 @@ namespace torquer::scene {
 using Eigen::Vector3d;
 
 namespace {
+
+constexpr double kRounding_mm = 1e-9;
 
 const vessel::VesselKind& KindOf(const VesselSpec& spec) {
   for (const vessel::VesselKind& kind : vessel::AllVesselKinds()) {
@@ -53,9 +57,8 @@ std::unique_ptr<Scene> Scene::MakeTwin() const {
 void Scene::Build() {
   wall_.stiffness_N_mm2 = spec_.vessel.wall_stiffness_N_mm2;
   MakeAxes();
-  MakeEntry();
+  MakeEntries();
   MakeStack();
-  CheckFit();
   SetRelaxation();
   for (const EffectSpec& effect : spec_.effects) MakeEffect(effect);
 }
@@ -72,47 +75,47 @@ void Scene::MakeAxes() {
   }
 }
 
-void Scene::MakeEntry() {
-  const EntrySpec& entry = spec_.entry;
-  if (entry.point_mm) {
-    sheath_.point_mm = *entry.point_mm;
-    sheath_.direction = entry.direction->normalized();
-    return;
+void Scene::MakeEntries() {
+  entry_ = FindEntry(spec_.entry, vessel_.centerlines);
+  double radius_mm = 0;
+  for (const InstrumentSpec& spec : spec_.instruments) {
+    if (!spec.entry) radius_mm = std::max(radius_mm, OuterRadius(spec));
   }
-  const vessel::CenterlineNetwork& network = vessel_.centerlines;
-  if (network.empty()) {
-    entry.origin.Refuse("centerline",
-                        "this vessel has no centerlines; give point_mm and direction");
+  CheckFit(spec_.entry, entry_, radius_mm);
+  for (const InstrumentSpec& spec : spec_.instruments) {
+    if (!spec.entry) continue;
+    own_entry_ = FindEntry(*spec.entry, vessel_.centerlines);
+    CheckFit(*spec.entry, own_entry_, OuterRadius(spec));
+    CheckApart(spec);
   }
-  const auto place = [&](const char* key, const std::string& curve, double at_mm) {
-    try {
-      return network.Place(curve, at_mm);
-    } catch (const UserError& error) {
-      entry.origin.Refuse(key, error.what());
-    }
-  };
-  const vessel::CenterlinePlace from = place("centerline", *entry.centerline, entry.at_mm);
-  vessel::CenterlineSample start = network.At(from);
-  const auto follow = [this](const vessel::Centerline& way, double from_mm) {
-    for (double s = from_mm; s < way.length_mm(); s += 0.5) {
-      start_path_mm_.push_back(way.At(s).position_mm);
-    }
-  };
-  // With `towards` the start path follows the way to that place, otherwise the curve.
-  if (entry.towards) {
-    const vessel::CenterlinePlace to = place("towards", *entry.towards, entry.towards_at_mm);
-    try {
-      const vessel::Centerline way = network.Path(from, to);
-      start = way.At(0);
-      follow(way, 0);
-    } catch (const UserError& error) {
-      entry.origin.Refuse("towards", error.what());
-    }
-  } else {
-    follow(network.curves()[from.curve], from.s_mm);
+}
+
+// The thickest instrument of an entry must fit into the lumen there.
+void Scene::CheckFit(const EntrySpec& spec, const Entry& entry, double radius_mm) const {
+  const vessel::LumenReport report =
+      vessel::CheckPlace(*vessel_.field, vessel_.centerlines, entry.sheath.point_mm,
+                         entry.sheath.direction, radius_mm);
+  if (report.problem.empty()) return;
+  const bool is_moved = !spec.offset_mm.isZero(0);
+  spec.origin.Refuse(is_moved        ? "offset_mm"
+                     : spec.point_mm ? "point_mm"
+                                     : "centerline",
+                     report.problem);
+}
+
+// An instrument beside others must not begin inside one of them.
+void Scene::CheckApart(const InstrumentSpec& beside) const {
+  const double distance_mm = (own_entry_.sheath.point_mm - entry_.sheath.point_mm).norm();
+  for (const InstrumentSpec& spec : spec_.instruments) {
+    if (&spec == &beside) return;
+    const double least_mm = OuterRadius(spec) + OuterRadius(beside);
+    if (distance_mm >= least_mm - kRounding_mm) continue;
+    beside.entry->origin.Refuse(
+        "offset_mm",
+        fmt::format("the entry is {:g} mm from that of {}; it must be at least {:g} mm away, the "
+                    "sum of both radii; move it with offset_mm",
+                    distance_mm, spec.name, least_mm));
   }
-  sheath_.point_mm = start.position_mm;
-  sheath_.direction = start.tangent.normalized();
 }
 
 WireModel Scene::MakeInstrument(const InstrumentSpec& spec, double segment_mm,
@@ -123,7 +126,8 @@ WireModel Scene::MakeInstrument(const InstrumentSpec& spec, double segment_mm,
       shape(sections, spec.torsional_rigidity_ratio);
     }
   }
-  return WireModel(segment_mm, std::move(sections), spec.tip_mm, spec.max_length_mm, law, sheath_);
+  return WireModel(segment_mm, std::move(sections), spec.tip_mm, spec.max_length_mm, law,
+                   spec.entry ? own_entry_.sheath : entry_.sheath);
 }
 
 std::unique_ptr<WireModel> Scene::MakeWire(double segment_mm, BendingLaw law) const {
@@ -150,6 +154,7 @@ void Scene::MakeStack() {
       clearance = room(effect.keys, bare, wall_);
     }
   }
+  LayBeside(clearance);
   try {
     stack_ = std::make_unique<InstrumentStack>(std::move(models), clearance);
   } catch (const std::invalid_argument& error) {
@@ -161,16 +166,26 @@ void Scene::MakeStack() {
   }
 }
 
-// The thickest instrument must fit into the lumen at the entry.
-void Scene::CheckFit() const {
-  double radius_mm = 0;
-  for (const InstrumentSpec& spec : spec_.instruments) {
-    radius_mm = std::max(radius_mm, OuterRadius(spec));
-  }
-  const vessel::LumenReport report = vessel::CheckPlace(
-      *vessel_.field, vessel_.centerlines, sheath_.point_mm, sheath_.direction, radius_mm);
-  if (!report.problem.empty()) {
-    spec_.entry.origin.Refuse(spec_.entry.point_mm ? "point_mm" : "centerline", report.problem);
+// Sets the contact of the instrument that lies beside the earlier ones.
+void Scene::LayBeside(Clearance& clearance) const {
+  const std::vector<InstrumentSpec>& all = spec_.instruments;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (!all[k].entry) continue;
+    if (clearance.has_room[k]) {
+      all[k].origin.Refuse(
+          "entry",
+          fmt::format("no instrument lies in the lumen of {}, which lies beside the earlier ones; "
+                      "name another one in effects.clearance.around, or remove [effects.clearance]",
+                      all[k].name));
+    }
+    if (k + 1 < all.size() && !clearance.has_room[k + 1]) {
+      all[k + 1].origin.Refuse("name",
+                               "is around instruments that lie beside each other and needs room; "
+                               "name it in effects.clearance.around");
+    }
+    clearance.is_beside[k] = true;
+    clearance.start_path_mm[k] = own_entry_.start_path_mm;
+    if (clearance.stiffness_N_mm2 == 0) clearance.stiffness_N_mm2 = wall_.stiffness_N_mm2;
   }
 }
 
@@ -272,7 +287,7 @@ std::unique_ptr<Relaxation> Scene::MakeRelaxation(const StandIn& stand_in) {
 
 WireState Scene::MakeStart(Relaxation& relaxation) const {
   const InstrumentPlaces here = start();
-  WireState state = WireState::Along(rod(), start_path_mm_, here);
+  WireState state = WireState::Along(rod(), entry_.start_path_mm, here);
   relaxation.Restart(state);
   for (int tick = 0; tick < 20; ++tick) {
     CountedBudget budget(budget_units_);

@@ -16,6 +16,7 @@
 #include "host/simulator/core/wire_model.h"
 #include "host/simulator/core/wire_state.h"
 #include "host/simulator/effects/effect.h"
+#include "host/simulator/scene/entry.h"
 #include "host/simulator/scene/scene_spec.h"
 #include "host/simulator/vessel/moving_field.h"
 #include "host/simulator/vessel/patient_axes.h"
@@ -86,9 +87,11 @@ class Scene {
   void Build();
   WireModel MakeInstrument(const InstrumentSpec& spec, double segment_mm, BendingLaw law) const;
   void MakeAxes();
-  void MakeEntry();
+  void MakeEntries();
+  void CheckFit(const EntrySpec& spec, const Entry& entry, double radius_mm) const;
+  void CheckApart(const InstrumentSpec& beside) const;
   void MakeStack();
-  void CheckFit() const;
+  void LayBeside(Clearance& clearance) const;
   void SetRelaxation();
   void MakeEffect(const EffectSpec& spec);
   void HashContent();
@@ -96,8 +99,8 @@ class Scene {
   SceneSpec spec_;
   vessel::Vessel vessel_;
   vessel::PatientAxes axes_;
-  Sheath sheath_;
-  std::vector<Eigen::Vector3d> start_path_mm_;
+  Entry entry_;
+  Entry own_entry_;  // of the instrument that has one
   std::unique_ptr<InstrumentStack> stack_;
   std::vector<effects::Instrument> instruments_;
   WallModel wall_;

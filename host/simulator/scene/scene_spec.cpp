@@ -84,52 +84,6 @@ const Keys<PatientAxesSpec>& AxesKeys() {
   return keys;
 }
 
-void CheckEntry(const EntrySpec& spec, StrictTable& table) {
-  if (spec.point_mm.has_value() == spec.centerline.has_value()) {
-    table.Refuse(spec.point_mm ? "point_mm" : "centerline",
-                 spec.point_mm ? "cannot be given together with centerline; give one of the two"
-                               : "is missing; give centerline, or point_mm and direction");
-  }
-  if (spec.point_mm.has_value() != spec.direction.has_value()) {
-    table.Refuse("direction", spec.direction ? "needs point_mm; give point_mm or remove direction"
-                                             : "is missing; point_mm needs it");
-  }
-  if (spec.direction && !(spec.direction->norm() > 1e-9)) {
-    table.Refuse("direction", "has no length; give a direction");
-  }
-  if (spec.towards && !spec.centerline) {
-    table.Refuse("towards", "needs centerline; give centerline or remove towards");
-  }
-}
-
-const Keys<EntrySpec>& EntryKeys() {
-  using Spec = EntrySpec;
-  static const Keys<Spec> keys =
-      Keys<Spec>()
-          .Otherwise("unset: give centerline")
-          .Point("point_mm", &Spec::point_mm, "mm", "entry point of the instruments")
-          .Otherwise("unset: give centerline")
-          .Point("direction", &Spec::direction, "",
-                 "direction of the instruments at the entry point")
-          .Otherwise("unset: give point_mm and direction")
-          .Text("centerline", &Spec::centerline,
-                "centerline on which the instruments enter, in its direction of increasing arc "
-                "length")
-          .Number("at_mm", &Spec::at_mm, 0, 1e5, "mm",
-                  "arc length of the entry along its centerline")
-          .Otherwise("none: they point along centerline")
-          .Text("towards", &Spec::towards,
-                "second centerline, to which the instruments point at the entry")
-          .Number("towards_at_mm", &Spec::towards_at_mm, 0, 1e5, "mm",
-                  "arc length of the target place along the centerline in towards")
-          .Checked(CheckEntry)
-          .Example(
-              "centerline = \"curve_14\"\n"
-              "at_mm = 15\n"
-              "towards = \"curve_00\"\n");
-  return keys;
-}
-
 const Keys<PaperSpec>& PaperKeys() {
   using Spec = PaperSpec;
   static const Keys<Spec> keys =
@@ -238,6 +192,44 @@ std::vector<EffectSpec> ReadEffects(StrictTable& table, const RelaxationSpec& re
   return specs;
 }
 
+// Checks that at most one instrument has an entry, and that it is not the first.
+void CheckOwnEntry(const std::vector<InstrumentSpec>& all, std::size_t k) {
+  if (!all[k].entry) return;
+  if (k == 0) {
+    all[k].origin.Refuse("entry",
+                         "the first instrument enters at [entry]; remove [instrument.entry], or "
+                         "list the instrument later");
+  }
+  for (std::size_t j = 0; j < k; ++j) {
+    if (!all[j].entry) continue;
+    all[k].origin.Refuse("entry",
+                         fmt::format("{} has an entry too, and at most one instrument may lie "
+                                     "beside others; remove one of both [instrument.entry]",
+                                     all[j].name));
+  }
+}
+
+// Checks that an instrument has a lumen for the instrument inside it, or for two beside each other.
+void CheckLumen(const std::vector<InstrumentSpec>& all, std::size_t k) {
+  if (k == 0 || all[k].entry) return;
+  const InstrumentSpec& inner = all[k - 1];
+  if (!inner.entry) {
+    if (all[k].inner_radius_mm > OuterRadius(inner)) return;
+    all[k].origin.Refuse("inner_radius_mm",
+                         fmt::format("must be more than the radius of {}, {:g} mm, which lies in "
+                                     "it; list the innermost instrument first",
+                                     inner.name, OuterRadius(inner)));
+  }
+  const InstrumentSpec& other = all[k - 2];
+  const double both_mm = OuterRadius(inner) + OuterRadius(other);
+  if (all[k].inner_radius_mm > both_mm) return;
+  all[k].origin.Refuse("inner_radius_mm",
+                       fmt::format("must be more than {:g} mm, the sum of the radii of {} and {}, "
+                                   "which lie beside each other in it; give a wider lumen, or list "
+                                   "{} last",
+                                   both_mm, other.name, inner.name, inner.name));
+}
+
 // Checks the instruments against each other and against the rest of the scene.
 void CheckInstruments(const SceneSpec& spec) {
   const std::vector<InstrumentSpec>& all = spec.instruments;
@@ -251,28 +243,23 @@ void CheckInstruments(const SceneSpec& spec) {
                          "or choose relaxation.method = \"newton\"");
   }
   for (std::size_t k = 0; k < all.size(); ++k) {
-    const InstrumentSpec& outer = all[k];
+    const InstrumentSpec& instrument = all[k];
     for (std::size_t j = 0; j < k; ++j) {
-      if (all[j].name != outer.name) continue;
-      outer.origin.Refuse("name", "another instrument of this scene has this name; choose another");
+      if (all[j].name != instrument.name) continue;
+      instrument.origin.Refuse("name",
+                               "another instrument of this scene has this name; choose another");
     }
-    if (outer.tip_angle_deg > 0 && !(outer.tip_mm >= spec.relaxation.segment_mm)) {
-      outer.origin.Refuse("tip_mm",
-                          "must be at least one segment long for a tip with tip_angle_deg");
+    if (instrument.tip_angle_deg > 0 && !(instrument.tip_mm >= spec.relaxation.segment_mm)) {
+      instrument.origin.Refuse("tip_mm",
+                               "must be at least one segment long for a tip with tip_angle_deg");
     }
-    if (outer.inserted_at_start_mm > 0 && !spec.entry.centerline) {
-      outer.origin.Refuse("inserted_at_start_mm",
-                          "needs a centerline along which the instrument lies; give "
-                          "entry.centerline instead of entry.point_mm");
+    if (instrument.inserted_at_start_mm > 0 && !instrument.entry.value_or(spec.entry).centerline) {
+      instrument.origin.Refuse("inserted_at_start_mm",
+                               "needs a centerline along which the instrument lies; give "
+                               "entry.centerline instead of entry.point_mm");
     }
-    if (k == 0) continue;
-    const InstrumentSpec& inner = all[k - 1];
-    if (!(outer.inner_radius_mm > OuterRadius(inner))) {
-      outer.origin.Refuse("inner_radius_mm",
-                          fmt::format("must be more than the radius of {}, {:g} mm, which lies in "
-                                      "it; list the innermost instrument first",
-                                      inner.name, OuterRadius(inner)));
-    }
+    CheckOwnEntry(all, k);
+    CheckLumen(all, k);
   }
 }
 

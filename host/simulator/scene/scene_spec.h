@@ -13,6 +13,7 @@
 
 #include "host/simulator/core/bending.h"
 #include "host/simulator/core/paper/physical_relaxation.h"
+#include "host/simulator/scene/entry_spec.h"
 #include "host/simulator/scene/instrument_spec.h"
 #include "host/support/key_table.h"
 
@@ -38,16 +39,6 @@ struct PatientAxesSpec : TableSpec {
   Direction left = Direction::kPlusX;
   Direction posterior = Direction::kPlusY;
   Direction superior = Direction::kPlusZ;
-};
-
-/// [entry]: entry of the instruments, at a point or at a place on a centerline.
-struct EntrySpec : TableSpec {
-  std::optional<Eigen::Vector3d> point_mm;
-  std::optional<Eigen::Vector3d> direction;
-  std::optional<std::string> centerline;
-  double at_mm = 0;
-  std::optional<std::string> towards;
-  double towards_at_mm = 0;
 };
 
 enum class Method { kNewton, kPaper };
