@@ -8,20 +8,13 @@
 #include "host/simulator/core/newton/newton_relaxation.h"
 #include "host/simulator/core/stack/instrument_stack.h"
 #include "tests/support/analytic_fields.h"
+#include "tests/support/draws.h"
 #include "tests/support/invariants.h"
 #include "tests/support/sanitizer.h"
 #include "tests/support/wires.h"
 
 namespace torquer::test {
 namespace {
-
-double Between(std::mt19937& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
-
-double Evenly(std::mt19937& random, double low, double high) {
-  return std::exp(Between(random, std::log(low), std::log(high)));
-}
 
 // Two or three instruments in the bend of a vessel; half of these stacks twist. Rigidities and
 // springs are drawn over decades.

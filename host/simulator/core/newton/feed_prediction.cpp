@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "host/simulator/core/hash.h"
 
@@ -23,7 +24,7 @@ FeedPrediction::FeedPrediction(const WireModel& model) {
   drift_.reserve(room);
 }
 
-void FeedPrediction::Feed(const WireModel& model, double to_mm, Curve& curve) {
+void FeedPrediction::Feed(const WireModel& model, double to_mm, double most_mm, Curve& curve) {
   const std::size_t before = curve.tangents().size();
   drift_.clear();
   if (fed_mm_ != 0 && fed_.size() == before) {
@@ -37,10 +38,23 @@ void FeedPrediction::Feed(const WireModel& model, double to_mm, Curve& curve) {
   fed_ = curve.tangents();
   const double ratio = fed_mm_ != 0 ? feed_mm / fed_mm_ : 0;
   fed_mm_ = feed_mm;
-  if (ratio > 0 && ratio < kLargestRatio) Turn(model, ratio, curve);
+  if (ratio > 0 && ratio < kLargestRatio) Turn(model, ratio, most_mm, curve);
 }
 
-void FeedPrediction::Turn(const WireModel& model, double ratio, Curve& curve) {
+// True if the predicted tangents in drift_ move a node by more than `most_mm`.
+bool FeedPrediction::MovesTooFar(const WireModel& model, double most_mm, const Curve& curve) const {
+  if (most_mm == std::numeric_limits<double>::infinity()) return false;
+  const std::size_t n = curve.tangents().size();
+  Vector3d moved_mm = Vector3d::Zero();
+  for (std::size_t k = drift_.size(); k-- > 0;) {
+    const std::size_t i = n - 1 - k;
+    moved_mm += curve.SegmentLength(model, static_cast<int>(i)) * (drift_[k] - curve.tangents()[i]);
+    if (moved_mm.squaredNorm() > most_mm * most_mm) return true;
+  }
+  return false;
+}
+
+void FeedPrediction::Turn(const WireModel& model, double ratio, double most_mm, Curve& curve) {
   double longest = 0;
   for (const Vector3d& turn : drift_) longest = std::max(longest, turn.squaredNorm());
   if (ratio * std::sqrt(longest) > kLargestTurnRad) return;
@@ -50,7 +64,7 @@ void FeedPrediction::Turn(const WireModel& model, double ratio, Curve& curve) {
     const Vector3d& u = curve.tangents()[n - 1 - k];
     drift_[k] = (u + ratio * drift_[k].cross(u)).normalized();
   }
-  curve.TurnDistal(model, drift_);
+  if (!MovesTooFar(model, most_mm, curve)) curve.TurnDistal(model, drift_);
 }
 
 std::uint64_t FeedPrediction::Hash(std::uint64_t seed) const {

@@ -20,13 +20,14 @@ class FeedPrediction {
   /// Forgets the previous feed: the next feed is not predicted.
   void Forget() { fed_mm_ = 0; }
   /// Feeds the curve to `to_mm` (Curve::Feed) and applies the predicted turns. Predicts nothing
-  /// if the hand turned back, if it fed more than six times as much, or if a segment would turn by
-  /// more than 0.1 rad.
-  void Feed(const WireModel& model, double to_mm, Curve& curve);
+  /// if the hand turned back, if it fed more than six times as much, if a segment would turn by
+  /// more than 0.1 rad, or if a node would move by more than `most_mm`.
+  void Feed(const WireModel& model, double to_mm, double most_mm, Curve& curve);
   std::uint64_t Hash(std::uint64_t seed) const;
 
  private:
-  void Turn(const WireModel& model, double ratio, Curve& curve);
+  void Turn(const WireModel& model, double ratio, double most_mm, Curve& curve);
+  bool MovesTooFar(const WireModel& model, double most_mm, const Curve& curve) const;
 
   std::vector<Eigen::Vector3d> fed_;    // tangents right after the last feed
   std::vector<Eigen::Vector3d> drift_;  // their turns since then, rad; the most distal first

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "host/simulator/core/wire_model.h"
@@ -48,7 +49,47 @@ int CountActions(const InstrumentPlaces& here, const InstrumentPlaces& next) {
   return actions;
 }
 
-void MoveInstruments(const InstrumentPlaces& next, InstrumentStack& stack,
+namespace {
+
+// Component of a direction across another one.
+Eigen::Vector3d Across(const Eigen::Vector3d& direction, const Eigen::Vector3d& along) {
+  return direction - direction.dot(along) * along;
+}
+
+// Direction in which a feed moves a segment: its own tangent, but for the tip, which moves with the
+// end of the shaft.
+const Eigen::Vector3d& FedAlong(const WireModel& rod, const Curve& curve, int segment) {
+  const int shaft = std::max(1, curve.segments() - rod.tip_segments());
+  return curve.tangents()[static_cast<std::size_t>(std::min(segment, shaft - 1))];
+}
+
+}  // namespace
+
+PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mechanics,
+                                const std::vector<BetweenCurves>& between) {
+  constexpr double kPartOfDistance = 0.5;    // by which a feed may bring two nearer
+  constexpr double kPartOfPrediction = 0.1;  // same for each of two predictions
+  constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  PassingLimits limits{kInfinite, kInfinite};
+  for (const BetweenCurves& pair : between) {
+    const Curve& inner = state.curve(pair.inner);
+    const Curve& outer = state.curve(pair.outer);
+    for (const BetweenCurves::Neighbor& neighbor : pair.neighbors) {
+      const SegmentPair& on = pair.groups[static_cast<std::size_t>(neighbor.group)];
+      const Eigen::Vector3d& along = outer.tangents()[static_cast<std::size_t>(on.outer)];
+      const double apart_mm = std::max(neighbor.apart_mm, neighbor.touching_mm / 2);
+      const double across =
+          Across(FedAlong(mechanics.model(pair.inner), inner, on.inner), along).norm() +
+          Across(FedAlong(mechanics.model(pair.outer), outer, on.outer), along).norm();
+      limits.predicted_mm = std::min(limits.predicted_mm, kPartOfPrediction * apart_mm);
+      if (across > 0)
+        limits.feed_mm = std::min(limits.feed_mm, kPartOfDistance * apart_mm / across);
+    }
+  }
+  return limits;
+}
+
+void MoveInstruments(const InstrumentPlaces& next, double predicted_mm, InstrumentStack& stack,
                      std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
                      WireState& state) {
   const bool alone = next.size() == 1;
@@ -59,7 +100,8 @@ void MoveInstruments(const InstrumentPlaces& next, InstrumentStack& stack,
       mechanics.points(c).TakeRadii();
       curve.MoveInstruments(stack.rod(c), next);
     }
-    predictions[static_cast<std::size_t>(c)].Feed(stack.rod(c), stack.Reach(c, next), curve);
+    predictions[static_cast<std::size_t>(c)].Feed(stack.rod(c), stack.Reach(c, next), predicted_mm,
+                                                  curve);
   }
   if (alone) state.Rotate(next[0].rotation_rad);
 }

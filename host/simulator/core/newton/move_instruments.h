@@ -25,9 +25,18 @@ double FractionOfWay(const InstrumentPlaces& here, const InstrumentPlaces& next,
 /// Number of insertions and rotations that differ.
 int CountActions(const InstrumentPlaces& here, const InstrumentPlaces& next);
 
+/// Limits of a move with which instruments beside each other cannot pass through each other, mm.
+/// Infinite if none are near.
+struct PassingLimits {
+  double feed_mm;
+  double predicted_mm;  ///< displacement of a node by the prediction
+};
+PassingLimits FindPassingLimits(const WireState& state, const WireMechanics& mechanics,
+                                const std::vector<BetweenCurves>& between);
+
 /// Feeds and turns the curves of `state` to `next`, and combines the rods of `stack` for it.
-/// `predictions`: one for each curve.
-void MoveInstruments(const InstrumentPlaces& next, InstrumentStack& stack,
+/// `predictions`: one for each curve; they move no node by more than `predicted_mm`.
+void MoveInstruments(const InstrumentPlaces& next, double predicted_mm, InstrumentStack& stack,
                      std::vector<FeedPrediction>& predictions, WireMechanics& mechanics,
                      WireState& state);
 

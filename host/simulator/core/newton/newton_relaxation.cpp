@@ -201,7 +201,8 @@ bool NewtonMethod<Sweep>::MayMove() const {
 template <class Sweep>
 int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
   const InstrumentPlaces here = state.places();
-  const double feed_mm = std::min(settings_.max_feed_mm, model_.segment_mm() / 2);
+  const PassingLimits limits = FindPassingLimits(state, mechanics_, memory_.current.between);
+  const double feed_mm = std::min({settings_.max_feed_mm, model_.segment_mm() / 2, limits.feed_mm});
   const InstrumentPlaces next = stack().Towards(goal, here, feed_mm, settings_.max_turn_rad);
   // For the terms each part is a tick, so their memory does not depend on the length of a tick.
   if (memory_.part == Part::kMoved) {
@@ -217,7 +218,7 @@ int NewtonMethod<Sweep>::Move(const InstrumentPlaces& goal, WireState& state) {
   for (int c = 0; c < state.curves(); ++c) {
     memory_.active_sets[static_cast<std::size_t>(c)].RememberPressed(memory_.current.curve(c));
   }
-  MoveInstruments(next, stack(), memory_.predictions, mechanics_, state);
+  MoveInstruments(next, limits.predicted_mm, stack(), memory_.predictions, mechanics_, state);
   mechanics_.PairCurves(state);
 
   // An empty state keeps no twist. Without these memories too, a restart repeats the same motion.

@@ -36,7 +36,7 @@ struct Clearance {
   /// Entry k: instruments within the lumen of instrument k have room there; k >= 1.
   std::array<bool, kMostInstruments> has_room = {};
   std::array<double, kMostInstruments> lumen_radius_mm = {};  ///< of each instrument's lumen
-  /// Entry k: instrument k lies beside the instruments before it, with a sheath of its own; k >= 1.
+  /// Entry k: instrument k lies beside the instruments before it, with its own sheath; k >= 1.
   /// The instruments after it lie around all of them, and need room.
   std::array<bool, kMostInstruments> is_beside = {};
   /// Entry k, of an instrument that lies beside others: path along which it lies when it is
