@@ -130,7 +130,6 @@ TEST_CASE("Whatever hands do with instruments beside each other, none passes thr
     double least = 1;
     int passed = 0;
     std::map<std::pair<int, int>, Vector3d> before;
-    long iterations = 0;
     for (int move = 0; move < 60; ++move) {
       for (int k = 0; k < count; ++k) {
         goal[k].insertion_mm = std::clamp(goal[k].insertion_mm + Between(random, -4, 6), 0.0, 60.0);

@@ -69,6 +69,7 @@ struct PointSet {
   std::vector<double> inside_mm;
   bool is_farthest = true;        ///< the curve reaches farthest; of equals, the innermost
   double behind_farthest_mm = 0;  ///< distance of the curve's end behind that of the farthest one
+  bool beside_farthest = false;   ///< the curve lies beside the farthest one, not within or around
   /// Contact force of each instrument against the next one around it, N; one entry per segment.
   /// Only for a stack that twists, only if a term has EnergyTerm::SlidingBetween. Updated when a
   /// part of the motion begins.

@@ -128,6 +128,7 @@ void WireMechanics::RelateCurves(const WireState& state, Expansion& out) const {
   for (int c = 0; c < curves(); ++c) {
     PointSet& points = out.curve(c).points;
     points.is_farthest = c == farthest;
+    points.beside_farthest = stack_->AreBeside(std::min(c, farthest), std::max(c, farthest));
     points.behind_farthest_mm =
         state.curve(farthest).insertion_mm() - state.curve(c).insertion_mm();
     if (c > 0) FindInside(state, c, points);

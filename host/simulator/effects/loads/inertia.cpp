@@ -26,13 +26,16 @@ double Inserted(const PointSet& points) {
 
 }  // namespace
 
-Inertia::Inertia(Settings settings, const EffectContext& context)
-    : settings_(std::move(settings)), sheath_(context.wire.sheath()) {
+Inertia::Inertia(Settings settings, const EffectContext& context) : settings_(std::move(settings)) {
   const std::size_t points = static_cast<std::size_t>(context.wire.max_segments() + 1) *
                              static_cast<std::size_t>(context.wall.points_per_segment);
   next_.resize(points);
-  curves_.resize(context.stack == nullptr ? 1 : static_cast<std::size_t>(context.stack->curves()));
-  for (Curve& curve : curves_) curve.material.resize(points);
+  const int curves = context.stack == nullptr ? 1 : context.stack->curves();
+  for (int c = 0; c < curves; ++c) {
+    Curve& curve = curves_.emplace_back();
+    curve.sheath = (context.stack == nullptr ? context.wire : context.stack->rod(c)).sheath();
+    curve.material.resize(points);
+  }
 }
 
 // Mass per length for motion across the wire. It includes the instruments, the fluid in them, and
@@ -62,8 +65,9 @@ Inertia::Material Inertia::Before(const PointSet& points, int q) const {
   const double from_tip_mm = keeps ? points.FromTip(q) * points.spacing_mm
                                    : Inserted(points) - (q + 1) * points.first_spacing_mm;
   const double in_sheath_mm = from_tip_mm - curve.inserted_mm;
-  Material in_sheath{sheath_.point_mm - std::max(0.0, in_sheath_mm) * sheath_.direction,
-                     curve.fed_mm_s * sheath_.direction};
+  const Sheath& sheath = curve.sheath;
+  Material in_sheath{sheath.point_mm - std::max(0.0, in_sheath_mm) * sheath.direction,
+                     curve.fed_mm_s * sheath.direction};
   if (in_sheath_mm >= 0 || curve.known == 0) return in_sheath;
   // A place on the former first segment: interpolated from its end to the sheath.
   const Material& end = curve.material[static_cast<std::size_t>(curve.known - 1)];

@@ -59,6 +59,7 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
 
   // State of a curve when the part began.
   struct Curve {
+    Sheath sheath;
     std::vector<Material> material;  // of the points that keep their material, ordered from the tip
     int known = 0;                   // number of valid entries of material
     bool begun = false;              // Begin was called since Reset
@@ -74,7 +75,6 @@ class Inertia final : public Effect, public EnergyTerm, public Timed, public Obs
   static void Remember(const PointSet& points, Curve& curve);
 
   const Settings settings_;
-  const Sheath sheath_;
   std::vector<Curve> curves_;
   std::vector<Material> next_;  // of one curve, while a part ends
   double left_s_ = 0;           // time that no part has simulated yet

@@ -38,7 +38,7 @@ void WallForce::Restart() {
 
 // Adds a contact. Its point stands for the wire from the middle of the piece beyond it to that of
 // the piece before it.
-void WallForce::AddContact(const PointSet& points, int q) {
+void WallForce::AddContact(const PointSet& points, int q, Contacts& contacts) {
   const auto p = static_cast<std::size_t>(q);
   const ClearanceSample& sample = points.clearance[p];
   const double depth_mm = points.radius_mm[p] - sample.clearance_mm;
@@ -48,42 +48,53 @@ void WallForce::AddContact(const PointSet& points, int q) {
   const double beyond_mm =
       q + 1 < points.size() ? points.FromTipMm(q) - points.FromTipMm(q + 1) : 0;
   const double begin_mm = points.behind_farthest_mm + points.FromTipMm(q) - beyond_mm / 2;
-  force_mN_.Add(begin_mm, begin_mm + length_mm, force_mN);
+  contacts.force_mN.Add(begin_mm, begin_mm + length_mm, force_mN);
   sum_mN_ += force_mN;
-  depth_mm2_.Add(begin_mm, begin_mm + length_mm, depth_mm * length_mm);
-  radius_mm_mN_.Add(begin_mm, begin_mm + length_mm, points.radius_mm[p] * force_mN);
+  contacts.depth_mm2.Add(begin_mm, begin_mm + length_mm, depth_mm * length_mm);
+  contacts.radius_mm_mN.Add(begin_mm, begin_mm + length_mm, points.radius_mm[p] * force_mN);
   // The clearance decreases towards the wall, so the wire is pushed along its gradient.
   const double along = -sample.gradient.normalized().dot(points.Tangent(q));
-  if (begin_mm < settings_.patch_mm) axial_mN_ += std::max(0.0, along) * force_mN;
+  if (!points.beside_farthest && begin_mm < settings_.patch_mm) {
+    axial_mN_ += std::max(0.0, along) * force_mN;
+  }
 }
 
 // Uses the mean depth of the whole patch. The depth of a single point grows without bound as the
 // segments get shorter.
-double WallForce::PressureOn(const SpreadAlong::Stretch& patch) const {
+double WallForce::PressureOn(const Contacts& contacts, const SpreadAlong::Stretch& patch) const {
   if (patch.amount == 0) return 0;
   const double end_mm = patch.begin_mm + settings_.patch_mm;
-  const double radius_mm = radius_mm_mN_.Between(patch.begin_mm, end_mm) / patch.amount;
+  const double radius_mm = contacts.radius_mm_mN.Between(patch.begin_mm, end_mm) / patch.amount;
   const double depth_mm =
-      std::min(radius_mm, depth_mm2_.Between(patch.begin_mm, end_mm) / settings_.patch_mm);
+      std::min(radius_mm, contacts.depth_mm2.Between(patch.begin_mm, end_mm) / settings_.patch_mm);
   const double width_mm = 2 * std::sqrt(depth_mm * (2 * radius_mm - depth_mm));
   return patch.amount / settings_.patch_mm / width_mm;
 }
 
+void WallForce::Contacts::Clear() {
+  force_mN.Clear();
+  depth_mm2.Clear();
+  radius_mm_mN.Clear();
+}
+
 void WallForce::FindForces(const TickView& tick) {
-  force_mN_.Clear();
-  depth_mm2_.Clear();
-  radius_mm_mN_.Clear();
+  contacts_.Clear();
+  beside_contacts_.Clear();
   sum_mN_ = axial_mN_ = 0;
-  for (int c = 0; c < tick.state.curves(); ++c) {
+  // From the outermost curve inwards: an inner one touches the wall only beyond its mouth.
+  for (int c = tick.state.curves() - 1; c >= 0; --c) {
     const PointSet& of_curve = tick.expansion.curve(c).points;
     for (const int q : of_curve.near) {
-      if (of_curve.touches[static_cast<std::size_t>(q)]) AddContact(of_curve, q);
+      if (!of_curve.touches[static_cast<std::size_t>(q)]) continue;
+      AddContact(of_curve, q, of_curve.beside_farthest ? beside_contacts_ : contacts_);
     }
   }
-  const SpreadAlong::Stretch patch = force_mN_.LargestOn(settings_.patch_mm);
-  largest_mN_ = patch.amount;
-  pressure_kPa_ = PressureOn(patch);
-  tip_mN_ = force_mN_.Between(0, settings_.tip_mm);
+  const SpreadAlong::Stretch patch = contacts_.force_mN.LargestOn(settings_.patch_mm);
+  const SpreadAlong::Stretch beside = beside_contacts_.force_mN.LargestOn(settings_.patch_mm);
+  largest_mN_ = std::max(patch.amount, beside.amount);
+  pressure_kPa_ = beside.amount > patch.amount ? PressureOn(beside_contacts_, beside)
+                                               : PressureOn(contacts_, patch);
+  tip_mN_ = contacts_.force_mN.Between(0, settings_.tip_mm);
   const PointSet& points = tick.expansion.curve(tick.state.FarthestCurve()).points;
   const double radius_mm = points.size() == 0 ? 1 : points.radius_mm.back();
   tip_pressure_kPa_ = axial_mN_ / (std::numbers::pi * radius_mm * radius_mm);

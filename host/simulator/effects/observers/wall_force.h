@@ -53,13 +53,19 @@ class WallForce final : public Effect, public Observer {
 
  private:
   void FindForces(const TickView& tick);
-  void AddContact(const PointSet& points, int q);
-  double PressureOn(const SpreadAlong::Stretch& patch) const;
+  // Contacts of curves within each other, along the way from their farthest tip.
+  struct Contacts {
+    SpreadAlong force_mN;
+    SpreadAlong depth_mm2;
+    SpreadAlong radius_mm_mN;
+    void Clear();
+  };
+  void AddContact(const PointSet& points, int q, Contacts& contacts);
+  double PressureOn(const Contacts& contacts, const SpreadAlong::Stretch& patch) const;
 
   const Settings settings_;
-  SpreadAlong force_mN_;
-  SpreadAlong depth_mm2_;
-  SpreadAlong radius_mm_mN_;
+  Contacts contacts_;         // of the farthest curve and of those within and around it
+  Contacts beside_contacts_;  // of those beside it; no patch is on both
   double largest_mN_ = 0;
   double sum_mN_ = 0;
   double tip_mN_ = 0;
