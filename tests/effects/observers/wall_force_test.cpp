@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "host/simulator/core/newton/newton_relaxation.h"
+#include "host/simulator/core/stack/instrument_stack.h"
 #include "tests/support/analytic_fields.h"
 #include "tests/support/wires.h"
 
@@ -330,6 +331,72 @@ TEST_CASE("Force, line load and pressure of a wire that lies evenly on a wall") 
   CHECK(force.events() == events);
   CHECK(force.impulse_mNs() == impulse);
   CHECK(force.unconverged_s() == 0.5);
+}
+
+// Two instruments that press on the wall of a ring, both with the whole wall on one patch.
+struct WholeWall {
+  InstrumentStack stack;
+  Torus ring{Side::kInside, 30, 2};
+  WallModel wall{.stiffness_N_mm2 = 0.1, .points_per_segment = 2};
+  std::vector<EnergyTerm*> none;
+  std::unique_ptr<Relaxation> relaxation;
+  WireState state;
+  effects::WallForce force{{.threshold_mN = 1, .tip_mm = 5, .patch_mm = 500}};
+
+  static WireModel Instrument(double rigidity_N_mm2, double radius_mm, double offset_mm) {
+    return MakeWire({.rigidity_N_mm2 = rigidity_N_mm2,
+                     .radius_mm = radius_mm,
+                     .max_length_mm = 60,
+                     .sheath = {Vector3d(30, 0, offset_mm), Vector3d::UnitY()}});
+  }
+  WholeWall(double second_N_mm2, double second_radius_mm, double offset_mm,
+            const Clearance& clearance)
+      : stack({Instrument(0.05, 0.2, 0), Instrument(second_N_mm2, second_radius_mm, offset_mm)},
+              clearance),
+        relaxation(MakeNewtonRelaxation(stack, ring, wall, {.tolerance = 1e-9}, none)),
+        state(stack.rod(), 2) {
+    relaxation->Restart(state);
+    const InstrumentPlaces target{{50, 0}, {30, 0}};
+    const TickReport report = Settle(*relaxation, target, state, 400);
+    REQUIRE(report.converged);
+    const effects::Controls controls;
+    force.Observe({.time_s = 1,
+                   .step_s = 1,
+                   .controls = controls,
+                   .target = target,
+                   .state = state,
+                   .expansion = relaxation->Current(),
+                   .report = report});
+  }
+  // Sum of the wall's forces on a curve, mN.
+  double OnCurve(int curve) const {
+    const PointSet& points = relaxation->Current().curve(curve).points;
+    double sum_mN = 0;
+    for (const int q : points.near) {
+      const auto p = static_cast<std::size_t>(q);
+      if (!points.touches[p]) continue;
+      sum_mN += 1e3 * points.stiffness_N_mm2[p] * points.weight_mm[p] *
+                (points.radius_mm[p] - points.clearance[p].clearance_mm);
+    }
+    return sum_mN;
+  }
+};
+
+TEST_CASE("A patch across a mouth has the forces on both curves") {
+  const WholeWall both(
+      1, 0.6, 0, {.has_room = {false, true}, .lumen_radius_mm = {0, 0.4}, .stiffness_N_mm2 = 1});
+  REQUIRE(both.OnCurve(0) > 0.01);
+  REQUIRE(both.OnCurve(1) > 0.01);
+  CHECK(both.force.largest_mN() == Approx(both.OnCurve(0) + both.OnCurve(1)).epsilon(1e-6));
+}
+
+TEST_CASE("A patch has the forces of one of two instruments beside each other") {
+  const WholeWall both(0.05, 0.2, 0.6, {.is_beside = {false, true}, .stiffness_N_mm2 = 1});
+  REQUIRE(both.OnCurve(0) > 0.01);
+  REQUIRE(both.OnCurve(1) > 0.01);
+  CHECK(both.force.largest_mN() ==
+        Approx(std::max(both.OnCurve(0), both.OnCurve(1))).epsilon(1e-6));
+  CHECK(both.force.sum_mN() == Approx(both.OnCurve(0) + both.OnCurve(1)).epsilon(1e-6));
 }
 
 }  // namespace
