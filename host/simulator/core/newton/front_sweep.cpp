@@ -6,6 +6,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "host/simulator/core/stack/pair_order.h"
+
 namespace torquer {
 
 using Eigen::Vector2d;
@@ -89,37 +91,6 @@ void FrontSweep::FindCommon(const WireState& state, const Expansion& expansion) 
   }
 }
 
-namespace {
-
-// Chooses the pair of curves whose most distal group is next; `left`: groups of each pair that are
-// not yet in the order. A pair waits for another one that touches one of its curves beyond it.
-// Returns the number of pairs if no group is left.
-std::size_t NextPair(const std::vector<BetweenCurves>& between, const std::vector<int>& left) {
-  const auto next = [&](std::size_t k) {
-    return between[k].groups[static_cast<std::size_t>(left[k]) - 1];
-  };
-  // Segment of a curve in the next group of a pair, or -1.
-  const auto segment_on = [&](std::size_t k, int curve) {
-    if (left[k] == 0) return -1;
-    if (between[k].inner == curve) return next(k).inner;
-    return between[k].outer == curve ? next(k).outer : -1;
-  };
-  std::size_t chosen = between.size();
-  for (std::size_t k = 0; k < between.size(); ++k) {
-    if (left[k] == 0) continue;
-    if (chosen == between.size()) chosen = k;
-    bool waits = false;
-    for (std::size_t m = 0; m < between.size(); ++m) {
-      waits = waits || segment_on(m, between[k].inner) > next(k).inner ||
-              segment_on(m, between[k].outer) > next(k).outer;
-    }
-    if (!waits) return k;
-  }
-  return chosen;
-}
-
-}  // namespace
-
 // Orders the operations: a contact comes when both of its curves are at the cuts behind its
 // segments. Contacts of several pairs are merged so that no curve has to go back.
 void FrontSweep::Schedule(const WireState& state, const Expansion& expansion) {
@@ -134,6 +105,8 @@ void FrontSweep::Schedule(const WireState& state, const Expansion& expansion) {
   for (std::size_t k = NextPair(between, left_); k < between.size(); k = NextPair(between, left_)) {
     const auto group = static_cast<std::size_t>(--left_[k]);
     const SegmentPair& pair = between[k].groups[group];
+    assert(cuts[static_cast<std::size_t>(between[k].inner)] > pair.inner &&
+           cuts[static_cast<std::size_t>(between[k].outer)] > pair.outer);
     AdvanceTo(between[k].inner, pair.inner + 1, cuts);
     AdvanceTo(between[k].outer, pair.outer + 1, cuts);
     of_groups_[k][group] = static_cast<int>(operations_.size());

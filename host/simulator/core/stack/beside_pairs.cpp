@@ -1,10 +1,12 @@
 // Pairs of curves beside each other.
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "host/simulator/core/stack/lumen_pairs.h"
 #include "host/simulator/core/stack/pair_builder.h"
+#include "host/simulator/core/stack/pair_order.h"
 
 namespace torquer {
 
@@ -115,6 +117,55 @@ void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state
       }
       add.AddBeside(i, past_mm, m, covered * piece_mm);
     }
+  }
+}
+
+// Moves a group of curves beside each other to other segments.
+void CurvePairs::MoveGroup(const InstrumentStack& stack, const WireState& state,
+                           const SegmentPair& on, int group, LumenPairs& pairs) const {
+  PairBuilder builder{stack,
+                      state.places(),
+                      stack.rod(pairs.inner),
+                      stack.rod(pairs.outer),
+                      state.curve(pairs.inner),
+                      state.curve(pairs.outer),
+                      with_spots_,
+                      pairs};
+  pairs.groups[static_cast<std::size_t>(group)] = on;
+  for (std::vector<LumenPlace>* const places : {&pairs.places, &pairs.spots}) {
+    for (LumenPlace& place : *places) {
+      if (place.group == group) place = builder.Moved(place, on);
+    }
+  }
+}
+
+// Three curves that face each other may contradict each other in the order of their segments, by
+// the small angles between the planes of their nodes. Then the places beside each other take the
+// segments before, whose lines run on beyond their ends.
+void CurvePairs::OrderBeside(const InstrumentStack& stack, const WireState& state) {
+  if (std::none_of(pairs_.begin(), pairs_.end(),
+                   [](const LumenPairs& pairs) { return pairs.beside; })) {
+    return;
+  }
+  std::array<int, kMostInstruments> cuts = {};
+  for (int c = 0; c < curves_; ++c) {
+    cuts[static_cast<std::size_t>(c)] = state.curve(c).segments();
+  }
+  for (std::size_t k = 0; k < pairs_.size(); ++k) {
+    left_[k] = static_cast<int>(pairs_[k].groups.size());
+  }
+  for (std::size_t k = NextPair(pairs_, left_); k < pairs_.size(); k = NextPair(pairs_, left_)) {
+    LumenPairs& pairs = pairs_[k];
+    const int group = --left_[k];
+    int& inner_cut = cuts[static_cast<std::size_t>(pairs.inner)];
+    int& outer_cut = cuts[static_cast<std::size_t>(pairs.outer)];
+    const SegmentPair& on = pairs.groups[static_cast<std::size_t>(group)];
+    const SegmentPair reached{std::min(on.inner, inner_cut - 1), std::min(on.outer, outer_cut - 1)};
+    if (reached.inner < on.inner || reached.outer < on.outer) {
+      MoveGroup(stack, state, reached, group, pairs);
+    }
+    inner_cut = reached.inner + 1;
+    outer_cut = reached.outer + 1;
   }
 }
 

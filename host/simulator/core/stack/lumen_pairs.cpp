@@ -45,6 +45,7 @@ CurvePairs::CurvePairs(const InstrumentStack& stack, int points_per_segment)
       pairs.spots.reserve(pieces);
     }
   }
+  left_.resize(pairs_.size());
 }
 
 namespace {
@@ -114,6 +115,7 @@ void CurvePairs::Find(const InstrumentStack& stack, const WireState& state, bool
   for (LumenPairs& pairs : pairs_) {
     if (pairs.beside) FindBeside(stack, state, pairs);
   }
+  OrderBeside(stack, state);
 }
 
 void CurvePairs::FindInLumens(const InstrumentStack& stack, const WireState& state, int inner) {

@@ -105,6 +105,9 @@ class CurvePairs {
   int LumenOf(const InstrumentStack& stack, int curve, double arc_mm) const;
   void FindInLumens(const InstrumentStack& stack, const WireState& state, int inner);
   void FindBeside(const InstrumentStack& stack, const WireState& state, LumenPairs& out) const;
+  void OrderBeside(const InstrumentStack& stack, const WireState& state);
+  void MoveGroup(const InstrumentStack& stack, const WireState& state, const SegmentPair& on,
+                 int group, LumenPairs& pairs) const;
   bool WalkLumen(const InstrumentStack& stack, const WireState& state, Walk& walk,
                  LumenPairs& out) const;
 
@@ -122,6 +125,7 @@ class CurvePairs {
   std::vector<double> in_lumen_mm_;  // by curve
   std::vector<End> ends_;            // by curve
   std::vector<double> leaves_mm_;    // by curve and lumen
+  std::vector<int> left_;            // by pair: groups that OrderBeside has not reached
 };
 
 }  // namespace torquer

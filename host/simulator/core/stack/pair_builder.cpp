@@ -55,6 +55,12 @@ LumenPlace PairBuilder::PlaceAt(int segment, double past_mm, int outer_segment, 
       out.groups.back().outer != outer_segment) {
     out.groups.push_back({segment, outer_segment});
   }
+  LumenPlace place = Make(segment, past_mm, outer_segment, weight_mm);
+  place.group = static_cast<int>(out.groups.size()) - 1;
+  return place;
+}
+
+LumenPlace PairBuilder::Make(int segment, double past_mm, int outer_segment, double weight_mm) {
   const Vector3d at = inner.nodes()[static_cast<std::size_t>(segment)] +
                       past_mm * inner.tangents()[static_cast<std::size_t>(segment)];
   const auto m = static_cast<std::size_t>(outer_segment);
@@ -64,7 +70,6 @@ LumenPlace PairBuilder::PlaceAt(int segment, double past_mm, int outer_segment, 
   LumenPlace place;
   place.segment = segment;
   place.outer_segment = outer_segment;
-  place.group = static_cast<int>(out.groups.size()) - 1;
   place.inner = stack.SurfaceAt(out.inner, instruments, arc_mm);
   place.outer = out.beside ? stack.SurfaceAt(out.outer, instruments, outer_begin_mm + foot_mm)
                            : stack.LumenAt(out.outer, instruments, outer_begin_mm + foot_mm);
@@ -116,6 +121,16 @@ void PairBuilder::AddBeside(int segment, double past_mm, int outer_segment, doub
   if (!with_spots) return;
   place.lumen_bulge_mm = LumenBulge(place);
   out.spots.push_back(place);
+}
+
+LumenPlace PairBuilder::Moved(const LumenPlace& place, const SegmentPair& on) {
+  double past_mm = place.past_mm;
+  for (int i = on.inner; i < place.segment; ++i) past_mm += inner.SegmentLength(inner_rod, i);
+  LumenPlace moved = Make(on.inner, past_mm, on.outer, place.weight_mm);
+  moved.group = place.group;
+  moved.piece = place.piece;
+  if (with_spots) moved.lumen_bulge_mm = LumenBulge(moved);
+  return moved;
 }
 
 void PairBuilder::AddPiece(int segment, double from_mm, double to_mm, int outer_segment) {

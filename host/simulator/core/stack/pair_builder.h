@@ -37,11 +37,15 @@ struct PairBuilder {
   void AddMouth(int segment, double past_mm);
   /// Adds a place of curves beside each other, which stands for `weight_mm` of the inner curve.
   void AddBeside(int segment, double past_mm, int outer_segment, double weight_mm);
+  /// The same place on the lines of the segments `on`, which may end before it.
+  LumenPlace Moved(const LumenPlace& place, const SegmentPair& on);
 
  private:
   const Eigen::Vector2d& InnerCurvature(int segment);
   const Eigen::Vector2d& OuterCurvature(int segment);
   int PieceOf(int segment, double past_mm) const;
+  // A place without its group.
+  LumenPlace Make(int segment, double past_mm, int outer_segment, double weight_mm);
   LumenPlace PlaceAt(int segment, double past_mm, int outer_segment, double weight_mm);
   Eigen::Vector2d LumenBulge(const LumenPlace& place) const;
 };
