@@ -30,8 +30,10 @@ struct Slid {
     curves.Forget();
     curves.mechanics.Expand(curves.state, curves.at);
   }
-  Slid(const InstrumentPlaces& places, int points, double ratio, double slip_mm)
-      : curves(places, points, 11, ratio), friction(0.4, slip_mm, Context()) {
+  using Marks = TwoCurves::Marks;
+  Slid(const InstrumentPlaces& places, int points, double ratio, double slip_mm,
+       const Marks& rooms = {false, true}, const Marks& beside = {})
+      : curves(places, points, 11, ratio, rooms, beside), friction(0.4, slip_mm, Context()) {
     curves.terms.push_back(&friction);
     curves.at = curves.mechanics.MakeExpansion();
     curves.mechanics.PairCurves(curves.state);
@@ -76,6 +78,37 @@ TEST_CASE("Friction in a lumen has the gradient of finite differences") {
   slid.friction.Reset();
   slid.Expand();
   CHECK((slid.curves.Gradient() - with).norm() > 1e-3 * with.norm());
+}
+
+TEST_CASE("Friction between curves beside each other has the gradient of finite differences") {
+  struct Layout {
+    InstrumentPlaces places;
+    TwoCurves::Marks rooms;
+    TwoCurves::Marks beside;
+  };
+  const std::vector<Layout> layouts = {{kWireLeads, {}, {false, true}},
+                                       {kCatheterLeads, {}, {false, true}},
+                                       {kThreeWireLeads, {false, false, true}, {false, true}},
+                                       {kThreeWireLeads, {false, true}, {false, false, true}}};
+  const auto k = GENERATE(range(std::size_t{0}, std::size_t{4}));
+  const double ratio = GENERATE(0.0, 0.7);
+  const double slip_mm = GENERATE(0.04, 0.003);  // sticks, slips
+  const Layout& layout = layouts[k];
+  Slid slid(layout.places, 2, ratio, slip_mm, layout.rooms, layout.beside);
+  const auto of_beside = [&slid] {
+    std::size_t slides = 0;
+    for (const BetweenCurves& between : slid.curves.at.between) {
+      if (between.beside) slides += between.slides.size();
+    }
+    return slides;
+  };
+  const Eigen::VectorXd with = slid.curves.Gradient();
+  const Eigen::VectorXd gradient =
+      GradientOf([&](const Eigen::VectorXd& step) { return slid.curves.Energy(step); },
+                 Eigen::VectorXd::Zero(slid.curves.unknowns()), 1e-5);
+  CAPTURE(k, ratio, slip_mm, of_beside(), slid.curves.at.dissipated_mJ);
+  CHECK(of_beside() > 0);
+  CHECK((gradient - with).norm() < 2e-6 * gradient.norm());
 }
 
 TEST_CASE("The sweep with friction in a lumen solves the dense system") {

@@ -115,7 +115,7 @@ void CurvePairs::FindBeside(const InstrumentStack& stack, const WireState& state
                               LumenOf(stack, out.outer, foot_arc_mm)) {
         continue;
       }
-      add.AddBeside(i, past_mm, m, covered * piece_mm);
+      add.AddBeside(i, past_mm, m, covered * piece_mm, i * out.pieces_per_segment + k);
     }
   }
 }

@@ -116,8 +116,10 @@ int PairBuilder::PieceOf(int segment, double past_mm) const {
   return segment * out.pieces_per_segment + piece;
 }
 
-void PairBuilder::AddBeside(int segment, double past_mm, int outer_segment, double weight_mm) {
+void PairBuilder::AddBeside(int segment, double past_mm, int outer_segment, double weight_mm,
+                            int piece) {
   LumenPlace& place = out.places.emplace_back(PlaceAt(segment, past_mm, outer_segment, weight_mm));
+  place.piece = piece;
   if (!with_spots) return;
   place.lumen_bulge_mm = LumenBulge(place);
   out.spots.push_back(place);

@@ -35,8 +35,9 @@ struct PairBuilder {
   void AddTip(int outer_segment);
   /// Adds the mouth, where the inner curve passes it.
   void AddMouth(int segment, double past_mm);
-  /// Adds a place of curves beside each other, which stands for `weight_mm` of the inner curve.
-  void AddBeside(int segment, double past_mm, int outer_segment, double weight_mm);
+  /// Adds a place of curves beside each other: on piece `piece` of the inner curve, counted from
+  /// the sheath, of which it stands for `weight_mm`.
+  void AddBeside(int segment, double past_mm, int outer_segment, double weight_mm, int piece);
   /// The same place on the lines of the segments `on`, which may end before it.
   LumenPlace Moved(const LumenPlace& place, const SegmentPair& on);
 
