@@ -115,8 +115,7 @@ TEST_CASE("Feeding along an instrument beside meets Coulomb friction at both han
   const bool upper_first = GENERATE(true, false);
   constexpr double kMu = 0.3;
   // A softer one would slip off sideways.
-  SideBySide pair(
-      {.upper_N_mm2 = 50, .lower_N_mm2 = 5e3, .upper_first = upper_first, .mu = kMu});
+  SideBySide pair({.upper_N_mm2 = 50, .lower_N_mm2 = 5e3, .upper_first = upper_first, .mu = kMu});
   pair.force.SetForce({0, 0, -2e-4});
   pair.MoveTo({20, 0}, {30, 0});
   // The force acts on the tip of the lower one until the upper one leads.
@@ -128,7 +127,8 @@ TEST_CASE("Feeding along an instrument beside meets Coulomb friction at both han
   REQUIRE(normal_N > 1e-4);
   InternalForces forces;
   HandForces hands;
-  FindInternalForces(pair.stack.rod(pair.state.FarthestCurve()), pair.state, pair.relaxation->Current(), pair.terms, forces);
+  FindInternalForces(pair.stack.rod(pair.state.FarthestCurve()), pair.state,
+                     pair.relaxation->Current(), pair.terms, forces);
   hands.Find(pair.stack, pair.state, pair.relaxation->Current(), forces,
              *pair.friction.SlidingBetween());
   const double on_upper_N = hands.hands()[static_cast<std::size_t>(pair.upper())].axial_N;

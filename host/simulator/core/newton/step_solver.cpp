@@ -211,8 +211,8 @@ double StepSolver<Sweep>::PassingScale(const WireState& state, const Expansion& 
       const Vector3d apart_mm = moved_mm(between.inner, on.inner, neighbor.past_mm) -
                                 moved_mm(between.outer, on.outer, neighbor.foot_mm);
       const double across_mm = (apart_mm - apart_mm.dot(along) * along).norm();
-      const double most_mm = std::max(kPartOfDistance * neighbor.apart_mm,
-                                      kPartOfTouching * neighbor.touching_mm);
+      const double most_mm =
+          std::max(kPartOfDistance * neighbor.apart_mm, kPartOfTouching * neighbor.touching_mm);
       if (scale * across_mm > most_mm) scale = most_mm / across_mm;
     }
   }

@@ -265,8 +265,8 @@ void BetweenCurves::Place(const LumenPairs& pairs, double stiffness_N_mm2,
     const Pressed at(place, inner_curve, outer_curve);
     largest_offset_mm = std::max(largest_offset_mm, at.offset_mm);
     if (beside) {
-      neighbors.push_back({place.group, place.past_mm, at.foot_mm, at.offset_mm,
-                           place.lumen_mm - place.lever_mm});
+      neighbors.push_back(
+          {place.group, place.past_mm, at.foot_mm, at.offset_mm, place.lumen_mm - place.lever_mm});
     }
     const double penetration_mm = at.penetration_mm();
     if (penetration_mm < -kNearLumenMm || !(at.offset_mm > kNoOffsetMm)) continue;

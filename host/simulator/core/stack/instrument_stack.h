@@ -16,7 +16,7 @@
 //
 // Room in a lumen divides the instruments into curves (core/README.md section 18): curve 0 has the
 // innermost ones, and each lumen with room begins another. So does an instrument that lies beside
-// the earlier ones. Each curve has a rod and segments of its own.
+// the earlier ones. Each curve has its own rod and segments.
 #pragma once
 
 #include <Eigen/Core>
