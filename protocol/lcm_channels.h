@@ -28,7 +28,7 @@ inline constexpr const char* kChannels[] = {kDeviceSampleChannel,   kInstrumentC
                                             kImagingCommandChannel, kLateralPictureChannel};
 
 /// Version of the message types: a change of one of them makes a new one (protocol/README.md).
-inline constexpr std::int32_t kLcmVersion = 2;
+inline constexpr std::int32_t kLcmVersion = 3;
 
 /// Name of the instrument that a program means where none is given.
 inline constexpr char kGuidewire[] = "guidewire";
@@ -60,7 +60,7 @@ enum ImagingMode : std::int32_t {
 enum WireStatus : std::int32_t {
   kWireConverged = 1 << 0,     ///< residual below the scene's tolerance
   kWireBudgetSpent = 1 << 1,   ///< the tick ended for lack of time, not at equilibrium
-  kWireOutsideLumen = 1 << 2,  ///< a node's center is beyond the wall
+  kWireOutsideLumen = 1 << 2,  ///< the center of an instrument is beyond the wall
   kWireSnapped = 1 << 3,       ///< the tip moved much farther than the action explains
   kWireInputRefused = 1 << 4,  ///< a command was not finite or out of range; the last one stands
   kWireInDoubt = 1 << 5,  ///< a command carries lift, fault or no device, or none comes any more

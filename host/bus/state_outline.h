@@ -12,13 +12,18 @@ inline bool IsOutline(const torquer_lcm::wire_state_t& state) {
   return state.segment_count > 1 && state.node_count == 2 && state.stride >= state.segment_count;
 }
 
-/// Reduces the shape to its two end nodes, with `stride` set to match, and removes the contacts.
+/// Reduces each curve to its two end nodes, with `stride` set to match, and removes the contacts.
 /// All other fields stay, and the state remains a valid message.
 inline void ReduceToOutline(torquer_lcm::wire_state_t& state) {
   if (state.segment_count <= 1 || state.nodes_mm.size() <= 2) return;
   state.nodes_mm = {state.nodes_mm.front(), state.nodes_mm.back()};
   state.node_count = 2;
   state.stride = state.segment_count;
+  for (torquer_lcm::instrument_state_t& instrument : state.instruments) {
+    if (instrument.nodes_mm.size() <= 2) continue;
+    instrument.nodes_mm = {instrument.nodes_mm.front(), instrument.nodes_mm.back()};
+    instrument.node_count = 2;
+  }
   state.contact_count = 0;
   state.contact_nodes.clear();
   state.contact_penetrations_um.clear();

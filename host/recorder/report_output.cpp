@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
+#include <vector>
 
 #include "host/support/angle.h"
 #include "host/support/error.h"
@@ -18,6 +19,12 @@ constexpr double kReportsPerSecond = 1000;  // report rate of a device, Hz
 constexpr double kRealTime = 0.97;          // least share of this rate for real time
 
 Eigen::Vector3d Vector(const double (&values)[3]) { return {values[0], values[1], values[2]}; }
+
+std::vector<Eigen::Vector3d> Points(const std::vector<std::vector<float>>& nodes_mm) {
+  std::vector<Eigen::Vector3d> points;
+  for (const auto& node : nodes_mm) points.emplace_back(node[0], node[1], node[2]);
+  return points;
+}
 
 std::string KnownCount(std::int64_t count) { return count < 0 ? "?" : std::to_string(count); }
 
@@ -201,7 +208,7 @@ std::string DrawReport(const SessionReport& report, const PictureVessel& vessel,
                     " instruments; a picture needs 2 and 1");
   }
   PictureWire wire;
-  for (const auto& node : state.nodes_mm) wire.nodes_mm.emplace_back(node[0], node[1], node[2]);
+  wire.nodes_mm = Points(state.nodes_mm);
   for (std::size_t i = 0; i < state.contact_nodes.size(); ++i) {
     const auto node = static_cast<std::size_t>(state.contact_nodes[i] / std::max(state.stride, 1));
     if (node < wire.nodes_mm.size()) {
@@ -215,7 +222,8 @@ std::string DrawReport(const SessionReport& report, const PictureVessel& vessel,
   PictureCaption caption;
   caption.title = Printable(report.scene);
   for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
-    wire.instruments.push_back({Printable(instrument.name), instrument.insertion_mm});
+    wire.instruments.push_back(
+        {Printable(instrument.name), instrument.insertion_mm, Points(instrument.nodes_mm)});
   }
   const std::string reach =
       wire.instruments.size() > 1

@@ -84,7 +84,7 @@ class SessionCourse {
     std::int64_t clock_id = 0;
     std::int64_t publish_us = 0;
     std::vector<torquer_lcm::instrument_state_t> instruments;
-    Eigen::Vector3d tip_mm;
+    Eigen::Vector3d tip_mm;  // the farthest tip on the innermost curve
   };
   // Insertion at an instrument's last reversal; before its first motion, its initial insertion.
   struct Turn {

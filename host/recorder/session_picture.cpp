@@ -153,7 +153,9 @@ SeenWire See(const PictureWire& wire, const PatientAxes& axes) {
   }
   for (const PictureInstrument& instrument : wire.instruments) {
     std::vector<Eigen::Vector2d>& part = seen.parts.emplace_back();
-    for (const Eigen::Vector3d& node : Beginning(wire.nodes_mm, instrument.insertion_mm)) {
+    for (const Eigen::Vector3d& node : instrument.nodes_mm.empty()
+                                           ? Beginning(wire.nodes_mm, instrument.insertion_mm)
+                                           : instrument.nodes_mm) {
       part.emplace_back(SeenFromTheFront(axes, node).head<2>());
     }
   }
@@ -294,6 +296,9 @@ std::string DrawSession(const PictureVessel& vessel, const PatientAxes& axes,
   const SeenWire seen = See(wire, axes);
   Box whole;
   for (const Eigen::Vector2d& node : seen.nodes) whole.extend(node);
+  for (const std::vector<Eigen::Vector2d>& part : seen.parts) {
+    for (const Eigen::Vector2d& node : part) whole.extend(node);
+  }
   for (const auto& corners : vessel.triangles_mm) {
     for (const Eigen::Vector3d& corner : corners) {
       whole.extend(Eigen::Vector2d(SeenFromTheFront(axes, corner).head<2>()));

@@ -16,14 +16,16 @@ struct PictureContact {
   double penetration_um = 0;
 };
 
-/// Instrument and its insertion along the curve.
+/// Instrument and its insertion along its curve.
 struct PictureInstrument {
   std::string name;
   double insertion_mm = 0;
+  std::vector<Eigen::Vector3d> nodes_mm = {};  ///< up to its tip; empty: on the wire's curve
 };
 
 struct PictureWire {
-  std::vector<Eigen::Vector3d> nodes_mm;  ///< from the entry point to the farthest tip; at least 2
+  std::vector<Eigen::Vector3d>
+      nodes_mm;  ///< of the innermost curve up to its farthest tip; at least 2
   std::vector<PictureInstrument> instruments;  ///< the innermost first; may be empty: one wire
   std::vector<PictureContact> contacts;
   std::vector<Eigen::Vector3d> tip_way_mm = {};  ///< path of the tip; may be empty

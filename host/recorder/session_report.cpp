@@ -63,12 +63,14 @@ double ArcLengthMm(const torquer_lcm::wire_state_t& state, std::size_t instrumen
   // Locates the published tip on the polyline. The insertion field only repeats the command, so it
   // proves nothing.
   const Eigen::Vector3d tip(state.instruments[instrument].tip_mm);
+  const auto& own_nodes_mm = state.instruments[instrument].nodes_mm;
+  const auto& nodes_mm = own_nodes_mm.empty() ? state.nodes_mm : own_nodes_mm;
   double length_mm = 0;
   double nearest_mm = std::numeric_limits<double>::infinity();
   double tip_length_mm = 0;
-  for (std::size_t i = 1; i < state.nodes_mm.size(); ++i) {
-    const Eigen::Vector3d from = Eigen::Vector3f(state.nodes_mm[i - 1].data()).cast<double>();
-    const Eigen::Vector3d to = Eigen::Vector3f(state.nodes_mm[i].data()).cast<double>();
+  for (std::size_t i = 1; i < nodes_mm.size(); ++i) {
+    const Eigen::Vector3d from = Eigen::Vector3f(nodes_mm[i - 1].data()).cast<double>();
+    const Eigen::Vector3d to = Eigen::Vector3f(nodes_mm[i].data()).cast<double>();
     const Eigen::Vector3d along = to - from;
     const double square = along.squaredNorm();
     const double t = square > 0 ? std::clamp((tip - from).dot(along) / square, 0.0, 1.0) : 0;

@@ -179,7 +179,7 @@ class SessionReporter {
   SessionReport report_;
 };
 
-/// Arc length along the published nodes up to the tip of an instrument, mm.
+/// Arc length along the published nodes of an instrument's curve up to its tip, mm.
 double ArcLengthMm(const torquer_lcm::wire_state_t& state, std::size_t instrument);
 
 }  // namespace torquer

@@ -12,6 +12,19 @@ namespace torquer::simulator {
 
 namespace {
 
+// True if the center of a point that touches the wall is beyond it.
+bool LeavesLumen(const PointSet& points) {
+  for (std::size_t q = 0; q < points.touches.size(); ++q) {
+    if (points.touches[q] && points.clearance[q].clearance_mm < 0) return true;
+  }
+  return false;
+}
+
+// Position in a message.
+std::vector<float> Rounded(const Eigen::Vector3d& x) {
+  return {static_cast<float>(x[0]), static_cast<float>(x[1]), static_cast<float>(x[2])};
+}
+
 bool Usable(const InstrumentPlaces& target) {
   return std::all_of(target.begin(), target.end(),
                      [](const InstrumentPlace& place) { return simulator::Usable(place); });
@@ -199,12 +212,11 @@ void Simulation::Observe() {
   if (report_.budget_spent) status_ |= protocol::kWireBudgetSpent;
   if (report_.stalled) status_ |= protocol::kWireStalled;
   if (report_.snapped) status_ |= protocol::kWireSnapped;
-  const PointSet& points = relaxation_->Current().points;
-  for (std::size_t q = 0; q < points.touches.size(); ++q) {
-    if (points.touches[q] && points.clearance[q].clearance_mm < 0) {
-      status_ |= protocol::kWireOutsideLumen;
-      break;
-    }
+  const Expansion& current = relaxation_->Current();
+  if (LeavesLumen(current.points) ||
+      std::any_of(current.around.begin(), current.around.end(),
+                  [](const CurveExpansion& curve) { return LeavesLumen(curve.points); })) {
+    status_ |= protocol::kWireOutsideLumen;
   }
 }
 
@@ -247,7 +259,24 @@ void Simulation::DescribeInstruments(torquer_lcm::wire_state_t& out) const {
     instrument.carried_rad = target_[k].rotation_rad - places[k].rotation_rad;
     const Eigen::Vector3d tip = PointAt(scene_.rod(), curve, places[k].insertion_mm);
     for (int axis = 0; axis < 3; ++axis) instrument.tip_mm[axis] = tip[axis];
+    DescribeOwnNodes(k, instrument);
   }
+}
+
+// Nodes of an instrument that does not lie on curve 0.
+void Simulation::DescribeOwnNodes(int k, torquer_lcm::instrument_state_t& out) const {
+  out.nodes_mm.clear();
+  const Curve& curve = state_.CurveOf(k);
+  if (&curve != &state_.curve(0)) {
+    const double insertion_mm = state_.places()[k].insertion_mm;
+    const int n = NodesBefore(scene_.rod(), curve, insertion_mm);
+    const int stride = n / kMostOwnNodesInMessage + 1;
+    for (int i = 0; i < n; i += stride) {
+      out.nodes_mm.push_back(Rounded(curve.nodes()[static_cast<std::size_t>(i)]));
+    }
+    out.nodes_mm.push_back(Rounded(PointAt(scene_.rod(), curve, insertion_mm)));
+  }
+  out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
 }
 
 void Simulation::DescribeShape(torquer_lcm::wire_state_t& out) const {
@@ -256,12 +285,10 @@ void Simulation::DescribeShape(torquer_lcm::wire_state_t& out) const {
   out.segment_count = n;
   out.stride = n / kMostNodesInMessage + 1;
   out.nodes_mm.clear();
-  const auto add = [&out](const Eigen::Vector3d& x) {
-    out.nodes_mm.push_back(
-        {static_cast<float>(x[0]), static_cast<float>(x[1]), static_cast<float>(x[2])});
-  };
-  for (int i = 0; i < n; i += out.stride) add(nodes[static_cast<std::size_t>(i)]);
-  add(nodes.back());
+  for (int i = 0; i < n; i += out.stride) {
+    out.nodes_mm.push_back(Rounded(nodes[static_cast<std::size_t>(i)]));
+  }
+  out.nodes_mm.push_back(Rounded(nodes.back()));
   out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
 }
 

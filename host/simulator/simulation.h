@@ -80,7 +80,8 @@ class Simulation {
   double longest_tick_s() const;
   /// True if the wire is at rest at its targets.
   bool at_rest() const { return report_.converged && report_.arrived(); }
-  /// Contact of the wire with the wall: at most one for each segment, at its deepest point.
+  /// Contact of the innermost curve with the wall: at most one for each segment, at its deepest
+  /// point. Contacts of other curves are not listed.
   struct Contact {
     int node = 0;  ///< distal node of the segment
     double penetration_mm = 0;
@@ -134,6 +135,7 @@ class Simulation {
   template <class Act>
   void Priced(std::size_t effect, Act&& act);
   void DescribeInstruments(torquer_lcm::wire_state_t& out) const;
+  void DescribeOwnNodes(int k, torquer_lcm::instrument_state_t& out) const;
   void DescribeShape(torquer_lcm::wire_state_t& out) const;
   void DescribeContacts(torquer_lcm::wire_state_t& out) const;
   void DescribePast(torquer_lcm::wire_state_t& out) const;
@@ -165,6 +167,9 @@ class Simulation {
 
 /// Maximum number of nodes in one message; longer wires are sent with a stride.
 inline constexpr int kMostNodesInMessage = 2000;
+/// Maximum number of nodes of an instrument's own curve in one message, except its tip. Smaller, so
+/// that a message with three such instruments stays below 65,499 bytes.
+inline constexpr int kMostOwnNodesInMessage = 500;
 /// Maximum number of earlier ticks in one message, from which a replay restores lost states.
 inline constexpr int kMostPastInMessage = 32;
 

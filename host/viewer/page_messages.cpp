@@ -77,6 +77,10 @@ std::vector<float> Penetrations(const torquer_lcm::wire_state_t& state) {
   return depths;
 }
 
+void AddNodes(const std::vector<std::vector<float>>& nodes_mm, Writer& out) {
+  for (const auto& node : nodes_mm) out.Add(node.data(), 3 * sizeof(float));
+}
+
 // x, y, z of one point after the other, to 0.01 mm.
 nlohmann::json Points(const vessel::Centerline& curve) {
   nlohmann::json coordinates = nlohmann::json::array();
@@ -103,7 +107,9 @@ nlohmann::json RoundedShares(const vessel::Centerline& curve, const Motions& mot
 
 std::string StateFrame(const torquer_lcm::wire_state_t& state,
                        const torquer_lcm::wire_forces_t* forces, std::int64_t clock_id) {
-  Writer out(FrameKind::kState, 64 + 64 * state.instruments.size() + 20 * state.nodes_mm.size());
+  std::size_t bytes = 64 + 68 * state.instruments.size() + 20 * state.nodes_mm.size();
+  for (const auto& instrument : state.instruments) bytes += 12 * instrument.nodes_mm.size();
+  Writer out(FrameKind::kState, bytes);
   out.Add(static_cast<std::uint16_t>(state.instruments.size()));
   out.Add(static_cast<std::uint32_t>(state.nodes_mm.size()));
   out.Add(state.time_s);
@@ -125,11 +131,15 @@ std::string StateFrame(const torquer_lcm::wire_state_t& state,
                        : std::numeric_limits<double>::quiet_NaN());
     out.Add(instrument.tip_mm, sizeof instrument.tip_mm);
   }
-  for (const auto& node : state.nodes_mm) out.Add(node.data(), 3 * sizeof(float));
+  AddNodes(state.nodes_mm, out);
   const std::vector<float> contact_mN = ContactForces(state, forces);
   out.Add(contact_mN.data(), contact_mN.size() * sizeof(float));
   const std::vector<float> depth_um = Penetrations(state);
   out.Add(depth_um.data(), depth_um.size() * sizeof(float));
+  for (const torquer_lcm::instrument_state_t& instrument : state.instruments) {
+    out.Add(static_cast<std::uint32_t>(instrument.nodes_mm.size()));
+    AddNodes(instrument.nodes_mm, out);
+  }
   return out.Take();
 }
 

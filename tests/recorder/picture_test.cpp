@@ -122,6 +122,21 @@ TEST_CASE("Several instruments are drawn as far as each reaches, and named") {
   CHECK(DrawSession({}, kAxes, wire, {}).find("wire 4.0 mm") == std::string::npos);
 }
 
+TEST_CASE("An instrument with nodes to itself is drawn along them, and lies in the picture") {
+  PictureWire wire;
+  wire.nodes_mm = {{0, 0, 0}, {0, 0, 4}};
+  wire.instruments = {{"wire", 4}, {"buddy", 5, {{1, 0, 0}, {1, 0, 3}, {40, 0, 3}}}};
+  const std::string svg = DrawSession({}, kAxes, wire, {});
+  CHECK_THAT(svg, Catch::Contains("d=\"M100 0L100 -300 4000 -300\" stroke"));
+  // The overview is centered between the first node of the wire and the tip of the buddy.
+  const std::string alone = DrawSession({}, kAxes, {wire.nodes_mm, {{"wire", 4}}, {}}, {});
+  const auto overview = [](const std::string& text) {
+    const std::size_t at = text.find("transform=\"matrix(");
+    return text.substr(at, text.find(')', at) - at);
+  };
+  CHECK(overview(svg) != overview(alone));
+}
+
 TEST_CASE("Without a vessel the wire alone is drawn") {
   PictureWire wire;
   wire.nodes_mm = {{0, 0, 0}, {0, 0, 1}};

@@ -72,6 +72,15 @@ torquer_lcm::instrument_state_t Instrument(const std::string& name, double lengt
   return instrument;
 }
 
+// Lays an instrument along x, on a curve of two segments.
+void LayBeside(torquer_lcm::instrument_state_t& instrument) {
+  instrument.tip_mm[0] = instrument.insertion_mm;
+  instrument.tip_mm[1] = instrument.tip_mm[2] = 0;
+  const auto end_mm = static_cast<float>(instrument.insertion_mm);
+  instrument.nodes_mm = {{0, 0, 0}, {end_mm / 2, 0, 0}, {end_mm, 0, 0}};
+  instrument.node_count = 3;
+}
+
 // State with the curve as far as the guidewire reaches.
 torquer_lcm::wire_state_t State(double length_mm) {
   torquer_lcm::wire_state_t state{};
@@ -275,6 +284,7 @@ void WriteSession(const std::string& path, const SessionFaults& faults) {
           "catheter", kCatheterAtStartMm + kMmPerCount * counts + faults.extra_catheter_mm));
       state.instruments[1].command_sequence = faults.catheter_box ? 7000 + i : -1;
       state.instruments[1].origin_us = now_us - 2000;
+      if (faults.beside) LayBeside(state.instruments[1]);
     }
     state.instrument_count = static_cast<std::int32_t>(state.instruments.size());
     state.max_penetration_um = i == 400 ? 12.5 : 3;

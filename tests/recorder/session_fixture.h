@@ -32,6 +32,7 @@ struct SessionFaults {
   bool reset = false;            ///< of the device between reports 799 and 800
   bool catheter = false;         ///< around the guidewire, driven by a second box
   bool catheter_box = true;      ///< without it nothing drives the catheter
+  bool beside = false;           ///< the catheter lies on another curve, along x
   bool running_counts = false;   ///< daemon and emulator report counts during the session
   bool ended = true;             ///< the daemon reports its end
   bool course = false;           ///< data for a page: see WriteSession

@@ -1,5 +1,6 @@
 // Logs with fewer shapes than ticks, and logs in parts.
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -59,13 +60,17 @@ torquer_lcm::wire_state_t StateOf(std::int64_t tick, int segments) {
   state.stride = 1;
   for (int i = 0; i <= segments; ++i) state.nodes_mm.push_back({1.0F * i, 2.0F, 3.0F});
   state.node_count = segments + 1;
+  state.instruments.resize(1);
+  state.instrument_count = 1;
+  state.instruments[0].nodes_mm = {{0, 6, 0}, {0, 7, 0}, {0, 8, 0}};
+  state.instruments[0].node_count = 3;
   state.contact_nodes = {1};
   state.contact_penetrations_um = {5};
   state.contact_count = 1;
   state.past_count = 2;
   state.past_time_s = {1, 2};
   state.past_work = {3, 4};
-  state.past_insertion_mm = state.past_rotation_rad = {{}, {}};
+  state.past_insertion_mm = state.past_rotation_rad = {{0}, {0}};
   return state;
 }
 
@@ -135,6 +140,24 @@ TEST_CASE("A thinned log without a shape at its end is judged by the last one th
         Approx(2.5).margin(0.01));
 }
 
+TEST_CASE("The nodes of an instrument beside the wire go through a log into report and picture") {
+  const TemporaryFolder folder;
+  SessionFaults faults;
+  faults.catheter = faults.beside = true;
+  WriteSession(folder.Path("log"), faults);
+  Thin(folder.Path("log"), folder.Path("thin"), 10, true);
+  for (const char* log : {"log", "thin"}) {
+    const SessionReport report = ReportOf(folder.Path(log));
+    const torquer_lcm::instrument_state_t& beside = report.last_state.instruments.at(1);
+    REQUIRE(beside.nodes_mm.size() == 3);
+    CHECK(ArcLengthMm(report.last_state, 1) == Approx(beside.insertion_mm).margin(1e-4));
+    CHECK(report.instruments[1].axial.error_counts < 1e-3);
+    const long end = std::lround(100 * beside.insertion_mm);
+    CHECK_THAT(DrawReport(report, {}, false),
+               Catch::Contains(" 0 " + std::to_string(end) + " 0\""));
+  }
+}
+
 TEST_CASE("Between shapes a state keeps its ends, and its past where that is needed") {
   ShapeThinner thinner(10);
   const torquer_lcm::wire_state_t first = StateOf(5, 4);
@@ -146,6 +169,9 @@ TEST_CASE("Between shapes a state keeps its ends, and its past where that is nee
   REQUIRE(taken.nodes_mm.size() == 2);
   CHECK(taken.nodes_mm[0][0] == 0);
   CHECK(taken.nodes_mm[1][0] == 4);
+  REQUIRE(taken.instruments.at(0).nodes_mm.size() == 2);
+  CHECK(taken.instruments[0].node_count == 2);
+  CHECK(taken.instruments[0].nodes_mm[1][1] == 8);
   CHECK(taken.contact_count == 0);
   CHECK(taken.past_count == 0);
   CHECK(thinner.Owed().size() == BytesOfState(StateOf(6, 4)).size());

@@ -15,13 +15,17 @@ using torquer::test::SceneFile;
 
 namespace {
 
+constexpr char kFineSegments[] = "[relaxation]\nsegment_mm = 0.05\n";
+
 Command To(double insertion_mm, double rotation_rad = 0) {
   Command command;
   command.target = InstrumentPlaces(insertion_mm, rotation_rad);
   return command;
 }
 
-double ArcLength(const torquer_lcm::wire_state_t& message) {
+// `message`: a wire_state_t or an instrument_state_t.
+template <class Message>
+double ArcLength(const Message& message) {
   double length_mm = 0;
   for (std::size_t i = 1; i < message.nodes_mm.size(); ++i) {
     double squared = 0;
@@ -117,8 +121,59 @@ TEST_CASE("Nodes and carried motion make up the command however little is insert
   }
 }
 
+TEST_CASE("An instrument has nodes in the message if it lies on another curve", "[simulator]") {
+  const std::string kind = GENERATE(as<std::string>(), "stack", "room", "buddy", "fine buddy");
+  const std::string more =
+      kind == "stack" ? torquer::test::kMicrocatheter
+      : kind == "room"
+          ? std::string(torquer::test::kMicrocatheter) + "[effects.clearance]\n"
+          : std::string(torquer::test::kBuddyWire) + (kind == "buddy" ? "" : kFineSegments);
+  const SceneFile file(more);
+  torquer::scene::Scene scene(file.path());
+  const Simulation simulation(scene);
+  torquer_lcm::wire_state_t message;
+  // A message is filled again and again.
+  for (int time = 0; time < 2; ++time) simulation.Describe(message);
+  INFO(kind);
+  REQUIRE(message.instruments.size() == 2);
+  CHECK(message.instruments[0].node_count == 0);
+  const torquer_lcm::instrument_state_t& second = message.instruments[1];
+  CHECK(static_cast<std::size_t>(second.node_count) == second.nodes_mm.size());
+  CHECK(second.nodes_mm.empty() == (kind == "stack"));
+  CHECK(message.getEncodedSize() < 65499);
+  if (kind == "stack") return;
+  CHECK(second.node_count <= torquer::simulator::kMostOwnNodesInMessage + 1);
+  // A stride shortens a bent polyline.
+  CHECK(ArcLength(second) ==
+        Approx(second.insertion_mm).margin(kind == "fine buddy" ? 0.01 : 1e-3));
+  const double from_main_mm = std::hypot(second.nodes_mm[0][0] - message.nodes_mm[0][0],
+                                         second.nodes_mm[0][1] - message.nodes_mm[0][1],
+                                         second.nodes_mm[0][2] - message.nodes_mm[0][2]);
+  CHECK(from_main_mm == Approx(kind == "room" ? 0 : 1).margin(1e-5));
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    CHECK(second.nodes_mm.back()[axis] == Approx(second.tip_mm[axis]).margin(1e-5));
+  }
+}
+
+TEST_CASE("The status shows an instrument outside the lumen on any curve", "[simulator]") {
+  const double rigidity_N_mm2 = GENERATE(0.01, 100.);
+  const SceneFile file(
+      "[[instrument]]\nname = \"buddy\"\nmax_length_mm = 200\nradius_mm = 0.2\n"
+      "inserted_at_start_mm = 110\nrigidity_N_mm2 = " +
+      std::to_string(rigidity_N_mm2) +
+      "\n[instrument.entry]\ncenterline = \"main\"\nat_mm = 1\noffset_mm = [0.6, -0.8]\n");
+  torquer::scene::Scene scene(file.path());
+  Simulation simulation(scene);
+  CountedBudget budget(1000);
+  Command command;
+  command.target = simulation.target();
+  simulation.Tick(command, budget);
+  const bool outside = (simulation.status() & torquer::protocol::kWireOutsideLumen) != 0;
+  CHECK(outside == (rigidity_N_mm2 > 1));
+}
+
 TEST_CASE("A long wire is sent with a stride, its tip always", "[simulator]") {
-  const SceneFile file("[relaxation]\nsegment_mm = 0.05\n");
+  const SceneFile file(kFineSegments);
   torquer::scene::Scene scene(file.path());
   Simulation simulation(scene);
   CountedBudget budget(3000);

@@ -75,6 +75,8 @@ torquer_lcm::wire_state_t WireState() {
     instrument.insertion_mm = 17.5;
     state.instruments.push_back(instrument);
   }
+  state.instruments[1].nodes_mm = {{1, 2, 4}, {4, 5, 7}};
+  state.instruments[1].node_count = 2;
   state.instrument_count = 2;
   state.nodes_mm = {{1, 2, 3}, {4, 5, 6}, {7, 8, 9}};
   state.node_count = 3;

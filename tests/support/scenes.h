@@ -17,6 +17,12 @@ inline constexpr char kGuidingCatheter[] =
     "[[instrument]]\nname = \"guide\"\nmax_length_mm = 100\ninserted_at_start_mm = 30\n"
     "inner_radius_mm = 0.7\nradius_mm = 0.9\nrigidity_N_mm2 = 0.05\n";
 
+/// Wire that lies beside SceneFile's guidewire, 1 mm from it at the entry.
+inline constexpr char kBuddyWire[] =
+    "[[instrument]]\nname = \"buddy_wire\"\nmax_length_mm = 200\nradius_mm = 0.2\n"
+    "rigidity_N_mm2 = 6.35e-3\ninserted_at_start_mm = 50\n"
+    "[instrument.entry]\ncenterline = \"main\"\nat_mm = 1\noffset_mm = [0.6, -0.8]\n";
+
 inline constexpr char kPaperMethod[] = "[relaxation]\nmethod = \"paper\"\n";
 inline constexpr char kFriction[] = "[effects.friction]\ncoefficient = 0.1\n";
 

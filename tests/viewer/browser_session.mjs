@@ -30,14 +30,14 @@ export function startBrowser(root) {
 }
 
 export class BrowserSession {
-  /** Starts a session with a scene of host/scenes. `programs`: program folder of a build. `more`: "device", as in tests/viewer/session. */
+  /** Starts a session with a scene of host/scenes, or with that of an absolute path. `programs`: program folder of a build. `more`: "device", as in tests/viewer/session. */
   static async start(root, programs, scene, ...more) {
     const session = new BrowserSession();
     session.folder = mkdtempSync(join(tmpdir(), "torquer-page-"));
     session.processes = spawn(
       "bash",
       [join(root, "host/viewer/with_socket"), "0", "sh", join(root, "host/bus/private_network"), "bash",
-        join(root, "tests/viewer/session"), programs, join(root, "host/scenes", scene), session.folder, ...more],
+        join(root, "tests/viewer/session"), programs, resolve(root, "host/scenes", scene), session.folder, ...more],
       { detached: true, stdio: "inherit" },
     );
     try {

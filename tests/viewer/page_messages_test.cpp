@@ -32,6 +32,8 @@ torquer_lcm::wire_state_t ThreeNodes() {
   state.instruments[0].command_sequence = 3;
   state.instruments[0].origin_us = 4000;
   state.instruments[0].tip_mm[2] = 6;
+  state.instruments[0].node_count = 2;
+  state.instruments[0].nodes_mm = {{8, 9, 10}, {11, 12, 13}};
   state.node_count = 3;
   state.nodes_mm = {{1, 2, 3}, {4, 5, 6}, {7, 8, 9}};
   state.contact_count = 2;
@@ -55,7 +57,7 @@ std::vector<std::uint8_t> Bytes(std::uint8_t flags, float push, float turn, floa
 TEST_CASE("A state's frame has the documented layout") {
   const torquer_lcm::wire_state_t state = ThreeNodes();
   const std::string frame = StateFrame(state, nullptr, 5);
-  REQUIRE(frame.size() == 64 + 64 + 3 * 12 + 3 * 4 + 3 * 4);
+  REQUIRE(frame.size() == 64 + 64 + 3 * 12 + 3 * 4 + 3 * 4 + 4 + 2 * 12);
   CHECK(frame[0] == 1);
   CHECK(frame[1] == 1);
   CHECK(At<std::uint16_t>(frame, 2) == 1);
@@ -70,6 +72,9 @@ TEST_CASE("A state's frame has the documented layout") {
   // Contacts refer to nodes of the whole curve; the frame contains every second node.
   CHECK(At<float>(frame, 128 + 48) == 0.0F);
   CHECK(At<float>(frame, 128 + 48 + 4) == 30.0F);
+  // The instrument's own nodes.
+  CHECK(At<std::uint32_t>(frame, 128 + 60) == 2);
+  CHECK(At<float>(frame, 128 + 64 + 20) == 13.0F);
   // With a foreign clock, a latency would be meaningless.
   CHECK(std::isnan(At<double>(StateFrame(state, nullptr, 6), 64 + 32)));
 }
@@ -89,7 +94,7 @@ TEST_CASE("Contact forces are shown with the state of their tick alone") {
 TEST_CASE("A contact beyond the nodes that are there is left out") {
   torquer_lcm::wire_state_t state = ThreeNodes();
   state.contact_nodes = {-4, 2000};
-  CHECK(StateFrame(state, nullptr, 5).size() == 188);
+  CHECK(StateFrame(state, nullptr, 5).size() == 188 + 4 + 2 * 12);
 }
 
 TEST_CASE("Controls are taken only as the page sends them") {

@@ -247,8 +247,9 @@ class TORQUER_API Simulation {
   /// touches the wall, twists, or has friction, inertia or room in a lumen.
   double DiscretizationErrorMm();
   double max_penetration_mm() const;  ///< of the wire's surface into the wall
-  bool outside_lumen() const;         ///< true if the wire's center curve leaves it
-  /// Contacts from the entry point to the tip, at most one for each segment.
+  bool outside_lumen() const;         ///< true if the center curve of an instrument leaves it
+  /// Contacts of the innermost instrument's curve, from the entry point to its tip, at most one for
+  /// each segment. Contacts of instruments on other curves are not listed.
   std::vector<Contact> contacts() const;
   std::uint64_t state_hash() const;  ///< of everything that decides the further motion
   /// Readings of the observers of the scene; see host/simulator/effects/README.md.

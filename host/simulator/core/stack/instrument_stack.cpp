@@ -361,6 +361,11 @@ Eigen::Vector3d PointAt(const WireModel& rod, const Curve& curve, double inserti
   return curve.nodes()[at.node] + at.beyond_mm * curve.tangents()[at.node];
 }
 
+int NodesBefore(const WireModel& rod, const Curve& curve, double insertion_mm) {
+  const Stretch at = Find(rod, curve, insertion_mm);
+  return at.node + (at.beyond_mm > 0 ? 1 : 0);
+}
+
 void TakePart(const WireModel& rod, const Curve& curve, double insertion_mm,
               std::vector<Eigen::Vector3d>& out) {
   const Stretch at = Find(rod, curve, insertion_mm);

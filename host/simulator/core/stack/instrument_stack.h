@@ -144,6 +144,8 @@ class InstrumentStack {
 /// `out`.
 void TakePart(const WireModel& rod, const Curve& curve, double insertion_mm,
               std::vector<Eigen::Vector3d>& out);
+/// Number of nodes of that part before the tip.
+int NodesBefore(const WireModel& rod, const Curve& curve, double insertion_mm);
 /// Position of that tip.
 Eigen::Vector3d PointAt(const WireModel& rod, const Curve& curve, double insertion_mm);
 

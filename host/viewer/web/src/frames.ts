@@ -17,6 +17,7 @@ export interface InstrumentState {
   carriedRad: number;
   latencyMs: number; // not a number where it is unknown
   tipMm: [number, number, number];
+  nodesMm: Float32Array; // up to its tip; empty if it lies on the curve of the state
 }
 
 export interface WireState {
@@ -203,9 +204,15 @@ function readState(view: DataView, buffer: ArrayBuffer): WireState {
       carriedRad: number(at + 24),
       latencyMs: number(at + 32),
       tipMm: [number(at + 40), number(at + 48), number(at + 56)],
+      nodesMm: new Float32Array(),
     });
   }
   const first = 64 + 64 * instrumentCount;
+  let own = first + 20 * nodes;
+  for (const instrument of instruments) {
+    instrument.nodesMm = new Float32Array(buffer, own + 4, 3 * view.getUint32(own, true));
+    own += 4 + instrument.nodesMm.byteLength;
+  }
   return {
     kind: "state",
     timeS: number(8),

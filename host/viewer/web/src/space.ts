@@ -18,6 +18,7 @@ const OUTSIDE_FOV_DEG = 35;
 const INSIDE_FOV_DEG = 80;
 const BEHIND_TIP_MM = 9; // where the eye within the lumen is
 const FARTHEST_MIDDLE_MM = 30; // of a lumen from a wire within it
+const SAME_ENTRY_MM = 1e-3;
 const LINE_COLOR = "#62737f";
 const ROUTE_COLOR = "#8fd3ff";
 // Without a graphics card: drawing takes the cores that the simulator needs.
@@ -90,6 +91,18 @@ class Tube {
     }
     this.geometry.setDrawRange(0, (count - 1) * SIDES * 6);
     position.needsUpdate = normal.needsUpdate = colors.needsUpdate = true;
+  }
+
+  /** Middle of each ring. */
+  middles(): number[][] {
+    if (!this.mesh.visible || this.capacity === 0) return [];
+    const position = this.geometry.getAttribute("position");
+    const rings = this.geometry.drawRange.count / (SIDES * 6) + 1;
+    return Array.from({ length: rings }, (_, ring) => {
+      const middle = new THREE.Vector3();
+      for (let k = 0; k < SIDES; ++k) middle.add(new THREE.Vector3().fromBufferAttribute(position, ring * SIDES + k));
+      return middle.divideScalar(SIDES).toArray();
+    });
   }
 
   private reserve(count: number): void {
@@ -323,6 +336,11 @@ export class Space {
     };
   }
 
+  /** Middle of each ring of the tube of an instrument as it is drawn: for tests. */
+  tubeMm(instrument: number): number[][] {
+    return this.tubes[instrument]?.middles() ?? [];
+  }
+
   private showLines(): void {
     this.guides.clear();
     this.motion = new VesselMotion([]);
@@ -439,7 +457,12 @@ export class Space {
     const measured = Space.measures(state);
     const leastMm = DRAWN_RADIUS * this.camera.position.distanceTo(this.orbit.target);
     for (const [k, tube] of this.tubes.entries()) {
-      const radius = Math.max(scene.instruments[k]!.radius_mm, leastMm * (1 + 0.5 * k));
+      const radius = Math.max(scene.instruments[k]!.radius_mm, leastMm * (1 + 0.5 * this.countInside(state, k)));
+      const own = state.instruments[k]!.nodesMm;
+      if (own.length > 0) {
+        tube.set(own, own.length / 3, radius, (_, out) => colorAt(0, out));
+        continue;
+      }
       const count = k === 0 ? state.nodesMm.length / 3 : this.nodesOf(state, k);
       const share = (node: number) =>
         measured ? state.contactMN[node]! / FORCE_MN : state.depthUm[node]! / DEPTH_UM;
@@ -469,6 +492,16 @@ export class Space {
     return new THREE.MeshPhongMaterial({
       color: OUTER[k % OUTER.length]!, transparent: true, opacity: 0.45, depthWrite: false,
     });
+  }
+
+  // Instruments within instrument k. One beside it enters elsewhere.
+  private countInside(state: WireState, k: number): number {
+    const entry = (j: number) => {
+      const own = state.instruments[j]!.nodesMm;
+      return new THREE.Vector3().fromArray(own.length > 0 ? own : state.nodesMm);
+    };
+    const at = entry(k);
+    return state.instruments.slice(0, k).filter((_, j) => entry(j).distanceTo(at) < SAME_ENTRY_MM).length;
   }
 
   // An instrument ends at its tip: the node that is nearest to it.
