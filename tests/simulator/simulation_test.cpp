@@ -146,9 +146,10 @@ TEST_CASE("An instrument has nodes in the message if it lies on another curve", 
   // A stride shortens a bent polyline.
   CHECK(ArcLength(second) ==
         Approx(second.insertion_mm).margin(kind == "fine buddy" ? 0.01 : 1e-3));
-  const double from_main_mm = std::hypot(second.nodes_mm[0][0] - message.nodes_mm[0][0],
-                                         second.nodes_mm[0][1] - message.nodes_mm[0][1],
-                                         second.nodes_mm[0][2] - message.nodes_mm[0][2]);
+  const auto apart_mm = [&](std::size_t axis) {
+    return static_cast<double>(second.nodes_mm[0][axis]) - message.nodes_mm[0][axis];
+  };
+  const double from_main_mm = std::hypot(apart_mm(0), apart_mm(1), apart_mm(2));
   CHECK(from_main_mm == Approx(kind == "room" ? 0 : 1).margin(1e-5));
   for (std::size_t axis = 0; axis < 3; ++axis) {
     CHECK(second.nodes_mm.back()[axis] == Approx(second.tip_mm[axis]).margin(1e-5));
