@@ -147,7 +147,7 @@ TEST_CASE("An instrument has nodes in the message if it lies on another curve", 
   CHECK(ArcLength(second) ==
         Approx(second.insertion_mm).margin(kind == "fine buddy" ? 0.01 : 1e-3));
   const auto apart_mm = [&](std::size_t axis) {
-    return static_cast<double>(second.nodes_mm[0][axis]) - message.nodes_mm[0][axis];
+    return static_cast<double>(second.nodes_mm[0][axis] - message.nodes_mm[0][axis]);
   };
   const double from_main_mm = std::hypot(apart_mm(0), apart_mm(1), apart_mm(2));
   CHECK(from_main_mm == Approx(kind == "room" ? 0 : 1).margin(1e-5));
