@@ -201,6 +201,19 @@ TEST_CASE("Every section of every shipped scene refuses a key that it does not k
   }
 }
 
+// host/demo moves every instrument of a scene.
+TEST_CASE("A shipped scene has a motion for each of its instruments", "[scene]") {
+  for (const std::filesystem::path& path : ShippedScenes()) {
+    const SceneSpec scene = ParseScene(Text(path), path, path.parent_path());
+    for (std::size_t k = 0; k < scene.instruments.size(); ++k) {
+      const std::string instrument = k == 0 ? "" : "." + scene.instruments[k].name;
+      const std::string motion = path.stem().string() + instrument + ".motion.csv";
+      CAPTURE(motion);
+      CHECK(std::filesystem::exists(path.parent_path() / motion));
+    }
+  }
+}
+
 TEST_CASE("A number stands for a list of one wherever a key takes either", "[scene]") {
   const auto written = [](const std::string& text) {
     return WriteScene(ParseScene(text, "small.toml", {}));
