@@ -79,7 +79,7 @@ TEST_CASE("The sweep of several curves solves the dense Newton system") {
   const double ratio = GENERATE(0.0, 0.7);
   // Dense Hessians by finite differences take minutes under sanitizers.
   if (kUnderSanitizer && (k > 0 || ratio == 0)) return;
-  // Of the layouts with instruments beside each other, every second one twists.
+  // Every second layout with instruments beside each other twists.
   if (Rooms()[k].beside != TwoCurves::Marks() && (ratio > 0) != (k % 2 == 0)) return;
   const double weight = ratio > 0 || k > 2 || test::kUnderSanitizer ? 10.0 : GENERATE(0.1, 10.0);
   unsigned seed = 11;
