@@ -18,6 +18,8 @@ class EffectPrices::WatchedTerm final : public EnergyTerm {
   }
   bool Dissipates() const override { return term_.Dissipates(); }
   bool ActsOnSurface() const override { return term_.ActsOnSurface(); }
+  const Sliding* SlidingBetween() const override { return term_.SlidingBetween(); }
+  bool SlidesInLumen() const override { return term_.SlidesInLumen(); }
   double Add(const PointSet& points, PointDerivatives& out) const override {
     return Timed([&] { return term_.Add(points, out); });
   }

@@ -1,11 +1,15 @@
 #include "host/simulator/effect_prices.h"
 
 #include <catch2/catch.hpp>
+#include <fstream>
+#include <iterator>
 #include <map>
+#include <string>
 
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/simulation.h"
 #include "tests/support/paths.h"
+#include "tests/support/temporary_folder.h"
 
 using torquer::simulator::Command;
 using torquer::simulator::EffectPrices;
@@ -30,6 +34,11 @@ class SlowTerm final : public torquer::EnergyTerm {
   std::uint64_t Hash(std::uint64_t seed) const override { return seed + 7; }
   bool Dissipates() const override { return true; }
   bool ActsOnSurface() const override { return true; }
+  const torquer::Sliding* SlidingBetween() const override { return &sliding_; }
+  bool SlidesInLumen() const override { return true; }
+
+ private:
+  const torquer::Sliding sliding_;
 };
 
 std::map<std::string, double> Taken(EffectPrices& prices) {
@@ -46,6 +55,8 @@ TEST_CASE("Prices are the time of each effect, apart from the solver's", "[simul
   torquer::EnergyTerm& watched = *prices.Watch(0, &slow);
   CHECK(watched.Dissipates());
   CHECK(watched.ActsOnSurface());
+  CHECK(watched.SlidingBetween() == slow.SlidingBetween());
+  CHECK(watched.SlidesInLumen());
   CHECK(watched.Hash(1) == 8);
   const torquer::PointSet points;
   torquer::PointDerivatives derivatives;
@@ -77,24 +88,71 @@ TEST_CASE("Prices are the time of each effect, apart from the solver's", "[simul
   CHECK(Taken(prices).at("slow") == 0);
 }
 
-TEST_CASE("Prices change nothing that is simulated, and name the effects of the scene",
-          "[simulator]") {
-  torquer::scene::Scene priced_scene(torquer::test::SourcePath("/host/scenes/calcified.toml"));
-  torquer::scene::Scene plain_scene(priced_scene.path());
+namespace {
+
+std::string Shipped(const std::string& name) {
+  std::ifstream in(torquer::test::SourcePath("/host/scenes/" + name + ".toml"));
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// Two instruments on one curve, or with room, that twist and slide in each other.
+std::string Nested(const std::string& effects) {
+  return "name = \"nested\"\n[vessel]\nkind = \"ty_phantom\"\nwall_stiffness_N_mm2 = 0.5\n"
+         "[entry]\ncenterline = \"main\"\nat_mm = 1\n"
+         "[[instrument]]\nmax_length_mm = 200\nradius_mm = 0.2\nrigidity_N_mm2 = 0.02\n"
+         "linear_density_g_m = 2\ntip_mm = 10\ntip_angle_deg = 30\ninserted_at_start_mm = 110\n"
+         "[[instrument]]\nname = \"catheter\"\nmax_length_mm = 150\ninner_radius_mm = 0.6\n"
+         "linear_density_g_m = 2\nradius_mm = 0.8\nrigidity_N_mm2 = 0.05\ninserted_at_start_mm = "
+         "90\n"
+         "[effects.torsion]\n[effects.friction]\ncoefficient = 0.1\n"
+         "[effects.friction_between]\ncoefficient = 0.1\n" +
+         effects;
+}
+
+}  // namespace
+
+TEST_CASE("Prices change nothing that is simulated", "[simulator]") {
+  const std::string text = GENERATE(Shipped("calcified"), Shipped("buddy_wire"),
+                                    Shipped("buddy_wire") + "[effects.torsion]\n", Nested(""),
+                                    Nested("[effects.clearance]\n"), Nested("[effects.inertia]\n"));
+  const torquer::test::TemporaryFolder folder;
+  const std::string path = folder.Path("scene.toml");
+  std::ofstream(path) << text;
+  CAPTURE(text);
+  torquer::scene::Scene priced_scene(path);
+  torquer::scene::Scene plain_scene(path);
   EffectPrices prices(priced_scene.names_of_effects(), Look);
   Simulation priced(priced_scene, &prices);
   Simulation plain(plain_scene);
-  CHECK(priced.prices() == &prices);
-  CHECK(plain.prices() == nullptr);
-  for (int k = 1; k <= 80; ++k) {
+  REQUIRE(priced.state_hash() == plain.state_hash());
+  for (int k = 1; k <= 40; ++k) {
     Command command;
+    command.time_s = 0.01 * k;
     command.target = priced_scene.start();
-    command.target[0].insertion_mm += 0.5 * k;
-    command.target[0].rotation_rad += 0.05 * k;
+    for (auto& place : command.target) {
+      place.insertion_mm += 0.3 * k;
+      place.rotation_rad += 0.05 * k;
+    }
     torquer::CountedBudget one(1000), other(1000);
     priced.Tick(command, one);
     plain.Tick(command, other);
     REQUIRE(priced.state_hash() == plain.state_hash());
+  }
+}
+
+TEST_CASE("Prices name the effects of the scene", "[simulator]") {
+  torquer::scene::Scene scene(torquer::test::SourcePath("/host/scenes/calcified.toml"));
+  EffectPrices prices(scene.names_of_effects(), Look);
+  Simulation priced(scene, &prices);
+  CHECK(priced.prices() == &prices);
+  torquer::scene::Scene plain_scene(scene.path());
+  CHECK(Simulation(plain_scene).prices() == nullptr);
+  for (int k = 1; k <= 80; ++k) {
+    Command command;
+    command.target = scene.start();
+    command.target[0].insertion_mm += 0.5 * k;
+    torquer::CountedBudget budget(1000);
+    priced.Tick(command, budget);
   }
   const auto taken = Taken(prices);
   CHECK(taken.at("friction") > 0);
