@@ -110,6 +110,29 @@ TEST_CASE("Instruments that do not touch do not know of each other") {
   CHECK(pair.Upper().tip()[2] - 0.9 == Approx(1e-5 * 216000 / 15).epsilon(1e-3));
 }
 
+TEST_CASE("A strong force drives no instrument through the one beside it in a step") {
+  SideBySide pair({.upper_N_mm2 = 0.5, .gap_mm = 3});
+  pair.MoveTo({60, 0}, {50, 0});
+  pair.force.SetForce({0, 0, -0.2});
+  const InstrumentPlaces here = pair.state.places();
+  const auto apart = [&pair](int node) -> Vector3d {
+    const auto k = static_cast<std::size_t>(node);
+    return pair.Upper().nodes()[k] - pair.Lower().nodes()[k];
+  };
+  std::vector<Vector3d> before;
+  for (int i = 1; i <= 45; ++i) before.push_back(apart(i));
+  for (int iteration = 0; iteration < 40; ++iteration) {
+    CountedBudget one(1);
+    pair.relaxation->Tick(here, one, pair.state);
+    for (int i = 1; i <= 45; ++i) {
+      Vector3d& old = before[static_cast<std::size_t>(i) - 1];
+      CAPTURE(iteration, i, old.transpose(), apart(i).transpose());
+      CHECK(old.dot(apart(i)) > 0);
+      old = apart(i);
+    }
+  }
+}
+
 // An instrument slides on another one with the force mu N, and both hands feel it.
 TEST_CASE("Feeding along an instrument beside meets Coulomb friction at both hands") {
   const bool upper_first = GENERATE(true, false);
