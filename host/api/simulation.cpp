@@ -229,9 +229,9 @@ bool Simulation::outside_lumen() const {
 std::vector<Contact> Simulation::contacts() const {
   const auto hold = parts().usage.Look();
   std::vector<Contact> all;
-  for (const simulator::Simulation::Contact& contact : parts_->simulation.Contacts()) {
-    all.push_back({static_cast<std::size_t>(contact.node), contact.penetration_mm});
-  }
+  parts_->simulation.VisitContacts([&all](int node, double penetration_mm) {
+    all.push_back({static_cast<std::size_t>(node), penetration_mm});
+  });
   return all;
 }
 

@@ -292,9 +292,9 @@ void Simulation::DescribeShape(torquer_lcm::wire_state_t& out) const {
   out.node_count = static_cast<std::int32_t>(out.nodes_mm.size());
 }
 
-std::vector<Simulation::Contact> Simulation::Contacts() const {
+void Simulation::VisitContacts(
+    const std::function<void(int node, double penetration_mm)>& visit) const {
   const PointSet& points = relaxation_->Current().points;
-  std::vector<Contact> all;
   for (int i = 0; i < state_.segments(); ++i) {
     double deepest_mm = 0;
     for (int k = 0; k < points.per_segment; ++k) {
@@ -302,18 +302,17 @@ std::vector<Simulation::Contact> Simulation::Contacts() const {
       if (q >= points.touches.size() || !points.touches[q]) continue;
       deepest_mm = std::max(deepest_mm, points.radius_mm[q] - points.clearance[q].clearance_mm);
     }
-    if (deepest_mm > 0) all.push_back({i + 1, deepest_mm});
+    if (deepest_mm > 0) visit(i + 1, deepest_mm);
   }
-  return all;
 }
 
 void Simulation::DescribeContacts(torquer_lcm::wire_state_t& out) const {
   out.contact_nodes.clear();
   out.contact_penetrations_um.clear();
-  for (const Contact& contact : Contacts()) {
-    out.contact_nodes.push_back(contact.node);
-    out.contact_penetrations_um.push_back(static_cast<float>(1e3 * contact.penetration_mm));
-  }
+  VisitContacts([&out](int node, double penetration_mm) {
+    out.contact_nodes.push_back(node);
+    out.contact_penetrations_um.push_back(static_cast<float>(1e3 * penetration_mm));
+  });
   out.contact_count = static_cast<std::int32_t>(out.contact_nodes.size());
 }
 

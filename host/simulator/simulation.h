@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <torquer_lcm/wire_state_t.hpp>
@@ -80,13 +81,10 @@ class Simulation {
   double longest_tick_s() const;
   /// True if the wire is at rest at its targets.
   bool at_rest() const { return report_.converged && report_.arrived(); }
-  /// Contact of the innermost curve with the wall: at most one for each segment, at its deepest
-  /// point. Contacts of other curves are not listed.
-  struct Contact {
-    int node = 0;  ///< distal node of the segment
-    double penetration_mm = 0;
-  };
-  std::vector<Contact> Contacts() const;
+  /// Calls `visit` for each segment of the innermost curve that touches the wall, in order towards
+  /// the tip. It gets the distal node of the segment and the depth of its deepest point, > 0.
+  /// Contacts of other curves are left out.
+  void VisitContacts(const std::function<void(int node, double penetration_mm)>& visit) const;
   /// Readings of the observers of the scene.
   std::vector<effects::Reading> Readings() const;
   /// Forces along the wire in the present state; null if no effect computes them.
