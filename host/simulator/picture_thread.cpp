@@ -5,7 +5,7 @@
 #include <torquer_lcm/picture_t.hpp>
 
 #include "host/bus/clock.h"
-#include "host/simulator/picture_file.h"
+#include "host/simulator/jpeg_encoder.h"
 #include "host/support/error_output.h"
 #include "host/support/realtime.h"
 

@@ -8,7 +8,7 @@
 #include "host/recorder/screen_course.h"
 #include "host/recorder/session_report.h"
 #include "host/recorder/shape_thinner.h"
-#include "host/simulator/picture_file.h"
+#include "host/simulator/jpeg_encoder.h"
 #include "host/support/error.h"
 #include "protocol/lcm_channels.h"
 #include "tests/fuzz/target.h"

@@ -12,7 +12,7 @@
 
 #include "host/recorder/gray_jpeg.h"
 #include "host/recorder/screen_subtitles.h"
-#include "host/simulator/picture_file.h"
+#include "host/simulator/jpeg_encoder.h"
 #include "host/support/event_log_writer.h"
 #include "protocol/lcm_channels.h"
 #include "tests/recorder/session_fixture.h"

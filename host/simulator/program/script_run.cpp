@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "host/bus/clock.h"
-#include "host/simulator/picture_file.h"
+#include "host/simulator/program/png_file.h"
 #include "host/simulator/program/states_output.h"
 #include "host/simulator/script_columns.h"
 #include "host/simulator/session_record.h"
@@ -47,7 +47,7 @@ class PictureFolder {
     for (int plane = 0; plane < simulation.picture_planes(); ++plane) {
       if (!simulation.picture_due(plane)) continue;
       const int number = ++counts_[static_cast<std::size_t>(plane)];
-      simulator::WritePng(NameOf(number, plane), simulation.LastPicture(plane));
+      WritePng(NameOf(number, plane), simulation.LastPicture(plane));
     }
   }
 

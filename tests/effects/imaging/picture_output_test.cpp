@@ -13,8 +13,8 @@
 #include <jpeglib.h>
 
 #include "host/bus/clock.h"
+#include "host/simulator/jpeg_encoder.h"
 #include "host/simulator/live_loop.h"
-#include "host/simulator/picture_file.h"
 #include "host/simulator/picture_thread.h"
 #include "host/simulator/program/script_run.h"
 #include "protocol/lcm_channels.h"

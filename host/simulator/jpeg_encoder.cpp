@@ -1,15 +1,10 @@
-#include "host/simulator/picture_file.h"
-
-#include <png.h>
+#include "host/simulator/jpeg_encoder.h"
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 // jpeglib.h needs <cstdio> and does not include it.
 #include <jpeglib.h>
-
-#include "host/support/atomic_file.h"
-#include "host/support/error.h"
 
 namespace torquer::simulator {
 
@@ -35,22 +30,6 @@ Picture Halved(const Picture& picture) {
 }
 
 }  // namespace
-
-void WritePng(const std::string& path, const torquer::Picture& picture) {
-  png_image image{};
-  image.version = PNG_IMAGE_VERSION;
-  image.width = static_cast<png_uint_32>(picture.width);
-  image.height = static_cast<png_uint_32>(picture.height);
-  image.format = PNG_FORMAT_GRAY;
-  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(image);
-  std::string bytes(size, '\0');
-  if (png_image_write_to_memory(&image, bytes.data(), &size, 0, picture.gray.data(), 0, nullptr) ==
-      0) {
-    throw UserError(path + ": the picture cannot be made a PNG: " + image.message);
-  }
-  bytes.resize(size);
-  WriteFileAtomically(path, bytes);
-}
 
 void JpegEncoder::EncodeAt(const effects::ImageSource::Picture& picture, int quality) {
   jpeg_compress_struct compress{};

@@ -1,18 +1,13 @@
-// X-ray pictures as PNG files and as JPEG bytes.
+// X-ray pictures as JPEG bytes.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <string>
 #include <vector>
 
-#include "host/api/torquer/torquer.h"
 #include "host/simulator/effects/effect.h"
 
 namespace torquer::simulator {
-
-/// Writes a gray PNG. Throws UserError naming the path.
-void WritePng(const std::string& path, const torquer::Picture& picture);
 
 struct Jpeg {
   int width = 0;
