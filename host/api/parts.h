@@ -1,4 +1,12 @@
 // Private data of the public classes of torquer.h.
+//
+// torquer.h stands alone, and the simulator lies below it. So some types have a twin there:
+//   Scene, Simulation: scene::Scene and simulator::Simulation, hidden from the ABI
+//   Command: simulator::Command, in rad, without heap, with the doubts of a live hand
+//   StepReport: TickReport, which the solver fills for one tick
+//   Hand, InstrumentInfo: InstrumentPlace and effects::Instrument, with which mechanics calculates
+//   Imaging, Reading, Picture: those of effects, which read the first and fill the others
+//   Forces: InternalForces, in N and mJ
 #pragma once
 
 #include <Eigen/Core>
@@ -7,8 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "host/api/row_run.h"
 #include "host/api/torquer/torquer.h"
-#include "host/simulator/row_run.h"
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
@@ -44,7 +52,7 @@ struct Simulation::Parts {
   Scene scene;
   std::shared_ptr<scene::Scene> lent;
   simulator::Simulation simulation;
-  simulator::RowRun rows;
+  RowRun rows;
   std::vector<Picture> pictures;   ///< of each plane
   std::vector<bool> pictures_due;  ///< a picture was taken that `pictures` does not have
   mutable Usage<Error> usage;

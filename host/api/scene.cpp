@@ -40,7 +40,7 @@ Error::~Error() = default;
 Scene::Parts::Parts(scene::SceneSpec spec)
     : scene(std::make_unique<scene::Scene>(std::move(spec))),
       folder(Absolute(scene->spec().folder)),
-      instruments(simulator::InstrumentsOf(*scene)) {}
+      instruments(InstrumentsOf(*scene)) {}
 
 Scene::Parts::~Parts() { KeepField(); }
 

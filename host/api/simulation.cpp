@@ -33,7 +33,7 @@ void Check(const Command& command, const Scene& scene) {
     throw Error(fmt::format("an angle of the C-arm is {} degrees; give -180 to 180", angle_deg));
   }
   const Imaging& imaging = command.imaging;
-  if (simulator::Usable(simulator::ToEffects(imaging))) return;
+  if (simulator::Usable(ToEffects(imaging))) return;
   throw Error(fmt::format(
       "imaging has mode {}, pulses_per_s {}, magnification {}, shutters left {}, right {}, top {}, "
       "bottom {}; give a mode that there is, 1 to 60 pulses or 0, magnification 1 to 4, shutters 0 "

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "host/simulator/row_run.h"
-#include "host/simulator/script_columns.h"
+#include "host/api/row_run.h"
+#include "host/api/script_columns.h"
 #include "host/simulator/simulation.h"
 
 namespace torquer::study {
@@ -28,9 +28,9 @@ struct Trace {
 };
 
 Trace Run(StudyRun& run, scene::Scene& scene, const std::string& script) {
-  const auto rows = simulator::ReadScript(script, scene.path(), simulator::InstrumentsOf(scene));
+  const auto rows = ReadScript(script, scene.path(), InstrumentsOf(scene));
   simulator::Simulation simulation(scene);
-  simulator::RowRun motion(simulation);
+  RowRun motion(simulation);
   Trace trace;
   simulation.RecordAttempts(&trace.attempts);
   const double first_s = rows.empty() ? 0 : rows.front().time_s;

@@ -1,8 +1,8 @@
 // Fuzz target for scripts: of the simulator, of the emulator's hand and of torquer-calibrate.
+#include "host/api/row_run.h"
+#include "host/api/script_columns.h"
 #include "host/emulator/motion_script.h"
-#include "host/simulator/row_run.h"
 #include "host/simulator/scene/scene.h"
-#include "host/simulator/script_columns.h"
 #include "host/tools/calibrate_script.h"
 #include "tests/fuzz/target.h"
 
@@ -20,8 +20,7 @@ Bytes Head(const std::string& path, int lines) {
 bool AcceptsScript(std::span<const std::uint8_t> input) {
   static const scene::Scene scene(scene::ParseScene(SourceText("host/scenes/drill_tube.toml"),
                                                     "drill_tube.toml", "host/scenes"));
-  return !simulator::ReadScript(FileWith(input), scene.path(), simulator::InstrumentsOf(scene))
-              .empty();
+  return !ReadScript(FileWith(input), scene.path(), InstrumentsOf(scene)).empty();
 }
 
 bool AcceptsHand(std::span<const std::uint8_t> input) {

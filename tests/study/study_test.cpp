@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "host/simulator/row_run.h"
-#include "host/simulator/script_columns.h"
+#include "host/api/row_run.h"
+#include "host/api/script_columns.h"
 #include "host/simulator/simulation.h"
 #include "host/support/error.h"
 #include "tests/study/study_program.h"
@@ -224,10 +224,9 @@ TEST_CASE("A trace has every attempt of every tick, and changes none") {
   // The same motion without a recording.
   scene::Scene scene(file.path());
   simulator::Simulation simulation(scene);
-  simulator::RowRun motion(simulation);
+  RowRun motion(simulation);
   std::vector<TickReport> ticks;
-  for (const Command& row :
-       simulator::ReadScript(script, scene.path(), simulator::InstrumentsOf(scene))) {
+  for (const Command& row : ReadScript(script, scene.path(), InstrumentsOf(scene))) {
     motion.GoTo(row, [&](const StepReport&) {
       ticks.push_back(simulation.report());
       return true;

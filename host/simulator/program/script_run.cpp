@@ -9,10 +9,10 @@
 #include <optional>
 #include <vector>
 
+#include "host/api/script_columns.h"
 #include "host/bus/clock.h"
 #include "host/simulator/program/png_file.h"
 #include "host/simulator/program/states_output.h"
-#include "host/simulator/script_columns.h"
 #include "host/simulator/session_record.h"
 #include "host/support/atomic_file.h"
 #include "host/support/csv_table.h"
@@ -24,8 +24,6 @@ namespace torquer::program {
 
 namespace {
 
-using simulator::ReadScript;
-using simulator::ScriptColumns;
 using simulator::SessionRecord;
 
 class PictureFolder {

@@ -9,7 +9,7 @@
 #include "host/api/torquer/torquer.h"
 #include "host/support/csv_table.h"
 
-namespace torquer::simulator {
+namespace torquer {
 
 /// Columns of a script by name. time_s is required and ascends. Optional columns of each instrument
 /// are NAME.insertion_mm and NAME.rotation_rad, measured from the start. Others are lao_deg,
@@ -21,7 +21,7 @@ class ScriptColumns {
   ScriptColumns(const CsvTable& table, std::string scene, std::vector<InstrumentInfo> instruments);
 
   /// Reads the next row, which must be later than the row before.
-  torquer::Command Read(const CsvRow& row);
+  Command Read(const CsvRow& row);
 
  private:
   struct Column {
@@ -30,7 +30,7 @@ class ScriptColumns {
     double lowest;
     double highest;
     bool whole;
-    void (*take)(std::size_t instrument, double value, torquer::Command& command);
+    void (*take)(std::size_t instrument, double value, Command& command);
   };
 
   void TakeColumn(std::size_t index);
@@ -43,7 +43,7 @@ class ScriptColumns {
 };
 
 /// Reads all rows of a script file. Throws UserError as ScriptColumns.
-std::vector<torquer::Command> ReadScript(const std::string& script, const std::string& scene,
-                                         const std::vector<InstrumentInfo>& instruments);
+std::vector<Command> ReadScript(const std::string& script, const std::string& scene,
+                                const std::vector<InstrumentInfo>& instruments);
 
-}  // namespace torquer::simulator
+}  // namespace torquer

@@ -1,5 +1,5 @@
 // Division of a script's rows into ticks.
-#include "host/simulator/script_ticks.h"
+#include "host/api/script_ticks.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-using torquer::simulator::ScriptTicks;
+using torquer::ScriptTicks;
 
 namespace {
 

@@ -1,16 +1,16 @@
-#include "host/simulator/row_run.h"
+#include "host/api/row_run.h"
 
 #include <numbers>
 
-#include "host/simulator/script_ticks.h"
+#include "host/api/script_ticks.h"
 
-namespace torquer::simulator {
+namespace torquer {
 
 namespace {
 
-Command ToTick(const torquer::Command& row) {
+simulator::Command ToTick(const Command& row) {
   constexpr double kRadPerDeg = std::numbers::pi / 180;
-  Command tick;
+  simulator::Command tick;
   tick.target = InstrumentPlaces(static_cast<int>(row.hands.size()));
   for (int k = 0; k < tick.target.size(); ++k) {
     const Hand& hand = row.hands[static_cast<std::size_t>(k)];
@@ -56,7 +56,7 @@ std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene) {
   return all;
 }
 
-RowRun::RowRun(Simulation& simulation) : simulation_(simulation) { Restart(); }
+RowRun::RowRun(simulator::Simulation& simulation) : simulation_(simulation) { Restart(); }
 
 void RowRun::Restart() {
   command_ = {};
@@ -71,12 +71,12 @@ void RowRun::CopyFrom(const RowRun& twin) {
   begun_ = twin.begun_;
 }
 
-StepReport RowRun::GoTo(const torquer::Command& row,
+StepReport RowRun::GoTo(const Command& row,
                         const std::function<bool(const StepReport& tick)>& after_tick) {
-  const torquer::Command before = command_;
+  const Command before = command_;
   ScriptTicks ticks(before, row, simulation_.longest_tick_s());
   StepReport step;
-  for (torquer::Command tick; step.finished && ticks.Next(tick);) {
+  for (Command tick; step.finished && ticks.Next(tick);) {
     CountedBudget budget(simulation_.scene().budget_units());
     const TickReport& report = simulation_.Tick(ToTick(tick), budget);
     command_ = tick;
@@ -100,4 +100,4 @@ StepReport RowRun::GoTo(const torquer::Command& row,
   return step;
 }
 
-}  // namespace torquer::simulator
+}  // namespace torquer

@@ -1,4 +1,4 @@
-#include "host/simulator/script_columns.h"
+#include "host/api/script_columns.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -9,7 +9,7 @@
 #include "host/support/error.h"
 #include "host/support/nearest_name.h"
 
-namespace torquer::simulator {
+namespace torquer {
 
 ScriptColumns::ScriptColumns(const CsvTable& table, std::string scene,
                              std::vector<InstrumentInfo> instruments)
@@ -25,7 +25,7 @@ void ScriptColumns::TakeColumn(std::size_t index) {
   constexpr double kAny = 1e300;
   const std::string& name = table_.columns[index];
   std::vector<std::string> known = {"time_s", "lao_deg", "cra_deg", "xray", "contrast"};
-  using Row = torquer::Command&;
+  using Row = Command&;
   const auto add = [&](std::size_t instrument, double lowest, double highest, bool whole,
                        auto take) {
     columns_.push_back({index, instrument, lowest, highest, whole, take});
@@ -49,11 +49,11 @@ void ScriptColumns::TakeColumn(std::size_t index) {
     const std::string& instrument = instruments_[k].name;
     if (name == instrument + ".insertion_mm") {
       const double start_mm = instruments_[k].start.insertion_mm;
-      return add(k, -kFarthestPlace - start_mm, kFarthestPlace - start_mm, false,
-                 [](std::size_t i, double v, Row row) { row.hands[i].insertion_mm += v; });
+      return add(k, -simulator::kFarthestPlace - start_mm, simulator::kFarthestPlace - start_mm,
+                 false, [](std::size_t i, double v, Row row) { row.hands[i].insertion_mm += v; });
     }
     if (name == instrument + ".rotation_rad") {
-      return add(k, -kFarthestPlace, kFarthestPlace, false,
+      return add(k, -simulator::kFarthestPlace, simulator::kFarthestPlace, false,
                  [](std::size_t i, double v, Row row) { row.hands[i].rotation_rad = v; });
     }
     known.push_back(instrument + ".insertion_mm");
@@ -66,8 +66,8 @@ void ScriptColumns::TakeColumn(std::size_t index) {
                   near.empty() ? "" : "did you mean " + near + "? ", fmt::join(known, ", ")));
 }
 
-torquer::Command ScriptColumns::Read(const CsvRow& row) {
-  torquer::Command command;
+Command ScriptColumns::Read(const CsvRow& row) {
+  Command command;
   for (const InstrumentInfo& instrument : instruments_) command.hands.push_back(instrument.start);
   for (const Column& column : columns_) {
     const double value = table_.Number(row, column.index);
@@ -89,13 +89,13 @@ torquer::Command ScriptColumns::Read(const CsvRow& row) {
   return command;
 }
 
-std::vector<torquer::Command> ReadScript(const std::string& script, const std::string& scene,
-                                         const std::vector<InstrumentInfo>& instruments) {
+std::vector<Command> ReadScript(const std::string& script, const std::string& scene,
+                                const std::vector<InstrumentInfo>& instruments) {
   const CsvTable table = ReadCsvTable(script);
   ScriptColumns columns(table, scene, instruments);
-  std::vector<torquer::Command> commands;
+  std::vector<Command> commands;
   for (const CsvRow& row : table.rows) commands.push_back(columns.Read(row));
   return commands;
 }
 
-}  // namespace torquer::simulator
+}  // namespace torquer

@@ -1,10 +1,10 @@
-#include "host/simulator/script_ticks.h"
+#include "host/api/script_ticks.h"
 
 #include <cmath>
 
-namespace torquer::simulator {
+namespace torquer {
 
-bool ScriptTicks::Next(torquer::Command& tick) {
+bool ScriptTicks::Next(Command& tick) {
   if (done_) return false;
   tick = row_;
   // Tolerance, in steps, within which a row and a step end together.
@@ -27,4 +27,4 @@ bool ScriptTicks::Next(torquer::Command& tick) {
   return true;
 }
 
-}  // namespace torquer::simulator
+}  // namespace torquer

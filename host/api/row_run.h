@@ -8,7 +8,7 @@
 #include "host/simulator/scene/scene.h"
 #include "host/simulator/simulation.h"
 
-namespace torquer::simulator {
+namespace torquer {
 
 /// Public descriptions of a scene's instruments, the innermost first.
 std::vector<InstrumentInfo> InstrumentsOf(const scene::Scene& scene);
@@ -21,14 +21,14 @@ effects::Imaging ToEffects(const Imaging& imaging);
 class RowRun {
  public:
   /// `simulation` must be at its start, and must outlive this.
-  explicit RowRun(Simulation& simulation);
+  explicit RowRun(simulator::Simulation& simulation);
 
   /// Advances to `row`, as Simulation::Step of torquer.h. `row` must be later than the row before,
   /// and have the same instruments.
-  StepReport GoTo(const torquer::Command& row,
+  StepReport GoTo(const Command& row,
                   const std::function<bool(const StepReport& tick)>& after_tick);
   /// Command of the last tick; before the first one, the start.
-  const torquer::Command& command() const { return command_; }
+  const Command& command() const { return command_; }
   /// True if a tick has run since the start.
   bool begun() const { return begun_; }
   /// Copies the state of `twin`.
@@ -37,9 +37,9 @@ class RowRun {
   void Restart();
 
  private:
-  Simulation& simulation_;
-  torquer::Command command_;
+  simulator::Simulation& simulation_;
+  Command command_;
   bool begun_ = false;
 };
 
-}  // namespace torquer::simulator
+}  // namespace torquer
