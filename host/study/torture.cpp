@@ -7,6 +7,8 @@
 #include <sstream>
 
 #include "host/study/cases/hard_cases.h"
+#include "host/study/cases/random_scene.h"
+#include "host/study/cases/scene_run.h"
 #include "host/support/error.h"
 #include "host/support/machine.h"
 
@@ -32,7 +34,13 @@ struct Tally {
   int at_rest = 0;  // runs that ended in equilibrium
   double deepest_mm = 0;
   double worst_rise = 0;
+  // Of scenes, at rest: overlap of an instrument with the lumen around it, and smallest distance of
+  // instruments beside each other, in parts of that at which they touch.
+  std::optional<double> overlap_mm;
+  std::optional<double> closest;
 };
+
+constexpr char kSceneName[] = "a scene at random";
 
 class TortureStudy final : public Study {
  public:
@@ -73,26 +81,66 @@ class TortureStudy final : public Study {
     const std::vector<HardCase> cases = HardCases();
     const unsigned seconds = seconds_.value_or(run.quick() ? 10 : 60);
     for (unsigned seed = seed_;; ++seed) {
+      const double done = seconds == 0 ? 0 : std::min(1.0, watch_.Seconds() / seconds);
       std::mt19937 random(seed);
-      // Half of the runs use "anything at random"; the rest use one of the named cases.
-      const std::size_t drawn =
-          random() % 2 == 0 ? cases.size() - 1 : random() % (cases.size() - 1);
-      const HardCase& hard = cases[drawn];
-      Way way = kAllWays[random() % std::size(kAllWays)];
-      if (!hard.for_paper && way == Way::kPaper) way = Way::kNewton;
-      run.Progress("seed " + std::to_string(seed) + ", " + hard.name,
-                   seconds == 0 ? 0 : std::min(1.0, watch_.Seconds() / seconds));
-      const HardOutcome outcome = RunHardCase(hard, way, seed);
-      if (!Take(run, hard, way, outcome,
-                "seed " + std::to_string(seed) +
-                    "; again: torquer-study torture --seconds 0 "
-                    "--seed " +
-                    std::to_string(seed))) {
+      // A quarter each: a scene at random, a shipped scene, a wire with "anything at random", and
+      // one of the named cases.
+      const auto kind = random() % 4;
+      const bool held = kind == 0   ? DrawScene(run, seed, random, done)
+                        : kind == 1 ? DrawShipped(run, seed, random, done)
+                                    : DrawCase(run, seed, random, done, kind == 2, cases);
+      if (!held) {
         run.Record("failure", "seed", seed, "");
         return false;
       }
       if (watch_.Seconds() >= seconds) return true;
     }
+  }
+
+  bool DrawCase(StudyRun& run, unsigned seed, std::mt19937& random, double done, bool anything,
+                const std::vector<HardCase>& cases) {
+    const HardCase& hard = cases[anything ? cases.size() - 1 : random() % (cases.size() - 1)];
+    Way way = kAllWays[random() % std::size(kAllWays)];
+    if (!hard.for_paper && way == Way::kPaper) way = Way::kNewton;
+    run.Progress("seed " + std::to_string(seed) + ", " + hard.name, done);
+    return Take(run, hard, way, RunHardCase(hard, way, seed), Again(seed));
+  }
+
+  bool DrawScene(StudyRun& run, unsigned seed, std::mt19937& random, double done) {
+    run.Progress("seed " + std::to_string(seed) + ", " + kSceneName, done);
+    const std::string text = RandomScene(random);
+    scene::Scene scene(scene::ParseScene(text, "random.toml", "."));
+    if (Take(run, kSceneName, scene, seed, random)) return true;
+    run.Say("The scene:\n" + text);
+    return false;
+  }
+
+  // A shipped scene, with one more start for each seed.
+  bool DrawShipped(StudyRun& run, unsigned seed, std::mt19937& random, double done) {
+    static constexpr const char* kShipped[] = {"everything", "buddy_wire", "triaxial"};
+    const std::string name = kShipped[random() % std::size(kShipped)];
+    run.Progress("seed " + std::to_string(seed) + ", " + name, done);
+    std::unique_ptr<scene::Scene>& scene = shipped_[name];
+    if (scene == nullptr) scene = std::make_unique<scene::Scene>(name);
+    return Take(run, name + " with random hands", *scene->MakeTwin(), seed, random);
+  }
+
+  bool Take(StudyRun& run, const std::string& name, scene::Scene& scene, unsigned seed,
+            std::mt19937& random) {
+    constexpr int kMoves = 30;
+    const SceneOutcome outcome = RunScene(scene, random, kMoves);
+    Tally& tally = tallies_[name];
+    Add(tally, outcome);
+    tally.overlap_mm = std::max(tally.overlap_mm.value_or(0), outcome.overlap_mm);
+    tally.closest = std::min(tally.closest.value_or(1), outcome.closest);
+    if (outcome.broken.empty()) return true;
+    run.Say("BROKEN: " + name + ", " + Again(seed) + "\n  " + outcome.broken);
+    return false;
+  }
+
+  static std::string Again(unsigned seed) {
+    return "seed " + std::to_string(seed) + "; again: torquer-study torture --seconds 0 --seed " +
+           std::to_string(seed);
   }
 
   bool Soak(StudyRun& run) {
@@ -121,9 +169,17 @@ class TortureStudy final : public Study {
 
   bool Take(StudyRun& run, const HardCase& hard, Way way, const HardOutcome& outcome,
             const std::string& how) {
+    Add(tallies_[hard.name + ", " + NameOf(way)], outcome);
+    const std::string objection = Objection(hard, way, outcome);
+    if (objection.empty()) return true;
+    run.Say("BROKEN: " + hard.name + ", " + NameOf(way) + ", " + how + "\n  " + objection);
+    return false;
+  }
+
+  template <class Outcome>
+  void Add(Tally& tally, const Outcome& outcome) {
     ++cases_;
     ticks_ += outcome.ticks;
-    Tally& tally = tallies_[hard.name + ", " + NameOf(way)];
     ++tally.runs;
     tally.ticks += outcome.ticks;
     tally.converged += outcome.converged;
@@ -131,28 +187,29 @@ class TortureStudy final : public Study {
     tally.at_rest += outcome.settled;
     tally.deepest_mm = std::max(tally.deepest_mm, outcome.deepest_mm);
     tally.worst_rise = std::max(tally.worst_rise, outcome.worst_rise);
-    const std::string objection = Objection(hard, way, outcome);
-    if (objection.empty()) return true;
-    run.Say("BROKEN: " + hard.name + ", " + NameOf(way) + ", " + how + "\n  " + objection);
-    return false;
   }
 
   void Report(StudyRun& run) const {
     Table table{"Results of the cases",
                 {"case", "runs", "ticks", "at rest, % of ticks", "at rest at the end", "snaps",
-                 "deepest, mm", "energy rise of a step"},
+                 "deepest, mm", "energy rise of a step", "overlap in a lumen, mm",
+                 "closest beside, of touching"},
                 {}};
     for (const auto& [name, t] : tallies_) {
-      table.rows.push_back({name, std::to_string(t.runs), std::to_string(t.ticks),
-                            Number(100.0 * t.converged / std::max(1, t.ticks)),
-                            std::to_string(t.at_rest), std::to_string(t.snaps),
-                            Number(t.deepest_mm), Number(t.worst_rise, 2)});
+      table.rows.push_back(
+          {name, std::to_string(t.runs), std::to_string(t.ticks),
+           Number(100.0 * t.converged / std::max(1, t.ticks)), std::to_string(t.at_rest),
+           std::to_string(t.snaps), Number(t.deepest_mm), Number(t.worst_rise, 2),
+           t.overlap_mm ? Number(*t.overlap_mm, 2) : "", t.closest ? Number(*t.closest, 2) : ""});
       run.Record(name, "runs", t.runs, "");
       run.Record(name, "ticks", t.ticks, "");
       run.Record(name, "at_rest", t.at_rest, "");
       run.Record(name, "snaps", t.snaps, "");
       run.Record(name, "penetration_max", 1e3 * t.deepest_mm, "um");
       run.Record(name, "energy_rise", t.worst_rise, "");
+      if (!t.overlap_mm) continue;
+      run.Record(name, "lumen_overlap_max", 1e3 * *t.overlap_mm, "um");
+      run.Record(name, "closest_beside", *t.closest, "");
     }
     run.Show(table);
   }
@@ -163,6 +220,7 @@ class TortureStudy final : public Study {
   int cases_ = 0;
   std::int64_t ticks_ = 0;
   std::map<std::string, Tally> tallies_;
+  std::map<std::string, std::unique_ptr<scene::Scene>> shipped_;  // by name, once used
   Stopwatch watch_;
 };
 
