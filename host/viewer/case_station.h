@@ -72,11 +72,11 @@ class CaseStation {
   bool Advance(std::int64_t now_us);
 
   Phase phase() const { return phase_; }
-  /// That was chosen last; null before.
+  /// The case that was chosen last; null before any choice.
   const Case* chosen() const;
-  /// How often a case was started.
+  /// Number of starts of cases.
   int runs() const { return runs_; }
-  /// The page that torquer-report wrote, when there is one; null otherwise.
+  /// The page that torquer-report wrote; null if there is none.
   const std::string* report() const { return report_ ? &*report_ : nullptr; }
   const std::vector<Case>& cases() const { return cases_; }
 

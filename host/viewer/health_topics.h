@@ -1,4 +1,5 @@
-// Which processes a session needs, of all that report their health on the bus. No I/O.
+// Health topics: separates the processes that a session needs from all others that report their
+// health on the bus. No I/O.
 #pragma once
 
 #include <string>

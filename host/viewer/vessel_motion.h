@@ -12,7 +12,7 @@ namespace torquer::viewer {
 /// The motions of a vessel, m of them.
 using Motions = std::vector<const effects::PeriodicMotion*>;
 
-/// Those of a scene; none where its vessel rests.
+/// Motions of a scene; none if its vessel rests.
 Motions MotionsOf(const scene::Scene& scene);
 
 /// Shares of a motion's way that points at rest go, 2^m of one point after the other: one for each
@@ -24,7 +24,7 @@ using Shares = std::vector<float>;
 /// Shares of each motion at `points_mm`.
 std::vector<Shares> SharesOf(const Motions& motions, const std::vector<Eigen::Vector3d>& points_mm);
 
-/// Where a point is while the motions are at `pulses`, 0 to 1 each. `point`: its number in
+/// Position of a point while the motions are at `pulses`, 0 to 1 each. `point`: its number in
 /// `shares`.
 Eigen::Vector3d Moved(const Eigen::Vector3d& at_rest_mm, const Motions& motions,
                       const std::vector<Shares>& shares, std::size_t point,

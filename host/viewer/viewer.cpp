@@ -162,7 +162,7 @@ class Viewer {
 
   static std::string PictureName(const Case& one) { return "cases/" + one.name + ".jpg"; }
 
-  // Nothing of the case before stays: neither for pages nor for whoever steers.
+  // Removes the previous case from the pages and from the steering.
   void StartCase(std::size_t number) {
     if (!station_->Start(number, bus::MonotonicUs())) return;
     steering_.Restart();
