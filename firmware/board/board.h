@@ -46,7 +46,7 @@ void KickWatchdog();
 /// Leaves the USB and resets into the bootloader.
 [[noreturn]] void EnterBootloader();
 
-/// Why the chip was reset: protocol::ResetReason bits; 0 if neither chip nor memory shows it.
+/// Cause of the last reset: protocol::ResetReason bits; 0 if neither chip nor memory shows it.
 uint8_t ResetReason();
 
 /// One byte that survives a reset but not a loss of power; `valid` tells which it was.
@@ -75,7 +75,7 @@ void SelectSensor(bool selected);
 uint8_t TransferSpi(uint8_t byte);
 /// The same, no sooner than `gap_us` (1 .. 100) after the last such byte.
 uint8_t TransferSpiAfter(uint8_t byte, uint8_t gap_us);
-/// So many bytes one after the other; zeros are sent.
+/// Reads `count` bytes one after the other, and sends zeros meanwhile.
 void ReadSpi(uint8_t* bytes, uint8_t count);
 
 // --- joystick and buttons ----------------------------------------------------------------------

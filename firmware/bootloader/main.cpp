@@ -64,7 +64,7 @@ int main() {
   if (valid && !stay) StartApplication();
   MCUSR = 0;
   wdt_disable();
-  // As the factory's fuses leave it, the clock is divided by 8. Two writes within four cycles.
+  // With the factory's fuses the clock is divided by 8. The change takes two writes in four cycles.
   CLKPR = _BV(CLKPCE);
   CLKPR = 0;
   UsbServer server(valid);

@@ -83,7 +83,7 @@ void Acknowledge() {
   WaitFor(_BV(TXINI));
 }
 
-// How a status report begins.
+// First bytes of a status report.
 constexpr uint8_t kStatusHead[] TORQUER_IN_FLASH = {
     protocol::kBootloaderStatusReportId, protocol::kBootloaderProtocolVersion,
     protocol::kBoardBenchAtmega32u4, F_CPU / 1000000};

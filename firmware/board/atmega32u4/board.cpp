@@ -101,8 +101,8 @@ void SetUp() {
   wdt_enable(WDTO_250MS);
   FindResetReason();
 
-  // As the factory's fuses leave them, the clock is divided by 8 and the joystick's pins are
-  // JTAG's. Both registers want to be written twice within four cycles.
+  // With the factory's fuses the clock is divided by 8, and the joystick's pins belong to JTAG.
+  // Both registers must be written twice within four cycles.
   CLKPR = _BV(CLKPCE);
   CLKPR = 0;
   MCUCR = _BV(JTD);
