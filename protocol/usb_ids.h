@@ -1,4 +1,4 @@
-// How the bench device names itself on the USB.
+// USB ids of the bench device.
 #pragma once
 
 #include <stdint.h>
