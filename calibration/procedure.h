@@ -113,7 +113,7 @@ class Procedure {
   /// Motion since the last mark by nominal gains: mm along the axis, rad around it.
   HandMotion SinceMark() const;
 
-  /// Only when step() is kDone. Throws UserError as FitMotion() does.
+  /// Valid only when step() is kDone. Throws UserError as FitMotion() does.
   ProcedureResult Result() const;
 
  private:

@@ -1,4 +1,4 @@
-// Which strokes can be used, and in plain words why the others cannot. No I/O.
+// Check of strokes: finds the usable ones, and says in plain words why the others are not. No I/O.
 //
 // Each stroke is first looked at alone (was the sensor lifted, is it long enough, is it a push at
 // all), then among its like: one that is farther from their median than four times its declared
