@@ -19,7 +19,7 @@ namespace torquer::emulator {
 struct BenchOptions {
   double cylinder_radius_mm = 5.0;
   SensorImperfections sensor;
-  /// How the sensor sits over the cylinder, as its camera sees it.
+  /// Position of the sensor over the cylinder, as its camera sees it.
   SurfaceOptics optics;
   std::uint32_t seed = 1;
   /// Device time at each start, us; to begin just before it wraps.
@@ -28,9 +28,9 @@ struct BenchOptions {
   std::string serial;
   /// Insertion below which the cylinder closes the end switch, mm; none: the device has no switch.
   std::optional<double> reference_switch_mm;
-  /// How long buttons, pedal and end switch bounce after a change, at most.
+  /// Longest bounce of buttons, pedal and end switch after a change.
   double contact_bounce_us = 0;
-  /// How long the chip takes to erase or to write a page of its flash.
+  /// Duration of an erase or a write of a page of the flash.
   double page_operation_us = FlashMemory::kOperationUs;
   /// The EEPROM at the first power-on; empty: blank.
   std::vector<std::uint8_t> eeprom;
@@ -58,7 +58,7 @@ class BenchDevice {
   bool powered() const { return chip_ != nullptr; }
   void ResetByPin();
 
-  /// Only while powered.
+  /// Parts of the powered device; call only while powered.
   Atmega32u4& chip() { return *chip_; }
   UsbController& usb() { return chip_->usb(); }
   VirtualPmw3360& sensor() { return sensor_; }

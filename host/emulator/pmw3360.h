@@ -35,7 +35,7 @@ class VirtualPmw3360 {
 
   VirtualPmw3360(const SensorImperfections& imperfections, std::uint32_t seed);
 
-  /// Where the surface is; `now_us` since power-on.
+  /// Sets the function that gives the position of the surface; `now_us` is the time since power-on.
   void SetSurface(std::function<Position(double now_us)> surface);
   /// Sets how the sensor sits above the surface and how clean it is.
   void SetOptics(const SurfaceOptics& optics) { optics_ = optics; }

@@ -47,7 +47,7 @@ class AnsweredFiles {
     for (const std::string& path : paths_) Detach(path);
   }
 
-  /// As AttachIoctls; a device that had this file before is forgotten.
+  /// Same as AttachIoctls; replaces the device that had this file before.
   template <class Device>
   void Attach(const std::string& path, const std::shared_ptr<Device>& device) {
     if (!paths_.insert(path).second) Detach(path);

@@ -20,7 +20,7 @@ class GlidingHand {
   /// Goes on there from where it is to be last.
   void GlideOn(double time_s, const HandState& target, double duration_s);
   HandState At(double time_s) const;
-  /// Where it is to be last.
+  /// Last commanded state of the hand.
   HandState Goal() const { return legs_.empty() ? HandState{} : legs_.back().to; }
   bool Moves(double time_s) const { return !legs_.empty() && time_s < legs_.back().end_s; }
 
