@@ -1,4 +1,5 @@
-// How every source opens a device: refusals end a program that starts, and never one that runs.
+// Rule by which every source opens a device: a refusal ends a program that starts, never one that
+// runs.
 #pragma once
 
 #include <cstdint>

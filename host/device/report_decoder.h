@@ -18,8 +18,8 @@
 
 namespace torquer::device {
 
-/// Why a sample does not continue the one before it. What the hand moved in between is not known,
-/// nor how long it took.
+/// Reason why a sample does not continue the previous one. The motion and the time between them are
+/// unknown.
 enum class EpochStart {
   kNone,       ///< it continues it
   kConnected,  ///< the device was (re)connected

@@ -80,7 +80,7 @@ int UsbSource::OnHotplug(libusb_context* /*context*/, libusb_device* device,
       source.gone_ = "was unplugged";
     }
     if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = false;
-    // Only marked: this may be called from within TakeCandidates().
+    // Marks only, because TakeCandidates() may be calling this.
     for (Candidate& candidate : source.candidates_) {
       if (candidate.device == device) candidate.left = true;
     }
@@ -88,7 +88,7 @@ int UsbSource::OnHotplug(libusb_context* /*context*/, libusb_device* device,
   }
   if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = true;
   if (descriptor.idProduct == protocol::kUsbProductId && !source.Waits(device)) {
-    // Nothing may be asked of the device from here; Wait() does.
+    // A callback must send no request to the device; Wait() sends it.
     source.candidates_.push_back({libusb_ref_device(device), bus::MonotonicUs(), false});
   }
   return 0;
