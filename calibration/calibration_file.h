@@ -32,8 +32,8 @@ void RequireDevice(const Calibration& calibration, const std::string& path,
 /// configuration folder. Throws UserError when there is no such folder.
 std::string CalibrationPath(const std::string& device);
 
-/// Replaces `path` in one step: whatever goes wrong, the file holds either the old calibration or
-/// the new one. Throws UserError when the calibration is out of range or the file cannot be
+/// Replaces `path` in one step: on any failure the file holds either the old calibration or the
+/// new one. Throws UserError when the calibration is out of range or the file cannot be
 /// written.
 void WriteCalibration(const Calibration& calibration, const std::string& path);
 
