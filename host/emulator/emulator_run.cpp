@@ -14,7 +14,7 @@ namespace torquer::emulator {
 namespace {
 
 constexpr std::int64_t kFrameNs = 1000000;
-// After a longer stall the lost time is not made up: a burst of frames helps nobody.
+// Longest stall that is caught up. After a longer one, a burst of frames would be of no use.
 constexpr std::int64_t kLongestCatchUpNs = 1000 * kFrameNs;
 // Timeout of a fast emulator for a client that takes no reports, or does not come back.
 constexpr int kFastClientTimeoutMs = 10000;

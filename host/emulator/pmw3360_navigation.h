@@ -12,9 +12,9 @@ namespace torquer::emulator {
 struct SensorImperfections {
   double misalignment_rad = 0;  ///< of its axes, right-handed as seen from outside the cylinder
   double scale = 1;             ///< counts seen over counts nominal
-  double noise_counts = 0;      ///< standard deviation of what each moving reading adds, an axis
-  /// Mean time between resets of the sensor that nobody asked for (static discharge, a dip of its
-  /// supply), s; 0: none. The times are random, by the device's seed.
+  double noise_counts = 0;  ///< standard deviation of the noise of each moving reading, per axis
+  /// Mean time between spontaneous resets of the sensor (static discharge, a dip of its supply), s;
+  /// 0: none. The times are random, by the device's seed.
   double self_reset_interval_s = 0;
 };
 

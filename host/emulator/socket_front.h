@@ -23,7 +23,7 @@ class SocketFront {
   /// Accepts, and takes requests; never waits. To be called once a frame.
   void Service();
 
-  /// Waits up to `timeout_ms` for somebody to connect.
+  /// Waits up to `timeout_ms` for a client.
   void WaitForClient(int timeout_ms) const;
 
   /// Listens or not, as the device is on the bus.
