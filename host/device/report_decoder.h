@@ -66,7 +66,7 @@ inline constexpr double kImpossibleSpeedMmPerS = 25000.0;
 
 class ReportDecoder {
  public:
-  /// The device was (re)connected: the next report begins an epoch whatever its boot id.
+  /// The device was (re)connected: the next report begins an epoch, with any boot id.
   void OnConnected() { connecting_ = true; }
 
   /// The sample in one report, or nothing when the report was refused, late or received before; the
