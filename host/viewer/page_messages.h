@@ -93,7 +93,7 @@ std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes)
 struct ReplayControls {
   bool play = false;
   double speed = 1;            ///< kLeastSpeed to kMostSpeed
-  std::optional<double> at_s;  ///< where to go on, from the beginning of the log; not negative
+  std::optional<double> at_s;  ///< new position, from the beginning of the log; not negative
   int steps = 0;               ///< states forward from there, negative backward
 
   static constexpr double kLeastSpeed = 0.1;

@@ -15,10 +15,10 @@ using Motions = std::vector<const effects::PeriodicMotion*>;
 /// Motions of a scene; none if its vessel rests.
 Motions MotionsOf(const scene::Scene& scene);
 
-/// Shares of a motion's way that points at rest go, 2^m of one point after the other: one for each
-/// corner, where each motion is at its beginning (bit 0) or its end (bit 1), the first motion in
-/// the lowest bit. Between corners the share is multilinear: exact at the corners, which is where a
-/// heart rests and a breath is held, and wherever only one motion is under way close to it.
+/// Shares of a motion's displacement at points at rest: 2^m per point, one for each corner. At a
+/// corner each motion is at its beginning (bit 0) or its end (bit 1), the first motion in the
+/// lowest bit. Between corners the share is multilinear. It is exact at the corners, where the
+/// heart rests and the breath is held, and nearly exact while only one motion is active.
 using Shares = std::vector<float>;
 
 /// Shares of each motion at `points_mm`.

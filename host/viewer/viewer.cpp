@@ -173,7 +173,7 @@ class Viewer {
          {"state", "picture", "picture/lateral", "readings", "scene", "vessel", "lines"}) {
       server_.Forget(topic);
     }
-    // A load that is not over yet goes on, and is not shown.
+    // An unfinished load continues, but its result is not shown.
     loads_.push_back(
         std::async(std::launch::async, [file = station_->chosen()->file]() -> SceneFrames {
           try {

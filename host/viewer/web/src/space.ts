@@ -75,7 +75,7 @@ export class Space {
   private halfMm = new THREE.Vector3(100, 100, 100); // of the vessel's box, as it is seen
   private legendMeasured = false;
   private following = false;
-  private atHome = true; // nobody has turned it since it showed the whole vessel
+  private atHome = true; // true while the view shows the whole vessel, not turned by the user
   private changed = true;
   private drawnMs = -Infinity;
   frames = 0;
@@ -388,7 +388,7 @@ export class Space {
     }
     this.tip.position.fromArray(state.instruments[0]!.tipMm);
     this.tip.scale.setScalar(2.2 * Math.max(leastMm, scene.instruments[0]!.radius_mm));
-    // From within it would be all that one sees.
+    // From inside the lumen it would fill the view.
     this.tip.visible = !this.inside;
     this.target.scale.setScalar(Math.max(this.lines?.target?.radius_mm ?? 0, 3 * leastMm));
   }
