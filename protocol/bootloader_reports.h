@@ -44,7 +44,7 @@ enum BootloaderReportId : uint8_t {
   FIELD(uint8_t,  report_id,          "18")                                                        \
   FIELD(uint8_t,  command,            "BootloaderCommand")                                         \
   FIELD(uint16_t, key,                "kCommandKey, else the report is stalled")                   \
-  FIELD(uint16_t, address,            "of the page to select; else 0")                             \
+  FIELD(uint16_t, address,            "address of the page to select; else 0")                     \
   FIELD_ARRAY(uint8_t, spare, 2,      "0")
 // clang-format on
 
