@@ -28,12 +28,12 @@ Calibration ReadCalibration(const std::string& path);
 void RequireDevice(const Calibration& calibration, const std::string& path,
                    const std::string& device);
 
-/// Where the calibration of `device` is kept unless the user says otherwise: a file named after its
-/// serial number in the user's configuration folder. Throws UserError when there is no such folder.
+/// Default path of the calibration of `device`: a file named after its serial number in the user's
+/// configuration folder. Throws UserError when there is no such folder.
 std::string CalibrationPath(const std::string& device);
 
-/// Replaces `path` in one step: whatever goes wrong, the file holds either the old calibration or
-/// the new one. Throws UserError when the calibration is out of range or the file cannot be
+/// Replaces `path` in one step: on any failure the file holds either the old calibration or the
+/// new one. Throws UserError when the calibration is out of range or the file cannot be
 /// written.
 void WriteCalibration(const Calibration& calibration, const std::string& path);
 

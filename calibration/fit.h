@@ -1,11 +1,10 @@
 // A device's calibration from measured strokes and turns, with its uncertainty.
 //
-// Sensor counts are as good as exact; what is uncertain is what the hand did. Pushes alone tell
-// what a millimeter does to the counts, turns alone what a radian does: each is a weighted line
-// through the origin in the plane of counts, and the scatter of its strokes tells its error,
-// whatever was believed of ruler and hand. What is the same in all strokes (the length between the
-// end stops, a habit of the hand) shows in no scatter; it is declared, and adds. Formulas:
-// README.md beside this file. No I/O.
+// Sensor counts are nearly exact; the motion of the hand is uncertain. Pushes give the counts of a
+// millimeter, turns those of a radian. Each is a weighted line through the origin in the plane of
+// counts. The scatter of its strokes gives its error, independent of assumptions about ruler and
+// hand. An error that all strokes share (the length between the end stops, a habit of the hand)
+// causes no scatter; it is declared, and added. Formulas: README.md beside this file. No I/O.
 #pragma once
 
 #include <span>

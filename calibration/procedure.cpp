@@ -265,7 +265,7 @@ void Procedure::Follow(const Reading& reading) {
   }
 }
 
-// Where the hand has been still for long enough, on average.
+// Mean position of the hand while it was still; nothing before it was still for long enough.
 std::optional<Procedure::Counts> Procedure::StillPlace() const {
   if (recent_.back().time_us - recent_.front().time_us < kStillUs) return std::nullopt;
   const Reading& origin = recent_.front();

@@ -94,7 +94,7 @@ struct ProcedureResult {
   bool rest_checked = false, lift_checked = false, joystick_measured = false;
 };
 
-/// Times that the joystick is to be released: after each of its ends.
+/// Number of releases of the joystick: one after each of its ends.
 inline constexpr int kStickReleases = 4;
 
 class Procedure {
@@ -113,7 +113,7 @@ class Procedure {
   /// Motion since the last mark by nominal gains: mm along the axis, rad around it.
   HandMotion SinceMark() const;
 
-  /// Only when step() is kDone. Throws UserError as FitMotion() does.
+  /// Valid only when step() is kDone. Throws UserError as FitMotion() does.
   ProcedureResult Result() const;
 
  private:

@@ -100,7 +100,7 @@ Rejection JudgeAlone(const RecordedStroke& recorded, const StrokeExpectation& ex
              : JudgeTurn(surface, recorded.stroke.reference, expected);
 }
 
-// How far a stroke, and where it ended after the way back, are from where they should be: mm of
+// Deviation of a stroke, and of its end after the way back, from their nominal positions: mm of
 // surface.
 struct Deviation {
   Surface stroke;
@@ -217,7 +217,7 @@ bool RefuseOne(std::span<const RecordedStroke> strokes, std::vector<Rejection>& 
   for (std::size_t i = 0; i < strokes.size(); ++i) {
     if (strokes[i].stroke.kind != kind || rejections[i]) continue;
     const Deviation& off = deviations[i];
-    // Where a stroke begins and where its way back ends are two readings more.
+    // The start of a stroke and the end of its way back are two more readings.
     const double closure = std::numbers::sqrt2;
     const std::array<double, 4> sizes{std::abs(off.stroke.along_mm) / along_mm,
                                       std::abs(off.stroke.across_mm) / across_mm,

@@ -1,9 +1,9 @@
-// Which strokes can be used, and in plain words why the others cannot. No I/O.
+// Check of strokes: finds the usable ones, and says in plain words why the others are not. No I/O.
 //
-// Each stroke is first looked at alone (was the sensor lifted, is it long enough, is it a push at
-// all), then among its like: one that is farther from their median than four times its declared
-// error, and than four times what the scatter of all suggests, is an outlier. So an unsteady hand
-// is measured and not refused.
+// Each stroke is first checked alone: sensor not lifted, long enough, a push. Then it is compared
+// with the other strokes of its kind. An outlier is farther from their median than four times its
+// declared error, and than four times the error that their scatter suggests. So an unsteady hand is
+// measured and not refused.
 #pragma once
 
 #include <optional>

@@ -267,7 +267,7 @@ def focus_table() -> list[list[str]]:
     shims = MODEL["shims_fitted"]
     return [
         ["lens to surface", "mm"],
-        ["what the sensor allows", span("allowed")],
+        ["range of the sensor", span("allowed")],
         [f"as drawn, {shims:g} shims of {MODEL['shim_thickness']:g} mm fitted, the cylinder at rest",
          f"{MODEL['lens_to_surface']:.2f}"],
         ["as printed, nothing set: worst case of heights, lens and radius", span("as printed")],
@@ -294,7 +294,7 @@ def force_table() -> list[list[str]]:
         return f"{piston_force_n(speed, RADIUS_MM, opening):.4f}"
 
     return [
-        ["what the device adds to the hand's force", "N"],
+        ["force that the device adds to the hand's", "N"],
         [f"weight of the cylinder, {1000 * mass:.0f} g, sliding on its bore (friction {FRICTION_PAPER_PLA:g})",
          f"{friction_n():.3f}"],
         ["its inertia, at 2 m/s2", f"{mass * 2:.3f}"],
@@ -319,7 +319,7 @@ def suspend_table() -> list[list[str]]:
         ("RX and TX LED, kept dark", 0.0, 0.0, "4 to 9 each when lit"),
         ("board: regulator", 0.1, 0.1, "MIC5219, 80 uA typical"),
     ]
-    rows = [["what", "at 3.3 V", "at 5 V", "by"]]
+    rows = [["load", "at 3.3 V", "at 5 V", "by"]]
     for what, low, high, source in parts:
         rows.append([what, f"{low:.2f}", f"{high:.2f}", source])
     total_low = sum(part[1] for part in parts)

@@ -26,7 +26,7 @@ def total_eur(items: list[dict[str, str]]) -> float:
 
 def bill_table(name: str) -> str:
     items = rows_of(name)
-    rows = [["", "pieces", "what", "part number", "or instead", "EUR, about"]]
+    rows = [["", "pieces", "item", "part number", "or instead", "EUR, about"]]
     for row in items:
         number = row["part_number"]
         if number and row["confirmed"] != "yes":

@@ -44,7 +44,7 @@ enum BootloaderReportId : uint8_t {
   FIELD(uint8_t,  report_id,          "18")                                                        \
   FIELD(uint8_t,  command,            "BootloaderCommand")                                         \
   FIELD(uint16_t, key,                "kCommandKey, else the report is stalled")                   \
-  FIELD(uint16_t, address,            "of the page to select; else 0")                             \
+  FIELD(uint16_t, address,            "address of the page to select; else 0")                     \
   FIELD_ARRAY(uint8_t, spare, 2,      "0")
 // clang-format on
 
@@ -84,7 +84,7 @@ static_assert(sizeof(BootloaderCommandReport) == 8, "see the byte table in READM
       0x95, sizeof(report) - 1, /* Report Count */ \
       0xb1, 0x02                /* Feature (data, variable, absolute) */
 // clang-format off
-/// As GET_DESCRIPTOR(HID report) returns it.
+/// Report descriptor, as returned by GET_DESCRIPTOR(HID report).
 constexpr uint8_t kBootloaderReportDescriptor[] TORQUER_IN_FLASH = {
     0x06, kHidUsagePage & 0xff, kHidUsagePage >> 8,  // Usage Page (vendor)
     0x09, 0x02,                                      // Usage

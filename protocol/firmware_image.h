@@ -1,5 +1,5 @@
-// How a firmware image lies in the device's flash, and how one sees that it is whole: the
-// application from address 0, and in its own page a trailer that is written last.
+// Layout of a firmware image in the device's flash: the application from address 0, and in its own
+// page a trailer, which is written last and proves that the image is complete.
 //
 // Read by the bootloader, the application's self-test, the build step that fills the trailer in,
 // torquer-flash and the emulator. C++14 under avr-gcc, C++20 on the host, as hid_reports.h.
@@ -22,7 +22,7 @@ constexpr uint16_t kBootloaderBytes = 0x0800;
 /// "TQFW"
 constexpr uint32_t kImageMagic = 0x57465154;
 
-/// Which circuit an image is for. A new pin assignment makes a new number.
+/// Circuit that an image is for. A new pin assignment makes a new number.
 enum ImageBoard : uint8_t {
   kBoardBenchAtmega32u4 = 1,
 };

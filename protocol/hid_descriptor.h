@@ -34,7 +34,7 @@ constexpr uint8_t kHidDeviceUsage = 0x01;
       0x96, (sizeof(report) - 1) & 0xff, (sizeof(report) - 1) >> 8, /* Report Count */ \
       (main_item), 0x02                                             /* Feature */
 // clang-format off
-/// As GET_DESCRIPTOR(HID report) returns it.
+/// Report descriptor, as returned by GET_DESCRIPTOR(HID report).
 constexpr uint8_t kHidReportDescriptor[] TORQUER_IN_FLASH = {
     0x06, kHidUsagePage & 0xff, kHidUsagePage >> 8,  // Usage Page (vendor)
     0x09, kHidDeviceUsage,                           // Usage

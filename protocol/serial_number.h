@@ -1,5 +1,5 @@
-// How a device's serial number is made. The firmware shows it as its USB serial string; for a
-// device in its bootloader, which is too small for that, the host makes it of the same bytes.
+// Serial number of a device. The firmware shows it as its USB serial string. The bootloader is too
+// small for that, so the host makes the number from the same bytes.
 #pragma once
 
 #include <stdint.h>

@@ -1,4 +1,4 @@
-// How the bench device names itself on the USB.
+// USB ids of the bench device.
 #pragma once
 
 #include <stdint.h>
@@ -28,8 +28,8 @@ constexpr uint8_t kControlPacketBytes = 32;  ///< endpoint 0
 constexpr uint8_t kInputEndpoint = 1;        ///< interrupt IN, one input report a packet
 constexpr uint8_t kInputIntervalMs = 1;
 
-/// The firmware leaves kBootloaderKey at this RAM address and resets by the watchdog: whatever
-/// bootloader is there then stays. The convention is that of Caterina.
+/// The firmware writes kBootloaderKey to this RAM address and resets by the watchdog. Then the
+/// bootloader stays active. This is Caterina's convention.
 constexpr uint16_t kBootloaderKeyAddress = 0x0800;
 constexpr uint16_t kBootloaderKey = 0x7777;
 

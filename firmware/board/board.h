@@ -46,10 +46,10 @@ void KickWatchdog();
 /// Leaves the USB and resets into the bootloader.
 [[noreturn]] void EnterBootloader();
 
-/// Why the chip was reset: protocol::ResetReason bits; 0 if neither chip nor memory shows it.
+/// Cause of the last reset: protocol::ResetReason bits; 0 if neither chip nor memory shows it.
 uint8_t ResetReason();
 
-/// One byte that survives a reset but not a loss of power; `valid` tells which it was.
+/// One byte that survives a reset but not a loss of power; `valid` is false after a loss of power.
 uint8_t LoadWarmByte(bool* valid);
 void StoreWarmByte(uint8_t value);
 
@@ -75,7 +75,7 @@ void SelectSensor(bool selected);
 uint8_t TransferSpi(uint8_t byte);
 /// The same, no sooner than `gap_us` (1 .. 100) after the last such byte.
 uint8_t TransferSpiAfter(uint8_t byte, uint8_t gap_us);
-/// So many bytes one after the other; zeros are sent.
+/// Reads `count` bytes one after the other, and sends zeros meanwhile.
 void ReadSpi(uint8_t* bytes, uint8_t count);
 
 // --- joystick and buttons ----------------------------------------------------------------------
@@ -96,7 +96,7 @@ constexpr uint8_t kReferenceSwitch = 1 << 3;
 
 /// False for 3.4 ms after each write.
 bool EepromReady();
-/// Both wait until the EEPROM is ready. A write goes on in the background.
+/// Both wait until the EEPROM is ready. A write continues in the background.
 uint8_t ReadEeprom(uint16_t address);
 void WriteEeprom(uint16_t address, uint8_t value);
 
@@ -104,9 +104,9 @@ void WriteEeprom(uint16_t address, uint8_t value);
 
 /// True once for each reset by the host. Address 0, not configured, endpoint 0 is ready.
 bool TakeUsbReset();
-/// A bus reset, a SETUP packet or a packet from the host waits: the quickest look that there is.
+/// True if a bus reset, a SETUP packet or a packet from the host waits. This is the fastest check.
 bool ControlPending();
-/// True once for each SETUP packet; whatever else endpoint 0 held is gone.
+/// True once for each SETUP packet; discards any other data of endpoint 0.
 bool TakeSetup(uint8_t packet[8]);
 
 /// Endpoint 0 can take a packet for the host.

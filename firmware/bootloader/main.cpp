@@ -12,12 +12,12 @@
 #endif
 
 extern "C" {
-// The clock that this image was built for, for whoever runs it.
+// Clock that this image was built for; the emulator reads it.
 extern const uint32_t torquer_clock_hz TORQUER_IN_FLASH;
 const uint32_t torquer_clock_hz = F_CPU;
 
-// The reset vector: there are no others, for the bootloader uses no interrupts. Nor has it static
-// variables: those that the application keeps over a reset are left alone.
+// The only vector: the bootloader uses no interrupts. It has no static variables, so it leaves
+// those that the application keeps over a reset unchanged.
 void torquer_reset_vector() __attribute__((naked, used, section(".vectors")));
 void torquer_reset_vector() { asm volatile("rjmp torquer_start"); }
 void torquer_start() __attribute__((naked, used, section(".init0")));
@@ -34,8 +34,8 @@ namespace torquer {
 namespace bootloader {
 namespace {
 
-// True if the firmware, or somebody at the reset pin, wants the bootloader. A slow supply raises
-// the reset pin's flag beside its own.
+// True if the firmware or the reset pin alone requests the bootloader. A slow supply sets the reset
+// pin's flag beside its own.
 bool StayWanted() {
   volatile uint16_t* const key =
       reinterpret_cast<volatile uint16_t*>(protocol::kBootloaderKeyAddress);
@@ -60,11 +60,11 @@ int main() {
   torquer::protocol::ImageTrailer trailer;
   ReadTrailer(&trailer);
   const bool valid = Fits(trailer);
-  // MCUSR is the application's to read, and the watchdog, should it run, its to stop.
+  // The application reads MCUSR, and stops the watchdog if it runs.
   if (valid && !stay) StartApplication();
   MCUSR = 0;
   wdt_disable();
-  // As the factory's fuses leave it, the clock is divided by 8. Two writes within four cycles.
+  // With the factory's fuses the clock is divided by 8. The change takes two writes in four cycles.
   CLKPR = _BV(CLKPCE);
   CLKPR = 0;
   UsbServer server(valid);

@@ -83,7 +83,7 @@ void Acknowledge() {
   WaitFor(_BV(TXINI));
 }
 
-// How a status report begins.
+// First bytes of a status report.
 constexpr uint8_t kStatusHead[] TORQUER_IN_FLASH = {
     protocol::kBootloaderStatusReportId, protocol::kBootloaderProtocolVersion,
     protocol::kBoardBenchAtmega32u4, F_CPU / 1000000};
@@ -146,7 +146,7 @@ void UsbServer::Run() {
   UDCON = _BV(DETACH);
 }
 
-// False if the request is to be stalled; one that the host has given up needs no answer.
+// False if the request must be stalled. A request that the host has abandoned needs no answer.
 bool UsbServer::Serve() {
   switch (setup_.type << 8 | setup_.request) {
     case kGetDeviceDescriptor:

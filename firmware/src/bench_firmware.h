@@ -18,11 +18,10 @@ namespace firmware {
 
 class BenchFirmware final : public ReportHandler {
  public:
-  /// To be called once, after the board is set up.
+  /// Call once, after the board is set up.
   void Start();
 
-  /// Does what is to be done now, and returns when there is nothing more: to be called after every
-  /// interrupt. Never waits for the host.
+  /// Does all pending work and returns. Call after every interrupt. Never waits for the host.
   void Step();
 
   uint8_t GetInputReport(uint8_t id, uint8_t* report) override;

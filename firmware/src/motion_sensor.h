@@ -22,7 +22,7 @@ class MotionSensor {
   /// Takes the newest motion, now. To be called once a frame, and Read() after it: something short
   /// can be done in between, for which the sensor needs some 40 us.
   virtual void BeginRead() = 0;
-  /// That motion; at most 120 us.
+  /// Reads the motion; takes at most 120 us.
   virtual MotionSample Read() = 0;
 
   /// Starting, checking and, after a fault, starting again: one step a call, at most 450 us. To be

@@ -59,7 +59,7 @@ class Pmw3360 final : public MotionSensor {
   enum class State : uint8_t {
     kWaitToReset,  // power-up time, or the pause before the next attempt
     kSettle,       // after the reset command
-    kClearMotion,  // reading the motion registers once, as the reset procedure demands
+    kClearMotion,  // reads the motion registers once, as the reset procedure requires
     kIdentify,
     kPrepareSrom,
     kEnableSrom,
@@ -70,14 +70,14 @@ class Pmw3360 final : public MotionSensor {
     kClearObservation,
     kObserve,
     kVerify,
-    kDiscardMotion,  // what was counted before the resolution was set
+    kDiscardMotion,  // discards counts from before the resolution was set
     kRunning,
     kBeginPicture,
     kAskPicture,
     kTakePicture,
     kExposePicture,
     kPictureReady,
-    kShutDown,  // to be sent to sleep
+    kShutDown,  // sends the sensor to sleep
     kAsleep,
   };
 
@@ -91,14 +91,14 @@ class Pmw3360 final : public MotionSensor {
   void CheckHealth();
 
   Pmw3360Bus bus_;
-  uint32_t resume_at_us_ = 0;  // when the state machine goes on
+  uint32_t resume_at_us_ = 0;  // time of the next step of the state machine
   uint32_t reset_at_us_ = 0;
   uint16_t wanted_cpi_ = 0;
   uint16_t cpi_ = 0;
   uint16_t restarts_ = 0;
   uint16_t self_resets_ = 0;
   uint16_t backoff_ms_ = 0;
-  int16_t withheld_x_ = 0;  // of a reading that was in doubt
+  int16_t withheld_x_ = 0;  // held back, from a doubtful reading
   int16_t withheld_y_ = 0;
   State state_ = State::kWaitToReset;
   protocol::SensorFaultCause fault_cause_ = protocol::kSensorNoFault;
@@ -106,10 +106,10 @@ class Pmw3360 final : public MotionSensor {
   uint8_t bad_readings_ = 0;
   uint8_t frames_to_check_ = 0;
   uint8_t next_check_ = 0;
-  uint8_t check_ = 0;              // the one under way
-  uint8_t observation_ = 0;        // what every burst must show of it
-  uint8_t blind_starts_ = 0;       // in a row, that showed no frames
-  uint8_t frames_to_observe_ = 0;  // left for its bits to come back; 0: they are there
+  uint8_t check_ = 0;              // the current one
+  uint8_t observation_ = 0;        // value that every burst must show
+  uint8_t blind_starts_ = 0;       // consecutive starts without frames
+  uint8_t frames_to_observe_ = 0;  // frames left until its bits must be back; 0: they are back
   uint8_t product_id_ = 0;
   uint8_t revision_ = 0;
   uint8_t srom_id_ = 0;

@@ -6,7 +6,7 @@ namespace torquer {
 namespace firmware {
 namespace {
 
-// After so many readings without a contact, the next one is a new touch and no bounce.
+// Number of readings without contact after which the next contact is a new touch, not a bounce.
 constexpr uint8_t kQuietReadings = Buttons::kStableReadings;
 
 }  // namespace

@@ -24,9 +24,9 @@ bool SensorService::BeginWrite(uint8_t id, uint16_t size) {
   return true;
 }
 
-// The ring is full when one place is left: then the burst begins.
+// The ring counts as full when one packet has no room. Then the burst begins.
 bool SensorService::HasRoom() const {
-  if (job_ == Job::kRefused) return true;  // the rest is not wanted, and taken
+  if (job_ == Job::kRefused) return true;  // takes and discards the rest
   constexpr uint16_t kRingBytes = sizeof(ring_);
   const uint16_t used =
       static_cast<uint16_t>(put_ >= get_ ? put_ - get_ : put_ + kRingBytes - get_);

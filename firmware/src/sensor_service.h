@@ -26,12 +26,12 @@ class SensorService final : public LongReportHandler {
   Progress Read(const uint8_t** data, uint16_t* size) override;
   void Abandon() override;
 
-  /// Keeps what is reported with a picture. To be called once a frame.
+  /// Keeps the values that are reported with a picture. Call once a frame.
   void Note(const MotionSample& sample);
-  /// Moves on what is under way. To be called at every step.
+  /// Continues the current job. Call at every step.
   void Run();
-  /// A burst to the sensor is under way: what else there is to do waits, but for the USB, which is
-  /// to be polled, and Run().
+  /// True during a burst to the sensor. Then only the USB is polled and Run() is called; all other
+  /// work waits.
   bool streaming() const { return job_ == Job::kStream; }
 
  private:

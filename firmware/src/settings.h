@@ -35,8 +35,8 @@ class Settings {
   bool good() const { return good_; }
 
  private:
-  // As it lies in the EEPROM. The marker is cleared first and set last, so that a copy with the
-  // marker is complete; the CRC tells a copy that has decayed.
+  // Layout in the EEPROM. The marker is cleared first and set last, so that a copy with the
+  // marker is complete; the CRC reveals a damaged copy.
   struct __attribute__((packed)) Record {
     uint8_t marker;
     uint8_t sequence;  // the copy with the later one counts

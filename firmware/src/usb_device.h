@@ -34,16 +34,16 @@ class LongReportHandler {
 
   /// A report of `size` bytes is about to be written; false if it cannot be taken.
   virtual bool BeginWrite(uint8_t id, uint16_t size) = 0;
-  /// Another packet can be taken. Its bytes come by Put(), the report's id first.
+  /// True if another packet can be taken. Its bytes come by Put(), the report's id first.
   virtual bool HasRoom() const = 0;
   virtual void Put(uint8_t byte) = 0;
-  /// All bytes have come: whether the report was taken.
+  /// Called after the last byte. Returns kReady if the report was taken.
   virtual Progress EndWrite() = 0;
-  /// The report is to be read; false if there is none.
+  /// Begins to read the report; false if there is none.
   virtual bool BeginRead(uint8_t id) = 0;
   /// kReady once: the report, valid until the next BeginWrite() or BeginRead().
   virtual Progress Read(const uint8_t** data, uint16_t* size) = 0;
-  /// The host has lost interest.
+  /// Called when the host abandons the transfer.
   virtual void Abandon() = 0;
 
  protected:
@@ -56,13 +56,13 @@ class UsbDevice {
   UsbDevice(ReportHandler& reports, LongReportHandler& long_reports, const char* serial)
       : reports_(reports), long_reports_(long_reports), serial_(serial) {}
 
-  /// Moves endpoint 0 on by what has happened since the last call; never waits. True if a request
-  /// is being served, and does not only wait for the sensor.
+  /// Handles the events of endpoint 0 since the last call; never waits. True while a request is
+  /// served that does not only wait for the sensor.
   bool Poll();
 
-  /// The host has set up the device: input reports are wanted.
+  /// True if the host has configured the device and wants input reports.
   bool configured() const { return configuration_ != 0; }
-  /// The host wants to be woken when it sleeps.
+  /// True if the host allows the device to wake it.
   bool may_wake_host() const { return may_wake_host_; }
 
   /// Queues a report. While the host does not poll, the newest report alone is kept for it, so that

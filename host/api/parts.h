@@ -32,7 +32,7 @@ struct Scene::Parts {
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
-  /// As Scene::KeepField.
+  /// Same as Scene::KeepField.
   std::string KeepField() const;
 
   /// Returns a scene for one simulation only, because effects have state. It is this scene, or a

@@ -26,8 +26,8 @@ class ClockMap {
   /// Host seconds per device second, less 1; 0 in the first second.
   double drift() const { return drift_; }
 
-  /// How often the clocks jumped against each other (a suspended host, a stopped emulator), so that
-  /// the map started again.
+  /// Number of jumps between the clocks (a suspended host, a stopped emulator), after which the map
+  /// started again.
   std::int64_t restarts() const { return restarts_; }
 
  private:

@@ -34,7 +34,7 @@ struct InputListing {
   bool is_mouse = false;
 };
 
-/// Those that this user may read, by names that stay after a replug where there are such names.
+/// Input devices that this user may read, by names that stay after a replug if such names exist.
 std::vector<InputListing> InputsHere();
 
 class EvdevSource : public ReportSource {

@@ -1,4 +1,4 @@
-// Feature reports of one bench device, whatever it is plugged into.
+// Feature reports of one bench device, through any source.
 #pragma once
 
 #include <cstdint>

@@ -145,8 +145,9 @@ void HidrawSource::LetGo(const std::string& reason) {
   reopening_.Pause();
 }
 
-// All that has arrived, so that a backlog needs no further polling; but a device that sends without
-// pause must not hold the caller for ever. False when there was nothing.
+// Reads all reports that have arrived, so that a backlog needs no further polling. The number is
+// limited, because a device that sends without pause must not block the caller. False if there was
+// no report.
 bool HidrawSource::Read(int timeout_ms, const Sink& sink) {
   std::array<std::uint8_t, 2 * sizeof(protocol::InputReport)> bytes{};
   for (int i = 0; i < kBurst && gone_.empty(); ++i) {

@@ -1,4 +1,5 @@
-// How every source opens a device: refusals end a program that starts, and never one that runs.
+// Rule by which every source opens a device: a refusal ends a program that starts, never one that
+// runs.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +12,9 @@ namespace torquer::device {
 
 class Reopening {
  public:
-  /// Calls `open`, which returns whether a device is open now. Its UserError passes until one has
-  /// been open; from then on it is said as kTrouble, and the next attempt is a second later.
+  /// Calls `open`, which returns true if a device is open now. Throws its UserError until a device
+  /// has been open. After that the error becomes a kTrouble event, and the next attempt comes a
+  /// second later.
   template <class Open>
   bool Try(const Open& open, const ReportSource::Sink& sink) {
     if (bus::MonotonicUs() < next_us_) return false;
@@ -31,7 +33,7 @@ class Reopening {
     }
   }
 
-  /// No attempt for a second: what has just failed would fail again.
+  /// Prevents attempts for a second, because they would fail again.
   void Pause() { next_us_ = bus::MonotonicUs() + 1000000; }
 
  private:

@@ -133,7 +133,7 @@ std::optional<Sample> ReportDecoder::Continue(const protocol::InputReport& repor
   }
   if (!SortIn(sample.report_number)) return std::nullopt;
 
-  // Where a broken device clock runs backwards, the time made from it stands still.
+  // If a broken device clock runs backwards, the device time stands still.
   sample.device_time_us = std::max(sample.device_time_us, last_.device_time_us);
   if (MovedImpossibly(sample)) {
     ++counters_.jumps;

@@ -18,8 +18,8 @@
 
 namespace torquer::device {
 
-/// Why a sample does not continue the one before it. What the hand moved in between is not known,
-/// nor how long it took.
+/// Reason why a sample does not continue the previous one. The motion and the time between them are
+/// unknown.
 enum class EpochStart {
   kNone,       ///< it continues it
   kConnected,  ///< the device was (re)connected
@@ -66,7 +66,7 @@ inline constexpr double kImpossibleSpeedMmPerS = 25000.0;
 
 class ReportDecoder {
  public:
-  /// The device was (re)connected: the next report begins an epoch whatever its boot id.
+  /// The device was (re)connected: the next report begins an epoch, with any boot id.
   void OnConnected() { connecting_ = true; }
 
   /// The sample in one report, or nothing when the report was refused, late or received before; the

@@ -1,5 +1,4 @@
-// Where reports come from: USB, a Unix socket, or an ordinary mouse and joystick. Behind this
-// interface they are all the same.
+// Interface of a source of reports: USB, a Unix socket, or an ordinary mouse and joystick.
 #pragma once
 
 #include <cstdint>
@@ -70,7 +69,7 @@ class ReportSource {
   /// Sends a feature report, report id first. Throws FeatureError.
   virtual void SetFeature(std::span<const std::uint8_t> report) = 0;
 
-  /// Where the source looks for a device, for messages: "socket /run/x", "USB (1209:0001)".
+  /// Place where the source looks for a device, for messages: "socket /run/x", "USB (1209:0001)".
   virtual std::string place() const = 0;
 };
 

@@ -26,8 +26,8 @@ int LoadSrom(FeatureReports& reports, const std::vector<std::uint8_t>& image);
 /// Number of the image that the sensor runs now; 0: its ROM.
 int RunningSrom(FeatureReports& reports);
 
-/// Where the image for the device with this serial number is kept: SERIAL.srom, beside its
-/// calibration. Nothing where the user has no configuration folder.
+/// Path of the kept image for the device with this serial number: SERIAL.srom, beside its
+/// calibration. Nothing if the user has no configuration folder.
 std::optional<std::string> KeptSromPath(const std::string& serial);
 
 /// Keeps a copy of `image` there, so that the daemon loads it whenever the sensor has lost it.

@@ -39,7 +39,7 @@ SocketSource::SocketSource(std::string path) : path_(std::move(path)) {
 SocketSource::~SocketSource() { Close(); }
 
 bool SocketSource::Connect() {
-  // A device that hangs accepts nobody: neither connect() nor send() may wait for it.
+  // A device that hangs accepts no connection, so neither connect() nor send() may wait for it.
   const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (fd < 0) return false;
   sockaddr_un address{};
@@ -102,8 +102,8 @@ void SocketSource::Wait(int timeout_ms, const Sink& sink) {
   if (poll(events.data(), events.size(), timeout_ms) <= 0) return;
   if (events[0].revents != 0) wake_up_.Clear();
   if (events[1].revents == 0) return;
-  // All that has arrived, so that a backlog needs no further polling; but a device that sends
-  // without pause must not hold the caller for ever.
+  // Reads all reports that have arrived, so that a backlog needs no further polling. The number is
+  // limited, because a device that sends without pause must not block the caller.
   Arrival arrival;
   for (int i = 0; i < kSocketBurst && fd_ >= 0 && Receive(arrival); ++i) {
     Deliver(arrival, sink);

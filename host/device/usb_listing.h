@@ -1,5 +1,5 @@
-// The bench devices on this machine's USB, by their descriptors alone: whoever uses a device is not
-// disturbed.
+// List of the bench devices on this machine's USB. It reads only descriptors, so it disturbs no
+// program that uses a device.
 #pragma once
 
 #include <string>

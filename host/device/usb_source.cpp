@@ -23,7 +23,7 @@ constexpr std::uint8_t kGetReport = 0x01;  // HID 1.11, 7.2
 constexpr std::uint8_t kSetReport = 0x09;
 constexpr std::uint16_t kFeatureReport = 0x0300;
 constexpr std::size_t kLargestReport = protocol::kLongestReportBytes;
-// A device that is unplugged gives transfer errors first; so many in a row mean that it is gone.
+// Number of consecutive transfer errors that mean an unplugged device.
 constexpr int kMostErrorsInARow = 50;
 // Permissions are granted by udev, perhaps a moment after the device is announced.
 constexpr std::int64_t kUsbPermissionUs = 1000000;
@@ -80,7 +80,7 @@ int UsbSource::OnHotplug(libusb_context* /*context*/, libusb_device* device,
       source.gone_ = "was unplugged";
     }
     if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = false;
-    // Only marked: this may be called from within TakeCandidates().
+    // Marks only, because TakeCandidates() may be calling this.
     for (Candidate& candidate : source.candidates_) {
       if (candidate.device == device) candidate.left = true;
     }
@@ -88,7 +88,7 @@ int UsbSource::OnHotplug(libusb_context* /*context*/, libusb_device* device,
   }
   if (descriptor.idProduct == protocol::kUsbBootloaderProductId) source.bootloader_seen_ = true;
   if (descriptor.idProduct == protocol::kUsbProductId && !source.Waits(device)) {
-    // Nothing may be asked of the device from here; Wait() does.
+    // A callback must send no request to the device; Wait() sends it.
     source.candidates_.push_back({libusb_ref_device(device), bus::MonotonicUs(), false});
   }
   return 0;
@@ -107,7 +107,7 @@ void UsbSource::OnTransfer(libusb_transfer* transfer) {
       source.Submit(own);
       break;
     case LIBUSB_TRANSFER_OVERFLOW:
-      // Longer than any report of ours: counted as one of a wrong length.
+      // Longer than any report of the device: counted as a report of a wrong length.
       source.arrivals_.push_back({host_us, 0, {}});
       source.Submit(own);
       break;

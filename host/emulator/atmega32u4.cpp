@@ -312,7 +312,7 @@ Atmega32u4::Atmega32u4(const FirmwareImage& image, const std::vector<std::uint8_
     if (vector->vector == kVectorWatchdog) hooks_->watchdog = vector;
   }
   for (avr_int_vector_t* vector : {hooks_->usb_general, hooks_->usb_endpoint}) {
-    // Masks are the controller's business; simavr is to serve whatever is requested.
+    // The controller handles masks; simavr must serve every requested interrupt.
     vector->enable = avr_regbit_t AVR_IO_REGBIT(kUsbcon, 7);
     avr_irq_register_notify(vector->irq + AVR_INT_IRQ_RUNNING, &Hooks::OnInterruptRunning,
                             hooks_.get());

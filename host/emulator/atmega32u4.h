@@ -37,7 +37,7 @@ class FirmwareImage {
   /// Puts another image's bytes into the flash: an application to its bootloader, or the other way
   /// round. Throws UserError if they overlap, or were built for different clocks.
   void Add(const FirmwareImage& other);
-  /// Where the chip starts: 0, or the boot section if there is a bootloader.
+  /// Start address of the chip: 0, or the boot section if there is a bootloader.
   std::uint32_t boot_start() const { return boot_start_; }
   /// Value of a symbol (data addresses have 0x800000 added); throws UserError if there is none.
   std::uint32_t Symbol(const std::string& name) const;

@@ -40,7 +40,7 @@ constexpr Led kLeds[] = {{"RX LED, 4 to 9 mA", 'B', 0, false},
                          {"TX LED, 4 to 9 mA", 'D', 5, false},
                          {"LED 13, 4 mA", 'C', 7, true}};
 
-// Where a chip's signature row keeps what the factory says of its lot, wafer and place on it.
+// Address in the signature row of the factory's data: lot, wafer and position on the wafer.
 constexpr std::size_t kFactorySerial = 0x0e;
 
 void PutSerial(const std::string& serial, std::vector<std::uint8_t>* eeprom) {

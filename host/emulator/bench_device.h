@@ -1,5 +1,5 @@
 // The bench device: chip, sensor, potentiometers, buttons and the EEPROM's contents, wired as
-// firmware/README.md says. Time is virtual; whoever drives it decides how fast it passes.
+// firmware/README.md says. Time is virtual; the caller sets its pace.
 #pragma once
 
 #include <cstdint>
@@ -19,18 +19,18 @@ namespace torquer::emulator {
 struct BenchOptions {
   double cylinder_radius_mm = 5.0;
   SensorImperfections sensor;
-  /// How the sensor sits over the cylinder, as its camera sees it.
+  /// Position of the sensor over the cylinder, as its camera sees it.
   SurfaceOptics optics;
   std::uint32_t seed = 1;
-  /// Device time at each start, us; to begin just before it wraps.
+  /// Device time at each start, us, such as just before it wraps.
   std::optional<std::uint32_t> start_time_us;
-  /// Serial number to be found in the EEPROM, 1 to 16 printable characters; none: as the EEPROM is.
+  /// Serial number to write into the EEPROM, 1 to 16 printable characters; empty: EEPROM unchanged.
   std::string serial;
   /// Insertion below which the cylinder closes the end switch, mm; none: the device has no switch.
   std::optional<double> reference_switch_mm;
-  /// How long buttons, pedal and end switch bounce after a change, at most.
+  /// Longest bounce of buttons, pedal and end switch after a change.
   double contact_bounce_us = 0;
-  /// How long the chip takes to erase or to write a page of its flash.
+  /// Duration of an erase or a write of a page of the flash.
   double page_operation_us = FlashMemory::kOperationUs;
   /// The EEPROM at the first power-on; empty: blank.
   std::vector<std::uint8_t> eeprom;
@@ -52,13 +52,13 @@ class BenchDevice {
   /// Lets time pass until then.
   void RunUntil(double us);
 
-  /// Takes the supply away (flash and EEPROM keep what is written by then) or gives it back.
+  /// Switches the supply off (flash and EEPROM keep their contents) or on.
   void PowerOff();
   void PowerOn();
   bool powered() const { return chip_ != nullptr; }
   void ResetByPin();
 
-  /// Only while powered.
+  /// Parts of the powered device; call only while powered.
   Atmega32u4& chip() { return *chip_; }
   UsbController& usb() { return chip_->usb(); }
   VirtualPmw3360& sensor() { return sensor_; }

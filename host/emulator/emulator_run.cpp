@@ -14,9 +14,9 @@ namespace torquer::emulator {
 namespace {
 
 constexpr std::int64_t kFrameNs = 1000000;
-// After a longer stall the lost time is not made up: a burst of frames helps nobody.
+// Longest stall that is caught up. After a longer one, a burst of frames would be of no use.
 constexpr std::int64_t kLongestCatchUpNs = 1000 * kFrameNs;
-// How long a fast emulator waits for a client that takes no reports, or does not come back.
+// Timeout of a fast emulator for a client that takes no reports, or does not come back.
 constexpr int kFastClientTimeoutMs = 10000;
 // At rest after the end of the file, so that the last counts reach the client.
 constexpr double kRestAfterMotion_s = 0.25;

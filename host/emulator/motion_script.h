@@ -1,4 +1,4 @@
-// Where the hand is over time: read from a CSV file.
+// Motion script: position of the hand over time, read from a CSV file.
 #pragma once
 
 #include <cstdint>

@@ -109,7 +109,7 @@ void VirtualPmw3360::Violation(const std::string& what) {
 }
 
 void VirtualPmw3360::Require(double actual_us, double minimum_us, const char* timing) {
-  // The emulated CPU acts on whole cycles, so a rounding error is all that may be forgiven.
+  // The emulated CPU acts on whole cycles, so only a rounding error is tolerated.
   if (actual_us >= minimum_us - 1e-6) return;
   char text[200];
   std::snprintf(text, sizeof(text),

@@ -35,7 +35,7 @@ class VirtualPmw3360 {
 
   VirtualPmw3360(const SensorImperfections& imperfections, std::uint32_t seed);
 
-  /// Where the surface is; `now_us` since power-on.
+  /// Sets the function that gives the position of the surface; `now_us` is the time since power-on.
   void SetSurface(std::function<Position(double now_us)> surface);
   /// Sets how the sensor sits above the surface and how clean it is.
   void SetOptics(const SurfaceOptics& optics) { optics_ = optics; }
@@ -45,31 +45,30 @@ class VirtualPmw3360 {
   std::uint8_t Exchange(const SpiExchange& exchange);
 
   /// --- what may happen to it -----------------------------------------------------------------
-  /// All registers as at power-up; to be spoken to after 50 ms.
+  /// Sets all registers to their values at power-up. The sensor answers after 50 ms.
   void PowerUp(double now_us);
-  /// The same, but nobody asked for it, and it answers meanwhile as if nothing had happened, with
-  /// its reset values: motion and Observation come after `boot_us`; negative: 2 to 50 ms, random.
+  /// Spontaneous reset: the sensor answers meanwhile with its reset values. Motion and Observation
+  /// come after `boot_us`; negative: 2 to 50 ms, random.
   void ResetItself(double now_us, double boot_us = -1);
   void SetLifted(bool lifted) { lifted_ = lifted; }
   void SetFault(Fault fault) { fault_ = fault; }
-  /// The only firmware image that the sensor takes as whole; empty: any of the right length.
+  /// The only firmware image that the sensor accepts; empty: any image of the right length.
   void ExpectSrom(std::vector<std::uint8_t> image) { expected_srom_ = std::move(image); }
 
-  /// Counts handed out since the first power-up while the sensor was set up, whatever the firmware
-  /// made of them; and those that it handed out when it was not: after a reset, at its own
-  /// resolution.
+  /// Counts that the firmware has read since the first power-up while the sensor was set up. Stray
+  /// counts were read while it was not: after a reset, at its default resolution.
   std::int64_t axial_counts() const { return axial_counts_; }
   std::int64_t transverse_counts() const { return transverse_counts_; }
   std::int64_t stray_counts() const { return stray_counts_; }
-  /// Motion that it slept through, mm.
+  /// Motion that was lost while the sensor slept, mm.
   double lost_mm() const { return navigation_.lost_mm(); }
-  /// The firmware has begun to read motion since the last power-up.
+  /// True if the firmware has read motion since the last power-up.
   bool counting() const { return set_up_; }
-  /// Sent to sleep by the firmware, and drawing no current to speak of.
+  /// True if the firmware has sent the sensor to sleep, with negligible current.
   bool asleep() const { return asleep_; }
   int cpi() const { return (registers_[kConfig1] + 1) * 100; }
   SensorNavigation::Mode mode() const { return navigation_.mode(); }
-  /// Resets that nobody asked for, since the beginning.
+  /// Number of spontaneous resets.
   int self_resets() const { return self_resets_; }
   /// The firmware image that it runs; empty: its ROM.
   const std::vector<std::uint8_t>& srom() const { return srom_; }

@@ -8,13 +8,13 @@
 
 namespace torquer::emulator {
 
-/// How a sensor differs from an ideal one, glued on straight.
+/// Differences between a sensor and an ideal one that is mounted straight.
 struct SensorImperfections {
   double misalignment_rad = 0;  ///< of its axes, right-handed as seen from outside the cylinder
   double scale = 1;             ///< counts seen over counts nominal
-  double noise_counts = 0;      ///< standard deviation of what each moving reading adds, an axis
-  /// Mean time between resets of the sensor that nobody asked for (static discharge, a dip of its
-  /// supply), s; 0: none. The times are random, by the device's seed.
+  double noise_counts = 0;  ///< standard deviation of the noise of each moving reading, per axis
+  /// Mean time between spontaneous resets of the sensor (static discharge, a dip of its supply), s;
+  /// 0: none. The times are random, by the device's seed.
   double self_reset_interval_s = 0;
 };
 
@@ -26,7 +26,7 @@ struct SurfacePosition {
 
 class SensorNavigation {
  public:
-  /// As the registers say, by the formulas of the data sheet.
+  /// Settings of the registers, converted by the formulas of the data sheet.
   struct Settings {
     int cpi = 5000;
     bool rest_enabled = true;
@@ -57,10 +57,10 @@ class SensorNavigation {
     surface_ = std::move(surface);
   }
 
-  /// As after a reset: nothing counted yet; frames are taken from `begin_us` on.
+  /// Sets the state after a reset: no counts; frames are taken from `begin_us` on.
   void Restart(double begin_us);
-  /// Frames up to now. While `blind` nothing is seen, and where the surface is then is taken as
-  /// new.
+  /// Takes the frames up to now. While `blind`, the sensor sees no motion, and the current position
+  /// of the surface becomes its new reference.
   void Advance(double now_us, const Settings& settings, bool blind);
   /// Takes whole counts, -32768 .. 32767; the rest stays for the next time.
   Counts Take();
@@ -69,7 +69,7 @@ class SensorNavigation {
   bool running(double now_us) const { return now_us >= begin_us_; }
   /// Motion that came and went between two frames of a rest mode, since the beginning.
   double lost_mm() const { return lost_mm_; }
-  /// When the latest frame before `now_us` was taken.
+  /// Time of the latest frame before `now_us`.
   double LatestFrameUs(double now_us, const Settings& settings) const;
 
  private:

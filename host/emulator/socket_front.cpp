@@ -37,7 +37,7 @@ int NewSocket() {
   return made;
 }
 
-// A socket file outlives a process that was killed; nobody listens behind it.
+// The socket file of a killed process stays, but no process listens on it.
 bool SomebodyListens(const sockaddr_un& address) {
   const int probe = NewSocket();
   const bool listens =

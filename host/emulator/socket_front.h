@@ -23,7 +23,7 @@ class SocketFront {
   /// Accepts, and takes requests; never waits. To be called once a frame.
   void Service();
 
-  /// Waits up to `timeout_ms` for somebody to connect.
+  /// Waits up to `timeout_ms` for a client.
   void WaitForClient(int timeout_ms) const;
 
   /// Listens or not, as the device is on the bus.
@@ -31,9 +31,9 @@ class SocketFront {
   void DeviceGone();
 
   bool connected() const { return client_ >= 0; }
-  /// There is room for another report: the client is at most two seconds behind. Beyond that the
-  /// device is not polled: like a USB host without a transfer pending, the client loses samples and
-  /// no motion.
+  /// True if there is room for another report: the client is at most two seconds behind. Otherwise
+  /// the device is not polled. Like a USB host without a pending transfer, the client then loses
+  /// samples, but no motion.
   bool CanSend() const;
   /// Waits up to `timeout_ms` until the client is not behind; false if it still is.
   bool WaitUntilSent(int timeout_ms);

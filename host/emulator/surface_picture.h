@@ -7,7 +7,7 @@
 
 namespace torquer::emulator {
 
-/// How the sensor sits above the surface, and how clean it is.
+/// Position of the sensor above the surface, and its dirt.
 struct SurfaceOptics {
   /// Lens reference plane to surface, mm; sharp at 2.4.
   double distance_mm = 2.4;

@@ -22,8 +22,8 @@ namespace torquer::emulator {
 namespace {
 
 constexpr auto kFrame = std::chrono::milliseconds(1);
-// How long a frame waits for the IN transfer of a program that has claimed the interface: longer
-// than a machine keeps a program waiting, not for ever should it have gone astray.
+// Longest wait of a frame for the IN transfer of a program that has claimed the interface. A busy
+// machine delays a program less; a program that hangs is not waited for.
 constexpr auto kLongestFrame = std::chrono::seconds(20);
 constexpr SetupPacket kClearHalt{0x02, 1, 0, 0x81, 0};
 constexpr int kAddressesAPort = 14;

@@ -39,13 +39,13 @@ class UmockdevBench {
   /// Calls `action` in the device's thread, between two frames, and returns when it is done.
   void Do(const std::function<void(BenchDevice&, UsbHost&)>& action);
 
-  /// The next input transfer ends with this many of the report's bytes.
+  /// Ends the next input transfer with this number of the report's bytes.
   void ShortenNextInput(std::size_t bytes);
-  /// The next input transfer ends with these bytes instead of the report's.
+  /// Ends the next input transfer with these bytes instead of the report's.
   void ReplaceNextInput(std::vector<std::uint8_t> bytes);
-  /// The next input transfer ends as one on a halted endpoint.
+  /// Ends the next input transfer as on a halted endpoint.
   void StallNextInput();
-  /// No control transfer is answered from now on, or all are.
+  /// Stops or resumes all answers to control transfers.
   void HangControl(bool hang);
 
   /// Input reports handed to the program since the start.

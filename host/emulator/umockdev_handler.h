@@ -10,10 +10,10 @@
 
 namespace torquer::emulator {
 
-/// Has the ioctls on the file `path` answered by `device->Ioctl(client)`, which is called in
-/// umockdev's thread and returns whether it has taken the call on. umockdev gets a share in the
-/// device: its thread goes on for a moment after the testbed is gone. Throws std::runtime_error if
-/// umockdev refuses.
+/// Connects the ioctls on the file `path` to `device->Ioctl(client)`, which returns true if it has
+/// accepted the call. umockdev's thread makes the call. It shares the device's ownership, because
+/// it runs for a moment after the end of the testbed. Throws std::runtime_error if umockdev
+/// refuses.
 template <class Device>
 void AttachIoctls(UMockdevTestbed* testbed, const std::string& path,
                   const std::shared_ptr<Device>& device) {
@@ -47,7 +47,7 @@ class AnsweredFiles {
     for (const std::string& path : paths_) Detach(path);
   }
 
-  /// As AttachIoctls; a device that had this file before is forgotten.
+  /// Same as AttachIoctls; replaces the device that had this file before.
   template <class Device>
   void Attach(const std::string& path, const std::shared_ptr<Device>& device) {
     if (!paths_.insert(path).second) Detach(path);

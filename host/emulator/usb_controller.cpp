@@ -53,7 +53,7 @@ void UsbController::Reset() {
   pll_locked_ = false;
 }
 
-// As USBE does when it is cleared: all that is not in UHWCON and USBCON.
+// Effect of clearing USBE: resets everything that is not in UHWCON and USBCON.
 void UsbController::Disable() {
   endpoints_ = {};
   udint_ = udien_ = udaddr_ = uenum_ = uerst_ = 0;

@@ -12,7 +12,7 @@
 
 namespace torquer::emulator {
 
-/// How a device answers a packet from the host.
+/// Answer of a device to a packet from the host.
 enum class UsbAnswer {
   kAck,   ///< taken, or data sent
   kNak,   ///< not now

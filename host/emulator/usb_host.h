@@ -75,10 +75,10 @@ class UsbHost {
   /// Resets the port; the device is enumerated again.
   void ResetPort();
 
-  /// Leaves the bus idle from now on, as a computer that goes to sleep. The device, once ready, can
-  /// end that if it has been allowed to wake the host.
+  /// Leaves the bus idle from now on, like a computer that goes to sleep. The device can end that
+  /// if it was allowed to wake the host.
   void Suspend();
-  /// Signals resume for 20 ms and goes on.
+  /// Signals resume for 20 ms and continues.
   void Resume();
   bool suspended() const { return suspended_; }
 

@@ -15,9 +15,9 @@ namespace {
 // A usbfs file is always writable under umockdev, so that libusb asks again at once; a short wait
 // keeps it from spinning.
 constexpr auto kReapWait = std::chrono::milliseconds(2);
-// How often a wait for a program looks whether that has closed the file.
+// Period at which a wait for a program checks if the program has closed the file.
 constexpr auto kClosedWait = std::chrono::milliseconds(20);
-// For how long a program asks for ended transfers in vain before it is taken to want none.
+// Time of failed requests for ended transfers after which a program is assumed to want none.
 constexpr auto kIdle = std::chrono::milliseconds(500);
 constexpr std::size_t kSetupBytes = 8;
 

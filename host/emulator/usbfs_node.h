@@ -36,30 +36,29 @@ class UsbfsNode {
   UsbfsNode(const UsbfsNode&) = delete;
   UsbfsNode& operator=(const UsbfsNode&) = delete;
 
-  /// Waits while a program that has claimed the interface owes a transfer: `longest` at most after
-  /// its last call, and not once it goes on asking for the end of transfers without having any on
-  /// their way, for then it waits for something else. One that was killed unseen is thus waited for
-  /// once.
+  /// Waits while a program that has claimed the interface owes a transfer, at most `longest` after
+  /// its last call. The wait ends when the program asks for ended transfers but has none pending:
+  /// then it waits for another event. So a program that was killed is waited for only once.
   void WaitForProgram(std::chrono::milliseconds longest);
-  /// Ends that wait, now and from now on.
+  /// Ends that wait, and prevents later ones.
   void StopWaiting();
 
   /// True if an input transfer waits.
   bool WantsInput() const;
-  /// Ends the oldest input transfer with `status` (0 or a negative errno) and what fits of `bytes`;
-  /// false if none waits.
+  /// Ends the oldest input transfer with `status` (0 or a negative errno) and as many `bytes` as
+  /// fit; false if none waits.
   bool EndInput(int status, std::span<const std::uint8_t> bytes);
 
   /// Takes the oldest control transfer that waits; EndControl() gives it back.
   std::optional<Control> TakeControl();
-  /// Ends it with `status`; `bytes` is what the device sent, `length` what it took or sent. Nothing
-  /// happens if the program has given the transfer up.
+  /// Ends it with `status`. `bytes`: data from the device; `length`: number of bytes that it took
+  /// or sent. Has no effect if the program has abandoned the transfer.
   void EndControl(std::uint64_t id, int status, std::span<const std::uint8_t> bytes,
                   std::size_t length);
 
   /// True if a program waits for the halt of the input endpoint to be cleared; asked once for each.
   bool TakeClearHalt();
-  /// Lets it go on.
+  /// Ends the program's wait.
   void EndClearHalt();
 
   /// A program's call, from umockdev: see AttachIoctls().

@@ -11,16 +11,16 @@
 
 namespace torquer::emulator {
 
-/// A hand that goes where it is sent, one place after the other, each in a straight line and in a
-/// given time, and stays at the last.
+/// Hand that moves to commanded positions one after the other, each in a straight line and in a
+/// given time, and stays at the last one.
 class GlidingHand {
  public:
-  /// Goes there from where it is at `time_s` (virtual); what else `target` says holds at once.
+  /// Moves from the position at `time_s` (virtual) to `target`. Stick and buttons change at once.
   void Glide(double time_s, const HandState& target, double duration_s);
-  /// Goes on there from where it is to be last.
+  /// Moves to `target` after the last commanded position is reached.
   void GlideOn(double time_s, const HandState& target, double duration_s);
   HandState At(double time_s) const;
-  /// Where it is to be last.
+  /// Last commanded state of the hand.
   HandState Goal() const { return legs_.empty() ? HandState{} : legs_.back().to; }
   bool Moves(double time_s) const { return !legs_.empty() && time_s < legs_.back().end_s; }
 
@@ -33,15 +33,16 @@ class GlidingHand {
 };
 
 /// Carries out one line:
-///   state                     a JSON object: what device, sensor and hand do
+///   state                     a JSON object: state of device, sensor and hand
 ///   move MM RAD SECONDS       the hand glides to that insertion and rotation
-///   then MM RAD SECONDS       goes on there, once it is where it was to go
+///   then MM RAD SECONDS       moves there after the last commanded position
 ///   stick X Y                 joystick, -1 to 1
 ///   buttons BITS              protocol::Button bits, held from now on
-///   unplug | plug             takes the supply away, or gives it back
+///   unplug | plug             switches the supply off or on
 ///   restart                   the firmware restarts itself by its watchdog
 ///   reset                     the reset button
-///   cut OPERATIONS            takes the supply away at that page operation of the flash, from now
+///   cut OPERATIONS            switches the supply off at that page operation of the flash, from
+///   now
 /// The answer has no line end; it begins with "error:" for a line that cannot be carried out.
 class UsbipCommands {
  public:

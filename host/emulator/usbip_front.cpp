@@ -21,8 +21,8 @@
 namespace torquer::emulator {
 namespace {
 
-// How long a frame waits for the next input transfer: longer than a machine keeps a kernel waiting,
-// not for ever should its program have been killed between two.
+// Longest wait of a frame for the next input transfer. A busy machine delays a kernel less; a
+// killed program is not waited for.
 constexpr std::int64_t kLongestHoldMs = 20000;
 
 std::int64_t NowMs() {

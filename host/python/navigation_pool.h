@@ -47,10 +47,10 @@ class NavigationPool {
   /// Waits until `count` environments at work, or all of them, have finished. Returns them in the
   /// order of finishing. Throws the exception of one of them.
   std::vector<std::size_t> Wait(std::size_t count);
-  /// As Wait, but returns nothing after `longest`.
+  /// Same as Wait, but returns nothing after `longest`.
   std::optional<std::vector<std::size_t>> WaitFor(std::size_t count,
                                                   std::chrono::milliseconds longest);
-  /// Throw for the arguments that Reset and Step refuse, before any environment begins.
+  /// Throws for arguments that Reset and Step refuse, before any environment begins.
   void CheckRotation(double rotation_rad) const { Navigation::CheckRotation(rotation_rad); }
   void CheckAction(const double* action) const { environments_.front()->CheckAction(action); }
   /// True in a forked child of the process that has the threads.

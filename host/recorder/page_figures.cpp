@@ -13,7 +13,7 @@ double CountsApart(const InstrumentReport& instrument) {
   return std::max(instrument.axial.error_counts, instrument.rotation.error_counts);
 }
 
-// ", at 12.3 s"; "" of an empty series.
+// ", at 0:12.3 min"; "" of an empty series.
 std::string TimeOfPeak(const Series& series) {
   const std::vector<SeriesPoint> points = series.Points();
   if (points.empty()) return "";
@@ -27,8 +27,8 @@ std::string DoubtOf(const InstrumentReport& instrument) {
   if (instrument.reports_lost > 0) {
     return fmt::format(" lost {} reports of its device.", instrument.reports_lost);
   }
-  return fmt::format(" did not follow its hand: they are {:.1f} counts of the sensor apart.",
-                     CountsApart(instrument));
+  return fmt::format(" did not follow its hand: they are {} counts of the sensor apart.",
+                     ValueText(CountsApart(instrument)));
 }
 
 }  // namespace
@@ -104,8 +104,8 @@ std::vector<std::string> PageFigures::Doubts() const {
   }
   const double unsettled_s = Reading("wall_force_unconverged_s").value_or(0);
   if (unsettled_s > 0.01 * now_.procedure_s) {
-    doubts.push_back("For " + SecondsText(unsettled_s) +
-                     " the simulation had not settled; forces of that time are not counted.");
+    doubts.push_back("The simulation had not settled for " + SecondsText(unsettled_s) +
+                     "; forces of that time are not counted.");
   }
   return doubts;
 }
@@ -153,7 +153,7 @@ void PageFigures::AddWall(std::vector<PageFinding>& findings) const {
   }
   if (const auto pressure = Reading("wall_tip_pressure_ever_kPa")) {
     findings.push_back({"Largest pressure of the tip's end, along the wire",
-                        fmt::format("{:.1f} kPa", *pressure), "none set", ""});
+                        ValueText(*pressure) + " kPa", "none set", ""});
   }
 }
 
@@ -164,14 +164,14 @@ void PageFigures::AddWay(std::vector<PageFinding>& findings) const {
   }
   if (const auto retractions = Reading("retractions")) {
     findings.push_back({"Pulled back by 2 mm or more",
-                        TimesText(*retractions) +
-                            fmt::format(", {:.1f} mm in all", Reading("retracted_mm").value_or(0)),
+                        TimesText(*retractions) + ", " +
+                            ValueText(Reading("retracted_mm").value_or(0)) + " mm in all",
                         "none set", ""});
   }
   if (const auto ratio = Reading("tip_path_ratio")) {
     findings.push_back(
-        {"Path length of the tip", fmt::format("{:.0f} mm", now_.tip_path_mm), "none set",
-         fmt::format("{:.2f} times the length of the way from the entry to the target", *ratio)});
+        {"Path length of the tip", ValueText(now_.tip_path_mm) + " mm", "none set",
+         ValueText(*ratio) + " times the length of the way from the entry to the target"});
   }
 }
 
@@ -184,10 +184,10 @@ std::vector<PageRow> PageFigures::Radiation() const {
     rows.push_back({"X-ray pulses", fmt::format("{:.0f} pulses", *pulses)});
   }
   if (const auto kerma = Reading("air_kerma_mGy")) {
-    rows.push_back({"Air kerma at the reference point", fmt::format("{:.3g} mGy", *kerma)});
+    rows.push_back({"Air kerma at the reference point", ValueText(*kerma) + " mGy"});
   }
   if (now_.contrast_mL) {
-    rows.push_back({"Contrast agent", fmt::format("{:.1f} mL", *now_.contrast_mL)});
+    rows.push_back({"Contrast agent", ValueText(*now_.contrast_mL) + " mL"});
     rows.push_back({"Time of injection", SecondsText(report_.course.contrast().total_s())});
   } else {
     rows.push_back({"Contrast agent", "none in this scene"});
@@ -198,10 +198,10 @@ std::vector<PageRow> PageFigures::Radiation() const {
 std::vector<PageRow> PageFigures::Motion() const {
   const SessionCourse& course = report_.course;
   std::vector<PageRow> rows = {
-      {"Path length of the tip", fmt::format("{:.0f} mm", now_.tip_path_mm)},
+      {"Path length of the tip", ValueText(now_.tip_path_mm) + " mm"},
       {"Speed of the tip while it moved",
-       fmt::format("{:.1f} mm/s mean, {:.1f} mm/s peak", course.moving_speed_mm_s(),
-                   course.peak_speed_mm_s())}};
+       fmt::format("{} mm/s mean, {} mm/s peak", ValueText(course.moving_speed_mm_s()),
+                   ValueText(course.peak_speed_mm_s()))}};
   for (const InstrumentCourse& instrument : course.instruments()) {
     rows.push_back({"Reversals, " + SafeText(instrument.name),
                     TimesText(static_cast<double>(instrument.reversals))});
@@ -210,30 +210,29 @@ std::vector<PageRow> PageFigures::Motion() const {
     rows.push_back({"Separate movements of the hand", TimesText(*submovements)});
   }
   if (const auto jerk = Reading("log_dimensionless_jerk")) {
-    rows.push_back({"Smoothness of the hand", fmt::format("LDLJ {:.1f} (no unit)", *jerk)});
+    rows.push_back({"Smoothness of the hand", "LDLJ " + ValueText(*jerk) + " (no unit)"});
   }
   return rows;
 }
 
 std::string PageFigures::Share(std::int64_t ticks) const {
   const auto all = static_cast<double>(std::max<std::int64_t>(report_.course.solver().ticks, 1));
-  return fmt::format("{} ticks ({:.2f} %)", ticks, 100 * static_cast<double>(ticks) / all);
+  return fmt::format("{} ticks ({} %)", ticks, ValueText(100 * static_cast<double>(ticks) / all));
 }
 
 std::vector<PageRow> PageFigures::Solver() const {
   const SolverHealth& solver = report_.course.solver();
-  return {
-      {"Simulated", fmt::format("{} ticks", solver.ticks)},
-      {"Not in equilibrium at the end of a tick", Share(solver.unconverged)},
-      {"&#x2003;because the time budget was spent", Share(solver.budget_spent)},
-      {"&#x2003;because no step reduced the residual", Share(solver.stalled)},
-      {"Outside the vessel", Share(solver.outside)},
-      {"Snapped to another shape", Share(solver.snapped)},
-      {"Largest penetration of the wall",
-       fmt::format("{:.1f} &#xb5;m", report_.max_penetration_um)},
-      {"Largest residual in equilibrium", fmt::format("{:.1e} (no unit)", solver.largest_residual)},
-      {"Time for a tick", fmt::format("{:.0f} &#xb5;s median, {:.0f} &#xb5;s 99th percentile",
-                                      report_.solve_us.p50, report_.solve_us.p99)}};
+  return {{"Simulated", fmt::format("{} ticks", solver.ticks)},
+          {"Not in equilibrium at the end of a tick", Share(solver.unconverged)},
+          {"&#x2003;because the time budget was spent", Share(solver.budget_spent)},
+          {"&#x2003;because no step reduced the residual", Share(solver.stalled)},
+          {"Outside the vessel", Share(solver.outside)},
+          {"Tip snapped to another shape", Share(solver.snapped)},
+          {"Largest penetration of the wall", ValueText(report_.max_penetration_um) + " &#xb5;m"},
+          {"Largest residual in equilibrium", ValueText(solver.largest_residual) + " (no unit)"},
+          {"Time for a tick",
+           fmt::format("{} &#xb5;s median, {} &#xb5;s 99th percentile",
+                       ValueText(report_.solve_us.p50), ValueText(report_.solve_us.p99))}};
 }
 
 std::vector<PageRow> PageFigures::Device() const {
@@ -248,11 +247,12 @@ std::vector<PageRow> PageFigures::Device() const {
                     instrument.reports_lost < 0
                         ? "not known"
                         : fmt::format("{} reports", instrument.reports_lost)});
-    rows.push_back({name + ": hand against instrument",
-                    fmt::format("{:.2f} counts apart", CountsApart(instrument))});
-    rows.push_back({name + ": from hand to simulation",
-                    fmt::format("{:.1f} ms median, {:.1f} ms 99th percentile",
-                                instrument.latency_ms.p50, instrument.latency_ms.p99)});
+    rows.push_back(
+        {name + ": hand against instrument", ValueText(CountsApart(instrument)) + " counts apart"});
+    rows.push_back(
+        {name + ": from hand to simulation",
+         fmt::format("{} ms median, {} ms 99th percentile", ValueText(instrument.latency_ms.p50),
+                     ValueText(instrument.latency_ms.p99))});
   }
   rows.push_back(
       {"Motion in doubt (sensor or commands missing)", Share(report_.course.solver().in_doubt)});

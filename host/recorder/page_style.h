@@ -30,7 +30,8 @@ figure{margin:8px 0}
 figcaption,.small{font-size:13px;color:#44505d}
 .picture svg{display:block;width:100%;height:auto}
 @page{size:A4;margin:13mm}
-@media (max-width:700px){.columns{grid-template-columns:1fr}}
+@media (max-width:700px){.columns{grid-template-columns:1fr}main{padding:16px}section{overflow-x:auto}
+.findings td.number,.sessions td{white-space:normal}}
 @media print{
 body{background:#fff;font-size:9pt;line-height:1.35}
 th,td{padding:2.5px 8px 2.5px 0}

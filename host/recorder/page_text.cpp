@@ -15,9 +15,19 @@ namespace torquer {
 std::string SafeText(std::string_view text) { return plot::EscapeMarkup(Printable(text)); }
 
 std::string SecondsText(double seconds) {
-  if (seconds < 99.95) return fmt::format("{:.1f} s", seconds);
+  if (seconds < 99.95) {
+    const auto tenths = static_cast<std::int64_t>(std::lround(10 * seconds));
+    return fmt::format("{}:{:02}.{} min", tenths / 600, tenths / 10 % 60, tenths % 10);
+  }
   const auto whole = static_cast<std::int64_t>(std::lround(seconds));
-  return fmt::format("{} min {:02} s", whole / 60, whole % 60);
+  return fmt::format("{}:{:02} min", whole / 60, whole % 60);
+}
+
+std::string ValueText(double value) {
+  if (value == 0) return "0";
+  // From here on three digits have no decimal place.
+  constexpr double kWhole = 99.95;
+  return std::abs(value) < kWhole ? fmt::format("{:#.3g}", value) : fmt::format("{:.0f}", value);
 }
 
 std::string TimesText(double count) {
@@ -25,9 +35,7 @@ std::string TimesText(double count) {
   return count == 1 ? "once" : fmt::format("{:.0f} times", count);
 }
 
-std::string ForceText(double force_mN) {
-  return fmt::format("{:.{}f} mN", force_mN, std::abs(force_mN) < 10 ? 2 : 1);
-}
+std::string ForceText(double force_mN) { return ValueText(force_mN) + " mN"; }
 
 std::string LimitText(double force_mN) { return fmt::format("{:g} mN", force_mN); }
 

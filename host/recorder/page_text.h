@@ -9,11 +9,13 @@ namespace torquer {
 
 /// Untrusted text, such as from a log: invisible characters are made visible, markup is escaped.
 std::string SafeText(std::string_view text);
-/// "41.2 s"; from 100 s on "3 min 05 s".
+/// Time as min:s: "0:41.2 min"; from 100 s on "3:05 min".
 std::string SecondsText(double seconds);
+/// Three significant digits, or all digits before the point: "41.2", "0.314", "1250".
+std::string ValueText(double value);
 /// "never", "once", "3 times".
 std::string TimesText(double count);
-/// "41.2 mN", below 10 mN "3.14 mN".
+/// "41.2 mN".
 std::string ForceText(double force_mN);
 /// Limit as a round number: "100 mN".
 std::string LimitText(double force_mN);

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "host/recorder/page_text.h"
 #include "host/support/angle.h"
 #include "host/support/error.h"
 #include "host/support/printable_text.h"
@@ -228,18 +229,17 @@ std::string DrawReport(const SessionReport& report, const PictureVessel& vessel,
   const std::string reach =
       wire.instruments.size() > 1
           ? ""
-          : fmt::format(" · {:.1f} mm past the entry", state.instruments[0].insertion_mm);
+          : " · " + ValueText(state.instruments[0].insertion_mm) + " mm past the entry";
   caption.subtitle = fmt::format("{}{} · segments of {:g} mm · {} method", Printable(scene.vessel),
                                  reach, scene.segment_mm, Printable(report.method));
   for (const InstrumentReport& instrument : report.instruments) {
     if (instrument.driven()) AddFigures(instrument, wire.instruments.size() == 1, caption);
   }
-  caption.figures.insert(
-      caption.figures.end(),
-      {{"largest penetration", fmt::format("{:.1f} um", report.max_penetration_um)},
-       {"nodes", std::to_string(state.segment_count + 1)},
-       {"residual", fmt::format("{:.1e}", report.residual)},
-       {"session", fmt::format("{:.1f} s", report.duration_s)}});
+  caption.figures.insert(caption.figures.end(),
+                         {{"largest penetration", ValueText(report.max_penetration_um) + " um"},
+                          {"nodes", std::to_string(state.segment_count + 1)},
+                          {"residual", ValueText(report.residual)},
+                          {"session", SecondsText(report.duration_s)}});
   return DrawSession(vessel, axes, wire, caption);
 }
 

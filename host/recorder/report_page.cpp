@@ -31,6 +31,7 @@ class Page {
     LearningCurve();
     Picture();
     Methods();
+    Quality();
     out_ += "</main></body></html>\n";
     return std::move(out_);
   }
@@ -72,7 +73,7 @@ class Page {
     if (!findings.empty()) {
       out_ +=
           "<table class=\"findings\"><thead>"
-          "<tr><th>What</th><th>Found</th><th>Limit</th><th>Meaning</th></tr></thead><tbody>\n";
+          "<tr><th>Measure</th><th>Result</th><th>Limit</th><th>Meaning</th></tr></thead><tbody>\n";
       for (const PageFinding& finding : findings) {
         Append(out_, "<tr><td>{}</td><td class=\"number\">{}</td><td>{}</td><td>{}</td></tr>\n",
                finding.name, finding.found, finding.limit, finding.meaning);
@@ -136,9 +137,16 @@ class Page {
     out_ += "<section>\n<h2>Figures</h2>\n<div class=\"columns\">\n";
     Table("Radiation and contrast", figures_.Radiation());
     Table("Motion", figures_.Motion());
+    out_ += "</div>\n</section>\n";
+  }
+
+  void Quality() {
+    out_ += "<section>\n<h2>For developers</h2>\n<div class=\"columns\">\n";
     Table("Quality of the simulation", figures_.Solver());
     Table("Device and recording", figures_.Device());
-    out_ += "</div>\n</section>\n";
+    out_ +=
+        "</div>\n<p class=\"small\">The residual is the largest out-of-balance moment over the "
+        "local EI/(1 mm).</p>\n</section>\n";
   }
 
   void Table(const char* heading, const std::vector<PageRow>& rows) {
@@ -153,7 +161,8 @@ class Page {
     out_ += "<section>\n<h2>Earlier sessions in this scene</h2>\n";
     if (parts_.earlier.sessions.empty()) {
       out_ +=
-          "<p>None was found beside this report. Later ones will show the learning curve.</p>\n";
+          "<p>None was found beside this report. The learning curve begins with the next "
+          "session.</p>\n";
     } else {
       DrawCurve();
     }
@@ -209,44 +218,44 @@ class Page {
                                                     : "&#x2717; unsafe";
     Append(out_,
            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>"
-           "<td>{:.0f} mm</td><td>{}</td></tr>\n",
+           "<td>{} mm</td><td>{}</td></tr>\n",
            number, DateText(session.started_us), result, SecondsText(session.procedure_s),
            or_dash(session.wall_force_mN, ForceText), or_dash(session.fluoroscopy_s, SecondsText),
-           or_dash(session.contrast_mL, [](double mL) { return fmt::format("{:.1f} mL", mL); }),
-           session.tip_path_mm, TimesText(static_cast<double>(session.reversals)));
+           or_dash(session.contrast_mL, [](double mL) { return ValueText(mL) + " mL"; }),
+           ValueText(session.tip_path_mm), TimesText(static_cast<double>(session.reversals)));
   }
 
   void Picture() {
     if (parts_.picture.empty()) return;
     out_ +=
-        "<section class=\"whole\">\n<h2>Where the instruments are at the end</h2>\n"
+        "<section class=\"whole\">\n<h2>Instruments at the end of the session</h2>\n"
         "<figure class=\"picture\">\n" +
         parts_.picture +
-        "<figcaption>Left the whole vessel from the front, right the surroundings of the tip. "
-        "Cyan: the last 10 mm; thin white line: where the tip has been; orange dots: contact "
+        "<figcaption>Left: the whole vessel from the front. Right: the surroundings of the tip. "
+        "Cyan: the last 10 mm; thin white line: path of the tip; orange dots: contact "
         "with the wall.</figcaption></figure>\n</section>\n";
   }
 
   void Methods() {
-    out_ += "<section>\n<h2>How it was measured</h2>\n<ul class=\"small\">\n";
+    out_ += "<section>\n<h2>Methods of measurement</h2>\n<ul class=\"small\">\n";
     out_ +=
         "<li>Forces and pressures are those of the simulation; they have not been compared with "
         "a patient's.";
     if (figures_.summary().wall_force_mN) {
       out_ += " The largest force is that on " + figures_.Patch() +
-              ". Ticks that are not in equilibrium do not count for it.";
+              ". Moments before the simulation has settled do not count for it.";
     }
-    Append(
-        out_,
-        "</li>\n<li>The path length of the tip is added up in steps of {:g} mm. Its speed is "
-        "the straight "
-        "way in {:g} s over that time; it moves above {:g} mm/s.</li>\n"
-        "<li>A reversal is a change of direction of the insertion by more than {:g} mm; fewer are "
-        "smoother. Smooth motion of the tip goes with skill: Estrada et al., IEEE Transactions on "
-        "Human-Machine "
-        "Systems 46(5):647, 2016.</li>\n",
-        SessionCourse::kPathStepMm, SessionCourse::kSpeedWindowS, SessionCourse::kRestingMmS,
-        SessionCourse::kReversalMm);
+    Append(out_,
+           "</li>\n<li>The path length of the tip is added up in steps of {:g} mm. Its speed is "
+           "its straight-line distance in {:g} s, divided by that time. The tip counts as moving "
+           "above {:g} mm/s.</li>\n"
+           "<li>A reversal is a change of direction of the insertion by more than {:g} mm; fewer "
+           "reversals are smoother. Smooth motion of the tip goes with skill: Estrada et al., IEEE "
+           "Transactions on "
+           "Human-Machine "
+           "Systems 46(5):647, 2016.</li>\n",
+           SessionCourse::kPathStepMm, SessionCourse::kSpeedWindowS, SessionCourse::kRestingMmS,
+           SessionCourse::kReversalMm);
     if (figures_.Reading("log_dimensionless_jerk")) {
       out_ +=
           "<li>LDLJ is the log dimensionless jerk of the hand's speed; the nearer to zero, the "
@@ -254,9 +263,8 @@ class Page {
           "12:112, 2015.</li>\n";
     }
     out_ +=
-        "<li>The residual is the largest out-of-balance moment over the local EI/(1 mm).</li>\n"
-        "<li>Curves show the lowest and the highest value of each stretch of time, so that no "
-        "peak is lost.</li>\n</ul>\n</section>\n";
+        "<li>Curves show the lowest and the highest value of each time interval, so no peak is "
+        "lost.</li>\n</ul>\n</section>\n";
   }
 
   const SessionReport& report_;

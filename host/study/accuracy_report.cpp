@@ -9,16 +9,16 @@ namespace torquer::study {
 namespace {
 
 // Groups in the order of the legend.
-constexpr const char* kGroups[] = {"newton, 2.5 mm", "newton, 1 mm",       "newton, 0.4 mm",
-                                   "newton, 0.2 mm", "newton, for a time", "paper: tip only",
+constexpr const char* kGroups[] = {"newton, 2.5 mm", "newton, 1 mm",        "newton, 0.4 mm",
+                                   "newton, 0.2 mm", "newton, time budget", "paper: Tip Relaxation",
                                    "paper: PR",      "paper: PR + GR"};
 
 std::string GroupOf(const AccuracyCase& c) {
   switch (c.method) {
     case AccuracyMethod::kNewtonBudget:
-      return "newton, for a time";
+      return "newton, time budget";
     case AccuracyMethod::kPaper:
-      return c.cycles == PaperCycles::kNone       ? "paper: tip only"
+      return c.cycles == PaperCycles::kNone       ? "paper: Tip Relaxation"
              : c.cycles == PaperCycles::kPhysical ? "paper: PR"
                                                   : "paper: PR + GR";
     default:
@@ -28,7 +28,7 @@ std::string GroupOf(const AccuracyCase& c) {
 
 Plot DrawFront(const std::string& title, const std::vector<FrontPoint>& points) {
   Plot plot{title,
-            {"time for a millimeter of motion, ms of one thread", true},
+            {"computing time for 1 mm of motion, ms of one thread", true},
             {"mean distance from the reference, mm", true},
             {}};
   plot.height = 520;
@@ -69,8 +69,8 @@ std::vector<std::string> Row(const std::string& name, const AccuracyOutcome& o) 
           std::to_string(o.basin_changes) + "/" + std::to_string(o.places)};
 }
 std::vector<std::string> Header() {
-  return {"setting",     "p50 ms",         "p99 ms",     "ms/mm",    "error um",   "largest um",
-          "solver's um", "residual 1/mm2", "energy gap", "depth um", "other basin"};
+  return {"setting",         "p50 ms",         "p99 ms",     "ms/mm",    "error um",   "largest um",
+          "solver error um", "residual 1/mm2", "energy gap", "depth um", "other basin"};
 }
 
 // Points measured in every scene, as geometric means over the scenes.
@@ -242,7 +242,9 @@ void ReportFront(StudyRun& run, const AccuracyResults& results) {
            "wire from a reference wire, after 10 mm of feeding and turning. The reference has ten "
            "times finer segments and is relaxed to 1e-9; both start from its state. Newton's "
            "method feeds in actions of 0.1 mm and has friction. The paper's method feeds in "
-           "segments and has no friction. Each method is compared with its own reference physics.");
+           "segments and has no friction. Each method is compared with its own reference physics. "
+           "Lengths in the legend: segments. With a time budget an action stops after a set time, "
+           "otherwise at a tolerance. PR and GR: the paper's Physical and Geometrical Relaxation.");
   Table front{"The Pareto front", {"setting", "ms/mm", "mean error um"}, {}};
   for (const FrontPoint& point : ParetoFront(all)) {
     front.rows.push_back({point.name, Number(point.ms_per_mm), Number(1e3 * point.error_mm)});
@@ -263,7 +265,7 @@ void ReportLadders(StudyRun& run, const AccuracyResults& results) {
                          tolerances.x, tolerances.names, SolverErrorOf),
            "Error of the solver, without the error of the segments.");
   run.Draw(LinesOfScenes("Time over tolerance, segments of 1 mm", tolerance_axis,
-                         {"ms for a millimeter of motion", true}, results, tolerances.x,
+                         {"computing time for 1 mm of motion, ms", true}, results, tolerances.x,
                          tolerances.names, TimeOf),
            "Near the solution each Newton step gains several digits.");
   run.Section("Segment length");
@@ -282,7 +284,7 @@ void ReportLadders(StudyRun& run, const AccuracyResults& results) {
 // Plot with one point for each scene and setting.
 Plot PointsOfScenes(const std::string& title, const AccuracyResults& results,
                     const std::vector<std::string>& names) {
-  Plot plot{title, {"ms for a millimeter of motion", true}, {"mean error, mm", true}, {}};
+  Plot plot{title, {"computing time for 1 mm of motion, ms", true}, {"mean error, mm", true}, {}};
   std::set<std::string> named;
   for (const std::string& name : names) {
     Series series{name, Mark::kPoints, {}, {}};

@@ -278,8 +278,8 @@ void RecordPrice(StudyRun& run, const std::string& name, const Price& price, con
 Table PriceTable(const std::vector<Case>& cases, const std::vector<Price>& prices,
                  const InstructionCounts& counts) {
   Table table{"A tick that feeds 0.02 to 0.1 mm, n = 250, in the T-Y phantom; thread-CPU time",
-              {"effects", "median ms", "p99 ms", "of none", "instructions, 1000", "heap kB",
-               "residual", "unconverged"},
+              {"effects", "median ms", "p99 ms", "relative to none", "instructions, 1000",
+               "heap kB", "residual", "unconverged"},
               {}};
   const Price& none = prices[0];
   for (std::size_t k = 0; k < cases.size(); ++k) {
@@ -296,8 +296,8 @@ Table PriceTable(const std::vector<Case>& cases, const std::vector<Price>& price
 
 // Plot with one row per case, labeled by its effects.
 Plot PricePlot(const std::vector<Case>& cases, const std::vector<Price>& prices) {
-  Plot plot{"A tick by effects",
-            {.label = "median of a tick, us", .logarithmic = true},
+  Plot plot{"Computing time of a tick, by effects",
+            {.label = "median time of a tick, us", .logarithmic = true},
             {.label = "", .is_list = true},
             {Series{"", Mark::kPoints, {}, {}}}};
   plot.width = 900;

@@ -145,7 +145,7 @@ void BendStrip(Part& part) {
   }
   Plot plot;
   plot.title = "A steel strip under weights";
-  plot.x.label = "force on its end, N";
+  plot.x.label = "force on the end, N";
   plot.y.label = "end below the clamp, mm";
   Series line{"ours", Mark::kLine, {}, {}, {}, 0};
   for (int k = 0; k <= 24; ++k) {
@@ -215,7 +215,7 @@ void BendNeedle(Part& part) {
   Plot plot;
   plot.title = "A needle bent in a phantom";
   plot.x.label = "curvature 20 mm from the entry, 1/m";
-  plot.y.label = "tip off, mm";
+  plot.y.label = "deflection of the tip, mm";
   Series line{"ours", Mark::kLine, {}, {}, {}, 0};
   for (const double k : {1.0e-3, 1.2e-3, 1.4e-3, 1.6e-3}) {
     line.x.push_back(1e3 * k);

@@ -23,7 +23,7 @@ class PaperComparison {
  private:
   StudyRun& run_;
   Table table_{"Our values and the paper's (i7-4500U, 2013)",
-               {"what", "paper", "ours", "unit", "paper / ours", "reason for the difference"},
+               {"quantity", "paper", "ours", "unit", "paper / ours", "reason for the difference"},
                {}};
 };
 

@@ -28,7 +28,7 @@ class LogInput {
   const std::string& path() const { return path_; }
   std::int64_t bytes() const { return bytes_; }  ///< size when it was opened
 
-  /// As InputFile::ReadAt().
+  /// Same as InputFile::ReadAt().
   std::size_t ReadAt(std::int64_t offset, void* to, std::size_t size) const;
 
  private:

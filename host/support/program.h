@@ -64,7 +64,7 @@ class Options {
               double high, const std::string& help);
   void Number(const std::string& name, const std::string& unit, std::optional<double>& value,
               double low, double high, const std::string& help);
-  /// As Number, but may be given several times.
+  /// Same as Number, but the option may be given several times.
   void Numbers(const std::string& name, const std::string& unit, std::vector<double>& values,
                double low, double high, const std::string& help);
 

@@ -27,7 +27,7 @@ constexpr std::int64_t kMostReportBytes = std::int64_t{64} << 20;
 // After that a program that was asked to end is killed. A simulator keeps its field, a recorder
 // what still comes.
 constexpr std::int64_t kEndUs = 10'000'000;
-// Where somebody waits for the program's end.
+// Longest wait for a last report while the viewer ends.
 constexpr std::int64_t kLastReportUs = 30'000'000;
 constexpr std::int64_t kStrangerUs = 300'000;
 constexpr std::size_t kLastOutputBytes = 400;

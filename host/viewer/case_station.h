@@ -47,12 +47,12 @@ class CaseStation {
     std::function<std::int64_t()> free_bytes = {};
   };
 
-  /// A minute of a scene that moves takes 0.1 GB. With less room no case starts, and one that runs
-  /// is ended, so that nobody fills a disk by leaving a page open.
+  /// A minute of a scene that moves takes 0.1 GB. With less room no case starts, and a running case
+  /// ends, so that a page that stays open does not fill the disk.
   static constexpr std::int64_t kLeastFreeBytes = 2'000'000'000;
 
-  /// Each session has its folder in `sessions`/CASE, named by the time. Throws UserError where that
-  /// cannot be made.
+  /// Each session has its folder in `sessions`/CASE, named by the time. Throws UserError if that
+  /// cannot be created.
   CaseStation(std::vector<Case> cases, std::filesystem::path sessions, Programs programs);
   /// Ends what runs, in order: simulator, recorder, and the report is written.
   ~CaseStation();
@@ -72,11 +72,11 @@ class CaseStation {
   bool Advance(std::int64_t now_us);
 
   Phase phase() const { return phase_; }
-  /// That was chosen last; null before.
+  /// The case that was chosen last; null before any choice.
   const Case* chosen() const;
-  /// How often a case was started.
+  /// Number of starts of cases.
   int runs() const { return runs_; }
-  /// The page that torquer-report wrote, when there is one; null otherwise.
+  /// The page that torquer-report wrote; null if there is none.
   const std::string* report() const { return report_ ? &*report_ : nullptr; }
   const std::vector<Case>& cases() const { return cases_; }
 

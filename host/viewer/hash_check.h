@@ -17,10 +17,10 @@ class HashCheck {
   struct Finding {
     simulator::ReplayResult result;  ///< so far
     bool done = false;
-    std::string error;  ///< why it could not go on; "" otherwise
+    std::string error;  ///< reason for an early end; "" otherwise
   };
 
-  /// `scene`, which nobody else uses meanwhile, outlives this.
+  /// `scene` must outlive this, and have no other user meanwhile.
   HashCheck(scene::Scene& scene, const std::string& log);
   /// Stops it.
   ~HashCheck();

@@ -1,4 +1,5 @@
-// Which processes a session needs, of all that report their health on the bus. No I/O.
+// Health topics: separates the processes that a session needs from all others that report their
+// health on the bus. No I/O.
 #pragma once
 
 #include <string>
@@ -8,15 +9,15 @@
 
 namespace torquer::viewer {
 
-/// A name on the bus may be anybody's choice. A session's own are the simulator, the emulator, and
-/// a daemon for each instrument of the scene.
+/// Any program may choose any name on the bus. The session needs the simulator, the emulator, and a
+/// daemon for each instrument of the scene.
 class HealthTopics {
  public:
   static constexpr std::size_t kMostInstruments = 16;
 
-  /// Returns the topics of instruments that the scene has no more.
+  /// Returns the topics of instruments that the scene no longer has.
   std::vector<std::string> Add(const torquer_lcm::scene_description_t& scene);
-  /// True where the session needs this process.
+  /// True if the session needs this process.
   bool Needs(const torquer_lcm::health_t& health) const;
   /// True where the scene has this instrument; of any before a scene is known.
   bool HasInstrument(const std::string& name) const;

@@ -10,7 +10,7 @@
 
 namespace torquer::viewer {
 
-/// True where the other end is gone, or silent: nothing was refused.
+/// True if the other end is gone or silent, and no request was refused.
 inline bool HasLeft(const boost::system::error_code& error) {
   namespace asio = boost::asio;
   namespace beast = boost::beast;

@@ -71,7 +71,7 @@ void Check(const Arguments& arguments) {
 
 int Run(const Arguments& arguments) {
   Check(arguments);
-  // The socket first: it is all that needs nothing else.
+  // The socket comes first, because it depends on no other part.
   const int listening = viewer::ListeningSocket(arguments.port);
   const std::string token = arguments.token_file.empty() ? viewer::RandomToken()
                                                          : viewer::KeptToken(arguments.token_file);

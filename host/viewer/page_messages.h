@@ -81,7 +81,8 @@ struct Controls {
 /// Size of each message from the page, bytes.
 inline constexpr std::size_t kControlsBytes = 20;
 
-/// Nothing where the bytes are not of that layout, or a rate is not finite or beyond its limit.
+/// Reads controls. Nullopt if the bytes do not have that layout, or a rate is not finite or exceeds
+/// its limit.
 std::optional<Controls> ReadControls(std::span<const std::uint8_t> bytes);
 
 /// X-ray settings that the page has chosen. Nullopt if the bytes do not have that layout or a value
@@ -92,7 +93,7 @@ std::optional<effects::Imaging> ReadImaging(std::span<const std::uint8_t> bytes)
 struct ReplayControls {
   bool play = false;
   double speed = 1;            ///< kLeastSpeed to kMostSpeed
-  std::optional<double> at_s;  ///< where to go on, from the beginning of the log; not negative
+  std::optional<double> at_s;  ///< new position, from the beginning of the log; not negative
   int steps = 0;               ///< states forward from there, negative backward
 
   static constexpr double kLeastSpeed = 0.1;
@@ -100,7 +101,8 @@ struct ReplayControls {
   static constexpr int kMostSteps = 1000;
 };
 
-/// Nothing where the bytes are not of that layout, or a value is beyond its limits.
+/// Reads controls of a replay. Nullopt if the bytes do not have that layout or a value exceeds its
+/// limits.
 std::optional<ReplayControls> ReadReplayControls(std::span<const std::uint8_t> bytes);
 
 /// Case control that the page requests.
@@ -110,7 +112,7 @@ struct CaseControl {
   std::size_t number = 0;  ///< of the case that is started
 };
 
-/// Nothing where the bytes are not of that layout.
+/// Reads a choice of a case. Nullopt if the bytes do not have that layout.
 std::optional<CaseControl> ReadCaseControl(std::span<const std::uint8_t> bytes);
 
 }  // namespace torquer::viewer

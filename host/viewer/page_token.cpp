@@ -36,7 +36,7 @@ std::string RandomToken() {
 std::string KeptToken(const std::string& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (file < 0 && errno == ENOENT) {
-    // Nobody else may read it, from the beginning.
+    // The file is private to its owner from its creation on.
     const mode_t before = umask(077);
     const std::string token = RandomToken();
     try {

@@ -35,8 +35,8 @@ void Playback::Take(const ReplayControls& controls) {
   playing_ = controls.play;
 }
 
-// To the moment of the state so many after the one that is shown; of the first or the last where
-// there are not as many. States of one moment count once.
+// Moves by a number of states, at most to the first or the last one. States of the same time count
+// once.
 void Playback::Step(int states) {
   const auto& times = state_times_us_;
   for (; states > 0; --states) {

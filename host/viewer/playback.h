@@ -1,4 +1,4 @@
-// Where a replay is, and how fast it goes. No clock, no I/O.
+// Position and speed of a replay. No clock, no I/O.
 #pragma once
 
 #include <cstdint>

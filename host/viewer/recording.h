@@ -19,7 +19,7 @@ class Recording {
     std::string name;  ///< the channel, for health with process and instrument
     std::vector<std::int64_t> times_us;
 
-    /// How many are there at a moment; 0: none yet.
+    /// Number of messages up to a time; 0: none yet.
     std::size_t CountAt(std::int64_t at_us) const;
 
    private:

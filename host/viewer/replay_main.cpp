@@ -33,8 +33,8 @@ struct Arguments {
   std::uint16_t port = 0;
 };
 
-// The scene of the recording: the one that was given, or the file that the recording names, if that
-// is still the same. Nothing, and why, where there is none.
+// Scene of the recording: the given one, or the file that the recording names, if it is unchanged.
+// Otherwise prints the reason and returns nothing.
 std::optional<torquer::scene::SceneSpec> SceneOf(const viewer::Recording& recording,
                                                  const Arguments& arguments) {
   if (!arguments.scene.empty()) return torquer::scene::ReadScene(arguments.scene);

@@ -25,7 +25,8 @@ class ShownTopics {
   static constexpr std::chrono::seconds kPassingTime{10};
 
   void Show(const std::string& topic, SharedPageMessage message);
-  /// When there is no place the topic that was shown longest ago goes. Returns those that went.
+  /// Shows a passing topic. If all places are taken, the topic that was shown longest ago is
+  /// removed. Returns the removed topics.
   std::vector<std::string> ShowPassing(const std::string& topic, SharedPageMessage message,
                                        Time now);
   /// Forgets passing topics that are too old, and returns them.

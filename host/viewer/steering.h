@@ -17,8 +17,8 @@
 namespace torquer::viewer {
 
 /// One page steers at a time: the first that sends controls, until it is gone or has been silent
-/// for kReleaseUs. Of a page that is silent for kSilentUs nothing moves any more and the pedals are
-/// up: each message of the page holds for that long alone.
+/// for kReleaseUs. Each message of the page is valid for kSilentUs. After that nothing moves, and
+/// the pedals are up.
 class Steering {
  public:
   static constexpr std::int64_t kSilentUs = 300'000;

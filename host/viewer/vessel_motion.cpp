@@ -5,8 +5,8 @@ namespace {
 
 bool AtEnd(std::size_t corner, std::size_t motion) { return (corner >> motion & 1U) != 0; }
 
-// Where the point is at a corner: x = X + sum of way w(x), which contracts, since motions do not
-// fold the vessel (effects::kMostStretch).
+// Position of the point at a corner: x = X + sum of way w(x). The iteration contracts, because
+// motions do not fold the vessel (effects::kMostStretch).
 Eigen::Vector3d AtCorner(const Motions& motions, const Eigen::Vector3d& at_rest_mm,
                          std::size_t corner) {
   constexpr int kMostRounds = 100;

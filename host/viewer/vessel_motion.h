@@ -12,19 +12,19 @@ namespace torquer::viewer {
 /// The motions of a vessel, m of them.
 using Motions = std::vector<const effects::PeriodicMotion*>;
 
-/// Those of a scene; none where its vessel rests.
+/// Motions of a scene; none if its vessel rests.
 Motions MotionsOf(const scene::Scene& scene);
 
-/// Shares of a motion's way that points at rest go, 2^m of one point after the other: one for each
-/// corner, where each motion is at its beginning (bit 0) or its end (bit 1), the first motion in
-/// the lowest bit. Between corners the share is multilinear: exact at the corners, which is where a
-/// heart rests and a breath is held, and wherever only one motion is under way close to it.
+/// Shares of a motion's displacement at points at rest: 2^m per point, one for each corner. At a
+/// corner each motion is at its beginning (bit 0) or its end (bit 1), the first motion in the
+/// lowest bit. Between corners the share is multilinear. It is exact at the corners, where the
+/// heart rests and the breath is held, and nearly exact while only one motion is active.
 using Shares = std::vector<float>;
 
 /// Shares of each motion at `points_mm`.
 std::vector<Shares> SharesOf(const Motions& motions, const std::vector<Eigen::Vector3d>& points_mm);
 
-/// Where a point is while the motions are at `pulses`, 0 to 1 each. `point`: its number in
+/// Position of a point while the motions are at `pulses`, 0 to 1 each. `point`: its number in
 /// `shares`.
 Eigen::Vector3d Moved(const Eigen::Vector3d& at_rest_mm, const Motions& motions,
                       const std::vector<Shares>& shares, std::size_t point,

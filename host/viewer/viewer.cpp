@@ -162,7 +162,7 @@ class Viewer {
 
   static std::string PictureName(const Case& one) { return "cases/" + one.name + ".jpg"; }
 
-  // Nothing of the case before stays: neither for pages nor for whoever steers.
+  // Removes the previous case from the pages and from the steering.
   void StartCase(std::size_t number) {
     if (!station_->Start(number, bus::MonotonicUs())) return;
     steering_.Restart();
@@ -173,7 +173,7 @@ class Viewer {
          {"state", "picture", "picture/lateral", "readings", "scene", "vessel", "lines"}) {
       server_.Forget(topic);
     }
-    // A load that is not over yet goes on, and is not shown.
+    // An unfinished load continues, but its result is not shown.
     loads_.push_back(
         std::async(std::launch::async, [file = station_->chosen()->file]() -> SceneFrames {
           try {

@@ -222,7 +222,7 @@ TEST_CASE("The paper's method is copied within its cycles", "[api]") {
   }
 }
 
-TEST_CASE("What is restarted does as what is new, in every shipped scene", "[api]") {
+TEST_CASE("A restarted simulation repeats a new one, in every shipped scene", "[api]") {
   const int steps = kUnderSanitizer ? 2 : 8;
   for (const std::string& file : SceneFiles()) {
     INFO(file);
@@ -375,7 +375,7 @@ TEST_CASE("Simulations of one scene run beside each other as one by one", "[api]
   for (unsigned seed = 0; seed < 4; ++seed) CHECK(beside[seed] == run(seed));
 }
 
-TEST_CASE("What cannot be used is refused, and changes nothing", "[api]") {
+TEST_CASE("Unusable values are refused and change nothing", "[api]") {
   CHECK_THROWS_WITH(Scene::FromFile("no/such.toml"), Contains("no/such.toml"));
   CHECK_THROWS_WITH(Scene::FromText("name = \"x\"\n[vessel]\nkind = \"sponge\"\n", "."),
                     Contains("scene:3") && Contains("sponge"));

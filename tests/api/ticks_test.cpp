@@ -197,7 +197,7 @@ TEST_CASE("Each picture can be taken when it is due", "[api]") {
   CHECK_FALSE(later.picture_due(1));
 }
 
-TEST_CASE("What is chosen on the X-ray system is seen in pictures and dose", "[api]") {
+TEST_CASE("Settings of the X-ray system change pictures and dose", "[api]") {
   const SceneFile file("attenuation_1_mm = 3\n" + std::string(kXray) +
                        "isocenter_mm = [80, 0, 0]\n");
   const Scene scene = Scene::FromFile(file.path());
@@ -342,7 +342,7 @@ TEST_CASE("A program and torquer-simulator write the same record", "[api]") {
   CHECK(nlohmann::json::parse(bare.Record())["readings"] == nlohmann::json::object());
 }
 
-TEST_CASE("What was built of a field is kept when it is asked for", "[api]") {
+TEST_CASE("Built parts of a field are kept on request", "[api]") {
   const torquer::test::TemporaryFolder folder;
   const std::string scene_file = torquer::test::SourcePath("/host/scenes/neuro_arch.toml");
   {

@@ -91,7 +91,7 @@ TEST_CASE("The environment names the default URL") {
   CHECK(torquer::bus::DefaultUrl() == "udpm://239.255.76.67:7667?ttl=0");
 }
 
-TEST_CASE("What is published arrives, whole and in order") {
+TEST_CASE("Published messages arrive complete and in order") {
   torquer::test::NeedPrivateNetwork();
   Bus sender;
   Bus receiver;

@@ -41,7 +41,7 @@ TEST_CASE("A whole datagram is a message") {
   CHECK(message.data.empty());
 }
 
-TEST_CASE("What is no datagram of LCM is refused") {
+TEST_CASE("Datagrams that are not of LCM are refused") {
   UdpmAssembly assembly;
   UdpmAssembly::Message message;
   const Bytes whole = WholeDatagram("A", {});

@@ -79,7 +79,7 @@ std::string Resealed(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("What is written is read back, to the last bit") {
+TEST_CASE("A written calibration is read back bit for bit") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("bench.toml");
   WriteCalibration(Measured(), path);

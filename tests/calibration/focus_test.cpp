@@ -147,7 +147,7 @@ TEST_CASE("the verdict names what is wrong, most important first") {
   CHECK(judge(Noise(3, 62, 10), 16).good);
 }
 
-TEST_CASE("what is no picture is refused") {
+TEST_CASE("a file that is not a picture is refused") {
   CHECK_THROWS_AS(MeasureFocus({}), UserError);
   CHECK_THROWS_WITH(MeasureFocus(std::vector<FocusPicture>{FocusPicture(1295, 60)}),
                     Contains("1295 pixels"));

@@ -80,7 +80,7 @@ bool Has(const std::string& text, const std::string& part) {
 
 }  // namespace
 
-TEST_CASE("What a session has once is refused a second time, with the name of the first") {
+TEST_CASE("A second program of a session is refused with the name of the first") {
   Listener listener;
   for (const Second& row : Seconds(listener)) {
     CAPTURE(row.name);

@@ -286,7 +286,7 @@ TEST_CASE("A catheter that slides around the points takes their anchors along wi
   CHECK(at(0.7, 0.4) == Approx(slid_mJ));
 }
 
-TEST_CASE("What presses a point between two of a catheter's places is shared by the lever") {
+TEST_CASE("A force between two places of a catheter is shared by the lever rule") {
   Slider slider(0.3, 0.01);
   PointSet& points = slider.points;
   // The point at 1 mm of a wire of 3 mm presses, 0.3 mm behind a place of the catheter's surface.

@@ -192,7 +192,7 @@ TEST_CASE(
   CHECK(steps > 0);
 }
 
-TEST_CASE("What the report says is what the state is") {
+TEST_CASE("The report agrees with the state") {
   Bench bench;
   Hand hand(51);
   TickChecker checker(bench.model, bench.field, bench.state);

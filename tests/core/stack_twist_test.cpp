@@ -221,7 +221,7 @@ TEST_CASE("A stack that is fed, pulled and turned takes the shape of one that wa
   }
 }
 
-TEST_CASE("What an instrument is turned by is part of a state's hash") {
+TEST_CASE("The turn of an instrument is part of a state's hash") {
   TwistedStack stack(2, 7);
   const Eigen::VectorXd nothing = Eigen::VectorXd::Zero(stack.unknowns());
   const std::uint64_t same = HashState(StackStep(stack.model, stack.state, nothing));

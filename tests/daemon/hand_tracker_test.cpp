@@ -238,7 +238,7 @@ HandState Rest(Hand& hand, int samples) {
 
 }  // namespace
 
-TEST_CASE("What was lost between two closings of the end switch is made up for without a jump") {
+TEST_CASE("Motion lost between two closings of the end switch is corrected without a jump") {
   Hand hand;
   hand.Step();
   HandState state = CloseSwitch(hand);

@@ -73,9 +73,9 @@ TEST_CASE("An image that the device has is not loaded, and one that it lacks is,
 
 TEST_CASE("Two answers may get lost") {
   Bench bench;
-  SECTION("of what the sensor runs") { bench.source.lost_gets = 2; }
-  SECTION("of the image, which is not there") { bench.source.lost_sets = 2; }
-  SECTION("of the image, which is there") {
+  SECTION("the state of the sensor") { bench.source.lost_gets = 2; }
+  SECTION("a missing image") { bench.source.lost_sets = 2; }
+  SECTION("an existing image") {
     bench.source.lost_sets = 1;
     bench.source.taken_all_the_same = true;
   }

@@ -97,7 +97,7 @@ TEST_CASE("A report of any other length, id or version is refused and counted") 
   CHECK(feed.decoder.counters().wrong_id == 255);
   CHECK(feed.decoder.counters().wrong_version == 255);
   CHECK(feed.decoder.counters().received == 1 + 33 + 510);
-  // None of them has changed the decoder's state.
+  // The refused reports have not changed the decoder's state.
   const std::optional<Sample> next = feed(StillReport(1));
   REQUIRE(next);
   CHECK(next->report_number == 1);

@@ -163,7 +163,7 @@ TEST_CASE("A marker of no length is not in the picture, and one with a length is
   CHECK(picture("marker_mm = 3\nmarker_1_mm = 20\n") != picture(""));
 }
 
-TEST_CASE("What an instrument cannot be is refused, with the remedy") {
+TEST_CASE("Impossible instruments are refused with the remedy") {
   const TemporaryFolder folder;
   const auto refuses = [&](const std::string& instruments, const std::string& more,
                            const std::string& place, const std::string& remedy) {

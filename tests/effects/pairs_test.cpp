@@ -117,7 +117,7 @@ void CheckStaysInside(const std::string& path, bool alone) {
   CHECK(run() == run());
 }
 
-TEST_CASE("What starts inside stays inside with every pair of effects, and repeats") {
+TEST_CASE("A wire that starts inside stays inside with every pair of effects, and repeats") {
   const bool alone = GENERATE(true, false);
   const std::vector<Named>& all = All();
   const TemporaryFolder folder;

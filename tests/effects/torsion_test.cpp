@@ -159,7 +159,7 @@ TEST_CASE("A scene's wire twists if the scene says so") {
   CHECK_FALSE(without.rod().twists());
 }
 
-TEST_CASE("What torsion cannot be is refused") {
+TEST_CASE("Impossible settings of torsion are refused") {
   const TemporaryFolder folder;
   CHECK_THROWS_WITH(
       scene::Scene(SceneFile(folder, "torsional_rigidity_ratio = 0\n[effects.torsion]\n")),

@@ -166,7 +166,7 @@ TEST_CASE("a bus reset brings the device back to its start, and it enumerates ag
   CHECK(bench.host.toggle_errors() == 0);
 }
 
-TEST_CASE("what a host reads first after a pause is fresh") {
+TEST_CASE("the first report after a pause of the host is fresh") {
   Bench bench;
   bench.Start();
   const auto age_us = [&bench] { return bench.device.now_us() - bench.last.device_time_us; };

@@ -146,7 +146,7 @@ TEST_CASE("power lost in the midst leaves each bit as it was or as it was to bec
   }
 }
 
-TEST_CASE("what silicon ignores is ignored and named") {
+TEST_CASE("writes that the chip ignores are ignored and named") {
   const auto only_named = [](Chip& chip, const char* rule) {
     CHECK(chip.RunFor(10000) == chip.before);
     CHECK_THAT(chip.Violation(), Catch::Contains(rule));

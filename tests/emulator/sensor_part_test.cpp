@@ -88,7 +88,7 @@ TEST_CASE(
   CHECK(sensor.Violation().empty());
 }
 
-TEST_CASE("what moves while it rests is lost, up to a frame's time of it; awake nothing is") {
+TEST_CASE("motion during rest is lost for up to a frame's time; awake no motion is lost") {
   for (const bool rests : {true, false}) {
     for (const double speed_mm_s : {2.0, 50.0}) {
       CAPTURE(rests, speed_mm_s);
@@ -171,7 +171,7 @@ TEST_CASE("by itself it resets as often as set") {
   CHECK(sensor.sensor.self_resets() < 150);
 }
 
-TEST_CASE("what was counted before the resolution was set is no motion of anybody's") {
+TEST_CASE("counts from before the resolution was set are discarded") {
   Moving sensor;
   sensor.position = [](double time_s) { return 100 * time_s; };
   sensor.now_us = 200000;  // 15 mm since the sensor's first frame

@@ -35,7 +35,7 @@ TEST_CASE("a blank EEPROM gives the defaults and is not written") {
   CHECK(board().eeprom_writes == 0);
 }
 
-TEST_CASE("what was set is there after the power was off") {
+TEST_CASE("settings survive a loss of power") {
   NewBoard();
   Store(3200, 25);
   const Settings settings = Loaded();

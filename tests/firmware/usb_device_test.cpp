@@ -450,7 +450,7 @@ TEST_CASE("a host that skips a poll loses nothing, and one that lags a frame goe
   CHECK(usb.device.frames_missed() == 0);
 }
 
-TEST_CASE("what a host reads first after a pause is the newest report, and then all of them") {
+TEST_CASE("after a pause a host reads the newest report first, and then all reports") {
   Conversation usb;
   usb.Configure();
   int sequence = 0;

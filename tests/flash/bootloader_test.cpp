@@ -90,7 +90,7 @@ TEST_CASE("the bootloader fits its section, for both clocks, with room for a rep
   }
 }
 
-TEST_CASE("what the bootloader starts depends on why the chip was reset") {
+TEST_CASE("the bootloader starts a program according to the cause of the reset") {
   EmulatedBoards boards(WithApplication());
   CHECK(boards.Start() == BoardMode::kFirmware);
   CHECK(Diagnostics(boards).reset_reason == 1);
@@ -134,7 +134,7 @@ TEST_CASE("what the bootloader starts depends on why the chip was reset") {
   boards.CheckRules();
 }
 
-TEST_CASE("what the firmware keeps over a reset passes through the bootloader") {
+TEST_CASE("data that the firmware keeps over a reset passes through the bootloader") {
   // boot_id counts the resets since power-on, in memory that a reset preserves.
   EmulatedBoards boards(WithApplication());
   boards.host.wants_input = [] { return true; };

@@ -91,7 +91,7 @@ TEST_CASE("without a board, or with one that has to be reset first, the user lea
   }
 }
 
-TEST_CASE("of several boards one has to be chosen") {
+TEST_CASE("one of several boards has to be chosen") {
   FakeBoards boards;
   boards.Add(BoardMode::kFirmware, "1-1", "A-1");
   boards.Add(BoardMode::kFirmware, "1-2", "B-2");

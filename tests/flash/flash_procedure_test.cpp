@@ -116,7 +116,7 @@ TEST_CASE("without an image named, that for the board's clock is taken") {
   CHECK(boards.Flash("", request)->version == kOldVersion);
 }
 
-TEST_CASE("who stops in the middle learns the board's state, and the next run finishes") {
+TEST_CASE("an interrupted user learns the board's state, and the next run finishes") {
   EmulatedBoards boards(WithApplication());
   boards.Start();
   int pages = 0;

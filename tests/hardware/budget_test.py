@@ -135,7 +135,7 @@ class Budget(unittest.TestCase):
         self.assertLess(budget.piston_force_n(0.5, 5, vented), 0.001)
         self.assertAlmostEqual(closed, math.pi / 4 * (1.5**2 - 0.9**2))
 
-    def test_what_is_suspended_stays_within_what_the_usb_allows(self):
+    def test_suspend_current_stays_within_the_usb_limit(self):
         *parts, total, _ = budget.suspend_table()[1:]
         for column in (1, 2):
             together = float(total[column].strip("*"))

@@ -106,7 +106,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("What the firmware's sensor counts is what the instrument is moved by, count for count") {
+TEST_CASE("The instrument moves by the counts of the firmware's sensor, count for count") {
   Bench bench;
   bench.PushFrom(bench.listener.commands.back());
   std::int64_t axial = 0;

@@ -97,7 +97,7 @@ TEST_CASE("Any contents are written, at once or in parts", "[support]") {
   CHECK(std::filesystem::file_size(folder.Path("empty")) == 0);
 }
 
-TEST_CASE("What is no ordinary file is refused and left as it was", "[support]") {
+TEST_CASE("A target that is not an ordinary file is refused and left unchanged", "[support]") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("target");
   std::string kind;
@@ -274,7 +274,7 @@ TEST_CASE("A replaced file keeps its permissions, a new one follows the umask", 
   CHECK(ModeOf(folder.Path("old")) == 0604);
 }
 
-TEST_CASE("What a killed process left is neither used nor removed", "[support]") {
+TEST_CASE("Remains of a killed process are neither used nor removed", "[support]") {
   const TemporaryFolder folder;
   const std::string path = folder.Path("file");
   // Temporary names that this process would use next.

@@ -237,7 +237,7 @@ TEST_CASE("A file full of false records comes to its end", "[support]") {
   CHECK(outcome.damage.any());
 }
 
-TEST_CASE("What is no file is refused", "[support]") {
+TEST_CASE("A path that is not a file is refused", "[support]") {
   const TemporaryFolder folder;
   REQUIRE(mkfifo(folder.Path("pipe").c_str(), 0600) == 0);
   CHECK_THROWS_WITH(EventLogReader(folder.Path("pipe")), Contains("it is a pipe"));

@@ -49,7 +49,7 @@ class FullDisk {
 
 }  // namespace
 
-TEST_CASE("What was written is what LCM reads") {
+TEST_CASE("LCM reads a written log") {
   const TemporaryFolder folder;
   {
     EventLogWriter log(folder.Path("log"));

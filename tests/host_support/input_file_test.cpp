@@ -28,7 +28,7 @@ TEST_CASE("An ordinary file is read whole, of any size", "[support]") {
   CHECK_THAT(ReadInputFile("/proc/self/status", ""), Contains("Pid:"));
 }
 
-TEST_CASE("What is no ordinary file is refused at once", "[support]") {
+TEST_CASE("A path that is not an ordinary file is refused at once", "[support]") {
   const TemporaryFolder folder;
   REQUIRE(mkfifo(folder.Path("pipe").c_str(), 0600) == 0);
   std::filesystem::create_symlink("pipe", folder.Path("link"));

@@ -27,7 +27,7 @@ TEST_CASE("A name that was cut short is found by its beginning", "[support]") {
   CHECK(NearestName("vo", known).empty());
 }
 
-TEST_CASE("Of several the one that needs the least is taken", "[support]") {
+TEST_CASE("The nearest of several names is taken", "[support]") {
   // A missing unit is likelier than a wrong letter; of two longer names the shorter is likelier.
   CHECK(NearestName("length", {"lengths_count", "length_mm", "lenght"}) == "length_mm");
   // Extra words are less likely than an extra letter.

@@ -26,7 +26,7 @@ TEST_CASE("Control characters are written out") {
                   "b") == "a\\u{200b}b");
 }
 
-TEST_CASE("What is not UTF-8 is written out byte by byte") {
+TEST_CASE("Invalid UTF-8 is written out byte by byte") {
   CHECK(Printable("\x9b"
                   "2J") == "\\x9b2J");
   CHECK(Printable("a\xc3") == "a\\xc3");
@@ -45,7 +45,7 @@ TEST_CASE("Long text is cut between characters") {
   CHECK(Printable("abcd\x1b", 6) == "abcd..");
 }
 
-TEST_CASE("Of random bytes nothing is left that a terminal acts on") {
+TEST_CASE("Random bytes become text that steers no terminal") {
   std::mt19937 random(11);
   for (int round = 0; round < 2000; ++round) {
     std::string text(random() % 40, '\0');

@@ -100,7 +100,7 @@ TEST_CASE("A long value is cut in the message", "[support]") {
                     Contains("list = [ 1.5, 'yyy") && Contains("yyy' ]: is"));
 }
 
-TEST_CASE("What is nested too deeply is refused before it is parsed", "[support]") {
+TEST_CASE("Text that is nested too deeply is refused before it is parsed", "[support]") {
   const auto many = [](const std::string& piece, int times) {
     std::string text;
     for (int k = 0; k < times; ++k) text += piece;
@@ -139,7 +139,7 @@ TEST_CASE("Brackets and dots of texts and comments are no depth", "[support]") {
   }
 }
 
-TEST_CASE("What is longer than any key or value is refused before it is parsed", "[support]") {
+TEST_CASE("Text that is longer than any key or value is refused before it is parsed", "[support]") {
   const std::string fits(4096, 'a'), long_one(4097, 'a');
   CHECK_NOTHROW(StrictTable::Parse(fits + " = 1\n", "s.toml"));
   CHECK_NOTHROW(StrictTable::Parse("[" + fits + "]\n", "s.toml"));

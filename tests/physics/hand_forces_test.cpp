@@ -155,7 +155,7 @@ TEST_CASE("The hand's torque is the energy that a turn takes on the curve as it 
   }
 }
 
-TEST_CASE("Of what twists the hand's torque is the energy that a turn takes") {
+TEST_CASE("The hand's torque on a twisting wire is the energy of a turn") {
   const int count = GENERATE(1, 2, 3);
   const bool room = GENERATE(false, true);
   if (count == 1 && room) return;

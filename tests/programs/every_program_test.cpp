@@ -247,7 +247,7 @@ TEST_CASE("Every program explains itself and refuses a bad command line", "[prog
   }
 }
 
-TEST_CASE("What cannot be written to standard output is said", "[programs]") {
+TEST_CASE("A failed write to standard output is reported", "[programs]") {
   for (const std::string& program : Programs()) {
     CAPTURE(program);
     ChildProcess shell(
@@ -282,7 +282,7 @@ TEST_CASE("No state of standard error changes how a program ends", "[programs]")
   }
 }
 
-TEST_CASE("What of a message would steer a terminal is shown as an escape", "[programs]") {
+TEST_CASE("Control characters of a message are shown as escapes", "[programs]") {
   for (const std::string& program : Programs()) {
     CAPTURE(program);
     ChildProcess process({"/usr/bin/timeout", "120", torquer::test::ProgramPath(program),

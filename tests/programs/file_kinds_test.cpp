@@ -118,7 +118,8 @@ void CheckRowsAreWhole(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("What is no ordinary file is not read, and nobody waits for it", "[programs]") {
+TEST_CASE("A path that is not an ordinary file is not read, and no program waits for it",
+          "[programs]") {
   const Bench bench;
   const std::vector<Words> inputs = {
       {"torquer-simulator", "--scene", "@", "--script", "SCRIPT", "--states", "OUT"},
@@ -138,7 +139,8 @@ TEST_CASE("What is no ordinary file is not read, and nobody waits for it", "[pro
   for (const Words& words : inputs) CheckRefused(bench, words);
 }
 
-TEST_CASE("What is no ordinary file is not written to, and stays what it is", "[programs]") {
+TEST_CASE("A path that is not an ordinary file is not written to, and stays unchanged",
+          "[programs]") {
   const Bench bench;
   const std::vector<Words> outputs = {
       {"torquer-simulator", "--scene", "SCENE", "--script", "SCRIPT", "--states", "@"},

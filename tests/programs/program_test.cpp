@@ -146,7 +146,7 @@ TEST_CASE("Options reach their variables", "[programs]") {
   CHECK(sample.operands == std::vector<std::string>{"second", "third"});
 }
 
-TEST_CASE("What is not given keeps its default", "[programs]") {
+TEST_CASE("An option that is not given keeps its default", "[programs]") {
   Sample sample;
   CHECK(sample.Parse({}).status == 0);
   CHECK(sample.ran);

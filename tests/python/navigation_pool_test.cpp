@@ -135,7 +135,7 @@ TEST_CASE("A pool ends while its environments are at work") {
   }
 }
 
-TEST_CASE("What environments throw reaches who waits") {
+TEST_CASE("An exception of an environment reaches the waiting caller") {
   const Scene scene = TwoBranches();
   Side side(scene, IntoTheSide(scene));
   // The scene has no pictures.

@@ -85,7 +85,7 @@ def ran(tmp_path_factory):
 
 
 @pytest.mark.parametrize("what", CHANGED)
-def test_what_a_user_put_into_results_is_refused_by_name_and_stays(ran, tmp_path, target, what):
+def test_a_users_file_in_the_results_is_refused_by_name_and_stays(ran, tmp_path, target, what):
     out = tmp_path / "out"
     shutil.copytree(ran / "out", out)
     put(out, target, CHANGED[what])

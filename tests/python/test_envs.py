@@ -158,7 +158,7 @@ def test_pictures():
     assert np.array_equal(env.render()[:, :, 1], later[:, :, 0])
 
 
-def test_what_cannot_be_used_is_refused():
+def test_unusable_values_are_refused():
     path = torquer.scene_path("ty_phantom")
     task = torquer.envs.TASKS["ty_phantom"]
     with pytest.raises(torquer.Error, match="ty_phantom.*coronary|coronary"):
@@ -389,7 +389,7 @@ def test_a_forked_child_is_told_to_make_its_own(at_work):
     many.step(np.zeros((2, 2)))
 
 
-def test_what_a_thread_throws_is_raised():
+def test_an_exception_of_a_thread_is_raised():
     # Hand targets are limited to 1e5 rad.
     task = torquer.envs.Task("side", 40.0, largest_turn_rad=2e5)
     many = torquer.envs.VectorEnv(torquer.scene_path("ty_phantom"), 2, 2, task=task)

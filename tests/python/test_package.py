@@ -210,7 +210,7 @@ def test_a_step_is_ended_by_false_or_an_exception(beating):
     assert simulation.step(0.1, simulation.hands).ticks == 16
 
 
-def test_what_is_chosen_on_the_x_ray_system(beating):
+def test_settings_of_the_x_ray_system(beating):
     imaging = torquer.Imaging("plain", left=0.25, bottom=0.125, magnification=2)
     assert (imaging.mode, imaging.left, imaging.magnification) == ("plain", 0.25, 2)
     simulation = torquer.Simulation(beating)
@@ -252,7 +252,7 @@ def test_record_and_contacts(beating):
         (1.0, [[float("inf"), 0]], "guidewire"),
     ],
 )
-def test_what_cannot_be_used_is_refused(phantom, time_s, hands, said):
+def test_unusable_values_are_refused(phantom, time_s, hands, said):
     simulation = torquer.Simulation(phantom)
     here = simulation.state_hash
     with pytest.raises(torquer.Error, match=said):
@@ -286,7 +286,7 @@ def test_absurd_numbers_of_points_are_refused(phantom):
             phantom.centerline_mm("side", step_mm)
 
 
-def test_what_was_not_made_is_refused(phantom):
+def test_an_object_that_was_not_made_is_refused(phantom):
     simulation = torquer.Simulation(phantom)
     for kind in (torquer.Scene, torquer.Simulation, torquer.StepReport, torquer.Imaging, torquer.InstrumentInfo,
                  torquer._torquer.Navigation, torquer._torquer.NavigationPool, torquer._torquer.NavigationTask):

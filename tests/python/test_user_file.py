@@ -70,7 +70,7 @@ def test_texts_that_do_not_end_take_no_longer(begin, piece):
     assert time.process_time() - began < 2
 
 
-def test_what_is_no_ordinary_file_is_not_waited_for(tmp_path):
+def test_a_path_that_is_not_an_ordinary_file_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to("pipe")
     readers = [

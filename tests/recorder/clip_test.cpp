@@ -308,7 +308,7 @@ TEST_CASE("A clip of a span begins and ends where it is asked to") {
   CheckFrame(early, 83, 120, false, true);
 }
 
-TEST_CASE("What a log says is text in a clip") {
+TEST_CASE("Text of a log stays text in a clip") {
   const TemporaryFolder folder;
   ClipFaults made;
   made.scene = "{\\an5\\fs90}A\\N\\N{\\p1}";
@@ -388,7 +388,7 @@ TEST_CASE("A damaged log becomes a clip, with status 1 and what was left out") {
   CHECK(Video(folder, folder.Path("clip2.webm")).frames() == 75);
 }
 
-TEST_CASE("What makes no clip is said, and leaves nothing") {
+TEST_CASE("A clip that fails is reported and leaves no file") {
   const TemporaryFolder folder;
   const std::string log = folder.Path("log");
   WriteScreenLog(log);

@@ -95,7 +95,7 @@ TEST_CASE("A long way of the tip is kept evenly, and within bounds") {
   CHECK(*most < 1.25 * *least);
 }
 
-TEST_CASE("What rests stays where it is until it moves, and no ramp leads there") {
+TEST_CASE("A constant value is drawn constant until it changes, without a ramp") {
   SessionCourse course;
   course.Add(Tick(0, 1, 10, 10));
   course.Add(Tick(1, 9, 20, 20));  // the next tick: 8 s of rest

@@ -9,6 +9,7 @@
 #include <regex>
 
 #include "calibration/calibration_file.h"
+#include "host/recorder/page_text.h"
 #include "host/recorder/panel_plot.h"
 #include "host/recorder/report_output.h"
 #include "host/recorder/report_page.h"
@@ -84,30 +85,32 @@ TEST_CASE("The page says what the assessment found, against which limits") {
   const std::string page = FormatPage(Report(true), Parts());
   CHECK(IsXml(page));
   CHECK_THAT(page, Catch::Contains("Target reached safely") &&
-                       Catch::Contains("reached the target after 0.7 s") &&
+                       Catch::Contains("reached the target after 0:00.7 min") &&
                        Catch::Contains("The largest force on the wall was 80.0 mN, within the "
                                        "limit of 100 mN.") &&
-                       Catch::Contains("Began 2023-11-14 22:13 UTC, recorded for 1.0 s"));
-  CHECK_THAT(page, Row("Target: 95 mm along lad", "reached after 0.7 s") &&
+                       Catch::Contains("Began 2023-11-14 22:13 UTC, recorded for 0:01.0 min"));
+  CHECK_THAT(page, Row("Target: 95 mm along lad", "reached after 0:00.7 min") &&
                        Catch::Contains("tip within 3 mm of it"));
   CHECK_THAT(
-      page, Row("Largest force on the wall, on any 2 mm of the instrument", "80.0 mN, at 0.5 s") &&
-                Catch::Contains("<td>100 mN</td>") && Catch::Contains("&#x2713; within the limit"));
-  CHECK_THAT(page, Row("Force above the scene's threshold of 30 mN", "3 times, 0.4 s in all"));
+      page,
+      Row("Largest force on the wall, on any 2 mm of the instrument", "80.0 mN, at 0:00.5 min") &&
+          Catch::Contains("<td>100 mN</td>") && Catch::Contains("&#x2713; within the limit"));
+  CHECK_THAT(page, Row("Force above the scene's threshold of 30 mN", "3 times, 0:00.4 min in all"));
   CHECK_THAT(page, Row("Largest pressure of the tip's end, along the wire", "12.2 kPa"));
   CHECK_THAT(page, Row("Wrong vessels entered", "once"));
-  CHECK_THAT(page, Row("Pulled back by 2 mm or more", "2 times, 7.5 mm in all"));
-  CHECK_THAT(page, Row("Fluoroscopy time", "0.2 s") && Row("Contrast agent", "1.5 mL"));
-  CHECK_THAT(page, Row("Path length of the tip", "36 mm") && Row("Reversals, guidewire", "never"));
-  CHECK_THAT(page, Row("Smoothness of the hand", "LDLJ -9.5 (no unit)") &&
+  CHECK_THAT(page, Row("Pulled back by 2 mm or more", "2 times, 7.50 mm in all"));
+  CHECK_THAT(page, Row("Fluoroscopy time", "0:00.3 min") && Row("Contrast agent", "1.50 mL"));
+  CHECK_THAT(page,
+             Row("Path length of the tip", "36.0 mm") && Row("Reversals, guidewire", "never"));
+  CHECK_THAT(page, Row("Smoothness of the hand", "LDLJ -9.50 (no unit)") &&
                        Catch::Contains("Balasubramanian"));
   CHECK_THAT(page, Row("Simulated", "1000 ticks") &&
                        Row("Not in equilibrium at the end of a tick", "10 ticks (1.00 %)") &&
                        Row("Largest penetration of the wall", "12.5 &#xb5;m") &&
-                       Row("Largest residual in equilibrium", "3.0e-07 (no unit)"));
+                       Row("Largest residual in equilibrium", "3.00e-07 (no unit)"));
   CHECK_THAT(page, Row("guidewire: reports of the device lost", "0 reports"));
   CHECK(page.find("<b>Note:</b>") == std::string::npos);
-  CHECK_THAT(page, Catch::Contains("None was found beside this report"));
+  CHECK_THAT(page, Catch::Contains("None was found beside this report. The learning curve"));
   CHECK(page.find("nan") == std::string::npos);
 }
 
@@ -118,14 +121,14 @@ TEST_CASE("The verdict follows the readings") {
   SetReading(report, "safe_success", 0);
   std::string page = FormatPage(report, parts);
   CHECK_THAT(page, Catch::Contains("Target reached, but not safely") &&
-                       Catch::Contains("130.0 mN, above the limit of 100 mN") &&
+                       Catch::Contains("130 mN, above the limit of 100 mN") &&
                        Catch::Contains("&#x2717; above the limit") &&
                        Catch::Contains("class=\"verdict poor\""));
   SetReading(report, "target_reached", 0);
   SetReading(report, "target_reached_s", -1);
   page = FormatPage(report, parts);
   CHECK_THAT(page, Catch::Contains("Target not reached") &&
-                       Catch::Contains("did not reach the target in 1.0 s") &&
+                       Catch::Contains("did not reach the target in 0:01.0 min") &&
                        Row("Target: 95 mm along lad", "not reached"));
   CHECK_THAT(page, !Catch::Contains("dashed: target reached"));
 }
@@ -135,11 +138,11 @@ TEST_CASE("A scene without assessment has a page, which judges nobody") {
   CHECK(IsXml(page));
   CHECK_THAT(page, Catch::Contains("Not assessed") && Catch::Contains("no X-ray in this scene") &&
                        Row("Contrast agent", "none in this scene") &&
-                       Row("Path length of the tip", "36 mm"));
+                       Row("Path length of the tip", "35.9 mm"));
   CHECK_THAT(page, !Catch::Contains("X-ray and contrast"));
 }
 
-TEST_CASE("What makes the figures doubtful is said") {
+TEST_CASE("The page names the causes of doubtful figures") {
   SessionReport report = Report(true);
   PageParts parts = Parts();
   parts.scene_changed = true;
@@ -149,7 +152,7 @@ TEST_CASE("What makes the figures doubtful is said") {
   report.damage.bytes = 91;
   report.ended = false;
   std::string page = FormatPage(report, parts);
-  CHECK_THAT(page, Catch::Contains("did not follow its hand: they are 7.0 counts") &&
+  CHECK_THAT(page, Catch::Contains("did not follow its hand: they are 7.00 counts") &&
                        Catch::Contains("3 messages of the recording cannot be read") &&
                        Catch::Contains("damaged: 2 damaged places") &&
                        Catch::Contains("ends before the session") &&
@@ -165,7 +168,8 @@ TEST_CASE("Every figure in the tables has a unit") {
   const std::string page = FormatPage(report, parts);
   // Nouns that are counted are units too.
   const std::regex unit(
-      "mN|kPa|mm|mL|mGy|deg|%|\\bs\\b|&#xb5;[ms]|\\bms\\b|ticks|times|reports|counts|pulses|"
+      "mN|kPa|mm|mL|mGy|deg|%|\\bs\\b|\\bmin\\b|&#xb5;[ms]|\\bms\\b|ticks|times|reports|counts|"
+      "pulses|"
       "no unit|UTC");
   const std::regex cell("<td[^>]*>([^<]*)</td>");
   int figures = 0;
@@ -235,10 +239,23 @@ TEST_CASE("Earlier sessions make a learning curve, and damaged ones are named") 
                                        "unsafe</td>") &&
                        Catch::Contains("<td>3</td><td>2023-11-14 22:13 UTC</td><td>&#x2713; "
                                        "safe</td>"));
-  CHECK_THAT(page, Catch::Contains("<td>222.5 mN</td>") && Catch::Contains("&#x2013;"));
+  CHECK_THAT(page, Catch::Contains("<td>222 mN</td>") && Catch::Contains("&#x2013;"));
   CHECK_THAT(page, Catch::Contains("<b>Left out:</b> old.session.json: is damaged"));
   // Three sessions in each panel, except the target's, which two sessions reached.
   CHECK(Count(page, "<circle") == 2 + 3 + 3 + 3);
+}
+
+TEST_CASE("Numbers have three significant digits, and times are minutes and seconds") {
+  CHECK(ValueText(0) == "0");
+  CHECK(ValueText(3.14159e-7) == "3.14e-07");
+  CHECK(ValueText(-0.5) == "-0.500");
+  CHECK(ValueText(41.25) == "41.2");
+  CHECK(ValueText(99.96) == "100");
+  CHECK(ValueText(12345.6) == "12346");
+  CHECK(SecondsText(0) == "0:00.0 min");
+  CHECK(SecondsText(59.96) == "1:00.0 min");
+  CHECK(SecondsText(61.24) == "1:01.2 min");
+  CHECK(SecondsText(605.4) == "10:05 min");
 }
 
 TEST_CASE("Panels lie where their values are") {

@@ -90,7 +90,7 @@ TEST_CASE("The recorder misses nothing while it stands still, and nothing at the
   CHECK_FALSE(recorded.summary.damage.any());
 }
 
-TEST_CASE("What was recorded before a kill is a log") {
+TEST_CASE("The recording before a kill is a valid log") {
   NeedPrivateNetwork();
   Session session;
   for (int i = 0; std::filesystem::file_size(session.path) == 0 && i < 3000; ++i) {

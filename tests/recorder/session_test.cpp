@@ -166,7 +166,7 @@ TEST_CASE("A session that a page has steered is reported, one that nobody has st
                     "torquer-daemon or a page that steers runs");
 }
 
-TEST_CASE("Of a machine too slow for real time it is said so") {
+TEST_CASE("The report notes a machine that is too slow for real time") {
   SessionReport report = Report({});
   const auto hint = Catch::Contains("too busy for real time");
   CHECK_THAT(FormatReport(report), !hint);
@@ -226,7 +226,7 @@ TEST_CASE("Motion that was made up for at the end switch is no error, and is sai
   CHECK_THAT(FormatReport(Report({})), !Catch::Contains("end switch"));
 }
 
-TEST_CASE("What a log says cannot steer the terminal, nor leave the picture") {
+TEST_CASE("Text of a log can neither steer the terminal nor leave the picture") {
   SessionReport report = Report({});
   const std::string hostile = "\x1b]0;x\x07<script>&\n";
   report.scene = report.method = hostile;
@@ -369,7 +369,7 @@ TEST_CASE("A damaged log is read past the damage, and is not good") {
   CHECK_FALSE(report.Good());
 }
 
-TEST_CASE("What is no log is refused by name") {
+TEST_CASE("A file that is not a log is refused by name") {
   const TemporaryFolder folder;
   CHECK_THROWS_WITH(ReadSessionLog(folder.Path("none"), {}),
                     Catch::Contains("none: cannot be read"));

@@ -35,7 +35,7 @@ Said CheckMesh(const std::vector<std::string>& arguments) {
 
 }  // namespace
 
-TEST_CASE("What --check-mesh proposes is a scene that can be simulated", "[scene]") {
+TEST_CASE("The scene that --check-mesh proposes can be simulated", "[scene]") {
   struct Case {
     std::string what;
     torquer::vessel::TriangleMesh mesh;

@@ -256,7 +256,7 @@ TEST_CASE("Times that cannot be are replaced by that of arrival", "[simulator]")
   }
 }
 
-TEST_CASE("What is chosen on the X-ray system stands, whoever is silent", "[simulator]") {
+TEST_CASE("Settings of the X-ray system stay when their sender is silent", "[simulator]") {
   Fixture fixture;
   LiveCommands& commands = fixture.commands();
   torquer_lcm::imaging_command_t chosen{};

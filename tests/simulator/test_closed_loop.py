@@ -310,7 +310,7 @@ def test_binary_states_hold_what_json_does(tmp_path):
                 assert list(row[name]) == values, name
 
 
-def test_of_binary_states_whole_rows_are_kept_where_the_disk_fails(tmp_path):
+def test_whole_rows_of_binary_states_are_kept_where_the_disk_fails(tmp_path):
     (tmp_path / "script.csv").write_text(HEADER + "".join(f"{k},{k % 7},0\n" for k in range(2000)))
     done = subprocess.run(
         command("--script", tmp_path / "script.csv", "--states", tmp_path / "states.bin"), capture_output=True,

@@ -99,7 +99,7 @@ TEST_CASE("A tick that lies about the wire is found out") {
   CHECK(check(report, rest.state).find("called a snap") != std::string::npos);
 }
 
-TEST_CASE("What a case allows is held against what came of it") {
+TEST_CASE("The result of a case is compared with the limits of the case") {
   HardCase hard;
   hard.deepest_mm = 0.1;
   hard.paper.deepest_mm = 0.3;

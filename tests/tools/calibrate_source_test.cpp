@@ -136,7 +136,7 @@ TEST_CASE("Flags, quality, buttons and restarts are reported with the reading") 
   CHECK(bench.After([](InputReport& report) { ++report.boot_id; }).interrupted);
 }
 
-TEST_CASE("What would spoil a calibration ends the run with the reason") {
+TEST_CASE("A fault that would spoil a calibration ends the run with the reason") {
   Bench bench;
   bench.readings.Connect();
   SECTION("another resolution") {

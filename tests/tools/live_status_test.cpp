@@ -146,7 +146,7 @@ TEST_CASE("Every daemon stands in the line, and messages name whose they are") {
   CHECK(status.Add(health, kNowUs) == "emulator of BOX-2: waiting for device: reading");
 }
 
-TEST_CASE("What has stopped coming is shown as old, not as the present state") {
+TEST_CASE("Values that no longer arrive are shown as old, not as current") {
   tools::LiveStatus status(7);
   torquer_lcm::wire_state_t state = State(0, 1);
   state.status = protocol::kWireConverged;
@@ -160,7 +160,7 @@ TEST_CASE("What has stopped coming is shown as old, not as the present state") {
   CHECK_THAT(status.Line(1, kNowUs + 900'000), Catch::Contains("| ok | device running |"));
   const std::string later = status.Line(1, kNowUs + 5'000'000);
   CHECK_THAT(later, Catch::Contains("| guidewire 451.25 mm, +90 deg | simulator silent for 5 s, "
-                                    "that was its last | device silent for 5 s |"));
+                                    "values are its last | device silent for 5 s |"));
   CHECK_THAT(later, !Catch::Contains("ok") && !Catch::Contains("running"));
   // One daemon is back, the second one is not.
   status.Add(health, kNowUs + 5'000'000);

@@ -252,7 +252,7 @@ TEST_CASE("only what is looked at is built, and looking again builds and allocat
   CHECK(field->Statistics().bricks_built == statistics.bricks_built);
 }
 
-TEST_CASE("what was prefetched need not be built by a look-up", "[threads]") {
+TEST_CASE("a look-up does not build prefetched parts", "[threads]") {
   const auto field = BrickField::FromFunction(Cylinder{}, Cube(100), Voxel(0.5));
   field->Prefetch({5, 5, 5}, 6);
   const size_t built = field->Statistics().bricks_built;

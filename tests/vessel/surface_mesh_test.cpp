@@ -360,7 +360,7 @@ TEST_CASE("the neuro arch is a closed lumen with inward normals") {
   CHECK(surface.report.volume_mm3 == Approx(316600).epsilon(0.01));
 }
 
-TEST_CASE("of the abdominal aorta the lumen is found, not the wall") {
+TEST_CASE("in the abdominal aorta the lumen is found, not the wall") {
   const std::string path =
       torquer::test::SourcePath("/host/scenes/meshes/abdominal_aorta/surface.stl");
   const SurfaceMesh surface = ReadSurface(path, MeshUnit::kMeter);

@@ -113,8 +113,8 @@ test("a session with a second plane, and what its effects take", async () => {
   await until("pictures", () => page.evaluate(() => window.torquer.pictures() >= 3));
   await page.keyboard.up("Space");
   await judge(page, "two planes");
-  await page.locator("summary").click();
-  await until("the effects", () => page.locator("details").evaluate((details) => details.open));
+  await page.locator("#prices summary").click();
+  await until("the effects", () => page.locator("#prices").evaluate((details) => details.open));
   await judge(page, "what its effects take");
 });
 

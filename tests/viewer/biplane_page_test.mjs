@@ -70,9 +70,9 @@ test("every effect of the scene has its price, and what is not simulated is name
     return Object.keys(shown).length > effects.length && parseFloat(shown.friction) > 0 ? shown : null;
   });
   await page.keyboard.up("ArrowUp");
-  for (const effect of effects) assert.match(priced[effect.replaceAll("_", " ")] ?? "", /^([\d.e−]+ µs|in wire and wall)$/, effect);
+  for (const effect of effects) assert.match(priced[effect.replaceAll("_", " ")] ?? "", /^([\d.e−]+ µs|part of wire and wall)$/, effect);
   assert.match(priced["wire and wall"], /^\d.* µs$/);
-  assert.match(priced["a picture, beside the ticks"], /^\d.* ms$/);
+  assert.match(priced["X-ray picture, beside the ticks"], /^\d.* ms$/);
   assert.ok(off.includes("torsion") && !off.some((name) => effects.includes(name)));
-  assert.ok((await page.locator("#prices-off").textContent()).startsWith("not simulated: "));
+  assert.ok((await page.locator("#prices-off").textContent()).startsWith("Not simulated: "));
 });

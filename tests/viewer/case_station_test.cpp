@@ -148,7 +148,7 @@ TEST_CASE("States count only once the case's own simulator runs") {
   CHECK(stage.Order() == "recorder\n");  // without a log there is no report
 }
 
-TEST_CASE("What goes wrong with a case is said, and another one can be started") {
+TEST_CASE("A failure of a case is reported, and another case can be started") {
   const Stage stage;
   CaseStation station = stage.Station();
   SECTION("no such case") { CHECK_FALSE(station.Start(2, kNow)); }

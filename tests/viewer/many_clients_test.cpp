@@ -201,7 +201,7 @@ class Attacker {
 
 }  // namespace
 
-TEST_CASE("Of ten pages nine get every state while one has stalled, and that one gets the newest") {
+TEST_CASE("Nine of ten pages get every state while one is stalled, and that one gets the newest") {
   static constexpr int kLast = 300;
   std::atomic<int> shown = -1;
   std::atomic<bool> go_on = false;

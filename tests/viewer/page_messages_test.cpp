@@ -123,7 +123,7 @@ TEST_CASE("Controls are taken only as the page sends them") {
   CHECK_FALSE(ReadControls(bytes));
 }
 
-TEST_CASE("What a page asks of a replay is taken only as the page sends it") {
+TEST_CASE("Controls of a replay are accepted only in the page's format") {
   const auto message = [](std::uint8_t play, float speed, double at_s, std::int32_t steps) {
     std::vector<std::uint8_t> bytes = {17, 1, play, 0};
     const auto add = [&bytes](const auto& value) {
@@ -198,7 +198,7 @@ TEST_CASE("A choice for the X-ray system is taken only as the page sends it") {
   CHECK_FALSE(ReadImaging(other));
 }
 
-TEST_CASE("What a page wants of the cases is taken only as the page sends it") {
+TEST_CASE("Choices of cases are accepted only in the page's format") {
   const auto message = [](std::uint8_t action, std::uint8_t number) {
     std::vector<std::uint8_t> bytes(kControlsBytes);
     bytes[0] = 19;

@@ -119,12 +119,12 @@ test("the X-ray system is set by keys: mode, pulses, field, shutters", async () 
   await until("another scale", async () => (await text("#scale")) !== scale);
   for (const key of ["KeyM", "KeyM", "KeyM", "KeyR", "KeyR", "KeyR", "KeyZ", "KeyZ", "KeyK", "KeyK", "KeyK"]) await page.keyboard.press(key);
   await until("all as the scene", async () =>
-    (await said("M")) === "as the scene" && (await said("Z")) === "field ×1" && (await said("K")) === "shutters open");
+    (await said("M")) === "scene's display" && (await said("Z")) === "field ×1" && (await said("K")) === "shutters open");
   await hold("Space", "open shutters", async () => (await pixel(0.05, 0.5)) > 30);
   await until("the scale is as before", async () => (await text("#scale")) === scale);
 });
 
-test("what the pedal recorded is played again, until the next X-ray", async () => {
+test("the recorded loop is played again, until the next X-ray", async () => {
   const taken = await page.evaluate(() => window.torquer.pictures());
   await hold("Space", "six more pictures", () => page.evaluate((before) => window.torquer.pictures() >= before + 6, taken));
   await until("the pictures end", async () => (await text("#lamp")).includes("OFF") && (await text("#hold")).includes("Last image hold"));
@@ -237,7 +237,8 @@ test("centerlines and the target are drawn, and the way to it is said", async ()
     const [tip, said] = await page.evaluate(() => [
       window.torquer.state().instruments[0].tipMm, document.querySelector("#task").textContent]);
     const left = Math.hypot(...guides.target.map((value, axis) => value - tip[axis]));
-    return [Math.floor(left), Math.ceil(left)].some((mm) => said.includes(`Target${mm} mm from the tip`));
+    const shown = Number(said.match(/^Target([\d.]+) mm from the tip$/)?.[1]);
+    return Math.abs(shown - left) <= 1;
   });
 });
 

@@ -1,5 +1,5 @@
 // Page of torquer-replay in headless Chromium, with a session that host/demo recorded.
-// usage: node tests/viewer/replay_page_test.mjs ROOT PROGRAMS
+// usage: node tests/viewer/replay_page_test.mjs ROOT PROGRAMS [PICTURES]
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
@@ -8,7 +8,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { startBrowser, until } from "./browser_session.mjs";
 
-const [root, programs] = process.argv.slice(2);
+const [root, programs, pictures] = process.argv.slice(2);
 const folder = mkdtempSync(join(tmpdir(), "torquer-replay-"));
 const problems = [];
 let replay, printed = "", browser, page;
@@ -21,7 +21,10 @@ const restingTick = () => until("a state that rests", async () => {
   await page.waitForTimeout(300);
   return shown > 0 && (await tick()) === shown && shown;
 });
-const at = async () => Number((await text("#replay-time")).match(/^[\d.]+/)?.[0] ?? NaN);
+const at = async () => {
+  const [, minutes, seconds] = (await text("#replay-time")).match(/^(\d+):([\d.]+)/) ?? [];
+  return 60 * Number(minutes) + Number(seconds);
+};
 const place = (seconds) => page.locator("#replay-place").evaluate((slider, value) => {
   slider.value = String(value);
   slider.dispatchEvent(new Event("input"));
@@ -57,7 +60,7 @@ test("a recording plays, with its X-ray pictures and readings", async () => {
 });
 
 test("every state is repeated to the bit meanwhile", async () => {
-  await until("the comparison is done", async () => /^all \d+ states repeated, to the bit$/.test(await text("#replay-check")));
+  await until("the comparison is done", async () => /^all \d+ states repeated bit for bit$/.test(await text("#replay-check")));
 });
 
 test("it pauses, steps by single shapes, and goes to a place", async () => {
@@ -107,6 +110,23 @@ test("it plays at other speeds, and again from the end", async () => {
   await until("the end", async () => (await at()) > endS - 0.01 && (await text("#replay-play")) === "Play");
   await page.locator("#replay-play").click();
   await until("it plays again", async () => (await text("#state")) === "Replay");
+});
+
+test("at any width of the window nothing is cut off", async () => {
+  for (const width of [420, 1024, 1600]) {
+    await page.setViewportSize({ width, height: 800 });
+    await page.waitForTimeout(200); // layout and plots follow the new size
+    const cut = await page.evaluate(() => {
+      const shown = "header *, #replay *, main > section, #figures *, #legend *, footer *";
+      return [...document.querySelectorAll(shown)]
+        .filter((one) => one.checkVisibility({ visibilityProperty: true }) && one.getBoundingClientRect().right > innerWidth + 0.5)
+        .map((one) => `${one.tagName} ${one.id || one.className || one.textContent}`);
+    });
+    assert.deepEqual(cut, [], `cut off in a window of ${width} px`);
+    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), `${width} px scrolls sideways`);
+    if (pictures) await page.screenshot({ path: join(pictures, `replay-${width}.png`), fullPage: true });
+  }
+  await page.setViewportSize({ width: 1024, height: 600 });
 });
 
 test("the keys move no instrument, and the program says at its end what it found", async () => {

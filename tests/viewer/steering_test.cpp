@@ -135,7 +135,7 @@ TEST_CASE("An instrument that does not exist is not taken") {
   CHECK_FALSE(steering.page());
 }
 
-TEST_CASE("What is chosen on the X-ray system goes out in any case, once it is chosen") {
+TEST_CASE("A setting of the X-ray system is always sent, once it is chosen") {
   Steering steering = Placed();
   CHECK(steering.ImagingCommand(kStart) == nullptr);
   torquer::effects::Imaging imaging;

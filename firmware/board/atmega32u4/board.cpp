@@ -24,7 +24,7 @@
 // that the emulator can change that value in the image and start just before the wrap-around.
 extern "C" {
 volatile uint32_t torquer_clock_us __attribute__((section(".data"))) = 0;
-// The clock that this image was built for, for whoever runs or flashes it.
+// Clock that this image was built for; the emulator and torquer-flash read it.
 extern const uint32_t torquer_clock_hz TORQUER_IN_FLASH;
 const uint32_t torquer_clock_hz = F_CPU;
 }
@@ -69,8 +69,7 @@ bool CheckApplication() {
 constexpr uint8_t kStackPaint = 0xc5;
 extern "C" uint8_t __stack;  // its first byte
 
-// MCUSR as it was: a general-purpose register, which what comes before SetUp() leaves alone, would
-// not do; GPIOR0 is cleared by a reset alone.
+// Saved value of MCUSR. Only a reset clears GPIOR0; a CPU register would not keep the value.
 #define TORQUER_SAVED_MCUSR GPIOR0
 
 // Before any variable has its value: the watchdog still runs from the reset that it caused, and the
@@ -101,8 +100,8 @@ void SetUp() {
   wdt_enable(WDTO_250MS);
   FindResetReason();
 
-  // As the factory's fuses leave them, the clock is divided by 8 and the joystick's pins are
-  // JTAG's. Both registers want to be written twice within four cycles.
+  // With the factory's fuses the clock is divided by 8, and the joystick's pins belong to JTAG.
+  // Both registers must be written twice within four cycles.
   CLKPR = _BV(CLKPCE);
   CLKPR = 0;
   MCUCR = _BV(JTD);

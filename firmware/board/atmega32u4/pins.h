@@ -1,4 +1,4 @@
-// Which pin does what: the table in firmware/README.md, as code. All are on the edge connector of
+// Functions of the pins: the table in firmware/README.md, as code. All are on the edge connector of
 // the Pro Micro, Micro and Leonardo boards (names in parentheses).
 #pragma once
 

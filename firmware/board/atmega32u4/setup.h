@@ -18,11 +18,11 @@ void SetUp();
 /// Pads, clock and interrupts of the USB; attaches to the host.
 void SetUpUsb();
 
-/// An interrupt has left something to do. To be called with interrupts disabled.
+/// True if an interrupt has left work. Call with interrupts disabled.
 bool EventPending();
 
-/// Stops the USB's clock if BusSuspended() has said so and the bus is still idle; false if not. Bus
-/// activity starts the clock again. To be called with interrupts disabled.
+/// Stops the USB's clock if BusSuspended() returned true and the bus is still idle; false if not.
+/// Bus activity starts the clock again. Call with interrupts disabled.
 bool StopUsbForSuspend();
 
 /// Times that timer 1 has overflowed since the last sign of life on the bus; stops at 255.

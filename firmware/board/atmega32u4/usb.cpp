@@ -31,7 +31,7 @@ uint8_t last_control_byte;  // taken from a data packet
 // been woken by something that was no life, and not say so again, it is by the want of frames: for
 // longer than a host resets a port.
 volatile bool bus_idle;
-bool suspension_told;  // what BusSuspended() said last
+bool suspension_told;  // last result of BusSuspended()
 #if F_CPU == 16000000UL
 constexpr uint8_t kFramelessOverflows = 4;  // 98 .. 131 ms
 #else
@@ -94,7 +94,7 @@ bool BusSuspended() {
 bool StopUsbForSuspend() {
   if (!suspension_told || !BusIsIdle()) return false;
   if (USBCON & _BV(FRZCLK)) return true;
-  // A sign of life from before would end the sleep at once; whatever lives gives another.
+  // An old wake-up flag would end the sleep at once; an active bus sets it again.
   UDINT = static_cast<uint8_t>(~_BV(WAKEUPI));
   UDIEN = _BV(EORSTE) | _BV(WAKEUPE);
   USBCON = _BV(USBE) | _BV(OTGPADE) | _BV(FRZCLK);

@@ -22,7 +22,7 @@ const files = [
   ["icon.svg", "image/svg+xml", readFileSync("src/icon.svg")],
 ];
 
-// As C++ has it: what is not printable in octal, so that any byte comes through.
+// C++ string literal. Bytes that are not printable become octal escapes.
 function literal(bytes) {
   let text = "";
   for (const byte of bytes) {

@@ -195,7 +195,7 @@ TEST_CASE("Each field has another mask", "[effects]") {
   }
 }
 
-TEST_CASE("What cannot be chosen is refused by the simulation itself", "[effects]") {
+TEST_CASE("The simulation itself refuses settings that cannot be chosen", "[effects]") {
   using torquer::simulator::Usable;
   CHECK(Usable(Imaging{}));
   const auto with = [](auto member, double value) {

@@ -123,7 +123,7 @@ TEST_CASE("Scatter weakens shadows as Beer and Lambert's law with a background s
   CHECK(static_cast<double>(WithScatter(1e-3F, 3)) == Approx(1e-3 / 4).epsilon(0.01));
 }
 
-TEST_CASE("What moved since the mask does not cancel, and does when it is back", "[effects]") {
+TEST_CASE("Structures that moved since the mask do not cancel until they are back", "[effects]") {
   // 15 breaths per minute: back after 4 s, farthest after about 1.5 s.
   const auto spread = [](double second_s, bool breathes) {
     SceneOf scene(kStraight +

@@ -1,7 +1,7 @@
-// The list of cases, the case that runs, and at its end the report: over the page wherever no case
-// runs, where torquer-viewer has cases at all.
+// Case screen: the list of cases, the progress of start and end, and the report. It covers the page
+// while no case runs. Only a torquer-viewer with --cases has it.
 
-import { element, setText } from "./dom.js";
+import { element, seconds, setText } from "./dom.js";
 import { type CaseAction, type Cases, type TrainingCase, writeCase } from "./frames.js";
 
 const HARDEST = 5;
@@ -14,7 +14,7 @@ export class CaseScreen {
   private phaseMs = 0; // when the phase began
   private examination = false; // of the case that this page started
 
-  /** `began`: a case runs that this page started, as examination or not; `cleared`: another run. */
+  /** `began`: a case that this page started is running; `cleared`: another run has started. */
   constructor(
     private readonly send: (message: ArrayBuffer) => void,
     private readonly began: (examination: boolean) => void,
@@ -28,12 +28,16 @@ export class CaseScreen {
   take(cases: Cases): void {
     const before = this.cases;
     this.cases = cases;
-    if (before === null) this.fill(cases);
+    if (before === null) {
+      this.fill(cases);
+      // A page with cases is for trainees.
+      element<HTMLDetailsElement>("#developer").open = false;
+    }
     if (before?.phase !== cases.phase) this.phaseMs = performance.now();
     if (before !== null && before.run !== cases.run) this.cleared();
     if (before !== null && before.phase === "starting" && cases.phase === "running") this.began(this.examination);
     const report = element<HTMLIFrameElement>("#case-report");
-    // Only once: it keeps its place while it is read.
+    // Loads the report once, so that it keeps its scroll position.
     if (cases.report && !before?.report) report.src = "report.html";
     if (!cases.report && before?.report === true) report.removeAttribute("src");
     document.body.classList.add("has-cases");
@@ -53,7 +57,7 @@ export class CaseScreen {
     return this.cases !== null && this.cases.phase !== "running";
   }
 
-  /** For the header; "" where the page's own state says more. */
+  /** Text for the header; "" while a case runs. */
   get words(): string {
     const chosen = this.chosen()?.title ?? "";
     switch (this.cases?.phase) {
@@ -70,7 +74,7 @@ export class CaseScreen {
     }
   }
 
-  /** Four times a second: what takes time says how long it has taken. */
+  /** Four times a second: updates the elapsed time of a start or an end. */
   refresh(): void {
     this.root.hidden = !this.covers;
     if (this.cases === null || !this.covers) return;
@@ -79,15 +83,15 @@ export class CaseScreen {
     const title = this.chosen()?.title ?? "";
     const notices: Record<string, string> = {
       choose: "Choose a case",
-      starting: `${title}: the patient's vessels are loaded, and with a scene's first start computed and kept. ${passedS} s`,
-      ending: `${title}: the report is written. ${passedS} s`,
+      starting: `${title}: loading the patient's vessels. The first start of a case takes longer. ${seconds(passedS)}`,
+      ending: `${title}: writing the report. ${seconds(passedS)}`,
       ended: title,
       running: "",
     };
     setText(element("#case-title"), notices[phase] ?? "");
     setText(element("#case-problem"), problem);
     element<HTMLElement>("#case-problem").hidden = problem === "";
-    setText(element("#case-folder"), phase === "ended" ? `The session is kept in ${this.cases.folder}` : "");
+    setText(element("#case-folder"), phase === "ended" ? `Files of this session: ${this.cases.folder}` : "");
   }
 
   private chosen(): TrainingCase | undefined {
@@ -134,7 +138,7 @@ export class CaseScreen {
     task.textContent = one.task;
     const row = document.createElement("div");
     row.append(this.startButton(one, number, false));
-    // Without X-ray there is nothing to see in one.
+    // An examination shows only X-ray.
     if (one.xray) row.append(this.startButton(one, number, true));
     card.append(picture, title, difficulty, task, row);
     return card;

@@ -14,25 +14,27 @@ export function setData(target: HTMLElement | SVGElement, name: string, value: s
   if (target.dataset[name] !== value) target.dataset[name] = value;
 }
 
-/** With a sign in any case, as positions of a hand have. */
+/** With a sign, as positions of a hand have. */
 export function signed(value: number, digits: number): string {
   const text = value.toFixed(digits).replace("-", "−");
   return value > 0 ? `+${text}` : text;
 }
 
+/** Time as min:s, such as "1:05 min". */
 export function seconds(value: number): string {
   const whole = Math.max(0, Math.floor(value));
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")} min`;
 }
 
-/** Three significant digits, in the unit or a thousandth of it. */
+/** Three significant digits, or all digits before the point: "41.2", "1250", "3.14e−7". */
 export function short(value: number): string {
   if (!Number.isFinite(value)) return "–";
-  if (value !== 0 && Math.abs(value) < 0.01) return value.toExponential(1).replace("-", "−");
-  return Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3);
+  if (value === 0) return "0";
+  if (Math.abs(value) < 0.001) return value.toExponential(2).replaceAll("-", "−");
+  return Math.abs(value) >= 99.95 ? value.toFixed(0) : value.toPrecision(3);
 }
 
-/** Rows of a definition list, by term; those of before stay the same elements. */
+/** Rows of a definition list, by term. A row keeps its elements when its value changes. */
 export class Rows {
   private readonly values = new Map<string, HTMLElement>();
 

@@ -1,7 +1,6 @@
-// Task and examination: the target, a sign when it is reached, and a mode with X-ray alone and a
-// clock.
+// Task and examination: the target, its result, and a mode with only X-ray and a clock.
 
-import { element, seconds, setData, setText } from "./dom.js";
+import { element, seconds, setData, setText, short } from "./dom.js";
 import type { Lines, Readings, Scene, WireState } from "./frames.js";
 
 export class Examination {
@@ -23,7 +22,7 @@ export class Examination {
     return document.body.classList.contains("exam");
   }
 
-  /** Its clock begins now. */
+  /** Starts or ends the examination, and sets its clock to zero. */
   set(on: boolean, nowMs: number): void {
     document.body.classList.toggle("exam", on);
     element("#exam").setAttribute("aria-pressed", String(on));
@@ -43,8 +42,8 @@ export class Examination {
     const leftMm = Math.hypot(...target.at_mm.map((value, axis) => value - tip[axis]!));
     setText(this.task.firstElementChild!, "Target");
     setData(this.task, "level", "");
-    // An X-ray screen knows no distances.
-    const left = this.on ? "not reached" : `${leftMm.toFixed(0)} mm from the tip`;
+    // A real X-ray screen shows no distance.
+    const left = this.on ? "not reached" : `${short(leftMm)} mm from the tip`;
     if (!reached) return setText(this.task.lastElementChild!, left);
     const safe = readings.values["safe_success"] === 1;
     const time = seconds(readings.values["target_reached_s"] ?? 0);
@@ -52,7 +51,7 @@ export class Examination {
     setData(this.task, "level", safe ? "good" : "warn");
     setText(
       this.task.lastElementChild!,
-      safe ? `reached after ${time}, safely` : `reached after ${time}; the wall bore ${most.toFixed(0)} mN, ${target.force_limit_mN} mN is the limit`,
+      safe ? `reached after ${time}, safely` : `reached after ${time}; wall force ${short(most)} mN, above the limit of ${short(target.force_limit_mN)} mN`,
     );
   }
 

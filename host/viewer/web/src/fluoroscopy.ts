@@ -1,7 +1,7 @@
-// The X-ray screen: the simulator's own picture, with window and level, and what a laboratory's
-// screen says beside it.
+// X-ray screen: the simulator's own picture with window and level, and the figures that the screen of
+// a catheter laboratory shows.
 
-import { element, Rows, seconds, setData, setText } from "./dom.js";
+import { element, Rows, seconds, setData, setText, short } from "./dom.js";
 import type { Picture, Readings } from "./frames.js";
 import { Loops } from "./loops.js";
 import { PictureCanvas } from "./picture_canvas.js";
@@ -18,7 +18,7 @@ function angle(rad: number, positive: string, negative: string): string {
 
 export class Fluoroscopy {
   private readonly canvas = element<HTMLCanvasElement>("#xray-picture");
-  private readonly unreadable = () => this.setHold("A picture could not be read");
+  private readonly unreadable = () => this.setHold("A picture was damaged and is not shown");
   private readonly picture = new PictureCanvas(this.canvas, () => this.drawScale(), this.unreadable);
   private readonly lateral = new PictureCanvas(element("#lateral-picture"), () => {}, this.unreadable);
   private readonly dose = new Rows(element("#dose"));
@@ -37,7 +37,7 @@ export class Fluoroscopy {
     new ResizeObserver(() => this.drawScale()).observe(this.canvas);
   }
 
-  /** A picture from the simulator. What is taken now ends the playing of a loop. */
+  /** Shows a picture from the simulator. A new picture ends the playing of a loop. */
   show(picture: Picture): void {
     this.newest = picture;
     this.loops.add(picture);
@@ -45,14 +45,14 @@ export class Fluoroscopy {
     this.sayLoop();
   }
 
-  /** A picture of the second plane, whose arm stands still; window and level are those of the first. */
+  /** Shows a picture of the second plane: fixed arm; window and level of the first plane. */
   showLateral(picture: Picture): void {
     this.lateral.show(picture);
     const [lao, cra] = [angle(picture.laoRad, "LAO", "RAO"), angle(picture.craRad, "CRA", "CAU")];
     setText(element("#lateral-angles"), `${lao}  ${cra}`);
   }
 
-  /** Once a frame of the screen: the next picture of the loop that is played. */
+  /** Called once per frame of the screen: shows the next picture of the playing loop. */
   advance(nowMs: number): void {
     const picture = this.loops.due(nowMs);
     if (picture === null) return;
@@ -77,7 +77,7 @@ export class Fluoroscopy {
   setAngles(laoRad: number, craRad: number): void {
     setText(element("#lao"), angle(laoRad, "LAO", "RAO"));
     setText(element("#cra"), angle(craRad, "CRA", "CAU"));
-    // As one sees it who stands before the patient: the patient's left is on the right.
+    // View from in front of the patient: the patient's left is on the right.
     const spot = element<SVGCircleElement>("#arm-spot");
     spot.setAttribute("cx", (18 * (laoRad / (Math.PI / 2))).toFixed(1));
     spot.setAttribute("cy", (-18 * (craRad / (Math.PI / 2))).toFixed(1));
@@ -111,9 +111,9 @@ export class Fluoroscopy {
     row("Procedure", "procedure_s", seconds);
     row("X-ray", "fluoroscopy_s", seconds);
     row("Pulses", "xray_pulses", (value) => value.toFixed(0));
-    row("Air kerma", "air_kerma_mGy", (value) => `${value.toFixed(2)} mGy`);
-    row("Kerma × area", "kerma_area_Gy_cm2", (value) => `${value.toFixed(1)} Gy cm²`);
-    const contrast = row("Contrast", "contrast_injected_mL", (value) => `${value.toFixed(1)} mL`);
+    row("Air kerma", "air_kerma_mGy", (value) => `${short(value)} mGy`);
+    row("Kerma × area", "kerma_area_Gy_cm2", (value) => `${short(value)} Gy cm²`);
+    const contrast = row("Contrast", "contrast_injected_mL", (value) => `${short(value)} mL`);
     if (contrast !== null) setData(contrast, "on", String(injecting));
   }
 
@@ -133,7 +133,7 @@ export class Fluoroscopy {
     this.canvas.addEventListener("pointerdown", (event) => this.canvas.setPointerCapture(event.pointerId));
     this.canvas.addEventListener("pointermove", (event) => {
       if (event.buttons !== 1) return;
-      // As on a workstation: to the right more contrast's width, upwards darker.
+      // As on a workstation: a drag to the right widens the window, a drag down raises the level.
       this.setWindow(this.level + event.movementY, this.width + 2 * event.movementX);
     });
     this.canvas.addEventListener("dblclick", () => {
@@ -165,16 +165,16 @@ export class Fluoroscopy {
     const button = element("#loop");
     button.setAttribute("aria-pressed", String(this.loops.playing));
     setText(button.firstElementChild!, this.loops.playing ? "Stop" : "Play");
-    setText(element("#loop-number"), `loop ${this.loops.number} of ${this.loops.count}, ${this.loops.seconds.toFixed(1)} s`);
+    setText(element("#loop-number"), `loop ${this.loops.number} of ${this.loops.count}, ${short(this.loops.seconds)} s`);
     for (const other of ["#loop-before", "#loop-after"]) element<HTMLElement>(other).hidden = this.loops.count < 2;
   }
 
-  /** By a factor about a place, whose shares of the picture from its middle are given. */
+  /** Magnifies by a factor about a point; x and y: its distance from the middle, in picture widths. */
   private magnify(factor: number, x: number, y: number): void {
     const before = this.zoom;
     this.zoom = Math.min(Math.max(before * factor, 1), MOST_ZOOM);
     if (this.zoom < 1.02) this.zoom = 1;
-    // The place stays where it is on the screen, and no edge of the picture comes into view.
+    // The point keeps its position on the screen, and no edge of the picture becomes visible.
     const half = 0.5 / this.zoom;
     const kept = before / this.zoom;
     const moved = (center: number, place: number) =>

@@ -1,4 +1,4 @@
-// The last minute of a figure: its name, its newest value and a plot.
+// History of a figure: its name, its newest value, and a plot of the last minute.
 
 import uPlot from "uplot";
 import { setText } from "./dom.js";
@@ -10,12 +10,12 @@ const AXIS_PX = 46;
 
 export interface Figure {
   title: string;
-  unit: string; // after a thin space; "" where it has none
+  unit: string; // with its leading space; "" if the figure has no unit
   shown: (value: number) => string;
   logarithmic?: boolean;
 }
 
-/** From 0 to a round number that is not below the largest. */
+/** Range from 0 to the next round number above the largest value. */
 function linearRange(largest: number): [number, number] {
   if (!(largest > 0)) return [0, 1];
   const decade = 10 ** Math.floor(Math.log10(largest));
@@ -23,7 +23,7 @@ function linearRange(largest: number): [number, number] {
   return [0, step * decade];
 }
 
-/** Whole decades around all values that are above 0. */
+/** Range of whole decades around all values above 0. */
 function decades(smallest: number, largest: number): [number, number] {
   if (!(smallest > 0)) return [1e-9, 1];
   return [10 ** Math.floor(Math.log10(smallest)), 10 ** Math.max(Math.ceil(Math.log10(largest)), Math.floor(Math.log10(smallest)) + 1)];
@@ -50,7 +50,7 @@ export class History {
     new ResizeObserver(() => this.plot.setSize({ width: place.clientWidth, height: HEIGHT_PX })).observe(place);
   }
 
-  /** NaN where nothing is known: the line has a gap there. */
+  /** Adds a value. NaN: unknown, drawn as a gap. */
   add(nowS: number, value: number): void {
     const known = Number.isFinite(value) && !(this.figure.logarithmic === true && value <= 0);
     setText(this.value, Number.isFinite(value) ? `${this.figure.shown(value)}${this.figure.unit}` : "–");

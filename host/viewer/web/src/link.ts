@@ -1,4 +1,4 @@
-// The connection to torquer-viewer: opened again whenever it is lost.
+// Connection to torquer-viewer. It is opened again whenever it is lost.
 
 import { type Incoming, read } from "./frames.js";
 

@@ -1,12 +1,11 @@
-// The pad on the page, for fingers and the mouse: a stick that pushes and turns, and buttons that
-// are held.
+// Pad on the page, for fingers and mouse: a stick that pushes and turns, and buttons to hold.
 
 import { element, setData } from "./dom.js";
 import type { Held, Source, Steering } from "./steering.js";
 
-const DEAD = 0.15; // share of the stick's way in which nothing moves
+const DEAD = 0.15; // share of the stick's travel without motion
 
-/** From the dead zone's edge to the end, squared: fine near the middle. */
+/** Square of the deflection beyond the dead zone: fine near the middle. */
 export function response(deflection: number): number {
   const beyond = Math.max(Math.abs(deflection) - DEAD, 0) / (1 - DEAD);
   return Math.sign(deflection) * Math.min(beyond, 1) ** 2;

@@ -1,4 +1,4 @@
-// The page: what comes in is handed to the screens, what is held down goes out.
+// The page: passes incoming messages to the screens, and sends the controls that are held down.
 
 import { CaseScreen } from "./cases.js";
 import { element, setData, setText } from "./dom.js";
@@ -44,7 +44,7 @@ class Page {
   private stateMs = -Infinity;
   private pictures = 0;
   private hinted = "";
-  private live = false; // the newest picture was taken just now
+  private live = false; // true if the newest picture is live, not held
   private readonly link = new Link((message) => this.take(message), () => this.refresh());
 
   constructor() {
@@ -61,7 +61,7 @@ class Page {
     };
     requestAnimationFrame(frame);
     this.refresh();
-    // For tests: what is drawn, and where.
+    // Access for tests to the shown data.
     Object.assign(window, {
       torquer: {
         space: this.space,
@@ -135,7 +135,7 @@ class Page {
     }
   }
 
-  // Not below the list of cases, whose keys are the browser's.
+  // Disabled while the list of cases is shown: there the keys belong to the browser.
   private enableSteering(): void {
     const enabled = this.viewer?.steer === true && !this.cases.covers;
     if (enabled === this.steering.enabled) return;
@@ -178,7 +178,7 @@ class Page {
     if (!this.fluoroscopy.playing) this.fluoroscopy.setAngles(laoRad, craRad);
   }
 
-  // With the page's own pedal it is known; of a device's pedal the pictures tell.
+  // A page that steers knows its own pedal. The state of a device's pedal follows from the pictures.
   private lamp(): void {
     const on = this.fresh() && this.xrayNow();
     this.fluoroscopy.setLamp(on);
@@ -216,10 +216,10 @@ class Page {
     this.lamp();
   }
 
-  // Level, a word for the header, and a sentence across the picture where there is nothing to see.
+  // Level, text for the header, and a sentence across the picture while there is nothing to see.
   private session(nowMs: number): ["good" | "warn", string, string] {
     if (!this.link.open) {
-      return ["warn", "No connection", "No connection to the program that serves this page. It keeps trying; if the program has been started again, open its new link."];
+      return ["warn", "No connection", "No connection to the program that serves this page. The page keeps trying. If the program was started again, open its new link."];
     }
     if (this.cases.covers) return ["good", this.cases.words, ""];
     if (this.state === null || this.scene === null) {
@@ -227,19 +227,16 @@ class Page {
     }
     if (!this.fresh()) {
       const silentS = Math.round((nowMs - this.stateMs) / 1000);
-      return ["warn", `Simulator silent for ${silentS} s`, "The simulator does not answer. What is shown is its last state."];
+      return ["warn", `Simulator silent for ${silentS} s`, "The simulator does not answer. The page shows its last state."];
     }
     if (this.replay.shown) return ["good", this.replay.playing ? "Replay" : "Replay, paused", ""];
     const missing = this.panel.missingDevice(nowMs);
     if (missing !== "") return ["warn", missing, ""];
     const hand = this.handInTrouble();
     if (hand !== "") return ["warn", hand, ""];
-    const words = Panel.words(this.state.status);
     if ((this.state.status & STATUS.inDoubt) !== 0) {
-      const reason = this.viewer?.steer === true ? "nobody steers" : "no commands from the device";
-      return ["warn", `In doubt: ${words === "" ? reason : words}`, ""];
+      return ["warn", this.viewer?.steer === true ? "Wire held: nobody steers" : "Wire held: no commands from the device", ""];
     }
-    if (words !== "") return ["warn", words, ""];
     if (this.viewer?.steer !== true && !this.panel.hasDaemon()) return ["good", "No device", ""];
     return ["good", this.viewer?.hands?.some(({ clutch }) => clutch) ? "Clutch held" : "Running", ""];
   }
@@ -248,7 +245,7 @@ class Page {
   private handInTrouble(): string {
     for (const { instrument, fault, lift, uncalibrated } of this.viewer?.hands ?? []) {
       if (fault) return `${instrument}: the sensor does not answer`;
-      if (lift) return `${instrument}: no wire below the sensor, motion is held`;
+      if (lift) return `${instrument}: no wire below the sensor, the wire is held`;
       if (uncalibrated) return `${instrument}: the device is not calibrated`;
     }
     return "";
@@ -256,8 +253,8 @@ class Page {
 
   private pictureNotice(): string {
     if (this.pictures > 0 || document.body.classList.contains("no-xray")) return "";
-    if (this.replay.shown) return "No X-ray until now";
-    return this.viewer?.steer === true ? "Hold the space bar for X-ray" : "No X-ray yet: the pedal is up";
+    if (this.replay.shown) return "No X-ray so far";
+    return this.viewer?.steer === true ? "Hold the space bar for X-ray" : "No X-ray yet: press the pedal";
   }
 
   private showHint(): void {
@@ -272,9 +269,9 @@ class Page {
         ...parts,
       ];
     } else if (this.replay.shown) {
-      parts.unshift(["Space", "play, pause"], ["← →", "a state back, on"], ["Shift ← →", "5 s back, on"]);
+      parts.unshift(["Space", "play, pause"], ["← →", "one state back, forward"], ["Shift ← →", "5 s back, forward"]);
     } else {
-      parts.unshift(["", "The instruments are moved by their devices; this page looks on."]);
+      parts.unshift(["", "Devices move the instruments; this page only shows them."]);
     }
     const hint = element("#hint");
     const text = JSON.stringify(parts);

@@ -1,4 +1,4 @@
-// The panel of figures and health, and the session in a word.
+// Panel of figures: instruments and wall force, and the developer part with solver and programs.
 
 import { element, setData, setText, short, signed } from "./dom.js";
 import { type Health, type Readings, type Scene, STATUS, type Viewer, type WireState } from "./frames.js";
@@ -8,25 +8,28 @@ const OLD_MS = 2500; // health comes once a second
 const MOST_OTHERS = 16;
 const DEG = 180 / Math.PI;
 const FIGURES = {
-  rate: { title: "States", unit: " /s", shown: (value) => value.toFixed(0) },
-  latency: { title: "Hand to wire", unit: " ms", shown: (value) => value.toFixed(1) },
+  rate: { title: "States", unit: " /s", shown: short },
+  latency: { title: "Hand to wire", unit: " ms", shown: short },
   solve: { title: "Solve time", unit: " ms", shown: short },
   residual: { title: "Residual", unit: "", shown: short, logarithmic: true },
-  penetration: { title: "Into the wall", unit: " µm", shown: short },
+  penetration: { title: "Penetration of the wall", unit: " µm", shown: short },
   force: { title: "Wall force", unit: " mN", shown: short },
 } satisfies Record<string, Figure>;
 const STATUS_WORDS: [number, string][] = [
   [STATUS.outsideLumen, "outside the lumen"],
-  [STATUS.stalled, "solver stalled"],
+  [STATUS.stalled, "stalled"],
   [STATUS.inputRefused, "command refused"],
   [STATUS.budgetSpent, "behind the hand"],
   [STATUS.snapped, "tip snapped"],
+  [STATUS.inDoubt, "state in doubt"],
 ];
 
 export class Panel {
   private readonly instruments = element<HTMLElement>("#instruments");
   private readonly histories = new Map<string, History>();
   private readonly health = element<HTMLElement>("#health");
+  private readonly problem = element<HTMLElement>("#problem");
+  private readonly solver = element<HTMLElement>("#solver");
   private readonly processes = new Map<string, { health: Health; heardMs: number }>();
   private rows: { row: HTMLElement; insertion: Element; rotation: Element; note: Element }[] = [];
   private scene: Scene | null = null;
@@ -34,7 +37,9 @@ export class Panel {
   private solveUs = 0;
   private penetrationUm = 0;
   private latencyMs = NaN;
-  replays = false; // a recording: nobody falls silent
+  private status = 0; // bits of all states since the last refresh
+  private newestStatus = 0;
+  replays = false; // true for a recording, in which no process counts as silent
 
   setScene(scene: Scene): void {
     if (this.scene?.hash === scene.hash) return;
@@ -51,10 +56,10 @@ export class Panel {
     });
     this.instruments.replaceChildren(...this.rows.map(({ row }) => row));
     this.histories.clear();
-    element("#histories").replaceChildren();
+    for (const place of ["#histories", "#solver-histories"]) element(place).replaceChildren();
   }
 
-  /** Another run begins. */
+  /** Discards the data of the last run. */
   clear(): void {
     this.scene = null;
     this.processes.clear();
@@ -64,21 +69,23 @@ export class Panel {
     for (const [k, instrument] of state.instruments.entries()) {
       const shown = this.rows[k];
       if (shown === undefined) continue;
-      setText(shown.insertion, `${instrument.insertionMm.toFixed(1)} mm`);
+      setText(shown.insertion, `${short(instrument.insertionMm)} mm`);
       setText(shown.rotation, `${signed(instrument.rotationRad * DEG, 0)}°`);
       const carried = Math.abs(instrument.carriedMm);
-      setText(shown.note, carried > 1 ? `${carried.toFixed(1)} mm behind the hand` : "");
+      setText(shown.note, carried > 1 ? `${short(carried)} mm behind the hand` : "");
       if (Number.isFinite(instrument.latencyMs) && k === 0) this.latencyMs = instrument.latencyMs;
     }
-    // The worst since the figures were shown last: a peak of one tick is what matters.
+    // Maximum since the last refresh: a peak of one tick must stay visible.
     this.residual = Math.max(this.residual, state.residual);
     this.solveUs = Math.max(this.solveUs, state.solveUs);
     this.penetrationUm = Math.max(this.penetrationUm, state.penetrationUm);
+    this.newestStatus = state.status;
+    this.status |= state.status;
   }
 
   setHealth(health: Health, nowMs: number): void {
     this.processes.set(`${health.process}\n${health.instrument}`, { health, heardMs: nowMs });
-    // Names may be anybody's choice: of those that the session does not need the newest stay.
+    // Any program may send any name: the newest of those that the session does not need stay.
     const others = [...this.processes].filter(([, { health: one }]) => !this.needs(one));
     others.sort(([, a], [, b]) => a.heardMs - b.heardMs);
     for (const [name] of others.slice(0, Math.max(0, others.length - MOST_OTHERS))) this.processes.delete(name);
@@ -111,8 +118,14 @@ export class Panel {
     figure("penetration", this.penetrationUm);
     const force = readings?.values["wall_force_largest_mN"];
     if (force !== undefined) figure("force", force);
+    const words = fresh ? Panel.words(this.status) : "";
+    setText(this.solver, `Solver status: ${!fresh ? "no states" : words === "" ? "good" : words}`);
+    setData(this.solver, "level", fresh && words === "" ? "" : "warn");
     this.residual = this.solveUs = this.penetrationUm = 0;
-    this.showHealth(viewer?.problem ?? "", nowMs);
+    this.status = this.newestStatus;
+    this.showHealth(nowMs);
+    setText(this.problem, viewer?.problem ?? "");
+    this.problem.hidden = (viewer?.problem ?? "") === "";
   }
 
   /** For tests: how many values each plot has. */
@@ -126,7 +139,7 @@ export class Panel {
     if (history === undefined) {
       history = new History(FIGURES[name]);
       this.histories.set(name, history);
-      element("#histories").append(history.root);
+      element(name === "force" ? "#histories" : "#solver-histories").append(history.root);
     }
     return history;
   }
@@ -135,7 +148,7 @@ export class Panel {
   missingDevice(nowMs: number): string {
     for (const { health, heardMs } of this.processes.values()) {
       if (health.process !== "daemon" || this.lacks(health) !== "") continue;
-      if (nowMs - heardMs > OLD_MS) return `the daemon of the ${health.instrument} is silent`;
+      if (nowMs - heardMs > OLD_MS) return `${health.instrument}: no data from the device`;
       if (health.state !== "running") return `${health.instrument}: ${health.state}`;
     }
     return "";
@@ -145,13 +158,13 @@ export class Panel {
     return [...this.processes.values()].some(({ health }) => health.process === "daemon");
   }
 
-  static words(status: number): string {
+  private static words(status: number): string {
     return STATUS_WORDS.filter(([bit]) => (status & bit) !== 0)
       .map(([, word]) => word)
       .join(", ");
   }
 
-  private showHealth(problem: string, nowMs: number): void {
+  private showHealth(nowMs: number): void {
     const lines = [...this.processes.values()].map(({ health, heardMs }) => {
       const line = document.createElement("li");
       const silentS = (nowMs - heardMs) / 1000;
@@ -162,12 +175,6 @@ export class Panel {
       line.dataset["level"] = good ? "good" : "warn";
       return line;
     });
-    if (problem !== "") {
-      const line = document.createElement("li");
-      line.textContent = problem;
-      line.dataset["level"] = "warn";
-      lines.unshift(line);
-    }
     this.health.replaceChildren(...lines);
   }
 }

@@ -18,7 +18,7 @@ export class PictureCanvas {
     this.screen = canvas.getContext("2d", { willReadFrequently: true })!;
   }
 
-  /** A picture waits for a decoder that is busy; of those that wait the newest counts. */
+  /** While the decoder is busy, the newest picture waits and older ones are dropped. */
   show(picture: Picture): void {
     this.waiting = picture;
     if (!this.decoding) void this.decode();

@@ -5,7 +5,7 @@ import { element, Rows, setText, short } from "./dom.js";
 import type { Health, Scene } from "./frames.js";
 
 const PRICE = /^price_(.+)_ns$/;
-// These act where the wire looks the vessel up, or shape it: their price is within that of the solver.
+// These effects act inside the solver's look-ups of the vessel, so their time is part of the solver's.
 const WITHIN = new Set(["heartbeat", "breathing", "compliance", "torsion"]);
 
 export class Prices {
@@ -15,10 +15,10 @@ export class Prices {
   setScene(scene: Scene): void {
     this.scene = scene;
     this.rows.clear();
-    setText(element("#prices-off"), scene.off.length === 0 ? "" : `not simulated: ${scene.off.map(Prices.words).join(", ")}`);
+    setText(element("#prices-off"), scene.off.length === 0 ? "" : `Not simulated: ${scene.off.map(Prices.words).join(", ")}`);
   }
 
-  /** Shows the prices that the simulator reports once a second. Without a tick the last ones stay. */
+  /** Shows the times that the simulator reports once a second. Without a tick the last ones stay. */
   take(health: Health): void {
     if (this.scene === null) return;
     const prices = new Map<string, number>();
@@ -30,10 +30,10 @@ export class Prices {
     const us = (value: number | undefined) => (value === undefined ? "" : `${short(value)} µs`);
     this.rows.set("wire and wall", us(prices.get("solver")));
     for (const name of this.scene.effects) {
-      this.rows.set(Prices.words(name), WITHIN.has(name) ? "in wire and wall" : us(prices.get(name) ?? 0));
+      this.rows.set(Prices.words(name), WITHIN.has(name) ? "part of wire and wall" : us(prices.get(name) ?? 0));
     }
     const picture = health.counters["picture_us"];
-    if (picture !== undefined && picture > 0) this.rows.set("a picture, beside the ticks", `${short(1e-3 * picture)} ms`);
+    if (picture !== undefined && picture > 0) this.rows.set("X-ray picture, beside the ticks", `${short(1e-3 * picture)} ms`);
   }
 
   private static words(name: string): string {

@@ -1,9 +1,15 @@
-// The bar of a recorded session: play, step, place and speed; and what the comparison has found.
+// Bar of a recorded session: play, step, position, speed, and the result of the comparison.
 
 import { element, seconds, setData, setText } from "./dom.js";
 import type { Replay, ReplayControls } from "./frames.js";
 
 const JUMP_S = 5;
+
+/** "1:05.250" for 65.25 s. */
+function milliseconds(value: number): string {
+  const whole = Math.round(1000 * value);
+  return `${Math.floor(whole / 60000)}:${((whole % 60000) / 1000).toFixed(3).padStart(6, "0")}`;
+}
 
 export class ReplayBar {
   private readonly bar = element<HTMLElement>("#replay");
@@ -42,7 +48,7 @@ export class ReplayBar {
     }
     if (document.activeElement !== this.speed) this.speed.value = String(Number(replay.speed.toFixed(2)));
     setText(element("#replay-play span"), replay.playing ? "Pause" : "Play");
-    setText(element("#replay-time"), `${replay.at_s.toFixed(3)} s of ${seconds(replay.length_s)}`);
+    setText(element("#replay-time"), `${milliseconds(replay.at_s)} of ${seconds(replay.length_s)}`);
     const [level, text] = ReplayBar.verdict(replay);
     setText(element("#replay-check"), text);
     setData(element<HTMLElement>("#replay-check"), "level", level);
@@ -50,10 +56,10 @@ export class ReplayBar {
 
   static verdict({ check, damage, states }: Replay): ["" | "warn", string] {
     if (damage !== "") return ["warn", `log: ${damage}`];
-    if (check === null) return ["", "not compared: no scene"];
+    if (check === null) return ["", "not compared: the scene file is missing"];
     if (check.error !== "") return ["warn", check.error];
     if (check.differing > 0) return ["warn", `${check.differing} states differ, the first at tick ${check.first_difference}`];
-    if (check.done) return ["", `all ${check.states} states repeated, to the bit`];
+    if (check.done) return ["", `all ${check.states} states repeated bit for bit`];
     return ["", `${Math.floor((100 * (check.states + check.missing)) / states)} % repeated, 0 differ`];
   }
 

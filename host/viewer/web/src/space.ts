@@ -75,7 +75,7 @@ export class Space {
   private halfMm = new THREE.Vector3(100, 100, 100); // of the vessel's box, as it is seen
   private legendMeasured = false;
   private following = false;
-  private atHome = true; // nobody has turned it since it showed the whole vessel
+  private atHome = true; // true while the view shows the whole vessel, not turned by the user
   private changed = true;
   private drawnMs = -Infinity;
   frames = 0;
@@ -388,7 +388,7 @@ export class Space {
     }
     this.tip.position.fromArray(state.instruments[0]!.tipMm);
     this.tip.scale.setScalar(2.2 * Math.max(leastMm, scene.instruments[0]!.radius_mm));
-    // From within it would be all that one sees.
+    // From inside the lumen it would fill the view.
     this.tip.visible = !this.inside;
     this.target.scale.setScalar(Math.max(this.lines?.target?.radius_mm ?? 0, 3 * leastMm));
   }
@@ -401,7 +401,7 @@ export class Space {
       renderer.localClippingEnabled = true;
       return renderer;
     } catch {
-      setText(element("#space-notice"), "This browser has no WebGL: the 3D view needs it.");
+      setText(element("#space-notice"), "The 3D view needs WebGL, which this browser does not have.");
       return null;
     }
   }
@@ -443,10 +443,10 @@ export class Space {
     if (this.scene === null) return;
     const note = element("#space-note");
     if (this.surface === null || this.surface.hash !== this.scene.hash) {
-      setText(note, "the vessel is not known here: start torquer-viewer with this --scene");
+      setText(note, "no vessel: start torquer-viewer with the --scene of the simulator");
       return;
     }
-    setText(note, this.scene.effects.includes("fluoroscopy") ? "" : "this scene simulates no X-ray");
+    setText(note, this.scene.effects.includes("fluoroscopy") ? "" : "this scene has no X-ray");
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(this.surface.verticesMm.slice(), 3));
     const { verticesMm, triangles } = this.surface;
@@ -494,7 +494,7 @@ export class Space {
     }
     setText(
       element("#legend span"),
-      measured ? `contact force 0 to ${FORCE_MN} mN a node` : `pressed into the wall 0 to ${DEPTH_UM} µm`,
+      measured ? `contact force: 0 to ${FORCE_MN} mN per node` : `depth in the wall: 0 to ${DEPTH_UM} µm`,
     );
   }
 }

@@ -1,13 +1,13 @@
-// Settings of the X-ray system: how pictures are shown, pulses, field and shutters.
+// Settings of the X-ray system: display mode, pulse rate, field and shutters.
 
 import { element, setText } from "./dom.js";
 import type { Imaging } from "./frames.js";
 
-const MODES = ["as the scene", "plain", "subtraction", "road map"];
+const MODES = ["scene's display", "plain", "subtraction", "road map"];
 const PULSES = [0, 7.5, 15, 30];
 const MAGNIFICATIONS = [1, 1.5, 2, 3];
 const SHUTTERS = [0, 0.1, 0.2, 0.3];
-const ECHO_MS = 500; // until what torquer-viewer says is after the newest choice
+const ECHO_MS = 500; // delay until torquer-viewer reports the newest choice
 
 function after(list: readonly number[], value: number): number {
   const place = list.findIndex((entry) => Math.abs(entry - value) < 1e-6);
@@ -38,13 +38,13 @@ export class XraySystem {
     this.root.hidden = !enabled;
     const say = (key: string, text: string) => setText(element(`#system-${key} span`), text);
     say("M", MODES[imaging.mode] ?? "");
-    say("R", imaging.pulses_per_s === 0 ? "pulses as the scene" : `${imaging.pulses_per_s} pulses/s`);
+    say("R", imaging.pulses_per_s === 0 ? "scene's pulse rate" : `${imaging.pulses_per_s} pulses/s`);
     say("Z", `field ×${imaging.magnification}`);
     const most = Math.max(...imaging.shutters);
     say("K", most === 0 ? "shutters open" : `shutters ${Math.round(100 * most)} %`);
   }
 
-  /** The next choice of what a key stands for; false for other keys. */
+  /** Chooses the next value of the setting of a key; false for other keys. */
   next(code: string): boolean {
     if (!this.enabled) return false;
     const { mode, pulses_per_s: pulses, magnification, shutters } = this.now;

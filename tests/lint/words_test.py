@@ -1,0 +1,59 @@
+"""tests/lint/words finds texts that are not plain English."""
+
+import unittest
+
+from generated_tree import load
+
+
+class Words(unittest.TestCase):
+    def setUp(self):
+        self.words = load("words")
+
+    def faults(self, markdown: str) -> list[int]:
+        """Lines with a fault."""
+        return [number for number, _ in self.words.markdown_findings(markdown)]
+
+    def test_sentences_open_with_their_subject(self):
+        for opening in ("What is left stays.", "Whether it runs is shown.", "**Who** stops it waits.", "Of these two stay."):
+            self.assertEqual(self.faults(f"A page.\n\nA sentence. {opening}\n"), [3], opening)
+            self.assertEqual(self.faults(f"- {opening}\n- Another.\n"), [1], opening)
+        self.assertEqual(self.faults("What is it? Whatever it is, it stays.\nNot of these.\n"), [])
+        self.assertEqual(self.faults("# What is new\n\n```\nWhat is left stays.\n```\n\n    Of code\n"), [])
+
+    def test_cells_open_with_their_subject(self):
+        self.assertEqual(self.faults("| key | text |\n|---|---|\n| a | of one count |\n| b | one count |\n"), [3])
+        self.assertEqual(self.faults("| `what` | the name |\n| a | `// What is in it.` |\n"), [])
+
+    def test_long_sentences(self):
+        limit = self.words.MOST_WORDS
+        sentence = " ".join(["word"] * limit)
+        self.assertEqual(self.faults(f"First.\n\n{sentence}.\n"), [])
+        self.assertEqual(self.faults(f"First.\n\n{sentence} more.\n"), [3])
+        # Line breaks do not end a sentence; full stops, paragraphs and list items do.
+        self.assertEqual(self.faults(f"A\n{sentence}.\n"), [1])
+        self.assertEqual(self.faults(f"{sentence}. `code` is short: {sentence[:40]}.\n"), [])
+        self.assertEqual(self.faults(f"- {sentence}\n- {sentence}\n\n{sentence}\n"), [])
+        # A code phrase is one word. Tables, code, headings, pictures and lists of links may be longer.
+        self.assertEqual(self.faults(f"`{sentence}` is `{sentence}`.\n"), [])
+        links = " ".join(["[word](a.md)"] * (limit + 1))
+        self.assertEqual(self.faults(f"| {sentence} more |\n\n# {sentence} more\n\n![{sentence} more](a.svg)\n\n{links}\n\n"
+                                     f"```\n{sentence} more\n```\n\n    {sentence} more\n"), [])
+        self.assertEqual(self.faults(f"{links} and more text.\n"), [1])
+
+    def test_comments_and_test_names(self):
+        def lines(text: str) -> list[int]:
+            return [number for number, _ in self.words.source_findings(text, comments=True, names=True)]
+
+        for text in ("// What is left.", "  /// Of each plane.", "# Whether it runs.", 'TEST_CASE("What is refused", "[a]") {',
+                     'SECTION("of the image") {', "    def test_what_is_refused(self):", 'test("of ten pages", async () => {'):
+            self.assertEqual(lines(f"int a;\n{text}\n"), [2], text)
+        for text in ("// The remaining part, of what is left.", 'TEST_CASE("Offers are refused") {', "double a = 0;  ///< of the wire",
+                     "def test_whatever(self):", 'latest("of", 1);'):
+            self.assertEqual(lines(f"int a;\n{text}\n"), [], text)
+
+    def test_words_that_hide_a_meaning(self):
+        self.assertEqual([number for number, _ in self.words.word_findings("It starts.\nIt starts Anew.\nthe toldest\n")], [2])
+
+
+if __name__ == "__main__":
+    unittest.main()
