@@ -24,7 +24,7 @@ class Draw {
     Add("[entry]\ncenterline = \"main\"\nat_mm = 1\n\n");
     AddInstruments();
     Add("[relaxation]\nsegment_mm = {}\ncontact_points_per_segment = {}\n\n", Between(0.6, 2),
-        1 + random_() % 3);
+        2 + random_() % 2);
     AddEnergyTerms();
     AddMotions();
     AddObservers();
@@ -84,7 +84,7 @@ class Draw {
 
   void AddVessel() {
     Add("[vessel]\nkind = \"tubes\"\nwall_stiffness_N_mm2 = {}\nunion_width_mm = {}\n\n",
-        Evenly(0.1, 10), Between(0.2, 2));
+        rigidity_ * Evenly(1, 20), Between(0.2, 2));
     const auto main = Corners({0, 0, 0}, Vector3d::UnitZ(), 3 + static_cast<int>(random_() % 3));
     const double radius_mm = Between(3.2, 5);
     AddTube("main", main, Evenly(8, 40), radius_mm, Between(1.5, radius_mm));
@@ -150,8 +150,7 @@ class Draw {
     // A stack with instruments beside each other needs the contact between them without room too.
     if (!around.empty()) {
       Add("[effects.clearance]\naround = [{}]\n", around);
-      // Lumens that are much softer than the instruments do not hold them.
-      Add("stiffness_N_mm2 = {}\n\n", rigidity_ * Evenly(0.1, 1));
+      Add("stiffness_N_mm2 = {}\n\n", rigidity_ * Evenly(2, 20));
     }
     if (Chance(0.5)) Add("[effects.torsion]\n\n");
     if (Chance(0.6)) Add("[effects.friction]\ncoefficient = {}\n\n", Between(0, 0.3));
@@ -197,6 +196,8 @@ class Draw {
   }
 
   std::mt19937& random_;
+  // A long wire under axial force F breaks through a wall of stiffness k if F exceeds 2 sqrt(k EI).
+  // Walls and lumens are therefore stiff by comparison.
   const double rigidity_ = Evenly(0.05, 30);
   std::string text_;
   std::vector<Drawn> instruments_;

@@ -231,15 +231,12 @@ class SceneRun {
     return BulgeAt(scene_.stack().rod(curve), state.curve(curve), segment) +
            BulgeAt(scene_.stack().rod(other), state.curve(other), other_segment);
   }
-  // Energy of an overlap that changes linearly along a segment.
+  // Energy of the overlap in the middle of a segment. Contacts at the places of a segment can miss
+  // an overlap near its ends, and a shallow one between them.
   double ContactEnergy(double begin_mm, double end_mm, double length_mm) const {
-    const double a = std::max(0.0, begin_mm);
-    const double b = std::max(0.0, end_mm);
-    if (a == 0 && b == 0) return 0;
-    const double overlapping =
-        begin_mm * end_mm < 0 ? std::max(a, b) / std::abs(end_mm - begin_mm) : 1;
-    return scene_.stack().clearance().stiffness_N_mm2 * overlapping * length_mm *
-           (a * a + a * b + b * b) / 6;
+    constexpr double kShallow = 0.02;  // in parts of the segment
+    const double overlap_mm = std::max(0.0, (begin_mm + end_mm) / 2 - kShallow * length_mm);
+    return scene_.stack().clearance().stiffness_N_mm2 * length_mm * overlap_mm * overlap_mm / 2;
   }
 
   double EnergyBeside(int c, int o) {
@@ -252,6 +249,7 @@ class SceneRun {
       const double length_mm = (curve.nodes()[i] - curve.nodes()[i - 1]).norm();
       arc_mm += length_mm;
       const Nearest nearest = NearestOn(other, curve.nodes()[i]);
+      if (nearest.arc_mm >= other.insertion_mm() - 1e-6) continue;  // beyond the other tip
       // Instruments that meet head on have no contact.
       constexpr double kHeadOn = -0.4;
       if (curve.tangents()[i - 1].dot(other.tangents()[nearest.segment]) < kHeadOn) continue;
