@@ -57,6 +57,20 @@ inner_radius_mm = 0.6
 radius_mm = 0.9
 rigidity_N_mm2 = 0.05
 )"};
+// A second wire like the first, beside it.
+constexpr char kBuddy[] = R"([[instrument]]
+name = "buddy_wire"
+max_length_mm = 270
+inserted_at_start_mm = 200
+radius_mm = 0.178
+rigidity_N_mm2 = 6.35e-3
+tip_mm = 10
+tip_angle_deg = 30
+[instrument.entry]
+centerline = "main"
+at_mm = 1
+offset_mm = [0.4, 0]
+)";
 // Number of feeds with counted instructions: each takes some 5 ms.
 constexpr int kCounted = 60;
 constexpr int kCountedQuick = 15;
@@ -65,9 +79,11 @@ constexpr int kCountedQuick = 15;
 struct Case {
   Names effects;
   int instruments = 1;
-  bool is_pair = false;  // pair of effects from a shipped scene
+  bool has_buddy = false;  // a second wire lies beside the first
+  bool is_pair = false;    // pair of effects from a shipped scene
   bool operator==(const Case& other) const {
-    return effects == other.effects && instruments == other.instruments;
+    return effects == other.effects && instruments == other.instruments &&
+           has_buddy == other.has_buddy;
   }
 };
 
@@ -129,6 +145,7 @@ rate_per_min = 70
 std::string SceneWith(const Case& one) {
   std::string text = kScene;
   for (int k = 1; k < one.instruments; ++k) text += kAround[k - 1];
+  if (one.has_buddy) text += kBuddy;
   for (const std::string& name : one.effects) text += Tables().at(name);
   return text;
 }
@@ -154,6 +171,7 @@ Names WithNeeds(const Names& names) {
 std::string NameOf(const Case& one) {
   std::string text;
   if (one.instruments > 1) text = std::to_string(one.instruments) + " instruments";
+  if (one.has_buddy) text = "buddy wire";
   for (const std::string& name : one.effects) text += (text.empty() ? "" : "+") + name;
   return text.empty() ? "none" : text;
 }
@@ -208,14 +226,23 @@ std::vector<Names> ShippedPairs(const std::string& scenes) {
   return {pairs.begin(), pairs.end()};
 }
 
-// Cases: no effect; more instruments, without and with torsion; each effect; the pairs of shipped
-// scenes; all effects.
+// True if the effects act only between instruments.
+bool NeedsTwo(const Names& names) {
+  return std::any_of(names.begin(), names.end(), [](const std::string& name) {
+    return name == "clearance" || name == "friction_between";
+  });
+}
+
+// Cases: no effect; more instruments, without and with torsion; a wire beside the first; each
+// effect; the pairs of shipped scenes; all effects.
 std::vector<Case> Cases(const std::string& scenes) {
   std::vector<Case> cases = {{}};
   for (std::size_t k = 0; k < std::size(kAround); ++k) {
     cases.push_back({{}, static_cast<int>(k) + 2});
     cases.push_back({{"torsion"}, static_cast<int>(k) + 2});
   }
+  cases.push_back({.effects = {}, .has_buddy = true});
+  cases.push_back({.effects = {"torsion", "friction_between"}, .has_buddy = true});
   Case all{{}, 3};
   for (const effects::EffectKind& kind : effects::AllEffects()) {
     if (kind.name == "friction_between") {
@@ -230,7 +257,7 @@ std::vector<Case> Cases(const std::string& scenes) {
     all.effects.push_back(kind.name);
   }
   for (const Names& pair : ShippedPairs(scenes)) {
-    Case whole{WithNeeds(pair)};
+    Case whole{WithNeeds(pair), NeedsTwo(pair) ? 2 : 1};
     if (std::find(cases.begin(), cases.end(), whole) == cases.end()) {
       whole.is_pair = true;
       cases.push_back(std::move(whole));

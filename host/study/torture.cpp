@@ -34,10 +34,11 @@ struct Tally {
   int at_rest = 0;  // runs that ended in equilibrium
   double deepest_mm = 0;
   double worst_rise = 0;
-  // Of scenes, at rest: overlap of an instrument with the lumen around it, and smallest distance of
+  // Scenes at rest: overlap of an instrument with the lumen around it, and smallest distance of
   // instruments beside each other, in parts of that at which they touch.
   std::optional<double> overlap_mm;
   std::optional<double> closest;
+  int escaped = 0;  // ticks at rest in which an instrument has broken through a lumen
 };
 
 constexpr char kSceneName[] = "a scene at random";
@@ -133,6 +134,7 @@ class TortureStudy final : public Study {
     Add(tally, outcome);
     tally.overlap_mm = std::max(tally.overlap_mm.value_or(0), outcome.overlap_mm);
     tally.closest = std::min(tally.closest.value_or(1), outcome.closest);
+    tally.escaped += outcome.escaped;
     if (outcome.broken.empty()) return true;
     run.Say("BROKEN: " + name + ", " + Again(seed) + "\n  " + outcome.broken);
     return false;
@@ -193,14 +195,15 @@ class TortureStudy final : public Study {
     Table table{"Results of the cases",
                 {"case", "runs", "ticks", "at rest, % of ticks", "at rest at the end", "snaps",
                  "deepest, mm", "energy rise of a step", "overlap in a lumen, mm",
-                 "closest beside, of touching"},
+                 "closest beside, of touching", "lumen broken, ticks"},
                 {}};
     for (const auto& [name, t] : tallies_) {
       table.rows.push_back(
           {name, std::to_string(t.runs), std::to_string(t.ticks),
            Number(100.0 * t.converged / std::max(1, t.ticks)), std::to_string(t.at_rest),
            std::to_string(t.snaps), Number(t.deepest_mm), Number(t.worst_rise, 2),
-           t.overlap_mm ? Number(*t.overlap_mm, 2) : "", t.closest ? Number(*t.closest, 2) : ""});
+           t.overlap_mm ? Number(*t.overlap_mm, 2) : "", t.closest ? Number(*t.closest, 2) : "",
+           t.overlap_mm ? std::to_string(t.escaped) : ""});
       run.Record(name, "runs", t.runs, "");
       run.Record(name, "ticks", t.ticks, "");
       run.Record(name, "at_rest", t.at_rest, "");
@@ -210,6 +213,7 @@ class TortureStudy final : public Study {
       if (!t.overlap_mm) continue;
       run.Record(name, "lumen_overlap_max", 1e3 * *t.overlap_mm, "um");
       run.Record(name, "closest_beside", *t.closest, "");
+      run.Record(name, "lumen_broken", t.escaped, "");
     }
     run.Show(table);
   }

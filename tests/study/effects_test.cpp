@@ -22,6 +22,7 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
   const TemporaryFolder folder;
   // From scenes, only the names of their effects are read.
   std::ofstream(folder.Path("pair.toml")) << "[effects.friction]\n[effects.gravity]\n";
+  std::ofstream(folder.Path("between.toml")) << "[effects.gravity]\n[effects.friction_between]\n";
   ChildProcess program(std::vector<std::string>{torquer::test::kStudyProgram, "effects", "--quick",
                                                 "--json", "--scenes", folder.Path(), "--out",
                                                 folder.Path("out")});
@@ -42,6 +43,9 @@ TEST_CASE("The price list has every effect, the pairs of the scenes that it is g
                                     "2 instruments+torsion+clearance+friction_between",
                                     "3 instruments",
                                     "3 instruments+torsion",
+                                    "buddy wire",
+                                    "buddy wire+torsion+friction_between",
+                                    "2 instruments+friction_between+gravity",
                                     "all",
                                     "friction+gravity"};
   for (const effects::EffectKind& kind : effects::AllEffects()) {

@@ -73,6 +73,6 @@ test("every effect of the scene has its price, and what is not simulated is name
   for (const effect of effects) assert.match(priced[effect.replaceAll("_", " ")] ?? "", /^([\d.e−]+ µs|part of wire and wall)$/, effect);
   assert.match(priced["wire and wall"], /^\d.* µs$/);
   assert.match(priced["X-ray picture, beside the ticks"], /^\d.* ms$/);
-  assert.ok(off.includes("torsion") && !off.some((name) => effects.includes(name)));
+  assert.ok(off.includes("point_load") && !off.some((name) => effects.includes(name)));
   assert.ok((await page.locator("#prices-off").textContent()).startsWith("Not simulated: "));
 });

@@ -195,6 +195,7 @@ class SceneRun {
   void CheckContacts() {
     const WireState& state = session_.state();
     double least_mJ = 0;
+    escaped_ = false;
     for (int c = 0; c < state.curves(); ++c) {
       for (int outer = c + 1; outer < state.curves(); ++outer) {
         const bool beside = scene_.stack().AreBeside(c, outer);
@@ -204,6 +205,8 @@ class SceneRun {
         }
       }
     }
+    outcome_.escaped += escaped_;
+    if (escaped_) return;
     double found_mJ = 0;
     for (const BetweenCurves& between : session_.relaxation().Current().between) {
       found_mJ += between.energy_mJ;
@@ -266,18 +269,29 @@ class SceneRun {
   double EnergyInLumen(int c, int o) {
     const Curve& curve = session_.state().curve(c);
     const Curve& outer = session_.state().curve(o);
-    if (IsKinked(scene_.stack().rod(o), outer, LumenRadius(o, outer.insertion_mm()))) return 0;
+    if (IsKinked(scene_.stack().rod(o), outer, LumenRadius(o, outer.insertion_mm()))) {
+      escaped_ = true;
+      return 0;
+    }
     double energy_mJ = 0;
     double before_mm = 0;
+    double before_arc_mm = 0;
     double arc_mm = 0;
     for (std::size_t i = 1; i < curve.nodes().size(); ++i) {
       const double length_mm = (curve.nodes()[i] - curve.nodes()[i - 1]).norm();
       arc_mm += length_mm;
       const Nearest nearest = NearestOn(outer, curve.nodes()[i]);
+      // Beyond the mouth, the curve may turn back along the outside.
       constexpr double kMouth_mm = 0.5;
-      if (nearest.arc_mm > outer.insertion_mm() - kMouth_mm) break;
-      const double overlap_mm =
-          nearest.distance_mm + SurfaceRadius(c, arc_mm) - LumenRadius(o, nearest.arc_mm);
+      const bool is_back = nearest.arc_mm < before_arc_mm;
+      if (is_back || nearest.arc_mm > outer.insertion_mm() - kMouth_mm) break;
+      before_arc_mm = nearest.arc_mm;
+      const double lumen_mm = LumenRadius(o, nearest.arc_mm);
+      const double overlap_mm = nearest.distance_mm + SurfaceRadius(c, arc_mm) - lumen_mm;
+      if (overlap_mm > lumen_mm) {
+        escaped_ = true;
+        return 0;
+      }
       outcome_.overlap_mm = std::max(outcome_.overlap_mm, overlap_mm);
       const double bulges_mm = Bulges(c, i - 1, o, nearest.segment);
       energy_mJ += ContactEnergy(before_mm, overlap_mm - bulges_mm, length_mm);
@@ -366,6 +380,7 @@ class SceneRun {
   std::vector<Command> commands_;  // of the first ticks, to repeat them
   std::vector<int> units_;
   std::vector<std::uint64_t> hashes_;
+  bool escaped_ = false;  // an instrument has left a lumen, in this state
   SceneOutcome outcome_;
 };
 

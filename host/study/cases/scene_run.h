@@ -14,6 +14,9 @@ struct SceneOutcome {
   int ticks = 0;
   int converged = 0;
   int snaps = 0;
+  /// Converged ticks in which an instrument has broken through a lumen, or a lumen has a kink that
+  /// is sharper than its own diameter. Their contacts are not checked.
+  int escaped = 0;
   double deepest_mm = 0;  ///< deepest penetration of the wall in all ticks
   double overlap_mm = 0;  ///< deepest penetration of a lumen's wall at rest
   double closest = 1;     ///< smallest distance of instruments beside each other at rest, in parts
@@ -24,7 +27,7 @@ struct SceneOutcome {
 };
 
 /// Moves the hands of a scene at random for `moves` moves of some ticks each, then holds them
-/// still, draws all instruments out, and begins anew.
+/// still, draws all instruments out, and begins again.
 ///
 /// Checked after every tick are the geometry of every curve, the account of each hand, and finite
 /// energies, forces and readings. At rest no instruments overlap without the energy of a contact,
