@@ -77,7 +77,7 @@ class Draw {
         const Vector3d axis = along.cross(Direction()).normalized();
         along = Eigen::AngleAxisd(Between(0, 1.5), axis) * along;
       }
-      points.push_back(points.back() + Between(20, 45) * along);
+      points.emplace_back(points.back() + Between(20, 45) * along);
     }
     return points;
   }
