@@ -28,11 +28,10 @@ namespace fs = std::filesystem;
 
 void Pause(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms)); }
 
-bool Appears(const std::string& path, const ChildProcess& process) {
-  for (int k = 0; k < 2000 && process.Error().empty(); ++k) {
-    if (fs::exists(path)) return true;
-    Pause(1);
-  }
+// Waits for a file of a process; false if the process ends without it.
+bool Appears(const std::string& path, ChildProcess& process) {
+  constexpr int kMostMs = 60'000;
+  for (int k = 0; k < kMostMs && !fs::exists(path) && !process.Ended(); ++k) Pause(1);
   return fs::exists(path);
 }
 

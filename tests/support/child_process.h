@@ -24,6 +24,9 @@ class ChildProcess {
   /// exit status, or 128 + signal if killed. Throws std::runtime_error with its output on timeout.
   int Wait();
 
+  /// True if the program has ended by itself or by a signal.
+  bool Ended();
+
   /// Waits until standard error contains `text`, with the same timeout; false if it never does.
   bool WaitForError(const std::string& text);
 
@@ -31,8 +34,6 @@ class ChildProcess {
   std::string Error() const;   ///< standard error so far
 
  private:
-  bool Ended();
-
   TemporaryFolder folder_;
   pid_t pid_ = -1;
   bool ended_ = false;
